@@ -6,8 +6,8 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from tests.packaging.packages import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 COMMANDS = sorted(
     path.name
     for path in (ROOT / "scripts").iterdir()

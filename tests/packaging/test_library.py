@@ -10,10 +10,10 @@ import venv
 from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
-from typing import Any
 
 import pytest
 from packaging.requirements import Requirement
+from tests.packaging.packages import ROOT, manifest_of
 
 TRY_IT = """
 import importlib.util, sys
@@ -53,17 +53,17 @@ def declared_distributions(requirements: list[str]) -> Iterator[metadata.Distrib
 
 
 @pytest.fixture
-def library(root: Path, tmp_path: Path) -> Path:
+def library(tmp_path: Path) -> Path:
     """An environment with the library and the distributions that it declares, linked and not downloaded."""
     listed = subprocess.run(
         ["git", "ls-files", "--", "pyproject.toml", "README.md", "ros2_ws/src"],
-        cwd=root, capture_output=True, text=True, check=True,
+        cwd=ROOT, capture_output=True, text=True, check=True,
     )  # fmt: skip
     source = tmp_path / "source"
     for name in filter(None, listed.stdout.splitlines()):
-        if (root / name).is_file():
+        if (ROOT / name).is_file():
             (source / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy(root / name, source / name)
+            shutil.copy(ROOT / name, source / name)
     environment = tmp_path / "environment"
     venv.create(environment, symlinks=True)
     (packages,) = environment.glob("lib/python3*/site-packages")
@@ -85,15 +85,15 @@ def clean() -> dict[str, str]:
     return {name: value for name, value in os.environ.items() if not name.startswith(ours)}
 
 
-def test_the_library_works_without_ros(root: Path, library: Path, tmp_path: Path) -> None:
+def test_the_library_works_without_ros(library: Path, tmp_path: Path) -> None:
     done = subprocess.run(
-        [library / "bin" / "python", "-c", TRY_IT, root / "bags" / "example_us06_120s"],
+        [library / "bin" / "python", "-c", TRY_IT, ROOT / "bags" / "example_us06_120s"],
         cwd=tmp_path, env=clean(), capture_output=True, text=True, timeout=300, check=False,
     )  # fmt: skip
     assert (done.returncode, done.stdout) == (0, "done\n"), done.stderr
     assert (tmp_path / "run.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_the_version_is_that_of_the_packages(root: Path, manifest_of: Any) -> None:
-    text = (root / "pyproject.toml").read_text(encoding="utf-8")
+def test_the_version_is_that_of_the_packages() -> None:
+    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
     assert f'\nversion = "{manifest_of("iptm").findtext("version")}"\n' in text

@@ -9,8 +9,8 @@ from typing import Any
 import nbformat
 import pytest
 from nbclient import NotebookClient
+from tests.packaging.packages import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
 TIMEOUT_S = 900
 KERNEL = {"display_name": "Python 3", "language": "python", "name": "python3"}

@@ -4,18 +4,23 @@ import configparser
 import importlib.util
 import re
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from fnmatch import fnmatch
 from pathlib import Path
-from typing import Any
 
 import pytest
+from tests.packaging.packages import (
+    PACKAGES,
+    ROOT,
+    SOURCE,
+    Module,
+    launch_files_of,
+    manifest_of,
+    modules_of,
+    setup_of,
+)
 
 from iptm_core.program import PROGRAMS
-
-ROOT = Path(__file__).resolve().parents[2]
-SOURCE = ROOT / "ros2_ws" / "src"
-PACKAGES = sorted(path.parent.name for path in SOURCE.glob("*/package.xml"))
 
 # Import name -> (key in package.xml, name on the package index). ROS packages are their own key.
 LIBRARIES = {
@@ -23,6 +28,7 @@ LIBRARIES = {
     "casadi": ("casadi-pip", "casadi"),
     "cma": ("python3-cma-pip", "cma"),
     "jinja2": ("python3-jinja2", "jinja2"),
+    "markupsafe": ("python3-jinja2", "jinja2"),  # comes with it
     "lz4": ("python3-lz4", "lz4"),
     "matplotlib": ("python3-matplotlib", "matplotlib"),
     "mcap": ("python3-mcap-pip", "mcap"),
@@ -37,7 +43,7 @@ LIBRARIES = {
 }
 
 
-def outside_imports(package: str, modules: Iterable[Any]) -> dict[str, str]:
+def outside_imports(package: str, modules: Iterable[Module]) -> dict[str, str]:
     """Top-level names imported from outside the standard library and the package, with one importer each."""
     found: dict[str, str] = {}
     for module in modules:
@@ -49,50 +55,43 @@ def outside_imports(package: str, modules: Iterable[Any]) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_manifest_is_format_3_and_complete(package: str, manifest_of: Callable[[str], Any]) -> None:
-    manifest = manifest_of(package)
+def test_manifest_is_complete_and_setup_agrees_with_it(package: str) -> None:
+    manifest, setup = manifest_of(package), setup_of(package)
     assert manifest.get("format") == "3"
-    assert manifest.findtext("name") == package
-    assert re.fullmatch(r"\d+\.\d+\.\d+", manifest.findtext("version", ""))
+    assert setup["name"] == manifest.findtext("name") == package
+    assert setup["version"] == manifest.findtext("version")
     assert len(manifest.findtext("description", "").split()) >= 5
-    assert manifest.findtext("license") == "Apache-2.0"
+    assert setup["license"] == manifest.findtext("license") == "Apache-2.0"
     assert manifest.findtext("export/build_type") == "ament_python"
     # A malformed address silently drops the package's ament hooks from a colcon build.
     (maintainer,) = manifest.findall("maintainer")
     assert re.fullmatch(r"[\w.+-]+@[\w-]+(\.[\w-]+)+", maintainer.get("email", ""))
-
-
-@pytest.mark.parametrize("package", PACKAGES)
-def test_setup_agrees_with_manifest(
-    package: str, manifest_of: Callable[[str], Any], setup_of: Callable[[str], dict[str, Any]]
-) -> None:
-    manifest, setup = manifest_of(package), setup_of(package)
-    (maintainer,) = manifest.findall("maintainer")
-    assert setup["name"] == package
-    assert setup["version"] == manifest.findtext("version")
     assert setup["maintainer"] == maintainer.text
     assert setup["maintainer_email"] == maintainer.get("email")
-    assert setup["license"] == manifest.findtext("license")
     assert setup["extras_require"]["test"]
     installed = {(folder, name) for folder, names in setup["data_files"] for name in names}
     assert ("share/ament_index/resource_index/packages", f"resource/{package}") in installed
     assert (f"share/{package}", "package.xml") in installed
     for _, name in installed:
-        assert Path(name).is_file(), f"{package}/setup.py installs {name}, which does not exist"
+        assert (SOURCE / package / name).is_file(), f"{package}/setup.py installs {name}"
 
 
-def test_one_version_and_one_maintainer(manifest_of: Callable[[str], Any]) -> None:
+def test_one_version_and_one_maintainer() -> None:
     manifests = [manifest_of(package) for package in PACKAGES]
     assert len({manifest.findtext("version") for manifest in manifests}) == 1
     assert len({manifest.find("maintainer").get("email") for manifest in manifests}) == 1
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_everything_is_installed(package: str, setup_of: Callable[[str], dict[str, Any]]) -> None:
+def test_everything_is_installed(package: str) -> None:
     """Each folder with Python in it is a package that is installed, and so is each data file."""
     setup = setup_of(package)
-    code = Path(package)
-    files = [path for path in code.rglob("*") if path.is_file() and "__pycache__" not in path.parts]
+    code = SOURCE / package / package
+    files = [
+        path.relative_to(code.parent)
+        for path in code.rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts
+    ]
     with_python = {".".join(path.parent.parts) for path in files if path.suffix == ".py"}
     assert set(setup["packages"]) == with_python, (
         "a folder lacks __init__.py or is not found by setup.py"
@@ -115,7 +114,7 @@ def test_everything_is_installed(package: str, setup_of: Callable[[str], dict[st
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_executables_exist(package: str, setup_of: Callable[[str], dict[str, Any]]) -> None:
+def test_executables_exist(package: str) -> None:
     entry_points = setup_of(package).get("entry_points", {})
     programs = [line.split(" = ") for line in entry_points.get(PROGRAMS, [])]
     # Each starts at a module that reports a missing library in one line.
@@ -131,13 +130,13 @@ def test_executables_exist(package: str, setup_of: Callable[[str], dict[str, Any
         assert f"def {function}(" in source, (
             f"executable {executable}: {module} has no {function}()"
         )
-    config = Path("setup.cfg").read_text(encoding="utf-8")
+    config = (SOURCE / package / "setup.cfg").read_text(encoding="utf-8")
     # `ros2 run` looks for executables in lib/<package>.
     assert f"script_dir=$base/lib/{package}\n" in config
     assert f"install_scripts=$base/lib/{package}\n" in config
 
 
-def test_no_two_executables_have_one_name(setup_of: Callable[[str], dict[str, Any]]) -> None:
+def test_no_two_executables_have_one_name() -> None:
     lines = [
         line
         for package in PACKAGES
@@ -148,12 +147,7 @@ def test_no_two_executables_have_one_name(setup_of: Callable[[str], dict[str, An
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_manifest_names_exactly_what_is_imported(
-    package: str,
-    manifest_of: Callable[[str], Any],
-    modules_of: Callable[[str], list[Any]],
-    launch_files_of: Callable[[str], list[Any]],
-) -> None:
+def test_manifest_names_exactly_what_is_imported(package: str) -> None:
     imported = outside_imports(package, [*modules_of(package), *launch_files_of(package)])
     needed = {LIBRARIES.get(name, (name,))[0]: name for name in imported}
     needed |= {"ros2launch": "its launch files"} if launch_files_of(package) else {}
@@ -175,9 +169,7 @@ def test_manifest_names_exactly_what_is_imported(
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_setup_requires_exactly_the_imported_libraries(
-    package: str, setup_of: Callable[[str], dict[str, Any]], modules_of: Callable[[str], list[Any]]
-) -> None:
+def test_setup_requires_exactly_the_imported_libraries(package: str) -> None:
     imported = outside_imports(package, modules_of(package))
     needed = {LIBRARIES[name][1] for name in imported if name in LIBRARIES}
     required = {

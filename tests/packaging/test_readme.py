@@ -1,11 +1,13 @@
-"""Links of all pages lead somewhere; the README names all commands, and messages that are really printed."""
+"""Links lead somewhere, README names all commands and real messages, reference pages are current."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
+from tests.packaging.packages import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
@@ -68,3 +70,11 @@ def test_messages_of_the_troubleshooting_table_are_real() -> None:
     ):
         assert message in printed, message
         assert message in README, message
+
+
+def test_reference_pages_are_up_to_date() -> None:
+    done = subprocess.run(
+        [sys.executable, str(ROOT / "docs" / "generate_reference.py"), "--check"],
+        capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr

@@ -3,6 +3,8 @@
 import re
 from pathlib import Path
 
+from tests.packaging.packages import ROOT
+
 # "/home/someone" and "/home/user" are placeholders.
 FORBIDDEN = {
     "a home or work folder": re.compile(
@@ -14,9 +16,9 @@ FORBIDDEN = {
 }
 
 
-def test_no_machine_path_and_no_registry_host(tracked_files: list[Path], root: Path) -> None:
+def test_no_machine_path_and_no_registry_host(tracked_files: list[Path]) -> None:
     found = [
-        f"{path.relative_to(root)}: {what}: {match.group(0)!r}"
+        f"{path.relative_to(ROOT)}: {what}: {match.group(0)!r}"
         for path in tracked_files
         for what, pattern in FORBIDDEN.items()
         for match in pattern.finditer(path.read_bytes())
@@ -24,16 +26,16 @@ def test_no_machine_path_and_no_registry_host(tracked_files: list[Path], root: P
     assert found == []
 
 
-def test_no_large_file(tracked_files: list[Path], root: Path) -> None:
+def test_no_large_file(tracked_files: list[Path]) -> None:
     """Runs belong into bags/, which git ignores, but for a small example."""
     large = [
-        str(path.relative_to(root)) for path in tracked_files if path.stat().st_size > 4_000_000
+        str(path.relative_to(ROOT)) for path in tracked_files if path.stat().st_size > 4_000_000
     ]
     assert large == []
 
 
-def test_license_is_complete(root: Path) -> None:
-    text = (root / "LICENSE").read_text(encoding="utf-8")
+def test_license_is_complete() -> None:
+    text = (ROOT / "LICENSE").read_text(encoding="utf-8")
     assert text.lstrip().startswith("Apache License")
     assert "END OF TERMS AND CONDITIONS" in text
     assert "WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND" in text
@@ -45,12 +47,12 @@ DIALECT = re.compile(
 MOST_DIALECT = 60
 
 
-def test_plain_english(tracked_files: list[Path], root: Path) -> None:
+def test_plain_english(tracked_files: list[Path]) -> None:
     """Words that CONTRIBUTING.md lists stay rare: quotations and tables of renamed fields only."""
     found = [
         f"{name}: {match.group(0)}"
         for path in tracked_files
-        for name in [path.relative_to(root).as_posix()]
+        for name in [path.relative_to(ROOT).as_posix()]
         if (name.startswith("ros2_ws/") and name.endswith(".py"))
         or (name.startswith("docs/") and name.endswith(".md"))
         or name.startswith("scripts/")
