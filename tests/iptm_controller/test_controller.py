@@ -13,12 +13,11 @@ from tests.iptm_controller.scenes import PARAMETERS, make_scene, plain_solver
 from iptm_controller.controller import Controller
 from iptm_controller.decision import Decision
 from iptm_controller.forecast import PreviewQuality
-from iptm_controller.ladder import LadderOptions
+from iptm_controller.ladder import LadderOptions, safe_following, thermostat_power_w
 from iptm_controller.measurements import Measurements
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import InputIndex
 from iptm_controller.options import ControllerOptions
-from iptm_controller.safe_driving import safe_following, thermostat_power_w
 from iptm_controller.solvers.interface import STATUS_TEXT, SolverBackend, SolveResult
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.decision_record import Rung, SolveStatus

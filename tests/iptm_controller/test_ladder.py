@@ -7,10 +7,9 @@ import pytest
 from tests.iptm_controller.scenes import PARAMETERS, make_leader, make_state
 
 from iptm_controller.horizon import Horizon
-from iptm_controller.ladder import FallbackLadder, LadderOptions
+from iptm_controller.ladder import FallbackLadder, LadderOptions, controlled_stop, safe_following
 from iptm_controller.ocp import layout
 from iptm_controller.plan import Plan
-from iptm_controller.safe_driving import controlled_stop, safe_following
 from iptm_core.decision_record import Rung
 from iptm_core.state import Command
 

@@ -12,14 +12,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from tests.iptm_controller.scenes import PARAMETERS, make_leader, make_state
 
-from iptm_controller.limiter import CommandLimiter
-from iptm_controller.safe_driving import (
+from iptm_controller.ladder import (
     THERMOSTAT_ON_K,
     THERMOSTAT_POWER_W,
     controlled_stop,
     safe_following,
     thermostat_power_w,
 )
+from iptm_controller.limiter import CommandLimiter
 from iptm_core.parameters.model import LimitParameters
 from iptm_core.routes import CYCLE_NAMES, build_route
 from iptm_core.state import Command, LeaderState, VehicleState

@@ -95,9 +95,7 @@ class CellLawValuation:
         self._ends_s = trip_duration_s - horizon_s
         self._share_1, self._share_n, _ = mixing_weights(model)
         self._model = model
-        pack = model.pack
-        cells = pack.cells_in_series * pack.parallel
-        self._heat_capacity_j_k = cells * model.cell.heat_capacity_j_k
+        self._heat_capacity_j_k = model.pack_heat_capacity_j_k
         self._energy_price_1_j = energy_price_1_j
         self.memory = ValuationMemory()
 

@@ -67,7 +67,7 @@ class ChargingValuation:
         self._ends_s = trip_duration_s - horizon_s
         pack, environment = model.pack, model.environment
         self._shares = mixing_weights(model)[:2]
-        capacity_j_k = pack.cells_in_series * pack.parallel * model.cell.heat_capacity_j_k
+        capacity_j_k = model.pack_heat_capacity_j_k
         per_heat = 1.0 / (pack.battery_efficiency * model.cooling.heater_performance)
         self._least_j_k = -LARGEST_PRICE_RATIO * capacity_j_k * per_heat
         lowest_k = min(environment.ambient_temperature_k, environment.initial_cell_temperature_k)
@@ -125,7 +125,6 @@ def _actions(kelvin: FloatArray, model: ModelParameters) -> tuple[FloatArray, Fl
     powers_w = [0.0, *(share * largest_w for share in COOLING_SHARES)]
     if limits.max_heater_power_w > 0.0:
         powers_w += [-share * limits.max_heater_power_w for share in HEATING_SHARES]
-    cells = pack.cells_in_series * pack.parallel
     ohm = cell_resistance_ohm(kelvin, model.aging.initial_capacity_loss, cell)
     own_w = cell_heat_w(LOAD_1_H * cell.nominal_capacity_ah, ohm, kelvin, cell)
     own_w = own_w + heat_from_air_w(kelvin, model)
@@ -137,5 +136,5 @@ def _actions(kelvin: FloatArray, model: ModelParameters) -> tuple[FloatArray, Fl
             actuation.compressor_w, SPEED_M_S, model.chiller, model.cooling, model.environment
         )
         loop = solve_coolant_loop(kelvin, kelvin, line, outlet, model.cooling, actuation=actuation)
-        warming.append((own_w - loop.cooling_rate_w / cells) / cell.heat_capacity_j_k)
+        warming.append((own_w - loop.cooling_rate_w / pack.cells) / cell.heat_capacity_j_k)
     return np.abs(powers_w) / pack.battery_efficiency, np.array(warming)

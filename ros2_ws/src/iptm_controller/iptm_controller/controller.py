@@ -218,17 +218,17 @@ class Controller:
         if trusted.state is not None:
             self._actuation.issue(trusted.state.time_s, limited.command)
         return Decision(
-            limited.command,
-            rung,
-            "; ".join(filter(None, reasons)),
-            limited,
-            planned.plan,
-            planned.result,
-            planned.forecast,
-            planned.value,
-            self._actuation.delay_s,
-            self._actuation.brake_share,
-            ", ".join(filter(None, (self._estimator.noise, self._forecaster.fusion.noise))),
+            command=limited.command,
+            rung=rung,
+            reason="; ".join(filter(None, reasons)),
+            limited=limited,
+            plan=planned.plan,
+            result=planned.result,
+            forecast=planned.forecast,
+            value=planned.value,
+            command_delay_s=self._actuation.delay_s,
+            brake_share=self._actuation.brake_share,
+            noise=", ".join(filter(None, (self._estimator.noise, self._forecaster.fusion.noise))),
         )
 
     def _fall_back(

@@ -146,9 +146,6 @@ class TemperatureValuation:
         _, self._performance = most_efficient_cooling(
             parameters.limits.min_temperature_k, parameters
         )
-        pack = parameters.pack
-        cells = pack.cells_in_series * pack.parallel
-        self._heat_capacity_j_k = cells * parameters.cell.heat_capacity_j_k
         self.memory = ValuationMemory()
 
     def value(self, state: VehicleState, leader: PredictedLeaderMotion) -> TemperatureValue:
@@ -191,7 +188,7 @@ class TemperatureValuation:
         current_a = c_rate_1_h * cell.nominal_capacity_ah * pack.parallel
         power_w = current_a * pack.open_circuit_voltage_v
         saved_w_k = self._performance * sensitivity_1_k * power_w
-        return self._heat_capacity_j_k * (1.0 + load) / saved_w_k
+        return self._parameters.pack_heat_capacity_j_k * (1.0 + load) / saved_w_k
 
     def _foresee(self, state: VehicleState, leader: PredictedLeaderMotion) -> float:
         """Return the mean aging rate of a host that moves like the leader on a flat road, uncooled."""

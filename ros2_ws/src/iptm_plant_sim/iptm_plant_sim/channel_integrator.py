@@ -195,7 +195,7 @@ def _build(parameters: ModelParameters, n: int) -> ca.Function:
         "regenerated_energy_j": ca.dot(weights, traction - maximum(traction, 0.0)),
         "battery_energy_j": ca.dot(weights, battery),
         "chiller_heat_j": length * cooling_rate,
-        "battery_heat_j": length * mean_of(heat) * (pack.cells_in_series * pack.parallel),
+        "battery_heat_j": length * mean_of(heat) * pack.cells,
         "charge_c": ca.dot(weights, currents),
         "pack_current_a": current,
         "cell_current_a": cell_current_a(current, pack),

@@ -220,7 +220,7 @@ def _pack_heat_w(current_a: Scalar, cells: CellPair, parameters: ModelParameters
 
     heat_1 = heat_w(cells.cell_1_temperature_k, cells.cell_1_capacity_loss)
     heat_n = heat_w(cells.cell_n_temperature_k, cells.cell_n_capacity_loss)
-    return 0.5 * (heat_1 + heat_n) * (pack.cells_in_series * pack.parallel)
+    return 0.5 * (heat_1 + heat_n) * pack.cells
 
 
 def cell_voltage_v(

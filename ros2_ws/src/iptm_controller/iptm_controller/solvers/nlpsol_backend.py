@@ -17,9 +17,13 @@ import numpy as np
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.compilation import compile_functions, find_compiler
 from iptm_controller.ocp.data import ProblemData
-from iptm_controller.ocp.oracle import OracleSignature, oracle_expressions, oracle_functions
 from iptm_controller.ocp.problem import OptimalControlProblem, problem_bounds
-from iptm_controller.ocp.transcription import transcribe
+from iptm_controller.ocp.transcription import (
+    OracleSignature,
+    oracle_expressions,
+    oracle_functions,
+    transcribe,
+)
 from iptm_controller.solvers.interface import (
     FEASIBILITY_TOLERANCE,
     STATUS_TEXT,

@@ -71,7 +71,7 @@ def cool_down(end: EndState, temperature_k: float, parameters: ModelParameters) 
         parameters,
         reduce_channel(parameters.cooling, parameters.pack),
     )
-    cell, cells = parameters.cell, parameters.pack.cells_in_series * parameters.pack.parallel
+    cell, cells = parameters.cell, parameters.pack.cells
     resistance_ohm = cell_resistance_ohm(middle_k, 0.5 * sum(losses), cell)
     heat_w = cells * (
         cell_heat_w(rates.cell_current_a, resistance_ohm, middle_k, cell)

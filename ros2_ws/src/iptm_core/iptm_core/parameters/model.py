@@ -126,6 +126,11 @@ class PackParameters:
         """Cells between the pack terminals, N_m N_ms."""
         return self.modules * self.series_per_module
 
+    @property
+    def cells(self) -> int:
+        """All cells of the pack."""
+        return self.cells_in_series * self.parallel
+
 
 @dataclass(frozen=True)
 class CellParameters:
@@ -288,3 +293,8 @@ class ModelParameters:
     limits: LimitParameters
     brakes: BrakeParameters
     gap: GapParameters
+
+    @property
+    def pack_heat_capacity_j_k(self) -> float:
+        """Heat capacity of all cells together."""
+        return self.pack.cells * self.cell.heat_capacity_j_k

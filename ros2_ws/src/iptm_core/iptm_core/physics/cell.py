@@ -69,9 +69,8 @@ def heat_from_air_w(temperature_k: Scalar, parameters: ModelParameters) -> Scala
     exchange_w_k = parameters.cooling.air_exchange_w_k
     if exchange_w_k == 0.0:
         return 0.0
-    cells = parameters.pack.cells_in_series * parameters.pack.parallel
     ambient_k = parameters.environment.ambient_temperature_k
-    return heat_from_surroundings_w(temperature_k, ambient_k, exchange_w_k / cells)
+    return heat_from_surroundings_w(temperature_k, ambient_k, exchange_w_k / parameters.pack.cells)
 
 
 SECONDS_PER_HOUR = 3600.0
