@@ -17,7 +17,7 @@ from tests.iptm_controller.scenes import (
     make_preview,
 )
 
-from iptm_controller.forecast import LARGEST_DEVIATION_M, LeaderForecaster, PreviewQuality
+from iptm_controller.forecast import LeaderForecaster, PreviewQuality
 from iptm_controller.leader_motion import (
     extrapolated_motion,
 )
@@ -85,13 +85,12 @@ def test_bounds_say_how_far_a_preview_is_known(
     positions, speeds = forecast.motion.at(known.times_s)
     np.testing.assert_allclose(positions, known.positions_m, atol=1e-9)
     np.testing.assert_allclose(speeds, known.speeds_m_s, atol=1e-12)
-    # The gap is kept to what the bounds leave of it as far as it is known, then to a standard deviation.
+    # The gap is kept to what the bounds leave of it, as far as it is known.
     nearer_m, slower_m_s = forecast.limiting.at(known.times_s)
     behind_m, rates_m_s = positions - nearer_m, speeds - slower_m_s
-    np.testing.assert_allclose(behind_m[:5], [0.0, 0.1, 0.4, 0.9, 0.43 * 1.6], atol=1e-9)
+    np.testing.assert_allclose(behind_m[:5], [0.0, 0.1, 0.4, 0.9, 0.0], atol=1e-9)
     np.testing.assert_allclose(rates_m_s[:5], [0.0, 0.2, 0.4, 0.6, 0.0], atol=1e-9)
-    assert np.diff(behind_m[4:]).min() >= 0.0
-    assert behind_m[-1] == pytest.approx(LARGEST_DEVIATION_M)
+    assert not behind_m[4:].any()
 
 
 def test_small_bounds_are_none(forecaster: LeaderForecaster, leader: LeaderState) -> None:
@@ -110,7 +109,7 @@ def test_a_preview_that_is_not_known_at_all_is_an_expectation(
     growing = replace(preview, bounds_m=2.0 * (preview.times_s - leader.time_s))
     forecast = forecaster.forecast(leader, growing)
     behind_m = forecast.motion.at(preview.times_s)[0] - forecast.limiting.at(preview.times_s)[0]
-    assert behind_m[:3].tolist() == pytest.approx([0.0, 2.0, 0.43 * 4.0])
+    assert behind_m[:3].tolist() == pytest.approx([0.0, 2.0, 0.0])
 
 
 @pytest.mark.parametrize(

@@ -29,9 +29,6 @@ MAX_LEADER_SPEED_M_S = 100.0
 LARGEST_SPEED_ERROR_M_S = 6.0
 """Beyond this difference to the measured speed a preview is that of another drive. Four times the noise that
 the study of imperfect previews assumes."""
-DEVIATION_SHARE, LARGEST_DEVIATION_M = 0.43, 10.0
-"""Beyond what is known the gap limits hold for a leader that is a standard deviation behind (99 % of a normal
-distribution are within 2.33 of them), by this much at most: after a few seconds the host can respond."""
 NEAR_S = 3.0
 """Where the trusted horizon is shorter than this, the measured motion limits the forecast up to here."""
 
@@ -60,7 +57,7 @@ class LeaderForecast:
     Attributes:
         motion: past and future, one piece.
         limiting: motion that the gap limits hold for: less its bounds as far as it is known, and at the first
-            node in any case; beyond, less a standard deviation.
+            node in any case.
         quality: how the future is known.
         reason: one sentence, empty while the quality is full.
         age_s: age of the preview used, NaN without one.
@@ -214,11 +211,9 @@ class LeaderForecaster:
         cautious = self._follow_preview(leader, preview.cautious())
         bounded = future.times_s <= leader.time_s + known_s + 1e-9
         bounded[:2] = True
-        bounds_m = np.interp(future.times_s, preview.times_s, preview.bounds_m)
-        behind_m = np.minimum(DEVIATION_SHARE * bounds_m, LARGEST_DEVIATION_M)
         return PredictedLeaderMotion(
             future.times_s,
-            np.where(bounded, cautious.positions_m, future.positions_m - behind_m),
+            np.where(bounded, cautious.positions_m, future.positions_m),
             np.where(bounded, cautious.speeds_m_s, future.speeds_m_s),
         )
 
