@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from benchmarks.harness import formatted_table, run_benchmark
-from benchmarks.v2x_page import put
 from iptm_controller.horizon import MULTI_HORIZON
 from iptm_controller.strategy import DEFAULT_STRATEGY, strategy_by_name
 from iptm_core.decision_record import Rung
@@ -124,7 +123,6 @@ def measure(
     road: tuple[str, ...] = tuple(ROADS),
     strategy: tuple[str, ...] = STRATEGIES,
     duration_s: float = 0.0,
-    page: int = 0,
 ) -> dict[str, Any]:
     """Drive all roads with all strategies.
 
@@ -132,7 +130,6 @@ def measure(
         road: roads.
         strategy: strategies, production is the driver with cruise control.
         duration_s: length of the trips in s, 0 for the times of the cycles.
-        page: 1 writes the table into docs/empty-road.md.
     """
     rows = []
     for name in road:
@@ -144,17 +141,13 @@ def measure(
                 row[change] = 100.0 * (row[key] / cruise[key] - 1.0)
             rows.append(row)
             print(f"{name}, {other}: arrives at {row['arrival_s']:.0f} s", file=sys.stderr)
-    numbers = {"rows": rows}
-    if page:
-        text = PAGE.read_text(encoding="utf-8")
-        PAGE.write_text(put(text, "drives", as_table(numbers)), encoding="utf-8")
-    return numbers
+    return {"rows": rows}
 
 
-def as_table(numbers: dict[str, Any]) -> str:
+def as_table(numbers: dict[str, Any]) -> dict[str, str]:
     """Return the numbers as a table in Markdown."""
-    return formatted_table(numbers["rows"], COLUMNS)
+    return {"drives": formatted_table(numbers["rows"], COLUMNS)}
 
 
 if __name__ == "__main__":
-    sys.exit(run_benchmark(measure, text_of=as_table))
+    sys.exit(run_benchmark(measure, text_of=as_table, page=PAGE))

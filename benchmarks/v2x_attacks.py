@@ -1,20 +1,25 @@
 """Attacks on the V2X receiver while it drives: what it makes of them, and what the car does.
 
 Each attack is sent for eight seconds to a car that follows a leader at 12 m/s, in closed loop without ROS.
+An impostor, a second sender with the identity of the leader, repeats its motion at 15 m/s until it brakes to
+a halt with 2.5 m/s2 from 60 s on; then it drives on, or moves out of the lane. The radio is the only source
+of the leader; the vehicle without radio has an exact range sensor.
 """
 
 from __future__ import annotations
 
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks.harness import formatted_table, run_benchmark
+from benchmarks.v2x_prediction import PAGE
 from iptm_controller.controller import Controller
 from iptm_controller.horizon import MULTI_HORIZON
 from iptm_controller.options import ControllerOptions
@@ -23,27 +28,48 @@ from iptm_core.metrics.constraints import gap_margins_m
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import Route, build_route
 from iptm_core.routes.road_line import RoadLine
+from iptm_core.settings import PreviewMode, PreviewSettings
 from iptm_core.state import NS_PER_S, FloatArray
+from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant
 from iptm_studies.closed_loop import ClosedLoopRun, run_closed_loop
-from iptm_v2x_bridge.bridge import BridgeAnswer
+from iptm_v2x_bridge.bridge import BridgeAnswer, TickBridge
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.messages.cam import encode_cam
 from iptm_v2x_bridge.radio_recording import SimulatedRadio
 from iptm_v2x_bridge.sending.sender import CamSender, build_sender, car_on_road
-from iptm_v2x_bridge.sending.settings import Foresight, Framing, SenderSettings
+from iptm_v2x_bridge.sending.settings import Foresight, Framing, Impostor, SenderSettings
 
 ROAD = RoadLine.test_road()
 PARAMETERS = load_parameters().values
 BEGIN_S, END_S, TRIP_S = 25, 33, 45
+DEPARTURE_S, BRAKING_TRIP_S = 60, 95
 SENDER = SenderSettings(framing=Framing.BARE, path_points=10)
 LEADER = SENDER.station_id
 FORGER = 666
 SPEED_M_S = 12.0
 FLOOD = 10_000
+CLOCKS: Mapping[str, dict[str, float]] = {
+    "100 ms ahead": {"impostor_clock_ahead_s": 0.1},
+    "150 ms ahead, arriving later": {"impostor_clock_ahead_s": 0.15, "impostor_delay_s": 0.05},
+    "the same, arriving first": {"link_delay_s": 0.02, "impostor_delay_s": -0.01},
+    "50 ms behind": {"impostor_clock_ahead_s": -0.05},
+}
+"""Stamps of the impostor, and settings of the sender."""
 
-Attack = Callable[[int, float], list[bytes]]
-"""What is sent in a second of trip time, the host being where it is."""
+
+@dataclass(frozen=True)
+class Moment:
+    """A second of an attack: the leader as it would send, places of the host then and at the beginning."""
+
+    leader: CamSender
+    second: int
+    host_m: float
+    begin_m: float
+
+
+Attack = Callable[[Moment], list[bytes]]
+"""What is sent in a second."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +80,11 @@ class Outcome:
     bridge: CamBridge
     leaders: list[int | None]
     contested: list[bool]
-    refused: dict[str, int]
+
+    @property
+    def refused(self) -> dict[str, int]:
+        """Counts of refused messages by reason."""
+        return self.bridge.table.rejections.by_reason()
 
     def margins_m(self) -> FloatArray:
         """Return the true gap less s_min at every tick."""
@@ -62,13 +92,20 @@ class Outcome:
 
 
 class AttackedRadio(SimulatedRadio):
-    """The genuine messages of each second, then those of the attacker."""
+    """The genuine messages of each second, then those of the attacker; nothing from a silence on."""
 
     def __init__(
-        self, route: Route, attack: Attack | None, settings: SenderSettings = SENDER
+        self,
+        route: Route,
+        attack: Attack | None,
+        settings: SenderSettings = SENDER,
+        silent_from_s: int | None = None,
     ) -> None:
         super().__init__(build_sender(route.leader, ROAD, settings), CamBridge(ROAD))
         self._attack = attack
+        self._leader = CamSender(route.leader, ROAD, SENDER)
+        self._begin_m = 0.0
+        self._silent_from_s = silent_from_s
         self.leaders: list[int | None] = []
         self.contested: list[bool] = []
 
@@ -77,32 +114,16 @@ class AttackedRadio(SimulatedRadio):
     ) -> BridgeAnswer:
         """Return the answer to one tick."""
         second = time_ns // NS_PER_S
-        answer = super().answer(time_ns, host_position_m, host_speed_m_s)
+        silent = self._silent_from_s is not None and second >= self._silent_from_s
+        asked = time_ns, host_position_m, host_speed_m_s
+        answer = self.bridge.answer(*asked) if silent else super().answer(*asked)
         if self._attack is not None and BEGIN_S <= second < END_S:
-            for datagram in self._attack(second, host_position_m):
+            if second == BEGIN_S:
+                self._begin_m = host_position_m
+            moment = Moment(self._leader, second, host_position_m, self._begin_m)
+            for datagram in self._attack(moment):
                 self.bridge.receive(datagram, time_ns)
-            answer = self.bridge.answer(time_ns, host_position_m, host_speed_m_s)
-        self.leaders.append(self.bridge.leader_id)
-        self.contested.append(answer.contested)
-        return answer
-
-
-class SilencedRadio(SimulatedRadio):
-    """Nothing is heard any more from a second of trip time on: jammed, or out of reach."""
-
-    def __init__(self, sender: CamSender) -> None:
-        super().__init__(sender, CamBridge(ROAD))
-        self.leaders: list[int | None] = []
-        self.contested: list[bool] = []
-
-    def answer(
-        self, time_ns: int, host_position_m: float, host_speed_m_s: float = 0.0
-    ) -> BridgeAnswer:
-        """Return the answer to one tick."""
-        silent = time_ns >= BEGIN_S * NS_PER_S
-        answer = (self.bridge if silent else super()).answer(
-            time_ns, host_position_m, host_speed_m_s
-        )
+            answer = self.bridge.answer(*asked)
         self.leaders.append(self.bridge.leader_id)
         self.contested.append(answer.contested)
         return answer
@@ -120,85 +141,66 @@ def forged(
     return encode_cam(car_on_road(ROAD, station_id, at_ms, rear_m, speed_m_s, left_m=left_m))
 
 
-def forged_car(_: Route) -> Attack:
+def forged_car(now: Moment) -> list[bytes]:
     """A car appears 5 m in front of the host and drives on at its speed."""
-    start: list[float] = []
-
-    def attack(second: int, host_m: float) -> list[bytes]:
-        start.append(host_m)
-        origin = start[0] + 5.0 - SPEED_M_S * BEGIN_S
-        places = ((at_ms, origin + SPEED_M_S * at_ms / 1000.0) for at_ms in tenths(second))
-        return [forged(FORGER, at_ms, rear_m, SPEED_M_S) for at_ms, rear_m in places]
-
-    return attack
+    origin_m = now.begin_m + 5.0 - SPEED_M_S * BEGIN_S
+    return [
+        forged(FORGER, at_ms, origin_m + SPEED_M_S * at_ms / 1000.0, SPEED_M_S)
+        for at_ms in tenths(now.second)
+    ]
 
 
-def replayed(route: Route) -> Attack:
+def replayed(now: Moment) -> list[bytes]:
     """The leader's messages again, at once and seconds later."""
-    recorded = CamSender(route.leader, ROAD, SENDER)
-    return lambda second, _: [
-        recorded.datagram_at((at_ms - late_ms) * 1_000_000)
+    return [
+        now.leader.datagram_at((at_ms - late_ms) * 1_000_000)
         for late_ms in (0, 1500, 8000)
-        for at_ms in tenths(second)
+        for at_ms in tenths(now.second)
     ]
 
 
-def replayed_a_wrap_later(route: Route) -> Attack:
+def replayed_a_wrap_later(now: Moment) -> list[bytes]:
     """The leader's messages of before, with a time of generation that looks new."""
-    recorded = CamSender(route.leader, ROAD, SENDER)
-
-    def attack(second: int, _: float) -> list[bytes]:
-        old = recorded.message_at((second - 15) * NS_PER_S)
-        return [encode_cam(replace(old, delta_time_ms=(1000 * second + 50) % 65_536))]
-
-    return attack
+    old = now.leader.message_at((now.second - 15) * NS_PER_S)
+    return [encode_cam(replace(old, delta_time_ms=(1000 * now.second + 50) % 65_536))]
 
 
-def jumping(_: Route) -> Attack:
+def jumping(now: Moment) -> list[bytes]:
     """A car ahead is in the next lane in every second message."""
-    return lambda second, host_m: [
-        forged(FORGER, at_ms, host_m + 8.0, SPEED_M_S, 3.5 if at_ms % 200 else 0.0)
-        for at_ms in tenths(second)
+    return [
+        forged(FORGER, at_ms, now.host_m + 8.0, SPEED_M_S, 3.5 if at_ms % 200 else 0.0)
+        for at_ms in tenths(now.second)
     ]
 
 
-def absurdly_fast(_: Route) -> Attack:
+def absurdly_fast(now: Moment) -> list[bytes]:
     """A car ahead drives 120 m/s."""
-    return lambda second, host_m: [
-        forged(FORGER, at_ms, host_m + 8.0, 120.0) for at_ms in tenths(second)
-    ]
+    return [forged(FORGER, at_ms, now.host_m + 8.0, 120.0) for at_ms in tenths(now.second)]
 
 
-def flood(_: Route) -> Attack:
+def flood(now: Moment) -> list[bytes]:
     """Ten thousand identities ahead at once."""
-    return lambda second, host_m: [
-        forged(10_000 + number, 1000 * second, host_m + 6.0, SPEED_M_S)
-        for number in range(FLOOD if second == BEGIN_S else 0)
+    return [
+        forged(10_000 + number, 1000 * now.second, now.host_m + 6.0, SPEED_M_S)
+        for number in range(FLOOD if now.second == BEGIN_S else 0)
     ]
 
 
-def same_identity(_: Route) -> Attack:
+def same_identity(now: Moment) -> list[bytes]:
     """A second sender with the leader's identity stands 5 m ahead."""
-    return lambda second, host_m: [
-        forged(LEADER, at_ms + 50, host_m + 5.0, 0.0) for at_ms in tenths(second)
+    return [forged(LEADER, at_ms + 50, now.host_m + 5.0, 0.0) for at_ms in tenths(now.second)]
+
+
+def clock_set_back(now: Moment) -> list[bytes]:
+    """The leader's messages with times of the past."""
+    message = now.leader.message_at(now.second * NS_PER_S)
+    return [
+        encode_cam(replace(message, delta_time_ms=(1000 * now.second - back_ms) % 65_536))
+        for back_ms in (100, 2500, 30_000)
     ]
 
 
-def clock_set_back(route: Route) -> Attack:
-    """The leader's messages with times of the past."""
-    recorded = CamSender(route.leader, ROAD, SENDER)
-
-    def attack(second: int, _: float) -> list[bytes]:
-        now = recorded.message_at(second * NS_PER_S)
-        return [
-            encode_cam(replace(now, delta_time_ms=(1000 * second - back_ms) % 65_536))
-            for back_ms in (100, 2500, 30_000)
-        ]
-
-    return attack
-
-
-ATTACKS: Mapping[str, Callable[[Route], Attack]] = {
+ATTACKS: Mapping[str, Attack] = {
     "a forged car 5 m ahead that moves like one": forged_car,
     "messages replayed seconds later": replayed,
     "messages replayed a whole wrap (65.536 s) later": replayed_a_wrap_later,
@@ -225,77 +227,123 @@ def steady_route() -> Route:
     return written_route(f"0,0\n12,{SPEED_M_S}\n60,{SPEED_M_S}\n", TRIP_S)
 
 
-def controller() -> Controller:
-    """Return a fresh controller."""
-    return Controller(PARAMETERS, ControllerOptions(STRATEGIES["aging"], MULTI_HORIZON))
+def braking_route() -> Route:
+    """Return the leader that brakes behind an impostor's back."""
+    text = f"0,0\n15,15\n{DEPARTURE_S},15\n{DEPARTURE_S + 6},0\n120,0\n"
+    return written_route(text, BRAKING_TRIP_S)
 
 
-def drive(route: Route, radio: AttackedRadio | SilencedRadio) -> Outcome:
-    """Drive a route in closed loop."""
+def looped(
+    route: Route, bridge: TickBridge | None = None, settings: PreviewSettings | None = None
+) -> ClosedLoopRun:
+    """Drive a route in closed loop with a fresh controller."""
+    controller = Controller(PARAMETERS, ControllerOptions(STRATEGIES["aging"], MULTI_HORIZON))
     plant = Plant(PARAMETERS, route.slope.slope_at)
-    loop = run_closed_loop(route, plant, controller(), bridge=radio)
-    refused = radio.bridge.table.rejections.by_reason()
-    return Outcome(loop, radio.bridge, radio.leaders, radio.contested, refused)
+    return run_closed_loop(route, plant, controller, settings, bridge=bridge)
+
+
+def drive(route: Route, radio: AttackedRadio) -> Outcome:
+    """Drive a route by radio."""
+    return Outcome(looped(route, radio), radio.bridge, radio.leaders, radio.contested)
+
+
+def without_radio(route: Route) -> Trajectory:
+    """Return the drive with an exact range sensor and no previews."""
+    return looped(route, settings=PreviewSettings(preview_mode=PreviewMode.NONE)).trajectory
+
+
+def impersonated(route: Route, **settings: Any) -> Outcome:
+    """Drive behind a leader whose identity another sender uses."""
+    return drive(route, AttackedRadio(route, None, replace(SENDER, **settings)))
 
 
 def silenced() -> tuple[Outcome, Outcome]:
     """Drive behind a leader that brakes to a halt, heard and unheard."""
     route = written_route("0,0\n12,14\n26,14\n32,0\n75,0\n", 75.0)
     plain = replace(SENDER, foresight=Foresight.NONE)
-    sender = CamSender(route.leader, ROAD, plain)
-    heard = AttackedRadio(route, None)
-    return drive(route, heard), drive(route, SilencedRadio(sender))
+    return (
+        drive(route, AttackedRadio(route, None)),
+        drive(route, AttackedRadio(route, None, plain, BEGIN_S)),
+    )
 
 
-def outcomes() -> Iterator[tuple[str, Outcome, Outcome]]:
-    """Yield each attack with the drive without and with it."""
-    route = steady_route()
-    undisturbed = drive(route, AttackedRadio(route, None))
-    for title, attack in ATTACKS.items():
-        yield title, undisturbed, drive(route, AttackedRadio(route, attack(route)))
-    yield SILENCE, *silenced()
+def attack_row(title: str, undisturbed: Outcome, outcome: Outcome) -> dict[str, Any]:
+    """Return one row of the table of attacks."""
+    run, usual = outcome.loop.trajectory, undisturbed.loop.trajectory
+    after = slice(BEGIN_S, None)
+    refused = ", ".join(f"`{name}` {count}" for name, count in outcome.refused.items())
+    return {
+        "attack": title,
+        "refused": refused or "nothing",
+        "contested_s": sum(outcome.contested),
+        "misled_s": sum(leader != LEADER for leader in outcome.leaders[after]),
+        "moved_m": float(np.abs(run.position_m - usual.position_m).max()),
+        "hardest_braking_m_s2": float(-run.acceleration_m_s2[after].min()),
+        "usual_braking_m_s2": float(-usual.acceleration_m_s2[after].min()),
+        "smallest_gap_m": float(run.gap_m[after].min()),
+        "smallest_margin_m": float(outcome.margins_m()[after].min()),
+    }
+
+
+def impostor_row(trajectory: Trajectory, contested: list[bool], *names: str) -> dict[str, Any]:
+    """Return one row of the table of impostors."""
+    reported = f"{max(contested.index(True) - DEPARTURE_S, 0)} s" if any(contested) else "-"
+    return {
+        **dict(zip(("impostor", "stamps", "paths"), names, strict=True)),
+        "reported": reported,
+        "hardest_braking_m_s2": float(-trajectory.acceleration_m_s2[DEPARTURE_S:].min()),
+        "smallest_gap_m": float(trajectory.gap_m.min()),
+    }
 
 
 def measure() -> dict[str, Any]:
-    """Drive under every attack."""
-    rows = []
-    for title, undisturbed, outcome in outcomes():
-        run, usual = outcome.loop.trajectory, undisturbed.loop.trajectory
-        after = slice(BEGIN_S, None)
-        refused = ", ".join(f"`{name}` {count}" for name, count in outcome.refused.items())
-        rows.append(
-            {
-                "attack": title,
-                "refused": refused or "nothing",
-                "contested_s": sum(outcome.contested),
-                "misled_s": sum(leader != LEADER for leader in outcome.leaders[after]),
-                "moved_m": float(np.abs(run.position_m - usual.position_m).max()),
-                "hardest_braking_m_s2": float(-run.acceleration_m_s2[after].min()),
-                "usual_braking_m_s2": float(-usual.acceleration_m_s2[after].min()),
-                "smallest_gap_m": float(run.gap_m[after].min()),
-                "smallest_margin_m": float(outcome.margins_m()[after].min()),
-            }
-        )
-    return {"rows": rows}
+    """Drive under every attack, and with every impostor."""
+    route = steady_route()
+    undisturbed = drive(route, AttackedRadio(route, None))
+    attacks = [
+        attack_row(title, undisturbed, drive(route, AttackedRadio(route, attack)))
+        for title, attack in ATTACKS.items()
+    ]
+    attacks.append(attack_row(SILENCE, *silenced()))
+    route = braking_route()
+    rows = [impostor_row(without_radio(route), [], "no radio", "-", "-")]
+    departures: list[tuple[str, str, dict[str, Any]]] = [("-", "-", {})]
+    for kind, (stamps, clocks) in product(list(Impostor)[1:], CLOCKS.items()):
+        departures.append((str(kind).replace("_", " "), stamps, {"impostor": kind, **clocks}))
+    for foresight, (name, stamps, more) in product(Foresight, departures):
+        outcome = impersonated(route, foresight=foresight, **more)
+        paths = "yes" if foresight is Foresight.PATH else "no"
+        rows.append(impostor_row(outcome.loop.trajectory, outcome.contested, name, stamps, paths))
+    return {"attacks": attacks, "impostors": rows}
 
 
 COLUMNS = {
-    "attack": "{attack}",
-    "messages refused": "{refused}",
-    "identity contested:": "{contested_s} s",
-    "follows another one:": "{misled_s} s",
-    "car moved by at most:": "{moved_m:.1f} m",
-    "hardest braking:": "{hardest_braking_m_s2:.2f} m/s²",
-    "without the attack:": "{usual_braking_m_s2:.2f} m/s²",
-    "smallest true gap:": "{smallest_gap_m:.1f} m",
-    "less s_min:": "{smallest_margin_m:.1f} m",
+    "attacks": {
+        "attack": "{attack}",
+        "messages refused": "{refused}",
+        "identity contested:": "{contested_s} s",
+        "follows another one:": "{misled_s} s",
+        "car moved by at most:": "{moved_m:.1f} m",
+        "hardest braking:": "{hardest_braking_m_s2:.2f} m/s²",
+        "without the attack:": "{usual_braking_m_s2:.2f} m/s²",
+        "smallest true gap:": "{smallest_gap_m:.1f} m",
+        "less s_min:": "{smallest_margin_m:.1f} m",
+    },
+    "impostors": {
+        "impostor": "{impostor}",
+        "stamps": "{stamps}",
+        "paths sent": "{paths}",
+        "reported after:": "{reported}",
+        "hardest braking:": "{hardest_braking_m_s2:.2f} m/s²",
+        "smallest true gap:": "{smallest_gap_m:.2f} m",
+    },
 }
 
 
-def as_table(numbers: dict[str, Any]) -> str:
-    """Return the numbers as a table in Markdown."""
-    return formatted_table(numbers["rows"], COLUMNS)
+def as_tables(numbers: dict[str, Any]) -> dict[str, str]:
+    """Return both tables in Markdown."""
+    return {name: formatted_table(numbers[name], columns) for name, columns in COLUMNS.items()}
 
 
 if __name__ == "__main__":
-    sys.exit(run_benchmark(measure, text_of=as_table))
+    sys.exit(run_benchmark(measure, text_of=as_tables, page=PAGE))

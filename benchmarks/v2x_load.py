@@ -14,7 +14,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from itertools import cycle
 from pathlib import Path
@@ -26,6 +26,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rosgraph_msgs.msg import Clock
 
 from benchmarks.harness import run_benchmark
+from benchmarks.v2x_prediction import PAGE
 from iptm_bringup.environment import environment_of_run, process_environment
 from iptm_core.errors import ScenarioError
 from iptm_core.routes.road_line import RoadLine
@@ -81,17 +82,15 @@ class _Host:
         if status is not None:
             self.values = status_values(status)
 
-    def wait_for_bridge(self) -> None:
-        until_s = time.monotonic() + START_TIMEOUT_S
-        while not (self._odometry.get_subscription_count() and self.values):
-            if time.monotonic() > until_s:
-                raise ScenarioError(f"no bridge within {START_TIMEOUT_S:g} s")
+    def wait(self, reached: Callable[[], bool], timeout_s: float) -> bool:
+        """Spin until a condition holds; return whether it does."""
+        until_s = time.monotonic() + timeout_s
+        while not reached() and time.monotonic() < until_s:
             self.spin(0.05)
+        return reached()
 
-    def wait_until_read(self, datagrams: int) -> None:
-        until_s = time.monotonic() + READ_TIMEOUT_S
-        while int(self.values.get("datagrams", 0)) < datagrams and time.monotonic() < until_s:
-            self.spin(0.05)
+    def has_bridge(self) -> bool:
+        return bool(self._odometry.get_subscription_count() and self.values)
 
     def tick(self, second: int) -> None:
         message = Odometry()
@@ -235,12 +234,13 @@ def measure(
         context.init(args=[], domain_id=domain)
         host = _Host(context)
         try:
-            host.wait_for_bridge()
+            if not host.wait(host.has_bridge, START_TIMEOUT_S):
+                raise ScenarioError(f"no bridge within {START_TIMEOUT_S:g} s")
             bursts_of_cars, maps = bursts(cars, seconds), flood(maps_per_s)
             before_s, begin_s = processor_s(bridge), time.monotonic()
             sent = load(host, port, bursts_of_cars, maps, round(maps_per_s * BURST_S))
             used_s, lasted_s = processor_s(bridge) - before_s, time.monotonic() - begin_s
-            host.wait_until_read(sent)
+            host.wait(lambda: int(host.values.get("datagrams", 0)) >= sent, READ_TIMEOUT_S)
         finally:
             bridge.terminate()
             bridge.wait()
@@ -270,5 +270,30 @@ def measure(
     }
 
 
+def as_text(numbers: dict[str, Any]) -> dict[str, str]:
+    """Return what became of the messages in a sentence or two."""
+    core = f"at {100.0 * numbers['share_of_a_core']:.0f} % of a processor core"
+    if not numbers["maps_per_s"]:
+        first = numbers["ticks"] - numbers["ticks_with_a_leader"]
+        return {
+            "load": (
+                f"The node under {numbers['datagrams_per_s']:.0f} datagrams a second of "
+                f"{numbers['stations']} cars for {numbers['ticks']} s: {numbers['read']} of "
+                f"{numbers['sent']} read, {numbers['accepted']} accepted, {core}. Ticks without a leader, "
+                f"which has to be heard for a moment first: {first}."
+            )
+        }
+    return {
+        "flood": (
+            f"A flood of {numbers['maps_per_s']} maps of 1.3 kB a second for {numbers['ticks']} s on top of "
+            f"{10 * numbers['stations']} messages of cars a second, beside {numbers['loops_beside']} closed "
+            f"loop in real time: {numbers['accepted']} of {numbers['cams_sent']} messages of cars accepted, "
+            f"{numbers['ticks_answered']} of {numbers['ticks']} ticks answered, the slowest after "
+            f"{1e3 * numbers['slowest_answer_s']:.0f} ms, {core}. {numbers['refused'].get('waited', 0)} maps "
+            "were dropped while others were decoded."
+        )
+    }
+
+
 if __name__ == "__main__":
-    sys.exit(run_benchmark(measure))
+    sys.exit(run_benchmark(measure, text_of=as_text, page=PAGE))

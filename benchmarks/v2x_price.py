@@ -2,34 +2,31 @@
 
 Each row drives the whole trip without ROS; the messages are real bits that are sent, lost, delayed and read.
 The price is the difference in degradation between a leader that only an exact range sensor sees and one that
-is known from the file; what each predictor recovers of it is counted. With --rows, finished rows are kept in
-a file and not driven again; --page writes the table into docs/v2x.md.
+is known from the file; what each predictor recovers of it is counted. Finished rows are kept in a file and
+not driven again.
 """
 
 from __future__ import annotations
 
 import json
-import math
 import sys
 import tempfile
-from collections import Counter
-from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from benchmarks.harness import formatted_table, put, run_benchmark
-from benchmarks.v2x_prediction import EARLIER_DRIVES, other_drive
+from benchmarks.harness import run_benchmark
+from benchmarks.v2x_prediction import EARLIER_DRIVES, PAGE, other_drive
 from iptm_controller.controller import Controller
-from iptm_controller.decision import Decision
 from iptm_controller.horizon import Horizon
-from iptm_controller.measurements import Measurements
 from iptm_controller.options import ControllerOptions
 from iptm_controller.settings import ControllerSettings
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.decision_record import Rung
+from iptm_core.markdown import markdown_table
 from iptm_core.metrics import compute_metrics
 from iptm_core.metrics.constraints import GAP_TOLERANCE_M, gap_margins_m
 from iptm_core.parameters import load_parameters
@@ -39,7 +36,7 @@ from iptm_core.settings import PreviewMode, PreviewSettings
 from iptm_plant_sim.plant import Plant
 from iptm_studies.closed_loop import run_closed_loop
 from iptm_studies.safety.lead_vehicles import lead_cycles
-from iptm_v2x_bridge.bridge import BridgeAnswer, CycleSource, TickBridge, V2xBridge
+from iptm_v2x_bridge.bridge import CycleSource, TickBridge, V2xBridge
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.prediction.history import History
 from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
@@ -50,40 +47,24 @@ from iptm_v2x_bridge.radio_recording import SimulatedRadio
 from iptm_v2x_bridge.sending.sender import CamSender
 from iptm_v2x_bridge.sending.settings import Foresight, SenderSettings
 
-FILE = "file"
-SENSOR = "range sensor only"
-DECAY = "decaying acceleration"
-PATH = "path prediction"
-EARLIER = "earlier drives"
-REGRESSION = "regression"
+FILE, SENSOR = "file", "range sensor only"
+DECAY, PATH = "decaying acceleration", "path prediction"
+EARLIER, REGRESSION = "earlier drives", "regression"
 LEADERS = (DECAY, PATH, EARLIER, REGRESSION)
 MEASURED = ("A11", "A23", "B24", "no_ACC__handling_part22_2")
 """Lead vehicles of the excerpts of `iptm_validation` that no predictor was fitted to: three trips of an i3 on
 public roads and one driver on a proving ground, of 600 s at most."""
 TRIPS = ("wltc_class3b", "us06", "nycc", *MEASURED)
-USUAL_ACCURACY_M = 2.8
-"""Of real cars."""
 CELLS = (
     (0.02, 0.0, 0.0),
-    (USUAL_ACCURACY_M, 0.0, 0.0),
-    (USUAL_ACCURACY_M, 0.2, 0.3),
-    (USUAL_ACCURACY_M, 0.5, 1.0),
+    (2.8, 0.0, 0.0),
+    (2.8, 0.2, 0.3),
+    (2.8, 0.5, 1.0),
     (1.0, 0.0, 0.0),
     (8.5, 0.0, 0.0),
 )
-"""Accuracy in m, loss, and delay in s."""
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "v2x.md"
-
-
-@dataclass(frozen=True)
-class Case:
-    """One row: the trip, how the leader is predicted, its stated accuracy and the link."""
-
-    cycle: str
-    leader: str
-    accuracy_m: float = 0.0
-    loss: float = 0.0
-    delay_s: float = 0.0
+"""Accuracy in m, loss, and delay in s; real cars state 2.8 m and more."""
+KEY = ["cycle", "leader", "accuracy_m", "loss", "delay_s"]
 
 
 def predictors_of(leader: str, route: Route) -> tuple[Predictor, ...]:
@@ -107,30 +88,18 @@ def measured_cycles() -> dict[str, str]:
     return {Path(path).stem: path for path in found}
 
 
-class Watched:
-    """A bridge that counts its answers."""
-
-    def __init__(self, inner: TickBridge) -> None:
-        self._inner = inner
-        self.leaderless = 0
-        self.predictors: Counter[str] = Counter()
-
-    def answer(
-        self, time_ns: int, host_position_m: float, host_speed_m_s: float = 0.0
-    ) -> BridgeAnswer:
-        """Return the answer of the inner bridge."""
-        answer = self._inner.answer(time_ns, host_position_m, host_speed_m_s)
-        self.leaderless += answer.leader is None
-        self.predictors[answer.predictor or "none"] += 1
-        return answer
-
-
-def drive(case: Case, duration_s: float | None, seed: int) -> dict[str, Any]:
+def drive(
+    cycle: str,
+    leader: str,
+    accuracy_m: float = 0.0,
+    loss: float = 0.0,
+    delay_s: float = 0.0,
+    duration_s: float | None = None,
+    seed: int = 1,
+) -> dict[str, Any]:
     """Drive one trip and return its figures."""
     parameters = load_parameters().values
-    name = (
-        case.cycle if case.cycle in ROUTE_CYCLES else measured_cycles().get(case.cycle, case.cycle)
-    )
+    name = cycle if cycle in ROUTE_CYCLES else measured_cycles().get(cycle, cycle)
     route = build_route(name, initial_gap_m=parameters.gap.initial_gap_m, duration_s=duration_s)
     chosen = ControllerSettings()
     options = ControllerOptions(
@@ -139,46 +108,32 @@ def drive(case: Case, duration_s: float | None, seed: int) -> dict[str, Any]:
         trip_duration_s=route.duration_s,
     )
     bridge: TickBridge
-    if case.leader in {FILE, SENSOR}:
-        mode = PreviewMode.FULL if case.leader == FILE else PreviewMode.NONE
+    if leader in {FILE, SENSOR}:
+        mode = PreviewMode.FULL if leader == FILE else PreviewMode.NONE
         bridge = V2xBridge(CycleSource(route), PreviewSettings(preview_mode=mode))
     else:
         settings = SenderSettings(
-            foresight=Foresight.PATH if case.leader == PATH else Foresight.NONE,
-            position_accuracy_m=case.accuracy_m,
-            link_delay_s=case.delay_s,
-            loss_probability=case.loss,
+            foresight=Foresight.PATH if leader == PATH else Foresight.NONE,
+            position_accuracy_m=accuracy_m,
+            link_delay_s=delay_s,
+            loss_probability=loss,
             sender_seed=seed,
         )
         road = RoadLine.test_road()
-        receiver = CamBridge(road, predictors=predictors_of(case.leader, route))
+        receiver = CamBridge(road, predictors=predictors_of(leader, route))
         bridge = SimulatedRadio(CamSender(route.leader, road, settings), receiver)
-    watched = Watched(bridge)
-    safe_law: list[int] = []
-
-    def on_tick(tick: int, _: Measurements, decision: Decision) -> None:
-        if decision.record.rung is not Rung.OPTIMAL:
-            safe_law.append(tick)
-
-    controller = Controller(parameters, options)
     plant = Plant(parameters, route.slope.slope_at)
-    loop = run_closed_loop(route, plant, controller, on_tick=on_tick, bridge=watched)
+    loop = run_closed_loop(route, plant, Controller(parameters, options), bridge=bridge)
     run = compute_metrics(loop.trajectory, parameters, loop.decisions)
-    margins = gap_margins_m(loop.trajectory, parameters)
-    broken = margins < -GAP_TOLERANCE_M
+    broken = gap_margins_m(loop.trajectory, parameters) < -GAP_TOLERANCE_M
     return {
-        **asdict(case),
-        "loss_percent": 100.0 * case.loss,
+        **dict(zip(KEY, (cycle, leader, accuracy_m, loss, delay_s), strict=True)),
         "degradation_1e7": 1e7 * run.degradation.total,
         "battery_energy_kj": 1e-3 * run.energy.battery_j,
         "smallest_gap_m": run.gap.smallest_m,
         "smallest_margin_m": run.gap.smallest_margin_m,
-        "mean_gap_m": run.gap.mean_m,
         "broken_s": int(np.count_nonzero(broken)),
-        "fallback_ticks": len(safe_law),
-        "leaderless_ticks": watched.leaderless,
-        "predictors": dict(watched.predictors),
-        "hardest_braking_m_s2": float(-loop.trajectory.acceleration_m_s2.min()),
+        "fallback_ticks": int(np.count_nonzero(np.asarray(loop.decisions.rung) != Rung.OPTIMAL)),
     }
 
 
@@ -190,8 +145,7 @@ def measure(
     cells: int = len(CELLS),
     rows: str = "",
     finished: int = 0,
-    page: int = 0,
-) -> dict[str, Any]:
+) -> list[dict[str, Any]]:
     """Measure all cases.
 
     Args:
@@ -202,92 +156,68 @@ def measure(
         cells: how many of the pairs of accuracy and link, the most usual ones first.
         rows: file of finished rows, which are not driven again.
         finished: 1 drives nothing and takes the finished rows only.
-        page: 1 writes the table into docs/v2x.md.
     """
-    cases = [Case(trip, known) for known in (FILE, SENSOR) for trip in cycle]
-    cases += [Case(trip, who, *cell) for cell in CELLS[:cells] for who in leader for trip in cycle]
+    cases = [(trip, known, 0.0, 0.0, 0.0) for known in (FILE, SENSOR) for trip in cycle]
+    cases += [(trip, who, *cell) for cell in CELLS[:cells] for who in leader for trip in cycle]
     store = Path(rows) if rows else None
-    found: dict[Case, dict[str, Any]] = {}
-    if store is not None and store.exists():
-        lines = map(json.loads, store.read_text(encoding="utf-8").splitlines())
-        found = {
-            _case_of(row): row for row in lines if (row["for_s"], row["seed"]) == (duration_s, seed)
-        }
+    found: dict[tuple[Any, ...], dict[str, Any]] = {}
+    for line in store.read_text("utf-8").splitlines() if store and store.exists() else ():
+        row = json.loads(line)
+        if (row["for_s"], row["seed"]) == (duration_s, seed):
+            found[tuple(row[name] for name in KEY)] = row
     if finished:
         cases = [case for case in cases if case in found]
     for case in (case for case in cases if case not in found):
-        row = {**drive(case, duration_s or None, seed), "for_s": duration_s, "seed": seed}
+        row = drive(*case, duration_s or None, seed) | {"for_s": duration_s, "seed": seed}
         found[case] = row
-        line = json.dumps(row)
-        print(line, file=sys.stderr, flush=True)
+        print(json.dumps(row), file=sys.stderr, flush=True)
         if store is not None:
             with store.open("a", encoding="utf-8") as file:
-                file.write(line + "\n")
-    ordered = sorted(cases, key=lambda case: _place(case, cycle, leader))
-    for case in ordered:
-        plain = None if case.leader in {FILE, SENSOR} else found.get(Case(case.cycle, SENSOR))
-        _compare(found[case], found[Case(case.cycle, FILE)], plain)
-    numbers = {"duration_s": duration_s, "rows": [found[case] for case in ordered]}
-    if page:
-        text = put(PAGE.read_text(encoding="utf-8"), "price", as_table(numbers))
-        PAGE.write_text(text, encoding="utf-8")
-    return numbers
+                file.write(json.dumps(row) + "\n")
+    for case in cases:
+        row, exact, plain = (
+            found[case if known is None else (case[0], known, 0.0, 0.0, 0.0)]
+            for known in (None, FILE, SENSOR)
+        )
+        ageing, least, most = (each["degradation_1e7"] for each in (row, exact, plain))
+        row["degradation_change"] = 100.0 * (ageing / least - 1.0)
+        row["recovered_percent"] = 100.0 * (most - ageing) / (most - least)
+    return [found[case] for case in cases]
 
 
-def _case_of(row: dict[str, Any]) -> Case:
-    return Case(**{name: row[name] for name in Case.__dataclass_fields__})
+def as_table(rows: list[dict[str, Any]]) -> dict[str, str]:
+    """Return the rows as a table in Markdown: trips and leaders by accuracy and link."""
+    frame = pd.DataFrame(rows)
+    change, share = "{degradation_change:+.1f} %", "{recovered_percent:.0f} %"
+    cell = f"{change}, {share}, {{smallest_margin_m:.2f}} m".format
+    frame["cell"] = [cell(**row) for row in rows]
+    frame["link"] = [
+        f"{row['accuracy_m']:g} m"
+        + (f", {row['loss']:.0%} lost, {row['delay_s']:g} s late" if row["loss"] else "")
+        for row in rows
+    ]
+    radio = ~frame["leader"].isin([FILE, SENSOR])
+    links = frame[radio].sort_values(["loss", "accuracy_m"])["link"].unique()
+    frame.loc[~radio, "link"] = links[0]
+    table = frame.pivot_table("cell", ["cycle", "leader"], "link", "first", fill_value="-")
+    names = frame[["cycle", "leader"]].drop_duplicates()
+    order = [*map(tuple, names.sort_values("cycle", key=_places, kind="stable").to_numpy())]
+    heads = ("trip", "leader known from", *(f"{link}:" for link in links))
+    cells = ((*name, *table.loc[name, links]) for name in order)
+    broken = frame[radio & (frame["broken_s"] > 0)]
+    least = frame.loc[radio, "smallest_margin_m"].min()
+    counts = (
+        f"{len(frame)} drives, smallest true gap {frame['smallest_gap_m'].min():.2f} m, "
+        f"{frame['fallback_ticks'].sum()} ticks of fallback. Of {radio.sum()} with messages, {len(broken)} "
+        f"break s_min (smallest margin {least:.2f} m)."
+    )
+    return {"price": f"{markdown_table(heads, cells)}\n\n{counts}"}
 
 
-def _place(case: Case, cycle: tuple[str, ...], leader: tuple[str, ...]) -> tuple[float, ...]:
-    """Return the order of rows in the table."""
-    who = (FILE, SENSOR, *leader).index(case.leader)
-    return cycle.index(case.cycle), who, case.loss, case.accuracy_m
-
-
-def _compare(row: dict[str, Any], file: dict[str, Any], plain: dict[str, Any] | None) -> None:
-    """Add how a row compares with the file, and with the range sensor."""
-    for key, name in (
-        ("degradation_1e7", "degradation_change"),
-        ("battery_energy_kj", "energy_change"),
-    ):
-        row[name] = 100.0 * (row[key] / file[key] - 1.0)
-    row["recovered_percent"] = math.nan
-    if plain is not None:
-        price = plain["degradation_1e7"] - file["degradation_1e7"]
-        gain = plain["degradation_1e7"] - row["degradation_1e7"]
-        row["recovered_percent"] = 100.0 * gain / price
-
-
-def _text(row: dict[str, Any]) -> dict[str, Any]:
-    share = row["recovered_percent"]
-    return {
-        **row,
-        "accuracy": f"{row['accuracy_m']:g} m" if row["accuracy_m"] else "-",
-        "recovered": "-" if math.isnan(share) else f"{share:.0f} %",
-    }
-
-
-COLUMNS = {
-    "trip": "{cycle}",
-    "leader known from": "{leader}",
-    "accuracy:": "{accuracy}",
-    "lost:": "{loss_percent:.0f} %",
-    "delay:": "{delay_s:g} s",
-    "degradation:": "{degradation_1e7:.3f}·10⁻⁷",
-    "against the file:": "{degradation_change:+.2f} %",
-    "of the price recovered:": "{recovered}",
-    "battery energy against the file:": "{energy_change:+.2f} %",
-    "smallest gap:": "{smallest_gap_m:.2f} m",
-    "smallest margin to s_min:": "{smallest_margin_m:.2f} m",
-    "below s_min:": "{broken_s} s",
-    "fallback:": "{fallback_ticks} ticks",
-}
-
-
-def as_table(numbers: dict[str, Any]) -> str:
-    """Return the numbers as a table in Markdown."""
-    return formatted_table(map(_text, numbers["rows"]), COLUMNS)
+def _places(names: pd.Series[str]) -> pd.Series[int]:
+    """Return the place of each name among those that came before it."""
+    return names.map({name: place for place, name in enumerate(names.unique())})
 
 
 if __name__ == "__main__":
-    sys.exit(run_benchmark(measure, text_of=as_table))
+    sys.exit(run_benchmark(measure, text_of=as_table, page=PAGE))

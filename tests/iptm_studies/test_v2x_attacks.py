@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from benchmarks.v2x_attacks import (
     BEGIN_S,
+    CLOCKS,
+    DEPARTURE_S,
     END_S,
     FLOOD,
     FORGER,
@@ -16,22 +18,18 @@ from benchmarks.v2x_attacks import (
     AttackedRadio,
     Outcome,
     absurdly_fast,
+    braking_route,
     clock_set_back,
     drive,
     flood,
     forged_car,
+    impersonated,
     jumping,
     replayed,
     replayed_a_wrap_later,
     same_identity,
     silenced,
     steady_route,
-)
-from benchmarks.v2x_impostors import (
-    CLOCKS,
-    DEPARTURE_S,
-    braking_route,
-    impersonated,
     without_radio,
 )
 
@@ -57,7 +55,7 @@ def undisturbed(route: Route) -> Outcome:
 
 @pytest.fixture
 def attacked(route: Route) -> Callable[..., Outcome]:
-    return lambda attack: drive(route, AttackedRadio(route, attack(route)))
+    return lambda attack: drive(route, AttackedRadio(route, attack))
 
 
 def test_a_forged_car_close_ahead_is_believed_and_kept_clear_of(
