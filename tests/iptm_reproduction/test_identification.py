@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,12 +15,17 @@ from iptm_core.errors import ScenarioError
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.flat import field_specs
 from iptm_reproduction.figures import COOLING, TABLE_FIGURES, TRACTION
+from iptm_reproduction.identification import search
 from iptm_reproduction.identification.evaluations import (
+    HUBER,
     Evaluation,
     EvaluationTable,
+    Task,
+    deviations,
+    huber,
     inputs_of,
+    misfit,
 )
-from iptm_reproduction.identification.objective import HUBER, deviations, huber, misfit
 from iptm_reproduction.identification.search import Scored, Search, Stage
 from iptm_reproduction.identification.shipping import (
     composition_text,
@@ -35,7 +41,6 @@ from iptm_reproduction.identification.unknowns import (
 )
 from iptm_reproduction.names import REFERENCE, STRATEGY_NAMES
 from iptm_reproduction.printed import printed_change, printed_value
-from iptm_studies.run_inputs import RunInputs
 
 UNKNOWNS = read_unknowns(shipped_unknowns())
 
@@ -43,25 +48,13 @@ UNKNOWNS = read_unknowns(shipped_unknowns())
 def printed_runs() -> dict[str, dict[str, float]]:
     """The strategy table as if it had been found, changes exact."""
     reference = {figure: printed_value(REFERENCE, figure) or 0.0 for figure in TABLE_FIGURES}
-    runs = {"reference": reference}
-    for name in list(STRATEGY_NAMES)[1:]:
-        runs[name] = {
+    return {"reference": reference} | {
+        name: {
             figure: value * (1.0 + printed_change(f"strategies/{name}", figure))
             for figure, value in reference.items()
         }
-    return runs
-
-
-def test_every_number_has_bounds_a_prior_and_a_reason() -> None:
-    assert len(UNKNOWNS.free) >= 10
-    for unknown in UNKNOWNS.free:
-        assert unknown.low < unknown.start < unknown.high, unknown.key
-        assert len(unknown.reason) > 20, unknown.key
-    assert all(len(entry.reason) > 10 for entry in UNKNOWNS.settled)
-    # The prior itself is a trip and a model that can be driven.
-    start = UNKNOWNS.candidate(UNKNOWNS.start)
-    assert start.composition("prior").order[1:3] == ("wltc_class3b", "us06")
-    assert start.parameters().limits.max_compressor_power_w == 4500.0
+        for name in list(STRATEGY_NAMES)[1:]
+    }
 
 
 def test_whatever_the_paper_omits_about_trip_and_gap_is_searched_for_or_settled() -> None:
@@ -81,6 +74,10 @@ def test_whatever_the_paper_omits_about_trip_and_gap_is_searched_for_or_settled(
         *(key for key in chosen if neutral[key] == sources[key].value),
     }
     assert chosen - without_effect <= {key.removeprefix("parameters.") for key in stated}
+    # The prior itself is a trip and a model that can be driven.
+    start = UNKNOWNS.candidate(UNKNOWNS.start)
+    assert start.composition("prior").order[1:3] == ("wltc_class3b", "us06")
+    assert start.parameters().limits.max_compressor_power_w == 4500.0
 
 
 def test_the_weights_of_the_reference_reach_its_strategies_only() -> None:
@@ -91,18 +88,12 @@ def test_the_weights_of_the_reference_reach_its_strategies_only() -> None:
     assert inputs_of(changed, "energy_aging").spec.strategy.energy_weight_1_j == 1e-4
 
 
-@pytest.mark.parametrize(
-    ("text", "refusal"),
-    [
-        ("composition.height", "unknown number 'composition.height'"),
-        ("parameters.body.mass", "unknown number 'parameters.body.mass'"),
-    ],
-)
-def test_a_key_that_names_nothing_is_refused(tmp_path: Path, text: str, refusal: str) -> None:
+@pytest.mark.parametrize("key", ["composition.height", "parameters.body.mass"])
+def test_a_key_that_names_nothing_is_refused(tmp_path: Path, key: str) -> None:
     path = tmp_path / "unknowns.yaml"
     content = shipped_unknowns().read_text(encoding="utf-8")
-    path.write_text(content.replace("composition.large_grade", text), encoding="utf-8")
-    with pytest.raises(ScenarioError, match=refusal):
+    path.write_text(content.replace("composition.large_grade", key), encoding="utf-8")
+    with pytest.raises(ScenarioError, match=f"unknown number '{key}'"):
         read_unknowns(path)
 
 
@@ -111,13 +102,10 @@ def test_a_prior_outside_its_bounds_is_refused() -> None:
         Unknown("composition.large_grade", "1", 0.0, 1.0, 3.0, 0.1, "because")
 
 
-def test_the_printed_table_itself_has_no_misfit() -> None:
-    assert misfit(printed_runs()) == pytest.approx(0.0, abs=1e-20)
-    assert len(deviations(printed_runs())) == 36
-
-
 def test_the_misfit_by_hand() -> None:
     runs = printed_runs()
+    assert misfit(runs) == pytest.approx(0.0, abs=1e-20), "of the printed table itself"
+    assert len(deviations(runs)) == 36
     pair = {name: dict(runs[name]) for name in ("reference", "aging")}
     # Traction of the reference a quarter too high in the logarithm is one tolerance; the other rows stay.
     scale = math.exp(0.25)
@@ -131,31 +119,10 @@ def test_the_misfit_by_hand() -> None:
     assert found["aging", COOLING] == pytest.approx(2.0)
     # 1 from traction, and 1.5 (2 * 2 - 1.5) = 3.75 from cooling, over twelve numbers.
     assert misfit(pair) == pytest.approx(4.75 / 12.0)
-
-
-def test_large_deviations_count_linearly_and_without_a_kink() -> None:
+    # Large deviations count linearly and without a kink.
     assert huber(-1.0) == 1.0
     assert huber(HUBER) == pytest.approx(HUBER**2)
     assert huber(3.0) - huber(2.0) == pytest.approx(2.0 * HUBER)
-
-
-class _Quiet:
-    """Observer of a search that counts."""
-
-    def __init__(self) -> None:
-        self.performed_runs = 0
-        self.best: list[float] = []
-
-    def started(self, stage: Stage) -> None:
-        pass
-
-    def performed(self, evaluation: Evaluation) -> None:
-        assert evaluation.figures
-        self.performed_runs += 1
-
-    def scored(self, stage: Stage, scored: Scored) -> None:
-        assert set(scored.runs) == set(stage.strategies)
-        self.best.append(scored.score)
 
 
 def far_from_optimum(values: Mapping[str, float]) -> float:
@@ -164,11 +131,8 @@ def far_from_optimum(values: Mapping[str, float]) -> float:
     return abs(values["composition.large_grade"] - 0.1) + abs(gap_km - 0.15)
 
 
-def made_up(
-    task: tuple[RunInputs, Mapping[str, float]], on_progress: Callable[[], None]
-) -> Evaluation:
+def made_up(task: Task) -> Evaluation:
     """Instead of a trip: the printed table where grade and gap have certain values, worse elsewhere."""
-    on_progress()
     inputs, values = task
     away = far_from_optimum(values)
     name = inputs.spec.strategy.name
@@ -195,37 +159,57 @@ STAGES = (
 )
 
 
+@pytest.fixture(autouse=True)
+def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    def perform_all(
+        _task: object, waiting: list[Task], _workers: int
+    ) -> Iterator[tuple[Task, Evaluation]]:
+        return ((task, made_up(task)) for task in waiting)
+
+    monkeypatch.setattr(search, "perform_all", perform_all)
+
+
+def searched(table: EvaluationTable) -> tuple[list[Scored], list[str]]:
+    """The candidates of a search, and what it reported."""
+    lines: list[str] = []
+
+    def report(line: str, **_look: Any) -> None:
+        lines.append(line)
+
+    return Search(TINY, table, 1, report).run(STAGES), lines
+
+
 def test_a_search_finds_the_optimum_and_goes_on_where_it_stopped(tmp_path: Path) -> None:
-    whole = _Quiet()
-    found = Search(TINY, EvaluationTable(tmp_path / "whole"), 1, whole, perform=made_up).run(STAGES)
+    found, reported = searched(EvaluationTable(tmp_path / "whole"))
     assert far_from_optimum(found[0].candidate.values) < 0.06
     assert far_from_optimum(TINY.candidate(TINY.start).values) == pytest.approx(0.08)
     assert set(found[0].runs) == set(STRATEGY_NAMES)
+    assert reported[0] == "stage reference: 17 candidates, 17 runs"
+    assert reported[1].startswith("[1] reference, 0 s, at ")
+    assert any(line.startswith("pair: ") and ", best " in line for line in reported)
 
     # The same search, cut off: half of the table is there, its last line cut in the middle.
     lines = (tmp_path / "whole").read_text(encoding="utf-8").splitlines(keepends=True)
     half = len(lines) // 2
     (tmp_path / "cut").write_text("".join(lines[:half]) + lines[half][:40], encoding="utf-8")
-    rest = _Quiet()
     table = EvaluationTable(tmp_path / "cut")
-    assert len(table) == half
-    again = Search(TINY, table, 1, rest, perform=made_up).run(STAGES)
-    assert rest.performed_runs == len(lines) - half
+    assert len(table.entries) == half
+    again, rest = searched(table)
+    assert sum(line.startswith("[") for line in rest) == len(lines) - half
     assert [entry.score for entry in again] == [entry.score for entry in found]
-    assert len(EvaluationTable(tmp_path / "cut")) == len(lines)
+    assert len(EvaluationTable(tmp_path / "cut").entries) == len(lines)
 
 
 def test_what_is_shipped_reads_back_as_the_candidate(tmp_path: Path) -> None:
     table = EvaluationTable(tmp_path / "table")
-    best = Search(TINY, table, 1, _Quiet(), perform=made_up).run(STAGES)[0]
+    best = searched(table)[0][0]
     path = tmp_path / "mine.yaml"
     path.write_text(set_text(best.candidate), encoding="utf-8")
     loaded = load_parameters(path)
     assert loaded.values == best.candidate.parameters()
     assert "identified between 80 and 200" in loaded.sources["gap.max_gap_m"].note
-    assert f"large_grade: {best.candidate.values['composition.large_grade']:g}" in composition_text(
-        best.candidate
-    )
+    grade = f"large_grade: {best.candidate.values['composition.large_grade']:g}"
+    assert grade in composition_text(best.candidate)
     rows = evaluations_text(table, TINY).splitlines()
     head = "misfit,strategies,composition.large_grade,parameters.gap.max_gap_m,deviation.reference."
     assert rows[0].startswith(head)
@@ -242,26 +226,18 @@ def test_a_number_without_influence_keeps_its_prior_and_one_with_influence_does_
     assert left[0] == pytest.approx(1.0 / math.sqrt(17.0), rel=0.05)
     assert left[1] == pytest.approx(1.0 / math.sqrt(1.25), rel=0.05)
     assert left[2] == pytest.approx(1.0, rel=0.01)
-
-
-def test_two_numbers_that_act_alike_are_not_told_apart() -> None:
-    steps = np.random.default_rng(4).normal(size=(40, 2))
-    left = remaining_shares(steps, steps @ np.array([[5.0], [5.0]]))
-    assert np.all(left > 0.6)
-
-
-def test_a_few_evaluations_determine_nothing_that_they_did_not_vary() -> None:
-    steps = np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0]])
-    left = remaining_shares(steps, steps @ np.array([[3.0], [3.0]]))
+    # Two numbers that act alike cannot be separated.
+    assert np.all(remaining_shares(steps[:, :2], steps[:, :2] @ np.array([[5.0], [5.0]])) > 0.6)
+    # A few evaluations determine nothing that they did not vary.
+    few = np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0]])
+    left = remaining_shares(few, few @ np.array([[3.0], [3.0]]))
     assert left[0] < 0.5
     assert left[1] == pytest.approx(1.0)
 
 
 def test_the_shipped_numbers_lie_within_their_bounds_and_are_among_the_good_fits() -> None:
     spread = determined_numbers()
-    assert [number.unknown.key for number in spread.numbers] == [
-        unknown.key for unknown in UNKNOWNS.free
-    ]
+    assert [number.unknown for number in spread.numbers] == list(UNKNOWNS.free)
     for number in spread.numbers:
         assert number.unknown.low <= number.value <= number.unknown.high
         assert number.low <= number.value <= number.high

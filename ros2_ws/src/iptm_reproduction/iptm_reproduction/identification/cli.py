@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,9 +11,8 @@ from rich.console import Console
 
 from iptm_core.program import EXIT_USER_ERROR
 from iptm_core.user_input import whole_number
-from iptm_reproduction.identification.evaluations import Evaluation, EvaluationTable
-from iptm_reproduction.identification.objective import deviations, misfit
-from iptm_reproduction.identification.search import STAGES, Scored, Search, Stage
+from iptm_reproduction.identification.evaluations import EvaluationTable, deviations, misfit
+from iptm_reproduction.identification.search import STAGES, Scored, Search
 from iptm_reproduction.identification.shipping import ship
 from iptm_reproduction.identification.unknowns import (
     Candidate,
@@ -23,7 +21,6 @@ from iptm_reproduction.identification.unknowns import (
     shipped_unknowns,
 )
 from iptm_studies.cli import add_workers_option, perform_command
-from iptm_studies.execution import clock_text
 from iptm_studies.store import default_store_folder
 from iptm_studies.workers import worker_count
 
@@ -56,8 +53,8 @@ def _run(options: argparse.Namespace, console: Console) -> int:
     table = EvaluationTable(path)
     if options.command == "search":
         workers = worker_count(options.workers)
-        found = Search(unknowns, table, workers, _Progress(console)).run()
-        console.print(f"{len(table)} runs in {path}")
+        found = Search(unknowns, table, workers, console.print).run()
+        console.print(f"{len(table.entries)} runs in {path}")
         _show(found[: options.best])
         return 0
     found = _stored(table, unknowns)
@@ -90,35 +87,6 @@ def _show(found: Sequence[Scored]) -> None:
             print(f"     {key:48} {value:g}")
         for (strategy, figure), value in deviations(scored.runs).items():
             print(f"     deviation of {strategy:24} {figure:24} {value:+.2f}")
-
-
-class _Progress:
-    """Prints a line per run and candidate."""
-
-    def __init__(self, console: Console) -> None:
-        self._console = console
-        self._began = time.perf_counter()
-        self._runs = 0
-        self._best = float("inf")
-
-    def started(self, stage: Stage) -> None:
-        planned = max(1, stage.generations) * stage.population + bool(stage.generations)
-        self._best = float("inf")
-        self._console.print(
-            f"stage {stage.name}: {planned} candidates, {planned * len(stage.strategies)} runs",
-            style="bold",
-        )
-
-    def performed(self, evaluation: Evaluation) -> None:
-        self._runs += 1
-        clock = clock_text(time.perf_counter() - self._began)
-        self._console.print(
-            f"[{self._runs}] {evaluation.strategy}, {evaluation.wall_s:.0f} s, at {clock}"
-        )
-
-    def scored(self, stage: Stage, scored: Scored) -> None:
-        self._best = min(self._best, scored.score)
-        self._console.print(f"{stage.name}: {scored.score:.3f}, best {self._best:.3f}")
 
 
 if __name__ == "__main__":

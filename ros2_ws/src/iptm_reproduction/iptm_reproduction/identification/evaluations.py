@@ -1,29 +1,47 @@
-"""The runs of a search: an append-only table, so that an interrupted search goes on where it stopped."""
+"""The runs of a search in an append-only table, and how far they are from the paper's strategy table.
+
+Every printed number gives a deviation in units of the tolerance for reproduced: of an absolute row, the
+logarithm of found over printed against `ABSOLUTE_TOLERANCE`; of a relative change, the difference against the
+tolerance of the verdicts. Large deviations count linearly (Huber), so that one row that cannot be met does
+not decide the fit. What the paper prints elsewhere plays no part: it is what the fit is tested on.
+"""
 
 from __future__ import annotations
 
-import hashlib
 import json
+import math
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.errors import StoreError
 from iptm_core.metrics import figure_values
 from iptm_core.routes import Route, build_route
 from iptm_core.routes.comprehensive import RouteComposition
+from iptm_reproduction.figures import TABLE_FIGURES
 from iptm_reproduction.identification.unknowns import Candidate
+from iptm_reproduction.names import REFERENCE, STRATEGY_NAMES
+from iptm_reproduction.printed import printed_change, printed_value
+from iptm_reproduction.verdict import CHANGE_SHARE, accepted_deviation
 from iptm_studies.fingerprint import code_fingerprint
 from iptm_studies.run import perform_run
 from iptm_studies.run_inputs import KEY_LENGTH, RunInputs, run_key
 from iptm_studies.run_spec import RunSpec, canonical_json
 
 HORIZON = "15x1"
+ABSOLUTE_TOLERANCE = CHANGE_SHARE
+"""Unit of the deviation of an absolute figure, in its logarithm: the tolerance of the verdicts."""
+HUBER = 1.5
+"""Deviation from which on the loss grows linearly."""
 _NAME = "candidate"
+
+Figures = Mapping[str, float]
+"""Figures of a run by key."""
+Task = tuple[RunInputs, Mapping[str, float]]
+"""A run, and the numbers of the candidate whose trip it drives."""
 
 
 @dataclass(frozen=True)
@@ -41,22 +59,15 @@ class Evaluation:
     key: str
     strategy: str
     values: Mapping[str, float]
-    figures: Mapping[str, float]
+    figures: Figures
     wall_s: float
-
-    def to_json(self) -> str:
-        """One line of the table."""
-        return canonical_json(vars(self))
 
 
 def inputs_of(candidate: Candidate, strategy: str) -> RunInputs:
     """Return the run of a strategy of the paper on the trip of a candidate."""
     composition, parameters = candidate.composition(_NAME), candidate.parameters()
-    spec = RunSpec(
-        cycle=_NAME,
-        strategy=candidate.strategy(strategy_by_name(strategy)),
-        horizon=HORIZON,
-    )
+    driven = candidate.strategy(strategy_by_name(strategy))
+    spec = RunSpec(cycle=_NAME, strategy=driven, horizon=HORIZON)
     route = _route(composition, parameters.gap.initial_gap_m)
     return RunInputs(spec, parameters, route, code_fingerprint(), f"{_NAME}/{strategy}")
 
@@ -66,19 +77,12 @@ def _route(composition: RouteComposition, initial_gap_m: float) -> Route:
     return build_route(composition, initial_gap_m=initial_gap_m)
 
 
-def evaluate(
-    task: tuple[RunInputs, Mapping[str, float]], on_progress: Callable[[], None]
-) -> Evaluation:
-    """Perform a run on the trip of a candidate with some values; called in a worker process."""
+def evaluate(task: Task, on_progress: Callable[[], None]) -> Evaluation:
+    """Perform a run; called in a worker process."""
     inputs, values = task
     run = perform_run(inputs, on_progress)
-    return Evaluation(
-        run_key(inputs),
-        inputs.spec.strategy.name,
-        dict(values),
-        figure_values(run.metrics),
-        run.record.wall_time_s,
-    )
+    figures, wall_s = figure_values(run.metrics), run.record.wall_time_s
+    return Evaluation(run_key(inputs), inputs.spec.strategy.name, dict(values), figures, wall_s)
 
 
 class EvaluationTable:
@@ -91,27 +95,19 @@ class EvaluationTable:
             StoreError: the file cannot be read.
         """
         self.path = path
-        self._entries: dict[str, Evaluation] = {}
         try:
-            lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+            text = path.read_text(encoding="utf-8") if path.exists() else ""
         except (OSError, UnicodeDecodeError) as error:
             raise StoreError(f"table {path} cannot be read: {error}") from error
-        for line in lines:
-            entry = _parsed(line)
-            if entry is not None:
-                self._entries[entry.key] = entry
-
-    def __len__(self) -> int:
-        """Return the number of evaluations."""
-        return len(self._entries)
-
-    def __iter__(self) -> Any:
-        """Return all evaluations in the order of the file."""
-        return iter(self._entries.values())
-
-    def find(self, key: str) -> Evaluation | None:
-        """Return an evaluation; None if it is not there."""
-        return self._entries.get(key)
+        self._line_end = "\n" if text and not text.endswith("\n") else ""
+        self.entries: dict[str, Evaluation] = {}
+        for line in text.splitlines():
+            try:
+                entry = Evaluation(**json.loads(line))
+            except (ValueError, TypeError):
+                continue
+            if len(entry.key) == KEY_LENGTH:
+                self.entries[entry.key] = entry
 
     def add(self, entry: Evaluation) -> None:
         """Append an evaluation; it is on the disk when this returns.
@@ -119,32 +115,55 @@ class EvaluationTable:
         Raises:
             StoreError: the file cannot be written.
         """
-        self._entries[entry.key] = entry
+        self.entries[entry.key] = entry
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            cut = self.path.exists() and not self.path.read_bytes().endswith(b"\n")
             with self.path.open("a", encoding="utf-8") as file:
-                file.write(
-                    ("\n" if cut and self.path.stat().st_size else "") + entry.to_json() + "\n"
-                )
+                file.write(f"{self._line_end}{canonical_json(vars(entry))}\n")
                 file.flush()
                 os.fsync(file.fileno())
         except OSError as error:
             raise StoreError(f"table {self.path} cannot be written: {error}") from error
+        self._line_end = ""
 
-    def by_candidate(self) -> list[tuple[Mapping[str, float], dict[str, Mapping[str, float]]]]:
+    def by_candidate(self) -> list[tuple[Mapping[str, float], dict[str, Figures]]]:
         """Return the numbers of each candidate with the figures of its strategies."""
-        grouped: dict[str, tuple[Mapping[str, float], dict[str, Mapping[str, float]]]] = {}
-        for entry in self:
-            name = hashlib.sha256(canonical_json(dict(entry.values)).encode()).hexdigest()
-            grouped.setdefault(name, (entry.values, {}))[1][entry.strategy] = entry.figures
+        grouped: dict[str, tuple[Mapping[str, float], dict[str, Figures]]] = {}
+        for entry in self.entries.values():
+            same = grouped.setdefault(canonical_json(dict(entry.values)), (entry.values, {}))
+            same[1][entry.strategy] = entry.figures
         return list(grouped.values())
 
 
-def _parsed(line: str) -> Evaluation | None:
-    """Read a line; None if it is cut or no evaluation."""
-    try:
-        entry = Evaluation(**json.loads(line))
-    except (ValueError, TypeError):
-        return None
-    return entry if len(entry.key) == KEY_LENGTH else None
+def deviations(runs: Mapping[str, Figures]) -> dict[tuple[str, str], float]:
+    """Return the deviations from every number of the table that the runs give, by strategy and figure.
+
+    Args:
+        runs: figures by strategy; the reference must be among them. Relative rows come from the others.
+    """
+    reference = runs["reference"]
+    found: dict[tuple[str, str], float] = {}
+    for name in STRATEGY_NAMES:
+        if name not in runs:
+            continue
+        for figure in TABLE_FIGURES:
+            printed = printed_value(REFERENCE, figure)
+            if name != "reference":
+                change = runs[name][figure] / reference[figure] - 1.0
+                wanted = printed_change(f"strategies/{name}", figure)
+                found[name, figure] = (change - wanted) / accepted_deviation(wanted)
+            elif printed is not None:
+                found[name, figure] = math.log(reference[figure] / printed) / ABSOLUTE_TOLERANCE
+    return found
+
+
+def misfit(runs: Mapping[str, Figures]) -> float:
+    """Return the mean loss over the numbers of the table that the runs give; 1 is a deviation of one."""
+    losses = [huber(value) for value in deviations(runs).values()]
+    return sum(losses) / len(losses)
+
+
+def huber(deviation: float) -> float:
+    """Return the square of a small deviation, and the tangent of that beyond `HUBER`."""
+    size = abs(deviation)
+    return size * size if size <= HUBER else HUBER * (2.0 * size - HUBER)

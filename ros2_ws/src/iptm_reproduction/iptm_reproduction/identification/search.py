@@ -6,9 +6,9 @@ is restarted repeats its path through the stored evaluations, then continues.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import cma
 import numpy as np
@@ -18,13 +18,15 @@ from iptm_core.state import FloatArray
 from iptm_reproduction.identification.evaluations import (
     Evaluation,
     EvaluationTable,
+    Figures,
+    Task,
     evaluate,
     inputs_of,
+    misfit,
 )
-from iptm_reproduction.identification.objective import misfit
 from iptm_reproduction.identification.unknowns import Candidate, Unknowns
 from iptm_reproduction.names import STRATEGY_NAMES
-from iptm_studies.run_inputs import RunInputs
+from iptm_studies.execution import clock_text
 from iptm_studies.workers import Failed, OnProgress, perform_all
 
 SEED = 1
@@ -75,23 +77,7 @@ class Scored:
     candidate: Candidate
     score: float
     misfit: float
-    runs: Mapping[str, Mapping[str, float]]
-
-
-class Observer(Protocol):
-    """Receives the progress of the search."""
-
-    def started(self, stage: Stage) -> None:
-        """A stage begins."""
-
-    def performed(self, evaluation: Evaluation) -> None:
-        """A run was performed."""
-
-    def scored(self, stage: Stage, scored: Scored) -> None:
-        """A candidate is known."""
-
-
-Perform = Callable[[tuple[RunInputs, Mapping[str, float]], OnProgress], Evaluation]
+    runs: Mapping[str, Figures]
 
 
 class Search:
@@ -102,9 +88,9 @@ class Search:
         unknowns: Unknowns,
         table: EvaluationTable,
         workers: int,
-        observer: Observer,
+        report: Callable[..., None],
         *,
-        perform: Perform = evaluate,
+        perform: Callable[[Task, OnProgress], Evaluation] = evaluate,
     ) -> None:
         """Prepare a search.
 
@@ -112,20 +98,24 @@ class Search:
             unknowns: what is searched for.
             table: where runs are looked up and kept.
             workers: number of processes that perform them.
-            observer: notified of every run and candidate.
+            report: prints a line per stage (with a ``style``), run and candidate.
             perform: performs a run on a worker.
         """
         self._unknowns = unknowns
         self._table = table
         self._workers = workers
-        self._observer = observer
+        self._report = report
         self._perform = perform
+        self._began = time.perf_counter()
+        self._runs = 0
 
     def run(self, stages: Sequence[Stage] = STAGES) -> list[Scored]:
         """Go through the stages; returns the candidates of the last one, the best first."""
         center, best = self._unknowns.start, list[Scored]()
         for stage in stages:
-            self._observer.started(stage)
+            count = max(1, stage.generations) * stage.population + bool(stage.generations)
+            runs = count * len(stage.strategies)
+            self._report(f"stage {stage.name}: {count} candidates, {runs} runs", style="bold")
             if stage.generations:
                 best = self._optimise(stage, center)
             else:
@@ -136,66 +126,70 @@ class Search:
 
     def _optimise(self, stage: Stage, center: FloatArray) -> list[Scored]:
         unknowns = self._unknowns
-        strategy = cma.CMAEvolutionStrategy(
-            list(center),
-            stage.step,
-            {
-                "bounds": [0.0, 1.0],
-                "CMA_stds": list(unknowns.spreads),
-                "popsize": stage.population,
-                "seed": SEED,
-                "verbose": -9,
-            },
-        )
+        options = {
+            "bounds": [0.0, 1.0],
+            "CMA_stds": list(unknowns.spreads),
+            "popsize": stage.population,
+            "seed": SEED,
+            "verbose": -9,
+        }
+        strategy = cma.CMAEvolutionStrategy(list(center), stage.step, options)
         # The center itself is known before the first step away from it.
         every = self._score(stage, [unknowns.candidate(center)])
         for _ in range(stage.generations):
             asked = strategy.ask()
-            scored = self._score(stage, [unknowns.candidate(np.asarray(x)) for x in asked])
+            candidates = [unknowns.candidate(np.asarray(x)) for x in asked]
+            scored = self._score(stage, candidates, _best(every))
             strategy.tell(asked, [entry.score for entry in scored])
             every += scored
         return _ranked(every)
 
-    def _score(self, stage: Stage, candidates: Iterable[Candidate]) -> list[Scored]:
-        wanted = list(candidates)
-        figures: list[dict[str, Mapping[str, float]]] = [{} for _ in wanted]
-        waiting: dict[str, tuple[RunInputs, Mapping[str, float]]] = {}
+    def _score(
+        self, stage: Stage, candidates: Sequence[Candidate], best: float = np.inf
+    ) -> list[Scored]:
+        """Drive candidates with the strategies of a stage; ``best`` is the best score so far."""
+        figures: list[dict[str, Figures]] = [{} for _ in candidates]
+        waiting: dict[str, Task] = {}
         places: dict[str, list[tuple[int, str]]] = {}
-        for place, candidate in enumerate(wanted):
+        for place, candidate in enumerate(candidates):
             for name in stage.strategies:
                 try:
                     inputs = inputs_of(candidate, name)
                 except IptmError:
                     continue  # numbers that contradict each other make no trip
-                known = self._table.find(inputs.key)
+                known = self._table.entries.get(inputs.key)
                 if known is None:
                     waiting[inputs.key] = inputs, dict(candidate.values)
                     places.setdefault(inputs.key, []).append((place, name))
                 else:
                     figures[place][name] = known.figures
         for _, found in perform_all(self._perform, list(waiting.values()), self._workers):
-            if not isinstance(found, Failed):
-                self._table.add(found)
-                self._observer.performed(found)
-                for place, name in places[found.key]:
-                    figures[place][name] = found.figures
-        scored = [
-            self._scored(stage, candidate, runs)
-            for candidate, runs in zip(wanted, figures, strict=True)
-        ]
-        for entry in scored:
-            self._observer.scored(stage, entry)
+            if isinstance(found, Failed):
+                continue
+            self._table.add(found)
+            self._runs += 1
+            clock = clock_text(time.perf_counter() - self._began)
+            self._report(f"[{self._runs}] {found.strategy}, {found.wall_s:.0f} s, at {clock}")
+            for place, name in places[found.key]:
+                figures[place][name] = found.figures
+        scored = []
+        for candidate, runs in zip(candidates, figures, strict=True):
+            scored.append(self._scored(stage, candidate, runs))
+            best = min(best, scored[-1].score)
+            self._report(f"{stage.name}: {scored[-1].score:.3f}, best {best:.3f}")
         return scored
 
-    def _scored(
-        self, stage: Stage, candidate: Candidate, runs: Mapping[str, Mapping[str, float]]
-    ) -> Scored:
+    def _scored(self, stage: Stage, candidate: Candidate, runs: Mapping[str, Figures]) -> Scored:
         if set(runs) != set(stage.strategies):
             return Scored(candidate, FAILED, FAILED, runs)
         fit = misfit(runs)
         unknowns = self._unknowns
         away = (unknowns.places(candidate.values) - unknowns.start) / unknowns.spreads
         return Scored(candidate, fit + PRIOR_SHARE * float(np.mean(away**2)), fit, runs)
+
+
+def _best(scored: Iterable[Scored]) -> float:
+    return min(entry.score for entry in scored)
 
 
 def _ranked(scored: Iterable[Scored]) -> list[Scored]:

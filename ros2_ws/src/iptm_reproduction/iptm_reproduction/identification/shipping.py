@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import csv
-import io
+import itertools
 import textwrap
-from collections.abc import Iterable
 from pathlib import Path
+
+import pandas as pd
 
 from iptm_core.parameters.loading import _sets_folder as sets_folder
 from iptm_core.routes.comprehensive import compositions_folder
-from iptm_reproduction.identification.evaluations import EvaluationTable
-from iptm_reproduction.identification.objective import deviations, misfit
+from iptm_reproduction.identification.evaluations import EvaluationTable, deviations, misfit
 from iptm_reproduction.identification.unknowns import COMPOSITION, PARAMETERS, Candidate, Unknowns
 from iptm_studies.run_spec import REPRODUCED_CYCLE, REPRODUCED_SET
 
@@ -32,37 +31,36 @@ def composition_text(candidate: Candidate) -> str:
     ]
     for key, value in composition.to_dict().items():
         if key not in {"order", "first_slope"}:
-            lines += [f"# {text}" for text in _wrapped(reasons.get(f"{COMPOSITION}.{key}", ""))]
-            lines.append(f"{key}: {_number(value)}")
+            reason = reasons.get(f"{COMPOSITION}.{key}", "")
+            lines += [*_wrapped(reason, "# "), f"{key}: {_number(value)}"]
     return _HEADER + "\n".join(lines) + "\n"
 
 
 def set_text(candidate: Candidate) -> str:
     """Return the file of the identified parameter set."""
     unknowns = candidate.unknowns
-    units = {entry.key: entry.unit for entry in unknowns.free}
-    reasons = _reasons(unknowns)
     lines = [
         "description: identified from the paper's strategy table, with the identified composition",
         f"base: {unknowns.base_set}",
     ]
-    group = ""
-    for key in sorted(candidate.section(PARAMETERS)):
-        section, _, name = key.partition(".")
-        full = f"{PARAMETERS}.{key}"
-        if full not in units:
-            continue  # settled: as in the base
-        if section != group:
-            lines += ["", f"{section}:"]
-            group = section
-        lines += [
-            f"  {name}:",
-            f"    value: {_number(candidate.values[full])}",
-            f'    unit: "{units[full]}"',
-            "    source: derived",
-            "    note: >",
-            *(f"      {text}" for text in _wrapped(f"{reasons[full]}", _WIDTH - 6)),
-        ]
+    reasons = _reasons(unknowns)
+    free = {
+        entry.key.removeprefix(f"{PARAMETERS}."): entry
+        for entry in unknowns.free  # what is settled stays as in the base
+        if entry.key.startswith(f"{PARAMETERS}.")
+    }
+    for group, keys in itertools.groupby(sorted(free), lambda key: key.partition(".")[0]):
+        lines += ["", f"{group}:"]
+        for key in keys:
+            entry = free[key]
+            lines += [
+                f"  {key.partition('.')[2]}:",
+                f"    value: {_number(candidate.values[entry.key])}",
+                f'    unit: "{entry.unit}"',
+                "    source: derived",
+                "    note: >",
+                *_wrapped(reasons[entry.key], "      "),
+            ]
     return _HEADER + "\n".join(lines) + "\n"
 
 
@@ -70,20 +68,23 @@ def evaluations_text(table: EvaluationTable, unknowns: Unknowns) -> str:
     """Return the candidates that were driven with the aging strategy, as CSV: misfit, numbers, deviations."""
     keys = [unknown.key for unknown in unknowns.free]
     rows = []
-    names: list[str] = []
     for values, runs in table.by_candidate():
         if {"reference", "aging"} <= set(runs) and set(keys) <= set(values):
             pair = {name: runs[name] for name in ("reference", "aging")}
-            found = deviations(pair)
-            names = [f"{DEVIATION}.{strategy}.{figure}" for strategy, figure in found]
-            numbers = (values[key] for key in keys)
-            rows.append((misfit(pair), len(runs), *numbers, *found.values()))
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow((MISFIT, STRATEGY_COUNT, *keys, *names))
-    for row in sorted(rows):
-        writer.writerow([f"{value:.5g}" for value in row])
-    return buffer.getvalue()
+            rows.append(
+                {
+                    MISFIT: misfit(pair),
+                    STRATEGY_COUNT: len(runs),
+                    **{key: values[key] for key in keys},
+                    **{
+                        f"{DEVIATION}.{strategy}.{figure}": value
+                        for (strategy, figure), value in deviations(pair).items()
+                    },
+                }
+            )
+    rows.sort(key=lambda row: tuple(row.values()))
+    text: str = pd.DataFrame(rows).to_csv(index=False, float_format="%.5g")
+    return text
 
 
 def ship(candidate: Candidate, table: EvaluationTable) -> tuple[Path, ...]:
@@ -116,5 +117,6 @@ def _number(value: float) -> str:
     return text if any(mark in text for mark in ".e") else f"{text}.0"
 
 
-def _wrapped(text: str, width: int = _WIDTH - 2) -> Iterable[str]:
-    return textwrap.wrap(" ".join(text.split()), width)
+def _wrapped(text: str, indent: str) -> list[str]:
+    lines = textwrap.wrap(" ".join(text.split()), _WIDTH - len(indent))
+    return [f"{indent}{line}" for line in lines]

@@ -10,24 +10,21 @@ carries no information, 0 where it leaves no choice.
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from iptm_core.errors import StoreError
 from iptm_core.parameters import load_parameters, to_flat_dict
 from iptm_core.routes.comprehensive import load_composition
 from iptm_core.state import FloatArray
-from iptm_reproduction.identification.shipping import (
-    DEVIATION,
-    EVALUATIONS_NAME,
-    MISFIT,
-)
+from iptm_reproduction.identification.shipping import DEVIATION, EVALUATIONS_NAME, MISFIT
 from iptm_reproduction.identification.unknowns import (
     COMPOSITION,
+    PARAMETERS,
     Unknown,
     read_unknowns,
     shipped_unknowns,
@@ -62,7 +59,7 @@ class Determined:
     @property
     def deviation(self) -> float:
         """Standard deviation that the table leaves."""
-        return self.share * self.unknown.spread * (self.unknown.high - self.unknown.low)
+        return self.share * self.unknown.deviation
 
     @property
     def judgement(self) -> str:
@@ -80,36 +77,32 @@ class Spread:
         numbers: in the order of the unknowns.
         values: numbers of each candidate, shape (candidates, numbers).
         misfits: shape (candidates,), the best first.
-        best: smallest misfit.
         threshold: largest misfit of a good fit.
     """
 
     numbers: tuple[Determined, ...]
     values: FloatArray
     misfits: FloatArray
-    best: float
     threshold: float
 
     @property
-    def candidates(self) -> int:
-        """Number of candidates."""
-        return int(self.misfits.size)
-
-    @property
-    def good(self) -> int:
-        """Number of good fits."""
-        return int(np.sum(self.misfits <= self.threshold))
+    def good(self) -> FloatArray:
+        """Which candidates are good fits, shape (candidates,)."""
+        return self.misfits <= self.threshold
 
 
 def shipped_values() -> dict[str, float]:
     """Return the identified value of every number by key."""
-    composition = load_composition(REPRODUCED_CYCLE)
-    values = {
-        f"parameters.{key}": value
-        for key, value in to_flat_dict(load_parameters(REPRODUCED_SET).values).items()
+    sections = {
+        PARAMETERS: to_flat_dict(load_parameters(REPRODUCED_SET).values),
+        COMPOSITION: vars(load_composition(REPRODUCED_CYCLE)),
     }
-    numbers = (key for key, value in composition.to_dict().items() if isinstance(value, float))
-    return values | {f"{COMPOSITION}.{key}": getattr(composition, key) for key in numbers}
+    return {
+        f"{section}.{key}": value
+        for section, values in sections.items()
+        for key, value in values.items()
+        if isinstance(value, float)
+    }
 
 
 @cache
@@ -120,35 +113,28 @@ def determined_numbers() -> Spread:
         StoreError: the file is missing or not as it should be.
     """
     path = Path(__file__).parent / EVALUATIONS_NAME
-    unknowns = read_unknowns(shipped_unknowns())
+    unknowns = read_unknowns(shipped_unknowns()).free
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            rows = list(csv.DictReader(file))
-        misfits = np.array([float(row[MISFIT]) for row in rows])
-        values = np.array([[float(row[entry.key]) for entry in unknowns.free] for row in rows])
-        names = [name for name in rows[0] if name.startswith(f"{DEVIATION}.")]
-        deviations = np.array([[float(row[name]) for name in names] for row in rows])
-    except (OSError, IndexError, KeyError, TypeError, ValueError) as error:
+        table = pd.read_csv(path, dtype=float, float_precision="round_trip")
+        misfits = table[MISFIT].to_numpy()
+        values = table[[entry.key for entry in unknowns]].to_numpy()
+        threshold = float(misfits.min()) + GOOD_EXCESS
+    except (OSError, KeyError, ValueError) as error:
         raise StoreError(f"evaluations {path} cannot be read: {error}") from error
-    best = float(np.min(misfits))
-    good = misfits <= best + GOOD_EXCESS
     shipped = shipped_values()
     shares = remaining_shares(
-        (values - np.array([shipped[entry.key] for entry in unknowns.free]))
-        / np.array([entry.spread * (entry.high - entry.low) for entry in unknowns.free]),
-        deviations,
+        (values - np.array([shipped[entry.key] for entry in unknowns]))
+        / np.array([entry.deviation for entry in unknowns]),
+        table.filter(regex=rf"^{DEVIATION}\.").to_numpy(),
     )
+    fits = values[misfits <= threshold]
     numbers = tuple(
-        Determined(
-            unknown,
-            shipped[unknown.key],
-            float(np.min(values[good, place])),
-            float(np.max(values[good, place])),
-            float(shares[place]),
+        Determined(unknown, shipped[unknown.key], float(low), float(high), float(share))
+        for unknown, low, high, share in zip(
+            unknowns, fits.min(axis=0), fits.max(axis=0), shares, strict=True
         )
-        for place, unknown in enumerate(unknowns.free)
     )
-    return Spread(numbers, values, misfits, best, best + GOOD_EXCESS)
+    return Spread(numbers, values, misfits, threshold)
 
 
 def remaining_shares(steps: FloatArray, deviations: FloatArray) -> FloatArray:

@@ -67,12 +67,13 @@ class Unknown:
         if not self.spread > 0.0:
             raise ScenarioError(f"{self.key}: spread is {self.spread}; allowed: above 0")
 
-    def at(self, place: float) -> float:
-        """Value at a place from 0 (low) to 1 (high)."""
-        return self.low + place * (self.high - self.low)
+    @property
+    def deviation(self) -> float:
+        """Standard deviation of the prior."""
+        return self.spread * (self.high - self.low)
 
     def place(self, value: float) -> float:
-        """Place of a value, the inverse of ``at``."""
+        """Place of a value from 0 (low) to 1 (high)."""
         return (value - self.low) / (self.high - self.low)
 
 
@@ -118,12 +119,11 @@ class Unknowns:
 
     def candidate(self, places: FloatArray) -> Candidate:
         """Return the candidate at places in the unit cube, shape (n,); places outside are cut off."""
-        inside = np.clip(places, 0.0, 1.0)
-        values = {
-            unknown.key: float(f"{unknown.at(float(place)):.5g}")
-            for unknown, place in zip(self.free, inside, strict=True)
-        }
-        return Candidate(self, {**{entry.key: entry.value for entry in self.settled}, **values})
+        values = {entry.key: entry.value for entry in self.settled}
+        for unknown, place in zip(self.free, np.clip(places, 0.0, 1.0), strict=True):
+            value = unknown.low + float(place) * (unknown.high - unknown.low)
+            values[unknown.key] = float(f"{value:.5g}")
+        return Candidate(self, values)
 
     def places(self, values: Mapping[str, float]) -> FloatArray:
         """Return the places of the free numbers of a candidate, shape (n,)."""
@@ -132,22 +132,18 @@ class Unknowns:
 
 @dataclass(frozen=True)
 class Candidate:
-    """One choice of all numbers.
-
-    Attributes:
-        unknowns: what they stand for.
-        values: value by key, settled ones included.
-    """
+    """One choice of all numbers, by key, settled ones included."""
 
     unknowns: Unknowns
     values: Mapping[str, float]
 
     def section(self, name: str) -> dict[str, float]:
         """Values of a section by the rest of their key."""
+        prefix = f"{name}."
         return {
-            key.partition(".")[2]: value
+            key.removeprefix(prefix): value
             for key, value in self.values.items()
-            if key.partition(".")[0] == name
+            if key.startswith(prefix)
         }
 
     def composition(self, name: str) -> RouteComposition:

@@ -100,7 +100,7 @@ def determined(_: Results) -> Figure:
     spread = determined_numbers()
     rows = math.ceil(len(spread.numbers) / _COLUMNS)
     figure, panels = new_figure(1.5 * rows, rows, _COLUMNS, sharey=True)
-    good = spread.misfits <= spread.threshold
+    good = spread.good
     for place, (panel, number) in enumerate(zip(panels, spread.numbers, strict=False)):
         values = spread.values[:, place]
         panel.plot(values[~good], spread.misfits[~good], ".", color="#bbbbbb", markersize=4)
