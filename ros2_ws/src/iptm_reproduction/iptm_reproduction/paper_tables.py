@@ -7,6 +7,7 @@ import pandas as pd
 from iptm_controller.strategy import STRATEGIES as COST_TERMS
 from iptm_core.metrics.figures import FIGURES
 from iptm_core.parameters import describe_parameters, load_parameters
+from iptm_core.parameters.loading import ParameterRow
 from iptm_core.parameters.model import to_model_unit
 from iptm_reproduction.figures import (
     CELL_1,
@@ -25,8 +26,6 @@ from iptm_reproduction.figures import (
     TRACTION,
     change_text,
 )
-from iptm_reproduction.identification.spread import determined_numbers
-from iptm_reproduction.identification.unknowns import read_unknowns, shipped_unknowns
 from iptm_reproduction.names import (
     FIRST_MULTI_HORIZON,
     FIRST_REFERENCE,
@@ -82,25 +81,20 @@ def parameters(_: Results, table: str) -> pd.DataFrame:
         row, source = ours[key], used.sources[key]
         wanted = to_model_unit(printed, unit, row.unit)
         same = abs(row.value - wanted) <= _SAME * max(1.0, abs(wanted))
-        found = marked(_with_unit(source.value, source.unit), graded(same))
-        rows.append((row.symbol, key, _with_unit(printed, unit), found))
+        found = marked(with_unit(source.value, source.unit), graded(same))
+        rows.append((row.symbol, key, with_unit(printed, unit), found))
     return table_of(("symbol", "parameter", "printed", "used"), rows)
 
 
-def omitted_parameters(_: Results) -> pd.DataFrame:
+def omitted_parameters() -> list[ParameterRow]:
     """Return every parameter that the paper's tables do not state, and where its value comes from."""
     stated = {key for table in PARAMETER_TABLES.values() for key in table}
-    return table_of(
-        ("symbol", "parameter", "used", "source", "remark"),
-        [
-            (row.symbol, row.key, _with_unit(row.value, row.unit), row.source, row.note or DASH)
-            for row in describe_parameters(load_parameters(REPRODUCED_SET))
-            if row.key not in stated
-        ],
-    )
+    rows = describe_parameters(load_parameters(REPRODUCED_SET))
+    return [row for row in rows if row.key not in stated]
 
 
-def _with_unit(value: float, unit: str, text: str = ".10g") -> str:
+def with_unit(value: float, unit: str, text: str = ".10g") -> str:
+    """Return a number with its unit, if it has one."""
     return format(value, text) if unit == "1" else f"{format(value, text)} {unit}"
 
 
@@ -193,37 +187,6 @@ def ranking_text(results: Results) -> str:
         )
         sentences += [f"{shown.title}: {order}."] if order else []
     return f"The strategies in order, lowest first. {' '.join(sentences)}"
-
-
-def determined(_: Results) -> pd.DataFrame:
-    """Return every number that was searched for: its bounds, the value, and the spread of the good fits."""
-    return table_of(
-        ("number", "bounds", "identified", "left open", "of the prior", "good fits", "pinned down"),
-        [
-            (
-                number.unknown.key,
-                f"{number.unknown.low:g} to "
-                + _with_unit(number.unknown.high, number.unknown.unit, "g"),
-                f"{number.value:g}",
-                f"± {number.deviation:.2g}",
-                f"{100.0 * number.share:.0f} %",
-                f"{number.low:g} to {number.high:g}",
-                number.judgement,
-            )
-            for number in determined_numbers().numbers
-        ],
-    )
-
-
-def settled(_: Results) -> pd.DataFrame:
-    """Return what the search left alone, and why."""
-    return table_of(
-        ("number", "value", "reason"),
-        [
-            (entry.key, _with_unit(entry.value, entry.unit, "g"), entry.reason)
-            for entry in read_unknowns(shipped_unknowns()).settled
-        ],
-    )
 
 
 def first_composition(results: Results) -> pd.DataFrame:

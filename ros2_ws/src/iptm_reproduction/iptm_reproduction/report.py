@@ -15,16 +15,15 @@ import yaml
 from markupsafe import Markup, escape
 
 from iptm_core.errors import StoreError
-from iptm_reproduction import paper_tables, study_tables, tables
-from iptm_reproduction.aging import HORIZON_S, cooling_payback
+from iptm_reproduction import aging, figures, names, paper_tables, study_tables, tables
 from iptm_reproduction.claims import check_claims, claims_by_topic
-from iptm_reproduction.identification.spread import determined_numbers
+from iptm_reproduction.identification import spread, unknowns
 from iptm_reproduction.names import expanded, studies_of
 from iptm_reproduction.plots import drawn
 from iptm_reproduction.printed import PAPER
 from iptm_reproduction.results import Gathered, gather
-from iptm_reproduction.tables import strong, table_of
-from iptm_reproduction.texts import number_texts, rendered
+from iptm_reproduction.tables import strong
+from iptm_reproduction.texts import evaluated, number_texts, rendered
 from iptm_reproduction.verdict import Verdict
 from iptm_studies.campaign import Campaign
 from iptm_studies.store import ResultStore
@@ -153,17 +152,24 @@ class _Page:
             for topic, claims in claims_by_topic().items()
         }
         self._context = {
+            **{
+                name: entry
+                for module in (
+                    aging,
+                    figures,
+                    names,
+                    paper_tables,
+                    spread,
+                    study_tables,
+                    tables,
+                    unknowns,
+                )
+                for name, entry in vars(module).items()
+                if not name.startswith("_")
+            },
             **number_texts(self._results),
             "origin": gathered.origin,
             "command": gathered.command,
-            "studies_of": studies_of,
-            "determined_numbers": determined_numbers,
-            "cooling_payback": cooling_payback,
-            "PERCENTILES": tables.PERCENTILES,
-            "LONG_STEP_PRICE": tables.LONG_STEP_PRICE,
-            "HORIZON_S": HORIZON_S,
-            "ranking_text": paper_tables.ranking_text,
-            "conclusions_text": study_tables.conclusions_text,
         }
 
     def block(self, part: Mapping[str, Any]) -> Block | None:
@@ -195,13 +201,15 @@ class _Page:
             text += f" Left out: {self._results.missing_text(left_out)}." if left_out else ""
         return Block(kind, key, part["title"], part.get("paper", ""), text, content)
 
-    def _text(self, template: str) -> str:
-        return rendered(template, **self._context)
+    def _text(self, template: str, **more: Any) -> str:
+        return rendered(template, **self._context, **more)
 
     def _table(self, key: str, part: Mapping[str, Any]) -> pd.DataFrame:
         if "cells" in part:
             rows = [[self._text(cell) for cell in row] for row in part["cells"]]
-            return table_of(part["head"], rows)
+            return tables.table_of(part["heads"], rows)
+        if "each" in part:
+            return self._listed(part)
         if "columns" in part:
             names = ("runs", "columns", "base", "without", "needs_base")
             given = {name: part[name] for name in names if name in part}
@@ -209,11 +217,25 @@ class _Page:
         name = part.get("rows", key.replace("-", "_"))
         if name == "verdicts":
             return self._verdicts()
-        if name == "origin":
-            return self._origin()
         modules = (paper_tables, study_tables, tables)
         build = next(found for module in modules if (found := getattr(module, name, None)))
         return build(self._results, **part.get("with", {}))
+
+    def _listed(self, part: Mapping[str, Any]) -> pd.DataFrame:
+        """Return things as rows, or as columns that have a name: a template for each column, or row."""
+        things = list(evaluated(part["each"], **self._context))
+        texts = [
+            {
+                head: self._text(cell, row=thing, index=index)
+                for head, cell in part["columns"].items()
+            }
+            for index, thing in enumerate(things)
+        ]
+        table = pd.DataFrame(texts, columns=list(part["columns"]), dtype=object)
+        if "name" in part:
+            table.index = [self._text(part["name"], row=thing) for thing in things]
+            table = table.T.rename_axis("").reset_index()
+        return table.set_axis(part["heads"], axis=1) if "heads" in part else table
 
     def _verdicts(self) -> pd.DataFrame:
         """Return the number of statements by topic and verdict."""
@@ -231,13 +253,6 @@ class _Page:
         counts.insert(0, "number", counts.sum(axis=1))
         counts.loc[strong("all statements")] = counts.sum()
         return counts.astype(str).rename_axis("statements about").reset_index()
-
-    def _origin(self) -> pd.DataFrame:
-        """Return the origin of the runs."""
-        origin = self._gathered.origin
-        runs = f"{origin.runs} ({origin.cases} cases)"
-        rows = [("trip", origin.trip), ("runs", runs), *origin.details.items()]
-        return table_of(("", ""), rows)
 
 
 def _runs(part: Mapping[str, Any], name: str) -> tuple[str, ...]:

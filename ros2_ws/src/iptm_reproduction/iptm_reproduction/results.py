@@ -164,7 +164,7 @@ class Origin:
         whole_cycle: whether that is the whole comprehensive cycle, as in the paper.
         runs: number of different runs.
         cases: number of cases that they stand for.
-        details: further remarks by title: times, source, versions.
+        details: all of that in words, times, source and versions, by title.
     """
 
     trip: str
@@ -253,6 +253,8 @@ def _origin(
     ends = sorted(record.finished_at_utc for record in records)
     names = dict.fromkeys(name for record in records for name in record.versions)
     details = {
+        "trip": trip,
+        "runs": f"{len(records)} ({len(runs)} cases)",
         "computed": f"{ends[0]} to {ends[-1]}",
         "wall time of all runs, one after the other": (
             f"{sum(record.wall_time_s for record in records) / 3600.0:.2f} h"

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
-from statistics import fmean
 from typing import NamedTuple
 
 import pandas as pd
 import yaml
 
 from iptm_core.metrics.figures import FIGURES
-from iptm_core.parameters.model import CELSIUS_ZERO_K
-from iptm_reproduction.figures import DASH, change_text, relative_change
-from iptm_reproduction.names import STUDIES, controller_name, name_of, words
+from iptm_reproduction.figures import DASH
+from iptm_reproduction.names import STUDIES, name_of, words
 from iptm_reproduction.results import Results
 from iptm_reproduction.tables import marked, table_of
 from iptm_reproduction.verdict import graded
-from iptm_studies.channel_record import ChannelRecord, HottestCell
+from iptm_studies.channel_record import ChannelRecord
 
 
 class Conclusion(NamedTuple):
@@ -144,64 +142,3 @@ def channel_records(results: Results) -> dict[str, ChannelRecord]:
     runs = results.matching("full_channel/full_channel/*")
     records = {run.split("/")[2]: results[run].channel for run in runs}
     return {name: record for name, record in records.items() if record is not None}
-
-
-def channel(results: Results) -> pd.DataFrame:
-    """Return what all cells of a channel go through, and what the two-cell reduction makes of it."""
-    records = channel_records(results)
-    return table_of(
-        ("", *map(controller_name, records)),
-        [(name, *map(show, records.values())) for name, show in _CHANNEL_ROWS.items()],
-    )
-
-
-def _place(value: str, found: HottestCell) -> str:
-    return f"{value} (cell {found.cell}, {found.time_s:.0f} s)"
-
-
-def _excess(found: HottestCell) -> str:
-    return _place(f"{found.excess_k:.3f}", found) if found.excess_k > 0.0 else "0"
-
-
-def _worst_cell(record: ChannelRecord) -> str:
-    losses = record.capacity_losses
-    return f"{1e5 * max(losses):.4f} (cell {losses.index(max(losses)) + 1})"
-
-
-def _against_two(value: Callable[[tuple[float, ...]], float]) -> Callable[[ChannelRecord], str]:
-    def write(record: ChannelRecord) -> str:
-        two = value(record.two_cell_losses)
-        change = relative_change(two, value(record.capacity_losses))
-        return f"{1e5 * two:.4f} ({change_text(change)})"
-
-    return write
-
-
-def _error(name: str) -> Callable[[ChannelRecord], str]:
-    return lambda record: f"{getattr(record, name).rms_k:.3f} / {getattr(record, name).max_k:.3f}"
-
-
-def _loss(value: Callable[[tuple[float, ...]], float]) -> Callable[[ChannelRecord], str]:
-    return lambda record: f"{1e5 * value(record.capacity_losses):.4f}"
-
-
-_CHANNEL_ROWS: dict[str, Callable[[ChannelRecord], str]] = {
-    "hottest cell of the trip [°C]": lambda record: _place(
-        f"{record.peak.temperature_k - CELSIUS_ZERO_K:.2f}", record.peak
-    ),
-    "part of the time in which cell N is the hottest": lambda record: (
-        f"{100.0 * record.hottest_shares[-1]:.1f} %"
-    ),
-    "part in which cell 1 is": lambda record: f"{100.0 * record.hottest_shares[0]:.1f} %",
-    "most by which a cell exceeds cells 1 and N [K]": lambda record: _excess(record.largest_excess),
-    "line against every cell, RMS / largest [K]": _error("line"),
-    "two-cell model, cell 1, RMS / largest [K]": _error("two_cell_1"),
-    "two-cell model, cell N, RMS / largest [K]": _error("two_cell_n"),
-    "degradation of cell 1 [10⁻⁵]": _loss(lambda losses: losses[0]),
-    "degradation of cell N [10⁻⁵]": _loss(lambda losses: losses[-1]),
-    "largest degradation of a cell [10⁻⁵]": _worst_cell,
-    "mean degradation of all cells [10⁻⁵]": _loss(fmean),
-    "spread over all cells [10⁻⁵]": _loss(lambda losses: max(losses) - min(losses)),
-    "two-cell model, mean of cells 1 and N [10⁻⁵]": _against_two(fmean),
-    "two-cell model, larger of cells 1 and N [10⁻⁵]": _against_two(max),
-}

@@ -14,7 +14,6 @@ import pandas as pd
 
 from iptm_core.metrics import cold_compressor_energies_j
 from iptm_core.metrics.figures import FIGURES
-from iptm_reproduction.aging import cooling_payback
 from iptm_reproduction.figures import DASH, DEGRADATION, TABLE_FIGURES, change_text, relative_change
 from iptm_reproduction.names import (
     OPTIMUM,
@@ -217,23 +216,6 @@ _CELLS: dict[str, Callable[..., str]] = {
 """Kinds of cells, from the results, a run, its base run, and arguments."""
 
 
-def payback(results: Results) -> pd.DataFrame:
-    """Return how long cooling takes to pay, by the power at which the compressor runs."""
-    found = cooling_payback(results[PROPOSED], PERCENTILES)
-    times = {} if found is None else found.times_s
-    return table_of(
-        ("compressor runs at", "battery power [kW]", "pays after [s]"),
-        [
-            (
-                f"percentile {percentile:g} of the power drawn",
-                f"{1e-3 * power:.2f}",
-                f"{time_s:.0f}",
-            )
-            for percentile, (power, time_s) in zip(PERCENTILES, times.items(), strict=False)
-        ],
-    )
-
-
 def optimum(results: Results) -> pd.DataFrame:
     """Return reference, proposed strategy and whole-trip optimum: what can be saved, and what is."""
     runs = (REFERENCE, PROPOSED, OPTIMUM)
@@ -249,31 +231,3 @@ def optimum(results: Results) -> pd.DataFrame:
     rows.append((SAVING, *(share_text(results, run) for run in runs), DASH, DASH))
     names = [name_of(run) for run in runs]
     return table_of(("figure", *names, *(f"change, {name}" for name in names[1:])), rows)
-
-
-def optimum_solves(results: Results) -> pd.DataFrame:
-    """Return how the whole trip was solved."""
-    record = results[OPTIMUM].whole_trip
-    return table_of(
-        (
-            "solve",
-            "status",
-            "iterations",
-            "time [s]",
-            "cost",
-            "infeasibility",
-            "positions moved [m]",
-        ),
-        [
-            (
-                str(number),
-                solve.status,
-                str(solve.iterations),
-                f"{solve.time_s:.1f}",
-                DASH if solve.objective is None else f"{solve.objective:.9g}",
-                DASH if solve.infeasibility is None else f"{solve.infeasibility:.1e}",
-                DASH if solve.moved_m is None else f"{solve.moved_m:.2f}",
-            )
-            for number, solve in enumerate(record.solves if record else (), start=1)
-        ],
-    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import jinja2
@@ -21,10 +22,17 @@ _PERCENTILES = (10.0, 90.0)
 _ENVIRONMENT = jinja2.Environment(undefined=jinja2.StrictUndefined)  # noqa: S701
 
 
+_compiled = cache(_ENVIRONMENT.from_string)
+
+
 def rendered(template: str, **context: Any) -> str:
     """Return a text with its expressions filled in, and with single spaces only."""
-    text = _ENVIRONMENT.from_string(template).render(context)
-    return re.sub(r"[ \n]+", " ", text).strip()
+    return re.sub(r"[ \n]+", " ", _compiled(template).render(context)).strip()
+
+
+def evaluated(expression: str, **context: Any) -> Any:
+    """Return the value of an expression."""
+    return _ENVIRONMENT.compile_expression(expression, undefined_to_none=False)(context)
 
 
 def number_texts(results: Results) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from iptm_core.errors import StoreError
 from iptm_core.parameters import load_parameters, to_flat_dict
@@ -86,9 +87,9 @@ class Spread:
     threshold: float
 
     @property
-    def good(self) -> FloatArray:
+    def good(self) -> NDArray[np.bool_]:
         """Which candidates are good fits, shape (candidates,)."""
-        return self.misfits <= self.threshold
+        return np.asarray(self.misfits <= self.threshold)
 
 
 def shipped_values() -> dict[str, float]:
