@@ -61,8 +61,6 @@ class CaseState:
     """Where a case stands; its campaign keeps it up to date.
 
     Attributes:
-        study: its study.
-        case: the case.
         candidates: runs by key whose best one gives the case its strategy; empty if it states its own.
         spec: its run; None while its strategy depends on runs that are not there.
         key: key of the run; None without one.
@@ -88,29 +86,29 @@ class Campaign:
     """The state of a set of studies: which runs are needed, done and failed, and which cases wait for others.
 
     Runs come out of ``take`` as soon as everything that they depend on is known.
+
+    Attributes:
+        studies: what was asked for.
+        cases: every case of these studies, in order.
+        expected: wall times.
+        left_out: cases that can no longer be planned, by address, and why.
     """
 
     def __init__(self, studies: Iterable[Study], others: Iterable[Study] = ()) -> None:
-        """Plan studies.
-
-        Args:
-            studies: what was asked for.
-            others: studies that those take their strategies from; only what is needed is planned.
+        """Plan studies, and of others what they take their strategies from.
 
         Raises:
             ScenarioError: a case cannot be run, or takes its strategy from nowhere.
         """
         self.studies = tuple(studies)
         self.expected = ExpectedTimes()
+        self.left_out: dict[str, str] = {}
         self._runs: dict[str, RunInputs] = {}
         self._new: list[str] = []
         self._metrics: dict[str, RunMetrics] = {}
         self._failures: dict[str, str] = {}
-        self.left_out: dict[str, str] = {}
-        """Cases that can no longer be planned, by address, and why."""
         known = {study.name: study for study in (*others, *self.studies)}
         self.cases = tuple(CaseState(study, case) for study in self.studies for case in study.cases)
-        """Every case of the studies that were asked for, in order."""
         for state in self.cases:
             if state.case.best_of is None:
                 self._assign(state, state.case.spec)
@@ -194,16 +192,15 @@ class Campaign:
     def _plan_candidates(
         self, state: CaseState, selection: Selection, known: Mapping[str, Study]
     ) -> dict[str, RunSpec]:
+        takes = f"{state.address}: takes its strategy from"
         study = known.get(selection.study)
         if study is None:
-            raise ScenarioError(
-                f"{state.address}: takes its strategy from the unknown study {selection.study!r}"
-            )
+            raise ScenarioError(f"{takes} the unknown study {selection.study!r}")
         candidates = [case for case in study.cases if selection.matches(case)]
         if not candidates or any(case.best_of is not None for case in candidates):
             raise ScenarioError(
-                f"{state.address}: takes its strategy from cases of {study.name} with the labels "
-                f"{dict(selection.labels)}; allowed: labels of cases that state their strategy"
+                f"{takes} cases of {study.name} with the labels {dict(selection.labels)}; "
+                "allowed: labels of cases that state their strategy"
             )
         return {self._plan(case.spec, study.address(case)): case.spec for case in candidates}
 
@@ -228,18 +225,15 @@ class Campaign:
 
     def _best(self, candidates: Iterable[str], lowest: str) -> str | None:
         ranked: list[tuple[bool, float, str]] = []
-        for key in candidates:
-            metrics = self._metrics.get(key)
-            if metrics is None:
-                continue
+        for key in self._metrics.keys() & set(candidates):
+            metrics = self._metrics[key]
             values = figure_values(metrics)
-            value = values.get(lowest)
-            if value is None:
+            if lowest not in values:
                 raise ScenarioError(
                     f"runs have no figure {lowest!r} to choose a strategy by; "
                     f"allowed: {', '.join(values)}"
                 )
-            ranked.append((metrics.hard_violations > 0, value, key))
+            ranked.append((metrics.hard_violations > 0, values[lowest], key))
         return min(ranked)[2] if ranked else None
 
 
@@ -251,22 +245,19 @@ def _resolve(spec: RunSpec, address: str) -> RunInputs:
 
 
 def plan_campaign(names: Iterable[str], small: ShortTrip | None = None) -> Campaign:
-    """Load studies with those they depend on, and plan them.
+    """Load studies (shipped ones by name, others by path) with those they depend on, and plan them.
 
     Args:
-        names: shipped studies by name, or paths of study files.
+        names: of the studies.
         small: trip of the small version; None for the studies as they are.
 
     Raises:
         ScenarioError: a study cannot be read or planned.
     """
-    studies = {study.name: study for study in (load_study(name) for name in names)}
-    others: dict[str, Study] = {}
-    for study in studies.values():
-        for case in study.cases:
-            if case.best_of is not None and case.best_of.study not in {*studies, *others}:
-                others[case.best_of.study] = load_study(case.best_of.study)
+    studies = {study.name: study for study in map(load_study, names)}
+    needed = [case.best_of.study for one in studies.values() for case in one.cases if case.best_of]
+    others = {name: load_study(name) for name in dict.fromkeys(needed) if name not in studies}
+    groups = [list(group.values()) for group in (studies, others)]
     if small is not None:
-        studies = {name: small.shorten(study) for name, study in studies.items()}
-        others = {name: small.shorten(study) for name, study in others.items()}
-    return Campaign(studies.values(), others.values())
+        groups = [[small.shorten(study) for study in group] for group in groups]
+    return Campaign(*groups)

@@ -8,7 +8,6 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 
 from rich.console import Console
@@ -41,16 +40,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 class StudyCommands:
-    """A command line on studies.
+    """A command line on studies; without a command, the default one is performed.
 
     Attributes:
         choosing: options that name studies and a store.
-        computing: options on where runs are computed.
+        computing: options on how runs are computed.
         writing: option that names a folder of output.
     """
 
     def __init__(self, program: str, description: str, default: str) -> None:
-        """Begin a command line without commands; the default one is meant where none is named."""
         self._default = default
         self._parser = argparse.ArgumentParser(prog=program, description=description)
         self._commands = self._parser.add_subparsers(
@@ -59,29 +57,17 @@ class StudyCommands:
         self.choosing, self.computing, self.writing = (
             argparse.ArgumentParser(add_help=False) for _ in range(3)
         )
-        self.choosing.add_argument(
-            "studies",
-            nargs="*",
-            metavar="STUDY",
-            help="shipped study or path of a study file; all of the shipped ones by default",
-        )
-        self.choosing.add_argument(
-            "--small",
-            action="store_true",
-            help=f"all runs on a short trip ({SMALL.duration_s:g} s of {SMALL.cycle}); takes minutes",
-        )
-        self.choosing.add_argument(
-            "--store", default="", metavar="DIR", help="folder of the results"
-        )
+        text = "shipped study or path of a study file; all of the shipped ones by default"
+        self.choosing.add_argument("studies", nargs="*", metavar="STUDY", help=text)
+        text = f"all runs on a short trip ({SMALL.duration_s:g} s of {SMALL.cycle}); takes minutes"
+        self.choosing.add_argument("--small", action="store_true", help=text)
+        text = "folder of the results"
+        self.choosing.add_argument("--store", type=Path, metavar="DIR", help=text)
         add_workers_option(self.computing)
-        self.computing.add_argument(
-            "--dry-run",
-            action="store_true",
-            help="show what would be computed, and the expected time",
-        )
-        self.writing.add_argument(
-            "--output", default="", metavar="DIR", help="folder of what is written"
-        )
+        text = "show what would be computed, and the expected time"
+        self.computing.add_argument("--dry-run", action="store_true", help=text)
+        text = "folder of what is written"
+        self.writing.add_argument("--output", type=Path, metavar="DIR", help=text)
 
     def add(
         self, name: str, text: str, command: Command, *options: argparse.ArgumentParser
@@ -95,9 +81,8 @@ class StudyCommands:
         """Add the commands of this package."""
         self.add("run", "compute what is missing", run_studies, self.choosing, self.computing)
         self.add("list", "list the shipped studies", _list)
-        status = self.add(
-            "status", "list what is stored and what is missing, and why", _status, self.choosing
-        )
+        text = "list what is stored and what is missing, and why"
+        status = self.add("status", text, _status, self.choosing)
         status.add_argument("--verbose", action="store_true", help="name every missing run")
         text = "write the results as CSV, one file per study"
         self.add("tables", text, _tables, self.choosing, self.writing)
@@ -152,10 +137,8 @@ def compute(campaign: Campaign, store: ResultStore, workers: int, console: Conso
 
 def chosen_store(options: argparse.Namespace) -> ResultStore:
     """Return the store that the options name."""
-    if options.store:
-        return ResultStore(Path(options.store))
     folder = default_store_folder()
-    return ResultStore(folder / SMALL_STORE if options.small else folder)
+    return ResultStore(options.store or (folder / SMALL_STORE if options.small else folder))
 
 
 def surveyed_campaign(options: argparse.Namespace, store: ResultStore) -> Campaign:
@@ -166,11 +149,9 @@ def surveyed_campaign(options: argparse.Namespace, store: ResultStore) -> Campai
 
 
 def _chosen_campaign(options: argparse.Namespace) -> Campaign:
-    names = [
-        name
-        for given in options.studies or [ALL]
-        for name in (available_studies() if given == ALL else [given])
-    ]
+    names: list[str] = []
+    for given in options.studies or [ALL]:
+        names += available_studies() if given == ALL else [given]
     return plan_campaign(dict.fromkeys(names), SMALL if options.small else None)
 
 
@@ -181,11 +162,9 @@ def run_studies(options: argparse.Namespace, console: Console) -> int:
     if options.dry_run:
         return _dry_run(campaign, store, workers)
     compute(campaign, store, workers, console)
-    complain = partial(console.print, style="red")
-    for address, cause in campaign.failures.items():
-        complain(f"{address} failed: {cause}")
-    for address, reason in campaign.left_out.items():
-        complain(f"{address} was left out: {reason}")
+    for text, causes in (("failed", campaign.failures), ("was left out", campaign.left_out)):
+        for address, cause in causes.items():
+            console.print(f"{address} {text}: {cause}", style="red")
     return EXIT_FAILED_RUNS if campaign.failures or campaign.left_out else 0
 
 
@@ -229,7 +208,7 @@ def _status(options: argparse.Namespace, console: Console) -> int:
 def _tables(options: argparse.Namespace, console: Console) -> int:
     del console
     store = chosen_store(options)
-    folder = Path(options.output) if options.output else store.folder / "tables"
+    folder = options.output or store.folder / "tables"
     for path in write_tables(surveyed_campaign(options, store), folder):
         print(path)
     return 0

@@ -79,24 +79,16 @@ class Laboratory:
         """Begin a command line; `short` describes the option of that name, empty for none."""
         self.name, self.page = name, page
         self.parser = argparse.ArgumentParser(prog=name, description=about)
+        add = self.parser.add_argument
         if short:
-            self.parser.add_argument("--short", action="store_true", help=short)
-        self.parser.add_argument(
-            "--stored",
-            action="store_true",
-            help="drive nothing, write the page from what is stored",
-        )
-        self.parser.add_argument("--store", type=Path, metavar="DIR", help="folder of the results")
-        self.parser.add_argument(
-            "--output",
-            type=Path,
-            metavar="DIR",
-            help=f"folder of {page}, that of the results by default",
-        )
+            add("--short", action="store_true", help=short)
+        text = "drive nothing, write the page from what is stored"
+        add("--stored", action="store_true", help=text)
+        add("--store", type=Path, metavar="DIR", help="folder of the results")
+        text = f"folder of {page}, that of the results by default"
+        add("--output", type=Path, metavar="DIR", help=text)
         add_workers_option(self.parser)
-        self.parser.add_argument(
-            "--dry-run", action="store_true", help="show the runs that would be computed"
-        )
+        add("--dry-run", action="store_true", help="show the runs that would be computed")
 
     def run(self, work: Callable[[Session], bool], arguments: Sequence[str] | None) -> int:
         """Perform the command.

@@ -13,7 +13,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields, replace
-from importlib import resources
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,7 @@ from iptm_studies.run_spec import (
 )
 from iptm_studies.study import DEFAULT_CRITERION, Case, Label, Selection, Study
 
+_FOLDER = Path(__file__).parent / "studies"
 MAX_CASES = 10_000
 PAPER_ORDER = (
     "strategies",
@@ -40,6 +41,19 @@ PAPER_ORDER = (
     "long_horizon",
     "whole_trip",
 )
+SETTINGS = tuple(entry.name for entry in fields(RunSpec))
+"""Keys of ``run`` and ``defaults``."""
+
+_FILES = {"cycle": USER_SUFFIXES, "slope": (GPX_SUFFIX,), "parameter_set": YAML_SUFFIXES}
+_BASE = "base"
+_BEST_OF = "best_of"
+_WEIGHTS = tuple(
+    entry.name for entry in fields(Strategy) if entry.name not in {"name", "is_rule_based"}
+)
+_SOLVER_FIELDS = tuple(entry.name for entry in fields(SolverSpec))
+_PREVIEW_FIELDS = {entry.name.removeprefix("preview_"): entry.name for entry in fields(PreviewSpec)}
+"""Key in the section ``preview`` -> name of the setting; without the prefix that the section implies."""
+
 _Point = tuple[Mapping[str, Label], Mapping[str, Any]]
 """Labels and settings of one value of an axis."""
 _STUDY_KEYS = ("title", "about", "defaults", "cases")
@@ -51,7 +65,7 @@ _NAME = re.compile(r"[\w.+-]+")
 
 def available_studies() -> tuple[str, ...]:
     """Names of the shipped studies, in the order of the paper."""
-    names = {path.stem for path in _folder().iterdir() if path.suffix in YAML_SUFFIXES}
+    names = {path.stem for path in _FOLDER.iterdir() if path.suffix in YAML_SUFFIXES}
     place = {name: number for number, name in enumerate(PAPER_ORDER)}
     return tuple(sorted(names, key=lambda name: (place.get(name, len(place)), name)))
 
@@ -63,15 +77,19 @@ def load_study(name_or_path: str | Path) -> Study:
         ScenarioError: unknown study, or an error in the file, with its place, value and what is
             allowed.
     """
-    return read_study(_find(name_or_path))
+    names = available_studies()
+    if str(name_or_path) in names:
+        return read_study(_FOLDER / f"{name_or_path}.yaml")
+    path = Path(name_or_path)
+    if path.suffix in YAML_SUFFIXES:
+        return read_study(path)
+    raise ScenarioError(
+        f"no study {str(name_or_path)!r}; {suggestion(name_or_path, names)}, or the path of a .yaml file"
+    )
 
 
 def read_study(path: Path) -> Study:
-    """Read a study file.
-
-    Raises:
-        ScenarioError: as for ``load_study``.
-    """
+    """Read a study file; raises as ``load_study``."""
     content = StrictMapping(read_yaml(path, ScenarioError), str(path), _STUDY_KEYS)
     content.require("title", "cases")
     if not _NAME.fullmatch(path.stem):
@@ -163,37 +181,6 @@ def _filled(value: Any, labels: Mapping[str, Label], where: str) -> Any:
     return _PLACE.sub(label_text, value)
 
 
-def _folder() -> Path:
-    # The packages are installed as plain folders, so this is a real path.
-    return Path(str(resources.files("iptm_studies").joinpath("studies")))
-
-
-def _find(name_or_path: str | Path) -> Path:
-    names = available_studies()
-    if str(name_or_path) in names:
-        return _folder() / f"{name_or_path}.yaml"
-    path = Path(name_or_path)
-    if path.suffix in YAML_SUFFIXES:
-        return path
-    raise ScenarioError(
-        f"no study {str(name_or_path)!r}; {suggestion(name_or_path, names)}, or the path of a .yaml file"
-    )
-
-
-SETTINGS = tuple(entry.name for entry in fields(RunSpec))
-"""Keys of ``run`` and ``defaults``."""
-
-_FILES = {"cycle": USER_SUFFIXES, "slope": (GPX_SUFFIX,), "parameter_set": YAML_SUFFIXES}
-_BASE = "base"
-_BEST_OF = "best_of"
-_WEIGHTS = tuple(
-    entry.name for entry in fields(Strategy) if entry.name not in {"name", "is_rule_based"}
-)
-_SOLVER_FIELDS = tuple(entry.name for entry in fields(SolverSpec))
-_PREVIEW_FIELDS = {entry.name.removeprefix("preview_"): entry.name for entry in fields(PreviewSpec)}
-"""Key in the section ``preview`` -> name of the setting; without the prefix that the section implies."""
-
-
 def merge_settings(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
     """Lay settings over others: sections key by key, all else (a strategy, too) as a whole."""
     merged = dict(base)
@@ -207,11 +194,7 @@ def merge_settings(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str
 
 
 def build_spec(settings: Mapping[str, Any], folder: Path) -> RunSpec:
-    """Build the specification of a run.
-
-    Args:
-        settings: by key, see ``SETTINGS``.
-        folder: files named in it are looked up here.
+    """Build the specification of a run from settings by key; files named in them are looked up in a folder.
 
     Raises:
         IptmError: a key or value is not as it should be.
@@ -259,12 +242,9 @@ def _strategy(run: StrictMapping) -> Strategy:
     return replace(strategy_by_name(written.text(_BASE)), **weights)
 
 
-def _overrides(name: str) -> Callable[[StrictMapping], tuple[tuple[str, float], ...]]:
-    def read(run: StrictMapping) -> tuple[tuple[str, float], ...]:
-        written = run.section(name)
-        return tuple((key, written.number(key)) for key in written)
-
-    return read
+def _overrides(name: str, run: StrictMapping) -> tuple[tuple[str, float], ...]:
+    written = run.section(name)
+    return tuple((key, written.number(key)) for key in written)
 
 
 def _solver(run: StrictMapping) -> SolverSpec:
@@ -277,8 +257,7 @@ def _preview(run: StrictMapping) -> PreviewSpec:
 
 
 _READERS: Mapping[str, Callable[[StrictMapping], Any]] = {
-    "overrides": _overrides("overrides"),
-    "controller_overrides": _overrides("controller_overrides"),
+    **{name: partial(_overrides, name) for name in ("overrides", "controller_overrides")},
     "strategy": _strategy,
     "solver": _solver,
     "preview": _preview,
