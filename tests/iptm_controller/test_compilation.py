@@ -85,14 +85,6 @@ def test_compiles_once_and_finds_it_again(
     assert [path.name for path in cache.iterdir()] == [library.name]
 
 
-@pytest.mark.usefixtures("cache", "compiler")
-def test_second_start_of_a_solver_compiles_nothing(runs: list[list[str]]) -> None:
-    for _ in range(2):
-        solver = build_plain_solver(Horizon.parse("1x1"), PARAMETERS, SolverOptions())
-        assert solver.compiled
-    assert len(runs) == 1
-
-
 @pytest.mark.parametrize("damage", [lambda c: c[:2000], lambda c: c + b"x", lambda _: b""])
 def test_a_damaged_library_is_compiled_again(
     cache: Path, compiler: tuple[str, ...], runs: list[list[str]], damage: Callable[[bytes], bytes]

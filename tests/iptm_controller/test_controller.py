@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from iptm_controller.options import ControllerOptions
 from iptm_controller.solvers.interface import STATUS_TEXT, SolverBackend, SolveResult
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.decision_record import Rung, SolveStatus
-from iptm_core.state import FloatArray, LeaderPreview, SlopePreview, VehicleState
+from iptm_core.state import FloatArray, LeaderPreview, LeaderState, SlopePreview, VehicleState
 
 
 class FailingBackend:
@@ -158,20 +159,24 @@ def test_no_leader_is_a_fallback_with_the_reason_given(controller: Controller) -
     assert unexplained.reason == "no measurement of the leader"
 
 
-def test_a_leader_that_cannot_be_is_a_fallback(controller: Controller) -> None:
-    measured = at(100.0)
-    assert measured.leader is not None
-    behind = replace(measured, leader=replace(measured.leader, position_m=-5e4))
-    decision = controller.decide(behind)
-    assert decision.rung is Rung.STOP
-    assert decision.reason.startswith("measured gap is ")
-
-
-def test_a_road_that_cannot_be_is_driven_by_the_safe_law(controller: Controller) -> None:
-    nothing = SlopePreview(np.empty(0), np.empty(0))
-    decision = controller.decide(replace(at(100.0), slope=nothing))
-    assert decision.rung is Rung.SAFE_LAW
-    assert decision.reason.startswith("slope has 0 positions")
+@pytest.mark.parametrize(
+    ("change", "rung", "reason"),
+    [
+        ({"leader": LeaderState(100.0, -5e4, 15.0)}, Rung.STOP, "measured gap is "),
+        ({"slope": SlopePreview(np.empty(0), np.empty(0))}, Rung.SAFE_LAW, "slope has 0 positions"),
+        (
+            {"state": at(100.0, speed_m_s=-3.0).state},
+            Rung.STOP,
+            "measured speed_m_s is -3.0; allowed",
+        ),
+    ],
+)
+def test_what_cannot_be_is_a_fallback_with_a_reason(
+    controller: Controller, change: dict[str, Any], rung: Rung, reason: str
+) -> None:
+    decision = controller.decide(replace(at(100.0), **change))
+    assert decision.rung is rung
+    assert decision.reason.startswith(reason)
     assert controller.decide(at(101.0)).rung is Rung.OPTIMAL
 
 
@@ -201,14 +206,6 @@ def test_without_a_state_it_brakes_step_by_step(controller: Controller, last: fl
     assert commands[-1].compressor_power_w == pytest.approx(thermostat_power_w(before, PARAMETERS))
     assert controller.decide(at(113.0)).rung is Rung.OPTIMAL
     assert first.acceleration_m_s2 <= last + 0.5 + 1e-9
-
-
-def test_a_state_that_cannot_be_is_no_state(controller: Controller) -> None:
-    controller.decide(at(100.0))
-    decision = controller.decide(at(101.0, speed_m_s=-3.0))
-    assert decision.rung is Rung.STOP
-    assert decision.reason == "measured speed_m_s is -3.0; allowed: -0.5 to 100"
-    assert controller.decide(at(102.0)).rung is Rung.OPTIMAL
 
 
 @pytest.mark.parametrize(

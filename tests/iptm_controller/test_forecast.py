@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from tests.iptm_controller.scenes import (
-    NONE_YET,
     expect_constant_speed,
     make_leader,
     make_preview,
@@ -93,13 +92,6 @@ def test_bounds_say_how_far_a_preview_is_known(
     assert not behind_m[4:].any()
 
 
-def test_small_bounds_are_none(forecaster: LeaderForecaster, leader: LeaderState) -> None:
-    preview = make_preview(leader)
-    preview = replace(preview, bounds_m=np.linspace(0.0, 1.0, preview.times_s.size))
-    forecast = forecaster.forecast(leader, preview)
-    assert (forecast.quality, forecast.known_s) == (PreviewQuality.FULL, 60.0)
-
-
 def test_a_preview_that_is_not_known_at_all_is_an_expectation(
     forecaster: LeaderForecaster, leader: LeaderState
 ) -> None:
@@ -166,15 +158,6 @@ def test_a_preview_that_has_ended_is_stale_however_young(
     assert forecast.quality is PreviewQuality.STALE
     assert forecast.reason == "preview ended 1.0 s ago"
     expect_constant_speed(forecast.motion, leader)
-
-
-def test_no_preview_yet(forecaster: LeaderForecaster, leader: LeaderState) -> None:
-    forecast = forecaster.forecast(leader, NONE_YET)
-    assert forecast.quality is PreviewQuality.MISSING
-    assert forecast.reason
-    assert math.isnan(forecast.age_s)
-    expect_constant_speed(forecast.motion, leader)
-    assert forecast.known_s == 0.0
 
 
 @given(offset_m=st.floats(-500.0, 500.0), age_s=st.floats(0.0, 2.4))

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.iptm_controller.scenes import PARAMETERS, transcription_of
 
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import ProblemGrid, quadrature, sample_count
-from iptm_controller.ocp.problem import OptimalControlProblem
 
 GRIDS = ["15x1", "3x1+5x5", "1x0.5+2x2+4x10", "1x1"]
 
@@ -28,11 +26,6 @@ def test_quadrature_is_exact_up_to_its_degree(samples: int) -> None:
         assert weights @ nodes**degree == pytest.approx(1.0 / (degree + 1))
     too_high = 2 * samples
     assert weights @ nodes**too_high != pytest.approx(1.0 / (too_high + 1), abs=1e-9)
-
-
-def test_long_steps_take_more_samples() -> None:
-    lengths = [0.1, 1.0, 1.1, 2.5, 5.0, 5.1, 10.0, 60.0]
-    assert [sample_count(length) for length in lengths] == [1, 1, 2, 2, 2, 3, 4, 24]
 
 
 def test_variables_are_packed_step_by_step(grid: ProblemGrid) -> None:
@@ -72,22 +65,3 @@ def test_samples_lie_at_the_quadrature_nodes_of_their_steps(grid: ProblemGrid) -
         for node in quadrature(sample_count(float(length)))[0]
     ]
     np.testing.assert_allclose(grid.sample_times_s, expected)
-
-
-def test_the_nonlinear_program_has_the_sizes_of_the_grid(grid: ProblemGrid) -> None:
-    t = transcription_of(str(grid.horizon))
-    steps = grid.horizon.steps
-    assert t.variables.numel() == grid.variable_count == 12 * steps + 6
-    assert t.rows.numel() == grid.row_count == layout.ROWS * steps
-    assert t.parameters.numel() == grid.parameter_count
-    assert t.jacobian.shape == (grid.row_count, grid.variable_count)
-
-
-def test_a_problem_describes_its_stages() -> None:
-    problem = OptimalControlProblem(Horizon.parse("3x1+5x5"), PARAMETERS)
-    assert [(kind.count, kind.step_s, kind.samples) for kind in problem.grid.stages] == [
-        (3, 1.0, 1),
-        (5, 5.0, 2),
-    ]
-    sizes = [stage.step_parameters.numel() for stage in problem.stage_expressions()]
-    assert sizes == [kind.parameter_count for kind in problem.grid.stages]

@@ -31,11 +31,6 @@ def test_spelling_does_not_matter(text: str) -> None:
     assert Horizon.parse(text) == MULTI_HORIZON
 
 
-def test_one_step_is_a_horizon() -> None:
-    horizon = Horizon.parse("1x0.5")
-    assert horizon.node_times_s.tolist() == [0.0, 0.5]
-
-
 @given(horizon=HORIZONS)
 def test_text_and_horizon_are_the_same_thing(horizon: Horizon) -> None:
     assert Horizon.parse(str(horizon)) == horizon
@@ -72,6 +67,8 @@ def test_grid_is_consistent(horizon: Horizon) -> None:
         ("3x0.04", "step of 0.04 s"),
         ("3x61", "step of 61.0 s"),
         ("5x5+3x1", "do not shrink"),
+        ("10x30t", "allowed: thermal phases last"),
+        ("3x1t+5x5", "allowed: thermal phases last"),
     ],
 )
 def test_refusals_name_the_fault(text: str, complaint: str) -> None:
@@ -91,12 +88,9 @@ def test_any_text_is_read_or_refused(text: str) -> None:
 
 
 @pytest.mark.parametrize("step_s", [float("nan"), float("inf"), -1.0])
-def test_phase_refuses_what_is_no_length(step_s: float) -> None:
+def test_a_horizon_needs_phases_of_some_length(step_s: float) -> None:
     with pytest.raises(ParameterError, match="step of"):
         HorizonPhase(3, step_s)
-
-
-def test_horizon_needs_a_phase() -> None:
     with pytest.raises(ParameterError, match="at least one"):
         Horizon(())
 
@@ -108,9 +102,3 @@ def test_thermal_phases_are_written_with_a_t() -> None:
     assert (horizon.steps, horizon.motion_steps) == (18, 8)
     assert (horizon.duration_s, horizon.motion_duration_s) == (328.0, 28.0)
     assert Horizon.parse("15x1").motion_duration_s == 15.0
-
-
-@pytest.mark.parametrize("text", ["10x30t", "3x1t+5x5"])
-def test_the_motion_comes_before_thermal_phases(text: str) -> None:
-    with pytest.raises(ParameterError, match="allowed: thermal phases last"):
-        Horizon.parse(text)

@@ -35,14 +35,6 @@ def ladder() -> FallbackLadder:
     return FallbackLadder(PARAMETERS, 1.0, OPTIONS)
 
 
-def test_a_usable_plan_is_the_top(ladder: FallbackLadder) -> None:
-    rung, command = ladder.accept(plan_from(100.0))
-    assert rung is Rung.OPTIMAL
-    assert step_of(command) == 0
-    assert ladder.plan_at(100.0) is not None
-    assert ladder.plan_at(113.0) is None
-
-
 def test_walks_down_rung_by_rung_and_back_at_once(ladder: FallbackLadder) -> None:
     ladder.accept(plan_from(100.0))
     rungs = []
@@ -88,11 +80,6 @@ def test_plan_is_left_where_it_ends() -> None:
     assert ladder.fall_back(make_state(time_s=113.0), make_leader())[0] is Rung.SAFE_LAW
 
 
-def test_without_a_plan_the_safe_law_comes_first(ladder: FallbackLadder) -> None:
-    rungs = [ladder.fall_back(make_state(), make_leader())[0] for _ in range(9)]
-    assert rungs == [Rung.SAFE_LAW] * 8 + [Rung.STOP]
-
-
 def test_without_a_leader_the_plan_and_then_the_stop(ladder: FallbackLadder) -> None:
     ladder.accept(plan_from(100.0))
     rungs = [ladder.fall_back(make_state(time_s=101.0 + tick), None)[0] for tick in range(5)]
@@ -105,9 +92,3 @@ def test_without_a_state_it_stops_whatever_else_is_known(ladder: FallbackLadder)
     assert rung is Rung.STOP
     assert command.acceleration_m_s2 < 0.0
     assert command.compressor_power_w == 0.0
-
-
-def test_rungs_can_be_left_out() -> None:
-    ladder = FallbackLadder(PARAMETERS, 1.0, LadderOptions(0, 0))
-    ladder.accept(plan_from(100.0))
-    assert ladder.fall_back(make_state(time_s=101.0), make_leader())[0] is Rung.STOP

@@ -128,12 +128,6 @@ def test_nonsense_coasts_down_and_holds_the_compressor(
     assert limited.reasons[:2] == ("acceleration not finite", "compressor power not finite")
 
 
-def test_half_a_nonsense_command_leaves_the_other_half_alone(limiter: CommandLimiter) -> None:
-    limited = limiter.limit(Command(0.3, math.nan), make_state(compressor_power_w=700.0))
-    assert limited.command == Command(0.3, 700.0)
-    assert limited.reasons == ("compressor power not finite",)
-
-
 def test_actuated_values_outside_the_bounds_do_not_pull_the_command_out(
     limiter: CommandLimiter,
 ) -> None:

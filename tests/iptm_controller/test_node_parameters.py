@@ -96,9 +96,3 @@ def test_what_cannot_be_built_is_named(wrong: dict[str, Any], complaint: str) ->
     with pytest.raises(ParameterError) as caught:
         replace(SMALL, **wrong).build_controller()
     assert complaint in str(caught.value)
-
-
-@pytest.mark.parametrize("weight", [-0.5, -1e-9])
-def test_a_negative_weight_is_refused(weight: float) -> None:
-    with pytest.raises(ParameterError, match=r"speed_weight is -.*; allowed: 0 to"):
-        replace(SMALL, speed_weight=weight).build_controller()

@@ -80,10 +80,6 @@ def test_plan_travels_with_its_node_times(good: Decision) -> None:
         np.testing.assert_allclose(getattr(again, name), values, atol=1e-9)
 
 
-def test_who_waits_is_not_well() -> None:
-    assert situation(None, Road(known=False))[0] is Level.WARN
-
-
 def test_severity_follows_the_rung(good: Decision) -> None:
     levels = {rung: situation(replace(good, rung=rung), Road(known=True))[0] for rung in Rung}
     assert levels == {
@@ -137,13 +133,6 @@ def test_the_road_is_called_flat_only_where_it_is_taken_as_flat(good: Decision) 
     assert kept == "slope message malformed, the last good one is used"
     _, flat = situation(good, Road(known=False, fault="wrong layout"))
     assert flat == "slope message malformed, road taken as flat"
-
-
-def test_reasons_carry_no_numbers(good: Decision) -> None:
-    """They are compared to detect a change of the situation; numbers would change every tick."""
-    for rung in Rung:
-        _, reason = situation(replace(good, rung=rung), Road(known=True))
-        assert not any(character.isdigit() for character in reason)
 
 
 def test_another_trip_is_told_beside_what_is_worse(controller: Controller) -> None:

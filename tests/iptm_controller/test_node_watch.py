@@ -16,7 +16,6 @@ from iptm_controller.node_watch import COLD, OperatorWatch, WarningSettings
 from iptm_controller.ocp.layout import StateIndex
 from iptm_controller.options import ControllerOptions
 from iptm_core.decision_record import Rung
-from iptm_core.errors import ParameterError
 from iptm_core.metrics import Concern
 from iptm_interfaces.diagnostics import Level
 
@@ -41,10 +40,6 @@ def reports_of(decision: Decision, seconds: int, **scene: float) -> Iterator[tup
     for second in range(seconds):
         watch.update(make_scene(time_s=NOW_S + second, **scene), decision)
         yield situation(decision, Road(known=True), watch=watch)
-
-
-def test_all_is_well(good: Decision) -> None:
-    assert set(reports_of(good, 100)) == {(Level.OK, "optimal plans")}
 
 
 @pytest.mark.parametrize(
@@ -126,8 +121,3 @@ def test_a_warning_ends_with_its_cause(good: Decision) -> None:
     assert watch.warnings, "a tick without a measurement ends nothing"
     watch.update(make_scene(time_s=NOW_S + 11.0), good)
     assert not watch.warnings
-
-
-def test_stated_times_have_ranges() -> None:
-    with pytest.raises(ParameterError, match=r"motion_warning_s is -1.*3600"):
-        WarningSettings(motion_warning_s=-1.0)

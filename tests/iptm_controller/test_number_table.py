@@ -13,7 +13,6 @@ import pytest
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import compilation
 from iptm_controller.ocp.compilation import CACHE_VARIABLE, compile_functions, find_compiler
-from iptm_controller.ocp.number_table import split_numbers, table_source, with_numbers
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.riccati.program import build_program
 from iptm_core.parameters import load_parameters
@@ -46,40 +45,6 @@ def line(slope: float, offset: float) -> ca.Function:
 def value_at(function: ca.Function, x: float) -> float:
     assert COMPILER is not None
     return float(ca.external(function.name(), str(compile_functions([function], COMPILER)))(x))
-
-
-def test_literals_become_entries_in_the_order_of_appearance() -> None:
-    source = "a0=(3.5*a1);\na2=(1.25e-01+a0);\na3=(3.5/a2);\na4=(2.*a3);\nb[7]=casadi_f1(1);\n"
-    text, numbers = split_numbers(source)
-    assert numbers == (3.5, 0.125)
-    assert text.splitlines()[1:] == [
-        "a0=(iptm_numbers[4]*a1);",
-        "a2=(iptm_numbers[5]+a0);",
-        "a3=(iptm_numbers[4]/a2);",
-        "a4=(2.*a3);",
-        "b[7]=casadi_f1(1);",
-    ]
-    assert "iptm_numbers[] __attribute__" in text.splitlines()[0]
-
-
-def test_arrays_of_constants_stay_and_code_without_numbers_has_no_table() -> None:
-    source = "static const casadi_real casadi_c0[2] = \n  {10000., 20.5};\nw0=(w1*w2);\n"
-    assert split_numbers(source) == (source, ())
-
-
-def test_numbers_replace_those_of_a_library_behind_the_mark() -> None:
-    text = table_source([3.5, 0.1])
-    numbers = [
-        float.fromhex(each) for each in text[text.index("{") + 1 : text.index("}")].split(", ")
-    ]
-    library = b"\x7fELF code" + np.array(numbers).tobytes() + b"more code"
-    changed = with_numbers(library, [1e-300, -0.7])
-    assert changed is not None
-    assert len(changed) == len(library)
-    assert np.frombuffer(changed[-25:-9]).tolist() == [1e-300, -0.7]
-    assert (changed[:-25], changed[-9:]) == (library[:-25], library[-9:])
-    for unusable in (library[1:], library + library, library[:20]):
-        assert with_numbers(unusable, [1.0, 2.0]) is None
 
 
 @needs_compiler

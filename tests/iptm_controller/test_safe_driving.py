@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -71,23 +70,6 @@ def stopping_distance_m(
         acceleration = max(acceleration - limits.max_jerk_m_s3, limits.min_acceleration_m_s2)
         position, speed = roll(position, speed, acceleration)
     return position
-
-
-@given(speed=st.floats(0.0, 35.0), leader_speed=st.floats(0.0, 35.0), gap=st.floats(0.5, 200.0))
-def test_is_the_intelligent_driver_model(speed: float, leader_speed: float, gap: float) -> None:
-    """Never more than the model's acceleration; exactly that where it does not brake."""
-    limits, policy = PARAMETERS.limits, PARAMETERS.gap
-    command = safe_following(
-        make_state(speed_m_s=speed), make_leader(gap, leader_speed), PARAMETERS
-    )
-    braking = 2.0 * math.sqrt(-limits.min_acceleration_m_s2 * limits.max_acceleration_m_s2)
-    desired = policy.standstill_gap_m + max(
-        0.0, speed * policy.time_headway_s + speed * (speed - leader_speed) / braking
-    )
-    free = 1.0 - (speed / limits.max_speed_m_s) ** 4
-    model = limits.max_acceleration_m_s2 * (free - (desired / gap) ** 2)
-    assert command.acceleration_m_s2 >= limits.min_acceleration_m_s2
-    assert command.acceleration_m_s2 <= max(model, limits.min_acceleration_m_s2) + 1e-6
 
 
 def test_free_road_and_tight_gap() -> None:

@@ -41,14 +41,6 @@ def test_a_solved_problem_says_so(solver: SolverBackend, problem: Problem) -> No
     assert result.infeasibility < 1e-5
 
 
-def test_the_same_problem_gives_the_same_answer(solver: SolverBackend, problem: Problem) -> None:
-    first = solver.solve(*problem)
-    solver.solve(problem[0], problem[1] + 0.05)
-    again = solver.solve(*problem)
-    np.testing.assert_array_equal(first.variables, again.variables)
-    assert first.iterations == again.iterations
-
-
 def test_solving_changes_neither_problem_nor_guess_nor_an_earlier_answer(
     solver: SolverBackend, problem: Problem
 ) -> None:

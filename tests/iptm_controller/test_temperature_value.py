@@ -103,13 +103,6 @@ def test_cooling_pays_back_after_the_time_that_a_kelvin_lasts() -> None:
     assert aged_by_kelvin == pytest.approx(aged_by_cooling, rel=0.02)
 
 
-def test_nothing_lasts_beyond_the_end_of_the_trip() -> None:
-    value = value_after(3e-10, trip_s=1e5 + 100.0)
-    assert value.temperature_decay_time_s == pytest.approx(72.0)
-    after = value_after(3e-10, trip_s=1e5)
-    assert after.cell_1_marginal_cost_1_k == after.cell_n_marginal_cost_1_k == 0.0
-
-
 def test_the_first_tick_knows_only_the_forecast() -> None:
     valuation = TemperatureValuation(PARAMETERS, WEIGHT, 28.0)
     state = make_state()

@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 from tests.iptm_controller.scenes import (
     SCENES,
-    make_scene,
     plain_solver,
     problem_of,
     transcription_of,
 )
 
 from iptm_controller.ocp import layout
-from iptm_controller.ocp.layout import BLOCK, ROWS, InputIndex, LimitIndex
+from iptm_controller.ocp.layout import ROWS
 from iptm_controller.ocp.transcription import Transcription
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.state import FloatArray
@@ -76,22 +75,6 @@ def test_hessian_is_casadis_own(
     np.testing.assert_allclose(mine, mine.T, rtol=1e-12, atol=1e-12)
 
 
-def test_stage_structure_is_visible(transcription: Transcription) -> None:
-    """Rows of a step touch its own variables and, one to one, the states of the next node."""
-    steps = transcription.grid.steps
-    rows, columns = (np.array(part) for part in transcription.jacobian.sparsity().get_triplet())
-    assert (columns >= BLOCK * (rows // ROWS)).all()
-    assert (columns < BLOCK * (rows // ROWS) + BLOCK + layout.STATES).all()
-    successor = columns >= BLOCK * (rows // ROWS) + BLOCK
-    assert (rows[successor] % ROWS == columns[successor] % BLOCK).all()
-    assert successor.sum() == layout.STATES * steps
-    lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", transcription.grid.row_count)
-    hessian = transcription.hessian(lam_f, lam_g).sparsity()
-    rows, columns = (np.array(part) for part in hessian.get_triplet())
-    assert (rows // BLOCK == columns // BLOCK).all()
-    assert (rows < BLOCK * steps).all()
-
-
 def test_dynamics_rows_vanish_on_a_trajectory(transcription: Transcription, grid: str) -> None:
     """Where position and speed follow the inputs, only the temperatures are left over."""
     data, guess = problem_of(SCENES["cruise"], grid)
@@ -101,19 +84,6 @@ def test_dynamics_rows_vanish_on_a_trajectory(transcription: Transcription, grid
     table = numbers(function, guess, data.parameters).reshape(-1, ROWS)[:, : layout.STATES]
     np.testing.assert_allclose(np.delete(table, [2, 3], axis=1), 0.0, atol=1e-12)
     assert (np.abs(table[:, 2:4]) > 0.0).all()
-
-
-def test_one_grid_written_two_ways_is_one_problem() -> None:
-    values = []
-    for text in ("8x1", "3x1+5x1"):
-        t = transcription_of(text)
-        function = ca.Function(
-            "all", [t.variables, t.parameters], [ca.vertcat(t.cost, t.rows, ca.vec(t.jacobian))]
-        )
-        data, guess = problem_of(SCENES["hills"], text, "reference_energy_aging")
-        values.append((data.parameters, numbers(function, guess + 0.1, data.parameters)))
-    np.testing.assert_array_equal(values[0][0], values[1][0])
-    np.testing.assert_allclose(values[0][1], values[1][1], rtol=1e-14, atol=1e-14)
 
 
 @pytest.mark.parametrize("strategy", sorted(STRATEGIES))
@@ -127,14 +97,3 @@ def test_single_and_multi_horizon_give_the_same_plan_on_the_same_steps(strategy:
         plans.append(result)
     assert plans[0].iterations == plans[1].iterations
     np.testing.assert_allclose(plans[0].variables, plans[1].variables, rtol=0.0, atol=1e-6)
-
-
-def test_enough_slack_makes_any_state_feasible() -> None:
-    """Feasible by design: no measurement can make the soft rows contradict each other."""
-    t = transcription_of("2x1+2x5")
-    function = ca.Function("rows", [t.variables, t.parameters], [t.rows])
-    scene = make_scene(gap_m=-0.5, speed_m_s=45.0, leader_speed_m_s=0.0, cell_n_temperature_k=330.0)
-    data, guess = problem_of(scene, "2x1+2x5")
-    guess[:-6].reshape(-1, BLOCK)[:, layout.STATES + InputIndex.GAP_SHORT :] = 5000.0
-    rows = numbers(function, guess, data.parameters).reshape(-1, ROWS)[:, layout.STATES :]
-    assert (rows[:, LimitIndex.GAP_MIN :] >= 0.0).all()

@@ -134,31 +134,6 @@ def test_a_solver_has_no_map_left_that_goes_point_by_point() -> None:
 
 
 @pytest.mark.parametrize(
-    ("usual", "unusual"),
-    [("++i) {\n    if (", "i++) {\n    if ("), ("  a0=(a0+a1);\n", "  a0+=a1;\n")],
-    ids=["loop", "statement"],
-)
-def test_what_is_written_in_another_way_stays_as_it_is(
-    usual: str, unusual: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The map then runs as CasADi wrote it."""
-    x = ca.SX.sym("x")
-    function = ca.Function("shifted", [x], [ca.sin(x) + 1.0]).map(6)
-
-    def rewritten(source: str) -> str:
-        other = source.replace(usual, unusual)
-        assert other != source
-        result = vectorise_maps(other)
-        assert "_group(" not in result
-        return result
-
-    monkeypatch.setattr(compilation, "vectorise_maps", rewritten)
-    points = np.linspace(-1.0, 1.0, 6)
-    (loaded,) = load([function])
-    np.testing.assert_allclose(np.array(loaded(points[None, :]))[0], np.sin(points) + 1.0)
-
-
-@pytest.mark.parametrize(
     ("text", "expected"),
     [
         ("model name\t: A\nflags\t\t: fpu avx avx2 fma\n", ("-mavx2",)),

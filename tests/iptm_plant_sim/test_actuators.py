@@ -54,18 +54,6 @@ def test_the_limit_that_acts_is_reported(
         assert clamp.value in report.reason
 
 
-def test_bounds_alone() -> None:
-    report = limit_command(Command(2.4, 4600.0), state(1.9, 4450.0), LIMITS, 1.0)
-    assert report.clamps == (Clamp.ACCELERATION_BOUND, Clamp.COMPRESSOR_BOUND)
-    assert report.actuated == Command(2.0, 4500.0)
-
-
-def test_rates_scale_with_the_interval() -> None:
-    report = limit_command(Command(2.0, 4500.0), state(), LIMITS, 0.1)
-    assert report.actuated.acceleration_m_s2 == pytest.approx(0.05)
-    assert report.actuated.compressor_power_w == pytest.approx(1020.0)
-
-
 def test_rounding_is_corrected_but_not_reported() -> None:
     report = limit_command(Command(2.0 + 1e-12, -1e-9), state(1.6, 100.0), LIMITS, 1.0)
     assert report.clamps == ()

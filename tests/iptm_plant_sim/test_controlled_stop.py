@@ -47,10 +47,6 @@ def test_stops_from_any_state(
     assert stop(make_plant("hills"), speed, acceleration, compressor, 1.0) < 90
 
 
-def test_also_at_a_shorter_period(plant: Plant) -> None:
-    assert stop(plant, 30.0, 1.0, 2000.0, 0.1) < 900
-
-
 def test_is_comfortable_and_ends_softly(plant: Plant) -> None:
     state = plant.initial_state(speed_m_s=25.0)
     decelerations = []

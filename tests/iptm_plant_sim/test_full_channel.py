@@ -250,16 +250,6 @@ def test_both_measured_cells_are_the_ends_of_the_channel(parameters: ModelParame
         assert step.state.cell_n_capacity_loss == cells.capacity_losses[-1]
 
 
-def test_the_same_state_and_command_give_the_same_step(parameters: ModelParameters) -> None:
-    first, second = full_plant(parameters), full_plant(parameters)
-    state = lively_trip(first, 5)[-1].state
-    command = Command(0.5, 900.0)
-    step = first.advance(state, command)
-    first.advance(state, Command(-1.0, 0.0))
-    assert first.advance(state, command) == step == second.advance(state, command)
-    assert first.advance(state, Command(0.4, 900.0)) != step
-
-
 def test_the_drive_gives_way_when_the_pack_cannot_supply_it() -> None:
     weak = load_parameters(overrides={"cell.nominal_resistance_ohm": 0.5}).values
     plant = full_plant(weak, slope_at=lambda positions: np.full_like(positions, 0.06))

@@ -1,19 +1,18 @@
 """The integration against itself with finer steps, and against a plain Python evaluation."""
 
 from collections.abc import Callable
-from dataclasses import astuple, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.coolant import reduce_channel
-from iptm_core.physics.power_thermal import CellPair, PowerThermalRates, power_thermal_rates
+from iptm_core.physics.power_thermal import CellPair
 from iptm_core.routes import Route, build_route
 from iptm_core.state import Command, VehicleState
 from iptm_plant_sim.integrator import IntervalIntegrator
 from iptm_plant_sim.motion import plan_motion
-from iptm_plant_sim.plant import DEFAULT_STEP_S, Plant
+from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_step import PlantStep
 
 REFERENCE_STEP_S = 0.1 / 16.0
@@ -76,14 +75,6 @@ def interval_errors(plant: Plant, reference: list[Pair]) -> dict[str, list[float
     return errors
 
 
-def test_trip_is_lively(reference: list[Pair]) -> None:
-    steps = [step for _, step in reference]
-    assert any(step.standstill for step in steps)
-    assert sum(step.regenerative_power_w < -1000.0 for step in steps) > 50
-    assert max(step.powers.battery_power_w for step in steps) > 60e3
-    assert min(step.cell_current_a for step in steps) < -0.1
-
-
 def test_every_interval_is_accurate_to_a_thousandth(
     parameters: ModelParameters, us06: Route, reference: list[Pair]
 ) -> None:
@@ -137,81 +128,6 @@ def test_order_is_four_where_the_model_is_smooth(make_plant: Callable[..., Plant
     orders = np.log2(errors[:-1] / errors[1:])
     assert (orders[-1] > 3.7).all()
     assert (orders[-1] < 4.6).all()
-
-
-def test_finer_steps_never_hurt(
-    parameters: ModelParameters, us06: Route, reference: list[Pair]
-) -> None:
-    """Over kinks the order drops to two, measured by the median."""
-    medians = []
-    for step_s in (0.2, 0.1, 0.05):
-        errors = interval_errors(Plant(parameters, us06.slope.slope_at, step_s), reference)
-        medians.append([float(np.median(errors[name])) for name in ("battery_power_w",)])
-    orders = np.log2(np.array(medians[:-1]) / np.array(medians[1:]))
-    assert (orders > 1.5).all()
-
-
-def rk4_in_floats(
-    parameters: ModelParameters, start: VehicleState, command: Command, steps: int
-) -> tuple[list[float], float]:
-    """The same Runge-Kutta scheme on plain floats; end states of the cells and battery energy."""
-    channel = reduce_channel(parameters.cooling, parameters.pack)
-    h = 1.0 / steps
-    v, a = start.speed_m_s, command.acceleration_m_s2
-    p = start.position_m
-
-    def rates(t: float, cells: list[float]) -> PowerThermalRates:
-        slope = 0.06 * float(np.sin((p + v * t + 0.5 * a * t * t) / 150.0))
-        pair = CellPair(*cells)
-        return power_thermal_rates(
-            v + a * t, a, slope, command.compressor_power_w, pair, parameters, channel
-        )
-
-    def slopes(t: float, cells: list[float]) -> list[float]:
-        now = rates(t, cells)
-        return [
-            now.cell_1_temperature_rate_k_s,
-            now.cell_n_temperature_rate_k_s,
-            now.cell_1_capacity_loss_rate_1_s,
-            now.cell_n_capacity_loss_rate_1_s,
-            now.battery_power_w,
-        ]
-
-    cells = list(astuple(start))[5:9]
-    energy = 0.0
-    for index in range(steps):
-        t = index * h
-        k1 = slopes(t, cells)
-        k2 = slopes(t + h / 2, [c + h / 2 * k for c, k in zip(cells, k1, strict=False)])
-        k3 = slopes(t + h / 2, [c + h / 2 * k for c, k in zip(cells, k2, strict=False)])
-        k4 = slopes(t + h, [c + h * k for c, k in zip(cells, k3, strict=False)])
-        mean = [(q + 2 * (r + s) + u) / 6 for q, r, s, u in zip(k1, k2, k3, k4, strict=True)]
-        cells = [c + h * k for c, k in zip(cells, mean, strict=False)]
-        energy += h * mean[4]
-    return cells, energy
-
-
-@pytest.mark.parametrize("acceleration", [-1.7, 0.0, 1.2])
-@pytest.mark.parametrize("compressor", [0.0, 1800.0])
-def test_compiled_and_plain_evaluation_agree(
-    make_plant: Callable[..., Plant], acceleration: float, compressor: float
-) -> None:
-    plant = make_plant("hills")
-    start = replace(
-        plant.initial_state(speed_m_s=12.0, position_m=70.0, cell_n_temperature_k=311.0),
-        acceleration_m_s2=acceleration,
-        compressor_power_w=compressor,
-    )
-    command = Command(acceleration, compressor)
-    step = plant.advance(start, command)
-    steps = round(1.0 / DEFAULT_STEP_S)
-    cells, energy = rk4_in_floats(plant.parameters, start, command, steps)
-    assert step.powers.battery_power_w == pytest.approx(energy, rel=1e-12)
-    for got, expected, begun in zip(
-        astuple(step.state)[5:9], cells, astuple(start)[5:9], strict=True
-    ):
-        # To the rounding of the state itself.
-        assert got == pytest.approx(expected, abs=4e-16 * abs(begun) + 1e-9 * abs(expected - begun))
 
 
 def test_undeliverable_power_is_seen_in_the_result(parameters: ModelParameters) -> None:

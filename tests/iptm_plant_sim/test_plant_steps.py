@@ -166,15 +166,6 @@ def test_chiller_works_only_with_the_compressor(plant: Plant, flow_heats: float)
     )
 
 
-def test_same_input_same_output(make_plant: Callable[..., Plant]) -> None:
-    first, second = make_plant("hills"), make_plant("hills")
-    state = first.initial_state(speed_m_s=13.0)
-    command = Command(0.3, 150.0)
-    reference = first.advance(state, command)
-    first.advance(first.initial_state(speed_m_s=30.0), Command(-0.5, 200.0))
-    assert first.advance(state, command) == reference == second.advance(state, command)
-
-
 @pytest.mark.parametrize(
     ("name", "value"),
     [
