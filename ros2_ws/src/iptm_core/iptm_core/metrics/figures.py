@@ -98,7 +98,7 @@ def _temperature_figures() -> Iterator[Figure]:
             ("max", "highest", "maximum"),
         ):
             name = f"cell_{cell.lower()}"
-            value_k = attrgetter(f"temperature.{name}_k.{field}")
+            value_k = attrgetter(f"{name}_k.{field}")
             yield Figure(
                 f"{name}_temperature_{suffix}",
                 f"Cell {cell}, {word} temperature",

@@ -44,16 +44,15 @@ class EnergyMetrics:
 
 @dataclass(frozen=True)
 class DegradationMetrics:
-    """Capacity lost during a run, as fractions of nominal capacity.
-
-    Attributes:
-        inconsistency: increment of Q_loss,Nc - Q_loss,1. The paper prints the difference of the
-            losses; as both cells start alike there, that is the same.
-    """
+    """Capacity lost during a run, as fractions of nominal capacity."""
 
     cell_1: float
     cell_n: float
-    inconsistency: float
+
+    @property
+    def inconsistency(self) -> float:
+        """Growth of Q_loss,Nc - Q_loss,1; the paper prints this difference, as both cells start alike."""
+        return self.cell_n - self.cell_1
 
     @property
     def total(self) -> float:
@@ -87,16 +86,6 @@ class ValueRange:
 
 
 @dataclass(frozen=True)
-class TemperatureMetrics:
-    """Temperatures of a run in kelvin; the spread is that of the last less that of the first cell."""
-
-    cell_1_k: ValueRange
-    cell_n_k: ValueRange
-    spread_k: ValueRange
-    coolant_outlet_k: ValueRange
-
-
-@dataclass(frozen=True)
 class EndState:
     """The vehicle at the end of a run.
 
@@ -114,20 +103,6 @@ class EndState:
     cell_n_capacity_loss: float
     state_of_charge: float = math.nan
 
-    @classmethod
-    def of(cls, run: Trajectory, parameters: ModelParameters) -> EndState:
-        """Return the end of a run."""
-        speed_m_s = float(run.speed_m_s[-1])
-        mass_kg = parameters.body.rotational_inertia_factor * parameters.body.mass_kg
-        return cls(
-            speed_m_s=speed_m_s,
-            kinetic_energy_j=0.5 * mass_kg * speed_m_s**2,
-            temperature_k=0.5 * float(run.cell_1_temperature_k[-1] + run.cell_n_temperature_k[-1]),
-            cell_1_capacity_loss=float(run.cell_1_capacity_loss[-1]),
-            cell_n_capacity_loss=float(run.cell_n_capacity_loss[-1]),
-            state_of_charge=float(run.state_of_charge[-1]),
-        )
-
 
 @dataclass(frozen=True)
 class RunMetrics:
@@ -144,7 +119,8 @@ class RunMetrics:
     energy: EnergyMetrics
     degradation: DegradationMetrics
     gap: GapMetrics
-    temperature: TemperatureMetrics
+    cell_1_k: ValueRange
+    cell_n_k: ValueRange
     constraints: tuple[ConstraintCheck, ...]
     interventions: int
     service_braking_s: float
@@ -178,21 +154,40 @@ def compute_metrics(
     decisions: DecisionSeries | None = None,
 ) -> RunMetrics:
     """Work out what a run of two rows or more achieved."""
-    if len(trajectory) < 2:
-        raise StateError(f"run of {len(trajectory)} row; allowed: at least 2 rows")
+    run = trajectory
+    if len(run) < 2:
+        raise StateError(f"run of {len(run)} row; allowed: at least 2 rows")
+    braked = run.service_braking_s > 0.0
     return RunMetrics(
-        duration_s=_duration_s(trajectory),
-        distance_m=float(trajectory.position_m[-1] - trajectory.position_m[0]),
-        energy=_energy(trajectory),
-        degradation=_degradation(trajectory),
-        gap=_gap(trajectory, parameters),
-        temperature=_temperature(trajectory),
-        constraints=check_constraints(trajectory, parameters),
-        interventions=_interventions(trajectory),
-        service_braking_s=float(trajectory.service_braking_s.sum()),
-        longest_s=longest_times_s(trajectory, parameters),
-        end=EndState.of(trajectory, parameters),
+        duration_s=_duration_s(run),
+        distance_m=float(run.position_m[-1] - run.position_m[0]),
+        energy=_energy(run),
+        degradation=DegradationMetrics(
+            cell_1=float(run.cell_1_capacity_loss[-1] - run.cell_1_capacity_loss[0]),
+            cell_n=float(run.cell_n_capacity_loss[-1] - run.cell_n_capacity_loss[0]),
+        ),
+        gap=_gap(run, parameters),
+        cell_1_k=_range(run, run.cell_1_temperature_k),
+        cell_n_k=_range(run, run.cell_n_temperature_k),
+        constraints=check_constraints(run, parameters),
+        interventions=int(np.count_nonzero(braked & ~np.concatenate(([False], braked[:-1])))),
+        service_braking_s=float(run.service_braking_s.sum()),
+        longest_s=longest_times_s(run, parameters),
+        end=_end(run, parameters),
         decisions=None if decisions is None else DecisionStatistics.of(decisions),
+    )
+
+
+def _end(run: Trajectory, parameters: ModelParameters) -> EndState:
+    speed_m_s = float(run.speed_m_s[-1])
+    mass_kg = parameters.body.rotational_inertia_factor * parameters.body.mass_kg
+    return EndState(
+        speed_m_s=speed_m_s,
+        kinetic_energy_j=0.5 * mass_kg * speed_m_s**2,
+        temperature_k=0.5 * float(run.cell_1_temperature_k[-1] + run.cell_n_temperature_k[-1]),
+        cell_1_capacity_loss=float(run.cell_1_capacity_loss[-1]),
+        cell_n_capacity_loss=float(run.cell_n_capacity_loss[-1]),
+        state_of_charge=float(run.state_of_charge[-1]),
     )
 
 
@@ -215,12 +210,6 @@ def _energy(run: Trajectory) -> EnergyMetrics:
     )
 
 
-def _degradation(run: Trajectory) -> DegradationMetrics:
-    cell_1 = float(run.cell_1_capacity_loss[-1] - run.cell_1_capacity_loss[0])
-    cell_n = float(run.cell_n_capacity_loss[-1] - run.cell_n_capacity_loss[0])
-    return DegradationMetrics(cell_1=cell_1, cell_n=cell_n, inconsistency=cell_n - cell_1)
-
-
 def _gap(run: Trajectory, parameters: ModelParameters) -> GapMetrics:
     gaps = _range(run, run.gap_m)
     margins = gap_margins_m(run, parameters)
@@ -232,22 +221,6 @@ def _gap(run: Trajectory, parameters: ModelParameters) -> GapMetrics:
         smallest_margin_m=float(margins[tightest]),
         smallest_margin_time_s=float(run.time_s[tightest]),
     )
-
-
-def _temperature(run: Trajectory) -> TemperatureMetrics:
-    cell_1, cell_n = run.cell_1_temperature_k, run.cell_n_temperature_k
-    return TemperatureMetrics(
-        cell_1_k=_range(run, cell_1),
-        cell_n_k=_range(run, cell_n),
-        spread_k=_range(run, cell_n - cell_1),
-        coolant_outlet_k=_range(run, run.coolant_outlet_temperature_k),
-    )
-
-
-def _interventions(run: Trajectory) -> int:
-    """Return the number of times at which service braking began."""
-    braked = run.service_braking_s > 0.0
-    return int(np.count_nonzero(braked & ~np.concatenate(([False], braked[:-1]))))
 
 
 def _duration_s(run: Trajectory) -> float:
