@@ -192,6 +192,16 @@ def read_bounded(path: Path, most_bytes: int) -> bytes:
         os.close(descriptor)
 
 
+def read_file(path: Path, most_bytes: int, error: type[IptmError]) -> bytes:
+    """Return the content of a user's file; what cannot be read raises the error, with path and cause."""
+    try:
+        return read_bounded(path, most_bytes)
+    except FileNotFoundError:
+        raise error(f"{path}: no such file; allowed: the path of an existing one") from None
+    except (OSError, ValueError) as reason:  # ValueError: a null character in the path
+        raise error(f"{path}: cannot be read: {reason}") from reason
+
+
 def is_path(text: str, suffixes: tuple[str, ...]) -> bool:
     """Return whether a text (without a part after ``#``) is a path: with a folder, or one of the suffixes."""
     lower = text.lower()

@@ -17,7 +17,7 @@ from typing import Any, NoReturn
 import yaml
 
 from iptm_core.errors import IptmError, ParameterError
-from iptm_core.user_input import read_bounded
+from iptm_core.user_input import read_file
 
 YAML_SUFFIXES = (".yaml", ".yml")
 MAX_BYTES = 500_000
@@ -86,16 +86,13 @@ def parse_yaml(text: str, origin: str, error: type[IptmError] = ParameterError) 
     try:
         _check_bounds(text)
         loader = _StrictLoader(text)
-    except yaml.YAMLError as reason:
-        raise error(f"{origin}: not valid YAML: {_one_line(reason)}") from reason
-    try:
-        return loader.get_single_data()
-    except yaml.YAMLError as reason:
-        raise error(f"{origin}: not valid YAML: {_one_line(reason)}") from reason
-    except ValueError as reason:
-        raise error(f"{origin}: not valid YAML: {_one_line(reason)}") from reason
-    finally:
-        loader.dispose()
+        try:
+            return loader.get_single_data()
+        finally:
+            loader.dispose()
+    except (yaml.YAMLError, ValueError) as reason:
+        words = " ".join(str(reason).split())[:300]
+        raise error(f"{origin}: not valid YAML: {words}") from reason
 
 
 def _check_bounds(text: str) -> None:
@@ -134,15 +131,7 @@ def _refuse(reason: str, event: Any) -> NoReturn:
 def read_yaml(path: Path, error: type[IptmError] = ParameterError) -> Any:
     """Read and parse one YAML file; errors as in ``parse_yaml``, and for an unreadable file."""
     try:
-        text = read_bounded(path, MAX_BYTES).decode("utf-8")
-    except FileNotFoundError:
-        raise error(f"{path}: no such file") from None
+        text = read_file(path, MAX_BYTES, error).decode("utf-8")
     except UnicodeDecodeError as reason:
         raise error(f"{path}: cannot be read as UTF-8 text: {reason}") from reason
-    except (OSError, ValueError) as reason:  # ValueError: a null character in the path
-        raise error(f"{path}: cannot be read: {reason}") from reason
     return parse_yaml(text, str(path), error)
-
-
-def _one_line(reason: Exception) -> str:
-    return " ".join(str(reason).split())[:300]

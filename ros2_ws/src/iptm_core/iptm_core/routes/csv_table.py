@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +12,7 @@ import numpy as np
 
 from iptm_core.errors import RouteError
 from iptm_core.state import FloatArray
-from iptm_core.user_input import number, read_bounded
+from iptm_core.user_input import number, read_file, shown
 
 MAX_BYTES = 20_000_000
 """A week at 1 Hz and more."""
@@ -56,15 +57,16 @@ def read_csv_table(path: Path, known: Sequence[str]) -> CsvTable:
         RouteError: missing, unreadable or huge file, wrong encoding, unknown, duplicate or no columns,
             a row of the wrong length, or something that is not a finite number.
     """
+    raw, source = read_file(path, MAX_BYTES, RouteError), str(path)
     try:
-        raw = read_bounded(path, MAX_BYTES)
-    except FileNotFoundError:
-        raise RouteError(f"{path}: no such file; give the path of an existing one") from None
-    except (OSError, ValueError) as reason:  # ValueError: a null character in the path
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as reason:
+        line = raw.count(b"\n", 0, reason.start) + 1
         raise RouteError(
-            f"{path}: cannot be read ({reason}); the path of a readable file is needed"
+            f"{source}, line {line}: byte 0x{raw[reason.start]:02x} is not UTF-8; "
+            "save the file as UTF-8 text"
         ) from reason
-    return parse_csv_table(_decode(raw, str(path)), str(path), known)
+    return parse_csv_table(text, source, known)
 
 
 def parse_csv_table(text: str, source: str, known: Sequence[str]) -> CsvTable:
@@ -83,8 +85,9 @@ def parse_csv_table(text: str, source: str, known: Sequence[str]) -> CsvTable:
                 f"{source}, line {line}: {len(cells)} values; allowed: one per column, "
                 f"{len(names)} ({', '.join(names)})"
             )
+        where = f"{source}, line {line}"
         values.append(
-            [_number(cell, source, line, name) for cell, name in zip(cells, names, strict=True)]
+            [finite_number(where, name, cell) for name, cell in zip(names, cells, strict=True)]
         )
         lines.append(line)
     if not values:
@@ -92,17 +95,6 @@ def parse_csv_table(text: str, source: str, known: Sequence[str]) -> CsvTable:
     data = np.array(values, dtype=np.float64)
     columns = {name: data[:, index].copy() for index, name in enumerate(names)}
     return CsvTable(source=source, columns=columns, lines=tuple(lines))
-
-
-def _decode(raw: bytes, source: str) -> str:
-    try:
-        return raw.decode("utf-8-sig")
-    except UnicodeDecodeError as reason:
-        line = raw.count(b"\n", 0, reason.start) + 1
-        raise RouteError(
-            f"{source}, line {line}: byte 0x{raw[reason.start]:02x} is not UTF-8; "
-            "save the file as UTF-8 text"
-        ) from reason
 
 
 def _rows(text: str, source: str) -> Iterator[tuple[int, list[str]]]:
@@ -130,13 +122,12 @@ def _check_header(names: list[str], source: str, line: int, known: Sequence[str]
             )
 
 
-def _number(cell: str, source: str, line: int, column: str) -> float:
-    text = cell.strip()
-    where = f"{source}, line {line}, column {column}"
+def finite_number(where: str, name: str, text: str | None) -> float:
+    """Read a finite number of a user's file; others are refused."""
     try:
-        value = number(text)
+        value = number((text or "").strip())
     except ValueError:
-        raise RouteError(f"{where}: {text!r} is not a number; allowed: a plain decimal") from None
-    if not np.isfinite(value):
-        raise RouteError(f"{where}: {text!r} is not finite; allowed: a plain decimal")
+        value = math.nan
+    if not math.isfinite(value):
+        raise RouteError(f"{where}: {name} is {shown(text)}; allowed: a finite number")
     return value

@@ -10,18 +10,17 @@ from array import array
 from collections.abc import Mapping
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
 from iptm_core.errors import RouteError
-from iptm_core.routes.csv_table import CsvTable
+from iptm_core.routes.csv_table import CsvTable, finite_number
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.routes.slope import SlopeProfile
 from iptm_core.routes.track import Track, read_out, road_through
 from iptm_core.state import FloatArray
-from iptm_core.user_input import number, read_bounded, shown, suggestion
+from iptm_core.user_input import read_file, shown, suggestion
 
 
 class PlainXml:
@@ -35,42 +34,16 @@ class PlainXml:
         raise RouteError(f"document type {name!r}; allowed: none, no drive needs one")
 
 
-class _Tree(PlainXml, ET.TreeBuilder):
-    """Builds the whole tree."""
-
-
-def read_xml(path: Path, most_bytes: int, kind: str, target: PlainXml | None = None) -> Any:
-    """Read a file.
-
-    Args:
-        target: takes the elements; None builds a tree of them.
-
-    Raises:
-        RouteError: no such file, no XML, too large, or a document type.
-    """
+def read_xml(path: Path, most_bytes: int, kind: str, target: PlainXml) -> None:
+    """Give the elements of a file to a target; what is no such file is refused."""
+    content = read_file(path, most_bytes, RouteError)
     try:
-        content = read_bounded(path, most_bytes)
-        parser = ET.XMLParser(target=target or _Tree())  # noqa: S314 - entities are refused
-        return ET.fromstring(content, parser)  # noqa: S314
-    except FileNotFoundError:
-        raise RouteError(
-            f"{path}: no such file; give the path of an existing {kind} file"
-        ) from None
+        parser = ET.XMLParser(target=target)  # noqa: S314 - entities are refused
+        ET.fromstring(content, parser)  # noqa: S314
     except RouteError as reason:
         raise RouteError(f"{path}: {reason}") from None
-    except (OSError, ValueError, LookupError, ET.ParseError) as reason:
+    except (ValueError, LookupError, ET.ParseError) as reason:
         raise RouteError(f"{path}: cannot be read ({reason}); a {kind} file is needed") from reason
-
-
-def finite_number(where: str, name: str, text: str | None) -> float:
-    """Read an attribute or the text of an element."""
-    try:
-        value = number(text or "")
-    except ValueError:
-        value = float("nan")
-    if not np.isfinite(value):
-        raise RouteError(f"{where}: {name} is {shown(text)}; allowed: a finite number")
-    return value
 
 
 MAX_GPX_BYTES = 100_000_000
