@@ -81,66 +81,40 @@ def test_a_row_is_met_although_its_conversion_rounds(write: Write) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("rows", "message"),
     [
-        ({"rows": [COLD]}, "rows is [["),
-        ({"rows": [WARM, COLD]}, "allowed: increasing ones"),
-        ({"rows": [COLD, COLD]}, "allowed: increasing ones"),
-        (
-            {"rows": [COLD, "[40.0, 1.0]"]},
-            "row 2 is [40.0, 1.0]; allowed: a list of 7 numbers",
-        ),
-        ({"rows": [COLD, "7"]}, "row 2 is 7; allowed: a list of 7 numbers"),
-        (
-            {"rows": [COLD, WARM.replace("1.0,", "true,", 1)]},
-            "row 2: chiller.xi_1 is True, no number",
-        ),
-        (
-            {"rows": [COLD, WARM.replace("1.0,", ".nan,", 1)]},
-            "row 2: chiller.xi_1 is nan; allowed",
-        ),
-        (
-            {"rows": [COLD, WARM.replace("40.0", "140.0")]},
-            "row 2: environment.ambient_temperature_k is 140.0 degC = 413.15 K; allowed",
-        ),
-        (
-            {"rows": [COLD, WARM], "columns": "5"},
-            "columns is ",
-        ),
-        (
-            {"rows": [COLD, WARM], "columns": COLUMNS.replace("xi_6_w", "xi_7")},
-            "unknown column 'xi_7'; did you mean 'xi_1'?",
-        ),
-        (
-            {"rows": [COLD, WARM], "columns": COLUMNS.replace("xi_6_w", "xi_1")},
-            "xi_6_w once",
-        ),
-        (
-            {"rows": [COLD, WARM], "units": "[degC]"},
-            "units is ['degC']; allowed: a list of 7 units",
-        ),
-        (
-            {"rows": [COLD, WARM], "units": UNITS.replace("1/W", "1/kW")},
-            "row 1: chiller.xi_2_1_w is -0.0001 with unit '1/kW'; allowed: '1/W'",
-        ),
-        (
-            {"rows": [COLD, WARM], "units": UNITS.replace("degC", "[degC]")},
-            "unit ['degC']; allowed: 'K' or 'degC'",
-        ),
-        (
-            {"rows": [COLD, WARM], "more": 'xi_1: {value: 2.0, unit: "1", source: chosen}'},
-            "chiller.xi_1 and chiller.by_ambient_temperature both state the chiller",
-        ),
+        ([COLD], "rows is [["),
+        ([WARM, COLD], "allowed: increasing ones"),
+        ([COLD, "[40.0, 1.0]"], "row 2 is [40.0, 1.0]; allowed: a list of 7 numbers"),
+        ([COLD, WARM.replace("1.0,", "true,", 1)], "row 2: chiller.xi_1 is True, no number"),
+        ([COLD, WARM.replace("1.0,", ".nan,", 1)], "row 2: chiller.xi_1 is nan; allowed"),
+        ([COLD, WARM.replace("40.0", "140.0")], "is 140.0 degC = 413.15 K; allowed"),
     ],
 )
-def test_a_wrong_table(write: Write, arguments: dict[str, str], message: str) -> None:
-    rows = arguments.pop("rows")
-    path = write(*rows, **arguments)
-    arguments["rows"] = rows
+def test_wrong_rows(write: Write, rows: list[str], message: str) -> None:
+    path = write(*rows)
     with pytest.raises(ParameterError) as caught:
         load_parameters(path)
     assert message in str(caught.value)
     assert str(caught.value).startswith(str(path))
+
+
+@pytest.mark.parametrize(
+    ("written", "message"),
+    [
+        ({"columns": "5"}, "columns is "),
+        ({"columns": COLUMNS.replace("xi_6_w", "xi_7")}, "column 'xi_7'; did you mean 'xi_1'?"),
+        ({"columns": COLUMNS.replace("xi_6_w", "xi_1")}, "xi_6_w once"),
+        ({"units": "[degC]"}, "units is ['degC']; allowed: a list of 7 units"),
+        ({"units": UNITS.replace("1/W", "1/kW")}, "-0.0001 with unit '1/kW'; allowed: '1/W'"),
+        ({"units": UNITS.replace("degC", "[degC]")}, "unit ['degC']; allowed: 'K' or 'degC'"),
+        ({"more": 'xi_1: {value: 2.0, unit: "1", source: chosen}'}, "both state the chiller"),
+    ],
+)
+def test_wrong_headings(write: Write, written: dict[str, str], message: str) -> None:
+    with pytest.raises(ParameterError) as caught:
+        load_parameters(write(COLD, WARM, **written))
+    assert message in str(caught.value)
 
 
 @pytest.mark.parametrize(

@@ -87,10 +87,10 @@ def test_a_route_can_be_built_from_a_composition_of_ones_own() -> None:
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        ({"order": ("nycc", "nowhere", "smooth")}, "part is 'nowhere'"),
+        ({"order": ("nycc", "nowhere", "smooth")}, "unknown part 'nowhere'"),
         ({"order": ("nycc", "us06")}, "smooth occurs 0 times"),
         ({"first_slope": "steep"}, "first_slope is 'steep'"),
-        ({"large_grade": 0.4}, "large_grade is 0.4; allowed: 0 to 0.25"),
+        ({"large_grade": 0.4}, "large_grade is 0.4 (float); allowed: a number from 0 to 0.25"),
         ({"mean_climb": float("nan")}, "mean_climb is nan"),
         ({"smooth_low_km_h": 115.0}, "smooth_low_km_h is 115.0; allowed: at most"),
     ],

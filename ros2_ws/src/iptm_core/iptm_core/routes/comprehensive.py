@@ -9,7 +9,6 @@ the speeds of the smooth section are not given, so a composition states them. Sh
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import cache, lru_cache
@@ -19,74 +18,70 @@ from typing import Any
 
 import numpy as np
 
-from iptm_core.errors import RouteError
+from iptm_core.declaration import Settings, parameter
+from iptm_core.errors import ParameterError, RouteError
 from iptm_core.parameters.model import KM_H_PER_M_S
 from iptm_core.parameters.strict_yaml import read_yaml
 from iptm_core.routes.cycles import CYCLE_NAMES, DrivingCycle, load_cycle, smooth_cycle
 from iptm_core.routes.slope import MAIN_WAVELENGTH_M, PEAK_GRADES, Hills, SlopeProfile
-from iptm_core.user_input import StrictMapping
+from iptm_core.user_input import StrictMapping, check_known
 
 SMOOTH = "smooth"
 SLOPE_KINDS = ("large", "small")
-_RANGES = {
-    "large_grade": (0.0, 0.25),
-    "small_grade": (0.0, 0.25),
-    "mean_climb": (-0.05, 0.05),
-    "hill_length_m": (200.0, 20_000.0),
-    "smooth_low_km_h": (20.0, 120.0),
-    "smooth_high_km_h": (20.0, 135.0),
-}
 _SUFFIX = ".yaml"
 
 
 @dataclass(frozen=True)
-class RouteComposition:
+class RouteComposition(Settings):
     """How a comprehensive cycle is put together.
 
     Attributes:
         order: parts of a pass in driving order: published cycles, and ``"smooth"`` once.
-        first_slope: kind of hills of the first part; the kinds alternate from part to part.
-        large_grade: steepest grade of the large hills, rise over run, the climb left aside.
-        mean_climb: grade of the whole road under the hills.
-        hill_length_m: length of a hill; shorter on short parts.
-        smooth_low_km_h: lowest speed of the smooth part between its ramps.
+
+    Raises:
+        RouteError: an unknown part, or a value outside its range.
     """
 
     name: str
     order: tuple[str, ...] = ("nycc", "sc03", "wltc_class3b", "us06", SMOOTH)
-    first_slope: str = "large"
-    large_grade: float = PEAK_GRADES["large"]
-    small_grade: float = PEAK_GRADES["small"]
-    mean_climb: float = 0.0
-    hill_length_m: float = MAIN_WAVELENGTH_M
-    smooth_low_km_h: float = 60.0
-    smooth_high_km_h: float = 120.0
+    first_slope: str = parameter(
+        "large",
+        "kind of hills of the first part; the kinds alternate from part to part",
+        choices=SLOPE_KINDS,
+    )
+    large_grade: float = parameter(
+        PEAK_GRADES["large"], "steepest grade of the large hills, the climb left aside", "", 0, 0.25
+    )
+    small_grade: float = parameter(
+        PEAK_GRADES["small"], "steepest grade of the small hills", "", 0, 0.25
+    )
+    mean_climb: float = parameter(0.0, "grade of the road under the hills", "", -0.05, 0.05)
+    hill_length_m: float = parameter(
+        MAIN_WAVELENGTH_M, "length of a hill; shorter on short parts", "m", 200.0, 20_000.0
+    )
+    smooth_low_km_h: float = parameter(
+        60.0, "lowest speed of the smooth part between its ramps", "km/h", 20.0, 120.0
+    )
+    smooth_high_km_h: float = parameter(
+        120.0, "highest speed of the smooth part", "km/h", 20.0, 135.0
+    )
 
     def __post_init__(self) -> None:
+        where = f"composition {self.name}"
+        try:
+            super().__post_init__()
+        except ParameterError as reason:
+            raise RouteError(f"{where}: {reason}") from None
         for part in self.order:
-            if part not in (*CYCLE_NAMES, SMOOTH):
-                raise RouteError(
-                    f"composition {self.name}: part is {part!r}; allowed: {', '.join(CYCLE_NAMES)}, {SMOOTH}"
-                )
+            check_known(part, (*CYCLE_NAMES, SMOOTH), where, "part", RouteError)
         if self.order.count(SMOOTH) != 1:
             raise RouteError(
-                f"composition {self.name}: {SMOOTH} occurs {self.order.count(SMOOTH)} times; allowed: once, "
+                f"{where}: {SMOOTH} occurs {self.order.count(SMOOTH)} times; allowed: once, "
                 "because it fills the pass"
             )
-        if self.first_slope not in SLOPE_KINDS:
-            raise RouteError(
-                f"composition {self.name}: first_slope is {self.first_slope!r}; "
-                f"allowed: {', '.join(SLOPE_KINDS)}"
-            )
-        for key, (low, high) in _RANGES.items():
-            value = getattr(self, key)
-            if not (math.isfinite(value) and low <= value <= high):
-                raise RouteError(
-                    f"composition {self.name}: {key} is {value}; allowed: {low:g} to {high:g}"
-                )
         if self.smooth_low_km_h > self.smooth_high_km_h:
             raise RouteError(
-                f"composition {self.name}: smooth_low_km_h is {self.smooth_low_km_h}; "
+                f"{where}: smooth_low_km_h is {self.smooth_low_km_h}; "
                 f"allowed: at most smooth_high_km_h, {self.smooth_high_km_h}"
             )
 
@@ -123,10 +118,9 @@ def read_composition(path: Path) -> RouteComposition:
         read_yaml(path, RouteError), str(path), ("description", *keys), error=RouteError
     )
     written.require(*keys)
-    numbers = {key: written.number(key) for key in _RANGES}
-    order = tuple(str(part) for part in written.entries("order"))
-    first = written.choice("first_slope", SLOPE_KINDS)
-    return RouteComposition(path.stem, order, first, **numbers)
+    order = tuple(map(str, written.entries("order")))
+    scalars = {key: written.scalar(key) for key in keys if key != "order"}
+    return RouteComposition(path.stem, order, **scalars)  # type: ignore[arg-type]
 
 
 def compositions_folder() -> Path:
