@@ -15,7 +15,7 @@ setup(
         "setuptools",
         "matplotlib>=3.8",
         "numpy>=1.24",
-        "pyarrow>=14",
+        "pandas>=2.1",
         "pyyaml>=6",
         "rich>=13",
         "scipy>=1.10",

@@ -5,19 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from iptm_core.errors import MeasurementError
 from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.state import FloatArray
 from iptm_validation.measurements import Trip
-from iptm_validation.readers.columns import (
-    block_means,
-    compact_columns,
-    numbers,
-    original_column,
-    original_rows,
-    texts,
-)
+from iptm_validation.readers.columns import block_means, compact_table, numbers, original_table
 
 # Name in the compact file -> start of the column name in the original, which may end in stray brackets.
 COLUMNS = {
@@ -34,40 +28,26 @@ COLUMNS = {
     "ambient_temperature_c": "Ambient Temperature [",
     "heat_exchanger_temperature_c": "Heat Exchanger Temperature [",
 }
-OPTIONAL = {
-    "soc_percent",
-    "heating_power_kw",
-    "aircon_power_kw",
-    "heat_exchanger_temperature_c",
-}
+OPTIONAL = {"soc_percent", "heating_power_kw", "aircon_power_kw", "heat_exchanger_temperature_c"}
 
 
-def _filled(values: FloatArray) -> FloatArray:
-    """Fill gaps linearly; a channel without any value stays NaN."""
-    known = np.isfinite(values)
-    if known.all() or not known.any():
-        return values
-    index = np.arange(len(values))
-    filled: FloatArray = np.interp(index, index[known], values[known])
-    return filled
-
-
-def _trip(name: str, raw: dict[str, FloatArray]) -> Trip:
+def _trip(name: str, raw: pd.DataFrame) -> Trip:
     def get(column: str) -> FloatArray:
-        return _filled(raw[column])
+        """Return a channel with linearly filled gaps; one without any value stays NaN."""
+        return np.array(raw[column].interpolate(limit_direction="both"), dtype=np.float64)
 
     return Trip(
         name=name,
-        time_s=raw["time_s"] - raw["time_s"][0],
+        time_s=np.array(raw["time_s"] - raw["time_s"].iloc[0]),
         speed_m_s=np.maximum(get("speed_km_h"), 0.0) / 3.6,
         elevation_m=get("elevation_m"),
         motor_torque_nm=get("motor_torque_nm"),
         voltage_v=get("battery_voltage_v"),
         current_a=-get("battery_current_a"),
         battery_temperature_k=get("battery_temperature_c") + CELSIUS_ZERO_K,
-        charge=raw["soc_percent"] / 100.0,
-        heating_w=1000.0 * np.nan_to_num(raw["heating_power_kw"]),
-        cooling_w=1000.0 * np.nan_to_num(raw["aircon_power_kw"]),
+        charge=np.array(raw["soc_percent"] / 100.0, dtype=np.float64),
+        heating_w=1000.0 * np.array(raw["heating_power_kw"].fillna(0.0), dtype=np.float64),
+        cooling_w=1000.0 * np.array(raw["aircon_power_kw"].fillna(0.0), dtype=np.float64),
         ambient_k=get("ambient_temperature_c") + CELSIUS_ZERO_K,
         heat_exchanger_k=get("heat_exchanger_temperature_c") + CELSIUS_ZERO_K,
     )
@@ -85,14 +65,8 @@ def is_original_i3(head: list[str]) -> bool:
 
 def compact_trips(path: Path) -> list[Trip]:
     """Read all trips of a compact file."""
-    columns = compact_columns(path, ("trip", *COLUMNS))
-    names = np.array(texts(columns, "trip"))
-    values = {column: numbers(columns, column) for column in COLUMNS}
-    trips = []
-    for name in dict.fromkeys(names.tolist()):
-        rows = names == name
-        trips.append(_trip(name, {column: array[rows] for column, array in values.items()}))
-    return trips
+    table = compact_table(path, ("trip", *COLUMNS))
+    return [_trip(str(name), rows) for name, rows in table.groupby("trip", sort=False)]
 
 
 def original_trips(path: Path) -> list[Trip]:
@@ -101,21 +75,19 @@ def original_trips(path: Path) -> list[Trip]:
     Raises:
         MeasurementError: a needed column is missing.
     """
-    header, rows = original_rows(path, ";", 0)
-    times = original_column(rows, header.index(COLUMNS["time_s"]))
-    # The originals end in rows without a time.
-    rows = [row for row, time in zip(rows, times, strict=True) if np.isfinite(time)]
-    times = times[np.isfinite(times)]
-    if len(times) < 2:
+    table = original_table(path, [COLUMNS["time_s"]], ";")
+    times = numbers(table[COLUMNS["time_s"]])
+    known = np.isfinite(times)  # the originals end in rows without a time
+    if known.sum() < 2:
         raise MeasurementError(
-            f"{path.name} has {len(times)} rows with a time; allowed: at least 2"
+            f"{path.name} has {known.sum()} rows with a time; allowed: at least 2"
         )
-    size = max(round(1.0 / float(np.median(np.diff(times)))), 1)
+    size = max(round(1.0 / float(np.median(np.diff(times[known])))), 1)
     raw = {}
     for column, start in COLUMNS.items():
-        at = next((i for i, name in enumerate(header) if name.startswith(start)), None)
-        if at is None and column not in OPTIONAL:
+        name = next((name for name in table if name.startswith(start)), None)
+        if name is None and column not in OPTIONAL:
             raise MeasurementError(f"{path.name} lacks the column {start!r}")
-        values = np.full(len(rows), np.nan) if at is None else original_column(rows, at)
-        raw[column] = block_means(values, size)
-    return [_trip(path.name.split(".")[0].removeprefix("Trip"), raw)]
+        values = np.full(len(times), np.nan) if name is None else numbers(table[name])
+        raw[column] = block_means(values[known], size)
+    return [_trip(path.name.split(".")[0].removeprefix("Trip"), pd.DataFrame(raw))]

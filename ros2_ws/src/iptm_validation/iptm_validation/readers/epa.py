@@ -6,13 +6,13 @@ values (whole numbers on both cycles), brands are spelt in several ways, and row
 
 from __future__ import annotations
 
-from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from iptm_validation.measurements import DynamometerTest
-from iptm_validation.readers.columns import cell_number, original_rows
+from iptm_validation.readers.columns import numbers, original_table
 
 KWH_PER_GALLON = 33.705
 KM_PER_MILE = 1.609344
@@ -48,40 +48,44 @@ def is_epa(head: list[str]) -> bool:
 
 def dynamometer_tests(path: Path) -> list[DynamometerTest]:
     """Read the tests of electric cars on UDDS and HWFET, without contradictory cars."""
-    header, rows = original_rows(path, ",", 0)
-    at = {key: header.index(name) for key, name in _COLUMNS.items()}
-    cars: dict[str, list[tuple[float, DynamometerTest]]] = defaultdict(list)
-    for row in rows:
-        cell = {key: row[index].strip() for key, index in at.items()}
-        value = cell_number(cell["value"])
-        if cell["cycle"] not in CYCLES or cell["fuel"] != _ELECTRICITY or not np.isfinite(value):
-            continue
-        is_energy = value < LARGEST_KWH_PER_100_MILES
-        kwh_per_mile = value / 100.0 if is_energy else KWH_PER_GALLON / value
-        make = _MAKES.get(cell["make"], cell["make"].title())
-        car = f"{make} {cell['model']} {cell['vehicle']}-{cell['configuration']}"
-        test = DynamometerTest(
-            car=car,
-            make=make,
-            cycle=CYCLES[cell["cycle"]],
-            mass_kg=cell_number(cell["mass"]) * KG_PER_POUND,
-            constant_n=cell_number(cell["a"]) * NEWTON_PER_POUND_FORCE,
-            linear_n_s_m=cell_number(cell["b"]) * NEWTON_PER_POUND_FORCE / M_S_PER_MPH,
-            quadratic_n_s2_m2=cell_number(cell["c"]) * NEWTON_PER_POUND_FORCE / M_S_PER_MPH**2,
-            consumption_wh_km=1000.0 * kwh_per_mile / KM_PER_MILE,
+    table = original_table(path, _COLUMNS.values())[list(_COLUMNS.values())].set_axis(
+        list(_COLUMNS), axis=1
+    )
+    table = table.apply(lambda column: column.str.strip())
+    for name in ("value", "mass", "a", "b", "c"):
+        table[name] = numbers(table[name])
+    is_electric = table.cycle.isin(CYCLES) & (table.fuel == _ELECTRICITY)
+    table = table[is_electric & np.isfinite(table.value)]
+    is_energy = table.value < LARGEST_KWH_PER_100_MILES
+    kwh_per_mile = np.where(is_energy, table.value / 100.0, KWH_PER_GALLON / table.value)
+    make = table.make.map(lambda name: _MAKES.get(name, name.title()))
+    table = table.assign(
+        make=make,
+        car=make + " " + table.model + " " + table.vehicle + "-" + table.configuration,
+        cycle=table.cycle.map(CYCLES),
+        consumption=1000.0 * kwh_per_mile / KM_PER_MILE,
+    )
+    return [
+        DynamometerTest(
+            car=row.car,
+            make=row.make,
+            cycle=row.cycle,
+            mass_kg=row.mass * KG_PER_POUND,
+            constant_n=row.a * NEWTON_PER_POUND_FORCE,
+            linear_n_s_m=row.b * NEWTON_PER_POUND_FORCE / M_S_PER_MPH,
+            quadratic_n_s2_m2=row.c * NEWTON_PER_POUND_FORCE / M_S_PER_MPH**2,
+            consumption_wh_km=row.consumption,
         )
-        cars[car].append((value, test))
-    return [test for tests in cars.values() if not _contradicts(tests) for _, test in tests]
+        for _, tests in table.groupby("car", sort=False)
+        if not _contradicts(tests)
+        for row in tests.itertuples()
+    ]
 
 
-def _contradicts(tests: list[tuple[float, DynamometerTest]]) -> bool:
+def _contradicts(tests: pd.DataFrame) -> bool:
     """True for the label values of a car, and for values on the two cycles that cannot be of one kind."""
-    if len(tests) > 1 and all(value.is_integer() for value, _ in tests):
+    if len(tests) > 1 and (tests.value % 1.0 == 0.0).all():
         return True
-    means = {
-        cycle: np.mean([test.consumption_wh_km for _, test in tests if test.cycle == cycle])
-        for cycle in {test.cycle for _, test in tests}
-    }
-    if len(means) < len(CYCLES):
-        return False
-    return not RATIO_RANGE[0] <= means["hwfet"] / means["udds"] <= RATIO_RANGE[1]
+    means = tests.groupby("cycle").consumption.mean()
+    low, high = RATIO_RANGE
+    return len(means) == len(CYCLES) and not low <= means["hwfet"] / means["udds"] <= high

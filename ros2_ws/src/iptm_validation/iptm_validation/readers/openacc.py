@@ -7,22 +7,17 @@ campaigns, ``Driver<i>``.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from iptm_core.errors import MeasurementError
 from iptm_core.state import FloatArray
 from iptm_validation.measurements import Drive, Driver, Following
-from iptm_validation.readers.columns import (
-    compact_columns,
-    head_of,
-    numbers,
-    original_column,
-    original_rows,
-    texts,
-)
+from iptm_validation.readers.columns import compact_table, head_of, numbers, original_table
 
 STEP_S = 0.2
 LONGEST_GAP_S = 0.45
@@ -62,78 +57,72 @@ def _on_grid(time_s: FloatArray, speed_m_s: FloatArray) -> FloatArray:
 
 def compact_drives(path: Path) -> list[Drive]:
     """Read the drives of a compact file; runs named ``no_ACC`` were driven by people."""
-    columns = compact_columns(path, ("run", "time_s", "place", "speed_m_s"))
-    runs = np.array(texts(columns, "run"))
-    places, times = numbers(columns, "place"), numbers(columns, "time_s")
-    speeds = numbers(columns, "speed_m_s")
-    drives = []
-    for run in dict.fromkeys(runs.tolist()):
-        of_run = runs == run
-        for place in np.unique(places[of_run]):
-            rows = of_run & (places == place)
-            driver = _driver(int(place), driven_by_people=run.startswith("no_ACC"))
-            values = _on_grid(times[rows], speeds[rows])
-            drives.append(Drive(f"{run}/{int(place)}", run, driver, STEP_S, values))
-    return drives
+    return [
+        Drive(
+            f"{run}/{place}",
+            run,
+            _driver(place, driven_by_people=run.startswith("no_ACC")),
+            STEP_S,
+            _on_grid(*(rows[name].to_numpy() for name in ("time_s", "speed_m_s"))),
+        )
+        for run, vehicles in _compact_runs(path, ())
+        for place, rows in vehicles.items()
+    ]
 
 
 def compact_followings(path: Path) -> list[Following]:
     """Read lead vehicles and followers of a compact file, where platoon neighbours were both recorded."""
-    columns = compact_columns(path, ("run", "time_s", "place", "speed_m_s", "gap_to_car_ahead_m"))
-    runs = np.array(texts(columns, "run"))
-    places, times = numbers(columns, "place"), numbers(columns, "time_s")
-    speeds, gaps = numbers(columns, "speed_m_s"), numbers(columns, "gap_to_car_ahead_m")
     found = []
-    for run in dict.fromkeys(runs.tolist()):
-        for place in np.unique(places[runs == run]):
-            rows = (runs == run) & (places == place)
-            ahead = (runs == run) & (places == place - 1)
-            if not np.array_equal(times[rows], times[ahead]):
+    for run, vehicles in _compact_runs(path, ("gap_to_car_ahead_m",)):
+        for place, rows in vehicles.items():
+            ahead, times = vehicles.get(place - 1), rows.time_s.to_numpy()
+            if ahead is None or not np.array_equal(times, ahead.time_s):
                 continue
-            found.append(
-                Following(
-                    f"{run}/{int(place)}",
-                    _driver(int(place), driven_by_people=run.startswith("no_ACC")),
-                    STEP_S,
-                    _on_grid(times[rows], speeds[ahead]),
-                    _on_grid(times[rows], speeds[rows]),
-                    _on_grid(times[rows], gaps[rows]),
-                )
-            )
+            columns = (ahead.speed_m_s, rows.speed_m_s, rows.gap_to_car_ahead_m)
+            driver = _driver(place, driven_by_people=run.startswith("no_ACC"))
+            on_grid = (_on_grid(times, column.to_numpy()) for column in columns)
+            found.append(Following(f"{run}/{place}", driver, STEP_S, *on_grid))
     return found
+
+
+def _compact_runs(
+    path: Path, more: tuple[str, ...]
+) -> Iterator[tuple[str, dict[int, pd.DataFrame]]]:
+    """Yield the runs of a compact file, with the rows of each vehicle by its place."""
+    table = compact_table(path, ("run", "time_s", "place", "speed_m_s", *more))
+    for run, rows in table.groupby("run", sort=False):
+        yield str(run), {int(place): of_place for place, of_place in rows.groupby("place")}
 
 
 @dataclass(frozen=True, eq=False)
 class _Original:
-    """One file as it is downloaded."""
+    """One file as it is downloaded; only rows with a time."""
 
     run: str
-    header: list[str]
-    rows: list[list[str]]
-    time_s: FloatArray
+    table: pd.DataFrame
     driven_by_people: bool
 
     @property
     def places(self) -> list[int]:
         """Places in the platoon that have a speed."""
-        names = [name[5:] for name in self.header if name.startswith("Speed")]
+        names = [name[5:] for name in self.table if name.startswith("Speed")]
         return [int(name) for name in names if name.isdigit()]
 
     def on_grid(self, name: str) -> FloatArray:
         """Return a column at equal steps, all NaN without it."""
-        if name not in self.header:
-            return _on_grid(self.time_s, np.full(self.time_s.size, np.nan))
-        return _on_grid(self.time_s, original_column(self.rows, self.header.index(name)))
+        time_s = numbers(self.table["Time"])
+        is_there = name in self.table
+        values = numbers(self.table[name]) if is_there else np.full(time_s.size, np.nan)
+        return _on_grid(time_s, values)
 
     def driver(self, place: int) -> Driver:
         """Return who controls the speed of a vehicle."""
         by_people = self.driven_by_people
-        if f"Driver{place}" in self.header:
-            at = self.header.index(f"Driver{place}")
-            drivers = [row[at].strip().lower() for row in self.rows if at < len(row)]
-            drivers = [driver for driver in drivers if driver]
-            if drivers:
-                by_people = drivers.count("human") > len(drivers) / 2
+        if f"Driver{place}" in self.table:
+            drivers = self.table[f"Driver{place}"].str.strip().str.lower()
+            drivers = drivers[drivers != ""]
+            if not drivers.empty:
+                by_people = (drivers == "human").mean() > 0.5
         return _driver(place, driven_by_people=by_people)
 
 
@@ -168,9 +157,7 @@ def original_followings(path: Path) -> list[Following]:
             f"{file.run}/{place}",
             file.driver(place),
             STEP_S,
-            file.on_grid(f"Speed{place - 1}"),
-            file.on_grid(f"Speed{place}"),
-            file.on_grid(f"IVS{place - 1}"),
+            *map(file.on_grid, (f"Speed{place - 1}", f"Speed{place}", f"IVS{place - 1}")),
         )
         for place in file.places
         if place - 1 in file.places
@@ -183,9 +170,7 @@ def _original(path: Path) -> _Original:
     if skip is None:
         raise MeasurementError(f"{path.name} has no column Time within its first {len(head)} lines")
     metadata = {line.split(",")[0]: line.split(",")[1:] for line in head[:skip]}
-    header, rows = original_rows(path, ",", skip)
-    time_s = original_column(rows, header.index("Time"))
-    rows = [row for row, time in zip(rows, time_s, strict=True) if np.isfinite(time)]
+    table = original_table(path, ["Time"], skip=skip)
     manual = metadata.get("ACC", ["1"])[0].strip() == "0" or "no_acc" in path.parent.name.lower()
     run = f"{path.parent.name}__{path.name.split('.')[0]}"
-    return _Original(run, header, rows, time_s[np.isfinite(time_s)], manual)
+    return _Original(run, table[np.isfinite(numbers(table["Time"]))], manual)

@@ -12,7 +12,7 @@ from iptm_core.errors import MeasurementError
 from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.state import FloatArray
 from iptm_validation.measurements import CellTest
-from iptm_validation.readers.columns import block_means, compact_columns, numbers, texts
+from iptm_validation.readers.columns import block_means, compact_table
 
 _NAME = re.compile(r"(?P<name>(?P<minus>n?)(?P<degrees>\d+)degC_(?P<cycle>.+?))(_Pan18650PF)?$")
 _FIELDS = ("Time", "Voltage", "Current", "Ah", "Battery_Temp_degC")
@@ -62,17 +62,14 @@ def _test(found: re.Match[str], raw: dict[str, FloatArray]) -> CellTest | None:
 
 def compact_cell_tests(path: Path) -> list[CellTest]:
     """Read all tests of a compact file."""
-    names = ("test", "time_s", "voltage_v", "current_a", "charge_ah", "cell_temperature_c")
-    columns = compact_columns(path, names)
-    tests = np.array(texts(columns, "test"))
-    values = {
-        field: numbers(columns, column) for field, column in zip(_FIELDS, names[1:], strict=True)
-    }
+    names = ("time_s", "voltage_v", "current_a", "charge_ah", "cell_temperature_c")
+    table = compact_table(path, ("test", *names))
     found = []
-    for name in dict.fromkeys(tests.tolist()):
-        match, rows = _name_of(name), tests == name
+    for name, rows in table.groupby("test", sort=False):
+        match = _name_of(str(name))
         if match is not None:
-            found.append(_test(match, {field: array[rows] for field, array in values.items()}))
+            columns = (rows[each].to_numpy(dtype=np.float64) for each in names)
+            found.append(_test(match, dict(zip(_FIELDS, columns, strict=True))))
     return [test for test in found if test is not None]
 
 
