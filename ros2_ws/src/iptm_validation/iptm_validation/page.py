@@ -4,61 +4,40 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pandas as pd
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Picture
 
-from iptm_core.markdown import markdown_table
-from iptm_validation.outcome import Comparison, Figure, Outcome
+from iptm_core.markdown import render_page
+from iptm_validation.outcome import Comparison, Outcome
 
-HEAD = """# Models compared with measurements
-
-Public measurements of cars, cells and drivers compared with the models. Errors count on trips, tests and cars
-that were not fitted. Parameters and the choices named below come from the fitted part; the form of the
-models was developed with all of these data in view.
-
-Written by `scripts/validate --data FOLDER --page docs`. Sources, licences and where to download the data:
-[SOURCES.md](../ros2_ws/src/iptm_validation/iptm_validation/data/SOURCES.md). The fitted parameters are in
-`ros2_ws/src/iptm_validation/iptm_validation/parameters`. `scripts/validate --data FOLDER` tries them on
-any files of the same data sets, and `--fit FOLDER` fits them to others.
-
-Every third trip, run and car in alphabetical order is held out; of the cell, all cycles but US06 and the
-pulses are.
-"""
 WIDTH_INCH = 7.6
 DPI = 90
-
-
-def figure_table(figures: tuple[Figure, ...]) -> str:
-    """Return figures as a Markdown table."""
-    rows = [
-        (
-            figure.quantity,
-            figure.part,
-            f"{figure.value:.2f} {figure.unit}",
-            f"{figure.bar} {figure.unit}" if figure.bar else "",
-            ("met" if figure.is_met else "**missed**") if figure.bar else "",
-        )
-        for figure in figures
-    ]
-    return markdown_table(("quantity", "part", "value:", "bar:", ""), rows)
 
 
 def write_page(folder: Path, outcomes: list[Outcome]) -> Path:
     """Write ``validation.md`` and the pictures below ``validation/``; returns the path of the page."""
     pictures = folder / "validation"
     pictures.mkdir(parents=True, exist_ok=True)
-    parts = [HEAD]
     for outcome in outcomes:
-        parts.append(f"## {outcome.title}\n\n{outcome.text}\n\n{figure_table(outcome.figures)}\n")
         for comparison in outcome.comparisons:
             if comparison.curves:
                 draw(comparison, pictures / f"{comparison.key}.png")
-                parts.append(f"![{comparison.title}](validation/{comparison.key}.png)\n")
-        if outcome.notes:
-            parts.append("Reported apart:\n\n" + "\n".join(f"- {note}" for note in outcome.notes))
-            parts[-1] += "\n"
+    tables = [
+        pd.DataFrame(
+            {
+                **vars(figure),
+                "bar": f"{figure.bar} {figure.unit}" if figure.bar else "",
+                "verdict": ("met" if figure.is_met else "**missed**") if figure.bar else "",
+            }
+            for figure in outcome.figures
+        )
+        for outcome in outcomes
+    ]
     page = folder / "validation.md"
-    page.write_text("\n".join(parts), encoding="utf-8")
+    pairs = list(zip(outcomes, tables, strict=True))
+    text = render_page("iptm_validation", "validation.md.j2", outcomes=pairs)
+    page.write_text(text, encoding="utf-8")
     return page
 
 

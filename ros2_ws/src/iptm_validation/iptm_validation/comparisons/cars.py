@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from iptm_core.markdown import render_page
 from iptm_validation.measurements import DynamometerTest
 from iptm_validation.models.epa_drivetrain import (
     OneDrivetrain,
@@ -49,11 +50,7 @@ def compare_cars(tests: tuple[DynamometerTest, ...], drivetrain: OneDrivetrain) 
     return Outcome(
         key="epa",
         title="EPA: consumption of electric cars on the dynamometer",
-        text=_TEXT.format(
-            cars=len(drivetrain.fitted_on),
-            driving=drivetrain.driving_efficiency,
-            recovered=drivetrain.recovered_share,
-        ),
+        text=render_page(__package__, "cars.md.j2", drivetrain=drivetrain),
         figures=tuple(figures),
         comparisons=(
             Comparison(
@@ -66,11 +63,3 @@ def compare_cars(tests: tuple[DynamometerTest, ...], drivetrain: OneDrivetrain) 
             ),
         ),
     )
-
-
-_TEXT = """Inputs are test weight and the three road load coefficients of each car and the speed of the
-cycle. One drivetrain serves all: {driving:.3f} from the battery to the wheels, {recovered:.3f} back, 200
-W for auxiliaries and 0.88 from the grid to the battery, of which the first two were fitted on {cars}
-cars. Values below 60 labelled MPG are taken for kWh/100 mi; cars with label values or with values on the
-two cycles that cannot be of one kind are left out. A car's own drivetrain would differ: the deviation
-within a make shows how much of the error is a matter of the make."""

@@ -6,6 +6,7 @@ from collections import defaultdict
 
 import numpy as np
 
+from iptm_core.markdown import render_page
 from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_validation.measurements import CellTest
 from iptm_validation.models.panasonic_cell import (
@@ -75,19 +76,11 @@ def compare_cell(tests: tuple[CellTest, ...], cell: PanasonicCell) -> Outcome | 
         part = f"pulses at {len(errors)} inner temperatures, each left out of a fit"
         worst = float(np.max(np.abs(errors)))
         figures.append(Figure("resistance law, largest error", part, worst, "%", None, 6.0))
-    law = cell.pulse_law
+    ratio = cell.pulse_law.ohm(CELSIUS_ZERO_K) / cell.pulse_law.ohm(CELSIUS_ZERO_K + 25.0)
     return Outcome(
         key="panasonic",
         title="Panasonic NCR18650PF: voltage and case temperature",
-        text=_TEXT.format(
-            structure=cell.structure,
-            offset=1000.0 * law.offset_ohm,
-            exponential=1000.0 * law.exponential_ohm,
-            coefficient=law.coefficient_1_k,
-            ratio=law.ohm(CELSIUS_ZERO_K) / law.ohm(CELSIUS_ZERO_K + 25.0),
-            heat=cell.heat_capacity_j_k,
-            exchange=cell.exchange_w_k,
-        ),
+        text=render_page(__package__, "cell.md.j2", cell=cell, law=cell.pulse_law, ratio=ratio),
         figures=tuple(figures),
         comparisons=(
             Comparison(
@@ -118,16 +111,3 @@ def _left_out_percent(pulses: list[CellTest]) -> list[float]:
         law = fit_pulse_law([point for point in points if point != left_out])
         errors.append(100.0 * (law.ohm(left_out[0]) / left_out[1] - 1.0))
     return errors
-
-
-_TEXT = """Inputs are current, case temperature and the charge drawn since the cell was full. Fitted to
-US06 and the pulse tests at 25, 10, 0, -10 and -20 degC, tried on the other cycles. Circuits with one or
-two RC branches, with and without the voltage loss of charge transfer (`asinh` of the current), were
-compared by leaving one test out of the fit at a time; chosen: {structure}. Charge transfer matters in the
-cold, where the resistance falls with the current.
-
-The pulses (2 to 10 s, 40 to 95 % state of charge) have the resistance {offset:.1f} mOhm +
-{exponential:.1f} mOhm exp(-{coefficient:.4f} (T - 25 degC)), which at 0 degC is {ratio:.2f} times that at
-25 degC. The case temperature follows from the electrical loss with {heat:.0f} J/K and {exchange:.3f} W/K.
-Near the cut-off at 2.5 V the tester throttles the current and the charge that is left depends on
-temperature: the errors below 20 % state of charge are given apart."""

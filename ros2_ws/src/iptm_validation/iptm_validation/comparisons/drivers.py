@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from iptm_core.markdown import render_page
 from iptm_validation.measurements import Drive, Driver
 from iptm_validation.models.lead_vehicle import (
     LEADS_S,
@@ -76,7 +77,7 @@ def compare_drivers(
     return Outcome(
         key="drivers",
         title="Lead vehicles: bounds of the predicted position",
-        text=_TEXT.format(levels=", ".join(f"{100 * level:.1f} %" for level in LEVELS.values())),
+        text=render_page(__package__, "drivers.md.j2", levels=LEVELS.values()),
         figures=tuple(figures),
         comparisons=tuple(comparisons),
     )
@@ -133,12 +134,3 @@ def _picture(
         "share outside in %",
         tuple(curves),
     )
-
-
-_TEXT = """The predicted position lets the acceleration of the last second decay with 4 s. Compared is
-by how much a vehicle that moves falls behind it after 1, 2, 3, 5 and 10 s, once a second. The bound is
-a table over speed and acceleration for each kind of driver, by quantile regression at the levels
-{levels}, so that other drives keep 99 %. Cars with adaptive cruise control and i3 trips are tried on
-the runs that were not fitted. People drove few of the runs: their bound is tried on each fifth of the
-runs with a fit to the others, and 99 % must lie inside the 95 % interval of a bootstrap over drives.
-`One curve` is the same quantile for all speeds and accelerations."""

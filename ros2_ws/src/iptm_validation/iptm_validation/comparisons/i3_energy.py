@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
+from iptm_core.markdown import render_page
 from iptm_core.state import FloatArray
 from iptm_validation.measurements import Trip
 from iptm_validation.models.i3_drivetrain import (
@@ -127,20 +128,7 @@ def compare_energy(
     return Outcome(
         key="i3_energy",
         title="BMW i3: battery energy of a trip",
-        text=_ENERGY_TEXT.format(
-            fitted=len(drivetrain.fitted_on),
-            sigma=drivetrain.motor_loss_w_per_nm2,
-            drag=1000.0 * drivetrain.drag_quadratic_w_s2_rad2,
-            auxiliary=drivetrain.auxiliary_power_w,
-            mass=vehicle.mass_kg,
-            drag_area=2.38 * vehicle.drag_coefficient,
-            efficiency=vehicle.driveline_efficiency,
-            summer=vehicle.rolling_summer,
-            winter=vehicle.rolling_winter,
-            cold_summer=vehicle.cold_force_summer_n,
-            cold_winter=vehicle.cold_force_winter_n,
-            warm_up=vehicle.warm_up_s / 60.0,
-        ),
+        text=render_page(__package__, "i3_energy.md.j2", drivetrain=drivetrain, vehicle=vehicle),
         figures=tuple(figures),
         comparisons=(
             Comparison(
@@ -162,25 +150,6 @@ def compare_energy(
         ),
         notes=tuple(f"{name}: {why}" for name, why in objections.items() if why is not None),
     )
-
-
-_ENERGY_TEXT = """Inputs of the first comparison are speed, motor torque and the recorded power of heater
-and air conditioning; eq. (5) gives the power of the motor, to which a drag loss over motor speed and a
-constant are added. Fitted to energies over half a minute on {fitted} trips: `sigma` {sigma:.3f} W/(N
-m)^2, drag {drag:.2f}e-3 W s^2/rad^2, constant {auxiliary:.0f} W. A drag loss that is linear in speed was
-fitted, too, and came out as zero.
-
-Inputs of the second one are speed, elevation and temperatures alone: eqs. (2) and (3), a rolling
-resistance for each season, a force of the cold car that decays, and the limits of regeneration. The
-elevation is smoothed over 400 m to either side. How cold the car is at the start follows from the
-difference between the temperatures of heat exchanger and ambient air, which shows how long it was parked.
-Fitted: mass {mass:.0f} kg, drag area {drag_area:.2f} m^2, rolling resistance {summer:.4f} (summer) and
-{winter:.4f} (winter), cold force {cold_summer:.0f} N and {cold_winter:.0f} N, decaying with {warm_up:.1f}
-min; the efficiency {efficiency:.2f} was chosen by cross-validation. Mass, efficiency and rolling
-resistance are correlated: together they reproduce the force, one by one they are not measurements.
-
-Trips whose recorded consumers contradict the battery by more than 1.5 kW for a minute are reported apart:
-the heater channel of the summer trips is known to be wrong in several of them."""
 
 
 def _braking_power(

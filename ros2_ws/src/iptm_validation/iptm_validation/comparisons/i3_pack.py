@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from iptm_core.markdown import render_page
 from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_validation.comparisons.i3_energy import SEASONS
 from iptm_validation.measurements import Trip
@@ -68,14 +69,7 @@ def compare_pack(trips: tuple[Trip, ...], pack: I3Pack) -> Outcome | None:
     return Outcome(
         key="i3_pack",
         title="BMW i3: voltage and temperature of the pack",
-        text=_PACK_TEXT.format(
-            fitted=len(pack.fitted_on),
-            capacity=pack.capacity_ah,
-            warm=1000.0 * warm,
-            ratio=cold / warm,
-            heat=pack.heat_capacity_j_k / 1000.0,
-            exchange=pack.exchange_w_k,
-        ),
+        text=render_page(__package__, "i3_pack.md.j2", pack=pack, cold=cold, warm=warm),
         figures=tuple(figures),
         comparisons=(
             Comparison(
@@ -97,13 +91,3 @@ def compare_pack(trips: tuple[Trip, ...], pack: I3Pack) -> Outcome | None:
         ),
         notes=tuple(notes),
     )
-
-
-_PACK_TEXT = """Inputs are current, recorded temperature and the state of charge at the start; charge is
-counted with {capacity:.1f} A h per recorded 100 %. The open-circuit voltage is a monotone table over the
-state of charge, the resistance an offset and an exponential in temperature, each a table over the state
-of charge, and one RC branch of 95 s has a resistance of the same form; fitted on {fitted} trips. The
-resistance that follows at once is {warm:.0f} mOhm at 25 degC and {ratio:.2f} times that at 0 degC. The
-temperature is computed from its first value on, from electrical loss, entropic heat and exchange with the
-air: {heat:.0f} kJ/K and {exchange:.0f} W/K. Trips of 15 to 50 minutes and sensors in steps of a kelvin
-determine the exchange only within a factor of two."""
