@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from iptm_core.errors import RouteError
 from iptm_core.state import FloatArray
@@ -33,13 +34,23 @@ class CsvTable:
     lines: tuple[int, ...]
     counted: str = "line"
 
-    def error(self, row: int, column: str, allowed: str) -> RouteError:
-        """Build the error for one rejected value."""
-        value = self.columns[column][row]
-        return RouteError(
-            f"{self.source}, {self.counted} {self.lines[row]}, column {column}: "
-            f"value {value:.12g}; allowed: {allowed}"
-        )
+    def refuse_where(self, wrong: NDArray[np.bool_], column: str, allowed: str) -> None:
+        """Refuse the first row that breaks a rule; ``wrong`` has one value per row, or per step to a row."""
+        for row in np.flatnonzero(wrong) + len(self.lines) - wrong.size:
+            raise RouteError(
+                f"{self.source}, {self.counted} {self.lines[row]}, column {column}: "
+                f"value {self.columns[column][row]:.12g}; allowed: {allowed}"
+            )
+
+    def only(self, names: Iterable[str], *, needed: bool = False) -> str:
+        """Return the one of some columns that the table has; empty for none, if that is permitted."""
+        found = [name for name in names if name in self.columns]
+        if len(found) > 1 or (needed and not found):
+            count = "exactly" if needed else "at most"
+            raise RouteError(
+                f"{self.source}: columns {found}; allowed: {count} one of {', '.join(names)}"
+            )
+        return found[0] if found else ""
 
 
 def read_csv_table(path: Path, known: Sequence[str]) -> CsvTable:

@@ -113,7 +113,9 @@ def trip_from_columns(columns: Mapping[str, ArrayLike], name: str = "own drive")
 def _trip(path: Path, table: CsvTable) -> UserTrip:
     if any(column in table.columns for column in PLACE_COLUMNS):
         return _recorded_trip(path, _track(table))
-    speed_column = _required_columns(table)
+    table.only(("time_s",), needed=True)
+    table.only(ROAD_COLUMNS)
+    speed_column = table.only(SPEED_COLUMNS_M_S, needed=True)
     speeds = table.columns[speed_column] * SPEED_COLUMNS_M_S[speed_column]
     times = table.columns["time_s"] - table.columns["time_s"][0]
     _check_motion(table, speed_column, times, speeds)
@@ -162,71 +164,45 @@ def _recorded_trip(path: Path, track: Track) -> UserTrip:
 
 
 def _track(table: CsvTable) -> Track:
-    missing = [name for name in ("time_s", *PLACE_COLUMNS) if name not in table.columns]
-    if missing:
+    columns = table.columns
+    missing = [name for name in ("time_s", *PLACE_COLUMNS) if name not in columns]
+    others = [name for name in ROAD_COLUMNS if name in columns and name != "elevation_m"]
+    if missing or others:
         raise RouteError(
-            f"{table.source}: columns {missing} are missing; a recorded drive needs them"
+            f"{table.source}: columns {missing} are missing, {others} in addition to places; allowed for a "
+            f"recorded drive: time_s, {', '.join(PLACE_COLUMNS)}, one speed column and elevation_m"
         )
-    speed = [name for name in SPEED_COLUMNS_M_S if name in table.columns]
-    others = [name for name in ROAD_COLUMNS if name in table.columns and name != "elevation_m"]
-    if len(speed) > 1 or others:
-        raise RouteError(
-            f"{table.source}: columns {speed + others} in addition to places; allowed: one speed column and "
-            "elevation_m"
-        )
+    speed = table.only(SPEED_COLUMNS_M_S)
     return Track(
         source=table.source,
-        times_s=table.columns["time_s"] - table.columns["time_s"][0],
-        latitudes_deg=table.columns["latitude_deg"],
-        longitudes_deg=table.columns["longitude_deg"],
-        heights_m=table.columns.get("elevation_m"),
-        speeds_m_s=table.columns[speed[0]] * SPEED_COLUMNS_M_S[speed[0]] if speed else None,
+        times_s=columns["time_s"] - columns["time_s"][0],
+        latitudes_deg=columns["latitude_deg"],
+        longitudes_deg=columns["longitude_deg"],
+        heights_m=columns.get("elevation_m"),
+        speeds_m_s=columns[speed] * SPEED_COLUMNS_M_S[speed] if speed else None,
     )
 
 
-def _required_columns(table: CsvTable) -> str:
-    """Check which columns are there and return the name of the speed column."""
-    if "time_s" not in table.columns:
-        raise RouteError(f"{table.source}: column time_s is missing; it is required")
-    speed_columns = [name for name in SPEED_COLUMNS_M_S if name in table.columns]
-    if len(speed_columns) != 1:
-        raise RouteError(
-            f"{table.source}: speed columns {speed_columns}; "
-            f"exactly one of {', '.join(SPEED_COLUMNS_M_S)} is required"
-        )
-    road_columns = [name for name in ROAD_COLUMNS if name in table.columns]
-    if len(road_columns) > 1:
-        raise RouteError(
-            f"{table.source}: road columns {road_columns}; "
-            f"at most one of {', '.join(ROAD_COLUMNS)} is allowed"
-        )
-    return speed_columns[0]
-
-
 def _check_motion(table: CsvTable, column: str, times: FloatArray, speeds: FloatArray) -> None:
-    factor = SPEED_COLUMNS_M_S[column]
-    for row in np.flatnonzero((speeds < 0.0) | (speeds > MAX_SPEED_M_S)):
-        raise table.error(int(row), column, f"0 to {MAX_SPEED_M_S / factor:.6g}")
+    fastest = MAX_SPEED_M_S / SPEED_COLUMNS_M_S[column]
+    table.refuse_where((speeds < 0.0) | (speeds > MAX_SPEED_M_S), column, f"0 to {fastest:.6g}")
     steps = np.diff(times)
-    for row in np.flatnonzero(steps <= 0.0):
-        raise table.error(int(row) + 1, "time_s", "more than in the row before")
-    for row in np.flatnonzero(steps > MAX_TIME_GAP_S):
-        raise table.error(
-            int(row) + 1, "time_s", f"at most {MAX_TIME_GAP_S:g} s after the row before"
-        )
+    table.refuse_where(steps <= 0.0, "time_s", "more than in the row before")
+    longest = f"at most {MAX_TIME_GAP_S:g} s after the row before"
+    table.refuse_where(steps > MAX_TIME_GAP_S, "time_s", longest)
     if times[-1] < 2.0:
         raise RouteError(
             f"{table.source}: the trip lasts {times[-1]:g} s in {times.size} rows; "
             "at least 2 s are needed"
         )
     accelerations = np.diff(speeds) / steps
-    for row in np.flatnonzero(np.abs(accelerations) > MAX_ACCELERATION_M_S2):
-        raise table.error(
-            int(row) + 1,
-            column,
-            f"a change of at most {MAX_ACCELERATION_M_S2:g} m/s^2 from the row before, "
-            f"this is {accelerations[row]:.3g} m/s^2",
-        )
+    leaps = np.abs(accelerations) > MAX_ACCELERATION_M_S2
+    table.refuse_where(
+        leaps,
+        column,
+        f"a change of at most {MAX_ACCELERATION_M_S2:g} m/s^2 from the row before, "
+        f"this is {accelerations[np.argmax(leaps)]:.3g} m/s^2",
+    )
 
 
 def _resample(source: str, times: FloatArray, speeds: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -254,22 +230,20 @@ def _resample(source: str, times: FloatArray, speeds: FloatArray) -> tuple[Float
 
 
 def _road(table: CsvTable, distances: FloatArray) -> SlopeProfile | None:
-    if "elevation_m" in table.columns:
-        positions, heights = _by_position(distances, table.columns["elevation_m"])
+    column = table.only(ROAD_COLUMNS)
+    if not column:
+        return None
+    values = table.columns[column]
+    if column == "elevation_m":
         try:
-            return SlopeProfile.from_elevations(positions, heights)
+            return SlopeProfile.from_elevations(*_by_position(distances, values))
         except RouteError as reason:
             raise RouteError(f"{table.source}, column elevation_m: {reason}") from reason
-    for column in ("slope_percent", "slope_rad"):
-        if column in table.columns:
-            values = table.columns[column]
-            percent = column == "slope_percent"
-            limit = 100.0 * MAX_GRADE if percent else float(np.arctan(MAX_GRADE))
-            for row in np.flatnonzero(np.abs(values) > limit):
-                raise table.error(int(row), column, f"-{limit:.6g} to {limit:.6g}")
-            slopes = np.arctan(values / 100.0) if percent else values
-            return SlopeProfile(*_by_position(distances, slopes))
-    return None
+    percent = column == "slope_percent"
+    limit = 100.0 * MAX_GRADE if percent else float(np.arctan(MAX_GRADE))
+    table.refuse_where(np.abs(values) > limit, column, f"-{limit:.6g} to {limit:.6g}")
+    slopes = np.arctan(values / 100.0) if percent else values
+    return SlopeProfile(*_by_position(distances, slopes))
 
 
 def _by_position(distances: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
