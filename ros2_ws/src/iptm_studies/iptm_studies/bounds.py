@@ -51,11 +51,6 @@ def avoidably_below_s_min(
     by the largest jerk in every interval down to its lower bound and stays there until standstill. The leader
     moves as it did.
 
-    Args:
-        run: the run, n rows.
-        parameters: limits and spacing policy.
-        look_back_s: how far ahead the host can anticipate an episode: its horizon.
-
     Returns:
         The rows of avoidable episodes, shape (n,).
     """
@@ -98,12 +93,6 @@ def avoidable_collisions(
     been decided; see `gaps_when_braking`. An informed vehicle could decide that in any row at most
     ``look_back_s`` before it; any other one from the row on in which it can see what the leader does: the one
     behind the last in which the leader did not lose speed, or the one in which another car leads.
-
-    Args:
-        run: the run, n rows.
-        parameters: brakes of the vehicle.
-        look_back_s: how far ahead an informed host anticipates an episode: its horizon.
-        informed: whether the host has a perfect preview of its leader.
 
     Returns:
         The rows of avoidable episodes, shape (n,).
@@ -148,13 +137,6 @@ def gaps_when_braking(
     then the deceleration builds up to the largest one and stays there until standstill. The leader moves as
     it did; between two rows its motion is the cubic of positions and speeds.
 
-    Args:
-        run: the run, n rows.
-        parameters: brakes of the vehicle.
-        start: row from which on it brakes.
-        last: last row that counts.
-        reaction_s: reaction time.
-
     Returns:
         Gaps in m of the rows from ``start`` to ``last``: each the smallest one since the row before.
     """
@@ -191,10 +173,10 @@ def _leader_positions_m(run: Trajectory, start: int, last: int, times_s: FloatAr
     index = np.clip(np.searchsorted(nodes, times_s, side="right") - 1, 0, nodes.size - 2)
     length = nodes[index + 1] - nodes[index]
     part = (times_s - nodes[index]) / length
-    way = positions[index + 1] - positions[index]
+    moved = positions[index + 1] - positions[index]
     first, second = speeds[index] * length, speeds[index + 1] * length
     found: FloatArray = positions[index] + part * (
-        first + part * (3.0 * way - 2.0 * first - second + part * (first + second - 2.0 * way))
+        first + part * (3.0 * moved - 2.0 * first - second + part * (first + second - 2.0 * moved))
     )
     return found
 
@@ -229,12 +211,6 @@ def fully_cooled_k(
 
     The car moves as it did; from the first interval on the compressor ramps up to the power beyond which it
     cools no better.
-
-    Args:
-        run: the run, n rows.
-        parameters: parameters of the vehicle.
-        route: its road.
-        plant_step_s: integration step of the plant.
 
     Returns:
         Temperatures in K, shape (n,).

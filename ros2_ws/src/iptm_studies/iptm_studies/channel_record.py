@@ -23,12 +23,7 @@ PerCell = tuple[float, ...]
 
 @dataclass(frozen=True)
 class CellError:
-    """How far one description of a cell is from its temperature over a trip.
-
-    Attributes:
-        rms_k: root of the mean square.
-        max_k: largest magnitude.
-    """
+    """Root mean square and largest magnitude of the error of a cell's temperature over a trip."""
 
     rms_k: float
     max_k: float
@@ -41,13 +36,9 @@ class CellError:
 
 @dataclass(frozen=True)
 class HottestCell:
-    """A cell at an instant at which none of its channel is warmer.
+    """The cell (from 1 at the inlet) that is the hottest one at an instant.
 
-    Attributes:
-        cell: number of the cell, from 1 at the inlet.
-        time_s: the instant.
-        temperature_k: its temperature.
-        excess_k: how much warmer it is than the warmer one of cells 1 and N_c.
+    It is warmer than the warmer one of cells 1 and N_c by ``excess_k``.
     """
 
     cell: int
@@ -61,9 +52,6 @@ class ChannelRecord:
     """Every cell of a channel over a trip; tuples have one entry per cell, from the inlet on.
 
     Attributes:
-        mean_temperatures_k: means over the trip.
-        max_temperatures_k: largest temperatures.
-        capacity_losses: losses over the trip.
         hottest_shares: parts of the trip for which each cell is the hottest.
         peak: the hottest cell of the trip.
         largest_excess: the hottest cell when it exceeds cells 1 and N_c by most.
@@ -73,8 +61,7 @@ class ChannelRecord:
         two_cell_1: error of cell 1 of the two-cell model under the same commands.
         two_cell_n: error of its cell N_c.
         two_cell_losses: losses of its cells 1 and N_c over the trip.
-        profile_times_s: some instants.
-        profiles_k: all cell temperatures at these instants.
+        profiles_k: all cell temperatures at some instants, ``profile_times_s``.
     """
 
     mean_temperatures_k: PerCell

@@ -78,13 +78,7 @@ class TickController(Protocol):
 
 @dataclass(frozen=True)
 class ClosedLoopRun:
-    """A finished trip.
-
-    Attributes:
-        trajectory: what happened.
-        decisions: how the decisions came about.
-        steps: all quantities of the simulated vehicle at every instant.
-    """
+    """A finished trip, with all quantities of the simulated vehicle at every instant."""
 
     trajectory: Trajectory
     decisions: DecisionSeries

@@ -28,11 +28,7 @@ _LIBRARIES = ("casadi", "numpy")
 
 @lru_cache(maxsize=1)
 def code_fingerprint() -> str:
-    """Return the digest of code and libraries, as they were when the process asked first.
-
-    Raises:
-        ScenarioError: a source file cannot be read.
-    """
+    """Return the digest of code and libraries, as they were when the process asked first."""
     digest = hashlib.sha256()
     for name, path in sorted(source_files().items()):
         digest.update(f"{name}\0{normalised_source(path)}\0".encode())

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from datetime import datetime, timezone
 from functools import cached_property
 
@@ -36,7 +36,7 @@ from iptm_plant_sim.plant_step import PlantStep
 from iptm_studies.channel_record import ChannelRecord, channel_record
 from iptm_studies.closed_loop import TickController, run_closed_loop
 from iptm_studies.run_inputs import RunInputs
-from iptm_studies.run_spec import RunKind, RunSpec, SolverSpec
+from iptm_studies.run_spec import RunKind, RunSpec
 from iptm_studies.whole_trip import WholeTripRecord, solve_whole_trip
 from iptm_v2x_bridge.bridge import PreviewSource
 from iptm_v2x_bridge.road_knowledge import road_bridge
@@ -54,11 +54,11 @@ class RunRecord:
     """Where a result comes from.
 
     Attributes:
-        wall_time_s: wall time of set-up and run.
+        wall_time_s: of set-up and run.
         compiled: the problem ran as machine code.
-        finished_at_utc: end of the run, ISO 8601.
+        finished_at_utc: ISO 8601.
         git_revision: commit of the source, with ``-dirty`` if it was changed.
-        versions: versions of interpreter, platform and libraries by name.
+        versions: of interpreter, platform and libraries by name.
         fingerprint: of code and libraries.
     """
 
@@ -72,12 +72,9 @@ class RunRecord:
 
 @dataclass(frozen=True)
 class Report:
-    """What controller or vehicle reported from an instant on, until it reported something else.
+    """What `CONTROLLER` or `VEHICLE` reported from a trip time on, until it reported something else.
 
-    Attributes:
-        time_s: trip time.
-        source: `CONTROLLER` or `VEHICLE`.
-        text: reason of the decision, or what the vehicle did of its own accord; empty where all is well.
+    The text is the reason of a decision, or what the vehicle did of its own accord; empty where all is well.
     """
 
     time_s: float
@@ -90,13 +87,9 @@ class Run:
     """A finished run.
 
     Attributes:
-        key: key of everything that its numbers depend on.
-        spec: specification.
-        parameters: parameters it ran with.
-        trajectory: what happened.
+        key: of everything that its numbers depend on.
         decisions: how the decisions came about; None for a whole trip.
         whole_trip: how a whole trip was solved; None for a closed loop.
-        record: where the result comes from.
         channel: what all cells of a coolant channel went through; None where the plant has but two, and
             for a whole trip.
         reports: what was reported during a closed loop, on every change.
@@ -248,24 +241,17 @@ def _vehicle_reports(steps: Iterable[PlantStep]) -> Iterator[Report]:
 
 
 def controller_options(spec: RunSpec, trip_duration_s: float) -> ControllerOptions:
-    """Return the options of the controller of a run; with the end of the trip, as from navigation."""
+    """Return the options of the controller of a run; with the end of the trip, as from navigation.
+
+    What is not specified of the solver is the controller's default.
+    """
+    solver = {entry.name: getattr(spec.solver, entry.name) for entry in fields(spec.solver)}
     return ControllerOptions(
         strategy=spec.strategy,
         horizon=Horizon.parse(spec.horizon),
-        solver=solver_options(spec.solver),
+        solver=SolverOptions(**solver),
         tick_s=spec.tick_s,
         trip_duration_s=trip_duration_s,
         aging=AgingSettings.of(spec),
         charging_stop=ChargingStopSettings.of(spec),
-    )
-
-
-def solver_options(spec: SolverSpec) -> SolverOptions:
-    """Return the options of the solver of a run; what is not specified is the controller's default."""
-    return SolverOptions(
-        name=spec.name,
-        max_iterations=spec.max_iterations,
-        tolerance=spec.tolerance,
-        compile_code=spec.compile_code,
-        smoothing_factor=spec.smoothing_factor,
     )

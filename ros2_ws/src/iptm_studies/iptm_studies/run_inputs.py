@@ -31,9 +31,7 @@ class RunInputs:
     """A run with everything it needs.
 
     Attributes:
-        spec: the specification.
-        parameters: parameters of the vehicle.
-        route: leader and slope.
+        parameters: of the vehicle.
         fingerprint: of the code and libraries that it is meant for.
         address: the first case that asks for it, ``study/case``; a label only.
         controller_parameters: of the controller where its model is not that of the vehicle, None where it is.
@@ -58,12 +56,7 @@ class RunInputs:
 
 
 def resolve_inputs(spec: RunSpec, address: str = "", drive: UserTrip | None = None) -> RunInputs:
-    """Look up parameters and route.
-
-    Args:
-        spec: the run.
-        address: see `RunInputs`.
-        drive: what the leader drives, where the cycle of the specification is but its name.
+    """Look up parameters and route; with a drive, the cycle of the specification is but its name.
 
     Raises:
         IptmError: a name, a key, a value or a file is not usable.
@@ -81,11 +74,10 @@ def resolve_inputs(spec: RunSpec, address: str = "", drive: UserTrip | None = No
             f"trip of {route.duration_s:g} s with ticks of {spec.tick_s:g} s; "
             "allowed: a whole number of ticks, at least one"
         )
-    own = (
-        _parameters(spec.parameter_set, _laid_over(spec.overrides, spec.controller_overrides))
-        if spec.controller_overrides
-        else None
-    )
+    own = None
+    if spec.controller_overrides:
+        laid_over = {**dict(spec.overrides), **dict(spec.controller_overrides)}
+        own = _parameters(spec.parameter_set, tuple(sorted(laid_over.items())))
     return RunInputs(spec, parameters, route, code_fingerprint(), address, own)
 
 
@@ -138,16 +130,8 @@ def route_digest(route: Route) -> str:
     return digest.hexdigest()
 
 
-Overrides = tuple[tuple[str, float], ...]
-
-
-def _laid_over(overrides: Overrides, further: Overrides) -> Overrides:
-    """Return overrides with others laid over them."""
-    return tuple(sorted({**dict(overrides), **dict(further)}.items()))
-
-
 @lru_cache(maxsize=256)
-def _parameters(name: str, overrides: Overrides) -> ModelParameters:
+def _parameters(name: str, overrides: tuple[tuple[str, float], ...]) -> ModelParameters:
     return load_parameters(name, dict(overrides)).values
 
 

@@ -84,11 +84,7 @@ class PreviewSpec(PreviewSettings):
         Settings.__post_init__(self)
 
     def settings(self, horizon_s: float) -> PreviewSettings:
-        """Settings of the bridge for a horizon.
-
-        Raises:
-            ParameterError: the step is longer than the preview.
-        """
+        """Return the settings of the bridge for a horizon."""
         length_s = self.preview_length_s
         if length_s is None:
             needed_s = math.ceil(horizon_s + self.latency_s + PREVIEW_RESERVE_S)
@@ -104,24 +100,14 @@ class RunSpec(RoadAheadSettings, AgingSettings, ChargingStopSettings):
     """One run; what studies choose otherwise than nodes and scenarios is stated as another default.
 
     Attributes:
-        kind: closed loop or whole trip.
         cycle: driving cycle, by name or as the path of a drive.
-        slope: slope of the road.
         duration_s: length of the trip, None for the whole cycle.
         parameter_set: shipped set by name, or the path of a .yaml file.
         overrides: single parameters that differ, dotted key and value, sorted by key.
         controller_overrides: those in which the controller's model differs from the vehicle.
         strategy: cost terms and weights. Its name is a label only.
         horizon: prediction grid such as ``3x1+5x5``; of a whole trip, that of the run it starts from.
-        solver: solver of the controller.
-        preview: predictions of the leader.
-        tick_s: sampling time of the loop.
-        plant_step_s: longest integration step of the plant.
-        thermal_model: cells that the plant has.
         faults: what goes wrong, in the order of their beginning.
-
-    The other fields are those of `RoadAheadSettings` and, of the controller, `AgingSettings` and
-    `ChargingStopSettings`.
 
     Raises:
         IptmError: a value is unknown or out of range.
@@ -196,11 +182,7 @@ class RunSpec(RoadAheadSettings, AgingSettings, ChargingStopSettings):
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> RunSpec:
-        """Rebuild a specification.
-
-        Raises:
-            ScenarioError: keys are missing or unknown, or a value is not as it should be.
-        """
+        """Rebuild a specification; a ScenarioError if it is not complete and correct."""
         try:
             written = StrictMapping(content, "run specification", names := _names(cls))
             written.require(*names)

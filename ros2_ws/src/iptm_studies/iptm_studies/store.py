@@ -92,11 +92,7 @@ class ResultStore:
         return self._find(key, read_run)
 
     def save(self, run: Run) -> Path:
-        """Store a run, whole or not at all; an older result of the same key is replaced.
-
-        Raises:
-            StoreError: the folder cannot be written.
-        """
+        """Store a run as ``save_content`` does; an older result of the same key is replaced."""
         columns = {name: pa.array(values) for name, values in run.trajectory.to_arrays().items()}
         if run.decisions is not None:
             for name, decided in run.decisions.to_arrays().items():
@@ -150,11 +146,7 @@ class ResultStore:
         return target
 
     def note_failure(self, key: str, cause: str) -> None:
-        """Keep the cause of a failed run until it succeeds.
-
-        Raises:
-            StoreError: the folder cannot be written.
-        """
+        """Keep the cause of a failed run until it succeeds."""
         with self._writing():
             self.path_of(key).with_suffix(_FAILED).write_text(cause, encoding="utf-8")
 
@@ -166,14 +158,7 @@ class ResultStore:
             return ""
 
     def prune(self, keep: Collection[str]) -> tuple[str, ...]:
-        """Delete every result but those to keep, and what interrupted or damaged runs left.
-
-        Returns:
-            Names of the deleted files.
-
-        Raises:
-            StoreError: a file cannot be deleted.
-        """
+        """Delete all but some results, and what interrupted or damaged runs left; return the names."""
         kept = {self.path_of(key) for key in keep}
         gone = [path for path in self._files() if path not in kept]
         try:

@@ -37,10 +37,9 @@ class Case:
     """One run of a study.
 
     Attributes:
-        name: unique in the study; ``study/name`` is the address of the case.
+        name: unique in the study.
         labels: what varies, by name, for tables and plots.
         spec: the run; with ``best_of`` its strategy is replaced by the one found.
-        best_of: where to take the strategy from, None if the run states it.
     """
 
     name: str
@@ -51,14 +50,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Study:
-    """A set of runs that belong together.
-
-    Attributes:
-        name: short name.
-        title: for tables.
-        about: what it shows, a few sentences.
-        cases: in the order of the tables.
-    """
+    """A set of runs that belong together; ``about`` is what it shows, a few sentences."""
 
     name: str
     title: str
@@ -75,7 +67,7 @@ class Study:
             )
 
     def address(self, case: Case) -> str:
-        """Address of one of its cases."""
+        """Return the address of one of its cases, ``study/case``."""
         return f"{self.name}/{case.name}"
 
 

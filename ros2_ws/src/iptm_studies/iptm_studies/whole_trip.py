@@ -57,8 +57,7 @@ class WholeTripSolve:
 
     Attributes:
         status: name of the solver's status.
-        iterations: iterations it took.
-        time_s: wall time it took.
+        time_s: wall time.
         objective: cost of the plan found.
         infeasibility: largest violation of a constraint of the scaled problem.
         moved_m: largest change of a position against the expansion point.
@@ -74,12 +73,9 @@ class WholeTripSolve:
 
 @dataclass(frozen=True)
 class TemperatureCostates:
-    """What a kelvin more in a cell costs the rest of a whole trip, at some of its instants.
+    """What a kelvin more in cells 1 and N costs the rest of a whole trip, in the unit of the strategy's cost.
 
-    Attributes:
-        times_s: the instants, rising up to the end of the trip.
-        cell_1_1_k: costates of the temperature of cell 1, in the unit of the strategy's cost.
-        cell_n_1_k: costates of the temperature of cell N.
+    The instants ``times_s`` rise up to the end of the trip.
     """
 
     times_s: tuple[float, ...] = ()
@@ -89,14 +85,11 @@ class TemperatureCostates:
 
 @dataclass(frozen=True)
 class WholeTripRecord:
-    """How a whole trip was solved.
+    """How a whole trip was solved; slacks are the largest violations of limits in the plan.
 
     Attributes:
         settled: the last solve is usable.
         solves: every solve, in order.
-        gap_slack_m: largest violation of a gap limit in the plan.
-        speed_slack_m_s: largest violation of a speed limit in the plan.
-        temperature_slack_k: largest violation of a temperature limit in the plan.
         costates: of both cell temperatures in the last solve; empty if it is not usable.
     """
 
@@ -138,9 +131,6 @@ def solve_whole_trip(
 
     Returns:
         The plant driven with the optimal inputs, and how they were found.
-
-    Raises:
-        SolverSetupError: the problem cannot be built.
     """
     horizon = Horizon((HorizonPhase(round(route.duration_s / tick_s), tick_s),))
     parameters = nominal_charge_parameters(plant.parameters)
@@ -192,17 +182,10 @@ def solve_whole_trip(
 
 
 def _solve_record(result: SolveResult, moved_m: float) -> WholeTripSolve:
-    def finite(value: float) -> float | None:
-        return value if math.isfinite(value) else None
-
-    return WholeTripSolve(
-        status=SolveStatus(result.status).name.lower(),
-        iterations=result.iterations,
-        time_s=result.time_s,
-        objective=finite(result.objective),
-        infeasibility=finite(result.infeasibility),
-        moved_m=finite(moved_m),
-    )
+    figures = (result.objective, result.infeasibility, moved_m)
+    status = SolveStatus(result.status).name.lower()
+    finite = (value if math.isfinite(value) else None for value in figures)
+    return WholeTripSolve(status, result.iterations, result.time_s, *finite)
 
 
 def _temperature_costates(

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
-from iptm_bringup.fault_table import judge
+from iptm_bringup.fault_table import catalogue, judge
 from iptm_bringup.fault_table.catalogue import (
-    FIRST_S,
-    REAL_TIME_RATE,
     DriveMode,
     Entry,
     ReportPolicy,
@@ -33,7 +33,7 @@ from iptm_bringup.fault_table.driving import (
 )
 from iptm_bringup.fault_table.judge import NOT_REACHED, judge_trial, verdict_of
 from iptm_core.errors import ScenarioError
-from iptm_core.markdown import markdown_table, render_page
+from iptm_core.markdown import render_page
 from iptm_core.program import EXIT_SIGNAL
 from iptm_core.user_input import check_known
 from iptm_faults.kinds import FaultKind
@@ -122,73 +122,55 @@ def _drive_cycle(
                 print(*(trial.name for trial in trials), sep="\n")
                 break
             tried: list[str] = []
-
-            def judged(
-                trial: Trial, driven: DrivenTrial | Failed, tried: list[str] = tried
-            ) -> None:
+            for trial, driven in _driven(session, mode, trials, stop):
+                if stop.is_set:
+                    return  # an interrupted trial has no verdict
                 verdicts = _verdicts(trial, driven, fault_free)
                 # Faults after one that ended the trial are driven in another one.
-                came = [one for one in verdicts if NOT_REACHED not in one.problems] or verdicts[:1]
-                for one in came:
+                for one in [v for v in verdicts if NOT_REACHED not in v.problems] or verdicts[:1]:
                     store_verdict(session.store, one)
                     _print_outcome(session.console, one)
-                tried += [one.what for one in came]
-
-            drive = _drive_headless if mode is DriveMode.HEADLESS else _drive_over_ros
-            drive(session, trials, stop, judged)
-            if stop.is_set:
-                return
+                    tried.append(one.what)
             waiting = [entry for entry in waiting if entry.name not in tried] if tried else []
 
 
-_Take = Callable[[Trial, "DrivenTrial | Failed"], None]
-
-
-def _drive_headless(session: Session, trials: list[Trial], stop: StopRequest, take: _Take) -> None:
-    for trial, driven in perform_all(drive_headless, trials, session.workers):
-        if stop.is_set:
-            return
-        take(trial, driven)
-
-
-def _drive_over_ros(session: Session, trials: list[Trial], stop: StopRequest, take: _Take) -> None:
+def _driven(
+    session: Session, mode: DriveMode, trials: list[Trial], stop: StopRequest
+) -> Iterator[tuple[Trial, DrivenTrial | Failed]]:
+    if mode is DriveMode.HEADLESS:
+        yield from perform_all(drive_headless, trials, session.workers)
+        return
     for trial in trials:
         began_s = time.monotonic()
         try:
-            driven: DrivenTrial | Failed = drive_over_ros(trial, session.store.folder, stop)
+            yield trial, drive_over_ros(trial, session.store.folder, stop)
         except Exception as error:  # noqa: BLE001  an unexpected error fails this trial only
-            driven = Failed(f"{type(error).__name__}: {error}")
-        if stop.is_set:
-            return  # an interrupted trial has no verdict
-        lasted_s = time.monotonic() - began_s
-        duration_s = trial.inputs.route.duration_s
-        session.console.print(f"{trial.name}: {duration_s:g} s in {lasted_s:.0f} s", style="dim")
-        take(trial, driven)
+            yield trial, Failed(f"{type(error).__name__}: {error}")
+        lasted = f"{trial.inputs.route.duration_s:g} s in {time.monotonic() - began_s:.0f} s"
+        session.console.print(f"{trial.name}: {lasted}", style="dim")
 
 
 def _verdicts(trial: Trial, driven: DrivenTrial | Failed, fault_free: DrivenTrial) -> list[Judged]:
-    why = driven.cause if isinstance(driven, Failed) else ""
-    try:
-        if isinstance(driven, DrivenTrial):
-            return judge_trial(driven, fault_free)
-    except Exception as error:  # noqa: BLE001  as above
-        why = f"{type(error).__name__}: {error}"
-    failed = f"the trip failed: {why}"
+    if not isinstance(driven, Failed):
+        return judge_trial(driven, fault_free)
+    failed = f"the trip failed: {driven.cause}"
     return [verdict_of(entry, trial.mode, trial.cycle, failed=failed) for entry, _ in trial.entries]
 
 
 def _print_outcome(console: Console, one: Judged) -> None:
-    figures = one.figures
-    gaps = ", ".join(
-        f"{text} {figures[key]:.1f} m"
-        for key, text in (("smallest_gap_m", "gap"), ("braking_gap_m", "brakes"))
+    figures, labels = one.figures, one.labels
+    shown = [
+        text.format(figures[key])
+        for key, text in (
+            ("normal_after", "normal after {:g}"),
+            ("smallest_gap_m", "gap {:.1f} m"),
+            ("braking_gap_m", "brakes {:.1f} m"),
+        )
         if key in figures
-    )
-    normal = f"normal after {figures['normal_after']:g}" if "normal_after" in figures else ""
-    labels = one.labels
+    ]
     console.print(
         f"{'✗' if one.problems else '✓'} {labels['mode']:<9} {labels['cycle']:<5} {one.what:<45} "
-        f"{labels['level']:<5} {normal:<16} {gaps}"
+        f"{labels['level']:<5} {', '.join(shown)}"
         + "".join(f"\n      {what}" for what in one.problems.values()),
         style="red" if one.problems else None,
     )
@@ -227,55 +209,58 @@ def faults_page(command: str, entries: Sequence[Entry], verdicts: Sequence[Judge
     """
     kinds = list(FaultKind)
     rows = [
-        (entry, of_it)
+        _row(entry, of_it)
         for entry in sorted(entries, key=lambda entry: kinds.index(entry.fault.kind))
         if (of_it := [one for one in verdicts if one.what == entry.name])
     ]
     return render_page(
         "iptm_bringup.fault_table",
         "page.md.j2",
-        table=markdown_table,
         command=command,
         cores=os.cpu_count(),
         load=f"{os.getloadavg()[1]:.0f}",
-        kinds=len({entry.fault.kind for entry, _ in rows}),
-        verdicts=verdicts,
+        kinds=len({row["kind"] for row in rows}),
+        trials=len(verdicts),
         cycles=dict.fromkeys(one.labels["cycle"] for one in verdicts),
         red=[
-            (one.what, _MODES[DriveMode(one.labels["mode"])], one.labels["cycle"], text)
+            {
+                "fault": one.what,
+                "how": _MODES[DriveMode(one.labels["mode"])],
+                "cycle": one.labels["cycle"],
+                "what": "; ".join(one.problems.values()),
+            }
             for one in verdicts
-            if (text := "; ".join(one.problems.values()))
+            if one.problems
         ],
-        report_delay=judge.REPORT_DELAY_TICKS,
-        late_report=judge.LATE_REPORT_TICKS,
-        steady=judge.STEADY_TICKS,
-        first_s=f"{FIRST_S:g}",
-        rate=f"{REAL_TIME_RATE:g}",
-        lock_step_s=f"{INPUT_TIMEOUT_S[DriveMode.LOCK_STEP]:g}",
-        real_time_s=f"{INPUT_TIMEOUT_S[DriveMode.REAL_TIME]:g}",
-        modes=list(_MODES.values()),
-        results=[_row(entry, of_it) for entry, of_it in rows],
-        reports=[(entry.name, _reasons(of_it)) for entry, of_it in rows],
+        judge=judge,
+        catalogue=catalogue,
+        lock_step_s=INPUT_TIMEOUT_S[DriveMode.LOCK_STEP],
+        real_time_s=INPUT_TIMEOUT_S[DriveMode.REAL_TIME],
+        rows=rows,
     )
 
 
-def _row(entry: Entry, verdicts: Sequence[Judged]) -> tuple[object, ...]:
-    marks = []
+def _row(entry: Entry, verdicts: Sequence[Judged]) -> dict[str, Any]:
+    marks = {}
     for mode in _MODES:
         of_mode = [one for one in verdicts if one.labels["mode"] == mode.value]
         green = sum(not one.problems for one in of_mode)
         mark = "✓" if green == len(of_mode) else "✗"
-        marks.append(f"{mark} {green} of {len(of_mode)}" if of_mode else "–")
+        marks[mode.value] = f"{mark} {green} of {len(of_mode)}" if of_mode else None
     known = [one.figures for one in verdicts if "braking_gap_m" in one.figures]
-    tightest = min(known, key=lambda figures: figures["braking_gap_m"], default=None)
-    gaps = [
-        "–" if tightest is None else f"{tightest[name]:.1f}"
-        for name in ("smallest_gap_m", "braking_gap_m")
-    ]
-    after = [one.figures.get("normal_after") for one in verdicts]
-    slowest = "never" if None in after else f"{max(one or 0.0 for one in after):g}"
-    normal = "–" if entry.ends else f"{slowest}; {entry.normal_within}"
-    return (entry.name, _EXPECTED[entry.reported], *marks, normal, *gaps)
+    tightest = min(known, key=lambda figures: figures["braking_gap_m"], default={})
+    after = [one.figures.get("normal_after", math.inf) for one in verdicts]
+    slowest = "never" if math.inf in after else f"{max(after):g}"
+    return {
+        "kind": entry.fault.kind,
+        "fault": entry.name,
+        "expected": _EXPECTED[entry.reported],
+        **marks,
+        "normal": None if entry.ends else f"{slowest}; {entry.normal_within}",
+        "gap_m": tightest.get("smallest_gap_m"),
+        "braking_m": tightest.get("braking_gap_m"),
+        "reasons": _reasons(verdicts),
+    }
 
 
 def _reasons(verdicts: Sequence[Judged]) -> str:

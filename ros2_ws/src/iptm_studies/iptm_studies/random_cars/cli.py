@@ -38,20 +38,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     laboratory = Laboratory("campaign", PAGE, __doc__)
     parser = laboratory.parser
-    for name, kind, usual, metavar, text in (
-        ("--runs", whole_number, RUNS, "N", "number of runs"),
-        ("--seed", whole_number, SEED, "S", "seed of all draws"),
-        ("--fault-share", float, FAULT_SHARE, "P", "share of the runs with faults"),
-        (
-            "--imperfect-share",
-            float,
-            IMPERFECT_SHARE,
-            "P",
-            "share of the runs without a perfect preview",
-        ),
+    for name, usual, text in (
+        ("runs", RUNS, "number of runs"),
+        ("seed", SEED, "seed of all draws"),
     ):
-        text = f"{text}, {usual:g} by default"  # noqa: PLW2901
-        parser.add_argument(name, type=kind, default=usual, metavar=metavar, help=text)
+        text = f"{text}, {usual} by default"  # noqa: PLW2901
+        parser.add_argument(f"--{name}", type=whole_number, default=usual, metavar="N", help=text)
     parser.add_argument(
         "--duration-s", type=number, metavar="T", help="length of all trips instead of those drawn"
     )
@@ -60,6 +52,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         action="store_true",
         help="leave out the warm twins of cold runs, and the verdict on traction energy with them",
     )
+    for name, share, text in (
+        ("fault", FAULT_SHARE, "with faults"),
+        ("imperfect", IMPERFECT_SHARE, "without a perfect preview"),
+    ):
+        text = f"share of the runs {text}, {share:g} by default"  # noqa: PLW2901
+        parser.add_argument(f"--{name}-share", type=float, default=share, metavar="P", help=text)
     return laboratory.run(_work, arguments)
 
 

@@ -34,8 +34,7 @@ class BrakingOutcomes:
     """Trials of one drive; all arrays of shape (n,).
 
     Attributes:
-        time_s: trip time at which the lead vehicle begins to brake.
-        deceleration_m_s2: of the lead vehicle.
+        time_s: trip time at which the lead vehicle begins to brake, with ``deceleration_m_s2``.
         smallest_gap_m: up to standstill.
         impact_m_s: speed difference when the gap closed, 0 where it did not.
         braked: 1 where the monitor braked.
@@ -59,14 +58,7 @@ class BrakingOutcomes:
 
 
 def braking_trials(inputs: RunInputs, drive: Trajectory, trials: int, seed: int) -> BrakingOutcomes:
-    """Drive random trials from instants of an undisturbed drive.
-
-    Args:
-        inputs: of the drive.
-        drive: its rows.
-        trials: number of trials.
-        seed: of instants and decelerations.
-    """
+    """Drive trials from random instants of an undisturbed drive, with random decelerations."""
     random = np.random.default_rng([seed, trials])
     rows = random.integers(round(EARLIEST_S / inputs.spec.tick_s), len(drive) - 1, trials)
     decelerations = random.uniform(GENTLEST_M_S2, HARDEST_M_S2, trials)
@@ -87,14 +79,9 @@ def braking_trials(inputs: RunInputs, drive: Trajectory, trials: int, seed: int)
         drive.acceleration_m_s2[rows + 1],
         StatedBrakes.of(inputs.parameters, plant.monitor.settings.monitor_period_s),
     )
+    gap_m, impact_m_s, braked = driven.T
     return BrakingOutcomes(
-        drive.time_s[rows],
-        decelerations,
-        driven[:, 0],
-        driven[:, 1],
-        driven[:, 2],
-        bound_m,
-        bound_impact,
+        drive.time_s[rows], decelerations, gap_m, impact_m_s, braked, bound_m, bound_impact
     )
 
 

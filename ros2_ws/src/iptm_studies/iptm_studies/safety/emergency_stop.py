@@ -23,13 +23,10 @@ LeadPositions = Callable[[float], FloatArray]
 
 @dataclass(frozen=True)
 class StatedBrakes:
-    """Brakes and reaction that a judgement grants the ego vehicle.
+    """Brakes (hardest deceleration, positive, and its build-up) that a judgement grants the ego vehicle.
 
-    Attributes:
-        deceleration_m_s2: hardest deceleration, positive.
-        build_up_m_s3: rate at which it builds up.
-        wait_s: time from the first deceleration of the lead vehicle to that of the ego vehicle: sampling of
-            the sensor and delay of the brakes.
+    ``wait_s`` passes from the first deceleration of the lead vehicle to that of the ego vehicle: sampling of
+    the sensor and delay of the brakes.
     """
 
     deceleration_m_s2: float
@@ -37,14 +34,10 @@ class StatedBrakes:
     wait_s: float
 
     @classmethod
-    def of(cls, parameters: ModelParameters, reaction_s: float, share: float = 1.0) -> StatedBrakes:
-        """Return the brakes of a vehicle after a reaction time, at a share of their strength."""
+    def of(cls, parameters: ModelParameters, reaction_s: float) -> StatedBrakes:
+        """Return the brakes of a vehicle after a reaction time."""
         brakes = parameters.brakes
-        return cls(
-            share * brakes.max_deceleration_m_s2,
-            share * brakes.build_up_m_s3,
-            reaction_s + brakes.delay_s,
-        )
+        return cls(brakes.max_deceleration_m_s2, brakes.build_up_m_s3, reaction_s + brakes.delay_s)
 
 
 def emergency_stops(
@@ -58,9 +51,9 @@ def emergency_stops(
 
     Args:
         lead_m: rear bumpers of the lead vehicles.
-        positions_m: front bumpers of the ego vehicles at the beginning, shape (n,).
-        speeds_m_s: their speeds, shape (n,).
-        accelerations_m_s2: their accelerations, which last until they brake, shape (n,).
+        positions_m: front bumpers of the ego vehicles at the beginning, shape (n,), as all arrays.
+        speeds_m_s: of the ego vehicles.
+        accelerations_m_s2: theirs, which last until they brake.
         brakes: of the ego vehicles.
 
     Returns:

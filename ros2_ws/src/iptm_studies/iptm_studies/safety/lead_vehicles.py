@@ -38,9 +38,6 @@ def lead_cycles(
 
     Returns:
         Paths of the drive files, as cycles of a run.
-
-    Raises:
-        MeasurementError: the folder has no measurements.
     """
     with ExitStack() as stack:
         if source is None:

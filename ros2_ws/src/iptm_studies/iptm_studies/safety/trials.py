@@ -48,15 +48,12 @@ class Extent:
     """How much is driven.
 
     Attributes:
-        cycles: shipped cycles.
         leads: measured lead vehicles, as paths of drives.
         longest_s: of a cycle without events; the rest of it is left out.
-        delayed_s: of a cycle with delayed commands.
+        delayed_s: of a cycle with commands delayed at several ``periods_s``.
         disturbed_s: of a disturbed trial.
-        periods_s: periods at which commands are delayed.
         trials: number of disturbed trials.
         braking_trials: number of trials with the monitor alone.
-        seed: of all draws.
     """
 
     cycles: tuple[str, ...] = (*CYCLE_NAMES, "smooth", *LONG_CYCLES)
