@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import signal
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +12,7 @@ import pytest
 from rosgraph_msgs.msg import Clock
 from tests.integration.cam_host import BRIDGE, SENDER, Host, free_port
 
-from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
+from iptm_core.decision_record import DecisionRecord, Rung
 from iptm_core.state import VehicleState
 from iptm_interfaces.codecs import (
     PlanTrajectory,
@@ -31,28 +33,13 @@ GAIN_M_S2 = 0.1
 GAP_M = 15.0
 
 
-def record(rung: Rung) -> DecisionRecord:
-    return DecisionRecord(
-        status=SolveStatus.SOLVED,
-        solve_time_s=0.01,
-        iterations=5,
-        gap_slack_m=0.0,
-        speed_slack_m_s=0.0,
-        temperature_slack_k=0.0,
-        objective=1.0,
-        rung=rung,
-        limiter_active=False,
-        preview_age_s=0.0,
-    )
-
-
 class VehicleAhead:
     """Publishes as plant and controller of `car_1`: it gains speed, and plans to continue."""
 
     PUBLISHED = (Topic.CLOCK, Topic.PLANT_ODOMETRY, Topic.SOLVE, Topic.PLAN)
 
-    def __init__(self, peer: Any) -> None:
-        self._peer = peer
+    def __init__(self, peer: Any, record: DecisionRecord) -> None:
+        self._peer, self._record = peer, record
         self._publishers = {
             topic: peer.node.create_publisher(
                 TOPICS[topic].message_type, f"/car_1/{TOPICS[topic].name}", TOPICS[topic].qos
@@ -78,7 +65,9 @@ class VehicleAhead:
         plan = PlanTrajectory(times, places, speeds, flat, flat, 0.0 * flat, 0.0 * flat)
         # The record first, and a plan that is not followed, too: neither is to be taken for the other.
         rung = Rung.OPTIMAL if follows else Rung.EMERGENCY_BRAKING
-        self._publishers[Topic.SOLVE].publish(encode_decision_record(second * NS, record(rung)))
+        self._publishers[Topic.SOLVE].publish(
+            encode_decision_record(second * NS, replace(self._record, rung=rung))
+        )
         self._publishers[Topic.PLAN].publish(encode_plan(plan, second * NS))
 
 
@@ -87,7 +76,9 @@ def host(peer: Any) -> Host:
     return Host(peer)
 
 
-def test_the_vehicle_behind_knows_the_plan_of_the_one_ahead(launcher: Any, host: Host) -> None:
+def test_the_vehicle_behind_knows_the_plan_of_the_one_ahead(
+    launcher: Any, host: Host, decision_record: Callable[[int], DecisionRecord]
+) -> None:
     """The one ahead has driven all of its ticks before the one behind begins."""
     port = free_port()
     bridge = launcher.start_node(
@@ -100,7 +91,7 @@ def test_the_vehicle_behind_knows_the_plan_of_the_one_ahead(launcher: Any, host:
         parameters={"to_port": port, "sent_drive": "host", "initial_gap_m": GAP_M},
     )
     host.wait_for(1)  # so the bridge has its socket
-    ahead = VehicleAhead(host.peer)
+    ahead = VehicleAhead(host.peer, decision_record(0))
     statuses = host.peer.statuses("/car_1/v2x_sender")
     ahead.wait_for_listener()
     for second in range(TICKS):

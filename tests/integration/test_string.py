@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from tests.foreign_readers import assert_read_by_all
+from tests.integration.page_browser import Terminal, followed
 
 from iptm_bringup.run_closed_loop import build_parser, prepared_from
 from iptm_bringup.run_string import main
@@ -40,18 +43,44 @@ def commands_of(bag: Path, vehicle: str) -> list[tuple[int, Command]]:
         return [decode_command(entry.message) for entry in reader.messages(topics)]
 
 
-def test_a_string_is_that_of_the_loop_without_ros_and_can_be_repeated(
-    launcher: Any, tmp_path: Path
+def watched(launcher: Any, wait_until: Callable[..., None], output: Path) -> None:
+    """Drive two vehicles, a browser at the page of each; compare what they show with the bags."""
+    names = ["car_1", "car_2"]
+    arguments = ("--vehicles", "2", *OPTIONS, "--view", "--output", str(output))
+    with closing(Terminal(launcher, MODULE, *arguments)) as runner:
+        paths = [f"events?vehicle={name}" for name in names]
+        browsers = dict(zip(names, followed(runner, wait_until, *paths), strict=True))
+        for name, browser in browsers.items():
+            wait_until(
+                lambda b=browser: b.has_ended and len(b.rows) == TICKS + 1,  # type: ignore[misc]
+                RUN_TIMEOUT_S,
+                "every tick",
+            )
+            browser.assert_rows_are_those_of(read_trajectory(output / name, name))
+            assert browser.documents["vehicles"] == {"names": names, "shown": name}
+            domain = re.search(r"ROS_DOMAIN_ID=(\d+)", runner.text)
+            assert domain is not None
+            source = f"ROS graph, domain {domain.group(1)}, namespace /{name}, {name}"
+            assert browser.documents["facts"]["source"] == source
+            assert browser.documents["facts"]["limits"]["max_gap_m"] == 120.0
+            shown = {status["name"] for status in browser.documents["statuses"]["statuses"]}
+            assert f"/{name}/plant: vehicle" in shown
+            assert all(status.startswith(f"/{name}/") for status in shown)
+        wait_until(lambda: "until Ctrl-C" in runner.text, 60.0, "the end of the report")
+        runner.popen.send_signal(signal.SIGINT)
+        assert runner.popen.wait(60.0) == 0
+
+
+def test_a_string_is_that_of_the_loop_without_ros_and_can_be_repeated_and_watched(
+    launcher: Any, wait_until: Callable[..., None], tmp_path: Path
 ) -> None:
     """Fifteen processes, then ten: the third vehicle changes nothing for the two before it."""
     outputs = {3: tmp_path / "three", 2: tmp_path / "two"}
-    for vehicles, output in outputs.items():
-        runner = launcher.start_module(
-            MODULE, "--vehicles", str(vehicles), *OPTIONS, "--output", output
-        )
-        assert runner.wait(RUN_TIMEOUT_S) == 0, runner.stdout + runner.stderr
-        assert f"{vehicles} vehicles, {TICKS} s" in runner.stdout
-        assert "Traceback" not in runner.stderr
+    runner = launcher.start_module(MODULE, "--vehicles", "3", *OPTIONS, "--output", outputs[3])
+    assert runner.wait(RUN_TIMEOUT_S) == 0, runner.stdout + runner.stderr
+    assert f"3 vehicles, {TICKS} s" in runner.stdout
+    assert "Traceback" not in runner.stderr
+    watched(launcher, wait_until, outputs[2])
 
     prepared = prepared_from(build_parser().parse_args(list(OPTIONS)))
     model = prepared.model.values
