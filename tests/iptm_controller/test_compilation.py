@@ -24,10 +24,9 @@ from iptm_controller.ocp.compilation import (
     compile_functions,
     find_compiler,
 )
-from iptm_controller.solvers import nlpsol_backend
+from iptm_controller.solvers import ipopt_backend
 from iptm_controller.solvers.factory import build_plain_solver
 from iptm_controller.solvers.interface import SolverOptions
-from iptm_controller.solvers.riccati import backend as riccati_backend
 from iptm_core.errors import SolverSetupError
 
 
@@ -100,7 +99,7 @@ def test_a_damaged_library_is_compiled_again(
 
 @pytest.mark.parametrize(
     ("name", "module", "missing"),
-    [("ipopt", nlpsol_backend, "nlp"), ("riccati", riccati_backend, "starting_point")],
+    [("ipopt", ipopt_backend, "nlp"), ("riccati", compilation, "starting_point")],
 )
 def test_a_library_of_something_else_is_a_clear_error(
     cache: Path,

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from typing import Any
 
 from iptm_controller.actuation import ActuationObserver
 from iptm_controller.cell_law import (
@@ -27,7 +28,7 @@ from iptm_controller.forecast import LeaderForecaster
 from iptm_controller.ladder import FallbackLadder
 from iptm_controller.limiter import CommandLimiter, LimitedCommand
 from iptm_controller.measurements import Measurements, trusted_measurements
-from iptm_controller.memory import ControllerMemory, TractionMemory
+from iptm_controller.memory import ControllerMemory
 from iptm_controller.ocp.data import ProblemData, ProblemDataBuilder
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import StateIndex
@@ -44,7 +45,7 @@ from iptm_controller.solvers.factory import build_solver
 from iptm_controller.solvers.interface import SolverBackend, SolveResult, broken
 from iptm_controller.solvers.switching_check import SwitchingCheck
 from iptm_controller.strategy import Strategy
-from iptm_controller.temperature_value import NO_VALUE, TemperatureValuation, ValuationMemory
+from iptm_controller.temperature_value import NO_VALUE, TemperatureValuation
 from iptm_controller.traction_forecast import TractionForecaster
 from iptm_core.aging_laws.parking import ParkedAging
 from iptm_core.decision_record import Rung
@@ -137,48 +138,36 @@ class Controller:
         self._pose(strategy)
         self.memory = memory
 
+    def _carried(self) -> dict[str, tuple[Any, str]]:
+        """Return owner and attribute of each part of the memory, by its field."""
+        parts = {
+            "last_trusted": (self, "_last_trusted"),
+            "ladder": (self._ladder, "memory"),
+            "guard": (self._guard, "memory"),
+            "valuation": (self._valuation, "memory"),
+            "traction": (self._traction, "memory"),
+            "leader_past": (self._forecaster, "past"),
+            "fusion": (self._forecaster.fusion, "memory"),
+            "trust": (self._forecaster.trust, "memory"),
+            "actuation": (self._actuation, "memory"),
+            "estimator": (self._estimator, "memory"),
+            "is_cooling": (self._production, "is_cooling"),
+            "pace": (self._road, "pace"),
+        }
+        if isinstance(self.backend, SwitchingCheck):
+            parts["solves_since_second"] = (self.backend, "since_second")
+        return {name: part for name, part in parts.items() if part[0] is not None}
+
     @property
     def memory(self) -> ControllerMemory:
         """What is carried from tick to tick."""
-        check = self._switching_check
-        return ControllerMemory(
-            last_trusted=self._last_trusted,
-            ladder=self._ladder.memory,
-            guard=self._guard.memory,
-            valuation=ValuationMemory() if self._valuation is None else self._valuation.memory,
-            traction=TractionMemory() if self._traction is None else self._traction.memory,
-            leader_past=self._forecaster.past,
-            fusion=self._forecaster.fusion.memory,
-            trust=self._forecaster.trust.memory,
-            actuation=self._actuation.memory,
-            estimator=self._estimator.memory,
-            is_cooling=self._production.is_cooling,
-            pace=self._road.pace,
-            solves_since_second=None if check is None else check.since_second,
-        )
+        carried = self._carried().items()
+        return ControllerMemory(**{name: getattr(*part) for name, part in carried})
 
     @memory.setter
     def memory(self, memory: ControllerMemory) -> None:
-        self._last_trusted = memory.last_trusted
-        self._ladder.memory = memory.ladder
-        self._guard.memory = memory.guard
-        if self._valuation is not None:
-            self._valuation.memory = memory.valuation
-        if self._traction is not None:
-            self._traction.memory = memory.traction
-        self._forecaster.past = memory.leader_past
-        self._forecaster.fusion.memory = memory.fusion
-        self._forecaster.trust.memory = memory.trust
-        self._actuation.memory = memory.actuation
-        self._estimator.memory = memory.estimator
-        self._production.is_cooling = memory.is_cooling
-        self._road.pace = memory.pace
-        if self._switching_check is not None:
-            self._switching_check.since_second = memory.solves_since_second
-
-    @property
-    def _switching_check(self) -> SwitchingCheck | None:
-        return self.backend if isinstance(self.backend, SwitchingCheck) else None
+        for name, part in self._carried().items():
+            setattr(*part, getattr(memory, name))
 
     def decide(self, measured: Measurements) -> Decision:
         """Decide one tick."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 
 from iptm_controller.controller import Controller
 from iptm_controller.decision import Decision
@@ -67,15 +68,7 @@ class FaultySolver:
             self._sleep(spent_s)
             status = _STATUS[fault.kind]
             failed = broken(guess, spent_s, "asked for by a fault")
-            return SolveResult(
-                status,
-                STATUS_TEXT[status],
-                failed.variables,
-                failed.objective,
-                failed.iterations,
-                spent_s,
-                failed.infeasibility,
-            )
+            return replace(failed, status=status, reason=STATUS_TEXT[status])
         return self._inner.solve(data, guess, most_iterations=most_iterations)
 
 

@@ -102,6 +102,25 @@ def compiler_flags() -> tuple[str, ...]:
     return COMPILER_FLAGS
 
 
+def as_machine_code(
+    functions: Sequence[ca.Function], solver: str, *, is_wanted: bool
+) -> tuple[list[ca.Function], bool]:
+    """Return functions, and whether they are machine code: where that is wanted and a compiler is found.
+
+    Raises:
+        SolverSetupError: see `compile_functions`.
+    """
+    compiler = find_compiler() if is_wanted else None
+    if compiler is None:
+        return list(functions), False
+    library = str(compile_functions(functions, compiler))
+    try:
+        return [ca.external(function.name(), library) for function in functions], True
+    except RuntimeError as error:
+        last = str(error).strip().splitlines()[-1]
+        raise SolverSetupError(f"solver '{solver}' cannot be set up: {last}") from error
+
+
 def compile_functions(functions: Sequence[ca.Function], compiler: Sequence[str]) -> Path:
     """Compile functions into one shared library, or find it in the cache.
 

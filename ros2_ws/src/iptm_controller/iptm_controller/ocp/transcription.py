@@ -2,12 +2,12 @@
 
 The order of variables, rows and parameters is that of ``ProblemGrid``. Every derivative is taken once per
 stage kind and mapped over the steps of a phase, so that code size does not grow with the horizon and
-evaluation cost grows linearly. Solvers look up its functions by name (`oracle_functions`).
+evaluation cost grows linearly.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -18,6 +18,7 @@ from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.stage import StageExpressions
+from iptm_core.buffered import named_function
 
 Entries = tuple[NDArray[np.int64], NDArray[np.int64]]
 
@@ -90,6 +91,37 @@ class Transcription:
     rows: ca.MX
     gradient: ca.MX
     jacobian: ca.MX
+
+    @property
+    def expressions(self) -> dict[str, ca.MX]:
+        """The problem as symbolic expressions, for solvers that differentiate by themselves."""
+        return {"x": self.variables, "p": self.parameters, "f": self.cost, "g": self.rows}
+
+    def functions(self) -> list[ca.Function]:
+        """Return the functions that CasADi's interface to IPOPT looks up by name in a compiled problem.
+
+        They are functions of ``(x, p)``, or of ``(x, p, lam_f, lam_g)`` where an output needs multipliers.
+        """
+        lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", self.grid.row_count)
+        point = {"x": self.variables, "p": self.parameters}
+        dual = point | {"lam_f": lam_f, "lam_g": lam_g}
+        values = {"f": self.cost, "g": self.rows}
+        gamma = {
+            "grad_gamma_x": lam_f * self.gradient + ca.mtimes(self.jacobian.T, lam_g),
+            # Sensitivity to parameters is not used; the slot only has to exist.
+            "grad_gamma_p": ca.MX.zeros(self.parameters.numel()),
+        }
+        return [
+            named_function("nlp", point, values),
+            named_function("nlp_grad", dual, values | gamma),
+            named_function("nlp_f", point, {"f": self.cost}),
+            named_function("nlp_g", point, {"g": self.rows}),
+            named_function("nlp_grad_f", point, {"f": self.cost, "grad_f_x": self.gradient}),
+            named_function("nlp_jac_g", point, {"g": self.rows, "jac_g_x": self.jacobian}),
+            named_function(
+                "nlp_hess_l", dual, {"triu_hess_gamma_x_x": ca.triu(self.hessian(lam_f, lam_g))}
+            ),
+        ]
 
     def hessian(self, lam_f: ca.MX, lam_rows: ca.MX) -> ca.MX:
         """Return the Hessian of ``lam_f cost + lam_rows . rows``, symmetric and block diagonal."""
@@ -173,58 +205,3 @@ def _assemble(shape: tuple[int, int], entries: Sequence[Entries], values: ca.MX)
     order = np.lexsort((rows, columns))
     sparsity = ca.Sparsity.triplet(*shape, rows[order].tolist(), columns[order].tolist())
     return ca.MX(sparsity, values[order.tolist()])
-
-
-OracleSignature = Mapping[str, tuple[str, ...]]
-"""Function name to the names of its outputs, as a solver plug-in expects them."""
-
-_COMMON: OracleSignature = {
-    "nlp": ("f", "g"),
-    "nlp_grad": ("f", "g", "grad_gamma_x", "grad_gamma_p"),
-}
-_DUAL_OUTPUTS = ("grad_gamma_x", "grad_gamma_p", "hess_gamma_x_x", "triu_hess_gamma_x_x")
-
-
-def oracle_expressions(transcription: Transcription) -> dict[str, ca.MX]:
-    """Return the problem as symbolic expressions, for solvers that differentiate by themselves."""
-    return {
-        "x": transcription.variables,
-        "p": transcription.parameters,
-        "f": transcription.cost,
-        "g": transcription.rows,
-    }
-
-
-def oracle_functions(transcription: Transcription, signature: OracleSignature) -> list[ca.Function]:
-    """Build the named functions of a plug-in from the stage-wise derivatives.
-
-    Args:
-        signature: what the plug-in looks up besides the problem itself.
-
-    Returns:
-        Functions of ``(x, p)``, or of ``(x, p, lam_f, lam_g)`` where an output needs multipliers.
-    """
-    w, p = transcription.variables, transcription.parameters
-    lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", transcription.grid.row_count)
-    gradient, jacobian = transcription.gradient, transcription.jacobian
-    hessian = transcription.hessian(lam_f, lam_g)
-    outputs = {
-        "f": transcription.cost,
-        "g": transcription.rows,
-        "grad_f_x": gradient,
-        "jac_g_x": jacobian,
-        "grad_gamma_x": lam_f * gradient + ca.mtimes(jacobian.T, lam_g),
-        # Sensitivity to parameters is not used; the slot only has to exist.
-        "grad_gamma_p": ca.MX.zeros(p.numel()),
-        "hess_gamma_x_x": hessian,
-        "triu_hess_gamma_x_x": ca.triu(hessian),
-    }
-    functions = []
-    for name, results in {**_COMMON, **signature}.items():
-        dual = any(result in _DUAL_OUTPUTS for result in results)
-        arguments = [w, p, lam_f, lam_g] if dual else [w, p]
-        names = ["x", "p", "lam_f", "lam_g"] if dual else ["x", "p"]
-        functions.append(
-            ca.Function(name, arguments, [outputs[key] for key in results], names, list(results))
-        )
-    return functions

@@ -6,7 +6,7 @@ from iptm_controller.horizon import Horizon
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.stage import DEFAULT_SMOOTHING
 from iptm_controller.solvers.interface import RICCATI, SolverBackend, SolverOptions
-from iptm_controller.solvers.nlpsol_backend import NlpsolBackend, ipopt_plugin
+from iptm_controller.solvers.ipopt_backend import IPOPT, IpoptBackend
 from iptm_controller.solvers.riccati.backend import RiccatiBackend
 from iptm_controller.solvers.switching_check import SwitchingCheck
 from iptm_core.errors import SolverSetupError
@@ -14,7 +14,6 @@ from iptm_core.parameters.model import ModelParameters
 
 __all__ = ["SOLVER_NAMES", "SolverOptions", "build_plain_solver", "build_solver"]
 
-IPOPT = "ipopt"
 SOLVER_NAMES = (RICCATI, IPOPT)
 
 
@@ -45,7 +44,7 @@ def build_plain_solver(
     if options.name == RICCATI:
         return RiccatiBackend(problem, options)
     if options.name == IPOPT:
-        return NlpsolBackend(ipopt_plugin(options), problem, options)
+        return IpoptBackend(problem, options)
     raise SolverSetupError(f"solver is '{options.name}'; allowed: {', '.join(SOLVER_NAMES)}")
 
 

@@ -21,7 +21,7 @@ import casadi as ca
 import numpy as np
 
 from iptm_controller.ocp import layout
-from iptm_controller.ocp.compilation import compile_functions, find_compiler
+from iptm_controller.ocp.compilation import as_machine_code
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import GlobalIndex, InputIndex, StateIndex, StepIndex
 from iptm_controller.ocp.problem import OptimalControlProblem
@@ -77,12 +77,10 @@ class SwitchingCheck:
         self._slack_prices = np.outer(lengths_s, astuple(problem.penalties))
         power_w, _ = most_efficient_cooling(USUAL_TEMPERATURE_K, problem.model)
         self._candidates = np.array([[limits.min_compressor_power_w], [power_w]]) / _POWER_SCALE_W
-        function = _hamiltonians(problem, len(self._candidates) + 1)
-        compiler = find_compiler() if compile_code else None
-        if compiler is not None:
-            library = str(compile_functions([function], compiler))
-            function = ca.external(function.name(), library)
-        self._hamiltonian = BufferedFunction(function)
+        functions, _ = as_machine_code(
+            [_hamiltonians(problem, len(self._candidates) + 1)], inner.name, is_wanted=compile_code
+        )
+        self._hamiltonian = BufferedFunction(functions[0])
         # Own and candidate powers, and their Hamiltonians, in the memory of the function.
         shape = (len(self._candidates) + 1, self._grid.steps)
         self._options = self._hamiltonian.arguments["powers"].reshape(shape)

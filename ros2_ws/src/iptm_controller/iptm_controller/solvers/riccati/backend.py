@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from dataclasses import replace
 
-import casadi as ca
-
 from iptm_controller.ocp import layout
-from iptm_controller.ocp.compilation import compile_functions, find_compiler
+from iptm_controller.ocp.compilation import as_machine_code
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.interface import (
@@ -23,7 +20,6 @@ from iptm_controller.solvers.riccati.method import MethodResult, RiccatiMethod, 
 from iptm_controller.solvers.riccati.program import ITERATE, STEP, RiccatiProgram, build_program
 from iptm_core.buffered import BufferedFunction
 from iptm_core.decision_record import SolveStatus
-from iptm_core.errors import SolverSetupError
 from iptm_core.state import FloatArray
 
 _UNUSABLE = {
@@ -46,13 +42,10 @@ class RiccatiBackend:
 
     def __init__(self, problem: OptimalControlProblem, options: SolverOptions) -> None:
         self.options = options
-        compiler = find_compiler() if options.compile_code else None
-        self.compiled = compiler is not None
-        program = build_program(problem)
-        if compiler is not None:
-            library = str(compile_functions(program.functions, compiler))
-            program = _load(library, [function.name() for function in program.functions])
-        self._method = _method(program)
+        functions, self.compiled = as_machine_code(
+            build_program(problem).functions, RICCATI, is_wanted=options.compile_code
+        )
+        self._method = _method(RiccatiProgram(*functions))
 
     def solve(
         self, data: ProblemData, guess: FloatArray, *, most_iterations: int | None = None
@@ -79,14 +72,6 @@ class RiccatiBackend:
             infeasibility=found.infeasibility,
             costates=found.costates,
         )
-
-
-def _load(library: str, names: Sequence[str]) -> RiccatiProgram:
-    try:
-        return RiccatiProgram(*(ca.external(name, library) for name in names))
-    except RuntimeError as error:
-        last = str(error).strip().splitlines()[-1]
-        raise SolverSetupError(f"solver '{RICCATI}' cannot be set up: {last}") from error
 
 
 def _method(program: RiccatiProgram) -> RiccatiMethod:

@@ -1,14 +1,9 @@
-"""A CasADi ``nlpsol`` on the transcription, compiled where a C compiler is at hand.
-
-What differs between plug-ins (functions looked up, options) comes as data; IPOPT's is here.
-"""
+"""IPOPT on the transcription, compiled where a C compiler is at hand: the reference solver."""
 
 from __future__ import annotations
 
-import logging
 import math
 import time
-from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -18,12 +13,7 @@ from iptm_controller.ocp import layout
 from iptm_controller.ocp.compilation import compile_functions, find_compiler
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.problem import OptimalControlProblem, problem_bounds
-from iptm_controller.ocp.transcription import (
-    OracleSignature,
-    oracle_expressions,
-    oracle_functions,
-    transcribe,
-)
+from iptm_controller.ocp.transcription import transcribe
 from iptm_controller.solvers.interface import (
     FEASIBILITY_TOLERANCE,
     STATUS_TEXT,
@@ -36,85 +26,50 @@ from iptm_core.decision_record import SolveStatus
 from iptm_core.errors import SolverSetupError
 from iptm_core.state import FloatArray
 
-LOGGER = logging.getLogger(__name__)
-_PROBLEM = (["x", "p"], ["f", "g"])
+IPOPT = "ipopt"
 
 
-@dataclass(frozen=True)
-class Plugin:
-    """What a plug-in of ``nlpsol`` needs.
+class IpoptBackend:
+    """Solves problem after problem; see ``SolverBackend``.
 
-    Attributes:
-        signature: functions that it looks up in a compiled problem.
+    IPOPT takes the derivatives of the transcription and does not look at the stage structure.
     """
 
-    name: str
-    plugin: str
-    signature: OracleSignature
-    options: dict[str, Any]
+    name = IPOPT
 
-
-def ipopt_plugin(options: SolverOptions) -> Plugin:
-    """Return IPOPT with the derivatives of the transcription; it does not look at the stage structure."""
-    settings: dict[str, Any] = {
-        "print_level": 0,
-        "sb": "yes",
-        "tol": options.tolerance,
-        "max_iter": options.max_iterations,
-        "mu_init": options.initial_barrier,
-    }
-    if options.deadline_s > 0.0:
-        settings["max_wall_time"] = options.deadline_s
-    signature = {
-        "nlp_f": ("f",),
-        "nlp_g": ("g",),
-        "nlp_grad_f": ("f", "grad_f_x"),
-        "nlp_jac_g": ("g", "jac_g_x"),
-        "nlp_hess_l": ("triu_hess_gamma_x_x",),
-    }
-    return Plugin("ipopt", "ipopt", signature, {"ipopt": settings})
-
-
-class NlpsolBackend:
-    """Solves problem after problem; see ``SolverBackend``."""
-
-    def __init__(
-        self, plugin: Plugin, problem: OptimalControlProblem, options: SolverOptions
-    ) -> None:
-        self.name = plugin.name
-        self._bounds = problem_bounds(problem.grid.steps, problem.model)
-        transcription = transcribe(problem)
+    def __init__(self, problem: OptimalControlProblem, options: SolverOptions) -> None:
         self._options = options
+        transcription = transcribe(problem)
         compiler = find_compiler() if options.compile_code else None
         self.compiled = compiler is not None
-        oracle: Any = (
-            oracle_expressions(transcription)
-            if compiler is None
-            else str(compile_functions(oracle_functions(transcription, plugin.signature), compiler))
-        )
-        self._solver = self._set_up(plugin, oracle)
-        self._problem = BufferedFunction(
-            ca.external("nlp", oracle) if self.compiled else ca.Function("nlp", oracle, *_PROBLEM)
-        )
-        bounds = self._bounds
-        self._low = np.concatenate([bounds.variables_low, bounds.rows_low])
-        self._high = np.concatenate([bounds.variables_high, bounds.rows_high])
-
-    def _set_up(self, plugin: Plugin, oracle: Any) -> BufferedFunction:
-        options: dict[str, Any] = {
-            "print_time": False,
-            "record_time": False,
-            "error_on_fail": False,
-            **plugin.options,
+        oracle: Any = transcription.expressions
+        if compiler is not None:
+            oracle = str(compile_functions(transcription.functions(), compiler))
+        ipopt: dict[str, Any] = {
+            "print_level": 0,
+            "sb": "yes",
+            "tol": options.tolerance,
+            "max_iter": options.max_iterations,
+            "mu_init": options.initial_barrier,
         }
+        if options.deadline_s > 0.0:
+            ipopt["max_wall_time"] = options.deadline_s
+        settings: dict[str, Any] = {"print_time": False, "record_time": False, IPOPT: ipopt}
+        settings["error_on_fail"] = False
         try:
-            solver = BufferedFunction(ca.nlpsol("iptm", plugin.plugin, oracle, options))
+            self._solver = BufferedFunction(ca.nlpsol("iptm", IPOPT, oracle, settings))
         except RuntimeError as error:
-            raise SolverSetupError(f"solver '{self.name}' cannot be set up: {error}") from error
-        bounds, given = self._bounds, solver.arguments
+            raise SolverSetupError(f"solver '{IPOPT}' cannot be set up: {error}") from error
+        bounds, given = problem_bounds(problem.grid.steps, problem.model), self._solver.arguments
         given["lbx"][:], given["ubx"][:] = bounds.variables_low, bounds.variables_high
         given["lbg"][:], given["ubg"][:] = bounds.rows_low, bounds.rows_high
-        return solver
+        self._problem = BufferedFunction(
+            ca.external("nlp", oracle)
+            if self.compiled
+            else ca.Function("nlp", oracle, ["x", "p"], ["f", "g"])
+        )
+        self._low = np.concatenate([bounds.variables_low, bounds.rows_low])
+        self._high = np.concatenate([bounds.variables_high, bounds.rows_high])
 
     def solve(
         self, data: ProblemData, guess: FloatArray, *, most_iterations: int | None = None
