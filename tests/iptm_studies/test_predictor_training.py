@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from importlib.resources import as_file, files
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +18,7 @@ from iptm_studies.predictor_training import (
     train,
 )
 from iptm_v2x_bridge.prediction.regression import PAST_S, RegressionModel
+from iptm_validation.readers.folder import excerpts
 
 
 def test_samples_by_hand() -> None:
@@ -70,8 +70,7 @@ def test_mistakes_are_told_in_one_line(
 
 def test_the_shipped_model_is_that_of_trips_that_are_not_in_the_excerpts() -> None:
     """The excerpts of the project are held out, so that they can try it."""
-    with as_file(files("iptm_validation.data")) as folder:
-        drives = read_drives([str(folder)])
+    drives = read_drives([str(excerpts())])
     model = RegressionModel.load()
     others = [drive for drive in drives if drive.name not in model.drives]
     assert len(others) >= 15

@@ -5,9 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
-from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +25,7 @@ from iptm_v2x_bridge.prediction.regression import (
 )
 from iptm_validation.measurements import Driver, held_out
 from iptm_validation.models.lead_vehicle import predicted_distance_m, quantile_regression
-from iptm_validation.readers.folder import files_of, read_files
+from iptm_validation.readers.folder import excerpts, files_of, read_files
 
 PROGRAM = "train_predictor"
 LEADS_S = (1, 2, 3, 4, 5, 7, 10, 15, 20, 30, 40, 60)
@@ -204,9 +202,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 
 def _run(options: argparse.Namespace) -> None:
-    with ExitStack() as stack:
-        excerpts = stack.enter_context(as_file(files("iptm_validation.data")))
-        drives = read_drives(options.sources or [str(excerpts)])
+    drives = read_drives(options.sources or [str(excerpts())])
     others = held_out([drive.name for drive in drives])
     model = train([drive for drive in drives if drive.name not in others], options.source)
     tried = [drive for drive in drives if drive.name in others]

@@ -6,8 +6,6 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
-from contextlib import ExitStack
-from importlib.resources import as_file, files
 from pathlib import Path
 
 from rich.console import Console
@@ -20,7 +18,7 @@ from iptm_validation.measurements import MeasuredData
 from iptm_validation.outcome import Outcome
 from iptm_validation.page import write_page
 from iptm_validation.parameter_files import package_folder
-from iptm_validation.readers.folder import files_of, read_files
+from iptm_validation.readers.folder import excerpts, files_of, read_files
 
 PROGRAM = "validate"
 VARIABLE = "IPTM_MEASURED_DATA"
@@ -54,13 +52,9 @@ def _read(folder: Path | None, console: Console) -> MeasuredData:
     def report(text: str) -> None:
         console.print(f"{PROGRAM}: {text}", markup=False, highlight=False, soft_wrap=True)
 
-    with ExitStack() as stack:
-        if folder is None:
-            excerpts = files("iptm_validation.data")
-            folder = stack.enter_context(as_file(excerpts))
-        paths = files_of(folder)
-        with console.status(f"reading {len(paths)} files"):
-            return read_files(paths, report)
+    paths = files_of(folder or excerpts())
+    with console.status(f"reading {len(paths)} files"):
+        return read_files(paths, report)
 
 
 def _table(outcomes: list[Outcome]) -> Table:

@@ -170,6 +170,7 @@ class MeasuredData:
 
     trips: tuple[Trip, ...] = ()
     drives: tuple[Drive, ...] = ()
+    followings: tuple[Following, ...] = ()
     cell_tests: tuple[CellTest, ...] = ()
     dynamometer_tests: tuple[DynamometerTest, ...] = ()
 

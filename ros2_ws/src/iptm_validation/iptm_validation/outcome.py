@@ -122,15 +122,3 @@ def rms(values: Sequence[float] | FloatArray) -> float:
     """Return the root mean square, NaN of nothing."""
     array = np.asarray(values, dtype=np.float64)
     return float(np.sqrt(np.mean(array**2))) if array.size else float("nan")
-
-
-def mean(values: Sequence[float] | FloatArray) -> float:
-    """Return the mean, NaN of nothing."""
-    array = np.asarray(values, dtype=np.float64)
-    return float(array.mean()) if array.size else float("nan")
-
-
-def median_magnitude(values: Sequence[float] | FloatArray) -> float:
-    """Return the median of the magnitudes, NaN of nothing."""
-    array = np.asarray(values, dtype=np.float64)
-    return float(np.median(np.abs(array))) if array.size else float("nan")

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import ExitStack
 from dataclasses import dataclass
-from importlib.resources import as_file, files
 from pathlib import Path
 
 import numpy as np
@@ -14,14 +12,7 @@ from iptm_core.errors import MeasurementError
 from iptm_core.state import FloatArray
 from iptm_studies.drives import write_drive
 from iptm_validation.measurements import Driver, Following
-from iptm_validation.readers.columns import head_of
-from iptm_validation.readers.folder import files_of
-from iptm_validation.readers.openacc import (
-    compact_followings,
-    is_compact_openacc,
-    is_original_openacc,
-    original_followings,
-)
+from iptm_validation.readers.folder import excerpts, files_of, read_files
 
 SCENES = 40
 SHORTEST_S, LONGEST_S = 60, 150
@@ -96,10 +87,7 @@ def measured_scenes(
     Raises:
         MeasurementError: there are fewer scenes in the folder.
     """
-    with ExitStack() as stack:
-        if source is None:
-            source = stack.enter_context(as_file(files("iptm_validation.data")))
-        followings = [item for path in files_of(source) for item in _read(path, report)]
+    followings = read_files(files_of(source or excerpts()), report).followings
     scenes = [
         scene
         for item in followings
@@ -109,23 +97,11 @@ def measured_scenes(
     ]
     if len(scenes) < count:
         raise MeasurementError(
-            f"{source} has {len(scenes)} scenes with an adaptive cruise control; allowed: at least {count}"
+            f"{source or excerpts()} has {len(scenes)} scenes with an adaptive cruise control;"
+            f" allowed: at least {count}"
         )
     places = np.linspace(0, len(scenes) - 1, count).round().astype(int)
     return [scenes[place] for place in places]
-
-
-def _read(path: Path, report: Callable[[str], None]) -> list[Following]:
-    try:
-        if path.suffix.lower() == ".mat":
-            return []
-        head = head_of(path) or [""]
-        if is_compact_openacc(head):
-            return compact_followings(path)
-        return original_followings(path) if is_original_openacc(head) else []
-    except (MeasurementError, OSError, ValueError, EOFError) as error:
-        report(f"{path.name}: {error}; left out")
-        return []
 
 
 def _scene(following: Following, longest_s: int) -> Scene | None:

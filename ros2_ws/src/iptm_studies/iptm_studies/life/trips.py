@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -35,6 +36,8 @@ _DRIVEN = {
 DRIVEN_CONTROLS = tuple(_DRIVEN)
 START_C = (22.0, 28.0, 34.0, 40.0)
 SAMPLE_S = 300.0
+_OVER_START = ("temperature_k", "c_rate_1_h", "drawn", "end_k", "compressor_j")
+"""What of a trip depends on the temperature at its start."""
 
 
 @dataclass(frozen=True)
@@ -131,34 +134,19 @@ class TripMap:
             mixed: FloatArray = (1.0 - share) * values[above - 1] + share * values[above]
             return np.asarray(mixed)[np.newaxis]
 
+        found: dict[str, Any] = {name: between(getattr(self, name)) for name in _OVER_START}
         shift_k = start_k - inside_k
-        return TripMap(
-            np.array([start_k]),
-            between(self.temperature_k) + shift_k,
-            between(self.c_rate_1_h),
-            between(self.drawn),
-            between(self.end_k) + shift_k,
-            between(self.compressor_j),
-            self.duration_s,
-            self.distance_m,
-        )
+        found["temperature_k"] = found["temperature_k"] + shift_k
+        found["end_k"] = found["end_k"] + shift_k
+        return replace(self, start_k=np.array([start_k]), **found)
 
     def towards(self, other: TripMap, share: float) -> TripMap:
         """Return the trip a share of the way to another one of the same cycle, from the same starts."""
-
-        def between(mine: FloatArray, others: FloatArray) -> FloatArray:
-            mixed: FloatArray = (1.0 - share) * mine + share * others
-            return mixed
-
-        return replace(
-            self,
-            temperature_k=between(self.temperature_k, other.temperature_k),
-            c_rate_1_h=between(self.c_rate_1_h, other.c_rate_1_h),
-            drawn=between(self.drawn, other.drawn),
-            end_k=between(self.end_k, other.end_k),
-            compressor_j=between(self.compressor_j, other.compressor_j),
-            distance_m=(1.0 - share) * self.distance_m + share * other.distance_m,
-        )
+        mixed: dict[str, Any] = {
+            name: (1.0 - share) * getattr(self, name) + share * getattr(other, name)
+            for name in (*_OVER_START, "distance_m")
+        }
+        return replace(self, **mixed)
 
     @cached_property
     def durations_s(self) -> FloatArray:

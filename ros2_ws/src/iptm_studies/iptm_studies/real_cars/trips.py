@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import ExitStack
-from importlib.resources import as_file, files
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +12,7 @@ from iptm_core.state import FloatArray
 from iptm_studies.drives import write_drive
 from iptm_validation.measurements import Trip
 from iptm_validation.models.i3_vehicle import road_slope_rad
-from iptm_validation.readers.folder import files_of, read_files
+from iptm_validation.readers.folder import excerpts, files_of, read_files
 
 TRIPS = 10
 LONGEST_S = 300.0
@@ -43,18 +41,14 @@ def trip_cycles(
     Raises:
         MeasurementError: the folder holds fewer trips.
     """
-    with ExitStack() as stack:
-        if source is None:
-            source = stack.enter_context(as_file(files("iptm_validation.data")))
-            paths = sorted(source.glob("bmw_i3*"))
-        else:
-            paths = files_of(source)
-        trips = read_files(paths, report).trips
+    paths = files_of(source) if source else sorted(excerpts().glob("bmw_i3*"))
+    trips = read_files(paths, report).trips
     parts = {trip.name: _beginning(trip) for trip in trips}
     slow = [name for name, (speeds, _) in parts.items() if speeds.max() <= FASTEST_M_S]
     if len(slow) < count:
         raise MeasurementError(
-            f"{source} has {len(slow)} trips of the i3 below {FASTEST_M_S:g} m/s; allowed: at least {count}"
+            f"{source or excerpts()} has {len(slow)} trips of the i3 below {FASTEST_M_S:g} m/s;"
+            f" allowed: at least {count}"
         )
     places = np.linspace(0, len(slow) - 1, count).round().astype(int)
     chosen = [slow[place] for place in places]

@@ -12,7 +12,7 @@ from iptm_validation.models.epa_drivetrain import (
     wheel_energies_wh_km,
     within_make,
 )
-from iptm_validation.outcome import Comparison, Curve, Figure, Outcome, mean
+from iptm_validation.outcome import Comparison, Curve, Figure, Outcome
 
 
 def compare_cars(tests: tuple[DynamometerTest, ...], drivetrain: OneDrivetrain) -> Outcome | None:
@@ -31,7 +31,7 @@ def compare_cars(tests: tuple[DynamometerTest, ...], drivetrain: OneDrivetrain) 
         within = within_make(errors, [test.make for test in chosen])
         label = f"{part}, {len(chosen)} tests"
         figures += [
-            Figure("consumption, mean", label, mean(errors), "%", -2.0, 2.0),
+            Figure("consumption, mean", label, float(np.mean(errors)), "%", -2.0, 2.0),
             Figure("consumption, deviation", label, float(np.std(errors, ddof=1)), "%", None, 9.5),
         ]
         if np.isfinite(within):
@@ -41,7 +41,7 @@ def compare_cars(tests: tuple[DynamometerTest, ...], drivetrain: OneDrivetrain) 
             curves.append(
                 Curve(
                     label,
-                    mean(errors),
+                    float(np.mean(errors)),
                     np.arange(1.0, len(order) + 1.0, dtype=np.float64),
                     np.array([test.consumption_wh_km for test in chosen])[order] / 10.0,
                     np.array(modelled)[order] / 10.0,

@@ -15,7 +15,7 @@ from iptm_validation.models.i3_drivetrain import (
     objection_to,
 )
 from iptm_validation.models.i3_vehicle import I3Vehicle, Road, battery_power_w, recovered_j
-from iptm_validation.outcome import Comparison, Curve, Figure, Outcome, mean, median_magnitude, rms
+from iptm_validation.outcome import Comparison, Curve, Figure, Outcome, rms
 
 J_PER_KWH = 3.6e6
 SEASONS = ((False, "summer"), (True, "winter"))
@@ -102,13 +102,15 @@ def _season_figures(trips: list[Trip], errors: pd.DataFrame) -> list[Figure]:
             ("energy from torque, rms", rms(chosen.torque), ENERGY_BARS[season]),
             (
                 "energy from speed, median magnitude",
-                median_magnitude(chosen.speed),
+                float(chosen.speed.abs().median()),
                 SPEED_MEDIAN_BARS[season],
             ),
             ("energy from speed, rms", rms(chosen.speed), SPEED_RMS_BARS[season]),
         ):
             figures.append(Figure(quantity, part, value, "%", None, bar))
-        figures.append(Figure("energy from speed, mean", part, mean(chosen.speed), "%", -3.0, 3.0))
+        figures.append(
+            Figure("energy from speed, mean", part, float(chosen.speed.mean()), "%", -3.0, 3.0)
+        )
     return figures
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from importlib.resources import files
 from pathlib import Path
 from typing import TypeVar
 
@@ -14,6 +15,7 @@ from iptm_validation.measurements import (
     Drive,
     Driver,
     DynamometerTest,
+    Following,
     MeasuredData,
     Trip,
 )
@@ -21,21 +23,27 @@ from iptm_validation.readers import bmw_i3, epa, openacc, panasonic
 from iptm_validation.readers.columns import head_of
 
 SUFFIXES = (".csv", ".csv.gz", ".mat")
+Measured = Trip | Drive | Following | CellTest | DynamometerTest
 Named = TypeVar("Named", Trip, Drive, CellTest)
 _READERS: tuple[
     tuple[
         Callable[[list[str]], bool],
-        Callable[[Path], Sequence[Trip | Drive | CellTest | DynamometerTest]],
+        Callable[[Path], Sequence[Measured]],
     ],
     ...,
 ] = (
     (bmw_i3.is_compact_i3, bmw_i3.compact_trips),
     (bmw_i3.is_original_i3, bmw_i3.original_trips),
-    (openacc.is_compact_openacc, openacc.compact_drives),
-    (openacc.is_original_openacc, openacc.original_drives),
+    (openacc.is_compact_openacc, openacc.compact_platoons),
+    (openacc.is_original_openacc, openacc.original_platoons),
     (panasonic.is_compact_panasonic, panasonic.compact_cell_tests),
     (epa.is_epa, epa.dynamometer_tests),
 )
+
+
+def excerpts() -> Path:
+    """Return the folder of the measurements that are part of the project."""
+    return Path(str(files("iptm_validation.data")))
 
 
 def files_of(folder: Path) -> list[Path]:
@@ -62,7 +70,7 @@ def read_files(paths: list[Path], report: Callable[[str], None]) -> MeasuredData
     Returns:
         All measurements; of those with the same name the first one.
     """
-    found: list[Trip | Drive | CellTest | DynamometerTest] = []
+    found: list[Measured] = []
     for path in paths:
         found += _read_or_report(path, report)
     trips = _first_of_each([item for item in found if isinstance(item, Trip)])
@@ -70,14 +78,13 @@ def read_files(paths: list[Path], report: Callable[[str], None]) -> MeasuredData
     return MeasuredData(
         trips=tuple(sorted(trips, key=lambda trip: trip.name)),
         drives=tuple(_first_of_each([*drives, *map(_drive_of, trips)])),
+        followings=tuple(item for item in found if isinstance(item, Following)),
         cell_tests=tuple(_first_of_each([item for item in found if isinstance(item, CellTest)])),
         dynamometer_tests=tuple(item for item in found if isinstance(item, DynamometerTest)),
     )
 
 
-def _read_or_report(
-    path: Path, report: Callable[[str], None]
-) -> Sequence[Trip | Drive | CellTest | DynamometerTest]:
+def _read_or_report(path: Path, report: Callable[[str], None]) -> Sequence[Measured]:
     try:
         return _read(path)
     except (MeasurementError, OSError, ValueError, EOFError) as error:
@@ -85,7 +92,7 @@ def _read_or_report(
         return []
 
 
-def _read(path: Path) -> Sequence[Trip | Drive | CellTest | DynamometerTest]:
+def _read(path: Path) -> Sequence[Measured]:
     """Return what a file holds.
 
     Raises:

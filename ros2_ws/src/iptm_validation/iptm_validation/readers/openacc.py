@@ -7,8 +7,6 @@ campaigns, ``Driver<i>``.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -55,122 +53,63 @@ def _on_grid(time_s: FloatArray, speed_m_s: FloatArray) -> FloatArray:
     return np.where(at_sample | close, np.interp(grid, times, speeds), np.nan)
 
 
-def compact_drives(path: Path) -> list[Drive]:
-    """Read the drives of a compact file; runs named ``no_ACC`` were driven by people."""
-    return [
-        Drive(
-            f"{run}/{place}",
-            run,
-            _driver(place, driven_by_people=run.startswith("no_ACC")),
-            STEP_S,
-            _on_grid(*(rows[name].to_numpy() for name in ("time_s", "speed_m_s"))),
-        )
-        for run, vehicles in _compact_runs(path, ())
-        for place, rows in vehicles.items()
-    ]
-
-
-def compact_followings(path: Path) -> list[Following]:
-    """Read lead vehicles and followers of a compact file, where platoon neighbours were both recorded."""
-    found = []
-    for run, vehicles in _compact_runs(path, ("gap_to_car_ahead_m",)):
-        for place, rows in vehicles.items():
-            ahead, times = vehicles.get(place - 1), rows.time_s.to_numpy()
-            if ahead is None or not np.array_equal(times, ahead.time_s):
-                continue
-            columns = (ahead.speed_m_s, rows.speed_m_s, rows.gap_to_car_ahead_m)
-            driver = _driver(place, driven_by_people=run.startswith("no_ACC"))
-            on_grid = (_on_grid(times, column.to_numpy()) for column in columns)
-            found.append(Following(f"{run}/{place}", driver, STEP_S, *on_grid))
+def compact_platoons(path: Path) -> list[Drive | Following]:
+    """Read a compact file; runs named ``no_ACC`` were driven by people."""
+    names = ("run", "time_s", "place", "speed_m_s", "gap_to_car_ahead_m")
+    found: list[Drive | Following] = []
+    for run, rows in compact_table(path, names).groupby("run", sort=False):
+        vehicles = {int(place): of_place for place, of_place in rows.groupby("place")}
+        for place, own in vehicles.items():
+            times, ahead = own.time_s.to_numpy(), vehicles.get(place - 1)
+            name, by_people = f"{run}/{place}", str(run).startswith("no_ACC")
+            driver = _driver(place, driven_by_people=by_people)
+            speeds = _on_grid(times, own.speed_m_s.to_numpy())
+            found.append(Drive(name, str(run), driver, STEP_S, speeds))
+            if ahead is not None and np.array_equal(times, ahead.time_s):
+                leader = _on_grid(times, ahead.speed_m_s.to_numpy())
+                gaps = _on_grid(times, own.gap_to_car_ahead_m.to_numpy())
+                found.append(Following(name, driver, STEP_S, leader, speeds, gaps))
     return found
 
 
-def _compact_runs(
-    path: Path, more: tuple[str, ...]
-) -> Iterator[tuple[str, dict[int, pd.DataFrame]]]:
-    """Yield the runs of a compact file, with the rows of each vehicle by its place."""
-    table = compact_table(path, ("run", "time_s", "place", "speed_m_s", *more))
-    for run, rows in table.groupby("run", sort=False):
-        yield str(run), {int(place): of_place for place, of_place in rows.groupby("place")}
-
-
-@dataclass(frozen=True, eq=False)
-class _Original:
-    """One file as it is downloaded; only rows with a time."""
-
-    run: str
-    table: pd.DataFrame
-    driven_by_people: bool
-
-    @property
-    def places(self) -> list[int]:
-        """Places in the platoon that have a speed."""
-        names = [name[5:] for name in self.table if name.startswith("Speed")]
-        return [int(name) for name in names if name.isdigit()]
-
-    def on_grid(self, name: str) -> FloatArray:
-        """Return a column at equal steps, all NaN without it."""
-        time_s = numbers(self.table["Time"])
-        is_there = name in self.table
-        values = numbers(self.table[name]) if is_there else np.full(time_s.size, np.nan)
-        return _on_grid(time_s, values)
-
-    def driver(self, place: int) -> Driver:
-        """Return who controls the speed of a vehicle."""
-        by_people = self.driven_by_people
-        if f"Driver{place}" in self.table:
-            drivers = self.table[f"Driver{place}"].str.strip().str.lower()
-            drivers = drivers[drivers != ""]
-            if not drivers.empty:
-                by_people = (drivers == "human").mean() > 0.5
-        return _driver(place, driven_by_people=by_people)
-
-
-def original_drives(path: Path) -> list[Drive]:
-    """Read the drives of one file as it is downloaded.
+def original_platoons(path: Path) -> list[Drive | Following]:
+    """Read one file as it is downloaded.
 
     Raises:
         MeasurementError: the time column is missing.
     """
-    file = _original(path)
-    return [
-        Drive(
-            f"{file.run}/{place}",
-            file.run,
-            file.driver(place),
-            STEP_S,
-            file.on_grid(f"Speed{place}"),
-        )
-        for place in file.places
-    ]
-
-
-def original_followings(path: Path) -> list[Following]:
-    """Read the pairs of lead vehicle and follower of one file as it is downloaded.
-
-    Raises:
-        MeasurementError: the time column is missing.
-    """
-    file = _original(path)
-    return [
-        Following(
-            f"{file.run}/{place}",
-            file.driver(place),
-            STEP_S,
-            *map(file.on_grid, (f"Speed{place - 1}", f"Speed{place}", f"IVS{place - 1}")),
-        )
-        for place in file.places
-        if place - 1 in file.places
-    ]
-
-
-def _original(path: Path) -> _Original:
     head = head_of(path)
     skip = next((i for i, line in enumerate(head) if line.startswith("Time,")), None)
     if skip is None:
         raise MeasurementError(f"{path.name} has no column Time within its first {len(head)} lines")
     metadata = {line.split(",")[0]: line.split(",")[1:] for line in head[:skip]}
     table = original_table(path, ["Time"], skip=skip)
+    table = table[np.isfinite(numbers(table["Time"]))]
     manual = metadata.get("ACC", ["1"])[0].strip() == "0" or "no_acc" in path.parent.name.lower()
     run = f"{path.parent.name}__{path.name.split('.')[0]}"
-    return _Original(run, table[np.isfinite(numbers(table["Time"]))], manual)
+    times = numbers(table["Time"])
+
+    def on_grid(name: str) -> FloatArray:
+        values = numbers(table[name]) if name in table else np.full(times.size, np.nan)
+        return _on_grid(times, values)
+
+    names = [name[5:] for name in table if name.startswith("Speed")]
+    speeds = {int(name): on_grid(f"Speed{name}") for name in names if name.isdigit()}
+    found: list[Drive | Following] = []
+    for place, speed in speeds.items():
+        name, driver = f"{run}/{place}", _original_driver(table, place, manual=manual)
+        found.append(Drive(name, run, driver, STEP_S, speed))
+        if place - 1 in speeds:
+            gaps = on_grid(f"IVS{place - 1}")
+            found.append(Following(name, driver, STEP_S, speeds[place - 1], speed, gaps))
+    return found
+
+
+def _original_driver(table: pd.DataFrame, place: int, *, manual: bool) -> Driver:
+    """Return who controls the speed of a vehicle; ``manual`` where the file does not name its driver."""
+    if f"Driver{place}" in table:
+        drivers = table[f"Driver{place}"].str.strip().str.lower()
+        drivers = drivers[drivers != ""]
+        if not drivers.empty:
+            manual = bool((drivers == "human").mean() > 0.5)
+    return _driver(place, driven_by_people=manual)
