@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from iptm_reproduction.trips import (
     thinned,
     time_to_fall_s,
 )
-from iptm_reproduction.verdict import Finding, Verdict
+from iptm_reproduction.verdict import Verdict
 
 REPRODUCED, SIGN_ONLY, NOT, _ = Verdict
 PARAMETERS = load_parameters().values
@@ -49,15 +50,8 @@ def trip(**columns: Any) -> Trajectory:
 
 
 def run(address: str, trajectory: Trajectory, **values: float) -> ReportRun:
-    return ReportRun(address, values, PARAMETERS, ROUTE, STRATEGIES["aging"], lambda: trajectory)
-
-
-def found(trips: dict[str, Trajectory], kind: str, /, **arguments: Any) -> Finding:
-    check = make_check(kind, **arguments)
-    assert "eproduced" in check.rule
-    finding = check.apply(Results(run(f"strategies/{name}", trip) for name, trip in trips.items()))
-    assert finding.found
-    return finding
+    stored: Any = SimpleNamespace(trajectory=trajectory)
+    return ReportRun(address, values, PARAMETERS, ROUTE, STRATEGIES["aging"], lambda: stored)
 
 
 def drawing(power_kw: Any) -> Trajectory:
@@ -73,48 +67,19 @@ def test_power_regions_hold_their_share_of_time() -> None:
     assert regions.shares(drawing(np.full(100, 2.0))) == pytest.approx((1.0, 0.0, 0.0))
 
 
-@pytest.mark.parametrize(
-    ("power_kw", "expected"),
-    # 60 kW: less time at high power, but none at low power.
-    [(2.0, REPRODUCED), (60.0, SIGN_ONLY), (95.0, NOT)],
-)
-def test_power_regions(power_kw: float, expected: Verdict) -> None:
-    trips = {"reference": drawing(np.arange(1.0, 101.0)), "aging": drawing(np.full(100, power_kw))}
-    arguments = {"run": PROPOSED, "others": REFERENCE, "reference": REFERENCE}
-    assert found(trips, "power_regions", **arguments).verdict is expected
-
-
-@pytest.mark.parametrize(("peak_kw", "expected"), [(5.0, REPRODUCED), (9.0, NOT)])
-def test_lower_peaks(peak_kw: float, expected: Verdict) -> None:
-    trips = {"reference": drawing([1.0, 9.0]), "aging": drawing([1.0, peak_kw])}
-    arguments = {"run": PROPOSED, "others": REFERENCE, "percentile": 99.0}
-    assert found(trips, "lower_peaks", **arguments).verdict is expected
-
-
-@pytest.mark.parametrize(
-    ("compressor", "expected"), [(900.0, REPRODUCED), (3000.0, SIGN_ONLY), (9000.0, NOT)]
-)
-def test_traction_dominates(compressor: float, expected: Verdict) -> None:
-    power = np.tile([-6000.0, 6000.0], 6)
-    trajectory = trip(
-        traction_power_w=power,
-        compressor_power_w=np.full(12, compressor),
-        auxiliary_power_w=np.full(12, 100.0),
+def powers(compressor_w: Any, traction_w: Any, auxiliary_w: float = 100.0) -> Trajectory:
+    return trip(
+        traction_power_w=np.asarray(traction_w),
+        compressor_power_w=np.broadcast_to(compressor_w, np.shape(traction_w)).astype(float),
+        auxiliary_power_w=np.full(np.size(traction_w), auxiliary_w),
     )
-    finding = found({"aging": trajectory}, "traction_dominates", run=PROPOSED, factor=5.0)
-    assert finding.verdict is expected
 
 
-@pytest.mark.parametrize(
-    ("at_low", "at_high", "braking", "expected"),
-    [(500.0, 0.0, 600.0, REPRODUCED), (500.0, 100.0, 50.0, SIGN_ONLY), (0.0, 500.0, 0.0, NOT)],
-)
-def test_cooling_off_peak(at_low: float, at_high: float, braking: float, expected: Verdict) -> None:
-    traction = np.concatenate([[0.0], np.full(20, -1e3), np.full(60, 1e3), np.full(20, 2e4)])
-    traction[-5:] = 3e4
-    compressor = np.select([traction < 0.0, traction >= 2e4], [braking, at_high], default=at_low)
-    trajectory = trip(traction_power_w=traction, compressor_power_w=compressor)
-    assert found({"aging": trajectory}, "cools_off_peak", run=PROPOSED).verdict is expected
+def cooling(at_low_w: float, at_high_w: float, braking_w: float) -> Trajectory:
+    """A trip with compressor powers at low and at high traction power, and while braking."""
+    traction = np.repeat([0.0, -1e3, 1e3, 2e4, 3e4], [1, 20, 60, 15, 5])
+    high = [braking_w, at_high_w]
+    return powers(np.select([traction < 0.0, traction >= 2e4], high, default=at_low_w), traction)
 
 
 def warm(cell_1_c: Any, cell_n_c: Any, traction_w: Any = 0.0) -> Trajectory:
@@ -125,56 +90,82 @@ def warm(cell_1_c: Any, cell_n_c: Any, traction_w: Any = 0.0) -> Trajectory:
     )
 
 
+def settling(end_c: float) -> Trajectory:
+    values = np.repeat([35.0, end_c], 10)
+    return warm(values, values)
+
+
+def demanding(places: list[float], temperatures_c: list[float]) -> Trajectory:
+    """A trip with its demand after 20 s, and temperatures at some places."""
+    values = np.interp(np.arange(40.0), places, temperatures_c)
+    return warm(values, values, np.repeat([0.0, 1e4, 0.0], [21, 10, 9]))
+
+
+def heating(after_c: float) -> Trajectory:
+    return demanding([0.0, 20.0, 30.0, 39.0], [35.0, 30.0, after_c, 28.0])
+
+
+RISING = drawing(np.arange(1.0, 101.0))
+QUICK, SLOW = (25.0 + 10.0 * np.exp(-np.arange(100.0) / time_s) for time_s in (5.0, 20.0))
+ALTERNATING = np.tile([-6000.0, 6000.0], 6)
+REGIONS = {"others": REFERENCE, "reference": REFERENCE}
+PEAKS = {"others": REFERENCE, "percentile": 99.0}
+SETTLES = {"printed_c": 30.0, "tolerance_k": 2.0, "last_share": 0.5}
+FALLS = {"share": 0.63}
+HEATS = {"runs": PROPOSED, "length_s": 10.0, "least_rise_k": 1.0}
+COOLED = {"runs": PROPOSED, "length_s": 10.0, "least_drop_k": 2.0}
+
+
 @pytest.mark.parametrize(
-    ("end_c", "expected"), [(31.0, REPRODUCED), (33.5, SIGN_ONLY), (36.0, NOT), (27.0, NOT)]
+    ("kind", "arguments", "proposed", "expected"),
+    [
+        ("power_regions", REGIONS, drawing(np.full(100, 2.0)), REPRODUCED),
+        # Less time at high power, but none at low power.
+        ("power_regions", REGIONS, drawing(np.full(100, 60.0)), SIGN_ONLY),
+        ("power_regions", REGIONS, drawing(np.full(100, 95.0)), NOT),
+        ("lower_peaks", PEAKS, drawing([1.0, 50.0]), REPRODUCED),
+        ("lower_peaks", PEAKS, drawing([100.0, 100.0]), NOT),
+        ("traction_dominates", {"factor": 5.0}, powers(900.0, ALTERNATING), REPRODUCED),
+        ("traction_dominates", {"factor": 5.0}, powers(3000.0, ALTERNATING), SIGN_ONLY),
+        ("traction_dominates", {"factor": 5.0}, powers(9000.0, ALTERNATING), NOT),
+        ("cools_off_peak", {}, cooling(500.0, 0.0, 600.0), REPRODUCED),
+        ("cools_off_peak", {}, cooling(500.0, 100.0, 50.0), SIGN_ONLY),
+        ("cools_off_peak", {}, cooling(0.0, 500.0, 0.0), NOT),
+        ("settles_near", SETTLES, settling(31.0), REPRODUCED),
+        ("settles_near", SETTLES, settling(33.5), SIGN_ONLY),
+        ("settles_near", SETTLES, settling(36.0), NOT),
+        ("settles_near", SETTLES, settling(27.0), NOT),
+        ("last_cell_falls_slower", FALLS, warm(QUICK, SLOW), REPRODUCED),
+        ("last_cell_falls_slower", FALLS, warm(SLOW, QUICK), NOT),
+        ("heats_in_demand", HEATS, heating(33.0), REPRODUCED),
+        ("heats_in_demand", HEATS, heating(30.2), SIGN_ONLY),
+        ("heats_in_demand", HEATS, heating(29.0), NOT),
+        ("cooled_before_demand", COOLED, demanding([0.0, 20.0], [35.0, 30.0]), REPRODUCED),
+        ("cooled_before_demand", COOLED, demanding([0.0, 20.0], [35.0, 34.0]), SIGN_ONLY),
+        ("cooled_before_demand", COOLED, demanding([0.0, 20.0], [35.0, 35.0]), NOT),
+        ("aging_falls", {}, RISING, REPRODUCED),
+        ("aging_exponential", {"temperature_c": 30.0, "least_excess": 0.5}, RISING, REPRODUCED),
+        # Doubling the current does not multiply the loss by 20.
+        ("aging_exponential", {"temperature_c": 30.0, "least_excess": 9.0}, RISING, SIGN_ONLY),
+    ],
 )
-def test_settling_temperature(end_c: float, expected: Verdict) -> None:
-    values = np.concatenate([np.full(10, 35.0), np.full(10, end_c)])
-    arguments = {"run": PROPOSED, "printed_c": 30.0, "tolerance_k": 2.0, "last_share": 0.5}
-    assert found({"aging": warm(values, values)}, "settles_near", **arguments).verdict is expected
-
-
-def test_last_cell_falls_slower() -> None:
-    arguments = {"run": REFERENCE, "share": 0.63}
-    times = np.arange(100.0)
-    quick, slow = 25.0 + 10.0 * np.exp(-times / 5.0), 25.0 + 10.0 * np.exp(-times / 20.0)
-    finding = found({"reference": warm(quick, slow)}, "last_cell_falls_slower", **arguments)
-    assert (finding.verdict, finding.found) == (REPRODUCED, "cell 1 5 s, cell N 20 s")
-    swapped = found({"reference": warm(slow, quick)}, "last_cell_falls_slower", **arguments)
-    assert swapped.verdict is NOT
-
-
-@pytest.mark.parametrize(
-    ("after_c", "expected"), [(33.0, REPRODUCED), (30.2, SIGN_ONLY), (29.0, NOT)]
-)
-def test_demand_heats_the_pack(after_c: float, expected: Verdict) -> None:
-    arguments = {"runs": PROPOSED, "length_s": 10.0, "least_rise_k": 1.0}
-    demand = np.zeros(40)
-    demand[21:31] = 1e4
-    values = np.interp(np.arange(40.0), [0.0, 20.0, 30.0, 39.0], [35.0, 30.0, after_c, 28.0])
-    finding = found({"aging": warm(values, values, demand)}, "heats_in_demand", **arguments)
+def test_checks(
+    kind: str, arguments: dict[str, Any], proposed: Trajectory, expected: Verdict
+) -> None:
+    given = {} if "runs" in arguments or kind.startswith("aging") else {"run": PROPOSED}
+    check = make_check(kind, **given, **arguments)
+    assert "eproduced" in check.rule
+    finding = check.apply(Results([run(PROPOSED, proposed), run(REFERENCE, RISING)]))
     assert finding.verdict is expected
-    assert "from 20 s on" in finding.found
+    assert finding.found
 
 
-@pytest.mark.parametrize(
-    ("before_c", "expected"), [(30.0, REPRODUCED), (34.0, SIGN_ONLY), (35.0, NOT)]
-)
-def test_pack_is_cooled_before_demand(before_c: float, expected: Verdict) -> None:
-    arguments = {"runs": PROPOSED, "length_s": 10.0, "least_drop_k": 2.0}
-    demand = np.zeros(40)
-    demand[21:31] = 1e4
-    values = np.interp(np.arange(40.0), [0.0, 20.0], [35.0, before_c])
-    finding = found({"aging": warm(values, values, demand)}, "cooled_before_demand", **arguments)
-    assert finding.verdict is expected
-
-
-def test_aging_model_is_as_the_paper_says() -> None:
-    assert found({}, "aging_falls").verdict is REPRODUCED
-    # Doubling the current does not multiply the loss by 20.
-    for least_excess, expected in ((0.5, REPRODUCED), (9.0, SIGN_ONLY)):
-        arguments = {"temperature_c": 30.0, "least_excess": least_excess}
-        assert found({}, "aging_exponential", **arguments).verdict is expected
+def test_findings_give_times() -> None:
+    falls = make_check("last_cell_falls_slower", run=PROPOSED, share=0.63)
+    finding = falls.apply(Results([run(PROPOSED, warm(QUICK, SLOW))]))
+    assert finding.found == "cell 1 5 s, cell N 20 s"
+    heats = make_check("heats_in_demand", **HEATS)
+    assert "from 20 s on" in heats.apply(Results([run(PROPOSED, heating(33.0))])).found
 
 
 def test_busiest_window_is_found_wherever_it_lies() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -13,7 +13,6 @@ import yaml
 
 from iptm_core.metrics.figures import FIGURES
 from iptm_reproduction import checks_of_figures, checks_of_trips
-from iptm_reproduction.checks_of_figures import LEVEL_STEP
 from iptm_reproduction.figures import label, labels
 from iptm_reproduction.names import expanded, name_of, names_of
 from iptm_reproduction.printed import RANGES, printed_change, printed_value
@@ -29,11 +28,8 @@ from iptm_reproduction.verdict import (
 )
 
 NO_CAUSE = "No cause has been written down yet."
-
-_RUN = ("run", "base", "reference")
-_RUNS = ("runs", "others", "lower", "higher", "ends", "among")
-_GROUPS = ("groups", "candidates")
-_FIGURES = ("figure", "figures", "directions")
+_ONE_RUN = {"run", "base", "reference"}
+"""Arguments of checks that are one run; others with addresses are several."""
 
 
 @dataclass(frozen=True)
@@ -43,16 +39,22 @@ class Check:
     Attributes:
         rule: the check in words, with its tolerances.
         judge: applies it; called only if each run is there and has each of the figures.
-        runs: addresses of the runs without which it cannot be applied.
-        figures: figures that each of the runs must have.
         arguments: of the check, by name.
     """
 
     rule: str
     judge: Callable[..., Finding]
-    runs: tuple[str, ...]
-    figures: tuple[str, ...]
     arguments: Mapping[str, Any]
+
+    @property
+    def runs(self) -> tuple[str, ...]:
+        """Addresses of the runs without which it cannot be applied."""
+        return tuple(text for text in _texts_in(self.arguments.values()) if "/" in text)
+
+    @property
+    def figures(self) -> tuple[str, ...]:
+        """Figures that each of the runs must have."""
+        return tuple(text for text in _texts_in(self.arguments.values()) if text in FIGURES)
 
     def apply(self, results: Results) -> Finding:
         """Return the finding; not tested if a run or a figure is missing."""
@@ -62,6 +64,18 @@ class Check:
         if any(results.find(run, figure) is None for run in self.runs for figure in self.figures):
             return Finding(Verdict.NOT_TESTED, f"the stored runs lack {labels(self.figures)}")
         return self.judge(results, **self.arguments)
+
+
+def _texts_in(values: Any) -> Iterator[str]:
+    """Return the texts in nested lists and mappings, keys included."""
+    for value in values:
+        if isinstance(value, str):
+            yield value
+        elif isinstance(value, Mapping):
+            yield from value
+            yield from _texts_in(value.values())
+        elif isinstance(value, list | tuple):
+            yield from _texts_in(value)
 
 
 @dataclass(frozen=True)
@@ -104,37 +118,21 @@ def make_check(kind: str, **given: Any) -> Check:
     judge = getattr(checks_of_figures, kind, None) or getattr(checks_of_trips, kind)
     parameters = list(inspect.signature(judge).parameters.values())[1:]
     arguments = {
-        entry.name: entry.default for entry in parameters if entry.default is not entry.empty
-    } | {name: _argument(name, value) for name, value in given.items()}
-    if {"printed", *arguments} == {entry.name for entry in parameters} and "printed" not in given:
+        entry.name: _argument(entry.name, given.get(entry.name, entry.default))
+        for entry in parameters
+        if entry.name in given or entry.default is not entry.empty
+    }
+    if any(entry.name == "printed" for entry in parameters) and "printed" not in given:
         arguments["printed"] = _printed(kind, arguments)
-    runs: list[str] = []
-    figures: list[str] = []
-    for name in (entry.name for entry in parameters if entry.name in arguments):
-        value = arguments[name]
-        if name in _RUN:
-            runs.append(value)
-        elif name in _RUNS:
-            runs += value
-        elif name in _GROUPS:
-            runs += [run for series in value.values() for run in series]
-        elif name in _FIGURES:
-            figures += [value] if isinstance(value, str) else value
-    return Check(
-        rendered(_content()["rules"][kind], **_WORDS, **arguments),
-        judge,
-        tuple(runs),
-        tuple(figures),
-        arguments,
-    )
+    return Check(rendered(_content()["rules"][kind], **_WORDS, **arguments), judge, arguments)
 
 
 def _argument(name: str, value: Any) -> Any:
-    if name in _RUNS:
-        return expanded(*([value] if isinstance(value, str) else value))
-    if name in _GROUPS:
-        return {key: _argument("runs", runs) for key, runs in value.items()}
-    return value
+    if isinstance(value, Mapping):
+        return {key: _argument(name, entry) for key, entry in value.items()}
+    if name in _ONE_RUN or not any("/" in text for text in _texts_in([value])):
+        return value
+    return expanded(*([value] if isinstance(value, str) else value))
 
 
 def _printed(kind: str, arguments: Mapping[str, Any]) -> Any:
@@ -157,6 +155,11 @@ def _bounds(lowest: float | None, highest: float | None, unit: str) -> str:
     )
 
 
+def _sizes(ends: tuple[float, float]) -> str:
+    low, high = sorted(100.0 * abs(end) for end in ends)
+    return f"{low:.4g} to {high:.4g} %"
+
+
 _WORDS = {
     "name": name_of,
     "names": names_of,
@@ -164,15 +167,13 @@ _WORDS = {
     "labels": labels,
     "percent": _percent,
     "bounds": _bounds,
-    "accepted": accepted_deviation,
+    "sizes": _sizes,
     "decrease": lambda change: f"{-100.0 * change:.2f} %",
-    "sizes": lambda ends: (
-        " to ".join(f"{size:.4g}" for size in sorted(100.0 * abs(x) for x in ends)) + " %"
-    ),
+    "accepted": accepted_deviation,
     "tolerance": f"the larger of {_percent(CHANGE_FLOOR)} percentage point(s) and "
     f"{_percent(CHANGE_SHARE)} % of the printed change",
     "FIGURES": FIGURES,
-    "LEVEL_STEP": LEVEL_STEP,
+    "LEVEL_STEP": checks_of_figures.LEVEL_STEP,
     "LOW_PERCENTILE": LOW_PERCENTILE,
     "HIGH_PERCENTILE": HIGH_PERCENTILE,
 }
@@ -193,17 +194,10 @@ def claims_by_topic() -> dict[str, tuple[Claim, ...]]:
 
 
 def _claim(entry: Mapping[str, Any]) -> Claim:
-    ((kind, arguments),) = entry["check"].items()
-    check = make_check(kind, **arguments)
+    ((kind, given),) = entry["check"].items()
+    check = make_check(kind, **given)
     statement = rendered(entry["statement"], **_WORDS, **check.arguments)
-    return Claim(
-        entry["id"],
-        entry["where"],
-        statement,
-        check,
-        entry.get("note", ""),
-        entry.get("cause", ""),
-    )
+    return Claim(**{**entry, "statement": statement, "check": check})
 
 
 def check_claims(claims: tuple[Claim, ...], results: Results) -> tuple[CheckedClaim, ...]:

@@ -9,71 +9,50 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import pandas as pd
 
 from iptm_controller.strategy import Strategy
-from iptm_core.decision_record import DecisionSeries
 from iptm_core.errors import ScenarioError
 from iptm_core.metrics import figure_values
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes import Route
-from iptm_core.settings import ThermalModel
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
 from iptm_reproduction.figures import DEGRADATION, relative_change
 from iptm_reproduction.names import OPTIMUM, REFERENCE, STUDIES, studies_of
 from iptm_studies.campaign import Campaign
-from iptm_studies.channel_record import ChannelRecord
-from iptm_studies.run import RunRecord
+from iptm_studies.run import Run, RunRecord
 from iptm_studies.run_inputs import resolve_inputs
-from iptm_studies.run_spec import REPRODUCED_CYCLE, RunKind, RunSpec
+from iptm_studies.run_spec import REPRODUCED_CYCLE, RunSpec
 from iptm_studies.store import ResultStore
 from iptm_studies.study import SMALL
-from iptm_studies.whole_trip import WholeTripRecord
 
 COMMAND = "scripts/reproduce run"
 
 
 @dataclass(frozen=True)
 class ReportRun:
-    """One finished run.
-
-    Attributes:
-        address: what it is in the paper.
-        values: its figures by key; a figure without a value is left out.
-        parameters: the model it was driven with.
-        route: leader and slope.
-        strategy: cost terms with their weights.
-        load: reads its trajectory; called at most once.
-        whole_trip: how a whole trip was solved; None for a closed loop.
-        channel: what all cells of a coolant channel went through; None where the plant has but two.
-        load_decisions: reads its decisions, None for a whole trip; called at most once.
-    """
+    """One finished run: its figures by key (one without a value is left out) and what it was driven with."""
 
     address: str
     values: Mapping[str, float]
     parameters: ModelParameters
     route: Route
     strategy: Strategy
-    load: Callable[[], Trajectory] = field(repr=False, compare=False)
-    whole_trip: WholeTripRecord | None = None
-    channel: ChannelRecord | None = None
-    load_decisions: Callable[[], DecisionSeries | None] = field(
-        default=lambda: None, repr=False, compare=False
-    )
+    load: Callable[[], Run] = field(repr=False, compare=False)
 
     @cached_property
-    def trajectory(self) -> Trajectory:
-        """The trip, read on first use."""
+    def stored(self) -> Run:
+        """All that is stored of it, read on first use."""
         return self.load()
 
-    @cached_property
-    def decisions(self) -> DecisionSeries | None:
-        """How its decisions came about, read on first use."""
-        return self.load_decisions()
+    @property
+    def trajectory(self) -> Trajectory:
+        """The trip."""
+        return self.stored.trajectory
 
 
 class Results:
@@ -198,8 +177,17 @@ def gather(store: ResultStore, campaign: Campaign) -> Gathered:
         if state.key is None or state.spec is None or state.metrics is None:
             missing[state.address] = state.reason
             continue
-        values = figure_values(state.metrics)
-        runs.append(_run(store, state.address, state.key, state.spec, values))
+        inputs = resolve_inputs(state.spec)
+        runs.append(
+            ReportRun(
+                state.address,
+                figure_values(state.metrics),
+                inputs.parameters,
+                inputs.route,
+                state.spec.strategy,
+                partial(store.load, state.key),
+            )
+        )
         specs[state.address] = state.spec
         keys.add(state.key)
     command = _command(campaign)
@@ -222,24 +210,6 @@ def _command(campaign: Campaign) -> str:
         for spec in specs
     )
     return f"{COMMAND} --small" if small else COMMAND
-
-
-def _run(
-    store: ResultStore, address: str, key: str, spec: RunSpec, values: Mapping[str, float]
-) -> ReportRun:
-    inputs = resolve_inputs(spec)
-    full_channel = spec.thermal_model is ThermalModel.FULL_CHANNEL
-    return ReportRun(
-        address=address,
-        values=values,
-        parameters=inputs.parameters,
-        route=inputs.route,
-        strategy=spec.strategy,
-        load=lambda: store.load(key).trajectory,
-        whole_trip=store.load(key).whole_trip if spec.kind is RunKind.WHOLE_TRIP else None,
-        channel=store.load(key).channel if full_channel else None,
-        load_decisions=lambda: store.load(key).decisions,
-    )
 
 
 def _origin(

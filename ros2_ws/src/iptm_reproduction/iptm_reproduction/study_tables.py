@@ -140,5 +140,5 @@ def _sum_and_worst(values: dict[str, float]) -> str:
 def channel_records(results: Results) -> dict[str, ChannelRecord]:
     """Return what all cells went through, by controller."""
     runs = results.matching("full_channel/full_channel/*")
-    records = {run.split("/")[2]: results[run].channel for run in runs}
+    records = {run.split("/")[2]: results[run].stored.channel for run in runs}
     return {name: record for name, record in records.items() if record is not None}

@@ -158,7 +158,7 @@ def _of_all_cells(value: Callable[[tuple[float, ...]], float]) -> Callable[..., 
     """Write a degradation over all cells of a channel, a dash where there are but two."""
 
     def write(results: Results, run: str, base: str) -> str:
-        record, other = results[run].channel, results[base].channel
+        record, other = results[run].stored.channel, results[base].stored.channel
         if record is None or other is None:
             return DASH
         found = value(record.capacity_losses)

@@ -169,8 +169,8 @@ def optimum(results: Results) -> Figure:
 def temperature_price(results: Results) -> Figure:
     """Draw the price of both cell temperatures and the costates of the whole trip, over the trip."""
     figure, panels = new_figure(5.2, 3, 1, sharex=True)
-    decisions = results[f"cost_to_go/comprehensive/{DEFAULT_CONTROLLER}/perfect"].decisions
-    record = results[COST_TO_GO_OPTIMUM].whole_trip
+    decisions = results[f"cost_to_go/comprehensive/{DEFAULT_CONTROLLER}/perfect"].stored.decisions
+    record = results[COST_TO_GO_OPTIMUM].stored.whole_trip
     if decisions is not None:
         prices = (decisions.cell_1_marginal_cost_1_k, decisions.cell_n_marginal_cost_1_k)
         name = f"price, {controller_name(DEFAULT_CONTROLLER)}"
