@@ -9,26 +9,8 @@ from iptm_core.metrics.figures import FIGURES
 from iptm_core.parameters import describe_parameters, load_parameters
 from iptm_core.parameters.loading import ParameterRow
 from iptm_core.parameters.model import to_model_unit
-from iptm_reproduction.figures import (
-    CELL_1,
-    CELL_N,
-    CELL_N_MAX,
-    CELL_N_MEAN,
-    COMPUTING_TIME,
-    COOLING,
-    DASH,
-    DEGRADATION,
-    HEADLINE_FIGURES,
-    INCONSISTENCY,
-    SMALLEST_MARGIN,
-    TABLE_FIGURES,
-    TOTAL,
-    TRACTION,
-    change_text,
-)
+from iptm_reproduction import figures as fig
 from iptm_reproduction.names import (
-    FIRST_MULTI_HORIZON,
-    FIRST_REFERENCE,
     MULTI_HORIZON,
     REFERENCE,
     STRATEGIES,
@@ -57,13 +39,13 @@ _SAME = 1e-9
 _FURTHER_ROWS = (
     "traction_energy",
     "total_energy_printed",
-    DEGRADATION,
+    fig.DEGRADATION,
     "cell_1_temperature_mean",
-    CELL_N_MEAN,
-    CELL_N_MAX,
-    SMALLEST_MARGIN,
+    fig.CELL_N_MEAN,
+    fig.CELL_N_MAX,
+    fig.SMALLEST_MARGIN,
     "mean_gap",
-    COMPUTING_TIME,
+    fig.COMPUTING_TIME,
     "gap_violations",
     "hard_violations",
     "soft_violations",
@@ -72,8 +54,8 @@ _FURTHER_ROWS = (
 )
 
 
-def parameters(_: Results, table: str) -> pd.DataFrame:
-    """Return a printed table of parameters with the values of the set of the reproduction."""
+def parameters(table: str) -> list[tuple[ParameterRow, str, str]]:
+    """Return a printed table of parameters: each, its printed value, and that of the reproduction, marked."""
     used = load_parameters(REPRODUCED_SET)
     ours = {row.key: row for row in describe_parameters(used)}
     rows = []
@@ -82,8 +64,8 @@ def parameters(_: Results, table: str) -> pd.DataFrame:
         wanted = to_model_unit(printed, unit, row.unit)
         same = abs(row.value - wanted) <= _SAME * max(1.0, abs(wanted))
         found = marked(with_unit(source.value, source.unit), graded(same))
-        rows.append((row.symbol, key, with_unit(printed, unit), found))
-    return table_of(("symbol", "parameter", "printed", "used"), rows)
+        rows.append((row, with_unit(printed, unit), found))
+    return rows
 
 
 def omitted_parameters() -> list[ParameterRow]:
@@ -98,17 +80,15 @@ def with_unit(value: float, unit: str, text: str = ".10g") -> str:
     return format(value, text) if unit == "1" else f"{format(value, text)} {unit}"
 
 
-def formulations(_: Results) -> pd.DataFrame:
-    """Return the cost terms of the six formulations, printed and used."""
-    rows = []
-    for strategy, (name, printed) in FORMULATIONS.items():
-        weights = COST_TERMS[strategy].weights.values()
-        used = [number for number, weight in enumerate(weights, start=1) if weight > 0.0]
-        printed_text, text = (
-            " + ".join(f"J{term}" for term in numbers) for numbers in (printed, used)
-        )
-        rows.append((name, printed_text, marked(text, graded(used == printed))))
-    return table_of(("formulation", "printed", "used"), rows)
+def cost_terms(strategy: str) -> list[int]:
+    """Return the numbers of the cost terms that a strategy has here."""
+    weights = COST_TERMS[strategy].weights.values()
+    return [number for number, weight in enumerate(weights, start=1) if weight > 0.0]
+
+
+def terms_text(terms: list[int]) -> str:
+    """Return cost terms by their symbols."""
+    return " + ".join(f"J{term}" for term in terms)
 
 
 def strategies(results: Results) -> pd.DataFrame:
@@ -116,7 +96,7 @@ def strategies(results: Results) -> pd.DataFrame:
     rows: list[tuple[str, ...]] = [
         ("weights λ_P, λ_Q", "used", *(_weights(results, run) for run in STRATEGIES))
     ]
-    for figure in TABLE_FIGURES:
+    for figure in fig.TABLE_FIGURES:
         found = (_with_change(results, run, figure) for run in STRATEGIES)
         rows.append((strong(FIGURES[figure].title), "found", *found))
         rows.append(("", "printed", *(_printed(run, figure) for run in STRATEGIES)))
@@ -133,50 +113,32 @@ def _with_change(results: Results, run: str, figure: str) -> str:
     if run == REFERENCE or change is None:
         return text
     verdict = compared(change, printed_change(run, figure))
-    return marked(f"{text} ({change_text(change)})", verdict)
+    return marked(f"{text} ({fig.change_text(change)})", verdict)
 
 
 def _printed(run: str, figure: str) -> str:
     text = FIGURES[figure].text(printed_value(run, figure))
-    return text if run == REFERENCE else f"{text} ({change_text(printed_change(run, figure))})"
+    return text if run == REFERENCE else f"{text} ({fig.change_text(printed_change(run, figure))})"
 
 
 def _weights(results: Results, run: str) -> str:
     if run not in results:
-        return DASH
+        return fig.DASH
     strategy = results[run].strategy
     return ", ".join(map(weight_text, (strategy.energy_weight_1_j, strategy.aging_weight)))
 
 
-def _compared_change(results: Results, run: str, base: str, figure: str) -> str:
-    """Return a change with the mark that compares it with the headline's."""
+def headline_change(results: Results, run: str, base: str, figure: str) -> str:
+    """Return a change, marked by how it compares with that of the headline."""
     change = results.change(run, base, figure)
     verdict = None if change is None else compared(change, printed_change(MULTI_HORIZON, figure))
-    return marked(change_text(change), verdict)
-
-
-def headline(results: Results) -> pd.DataFrame:
-    """Return the headline comparison: values of both runs, the change found and the printed one."""
-    both = (REFERENCE, MULTI_HORIZON)
-    rows = [
-        (
-            FIGURES[figure].title,
-            *(figure_text(results, run, figure) for run in both),
-            _compared_change(results, MULTI_HORIZON, REFERENCE, figure),
-            change_text(printed_change(MULTI_HORIZON, figure)),
-        )
-        for figure in HEADLINE_FIGURES
-    ]
-    rows.append((SAVING, *(share_text(results, run) for run in both), DASH, DASH))
-    return table_of(
-        ("figure", "Reference, SH 15", "Aging, MH 3+5", "change found", "change printed"), rows
-    )
+    return marked(fig.change_text(change), verdict)
 
 
 def ranking_text(results: Results) -> str:
     """Return the strategies in the order of a few figures, best first, in words."""
     sentences = []
-    for figure in (DEGRADATION, TOTAL, COOLING, INCONSISTENCY):
+    for figure in (fig.DEGRADATION, fig.TOTAL, fig.COOLING, fig.INCONSISTENCY):
         shown = FIGURES[figure]
         known = {
             run: value for run in STRATEGIES if (value := results.find(run, figure)) is not None
@@ -187,25 +149,3 @@ def ranking_text(results: Results) -> str:
         )
         sentences += [f"{shown.title}: {order}."] if order else []
     return f"The strategies in order, lowest first. {' '.join(sentences)}"
-
-
-def first_composition(results: Results) -> pd.DataFrame:
-    """Return the headline on the identified trip against that on the composition used before."""
-    pairs = ((MULTI_HORIZON, REFERENCE), (FIRST_MULTI_HORIZON, FIRST_REFERENCE))
-    rows = [
-        (
-            FIGURES[figure].label,
-            *(_compared_change(results, *pair, figure) for pair in pairs),
-            change_text(printed_change(MULTI_HORIZON, figure)),
-        )
-        for figure in HEADLINE_FIGURES
-    ]
-    rows += [
-        (
-            f"Reference: {FIGURES[figure].title}",
-            *(figure_text(results, run, figure) for _, run in pairs),
-            FIGURES[figure].text(printed_value(REFERENCE, figure)),
-        )
-        for figure in (TRACTION, CELL_1, CELL_N, COOLING)
-    ]
-    return table_of(("figure", "identified", "own composition", "printed"), rows)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import itertools
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -15,7 +16,16 @@ import yaml
 from markupsafe import Markup, escape
 
 from iptm_core.errors import StoreError
-from iptm_reproduction import aging, figures, names, paper_tables, study_tables, tables
+from iptm_reproduction import (
+    aging,
+    figures,
+    names,
+    paper_tables,
+    printed,
+    study_tables,
+    tables,
+    verdict,
+)
 from iptm_reproduction.claims import check_claims, claims_by_topic
 from iptm_reproduction.identification import spread, unknowns
 from iptm_reproduction.names import expanded, studies_of
@@ -141,6 +151,27 @@ def compose(gathered: Gathered) -> Document:
     return Document(_PAGE["title"], PAPER, tuple(sections))
 
 
+_MODULES = (
+    aging,
+    figures,
+    names,
+    paper_tables,
+    printed,
+    spread,
+    study_tables,
+    tables,
+    unknowns,
+    verdict,
+)
+_PUBLIC = {
+    name: entry
+    for module in _MODULES
+    for name, entry in vars(module).items()
+    if not name.startswith("_")
+}
+"""What templates of the page can name."""
+
+
 class _Page:
     """Builds parts from what was gathered."""
 
@@ -152,25 +183,20 @@ class _Page:
             for topic, claims in claims_by_topic().items()
         }
         self._context = {
-            **{
-                name: entry
-                for module in (
-                    aging,
-                    figures,
-                    names,
-                    paper_tables,
-                    spread,
-                    study_tables,
-                    tables,
-                    unknowns,
-                )
-                for name, entry in vars(module).items()
-                if not name.startswith("_")
-            },
+            **_PUBLIC,
             **number_texts(self._results),
+            "verdicts": self._verdicts(),
             "origin": gathered.origin,
             "command": gathered.command,
         }
+
+    def _verdicts(self) -> dict[str, list[str]]:
+        """Return the verdicts on the statements of each topic, and on all of them."""
+        found = {
+            topic: [entry.verdict.value for entry in entries]
+            for topic, entries in self._checked.items()
+        }
+        return found | {strong("all statements"): list(itertools.chain(*found.values()))}
 
     def block(self, part: Mapping[str, Any]) -> Block | None:
         """Return a part; None for a text that is empty."""
@@ -205,54 +231,34 @@ class _Page:
         return rendered(template, **self._context, **more)
 
     def _table(self, key: str, part: Mapping[str, Any]) -> pd.DataFrame:
-        if "cells" in part:
-            rows = [[self._text(cell) for cell in row] for row in part["cells"]]
-            return tables.table_of(part["heads"], rows)
-        if "each" in part:
+        if "each" in part or "cells" in part:
             return self._listed(part)
         if "columns" in part:
             names = ("runs", "columns", "base", "without", "needs_base")
             given = {name: part[name] for name in names if name in part}
             return tables.run_table(self._results, **given)
         name = part.get("rows", key.replace("-", "_"))
-        if name == "verdicts":
-            return self._verdicts()
         modules = (paper_tables, study_tables, tables)
         build = next(found for module in modules if (found := getattr(module, name, None)))
         return build(self._results, **part.get("with", {}))
 
     def _listed(self, part: Mapping[str, Any]) -> pd.DataFrame:
-        """Return things as rows, or as columns that have a name: a template for each column, or row."""
-        things = list(evaluated(part["each"], **self._context))
-        texts = [
-            {
-                head: self._text(cell, row=thing, index=index)
-                for head, cell in part["columns"].items()
-            }
+        """Return a row for each of several things, by a template for each column, and rows of single cells.
+
+        Things with a ``name`` are the columns instead.
+        """
+        columns = part.get("columns", {})
+        things = list(evaluated(part.get("each", "[]"), **self._context))
+        rows = [
+            [self._text(cell, row=thing, index=index) for cell in columns.values()]
             for index, thing in enumerate(things)
         ]
-        table = pd.DataFrame(texts, columns=list(part["columns"]), dtype=object)
+        rows += [[self._text(cell) for cell in row] for row in part.get("cells", ())]
+        table = tables.table_of(part.get("heads", list(columns)), rows)
         if "name" in part:
             table.index = [self._text(part["name"], row=thing) for thing in things]
             table = table.T.rename_axis("").reset_index()
-        return table.set_axis(part["heads"], axis=1) if "heads" in part else table
-
-    def _verdicts(self) -> pd.DataFrame:
-        """Return the number of statements by topic and verdict."""
-        checked = pd.DataFrame(
-            [
-                (topic, entry.verdict.value)
-                for topic, entries in self._checked.items()
-                for entry in entries
-            ],
-            columns=["topic", "verdict"],
-        )
-        counts = pd.crosstab(checked["topic"], checked["verdict"]).reindex(
-            index=list(self._checked), columns=[verdict.value for verdict in Verdict], fill_value=0
-        )
-        counts.insert(0, "number", counts.sum(axis=1))
-        counts.loc[strong("all statements")] = counts.sum()
-        return counts.astype(str).rename_axis("statements about").reset_index()
+        return table
 
 
 def _runs(part: Mapping[str, Any], name: str) -> tuple[str, ...]:

@@ -14,10 +14,9 @@ import pandas as pd
 
 from iptm_core.metrics import cold_compressor_energies_j
 from iptm_core.metrics.figures import FIGURES
-from iptm_reproduction.figures import DASH, DEGRADATION, TABLE_FIGURES, change_text, relative_change
+from iptm_reproduction.figures import DASH, change_text, relative_change
 from iptm_reproduction.names import (
     OPTIMUM,
-    PROPOSED,
     REFERENCE,
     controller_name,
     name_of,
@@ -214,20 +213,3 @@ _CELLS: dict[str, Callable[..., str]] = {
     ),
 }
 """Kinds of cells, from the results, a run, its base run, and arguments."""
-
-
-def optimum(results: Results) -> pd.DataFrame:
-    """Return reference, proposed strategy and whole-trip optimum: what can be saved, and what is."""
-    runs = (REFERENCE, PROPOSED, OPTIMUM)
-    changed = (*TABLE_FIGURES, DEGRADATION)
-    rows = []
-    for figure in (*changed, "cell_n_temperature_max", "smallest_margin"):
-        changes = [
-            change_text(results.change(run, REFERENCE, figure)) if figure in changed else DASH
-            for run in runs[1:]
-        ]
-        found = (figure_text(results, run, figure) for run in runs)
-        rows.append((FIGURES[figure].title, *found, *changes))
-    rows.append((SAVING, *(share_text(results, run) for run in runs), DASH, DASH))
-    names = [name_of(run) for run in runs]
-    return table_of(("figure", *names, *(f"change, {name}" for name in names[1:])), rows)

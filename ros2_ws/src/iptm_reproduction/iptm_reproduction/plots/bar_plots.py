@@ -10,15 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from iptm_core.metrics.figures import FIGURES
-from iptm_reproduction.figures import (
-    COMPUTING_TIME,
-    COOLING,
-    DEGRADATION,
-    HEADLINE_FIGURES,
-    INCONSISTENCY,
-    TABLE_FIGURES,
-    TOTAL,
-)
+from iptm_reproduction import figures as fig
 from iptm_reproduction.names import (
     DEFAULT_CONTROLLER,
     MULTI_HORIZON,
@@ -61,7 +53,7 @@ def strategy_changes(results: Results) -> Figure:
     others = dict(zip(list(STRATEGY_NAMES)[1:], STRATEGIES[1:], strict=True))
     terms = [name.replace("reference", "ref").replace("_", "\n") for name in others]
     last = len(others) - 1
-    for panel, shown in zip(panels, TABLE_FIGURES, strict=True):
+    for panel, shown in zip(panels, fig.TABLE_FIGURES, strict=True):
         for place, (name, run) in enumerate(others.items()):
             change = results.change(run, REFERENCE, shown)
             if change is not None:
@@ -79,7 +71,7 @@ def strategy_changes(results: Results) -> Figure:
 def headline(results: Results) -> Figure:
     """Draw the headline changes, found next to printed."""
     figure, (panel,) = new_figure(2.9)
-    for place, shown in enumerate(HEADLINE_FIGURES):
+    for place, shown in enumerate(fig.HEADLINE_FIGURES):
         change = results.change(MULTI_HORIZON, REFERENCE, shown)
         for side, name, value, look in (
             (-0.2, "found", change, {"color": CONTROLLER_COLOURS[_MULTI]}),
@@ -90,7 +82,7 @@ def headline(results: Results) -> Figure:
             text = name if place == 0 else None
             bar = panel.bar(place + side, 100.0 * value, 0.4, label=text, **look)
             panel.bar_label(bar, fmt="%.1f", fontsize=7)
-    names = [FIGURES[shown].label.replace(" ", "\n", 1) for shown in HEADLINE_FIGURES]
+    names = [FIGURES[shown].label.replace(" ", "\n", 1) for shown in fig.HEADLINE_FIGURES]
     change_panel(panel, names, size=7)
     panel.margins(y=0.12)
     legend_below(figure, panel, 2)
@@ -133,7 +125,7 @@ def imperfect_previews(results: Results) -> Figure:
     controllers = [name for name in CONTROLLER_COLOURS if name in present]
     figure, panels = new_figure(3.4, 1, 2)
     width = 0.8 / max(1, len(controllers))
-    for panel, shown in zip(panels, (DEGRADATION, TOTAL), strict=True):
+    for panel, shown in zip(panels, (fig.DEGRADATION, fig.TOTAL), strict=True):
         for index, controller in enumerate(controllers):
             runs = [f"{study}/{preview}/{controller}" for preview in previews]
             base = f"{study}/perfect/reference"
@@ -153,7 +145,9 @@ def omitted_parameters(results: Results) -> Figure:
     """Draw changes of the aging strategies against the reference, for other values of what is omitted."""
     variations = _parts(results, "omitted_parameters", 1)
     figure, panels = new_figure(0.9 + 0.24 * len(variations), 1, 4, sharey=True)
-    for panel, shown in zip(panels, (DEGRADATION, TOTAL, COOLING, INCONSISTENCY), strict=True):
+    for panel, shown in zip(
+        panels, (fig.DEGRADATION, fig.TOTAL, fig.COOLING, fig.INCONSISTENCY), strict=True
+    ):
         for controller, marker in (("aging", "o"), (_MULTI, "s"), (DEFAULT_CONTROLLER, "^")):
             for place, variation in enumerate(variations):
                 study = f"omitted_parameters/{variation}"
@@ -180,7 +174,7 @@ def discretisation(results: Results) -> Figure:
     long_steps = {length: grid for _, length, grid in runs if grid != "fine"}
     names = [f"{length} s\nMH {long_steps.get(length, '')}" for length in lengths]
     figure, panels = new_figure(2.9, 1, 3)
-    for panel, shown in zip(panels, (DEGRADATION, TOTAL, COMPUTING_TIME), strict=True):
+    for panel, shown in zip(panels, (fig.DEGRADATION, fig.TOTAL, fig.COMPUTING_TIME), strict=True):
         for place, length in enumerate(lengths):
             study = f"discretisation/{length}"
             change = results.change(f"{study}/{long_steps.get(length)}", f"{study}/fine", shown)
