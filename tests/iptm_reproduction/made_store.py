@@ -69,6 +69,7 @@ def made_run(inputs: RunInputs) -> Run:
         WholeTripSolve("solved", 100, 20.0, 1.5, 1e-6, 30.0),
         WholeTripSolve("solved", 20, 4.0, 1.4, 1e-7, None),
     )
+    full_channel = inputs.spec.thermal_model is ThermalModel.FULL_CHANNEL
     return Run(
         key=inputs.key,
         spec=inputs.spec,
@@ -84,9 +85,7 @@ def made_run(inputs: RunInputs) -> Run:
             versions={"python": "3.11.0", "casadi": "3.7.0"},
             fingerprint=inputs.fingerprint,
         ),
-        channel=made_channel(rng)
-        if inputs.spec.thermal_model is ThermalModel.FULL_CHANNEL
-        else None,
+        channel=made_channel(rng) if full_channel else None,
     )
 
 

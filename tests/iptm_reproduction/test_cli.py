@@ -1,7 +1,5 @@
 """The command behind scripts/reproduce: the studies' commands, and the report after them."""
 
-from argparse import Namespace
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -9,6 +7,7 @@ import pytest
 import iptm_reproduction.report
 from iptm_core.program import EXIT_USER_ERROR
 from iptm_reproduction import cli
+from iptm_reproduction.report import build_report
 from iptm_studies.campaign import Campaign
 from iptm_studies.cli import EXIT_FAILED_RUNS
 from iptm_studies.store import ResultStore
@@ -29,30 +28,16 @@ def reports(monkeypatch: pytest.MonkeyPatch) -> Reports:
     return seen
 
 
-@pytest.fixture
-def computing(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
-    """Give the function that sets the exit code of computing."""
-
-    def set_code(code: int) -> None:
-        def run(options: Namespace, console: object) -> int:
-            del options, console
-            return code
-
-        monkeypatch.setattr(cli, "run_studies", run)
-
-    return set_code
-
-
 @pytest.mark.parametrize("code", [0, EXIT_FAILED_RUNS])
 def test_without_a_command_it_computes_and_reports(
     code: int,
-    computing: Callable[[int], None],
     reports: Reports,
     tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     """The report is written all the same when a run failed, with a nonzero exit code."""
-    computing(code)
+    monkeypatch.setattr(cli, "run_studies", lambda _options, _console: code)
     store, output = tmp_path / "kept", tmp_path / "page"
     given = ["--store", str(store), "--output", str(output), "--", "whole_trip"]
     assert cli.main(given) == code
@@ -68,13 +53,12 @@ def test_dry_runs_write_no_report(
     assert reports == []
 
 
-def test_report_alone(reports: Reports, tmp_path: Path) -> None:
+def test_report_alone(reports: Reports, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["report", "whole_trip", "--store", str(tmp_path)]) == 0
     assert reports == [(tmp_path, tmp_path / "report", ["whole_trip"])]
-
-
-def test_nothing_to_report_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["report", "strategies", "--store", str(tmp_path)]) == EXIT_USER_ERROR
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(iptm_reproduction.report, "build_report", build_report)
+        assert cli.main(["report", "strategies", "--store", str(tmp_path)]) == EXIT_USER_ERROR
     assert "error: " in capsys.readouterr().err
 
 

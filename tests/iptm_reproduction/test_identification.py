@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -161,12 +161,8 @@ STAGES = (
 
 @pytest.fixture(autouse=True)
 def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    def perform_all(
-        _task: object, waiting: list[Task], _workers: int
-    ) -> Iterator[tuple[Task, Evaluation]]:
-        return ((task, made_up(task)) for task in waiting)
-
-    monkeypatch.setattr(search, "perform_all", perform_all)
+    made = lambda _task, waiting, _workers: ((task, made_up(task)) for task in waiting)  # noqa: E731
+    monkeypatch.setattr(search, "perform_all", made)
 
 
 def searched(table: EvaluationTable) -> tuple[list[Scored], list[str]]:

@@ -91,9 +91,7 @@ class Payback:
 def cooling_payback(run: ReportRun, percentiles: tuple[float, ...]) -> Payback | None:
     """Return the payback of cooling on a trip; None if the compressor never ran.
 
-    Args:
-        run: the trip.
-        percentiles: where in the distribution of the positive battery power the compressor runs.
+    It runs at percentiles of the distribution of the positive battery power.
     """
     cop = run.values.get(MEAN_COP)
     trip, parameters = run.trajectory, run.parameters
@@ -182,12 +180,7 @@ class PrintedCooling:
 
 
 def printed_cooling(parameters: ModelParameters, reference_k: float) -> PrintedCooling:
-    """Work the figures out.
-
-    Args:
-        parameters: Tables I and II, and the cells of a channel that follow from them.
-        reference_k: temperature that the reference keeps (r_T).
-    """
+    """Work the figures out from Tables I and II and the temperature that the reference keeps (r_T)."""
     pack, cooling, cell = parameters.pack, parameters.cooling, parameters.cell
     cooling_kj, total_kj, loss_1, loss_n = (
         float(VALUES.at[REFERENCE, figure]) for figure in (COOLING, TOTAL, CELL_1, CELL_N)

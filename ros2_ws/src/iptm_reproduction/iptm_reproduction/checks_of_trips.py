@@ -5,7 +5,7 @@ See ``checks_of_figures.py`` for what a check is.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -124,53 +124,39 @@ def heats_in_demand(
     results: Results, runs: Sequence[str], length_s: float, least_rise_k: float
 ) -> Finding:
     """Check that the pack warms up during the stretch of highest traction demand."""
-    return _around_demand(
-        results,
-        runs,
-        length_s,
-        least_rise_k,
-        lambda _, before_c, highest_c: highest_c - before_c,
-        lambda rise_k, _, start_s: f"{rise_k:+.2f} K from {start_s:.0f} s on",
-    )
+    rises, texts = [], []
+    for run in runs:
+        start_s, _, before_c, highest_c = _around_demand(results, run, length_s)
+        rises.append(highest_c - before_c)
+        texts.append(f"{name_of(run)}: {rises[-1]:+.2f} K from {start_s:.0f} s on")
+    return Finding(graded(min(rises) >= least_rise_k, min(rises) > 0.0), "; ".join(texts))
 
 
 def cooled_before_demand(
     results: Results, runs: Sequence[str], length_s: float, least_drop_k: float
 ) -> Finding:
     """Check that the pack is clearly cooler at the start of the stretch of highest demand than at first."""
-    return _around_demand(
-        results,
-        runs,
-        length_s,
-        least_drop_k,
-        lambda initial_c, before_c, _: initial_c - before_c,
-        lambda _, before_c, start_s: f"{before_c:.2f} °C at {start_s:.0f} s",
-    )
+    drops, texts = [], []
+    for run in runs:
+        start_s, initial_c, before_c, _ = _around_demand(results, run, length_s)
+        drops.append(initial_c - before_c)
+        texts.append(f"{name_of(run)}: {before_c:.2f} °C at {start_s:.0f} s")
+    return Finding(graded(min(drops) >= least_drop_k, min(drops) > 0.0), "; ".join(texts))
 
 
 def _around_demand(
-    results: Results,
-    runs: Sequence[str],
-    length_s: float,
-    least_k: float,
-    change_k: Callable[[float, float, float], float],
-    text: Callable[[float, float, float], str],
-) -> Finding:
-    """Check that a temperature changes enough in or before the stretch of highest demand of every run.
+    results: Results, run: str, length_s: float
+) -> tuple[float, float, float, float]:
+    """Return where the stretch of highest demand begins in s, and mean cell temperatures around it in °C.
 
-    Temperatures are means of both cells in degrees Celsius: at first, where the stretch begins, and the
-    highest in it.
+    The latter are at first, where the stretch begins, and the highest in it.
     """
-    changes, texts = [], []
-    for run in runs:
-        trip = results[run].trajectory
-        start, end = busiest_window(trip, length_s)
-        mean = mean_cell_temperature_c(trip)
-        before_c = float(mean[start])
-        changes.append(change_k(float(mean[0]), before_c, float(np.max(mean[start : end + 1]))))
-        shown = text(changes[-1], before_c, float(trip.time_s[start]))
-        texts.append(f"{name_of(run)}: {shown}")
-    return Finding(graded(min(changes) >= least_k, min(changes) > 0.0), "; ".join(texts))
+    trip = results[run].trajectory
+    start, end = busiest_window(trip, length_s)
+    mean = mean_cell_temperature_c(trip)
+    found = (trip.time_s[start], mean[0], mean[start], np.max(mean[start : end + 1]))
+    start_s, initial_c, before_c, highest_c = map(float, found)
+    return start_s, initial_c, before_c, highest_c
 
 
 def aging_falls(_: Results) -> Finding:
@@ -193,9 +179,7 @@ def aging_falls(_: Results) -> Finding:
 def aging_exponential(_: Results, temperature_c: float, least_excess: float) -> Finding:
     """Check that degradation grows exponentially with current.
 
-    Args:
-        temperature_c: temperature at which it is looked at.
-        least_excess: by which part doubling the current must more than double the loss per hour.
+    ``least_excess`` is the part by which doubling the current must more than double the loss per hour.
     """
     found = aging_map(load_parameters().values)
     currents, one_c_a = found.currents_a, found.nominal_capacity_ah

@@ -92,17 +92,15 @@ class Document:
 
 
 def build_report(store: ResultStore, campaign: Campaign, output_dir: Path) -> tuple[Path, ...]:
-    """Write the report from what is stored; nothing is computed.
+    """Write the report from what is stored, and return its pages; nothing is computed.
+
+    The pages are ``paper-reproduction.html``, one file with everything inside, and ``paper-reproduction.md``
+    with a folder of figures. Runs that are missing leave notes in them.
 
     Args:
         store: where the runs are.
-        campaign: studies that were compared with the store (``execution.survey``). Runs that are missing
-            leave notes in the report.
-        output_dir: where ``paper-reproduction.html`` (one file with everything inside),
-            ``paper-reproduction.md`` and the folder of its figures go.
-
-    Returns:
-        The pages.
+        campaign: studies that were compared with the store (``execution.survey``).
+        output_dir: where the pages go.
 
     Raises:
         ScenarioError: not a single run is there.
@@ -112,10 +110,7 @@ def build_report(store: ResultStore, campaign: Campaign, output_dir: Path) -> tu
 
 
 def write_report(document: Document, output_dir: Path) -> tuple[Path, ...]:
-    """Write the pages and the figures; figures that an older report left are removed.
-
-    Returns:
-        The pages.
+    """Write the figures and the pages, and return the latter; figures of an older report are removed.
 
     Raises:
         StoreError: the folder cannot be written.
@@ -282,12 +277,7 @@ def render_html(document: Document) -> str:
 
 
 def render_markdown(document: Document, folder: str) -> str:
-    """Return the page as Markdown.
-
-    Args:
-        document: the report.
-        folder: where its figures lie, relative to the file.
-    """
+    """Return the page as Markdown; its figures lie in a folder relative to the file."""
     template = _environment(escapes=False).get_template("report.md.j2")
     return spaced(template.render(folder=folder, document=document, legend=LEGEND))
 

@@ -44,11 +44,7 @@ def marked(text: str, verdict: Verdict | None) -> str:
 
 
 def table_of(head: Sequence[str], rows: Sequence[Sequence[str]]) -> pd.DataFrame:
-    """Return a table of texts.
-
-    Raises:
-        ValueError: a row has not as many cells as there are heads.
-    """
+    """Return a table of texts; a ValueError if a row has not as many cells as there are heads."""
     return pd.DataFrame([tuple(row) for row in rows], columns=list(head), dtype=object)
 
 

@@ -39,12 +39,7 @@ def traction_power_kw(run: Trajectory) -> FloatArray:
 
 @dataclass(frozen=True)
 class PowerRegions:
-    """Bounds between low, medium and high total power.
-
-    Attributes:
-        low_kw: power up to this is low.
-        high_kw: power from this on is high.
-    """
+    """Bounds between low, medium and high total power: up to the one is low, from the other on high."""
 
     low_kw: float
     high_kw: float
@@ -67,15 +62,12 @@ class PowerRegions:
 def busiest_window(
     run: Trajectory, length_s: float, power_w: FloatArray | None = None
 ) -> tuple[int, int]:
-    """Find the stretch of a trip with the most energy drawn.
+    """Return the rows of start and end of the stretch of a trip, n rows, with the most energy drawn.
 
     Args:
-        run: the trip, n rows.
+        run: the trip.
         length_s: length of the stretch; at most the trip.
         power_w: the power that counts, shape (n,); None for traction. Negative values do not count.
-
-    Returns:
-        Rows of its start and end.
     """
     power = run.traction_power_w if power_w is None else power_w
     drawn = np.maximum(power[1:], 0.0) * run.intervals_s
@@ -104,16 +96,7 @@ def time_to_fall_s(times_s: FloatArray, values: FloatArray, share: float) -> flo
 
 
 def thinned(run: Trajectory, values: FloatArray, most: int) -> tuple[FloatArray, FloatArray]:
-    """Return block means of a series for a plot of limited width.
-
-    Args:
-        run: the trip.
-        values: shape (n,).
-        most: at most about this many points.
-
-    Returns:
-        Times and means, equal shapes.
-    """
+    """Return times and means of blocks of a series, shape (n,), so that there are about `most` at most."""
     block = max(1, len(run) // most)
     whole = len(run) // block * block
     times: FloatArray = run.time_s[:whole].reshape(-1, block).mean(axis=1)

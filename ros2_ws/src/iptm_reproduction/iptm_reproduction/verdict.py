@@ -71,12 +71,7 @@ def accepted_deviation(
 def compared(
     found: float, printed: float, share: float = CHANGE_SHARE, floor: float = CHANGE_FLOOR
 ) -> Verdict:
-    """Compare a number with the printed one.
-
-    Returns:
-        `NOT_REPRODUCED` for opposite signs, else `REPRODUCED` within the accepted deviation and
-        `SIGN_ONLY` beyond it.
-    """
+    """Return whether a number has the sign of the printed one and lies within the accepted deviation."""
     same_sign = found * printed > 0.0
     close = abs(found - printed) <= accepted_deviation(printed, share, floor)
     return graded(same_sign and close, same_sign)

@@ -16,7 +16,6 @@ import numpy as np
 from iptm_core.errors import IptmError
 from iptm_core.state import FloatArray
 from iptm_reproduction.identification.evaluations import (
-    Evaluation,
     EvaluationTable,
     Figures,
     Task,
@@ -27,7 +26,7 @@ from iptm_reproduction.identification.evaluations import (
 from iptm_reproduction.identification.unknowns import Candidate, Unknowns
 from iptm_reproduction.names import STRATEGY_NAMES
 from iptm_studies.execution import clock_text
-from iptm_studies.workers import Failed, OnProgress, perform_all
+from iptm_studies.workers import Failed, perform_all
 
 SEED = 1
 FAILED = 1e3
@@ -89,23 +88,16 @@ class Search:
         table: EvaluationTable,
         workers: int,
         report: Callable[..., None],
-        *,
-        perform: Callable[[Task, OnProgress], Evaluation] = evaluate,
     ) -> None:
         """Prepare a search.
 
-        Args:
-            unknowns: what is searched for.
-            table: where runs are looked up and kept.
-            workers: number of processes that perform them.
-            report: prints a line per stage (with a ``style``), run and candidate.
-            perform: performs a run on a worker.
+        Runs are looked up and kept in the table, and performed in a number of processes; ``report`` prints a
+        line per stage (with a ``style``), run and candidate.
         """
         self._unknowns = unknowns
         self._table = table
         self._workers = workers
         self._report = report
-        self._perform = perform
         self._began = time.perf_counter()
         self._runs = 0
 
@@ -163,7 +155,7 @@ class Search:
                     places.setdefault(inputs.key, []).append((place, name))
                 else:
                     figures[place][name] = known.figures
-        for _, found in perform_all(self._perform, list(waiting.values()), self._workers):
+        for _, found in perform_all(evaluate, list(waiting.values()), self._workers):
             if isinstance(found, Failed):
                 continue
             self._table.add(found)
