@@ -6,13 +6,24 @@ from dataclasses import replace
 from typing import Any
 
 from iptm_core.routes.road_line import RoadLine
-from iptm_v2x_bridge.bridge import BridgeAnswer
+from iptm_core.settings import PreviewSettings
+from iptm_core.state import LeaderPreview
+from iptm_v2x_bridge.bridge import BridgeAnswer, CycleSource, preview_times_s
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.messages.cam import CamMessage, encode_cam
 from iptm_v2x_bridge.radio_recording import RadioRecording
 from iptm_v2x_bridge.sending.sender import car_on_road
 
 ROAD = RoadLine.test_road()
+NS = 10**9
+
+
+def predicted(
+    source: CycleSource, time_ns: int, length_s: float = 60.0, step_s: float = 1.0
+) -> LeaderPreview:
+    """Return what a source predicts at an instant."""
+    settings = PreviewSettings(preview_length_s=length_s, preview_step_s=step_s)
+    return source.predict(preview_times_s(settings, time_ns))
 
 
 def station(

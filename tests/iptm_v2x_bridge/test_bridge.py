@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from tests.iptm_v2x_bridge.radio import NS, predicted
 
+from iptm_core.routes import Route
 from iptm_core.settings import PreviewMode, PreviewSettings
 from iptm_v2x_bridge.bridge import CycleSource, V2xBridge, preview_times_s
-
-NS = 10**9
 
 
 def bridge_with(source: CycleSource, **imperfections: float) -> V2xBridge:
@@ -78,23 +78,6 @@ def test_earlier_tick_begins_a_new_trip(source: CycleSource) -> None:
     assert bridge.sent == 3
 
 
-def test_same_seed_gives_the_same_trip(source: CycleSource) -> None:
-    settings = PreviewSettings(
-        preview_length_s=30.0,
-        latency_s=0.5,
-        dropout_probability=0.2,
-        dropout_burst=3,
-        noise_std_m_s=1.0,
-        noise_correlation_s=5.0,
-        seed=42,
-    )
-    first, second = V2xBridge(source, settings), V2xBridge(source, settings)
-    for tick in range(100):
-        one, two = first.answer(tick * NS), second.answer(tick * NS)
-        assert (one.lost, one.preview_age_s) == (two.lost, two.preview_age_s)
-        np.testing.assert_array_equal(one.preview.positions_m, two.preview.positions_m)
-
-
 def test_joining_late_gives_the_same_previews(source: CycleSource) -> None:
     """What is lost and how wrong a prediction is does not depend on when the bridge started."""
     faults = {"dropout_probability": 0.3, "noise_std_m_s": 1.0, "seed": 5, "latency_s": 2.0}
@@ -117,3 +100,57 @@ def test_mode_none_knows_the_leader_now_and_nothing_else(source: CycleSource) ->
         assert answer.preview.times_s.size == 0
         assert answer.preview_age_s == math.inf
     assert bridge.sent == 0
+
+
+@pytest.mark.parametrize(
+    ("length_s", "step_s", "nodes"),
+    [(60.0, 1.0, 61), (1.0, 1.0, 2), (300.0, 1.0, 301), (10.0, 4.0, 3), (1.0, 0.1, 11)],
+)
+def test_grid_reaches_as_far_as_whole_steps_go(length_s: float, step_s: float, nodes: int) -> None:
+    times = preview_times_s(
+        PreviewSettings(preview_length_s=length_s, preview_step_s=step_s), 5 * NS
+    )
+    assert times.size == nodes
+    assert times[0] == 5.0
+    assert times[-1] <= 5.0 + length_s
+
+
+def test_grid_times_are_exact_far_into_the_trip() -> None:
+    times = preview_times_s(PreviewSettings(preview_step_s=0.1), 9999 * NS)
+    assert times[1] == 9999.1
+    assert times[7] == 9999.7
+    assert times[-1] == 10059.0
+
+
+@pytest.mark.parametrize("tick", [0, 1, 123, 597, 598, 599, 5000])
+def test_prediction_starts_exactly_at_the_leader(source: CycleSource, tick: int) -> None:
+    preview = predicted(source, tick * NS)
+    leader = source.leader_at(tick * NS)
+    assert leader.time_s == tick
+    assert preview.generated_at_s == preview.times_s[0] == leader.time_s
+    assert preview.positions_m[0] == leader.position_m
+    assert preview.speeds_m_s[0] == leader.speed_m_s
+
+
+def test_every_node_comes_true(source: CycleSource) -> None:
+    preview = predicted(source, 100 * NS, 120.0, 1.0)
+    for index, time_s in enumerate(preview.times_s):
+        leader = source.leader_at(round(float(time_s) * NS))
+        assert preview.positions_m[index] == leader.position_m
+        assert preview.speeds_m_s[index] == leader.speed_m_s
+
+
+def test_leader_stands_still_past_the_end_of_the_trip(source: CycleSource, route: Route) -> None:
+    end_ns = round(route.duration_s) * NS
+    preview = predicted(source, end_ns - 10 * NS, 60.0, 1.0)
+    past = preview.times_s > route.duration_s + 10.0
+    assert past.any()
+    assert (preview.speeds_m_s[past] == 0.0).all()
+    assert np.unique(preview.positions_m[past]).size == 1
+
+
+def test_slope_is_that_of_the_whole_road(source: CycleSource, route: Route) -> None:
+    slope = source.slope_ahead()
+    assert slope.positions_m is route.slope.positions_m
+    assert slope.slopes_rad is route.slope.slopes_rad
+    assert np.abs(np.tan(slope.slopes_rad)).max() == pytest.approx(0.06, abs=0.005)

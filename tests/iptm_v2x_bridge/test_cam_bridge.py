@@ -173,21 +173,6 @@ def test_the_choice_of_no_preview_leaves_the_leader(route: Route) -> None:
     assert answer.preview.times_s.size == 0
 
 
-def test_two_runs_are_equal_to_the_last_bit(route: Route) -> None:
-    faults: dict[str, object] = {
-        "loss_probability": 0.3,
-        "link_jitter_s": 0.4,
-        "link_delay_s": 0.2,
-        "sender_seed": 8,
-    }
-    first, second = radio(route, **faults), radio(route, **faults)
-    for tick in range(40):
-        one = first.answer(tick * NS, 10.0)
-        two = second.answer(tick * NS, 10.0)
-        assert one.leader == two.leader
-        assert one.preview.positions_m.tobytes() == two.preview.positions_m.tobytes()
-
-
 def test_time_set_back_begins_a_new_trip(route: Route) -> None:
     wireless = radio(route)
     before = answers(wireless, route, range(20))

@@ -29,12 +29,20 @@ class Traffic:
         self.time_ms += 100
         for identity, (rear_m, left_m) in cars.items():
             message = station(identity, self.time_ms, rear_m, 0.0, left_m, heading_deg=heading_deg)
-            if identity in self.stations:
-                self.stations[identity].update(message, self.time_ms)
-            else:
-                self.stations[identity] = Station(message, self.time_ms, ROAD)
+            known = self.stations.get(identity)
+            self.stations[identity] = taken(known, message, self.time_ms, ROAD, None)
         self.selector.select(self.stations.values(), HOST_M, self.time_ms / 1000.0)
         return self.selector.leader_id
+
+
+def taken(
+    known: Station | None, message: CamMessage, at_ms: int, road: RoadLine, near_m: float | None
+) -> Station:
+    """Take a message of a station, the first one or another."""
+    if known is None:
+        return Station(message, at_ms, road, 0, near_m)
+    known.update(message, at_ms)
+    return known
 
 
 def test_the_nearest_car_ahead_in_the_lane_leads() -> None:
@@ -194,10 +202,7 @@ def test_the_stated_accuracy_widens_the_lane(left_m: float, accuracy_m: float, l
     selector, followed = LeaderSelector(), None
     for tick in range(10):
         message = station(1, 100 * tick, 80.0, 0.0, left_m, position_bound_m=accuracy_m)
-        if followed is None:
-            followed = Station(message, 100 * tick, ROAD)
-        else:
-            followed.update(message, 100 * tick)
+        followed = taken(followed, message, 100 * tick, ROAD, None)
     assert followed is not None
     assert (selector.select([followed], HOST_M, 0.9) is followed) == leads
 
@@ -248,13 +253,9 @@ def test_a_car_on_another_level_does_not_lead(
         height_m = road.height_at_m(along_m)
         assert height_m is not None
         altitude_m = None if above_m is None else height_m + above_m
-        message = car_at(
-            road, along_m, 100 * number, altitude_m=altitude_m, altitude_bound_m=bound_m
-        )
-        if found is None:
-            found = Station(message, 0, road, 0, 90.0)
-        else:
-            found.update(message, 100 * number)
+        altitude = {"altitude_m": altitude_m, "altitude_bound_m": bound_m}
+        message = car_at(road, along_m, 100 * number, **altitude)
+        found = taken(found, message, 100 * number, road, 90.0)
     assert found is not None
     leader = selector.select([found], 85.0, 0.5)
     assert (leader is found) == leads
@@ -274,10 +275,7 @@ def test_a_leader_is_kept_on_all_turns_of_a_ramp() -> None:
         along_m = 20.0 + 0.3 * number
         message = car_at(road, along_m, 100 * number)
         message = replace(message, longitude_deg=message.longitude_deg + 1.3e-5)
-        if found is None:
-            found = Station(message, 0, road, 0, along_m - 15.0)
-        else:
-            found.update(message, 100 * number)
+        found = taken(found, message, 100 * number, road, along_m - 15.0)
         assert found.fix.position_m == pytest.approx(along_m, abs=2.5)
         if number > 5:
             assert selector.select([found], along_m - 15.0, 0.1 * number) is found

@@ -132,8 +132,7 @@ _ALTITUDE_BOUNDS_M = dict(
 )
 """Errors of the altitude by their code; others stand for "out of range" and "unavailable"."""
 _NO_ALTITUDE_BOUND = 15
-_BACKWARD = 1
-_TRAILER_UNKNOWN_LENGTH = 2
+_BACKWARD, _TRAILER_UNKNOWN_LENGTH = 1, 2
 UNAVAILABLE_FIELDS = {
     "curvature": {"value": 1023, "confidence": 7},
     "curvatureMode": "unavailable",
