@@ -10,7 +10,7 @@ from iptm_controller.preview_fusion import FusionMemory, PreviewFusion
 from iptm_core.saved_state import from_plain, to_plain
 from iptm_core.settings import PreviewSettings
 from iptm_core.state import FloatArray, LeaderPreview
-from iptm_v2x_bridge.imperfections import distort
+from iptm_v2x_bridge.bridge import distort
 
 TRIP_S = np.arange(0.0, 200.0)
 SPEEDS_M_S = 15.0 + 5.0 * np.sin(TRIP_S / 15.0)

@@ -10,7 +10,7 @@ from iptm_core.program import EXIT_USER_ERROR
 from iptm_traffic import cli
 from iptm_traffic.simulation import HostInstant
 from iptm_traffic.world import LineWatch
-from iptm_v2x_bridge.prediction.road_rules import GivenRules
+from iptm_v2x_bridge.prediction.road_rules import RoadRules
 from iptm_v2x_bridge.prediction.signals import CyclicSignal, SignalPlan
 
 
@@ -46,7 +46,7 @@ def test_wrong_options_are_refused_in_one_line(
 def test_lines_are_counted_with_the_instant_they_were_passed_at() -> None:
     # Green from 0 s to 10.5 s; at 10 m/s the line at 105 m is reached at 10.5 s.
     for line_m, is_open in ((104.0, True), (106.0, False)):
-        watch = LineWatch(GivenRules(plan=SignalPlan((CyclicSignal(line_m, 60.0, 0.0, 10.5),))))
+        watch = LineWatch(RoadRules(plan=SignalPlan((CyclicSignal(line_m, 60.0, 0.0, 10.5),))))
         watch.watch(HostInstant(9.0, 90.0, 10.0), HostInstant(10.0, 100.0, 10.0))
         assert watch.passed == []
         watch.watch(HostInstant(10.0, 100.0, 10.0), HostInstant(11.0, 110.0, 10.0))

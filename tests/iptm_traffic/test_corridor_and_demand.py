@@ -11,7 +11,6 @@ import pytest
 from iptm_core.errors import ScenarioError
 from iptm_core.routes.road_line import east_north_m, step_deg
 from iptm_core.state import FloatArray
-from iptm_traffic.corridor import BLOCK_M, Corridor
 from iptm_traffic.demand import (
     BEFORE_TRIP_S,
     HOST,
@@ -22,7 +21,7 @@ from iptm_traffic.demand import (
     write_demand,
 )
 from iptm_traffic.host_road import HostRoad
-from iptm_traffic.network import HOST_START_M
+from iptm_traffic.network import BLOCK_M, HOST_START_M, Corridor
 
 
 def vehicles(folder: Path, scenario: TrafficScenario, seed: int = 1) -> dict[str, ET.Element]:

@@ -21,7 +21,6 @@ from iptm_core.state import Command
 from iptm_plant_sim.plant import Plant
 from iptm_traffic import cli
 from iptm_traffic.closed_loop import drive_in_traffic
-from iptm_traffic.corridor import Corridor
 from iptm_traffic.demand import (
     BEFORE_TRIP_S,
     HOST,
@@ -31,7 +30,7 @@ from iptm_traffic.demand import (
     write_demand,
 )
 from iptm_traffic.drive import PredictionInput, TrafficDrive
-from iptm_traffic.network import CYCLE_S, Network, build_network
+from iptm_traffic.network import CYCLE_S, Corridor, Network, build_network
 from iptm_traffic.simulation import HostInstant, TrafficSimulation
 from iptm_traffic.sumo_process import SumoProcess
 

@@ -10,8 +10,7 @@ from tests.iptm_v2x_bridge.radio import NS, predicted
 
 from iptm_core.settings import PreviewSettings
 from iptm_core.state import LeaderPreview
-from iptm_v2x_bridge.bridge import CycleSource
-from iptm_v2x_bridge.imperfections import distort, is_lost, latency_ns
+from iptm_v2x_bridge.bridge import CycleSource, distort, is_lost, latency_ns
 
 NOISY = PreviewSettings(noise_std_m_s=1.5, seed=7)
 

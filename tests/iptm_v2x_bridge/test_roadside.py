@@ -34,11 +34,11 @@ from iptm_v2x_bridge.messages.mapem import Connection, Lane, LaneMaps
 from iptm_v2x_bridge.messages.spatem import SignalPhases, SignalState
 from iptm_v2x_bridge.prediction.history import History
 from iptm_v2x_bridge.prediction.predictor import Knowledge, PredictorName
-from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, GivenRules
+from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules
 from iptm_v2x_bridge.prediction.signals import CyclicSignal, SignalPlan, SwitchedSignal
 from iptm_v2x_bridge.rejections import Rejection
+from iptm_v2x_bridge.roadside.road_places import stop_lines
 from iptm_v2x_bridge.roadside.rules import HeardRules
-from iptm_v2x_bridge.roadside.stop_lines import stop_lines
 from iptm_v2x_bridge.roadside.table import PHASES_KNOWN_MS, RoadsideTable
 from iptm_v2x_bridge.stations.station import Observation
 
@@ -49,7 +49,7 @@ NOW_S = NOW_MS / 1000.0
 def heard(
     *messages: SignalPhases | LaneMaps | SpeedSigns,
     at_ms: int = NOW_MS,
-    given: GivenRules | None = None,
+    given: RoadRules | None = None,
 ) -> HeardRules:
     rules = HeardRules(RoadsideTable(ROAD), given)
     for message in messages:
@@ -213,7 +213,7 @@ def test_maps_change_with_their_revision_only() -> None:
     assert rules.host.plan.signals[0].stop_line_m == pytest.approx(600.0, abs=0.02)
 
 
-GIVEN = GivenRules(
+GIVEN = RoadRules(
     SpeedLimits(np.array([0.0, 800.0]), np.array([14.0, 20.0])),
     SignalPlan((CyclicSignal(LINE_M + 2.0, 60.0, 0.0, 60.0), CyclicSignal(900.0, 60.0, 0.0, 60.0))),
 )

@@ -16,12 +16,12 @@ from iptm_v2x_bridge.messages.spatem import IntersectionId, encode_spatem
 from iptm_v2x_bridge.radio_recording import RadioRecording, Reception
 from iptm_v2x_bridge.roadside import table as table_module
 from iptm_v2x_bridge.roadside.rules import HeardRules
-from iptm_v2x_bridge.roadside.table import RoadsideTable
-from iptm_v2x_bridge.roadside.waiting import (
+from iptm_v2x_bridge.roadside.table import (
     BURST_BYTES,
     BYTES_PER_MS,
     KEPT_PER_STATION,
     MAX_STATIONS,
+    RoadsideTable,
     WaitingMessages,
 )
 

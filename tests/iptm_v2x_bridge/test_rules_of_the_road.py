@@ -9,7 +9,7 @@ from iptm_core.parameters import load_parameters
 from iptm_core.road_ahead import RoadAhead, SpeedLimits
 from iptm_core.state import NS_PER_S, LeaderPreview, LeaderState
 from iptm_v2x_bridge.bridge import BridgeAnswer
-from iptm_v2x_bridge.prediction.road_rules import GivenRules
+from iptm_v2x_bridge.prediction.road_rules import RoadRules
 from iptm_v2x_bridge.prediction.signals import CyclicSignal, SignalPlan
 from iptm_v2x_bridge.rules_of_the_road import EARLY_S, STOP_BEFORE_M, RulesOfTheRoad
 
@@ -42,7 +42,7 @@ class Heard:
 
 
 def rules(inner: Heard, signal: CyclicSignal, **more: float) -> RulesOfTheRoad:
-    return RulesOfTheRoad(inner, GivenRules(LIMITS, SignalPlan((signal,))), PARAMETERS, **more)
+    return RulesOfTheRoad(inner, RoadRules(LIMITS, SignalPlan((signal,))), PARAMETERS, **more)
 
 
 def road(
@@ -63,7 +63,7 @@ def test_a_closed_line_is_a_stop_until_it_opens() -> None:
 
 def test_limits_are_those_of_the_road_and_the_lower_ones_of_the_host() -> None:
     own = SpeedLimits(np.array([0.0, 100.0]), np.array([20.0, 9.0]))
-    bridge = RulesOfTheRoad(Heard(None), GivenRules(LIMITS), PARAMETERS, own_limits=own)
+    bridge = RulesOfTheRoad(Heard(None), RoadRules(LIMITS), PARAMETERS, own_limits=own)
     found = road(bridge, 10.0).limits
     assert found is not None
     assert found.at_m_s(np.array([0.0, 99.0, 100.0])).tolist() == [14.0, 14.0, 9.0]

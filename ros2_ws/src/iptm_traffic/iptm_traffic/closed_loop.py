@@ -35,7 +35,7 @@ from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.prediction.history import History
 from iptm_v2x_bridge.prediction.predictor import Predictor
 from iptm_v2x_bridge.prediction.received_path import ReceivedPath
-from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, GivenRules, RoadRules
+from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules
 from iptm_v2x_bridge.road_knowledge import read_limits
 from iptm_v2x_bridge.roadside.rules import HeardRules
 from iptm_v2x_bridge.roadside.table import RoadsideTable
@@ -144,7 +144,7 @@ def _closed_loop(
     for_host, for_leader = (own.host, own.leader) if own else (network.rules, network.rules)
     heard = None
     if drive.signals_by_radio:
-        heard = HeardRules(RoadsideTable(road_line), GivenRules(read_limits(LIMITS_WITHOUT_SIGNS)))
+        heard = HeardRules(RoadsideTable(road_line), RoadRules(read_limits(LIMITS_WITHOUT_SIGNS)))
         for_host, for_leader = heard.host, heard.leader
     receiver = CamBridge(
         road_line, preview, predictors=_predictors(drive.knowledge, for_leader), roadside=heard

@@ -14,8 +14,7 @@ import numpy as np
 
 from iptm_core.declaration import Settings, TextEnum, parameter
 from iptm_core.settings import MAX_SEED, VEHICLE_LENGTH_M
-from iptm_traffic.corridor import HOST_LANE, Corridor
-from iptm_traffic.network import HOST_START_M
+from iptm_traffic.network import HOST_LANE, HOST_START_M, Corridor
 
 BEFORE_TRIP_S = 120.0
 """Time for which the traffic drives before the trip begins."""

@@ -12,7 +12,6 @@ from iptm_controller.settings import ControllerSettings
 from iptm_core.declaration import TextEnum
 from iptm_core.errors import ScenarioError
 from iptm_core.parameters.model import ModelParameters
-from iptm_traffic.corridor import Corridor
 from iptm_traffic.demand import (
     BEFORE_TRIP_S,
     DemandSettings,
@@ -20,7 +19,7 @@ from iptm_traffic.demand import (
     signal_offsets_s,
     write_demand,
 )
-from iptm_traffic.network import CYCLE_S, build_network
+from iptm_traffic.network import CYCLE_S, Corridor, build_network
 from iptm_traffic.own_network import OwnNetwork, build_own_network
 from iptm_traffic.radio import Rehearsed, rehearse
 from iptm_traffic.simulation import TrafficSimulation

@@ -18,9 +18,9 @@ from iptm_core.road_ahead import HARDEST_M_S2, START_M_S2, STRAIGHT_M_S, SpeedLi
 from iptm_core.settings import VEHICLE_LENGTH_M
 from iptm_traffic.simulation import TrafficSimulation
 from iptm_traffic.sumo_net import Junction, Link
+from iptm_v2x_bridge.prediction.road_rules import RoadRules
 from iptm_v2x_bridge.prediction.signals import Signal, SignalPlan, SwitchedSignal
 from iptm_v2x_bridge.roadside.phases import ALWAYS, Span, joined
-from iptm_v2x_bridge.roadside.rules import CurrentRules
 from iptm_v2x_bridge.rules_of_the_road import PASS_MARGIN_S
 
 AHEAD_M = 200.0
@@ -91,9 +91,7 @@ class RightOfWay:
         end_m = max(road.length_m - END_M, road.stop_lines_m[-1] + 1.0)
         self._end = SwitchedSignal(end_m, ALWAYS)
         limits = self._with_unknown_ends(network.limits)
-        self.host, self.leader, self.shown = (
-            CurrentRules(limits, SignalPlan(())) for _ in range(3)
-        )
+        self.host, self.leader, self.shown = (RoadRules(limits, SignalPlan(())) for _ in range(3))
         self.refresh()
 
     def _with_unknown_ends(self, limits: SpeedLimits) -> SpeedLimits:

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from iptm_core.routes.road_line import RoadLine, step_deg, step_m
-from iptm_traffic.corridor import CROSS_STREET_M, LIMITS_KM_H
-from iptm_traffic.network import CLEARING_S, YELLOW_S, Network
+from iptm_traffic.network import CLEARING_S, CROSS_STREET_M, LIMITS_KM_H, YELLOW_S, Network
 from iptm_traffic.simulation import RADIO_RANGE_M
 from iptm_v2x_bridge.messages.its_time import minute_of_year, second_of_hour
 from iptm_v2x_bridge.messages.ivim import SpeedSigns, SpeedZone, encode_ivim

@@ -10,8 +10,8 @@ import numpy as np
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.car_following import minimum_gap_m
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState
-from iptm_traffic.corridor import HOST_LANE
 from iptm_traffic.demand import LEADER, TrafficScenario
+from iptm_traffic.network import HOST_LANE
 from iptm_traffic.right_of_way import RightOfWay
 from iptm_traffic.simulation import HostMotion, TrafficSimulation
 from iptm_v2x_bridge.bridge import single_sample

@@ -20,7 +20,7 @@ from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
 from iptm_v2x_bridge.prediction.predictor import Predictor
 from iptm_v2x_bridge.prediction.received_path import ReceivedPath
 from iptm_v2x_bridge.prediction.regression import Regression, RegressionModel
-from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, GivenRules, RoadRules
+from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules
 from iptm_v2x_bridge.prediction.signals import CyclicSignal, SignalPlan
 from iptm_v2x_bridge.prediction.speed_limits import NO_LIMITS
 from iptm_v2x_bridge.roadside.rules import HeardRules
@@ -70,7 +70,7 @@ class RoadKnowledgeSettings(Settings):
         description="cam: the prediction obeys the known speed limits and signals",
     )
 
-    def build_heard_rules(self, given: GivenRules, road: RoadLine) -> HeardRules | None:
+    def build_heard_rules(self, given: RoadRules, road: RoadLine) -> HeardRules | None:
         """Return the rules as they are heard, None where they are not to be.
 
         Raises:
@@ -101,7 +101,7 @@ class RoadKnowledgeSettings(Settings):
         return (*found, usual)
 
 
-def given_rules(settings: RoadAheadSettings, route: Route) -> GivenRules:
+def given_rules(settings: RoadAheadSettings, route: Route) -> RoadRules:
     """Return the rules that settings state for a route.
 
     Raises:
@@ -112,7 +112,7 @@ def given_rules(settings: RoadAheadSettings, route: Route) -> GivenRules:
         limits: SpeedLimits | None = limits_of_drive(route.leader)
     else:
         limits = read_limits(text) if text else None
-    return GivenRules(limits, read_signals(settings.signals))
+    return RoadRules(limits, read_signals(settings.signals))
 
 
 def own_limits(settings: RoadAheadSettings, route: Route) -> SpeedLimits:

@@ -70,9 +70,10 @@ class SignalState(TextEnum):
 
 @dataclass(frozen=True)
 class Phase:
-    """One phase of a signal group. Times are s of the hour of UTC, in steps of 0.1 s.
+    """One phase of a signal group.
 
-    None stands for a time that is not sent, infinity for one more than an hour ahead.
+    Times are s of the hour of UTC in a message (in steps of 0.1 s), s of TimestampIts in a table. None
+    stands for a time that is not sent, infinity for one more than an hour ahead.
 
     Attributes:
         state: what the signal shows.
@@ -87,6 +88,11 @@ class Phase:
     min_end_s: float | None = None
     max_end_s: float | None = None
     likely_end_s: float | None = None
+
+    @property
+    def expected_end_s(self) -> float | None:
+        """The likely end, else the earliest one."""
+        return self.min_end_s if self.likely_end_s is None else self.likely_end_s
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Protocol
 
 from iptm_core.road_ahead import SpeedLimits
 from iptm_core.state import FloatArray
@@ -12,23 +11,14 @@ from iptm_v2x_bridge.prediction.signals import BoundedBySignals, SignalPlan
 from iptm_v2x_bridge.prediction.speed_limits import NO_LIMITS, BoundedBySpeedLimits
 
 
-class RoadRules(Protocol):
-    """Known rules of the road; read at every tick, as messages may change them."""
+@dataclass
+class RoadRules:
+    """Rules of the road as they are known at present; messages change them from tick to tick.
 
-    @property
-    def limits(self) -> SpeedLimits | None:
-        """Speed limits, None where none is known."""
-        ...
-
-    @property
-    def plan(self) -> SignalPlan:
-        """Signals."""
-        ...
-
-
-@dataclass(frozen=True)
-class GivenRules:
-    """Rules that do not change."""
+    Attributes:
+        limits: speed limits, None where none is known.
+        plan: signals.
+    """
 
     limits: SpeedLimits | None = None
     plan: SignalPlan = field(default_factory=lambda: SignalPlan(()))

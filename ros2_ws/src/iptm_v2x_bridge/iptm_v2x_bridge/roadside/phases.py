@@ -22,28 +22,6 @@ EARLY_OPENING_S = 1.0
 
 
 @dataclass(frozen=True)
-class TimedPhase:
-    """A phase with times in s of TimestampIts, None if not sent.
-
-    Attributes:
-        is_open: whether the line may be passed, None if unknown.
-        min_end_s: its earliest end.
-        max_end_s: its latest end.
-        likely_end_s: its likely end.
-    """
-
-    is_open: bool | None
-    min_end_s: float | None
-    max_end_s: float | None
-    likely_end_s: float | None
-
-    @property
-    def expected_end_s(self) -> float | None:
-        """The likely end, else the earliest one."""
-        return self.min_end_s if self.likely_end_s is None else self.likely_end_s
-
-
-@dataclass(frozen=True)
 class TimedPhases:
     """Phases received from an intersection.
 
@@ -57,7 +35,7 @@ class TimedPhases:
     told_ms: int
     revision: int
     is_working: bool
-    groups: dict[int, tuple[TimedPhase, ...]]
+    groups: dict[int, tuple[Phase, ...]]
 
 
 def timed(message: IntersectionPhases, now_ms: int) -> TimedPhases:
@@ -65,12 +43,12 @@ def timed(message: IntersectionPhases, now_ms: int) -> TimedPhases:
     told_ms = resolve_minute_ms(message.minute, message.milliseconds, now_ms)
     told_s = told_ms / 1000.0
 
-    def one(phase: Phase, earliest_s: float) -> TimedPhase:
+    def one(phase: Phase, earliest_s: float) -> Phase:
         ends = [
             None if second is None else max(_instant(second, told_s), earliest_s)
             for second in (phase.min_end_s, phase.max_end_s, phase.likely_end_s)
         ]
-        return TimedPhase(phase.state.is_open, *ends)
+        return Phase(phase.state, None, *ends)
 
     groups = {
         # The present phase ends after its message.
@@ -84,13 +62,13 @@ def _instant(second: float, told_s: float) -> float:
     return second if math.isinf(second) else resolve_second_s(second, told_s)
 
 
-def surely_closed(phases: Sequence[TimedPhase]) -> list[Span]:
+def surely_closed(phases: Sequence[Phase]) -> list[Span]:
     """Return when a line is not sure to be open."""
     closed: list[Span] = []
     open_until = certain = -math.inf
     for phase in phases:
         begins, ends = certain, phase.min_end_s
-        if phase.is_open and ends is not None and ends > begins:
+        if phase.state.is_open and ends is not None and ends > begins:
             closed.append((open_until, begins))
             open_until = ends
         after = phase.max_end_s
@@ -101,7 +79,7 @@ def surely_closed(phases: Sequence[TimedPhase]) -> list[Span]:
     return [span for span in closed if span[0] < span[1]]
 
 
-def likely_closed(phases: Sequence[TimedPhase]) -> list[Span]:
+def likely_closed(phases: Sequence[Phase]) -> list[Span]:
     """Return when a line is likely to be closed."""
     closed = []
     begins = -math.inf
@@ -109,7 +87,7 @@ def likely_closed(phases: Sequence[TimedPhase]) -> list[Span]:
         ends = phase.expected_end_s
         if ends is None:
             break
-        if phase.is_open is False and ends > begins:
+        if phase.state.is_open is False and ends > begins:
             closed.append((begins, ends))
         begins = max(ends, begins)
     return closed
@@ -134,7 +112,7 @@ def opens_too_early(before: TimedPhases, after: TimedPhases) -> bool:
     told_s = after.told_ms / 1000.0
     for group, phases in after.groups.items():
         known = before.groups.get(group)
-        if not (known and phases and phases[0].is_open and known[0].is_open is False):
+        if not (known and phases and phases[0].state.is_open and known[0].state.is_open is False):
             continue
         earliest = known[0].min_end_s
         if earliest is not None and told_s < earliest - EARLY_OPENING_S:

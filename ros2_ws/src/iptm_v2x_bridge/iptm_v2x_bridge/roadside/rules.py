@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-from iptm_core.road_ahead import SpeedLimits
 from iptm_v2x_bridge.messages.packets import OpenedDatagram
-from iptm_v2x_bridge.prediction.road_rules import GivenRules
+from iptm_v2x_bridge.prediction.road_rules import RoadRules
 from iptm_v2x_bridge.prediction.signals import Signal, SignalPlan, SwitchedSignal
 from iptm_v2x_bridge.rejections import Rejection
 from iptm_v2x_bridge.roadside.phases import (
@@ -16,18 +13,8 @@ from iptm_v2x_bridge.roadside.phases import (
     likely_closed,
     surely_closed,
 )
-from iptm_v2x_bridge.roadside.speed_stretches import limits_with
-from iptm_v2x_bridge.roadside.stop_lines import SAME_LINE_M, StopLine
-from iptm_v2x_bridge.roadside.table import ROADSIDE_KINDS, RoadsideTable
-from iptm_v2x_bridge.roadside.waiting import WaitingMessages
-
-
-@dataclass
-class CurrentRules:
-    """Rules that change from tick to tick; a `RoadRules`."""
-
-    limits: SpeedLimits | None
-    plan: SignalPlan
+from iptm_v2x_bridge.roadside.road_places import SAME_LINE_M, StopLine, limits_with
+from iptm_v2x_bridge.roadside.table import ROADSIDE_KINDS, RoadsideTable, WaitingMessages
 
 
 class HeardRules:
@@ -41,12 +28,12 @@ class HeardRules:
         leader: for the prediction of a leader: a line of unknown phase binds it to nothing.
     """
 
-    def __init__(self, table: RoadsideTable, given: GivenRules | None = None) -> None:
+    def __init__(self, table: RoadsideTable, given: RoadRules | None = None) -> None:
         """Set up the rules."""
-        self.table, self._given = table, given or GivenRules()
+        self.table, self._given = table, given or RoadRules()
         self._waiting = WaitingMessages(table.receive)
-        self.host = CurrentRules(self._given.limits, self._given.plan)
-        self.leader = CurrentRules(self._given.limits, self._given.plan)
+        self.host = RoadRules(self._given.limits, self._given.plan)
+        self.leader = RoadRules(self._given.limits, self._given.plan)
         self._known: dict[float, TimedPhases | None] = {}
         self._now_s = 0.0
 

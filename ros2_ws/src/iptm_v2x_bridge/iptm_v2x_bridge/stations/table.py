@@ -1,4 +1,4 @@
-"""Table of recently received stations; rejected messages are counted by reason."""
+"""Table of recently received stations, and which of them leads; rejected messages are counted by reason."""
 
 from __future__ import annotations
 
