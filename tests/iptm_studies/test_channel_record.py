@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -92,10 +91,6 @@ def test_the_two_cell_model_gets_the_same_commands() -> None:
     assert change > 0.1
     assert 0.0 < found.two_cell_n.max_k < 1e-3 * change
     assert found.two_cell_losses == pytest.approx(found.capacity_losses, rel=1e-3)
-
-
-def test_the_record_survives_json(record: ChannelRecord) -> None:
-    assert ChannelRecord.from_dict(json.loads(json.dumps(asdict(record)))) == record
 
 
 @pytest.fixture(scope="module")

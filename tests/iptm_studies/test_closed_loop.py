@@ -204,12 +204,6 @@ def test_the_vehicle_goes_where_the_plan_says(drive: Callable[..., ClosedLoopRun
     assert misses[:, 2:].max() < 1e-3
 
 
-def test_two_runs_are_the_same_bit_for_bit(
-    drive: Callable[..., ClosedLoopRun], assert_same: Callable[..., None]
-) -> None:
-    assert_same(drive(duration_s=60.0), drive(duration_s=60.0))
-
-
 @pytest.mark.parametrize(
     "strategy", sorted(name for name, entry in STRATEGIES.items() if not entry.is_rule_based)
 )

@@ -113,10 +113,22 @@ def test_cold_runs_have_a_warm_twin() -> None:
     assert 0 < len(cases) - len(runs) < len(runs)
 
 
-@pytest.mark.parametrize(("runs", "seed"), [(0, 1), (1, -1)])
-def test_numbers_out_of_range_are_refused(runs: int, seed: int) -> None:
+@pytest.mark.parametrize(("runs", "seed", "share"), [(0, 1, 0.0), (1, -1, 0.0), (1, 1, 1.5)])
+def test_numbers_out_of_range_are_refused(runs: int, seed: int, share: float) -> None:
     with pytest.raises(ScenarioError, match="allowed"):
-        random_study(runs, seed)
+        random_study(runs, seed, fault_share=share)
+
+
+def test_a_share_of_the_runs_has_faults_and_the_cars_stay_as_they_are() -> None:
+    none, some, all_of_them = (
+        random_study(20, 5, with_twins=False, fault_share=share).cases for share in (0.0, 0.3, 1.0)
+    )
+    assert not any(case.spec.faults for case in none)
+    assert 1 < sum(bool(case.spec.faults) for case in some) < 12
+    assert all(case.spec.faults for case in all_of_them)
+    assert [case.spec.overrides for case in none] == [case.spec.overrides for case in all_of_them]
+    kinds = {fault.kind for case in all_of_them for fault in case.spec.faults}
+    assert len(kinds) > 12
 
 
 # --- what could have been avoided

@@ -141,10 +141,8 @@ def test_unreadable_source_is_reported(tmp_path: Path) -> None:
     ("changes", "complaint"),
     [
         ({"cycle": "moon"}, "unknown driving cycle 'moon'"),
-        ({"slope": "steep"}, "slope is 'steep'"),
         ({"parameter_set": "textbok_cell"}, "did you mean 'textbook_cell'"),
         ({"overrides": (("gap.max_gap", 80.0),)}, "unknown parameter 'gap.max_gap'"),
-        ({"overrides": (("gap.max_gap_m", -1.0),)}, "allowed: 20 to 1000 m"),
         ({"duration_s": 10.5}, "whole number of ticks"),
     ],
 )

@@ -18,10 +18,6 @@ TRIPS = {
 SLOPES = {"cold_days": {"flat", "large"}}
 
 
-def horizons(study: str) -> set[str]:
-    return {case.spec.horizon for case in load_study(study).cases}
-
-
 @pytest.mark.parametrize("name", available_studies())
 def test_every_study_says_what_it_shows(name: str) -> None:
     study = load_study(name)
@@ -31,21 +27,6 @@ def test_every_study_says_what_it_shows(name: str) -> None:
     assert {case.spec.cycle for case in study.cases} == TRIPS.get(name, {REPRODUCED_CYCLE})
     assert {case.spec.slope for case in study.cases} == SLOPES.get(name, {"as_designed"})
     assert {case.spec.duration_s for case in study.cases} == {None}
-
-
-def test_six_strategies_on_the_single_horizon() -> None:
-    study = load_study("strategies")
-    assert [case.name for case in study.cases] == [
-        "reference",
-        "reference_energy",
-        "reference_aging",
-        "reference_energy_aging",
-        "energy_aging",
-        "aging",
-    ]
-    assert horizons("strategies") == {"15x1"}
-    taken = [case.name for case in study.cases if case.best_of is not None]
-    assert taken == [*CONVENTIONAL, "energy_aging"]
 
 
 def test_weights_of_the_paper() -> None:
@@ -78,33 +59,6 @@ def test_weights_of_the_paper() -> None:
             "lambda_Q/lambda_P": strategy.aging_weight / max(strategy.energy_weight_1_j, 1e-30),
         }[str(case.labels["weight"])]
         assert case.labels["value"] == pytest.approx(value)
-
-
-def test_weighting_scale_repeats_the_ratios() -> None:
-    for case in load_study("weighting_scale").cases:
-        strategy = case.spec.strategy
-        assert strategy.energy_weight_1_j == case.labels["lambda_p"]
-        assert strategy.aging_weight / strategy.energy_weight_1_j == pytest.approx(
-            case.labels["ratio"]
-        )
-        assert strategy.aging_weight <= 1e10
-
-
-def test_horizons_of_the_paper() -> None:
-    assert horizons("prediction_horizon") == {"5x1", "10x1", "15x1", "20x1"}
-    assert horizons("sampling_time") == {
-        f"{first}x1+{second}x{step}"
-        for first, second in ((3, 12), (5, 10), (8, 7), (10, 5), (12, 3))
-        for step in (2, 5, 8, 10, 15)
-    }
-    assert horizons("long_horizon") - {"15x1"} == {
-        f"{first}x1+{second}x5" for first in (3, 5) for second in (5, 10, 12, 15, 20)
-    }
-
-
-def test_fine_twins_have_the_length_of_their_long_steps() -> None:
-    for case in load_study("discretisation").cases:
-        assert Horizon.parse(case.spec.horizon).duration_s == case.labels["horizon_s"]
 
 
 def test_previews_reach_to_the_end_of_every_horizon_unless_they_are_meant_to_be_short() -> None:

@@ -226,8 +226,3 @@ def test_default_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None
     monkeypatch.delenv("IPTM_ROOT")
     monkeypatch.chdir(tmp_path)
     assert default_store_folder() == tmp_path / "results"
-
-
-def test_a_real_run_comes_back(store: ResultStore, short_run: Run) -> None:
-    store.save(short_run)
-    assert_same(store.load(short_run.key), short_run)
