@@ -147,15 +147,6 @@ class SenderNode(SuiteNode):
         super().destroy_node()
 
 
-def main() -> None:
-    """Run the node."""
-    sys.exit(node_main("v2x_sender", SenderNode, SenderNodeParameters))
-
-
-if __name__ == "__main__":
-    main()
-
-
 _JOIN_PERIOD_S = 0.05
 _MOST_KEPT = 5000
 _Plan = tuple[FloatArray, FloatArray]
@@ -243,3 +234,12 @@ class HostTicks:
                     del kept[told_ns]
             if followed is not None:  # else the controller left this state out
                 self._on_tick(HostTick(stamp_ns, place_m, speed_m_s, *plan))
+
+
+def main() -> None:
+    """Run the node."""
+    sys.exit(node_main("v2x_sender", SenderNode, SenderNodeParameters))
+
+
+if __name__ == "__main__":
+    main()
