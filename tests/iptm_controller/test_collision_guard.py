@@ -180,11 +180,6 @@ def test_creeping_into_a_standing_leader_is_stopped() -> None:
     assert threatens == [False, False, True]
 
 
-def test_standing_close_behind_the_leader_is_no_emergency() -> None:
-    decision = decide(make_controller(), (0.6, 0.0), (0.6, 0.0), speed_m_s=0.0)
-    assert decision.rung is Rung.OPTIMAL
-
-
 def test_a_leader_that_pulls_away_is_no_emergency() -> None:
     decision = decide(make_controller(), (0.8, 9.0), (0.8, 9.0), speed_m_s=6.0)
     assert decision.rung is Rung.OPTIMAL

@@ -61,16 +61,6 @@ def test_meets_every_node_even_where_nodes_contradict_each_other(
         np.testing.assert_allclose(beside, positions, rtol=0.0, atol=1e-6)
 
 
-def test_contradicting_nodes_are_left_with_their_own_speed() -> None:
-    motion = PredictedLeaderMotion(
-        np.array([0.0, 2.0]), np.array([0.0, 30.0]), np.array([10.0, 12.0])
-    )
-    step = 1e-6
-    for node, speed, side in ((0.0, 10.0, step), (2.0, 12.0, -step)):
-        positions, _ = motion.at(np.array([node, node + side]))
-        assert (positions[1] - positions[0]) / side == pytest.approx(speed, abs=1e-4)
-
-
 def test_speed_is_held_outside_the_nodes() -> None:
     motion = PredictedLeaderMotion(
         np.array([10.0, 12.0]), np.array([100.0, 114.0]), np.array([6.0, 8.0])
@@ -78,13 +68,6 @@ def test_speed_is_held_outside_the_nodes() -> None:
     positions, speeds = motion.at(np.array([7.0, 15.0]))
     assert speeds.tolist() == [6.0, 8.0]
     assert positions.tolist() == [100.0 - 3.0 * 6.0, 114.0 + 3.0 * 8.0]
-
-
-def test_a_single_node_is_constant_speed() -> None:
-    motion = PredictedLeaderMotion(np.array([10.0]), np.array([100.0]), np.array([6.0]))
-    positions, speeds = motion.at(np.array([8.0, 10.0, 11.5]))
-    assert positions.tolist() == [88.0, 100.0, 109.0]
-    assert speeds.tolist() == [6.0, 6.0, 6.0]
 
 
 @given(speeds=SPEEDS, steps=STEPS)

@@ -58,24 +58,6 @@ def test_every_parameter_reaches_the_controller() -> None:
     assert PARAMETERS.gap.max_gap_m != 80.0
 
 
-@pytest.mark.parametrize(
-    ("parameter", "term"),
-    [
-        ("speed_weight", "speed_weight"),
-        ("temperature_weight", "temperature_weight"),
-        ("energy_weight", "energy_weight_1_j"),
-        ("aging_weight", "aging_weight"),
-    ],
-)
-def test_single_weights_replace_those_of_the_strategy(parameter: str, term: str) -> None:
-    base = STRATEGIES["reference_energy_aging"]
-    for value in (0.0, 3.5):
-        changes: dict[str, Any] = {"strategy": base.name, parameter: value}
-        strategy = replace(SMALL, **changes).build_controller().options.strategy
-        expected: dict[str, Any] = {term: value}
-        assert strategy == replace(base, **expected)
-
-
 def test_all_weights_zero_is_refused() -> None:
     with pytest.raises(ParameterError, match="every weight is zero"):
         replace(SMALL, aging_weight=0.0).build_controller()

@@ -104,15 +104,6 @@ def test_scaling_there_and_back(text: str, seed: int) -> None:
     np.testing.assert_allclose(again.inputs, plan.inputs, rtol=1e-13, atol=1e-12)
 
 
-@given(text=GRIDS, seed=SEEDS)
-def test_shift_by_nothing_changes_nothing(text: str, seed: int) -> None:
-    horizon, state = Horizon.parse(text), make_state()
-    plan = random_plan(horizon, seed, state)
-    shifted = PlanShifter(horizon).shift(plan, state)
-    np.testing.assert_allclose(shifted.inputs, plan.inputs, atol=1e-8)
-    np.testing.assert_allclose(shifted.states, plan.states, atol=1e-7)
-
-
 @given(text=GRIDS, seed=SEEDS, moved_s=st.floats(0.0, 120.0))
 def test_shift_keeps_the_mean_of_the_inputs(text: str, seed: int, moved_s: float) -> None:
     horizon = Horizon.parse(text)
@@ -175,12 +166,6 @@ def test_positions_between_the_nodes(text: str, seed: int, elapsed_s: float) -> 
     np.testing.assert_allclose(
         sample_positions_m(plan, plan.node_times_s), plan.states[:, 0], atol=1e-7
     )
-
-
-def test_plan_covers_its_own_time() -> None:
-    plan = random_plan(Horizon.parse("3x1+5x5"), 0, make_state(time_s=100.0))
-    covered = {time_s: plan.covers(time_s) for time_s in (99.9, 100.0, 127.9, 128.0, 500.0)}
-    assert covered == {99.9: False, 100.0: True, 127.9: True, 128.0: False, 500.0: False}
 
 
 def test_slacks_are_the_worst_of_each_group() -> None:

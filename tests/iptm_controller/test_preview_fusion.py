@@ -128,13 +128,6 @@ def test_a_preview_of_something_else_and_an_earlier_one_begin_a_new_average() ->
     assert fusion.fused(early) is early, "a new trip"
 
 
-def test_a_preview_that_shares_less_than_two_instants_stands_alone() -> None:
-    fusion = PreviewFusion()
-    for tick in (0, 100):
-        preview = true_preview(tick)
-        assert fusion.fused(preview) is preview
-
-
 def test_a_memory_can_be_saved_and_goes_on() -> None:
     fusion = PreviewFusion()
     for tick in range(20):

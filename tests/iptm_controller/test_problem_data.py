@@ -178,14 +178,6 @@ def test_slope_is_expanded_where_the_host_is_expected(steady: PredictedLeaderMot
         np.testing.assert_allclose(expanded, road(expected + away), atol=1e-9)
 
 
-def test_ends_of_the_road_are_held(steady: PredictedLeaderMotion) -> None:
-    ahead_of_all = SlopePreview(np.array([0.0, 500.0]), np.array([0.0, 0.03]))
-    for _, samples in steps_of(build(make_state(), steady, ahead_of_all), HORIZON):
-        assert (samples[:, SampleIndex.SLOPE] == 0.03).all()
-        assert (samples[:, SampleIndex.SLOPE_GRADIENT] == 0.0).all()
-        assert (samples[:, SampleIndex.SLOPE_CURVATURE] == 0.0).all()
-
-
 def test_only_relative_positions_count() -> None:
     """Far along the road the same situation gives the same numbers."""
     road = SlopePreview(np.arange(0.0, 4000.0, 10.0), np.sin(np.arange(400) / 7.0) / 20.0)

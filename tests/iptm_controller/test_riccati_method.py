@@ -130,21 +130,3 @@ def test_stopped_early_the_best_usable_iterate_is_the_answer(
     assert usable
     assert usable == sorted(usable, reverse=True)
     assert usable[-1] >= best.objective - 1e-3
-
-
-def test_time_that_is_over_is_noticed_within_an_iteration(
-    solve: Callable[..., SolveResult], far_off: Problem
-) -> None:
-    result = solve(far_off, deadline_s=1e-9)
-    assert result.status is SolveStatus.DEADLINE
-    assert result.iterations == 0
-    assert "time limit" in result.reason
-
-
-def test_a_deadline_that_is_kept_changes_nothing(
-    solve: Callable[..., SolveResult], far_off: Problem
-) -> None:
-    free = solve(far_off)
-    bound = solve(far_off, deadline_s=60.0)
-    np.testing.assert_array_equal(free.variables, bound.variables)
-    assert free.iterations == bound.iterations

@@ -16,7 +16,6 @@ from tests.iptm_controller.scenes import PARAMETERS, make_state, run_stage
 from iptm_controller.ocp.grid import MIDPOINT_UP_TO_S
 from iptm_controller.ocp.layout import StateIndex
 from iptm_controller.ocp.stage import DEFAULT_SMOOTHING
-from iptm_core.physics.cell import capacity_loss_rate_1_s
 from iptm_core.physics.electrical import battery_power_w
 from iptm_core.physics.power_thermal import EXACT, electric_traction_power_w
 from iptm_core.physics.traction import motor_torque_nm, traction_force_n
@@ -98,16 +97,6 @@ def step_s(request: pytest.FixtureRequest) -> float:
 @pytest.fixture(scope="module")
 def samples(plant: Plant, step_s: float) -> list[Sample]:
     return draw_samples(plant, make_state(), step_s, 250)
-
-
-def test_motion_agrees_to_rounding(samples: list[Sample], step_s: float) -> None:
-    for sample in samples:
-        following, _, _ = run_stage(
-            sample.start, *vars(sample.command).values(), step_s, slope=road
-        )
-        end = sample.step.state
-        assert following[StateIndex.POSITION] == pytest.approx(end.position_m, abs=1e-9)
-        assert following[StateIndex.SPEED] == pytest.approx(end.speed_m_s, abs=1e-9)
 
 
 def test_temperatures_within_a_few_millikelvin(samples: list[Sample], step_s: float) -> None:
@@ -218,11 +207,6 @@ def test_traction_power_is_smoothed_by_no_more_than_the_widths_say() -> None:
         assert abs(smooth - exact) < bound_w
 
 
-def test_brakes_hold_at_standstill() -> None:
-    for slope in (-0.06, 0.0, 0.06):
-        assert electric_traction_power_w(0.0, 0.0, slope, PARAMETERS, DEFAULT_SMOOTHING) == 0.0
-
-
 def test_battery_power_is_smoothed_by_half_a_width_at_most() -> None:
     lost_share = 1.0 - PARAMETERS.powertrain.regenerative_efficiency
     traction = np.linspace(-40e3, 40e3, 4001)
@@ -234,21 +218,6 @@ def test_battery_power_is_smoothed_by_half_a_width_at_most() -> None:
     assert error.max() == pytest.approx(half_width_w, rel=1e-6)
     assert error.min() >= 0.0
     assert error[np.abs(traction) > 10e3].max() < 0.03 * half_width_w
-
-
-def test_ageing_is_smoothed_at_rest_only() -> None:
-    currents = np.linspace(-8.0, 8.0, 1601)
-    arguments = (currents, 308.0, 1e-3, PARAMETERS.aging, PARAMETERS.cell)
-    exact = capacity_loss_rate_1_s(*arguments)
-    width_a = DEFAULT_SMOOTHING.c_rate_1_h * PARAMETERS.cell.nominal_capacity_ah
-    smooth = capacity_loss_rate_1_s(*arguments, current_smoothing_a=width_a)
-    rate_at_1c = capacity_loss_rate_1_s(
-        PARAMETERS.cell.nominal_capacity_ah, 308.0, 1e-3, PARAMETERS.aging, PARAMETERS.cell
-    )
-    assert (smooth >= exact).all()
-    assert (smooth - exact).max() < 0.01 * rate_at_1c
-    running = np.abs(currents) > 1.0
-    assert (smooth[running] / exact[running]).max() < 1.0 + 2e-3
 
 
 def test_heater_and_radiator_agree_with_the_plant(step_s: float) -> None:

@@ -146,13 +146,3 @@ def test_the_better_usable_plan_wins(
     assert result.status is inner.answers[expected].status
     np.testing.assert_array_equal(result.variables, inner.answers[expected].variables)
     assert result.iterations == sum(answer.iterations for answer in inner.answers)
-
-
-def test_neither_guess_nor_answer_is_written_to() -> None:
-    inner = Counting()
-    data, guess = problem_of(SCENES["cruise"], GRID, "reference")
-    kept = guess.copy()
-    check(inner).solve(data, guess)
-    first = plain_solver(GRID).solve(data, guess)
-    np.testing.assert_array_equal(guess, kept)
-    np.testing.assert_allclose(inner.answers[0].variables, first.variables)

@@ -265,12 +265,6 @@ def test_a_state_of_two_cells_is_refused(parameters: ModelParameters) -> None:
         plant.advance(Plant(parameters, hills).initial_state(), Command(0.0, 0.0))
 
 
-def test_measured_cells_cannot_part_from_the_channel(parameters: ModelParameters) -> None:
-    state = full_plant(parameters).initial_state()
-    with pytest.raises(StateError, match=r"cell_n_temperature_k is 310\.0"):
-        replace(state, cell_n_temperature_k=310.0)
-
-
 @pytest.mark.parametrize("value", [math.nan, 35.0])
 def test_impossible_cells_are_named(parameters: ModelParameters, value: float) -> None:
     plant = full_plant(parameters)

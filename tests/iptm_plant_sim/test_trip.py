@@ -34,14 +34,6 @@ def test_duration_is_rounded_up_to_whole_periods(
     assert Trip(plant, duration, period).ticks == ticks
 
 
-def test_time_does_not_accumulate_rounding(plant: Plant) -> None:
-    trip = Trip(plant, 100.0, 0.1)
-    for _ in range(300):
-        trip.advance(Command(0.0, 0.0))
-    assert trip.step.state.time_s == 30.0
-    assert trip.stamp_ns == 30 * S
-
-
 def test_follows_the_plant_bit_for_bit(make_plant: Callable[..., Plant]) -> None:
     plant = make_plant("hills")
     trip = Trip(plant, 50.0)

@@ -66,21 +66,21 @@ class TimeBetweenTicks:
         self._steady_time_s = steady_time_s
         self._tick_ns = 0
         self._began_s = 0.0
-        self._told_ns = self._last_ns
+        self._taken_ns = self._last_ns
 
     def begin(self, tick_ns: int) -> None:
         """Begin at a tick, which is being published now."""
-        self._tick_ns, self._began_s, self._told_ns = tick_ns, self._steady_time_s(), 0
+        self._tick_ns, self._began_s, self._taken_ns = tick_ns, self._steady_time_s(), 0
 
     def end(self) -> None:
         """Give no more times before the next beginning."""
-        self._told_ns = self._last_ns
+        self._taken_ns = self._last_ns
 
     def take_ns(self) -> int | None:
         """Return the present trip time; None where it is not later than what was taken before."""
         passed_ns = round((self._steady_time_s() - self._began_s) * self._rate_factor * NS_PER_S)
         passed_ns = min(passed_ns, self._last_ns)
-        if passed_ns <= self._told_ns:
+        if passed_ns <= self._taken_ns:
             return None
-        self._told_ns = passed_ns
+        self._taken_ns = passed_ns
         return self._tick_ns + passed_ns
