@@ -7,6 +7,7 @@ control problem differentiates the very same function.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, TypeAlias
 
 import casadi as ca
@@ -23,37 +24,22 @@ def is_symbolic(*values: Scalar) -> bool:
     return any(isinstance(value, _SYMBOLIC) for value in values)
 
 
-def _unary(value: Scalar, symbolic: Any, array: Any, scalar: Any) -> Scalar:
-    if isinstance(value, _SYMBOLIC):
-        return symbolic(value)
-    if isinstance(value, np.ndarray):
-        return array(value)
-    return scalar(value)
+def _elementary(symbolic: Any, array: Any, scalar: Any) -> Callable[[Scalar], Scalar]:
+    def function(value: Scalar) -> Scalar:
+        if isinstance(value, _SYMBOLIC):
+            return symbolic(value)
+        return array(value) if isinstance(value, np.ndarray) else scalar(value)
+
+    return function
 
 
-def exp(value: Scalar) -> Scalar:
-    """Natural exponential."""
-    return _unary(value, ca.exp, np.exp, math.exp)
-
-
-def sqrt(value: Scalar) -> Scalar:
-    """Square root; a negative float raises ValueError, arrays and symbols give NaN."""
-    return _unary(value, ca.sqrt, np.sqrt, math.sqrt)
-
-
-def sin(value: Scalar) -> Scalar:
-    """Sine of an angle in rad."""
-    return _unary(value, ca.sin, np.sin, math.sin)
-
-
-def cos(value: Scalar) -> Scalar:
-    """Cosine of an angle in rad."""
-    return _unary(value, ca.cos, np.cos, math.cos)
-
-
-def asinh(value: Scalar) -> Scalar:
-    """Inverse hyperbolic sine."""
-    return _unary(value, ca.asinh, np.arcsinh, math.asinh)
+exp = _elementary(ca.exp, np.exp, math.exp)
+sqrt = _elementary(ca.sqrt, np.sqrt, math.sqrt)
+"""Square root; a negative float raises ValueError, arrays and symbols give NaN."""
+sin = _elementary(ca.sin, np.sin, math.sin)
+cos = _elementary(ca.cos, np.cos, math.cos)
+asinh = _elementary(ca.asinh, np.arcsinh, math.asinh)
+_magnitude = _elementary(ca.fabs, np.abs, abs)
 
 
 def where(condition: Scalar, if_true: Scalar, if_false: Scalar) -> Scalar:
@@ -97,4 +83,4 @@ def absolute(value: Scalar, width: float = 0.0) -> Scalar:
     """Magnitude; with ``width`` > 0 the hyperbola ``sqrt(value^2 + width^2)``, at most ``width`` too high."""
     if width > 0.0:
         return sqrt(value * value + width * width)
-    return _unary(value, ca.fabs, np.abs, abs)
+    return _magnitude(value)
