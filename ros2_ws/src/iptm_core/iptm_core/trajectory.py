@@ -35,10 +35,6 @@ class Trajectory(Columns):
             none is known.
         state_of_charge: charge left in the pack as a fraction of its capacity, with the 32 bits of the
             battery message.
-
-    Raises:
-        StateError: arrays of different length, none at all, other values that are not finite, or times
-            that do not increase.
     """
 
     table = "trajectory"

@@ -198,9 +198,6 @@ def comprehensive_cycle(composition: RouteComposition | None = None) -> Comprehe
 
     Args:
         composition: order and slopes; None takes ``comprehensive``.
-
-    Raises:
-        RouteError: the published parts leave too little time for the smooth one.
     """
     composition = composition or load_composition("comprehensive")
     published = {name: load_cycle(name) for name in composition.order if name != SMOOTH}

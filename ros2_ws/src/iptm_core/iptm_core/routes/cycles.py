@@ -51,9 +51,6 @@ class DrivingCycle:
     Attributes:
         times_s: 0, 1, 2, ... s, shape (n,), n >= 2.
         speeds_m_s: speeds at these times, shape (n,), never negative.
-
-    Raises:
-        RouteError: not 1 Hz from 0 s, fewer than two samples, or a negative or non-finite speed.
     """
 
     name: str
@@ -163,9 +160,6 @@ class LeaderMotion:
         speeds_m_s: speeds at the nodes, shape (n,), never negative, the last one 0.
         start_position_m: rear-bumper position before the first node; the initial gap.
         positions_m: positions at the nodes, shape (n,); follows from the others.
-
-    Raises:
-        RouteError: malformed nodes, a negative speed, or a last speed other than 0.
     """
 
     times_s: FloatArray

@@ -130,9 +130,6 @@ class RoadLine:
         longitudes_deg: longitudes, shape (n,).
         heights_m: heights of the vertices above one datum, shape (n,); None where they are unknown.
         positions_m: positions of the vertices along the road, shape (n,); follows from the others.
-
-    Raises:
-        RouteError: fewer than two vertices, coordinates off the Earth, or two equal vertices in a row.
     """
 
     latitudes_deg: FloatArray

@@ -115,9 +115,6 @@ class SlopeProfile:
     Attributes:
         positions_m: node positions along the road, shape (n,), increasing; 0 is the host's start.
         slopes_rad: slope at the nodes, shape (n,), positive uphill.
-
-    Raises:
-        RouteError: malformed nodes or a slope beyond 30 %.
     """
 
     positions_m: FloatArray

@@ -79,9 +79,6 @@ class Track:
         longitudes_deg: longitudes, shape (n,).
         heights_m: heights above any datum, shape (n,); None if a point has none.
         speeds_m_s: speeds of the receiver, shape (n,); None if a point has none.
-
-    Raises:
-        RouteError: times that do not increase or have long gaps, places off the Earth, or a leap.
     """
 
     source: str

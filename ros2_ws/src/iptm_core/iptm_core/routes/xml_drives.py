@@ -59,9 +59,6 @@ def read_gpx(path: Path) -> Track:
 
     Args:
         path: the file, GPX 1.0 or 1.1; names of elements count without their namespaces.
-
-    Raises:
-        RouteError: no such file, no XML, a document type, or a point that lacks place or time.
     """
     return _track(path, _rows(path))
 
@@ -220,10 +217,6 @@ def read_fcd(path: Path, name: str) -> CsvTable:
     Returns:
         Columns ``time_s`` and ``speed_m_s``, and as far as available ``latitude_deg``,
         ``longitude_deg`` and ``elevation_m``, or ``slope_rad``.
-
-    Raises:
-        RouteError: no such file, no XML, no such vehicle, several where none is named, or one of its rows
-            lacks time or speed.
     """
     vehicle = _Vehicle(name)
     read_xml(path, MAX_FCD_BYTES, "SUMO FCD", vehicle)
