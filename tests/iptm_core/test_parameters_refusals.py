@@ -167,27 +167,12 @@ def test_a_file_may_build_on_another_file_but_not_on_itself(tmp_path: Path) -> N
         load_parameters(tmp_path / "level_0.yaml")
 
 
+NAMES = ["body", "chiller", "mass_kg", "xi_1", "by_ambient_temperature", "rows", "value", "unit"]
 JUNK = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
     lambda inner: (
         st.lists(inner, max_size=3)
-        | st.dictionaries(
-            st.sampled_from(
-                [
-                    "body",
-                    "chiller",
-                    "mass_kg",
-                    "xi_1",
-                    "by_ambient_temperature",
-                    "rows",
-                    "value",
-                    "unit",
-                ]
-            )
-            | st.text(max_size=5),
-            inner,
-            max_size=4,
-        )
+        | st.dictionaries(st.sampled_from(NAMES) | st.text(max_size=5), inner, max_size=4)
     ),
     max_leaves=12,
 )
