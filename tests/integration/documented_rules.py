@@ -15,6 +15,7 @@ class Way(Enum):
     RECORD = "until it is ready, then Ctrl-C"
     SERVE = "likewise, by the slow tests"
     DRIVE = "on a short trip"
+    PREPARE = "up to the prepared trip"
     ELSEWHERE = "by another test"
     NOT = "not executed"
 
@@ -117,11 +118,7 @@ RULES = (
     Rule(Way.RUN, r"source scripts/env.sh"),
     Rule(Way.RUN, r"scripts/(bag_info|compare|compare_bags|recover_bag|export|drive_file) .*"),
     Rule(Way.RUN, r"scripts/run_demo --list|scripts/reproduce list"),
-    Rule(
-        Way.RUN,
-        r"scripts/reproduce (.*--dry-run|status|tables|prune).*",
-        "--store {out}",
-    ),
+    Rule(Way.RUN, r"scripts/reproduce (.*--dry-run|status|tables|prune).*", "--store {out}"),
     # Longer.
     Rule(Way.RECORD, r"scripts/record .*", node="recorder"),
     Rule(Way.SERVE, r"scripts/replay (?!--check).*", node="player"),
@@ -135,6 +132,7 @@ RULES = (
     Rule(Way.DRIVE, r"scripts/train_predictor"),
     Rule(Way.DRIVE, r"scripts/campaign --dry-run", "--store {out}"),
     Rule(Way.DRIVE, r"scripts/run_demo .*--output.*", _SHORT),
+    Rule(Way.PREPARE, r"scripts/run_demo (?!.*--(view|without|set|my_plan)).*"),
     Rule(Way.DRIVE, r"(IPTM_COMPILER=none )?scripts/run_demo.*", f"{_SHORT} --output {{out}}"),
     Rule(
         Way.DRIVE,

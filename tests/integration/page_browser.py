@@ -69,7 +69,7 @@ class Terminal:
         self.popen = subprocess.Popen(
             [sys.executable, "-m", module, *arguments],
             stdin=terminal, stdout=terminal, stderr=terminal,
-            env=launcher.environment, cwd=launcher.directory, start_new_session=True,
+            env=launcher.environment, cwd=launcher.directory, start_new_session=True
         )  # fmt: skip
         os.close(terminal)
         threading.Thread(target=self._follow, daemon=True).start()

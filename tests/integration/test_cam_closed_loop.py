@@ -44,7 +44,7 @@ def drive(launcher: Any, tmp_path: Path) -> Drive:
         domain = str(stack.enter_context(reserve_domain()))
         runner = launcher.start_module(
             "iptm_bringup.run_closed_loop", "--cycle", DRIVE, "--duration-s", str(TICKS),
-            "--no-picture", "--domain", domain, *given, "--output", bag,
+            "--no-picture", "--domain", domain, *given, "--output", bag
         )  # fmt: skip
         sender = None
         if recorded is None:

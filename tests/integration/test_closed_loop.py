@@ -145,7 +145,7 @@ def test_a_run_ends_with_bag_table_and_picture_and_can_be_repeated(
     """Two runs of one scenario at the same time, in two domains; one without a picture."""
     options = (
         "imperfect_preview", "--cycle", "us06", "--slope", "large",
-        "--duration-s", str(TICKS), "--seed", "11",
+        "--duration-s", str(TICKS), "--seed", "11"
     )  # fmt: skip
     one, other = tmp_path / "one", tmp_path / "other"
     with reserve_domain() as domain:
@@ -209,7 +209,7 @@ def test_real_time_in_a_namespace_without_recording(start: Start, tmp_path: Path
     output = tmp_path / "run"
     runner = start(
         output, "real_time", "--rate-factor", "20", "--duration-s", "40", "--namespace", "car_1",
-        "--set", "controller.deadline_ms=0", "--no-record", "--no-picture",
+        "--set", "controller.deadline_ms=0", "--no-record", "--no-picture"
     )  # fmt: skip
     assert runner.wait(RUN_TIMEOUT_S) == 0, runner.stdout + runner.stderr
     assert "not recorded" in runner.stdout

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import shutil
 import signal
 import subprocess
@@ -21,6 +22,7 @@ from sensor_msgs.msg import JointState
 from tests.documented_commands import ROOT, documented_commands
 from tests.integration.documented_rules import RULES, Rule, Way, rule_for
 
+from iptm_bringup.run_closed_loop import build_parser, prepared_from
 from iptm_interfaces.discovery import reserve_domain
 from iptm_interfaces.graph_client import GraphClient
 
@@ -176,7 +178,9 @@ def test_every_command_line_is_executed_or_there_is_a_reason() -> None:
     used = {rule_for(command) for command in COMMANDS}
     assert [rule for rule in RULES if rule not in used] == []
     counts = Counter(_rule(command).way for command in COMMANDS)
-    by_default = sum(counts[way] for way in (Way.RUN, Way.ASK, Way.RECORD, Way.ELSEWHERE))
+    by_default = sum(
+        counts[way] for way in (Way.RUN, Way.ASK, Way.RECORD, Way.PREPARE, Way.ELSEWHERE)
+    )
     slow = counts[Way.SERVE] + counts[Way.DRIVE]
     print(f"{len(COMMANDS)} command lines: {by_default} executed by default, {slow} with -m slow")
     for command in commands(Way.NOT):
@@ -240,6 +244,16 @@ def ring(files: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Plac
 def test_command_beside_running_nodes(command: str, ring: Place) -> None:
     printed = ring.run(command)
     assert printed or command.startswith("ros2 ")
+
+
+@pytest.mark.parametrize("command", commands(Way.PREPARE))
+def test_trip_of_a_command_is_prepared(
+    command: str, place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What its options mean is tested elsewhere; files and names that it gives are read."""
+    monkeypatch.chdir(place.folder)
+    prepared = prepared_from(build_parser().parse_args(shlex.split(command)[1:]))
+    assert prepared.route.duration_s > 0.0
 
 
 @pytest.mark.slow

@@ -88,9 +88,7 @@ def test_the_safety_monitor_brakes_alike_with_and_without_ros(over_ros: OverRos)
     assert with_ros.rungs.items() >= without.rungs.items()
 
 
-def test_foreign_messages_and_a_restart_are_reported_and_survived(
-    over_ros: OverRos,
-) -> None:
+def test_foreign_messages_and_a_restart_are_reported_and_survived(over_ros: OverRos) -> None:
     trial = planned(
         Fault(FaultKind.FOREIGN_CLOCK, 20.0, 3.0),
         Fault(FaultKind.FOREIGN_LEADER, 30.0, 3.0, size=-1e6),

@@ -82,10 +82,7 @@ def test_of_a_whole_topic_nothing_is_missed_and_nothing_is_acknowledged_for_the_
         ].qos_profile.reliability
         for topic in WATCHED
     }
-    assert reliability == {
-        whole: ReliabilityPolicy.RELIABLE,
-        newest: ReliabilityPolicy.BEST_EFFORT,
-    }
+    assert reliability == {whole: ReliabilityPolicy.RELIABLE, newest: ReliabilityPolicy.BEST_EFFORT}
 
 
 def test_a_viewer_that_looks_seldom_takes_no_more_than_the_newest(published: Published) -> None:

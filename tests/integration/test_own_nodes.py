@@ -16,7 +16,7 @@ MODULE = "iptm_bringup.run_closed_loop"
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
 TRIP = {"cycle": "us06", "slope": "small", "duration_s": 60.0}
 OPTIONS = (
-    "--cycle", "us06", "--slope", "small", "--duration-s", "60", "--no-picture", "--against", "reference",
+    "--cycle", "us06", "--slope", "small", "--duration-s", "60", "--no-picture", "--against", "reference"
 )  # fmt: skip
 RUN_TIMEOUT_S = 180.0
 

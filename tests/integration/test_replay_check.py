@@ -15,10 +15,7 @@ from iptm_recording.bag_reader import BagReader
 from iptm_recording.bag_writer import BagWriter
 
 BAG = Path(__file__).resolve().parents[2] / "bags" / "example_us06_120s"
-CHANGES = {
-    "controller": "body.mass_kg=1700",
-    "plant": "aging.pre_exponential_factor=0.0033",
-}
+CHANGES = {"controller": "body.mass_kg=1700", "plant": "aging.pre_exponential_factor=0.0033"}
 
 
 @pytest.fixture(autouse=True)

@@ -113,8 +113,7 @@ def test_the_plant_continues_from_a_saved_state_to_the_last_bit(
     }
     with driven_plant(**options) as plant:
         plant.drive(
-            lambda tick: None if tick == 20 else lively(tick),
-            lambda: plant.ticks[-1:] == [20 * S],
+            lambda tick: None if tick == 20 else lively(tick), lambda: plant.ticks[-1:] == [20 * S]
         )
         assert plant.bench.call(Service.SAVE_PLANT).success
         plant.answer(20, lively(20))

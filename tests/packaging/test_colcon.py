@@ -18,7 +18,7 @@ def run(*command: str) -> str:
     """Run a command in the repository; return what it printed."""
     done = subprocess.run(
         command, cwd=ROOT, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=300,
-        check=False,
+        check=False
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout

@@ -57,7 +57,7 @@ def library(tmp_path: Path) -> Path:
     """An environment with the library and the distributions that it declares, linked and not downloaded."""
     listed = subprocess.run(
         ["git", "ls-files", "--", "pyproject.toml", "README.md", "ros2_ws/src"],
-        cwd=ROOT, capture_output=True, text=True, check=True,
+        cwd=ROOT, capture_output=True, text=True, check=True
     )  # fmt: skip
     source = tmp_path / "source"
     for name in filter(None, listed.stdout.splitlines()):
@@ -88,7 +88,7 @@ def clean() -> dict[str, str]:
 def test_the_library_works_without_ros(library: Path, tmp_path: Path) -> None:
     done = subprocess.run(
         [library / "bin" / "python", "-c", TRY_IT, ROOT / "bags" / "example_us06_120s"],
-        cwd=tmp_path, env=clean(), capture_output=True, text=True, timeout=300, check=False,
+        cwd=tmp_path, env=clean(), capture_output=True, text=True, timeout=300, check=False
     )  # fmt: skip
     assert (done.returncode, done.stdout) == (0, "done\n"), done.stderr
     assert (tmp_path / "run.png").read_bytes().startswith(b"\x89PNG")

@@ -48,7 +48,7 @@ def test_a_notebook_runs(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.setenv("IPYTHONDIR", str(tmp_path / "ipython"))
     client = NotebookClient(
         notebook, timeout=TIMEOUT_S, startup_timeout=TIMEOUT_S, kernel_name="python3",
-        resources={"metadata": {"path": str(tmp_path)}},
+        resources={"metadata": {"path": str(tmp_path)}}
     )  # fmt: skip
     client.execute()
     shown = [
