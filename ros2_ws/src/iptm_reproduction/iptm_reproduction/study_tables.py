@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -102,39 +101,24 @@ _LONGEST_SOLVE = "solve_max"
 
 def reliability(results: Results) -> pd.DataFrame:
     """Return what went wrong in any run, by study: sums and the worst run."""
+    table = results.figures.reindex(columns=[*_RELIABILITY, _LONGEST_SOLVE])
     rows = []
     for study, title in STUDIES.items():
-        runs = results.matching(f"{study}/*")
+        found = table[table.index.str.startswith(f"{study}/")]
         missing = sum(address.startswith(f"{study}/") for address in results.missing)
-        if not runs and not missing:
-            continue
-        longest = max(_values(results, runs, _LONGEST_SOLVE).values(), default=None)
-        rows.append(
-            (
-                title,
-                str(len(runs)),
-                str(missing),
-                *(_sum_and_worst(_values(results, runs, figure)) for figure in _RELIABILITY),
-                FIGURES[_LONGEST_SOLVE].text(longest),
-            )
-        )
+        if len(found) or missing:
+            longest = FIGURES[_LONGEST_SOLVE].text(found[_LONGEST_SOLVE].max())
+            sums = (_sum_and_worst(found[figure].dropna()) for figure in _RELIABILITY)
+            rows.append((title, str(len(found)), str(missing), *sums, longest))
     labels = (FIGURES[figure].label for figure in _RELIABILITY)
     return table_of(("study", "runs", "missing", *labels, "longest solve [ms]"), rows)
 
 
-def _values(results: Results, runs: Sequence[str], figure: str) -> dict[str, float]:
-    found = {run: results.find(run, figure) for run in runs}
-    return {run: value for run, value in found.items() if value is not None}
-
-
-def _sum_and_worst(values: dict[str, float]) -> str:
-    if not values:
-        return DASH
-    total = sum(values.values())
-    if total == 0.0:
-        return "0"
-    worst = max(values, key=values.__getitem__)
-    return f"{total:.0f} ({name_of(worst)}: {values[worst]:.0f})"
+def _sum_and_worst(values: pd.Series) -> str:
+    total = values.sum()
+    if values.empty or total == 0.0:
+        return DASH if values.empty else "0"
+    return f"{total:.0f} ({name_of(values.idxmax())}: {values.max():.0f})"
 
 
 def channel_records(results: Results) -> dict[str, ChannelRecord]:
