@@ -30,8 +30,8 @@ from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_faults.fault import Fault
 from iptm_faults.kinds import FaultKind
 from iptm_interfaces.diagnostics import Level
-from iptm_studies.judging import Judged
 from iptm_studies.store import ResultStore
+from iptm_studies.study import Judged
 
 LOST = Fault(FaultKind.PREVIEW_LOST, 10.0, 10.0)
 ROWS = 60

@@ -146,7 +146,7 @@ def drive(solver: SolverBackend) -> Callable[..., ClosedLoopRun]:
         plant = FaultyPlant(faults, PARAMETERS, route.slope.slope_at)
         sound = Controller(PARAMETERS, OPTIONS, solver)
         controller = FaultyController(PARAMETERS, sound, faults, lambda _: None)
-        return run_closed_loop(route, plant, controller, disturb=FaultInjection(faults).disturb)
+        return run_closed_loop(route, plant, controller, faults=FaultInjection(faults))
 
     return run
 

@@ -14,7 +14,6 @@ from iptm_core.routes import build_route
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_faults.fault import Fault
 from iptm_faults.kinds import FaultKind
-from iptm_studies.judging import Judged
 from iptm_studies.run import VEHICLE, WEAK_BRAKES, Report, Run, perform_run
 from iptm_studies.run_inputs import RunInputs, resolve_inputs
 from iptm_studies.safety.braking import braking_outcomes, braking_trials
@@ -29,6 +28,7 @@ from iptm_studies.safety.lead_vehicles import lead_cycles
 from iptm_studies.safety.page import safety_page
 from iptm_studies.safety.trials import Extent, default_spec, disturbed_study
 from iptm_studies.store import ResultStore
+from iptm_studies.study import Judged
 
 PARAMETERS = load_parameters().values
 AT_ONCE = StatedBrakes(8.0, 1e9, 0.0)

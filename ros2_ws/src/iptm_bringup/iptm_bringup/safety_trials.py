@@ -16,7 +16,6 @@ from iptm_faults.kinds import FaultKind
 from iptm_interfaces.diagnostics import Level
 from iptm_interfaces.process import StopRequest
 from iptm_interfaces.topics import PLANT
-from iptm_studies.judging import Judged
 from iptm_studies.laboratory import Laboratory, Session
 from iptm_studies.run import CONTROLLER, VEHICLE, Report
 from iptm_studies.safety.findings import Part, perform
@@ -24,7 +23,7 @@ from iptm_studies.safety.judging import judge_trial, trial_of
 from iptm_studies.safety.lead_vehicles import LEADS, lead_cycles
 from iptm_studies.safety.page import safety_page
 from iptm_studies.safety.trials import SHORT, Extent, disturbed_study
-from iptm_studies.study import Case
+from iptm_studies.study import Case, Judged
 
 PAGE = "safety-trials.md"
 ROS_TRIALS = 20

@@ -25,15 +25,22 @@ from iptm_v2x_bridge.bridge import (
     TickBridge,
     V2xBridge,
     sampling_times_s,
-    single_sample,
 )
 
-Disturb = Callable[[Measurements], tuple[LeaderState | None, Measurements]]
-"""From the true values to the effective leader and the measurements of the controller."""
 
-Sampled = Callable[[LeaderPreview, float], LeaderPreview | None]
-"""From the leader of the route at the instants of an interval, and the position of the host at its start, to
-what is measured of the leader that counts; None where nothing arrives."""
+class Disturbance(Protocol):
+    """What faults make of a trip, see ``iptm_faults.injection``."""
+
+    def disturb(self, measured: Measurements) -> tuple[LeaderState, Measurements]:
+        """Return the leader that counts and the measurements of the controller, from the true values."""
+        ...
+
+    def sampled(self, own: LeaderPreview, host_position_m: float) -> LeaderPreview | None:
+        """Return what the sensor of the safety monitor measures between two ticks, None for nothing.
+
+        ``own`` is the leader of the route at the instants, the host is where it is at the first of them.
+        """
+        ...
 
 
 class World(Protocol):
@@ -91,11 +98,10 @@ def run_closed_loop(
     controller: TickController,
     bridge_settings: PreviewSettings | None = None,
     on_tick: Callable[[int, Measurements, Decision], None] | None = None,
-    disturb: Disturb | None = None,
+    faults: Disturbance | None = None,
     bridge: TickBridge | None = None,
     leader: PreviewSource | None = None,
     start_position_m: float = 0.0,
-    sampled: Sampled | None = None,
     on_step: Callable[[PlantStep, LeaderState | None], None] | None = None,
     world: World | None = None,
 ) -> ClosedLoopRun:
@@ -107,19 +113,13 @@ def run_closed_loop(
         controller: a fresh controller.
         bridge_settings: preview length and imperfections.
         on_tick: called after every decision with the tick, what was measured and what was decided.
-        disturb: what faults make of every tick, see ``iptm_faults.injection``; None for none. The trajectory
-            has the leader that counts and the true state.
+        faults: None for none; with them, the trajectory has the leader that counts and the true state.
         bridge: a fresh bridge whose source of the leader is not the route itself; it has settings
             of its own.
         leader: who drives ahead, where it is not the leader of the route.
         start_position_m: where the host starts, along the road.
-        sampled: with ``disturb``, the leader that counts between two ticks, for the sensor of the safety
-            monitor. Without it, a leader that counts and is not that of the source is measured once per tick.
         on_step: called with vehicle and leader, if there is one, at every instant, the last one included.
         world: what is around the host; None for a leader only, that of ``leader`` or of the route.
-
-    Returns:
-        The trajectory and the controller's answers.
     """
     tick_s = controller.options.tick_s
     ticks = round(route.duration_s / tick_s)
@@ -134,7 +134,7 @@ def run_closed_loop(
         answer = answering.answer(time_ns, state.position_m, state.speed_m_s)
         measured = Measurements(state, answer.leader, answer.preview, slope, road=answer.road)
         # The trajectory holds the true leader, not the estimated one.
-        return (around.leader_at(time_ns), measured) if disturb is None else disturb(measured)
+        return faults.disturb(measured) if faults else (around.leader_at(time_ns), measured)
 
     leader_now, measured = measure(step.state, 0)
     tick = 0
@@ -143,11 +143,7 @@ def run_closed_loop(
         """Measure the leader that counts."""
         now_ns = round(tick * tick_s * NS_PER_S)
         own = around.sampled(sampling_times_s(now_ns, tick_s, period_s))
-        if disturb is None:
-            return own
-        if sampled is not None:
-            return sampled(own, state.position_m)
-        return own if around.leader_at(now_ns) == leader_now else single_sample(leader_now)
+        return faults.sampled(own, state.position_m) if faults else own
 
     plant.watch(range_sensor)
     period_s = plant.monitor.settings.monitor_period_s

@@ -156,7 +156,7 @@ def perform_run(
     controller, compiled = (
         _controller(inputs, own_law) if own_controller is None else (own_controller, False)
     )
-    disturb = sampled = None
+    faults = None
     if spec.faults:
         plant = FaultyPlant(
             spec.faults,
@@ -165,8 +165,7 @@ def perform_run(
             spec.plant_step_s,
             spec.thermal_model,
         )
-        injection = FaultInjection(spec.faults)
-        disturb, sampled = injection.disturb, injection.sampled
+        faults = FaultInjection(spec.faults)
     source, bridge = road_bridge(
         spec.road, route, inputs.parameters, spec.bridge_settings(), leader
     )
@@ -175,10 +174,9 @@ def perform_run(
         plant,
         controller,
         on_tick=note,
-        disturb=disturb,
+        faults=faults,
         bridge=bridge,
         leader=source,
-        sampled=sampled,
     )
     trajectory: Trajectory = loop.trajectory
     decisions: DecisionSeries | None = loop.decisions

@@ -1,4 +1,4 @@
-"""A study as data: named cases, each one run, and what varies between them."""
+"""Studies and trials as data: named cases, each one run, what varies between them, and what was found."""
 
 from __future__ import annotations
 
@@ -69,6 +69,32 @@ class Study:
     def address(self, case: Case) -> str:
         """Return the address of one of its cases, ``study/case``."""
         return f"{self.name}/{case.name}"
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A trial, what was found in it, and what of that did not hold.
+
+    Attributes:
+        name: of the trial, and how it was driven.
+        what: the trial in words.
+        labels: what tables group it by.
+        figures: what was found, by name; a figure that does not exist is left out.
+        problems: what did not hold, in words, by the name of the requirement.
+        counts: what occurred how often.
+    """
+
+    name: str
+    what: str
+    labels: Mapping[str, Label] = field(default_factory=dict)
+    figures: Mapping[str, float] = field(default_factory=dict)
+    problems: Mapping[str, str] = field(default_factory=dict)
+    counts: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def problem_text(self) -> str:
+        """What did not hold, in one line; empty if everything did."""
+        return ", ".join(self.problems.values())
 
 
 @dataclass(frozen=True)

@@ -38,9 +38,9 @@ from iptm_core.program import EXIT_SIGNAL
 from iptm_core.user_input import check_known
 from iptm_faults.kinds import FaultKind
 from iptm_interfaces.process import StopRequest
-from iptm_studies.judging import Judged
 from iptm_studies.laboratory import Laboratory, Session
 from iptm_studies.store import ResultStore, content_key
+from iptm_studies.study import Judged
 from iptm_studies.workers import Failed, perform_all
 
 PAGE = "faults.md"

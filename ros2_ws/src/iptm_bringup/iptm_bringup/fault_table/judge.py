@@ -20,7 +20,7 @@ from iptm_faults.fault import Fault
 from iptm_faults.kinds import FaultPlace
 from iptm_interfaces.diagnostics import Level
 from iptm_studies.bounds import gaps_when_braking
-from iptm_studies.judging import Judged
+from iptm_studies.study import Judged
 
 STEADY_TICKS = 3
 """Consecutive normal ticks after which operation counts as normal."""

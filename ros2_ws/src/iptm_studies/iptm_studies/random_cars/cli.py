@@ -14,7 +14,6 @@ from iptm_core.settings import PreviewSettings
 from iptm_core.user_input import number, whole_number
 from iptm_faults.kinds import FaultKind
 from iptm_studies.campaign import Campaign
-from iptm_studies.judging import Judged
 from iptm_studies.laboratory import Laboratory, Session
 from iptm_studies.random_cars import draws
 from iptm_studies.random_cars.draws import (
@@ -28,6 +27,7 @@ from iptm_studies.random_cars.draws import (
 from iptm_studies.random_cars.judging import REQUIREMENTS, TICKS, judge, trial_of
 from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.store import ResultStore
+from iptm_studies.study import Judged
 
 PAGE = "random-cars.md"
 RUNS = 300

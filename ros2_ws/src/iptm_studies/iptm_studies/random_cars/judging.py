@@ -28,10 +28,10 @@ from iptm_studies.bounds import (
     episodes,
     fully_cooled_k,
 )
-from iptm_studies.judging import Judged
 from iptm_studies.run import Run
 from iptm_studies.run_inputs import RunInputs
 from iptm_studies.run_spec import PreviewSpec, RunSpec
+from iptm_studies.study import Judged
 
 OVERHEATED_BY_K = 0.5
 PARTED_M_S = 0.3

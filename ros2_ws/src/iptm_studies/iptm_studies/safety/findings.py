@@ -15,7 +15,6 @@ from iptm_core.errors import StoreError
 from iptm_core.metrics import RunMetrics, at_equal_end, figure_values
 from iptm_core.parameters import load_parameters
 from iptm_studies.campaign import NOT_COMPUTED, Campaign, CaseState
-from iptm_studies.judging import Judged
 from iptm_studies.laboratory import Session
 from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.safety.braking import BrakingOutcomes, braking_outcomes
@@ -30,6 +29,7 @@ from iptm_studies.safety.trials import (
     driving_study,
 )
 from iptm_studies.store import ResultStore
+from iptm_studies.study import Judged
 
 BEFORE = Path(__file__).parent / "before.json"
 """Savings of an earlier version; the file names it."""

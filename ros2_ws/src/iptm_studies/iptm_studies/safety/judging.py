@@ -13,9 +13,8 @@ from iptm_core.trajectory import Trajectory
 from iptm_faults.fault import Fault, at_places
 from iptm_faults.kinds import FaultKind, FaultPlace
 from iptm_studies.bounds import gaps_when_braking, seen_from
-from iptm_studies.judging import Judged
 from iptm_studies.run import VEHICLE, WEAK_BRAKES, Report
-from iptm_studies.study import Case
+from iptm_studies.study import Case, Judged
 
 REPORTED_WITHIN_TICKS = 2
 NOTICED_WITHIN_S = 1.0

@@ -11,7 +11,6 @@ import numpy as np
 from iptm_core.markdown import render_page
 from iptm_core.metrics import figure_values
 from iptm_faults.kinds import FaultKind
-from iptm_studies.judging import Judged
 from iptm_studies.safety.braking import BrakingOutcomes
 from iptm_studies.safety.findings import (
     Findings,
@@ -25,6 +24,7 @@ from iptm_studies.safety.findings import (
 )
 from iptm_studies.safety.judging import AVOIDABLE, SOUND_SHARE
 from iptm_studies.safety.trials import SETTINGS
+from iptm_studies.study import Judged
 
 Records = list[dict[str, Any]]
 

@@ -100,32 +100,15 @@ def default_spec(cycle: str, **settings: Any) -> RunSpec:
     )
 
 
-def reference_of(spec: RunSpec) -> RunSpec:
-    """Return the undisturbed run of the reference strategy on the same trip."""
-    return replace(
-        spec,
-        strategy=strategy_by_name(REFERENCE),
-        horizon=REFERENCE_HORIZON,
-        preview=PreviewSpec(),
-        faults=(),
-    )
-
-
-def lasting(*kinds: tuple[FaultKind, float | None], seed: int = SEED) -> tuple[Fault, ...]:
+def lasting(*kinds: tuple[FaultKind, float]) -> tuple[Fault, ...]:
     """Return faults that last for the whole trip."""
-    return tuple(Fault(kind, duration_s=WHOLE_TRIP_S, size=size, seed=seed) for kind, size in kinds)
-
-
-def noisy_faults(ticks: int = 0, seed: int = SEED) -> tuple[Fault, ...]:
-    """Return noise on all signals, and a delay of the commands."""
-    delay = ((FaultKind.COMMAND_DELAYED, float(ticks)),) if ticks else ()
-    return lasting(*NOISE, *delay, seed=seed)
+    return tuple(Fault(kind, duration_s=WHOLE_TRIP_S, size=size, seed=SEED) for kind, size in kinds)
 
 
 SETTINGS: Mapping[str, Mapping[str, Any]] = {
     UNDISTURBED: {},
-    "noise": {"faults": noisy_faults()},
-    NOISE_AND_DELAY: {"faults": noisy_faults(1)},
+    "noise": {"faults": lasting(*NOISE)},
+    NOISE_AND_DELAY: {"faults": lasting(*NOISE, (FaultKind.COMMAND_DELAYED, 1.0))},
     "preview errors": {"preview": PreviewSpec(noise_std_m_s=PREVIEW_ERROR_M_S)},
 }
 """What is disturbed on whole cycles without any event, by name."""
@@ -157,7 +140,9 @@ def _settings_of(cycle: str, longest_s: float) -> list[tuple[str, RunSpec]]:
         (name, default_spec(cycle, duration_s=duration_s, **settings))
         for name, settings in SETTINGS.items()
     ]
-    return [*named, (REFERENCE, reference_of(named[0][1]))]
+    undisturbed, strategy = named[0][1], strategy_by_name(REFERENCE)
+    reference = replace(undisturbed, strategy=strategy, horizon=REFERENCE_HORIZON)
+    return [*named, (REFERENCE, reference)]
 
 
 def delay_study(extent: Extent) -> Study:
