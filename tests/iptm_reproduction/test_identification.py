@@ -232,9 +232,8 @@ def test_a_number_without_influence_keeps_its_prior_and_one_with_influence_does_
 
 
 def test_the_shipped_numbers_lie_within_their_bounds_and_are_among_the_good_fits() -> None:
-    spread = determined_numbers()
-    assert [number.unknown for number in spread.numbers] == list(UNKNOWNS.free)
-    for number in spread.numbers:
-        assert number.unknown.low <= number.value <= number.unknown.high
-        assert number.low <= number.value <= number.high
-        assert 0.0 < number.share <= 1.0
+    numbers = determined_numbers().numbers
+    assert numbers["key"].tolist() == [unknown.key for unknown in UNKNOWNS.free]
+    assert numbers["value"].between(numbers["lowest"], numbers["highest"]).all()
+    assert numbers["value"].between(numbers["low"], numbers["high"]).all()
+    assert numbers["share"].between(0.0, 1.0, inclusive="right").all()

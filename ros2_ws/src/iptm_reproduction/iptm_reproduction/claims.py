@@ -80,15 +80,9 @@ def _texts_in(values: Any) -> Iterator[str]:
 
 @dataclass(frozen=True)
 class Claim:
-    """A statement of the paper, paraphrased.
+    """A statement of the paper, paraphrased, and its place there.
 
-    Attributes:
-        id: short name.
-        where: place in the paper.
-        statement: the statement.
-        check: how it is checked.
-        note: remark on how the statement is read; may be empty.
-        cause: template of the reason for a difference; may be empty.
+    ``note`` is on how the statement is read, ``cause`` the template of the reason for a difference.
     """
 
     id: str

@@ -26,7 +26,6 @@ COMPUTING_TIME = "solve_total"
 
 TABLE_FIGURES = (COOLING, TRACTION, TOTAL, CELL_1, CELL_N, INCONSISTENCY)
 """The rows of the paper's results table, in its order."""
-CELLS = (CELL_1, CELL_N)
 FOUR = (COOLING, TRACTION, CELL_1, CELL_N)
 """What most of the paper's sensitivity figures show."""
 HEADLINE_FIGURES = (COMPUTING_TIME, *TABLE_FIGURES)

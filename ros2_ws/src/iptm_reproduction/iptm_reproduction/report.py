@@ -233,8 +233,7 @@ class _Page:
             given = {name: part[name] for name in names if name in part}
             return tables.run_table(self._results, **given)
         name = part.get("rows", key.replace("-", "_"))
-        modules = (paper_tables, study_tables, tables)
-        build = next(found for module in modules if (found := getattr(module, name, None)))
+        build = getattr(paper_tables, name, None) or getattr(study_tables, name)
         return build(self._results, **part.get("with", {}))
 
     def _listed(self, part: Mapping[str, Any]) -> pd.DataFrame:

@@ -136,13 +136,11 @@ class Results:
 
 @dataclass(frozen=True)
 class Origin:
-    """Where the results come from.
+    """Where the results come from: numbers of different runs and of the cases that they stand for.
 
     Attributes:
         trip: what most of the runs drive, in words.
         whole_cycle: whether that is the whole comprehensive cycle, as in the paper.
-        runs: number of different runs.
-        cases: number of cases that they stand for.
         details: all of that in words, times, source and versions, by title.
     """
 

@@ -46,15 +46,7 @@ Task = tuple[RunInputs, Mapping[str, float]]
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What one strategy does on the trip of one candidate.
-
-    Attributes:
-        key: key of everything that the numbers depend on.
-        strategy: name of the strategy.
-        values: the candidate's numbers by key.
-        figures: figures of the run by key.
-        wall_s: wall time of the run.
-    """
+    """What one strategy does on the trip of a candidate; ``key`` is that of all that its figures depend on."""
 
     key: str
     strategy: str
@@ -138,8 +130,7 @@ class EvaluationTable:
 def deviations(runs: Mapping[str, Figures]) -> dict[tuple[str, str], float]:
     """Return the deviations from every number of the table that the runs give, by strategy and figure.
 
-    Args:
-        runs: figures by strategy; the reference must be among them. Relative rows come from the others.
+    The reference must be among the runs. Relative rows come from the others.
     """
     reference = runs["reference"]
     found: dict[tuple[str, str], float] = {}

@@ -64,14 +64,7 @@ STAGES = (
 
 @dataclass(frozen=True)
 class Scored:
-    """A candidate and how far it is from the table.
-
-    Attributes:
-        candidate: its numbers.
-        score: misfit and prior; `FAILED` where a run failed.
-        misfit: misfit alone.
-        runs: figures by strategy.
-    """
+    """A candidate, its score (misfit and prior; `FAILED` where a run failed), and its runs by strategy."""
 
     candidate: Candidate
     score: float
@@ -131,7 +124,7 @@ class Search:
         for _ in range(stage.generations):
             asked = strategy.ask()
             candidates = [unknowns.candidate(np.asarray(x)) for x in asked]
-            scored = self._score(stage, candidates, _best(every))
+            scored = self._score(stage, candidates, min(entry.score for entry in every))
             strategy.tell(asked, [entry.score for entry in scored])
             every += scored
         return _ranked(every)
@@ -178,10 +171,6 @@ class Search:
         unknowns = self._unknowns
         away = (unknowns.places(candidate.values) - unknowns.start) / unknowns.spreads
         return Scored(candidate, fit + PRIOR_SHARE * float(np.mean(away**2)), fit, runs)
-
-
-def _best(scored: Iterable[Scored]) -> float:
-    return min(entry.score for entry in scored)
 
 
 def _ranked(scored: Iterable[Scored]) -> list[Scored]:

@@ -26,7 +26,6 @@ from iptm_reproduction.identification.shipping import DEVIATION, EVALUATIONS_NAM
 from iptm_reproduction.identification.unknowns import (
     COMPOSITION,
     PARAMETERS,
-    Unknown,
     read_unknowns,
     shipped_unknowns,
 )
@@ -40,48 +39,19 @@ PINNED_SHARE, PARTLY_SHARE = 1.0 / 3.0, 2.0 / 3.0
 
 
 @dataclass(frozen=True)
-class Determined:
-    """A number with its spread over the good fits.
-
-    Attributes:
-        unknown: bounds and reason.
-        value: the shipped value.
-        low: smallest value of a good fit.
-        high: largest one.
-        share: standard deviation that the table leaves, relative to that of the prior.
-    """
-
-    unknown: Unknown
-    value: float
-    low: float
-    high: float
-    share: float
-
-    @property
-    def deviation(self) -> float:
-        """Standard deviation that the table leaves."""
-        return self.share * self.unknown.deviation
-
-    @property
-    def judgement(self) -> str:
-        """Whether the paper pins the number down."""
-        if self.share <= PINNED_SHARE:
-            return "yes"
-        return "in part" if self.share <= PARTLY_SHARE else "no"
-
-
-@dataclass(frozen=True)
 class Spread:
     """All numbers, and the evaluations that they rest on.
 
     Attributes:
-        numbers: in the order of the unknowns.
+        numbers: a row per unknown, in their order: ``key``, ``unit``, bounds ``lowest`` and ``highest``,
+            shipped ``value``, range of the good fits from ``low`` to ``high``, ``share`` of the prior's
+            standard deviation that the table leaves, that ``deviation`` itself, and ``pinned_down``.
         values: numbers of each candidate, shape (candidates, numbers).
         misfits: shape (candidates,), the best first.
         threshold: largest misfit of a good fit.
     """
 
-    numbers: tuple[Determined, ...]
+    numbers: pd.DataFrame
     values: FloatArray
     misfits: FloatArray
     threshold: float
@@ -122,18 +92,27 @@ def determined_numbers() -> Spread:
         threshold = float(misfits.min()) + GOOD_EXCESS
     except (OSError, KeyError, ValueError) as error:
         raise StoreError(f"evaluations {path} cannot be read: {error}") from error
-    shipped = shipped_values()
-    shares = remaining_shares(
-        (values - np.array([shipped[entry.key] for entry in unknowns]))
-        / np.array([entry.deviation for entry in unknowns]),
-        table.filter(regex=rf"^{DEVIATION}\.").to_numpy(),
-    )
+    known = shipped_values()
+    shipped = np.array([known[entry.key] for entry in unknowns])
+    prior = np.array([entry.deviation for entry in unknowns])
+    deviations = table.filter(regex=rf"^{DEVIATION}\.").to_numpy()
+    shares = remaining_shares((values - shipped) / prior, deviations)
     fits = values[misfits <= threshold]
-    numbers = tuple(
-        Determined(unknown, shipped[unknown.key], float(low), float(high), float(share))
-        for unknown, low, high, share in zip(
-            unknowns, fits.min(axis=0), fits.max(axis=0), shares, strict=True
-        )
+    numbers = pd.DataFrame(
+        {
+            "key": [entry.key for entry in unknowns],
+            "unit": [entry.unit for entry in unknowns],
+            "lowest": [entry.low for entry in unknowns],
+            "highest": [entry.high for entry in unknowns],
+            "value": shipped,
+            "low": fits.min(axis=0),
+            "high": fits.max(axis=0),
+            "share": shares,
+            "deviation": shares * prior,
+            "pinned_down": np.select(
+                [shares <= PINNED_SHARE, shares <= PARTLY_SHARE], ["yes", "in part"], "no"
+            ),
+        }
     )
     return Spread(numbers, values, misfits, threshold)
 

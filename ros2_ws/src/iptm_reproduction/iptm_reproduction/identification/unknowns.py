@@ -91,13 +91,8 @@ class Settled:
 class Unknowns:
     """Everything that is searched for, and everything that deliberately is not.
 
-    Attributes:
-        order: parts of a pass in driving order.
-        first_slope: kind of hills of the first part.
-        base_set: parameter set that states everything else.
-        free: what is searched for.
-        settled: what could be, and is not.
-        weights: strategies that are compared, by name, with the weights of their energy and aging terms.
+    ``order`` and ``first_slope`` are those of the trip, ``base_set`` states all other parameters, and
+    ``weights`` are those of the energy and aging terms by strategy.
     """
 
     order: tuple[str, ...]

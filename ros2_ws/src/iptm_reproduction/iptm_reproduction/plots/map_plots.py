@@ -101,14 +101,14 @@ def determined(_: Results) -> Figure:
     rows = math.ceil(len(spread.numbers) / _COLUMNS)
     figure, panels = new_figure(1.5 * rows, rows, _COLUMNS, sharey=True)
     good = spread.good
-    for place, (panel, number) in enumerate(zip(panels, spread.numbers, strict=False)):
+    for place, (panel, number) in enumerate(zip(panels, spread.numbers.itertuples(), strict=False)):
         values = spread.values[:, place]
         panel.plot(values[~good], spread.misfits[~good], ".", color="#bbbbbb", markersize=4)
         panel.plot(values[good], spread.misfits[good], ".", color=SERIES_COLOURS[1], markersize=6)
         panel.axvline(number.value, color=LIMIT_COLOUR, linewidth=1.0)
-        panel.set_xlim(number.unknown.low, number.unknown.high)
+        panel.set_xlim(number.lowest, number.highest)
         panel.set_ylim(0.0, 3.0 * spread.threshold)
-        labelled(panel, number.unknown.key.partition(".")[2].rpartition(".")[2], "")
+        labelled(panel, number.key.partition(".")[2].rpartition(".")[2], "")
         panel.xaxis.label.set_fontsize(6.5)
         panel.tick_params(labelsize=6.5)
     for panel in panels[len(spread.numbers) :]:
