@@ -46,7 +46,7 @@ Task = tuple[RunInputs, Mapping[str, float]]
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What one strategy does on the trip of a candidate; ``key`` is that of all that its figures depend on."""
+    """What one strategy does on the trip of a candidate; ``key`` covers all that its figures depend on."""
 
     key: str
     strategy: str
