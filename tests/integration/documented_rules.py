@@ -132,7 +132,7 @@ RULES = (
     Rule(Way.DRIVE, r"scripts/train_predictor"),
     Rule(Way.DRIVE, r"scripts/campaign --dry-run", "--store {out}"),
     Rule(Way.DRIVE, r"scripts/run_demo .*--output.*", _SHORT),
-    Rule(Way.PREPARE, r"scripts/run_demo (?!.*--(view|without|set|my_plan)).*"),
+    Rule(Way.PREPARE, r"scripts/run_demo (?!.*(--view|--without|--set|my_plan)).*"),
     Rule(Way.DRIVE, r"(IPTM_COMPILER=none )?scripts/run_demo.*", f"{_SHORT} --output {{out}}"),
     Rule(
         Way.DRIVE,

@@ -14,9 +14,9 @@ from iptm_recording.bag_info import result_tables
 
 MODULE = "iptm_bringup.run_closed_loop"
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
-TRIP = {"cycle": "us06", "slope": "small", "duration_s": 60.0}
+ROAD = {"cycle": "us06", "slope": "small"}
 OPTIONS = (
-    "--cycle", "us06", "--slope", "small", "--duration-s", "60", "--no-picture", "--against", "reference"
+    "--cycle", "us06", "--slope", "small", "--duration-s", "20", "--no-picture", "--against", "reference"
 )  # fmt: skip
 RUN_TIMEOUT_S = 180.0
 
@@ -34,8 +34,7 @@ def test_a_run_waits_for_a_node_of_the_users_and_reports_its_figures(
     if example.exists():
         launcher.start(f"own_{node}", sys.executable, example)
     else:
-        road = {name: TRIP[name] for name in ("cycle", "slope")}
-        launcher.start_node("iptm_v2x_bridge.node", parameters=road)
+        launcher.start_node("iptm_v2x_bridge.node", parameters=ROAD)
     assert runner.wait(RUN_TIMEOUT_S) == 0, runner.stdout + runner.stderr
     results = json.loads((output / "results.json").read_text(encoding="utf-8"))
     summary = results["summary"]
