@@ -72,9 +72,7 @@ def test_the_reduction_holds_for_every_number_of_cells(
         assert min(weights.inlet, weights.cell_1, weights.cell_n) >= 0.0
 
 
-COOLING, PACK = VALUES.cooling, VALUES.pack
 CHANNEL = FullChannel.of(COOLING, PACK)
-TEMPERATURES = st.floats(273.15, 323.15)
 
 
 def line_at(power_w: float) -> ChillerLine:

@@ -1,4 +1,4 @@
-"""The course of a road on the ellipsoid, and points seen from it."""
+"""The course of a road on the ellipsoid, points seen from it, and the road in space."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from iptm_core.errors import RouteError
+from iptm_core.routes.road_course import RoadCourse, heights
 from iptm_core.routes.road_line import RoadLine, east_north_m, step_deg
+from iptm_core.state import SlopePreview
 
 
 def winding(points: int = 400) -> RoadLine:
@@ -124,3 +126,51 @@ def test_the_expected_position_hardly_moves_the_found_one() -> None:
         place_deg = float(place[0]), float(place[1])
         free, near = road.project(*place_deg), road.project(*place_deg, position_m - 100.0)
         assert near.position_m == pytest.approx(free.position_m, abs=0.2)
+
+
+FLAT = SlopePreview(np.zeros(1), np.zeros(1))
+
+
+def turned(quaternion: np.ndarray, vector: tuple[float, float, float]) -> np.ndarray:
+    """Turn a vector by the matrix of a quaternion, written out."""
+    x, y, z, w = quaternion
+    matrix = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    return matrix @ np.array(vector)
+
+
+def test_a_straight_level_road_is_the_x_axis() -> None:
+    poses = RoadCourse(FLAT).poses([-5.0, 0.0, 1234.5], -4.5)
+    assert poses.points_m.tolist() == [[-5.0, 0.0, 0.0], [0.0, 0.0, 0.0], [1234.5, 0.0, 0.0]]
+    assert poses.quaternions().tolist() == [[0.0, 0.0, 0.0, 1.0]] * 3
+
+
+def test_a_climb_lifts_the_nose() -> None:
+    slope = SlopePreview(np.array([-100.0, 300.0]), np.array([0.1, 0.1]))
+    poses = RoadCourse(slope).poses([200.0], -4.0)
+    assert poses.points_m[0] == pytest.approx([200.0, 0.0, 200.0 * math.sin(0.1)])
+    forward = turned(poses.quaternions()[0], (1.0, 0.0, 0.0))
+    assert forward[2] / forward[0] == pytest.approx(math.sin(0.1))
+    assert np.linalg.norm(poses.quaternions()[0]) == pytest.approx(1.0)
+    # Height 0 is where the host starts, not where the slope begins.
+    assert heights(slope)[1][0] == pytest.approx(-100.0 * math.sin(0.1))
+
+
+def test_a_car_stands_on_a_bend_with_both_ends() -> None:
+    east = RoadLine(np.array([0.0, 0.0, 0.001]), np.array([0.0, 0.001, 0.001]))
+    corner_m = float(east.positions_m[1])
+    course = RoadCourse(FLAT, east)
+    before, at_corner, after = course.poses(
+        [corner_m - 10.0, corner_m + 2.0, corner_m + 10.0], -4.0
+    ).yaws_rad
+    assert before == pytest.approx(0.0, abs=1e-6)
+    assert at_corner == pytest.approx(math.radians(45.0), abs=1e-3)
+    assert after == pytest.approx(math.radians(90.0))
+    # A body that lies ahead of its position looks the same way.
+    assert course.poses([corner_m - 2.0], 4.0).yaws_rad[0] == pytest.approx(at_corner, abs=1e-6)
+    assert course.points_m([corner_m + 10.0])[0] == pytest.approx([corner_m, 10.0, 0.0], abs=1e-3)

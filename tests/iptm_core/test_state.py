@@ -1,10 +1,10 @@
-"""States come back from files to the last bit, and what is none is refused."""
+"""States come back from files to the last bit; a preview with bounds: what of it is known."""
 
 from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
 
@@ -13,7 +13,14 @@ import pytest
 
 from iptm_core.errors import StateError
 from iptm_core.saved_state import SavedState, from_plain, read_state, to_plain, write_state
-from iptm_core.state import ChannelCells, FloatArray, FullChannelState, VehicleState
+from iptm_core.state import (
+    KNOWN_BOUND_M,
+    ChannelCells,
+    FloatArray,
+    FullChannelState,
+    LeaderPreview,
+    VehicleState,
+)
 
 SETTINGS = {"cycle": "us06", "period_s": 1.0}
 
@@ -102,3 +109,43 @@ def test_other_settings_and_other_kinds_are_refused(tmp_path: Path) -> None:
         read_state(path, "plant", SETTINGS)
     with pytest.raises(StateError, match="cannot be written"):
         write_state(path / "below" / "a_file.json", SavedState("plant", 0, SETTINGS, {}))
+
+
+TIMES = np.arange(5.0)
+KNOWN = LeaderPreview(0.0, TIMES, 20.0 + 10.0 * TIMES, np.full(5, 10.0))
+
+
+def test_without_bounds_all_is_known() -> None:
+    assert (KNOWN.known_nodes, KNOWN.known_until_s) == (5, 4.0)
+    assert KNOWN.cautious() is KNOWN
+
+
+@pytest.mark.parametrize(
+    ("bounds", "nodes", "until_s"),
+    [
+        ([0.0, 0.5, KNOWN_BOUND_M, 1.6, 9.0], 3, 2.0),
+        ([0.0, 0.1, 0.2, 0.3, 0.4], 5, 4.0),
+        ([0.0, 2.0, 1.0, 1.0, 1.0], 1, 0.0),
+        ([2.0, 2.0, 2.0, 2.0, 2.0], 0, -math.inf),
+    ],
+)
+def test_known_is_what_comes_before_the_first_large_bound(
+    bounds: list[float], nodes: int, until_s: float
+) -> None:
+    preview = replace(KNOWN, bounds_m=np.array(bounds))
+    assert (preview.known_nodes, preview.known_until_s) == (nodes, until_s)
+
+
+def test_nothing_of_an_empty_preview_is_known() -> None:
+    empty = LeaderPreview.empty()
+    assert (empty.known_nodes, empty.known_until_s) == (0, -math.inf)
+
+
+def test_cautious_motion_by_hand() -> None:
+    preview = replace(KNOWN, bounds_m=np.array([1.0, 2.0, 5.0, 10.0, 41.0]))
+    cautious = preview.cautious()
+    # 59, 60 m less 10, 41 m: the leader does not drive backwards from where it was.
+    assert cautious.positions_m.tolist() == [19.0, 28.0, 35.0, 40.0, 40.0]
+    # Twice the mean rates of 1, 2, 3 and 10 m/s since the first node.
+    assert cautious.speeds_m_s.tolist() == [10.0, 8.0, 6.0, 4.0, 0.0]
+    assert cautious.bounds_m.size == 0
