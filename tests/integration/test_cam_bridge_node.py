@@ -14,8 +14,8 @@ from tests.integration.cam_host import BRIDGE, SENDER, Host, free_port
 from iptm_core.routes import build_route
 from iptm_interfaces.diagnostics import status_values
 from iptm_v2x_bridge.cam_bridge import CamBridge
+from iptm_v2x_bridge.datagrams import EndOfTick
 from iptm_v2x_bridge.radio_recording import SimulatedRadio
-from iptm_v2x_bridge.sending.datagrams import EndOfTick
 from iptm_v2x_bridge.sending.sender import CamSender
 from iptm_v2x_bridge.sending.settings import SenderSettings
 

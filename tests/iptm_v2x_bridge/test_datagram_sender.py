@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 from contextlib import closing
 
-from iptm_v2x_bridge.sending.datagrams import DatagramSender, EndOfTick
+from iptm_v2x_bridge.datagrams import DatagramSender, EndOfTick
 
 TOO_LONG = bytes(70_000)
 

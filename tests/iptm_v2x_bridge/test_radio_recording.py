@@ -14,6 +14,7 @@ from iptm_core.routes import Route
 from iptm_v2x_bridge.bridge import BridgeAnswer
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.captures import read_capture
+from iptm_v2x_bridge.datagrams import EndOfTick
 from iptm_v2x_bridge.messages.its_time import its_timestamp_ms
 from iptm_v2x_bridge.radio_recording import (
     RadioRecording,
@@ -21,7 +22,6 @@ from iptm_v2x_bridge.radio_recording import (
     recording_with_marks,
 )
 from iptm_v2x_bridge.rejections import Rejection
-from iptm_v2x_bridge.sending.datagrams import EndOfTick
 from iptm_v2x_bridge.sending.sender import CamSender
 from iptm_v2x_bridge.sending.settings import Framing, SenderSettings
 

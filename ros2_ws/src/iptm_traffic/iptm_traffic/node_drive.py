@@ -50,12 +50,12 @@ from iptm_traffic.radio import TrafficRadio
 from iptm_traffic.roadside import LIMITS_WITHOUT_SIGNS
 from iptm_traffic.simulation import HostInstant, TrafficSimulation
 from iptm_traffic.world import SumoWorld
-from iptm_v2x_bridge.messages.cam import specification
-from iptm_v2x_bridge.sending.datagrams import (
+from iptm_v2x_bridge.datagrams import (
     NOT_ALL_SENT,
     REPEAT_PERIOD_S,
     DatagramSender,
 )
+from iptm_v2x_bridge.messages.cam import specification
 
 NAME = "traffic"
 LISTENERS = 2

@@ -13,12 +13,12 @@ from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
 from iptm_v2x_bridge.bridge import BridgeAnswer, TickBridge
 from iptm_v2x_bridge.cam_bridge import CamBridge
+from iptm_v2x_bridge.datagrams import EndOfTick
 from iptm_v2x_bridge.messages.cam import specification
 from iptm_v2x_bridge.messages.its_time import its_timestamp_ms
 from iptm_v2x_bridge.node_answers import TickAnswers
 from iptm_v2x_bridge.node_datagrams import open_source
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
-from iptm_v2x_bridge.sending.datagrams import EndOfTick
 
 READ_PERIOD_S = 0.005
 

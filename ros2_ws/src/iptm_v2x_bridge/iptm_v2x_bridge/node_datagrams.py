@@ -14,17 +14,15 @@ from iptm_interfaces.codecs import decode_raw_datagram
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import TOPICS, Topic
 from iptm_v2x_bridge.captures import CAPTURE_SUFFIXES, read_capture
-from iptm_v2x_bridge.datagrams import MAX_KEPT, DatagramReader
+from iptm_v2x_bridge.datagrams import MAX_KEPT, DatagramReader, EndOfTick, Reception
 from iptm_v2x_bridge.messages.its_time import its_timestamp_ms
 from iptm_v2x_bridge.messages.ros_cam import bits_of, message_type
 from iptm_v2x_bridge.node_parameters import CamSettings
 from iptm_v2x_bridge.radio_recording import (
     RadioRecording,
-    Reception,
     recording_by_time,
     recording_with_marks,
 )
-from iptm_v2x_bridge.sending.datagrams import EndOfTick
 
 MAX_WAITING = 1000
 """Messages of a topic that the middleware keeps."""

@@ -23,14 +23,14 @@ from iptm_interfaces.parameters import declare_parameters
 from iptm_interfaces.qos import RAW_QOS
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
-from iptm_v2x_bridge.messages.cam import specification
-from iptm_v2x_bridge.messages.its_time import its_timestamp_ms
-from iptm_v2x_bridge.node_parameters import SenderNodeParameters, SentDrive
-from iptm_v2x_bridge.sending.datagrams import (
+from iptm_v2x_bridge.datagrams import (
     NOT_ALL_SENT,
     REPEAT_PERIOD_S,
     DatagramSender,
 )
+from iptm_v2x_bridge.messages.cam import specification
+from iptm_v2x_bridge.messages.its_time import its_timestamp_ms
+from iptm_v2x_bridge.node_parameters import SenderNodeParameters, SentDrive
 from iptm_v2x_bridge.sending.plan_sender import HostTick, PlanSender
 from iptm_v2x_bridge.sending.sender import CamSender, build_sender
 

@@ -15,23 +15,8 @@ from iptm_core.errors import ParameterError
 from iptm_core.state import NS_PER_MS
 from iptm_v2x_bridge.bridge import BridgeAnswer
 from iptm_v2x_bridge.cam_bridge import CamBridge
-from iptm_v2x_bridge.sending.datagrams import EndOfTick
+from iptm_v2x_bridge.datagrams import EndOfTick, Reception
 from iptm_v2x_bridge.sending.sender import CamSender
-
-
-@dataclass(frozen=True)
-class Reception:
-    """A datagram of a recording.
-
-    Attributes:
-        tick_ns: the first tick that it counts for, trip time.
-        received_ns: when it was received, trip time.
-        datagram: its bytes.
-    """
-
-    tick_ns: int
-    received_ns: int
-    datagram: bytes
 
 
 @dataclass(frozen=True)
