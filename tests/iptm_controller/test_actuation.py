@@ -8,7 +8,6 @@ import pytest
 from tests.iptm_controller.scenes import PARAMETERS, make_state
 
 from iptm_controller.actuation import ActuationObserver
-from iptm_core.saved_state import from_plain, to_plain
 from iptm_core.state import Command, VehicleState
 
 LIMITS = PARAMETERS.limits
@@ -156,12 +155,3 @@ def test_prediction_stops_at_standstill() -> None:
     predicted = observer.predicted(slow)
     assert predicted.speed_m_s == 0.0
     assert predicted.position_m == pytest.approx(500.0 + 0.2**2 / 2.0)
-
-
-def test_memory_is_restored() -> None:
-    observer, vehicle = ActuationObserver(LIMITS, 1.0), Vehicle(1.0, late_ticks=1)
-    drive(observer, vehicle, 10)
-    other = ActuationObserver(LIMITS, 1.0)
-    other.memory = from_plain(type(observer.memory), to_plain(observer.memory))
-    assert other.delay_s == 1.0
-    assert other.predicted(vehicle.state) == observer.predicted(vehicle.state)

@@ -16,12 +16,14 @@ from iptm_controller.decision import Decision
 from iptm_controller.forecast import PreviewQuality
 from iptm_controller.ladder import LadderOptions, safe_following, thermostat_power_w
 from iptm_controller.measurements import Measurements
+from iptm_controller.memory import ControllerMemory
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import InputIndex
 from iptm_controller.options import ControllerOptions
 from iptm_controller.solvers.interface import STATUS_TEXT, SolverBackend, SolveResult
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.decision_record import Rung, SolveStatus
+from iptm_core.saved_state import from_plain, to_plain
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState, SlopePreview, VehicleState
 
 
@@ -249,3 +251,30 @@ def test_after_an_outage_it_starts_cold(controller: Controller) -> None:
     assert recovered.rung is Rung.OPTIMAL
     fresh = Controller(PARAMETERS, options, controller.backend).decide(late)
     assert recovered.command == fresh.command
+
+
+def test_it_goes_on_from_a_saved_memory(controller: Controller) -> None:
+    """With noisy measurements, late commands and previews that were wrong, which all leave traces."""
+    random = np.random.default_rng(6)
+
+    def noisy(tick: int) -> Measurements:
+        measured = at(100.0 + tick, acceleration_m_s2=0.3 * math.sin(tick - 2.0))
+        state, leader = measured.state, measured.leader
+        assert state is not None
+        assert leader is not None
+        moved_m = float(random.normal(0.0, 1.0))
+        return replace(
+            measured,
+            state=replace(state, speed_m_s=state.speed_m_s + float(random.normal(0.0, 0.3))),
+            leader=replace(leader, position_m=leader.position_m + moved_m, speed_m_s=11.0),
+        )
+
+    for tick in range(30):
+        before = controller.decide(noisy(tick))
+    assert before.noise
+    assert "previews were wrong" in before.reason
+    other = Controller(PARAMETERS, controller.options, controller.backend)
+    other.memory = from_plain(ControllerMemory, to_plain(controller.memory))
+    for tick in range(30, 35):
+        measured = noisy(tick)
+        assert other.decide(measured).command == controller.decide(measured).command

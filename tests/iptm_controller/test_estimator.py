@@ -10,7 +10,6 @@ import pytest
 from tests.iptm_controller.scenes import PARAMETERS, make_state
 
 from iptm_controller.estimator import Estimator, NoiseSettings
-from iptm_core.saved_state import from_plain, to_plain
 from iptm_core.state import LeaderState, VehicleState
 
 TICKS = 300
@@ -149,13 +148,3 @@ def test_wild_values_do_not_count_as_noise() -> None:
     state, leader = truth(21)
     filtering.update(state, leader)
     assert filtering.noise == ""
-
-
-def test_memory_is_restored() -> None:
-    filtering, random = estimator(), np.random.default_rng(5)
-    for tick in range(60):
-        filtering.update(*noisy(random, *truth(tick)))
-    other = estimator()
-    other.memory = from_plain(type(filtering.memory), to_plain(filtering.memory))
-    measured = noisy(random, *truth(60))
-    assert other.update(*measured) == filtering.update(*measured)

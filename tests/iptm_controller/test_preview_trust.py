@@ -10,7 +10,6 @@ import pytest
 
 from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_controller.preview_trust import PROBATION_S, PreviewTrust
-from iptm_core.saved_state import from_plain, to_plain
 from iptm_core.state import LeaderState
 
 Speed = Callable[[float], float]
@@ -121,17 +120,6 @@ def test_ticks_of_a_tenth_of_a_second_compare_the_same_lead_times() -> None:
     assert math.isinf(horizons[205])
     assert horizons[217] <= 1.0
     assert horizons[399] == 0.0
-
-
-def test_memory_is_restored() -> None:
-    trust = PreviewTrust(1.0)
-    drive(trust, braking_at_20_s, constant, range(25))
-    kept = trust.memory
-    plain = from_plain(type(kept), to_plain(kept))
-    other = PreviewTrust(1.0)
-    other.memory = plain
-    expected = drive(trust, waves, None, range(25, 80))
-    assert drive(other, waves, None, range(25, 80)) == expected
 
 
 def test_an_earlier_instant_begins_another_trip() -> None:
