@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from benchmarks.harness import formatted_table, run_benchmark
 from iptm_core.parameters import load_parameters
@@ -15,7 +16,6 @@ from iptm_core.road_ahead import SpeedLimits
 from iptm_core.routes import build_route
 from iptm_core.routes.cycles import LeaderMotion
 from iptm_core.routes.road_line import RoadLine
-from iptm_core.state import FloatArray
 from iptm_traffic.drive import PredictionInput, TrafficDrive, opened_traffic
 from iptm_v2x_bridge.messages.cam import decode_datagram
 from iptm_v2x_bridge.prediction.history import History
@@ -147,8 +147,8 @@ def in_traffic(duration_s: float) -> tuple[list[Case], RoadLine]:
 
 def errors(
     cases: list[Case], road: RoadLine, every_s: float, until_before_end_s: float = 1.0
-) -> dict[PredictorName, list[dict[str, FloatArray]]]:
-    """Return speed and position errors (predicted less true) of each predictor at `LEADS_S`.
+) -> pd.DataFrame:
+    """Return speed and position errors (predicted less true) and bounds of each prediction at `LEADS_S`.
 
     Args:
         cases: pairs of predictor and motion.
@@ -156,29 +156,43 @@ def errors(
         every_s: time between two predictions.
         until_before_end_s: time of the last prediction before the end of a drive.
     """
-    found: dict[PredictorName, list[dict[str, FloatArray]]] = {}
-    leads = np.array(LEADS_S)
+    found = []
     for name, motion, predictor in cases:
         sender = CamSender(motion, road, SenderSettings())
-        first_s = (
-            motion.times_s[0] + 1.7
-        )  # a second of messages; between samples and points of paths
-        for time_s in np.arange(first_s, motion.times_s[-1] - until_before_end_s, every_s):
-            known = knowledge_at(
-                sender, road, round(1000.0 * time_s), round(1000.0 * motion.times_s[0])
-            )
-            times = time_s + leads
-            predicted = predictor.predict(known, times)
-            if predicted is None or predicted.times_s.size < times.size:
-                continue
-            found.setdefault(name, []).append(
-                {
-                    "speed": predicted.speeds_m_s - motion.speeds_at(times),
-                    "position": predicted.positions_m - motion.positions_at(times),
-                    "bound": predicted.bounds_m,
+        begin_s, end_s = motion.times_s[0], motion.times_s[-1] - until_before_end_s
+        # After a second of messages, between samples and points of paths.
+        for time_s in np.arange(begin_s + 1.7, end_s, every_s):
+            known = knowledge_at(sender, road, round(1000.0 * time_s), round(1000.0 * begin_s))
+            predicted = predictor.predict(known, time_s + np.array(LEADS_S))
+            if predicted is not None:
+                times = predicted.times_s  # a path may end before the last lead time
+                behind_m = predicted.positions_m - motion.positions_at(times)
+                values = {
+                    "predictor": str(name),
+                    "lead_s": LEADS_S[: times.size],
+                    "speed_m_s": predicted.speeds_m_s - motion.speeds_at(times),
+                    "position_m": behind_m,
+                    "bound_m": predicted.bounds_m,
+                    "covered_percent": 100.0 * (behind_m <= predicted.bounds_m),
                 }
-            )
-    return found
+                found.append(pd.DataFrame(values))
+    return pd.concat(found)
+
+
+def summary(found: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return the rows of the table."""
+    by_lead = found.groupby(["predictor", "lead_s"])
+    rows = by_lead[["bound_m", "covered_percent"]].mean()
+    rows["speed_rms_m_s"] = by_lead["speed_m_s"].apply(_rms)
+    rows["speed_max_m_s"] = by_lead["speed_m_s"].apply(lambda errors: errors.abs().max())
+    rows["position_rms_m"] = by_lead["position_m"].apply(_rms)
+    rows["ahead_99_m"] = by_lead["position_m"].quantile(0.99)
+    order = [str(name) for name in PredictorName if str(name) in set(found["predictor"])]
+    return [dict(row) for row in rows.loc[order].reset_index().to_dict("records")]
+
+
+def _rms(values: pd.Series[float]) -> float:
+    return float(np.sqrt((values**2).mean()))
 
 
 def measure(
@@ -192,43 +206,13 @@ def measure(
         traffic_s: length of the simulated traffic in which signals are looked at, s; 0 leaves it out.
     """
     road = RoadLine.test_road()
-    everything = [errors(on_cycle(name), road, every_s) for name in cycle]
-    numbers = {"cycles": list(cycle), "rows": _rows(everything)}
+    rows = summary(pd.concat([errors(on_cycle(name), road, every_s) for name in cycle]))
+    numbers: dict[str, Any] = {"cycles": list(cycle), "rows": rows}
     if traffic_s > 0.0:
         cases, corridor = in_traffic(traffic_s)
-        numbers["traffic_rows"] = _rows([errors(cases, corridor, IN_TRAFFIC_EVERY_S, LEADS_S[-1])])
-        numbers["cars"] = len(cases) // 2
+        found = errors(cases, corridor, IN_TRAFFIC_EVERY_S, LEADS_S[-1])
+        numbers |= {"traffic_rows": summary(found), "cars": len(cases) // 2}
     return numbers
-
-
-def _rows(
-    everything: list[dict[PredictorName, list[dict[str, FloatArray]]]],
-) -> list[dict[str, Any]]:
-    rows = []
-    for name in PredictorName:
-        cases = [case for found in everything for case in found.get(name, ())]
-        if not cases:
-            continue
-        speed, position, bound = (
-            np.array([case[what] for case in cases]) for what in ("speed", "position", "bound")
-        )
-        for index, lead_s in enumerate(LEADS_S):
-            rows.append(
-                {
-                    "predictor": str(name),
-                    "lead_s": lead_s,
-                    "speed_rms_m_s": float(np.sqrt(np.mean(speed[:, index] ** 2))),
-                    "speed_max_m_s": float(np.abs(speed[:, index]).max()),
-                    "position_rms_m": float(np.sqrt(np.mean(position[:, index] ** 2))),
-                    "ahead_99_m": float(np.quantile(position[:, index], 0.99)),
-                    "bound_m": float(bound[:, index].mean()),
-                    "covered_percent": float(
-                        100.0 * np.mean(position[:, index] <= bound[:, index])
-                    ),
-                    "predictions": len(cases),
-                }
-            )
-    return rows
 
 
 COLUMNS = {
