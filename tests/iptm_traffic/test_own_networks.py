@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from contextlib import closing
 from pathlib import Path
 
@@ -185,6 +187,58 @@ def test_people_on_a_crossing_close_the_line(tmp_path: Path) -> None:
             if simulation.time_s < 250.0:
                 assert not is_closed  # still far from it
         assert met == {True}
+
+
+def test_people_who_wait_for_green_close_the_line_before_they_walk(tmp_path: Path) -> None:
+    """Their light turns green with the host's, which then turns across their crossing."""
+    net, people = tmp_path / "grid.net.xml", tmp_path / "people.rou.xml"
+    command = [
+        Path(sys.executable).with_name("netgenerate"),
+        *(
+            "--grid",
+            "--grid.number",
+            "3",
+            "--grid.length",
+            "150",
+            "--sidewalks.guess",
+            "--crossings.guess",
+        ),
+        *("--default.speed", "13.8", "--default-junction-type", "traffic_light", "-o", net),
+    ]
+    subprocess.run(command, check=True, capture_output=True)
+    walkers = "".join(
+        f'<person id="p{start_s}" depart="{start_s}" departPos="60"><walk from="A1B1" to="B1C1"/></person>'
+        for start_s in range(0, 200, 5)
+    )
+    people.write_text(f"<routes>{walkers}</routes>", encoding="utf-8")
+    own = OwnNetwork(net, (people,), "", ("A1B1", "B1B0", "B0C0"), 0.0)
+    network = build_own_network(own, STEP_S, tmp_path)
+    with closing(TrafficSimulation(network, None, STEP_S)) as simulation:
+        rules = RightOfWay(simulation)
+        link, line_m = network.way[0], network.road.stop_lines_m[0]
+        simulation._host_position_m = line_m - 30.0
+        lights, persons = simulation.connection.trafficlight, simulation.connection.person
+        waited = 0
+        for _ in range(400):
+            simulation.step()
+            rules.refresh()
+            state = lights.getRedYellowGreenState(link.signal)
+            phases = lights.getAllProgramLogics(link.signal)[0].phases
+            following = phases[(lights.getPhase(link.signal) + 1) % len(phases)].state
+            switch_s = lights.getNextSwitch(link.signal) - simulation.start_s
+            index = link.signal_index
+            for name in persons.getIDList():
+                light = network.net.crossing_lights.get(persons.getNextEdge(name))
+                if light is None or light[0] != link.signal or persons.getSpeed(name) > 0.1:
+                    continue
+                crossing = network.net.crossing_lights[persons.getNextEdge(name)][1]
+                opens = state[crossing] == "r" and following[crossing] in "Gg"
+                if opens and state[index] == "r" and following[index] == "g":
+                    waited += 1
+                    line = rules.host.plan.next_after(line_m - 1.0)
+                    assert line is not None
+                    assert not line.is_open(switch_s + 1.0)
+        assert waited
 
 
 def test_a_map_of_openstreetmap_is_driven(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ which way they take comes from SUMO.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -158,16 +159,31 @@ class RightOfWay:
         if program is None or program.type != _STATIC:
             closed = bool(link.signal) and self._letter(link.signal, link.signal_index) not in _GO
             return [*(ALWAYS if closed else ())], False
-        spans: list[Span] = []
-        begins, number = -math.inf, int(self._lights.getPhase(link.signal))
-        ends = float(self._lights.getNextSwitch(link.signal)) - self._simulation.start_s
+        phases = self._phases(link.signal, program, now_s)
+        spans = [span for *span, state in phases if state[link.signal_index] not in _GO]
+        return [(begins, ends) for begins, ends in spans], True
+
+    def _phases(
+        self, signal: str, program: Any, now_s: float
+    ) -> Iterator[tuple[float, float, str]]:
+        """Yield beginning, end and letters of the phases of fixed times from the present one on."""
+        begins, number = -math.inf, int(self._lights.getPhase(signal))
+        ends = float(self._lights.getNextSwitch(signal)) - self._simulation.start_s
         while begins < now_s + PROGRAM_S:
             phase = program.phases[number]
-            if phase.state[link.signal_index] not in _GO:
-                spans.append((begins, ends))
+            yield begins, ends, phase.state
             number = phase.next[0] if phase.next else (number + 1) % len(program.phases)
             begins, ends = ends, ends + program.phases[number].duration
-        return spans, True
+
+    def _opens_s(self, signal: str, index: int, now_s: float) -> float:
+        """Return when others may pass a signal: now, with its next green, or never if that is not known."""
+        if not signal or self._letter(signal, index) not in _CLOSED:
+            return now_s
+        program = self._program(signal)
+        if program is None or program.type != _STATIC:
+            return math.inf
+        phases = self._phases(signal, program, now_s)
+        return next((begins for begins, _, state in phases if state[index] in _GO), math.inf)
 
     def _ways(self) -> list[tuple[Link, float, float, float]]:
         """Return link, distance to its stop line, speed and length of the vehicles around; below 0 inside."""
@@ -212,14 +228,15 @@ class RightOfWay:
                 continue
             if not yields or (line.is_mutual(link.index) and speed < STROLL_M_S):
                 continue
-            if link.signal and self._letter(link.signal, link.signal_index) in _CLOSED:
+            opens_s = self._opens_s(link.signal, link.signal_index, now_s)
+            if opens_s == math.inf:
                 continue
             fast = max(FAST_SHARE * self._net.lanes[link.from_lane].limit_m_s, speed)
-            in_s = now_s + _duration_s(way_m, speed, FAST_M_S2, fast)
+            in_s = max(now_s + _duration_s(way_m, speed, FAST_M_S2, fast), opens_s)
             needed_s = clear_s + MARGIN_S
             if link.to_lane == line.link.to_lane:
                 needed_s += max(fast - exit_m_s, 0.0) ** 2 / (2.0 * SOFT_M_S2 * fast)
-            spans.append((in_s - max(needed_s - PASS_MARGIN_S, 0.0), out_s))
+            spans.append((in_s - max(needed_s - PASS_MARGIN_S, 0.0), out_s + opens_s - now_s))
         for index in line.conflicts:
             name = line.junction.lanes_inside[index]
             if self._net.edge_of(name) in self._net.crossings:
@@ -241,9 +258,9 @@ class RightOfWay:
         """Return when the host must not pass a line because of people on or near a crossing."""
         connection, net = self._simulation.connection, self._net
         edge, lane = net.edge_of(crossing), net.lanes[crossing]
-        walking = [(name, 0.0) for name in connection.edge.getLastStepPersonIDs(edge)]
-        light = net.crossing_lights.get(edge)
-        if yields and not (light and self._letter(*light) not in _GO):
+        walking = [(name, 0.0, now_s) for name in connection.edge.getLastStepPersonIDs(edge)]
+        opens_s = self._opens_s(*net.crossing_lights.get(edge, ("", 0)), now_s)
+        if yields and opens_s < math.inf:
             areas = {net.edge_of(walk) for walk in net.walks.get(edge, ())} & net.areas
             beside = {net.edge_of(walk) for area in areas for walk in net.walks[area]}
             for place in sorted((areas | beside) - net.crossings):
@@ -252,12 +269,13 @@ class RightOfWay:
                     ends = lane.shape_m[[0, -1], :2] - np.array(connection.person.getPosition(name))
                     away_m = float(np.min(np.hypot(*ends.T)))
                     if following == edge or (following in areas and away_m < NEAR_CROSSING_M):
-                        walking.append((name, away_m))
+                        walking.append((name, away_m, opens_s))
         spans = []
-        for name, away_m in walking:
+        for name, away_m, from_s in walking:
             slow = max(SLOW_SHARE * float(connection.person.getSpeed(name)), STROLL_M_S)
-            in_s = now_s + away_m / HURRY_M_S - max(clear_s + MARGIN_S - PASS_MARGIN_S, 0.0)
-            spans.append((in_s, now_s + (away_m + lane.length_m) / slow))
+            in_s = max(now_s + away_m / HURRY_M_S, from_s)
+            in_s -= max(clear_s + MARGIN_S - PASS_MARGIN_S, 0.0)
+            spans.append((in_s, from_s + (away_m + lane.length_m) / slow))
         return spans
 
 
