@@ -1,4 +1,4 @@
-"""Ageing laws beside BLAST-Lite 1.1.1, whose losses ``benchmarks/aging_oracle.py`` has written."""
+"""Ageing laws against BLAST-Lite 1.1.1, whose losses ``benchmarks/aging_oracle.py`` has written."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def test_losses_are_those_of_blast_lite(row: Reference) -> None:
 
 @pytest.mark.parametrize("row", list(_rows()), ids=lambda row: f"{row.cell}-{row.profile}")
 def test_calendar_losses_of_the_same_series_are_those_of_blast_lite(row: Reference) -> None:
-    """Within 0.2 percentage points, on days of cycles, too: it takes the series as given, hour by hour.
+    """Within 0.2 percentage points, and on days of cycles: it takes the series as given, hour by hour.
 
     What is left is its averaging over an hour; the law divides the time as finely as the series.
     """

@@ -86,7 +86,7 @@ def test_a_drive_keeps_the_limits_that_it_suggests() -> None:
 
 
 def circle(radius_m: float) -> RoadLine:
-    """A straight way of 500 m due north, then a bend to the right."""
+    """A straight road of 500 m due north, then a bend to the right."""
     north = np.arange(0.0, 501.0, 5.0)
     angle = np.arange(0.0, np.pi, 5.0 / radius_m)[1:]
     easts = np.concatenate([np.zeros(north.size), radius_m * (1.0 - np.cos(angle))])

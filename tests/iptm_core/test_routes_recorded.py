@@ -259,7 +259,7 @@ def test_a_time_that_is_missing_at_some_points_is_refused(write: Callable[..., P
 
 @pytest.mark.parametrize("times", [True, False])
 def test_the_road_has_the_heights_of_the_track(write: Callable[..., Path], times: bool) -> None:
-    """With the noise of a receiver, read at the places of the road, where the car stands, too."""
+    """With the noise of a receiver, read at the places of the road, and where the car stands."""
     heights = 500.0 + 0.03 * PLACES + np.random.default_rng(2).normal(0.0, 1.0, PLACES.size)
     text = gpx(PLACES, heights)
     route_file = write(text if times else re.sub("<time>.*?</time>", "", text))

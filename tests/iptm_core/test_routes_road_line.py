@@ -114,7 +114,7 @@ def test_of_two_directions_that_of_the_movement_counts() -> None:
 
 
 def test_the_expected_position_hardly_moves_the_found_one() -> None:
-    """3 m beside a bend of 100 m, whose vertices are 5 m apart: two segments are about as near."""
+    """3 m off a bend of 100 m, whose vertices are 5 m apart: two segments are about as near."""
     angles = np.linspace(0.0, np.pi, 60)
     road = _line(
         [(100.0 - 100.0 * float(np.cos(a)), 100.0 * float(np.sin(a))) for a in angles], 2.0

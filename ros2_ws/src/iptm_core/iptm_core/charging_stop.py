@@ -1,7 +1,7 @@
 """A stop at a fast charger: how long it takes, as a function of the temperature of the pack on arrival.
 
 The charging current is the smallest of what the cells take at their temperature, less where they are fuller,
-and of what the charger delivers. The pack warms up by its own loss on the way, so that minutes at the
+and of what the charger delivers. The pack warms up by its own loss meanwhile, so that minutes at the
 charger are the solution of a differential equation and not a division.
 
 Limits of the current are assumed: cell makers do not publish them. They are low in the cold, where lithium

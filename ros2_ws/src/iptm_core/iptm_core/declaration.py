@@ -21,7 +21,7 @@ from iptm_core.user_input import is_path, nearest, shown
 
 
 class TextEnum(str, Enum):
-    """Members are their words, in texts, too."""
+    """Members are their words, also inside texts."""
 
     def __str__(self) -> str:
         """Return the bare word."""

@@ -88,7 +88,7 @@ class SpeedLimits:
     """Limits along the road.
 
     Attributes:
-        starts_m: where each limit begins, shape (n,), increasing; the first holds before it, too.
+        starts_m: where each limit begins, shape (n,), increasing; the first also holds before it.
         limits_m_s: the limits, shape (n,), above 0.
     """
 
@@ -146,7 +146,7 @@ class Stop:
 
     Attributes:
         position_m: where it halts at the latest.
-        until_s: trip time at which the way is free; infinite if it never is.
+        until_s: trip time at which it opens; infinite if it never is.
     """
 
     position_m: float
@@ -222,7 +222,7 @@ def lawful_drive(
 LEGAL_KM_H = (30.0, 50.0, 60.0, 80.0, 100.0, 130.0)
 """Usual limits of towns, country roads and motorways."""
 KEPT_WITHIN = 1.03
-"""A limit counts as kept up to this share of it: WLTC reaches 131.3 km/h."""
+"""A limit is kept up to this share of it: WLTC reaches 131.3 km/h."""
 HALT_M_S = 0.1
 CURVE_CHORD_M = 25.0
 """Distance of the three points through which the circle of a curve is laid."""
@@ -256,7 +256,7 @@ def limits_of_curves(
     """Return the speeds with which the curves of a road take a lateral acceleration.
 
     The radius is that of the circle through three points of the line (Menger's curvature), so a bend counts
-    on the road around it, too.
+    also on the road around it.
 
     Args:
         lateral_m_s2: largest lateral acceleration, above 0.

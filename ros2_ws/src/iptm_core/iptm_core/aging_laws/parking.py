@@ -43,7 +43,7 @@ _SMALLEST_STEP_K = 0.05
 
 @dataclass(frozen=True)
 class AgingSettings(Settings):
-    """What the controller counts as ageing, and how the car is used between trips.
+    """Ageing in the cost of the controller, and how the car is used between trips.
 
     All but the law count only with the law of a cell: the paper's law has no ageing at rest.
     """

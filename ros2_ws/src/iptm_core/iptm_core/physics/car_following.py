@@ -57,7 +57,7 @@ class BrakeBuildUp:
     Attributes:
         duration_s: how long it takes within the jerk limit.
         end_speed_m_s: speed at its end. Negative if the vehicle halts before; the distance is then that
-            of the same parabola, shorter than the way to the halt by less than 1.4 m from steady driving.
+            of the same parabola, short of the halt by less than 1.4 m from steady driving.
     """
 
     duration_s: Scalar
@@ -79,13 +79,13 @@ def brake_build_up(
 def stopping_distance_m(
     speed_m_s: Scalar, acceleration_m_s2: Scalar, limits: LimitParameters
 ) -> Scalar:
-    """Way to standstill, build-up included; too short by up to 1.4 m for a halt during the build-up."""
+    """Distance to standstill, build-up included; too short by up to 1.4 m for a halt during the build-up."""
     build_up = brake_build_up(speed_m_s, acceleration_m_s2, limits)
     return build_up.distance_m + halting_distance_m(build_up.end_speed_m_s, limits)
 
 
 def halting_distance_m(speed_m_s: Scalar, limits: LimitParameters) -> Scalar:
-    """Way to standstill at the hardest deceleration, in m."""
+    """Distance to standstill at the hardest deceleration, in m."""
     return speed_m_s * speed_m_s / (-2.0 * limits.min_acceleration_m_s2)
 
 

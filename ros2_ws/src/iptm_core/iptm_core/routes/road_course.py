@@ -44,7 +44,7 @@ class RoadPoses:
 class RoadCourse:
     """Shape and height of a road; position 0, where the host starts, is the origin of the map.
 
-    Positions count in the plane; on a slope of 6 % that is 0.2 % off the way along the road.
+    Positions count in the plane; on a slope of 6 % that is 0.2 % off the distance along the road.
 
     Attributes:
         line: where the road lies on Earth; None for a straight one along x.

@@ -137,7 +137,7 @@ def _read_table(path: Path) -> CsvTable:
 
 
 def _launched(path: Path, times: FloatArray, speeds: FloatArray) -> tuple[DrivingCycle, float]:
-    """Return the cycle of a trace, and the way of the launch ramp in front of it."""
+    """Return the cycle of a trace, and the length of the launch ramp in front of it."""
     launch_s = float(np.ceil(speeds[0] / LAUNCH_ACCELERATION_M_S2))
     launch_m = 0.5 * launch_s * float(speeds[0])
     if launch_s > 0.0:

@@ -35,7 +35,7 @@ class PlainXml:
 
 
 def read_xml(path: Path, most_bytes: int, kind: str, target: PlainXml) -> None:
-    """Give the elements of a file to a target; what is no such file is refused."""
+    """Give the elements of a file to a target; a file of another kind is refused."""
     content = read_file(path, most_bytes, RouteError)
     try:
         parser = ET.XMLParser(target=target)  # noqa: S314 - entities are refused
@@ -180,7 +180,7 @@ MAX_FCD_BYTES = 1_000_000_000
 """Of one vehicle only its own rows are kept."""
 _LONGEST_ID = 200
 _DEGREES_PER_M = 1e-3
-"""Places that move by less for each metre of way are degrees; by metres of a plane they move by 1."""
+"""Places that move by less for each metre driven are degrees; by metres of a plane they move by 1."""
 
 
 class _Vehicle(PlainXml):
