@@ -9,25 +9,23 @@ from iptm_controller.strategy import STRATEGIES as COST_TERMS
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
 from iptm_reproduction.claims import Claim, check_claims, make_check
-from iptm_reproduction.figures import (
+from iptm_reproduction.names import (
     CELL_1,
     COOLING,
     DEGRADATION,
-    TRACTION,
-    change_text,
-    relative_change,
-)
-from iptm_reproduction.names import (
     OPTIMUM,
     PROPOSED,
     REFERENCE,
+    TRACTION,
     VICE,
+    change_text,
     expanded,
     name_of,
     names_of,
+    relative_change,
 )
+from iptm_reproduction.printed import Finding, Verdict
 from iptm_reproduction.results import ReportRun, Results
-from iptm_reproduction.verdict import Finding, Verdict
 
 REPRODUCED, SIGN_ONLY, NOT, UNTESTED = Verdict
 PARAMETERS = load_parameters().values

@@ -15,6 +15,7 @@ from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_reproduction.aging import cooling_payback, printed_cooling
 from iptm_reproduction.claims import make_check
 from iptm_reproduction.names import PROPOSED, REFERENCE
+from iptm_reproduction.printed import Verdict
 from iptm_reproduction.results import ReportRun, Results
 from iptm_reproduction.trips import (
     PowerRegions,
@@ -23,7 +24,6 @@ from iptm_reproduction.trips import (
     thinned,
     time_to_fall_s,
 )
-from iptm_reproduction.verdict import Verdict
 
 REPRODUCED, SIGN_ONLY, NOT, _ = Verdict
 PARAMETERS = load_parameters().values

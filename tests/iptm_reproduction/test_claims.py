@@ -3,16 +3,21 @@
 import pytest
 
 from iptm_reproduction.claims import claims_by_topic
-from iptm_reproduction.figures import (
+from iptm_reproduction.names import (
     CELL_1,
     CELL_N,
     COOLING,
     INCONSISTENCY,
+    MULTI_HORIZON,
+    PROPOSED,
+    REFERENCE,
+    STRATEGIES,
+    STUDIES,
     TABLE_FIGURES,
     TOTAL,
     TRACTION,
+    VICE,
 )
-from iptm_reproduction.names import MULTI_HORIZON, PROPOSED, REFERENCE, STRATEGIES, STUDIES, VICE
 from iptm_reproduction.paper_tables import cost_terms, parameters
 from iptm_reproduction.printed import (
     FORMULATIONS,

@@ -14,7 +14,6 @@ import pytest
 from iptm_core.errors import ScenarioError
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.flat import field_specs
-from iptm_reproduction.figures import COOLING, TABLE_FIGURES, TRACTION
 from iptm_reproduction.identification import search
 from iptm_reproduction.identification.evaluations import (
     HUBER,
@@ -39,7 +38,7 @@ from iptm_reproduction.identification.unknowns import (
     read_unknowns,
     shipped_unknowns,
 )
-from iptm_reproduction.names import REFERENCE, STRATEGY_NAMES
+from iptm_reproduction.names import COOLING, REFERENCE, STRATEGY_NAMES, TABLE_FIGURES, TRACTION
 from iptm_reproduction.printed import printed_change, printed_value
 
 UNKNOWNS = read_unknowns(shipped_unknowns())

@@ -12,6 +12,7 @@ from tests.iptm_reproduction.made_store import TRIP, filled, surveyed
 from iptm_core.errors import ScenarioError, StoreError
 from iptm_reproduction.claims import CheckedClaim
 from iptm_reproduction.plots.style import MOST_BYTES
+from iptm_reproduction.printed import Verdict
 from iptm_reproduction.report import (
     Document,
     build_report,
@@ -23,7 +24,6 @@ from iptm_reproduction.report import (
 )
 from iptm_reproduction.results import gather
 from iptm_reproduction.tables import SAVING, table_of
-from iptm_reproduction.verdict import Verdict
 from iptm_studies.campaign import plan_campaign
 from iptm_studies.execution import survey
 from iptm_studies.store import ResultStore

@@ -14,8 +14,7 @@ from iptm_core.parameters.model import CELSIUS_ZERO_K, ModelParameters
 from iptm_core.physics.cell import SECONDS_PER_HOUR, capacity_loss_rate_1_s, cell_resistance_ohm
 from iptm_core.physics.electrical import cell_current_a, pack_current_a, pack_resistance_ohm
 from iptm_core.state import FloatArray
-from iptm_reproduction.figures import CELL_1, CELL_N, COOLING, MEAN_COP, TOTAL
-from iptm_reproduction.names import REFERENCE
+from iptm_reproduction.names import CELL_1, CELL_N, COOLING, MEAN_COP, REFERENCE, TOTAL
 from iptm_reproduction.printed import LARGEST_VICE_RATIO_J, VALUES
 from iptm_reproduction.results import ReportRun
 from iptm_studies.run_spec import REPRODUCED_SET

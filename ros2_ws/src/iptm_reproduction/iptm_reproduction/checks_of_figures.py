@@ -12,11 +12,9 @@ import numpy as np
 
 from iptm_core.metrics.figures import FIGURES
 from iptm_core.state import FloatArray
-from iptm_reproduction.figures import DASH, change_text, label, relative_change
-from iptm_reproduction.names import name_of
-from iptm_reproduction.printed import printed_value
+from iptm_reproduction.names import DASH, change_text, label, name_of, relative_change
+from iptm_reproduction.printed import Finding, Verdict, compared, graded, printed_value, worst
 from iptm_reproduction.results import Results
-from iptm_reproduction.verdict import Finding, Verdict, compared, graded, worst
 
 LEVEL_STEP = 5e-4
 """Relative change from one run to the next that still counts as level."""

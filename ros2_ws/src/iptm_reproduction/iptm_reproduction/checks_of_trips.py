@@ -12,6 +12,7 @@ import numpy as np
 from iptm_core.parameters import load_parameters
 from iptm_reproduction.aging import aging_map
 from iptm_reproduction.names import name_of
+from iptm_reproduction.printed import Finding, graded
 from iptm_reproduction.results import Results
 from iptm_reproduction.trips import (
     HIGH_PERCENTILE,
@@ -24,7 +25,6 @@ from iptm_reproduction.trips import (
     time_to_fall_s,
     traction_power_kw,
 )
-from iptm_reproduction.verdict import Finding, graded
 
 
 def power_regions(results: Results, run: str, others: Sequence[str], reference: str) -> Finding:

@@ -13,19 +13,20 @@ import yaml
 
 from iptm_core.metrics.figures import FIGURES
 from iptm_reproduction import checks_of_figures, checks_of_trips
-from iptm_reproduction.figures import label, labels
-from iptm_reproduction.names import expanded, name_of, names_of
-from iptm_reproduction.printed import RANGES, printed_change, printed_value
-from iptm_reproduction.results import Results
-from iptm_reproduction.texts import number_texts, rendered
-from iptm_reproduction.trips import HIGH_PERCENTILE, LOW_PERCENTILE
-from iptm_reproduction.verdict import (
+from iptm_reproduction.names import expanded, label, labels, name_of, names_of
+from iptm_reproduction.printed import (
     CHANGE_FLOOR,
     CHANGE_SHARE,
+    RANGES,
     Finding,
     Verdict,
     accepted_deviation,
+    printed_change,
+    printed_value,
 )
+from iptm_reproduction.results import Results
+from iptm_reproduction.texts import number_texts, rendered
+from iptm_reproduction.trips import HIGH_PERCENTILE, LOW_PERCENTILE
 
 NO_CAUSE = "No cause has been written down yet."
 _ONE_RUN = {"run", "base", "reference"}

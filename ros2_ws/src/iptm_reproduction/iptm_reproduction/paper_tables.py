@@ -9,7 +9,7 @@ from iptm_core.metrics.figures import FIGURES
 from iptm_core.parameters import describe_parameters, load_parameters
 from iptm_core.parameters.loading import ParameterRow
 from iptm_core.parameters.model import to_model_unit
-from iptm_reproduction import figures as fig
+from iptm_reproduction import names
 from iptm_reproduction.names import (
     MULTI_HORIZON,
     REFERENCE,
@@ -19,6 +19,8 @@ from iptm_reproduction.names import (
 from iptm_reproduction.printed import (
     FORMULATIONS,
     PARAMETER_TABLES,
+    compared,
+    graded,
     printed_change,
     printed_value,
 )
@@ -32,20 +34,19 @@ from iptm_reproduction.tables import (
     table_of,
     weight_text,
 )
-from iptm_reproduction.verdict import compared, graded
 from iptm_studies.run_spec import REPRODUCED_SET
 
 _SAME = 1e-9
 _FURTHER_ROWS = (
     "traction_energy",
     "total_energy_printed",
-    fig.DEGRADATION,
+    names.DEGRADATION,
     "cell_1_temperature_mean",
-    fig.CELL_N_MEAN,
-    fig.CELL_N_MAX,
-    fig.SMALLEST_MARGIN,
+    names.CELL_N_MEAN,
+    names.CELL_N_MAX,
+    names.SMALLEST_MARGIN,
     "mean_gap",
-    fig.COMPUTING_TIME,
+    names.COMPUTING_TIME,
     "gap_violations",
     "hard_violations",
     "soft_violations",
@@ -96,7 +97,7 @@ def strategies(results: Results) -> pd.DataFrame:
     rows: list[tuple[str, ...]] = [
         ("weights λ_P, λ_Q", "used", *(_weights(results, run) for run in STRATEGIES))
     ]
-    for figure in fig.TABLE_FIGURES:
+    for figure in names.TABLE_FIGURES:
         found = (_with_change(results, run, figure) for run in STRATEGIES)
         rows.append((strong(FIGURES[figure].title), "found", *found))
         rows.append(("", "printed", *(_printed(run, figure) for run in STRATEGIES)))
@@ -113,17 +114,19 @@ def _with_change(results: Results, run: str, figure: str) -> str:
     if run == REFERENCE or change is None:
         return text
     verdict = compared(change, printed_change(run, figure))
-    return marked(f"{text} ({fig.change_text(change)})", verdict)
+    return marked(f"{text} ({names.change_text(change)})", verdict)
 
 
 def _printed(run: str, figure: str) -> str:
     text = FIGURES[figure].text(printed_value(run, figure))
-    return text if run == REFERENCE else f"{text} ({fig.change_text(printed_change(run, figure))})"
+    return (
+        text if run == REFERENCE else f"{text} ({names.change_text(printed_change(run, figure))})"
+    )
 
 
 def _weights(results: Results, run: str) -> str:
     if run not in results:
-        return fig.DASH
+        return names.DASH
     strategy = results[run].strategy
     return ", ".join(map(weight_text, (strategy.energy_weight_1_j, strategy.aging_weight)))
 
@@ -132,13 +135,13 @@ def headline_change(results: Results, run: str, base: str, figure: str) -> str:
     """Return a change, marked by how it compares with that of the headline."""
     change = results.change(run, base, figure)
     verdict = None if change is None else compared(change, printed_change(MULTI_HORIZON, figure))
-    return marked(fig.change_text(change), verdict)
+    return marked(names.change_text(change), verdict)
 
 
 def ranking_text(results: Results) -> str:
     """Return the strategies in the order of a few figures, best first, in words."""
     sentences = []
-    for figure in (fig.DEGRADATION, fig.TOTAL, fig.COOLING, fig.INCONSISTENCY):
+    for figure in (names.DEGRADATION, names.TOTAL, names.COOLING, names.INCONSISTENCY):
         shown = FIGURES[figure]
         known = {
             run: value for run in STRATEGIES if (value := results.find(run, figure)) is not None

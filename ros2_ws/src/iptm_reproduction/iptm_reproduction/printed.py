@@ -1,7 +1,10 @@
-"""The numbers that the paper prints (``printed.yaml``), by run and figure."""
+"""The numbers that the paper prints (``printed.yaml``), and verdicts on ours against them."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import Enum
 from pathlib import Path
 from typing import Any
 
@@ -38,3 +41,74 @@ def printed_value(run: str, figure: str) -> float | None:
 def printed_change(run: str, figure: str) -> float:
     """Return the printed change of a figure against the reference; NaN where none is printed."""
     return float(CHANGES.at[run, figure])
+
+
+CHANGE_SHARE, CHANGE_FLOOR = 0.25, 0.01
+"""A relative change counts as the printed one if it has the same sign and lies within the larger of both: a
+quarter of the printed change, one percentage point."""
+
+
+class Verdict(Enum):
+    """Outcome of checking one statement of the paper, best first."""
+
+    REPRODUCED = "reproduced"
+    SIGN_ONLY = "reproduced in sign only"
+    NOT_REPRODUCED = "not reproduced"
+    NOT_TESTED = "not tested"
+
+    @property
+    def symbol(self) -> str:
+        """The mark of this verdict in a table."""
+        return _SYMBOLS[self]
+
+    @property
+    def differs(self) -> bool:
+        """Whether the statement was tested and is not simply reproduced."""
+        return self in {Verdict.SIGN_ONLY, Verdict.NOT_REPRODUCED}
+
+
+_SYMBOLS = dict(zip(Verdict, "✓≈✗–", strict=True))
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A verdict and the numbers behind it.
+
+    Attributes:
+        verdict: the outcome.
+        found: what this project finds, in words and numbers.
+        in_print: outcome of the same rule on the numbers printed in the paper, where they suffice
+            to apply it; else empty.
+    """
+
+    verdict: Verdict
+    found: str
+    in_print: str = ""
+
+
+def graded(holds: bool, in_sign: bool = False) -> Verdict:  # noqa: FBT001, FBT002
+    """Return the verdict on a statement that holds, holds in sign only, or does not hold."""
+    if holds:
+        return Verdict.REPRODUCED
+    return Verdict.SIGN_ONLY if in_sign else Verdict.NOT_REPRODUCED
+
+
+def worst(verdicts: Iterable[Verdict]) -> Verdict:
+    """Return the verdict on a statement with several numbers: that of the least reproduced one."""
+    return max(verdicts, key=list(Verdict).index)
+
+
+def accepted_deviation(
+    printed: float, share: float = CHANGE_SHARE, floor: float = CHANGE_FLOOR
+) -> float:
+    """Return by how much a number may deviate from the printed one: a share of it, at least the floor."""
+    return max(floor, share * abs(printed))
+
+
+def compared(
+    found: float, printed: float, share: float = CHANGE_SHARE, floor: float = CHANGE_FLOOR
+) -> Verdict:
+    """Return whether a number has the sign of the printed one and lies within the accepted deviation."""
+    same_sign = found * printed > 0.0
+    close = abs(found - printed) <= accepted_deviation(printed, share, floor)
+    return graded(same_sign and close, same_sign)

@@ -18,23 +18,20 @@ from markupsafe import Markup, escape
 from iptm_core.errors import StoreError
 from iptm_reproduction import (
     aging,
-    figures,
     names,
     paper_tables,
     printed,
     study_tables,
     tables,
-    verdict,
 )
 from iptm_reproduction.claims import check_claims, claims_by_topic
 from iptm_reproduction.identification import spread, unknowns
 from iptm_reproduction.names import expanded, studies_of
 from iptm_reproduction.plots import drawn
-from iptm_reproduction.printed import PAPER
+from iptm_reproduction.printed import PAPER, Verdict
 from iptm_reproduction.results import Gathered, gather
 from iptm_reproduction.tables import strong
 from iptm_reproduction.texts import evaluated, number_texts, rendered
-from iptm_reproduction.verdict import Verdict
 from iptm_studies.campaign import Campaign
 from iptm_studies.store import ResultStore
 
@@ -148,7 +145,6 @@ def compose(gathered: Gathered) -> Document:
 
 _MODULES = (
     aging,
-    figures,
     names,
     paper_tables,
     printed,
@@ -156,7 +152,6 @@ _MODULES = (
     study_tables,
     tables,
     unknowns,
-    verdict,
 )
 _PUBLIC = {
     name: entry
@@ -229,8 +224,8 @@ class _Page:
         if "each" in part or "cells" in part:
             return self._listed(part)
         if "columns" in part:
-            names = ("runs", "columns", "base", "without", "needs_base")
-            given = {name: part[name] for name in names if name in part}
+            keys = ("runs", "columns", "base", "without", "needs_base")
+            given = {key: part[key] for key in keys if key in part}
             return tables.run_table(self._results, **given)
         name = part.get("rows", key.replace("-", "_"))
         build = getattr(paper_tables, name, None) or getattr(study_tables, name)

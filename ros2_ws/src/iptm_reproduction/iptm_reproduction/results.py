@@ -21,8 +21,14 @@ from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes import Route
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
-from iptm_reproduction.figures import DEGRADATION, relative_change
-from iptm_reproduction.names import OPTIMUM, REFERENCE, STUDIES, studies_of
+from iptm_reproduction.names import (
+    DEGRADATION,
+    OPTIMUM,
+    REFERENCE,
+    STUDIES,
+    relative_change,
+    studies_of,
+)
 from iptm_studies.campaign import Campaign
 from iptm_studies.run import Run, RunRecord
 from iptm_studies.run_inputs import resolve_inputs

@@ -10,11 +10,10 @@ import pandas as pd
 import yaml
 
 from iptm_core.metrics.figures import FIGURES
-from iptm_reproduction.figures import DASH
-from iptm_reproduction.names import STUDIES, name_of, words
+from iptm_reproduction.names import DASH, STUDIES, name_of, words
+from iptm_reproduction.printed import graded
 from iptm_reproduction.results import Results
 from iptm_reproduction.tables import marked, table_of
-from iptm_reproduction.verdict import graded
 from iptm_studies.channel_record import ChannelRecord
 
 

@@ -14,17 +14,19 @@ import pandas as pd
 
 from iptm_core.metrics import cold_compressor_energies_j
 from iptm_core.metrics.figures import FIGURES
-from iptm_reproduction.figures import DASH, change_text, relative_change
 from iptm_reproduction.names import (
+    DASH,
     OPTIMUM,
     REFERENCE,
+    change_text,
     controller_name,
     name_of,
+    relative_change,
     words,
 )
+from iptm_reproduction.printed import Verdict, graded
 from iptm_reproduction.results import ReportRun, Results
 from iptm_reproduction.trips import mean_cell_temperature_c, share_while_braking
-from iptm_reproduction.verdict import Verdict, graded
 
 SAVING = "part of the possible saving of degradation"
 LONG_STEP_PRICE = 0.01

@@ -10,9 +10,9 @@ from typing import Any
 import jinja2
 
 from iptm_core.metrics.figures import FIGURES
-from iptm_reproduction import figures, names
+from iptm_reproduction import names
 from iptm_reproduction.aging import cooling_payback, reproduced_cooling
-from iptm_reproduction.figures import DASH, change_text
+from iptm_reproduction.names import DASH, change_text
 from iptm_reproduction.printed import printed_value
 from iptm_reproduction.results import Results
 from iptm_reproduction.trips import share_while_braking
@@ -63,12 +63,7 @@ def number_texts(results: Results) -> dict[str, Any]:
         return f"{DASH} %" if share is None else f"{100.0 * share:.1f} %"
 
     functions: tuple[Callable[..., str], ...] = (value, printed, change, payback, braking_share)
-    constants = {
-        name: entry
-        for module in (figures, names)
-        for name, entry in vars(module).items()
-        if name.isupper()
-    }
+    constants = {name: entry for name, entry in vars(names).items() if name.isupper()}
     return {
         **constants,
         **{function.__name__: function for function in functions},

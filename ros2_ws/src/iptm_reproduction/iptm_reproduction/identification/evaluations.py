@@ -21,11 +21,14 @@ from iptm_core.errors import StoreError
 from iptm_core.metrics import figure_values
 from iptm_core.routes import Route, build_route
 from iptm_core.routes.comprehensive import RouteComposition
-from iptm_reproduction.figures import TABLE_FIGURES
 from iptm_reproduction.identification.unknowns import Candidate
-from iptm_reproduction.names import REFERENCE, STRATEGY_NAMES
-from iptm_reproduction.printed import printed_change, printed_value
-from iptm_reproduction.verdict import CHANGE_SHARE, accepted_deviation
+from iptm_reproduction.names import REFERENCE, STRATEGY_NAMES, TABLE_FIGURES
+from iptm_reproduction.printed import (
+    CHANGE_SHARE,
+    accepted_deviation,
+    printed_change,
+    printed_value,
+)
 from iptm_studies.fingerprint import code_fingerprint
 from iptm_studies.run import perform_run
 from iptm_studies.run_inputs import KEY_LENGTH, RunInputs, run_key

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from iptm_reproduction.plots import bar_plots, line_plots, map_plots, power_plots, trip_plots
+from iptm_reproduction.plots import bar_plots, line_plots, map_plots, trip_plots
 from iptm_reproduction.plots.style import png_bytes
 from iptm_reproduction.results import Results
 
-_MODULES = (bar_plots, line_plots, map_plots, power_plots, trip_plots)
+_MODULES = (bar_plots, line_plots, map_plots, trip_plots)
 
 
 def drawn(key: str, results: Results) -> bytes:

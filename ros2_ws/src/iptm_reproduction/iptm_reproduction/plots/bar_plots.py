@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from iptm_core.metrics.figures import FIGURES
-from iptm_reproduction import figures as fig
+from iptm_reproduction import names
 from iptm_reproduction.names import (
     DEFAULT_CONTROLLER,
     MULTI_HORIZON,
@@ -53,7 +53,7 @@ def strategy_changes(results: Results) -> Figure:
     others = dict(zip(list(STRATEGY_NAMES)[1:], STRATEGIES[1:], strict=True))
     terms = [name.replace("reference", "ref").replace("_", "\n") for name in others]
     last = len(others) - 1
-    for panel, shown in zip(panels, fig.TABLE_FIGURES, strict=True):
+    for panel, shown in zip(panels, names.TABLE_FIGURES, strict=True):
         for place, (name, run) in enumerate(others.items()):
             change = results.change(run, REFERENCE, shown)
             if change is not None:
@@ -71,7 +71,7 @@ def strategy_changes(results: Results) -> Figure:
 def headline(results: Results) -> Figure:
     """Draw the headline changes, found next to printed."""
     figure, (panel,) = new_figure(2.9)
-    for place, shown in enumerate(fig.HEADLINE_FIGURES):
+    for place, shown in enumerate(names.HEADLINE_FIGURES):
         change = results.change(MULTI_HORIZON, REFERENCE, shown)
         for side, name, value, look in (
             (-0.2, "found", change, {"color": CONTROLLER_COLOURS[_MULTI]}),
@@ -82,8 +82,8 @@ def headline(results: Results) -> Figure:
             text = name if place == 0 else None
             bar = panel.bar(place + side, 100.0 * value, 0.4, label=text, **look)
             panel.bar_label(bar, fmt="%.1f", fontsize=7)
-    names = [FIGURES[shown].label.replace(" ", "\n", 1) for shown in fig.HEADLINE_FIGURES]
-    change_panel(panel, names, size=7)
+    texts = [FIGURES[shown].label.replace(" ", "\n", 1) for shown in names.HEADLINE_FIGURES]
+    change_panel(panel, texts, size=7)
     panel.margins(y=0.12)
     legend_below(figure, panel, 2)
     return figure
@@ -125,7 +125,7 @@ def imperfect_previews(results: Results) -> Figure:
     controllers = [name for name in CONTROLLER_COLOURS if name in present]
     figure, panels = new_figure(3.4, 1, 2)
     width = 0.8 / max(1, len(controllers))
-    for panel, shown in zip(panels, (fig.DEGRADATION, fig.TOTAL), strict=True):
+    for panel, shown in zip(panels, (names.DEGRADATION, names.TOTAL), strict=True):
         for index, controller in enumerate(controllers):
             runs = [f"{study}/{preview}/{controller}" for preview in previews]
             base = f"{study}/perfect/reference"
@@ -146,7 +146,7 @@ def omitted_parameters(results: Results) -> Figure:
     variations = _parts(results, "omitted_parameters", 1)
     figure, panels = new_figure(0.9 + 0.24 * len(variations), 1, 4, sharey=True)
     for panel, shown in zip(
-        panels, (fig.DEGRADATION, fig.TOTAL, fig.COOLING, fig.INCONSISTENCY), strict=True
+        panels, (names.DEGRADATION, names.TOTAL, names.COOLING, names.INCONSISTENCY), strict=True
     ):
         for controller, marker in (("aging", "o"), (_MULTI, "s"), (DEFAULT_CONTROLLER, "^")):
             for place, variation in enumerate(variations):
@@ -172,15 +172,17 @@ def discretisation(results: Results) -> Figure:
     lengths = _parts(results, "discretisation", 1)
     runs = [run.split("/") for run in results.matching("discretisation/*")]
     long_steps = {length: grid for _, length, grid in runs if grid != "fine"}
-    names = [f"{length} s\nMH {long_steps.get(length, '')}" for length in lengths]
+    texts = [f"{length} s\nMH {long_steps.get(length, '')}" for length in lengths]
     figure, panels = new_figure(2.9, 1, 3)
-    for panel, shown in zip(panels, (fig.DEGRADATION, fig.TOTAL, fig.COMPUTING_TIME), strict=True):
+    for panel, shown in zip(
+        panels, (names.DEGRADATION, names.TOTAL, names.COMPUTING_TIME), strict=True
+    ):
         for place, length in enumerate(lengths):
             study = f"discretisation/{length}"
             change = results.change(f"{study}/{long_steps.get(length)}", f"{study}/fine", shown)
             if change is not None:
                 bar = panel.bar(place, 100.0 * change, 0.6, color=SERIES_COLOURS[1])
                 panel.bar_label(bar, fmt="%.2f", fontsize=7.5)
-        change_panel(panel, names, FIGURES[shown].label, "change from 1 s steps [%]", 7)
+        change_panel(panel, texts, FIGURES[shown].label, "change from 1 s steps [%]", 7)
         panel.margins(y=0.15)
     return figure

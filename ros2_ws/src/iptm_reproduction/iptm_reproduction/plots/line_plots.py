@@ -10,8 +10,16 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from iptm_core.metrics.figures import FIGURES
-from iptm_reproduction.figures import COMPUTING_TIME, FOUR, INCONSISTENCY
-from iptm_reproduction.names import PROPOSED, REFERENCE, STRATEGY_NAMES, WEIGHTED, expanded
+from iptm_reproduction.names import (
+    COMPUTING_TIME,
+    FOUR,
+    INCONSISTENCY,
+    PROPOSED,
+    REFERENCE,
+    STRATEGY_NAMES,
+    WEIGHTED,
+    expanded,
+)
 from iptm_reproduction.plots.style import (
     PAPER_COLOUR,
     SERIES_COLOURS,

@@ -1,4 +1,4 @@
-"""Figures that are not over time: the aging map, the cells of a channel, misfits of the identification."""
+"""Figures that are not over time: power distributions, aging map, cells of a channel, misfits."""
 
 from __future__ import annotations
 
@@ -15,17 +15,26 @@ from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.state import FloatArray
 from iptm_reproduction import aging as model
 from iptm_reproduction.identification.spread import determined_numbers
-from iptm_reproduction.names import DEFAULT_CONTROLLER, controller_name
+from iptm_reproduction.names import (
+    DEFAULT_CONTROLLER,
+    REFERENCE,
+    STRATEGY_NAMES,
+    controller_name,
+    name_of,
+)
 from iptm_reproduction.plots.style import (
     LIMIT_COLOUR,
     LINE,
     SERIES_COLOURS,
     STRATEGY_COLOURS,
     labelled,
+    legend_below,
     new_figure,
+    wrapped,
 )
 from iptm_reproduction.results import Results
 from iptm_reproduction.study_tables import channel_records
+from iptm_reproduction.trips import PowerRegions, battery_power_kw
 
 
 def aging_map(_: Results) -> Figure:
@@ -113,4 +122,81 @@ def determined(_: Results) -> Figure:
         panel.tick_params(labelsize=6.5)
     for panel in panels[len(spread.numbers) :]:
         panel.set_axis_off()
+    return figure
+
+
+COMPARED = ("reference", "energy_aging", "aging")
+"""The proposed strategy and the two benchmarks, as in the paper's figure."""
+
+_BIN_KW = 2.0
+
+
+def power_distribution(results: Results) -> Figure:
+    """Draw distribution of the battery power of each strategy, with mean and extremes."""
+    figure, (panel,) = new_figure(3.6)
+    present = results.matching("strategies/*")
+    for index, address in enumerate(present):
+        power = battery_power_kw(results[address].trajectory)
+        # A density needs spread.
+        if np.ptp(power) > 0.0:
+            shape = panel.violinplot(
+                power, positions=[index], widths=0.85, showextrema=False, points=200
+            )
+            for body in shape["bodies"]:  # type: ignore[attr-defined]
+                body.set_facecolor(STRATEGY_COLOURS[address.partition("/")[2]])
+                body.set_alpha(0.55)
+        for value, marker, place in (
+            (float(np.max(power)), "v", (0, 4)),
+            (float(np.mean(power)), "D", (10, -3)),
+            (float(np.min(power)), "^", (0, -12)),
+        ):
+            panel.plot(index, value, marker, color="black", markersize=4)
+            panel.annotate(
+                f"{value:.2f}" if marker == "D" else f"{value:.1f}",
+                (index, value),
+                xytext=place,
+                textcoords="offset points",
+                fontsize=7.5,
+                ha="left" if marker == "D" else "center",
+            )
+    panel.set_xticks(range(len(present)), [wrapped(name_of(run)) for run in present])
+    panel.tick_params(axis="x", labelsize=8)
+    panel.margins(y=0.12)
+    labelled(panel, "", "battery power [kW]", "▼ largest   ◆ mean   ▲ smallest")
+    return figure
+
+
+def power_statistics(results: Results) -> Figure:
+    """Draw share of time by battery power, and by low, medium and high power."""
+    trips = {
+        name: results[f"strategies/{name}"].trajectory
+        for name in COMPARED
+        if f"strategies/{name}" in results
+    }
+    powers = {name: battery_power_kw(trip) for name, trip in trips.items()}
+    regions = PowerRegions.of_reference(results[REFERENCE].trajectory)
+    low = min(float(np.min(power)) for power in powers.values())
+    high = max(float(np.max(power)) for power in powers.values())
+    edges = np.arange(np.floor(low / _BIN_KW), np.ceil(high / _BIN_KW) + 1.5) * _BIN_KW
+    figure, (left, right) = new_figure(3.3, 1, 2, width_ratios=[2, 1])
+    for name, power in powers.items():
+        share = 100.0 * np.histogram(power, edges)[0] / power.size
+        left.stairs(
+            share, edges, color=STRATEGY_COLOURS[name], linewidth=1.4, label=STRATEGY_NAMES[name]
+        )
+    left.set_yscale("log")
+    for bound in (regions.low_kw, regions.high_kw):
+        left.axvline(bound, color="#999999", linestyle=":", linewidth=1.0)
+    labelled(left, "battery power [kW]", f"share of time per {_BIN_KW:g} kW [%]")
+    width = 0.8 / len(trips)
+    for index, (name, trip) in enumerate(trips.items()):
+        shares = regions.shares(trip)
+        places = np.arange(3) + (index - 0.5 * (len(trips) - 1)) * width
+        bars = right.bar(
+            places, [100.0 * share for share in shares], width, color=STRATEGY_COLOURS[name]
+        )
+        right.bar_label(bars, fmt="%.1f", fontsize=6.5)
+    right.set_xticks(range(3), ["low", "medium", "high"])
+    labelled(right, "region of power", "share of time [%]")
+    legend_below(figure, left, len(trips))
     return figure

@@ -1,4 +1,4 @@
-"""Figures over the time of a trip: temperatures, degradation, spacing, prices, and the driving cycle."""
+"""Figures over the time of a trip: temperatures, degradation, spacing, powers, prices, driving cycle."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from matplotlib.figure import Figure
 from iptm_core.metrics import gap_margins_m
 from iptm_core.parameters.model import CELSIUS_ZERO_K, KM_H_PER_M_S
 from iptm_core.state import FloatArray
-from iptm_reproduction.figures import SMALLEST_MARGIN
 from iptm_reproduction.names import (
     COST_TO_GO_OPTIMUM,
     DEFAULT_CONTROLLER,
     OPTIMUM,
     PROPOSED,
     REFERENCE,
+    SMALLEST_MARGIN,
     controller_name,
     name_of,
 )
@@ -37,9 +37,17 @@ from iptm_reproduction.plots.style import (
 )
 from iptm_reproduction.printed import printed_value
 from iptm_reproduction.results import ReportRun, Results
-from iptm_reproduction.trips import celsius, mean_cell_temperature_c, thinned
+from iptm_reproduction.trips import (
+    busiest_window,
+    celsius,
+    mean_cell_temperature_c,
+    thinned,
+    traction_power_kw,
+)
 
 _MOST_POINTS = 600
+_MOST_COLUMNS = 700
+_ZOOM_S = 300.0
 _DASHED: dict[str, Any] = {"linestyle": "--", "linewidth": 1.0}
 _SLOPE_SHADES = {"large": "#f6d5c5", "small": "#dcebd7"}
 
@@ -188,6 +196,41 @@ def temperature_price(results: Results) -> Figure:
     labelled(panels[-1], "time [s]", "cost [1/K]")
     legend_below(figure, panels[0], 2)
     return figure
+
+
+def power_profiles(results: Results) -> Figure:
+    """Draw traction and compressor power of the proposed strategy, over the trip and where it cools most."""
+    run = results[PROPOSED].trajectory
+    length_s = min(_ZOOM_S, 0.5 * float(run.time_s[-1]))
+    rows = slice(*busiest_window(run, length_s, run.compressor_power_w))
+    figure, panels = new_figure(4.2, 2, 2, sharex="col", width_ratios=[1.4, 1])
+    times = run.time_s[1:]
+    compressor = run.compressor_power_w[1:]
+    _band(panels[0], times, traction_power_kw(run), "#c0504d")
+    _band(panels[2], times, compressor, "#1f77b4")
+    panels[1].plot(times[rows], traction_power_kw(run)[rows], color="#c0504d", linewidth=LINE)
+    panels[3].plot(times[rows], compressor[rows], color="#1f77b4", linewidth=LINE)
+    for panel in (panels[0], panels[2]):
+        panel.axvspan(times[rows][0], times[rows][-1], color="#eeeeee", zorder=0)
+    labelled(panels[0], "", "traction power [kW]", "whole trip: range and mean")
+    labelled(panels[1], "", "", "where it cools most")
+    labelled(panels[2], "time [s]", "compressor power [W]")
+    labelled(panels[3], "time [s]", "")
+    panels[0].set_xlim(0.0, float(run.time_s[-1]))
+    panels[1].set_xlim(float(times[rows][0]), float(times[rows][-1]))
+    return figure
+
+
+def _band(panel: Axes, times: FloatArray, values: FloatArray, colour: str) -> None:
+    """Draw range and mean per column of the picture, instead of a line that fills the page."""
+    block = max(1, times.size // _MOST_COLUMNS)
+    whole = times.size // block * block
+    centres = times[:whole].reshape(-1, block).mean(axis=1)
+    blocks = values[:whole].reshape(-1, block)
+    panel.fill_between(
+        centres, blocks.min(axis=1), blocks.max(axis=1), color=colour, alpha=0.3, linewidth=0.0
+    )
+    panel.plot(centres, blocks.mean(axis=1), color=colour, linewidth=0.8)
 
 
 def driving_cycle(results: Results) -> Figure:
