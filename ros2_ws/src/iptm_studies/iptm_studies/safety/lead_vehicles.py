@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
-from importlib.resources import as_file, files
 from pathlib import Path
 from typing import TypeVar
 
@@ -15,7 +13,7 @@ from iptm_core.routes.user_csv import read_user_trip
 from iptm_core.state import FloatArray
 from iptm_studies.drives import write_drive
 from iptm_validation.measurements import Drive, Driver
-from iptm_validation.readers.folder import files_of, read_files
+from iptm_validation.readers.folder import excerpts, files_of, read_files
 
 T = TypeVar("T")
 LEADS = 40
@@ -39,10 +37,7 @@ def lead_cycles(
     Returns:
         Paths of the drive files, as cycles of a run.
     """
-    with ExitStack() as stack:
-        if source is None:
-            source = stack.enter_context(as_file(files("iptm_validation.data")))
-        drives = read_files(files_of(source), report).drives
+    drives = read_files(files_of(source or excerpts()), report).drives
     folder.mkdir(parents=True, exist_ok=True)
     road = [drive for drive in drives if drive.driver is Driver.ROAD]
     others = [drive for drive in drives if drive.driver is not Driver.ROAD]
