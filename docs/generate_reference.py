@@ -9,8 +9,9 @@ import argparse
 import sys
 from functools import partial
 from pathlib import Path
+from typing import Any
 
-from interface_reference import NOTICE, services_page, table, topics_page
+from interface_reference import TEMPLATES, services_page, topics_page
 from library_reference import library_page
 
 import iptm_bringup
@@ -21,6 +22,7 @@ from iptm_controller.production import ProductionSettings
 from iptm_controller.solvers.interface import STATUS_TEXT
 from iptm_controller.strategy import COST_TERMS, DEFAULT_STRATEGY, STRATEGIES
 from iptm_core.declaration import parameter_specs, plain
+from iptm_core.markdown import render_page
 from iptm_core.metrics import FIGURES
 from iptm_core.parameters import available_parameter_sets, describe_parameters, load_parameters
 from iptm_faults.fault import Fault
@@ -32,37 +34,19 @@ from iptm_view.visualizer_parameters import VisualizerParameters
 
 DOCS = Path(__file__).resolve().parent
 CONFIG = Path(iptm_bringup.__file__).parent / "config" / "nodes"
-COST_TO_GO = "../explanation/optimal-control.md#the-cost-to-go-of-the-temperatures"
-PRODUCTION = """\
-adaptive cruise control and a thermostat with hysteresis. The acceleration is k1 (gap - standstill gap - T
-v) + k2 (lead vehicle's speed - v), the lower one of the gains for following and those for closing a large
-gap, and at most 0.4/s times the difference to the largest speed; limits of acceleration and jerk are those
-of the car. Gains: V. Milanés, S. E. Shladover, Transportation Research Part C 48 (2014) 285-300, and L.
-Xiao, M. Wang, B. van Arem, Transportation Research Record 2623 (2017) 1-9, also the defaults of the model
-ACC in SUMO; the time gap T lies in the range of ISO 15622:2018. Where the lead vehicle brakes harder than
-the limits of comfort allow, the collision guard and the safety monitor brake, as emergency braking does in
-cars. Makers publish no thresholds of their thermostats: those below are chosen, in the middle of the
-paper's limits of 25 and 40 degC."""
+NOTICE = "<!-- Made by scripts/update_docs from the code; do not edit. -->\n\n"
 
 
 def parameters_page() -> str:
     """Every model parameter of every shipped set with its unit, range and source."""
-    parts = [f"# Model parameters\n\n{NOTICE}"]
-    for name in available_parameter_sets():
-        parts.append(f"## `{name}`\n\n")
-        rows = (
-            (
-                f"`{row.key}`",
-                row.symbol,
-                f"{row.value:.10g}",
-                row.unit,
-                f"{row.minimum:g} to {row.maximum:g}",
-                f"{row.source}: {row.note}" if row.note else row.source,
-            )
+    sets = {
+        name: [
+            {"row": row, "source": f"{row.source}: {row.note}" if row.note else row.source}
             for row in describe_parameters(load_parameters(name))
-        )
-        parts += [table(("key", "symbol", "value", "unit", "range", "source"), rows), "\n"]
-    return "".join(parts)
+        ]
+        for name in available_parameter_sets()
+    }
+    return render_page(TEMPLATES, "parameters.md.j2", sets=sets)
 
 
 NODES = {
@@ -81,31 +65,24 @@ NODES = {
 }
 
 
-CHANGEABLE_NOTE = (
-    f"May be [set while driving](../how-to/README.md#change-strategy-weights-or-horizon-while-driving): "
-    f"{', '.join(f'`{name}`' for name in CHANGEABLE)}.\n\n"
-)
+def _specs(parameters: type[Any], no_unit: str = "-") -> list[dict[str, object]]:
+    return [
+        {"spec": spec, "default": plain(spec.default), "unit": spec.unit or no_unit}
+        for spec in parameter_specs(parameters)
+    ]
 
 
 def nodes_page() -> str:
     """Parameters of the three nodes, of the sender of messages and of the visualizer."""
-    parts = [f"# Node parameters\n\n{NOTICE}"]
-    others = {"v2x_sender": (SenderNodeParameters, ""), PUBLISHER: (VisualizerParameters, "")}
-    for node, (parameters, _) in (NODES | others).items():
-        note = CHANGEABLE_NOTE if node == CONTROLLER else ""
-        rows = (
-            (
-                f"`{spec.name}`",
-                f"`{plain(spec.default)}`",
-                spec.unit or "-",
-                spec.allowed,
-                spec.description,
-            )
-            for spec in parameter_specs(parameters)
-        )
-        shown = table(("parameter", "default", "unit", "allowed", "meaning"), rows)
-        parts.append(f"## `{node}`\n\n{note}{shown}\n")
-    return "".join(parts)
+    nodes = {node: parameters for node, (parameters, _) in NODES.items()}
+    nodes |= {"v2x_sender": SenderNodeParameters, PUBLISHER: VisualizerParameters}
+    return render_page(
+        TEMPLATES,
+        "nodes.md.j2",
+        nodes={name: _specs(parameters) for name, parameters in nodes.items()},
+        controller=CONTROLLER,
+        changeable=CHANGEABLE,
+    )
 
 
 def node_file(node: str) -> str:
@@ -125,83 +102,66 @@ def node_file(node: str) -> str:
 
 def strategies_page() -> str:
     """The strategies and the solver outcomes."""
-    heads = ("strategy", "weights", "cost to go")
-    rows = (
-        (
-            f"`{s.name}`",
-            ", ".join(
+    strategies = [
+        {
+            "name": strategy.name,
+            "weights": ", ".join(
                 f"{COST_TERMS[key].symbol} = {weight:g}"
-                for key, weight in s.weights.items()
+                for key, weight in strategy.weights.items()
                 if weight
             ),
-            "yes" if s.cost_to_go else "no",
-        )
-        for s in STRATEGIES.values()
-        if not s.is_rule_based
-    )
-    laws = (
-        (f"`{spec.name}`", str(spec.default), spec.unit or "1", spec.description)
-        for spec in parameter_specs(ProductionSettings)
-    )
-    outcomes = ((status.value, status.name, text) for status, text in STATUS_TEXT.items())
-    return (
-        f"# Strategies and outcomes\n\n{NOTICE}Weights of the cost terms, zero where none is given; "
-        "the [parameters of the controller](nodes.md#controller) state terms and units. The default is "
-        f"`{DEFAULT_STRATEGY}`. Its [cost to go]({COST_TO_GO}) prices the cell temperatures at the end of "
-        "the horizon and has no weight.\n\n"
-        + table(heads, rows)
-        + "\n## What cars have today\n\n`production` optimises nothing and uses no preview, to compare with: "
-        f"{PRODUCTION}\n\n"
-        + table(("parameter", "value", "unit", "meaning"), laws)
-        + "\n## Outcomes of a solve\n\n"
-        + table(("code", "status", "meaning"), outcomes)
+            "cost_to_go": "yes" if strategy.cost_to_go else "no",
+        }
+        for strategy in STRATEGIES.values()
+        if not strategy.is_rule_based
+    ]
+    return render_page(
+        TEMPLATES,
+        "strategies.md.j2",
+        default=DEFAULT_STRATEGY,
+        strategies=strategies,
+        laws=_specs(ProductionSettings, "1"),
+        outcomes=[{"status": status, "meaning": text} for status, text in STATUS_TEXT.items()],
     )
 
 
 def figures_page() -> str:
     """Every figure of a run that tables, pictures, files and the report show."""
-    rows = (
-        (f"`{key}`", figure.label, figure.symbol or "-", figure.unit or "1")
+    figures = [
+        {
+            "key": key,
+            "label": figure.label,
+            "symbol": figure.symbol or "-",
+            "unit": figure.unit or "1",
+        }
         for key, figure in FIGURES.items()
-    )
-    return (
-        f"# Figures of a run\n\n{NOTICE}The same figures stand on the terminal, in `results.json`, in "
-        "`scripts/bag_info`, in the CSV files of the studies and in the report.\n\n"
-        + table(("key", "figure", "symbol", "unit"), rows)
-    )
+    ]
+    return render_page(TEMPLATES, "figures.md.j2", figures=figures)
 
 
 def faults_page() -> str:
     """Every kind of fault, and the keys of one."""
     allowed = {"kind": "one of those below", "size": "see the kind"}
     defaults = {"size": "that of the kind", "target": "see the kind"}
-    keys = (
-        (
-            f"`{spec.name}`",
-            defaults.get(spec.name) or f"`{plain(spec.default)}`",
-            spec.unit or "-",
-            allowed.get(spec.name, spec.allowed).replace("one of , ", "one of "),
-            spec.description,
-        )
-        for spec in parameter_specs(Fault)
-    )
+    keys = [
+        row
+        | {
+            "default": defaults.get(spec.name, f"`{row['default']}`"),
+            "allowed": allowed.get(spec.name, spec.allowed).replace("one of , ", "one of "),
+        }
+        for row in _specs(Fault)
+        for spec in (row["spec"],)
+    ]
     kinds = []
     for kind in FaultKind:
         spec = kind.spec
-        size = bounds = "-"
+        row = {"kind": kind, "place": spec.place.value, "meaning": spec.meaning}
+        row |= {"size": "-", "allowed": "-", "headless": "yes" if spec.headless else "no"}
         if spec.has_size:
-            size = f"{spec.size:g} {spec.unit}"
-            bounds = f"{spec.smallest:g} to {spec.largest:g}"
-        where = "yes" if spec.headless else "no"
-        kinds.append((f"`{kind}`", spec.place.value, spec.meaning, size, bounds, where))
-    return (
-        f"# Faults\n\n{NOTICE}Keys of one fault in the list `faults` of a scenario; how to use it: "
-        "[inject faults](../how-to/README.md#inject-faults).\n\n"
-        + table(("key", "default", "unit", "allowed", "meaning"), keys)
-        + "\n## Kinds\n\nIn `traffic` the leader that counts behaves otherwise, in `vehicle` the ego "
-        "vehicle; all others change only what the nodes receive, or the nodes themselves.\n\n"
-        + table(("kind", "where", "what it does", "size", "allowed", "without ROS"), kinds)
-    )
+            row["size"] = f"{spec.size:g} {spec.unit}"
+            row["allowed"] = f"{spec.smallest:g} to {spec.largest:g}"
+        kinds.append(row)
+    return render_page(TEMPLATES, "faults.md.j2", keys=keys, kinds=kinds)
 
 
 PAGES = {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
 from string import Formatter
 from typing import Any
 
@@ -61,18 +62,21 @@ def _cell(text: str, record: Mapping[str, Any]) -> str:
     return shown if "+" in text else _NEGATIVE_ZERO.sub(r"\1", shown)
 
 
-def render_page(package: str, template: str, **values: Any) -> str:
+def render_page(package: str | Path, template: str, **values: Any) -> str:
     """Return a page from a Jinja template; an undefined name is an error.
 
     A template has `table` (see `table_of`) as a filter: ``{{ rows | table({"gap, m:": "{gap_m:.1f}"}) }}``.
 
     Args:
-        package: package that contains the template.
+        package: package or folder that contains the template.
         template: its file name.
         values: what the template may use.
     """
+    is_folder = isinstance(package, Path)
     pages = jinja2.Environment(  # noqa: S701  # Markdown, not HTML
-        loader=jinja2.PackageLoader(package, "."),
+        loader=jinja2.FileSystemLoader(package)
+        if is_folder
+        else jinja2.PackageLoader(package, "."),
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
