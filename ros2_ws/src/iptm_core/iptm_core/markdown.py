@@ -72,11 +72,13 @@ def render_page(package: str | Path, template: str, **values: Any) -> str:
         template: its file name.
         values: what the template may use.
     """
-    is_folder = isinstance(package, Path)
+    loader: jinja2.BaseLoader
+    if isinstance(package, Path):
+        loader = jinja2.FileSystemLoader(package)
+    else:
+        loader = jinja2.PackageLoader(package, ".")
     pages = jinja2.Environment(  # noqa: S701  # Markdown, not HTML
-        loader=jinja2.FileSystemLoader(package)
-        if is_folder
-        else jinja2.PackageLoader(package, "."),
+        loader=loader,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
