@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from iptm_core.aging_laws.cells import AGING_CELLS, LFP, NCA
+from iptm_core.aging_laws.cells import AGING_CELLS, NCA
 from iptm_core.aging_laws.law import Load
 from iptm_core.parameters import load_parameters
 from iptm_studies.life.decisions import MEASURED, decision_study
@@ -172,12 +172,14 @@ def test_without_spread_a_draw_is_the_law(monkeypatch: pytest.MonkeyPatch) -> No
         assert drawn_losses(cell, year, draws=2) == pytest.approx(expected, rel=1e-9)
 
 
-def test_a_warmer_trip_ages_more() -> None:
-    cool, warm = (
-        sum(losses_by_cause(LFP.law, commuting(warming_k=warming_k), 8.0).values())
-        for warming_k in (0.0, 8.0)
-    )
-    assert warm > cool
+def test_a_trip_between_and_beyond_the_starts_that_were_driven() -> None:
+    """Between them a mixture; beyond them the pack warms by as much as from the nearest one."""
+    driven = trip(3.0, compressor_j=1e6)
+    between, beyond = driven.from_start(298.15), driven.from_start(323.15)
+    assert between.end_k[0] == pytest.approx(301.15)
+    assert between.compressor_j[0] == pytest.approx(0.5e6)
+    assert beyond.end_k[0] == beyond.temperature_k[0, -1] == pytest.approx(326.15)
+    assert beyond.compressor_j[0] == 1e6
 
 
 def test_above_the_limit_the_pack_is_cooled_at_a_price() -> None:
