@@ -230,8 +230,8 @@ class HostTicks:
             place_m, speed_m_s = self._states.pop(stamp_ns)
             plan = self._plans.get(stamp_ns, _NO_PLAN) if followed else _NO_PLAN
             for kept in (self._followed, self._plans):
-                for told_ns in [at_ns for at_ns in kept if at_ns <= stamp_ns]:
-                    del kept[told_ns]
+                for done_ns in [at_ns for at_ns in kept if at_ns <= stamp_ns]:
+                    del kept[done_ns]
             if followed is not None:  # else the controller left this state out
                 self._on_tick(HostTick(stamp_ns, place_m, speed_m_s, *plan))
 

@@ -26,13 +26,13 @@ class TimedPhases:
     """Phases received from an intersection.
 
     Attributes:
-        told_ms: when, TimestampIts.
+        sent_ms: time of the message, TimestampIts.
         revision: of the map that the signal groups belong to.
         is_working: whether its signals work.
         groups: phases of each signal group, the present one first.
     """
 
-    told_ms: int
+    sent_ms: int
     revision: int
     is_working: bool
     groups: dict[int, tuple[Phase, ...]]
@@ -40,26 +40,26 @@ class TimedPhases:
 
 def timed(message: IntersectionPhases, now_ms: int) -> TimedPhases:
     """Return phases with instants instead of places in the hour and the year."""
-    told_ms = resolve_minute_ms(message.minute, message.milliseconds, now_ms)
-    told_s = told_ms / 1000.0
+    sent_ms = resolve_minute_ms(message.minute, message.milliseconds, now_ms)
+    sent_s = sent_ms / 1000.0
 
     def one(phase: Phase, earliest_s: float) -> Phase:
         ends = [
-            None if second is None else max(_instant(second, told_s), earliest_s)
+            None if second is None else max(_instant(second, sent_s), earliest_s)
             for second in (phase.min_end_s, phase.max_end_s, phase.likely_end_s)
         ]
         return Phase(phase.state, None, *ends)
 
     groups = {
         # The present phase ends after its message.
-        group: tuple(one(phase, -math.inf if later else told_s) for later, phase in enumerate(some))
+        group: tuple(one(phase, -math.inf if later else sent_s) for later, phase in enumerate(some))
         for group, some in message.groups.items()
     }
-    return TimedPhases(told_ms, message.revision, message.is_working, groups)
+    return TimedPhases(sent_ms, message.revision, message.is_working, groups)
 
 
-def _instant(second: float, told_s: float) -> float:
-    return second if math.isinf(second) else resolve_second_s(second, told_s)
+def _instant(second: float, sent_s: float) -> float:
+    return second if math.isinf(second) else resolve_second_s(second, sent_s)
 
 
 def surely_closed(phases: Sequence[Phase]) -> list[Span]:
@@ -109,12 +109,12 @@ def opens_too_early(before: TimedPhases, after: TimedPhases) -> bool:
 
     An early closing is accepted.
     """
-    told_s = after.told_ms / 1000.0
+    sent_s = after.sent_ms / 1000.0
     for group, phases in after.groups.items():
         known = before.groups.get(group)
         if not (known and phases and phases[0].state.is_open and known[0].state.is_open is False):
             continue
         earliest = known[0].min_end_s
-        if earliest is not None and told_s < earliest - EARLY_OPENING_S:
+        if earliest is not None and sent_s < earliest - EARLY_OPENING_S:
             return True
     return False

@@ -107,13 +107,13 @@ class RoadsideTable:
 
     def _take_phases(self, message: IntersectionPhases, now_ms: int) -> Rejection | None:
         phases = timed(message, now_ms)
-        if phases.told_ms > now_ms + MAX_AHEAD_MS:
+        if phases.sent_ms > now_ms + MAX_AHEAD_MS:
             return Rejection.FUTURE
-        if phases.told_ms < now_ms - MAX_AGE_MS:
+        if phases.sent_ms < now_ms - MAX_AGE_MS:
             return Rejection.STALE
         known = self._phases.pop(message.intersection, None)
-        if known is not None and now_ms - known.told_ms <= PHASES_KNOWN_MS:
-            reason = _out_of_order(known.told_ms, phases.told_ms)
+        if known is not None and now_ms - known.sent_ms <= PHASES_KNOWN_MS:
+            reason = _out_of_order(known.sent_ms, phases.sent_ms)
             if reason is None and opens_too_early(known, phases):
                 reason = Rejection.PHASE_JUMP
             if reason is not None:
@@ -184,7 +184,7 @@ class RoadsideTable:
             phases is None
             or not phases.is_working
             or phases.revision != line.revision
-            or now_ms - phases.told_ms > PHASES_KNOWN_MS
+            or now_ms - phases.sent_ms > PHASES_KNOWN_MS
             or not line.groups <= phases.groups.keys()
         ):
             return None

@@ -213,16 +213,16 @@ class Station:
         """Change lanes only after several consecutive messages in the new lane."""
         accuracy_m = self.message.position_bound_m or 0.0
         aside_m = abs(self.fix.lateral_m) - min(ACCURACY_SHARE * accuracy_m, LARGEST_ALLOWANCE_M)
-        says_inside = aside_m < (LEFT_LANE_M if self.in_lane else LANE_HALF_WIDTH_M)
-        says_inside |= not self.in_lane and self._cuts_in()
-        says_inside &= not self.is_on_another_level
+        is_inside = aside_m < (LEFT_LANE_M if self.in_lane else LANE_HALF_WIDTH_M)
+        is_inside |= not self.in_lane and self._cuts_in()
+        is_inside &= not self.is_on_another_level
         self._asides.append((self.last.time_s, abs(self.fix.lateral_m)))
-        if says_inside == self.in_lane:
+        if is_inside == self.in_lane:
             self._votes = 0
             return
         self._votes += 1
         if self._votes >= (LEAVING_VOTES if self.in_lane else LANE_VOTES):
-            self.in_lane, self._votes = says_inside, 0
+            self.in_lane, self._votes = is_inside, 0
 
     @property
     def is_on_another_level(self) -> bool:
