@@ -136,6 +136,9 @@ def test_a_fallback_or_a_warning_that_stays_is_not_normal(observe: Observe) -> N
         == 7.0
     )
     assert "not normal again" in verdict_on(observe(*WARNED), observe).problem_text
+    flicker = (22.0, Level.WARN, "no preview"), (23.0, Level.OK, "optimal plans")
+    verdict = verdict_on(observe(*WARNED, CALM_AGAIN, *flicker), observe)
+    assert verdict.figures["normal_after"] == 3.0
 
 
 def test_reports_of_the_fault_free_trip_do_not_count(observe: Observe) -> None:

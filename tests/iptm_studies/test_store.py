@@ -131,6 +131,11 @@ def test_foreign_and_misnamed_files(store: ResultStore, run: Run) -> None:
     pq.write_table(table.replace_schema_metadata({}), other)
     with pytest.raises(StoreError, match="no result of this format"):
         store.load(other.stem)
+    row = table.column_names.index("speed_m_s")
+    pq.write_table(table.set_column(row, "speed_m_s", [[11.0] * table.num_rows]), path)
+    with pytest.raises(StoreError, match="digest disagree"):
+        store.load(run.key)
+    store.save(run)
     other.write_text("hello", encoding="utf-8")
     (store.folder / "notes.txt").write_text("mine", encoding="utf-8")
     assert store.find(other.stem) is None

@@ -20,8 +20,6 @@ MAX_WORKERS = 1024
 DIED = "its process died (out of memory, killed, or a crash in a library)"
 _CHECK_EVERY_S = 0.5
 _CONTEXT = multiprocessing.get_context("forkserver")
-# Imported once, by the process from which those of the tasks are forked.
-_CONTEXT.set_forkserver_preload(["iptm_studies.execution"])
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -66,6 +64,8 @@ def perform_all(
         limit_s: longest time without progress, after which an item counts as failed.
     """
     running: list[_Running[Item]] = []
+    # Imported once, by the process from which those of the tasks are forked.
+    _CONTEXT.set_forkserver_preload(["iptm_studies.execution", task.__module__])
     try:
         while waiting or running:
             while waiting and len(running) < workers:
