@@ -32,7 +32,7 @@ from iptm_core.errors import ScenarioError
 from iptm_core.routes.cycles import load_cycle
 from iptm_core.state import NS_PER_S
 from iptm_faults.fault import Fault, in_order
-from iptm_faults.kinds import KINDS, FaultKind, FaultPlace
+from iptm_faults.kinds import FaultKind, FaultPlace
 from iptm_interfaces.codecs import stamp_ns_of
 from iptm_interfaces.diagnostics import Level
 from iptm_interfaces.process import StopRequest
@@ -118,7 +118,7 @@ def random_faults(duration_s: float, every_s: float, seed: int) -> tuple[Fault, 
     faults = []
     for start_s in np.arange(every_s, duration_s - every_s, every_s).tolist():
         kind = kinds[int(random.integers(len(kinds)))]
-        of_process = KINDS[kind].place is FaultPlace.PROCESS
+        of_process = kind.spec.place is FaultPlace.PROCESS
         faults.append(
             Fault(
                 kind,
