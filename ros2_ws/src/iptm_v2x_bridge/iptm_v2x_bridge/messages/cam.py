@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cache
-from importlib import import_module, resources
+from importlib import resources
 from typing import Any, cast
 
 import numpy as np
@@ -143,8 +143,10 @@ _INTERVAL_UNITS_S = {"tenths": 0.1, "tens": 10.0, "seconds": 1.0}
 
 @cache
 def _asn1tools() -> Any:
-    """Return the library, imported when needed."""
-    return import_module("asn1tools")
+    """Return the library; it is imported with the first message, not with every start of a node."""
+    import asn1tools  # noqa: PLC0415
+
+    return asn1tools
 
 
 @cache
