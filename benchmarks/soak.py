@@ -212,13 +212,9 @@ def _ticks_of(driven: Driven, bag: Path) -> dict[str, Any]:
     heard = driven.monitor.recorded
     states = {stamp_ns_of(data) for data in heard[Topic.PLANT_ODOMETRY]}
     answered = {stamp_ns_of(data) for data in heard[Topic.SOLVE]}
-    reported = np.array(
-        [
-            about_ns
-            for about_ns, _, status, _ in driven.monitor.statements
-            if status.level != Level.OK.value
-        ]
-    )
+    reports = driven.monitor.reports
+    bad = [each for each in reports if each.status.level != Level.OK.value]
+    reported = np.array([each.about_ns for each in bad])
     last_ns = max(states)
     unanswered = sorted(states - answered - {last_ns})
     silent = [
