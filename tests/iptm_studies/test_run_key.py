@@ -120,7 +120,7 @@ def test_fingerprint_covers_the_numbers_and_not_the_nodes() -> None:
         "iptm_core/physics/cell.py",
         "iptm_core/routes/cycles.py",
         "iptm_plant_sim/plant.py",
-        "iptm_v2x_bridge/imperfections.py",
+        "iptm_v2x_bridge/bridge.py",
         "iptm_controller/ocp/stage.py",
         "iptm_controller/solvers/factory.py",
         "iptm_studies/closed_loop.py",
