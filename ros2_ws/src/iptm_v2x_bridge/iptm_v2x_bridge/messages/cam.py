@@ -142,27 +142,23 @@ _INTERVAL_UNITS_S = {"tenths": 0.1, "tens": 10.0, "seconds": 1.0}
 
 
 @cache
-def _asn1tools() -> Any:
-    """Return the library; it is imported with the first message, not with every start of a node."""
+def specification() -> Any:
+    """Return the compiled message types, once per process; not every node that starts reads messages."""
     import asn1tools  # noqa: PLC0415
 
-    return asn1tools
-
-
-@cache
-def specification() -> Any:
-    """Return the compiled message types, once per process."""
     text = (resources.files(__package__) / "cam.asn").read_text(encoding="utf-8")
-    return _asn1tools().compile_string(text, codec="uper")
+    return asn1tools.compile_string(text, codec="uper")
 
 
 def decode_fields(type_name: str, payload: bytes) -> Any | Rejection:
     """Return the fields of a type of `cam.asn`, all of them inside their ranges."""
+    import asn1tools  # noqa: PLC0415
+
     try:
         return specification().decode(type_name, payload, check_constraints=True)
-    except _asn1tools().ConstraintsError:
+    except asn1tools.ConstraintsError:
         return Rejection.CONSTRAINT
-    except (_asn1tools().Error, NotImplementedError, ValueError):
+    except (asn1tools.Error, NotImplementedError, ValueError):
         return Rejection.DECODING
 
 
@@ -176,9 +172,11 @@ def encode_fields(type_name: str, content: Any) -> bytes:
     Raises:
         MessageError: a field is missing or outside the range of the standard.
     """
+    import asn1tools  # noqa: PLC0415
+
     try:
         return cast("bytes", specification().encode(type_name, content, check_constraints=True))
-    except _asn1tools().Error as reason:
+    except asn1tools.Error as reason:
         raise MessageError(f"{type_name} cannot be encoded: {reason}") from reason
 
 
