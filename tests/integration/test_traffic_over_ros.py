@@ -13,6 +13,7 @@ pytest.importorskip("sumo", reason="requirements/traffic.txt is not installed")
 
 from iptm_bringup.replay_check import check_node
 from iptm_recording.bag_reader import BagReader
+from iptm_recording.compare_bags import compare_bags
 from iptm_recording.trajectory_reader import read_trajectory
 
 TICKS = 15
@@ -20,11 +21,20 @@ RUN_TIMEOUT_S = 240.0
 
 
 def test_a_drive_in_traffic_over_ros_leaves_an_ordinary_bag(launcher: Any, tmp_path: Path) -> None:
-    bag = tmp_path / "traffic"
-    drive = launcher.start_module("iptm_traffic.cli", "--duration-s", str(TICKS), "--bag", bag)
+    """Two drives at the same time, with one seed: the same messages to the last bit."""
+    bag, again = tmp_path / "traffic", tmp_path / "again"
+    drives = [
+        launcher.start_module(
+            "iptm_traffic.cli", "--duration-s", str(TICKS), "--bag", folder, name=folder.name
+        )
+        for folder in (bag, again)
+    ]
     # Exit code 0: no collision, plant and SUMO agree to a millimetre, the bag is complete.
-    assert drive.wait(RUN_TIMEOUT_S) == 0, drive.stdout + drive.stderr
-    assert "Stop lines passed" in drive.stdout
+    for drive in drives:
+        assert drive.wait(RUN_TIMEOUT_S) == 0, drive.stdout + drive.stderr
+        assert "Stop lines passed" in drive.stdout
+    for outcome in compare_bags(bag, again):
+        assert outcome.agrees, outcome.divergence_text() or outcome
     with BagReader(bag) as reader:
         assert reader.topics["/v2x/datagrams"].message_count > 5 * TICKS
         assert reader.run_information().scenario == "traffic_following"
