@@ -19,7 +19,7 @@ RUN_TIMEOUT_S = 120.0
 
 @pytest.mark.parametrize("rounds", [1, pytest.param(10, marks=pytest.mark.slow)])
 def test_four_runs_of_the_same_second(launcher: Any, tmp_path: Path, rounds: int) -> None:
-    """Of two in one domain one is driven, likewise of two in one folder; the others are refused in a line."""
+    """Of two runs in one domain, or in one folder, one is driven; the other is refused in one line."""
     for number in range(rounds):
         root, output = tmp_path / f"root_{number}", tmp_path / f"folder_{number}"
         any_domain = ("--output", output)

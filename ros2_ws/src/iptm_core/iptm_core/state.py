@@ -42,7 +42,7 @@ class Columns:
     table: ClassVar[str] = "table"
     """Name of the table in messages."""
     types: ClassVar[Mapping[str, type]] = {}
-    """Types of the columns that are no floats."""
+    """Types of the columns other than float."""
 
     def __post_init__(self) -> None:
         names = self.names()

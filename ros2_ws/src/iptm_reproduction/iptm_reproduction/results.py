@@ -1,6 +1,6 @@
 """Finished runs and their figures, gathered from a store: one table, a row per run and a column per figure.
 
-A run that has not been computed yet leaves a note in the report and is no error.
+A run that has not been computed yet leaves a note in the report and is not an error.
 """
 
 from __future__ import annotations
