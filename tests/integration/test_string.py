@@ -31,7 +31,7 @@ from iptm_recording.trajectory_reader import read_decisions, read_trajectory
 from iptm_studies.vehicle_string import run_string
 
 MODULE = "iptm_bringup.run_string"
-TICKS = 40
+TICKS = 120
 OPTIONS = ("--cycle", "us06", "--slope", "large", "--duration-s", str(TICKS), "--no-picture")
 RUN_TIMEOUT_S = 300.0
 
@@ -64,6 +64,7 @@ def watched(launcher: Any, wait_until: Callable[..., None], output: Path) -> Non
             assert browser.documents["facts"]["source"] == source
             assert browser.documents["facts"]["limits"]["max_gap_m"] == 120.0
             shown = {status["name"] for status in browser.documents["statuses"]["statuses"]}
+            assert f"/{name}/plant: vehicle" in shown
             assert all(status.startswith(f"/{name}/") for status in shown)
         wait_until(lambda: "until Ctrl-C" in runner.text, 60.0, "the end of the report")
         runner.popen.send_signal(signal.SIGINT)
