@@ -22,7 +22,7 @@ from iptm_interfaces.codecs import decode_command, encode_slope, serialized, tim
 from iptm_interfaces.diagnostics import CHANGED_SETTINGS, SETTINGS_SINCE, Level, build_status
 from iptm_interfaces.topics import TOPICS, Topic
 from iptm_recording.bag_writer import BagWriter
-from iptm_recording.changed_settings import (
+from iptm_recording.trajectory_reader import (
     SettingsChange,
     changes_in_words,
     read_settings_changes,

@@ -29,7 +29,7 @@ from iptm_recording.bag_reader import BagReader
 from iptm_recording.bag_writer import COMPRESSIONS, BagWriter
 from iptm_recording.playback import Playback, PlaybackOptions
 from iptm_recording.recover import recover
-from iptm_recording.storage import RawMessage, StorageFile
+from iptm_recording.storage import BagMessage, StorageFile
 from iptm_recording.trajectory_reader import read_decisions, read_trajectory
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "bags" / "example_us06_120s"
@@ -43,7 +43,7 @@ class Original:
     """A sound bag and what it holds."""
 
     folder: Path
-    messages: list[RawMessage]
+    messages: list[BagMessage]
     custom_data: dict[str, str]
     columns: list[dict[str, Any]]
 
@@ -135,7 +135,7 @@ def check_recovery(bag: Path, original: Original) -> None:
     assert not lost or report.notes, f"{lost} messages lost without a reason"
 
 
-def content(message: RawMessage) -> tuple[str, int, int, bytes]:
+def content(message: BagMessage) -> tuple[str, int, int, bytes]:
     return message.topic, message.log_time_ns, message.publish_time_ns, message.data
 
 

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from iptm_recording.peer_gate import (
+from iptm_recording.subscriptions import (
     PATIENCE_ALONE_S,
     PATIENCE_INCOMPLETE_S,
     SETTLE_S,

@@ -22,19 +22,19 @@ from iptm_recording.bag_reader import BagReader
 from iptm_recording.bag_writer import BagWriter
 from iptm_recording.recover import recover
 from iptm_recording.salvage import MAGIC, SalvageReader
-from iptm_recording.storage import RawMessage
+from iptm_recording.storage import BagMessage
 
 FLOAT = "std_msgs/msg/Float64"
 Encode = Callable[[float], bytes]
 
 
-def messages_of(path: Path) -> list[RawMessage]:
+def messages_of(path: Path) -> list[BagMessage]:
     with BagReader(path) as reader:
         return list(reader.raw_messages())
 
 
 @pytest.fixture(scope="module")
-def content(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[bytes, list[RawMessage]]]:
+def content(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[bytes, list[BagMessage]]]:
     """Bytes and messages of a bag with several chunks, by compression."""
     result = {}
     for compression in ("none", "lz4", "zstd"):
@@ -70,7 +70,7 @@ def cut(folder: Path, data: bytes) -> Path:
 def test_every_cut_gives_a_sound_bag_with_a_prefix_of_the_messages(
     compression: str,
     data: st.DataObject,
-    content: dict[str, tuple[bytes, list[RawMessage]]],
+    content: dict[str, tuple[bytes, list[BagMessage]]],
     tmp_path_factory: pytest.TempPathFactory,
 ) -> None:
     whole, messages = content[compression]
@@ -121,7 +121,7 @@ def test_every_complete_message_is_found_at_every_cut(
 
 
 def test_report_tells_topics_bytes_and_damage(
-    content: dict[str, tuple[bytes, list[RawMessage]]], tmp_path: Path
+    content: dict[str, tuple[bytes, list[BagMessage]]], tmp_path: Path
 ) -> None:
     whole, _ = content["none"]
     report = recover(cut(tmp_path / "bag", whole[: len(whole) // 3]))
@@ -132,7 +132,7 @@ def test_report_tells_topics_bytes_and_damage(
 
 
 def test_information_about_the_run_is_kept(
-    content: dict[str, tuple[bytes, list[RawMessage]]], tmp_path: Path
+    content: dict[str, tuple[bytes, list[BagMessage]]], tmp_path: Path
 ) -> None:
     whole, _ = content["none"]
     report = recover(cut(tmp_path / "bag", whole[:2000]), tmp_path / "saved")
@@ -162,7 +162,7 @@ def test_zeros_at_the_end_are_dropped(small_bag: Path, tmp_path: Path) -> None:
 
 
 def test_damaged_chunk_is_left_out_and_said_so(
-    content: dict[str, tuple[bytes, list[RawMessage]]], tmp_path: Path
+    content: dict[str, tuple[bytes, list[BagMessage]]], tmp_path: Path
 ) -> None:
     whole, messages = content["none"]
     broken = bytearray(whole)
@@ -249,7 +249,7 @@ def test_killed_writer_loses_nothing_that_was_flushed(tmp_path: Path) -> None:
 
 
 def test_command(
-    content: dict[str, tuple[bytes, list[RawMessage]]],
+    content: dict[str, tuple[bytes, list[BagMessage]]],
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -262,7 +262,7 @@ def test_command(
 
 @pytest.mark.parametrize("compression", ["none", "lz4", "zstd"])
 def test_the_report_counts_what_a_damaged_chunk_held(
-    compression: str, content: dict[str, tuple[bytes, list[RawMessage]]], tmp_path: Path
+    compression: str, content: dict[str, tuple[bytes, list[BagMessage]]], tmp_path: Path
 ) -> None:
     whole, messages = content[compression]
     with make_chunk_list(whole, tmp_path) as chunks:
@@ -282,7 +282,7 @@ def test_the_report_counts_what_a_damaged_chunk_held(
 
 @pytest.mark.parametrize("what", ["opcode", "length"])
 def test_recovery_goes_on_behind_damage_of_the_structure(
-    what: str, content: dict[str, tuple[bytes, list[RawMessage]]], tmp_path: Path
+    what: str, content: dict[str, tuple[bytes, list[BagMessage]]], tmp_path: Path
 ) -> None:
     whole, messages = content["none"]
     with make_chunk_list(whole, tmp_path) as chunks:
@@ -308,7 +308,7 @@ def make_chunk_list(whole: bytes, folder: Path) -> Iterator[list[ChunkIndex]]:
 
 @pytest.mark.parametrize("compression", ["none", "lz4", "zstd"])
 def test_a_chunk_that_occurs_twice_is_taken_over_once(
-    compression: str, content: dict[str, tuple[bytes, list[RawMessage]]], tmp_path: Path
+    compression: str, content: dict[str, tuple[bytes, list[BagMessage]]], tmp_path: Path
 ) -> None:
     whole, messages = content[compression]
     with make_chunk_list(whole, tmp_path) as chunks:

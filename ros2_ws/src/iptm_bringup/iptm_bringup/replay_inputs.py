@@ -25,9 +25,8 @@ from iptm_interfaces.topics import (
     Topic,
 )
 from iptm_recording.bag_reader import BagReader
-from iptm_recording.changed_settings import refuse_changed_settings
 from iptm_recording.timeline import read_stamp_ns
-from iptm_recording.trajectory_reader import topic_name
+from iptm_recording.trajectory_reader import refuse_changed_settings, topic_name
 
 OUTPUTS: Mapping[str, tuple[Topic, ...]] = {
     CONTROLLER: (

@@ -30,10 +30,6 @@ _BLOCK_BYTES = 2**20
 def open_files(path: Path, metadata: Mapping[str, Any]) -> list[StorageFile]:
     """Open the files of a bag, in recording order.
 
-    Args:
-        path: bag folder or file.
-        metadata: content of the folder's `metadata.yaml`; empty when there is none.
-
     Raises:
         BagError: the bag does not exist, has another storage format, or a file is damaged.
     """
@@ -44,11 +40,7 @@ def open_files(path: Path, metadata: Mapping[str, Any]) -> list[StorageFile]:
 
 
 def open_file(path: Path) -> StorageFile:
-    """Open one file of a bag; what is packed with zstd is unpacked into the folder for temporary files.
-
-    Raises:
-        BagError: it cannot be read, or is damaged.
-    """
+    """Open one file of a bag; what is packed with zstd is unpacked into the folder for temporary files."""
     if path.suffix != _PACKED:
         return _opener(path)(path, None)
     try:
@@ -62,11 +54,7 @@ def open_file(path: Path) -> StorageFile:
 
 
 def check_exists(path: Path) -> None:
-    """Refuse a bag that is not there.
-
-    Raises:
-        BagError: it is not, or nothing can have such a name.
-    """
+    """Refuse a bag that is not there."""
     try:
         exists = path.exists()
     except OSError as error:
@@ -117,12 +105,7 @@ def _listed_files(folder: Path, metadata: Mapping[str, Any]) -> list[Path]:
 
 
 def _unpack(packed: Path, plain: Path) -> None:
-    """Unpack a file.
-
-    Raises:
-        BagError: it is damaged or cut short.
-        OSError: it cannot be read, or its content not be written.
-    """
+    """Unpack a file."""
     unpacking = ZstdDecompressor().decompressobj()
     try:
         with packed.open("rb") as source, plain.open("wb") as target:

@@ -69,13 +69,11 @@ def result_tables(path: Path, namespace: str | None = None) -> list[Table]:
     """
     # Decoding to the suite's messages needs ROS, everything else here does not.
     from iptm_interfaces.assembly import unpublished  # noqa: PLC0415
-    from iptm_recording.changed_settings import (  # noqa: PLC0415
+    from iptm_recording.trajectory_reader import (  # noqa: PLC0415  # noqa: PLC0415
         changes_in_words,
-        read_settings_changes,
-    )
-    from iptm_recording.trajectory_reader import (  # noqa: PLC0415
         leader_remark,
         read_decisions,
+        read_settings_changes,
         read_trajectory,
         trip_starts_ns,
     )
@@ -128,17 +126,7 @@ def decisions_table(title: str, statistics: DecisionStatistics) -> Table:
 def print_information(
     path: Path, console: Console, *, namespace: str | None = None, show_parameters: bool = False
 ) -> None:
-    """Print everything about a bag.
-
-    Args:
-        path: bag folder or file.
-        console: where to print.
-        namespace: namespace of the vehicle whose figures are wanted, if the bag holds several.
-        show_parameters: print the parameters in full.
-
-    Raises:
-        BagError: the bag cannot be read.
-    """
+    """Print everything about a bag."""
     with BagReader(path) as reader:
         information = reader.run_information()
         console.print(overview_table(reader, information))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from heapq import merge
 from pathlib import Path
 from typing import Any, final
@@ -22,22 +22,12 @@ from iptm_recording.message_types import Decoder, MessageDefinition
 from iptm_recording.metadata import METADATA_FILE, read_metadata
 from iptm_recording.recorded_topics import TopicRecord
 from iptm_recording.run_information import RECORD_NAME, RunInformation, stored_model_parameters
-from iptm_recording.storage import RawMessage, StorageFile
-
-
-@dataclass(frozen=True)
-class TypedMessage(RawMessage):
-    """One decoded message; `message` has the fields of its type, arrays are NumPy arrays."""
-
-    message: Any
+from iptm_recording.storage import BagMessage, StorageFile
 
 
 @final
 class BagReader(AbstractContextManager["BagReader"]):
     """A bag opened for reading; use it as a context manager or call `close`.
-
-    Args:
-        path: bag folder or file.
 
     Attributes:
         path: what was opened.
@@ -57,7 +47,7 @@ class BagReader(AbstractContextManager["BagReader"]):
             self._compare_with_metadata()
             self._definitions: dict[str, MessageDefinition] = {}
             for file in self._files:
-                self._definitions.update(file.definitions())
+                self._definitions.update(file.definitions)
         except BagError:
             self.close()
             raise
@@ -143,7 +133,7 @@ class BagReader(AbstractContextManager["BagReader"]):
         topics: Collection[str] | None = None,
         start_ns: int | None = None,
         end_ns: int | None = None,
-    ) -> Iterator[RawMessage]:
+    ) -> Iterator[BagMessage]:
         """Yield messages in order of their log times; equal times stay in the order of reception.
 
         Args:
@@ -169,21 +159,17 @@ class BagReader(AbstractContextManager["BagReader"]):
         topics: Collection[str] | None = None,
         start_ns: int | None = None,
         end_ns: int | None = None,
-    ) -> Iterator[TypedMessage]:
+    ) -> Iterator[BagMessage]:
         """Yield decoded messages; see `raw_messages`.
 
         Raises:
             BagError: as there, or a message does not fit its type.
         """
         for raw in self.raw_messages(topics, start_ns, end_ns):
-            yield TypedMessage(**vars(raw), message=self.decode(raw))
+            yield replace(raw, message=self.decode(raw))
 
-    def decode(self, raw: RawMessage) -> Any:
-        """Decode one message with the definition stored in the bag.
-
-        Raises:
-            BagError: the bytes do not fit the type, or the type is not defined.
-        """
+    def decode(self, raw: BagMessage) -> Any:
+        """Decode one message with the definition stored in the bag."""
         try:
             return self._decoder.decode(raw.data, raw.type_name)
         except BagError as error:
@@ -226,9 +212,6 @@ class BagReader(AbstractContextManager["BagReader"]):
 
 def read_model_parameters(path: Path) -> tuple[ModelParameters, bool]:
     """Return the parameters to judge a recorded run by.
-
-    Args:
-        path: bag folder or file.
 
     Returns:
         The parameters of the run and True; or the default set and False where the bag has none.

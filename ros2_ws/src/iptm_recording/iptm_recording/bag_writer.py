@@ -33,6 +33,8 @@ DEFAULT_CHUNK_BYTES = 64 * 1024
 class BagWriter(AbstractContextManager["BagWriter"]):
     """Writer of one bag folder; use it as a context manager or call `close`.
 
+    Its methods raise a BagError where the disk does not take what they write.
+
     Args:
         folder: bag folder to create; refuses an existing one.
         custom_data: texts about the run, by name.
@@ -130,9 +132,6 @@ class BagWriter(AbstractContextManager["BagWriter"]):
             data: serialised message (CDR with its 4-byte header).
             log_time_ns: time of reception; orders the bag and times a replay.
             publish_time_ns: time of publication; the time of reception by default.
-
-        Raises:
-            BagError: the file cannot be written (disk full).
         """
         if publish_time_ns is None:
             publish_time_ns = log_time_ns
@@ -155,9 +154,6 @@ class BagWriter(AbstractContextManager["BagWriter"]):
 
         Args:
             messages: topic number, bytes, log time and publication time (ns) of each.
-
-        Raises:
-            BagError: the file cannot be written (disk full).
         """
         before = self._file
         self._counts = dict.fromkeys(self._counts, 0)
@@ -174,14 +170,7 @@ class BagWriter(AbstractContextManager["BagWriter"]):
             raise self._failed(error) from None
 
     def add_information(self, texts: Mapping[str, str]) -> None:
-        """Store further texts about the run, or others in the place of those so far.
-
-        Args:
-            texts: by name.
-
-        Raises:
-            BagError: the file cannot be written (disk full).
-        """
+        """Store further texts about the run, or others in the place of those so far."""
         self._custom_data.update(texts)
         try:
             self._file.add_texts(RECORD_NAME, texts)
@@ -212,9 +201,6 @@ class BagWriter(AbstractContextManager["BagWriter"]):
         """Finish the chunk in progress, so that a kill of the process no longer loses its messages.
 
         With compression a chunk stays open until it is full: small ones hardly compress.
-
-        Raises:
-            BagError: the file cannot be written (disk full).
         """
         if self._compression != "none":
             return
@@ -224,11 +210,7 @@ class BagWriter(AbstractContextManager["BagWriter"]):
             raise self._failed(error) from None
 
     def close(self) -> None:
-        """Complete the file and write `metadata.yaml`; a second call is free.
-
-        Raises:
-            BagError: the disk does not take it.
-        """
+        """Complete the file and write `metadata.yaml`; a second call is free."""
         if self._is_closed:
             return
         try:

@@ -25,7 +25,7 @@ from iptm_core.user_input import number
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.field_differences import FieldDifference, NumberTolerance, differences
 from iptm_recording.recorded_topics import TopicSelection
-from iptm_recording.storage import RawMessage
+from iptm_recording.storage import BagMessage
 from iptm_recording.timeline import StampKind, read_stamp_ns, stamp_kind
 
 # What depends on the machine and not on the run.
@@ -37,7 +37,7 @@ _FIELDS_SHOWN = 8
 
 _Key = tuple[int | None, int]
 """Stamp (ns) of a message and its number among those of the same stamp, or of the topic without one."""
-_Content = dict[str, dict[_Key, RawMessage]]
+_Content = dict[str, dict[_Key, BagMessage]]
 
 
 @dataclass(frozen=True)
@@ -103,9 +103,6 @@ def compare_bags(
         tolerance: for floating-point numbers.
         ignored_fields: field paths or patterns (`header.stamp.*`) that may differ.
 
-    Returns:
-        The outcome for every topic that either of the bags holds.
-
     Raises:
         BagError: a bag cannot be read, or no topic is left to compare.
     """
@@ -116,7 +113,7 @@ def compare_bags(
             raise BagError(f"{first} and {second} have no topic left to compare")
         contents = _messages(one, names), _messages(two, names)
 
-        def differing_fields(message: RawMessage, other: RawMessage) -> list[FieldDifference]:
+        def differing_fields(message: BagMessage, other: BagMessage) -> list[FieldDifference]:
             if other.data == message.data:
                 return []
             found = differences(one.decode(message), two.decode(other), tolerance)
@@ -133,7 +130,7 @@ def _compare_topic(
     name: str,
     readers: tuple[BagReader, BagReader],
     contents: tuple[_Content, _Content],
-    differing_fields: Callable[[RawMessage, RawMessage], list[FieldDifference]],
+    differing_fields: Callable[[BagMessage, BagMessage], list[FieldDifference]],
 ) -> TopicComparison:
     one, two = (reader.topics.get(name) for reader in readers)
     counts = (one.message_count if one else 0, two.message_count if two else 0)

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import argparse
 import csv
+import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from itertools import chain
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import pyarrow as pa
@@ -17,9 +21,111 @@ from iptm_core.errors import BagError, IptmError, StateError
 from iptm_core.program import refused
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_core.user_input import shown
+from iptm_interfaces.codecs import s_from_ns
+from iptm_interfaces.topics import TOPICS
 from iptm_recording.bag_reader import BagReader
-from iptm_recording.message_table import message_columns
+from iptm_recording.field_differences import flatten
+from iptm_recording.recorded_topics import TopicRecord
+from iptm_recording.timeline import StampKind, read_stamp_ns, stamp_kind
 from iptm_recording.trajectory_reader import read_trajectory
+
+MOST_COLUMNS = 16_384
+"""What a sheet of Excel holds; a message with more scalars is a picture or a cloud and makes no table."""
+TIME_COLUMNS = ("log_time_ns", "publish_time_ns", "stamp_s")
+"""Reception, publication and, where messages have one, the header stamp, which joins with `time_s`."""
+
+# Units of fields by type and pattern; other fields are dimensionless, name their unit, or have none known.
+_UNITS: Mapping[str, Mapping[str, str]] = MappingProxyType(
+    {
+        "nav_msgs/msg/Odometry": {
+            "pose.pose.position.?": "m",
+            "twist.twist.linear.?": "m_s",
+            "twist.twist.angular.?": "rad_s",
+        },
+        "geometry_msgs/msg/AccelStamped": {"accel.linear.?": "m_s2", "accel.angular.?": "rad_s2"},
+        "sensor_msgs/msg/Temperature": {"temperature": "c", "variance": "k2"},
+        "sensor_msgs/msg/BatteryState": {
+            "voltage": "v",
+            "cell_voltage.[0-9]*": "v",
+            "current": "a",
+            "charge": "ah",
+            "*capacity": "ah",
+            "temperature": "c",
+            "cell_temperature.[0-9]*": "c",
+        },
+        "trajectory_msgs/msg/JointTrajectory": {
+            "points.*.positions.leader": "m",
+            "points.*.velocities.leader": "m_s",
+        },
+    }
+)
+_SCALAR = "std_msgs/msg/Float64"
+_JOINT_VALUE = re.compile(r"(points\.\d+\.(?:positions|velocities)\.)(\d+)")
+
+
+def message_columns(reader: BagReader, topic: TopicRecord) -> dict[str, list[Any]]:
+    """Return the messages of a topic as columns of equal length.
+
+    Fields are named by their path (`pose.pose.position.x_m`), elements of arrays by their number, named
+    values and columns of a `JointTrajectory` by their names. A message that lacks a field of others has
+    None there.
+
+    Raises:
+        BagError: the topic holds no messages, or makes too many columns; the bag is damaged.
+    """
+    kind = stamp_kind(topic.type_name, reader.definition_text(topic.type_name))
+    columns: dict[str, list[Any]] = {}
+    rows = 0
+    for item in reader.messages([topic.name]):
+        stamp_ns = None if kind is StampKind.NONE else read_stamp_ns(item.data)
+        times = (
+            item.log_time_ns,
+            item.publish_time_ns,
+            None if stamp_ns is None else s_from_ns(stamp_ns),
+        )
+        joints = getattr(item.message, "joint_names", ())
+        fields = ((_column(path, joints, topic), value) for path, value in flatten(item.message))
+        for name, value in chain(zip(TIME_COLUMNS, times, strict=True), fields):
+            column = columns.setdefault(name, [])
+            if len(column) > rows:
+                raise BagError(f"a message of {topic.name} has two fields {shown(name)}")
+            column.extend([None] * (rows - len(column)))
+            column.append(value)
+        rows += 1
+        if len(columns) > MOST_COLUMNS:
+            raise BagError(
+                f"messages of {topic.name} have {len(columns)} scalars and more;"
+                f" allowed in a table: {MOST_COLUMNS}"
+            )
+    if not rows:
+        raise BagError(f"topic {topic.name} of {reader.path} holds no messages")
+    if kind is StampKind.NONE:
+        del columns["stamp_s"]
+    for column in columns.values():
+        column.extend([None] * (rows - len(column)))
+    return columns
+
+
+def _column(path: str, joints: Sequence[str], topic: TopicRecord) -> str:
+    """Return the name of the column of a field."""
+    match = _JOINT_VALUE.fullmatch(path)
+    if match is not None and int(match[2]) < len(joints):
+        path = match[1] + joints[int(match[2])]
+    unit = _unit(path, topic)
+    return f"{path}_{unit}" if unit else path
+
+
+def _unit(path: str, topic: TopicRecord) -> str:
+    """Return the unit that is missing in the name of a field, "" if none is."""
+    if topic.type_name == _SCALAR:
+        for spec in TOPICS.values():
+            if spec.type_name == _SCALAR and topic.name.endswith(f"/{spec.name}"):
+                return spec.unit.lower().replace("/", "_").replace("^", "")
+    for pattern, unit in _UNITS.get(topic.type_name, {}).items():
+        if fnmatchcase(path, pattern):
+            return unit
+    return ""
+
 
 _METADATA_PREFIX = "iptm_"
 TRAJECTORY = "trajectory"
@@ -44,15 +150,7 @@ class ExportTable:
 
 
 def trajectory_table(bag: Path, namespace: str | None = None) -> ExportTable:
-    """Return the run of a bag tick by tick: the columns of `iptm_core.trajectory.Trajectory`, and the gap.
-
-    Args:
-        bag: whatever `BagReader` opens.
-        namespace: of the vehicle; needed only if the bag holds several.
-
-    Raises:
-        BagError: the bag cannot be read, holds no complete run, or several and none is named.
-    """
+    """Return the run of a bag tick by tick: the columns of `iptm_core.trajectory.Trajectory`, and the gap."""
     columns = trajectory_columns(read_trajectory(bag, namespace))
     return ExportTable(columns, _metadata(bag, TRAJECTORY, namespace))
 
@@ -65,11 +163,6 @@ def trajectory_columns(trajectory: Trajectory) -> dict[str, list[float]]:
 
 def topic_table(bag: Path, topic: str, namespace: str | None = None) -> ExportTable:
     """Return the messages of a topic, see `message_columns`.
-
-    Args:
-        bag: whatever `BagReader` opens.
-        topic: full name, or one relative to the vehicle.
-        namespace: of the vehicle; needed only if the bag holds several.
 
     Raises:
         BagError: the bag cannot be read, has no such topic, or its messages make no table.
@@ -84,22 +177,14 @@ def topic_table(bag: Path, topic: str, namespace: str | None = None) -> ExportTa
 
 
 def write_parquet(path: Path, table: ExportTable) -> None:
-    """Write a Parquet file; the metadata stand in that of its schema, with `iptm_` in front of the names.
-
-    Raises:
-        BagError: the file exists, or cannot be written.
-    """
+    """Write a Parquet file; the metadata stand in that of its schema, with `iptm_` in front of the names."""
     metadata = {_METADATA_PREFIX + name: text for name, text in table.metadata.items()}
     content = pa.table({name: pa.array(values) for name, values in table.columns.items()})
     _create(path, lambda: pq.write_table(content.replace_schema_metadata(metadata), path))
 
 
 def read_exported_trajectory(path: Path) -> tuple[Trajectory, dict[str, str]]:
-    """Return a trajectory from a Parquet file of `write_parquet`, with the metadata.
-
-    Raises:
-        BagError: the file cannot be read, or holds no trajectory.
-    """
+    """Return a trajectory from a Parquet file of `write_parquet`, with the metadata."""
     try:
         table = pq.read_table(path)
         columns = {name: table[name].to_numpy() for name in TRAJECTORY_COLUMNS}
@@ -111,11 +196,7 @@ def read_exported_trajectory(path: Path) -> tuple[Trajectory, dict[str, str]]:
 
 
 def write_csv(path: Path, table: ExportTable) -> None:
-    """Write a CSV file (RFC 4180, UTF-8, decimal points); numbers have as many digits as read back exactly.
-
-    Raises:
-        BagError: the file exists, or cannot be written.
-    """
+    """Write a CSV file (RFC 4180, UTF-8, decimal points); its numbers read back exactly."""
 
     def write() -> None:
         with path.open("w", encoding="utf-8", newline="") as file:
@@ -135,11 +216,7 @@ _ENDINGS = " or ".join(WRITERS)
 
 
 def check_output(path: Path) -> None:
-    """Refuse a file that cannot become an export, before the bag is read.
-
-    Raises:
-        BagError: it has another ending, or exists.
-    """
+    """Refuse a file that cannot become an export, before the bag is read."""
     if path.suffix not in WRITERS:
         raise BagError(f"output is {shown(str(path))}; allowed: a name that ends in {_ENDINGS}")
     try:

@@ -57,13 +57,7 @@ class FieldDifference:
 
 
 def differences(first: Any, second: Any, tolerance: NumberTolerance) -> list[FieldDifference]:
-    """Return the fields in which two messages of the same type differ.
-
-    Args:
-        first: decoded message.
-        second: decoded message of the same type.
-        tolerance: for floating-point numbers; everything else must be equal.
-    """
+    """Return the fields in which two messages of the same type differ."""
     left, right = dict(flatten(first)), dict(flatten(second))
     found = []
     for path in dict.fromkeys((*left, *right)):

@@ -39,9 +39,6 @@ class FileLimits:
     Attributes:
         max_bag_size: bytes, 0 for no such limit.
         max_bag_duration: seconds of log time, 0 for no such limit.
-
-    Raises:
-        BagError: a value is out of range.
     """
 
     max_bag_size: int = 0
@@ -73,9 +70,6 @@ class McapFile:
     Attributes:
         path: the file.
         counts: messages so far, by topic number.
-
-    Raises:
-        OSError: the file exists or cannot be created.
     """
 
     def __init__(self, path: Path, compression: str, chunk_bytes: int, limits: FileLimits) -> None:
@@ -136,11 +130,7 @@ class McapFile:
     def write(
         self, topic_id: int, data: bytes, log_time_ns: int, publish_time_ns: int, sequence: int
     ) -> None:
-        """Append a message to the chunk in progress.
-
-        Raises:
-            OSError: the disk does not take it.
-        """
+        """Append a message to the chunk in progress."""
         self.counts[topic_id] += 1
         self._start_ns = min(self._start_ns, log_time_ns)
         self._end_ns = max(self._end_ns, log_time_ns)
@@ -167,11 +157,7 @@ class McapFile:
         self._file.close()
 
     def move(self, path: Path) -> None:
-        """Give the file another name, in place of a file that has it.
-
-        Raises:
-            OSError: the file system refuses it.
-        """
+        """Give the file another name, in place of a file that has it."""
         self.path = self.path.replace(path)
 
     def abandon(self) -> None:

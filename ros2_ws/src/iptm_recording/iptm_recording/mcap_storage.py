@@ -1,12 +1,19 @@
-"""An MCAP file of a bag, opened for reading."""
+"""An MCAP file of a bag, opened for reading: its messages and texts, its checksums and statistics.
+
+Own code on the records of `mcap`: the readers of rosbags give no publication times, and check neither the
+summary nor the data section against their checksums.
+"""
 
 from __future__ import annotations
 
 import mmap
+import struct
+import zlib
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import final
 
+from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
 from mcap.summary import Summary
 from mcap.well_known import Profile
@@ -15,63 +22,98 @@ from iptm_core.errors import BagError
 from iptm_recording.message_types import SCHEMA_ENCODING, MessageDefinition
 from iptm_recording.recorded_topics import TopicRecord, parse_profiles
 from iptm_recording.run_information import RECORD_NAME
-from iptm_recording.soundness import DAMAGE, FOOTER, MAGIC, check_data_section, summary_start
-from iptm_recording.storage import RawMessage, StorageFile
+from iptm_recording.storage import DAMAGE, BagMessage, StorageFile
+
+MAGIC = b"\x89MCAP0\r\n"
+PREFIX = struct.Struct("<BQ")
+"""Opcode and length in front of every record."""
+DATA_END = struct.Struct("<BQI")
+FOOTER = struct.Struct("<BQQQI")
+_BLOCK_BYTES = 2**20
+
+
+def summary_start(data: bytes | mmap.mmap) -> int:
+    """Return where the summary of a whole file starts, 0 without one.
+
+    Raises:
+        ValueError: the footer is damaged, or the summary does not match its checksum.
+    """
+    at = len(data) - len(MAGIC) - FOOTER.size
+    opcode, length, start, _, checksum = FOOTER.unpack_from(data, max(0, at))
+    if opcode != Opcode.FOOTER or length != FOOTER.size - PREFIX.size or not 0 <= start <= at:
+        raise ValueError("its footer is unreadable")
+    if start and checksum and _checksum(data, start, at + FOOTER.size - 4) != checksum:
+        raise ValueError("its summary does not match its checksum")
+    return int(start)
+
+
+def check_data_section(data: bytes | mmap.mmap) -> None:
+    """Compare everything before the summary with the checksum of the file, if it has one.
+
+    Raises:
+        ValueError: they do not agree, or the end of the data section is damaged.
+    """
+    end = (summary_start(data) or len(data) - len(MAGIC) - FOOTER.size) - DATA_END.size
+    opcode, length, checksum = DATA_END.unpack_from(data, max(0, end))
+    if (opcode, length) != (Opcode.DATA_END, 4):
+        raise ValueError("the end of its data is unreadable")
+    if checksum and _checksum(data, 0, end) != checksum:
+        raise ValueError("its data do not match their checksum")
+
+
+def _checksum(data: bytes | mmap.mmap, start: int, end: int) -> int:
+    """Return the CRC-32 of a part, without a copy of all of it."""
+    checksum = 0
+    for at in range(start, end, _BLOCK_BYTES):
+        checksum = zlib.crc32(data[at : min(at + _BLOCK_BYTES, end)], checksum)
+    return checksum
 
 
 @final
 class McapStorage(StorageFile):
-    """See `StorageFile`.
+    """See `StorageFile`; refuses what is not an MCAP file of ROS 2 messages, or was cut short."""
 
-    Raises:
-        BagError: it cannot be read, is not an MCAP file of ROS 2 messages, or was cut short.
-    """
+    kind, magic = "an MCAP file", MAGIC
+    remedy = "save what is whole with: scripts/recover_bag {path}"
 
-    def __init__(self, path: Path, source: Path | None = None) -> None:
-        super().__init__(path, source)
-        self._map: mmap.mmap | None = None
-        try:
-            self._file = path.open("rb")
-        except OSError as error:
-            raise BagError(f"cannot read {self.path}: {error}") from None
-        try:
-            self._check_ends()
-            summary_start(self._content())
-            self._reader = SeekingReader(self._file, validate_crcs=True)
-            self._check_profile()
-            self._summary = self._reader.get_summary() or Summary()
-            self._read_statistics()
-        except BagError:
-            self.close()
-            raise
-        except DAMAGE as error:
-            self.close()
-            raise self.damaged(error) from None
-
-    def definitions(self) -> dict[str, MessageDefinition]:
-        """Return the message definitions by type name."""
+    def _open(self, path: Path) -> None:
+        file = self._opened.enter_context(path.open("rb"))
+        self._content = self._opened.enter_context(
+            mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        )
+        if (
+            len(self._content) < 2 * len(MAGIC) + FOOTER.size
+            or self._content[-len(MAGIC) :] != MAGIC
+        ):
+            raise BagError(
+                f"{self.path} ends without its footer: its recording was cut short;"
+                f" repair it with: scripts/recover_bag {self.path}"
+            )
+        summary_start(self._content)
+        self._reader = SeekingReader(file, validate_crcs=True)
+        profile = self._reader.get_header().profile
+        if profile != Profile.ROS2:
+            raise BagError(f"{self.path} has the profile {profile!r}; only 'ros2' is read")
+        summary = self._reader.get_summary() or Summary()
+        self._read_statistics(summary)
         hashes = {
             channel.schema_id: channel.metadata.get("topic_type_hash", "")
-            for channel in self._summary.channels.values()
+            for channel in summary.channels.values()
         }
-        return {
+        self.definitions = {
             schema.name: MessageDefinition(
                 schema.name,
                 schema.data.decode(errors="replace") if schema.encoding == SCHEMA_ENCODING else "",
                 hashes.get(schema.id, ""),
             )
-            for schema in self._summary.schemas.values()
+            for schema in summary.schemas.values()
         }
 
     def metadata_record(self, name: str) -> dict[str, str] | None:
-        """Return the texts stored under a name (later ones count), None if there are none.
-
-        Raises:
-            BagError: the file is damaged; texts have no checksum of their own, so all of it is checked.
-        """
+        """See `StorageFile`; texts have no checksum of their own, so all of the file is checked."""
         texts: dict[str, str] | None = None
         try:
-            check_data_section(self._content())
+            check_data_section(self._content)
             for record in self._reader.iter_metadata():
                 if record.name == name:
                     texts = {**(texts or {}), **record.metadata}
@@ -84,38 +126,8 @@ class McapStorage(StorageFile):
         self.metadata_record(RECORD_NAME)
         super().verify()
 
-    def close(self) -> None:
-        """Close the file."""
-        if self._map is not None:
-            self._map.close()
-        self._file.close()
-
-    def _content(self) -> mmap.mmap:
-        """Return the bytes of the file."""
-        if self._map is None:
-            self._map = mmap.mmap(self._file.fileno(), 0, access=mmap.ACCESS_READ)
-        return self._map
-
-    def _check_ends(self) -> None:
-        start = self._file.read(len(MAGIC))
-        if start != MAGIC:
-            raise BagError(f"{self.path} is not an MCAP file: it starts with {start!r}")
-        size = self._file.seek(0, 2)
-        self._file.seek(max(0, size - len(MAGIC)))
-        if size < 2 * len(MAGIC) + FOOTER.size or self._file.read() != MAGIC:
-            raise BagError(
-                f"{self.path} ends without its footer: its recording was cut short;"
-                f" repair it with: scripts/recover_bag {self.path}"
-            )
-        self._file.seek(0)
-
-    def _check_profile(self) -> None:
-        profile = self._reader.get_header().profile
-        if profile != Profile.ROS2:
-            raise BagError(f"{self.path} has the profile {profile!r}; only 'ros2' is read")
-
-    def _read_statistics(self) -> None:
-        statistics = self._summary.statistics
+    def _read_statistics(self, summary: Summary) -> None:
+        statistics = summary.statistics
         if statistics is None:
             raise BagError(
                 f"{self.path} has no statistics; rewrite it with: scripts/recover_bag {self.path}"
@@ -127,8 +139,8 @@ class McapStorage(StorageFile):
         self.counts_topics = bool(counts)  # some writers count no topics
         self._type_names: dict[int, str] = {}
         topics = []
-        for channel in self._summary.channels.values():
-            schema = self._summary.schemas.get(channel.schema_id)
+        for channel in summary.channels.values():
+            schema = summary.schemas.get(channel.schema_id)
             if channel.message_encoding != "cdr" or schema is None:
                 raise BagError(
                     f"topic {channel.topic} of {self.path} is encoded as"
@@ -148,19 +160,16 @@ class McapStorage(StorageFile):
 
     def _read(
         self, topics: Collection[str] | None, start_ns: int | None, end_ns: int | None
-    ) -> Iterator[RawMessage]:
+    ) -> Iterator[BagMessage]:
         for _, channel, message in self._reader.iter_messages(
             topics=None if topics is None else list(topics),
             starting_at=start_ns,
             ending_before=end_ns,
         ):
-            yield RawMessage(
+            yield BagMessage(
                 topic=channel.topic,
                 type_name=self._type_names[channel.id],
                 log_time_ns=message.log_time,
                 publish_time_ns=message.publish_time,
                 data=message.data,
             )
-
-    def _way_out(self, path: Path) -> str:
-        return f"save what is whole with: scripts/recover_bag {path}"

@@ -154,9 +154,6 @@ class Decoder:
 
     A type whose hash equals that of the standard type uses the standard definition; every other
     one is built from the text in the bag, so that bags of other distributions and own types work.
-
-    Args:
-        definitions: definitions by type name.
     """
 
     def __init__(self, definitions: Mapping[str, MessageDefinition]) -> None:

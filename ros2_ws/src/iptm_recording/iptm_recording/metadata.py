@@ -49,14 +49,7 @@ def describe_bag(
     custom_data: Mapping[str, str],
     ros_distro: str,
 ) -> dict[str, Any]:
-    """Return the metadata of a bag.
-
-    Args:
-        files: its MCAP files in recording order, one at least.
-        topics: recorded topics, with their messages in these files.
-        custom_data: free texts by name (what the run depended on).
-        ros_distro: ROS distribution that recorded.
-    """
+    """Return the metadata of a bag."""
     start_ns = min(file.start_ns for file in files)
     end_ns = max((file.end_ns for file in files if file.message_count), default=start_ns)
     return {
@@ -96,23 +89,14 @@ def describe_bag(
 
 
 def write_metadata(folder: Path, information: Mapping[str, Any]) -> None:
-    """Write `metadata.yaml` in one step: readers see the whole file or none.
-
-    Args:
-        folder: bag folder.
-        information: what `describe_bag` returns.
-    """
+    """Write `metadata.yaml` in one step: readers see the whole file or none."""
     temporary = folder / f"{METADATA_FILE}.partial"
     temporary.write_text(metadata_text({_ROOT_KEY: information}), encoding="utf-8")
     temporary.replace(folder / METADATA_FILE)
 
 
 def read_metadata(folder: Path) -> dict[str, Any]:
-    """Return the content below `rosbag2_bagfile_information` of a bag folder, of any version.
-
-    Raises:
-        BagError: the file is missing, unreadable or not the metadata of a bag.
-    """
+    """Return the content below `rosbag2_bagfile_information` of a bag folder, of any version."""
     path = folder / METADATA_FILE
     content = read_yaml(path, BagError)
     if not isinstance(content, dict) or not isinstance(content.get(_ROOT_KEY), dict):

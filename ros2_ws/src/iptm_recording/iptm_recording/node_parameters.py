@@ -85,9 +85,6 @@ def with_model(by_node: Mapping[str, Mapping[str, Scalar]]) -> dict[str, Any]:
 
     The model is that of the plant. Where its set cannot be read here (it is a file of another machine),
     the bag names the set and lacks its values.
-
-    Args:
-        by_node: parameters by node of the suite.
     """
     plant = by_node.get(TOPICS[_KNOWN_BY[0]].publisher, {})
     names = [spec.name for spec in parameter_specs(ModelSettings)]

@@ -8,9 +8,8 @@ from pathlib import Path
 
 from iptm_core.errors import BagError
 from iptm_recording.bag_reader import BagReader
-from iptm_recording.qos_overrides import QosOverrides
-from iptm_recording.recorded_topics import TopicRecord, TopicSelection
-from iptm_recording.storage import RawMessage
+from iptm_recording.recorded_topics import QosOverrides, TopicRecord, TopicSelection
+from iptm_recording.storage import BagMessage
 from iptm_recording.timeline import CLOCK_TOPIC, CLOCK_TYPE
 
 MAX_TIME_S = 1e9
@@ -51,7 +50,7 @@ class PlaybackOptions:
     is_looping: bool = False
     is_paused: bool = False
     remap: Mapping[str, str] = field(default_factory=dict)
-    qos: QosOverrides = field(default_factory=QosOverrides)
+    qos: QosOverrides = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         _check("rate", self.rate, LEAST_RATE, MOST_RATE)
@@ -65,10 +64,6 @@ class PlaybackOptions:
 
 class Playback:
     """The part of an opened bag that is to be played.
-
-    Args:
-        reader: the bag.
-        options: what to play.
 
     Attributes:
         clock_topic: full name of the clock of the bag.
@@ -122,32 +117,25 @@ class Playback:
         return (self.end_ns - self.start_ns) * 1e-9
 
     def due_s(self, log_time_ns: int) -> float:
-        """Return how long after the begin something is due, in seconds of the computer's time.
-
-        Args:
-            log_time_ns: recorded time.
-        """
+        """Return how long after the begin something is due, in seconds of the computer's time."""
         return max(0.0, (log_time_ns - self.start_ns) * 1e-9 / self._options.rate)
 
-    def messages(self, from_ns: int | None = None) -> Iterator[RawMessage]:
+    def messages(self, from_ns: int | None = None) -> Iterator[BagMessage]:
         """Yield messages in order of their log times.
 
         Before the first one come the last earlier messages of latched topics: a subscriber that
         joins in the middle of a run has them as well.
-
-        Args:
-            from_ns: recorded time at which to begin; the begin of the part by default.
         """
         start_ns = self.start_ns if from_ns is None else from_ns
         names = [topic.name for topic in self.topics]
         yield from self._latched_before(start_ns)
         yield from self._reader.raw_messages(names, start_ns, self.end_ns + 1)
 
-    def _latched_before(self, start_ns: int) -> Iterator[RawMessage]:
+    def _latched_before(self, start_ns: int) -> Iterator[BagMessage]:
         latched = [topic.name for topic in self.topics if topic.is_latched]
         if not latched or start_ns <= self._reader.start_ns:
             return
-        last: dict[str, RawMessage] = {}
+        last: dict[str, BagMessage] = {}
         for message in self._reader.raw_messages(latched, end_ns=start_ns):
             last[message.topic] = message
         yield from last.values()

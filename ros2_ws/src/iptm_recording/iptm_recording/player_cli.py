@@ -14,8 +14,7 @@ from iptm_interfaces.command_line import own_arguments
 from iptm_interfaces.process import run_node
 from iptm_recording.playback import PlaybackOptions
 from iptm_recording.player_node import PlayerNode
-from iptm_recording.qos_overrides import QosOverrides, load_qos_overrides
-from iptm_recording.recorded_topics import TopicSelection
+from iptm_recording.recorded_topics import TopicSelection, load_qos_overrides
 
 _DEFAULT_CLOCK_HZ = 40.0
 _ROS = "--ros-args"
@@ -98,11 +97,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def _rule(text: str) -> tuple[str, str]:
-    """Read a rule in the form of `_without_rules`.
-
-    Raises:
-        ArgumentTypeError: it is none.
-    """
+    """Read a rule in the form of `_without_rules`."""
     old, _, new = text.partition("=")
     if not (old and new):
         raise argparse.ArgumentTypeError(f"rule is {text!r}; allowed: OLD:=NEW")
@@ -119,12 +114,7 @@ def _without_rules(command: Sequence[str]) -> list[str]:
 
 
 def options_from(arguments: argparse.Namespace) -> PlaybackOptions:
-    """Turn parsed arguments into options.
-
-    Raises:
-        BagError: a number is out of its range, or the file of overrides cannot be read.
-    """
-    path = arguments.qos_profile_overrides_path
+    """Turn parsed arguments into options."""
     return PlaybackOptions(
         bag=arguments.bag,
         rate=arguments.rate,
@@ -137,16 +127,12 @@ def options_from(arguments: argparse.Namespace) -> PlaybackOptions:
         is_looping=arguments.loop,
         is_paused=arguments.start_paused,
         remap=dict(arguments.remap),
-        qos=QosOverrides() if path is None else load_qos_overrides(path),
+        qos=load_qos_overrides(arguments.qos_profile_overrides_path),
     )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Play a bag.
-
-    Returns:
-        0 at the end or when stopped, 2 after a mistake of the user.
-    """
+    """Play a bag."""
     command = _without_rules(sys.argv if arguments is None else arguments)
     try:
         parsed = build_parser().parse_args(own_arguments(command))

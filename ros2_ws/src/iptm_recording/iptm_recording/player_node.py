@@ -23,10 +23,9 @@ from iptm_interfaces.services import Service
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.playback import LEAST_RATE, MOST_RATE, Playback, PlaybackOptions
-from iptm_recording.playback_control import PlaybackControl, WaitOutcome
-from iptm_recording.playback_progress import PlaybackProgress
+from iptm_recording.playback_control import PlaybackControl, PlaybackProgress, WaitOutcome
 from iptm_recording.rclpy_types import recorded_class, to_profile
-from iptm_recording.recorded_topics import TopicRecord, offer_for
+from iptm_recording.recorded_topics import TopicRecord, offer_for, overridden
 
 STARTED_LINE = "player started"
 RATE, SEEK = "rate", "seek_s"
@@ -44,9 +43,6 @@ class PlayerNode(SuiteNode):
 
     The waiting and publishing happen in a thread of their own, so that the node stays responsive. Its
     services and the parameters `rate` and `seek_s` change what that thread waits for.
-
-    Args:
-        options: what to play.
 
     Raises:
         BagError: the bag cannot be opened, or holds nothing of what was asked for.
@@ -68,7 +64,7 @@ class PlayerNode(SuiteNode):
             raise BagError(f"no topic of {options.bag} can be published here")
         for remark in self._reader.remarks:
             self.get_logger().warning(remark)
-        for name in options.qos.by_topic.keys() - self._publishers_by_topic.keys():
+        for name in options.qos.keys() - self._publishers_by_topic.keys():
             self.get_logger().warning(f"quality of service of {name} is not used: it is not played")
         self._next_clock_s = 0.0
         self._clock_publisher: Publisher | None = None
@@ -114,7 +110,7 @@ class PlayerNode(SuiteNode):
         self._publishers_by_topic[topic.name] = self.create_publisher(
             kind,
             self._options.remap.get(topic.name, topic.name),
-            to_profile(self._options.qos.applied(topic.name, qos)),
+            to_profile(overridden(qos, topic.name, self._options.qos)),
         )
 
     def _declare_settable(self) -> None:

@@ -31,9 +31,6 @@ from iptm_recording.recorded_topics import UNLIMITED, TopicRecord
 def message_class(type_name: str) -> type[Any]:
     """Return the Python class of a message type.
 
-    Args:
-        type_name: `package/msg/Type`.
-
     Raises:
         BagError: the package is not installed or has no such type.
     """
@@ -50,11 +47,7 @@ def message_class(type_name: str) -> type[Any]:
 
 
 def recorded_class(topic: TopicRecord) -> type[Any]:
-    """Return the class with which the recorded bytes of a topic can be published.
-
-    Raises:
-        BagError: there is none here, or its fields are others than those in the bag.
-    """
+    """Return the class with which the recorded bytes of a topic can be published."""
     kind = message_class(topic.type_name)
     hashes = known_hashes(topic.type_name)
     if topic.type_hash and hashes and topic.type_hash not in hashes:

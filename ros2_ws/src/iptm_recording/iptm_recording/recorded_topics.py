@@ -5,10 +5,13 @@ Free of rclpy: the nodes translate to and from rclpy's QoS profiles in `rclpy_ty
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from enum import Enum
 from fnmatch import fnmatchcase
 from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final
 
 import yaml
 from rosbags.interfaces import (
@@ -23,8 +26,91 @@ from rosbags.rosbag2 import ReaderError
 from rosbags.rosbag2.metadata import dump_qos_v9, parse_qos
 
 from iptm_core.errors import BagError
-from iptm_core.parameters.strict_yaml import parse_yaml
-from iptm_core.user_input import shown
+from iptm_core.parameters.strict_yaml import parse_yaml, read_yaml
+from iptm_core.state import NS_PER_S
+from iptm_core.user_input import check_known, shown
+
+QosOverrides = Mapping[str, Mapping[str, Any]]
+"""Fields of `Qos` that the user asks for, by full name of the topic; the others stay as they would be."""
+
+_KINDS: Final[Mapping[str, type[Enum]]] = {
+    "history": QosHistory,
+    "reliability": QosReliability,
+    "durability": QosDurability,
+    "liveliness": QosLiveliness,
+}
+_ALLOWED: Final = {
+    "history": ("keep_last", "keep_all", "system_default"),
+    "reliability": ("reliable", "best_effort", "system_default"),
+    "durability": ("volatile", "transient_local", "system_default"),
+    "liveliness": ("automatic", "manual_by_topic", "system_default"),
+}
+_TIMES = ("deadline", "lifespan", "liveliness_lease_duration")
+_CONVENTIONS = "avoid_ros_namespace_conventions"
+_DEPTH = "depth"
+_MOST_DEPTH = 1_000_000
+
+
+def overridden(qos: Qos, topic: str, overrides: QosOverrides) -> Qos:
+    """Return a profile with what the user asks for on a topic."""
+    return qos._replace(**overrides.get(topic, {}))
+
+
+def load_qos_overrides(path: Path | None) -> QosOverrides:
+    """Read a file of overrides as `ros2 bag` takes it; without one there are none.
+
+    /plant/odometry:
+      reliability: best_effort
+      depth: 5
+      deadline: {sec: 1, nsec: 0}
+    """
+    if path is None:
+        return {}
+    content = read_yaml(path, BagError)
+    if not isinstance(content, dict):
+        raise BagError(f"{path} is {shown(content)}; allowed: a mapping of topics to policies")
+    by_topic = {}
+    for topic, policies in content.items():
+        if not isinstance(topic, str) or not topic.startswith("/"):
+            raise BagError(
+                f"{path}: topic is {shown(topic)}; allowed: a full name, with '/' in front"
+            )
+        where = f"{path}: {topic}"
+        if not isinstance(policies, dict):
+            raise BagError(f"{where} is {shown(policies)}; allowed: a mapping of policies")
+        by_topic[topic] = {name: _value(where, name, value) for name, value in policies.items()}
+    return by_topic
+
+
+def _value(where: str, name: object, value: object) -> object:
+    check_known(name, (*_KINDS, *_TIMES, _DEPTH, _CONVENTIONS), where, "policy", BagError)
+    place = f"{where}: {name}"
+    if name in _TIMES:
+        return _time(place, value)
+    if name == _DEPTH:
+        return _whole(place, value, _MOST_DEPTH)
+    if name == _CONVENTIONS:
+        if not isinstance(value, bool):
+            raise BagError(f"{place} is {shown(value)}; allowed: true, false")
+        return value
+    if not isinstance(value, str) or value.lower() not in _ALLOWED[str(name)]:
+        raise BagError(f"{place} is {shown(value)}; allowed: {', '.join(_ALLOWED[str(name)])}")
+    return _KINDS[str(name)][value.upper()]
+
+
+def _time(place: str, value: object) -> QosTime:
+    if not isinstance(value, dict) or set(value) != {"sec", "nsec"}:
+        raise BagError(f"{place} is {shown(value)}; allowed: {{sec: ..., nsec: ...}}")
+    seconds = _whole(f"{place}.sec", value["sec"], UNLIMITED.sec)
+    most_ns = UNLIMITED.nsec if seconds == UNLIMITED.sec else NS_PER_S - 1
+    return QosTime(seconds, _whole(f"{place}.nsec", value["nsec"], most_ns))
+
+
+def _whole(place: str, value: object, most: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= most:
+        raise BagError(f"{place} is {shown(value)}; allowed: a whole number from 0 to {most}")
+    return value
+
 
 # rosbag2 writes an unlimited duration as the largest 64-bit count of nanoseconds.
 UNLIMITED = QosTime(9223372036, 854775807)
@@ -121,11 +207,7 @@ def dump_profiles(profiles: Sequence[Qos]) -> str:
 
 @lru_cache(maxsize=256)  # most topics of a bag have the same ones
 def parse_profiles(text: str) -> tuple[Qos, ...]:
-    """Return the profiles in the YAML text of an MCAP channel, of any metadata version.
-
-    Raises:
-        BagError: the text is not YAML or does not hold a list of profiles.
-    """
+    """Return the profiles in the YAML text of an MCAP channel, of any metadata version."""
     allowed = "a YAML list of QoS profiles"
     entries = parse_yaml(text, "offered_qos_profiles", BagError)
     if entries is not None and not isinstance(entries, list):

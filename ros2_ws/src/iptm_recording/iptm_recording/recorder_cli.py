@@ -15,8 +15,7 @@ from iptm_core.user_input import whole_number
 from iptm_interfaces.command_line import own_arguments
 from iptm_interfaces.process import run_node
 from iptm_recording.mcap_file import COMPRESSIONS, MOST_INDEX_BYTES, FileLimits
-from iptm_recording.qos_overrides import QosOverrides, load_qos_overrides
-from iptm_recording.recorded_topics import TopicSelection
+from iptm_recording.recorded_topics import TopicSelection, load_qos_overrides
 from iptm_recording.recorder_node import DEFAULT_DEPTH, RecorderNode, RecorderOptions
 from iptm_recording.run_information import collect_run_information, load_run_information
 from iptm_recording.timeline import TimeSource
@@ -110,12 +109,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def options_from(arguments: argparse.Namespace) -> RecorderOptions:
-    """Turn parsed arguments into options.
-
-    Raises:
-        BagError: a file (run information, overrides) is missing or malformed, or a limit is out of range.
-    """
-    overrides = arguments.qos_profile_overrides_path
+    """Turn parsed arguments into options."""
     now = datetime.now().astimezone()
     root = Path(os.environ.get("IPTM_ROOT", "."))
     information = (
@@ -133,17 +127,13 @@ def options_from(arguments: argparse.Namespace) -> RecorderOptions:
         limits=FileLimits(arguments.max_bag_size, arguments.max_bag_duration),
         depth=max(1, arguments.depth),
         is_paused=arguments.start_paused,
-        qos=QosOverrides() if overrides is None else load_qos_overrides(overrides),
+        qos=load_qos_overrides(arguments.qos_profile_overrides_path),
         in_existing_folder=arguments.in_existing_folder,
     )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Record until SIGINT or SIGTERM.
-
-    Returns:
-        0 after a clean end, 2 after a mistake of the user or a full disk.
-    """
+    """Record until SIGINT or SIGTERM."""
     command = list(sys.argv if arguments is None else arguments)
     try:
         parsed = build_parser().parse_args(own_arguments(command))

@@ -24,15 +24,13 @@ from iptm_interfaces.services import Service
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
 from iptm_recording.bag_writer import BagWriter
-from iptm_recording.clock_choice import ClockChoice, with_clock
 from iptm_recording.mcap_file import FileLimits
 from iptm_recording.node_parameters import ParameterCollector, with_model
-from iptm_recording.qos_overrides import QosOverrides
-from iptm_recording.recorded_topics import TopicSelection
+from iptm_recording.recorded_topics import QosOverrides, TopicSelection
 from iptm_recording.run_information import LOST_KEY, PAUSES_KEY, RunInformation
 from iptm_recording.session import RecordingSession
 from iptm_recording.subscriptions import TopicSubscriber
-from iptm_recording.timeline import CLOCK_TYPE, Timeline, TimeSource
+from iptm_recording.timeline import CLOCK_TYPE, ClockChoice, Timeline, TimeSource, with_clock
 
 READY_LINE = "recorder ready"
 DEFAULT_DEPTH = 10_000
@@ -70,15 +68,12 @@ class RecorderOptions:
     limits: FileLimits = field(default_factory=FileLimits)
     depth: int = DEFAULT_DEPTH
     is_paused: bool = False
-    qos: QosOverrides = field(default_factory=QosOverrides)
+    qos: QosOverrides = field(default_factory=dict)
     in_existing_folder: bool = False
 
 
 class RecorderNode(SuiteNode):
     """Records until `stop` is called; then drains, closes the bag and finishes.
-
-    Args:
-        options: what to record.
 
     Raises:
         BagError: the output exists or cannot be created, or the clock is excluded.

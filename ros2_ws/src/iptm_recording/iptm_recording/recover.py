@@ -291,11 +291,7 @@ class _Copy:
         return self._topic_ids[channel.topic]
 
     def _announce(self, channel: Channel, schema: Schema | None) -> int:
-        """Add a topic to the new bag and return its number.
-
-        Raises:
-            BagError: it carries no ROS 2 messages.
-        """
+        """Add a topic to the new bag and return its number."""
         is_ros = schema is not None and schema.encoding == SCHEMA_ENCODING
         if schema is None or not is_ros or channel.message_encoding != MessageEncoding.CDR:
             raise BagError("not a ROS 2 message in CDR")

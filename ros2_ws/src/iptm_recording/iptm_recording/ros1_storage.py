@@ -19,53 +19,24 @@ from rosbags.rosbag1 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from iptm_core.errors import BagError
 from iptm_recording.message_types import MessageDefinition, message_definition, standard_typestore
 from iptm_recording.recorded_topics import DEFAULT_QOS, TopicRecord
-from iptm_recording.storage import STORAGE_DAMAGE, RawMessage, StorageFile
+from iptm_recording.storage import BagMessage, StorageFile
 
-_MAGIC = b"#ROSBAG V2.0\n"
 _HEADER = "std_msgs/msg/Header"
 _LATCHED = DEFAULT_QOS._replace(depth=1, durability=QosDurability.TRANSIENT_LOCAL)
 
 
 @final
 class Ros1Storage(StorageFile):
-    """See `StorageFile`.
+    """See `StorageFile`; refuses what is not a ROS 1 bag. Its definitions are those of ROS 2."""
 
-    Raises:
-        BagError: it cannot be read, is not a ROS 1 bag, damaged, or was cut short.
-    """
-
-    def __init__(self, path: Path, source: Path | None = None) -> None:
-        super().__init__(path, source)
-        self._reader = Reader(path)
-        self._is_open = False
-        try:
-            self._check_start(path)
-            self._reader.open()
-            self._is_open = True
-            self._prepare()
-        except BagError:
-            self.close()
-            raise
-        except STORAGE_DAMAGE as error:
-            self.close()
-            raise self.damaged(error) from None
-
-    def definitions(self) -> dict[str, MessageDefinition]:
-        """Return the message definitions by type name, as of ROS 2."""
-        return self._definitions
-
-    def close(self) -> None:
-        """Close the file."""
-        if self._is_open:
-            self._is_open = False
-            self._reader.close()
+    kind, magic = "a ROS 1 bag", b"#ROSBAG V2.0\n"
+    remedy = "save what is whole with the tools of ROS 1: rosbag reindex {path}"
 
     def _read(
         self, topics: Collection[str] | None, start_ns: int | None, end_ns: int | None
-    ) -> Iterator[RawMessage]:
+    ) -> Iterator[BagMessage]:
         connections = [
             connection
             for connection in self._reader.connections
@@ -75,17 +46,13 @@ class Ros1Storage(StorageFile):
             return
         for connection, time_ns, data in self._reader.messages(connections, start_ns, end_ns):
             type_name, convert = self._converters[connection.id]
-            yield RawMessage(_name(connection), type_name, time_ns, time_ns, bytes(convert(data)))
+            yield BagMessage(_name(connection), type_name, time_ns, time_ns, bytes(convert(data)))
 
-    def _check_start(self, path: Path) -> None:
-        with path.open("rb") as file:
-            start = file.read(len(_MAGIC))
-        if start != _MAGIC:
-            raise BagError(f"{self.path} is not a ROS 1 bag: it starts with {start!r}")
-
-    def _prepare(self) -> None:
-        """Find out what is in the bag, and how each type is converted."""
-        self._definitions: dict[str, MessageDefinition] = {}
+    def _open(self, path: Path) -> None:
+        self._reader = Reader(path)
+        self._reader.open()
+        self._opened.callback(self._reader.close)
+        definitions: dict[str, MessageDefinition] = {}
         self._converters: dict[int, tuple[str, Callable[[bytes], memoryview]]] = {}
         adapted: set[str] = set()
         promised: Counter[int] = Counter()
@@ -94,7 +61,7 @@ class Ros1Storage(StorageFile):
         topics = []
         for connection in self._reader.connections:
             definition, convert, is_adapted = _conversion(connection)
-            self._definitions[definition.type_name] = definition
+            definitions[definition.type_name] = definition
             self._converters[connection.id] = definition.type_name, convert
             if is_adapted:
                 adapted.add(definition.type_name)
@@ -107,7 +74,7 @@ class Ros1Storage(StorageFile):
                     message_count=promised[connection.id],
                 )
             )
-        self.topics = topics
+        self.definitions, self.topics = definitions, topics
         self.message_count = promised.total()
         if self.message_count:
             self.start_ns = self._reader.start_time
@@ -116,9 +83,6 @@ class Ros1Storage(StorageFile):
             f"{name} has other fields in ROS 1: what ROS 2 lacks is left out, what ROS 1 lacks is 0"
             for name in sorted(adapted)
         ]
-
-    def _way_out(self, path: Path) -> str:
-        return f"save what is whole with the tools of ROS 1: rosbag reindex {path}"
 
 
 def _name(connection: Connection) -> str:

@@ -71,11 +71,7 @@ class RunInformation:
 
     @classmethod
     def from_custom_data(cls, custom_data: Mapping[str, str]) -> RunInformation:
-        """Read the texts of a bag; what is missing (another recorder) keeps its default.
-
-        Raises:
-            BagError: seed or versions are malformed.
-        """
+        """Read the texts of a bag; what is missing (another recorder) keeps its default."""
         rest = {str(key): str(value) for key, value in custom_data.items()}
         seed_text = rest.pop("seed", "")
         try:
@@ -103,14 +99,7 @@ def collect_run_information(
     parameters: str | Mapping[str, Any] = "",
     extra: Mapping[str, str] | None = None,
 ) -> RunInformation:
-    """Complete the information about a run with revision, versions and the time of day.
-
-    Args:
-        scenario: name of the scenario.
-        seed: seed of the random parts.
-        parameters: YAML text, or a mapping of plain values to be written as such.
-        extra: further texts by name.
-    """
+    """Complete the information about a run with revision, versions and the time of day."""
     text = parameters
     if not isinstance(text, str):
         text = yaml.safe_dump(dict(text), sort_keys=False)
@@ -126,11 +115,7 @@ def collect_run_information(
 
 
 def load_run_information(path: Path) -> RunInformation:
-    """Complete the run information that a YAML file gives: scenario, seed, parameters, other texts.
-
-    Raises:
-        BagError: the file is missing or malformed.
-    """
+    """Complete the run information that a YAML file gives: scenario, seed, parameters, other texts."""
     content = read_yaml(path, BagError) or {}
     if not isinstance(content, dict):
         raise BagError(f"run information {path} is a {type(content).__name__}; allowed: a mapping")
@@ -151,11 +136,7 @@ def load_run_information(path: Path) -> RunInformation:
 
 
 def stored_pauses(information: RunInformation) -> list[tuple[float, float]]:
-    """Return the pauses of a recording that began and ended within it: last tick before, last inside (s).
-
-    Raises:
-        BagError: the bag holds malformed ones.
-    """
+    """Return the pauses of a recording that began and ended within it: last tick before, last inside (s)."""
     text = information.extra.get(PAUSES_KEY, "")
     pauses = parse_yaml(text, "pauses of the recording", BagError) or []
     try:
@@ -168,11 +149,7 @@ def stored_pauses(information: RunInformation) -> list[tuple[float, float]]:
 
 
 def stored_losses(information: RunInformation) -> dict[str, int]:
-    """Return how many messages never reached the recorder, by full name of the topic.
-
-    Raises:
-        BagError: the bag lists some, but malformed.
-    """
+    """Return how many messages never reached the recorder, by full name of the topic."""
     text = information.extra.get(LOST_KEY, "")
     losses = parse_yaml(text, "messages lost by the recorder", BagError) or {}
     try:

@@ -24,14 +24,14 @@ from mcap.records import Chunk, Footer, McapRecord, Message, MessageIndex, Stati
 from mcap.stream_reader import StreamReader, breakup_chunk
 
 from iptm_core.errors import BagError
-from iptm_recording.soundness import (
-    DAMAGE,
+from iptm_recording.mcap_storage import (
     DATA_END,
     MAGIC,
     PREFIX,
     check_data_section,
     summary_start,
 )
+from iptm_recording.storage import DAMAGE
 
 _DATA_END_PREFIX = PREFIX.pack(Opcode.DATA_END, 4)
 _CHUNK_HEAD = struct.Struct("<QQQII")
@@ -86,9 +86,6 @@ class SalvageReader:
         damages: what was left out.
         notes: what else is not as it should be, one sentence each.
         statistics: statistics record of the file; None if missing or invalid.
-
-    Raises:
-        BagError: the file cannot be read or is not an MCAP file.
     """
 
     path: Path
@@ -227,12 +224,7 @@ class SalvageReader:
 
 
 def _read_record(data: mmap.mmap, position: int) -> tuple[McapRecord | None, int]:
-    """Return the record at a position (None for one of a private kind) and where it ends.
-
-    Raises:
-        ValueError: no record can be there, or its length is wrong.
-        McapError, struct.error, EOFError: its content cannot be read.
-    """
+    """Return the record at a position (None for one of a private kind) and where it ends."""
     left = len(data) - position
     if left < PREFIX.size:
         raise ValueError("the file ends within a record")

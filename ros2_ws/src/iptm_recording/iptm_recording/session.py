@@ -61,11 +61,6 @@ class Pause:
 class RecordingSession:
     """One recording in progress.
 
-    Args:
-        writer: the bag.
-        timeline: source of the times.
-        clock_topic: full name of the clock that counts.
-
     Attributes:
         message_count: messages received.
         pauses: stretches of time that are not recorded, in their order.
@@ -130,9 +125,6 @@ class RecordingSession:
 
         Returns:
             The function to call with the bytes of every message.
-
-        Raises:
-            BagError: the type is unknown.
         """
         definition = message_definition(type_name).text
         kind = stamp_kind(type_name, definition)
@@ -144,11 +136,7 @@ class RecordingSession:
         return take
 
     def flush(self) -> None:
-        """Put every message taken so far into the file; call it a few times a second.
-
-        Raises:
-            BagError: the file cannot be written (disk full).
-        """
+        """Put every message taken so far into the file; call it a few times a second."""
         self._writer.flush()
 
     def follow(self, clock_topic: str) -> None:

@@ -3,25 +3,41 @@
 from __future__ import annotations
 
 import sqlite3
+import struct
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Any, ClassVar, Final
 
+from mcap.exceptions import McapError
 from rosbags.rosbag1 import ReaderError as Ros1Error
 from rosbags.serde import SerdeError
 from rosbags.typesys import TypesysError
-from zstandard import ZstdDecompressor
+from zstandard import ZstdDecompressor, ZstdError
 
 from iptm_core.errors import BagError
 from iptm_recording.message_types import MessageDefinition
 from iptm_recording.recorded_topics import TopicRecord
-from iptm_recording.soundness import DAMAGE
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 """Start of data packed with zstd; no CDR message begins so."""
+DAMAGE: Final = (
+    McapError,
+    ZstdError,
+    RuntimeError,  # what lz4 reports, and deep recursion
+    ValueError,  # a checksum, or a text that is not UTF-8
+    ArithmeticError,
+    LookupError,
+    EOFError,
+    MemoryError,  # a damaged length asks for more than there is
+    OSError,
+    StopIteration,
+    struct.error,
+)
+"""What mcap, lz4, zstandard and the operating system raise on damaged files."""
 STORAGE_DAMAGE: Final = (
     *DAMAGE,
     sqlite3.Error,
@@ -34,8 +50,8 @@ STORAGE_DAMAGE: Final = (
 
 
 @dataclass(frozen=True)
-class RawMessage:
-    """One message as it was recorded.
+class BagMessage:
+    """One message of a bag.
 
     Attributes:
         topic: fully qualified topic name.
@@ -43,6 +59,7 @@ class RawMessage:
         log_time_ns: time of reception.
         publish_time_ns: time of publication.
         data: CDR bytes, header included.
+        message: it decoded, with the fields of its type, arrays as NumPy arrays; None unless asked for.
     """
 
     topic: str
@@ -50,6 +67,7 @@ class RawMessage:
     log_time_ns: int
     publish_time_ns: int
     data: bytes
+    message: Any = None
 
 
 def unpacked(data: bytes) -> bytes:
@@ -70,53 +88,73 @@ class StorageFile(ABC):
 
     Attributes:
         path: the file given by the user.
+        definitions: message definitions by type name.
         topics: recorded topics; one name may occur several times.
         message_count: messages of all topics together.
         start_ns: earliest log time, 0 without messages.
         end_ns: latest log time, 0 without messages.
         counts_topics: the counts of `topics` are those that the file promises.
         remarks: remarks for the user, one sentence each.
+
+    Raises:
+        BagError: it cannot be read, is of another kind, damaged, or was cut short.
     """
+
+    kind: ClassVar[str]
+    """What such a file is, with its article."""
+    magic: ClassVar[bytes]
+    """Bytes with which it starts."""
+    remedy: ClassVar[str]
+    """What a user can do about damage of a file `{path}`."""
 
     def __init__(self, path: Path, source: Path | None = None) -> None:
         self.path = source or path
         self._is_unpacked = source is not None
+        self._opened = ExitStack()
+        self.definitions: Mapping[str, MessageDefinition] = {}
         self.topics: Sequence[TopicRecord] = ()
         self.message_count = 0
         self.start_ns = 0
         self.end_ns = 0
         self.counts_topics = True
         self.remarks: Sequence[str] = ()
+        try:
+            with path.open("rb") as file:
+                start = file.read(len(self.magic))
+        except OSError as error:
+            raise BagError(f"cannot read {self.path}: {error}") from None
+        if start != self.magic:
+            raise BagError(f"{self.path} is not {self.kind}: it starts with {start!r}")
+        try:
+            self._open(path)
+        except BagError:
+            self.close()
+            raise
+        except STORAGE_DAMAGE as error:
+            self.close()
+            raise self.damaged(error) from None
 
     @abstractmethod
-    def definitions(self) -> dict[str, MessageDefinition]:
-        """Return the message definitions by type name."""
-
-    @abstractmethod
-    def close(self) -> None:
-        """Close the file; a second call is free."""
+    def _open(self, path: Path) -> None:
+        """Fill the attributes; what is to be closed goes to `_opened`. Errors as of `_read`, or BagError."""
 
     @abstractmethod
     def _read(
         self, topics: Collection[str] | None, start_ns: int | None, end_ns: int | None
-    ) -> Iterator[RawMessage]:
+    ) -> Iterator[BagMessage]:
         """Yield messages as `messages` does, without any check; errors are those of `STORAGE_DAMAGE`."""
 
-    @abstractmethod
-    def _way_out(self, path: Path) -> str:
-        """Return what a user can do about damage of a file."""
+    def close(self) -> None:
+        """Close the file; a second call is free."""
+        self._opened.close()
 
     def metadata_record(self, name: str) -> dict[str, str] | None:  # noqa: ARG002
-        """Return the texts stored under a name (later ones count), None if there are none.
-
-        Raises:
-            BagError: the file is damaged.
-        """
+        """Return the texts stored under a name (later ones count), None if there are none."""
         return None
 
     def messages(
         self, topics: Collection[str] | None, start_ns: int | None, end_ns: int | None
-    ) -> Iterator[RawMessage]:
+    ) -> Iterator[BagMessage]:
         """Yield messages in order of log time, equal times in file order.
 
         Raises:
@@ -138,20 +176,16 @@ class StorageFile(ABC):
             self._compare_counts(topics, found)
 
     def verify(self) -> None:
-        """Read everything once.
-
-        Raises:
-            BagError: the file is damaged, or holds fewer messages than stated.
-        """
+        """Read everything once; errors as of `messages`."""
         for _ in self.messages(None, None, None):
             pass
 
     def damaged(self, error: Exception | str) -> BagError:
         """Return the error to raise for damage, with the way out."""
         reason = " ".join(str(error).split()) or type(error).__name__
-        way_out = self._way_out(self.path)
+        way_out = self.remedy.format(path=self.path)
         if self._is_unpacked:
-            inside = self._way_out(self.path.with_suffix(""))
+            inside = self.remedy.format(path=self.path.with_suffix(""))
             way_out = f"unpack it with: zstd -d {self.path}; then {inside}"
         return BagError(f"{self.path} is damaged ({reason}); {way_out}")
 

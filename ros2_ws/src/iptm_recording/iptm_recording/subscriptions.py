@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,11 +14,68 @@ from rosbags.interfaces import Qos, QosHistory
 
 from iptm_core.errors import BagError
 from iptm_interfaces.topics import PEER_TOPICS, TOPICS, Topic
-from iptm_recording.peer_gate import PeerGate
-from iptm_recording.qos_overrides import QosOverrides
 from iptm_recording.rclpy_types import from_profile, message_class, to_profile
-from iptm_recording.recorded_topics import TopicSelection, is_latched, request_for
+from iptm_recording.recorded_topics import (
+    QosOverrides,
+    TopicSelection,
+    is_latched,
+    overridden,
+    request_for,
+)
 from iptm_recording.session import RecordingSession
+
+# Time for the publishers to learn of the subscriptions made last.
+SETTLE_S = 0.3
+# Time in which the other topics of the suite begin to show up, if there are any.
+PATIENCE_ALONE_S = 2.0
+# Time in which an incomplete suite grows further, if it does: nodes may start slowly.
+PATIENCE_INCOMPLETE_S = 30.0
+
+
+class PeerGate:
+    """Decision when the recorder joins the topics by which the plant counts its peers.
+
+    In lock-step the plant starts once enough peers subscribe to its state and its clock. The
+    recorder is one of them, and must not be counted before it receives all topics: else the first
+    messages of the controller, or of the plant itself, would be missing from the bag, or the recorder
+    would be mistaken for the bridge. It therefore subscribes to these "gate" topics last, when it is
+    subscribed to all other topics of the suite. Where no such start is to be expected (the trip is
+    running already, or the rest of the suite is not there), it does not wait.
+
+    Attributes:
+        is_running: set once a message of a trip has arrived.
+    """
+
+    def __init__(self, gate_topics: Collection[str], awaited: Collection[str]) -> None:
+        self._gate_topics = frozenset(gate_topics)
+        self._awaited = frozenset(awaited) - self._gate_topics
+        self._seen: frozenset[str] = frozenset()
+        self._last_change_s: float | None = None
+        self.is_running = False
+
+    def holds(self, topic: str) -> bool:
+        """Return whether a topic belongs to the gate."""
+        return topic in self._gate_topics
+
+    def is_open(
+        self, now_s: float, published: Collection[str], subscribed: Collection[str]
+    ) -> bool:
+        """Return whether the gate topics may be subscribed to."""
+        if self.is_running:
+            return True
+        seen = frozenset((*published, *subscribed))
+        if seen != self._seen:
+            self._seen = seen
+            self._last_change_s = now_s
+        if self._last_change_s is None:
+            return False
+        unchanged_s = now_s - self._last_change_s
+        if self._awaited.issubset(subscribed):
+            return unchanged_s >= SETTLE_S
+        if self._awaited.isdisjoint(seen):
+            return not self._gate_topics.isdisjoint(seen) and unchanged_s >= PATIENCE_ALONE_S
+        return unchanged_s >= PATIENCE_INCOMPLETE_S
+
 
 # Published before a trip starts, or whether one runs or not.
 _NOT_OF_A_TRIP = (Topic.SLOPE, Topic.DIAGNOSTICS)
@@ -41,15 +98,6 @@ class TopicSubscriber:
 
     A topic is subscribed to once its publisher is known: the reader then matches the writer
     at once, and every message sent after the match is received.
-
-    Args:
-        node: node that subscribes.
-        session: takes the messages.
-        selection: topics wanted.
-        discover: consider every topic of the graph, not only those of the suite.
-        depth: messages to queue per topic.
-        on_error: called when a message cannot be written.
-        qos: quality of service requested by the user.
     """
 
     def __init__(
@@ -112,7 +160,7 @@ class TopicSubscriber:
     @property
     def unused_overrides(self) -> list[str]:
         """Topics whose quality of service was named but that were not there."""
-        return sorted(self._qos.by_topic.keys() - self._subscribed.keys())
+        return sorted(self._qos.keys() - self._subscribed.keys())
 
     @property
     def awaited_topics(self) -> list[str]:
@@ -240,7 +288,7 @@ class TopicSubscriber:
 
     def _request(self, name: str, offered: list[Qos]) -> Qos:
         """Return the quality of service to ask for."""
-        return self._qos.applied(name, request_for(offered, self._depth))
+        return overridden(request_for(offered, self._depth), name, self._qos)
 
     def _offered_qos(self, name: str, type_name: str) -> list[Qos]:
         """Return what the publishers of a topic offer at present.
