@@ -41,7 +41,7 @@ def parameters_page() -> str:
     """Every model parameter of every shipped set with its unit, range and source."""
     sets = {
         name: [
-            {"row": row, "source": f"{row.source}: {row.note}" if row.note else row.source}
+            {**row, "source": ": ".join(filter(None, (row["source"], row["note"])))}
             for row in describe_parameters(load_parameters(name))
         ]
         for name in available_parameter_sets()

@@ -13,9 +13,9 @@ import yaml
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from iptm_core.declaration import ParameterSpec
 from iptm_core.errors import ParameterError
 from iptm_core.parameters import (
-    FieldSpec,
     ModelParameters,
     SourceTag,
     available_parameter_sets,
@@ -31,8 +31,8 @@ SPECS = list(field_specs().values())
 DEFAULTS = to_flat_dict(load_parameters().values)
 
 
-def numbers_in_range(spec: FieldSpec) -> st.SearchStrategy[float]:
-    if spec.integral:
+def numbers_in_range(spec: ParameterSpec) -> st.SearchStrategy[float]:
+    if spec.kind is int:
         return st.integers(int(spec.minimum), int(spec.maximum))
     return st.floats(spec.minimum, spec.maximum, allow_subnormal=False)
 
@@ -41,7 +41,7 @@ def numbers_in_range(spec: FieldSpec) -> st.SearchStrategy[float]:
 def flat_parameters(draw: st.DrawFn) -> dict[str, float]:
     """Defaults with up to four parameters moved anywhere in their range."""
     moved = draw(st.lists(st.sampled_from(SPECS), max_size=4, unique=True))
-    return DEFAULTS | {spec.key: draw(numbers_in_range(spec)) for spec in moved}
+    return DEFAULTS | {spec.name: draw(numbers_in_range(spec)) for spec in moved}
 
 
 def bits(flat: dict[str, float]) -> dict[str, str]:
@@ -80,14 +80,14 @@ def test_any_number_in_range_is_taken_as_an_override(data: st.DataObject) -> Non
     spec = data.draw(st.sampled_from(SPECS))
     number = data.draw(numbers_in_range(spec))
     try:
-        loaded = load_parameters(overrides={spec.key: number})
+        loaded = load_parameters(overrides={spec.name: number})
     except ParameterError as error:  # it may still contradict another parameter
         if str(error).startswith("overrides: "):
             raise
         return
-    assert bits(to_flat_dict(loaded.values)) == bits(DEFAULTS | {spec.key: number})
-    assert loaded.sources[spec.key].tag is SourceTag.OVERRIDE
-    assert loaded.sources[spec.key].value == number
+    assert bits(to_flat_dict(loaded.values)) == bits(DEFAULTS | {spec.name: number})
+    assert loaded.sources[spec.name].tag is SourceTag.OVERRIDE
+    assert loaded.sources[spec.name].value == number
 
 
 @given(st.data())
@@ -97,9 +97,9 @@ def test_any_number_out_of_range_is_refused_with_key_value_and_range(data: st.Da
     above = st.floats(min_value=math.nextafter(spec.maximum, math.inf), allow_infinity=False)
     number = data.draw(below | above)
     with pytest.raises(ParameterError) as caught:
-        load_parameters(overrides={spec.key: number})
+        load_parameters(overrides={spec.name: number})
     message = str(caught.value)
-    assert message.startswith(f"overrides: {spec.key} is {number!r}")
+    assert message.startswith(f"overrides: {spec.name} is {number!r}")
     assert f"{spec.minimum:g} to {spec.maximum:g}" in message
 
 

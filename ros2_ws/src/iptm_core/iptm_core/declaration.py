@@ -40,14 +40,17 @@ class ParameterSpec:
     """The declaration of one parameter.
 
     Attributes:
-        default: default value; its type is the type of the parameter.
+        name: name of the field; of a model parameter the dotted key, ``group.field``.
+        default: default value; its type is the type of the parameter. The type itself where a value is
+            required.
         unit: unit of the value, empty for none.
         choices: permitted texts, empty for any.
         suffixes: of files that are permitted in addition to the choices.
+        symbol: symbol of a model parameter.
     """
 
     name: str
-    default: Value
+    default: Any
     description: str
     unit: str = ""
     minimum: float = -math.inf
@@ -55,11 +58,18 @@ class ParameterSpec:
     choices: tuple[str, ...] = ()
     suffixes: tuple[str, ...] = ()
     optional: bool = False
+    symbol: str = ""
+
+    @property
+    def required(self) -> bool:
+        """Whether there is no default."""
+        return isinstance(self.default, type)
 
     @property
     def kind(self) -> type[Scalar]:
         """Type of the value as it is written."""
-        return type(plain(self.default))
+        kind: type[Scalar] = self.default if self.required else type(plain(self.default))
+        return kind
 
     @property
     def allowed(self) -> str:

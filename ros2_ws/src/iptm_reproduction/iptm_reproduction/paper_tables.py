@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pandas as pd
 
 from iptm_controller.strategy import STRATEGIES as COST_TERMS
 from iptm_core.metrics.figures import FIGURES
 from iptm_core.parameters import describe_parameters, load_parameters
-from iptm_core.parameters.loading import ParameterRow
 from iptm_core.parameters.model import to_model_unit
 from iptm_reproduction import names
 from iptm_reproduction.names import (
@@ -55,25 +56,25 @@ _FURTHER_ROWS = (
 )
 
 
-def parameters(table: str) -> list[tuple[ParameterRow, str, str]]:
+def parameters(table: str) -> list[tuple[dict[str, Any], str, str]]:
     """Return a printed table of parameters: each, its printed value, and that of the reproduction, marked."""
     used = load_parameters(REPRODUCED_SET)
-    ours = {row.key: row for row in describe_parameters(used)}
+    ours = {row["key"]: row for row in describe_parameters(used)}
     rows = []
     for key, (printed, unit) in PARAMETER_TABLES[table].items():
         row, source = ours[key], used.sources[key]
-        wanted = to_model_unit(printed, unit, row.unit)
-        same = abs(row.value - wanted) <= _SAME * max(1.0, abs(wanted))
+        wanted = to_model_unit(printed, unit, row["unit"])
+        same = abs(row["value"] - wanted) <= _SAME * max(1.0, abs(wanted))
         found = marked(with_unit(source.value, source.unit), graded(same))
         rows.append((row, with_unit(printed, unit), found))
     return rows
 
 
-def omitted_parameters() -> list[ParameterRow]:
+def omitted_parameters() -> list[dict[str, Any]]:
     """Return every parameter that the paper's tables do not state, and where its value comes from."""
     stated = {key for table in PARAMETER_TABLES.values() for key in table}
     rows = describe_parameters(load_parameters(REPRODUCED_SET))
-    return [row for row in rows if row.key not in stated]
+    return [row for row in rows if row["key"] not in stated]
 
 
 def with_unit(value: float, unit: str, text: str = ".10g") -> str:

@@ -10,19 +10,16 @@ from iptm_core.parameters.flat import (
 )
 from iptm_core.parameters.loading import (
     DEFAULT_SET,
-    ParameterRow,
     ParameterSet,
     available_parameter_sets,
     describe_parameters,
     load_parameters,
 )
-from iptm_core.parameters.model import FieldSpec, ModelParameters
+from iptm_core.parameters.model import ModelParameters
 
 __all__ = [
     "DEFAULT_SET",
-    "FieldSpec",
     "ModelParameters",
-    "ParameterRow",
     "ParameterSet",
     "Source",
     "SourceTag",

@@ -77,7 +77,7 @@ def read_chiller_table(entry: object, key: str, origin: str) -> ChillerTable:
         written.refuse("units", f"a list of {len(names)} units, one for each column")
     if len(rows) < 2:
         written.refuse("rows", "a list of at least two rows")
-    columns: dict[str, list[float]] = {by_name[name].key: [] for name in names}
+    columns: dict[str, list[float]] = {by_name[name].name: [] for name in names}
     for number, row in enumerate(rows, start=1):
         if not isinstance(row, list) or len(row) != len(names):
             raise ParameterError(
@@ -85,7 +85,7 @@ def read_chiller_table(entry: object, key: str, origin: str) -> ChillerTable:
             )
         for name, unit, value in zip(names, units, row, strict=True):
             spec = by_name[name]
-            columns[spec.key].append(checked_number(value, spec, f"{where}, row {number}", unit))
+            columns[spec.name].append(checked_number(value, spec, f"{where}, row {number}", unit))
     ambient_k = tuple(columns.pop(AMBIENT_KEY))
     if any(low >= high for low, high in pairwise(ambient_k)):
         raise ParameterError(

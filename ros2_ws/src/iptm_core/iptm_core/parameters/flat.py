@@ -15,9 +15,9 @@ from itertools import pairwise
 from numbers import Real
 from typing import Any, get_type_hints
 
-from iptm_core.declaration import TextEnum
+from iptm_core.declaration import ParameterSpec, TextEnum, parameter_specs
 from iptm_core.errors import ParameterError
-from iptm_core.parameters.model import FieldSpec, ModelParameters, accepted_units, to_model_unit
+from iptm_core.parameters.model import ModelParameters, accepted_units, to_model_unit
 from iptm_core.user_input import StrictMapping, shown
 
 _BELOW = (
@@ -148,20 +148,18 @@ class Source:
 
 
 @lru_cache(maxsize=1)
-def field_specs() -> Mapping[str, FieldSpec]:
+def field_specs() -> Mapping[str, ParameterSpec]:
     """Every parameter of the model by dotted key, in the order of declaration."""
-    specs: dict[str, FieldSpec] = {}
-    for group, group_type in _group_types().items():
-        hints = get_type_hints(group_type)
-        for entry in fields(group_type):
-            key, integral = f"{group}.{entry.name}", hints[entry.name] is int
-            specs[key] = replace(entry.metadata["spec"], key=key, integral=integral)
-    return specs
+    return {
+        f"{group}.{spec.name}": replace(spec, name=f"{group}.{spec.name}")
+        for group, group_type in _group_types().items()
+        for spec in parameter_specs(group_type)
+    }
 
 
 def neutral_values() -> dict[str, float]:
     """Values of the parameters that need not be stated, by dotted key."""
-    return {key: spec.neutral for key, spec in field_specs().items() if spec.neutral is not None}
+    return {key: spec.default for key, spec in field_specs().items() if not spec.required}
 
 
 @lru_cache(maxsize=1)
@@ -170,7 +168,16 @@ def _group_types() -> Mapping[str, Any]:
     return {group.name: hints[group.name] for group in fields(ModelParameters)}
 
 
-def checked_number(value: object, spec: FieldSpec, origin: str, unit: str | None = None) -> float:
+def allowed_numbers(spec: ParameterSpec) -> str:
+    """Return the permitted range of a model parameter in words, in the unit of the model."""
+    unit = "" if spec.unit == "1" else f" {spec.unit}"
+    whole = "whole numbers from " if spec.kind is int else ""
+    return f"{whole}{spec.minimum:g} to {spec.maximum:g}{unit}"
+
+
+def checked_number(
+    value: object, spec: ParameterSpec, origin: str, unit: str | None = None
+) -> float:
     """Check one number and convert it to the unit of the model.
 
     Args:
@@ -180,13 +187,13 @@ def checked_number(value: object, spec: FieldSpec, origin: str, unit: str | None
         ParameterError: for a bool, text or other non-number, a value that is not finite, a fraction
             where a whole number is due, an unknown unit, or a value outside the range.
     """
-    where = f"{origin}: {spec.key} is {shown(value)}"
+    where, allowed = f"{origin}: {spec.name} is {shown(value)}", allowed_numbers(spec)
     if isinstance(value, bool) or not isinstance(value, Real):
-        raise ParameterError(f"{where}, no number; allowed: {spec.allowed}")
+        raise ParameterError(f"{where}, no number; allowed: {allowed}")
     written_unit = spec.unit if unit is None else unit
     if written_unit not in accepted_units(spec.unit):
-        allowed = " or ".join(repr(known) for known in accepted_units(spec.unit))
-        raise ParameterError(f"{where} with unit {shown(written_unit)}; allowed: {allowed}")
+        units = " or ".join(repr(known) for known in accepted_units(spec.unit))
+        raise ParameterError(f"{where} with unit {shown(written_unit)}; allowed: {units}")
     try:
         number = float(value)
     except OverflowError:
@@ -194,10 +201,11 @@ def checked_number(value: object, spec: FieldSpec, origin: str, unit: str | None
     number = to_model_unit(number, written_unit, spec.unit)
     if written_unit != spec.unit:
         where = f"{where} {written_unit} = {number!r} {spec.unit}"
+    is_whole = spec.kind is int
     # NaN fails the comparison as well.
-    if not spec.minimum <= number <= spec.maximum or (spec.integral and not number.is_integer()):
-        raise ParameterError(f"{where}; allowed: {spec.allowed}")
-    return int(number) if spec.integral else number
+    if not spec.minimum <= number <= spec.maximum or (is_whole and not number.is_integer()):
+        raise ParameterError(f"{where}; allowed: {allowed}")
+    return int(number) if is_whole else number
 
 
 def to_flat_dict(values: ModelParameters) -> dict[str, float]:

@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
+from iptm_core.declaration import ParameterSpec
 from iptm_core.errors import ParameterError
 from iptm_core.parameters.chiller_table import (
     AMBIENT_KEY,
@@ -17,6 +19,7 @@ from iptm_core.parameters.chiller_table import (
 from iptm_core.parameters.flat import (
     Source,
     SourceTag,
+    allowed_numbers,
     checked_number,
     field_specs,
     flat_to_parameters,
@@ -24,7 +27,7 @@ from iptm_core.parameters.flat import (
     read_tag,
     to_flat_dict,
 )
-from iptm_core.parameters.model import FieldSpec, ModelParameters
+from iptm_core.parameters.model import ModelParameters
 from iptm_core.parameters.strict_yaml import YAML_SUFFIXES, read_yaml
 from iptm_core.user_input import StrictMapping, check_known, number, shown, suggestion
 
@@ -48,15 +51,6 @@ class ParameterSet:
     values: ModelParameters
     sources: Mapping[str, Source] = field(compare=False)
     description: str = ""
-
-
-@dataclass(frozen=True)
-class ParameterRow(FieldSpec):
-    """One line of the parameter table: a declaration with the value, in its unit, and its source."""
-
-    value: float
-    source: str
-    note: str
 
 
 @dataclass(frozen=True)
@@ -154,16 +148,26 @@ def parse_overrides(text: str) -> dict[str, float]:
     return overrides
 
 
-def describe_parameters(parameter_set: ParameterSet | None = None) -> tuple[ParameterRow, ...]:
-    """Describe every parameter of a set (None: the default one), for documentation and tables."""
-    shown_set = load_parameters() if parameter_set is None else parameter_set
-    values, sources = to_flat_dict(shown_set.values), shown_set.sources
-    return tuple(
-        ParameterRow(
-            **vars(spec), value=values[key], source=sources[key].tag.value, note=sources[key].note
-        )
+def describe_parameters(parameter_set: ParameterSet | None = None) -> list[dict[str, Any]]:
+    """Return the parameters of a set (None: the default one) as records for tables.
+
+    Each has ``key``, ``symbol``, ``value``, ``unit``, ``minimum``, ``maximum``, ``source`` and ``note``.
+    """
+    described = load_parameters() if parameter_set is None else parameter_set
+    values = to_flat_dict(described.values)
+    return [
+        {
+            "key": key,
+            "symbol": spec.symbol,
+            "value": values[key],
+            "unit": spec.unit,
+            "minimum": spec.minimum,
+            "maximum": spec.maximum,
+            "source": described.sources[key].tag.value,
+            "note": described.sources[key].note,
+        }
         for key, spec in field_specs().items()
-    )
+    ]
 
 
 def _sets_folder() -> Path:
@@ -238,16 +242,16 @@ def _read_layer(path: Path) -> _Layer:
     return _Layer(document.text("description", ""), base, entries, table)
 
 
-def _read_entry(entry: object, spec: FieldSpec, origin: str) -> Source:
-    where = f"{origin}: {spec.key}"
+def _read_entry(entry: object, spec: ParameterSpec, origin: str) -> Source:
+    where = f"{origin}: {spec.name}"
     if not isinstance(entry, Mapping):
         raise ParameterError(
             f"{where} is {shown(entry)}; allowed: {{value: ..., unit: {spec.unit}, source: ...}}, "
-            f"{spec.allowed}"
+            f"{allowed_numbers(spec)}"
         )
     known = ("value", "unit", "source", "note")
     written = StrictMapping(entry, where, known, kind="entry", error=ParameterError)
-    written.require("value", "unit", allowed=f"{spec.unit}, {spec.allowed}")
+    written.require("value", "unit", allowed=f"{spec.unit}, {allowed_numbers(spec)}")
     unit = written.text("unit")
     checked_number(entry["value"], spec, origin, unit)
     return Source(entry["value"], unit, read_tag(written), written.text("note", ""))

@@ -9,6 +9,8 @@ from __future__ import annotations
 from dataclasses import MISSING, dataclass, field
 from typing import Any
 
+from iptm_core.declaration import ParameterSpec
+
 CELSIUS_ZERO_K = 273.15
 KM_H_PER_M_S = 3.6
 
@@ -32,39 +34,24 @@ def to_model_unit(value: float, written_unit: str, unit: str) -> float:
     return value / divisor + offset
 
 
-@dataclass(frozen=True)
-class FieldSpec:
-    """One parameter as the model declares it.
-
-    Attributes:
-        key: dotted key, ``group.field``.
-        neutral: value at which a law that refines the paper's changes nothing. It counts where a set does
-            not state the parameter; without one the parameter is required.
-        integral: whether only whole numbers are permitted.
-    """
-
-    key: str
-    symbol: str
-    unit: str
-    minimum: float
-    maximum: float
-    neutral: float | None
-    integral: bool
-
-    @property
-    def allowed(self) -> str:
-        """The permitted range in words, in the unit of the model."""
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        whole = "whole numbers from " if self.integral else ""
-        return f"{whole}{self.minimum:g} to {self.maximum:g}{unit}"
-
-
 def quantity(
     symbol: str, unit: str, minimum: float, maximum: float, neutral: float | None = None
 ) -> Any:
-    """Declare a scalar field with the paper's symbol, its unit and its closed range; see `FieldSpec`."""
-    metadata = {"spec": FieldSpec("", symbol, unit, minimum, maximum, neutral, integral=False)}
-    return field(default=MISSING if neutral is None else neutral, metadata=metadata)
+    """Declare a number with the paper's symbol, its unit and its closed range; see `ParameterSpec`.
+
+    Args:
+        neutral: value at which a law that refines the paper's changes nothing. It counts where a set does
+            not state the parameter; without one the parameter is required.
+    """
+    default = float if neutral is None else neutral
+    spec = ParameterSpec("", default, "", unit, minimum, maximum, symbol=symbol)
+    return field(default=MISSING if neutral is None else neutral, metadata={"spec": spec})
+
+
+def count(symbol: str, minimum: int, maximum: int) -> Any:
+    """Declare a whole number; see `quantity`."""
+    spec = ParameterSpec("", int, "", "1", minimum, maximum, symbol=symbol)
+    return field(metadata={"spec": spec})
 
 
 @dataclass(frozen=True)
@@ -114,10 +101,10 @@ class RegenerationParameters:
 class PackParameters:
     """Pack layout and terminal data (paper Table II, battery)."""
 
-    modules: int = quantity("N_m", "1", 1, 1000)
-    series_per_module: int = quantity("N_ms", "1", 1, 1000)
-    parallel: int = quantity("N_mp", "1", 1, 1000)
-    cells_per_channel: int = quantity("N_c", "1", 2, 10000)
+    modules: int = count("N_m", 1, 1000)
+    series_per_module: int = count("N_ms", 1, 1000)
+    parallel: int = count("N_mp", 1, 1000)
+    cells_per_channel: int = count("N_c", 2, 10000)
     open_circuit_voltage_v: float = quantity("E_b", "V", 10.0, 2000.0)
     battery_efficiency: float = quantity("eta_b", "1", 0.5, 1.0)
 
