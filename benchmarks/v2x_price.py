@@ -128,10 +128,10 @@ def drive(
     broken = gap_margins_m(loop.trajectory, parameters) < -GAP_TOLERANCE_M
     return {
         **dict(zip(KEY, (cycle, leader, accuracy_m, loss, delay_s), strict=True)),
-        "degradation_1e7": 1e7 * run.degradation.total,
-        "battery_energy_kj": 1e-3 * run.energy.battery_j,
-        "smallest_gap_m": run.gap.smallest_m,
-        "smallest_margin_m": run.gap.smallest_margin_m,
+        "degradation_1e7": 1e7 * run.degradation,
+        "battery_energy_kj": 1e-3 * run.battery_energy_j,
+        "smallest_gap_m": run.smallest_gap_m,
+        "smallest_margin_m": run.smallest_margin_m,
         "broken_s": int(np.count_nonzero(broken)),
         "fallback_ticks": int(np.count_nonzero(np.asarray(loop.decisions.rung) != Rung.OPTIMAL)),
     }

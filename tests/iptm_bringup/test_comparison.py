@@ -40,8 +40,8 @@ def test_changes_by_hand(comparison: Comparison) -> None:
     base = comparison.metrics
     better = replace(
         base,
-        degradation=replace(base.degradation, cell_1=0.75 * base.degradation.cell_1),
-        energy=replace(base.energy, cooling_j=1.1 * base.energy.cooling_j),
+        cell_1_degradation=0.75 * base.cell_1_degradation,
+        cooling_energy_j=1.1 * base.cooling_energy_j,
     )
     changes = comparison.changes(better)
     assert changes["cell_1_degradation"] == pytest.approx(-0.25)

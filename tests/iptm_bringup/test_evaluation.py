@@ -12,7 +12,7 @@ import pytest
 
 from iptm_bringup.evaluation import RunResults, evaluate, results_json
 from iptm_bringup.scenario import PreparedScenario
-from iptm_core.decision_record import Distribution
+from iptm_core.decision_record import distribution
 from iptm_core.errors import BagError, MessageError
 from iptm_core.metrics import FIGURES, compute_metrics, figure_values
 from iptm_core.state import LeaderState
@@ -119,8 +119,8 @@ def test_a_tick_without_a_leader_is_counted_and_the_rest_has_figures(
     assert any("v2x/leader is missing at 1 ticks" in note for note in results.warnings)
     assert results.problems == ("the bag holds 20 messages of v2x/leader, 21 are needed",)
     whole = judge(prepared, heard, None)
-    assert results.metrics.energy == whole.metrics.energy
-    assert results.metrics.gap.smallest_m == whole.metrics.gap.smallest_m
+    assert results.metrics.battery_energy_j == whole.metrics.battery_energy_j
+    assert results.metrics.smallest_gap_m == whole.metrics.smallest_gap_m
 
 
 def test_a_good_run_has_no_problems(
@@ -218,7 +218,7 @@ def test_results_are_plain_json(
     assert decisions is not None
     unknown = dataclasses.replace(
         results.metrics,
-        decisions=dataclasses.replace(decisions, preview_age_s=Distribution.of(NONE)),
+        decisions=dataclasses.replace(decisions, preview_age_s=distribution(NONE)),
     )
     text = results_json(dataclasses.replace(results, metrics=unknown))
     document = json.loads(text)
@@ -228,7 +228,7 @@ def test_results_are_plain_json(
     assert {row["key"]: row["value"] for row in document["rows"]} == {
         key: values.get(key) for key in FIGURES
     }
-    assert document["metrics"]["energy"]["cooling_j"] == results.metrics.energy.cooling_j
+    assert document["metrics"]["cooling_energy_j"] == results.metrics.cooling_energy_j
     assert document["metrics"]["decisions"]["by_rung"]["shifted_plan"] == 1
     assert document["metrics"]["decisions"]["preview_age_s"]["median"] is None
     assert str(tmp_path) not in text

@@ -32,8 +32,10 @@ def test_figures_by_hand(comparison: Comparison) -> None:
     run = replace(
         base,
         distance_m=2000.0,
-        energy=replace(base.energy, battery_j=1.8e6, cooling_j=3.6e5),
-        degradation=replace(base.degradation, cell_1=2.0e-7, cell_n=3.0e-7),
+        battery_energy_j=1.8e6,
+        cooling_energy_j=3.6e5,
+        cell_1_degradation=2.0e-7,
+        cell_n_degradation=3.0e-7,
     )
     found = summary_of(run, None)
     assert found.values["aging_ppm"] == pytest.approx(0.5)
@@ -50,9 +52,11 @@ def test_figures_by_hand(comparison: Comparison) -> None:
 
 def test_cars_that_end_alike_are_compared_as_they_are(comparison: Comparison) -> None:
     base = comparison.metrics
-    better = replace(base, degradation=replace(
-        base.degradation, cell_1=0.7 * base.degradation.cell_1, cell_n=0.7 * base.degradation.cell_n
-    ))  # fmt: skip
+    better = replace(
+        base,
+        cell_1_degradation=0.7 * base.cell_1_degradation,
+        cell_n_degradation=0.7 * base.cell_n_degradation,
+    )
     found = summary_of(better, comparison)
     assert found.values["aging_saved_percent"] == pytest.approx(30.0)
     lines = dict(found.lines)
@@ -65,7 +69,7 @@ def test_cars_that_end_alike_are_compared_as_they_are(comparison: Comparison) ->
 def test_a_car_that_ends_warmer_and_faster_is_corrected(comparison: Comparison) -> None:
     """A warm pack hides heat that the other car has paid for; the motion is energy that is left."""
     base = comparison.metrics
-    warmer = replace(base, end=replace(base.end, temperature_k=base.end.temperature_k + 5.0))
+    warmer = replace(base, final_temperature_k=base.final_temperature_k + 5.0)
     found = summary_of(warmer, comparison)
     assert found.values["aging_saved_percent"] == 0.0
     assert found.values["corrected_aging_saved_percent"] < -1.0
@@ -73,11 +77,10 @@ def test_a_car_that_ends_warmer_and_faster_is_corrected(comparison: Comparison) 
     assert "lost with equal ends" in dict(found.lines)[AGING_SAVED]
 
     # 1 kWh of motion at the end of 1 km is 100 kWh/100 km.
-    energy = replace(base.energy, battery_j=7.2e6)
-    still = replace(base, distance_m=1000.0, energy=energy)
+    still = replace(base, distance_m=1000.0, battery_energy_j=7.2e6)
     other = Comparison("reference", still, comparison.trajectory)
-    moving = replace(still, end=replace(still.end, speed_m_s=20.0, kinetic_energy_j=3.6e6))
-    still_j = still.end.kinetic_energy_j
+    moving = replace(still, final_speed_m_s=20.0, final_kinetic_energy_j=3.6e6)
+    still_j = still.final_kinetic_energy_j
     found = summary_of(moving, other)
     assert found.values["corrected_consumption_kwh_per_100_km"] == pytest.approx(100.0)
     expected = 100.0 * (1.0 - 3.6e6 / (7.2e6 - still_j))

@@ -2,28 +2,29 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.iptm_core.made_runs import make_run
 
+from iptm_core.metrics import compute_metrics
 from iptm_core.metrics.equal_end import NO_COOLING, cool_down
-from iptm_core.metrics.run_metrics import EndState
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import CELSIUS_ZERO_K
 
 PARAMETERS = load_parameters().values
-END = EndState(
-    speed_m_s=10.0,
-    kinetic_energy_j=0.5 * 1.022 * 1432.0 * 100.0,
-    temperature_k=CELSIUS_ZERO_K + 34.0,
-    cell_1_capacity_loss=1e-3,
-    cell_n_capacity_loss=1e-3,
+END = replace(
+    compute_metrics(make_run(), PARAMETERS),
+    final_temperature_k=CELSIUS_ZERO_K + 34.0,
+    final_cell_losses=(1e-3, 1e-3),
+    final_charge=math.nan,
 )
 
 
 def test_a_pack_that_is_no_warmer_needs_no_cooling() -> None:
-    for target_k in (END.temperature_k, END.temperature_k + 3.0):
+    for target_k in (END.final_temperature_k, END.final_temperature_k + 3.0):
         assert cool_down(END, target_k, PARAMETERS) == NO_COOLING
 
 
@@ -41,7 +42,7 @@ def test_by_hand() -> None:
     )
     cell = replace(PARAMETERS.cell, nominal_resistance_ohm=1e-5, entropic_coefficient_v_k=0.0)
     simple = replace(PARAMETERS, chiller=chiller, cell=cell)
-    found = cool_down(END, END.temperature_k - 4.0, simple)
+    found = cool_down(END, END.final_temperature_k - 4.0, simple)
     assert found is not None
     # The auxiliaries run as long as the compressor, so the largest power is the cheapest: 4.5 kW.
     heat_j = 3648 * 45.0 * 4.0
@@ -59,11 +60,11 @@ def test_by_hand() -> None:
 
 def test_it_agrees_with_the_same_cooling_in_small_steps() -> None:
     """One step at the middle temperature against a hundred, each with its own best power."""
-    target_k = END.temperature_k - 6.0
+    target_k = END.final_temperature_k - 6.0
     once = cool_down(END, target_k, PARAMETERS)
     steps = [
-        cool_down(replace(END, temperature_k=upper_k), upper_k - 0.06, PARAMETERS)
-        for upper_k in np.linspace(END.temperature_k, target_k, 101)[:-1].tolist()
+        cool_down(replace(END, final_temperature_k=upper_k), upper_k - 0.06, PARAMETERS)
+        for upper_k in np.linspace(END.final_temperature_k, target_k, 101)[:-1].tolist()
     ]
     assert once is not None
     assert once.energy_j == pytest.approx(sum(step.energy_j for step in steps if step), rel=0.01)
@@ -73,4 +74,4 @@ def test_it_agrees_with_the_same_cooling_in_small_steps() -> None:
 
 def test_a_chiller_that_cannot_cool_has_no_price() -> None:
     broken = replace(PARAMETERS, chiller=replace(PARAMETERS.chiller, xi_6_w=-1e6))
-    assert cool_down(END, END.temperature_k - 1.0, broken) is None
+    assert cool_down(END, END.final_temperature_k - 1.0, broken) is None

@@ -33,16 +33,16 @@ def test_energies_sum_interval_means_and_ignore_row_0() -> None:
         battery_power_w=[999.0, 6000.0, -500.0, 3000.0],
         chiller_heat_w=[999.0, 250.0, 500.0, 600.0],
     )
-    energy = _metrics(run).energy
-    assert energy.cooling_j == 100.0 + 200.0 + 2 * 300.0 + 4 * 200.0
-    assert energy.traction_j == 5000.0 - 1000.0 + 2 * 2000.0
-    assert energy.total_printed_j == energy.cooling_j + energy.traction_j
-    assert energy.battery_j == 6000.0 - 500.0 + 2 * 3000.0
-    assert energy.mean_cop == pytest.approx((250.0 + 500.0 + 1200.0) / 900.0)
+    found = _metrics(run)
+    assert found.cooling_energy_j == 100.0 + 200.0 + 2 * 300.0 + 4 * 200.0
+    assert found.traction_energy_j == 5000.0 - 1000.0 + 2 * 2000.0
+    assert found.total_printed_energy_j == found.cooling_energy_j + found.traction_energy_j
+    assert found.battery_energy_j == 6000.0 - 500.0 + 2 * 3000.0
+    assert found.mean_cop == pytest.approx((250.0 + 500.0 + 1200.0) / 900.0)
 
 
 def test_compressor_that_never_ran_has_no_cop() -> None:
-    assert _metrics(make_run()).energy.mean_cop is None
+    assert _metrics(make_run()).mean_cop is None
 
 
 def test_degradation_is_the_increment_of_each_cell() -> None:
@@ -50,10 +50,10 @@ def test_degradation_is_the_increment_of_each_cell() -> None:
         cell_1_capacity_loss=[1e-3, 1.001e-3, 1.002e-3, 1.0121e-3],
         cell_n_capacity_loss=[2e-3, 2.001e-3, 2.002e-3, 2.0131e-3],
     )
-    loss = _metrics(run).degradation
-    assert loss.cell_1 == pytest.approx(1.21e-5, rel=1e-9)
-    assert loss.cell_n == pytest.approx(1.31e-5, rel=1e-9)
-    assert loss.inconsistency == pytest.approx(1e-6, rel=1e-6)
+    found = _metrics(run)
+    assert found.cell_1_degradation == pytest.approx(1.21e-5, rel=1e-9)
+    assert found.cell_n_degradation == pytest.approx(1.31e-5, rel=1e-9)
+    assert found.inconsistency == pytest.approx(1e-6, rel=1e-6)
 
 
 def test_gap_margin_follows_the_intelligent_driver_model() -> None:
@@ -65,10 +65,9 @@ def test_gap_margin_follows_the_intelligent_driver_model() -> None:
         leader_speed_m_s=[0.0, 15.0, 16.0],
     )
     # s_min = 5 + 1.5 v + v (v - v_PV) / (2 sqrt(2 * 2)): 5, 5 + 15 - 12.5, 5 + 30 + 20.
-    gap = _metrics(run).gap
-    assert gap.smallest_m == 15.0
-    assert gap.largest_m == 60.0
-    assert gap.mean_m == pytest.approx(0.5 * ((15 + 30) / 2 + (30 + 60) / 2))
+    gap = _metrics(run)
+    assert (gap.smallest_gap_m, gap.largest_gap_m) == (15.0, 60.0)
+    assert gap.mean_gap_m == pytest.approx(0.5 * ((15 + 30) / 2 + (30 + 60) / 2))
     assert gap.smallest_margin_m == pytest.approx(60.0 - 55.0)
     assert gap.smallest_margin_time_s == 2.0
 
@@ -82,11 +81,11 @@ def test_gaps_are_those_of_the_ticks_with_a_leader() -> None:
         compressor_power_w=[0.0, 100.0, 100.0, 100.0, 100.0],
     )
     metrics = _metrics(run)
-    assert (metrics.gap.smallest_m, metrics.gap.largest_m) == (10.0, 30.0)
-    assert metrics.gap.mean_m == pytest.approx(0.5 * (25.0 + 10.0))
-    assert metrics.gap.smallest_margin_m == pytest.approx(5.0)
-    assert metrics.gap.smallest_margin_time_s == 3.0
-    assert metrics.energy.cooling_j == pytest.approx(400.0)
+    assert (metrics.smallest_gap_m, metrics.largest_gap_m) == (10.0, 30.0)
+    assert metrics.mean_gap_m == pytest.approx(0.5 * (25.0 + 10.0))
+    assert metrics.smallest_margin_m == pytest.approx(5.0)
+    assert metrics.smallest_margin_time_s == 3.0
+    assert metrics.cooling_energy_j == pytest.approx(400.0)
     checks = {check.key: check for check in metrics.constraints}
     assert checks["smallest_gap"].violations == checks["collision"].violations == 0
     hit = make_run(3, leader_position_m=[20.0, math.nan, 20.0], smallest_gap_m=[20.0, -0.5, 20.0])
@@ -100,9 +99,8 @@ def test_temperatures_are_averaged_over_time() -> None:
         cell_1_temperature_k=[300.0, 302.0, 304.0],
         cell_n_temperature_k=[301.0, 305.0, 305.0],
     )
-    cell = _metrics(run).cell_1_k
-    assert (cell.minimum, cell.maximum) == (300.0, 304.0)
-    assert cell.mean == pytest.approx((301.0 * 1 + 303.0 * 3) / 4)
+    mean_k = (301.0 * 1 + 303.0 * 3) / 4
+    assert _metrics(run).cell_1_k == pytest.approx((300.0, mean_k, 304.0))
 
 
 def test_run_metrics_gather_everything() -> None:

@@ -209,12 +209,8 @@ def test_braking_trials_are_driven_once(short_drive: tuple[RunInputs, Run], tmp_
 
 def test_energies_are_compared_with_equal_ends(short_drive: tuple[RunInputs, Run]) -> None:
     metrics = short_drive[1].metrics
-    warm = replace(metrics.end, temperature_k=metrics.end.temperature_k + 0.5)
-    group = {
-        0: metrics,
-        1: metrics,
-        2: replace(metrics, end=warm),
-    }
+    warm = replace(metrics, final_temperature_k=metrics.final_temperature_k + 0.5)
+    group = {0: metrics, 1: metrics, 2: warm}
     assert energy_percent(group, 1) == 0.0
     assert energy_percent(group, 2) > 0.0, "it has yet to be cooled"
     assert np.isnan(energy_percent({1: group[1]}, 1))

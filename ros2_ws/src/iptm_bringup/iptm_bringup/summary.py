@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from iptm_bringup.comparison import Comparison
 from iptm_core.decision_record import DecisionStatistics
-from iptm_core.metrics import EqualEnd, RunMetrics, at_equal_end, figure_values
+from iptm_core.metrics import CorrectedFigures, RunMetrics, at_equal_end, figure_values
 from iptm_core.metrics.figures import J_PER_KWH, NO_VALUE, significant
 from iptm_core.parameters.model import CELSIUS_ZERO_K, ModelParameters
 
@@ -22,6 +22,8 @@ EQUAL_TEMPERATURE_K = 0.1
 EQUAL_SPEED_M_S = 0.1
 EQUAL_DISTANCE = 1e-3
 """Differences between the ends of two runs up to which nothing is corrected; of distances, relative."""
+Ends = tuple[CorrectedFigures, CorrectedFigures]
+"""Figures of a run and of the one that it is compared with, corrected for their ends."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,7 @@ def summarise(
     """
     values = {**_of_run(metrics), **_of_decisions(decisions)}
     lines: list[tuple[str, str]] = []
-    ends: EqualEnd | None = None
+    ends: Ends | None = None
     other: dict[str, float] | None = None
     if comparison is not None:
         other = _of_run(comparison.metrics)
@@ -83,8 +85,8 @@ def summarise(
 def ends_are_equal(own: RunMetrics, other: RunMetrics) -> bool:
     """Return whether two runs end alike, so that nothing needs to be corrected."""
     return (
-        abs(own.end.temperature_k - other.end.temperature_k) <= EQUAL_TEMPERATURE_K
-        and abs(own.end.speed_m_s - other.end.speed_m_s) <= EQUAL_SPEED_M_S
+        abs(own.final_temperature_k - other.final_temperature_k) <= EQUAL_TEMPERATURE_K
+        and abs(own.final_speed_m_s - other.final_speed_m_s) <= EQUAL_SPEED_M_S
         and abs(own.distance_m - other.distance_m) <= EQUAL_DISTANCE * other.distance_m
     )
 
@@ -92,31 +94,31 @@ def ends_are_equal(own: RunMetrics, other: RunMetrics) -> bool:
 def _of_run(metrics: RunMetrics) -> dict[str, float]:
     figures = figure_values(metrics)
     return {
-        "aging_ppm": PPM * metrics.degradation.total,
-        "energy_kwh": metrics.energy.battery_j / J_PER_KWH,
-        "cooling_energy_kwh": metrics.energy.cooling_j / J_PER_KWH,
+        "aging_ppm": PPM * metrics.degradation,
+        "energy_kwh": metrics.battery_energy_j / J_PER_KWH,
+        "cooling_energy_kwh": metrics.cooling_energy_j / J_PER_KWH,
         "consumption_kwh_per_100_km": figures.get("consumption", math.nan),
         "distance_km": 1e-3 * metrics.distance_m,
-        "final_temperature_c": metrics.end.temperature_k - CELSIUS_ZERO_K,
+        "final_temperature_c": metrics.final_temperature_k - CELSIUS_ZERO_K,
         "final_speed_km_h": figures.get("final_speed", math.nan),
-        "final_kinetic_energy_kwh": metrics.end.kinetic_energy_j / J_PER_KWH,
-        "smallest_gap_m": metrics.gap.smallest_m,
-        "smallest_margin_m": metrics.gap.smallest_margin_m,
-        "smallest_margin_time_s": metrics.gap.smallest_margin_time_s,
+        "final_kinetic_energy_kwh": metrics.final_kinetic_energy_j / J_PER_KWH,
+        "smallest_gap_m": metrics.smallest_gap_m,
+        "smallest_margin_m": metrics.smallest_margin_m,
+        "smallest_margin_time_s": metrics.smallest_margin_time_s,
     }
 
 
 def _of_decisions(decisions: DecisionStatistics) -> dict[str, float]:
     return {
-        "solve_median_ms": 1e3 * decisions.solve_time_s.median,
-        "solve_longest_ms": 1e3 * decisions.solve_time_s.largest,
+        "solve_median_ms": 1e3 * decisions.solve_time_s["median"],
+        "solve_longest_ms": 1e3 * decisions.solve_time_s["largest"],
         "decisions": float(decisions.decisions),
         "fallbacks": float(decisions.fallbacks),
     }
 
 
-def _corrected(ends: EqualEnd) -> dict[str, float]:
-    own, other = ends.own, ends.other
+def _corrected(ends: Ends) -> dict[str, float]:
+    own, other = ends
     per_100_km = 1e5 / J_PER_KWH
     return {
         "corrected_aging_ppm": PPM * own.capacity_loss,
@@ -139,7 +141,7 @@ def _percent(saved: float) -> str:
     return f"{significant(abs(saved), 0.05)} % {'saved' if saved >= 0.0 else 'lost'}"
 
 
-def _saved_text(values: Mapping[str, float], comparison: Comparison, ends: EqualEnd | None) -> str:
+def _saved_text(values: Mapping[str, float], comparison: Comparison, ends: Ends | None) -> str:
     text = f"{_percent(values['aging_saved_percent'])} against the {comparison.strategy} strategy"
     if ends is None:
         return text
@@ -172,9 +174,9 @@ def _end_text(values: Mapping[str, float], other: Mapping[str, float] | None, na
     return end(values) + (f" ({name} {end(other)})" if other else "")
 
 
-def _corrected_text(values: Mapping[str, float], ends: EqualEnd, name: str) -> str:
-    cooled = significant(ends.temperature_k - CELSIUS_ZERO_K)
-    other = significant(ends.other.energy_per_distance_j_m * 1e5 / J_PER_KWH)
+def _corrected_text(values: Mapping[str, float], ends: Ends, name: str) -> str:
+    cooled = significant(ends[0].temperature_k - CELSIUS_ZERO_K)
+    other = significant(ends[1].energy_per_distance_j_m * 1e5 / J_PER_KWH)
     return (
         f"both packs cooled to {cooled} °C, kinetic energy returned: "
         f"{significant(values['corrected_consumption_kwh_per_100_km'])} kWh/100 km "
@@ -188,7 +190,7 @@ def _margin_text(values: Mapping[str, float], metrics: RunMetrics) -> str:
     if not math.isfinite(margin_m):
         return f"smallest gap {NO_VALUE}"
     above = "above" if margin_m >= 0.0 else "below"
-    at_s = metrics.gap.smallest_margin_time_s
+    at_s = metrics.smallest_margin_time_s
     margin = f"{abs(margin_m):.2f} m {above} s_min at {at_s:g} s"
     soft = metrics.soft_violations
     return f"{margin}, {gap}; " + (

@@ -163,8 +163,8 @@ def _counts(decisions: DecisionStatistics) -> dict[str, str]:
     rows |= {"  changed by the limiter": decisions.limited}
     return {
         **{label: str(count) for label, count in rows.items()},
-        "largest gap slack (m)": _known(decisions.gap_slack_m.largest),
-        "largest temperature slack (K)": _known(decisions.temperature_slack_k.largest),
+        "largest gap slack (m)": _known(decisions.gap_slack_m["largest"]),
+        "largest temperature slack (K)": _known(decisions.temperature_slack_k["largest"]),
     }
 
 

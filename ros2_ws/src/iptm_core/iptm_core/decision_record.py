@@ -135,25 +135,23 @@ DECISION_COLUMNS = DecisionSeries.names()
 """Names of the columns of a `DecisionSeries`."""
 
 
-@dataclass(frozen=True)
-class Distribution:
-    """Median, 99th percentile, largest value, mean and sum of a series; NaN where nothing is known."""
+Distribution = Mapping[str, float]
+"""``median``, ``p99``, ``largest``, ``mean`` and ``total`` of a series; NaN where nothing is known."""
 
-    median: float
-    p99: float
-    largest: float
-    mean: float
-    total: float
 
-    @classmethod
-    def of(cls, values: NDArray[np.generic]) -> Distribution:
-        """Summarise the finite entries of a series."""
-        known = np.asarray(values, dtype=np.float64)
-        known = known[np.isfinite(known)]
-        if known.size == 0:
-            return cls(*(5 * (math.nan,)))
-        median, p99, largest = (float(np.quantile(known, q)) for q in (0.5, 0.99, 1.0))
-        return cls(median, p99, largest, float(np.mean(known)), float(np.sum(known)))
+def distribution(values: NDArray[np.generic]) -> Distribution:
+    """Summarise the finite entries of a series."""
+    known = np.asarray(values, dtype=np.float64)
+    known = known[np.isfinite(known)]
+    if known.size == 0:
+        return dict.fromkeys(("median", "p99", "largest", "mean", "total"), math.nan)
+    return {
+        "median": float(np.quantile(known, 0.5)),
+        "p99": float(np.quantile(known, 0.99)),
+        "largest": float(np.max(known)),
+        "mean": float(np.mean(known)),
+        "total": float(np.sum(known)),
+    }
 
 
 @dataclass(frozen=True)
@@ -191,12 +189,12 @@ class DecisionStatistics:
             by_rung={rung: int(np.count_nonzero(series.rung == rung)) for rung in Rung},
             limited=int(np.count_nonzero(series.limiter_active)),
             without_preview=int(np.count_nonzero(~np.isfinite(series.preview_age_s))),
-            preview_age_s=Distribution.of(series.preview_age_s),
-            solve_time_s=Distribution.of(series.solve_time_s),
-            iterations=Distribution.of(series.iterations),
-            gap_slack_m=Distribution.of(series.gap_slack_m),
-            speed_slack_m_s=Distribution.of(series.speed_slack_m_s),
-            temperature_slack_k=Distribution.of(series.temperature_slack_k),
+            preview_age_s=distribution(series.preview_age_s),
+            solve_time_s=distribution(series.solve_time_s),
+            iterations=distribution(series.iterations),
+            gap_slack_m=distribution(series.gap_slack_m),
+            speed_slack_m_s=distribution(series.speed_slack_m_s),
+            temperature_slack_k=distribution(series.temperature_slack_k),
         )
 
     @property

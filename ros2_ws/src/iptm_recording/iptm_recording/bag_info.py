@@ -111,14 +111,15 @@ def result_tables(path: Path, namespace: str | None = None) -> list[Table]:
 def decisions_table(title: str, statistics: DecisionStatistics) -> Table:
     """Return the spread of what every decision reports."""
     table = Table("", title=title, title_justify="left")
-    for heading in ("median", "p99", "largest"):
+    headings = ("median", "p99", "largest")
+    for heading in headings:
         table.add_column(heading, justify="right")
     for label, scale, spread in (
         ("solve time (ms)", 1e3, statistics.solve_time_s),
         ("iterations", 1.0, statistics.iterations),
         ("age of the preview (s)", 1.0, statistics.preview_age_s),
     ):
-        values = (spread.median, spread.p99, spread.largest)
+        values = [spread[heading] for heading in headings]
         table.add_row(label, *("unknown" if isnan(v) else f"{scale * v:.4g}" for v in values))
     return table
 

@@ -222,8 +222,8 @@ def results_table(result: TrafficResult, other: TrafficResult | None) -> Table:
 
 def headline(result: TrafficResult, other: TrafficResult) -> str:
     """Return one line on what a drive saves against another one."""
-    saved = 1.0 - result.metrics.degradation.total / other.metrics.degradation.total
-    energy = result.metrics.energy.battery_j / other.metrics.energy.battery_j - 1.0
+    saved = 1.0 - result.metrics.degradation / other.metrics.degradation
+    energy = result.metrics.battery_energy_j / other.metrics.battery_energy_j - 1.0
     change = "saved" if saved >= 0.0 else "lost"
     return (
         f"against the {other.drive.strategy} in the same traffic: {100.0 * abs(saved):.1f} % of battery "

@@ -7,7 +7,7 @@ from iptm_core.metrics.constraints import (
     cold_compressor_energies_j,
     gap_margins_m,
 )
-from iptm_core.metrics.equal_end import EqualEnd, at_equal_end
+from iptm_core.metrics.equal_end import CorrectedFigures, at_equal_end
 from iptm_core.metrics.figures import FIGURES, PAPER_TABLE, TRIP_FIGURES, Figure, figure_values
 from iptm_core.metrics.run_metrics import RunMetrics, compute_metrics
 
@@ -17,7 +17,7 @@ __all__ = [
     "TRIP_FIGURES",
     "Concern",
     "ConstraintCheck",
-    "EqualEnd",
+    "CorrectedFigures",
     "Figure",
     "RunMetrics",
     "at_equal_end",

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iptm_core.metrics.run_metrics import EndState, RunMetrics
+from iptm_core.metrics.run_metrics import RunMetrics
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import cell_heat_w, cell_resistance_ohm, heat_from_air_w
 from iptm_core.physics.charge import at_charge
@@ -49,19 +49,21 @@ class CoolDown:
 NO_COOLING = CoolDown(0.0, 0.0, 0.0, 0.0)
 
 
-def cool_down(end: EndState, temperature_k: float, parameters: ModelParameters) -> CoolDown | None:
+def cool_down(
+    run: RunMetrics, temperature_k: float, parameters: ModelParameters
+) -> CoolDown | None:
     """Return what cooling the pack down takes, zero if it is not warmer; None where it cannot be."""
-    warmer_k = end.temperature_k - temperature_k
+    warmer_k = run.final_temperature_k - temperature_k
     if warmer_k <= 0.0:
         return NO_COOLING
-    parameters = at_charge(parameters, end.state_of_charge)
-    middle_k = end.temperature_k - 0.5 * warmer_k
+    parameters = at_charge(parameters, run.final_charge)
+    middle_k = run.final_temperature_k - 0.5 * warmer_k
     powers_w = np.arange(
         POWER_STEP_W,
         largest_useful_power_w(parameters.chiller, parameters.limits) + 1e-6,
         POWER_STEP_W,
     )
-    losses = end.cell_1_capacity_loss, end.cell_n_capacity_loss
+    losses = run.final_cell_losses
     rates = power_thermal_rates(
         0.0,
         0.0,
@@ -99,44 +101,36 @@ class CorrectedFigures:
     """What a run would have cost with the end of the other run; see the module.
 
     Attributes:
+        temperature_k: final temperature of both runs, that of the cooler one.
         capacity_loss: of both cells together.
         energy_per_distance_j_m: the same over the distance of the run; NaN for one that stands.
     """
 
+    temperature_k: float
     capacity_loss: float
     energy_j: float
     energy_per_distance_j_m: float
 
 
-@dataclass(frozen=True)
-class EqualEnd:
-    """Two runs corrected for their ends; the temperature of both is that of the cooler one."""
-
-    temperature_k: float
-    own: CorrectedFigures
-    other: CorrectedFigures
-
-
 def at_equal_end(
     own: RunMetrics, other: RunMetrics, parameters: ModelParameters
-) -> EqualEnd | None:
+) -> tuple[CorrectedFigures, CorrectedFigures] | None:
     """Return the figures of two runs corrected for their ends; None where they cannot be."""
-    temperature_k = min(own.end.temperature_k, other.end.temperature_k)
-    corrected = [_corrected(run, temperature_k, parameters) for run in (own, other)]
-    if corrected[0] is None or corrected[1] is None:
-        return None
-    return EqualEnd(temperature_k, corrected[0], corrected[1])
+    temperature_k = min(own.final_temperature_k, other.final_temperature_k)
+    first, second = (_corrected(run, temperature_k, parameters) for run in (own, other))
+    return None if first is None or second is None else (first, second)
 
 
 def _corrected(
     run: RunMetrics, temperature_k: float, parameters: ModelParameters
 ) -> CorrectedFigures | None:
-    cooling = cool_down(run.end, temperature_k, parameters)
+    cooling = cool_down(run, temperature_k, parameters)
     if cooling is None:
         return None
-    energy_j = run.energy.battery_j + cooling.energy_j - run.end.kinetic_energy_j
+    energy_j = run.battery_energy_j + cooling.energy_j - run.final_kinetic_energy_j
     return CorrectedFigures(
-        capacity_loss=run.degradation.total + cooling.capacity_loss,
+        temperature_k=temperature_k,
+        capacity_loss=run.degradation + cooling.capacity_loss,
         energy_j=energy_j,
         energy_per_distance_j_m=energy_j / run.distance_m if run.distance_m > 0.0 else math.nan,
     )

@@ -92,19 +92,16 @@ def figure_values(metrics: RunMetrics) -> dict[str, float]:
 
 def _temperature_figures() -> Iterator[Figure]:
     for cell, symbol in (("1", "T_bc,1"), ("N", "T_bc,Nc")):
-        for suffix, word, field in (
-            ("min", "lowest", "minimum"),
-            ("mean", "mean", "mean"),
-            ("max", "highest", "maximum"),
+        values_k = attrgetter(f"cell_{cell.lower()}_k")
+        for index, (suffix, word) in enumerate(
+            (("min", "lowest"), ("mean", "mean"), ("max", "highest"))
         ):
-            name = f"cell_{cell.lower()}"
-            value_k = attrgetter(f"{name}_k.{field}")
             yield Figure(
-                f"{name}_temperature_{suffix}",
+                f"cell_{cell.lower()}_temperature_{suffix}",
                 f"Cell {cell}, {word} temperature",
                 "°C",
                 2,
-                lambda run, value_k=value_k: value_k(run) - CELSIUS_ZERO_K,  # type: ignore[misc]
+                lambda run, of=values_k, index=index: of(run)[index] - CELSIUS_ZERO_K,  # type: ignore[misc]
                 f"{suffix} {symbol}",
             )
 
@@ -156,12 +153,12 @@ _STATUS_LABELS = {
 def _decision_figures() -> Iterator[Figure]:
     # fmt: off
     rows: list[tuple[str, str, str, int, Callable[[DecisionStatistics], float]]] = [
-        ("solve_total", "Computing time", "s", 2, lambda d: d.solve_time_s.total),
-        ("solve_median", "Time of a solve, median", "ms", 3, lambda d: 1e3 * d.solve_time_s.median),
-        ("solve_p99", "Time of a solve, 99th percentile", "ms", 3, lambda d: 1e3 * d.solve_time_s.p99),
-        ("solve_max", "Time of a solve, longest", "ms", 3, lambda d: 1e3 * d.solve_time_s.largest),
-        ("mean_iterations", "Solver iterations, mean", "", 2, lambda d: d.iterations.mean),
-        ("max_iterations", "Solver iterations, most", "", 0, lambda d: d.iterations.largest),
+        ("solve_total", "Computing time", "s", 2, lambda d: d.solve_time_s["total"]),
+        ("solve_median", "Time of a solve, median", "ms", 3, lambda d: 1e3 * d.solve_time_s["median"]),
+        ("solve_p99", "Time of a solve, 99th percentile", "ms", 3, lambda d: 1e3 * d.solve_time_s["p99"]),
+        ("solve_max", "Time of a solve, longest", "ms", 3, lambda d: 1e3 * d.solve_time_s["largest"]),
+        ("mean_iterations", "Solver iterations, mean", "", 2, lambda d: d.iterations["mean"]),
+        ("max_iterations", "Solver iterations, most", "", 0, lambda d: d.iterations["largest"]),
         ("fallbacks", "Ticks on a fallback", "ticks", 0, lambda d: d.fallbacks),
         ("failed_solves", "Solves without a usable iterate", "ticks", 0, lambda d: d.failed_solves),
         ("limiter_ticks", "Ticks changed by the last limiter", "ticks", 0, lambda d: d.limited),
@@ -182,41 +179,41 @@ def _decision_figures() -> Iterator[Figure]:
 # fmt: off
 _TRIP_FIGURES = (
     Figure("cooling_energy", "Cooling energy", "kJ", 2,
-           lambda run: 1e-3 * run.energy.cooling_j, "∫(P_cp + P_aux) dt", compared=True),
+           lambda run: 1e-3 * run.cooling_energy_j, "∫(P_cp + P_aux) dt", compared=True),
     Figure("traction_energy", "Traction energy", "kJ", 2,
-           lambda run: 1e-3 * run.energy.traction_j, "∫P_tra dt", compared=True),
+           lambda run: 1e-3 * run.traction_energy_j, "∫P_tra dt", compared=True),
     Figure("total_energy_printed", "Traction + cooling energy", "kJ", 2,
-           lambda run: 1e-3 * run.energy.total_printed_j, "∫(P_tra + P_cp + P_aux) dt",
+           lambda run: 1e-3 * run.total_printed_energy_j, "∫(P_tra + P_cp + P_aux) dt",
            compared=True, short="Total energy"),
     Figure("battery_energy", "Battery energy ∫P_b dt", "kJ", 2,
-           lambda run: 1e-3 * run.energy.battery_j, "∫P_b dt", compared=True),
+           lambda run: 1e-3 * run.battery_energy_j, "∫P_b dt", compared=True),
     Figure("traction_energy_battery", "Traction energy at the battery", "kJ", 2,
-           lambda run: 1e-3 * (run.energy.battery_j - run.energy.cooling_j), "∫(P_b - P_cp - P_aux) dt",
+           lambda run: 1e-3 * (run.battery_energy_j - run.cooling_energy_j), "∫(P_b - P_cp - P_aux) dt",
            compared=True),
     Figure("cell_1_degradation", "Degradation of cell 1", "10⁻⁵", 4,
-           lambda run: 1e5 * run.degradation.cell_1, "Q_loss,1", compared=True),
+           lambda run: 1e5 * run.cell_1_degradation, "Q_loss,1", compared=True),
     Figure("cell_n_degradation", "Degradation of cell N", "10⁻⁵", 4,
-           lambda run: 1e5 * run.degradation.cell_n, "Q_loss,Nc", compared=True),
+           lambda run: 1e5 * run.cell_n_degradation, "Q_loss,Nc", compared=True),
     Figure("inconsistency", "Degradation inconsistency", "10⁻⁷", 3,
-           lambda run: 1e7 * run.degradation.inconsistency, "Q_loss,Nc - Q_loss,1",
+           lambda run: 1e7 * run.inconsistency, "Q_loss,Nc - Q_loss,1",
            compared=True, short="Inconsistency"),
     Figure("total_degradation", "Degradation, both cells", "10⁻⁵", 4,
-           lambda run: 1e5 * run.degradation.total, "Q_loss,1 + Q_loss,Nc",
+           lambda run: 1e5 * run.degradation, "Q_loss,1 + Q_loss,Nc",
            compared=True, short="Degradation"),
     Figure("mean_cop", "Mean coefficient of performance", "", 2,
-           lambda run: run.energy.mean_cop, "∫Q_co dt / ∫P_cp dt"),
-    Figure("smallest_gap", "Smallest gap", "m", 2, lambda run: run.gap.smallest_m, "min s"),
-    Figure("mean_gap", "Mean gap", "m", 1, lambda run: run.gap.mean_m),
-    Figure("largest_gap", "Largest gap", "m", 1, lambda run: run.gap.largest_m, "max s"),
+           lambda run: run.mean_cop, "∫Q_co dt / ∫P_cp dt"),
+    Figure("smallest_gap", "Smallest gap", "m", 2, lambda run: run.smallest_gap_m, "min s"),
+    Figure("mean_gap", "Mean gap", "m", 1, lambda run: run.mean_gap_m),
+    Figure("largest_gap", "Largest gap", "m", 1, lambda run: run.largest_gap_m, "max s"),
     Figure("smallest_margin", "Smallest margin to s_min", "m", 3,
-           lambda run: run.gap.smallest_margin_m, "min(s - s_min)"),
+           lambda run: run.smallest_margin_m, "min(s - s_min)"),
     *_temperature_figures(),
     Figure("mean_power", "Mean battery power", "kW", 3,
-           lambda run: 1e-3 * run.energy.mean_battery_power_w, compared=True),
+           lambda run: 1e-3 * run.mean_battery_power_w, compared=True),
     Figure("peak_power", "Peak battery power", "kW", 2,
-           lambda run: 1e-3 * run.energy.peak_battery_power_w, "max P_b"),
+           lambda run: 1e-3 * run.peak_battery_power_w, "max P_b"),
     Figure("lowest_power", "Lowest battery power", "kW", 2,
-           lambda run: 1e-3 * run.energy.lowest_battery_power_w, "min P_b"),
+           lambda run: 1e-3 * run.lowest_battery_power_w, "min P_b"),
     Figure("hard_violations", "Hard limits broken", "rows", 0, lambda run: float(run.hard_violations)),
     Figure("soft_violations", "Soft limits broken", "rows", 0, lambda run: float(run.soft_violations)),
     Figure("gap_violations", "Gap limit broken", "rows", 0, lambda run: float(run.gap_violations)),
@@ -227,14 +224,14 @@ _TRIP_FIGURES = (
     *_concern_figures(),
     Figure("distance", "Distance", "km", 3, lambda run: 1e-3 * run.distance_m, "p"),
     Figure("consumption", "Battery energy per distance", "kWh/100 km", 2,
-           lambda run: _per_distance(run.energy.battery_j, run.distance_m), "∫P_b dt / p", compared=True),
+           lambda run: _per_distance(run.battery_energy_j, run.distance_m), "∫P_b dt / p", compared=True),
     Figure("final_charge", "State of charge at the end", "%", 2,
-           lambda run: 1e2 * run.end.state_of_charge, "s"),
+           lambda run: 1e2 * run.final_charge, "s"),
     Figure("final_temperature", "Mean cell temperature at the end", "°C", 2,
-           lambda run: run.end.temperature_k - CELSIUS_ZERO_K),
-    Figure("final_speed", "Speed at the end", "km/h", 1, lambda run: KM_H_PER_M_S * run.end.speed_m_s),
+           lambda run: run.final_temperature_k - CELSIUS_ZERO_K),
+    Figure("final_speed", "Speed at the end", "km/h", 1, lambda run: KM_H_PER_M_S * run.final_speed_m_s),
     Figure("final_kinetic_energy", "Kinetic energy at the end", "kJ", 1,
-           lambda run: 1e-3 * run.end.kinetic_energy_j, "δ m v² / 2"),
+           lambda run: 1e-3 * run.final_kinetic_energy_j, "δ m v² / 2"),
     Figure("duration", "Duration", "s", 0, lambda run: run.duration_s),
 )
 # fmt: on

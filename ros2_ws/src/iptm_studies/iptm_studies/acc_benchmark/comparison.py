@@ -50,10 +50,9 @@ def figures_of(
     ends = at_equal_end(own_metrics, real_metrics, parameters)
     energy_saving = aging_saving = math.nan
     if ends is not None:
-        energy_saving = _saving(
-            ends.own.energy_per_distance_j_m, ends.other.energy_per_distance_j_m
-        )
-        aging_saving = _saving(ends.own.capacity_loss, ends.other.capacity_loss)
+        mine, theirs = ends
+        energy_saving = _saving(mine.energy_per_distance_j_m, theirs.energy_per_distance_j_m)
+        aging_saving = _saving(mine.capacity_loss, theirs.capacity_loss)
     headways_s = gap[fast] / speed[fast]
     is_real = run is real
     return {
@@ -65,12 +64,12 @@ def figures_of(
         "above_percent": 100.0 * float((headways_s > scene.largest_headway_s).mean()),
         "jerk_m_s3": _jerk_m_s3(speed),
         "emergency_s": own_metrics.service_braking_s,
-        "consumption_kwh_100_km": own_metrics.energy.battery_j / own_metrics.distance_m / 36.0,
+        "consumption_kwh_100_km": own_metrics.battery_energy_j / own_metrics.distance_m / 36.0,
         "energy_saving": energy_saving,
         "aging_saving": aging_saving,
         "end_gap_m": float(gap[-1] - real_gap[-1]),
         "end_kinetic_kj": 1e-3
-        * (own_metrics.end.kinetic_energy_j - real_metrics.end.kinetic_energy_j),
+        * (own_metrics.final_kinetic_energy_j - real_metrics.final_kinetic_energy_j),
     }
 
 

@@ -175,7 +175,7 @@ def arrival(
         )
         for kilowatt in (0.0, 1e-3 * HEATER_W)
     )
-    battery_kwh = run.metrics.energy.battery_j / _J_PER_KWH
+    battery_kwh = run.metrics.battery_energy_j / _J_PER_KWH
     arrival_c = arrival_k - CELSIUS_ZERO_K
     return Arrival(car, air_c, preparation, arrival_c, battery_kwh, worth, own_heat, heated)
 

@@ -130,7 +130,7 @@ def judge(name: str, run: Run, inputs: RunInputs, warm_twin: Run | None = None) 
         causes["cold_compressor"] = power + _circumstances(run, running)
 
     if warm_twin is not None:
-        here_j, there_j = (one.metrics.energy.traction_j for one in (run, warm_twin))
+        here_j, there_j = (one.metrics.traction_energy_j for one in (run, warm_twin))
         amounts["cold_traction"] = 100.0 * (here_j - there_j) / max(abs(there_j), SMALL_TRIP_J)
         causes["cold_traction"] = (
             f"{1e-3 * here_j:.0f} kJ instead of {1e-3 * there_j:.0f} kJ, "

@@ -66,12 +66,12 @@ def totals(runs: Sequence[RunMetrics]) -> dict[str, float]:
         ``aging``, the capacity loss of both cells; energies in J of ``cooling`` (compressor and
         auxiliaries) and ``traction``; ``consumption``, battery energy in kWh/100 km.
     """
-    battery_j = math.fsum(run.energy.battery_j for run in runs)
+    battery_j = math.fsum(run.battery_energy_j for run in runs)
     distance_m = math.fsum(run.distance_m for run in runs)
     return {
-        "aging": math.fsum(run.degradation.total for run in runs),
-        "cooling": math.fsum(run.energy.cooling_j for run in runs),
-        "traction": math.fsum(run.energy.traction_j for run in runs),
+        "aging": math.fsum(run.degradation for run in runs),
+        "cooling": math.fsum(run.cooling_energy_j for run in runs),
+        "traction": math.fsum(run.traction_energy_j for run in runs),
         "consumption": battery_j / 3.6e6 / (distance_m / 1e5),
     }
 
@@ -96,13 +96,13 @@ def saving(
     warm = [
         end
         for end in ends
-        if end is not None and end.temperature_k >= parameters.limits.min_temperature_k
+        if end is not None and end[0].temperature_k >= parameters.limits.min_temperature_k
     ]
     found["equal_end"] = math.nan
     if len(warm) == len(ends):
         found["equal_end"] = _percent(
-            sum(end.own.capacity_loss for end in warm),
-            sum(end.other.capacity_loss for end in warm),
+            sum(mine.capacity_loss for mine, _ in warm),
+            sum(theirs.capacity_loss for _, theirs in warm),
         )
     return found
 

@@ -265,7 +265,7 @@ def energy_percent(group: Mapping[int, RunMetrics], ticks: int) -> float:
     if 0 not in group:
         return math.nan
     ends = at_equal_end(group[ticks], group[0], load_parameters().values)
-    return math.nan if ends is None else 100.0 * (ends.own.energy_j / ends.other.energy_j - 1.0)
+    return math.nan if ends is None else 100.0 * (ends[0].energy_j / ends[1].energy_j - 1.0)
 
 
 def _delay_problems(findings: Findings) -> Iterator[str]:
