@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -80,8 +81,22 @@ def test_compiles_once_and_finds_it_again(
     assert float(ca.external("square", str(library))(3.0)) == 9.0
     assert compile_functions([square()], compiler) == library
     assert len(runs) == 1
-    # Nothing but the library is left behind.
-    assert [path.name for path in cache.iterdir()] == [library.name]
+    # Nothing but the library and its lock is left behind.
+    assert {path.name for path in cache.iterdir()} == {library.name, f"{library.stem}.lock"}
+
+
+@pytest.mark.usefixtures("cache")
+def test_processes_that_need_a_problem_at_once_compile_it_once(
+    compiler: tuple[str, ...], runs: list[list[str]], tmp_path: Path
+) -> None:
+    """As the controllers of a string of vehicles do."""
+    slow = tmp_path / "slow_cc"
+    slow.write_text(f'#!/bin/sh\nsleep 0.2\nexec {" ".join(compiler)} "$@"\n')
+    slow.chmod(0o755)
+    with ThreadPoolExecutor(3) as pool:
+        libraries = list(pool.map(lambda _: compile_functions([square()], [str(slow)]), range(3)))
+    assert len(set(libraries)) == 1
+    assert len(runs) == 1
 
 
 @pytest.mark.parametrize("damage", [lambda c: c[:2000], lambda c: c + b"x", lambda _: b""])
@@ -94,7 +109,7 @@ def test_a_damaged_library_is_compiled_again(
     assert compile_functions([square()], compiler) == library
     assert float(ca.external("square", str(library))(3.0)) == 9.0
     assert len(runs) == 2
-    assert [path.name for path in cache.iterdir()] == [library.name]
+    assert list(cache.glob("*.so")) == [library]
 
 
 @pytest.mark.parametrize(
@@ -200,7 +215,7 @@ def test_compiler_of_the_environments_wheel_comes_last(
     assert found[:3] == (str(package / "zig"), "cc", "-target")
     assert float(ca.external("square", str(compile_functions([square()], found)))(3.0)) == 9.0
     # What other arguments make of the same source is another entry; the machine may have the wheel's only.
-    assert len(list(cache.iterdir())) == 1 + (compiler[1:] != found[1:])
+    assert len(list(cache.glob("*.so"))) == 1 + (compiler[1:] != found[1:])
     monkeypatch.setenv("CC", compiler[0])
     assert find_compiler() == compiler[:1]
 

@@ -11,6 +11,7 @@ not loaded.
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import hashlib
 import importlib.util
 import logging
@@ -22,7 +23,7 @@ import struct
 import subprocess
 import tempfile
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import casadi as ca
@@ -133,22 +134,41 @@ def compile_functions(functions: Sequence[ca.Function], compiler: Sequence[str])
     code = f"ocp_{_cache_key(source, compiler, flags)}"
     library = folder / f"{code}{_numbers_key(numbers)}.so"
     _make_private(folder)
-    if _is_intact(library) or _copy_is_made(library, folder.glob(f"{code}_*.so"), numbers):
+    if _is_intact(library):
         return library
-    LOGGER.info("compiling the optimal control problem (once per horizon and kind of model) ...")
     try:
-        _remove_abandoned(folder)
-        with tempfile.TemporaryDirectory(prefix=_SCRATCH_PREFIX, dir=folder) as scratch:
-            c_file = Path(scratch) / "ocp.c"
-            c_file.write_text(source, encoding="ascii")
-            table = Path(scratch) / "numbers.c"
-            table.write_text(table_source(numbers), encoding="ascii")
-            built = Path(scratch) / "ocp.so"
-            _run_compiler([*compiler, *flags, str(c_file), str(table), "-o", str(built), "-lm"])
-            _put(library, built.read_bytes(), Path(scratch))
+        with _locked(folder / f"{code}.lock"):
+            others = folder.glob(f"{code}_*.so")
+            if _is_intact(library) or _copy_is_made(library, others, numbers):
+                return library
+            LOGGER.info(
+                "compiling the optimal control problem (once per horizon and kind of model)"
+            )
+            _remove_abandoned(folder)
+            with tempfile.TemporaryDirectory(prefix=_SCRATCH_PREFIX, dir=folder) as scratch:
+                c_file = Path(scratch) / "ocp.c"
+                c_file.write_text(source, encoding="ascii")
+                table = Path(scratch) / "numbers.c"
+                table.write_text(table_source(numbers), encoding="ascii")
+                built = Path(scratch) / "ocp.so"
+                _run_compiler([*compiler, *flags, str(c_file), str(table), "-o", str(built), "-lm"])
+                _put(library, built.read_bytes(), Path(scratch))
     except OSError as error:
         raise _not_writable(folder, error) from error
     return library
+
+
+@contextlib.contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    """Let one process at a time compile a problem: those that start together need it once."""
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
+    try:
+        # Some network file systems have no locks; each process compiles there.
+        with contextlib.suppress(OSError):
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
 
 
 def _copy_is_made(library: Path, others: Iterable[Path], numbers: Sequence[float]) -> bool:
