@@ -37,7 +37,7 @@ ROADS = {
 CHECKS_PER_TICK = 20
 HALT_M_S = 0.1
 ARRIVED_M = 10.0
-"""The host has arrived when it is this near to where it halts."""
+"""The ego vehicle has arrived when it is this near to where it halts."""
 
 COLUMNS = {
     "road": "{road}",

@@ -60,11 +60,11 @@ CLOCKS: Mapping[str, dict[str, float]] = {
 
 @dataclass(frozen=True)
 class Moment:
-    """A second of an attack: the leader as it would send, places of the host then and at the beginning."""
+    """A second of an attack: the leader as it would send, places of the ego then and at the beginning."""
 
     leader: CamSender
     second: int
-    host_m: float
+    ego_m: float
     begin_m: float
 
 
@@ -110,17 +110,17 @@ class AttackedRadio(SimulatedRadio):
         self.contested: list[bool] = []
 
     def answer(
-        self, time_ns: int, host_position_m: float, host_speed_m_s: float = 0.0
+        self, time_ns: int, ego_position_m: float, ego_speed_m_s: float = 0.0
     ) -> BridgeAnswer:
         """Return the answer to one tick."""
         second = time_ns // NS_PER_S
         silent = self._silent_from_s is not None and second >= self._silent_from_s
-        asked = time_ns, host_position_m, host_speed_m_s
+        asked = time_ns, ego_position_m, ego_speed_m_s
         answer = self.bridge.answer(*asked) if silent else super().answer(*asked)
         if self._attack is not None and BEGIN_S <= second < END_S:
             if second == BEGIN_S:
-                self._begin_m = host_position_m
-            moment = Moment(self._leader, second, host_position_m, self._begin_m)
+                self._begin_m = ego_position_m
+            moment = Moment(self._leader, second, ego_position_m, self._begin_m)
             for datagram in self._attack(moment):
                 self.bridge.receive(datagram, time_ns)
             answer = self.bridge.answer(*asked)
@@ -142,7 +142,7 @@ def forged(
 
 
 def forged_car(now: Moment) -> list[bytes]:
-    """A car appears 5 m in front of the host and drives on at its speed."""
+    """A car appears 5 m in front of the ego vehicle and drives on at its speed."""
     origin_m = now.begin_m + 5.0 - SPEED_M_S * BEGIN_S
     return [
         forged(FORGER, at_ms, origin_m + SPEED_M_S * at_ms / 1000.0, SPEED_M_S)
@@ -168,27 +168,27 @@ def replayed_a_wrap_later(now: Moment) -> list[bytes]:
 def jumping(now: Moment) -> list[bytes]:
     """A car ahead is in the next lane in every second message."""
     return [
-        forged(FORGER, at_ms, now.host_m + 8.0, SPEED_M_S, 3.5 if at_ms % 200 else 0.0)
+        forged(FORGER, at_ms, now.ego_m + 8.0, SPEED_M_S, 3.5 if at_ms % 200 else 0.0)
         for at_ms in tenths(now.second)
     ]
 
 
 def absurdly_fast(now: Moment) -> list[bytes]:
     """A car ahead drives 120 m/s."""
-    return [forged(FORGER, at_ms, now.host_m + 8.0, 120.0) for at_ms in tenths(now.second)]
+    return [forged(FORGER, at_ms, now.ego_m + 8.0, 120.0) for at_ms in tenths(now.second)]
 
 
 def flood(now: Moment) -> list[bytes]:
     """Ten thousand identities ahead at once."""
     return [
-        forged(10_000 + number, 1000 * now.second, now.host_m + 6.0, SPEED_M_S)
+        forged(10_000 + number, 1000 * now.second, now.ego_m + 6.0, SPEED_M_S)
         for number in range(FLOOD if now.second == BEGIN_S else 0)
     ]
 
 
 def same_identity(now: Moment) -> list[bytes]:
     """A second sender with the leader's identity stands 5 m ahead."""
-    return [forged(LEADER, at_ms + 50, now.host_m + 5.0, 0.0) for at_ms in tenths(now.second)]
+    return [forged(LEADER, at_ms + 50, now.ego_m + 5.0, 0.0) for at_ms in tenths(now.second)]
 
 
 def clock_set_back(now: Moment) -> list[bytes]:

@@ -1,7 +1,7 @@
 """Loads the bridge with the messages of a crowd: does it lose any, and what does it cost?
 
-The node runs by the computer's clock, as with a radio. Two hundred cars behind the host send ten messages a
-second each, in bursts of two hundred, and the leader sends its own among them. A flood of maps of
+The node runs by the computer's clock, as with a radio. Two hundred cars behind the ego vehicle send ten
+messages a second each, in bursts of two hundred, and the leader sends its own among them. A flood of maps of
 intersections may come on top, half of them from one station and each of the others from another one, and
 closed loops in real time may take their share of the processor.
 """
@@ -53,8 +53,8 @@ READ_TIMEOUT_S = 30.0
 """Time until the diagnostics report all datagrams as read; the others count as lost."""
 
 
-class _Host:
-    """Clock and place of the host, and ears for the bridge."""
+class _Ego:
+    """Clock and place of the ego vehicle, and ears for the bridge."""
 
     def __init__(self, context: Context) -> None:
         self.node = SuiteNode("v2x_load", context=context)
@@ -117,9 +117,9 @@ def bursts(cars: int, seconds: int) -> list[list[bytes]]:
     road = RoadLine.test_road()
     found = []
     for burst in range(round(seconds / BURST_S)):
-        host_m = SPEED_M_S * burst * BURST_S
-        places = {10_000 + number: host_m - 20.0 - 10.0 * number for number in range(cars)}
-        places[LEADER] = host_m + 20.0
+        ego_m = SPEED_M_S * burst * BURST_S
+        places = {10_000 + number: ego_m - 20.0 - 10.0 * number for number in range(cars)}
+        places[LEADER] = ego_m + 20.0
         found.append(
             [
                 encode_cam(car_on_road(road, identity, 0, rear_m, SPEED_M_S))
@@ -149,7 +149,7 @@ def flood(maps: int) -> Iterator[bytes]:
 
 
 def load(
-    host: _Host, port: int, bursts_of_cars: list[list[bytes]], maps: Iterator[bytes], each: int
+    ego: _Ego, port: int, bursts_of_cars: list[list[bytes]], maps: Iterator[bytes], each: int
 ) -> int:
     """Send all bursts at real time, each with `each` maps; return the number of datagrams."""
     sent = 0
@@ -157,7 +157,7 @@ def load(
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as radio:
         for burst, messages in enumerate(bursts_of_cars):
             if burst % round(1.0 / BURST_S) == 0:
-                host.tick(round(burst * BURST_S))
+                ego.tick(round(burst * BURST_S))
             # The time of generation follows the six bytes of the header.
             delta = delta_time_ms(begin_ms + round(1000.0 * burst * BURST_S)).to_bytes(2, "big")
             for _ in range(each):
@@ -165,7 +165,7 @@ def load(
             for message in messages:
                 radio.sendto(message[:6] + delta + message[8:], ("127.0.0.1", port))
             sent += len(messages) + each
-            host.spin(max(begin_s + (burst + 1) * BURST_S - time.monotonic(), 1e-3))
+            ego.spin(max(begin_s + (burst + 1) * BURST_S - time.monotonic(), 1e-3))
     return sent
 
 
@@ -232,39 +232,39 @@ def measure(
         bridge = subprocess.Popen(command, env=environment)  # noqa: S603 - the project's own
         context = Context()
         context.init(args=[], domain_id=domain)
-        host = _Host(context)
+        ego = _Ego(context)
         try:
-            if not host.wait(host.has_bridge, START_TIMEOUT_S):
+            if not ego.wait(ego.has_bridge, START_TIMEOUT_S):
                 raise ScenarioError(f"no bridge within {START_TIMEOUT_S:g} s")
             bursts_of_cars, maps = bursts(cars, seconds), flood(maps_per_s)
             before_s, begin_s = processor_s(bridge), time.monotonic()
-            sent = load(host, port, bursts_of_cars, maps, round(maps_per_s * BURST_S))
+            sent = load(ego, port, bursts_of_cars, maps, round(maps_per_s * BURST_S))
             used_s, lasted_s = processor_s(bridge) - before_s, time.monotonic() - begin_s
-            host.wait(lambda: int(host.values.get("datagrams", 0)) >= sent, READ_TIMEOUT_S)
+            ego.wait(lambda: int(ego.values.get("datagrams", 0)) >= sent, READ_TIMEOUT_S)
         finally:
             bridge.terminate()
             bridge.wait()
-            host.node.destroy_node()
+            ego.node.destroy_node()
             context.try_shutdown()
     return {
         "datagrams_per_s": sent / lasted_s,
         "sent": sent,
-        "read": int(host.values.get("datagrams", 0)),
-        "accepted": int(host.values.get("messages_accepted", 0)),
+        "read": int(ego.values.get("datagrams", 0)),
+        "accepted": int(ego.values.get("messages_accepted", 0)),
         "refused": {
             name.removeprefix("rejected_"): int(count)
-            for name, count in host.values.items()
+            for name, count in ego.values.items()
             if name.startswith("rejected_")
         },
-        "stations": int(host.values.get("stations", 0)),
-        "leader": host.values.get("leader_station"),
+        "stations": int(ego.values.get("stations", 0)),
+        "leader": ego.values.get("leader_station"),
         "ticks": seconds,
-        "ticks_with_a_leader": host.leaders,
-        "ticks_answered": len(host.answered_after_s),
-        "slowest_answer_s": max(host.answered_after_s.values(), default=float("inf")),
+        "ticks_with_a_leader": ego.leaders,
+        "ticks_answered": len(ego.answered_after_s),
+        "slowest_answer_s": max(ego.answered_after_s.values(), default=float("inf")),
         "cams_sent": sum(len(messages) for messages in bursts_of_cars),
         "maps_per_s": maps_per_s,
-        "maps_accepted": int(host.values.get("mapem_accepted", 0)),
+        "maps_accepted": int(ego.values.get("mapem_accepted", 0)),
         "loops_beside": loops_beside,
         "share_of_a_core": used_s / lasted_s,
     }

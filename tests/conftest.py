@@ -20,7 +20,7 @@ from iptm_interfaces.codecs import (
     encode_acceleration,
     encode_battery,
     encode_capacity_loss,
-    encode_host_odometry,
+    encode_ego_odometry,
     encode_leader,
     encode_powers,
     encode_safety,
@@ -81,7 +81,7 @@ def _tick_messages(run: Trajectory, row: int) -> dict[Topic, Any]:
             time_s, SafetyRecord(values["service_braking_s"], values["smallest_gap_m"])
         ),
         Topic.PLANT_ACCELERATION: encode_acceleration(state),
-        Topic.PLANT_ODOMETRY: encode_host_odometry(state),
+        Topic.PLANT_ODOMETRY: encode_ego_odometry(state),
         Topic.LEADER: encode_leader(leader),
     }
 

@@ -44,14 +44,14 @@ class OwnController(Node):
             self._inputs.clear()
 
     def _decide(self) -> JointState:
-        host, leader = self._inputs["plant/odometry"], self._inputs["v2x/leader"]
-        speed_m_s = host.twist.twist.linear.x
-        gap_m = leader.pose.pose.position.x - host.pose.pose.position.x
+        ego, leader = self._inputs["plant/odometry"], self._inputs["v2x/leader"]
+        speed_m_s = ego.twist.twist.linear.x
+        gap_m = leader.pose.pose.position.x - ego.pose.pose.position.x
         gap_error_m = gap_m - STANDSTILL_GAP_M - TIME_GAP_S * speed_m_s
         acceleration_m_s2 = 0.1 * gap_error_m + 0.8 * (leader.twist.twist.linear.x - speed_m_s)
         is_warm = self._inputs["plant/cell_n_temperature"].temperature > COOL_ABOVE_DEGC
         command = JointState()
-        command.header.stamp = host.header.stamp  # the state that is answered
+        command.header.stamp = ego.header.stamp  # the state that is answered
         command.name = ["acceleration_m_s2", "compressor_power_w"]
         command.position = [
             min(max(acceleration_m_s2, -3.0), 2.0),

@@ -17,7 +17,7 @@ from iptm_interfaces.codecs import (
     decode_vehicle_state,
     encode_acceleration,
     encode_capacity_loss,
-    encode_host_odometry,
+    encode_ego_odometry,
     encode_leader,
     encode_leader_preview,
     encode_powers,
@@ -50,7 +50,7 @@ def tick_messages(
     preview = LeaderPreview(time_s, time_s + ahead, leader.position_m + moved, speeds)
     powers = IntervalPowers(9e3, state.compressor_power_w, 200.0, 9.5e3, 100.0)
     return {
-        Topic.PLANT_ODOMETRY: encode_host_odometry(state),
+        Topic.PLANT_ODOMETRY: encode_ego_odometry(state),
         Topic.PLANT_ACCELERATION: encode_acceleration(state),
         Topic.PLANT_CELL_1_TEMPERATURE: encode_temperature(time_s, state.cell_1_temperature_k),
         Topic.PLANT_CELL_N_TEMPERATURE: encode_temperature(time_s, state.cell_n_temperature_k),

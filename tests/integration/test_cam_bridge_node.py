@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from tests.integration.cam_host import BRIDGE, SENDER, Host, free_port
+from tests.integration.cam_ego import BRIDGE, SENDER, Ego, free_port
 
 from iptm_core.routes import build_route
 from iptm_interfaces.diagnostics import status_values
@@ -21,8 +21,8 @@ from iptm_v2x_bridge.sending.settings import SenderSettings
 
 
 @pytest.fixture
-def host(peer: Any) -> Host:
-    return Host(peer)
+def ego(peer: Any) -> Ego:
+    return Ego(peer)
 
 
 def start(launcher: Any, port: int, **faults: object) -> tuple[Any, Any]:
@@ -34,11 +34,11 @@ def start(launcher: Any, port: int, **faults: object) -> tuple[Any, Any]:
     return bridge, sender
 
 
-def test_over_the_wire_the_answers_are_those_without_it(launcher: Any, host: Host) -> None:
+def test_over_the_wire_the_answers_are_those_without_it(launcher: Any, ego: Ego) -> None:
     """Two processes, a socket between them, losses and delays: bit for bit what the pure parts say."""
     faults = {"loss_probability": 0.3, "link_delay_s": 0.3, "link_jitter_s": 0.2, "sender_seed": 5}
     bridge, sender = start(launcher, free_port(), **faults)
-    host.wait_for(2)
+    ego.wait_for(2)
     route = build_route("us06", initial_gap_m=15.0)
     settings = SenderSettings(**faults)  # type: ignore[arg-type]
     pure = SimulatedRadio(
@@ -46,68 +46,68 @@ def test_over_the_wire_the_answers_are_those_without_it(launcher: Any, host: Hos
     )
     for tick in range(25):
         position_m = float(route.leader.positions_at(float(tick))) - 14.0
-        preview = host.tick(float(tick), position_m)
+        preview = ego.tick(float(tick), position_m)
         expected = pure.answer(tick * 10**9, position_m)
         np.testing.assert_array_equal(preview.positions_m, expected.preview.positions_m)
         np.testing.assert_array_equal(preview.speeds_m_s, expected.preview.speeds_m_s)
         if expected.leader is not None:
-            host.peer.wait_until(lambda at=tick: at * 10**9 in host.leaders, what="the leader")
-            assert host.leaders[tick * 10**9] == expected.leader
-    host.peer.wait_until(
+            ego.peer.wait_until(lambda at=tick: at * 10**9 in ego.leaders, what="the leader")
+            assert ego.leaders[tick * 10**9] == expected.leader
+    ego.peer.wait_until(
         lambda: (
-            host.statuses and status_values(host.statuses[-1]).get("predictor") == "received_path"
+            ego.statuses and status_values(ego.statuses[-1]).get("predictor") == "received_path"
         ),
         what="the predictor on /diagnostics",
     )
-    values = status_values(host.statuses[-1])
+    values = status_values(ego.statuses[-1])
     assert values["leader_station"] == "4711"
     assert values["lost_between_sender_and_bridge"] == "0"
     assert sender.stop(signal.SIGINT) == 0
     assert bridge.stop(signal.SIGINT) == 0
 
 
-def test_a_contested_identity_is_on_diagnostics_within_a_second(launcher: Any, host: Host) -> None:
+def test_a_contested_identity_is_on_diagnostics_within_a_second(launcher: Any, ego: Ego) -> None:
     """A second sender keeps the speed of 10 s while the leader accelerates."""
     start(
         launcher, free_port(), impostor="keeps_speed", impostor_departure_s=10.0, foresight="none"
     )
-    host.wait_for(2)
+    ego.wait_for(2)
     for tick in range(13):
-        host.tick(float(tick))
-    host.peer.wait_until(
-        lambda: any("contradict" in status.message for status in host.statuses),
+        ego.tick(float(tick))
+    ego.peer.wait_until(
+        lambda: any("contradict" in status.message for status in ego.statuses),
         what="the contested identity on /diagnostics",
     )
-    (status,) = [found for found in host.statuses if "contradict" in found.message][:1]
+    (status,) = [found for found in ego.statuses if "contradict" in found.message][:1]
     assert status.level == DiagnosticStatus.WARN
     station, since = status_values(status)["contested_stations"].split(" since ")
     assert station == "4711"
     assert 10.0 < float(since.removesuffix(" s")) <= 11.0
 
 
-def test_without_a_sender_the_bridge_says_what_it_waits_for(launcher: Any, host: Host) -> None:
+def test_without_a_sender_the_bridge_says_what_it_waits_for(launcher: Any, ego: Ego) -> None:
     port = free_port()
     launcher.start_node(
         BRIDGE, parameters={"leader_source": "cam", "cam_port": port, "cam_lock_step": True}
     )
-    host.wait_for(1)
-    host.move(0.0)
-    host.peer.wait_until(
-        lambda: any("end of the tick" in status.message for status in host.statuses),
+    ego.wait_for(1)
+    ego.move(0.0)
+    ego.peer.wait_until(
+        lambda: any("end of the tick" in status.message for status in ego.statuses),
         what="the reason on /diagnostics",
     )
-    assert host.previews == {}
+    assert ego.previews == {}
     # Noise changes nothing; the end of the tick lets it answer, without a leader.
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as radio:
         for _ in range(50):
             radio.sendto(bytes(30), ("127.0.0.1", port))
         radio.sendto(EndOfTick(0, 50).encode(), ("127.0.0.1", port))
-    host.peer.wait_until(lambda: 0 in host.previews, what="an answer")
-    assert host.previews[0].times_s.size == 0
-    assert host.leaders == {}
-    host.peer.wait_until(
+    ego.peer.wait_until(lambda: 0 in ego.previews, what="an answer")
+    assert ego.previews[0].times_s.size == 0
+    assert ego.leaders == {}
+    ego.peer.wait_until(
         lambda: any(
-            status_values(status).get("rejected_packet") == "50" for status in host.statuses
+            status_values(status).get("rejected_packet") == "50" for status in ego.statuses
         ),
         what="the count of what was refused",
     )
@@ -126,14 +126,14 @@ def test_a_topic_without_the_package_of_its_type_is_refused(launcher: Any) -> No
     launcher.start_node(BRIDGE, parameters=parameters).assert_refused("etsi_its_cam_msgs")
 
 
-def test_two_thousand_datagrams_a_second_do_not_drown_the_leader(launcher: Any, host: Host) -> None:
+def test_two_thousand_datagrams_a_second_do_not_drown_the_leader(launcher: Any, ego: Ego) -> None:
     """Four seconds of a crowd of two hundred cars at 10 Hz beside the leader."""
     port = free_port()
     launcher.start_node(
         BRIDGE,
         parameters={"leader_source": "cam", "cam_port": port, "expected_peers": 1, "cycle": "us06"},
     )
-    host.wait_for(1)
+    ego.wait_for(1)
     route = build_route("us06", initial_gap_m=15.0)
     leader = CamSender(route.leader, route.road_line, SenderSettings())
     crowd = [
@@ -160,18 +160,18 @@ def test_two_thousand_datagrams_a_second_do_not_drown_the_leader(launcher: Any, 
                     sent += 1
             sent += 2000
             radio.sendto(EndOfTick(tick * 10**9, sent).encode(), ("127.0.0.1", port))
-            preview = host.tick(float(tick))
+            preview = ego.tick(float(tick))
     assert preview.generated_at_s == 3.0
-    host.peer.wait_until(
+    ego.peer.wait_until(
         lambda: (
-            host.statuses
-            and status_values(host.statuses[-1]).get("lost_between_sender_and_bridge") == "0"
+            ego.statuses
+            and status_values(ego.statuses[-1]).get("lost_between_sender_and_bridge") == "0"
         ),
         what="nothing lost on the way",
     )
 
 
-def test_a_host_alone_on_the_road_is_held_by_its_rules(launcher: Any, host: Host) -> None:
+def test_a_ego_alone_on_the_road_is_held_by_its_rules(launcher: Any, ego: Ego) -> None:
     """No car is heard: a limit of 36 km/h, and a line at 60 m that stays closed; no vehicle is reported."""
     port = free_port()
     bridge = launcher.start_node(
@@ -181,20 +181,20 @@ def test_a_host_alone_on_the_road_is_held_by_its_rules(launcher: Any, host: Host
             "cam_port": port,
             "cam_lock_step": False,
             "expected_peers": 1,
-            "host_keeps_rules": True,
+            "ego_keeps_rules": True,
             "speed_limits_km_h": "0:36",
             "signals": "60.0:1000.0:900.0:50.0",
         },
     )
-    host.wait_for(1)
-    preview = host.tick(0.0, 0.0)
+    ego.wait_for(1)
+    preview = ego.tick(0.0, 0.0)
     assert not preview.times_s.size
-    assert not host.leaders
-    road = host.roads[0]
+    assert not ego.leaders
+    road = ego.roads[0]
     assert not road.has_leader
     assert road.limits is not None
     assert road.limits.limits_m_s.tolist() == [pytest.approx(10.0)]
-    # The host halts 2 m before the line.
+    # The ego vehicle halts 2 m before the line.
     assert [stop.position_m for stop in road.stops] == [58.0]
     assert road.stops[0].until_s == pytest.approx(901.0)
     assert bridge.stop(signal.SIGINT) == 0

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.integration.cam_host import SENDER, free_port
+from tests.integration.cam_ego import SENDER, free_port
 
 from iptm_bringup.replay_check import check_node
 from iptm_interfaces.discovery import reserve_domain

@@ -87,7 +87,7 @@ def test_headless_run_equals_the_run_over_ros(spec: RunSpec, launcher: Any, tmp_
 
 
 def assert_free_road(run: Trajectory, decisions: DecisionSeries, bag: Path) -> None:
-    """No vehicle is ahead of the host, and it drives by plans alone, past the line once it is open."""
+    """No vehicle is ahead of the ego vehicle, and it drives by plans alone, past the line once it is open."""
     with BagReader(bag) as reader:
         counts = {name: topic.message_count for name, topic in reader.topics.items()}
     assert counts.get("/v2x/leader", 0) == 0

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 from rosgraph_msgs.msg import Clock
-from tests.integration.cam_host import BRIDGE, SENDER, Host, free_port
+from tests.integration.cam_ego import BRIDGE, SENDER, Ego, free_port
 
 from iptm_core.decision_record import DecisionRecord, Rung
 from iptm_core.state import VehicleState
 from iptm_interfaces.codecs import (
     PlanTrajectory,
     encode_decision_record,
-    encode_host_odometry,
+    encode_ego_odometry,
     encode_plan,
     time_from_s,
 )
@@ -57,7 +57,7 @@ class VehicleAhead:
         follows = second != NO_PLAN_AT
         place_m, speed_m_s = 0.5 * GAIN_M_S2 * second**2, GAIN_M_S2 * second
         state = VehicleState(float(second), place_m, speed_m_s, 0.0, 0.0, 298.0, 298.0, 0.0, 0.0)
-        self._publishers[Topic.PLANT_ODOMETRY].publish(encode_host_odometry(state))
+        self._publishers[Topic.PLANT_ODOMETRY].publish(encode_ego_odometry(state))
         self._publishers[Topic.CLOCK].publish(Clock(clock=time_from_s(float(second))))
         times = second + PLAN_S
         flat = np.full(times.size, 298.0)
@@ -72,12 +72,12 @@ class VehicleAhead:
 
 
 @pytest.fixture
-def host(peer: Any) -> Host:
-    return Host(peer)
+def ego(peer: Any) -> Ego:
+    return Ego(peer)
 
 
 def test_the_vehicle_behind_knows_the_plan_of_the_one_ahead(
-    launcher: Any, host: Host, decision_record: Callable[[int], DecisionRecord]
+    launcher: Any, ego: Ego, decision_record: Callable[[int], DecisionRecord]
 ) -> None:
     """The one ahead has driven all of its ticks before the one behind begins."""
     port = free_port()
@@ -88,21 +88,21 @@ def test_the_vehicle_behind_knows_the_plan_of_the_one_ahead(
         SENDER,
         "-r",
         "__ns:=/car_1",
-        parameters={"to_port": port, "sent_drive": "host", "initial_gap_m": GAP_M},
+        parameters={"to_port": port, "sent_drive": "ego", "initial_gap_m": GAP_M},
     )
-    host.wait_for(1)  # so the bridge has its socket
-    ahead = VehicleAhead(host.peer, decision_record(0))
-    statuses = host.peer.statuses("/car_1/v2x_sender")
+    ego.wait_for(1)  # so the bridge has its socket
+    ahead = VehicleAhead(ego.peer, decision_record(0))
+    statuses = ego.peer.statuses("/car_1/v2x_sender")
     ahead.wait_for_listener()
     for second in range(TICKS):
         ahead.tick(second)
     # All but the stretch before the trip: ten messages a second.
-    host.peer.wait_until(
+    ego.peer.wait_until(
         lambda: statuses and int(status_values(statuses[-1])["sent"]) >= 10 * (TICKS - 1),
         what="the messages of all ticks",
     )
     for second in range(TICKS):
-        preview = host.tick(float(second), 0.2 * second)
+        preview = ego.tick(float(second), 0.2 * second)
         times = preview.times_s
         # Without a followed plan, the last one sent holds as long as the leader keeps to it.
         told_s = second if second != NO_PLAN_AT else second - 1
@@ -110,7 +110,7 @@ def test_the_vehicle_behind_knows_the_plan_of_the_one_ahead(
         behind_m = GAP_M + 0.5 * GAIN_M_S2 * times**2 - preview.positions_m
         assert behind_m.min() > -0.02
         assert behind_m.max() < 0.75
-    values = host.settled_values()
+    values = ego.settled_values()
     assert values["leader_station"] == "4711"
     assert values["predictor"] == "received_path"
     assert values["lost_between_sender_and_bridge"] == "0"

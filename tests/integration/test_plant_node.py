@@ -25,7 +25,7 @@ from iptm_interfaces.codecs import (
     decode_vehicle_state,
     encode_acceleration,
     encode_capacity_loss,
-    encode_host_odometry,
+    encode_ego_odometry,
     encode_powers,
     encode_temperature,
     ns_from_time,
@@ -59,7 +59,7 @@ def as_seen(step: PlantStep) -> VehicleState:
     cell_1, cell_n = (encode_temperature(state.time_s, cell_k) for cell_k in cells_k)
     return decode_vehicle_state(
         {
-            Topic.PLANT_ODOMETRY: encode_host_odometry(state),
+            Topic.PLANT_ODOMETRY: encode_ego_odometry(state),
             Topic.PLANT_ACCELERATION: encode_acceleration(state),
             Topic.PLANT_CELL_1_TEMPERATURE: cell_1,
             Topic.PLANT_CELL_N_TEMPERATURE: cell_n,

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.integration.cam_host import BRIDGE, SENDER, Host, free_port
+from tests.integration.cam_ego import BRIDGE, SENDER, Ego, free_port
 from tests.iptm_v2x_bridge.radio import RecordedRadio
 
 from iptm_core.routes import build_route
@@ -26,11 +26,11 @@ OWN_NUMBERS = ("rejected_", "datagrams", "messages", "station", "leader", "predi
 
 
 @pytest.fixture
-def host(peer: Any) -> Host:
-    return Host(peer)
+def ego(peer: Any) -> Ego:
+    return Ego(peer)
 
 
-def host_m(tick: int) -> float:
+def ego_m(tick: int) -> float:
     return 0.5 * tick
 
 
@@ -44,23 +44,23 @@ def numbers(values: dict[str, str]) -> dict[str, str]:
     return {name: text for name, text in values.items() if name.startswith(OWN_NUMBERS)}
 
 
-def forget(host: Host) -> None:
-    host.leaders.clear()
-    host.previews.clear()
-    host.statuses.clear()
+def forget(ego: Ego) -> None:
+    ego.leaders.clear()
+    ego.previews.clear()
+    ego.statuses.clear()
 
 
-def drive(host: Host, ticks: range) -> None:
+def drive(ego: Ego, ticks: range) -> None:
     for tick in ticks:
-        host.tick(float(tick), host_m(tick))
-        host.peer.wait_until(
-            lambda at=tick: at * NS in host.leaders or not host.previews[at * NS].times_s.size,
+        ego.tick(float(tick), ego_m(tick))
+        ego.peer.wait_until(
+            lambda at=tick: at * NS in ego.leaders or not ego.previews[at * NS].times_s.size,
             what="the leader",
         )
 
 
 def test_a_bag_with_the_datagrams_repeats_the_drive(
-    launcher: Any, host: Host, tmp_path: Path
+    launcher: Any, ego: Ego, tmp_path: Path
 ) -> None:
     """By the clock of the computer, as with a radio; in lock-step see `test_cam_closed_loop`."""
     port = free_port()
@@ -72,27 +72,27 @@ def test_a_bag_with_the_datagrams_repeats_the_drive(
     live = launcher.start_node(BRIDGE, parameters={**common, **by_clock, **heard})
     sent = {"to_port": port, "cycle": "nycc", "loss_probability": 0.3, "follow_clock": False}
     sender = launcher.start_node(SENDER, parameters={**by_clock, **sent})
-    host.wait_for(2)
-    host.peer.wait_until(
+    ego.wait_for(2)
+    ego.peer.wait_until(
         lambda: all(
-            host.peer.node.count_subscribers(f"/{TOPICS[topic].name}")
+            ego.peer.node.count_subscribers(f"/{TOPICS[topic].name}")
             for topic in (Topic.DATAGRAMS, Topic.CLOCK)
         ),
         what="the recorder",
     )
 
     def datagrams() -> int:
-        return int(status_values(host.statuses[-1]).get("datagrams", 0)) if host.statuses else 0
+        return int(status_values(ego.statuses[-1]).get("datagrams", 0)) if ego.statuses else 0
 
     for tick in range(TICKS):
         before = datagrams()
-        drive(host, range(tick, tick + 1))
-        host.peer.wait_until(lambda before=before: datagrams() > before, what="messages in between")
+        drive(ego, range(tick, tick + 1))
+        ego.peer.wait_until(lambda before=before: datagrams() > before, what="messages in between")
     assert sender.stop(signal.SIGINT) == 0
-    host.settled_values()
-    drive(host, range(TICKS, TICKS + QUIET_TICKS))
-    reported = numbers(host.settled_values())
-    leaders, previews = dict(host.leaders), {at: bits(p) for at, p in host.previews.items()}
+    ego.settled_values()
+    drive(ego, range(TICKS, TICKS + QUIET_TICKS))
+    reported = numbers(ego.settled_values())
+    leaders, previews = dict(ego.leaders), {at: bits(p) for at, p in ego.previews.items()}
     assert int(reported["datagrams"]) > 20
     assert reported["leader_station"] == "4711"
     for process in (recorder, live):
@@ -105,7 +105,7 @@ def test_a_bag_with_the_datagrams_repeats_the_drive(
         recording, CamBridge(road, start_timestamp_ms=recording.start_timestamp_ms)
     )
     for at_ns in sorted(previews):
-        answer = pure.answer(at_ns, host_m(at_ns // NS))
+        answer = pure.answer(at_ns, ego_m(at_ns // NS))
         assert bits(answer.preview) == previews[at_ns]
         assert answer.leader == leaders.get(at_ns)
     own = {name: str(value) for name, value in pure.bridge.report().items()}
@@ -114,13 +114,13 @@ def test_a_bag_with_the_datagrams_repeats_the_drive(
     }
 
     # A fresh process, without a sender.
-    forget(host)
+    forget(ego)
     again = launcher.start_node(BRIDGE, parameters={**common, "recorded_packets": bag})
-    host.wait_for(1)
-    drive(host, range(len(previews)))
-    assert {at: bits(p) for at, p in host.previews.items()} == previews
-    assert host.leaders == leaders
-    assert numbers(host.settled_values()) == reported
+    ego.wait_for(1)
+    drive(ego, range(len(previews)))
+    assert {at: bits(p) for at, p in ego.previews.items()} == previews
+    assert ego.leaders == leaders
+    assert numbers(ego.settled_values()) == reported
     assert again.stop(signal.SIGINT) == 0
 
 

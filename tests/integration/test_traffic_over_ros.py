@@ -1,4 +1,4 @@
-"""The host in SUMO, plant, bridge and controller as processes of their own. Skipped without the extra."""
+"""The ego in SUMO, plant, bridge and controller as processes of their own. Skipped without the extra."""
 
 from __future__ import annotations
 

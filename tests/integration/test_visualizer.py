@@ -55,8 +55,8 @@ def test_a_replay_is_drawn_as_the_bag_says(launcher: Any, peer: Any) -> None:
     assert len(of[Topic.VISUAL_SCENE]) > 5
     for scene in of[Topic.VISUAL_SCENE]:
         markers = {marker.ns: marker for marker in scene.markers}
-        k = by_time[ns_from_time(markers["host"].header.stamp) / 1e9]
-        assert markers["host"].pose.position.x + 0.5 * VEHICLE_LENGTH_M == pytest.approx(
+        k = by_time[ns_from_time(markers["ego"].header.stamp) / 1e9]
+        assert markers["ego"].pose.position.x + 0.5 * VEHICLE_LENGTH_M == pytest.approx(
             driven.position_m[k]
         )
         assert markers["leader"].pose.position.x - 0.5 * VEHICLE_LENGTH_M == pytest.approx(

@@ -196,7 +196,9 @@ def test_a_broken_hard_limit_is_a_problem(prepared: PreparedScenario, heard: Hea
 def test_a_leader_too_fast_to_follow_is_noted(prepared: PreparedScenario, heard: Heard) -> None:
     heard[Topic.LEADER][6] = serialized(encode_leader(LeaderState(6.0, 99.0, 60.0)))
     notes = judge(prepared, heard, None).warnings
-    assert any("the leader drives up to 60 m/s, the host at most 37.5" in note for note in notes)
+    assert any(
+        "the leader drives up to 60 m/s, the ego vehicle at most 37.5" in note for note in notes
+    )
 
 
 def test_parameters_of_another_vehicle_are_noticed(

@@ -40,7 +40,7 @@ HERE_M = 1000.0
 
 
 def make_state(**changes: float) -> VehicleState:
-    """A host in the middle of a trip, with some values changed."""
+    """An ego vehicle in the middle of a trip, with some values changed."""
     state = VehicleState(
         time_s=NOW_S,
         position_m=HERE_M,
@@ -56,9 +56,9 @@ def make_state(**changes: float) -> VehicleState:
 
 
 def make_leader(
-    gap_m: float = 40.0, speed_m_s: float = 15.0, time_s: float = NOW_S, host_m: float = HERE_M
+    gap_m: float = 40.0, speed_m_s: float = 15.0, time_s: float = NOW_S, ego_m: float = HERE_M
 ) -> LeaderState:
-    return LeaderState(time_s, host_m + gap_m, speed_m_s)
+    return LeaderState(time_s, ego_m + gap_m, speed_m_s)
 
 
 def make_preview(
@@ -87,13 +87,13 @@ def make_scene(
     **state: float,
 ) -> Measurements:
     """One tick's measurements, everything measured and consistent."""
-    host = make_state(**state)
-    leader = make_leader(gap_m, leader_speed_m_s, host.time_s, host.position_m)
-    return Measurements(host, leader, make_preview(leader, leader_acceleration_m_s2), slope)
+    ego = make_state(**state)
+    leader = make_leader(gap_m, leader_speed_m_s, ego.time_s, ego.position_m)
+    return Measurements(ego, leader, make_preview(leader, leader_acceleration_m_s2), slope)
 
 
 def hills(amplitude: float = 0.06) -> SlopePreview:
-    """Waves in the road around where the host is."""
+    """Waves in the road around where the ego vehicle is."""
     positions = np.arange(0.0, 4000.0, 10.0)
     return SlopePreview(positions, amplitude * np.sin(positions / 90.0))
 

@@ -53,26 +53,26 @@ def drive(policy: Policy, *, gap_m: float, speed_m_s: float, braking_m_s2: float
     Its preview has constant speed throughout.
     """
     scene = make_scene(gap_m=gap_m, speed_m_s=speed_m_s, leader_speed_m_s=speed_m_s)
-    host, leader = scene.state, scene.leader
-    assert host is not None
+    ego, leader = scene.state, scene.leader
+    assert ego is not None
     assert leader is not None
     gaps = []
     for tick in range(60):
         frozen = make_preview(replace(leader, speed_m_s=speed_m_s))
-        acceleration = policy(Measurements(host, leader, frozen, FLAT))
+        acceleration = policy(Measurements(ego, leader, frozen, FLAT))
         leader_acceleration = -braking_m_s2 if tick >= 3 else 0.0
         for _ in range(4):
-            host, leader = moved(host, acceleration), moved_leader(leader, leader_acceleration)
-            gaps.append(leader.position_m - host.position_m)
+            ego, leader = moved(ego, acceleration), moved_leader(leader, leader_acceleration)
+            gaps.append(leader.position_m - ego.position_m)
     return gaps
 
 
-def moved(host: VehicleState, acceleration_m_s2: float, step_s: float = 0.25) -> VehicleState:
-    before, after = host.speed_m_s, max(host.speed_m_s + acceleration_m_s2 * step_s, 0.0)
+def moved(ego: VehicleState, acceleration_m_s2: float, step_s: float = 0.25) -> VehicleState:
+    before, after = ego.speed_m_s, max(ego.speed_m_s + acceleration_m_s2 * step_s, 0.0)
     return replace(
-        host,
-        time_s=host.time_s + step_s,
-        position_m=host.position_m + 0.5 * (before + after) * step_s,
+        ego,
+        time_s=ego.time_s + step_s,
+        position_m=ego.position_m + 0.5 * (before + after) * step_s,
         speed_m_s=after,
         acceleration_m_s2=acceleration_m_s2 if after > 0.0 else 0.0,
     )
@@ -125,12 +125,12 @@ def test_no_collision_that_the_brakes_could_avoid(
         assert smallest > best - 0.1
 
 
-def decide(controller: Controller, *leaders: tuple[float, float], **host: float) -> Decision:
-    """Return the decision after ticks with these gaps and leader speeds; the host stays as it is."""
+def decide(controller: Controller, *leaders: tuple[float, float], **ego: float) -> Decision:
+    """Return the decision after ticks with these gaps and leader speeds; the ego vehicle stays as it is."""
     decision = None
     for tick, (gap_m, leader_speed_m_s) in enumerate(leaders):
         scene = make_scene(
-            gap_m=gap_m, leader_speed_m_s=leader_speed_m_s, time_s=100.0 + tick, **host
+            gap_m=gap_m, leader_speed_m_s=leader_speed_m_s, time_s=100.0 + tick, **ego
         )
         decision = controller.decide(scene)
     assert decision is not None

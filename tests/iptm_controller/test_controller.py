@@ -60,7 +60,7 @@ def controller(backend: FailingBackend) -> Controller:
 
 
 def at(time_s: float, **changes: float) -> Measurements:
-    """A steady trip: host and leader go on at 15 m/s."""
+    """A steady trip: ego vehicle and leader go on at 15 m/s."""
     return make_scene(time_s=time_s, position_m=15.0 * time_s - 500.0, **changes)
 
 

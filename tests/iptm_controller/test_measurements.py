@@ -75,7 +75,7 @@ def test_leader_ahead_or_overlapping_passes(gap_m: float) -> None:
         ({"position_m": math.inf}, "gap is inf"),
         ({"position_m": -1e5}, "gap is -101000.0 m"),
         ({"position_m": 1e9}, "allowed: -10000 to 10000 m"),
-        ({"time_s": 200.0}, "100.0 s apart from the host"),
+        ({"time_s": 200.0}, "100.0 s apart from the ego vehicle"),
         ({"time_s": math.nan}, "leader time is nan"),
         ({"time_s": math.inf}, "leader time is inf"),
     ],

@@ -156,8 +156,8 @@ def test_reference_is_the_mean_speed_over_the_last_two_seconds() -> None:
         assert reference == pytest.approx(np.mean(np.interp(fine, times, speeds)), abs=1e-4)
 
 
-def test_slope_is_expanded_where_the_host_is_expected(steady: PredictedLeaderMotion) -> None:
-    """A road of the second degree comes back exactly, wherever the host then is."""
+def test_slope_is_expanded_where_the_ego_is_expected(steady: PredictedLeaderMotion) -> None:
+    """A road of the second degree comes back exactly, wherever the ego vehicle then is."""
     nodes = np.arange(0.0, 3000.0, 5.0)
 
     def road(position: FloatArray) -> FloatArray:

@@ -24,7 +24,7 @@ from iptm_core.routes import CYCLE_NAMES, build_route
 from iptm_core.state import Command, LeaderState, VehicleState
 
 LEADER_BRAKING_M_S2 = 2.0
-"""A leader that brakes no harder than the host can."""
+"""A leader that brakes no harder than the ego vehicle can."""
 
 
 def roll(position_m: float, speed_m_s: float, acceleration_m_s2: float) -> tuple[float, float]:

@@ -156,14 +156,14 @@ def test_limits_are_those_of_the_paper(
     ("speed", "acceleration", "leader_speed", "expected"),
     [
         # Brakes build up in 4 s over 74.67 m to 16 m/s; the leader, 17.8 m/s after its surprise, is then
-        # at 9.8 m/s. It stands after 79.21 m, with 6.2 m/s left for the host, who then has covered
+        # at 9.8 m/s. It stands after 79.21 m, with 6.2 m/s left for the ego vehicle, who then has covered
         # 74.67 + (16^2 - 6.2^2) / 4 = 129.06 m; s_min is 5 + 9.3 + 9.61 m.
         (20.0, 0.0, 20.0, 100.0 + 79.21 - 129.06 - 23.91),
         # Tightest at the end of the build-up: 114.67 m to 26 m/s, the leader 99.2 m to 20.8 m/s; s_min
         # is 5 + 39 + 33.8 m.
         (30.0, 0.0, 31.0, 100.0 + 99.2 - 114.6667 - 77.8),
         # Full braking already: both at -2 m/s^2 from 20 and 12.8 m/s, so the leader stands first, after
-        # 40.96 m. The host has then 7.2 m/s left and came from 20 m/s in 87.04 m; s_min is 28.76 m.
+        # 40.96 m. The ego vehicle has then 7.2 m/s left and came from 20 m/s in 87.04 m; s_min is 28.76 m.
         (20.0, -2.0, 15.0, 100.0 + 40.96 - 87.04 - 28.76),
         # Accelerating at 1 m/s^2 behind a standing leader: 6 s, 60 m, 7 m/s; s_min is 27.75 m.
         (10.0, 1.0, 0.0, 100.0 - 60.0 - 27.75),
@@ -193,7 +193,7 @@ def test_outlet_is_that_of_the_coolant_loop() -> None:
 
 @pytest.mark.parametrize(("step_s", "watched"), [(2.0, False), (5.0, True), (10.0, True)])
 def test_the_gap_inside_a_long_step_counts(step_s: float, watched: bool) -> None:
-    """The host comes closer and falls back again: least in the middle, the same gap at both ends."""
+    """The ego vehicle comes closer and falls back again: least in the middle, the same gap at both ends."""
     leader_speed, acceleration = 10.0, -1.0
     speed = leader_speed - 0.5 * acceleration * step_s
     state = make_state(speed_m_s=speed)

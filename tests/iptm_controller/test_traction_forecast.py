@@ -36,7 +36,7 @@ def steady(speed_m_s: float) -> PredictedLeaderMotion:
     return PredictedLeaderMotion(times, positions, np.full(times.size, speed_m_s))
 
 
-def test_behind_a_steady_leader_the_host_cruises() -> None:
+def test_behind_a_steady_leader_the_ego_cruises() -> None:
     own = forecaster()
     state = make_state(speed_m_s=25.0)
     own.remember(state, FLAT)
@@ -76,12 +76,12 @@ def test_a_stop_of_the_leader_is_smoothed() -> None:
     assert average[-1] == pytest.approx(20.0, abs=0.01)
 
 
-def test_hills_count_where_the_host_will_be() -> None:
+def test_hills_count_where_the_ego_will_be() -> None:
     own = forecaster()
     state = make_state(speed_m_s=25.0)
     own.remember(state, FLAT)
     flat = powers(own.samples(state, steady(25.0), 300.0, FLAT))
-    # Uphill from 2000 m behind the host on: reached after 80 s, in the second thermal step.
+    # Uphill from 2000 m behind the ego vehicle on: reached after 80 s, in the second thermal step.
     climb = SlopePreview(
         state.position_m + np.array([0.0, 2000.0, 2001.0, 9000.0]), np.array([0.0, 0.0, 0.03, 0.03])
     )

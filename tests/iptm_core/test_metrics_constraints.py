@@ -153,7 +153,7 @@ def test_the_longest_of_several_streaks_counts(parameters: ModelParameters) -> N
     assert longest(far, parameters, Concern.LONG_GAP) == 5.0
 
 
-def test_a_fast_host_and_a_hot_cell(parameters: ModelParameters, limits: dict[str, float]) -> None:
+def test_a_fast_ego_and_a_hot_cell(parameters: ModelParameters, limits: dict[str, float]) -> None:
     fast = within(5, 17, limits["max_speed_m_s"] + 0.1, 1.0)
     assert longest(make_run(ROWS, speed_m_s=fast), parameters, Concern.SPEED) == 12.0
     hot = within(20, 90, limits["max_temperature_k"] + 0.5, 303.15)

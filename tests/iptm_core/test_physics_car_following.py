@@ -65,14 +65,14 @@ def excesses_m(
     times = np.arange(0.0, 45.0, STEP_S)
     limits = values.limits
     braking = np.maximum(acceleration - limits.max_jerk_m_s3 * times, limits.min_acceleration_m_s2)
-    host = speed + travelled_m(braking)
-    halted = np.flatnonzero((host <= 0.0) & (braking <= 0.0))
+    ego = speed + travelled_m(braking)
+    halted = np.flatnonzero((ego <= 0.0) & (braking <= 0.0))
     if halted.size:
-        host[halted[0] :] = 0.0
+        ego[halted[0] :] = 0.0
     start = max(leader_speed - LEADER_SURPRISE_M_S, 0.0)
     leader = np.maximum(start + limits.min_acceleration_m_s2 * times, 0.0)
-    gaps = gap_m + travelled_m(leader) - travelled_m(host)
-    return gaps - minimum_gap_m(host, leader, values.gap, limits)
+    gaps = gap_m + travelled_m(leader) - travelled_m(ego)
+    return gaps - minimum_gap_m(ego, leader, values.gap, limits)
 
 
 def test_build_up_by_hand(parameters: ModelParameters) -> None:

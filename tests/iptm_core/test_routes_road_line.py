@@ -157,7 +157,7 @@ def test_a_climb_lifts_the_nose() -> None:
     forward = turned(poses.quaternions()[0], (1.0, 0.0, 0.0))
     assert forward[2] / forward[0] == pytest.approx(math.sin(0.1))
     assert np.linalg.norm(poses.quaternions()[0]) == pytest.approx(1.0)
-    # Height 0 is where the host starts, not where the slope begins.
+    # Height 0 is where the ego vehicle starts, not where the slope begins.
     assert heights(slope)[1][0] == pytest.approx(-100.0 * math.sin(0.1))
 
 

@@ -116,7 +116,7 @@ def test_implausible_measurements_are_not_trusted(kind: FaultKind) -> None:
     assert trusted_measurements(measured).fault
 
 
-def test_an_overlap_is_measured_behind_the_front_of_the_host() -> None:
+def test_an_overlap_is_measured_behind_the_front_of_the_ego() -> None:
     (measured,) = received(FaultKind.LEADER_OVERLAP, 4, size=3.0)
     assert measured.leader is not None
     assert measured.leader.position_m == 10.0 * 4 - 3.0

@@ -27,7 +27,7 @@ def prediction(made_s: float) -> LeaderPreview:
 
 
 def drive(traffic: Traffic, seconds: int) -> tuple[list[LeaderState], list[LeaderPreview]]:
-    """A host that keeps its place 40 m behind the leader of the route."""
+    """An ego vehicle that keeps its place 40 m behind the leader of the route."""
     leaders, previews = [], []
     for second in range(seconds):
         leaders.append(traffic.leader(own(second), SPEED * second))

@@ -24,7 +24,7 @@ from iptm_interfaces.codecs import (
     encode_capacity_loss,
     encode_command,
     encode_decision_record,
-    encode_host_odometry,
+    encode_ego_odometry,
     encode_leader,
     encode_plan,
     encode_plan_bytes,
@@ -62,7 +62,7 @@ def test_bytes_are_those_of_the_message(x: list[float], time_s: float, prefix: s
     state = VehicleState(time_s, *x[:8])
     record = DecisionRecord(SolveStatus.SOLVED, x[0], 7, *x[1:5], Rung.STOP, True, *x[5:11])
     cases: tuple[tuple[Any, ...], ...] = (
-        (encode_host_odometry, state),
+        (encode_ego_odometry, state),
         (encode_leader, LeaderState(time_s, x[0], x[1])),
         (encode_leader, LeaderState(time_s, x[0], x[1]), 5),
         (encode_acceleration, state),

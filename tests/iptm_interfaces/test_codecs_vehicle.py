@@ -17,7 +17,7 @@ from iptm_interfaces.codecs import (
     decode_vehicle_state,
     encode_acceleration,
     encode_capacity_loss,
-    encode_host_odometry,
+    encode_ego_odometry,
     encode_leader,
     encode_powers,
     encode_temperature,
@@ -41,7 +41,7 @@ STATE = VehicleState(
 def encode_all(state: VehicleState) -> dict[Topic, Any]:
     powers = IntervalPowers(5000.0, state.compressor_power_w, 300.0, 6534.5, 2900.0)
     return {
-        Topic.PLANT_ODOMETRY: encode_host_odometry(state),
+        Topic.PLANT_ODOMETRY: encode_ego_odometry(state),
         Topic.PLANT_ACCELERATION: encode_acceleration(state),
         Topic.PLANT_CELL_1_TEMPERATURE: encode_temperature(
             state.time_s, state.cell_1_temperature_k
@@ -83,7 +83,7 @@ def test_frames_and_units_on_the_wire() -> None:
 def test_numpy_scalars_are_sent_as_plain_numbers() -> None:
     single: Any = np.float32(2.5)
     state = dataclasses.replace(STATE, position_m=single, speed_m_s=3)
-    odometry = encode_host_odometry(state)
+    odometry = encode_ego_odometry(state)
     assert type(odometry.pose.pose.position.x) is float
     assert odometry.pose.pose.position.x == 2.5
     assert odometry.twist.twist.linear.x == 3.0

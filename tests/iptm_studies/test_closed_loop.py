@@ -125,7 +125,7 @@ def test_five_seconds_of_preview_are_enough_to_keep_the_gap(
     cycle: str,
     strategy: str,
 ) -> None:
-    """The leader brakes at 3 m/s^2 where the host, bound by its jerk, needs 4 s to full braking."""
+    """The leader brakes at 3 m/s^2 where the ego vehicle, bound by its jerk, needs 4 s to full braking."""
     run = drive(
         cycle, 110.0, strategy, horizon=SHORT_SIGHTED, solver=short_sighted_solver
     ).trajectory

@@ -1,4 +1,4 @@
-"""The host on roads with rules, driven by the real controller: without a leader, and with one."""
+"""The ego vehicle on roads with rules, driven by the real controller: without a leader, and with one."""
 
 from __future__ import annotations
 
@@ -100,8 +100,8 @@ def test_the_cruise_control_of_the_production_car_keeps_the_rules() -> None:
 
 
 def test_of_a_leader_and_a_stop_line_the_nearer_one_binds() -> None:
-    """The leader of US06 passes the line; the host waits there, and follows it before and after."""
-    own = {"leader_source": LeaderSource.CYCLE, "host_keeps_rules": True, "duration_s": 120.0}
+    """The leader of US06 passes the line; the ego vehicle waits there, and follows it before and after."""
+    own = {"leader_source": LeaderSource.CYCLE, "ego_keeps_rules": True, "duration_s": 120.0}
     rules = {**own, "speed_limits_km_h": "0:130", "signals": "400:1000:70:900"}
     held, free = driven(**rules), driven(**{**rules, "signals": ""}).trajectory
     trip = held.trajectory

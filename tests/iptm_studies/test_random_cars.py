@@ -135,7 +135,7 @@ def test_a_share_of_the_runs_has_faults_and_the_cars_stay_as_they_are() -> None:
 
 
 def approach(wall_m: float, appears_s: int = 0) -> Trajectory:
-    """The host keeps 20 m/s; a leader that went as fast is taken for a wall from one second on."""
+    """The ego vehicle keeps 20 m/s; a leader that went as fast is taken for a wall from one second on."""
     seconds = np.arange(20.0)
     position = 20.0 * seconds
     before = seconds < appears_s

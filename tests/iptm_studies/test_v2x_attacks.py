@@ -136,7 +136,7 @@ def test_an_impostor_of_the_leader_does_not_hide_that_it_brakes(foresight: Fores
 
 
 def test_a_leader_that_falls_silent_and_brakes_is_not_run_into() -> None:
-    """The leader brakes to a halt unheard; the host halts behind where it may be by then."""
+    """The leader brakes to a halt unheard; the ego vehicle halts behind where it may be by then."""
     _, outcome = silenced()
     assert set(outcome.leaders) == {LEADER}
     assert outcome.loop.trajectory.gap_m.min() > 0.0

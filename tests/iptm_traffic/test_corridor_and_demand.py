@@ -13,15 +13,15 @@ from iptm_core.routes.road_line import east_north_m, step_deg
 from iptm_core.state import FloatArray
 from iptm_traffic.demand import (
     BEFORE_TRIP_S,
-    HOST,
+    EGO,
     LEADER,
     DemandSettings,
     TrafficScenario,
     signal_offsets_s,
     write_demand,
 )
-from iptm_traffic.host_road import HostRoad
-from iptm_traffic.network import BLOCK_M, HOST_START_M, Corridor
+from iptm_traffic.ego_road import EgoRoad
+from iptm_traffic.network import BLOCK_M, EGO_START_M, Corridor
 
 
 def vehicles(folder: Path, scenario: TrafficScenario, seed: int = 1) -> dict[str, ET.Element]:
@@ -83,15 +83,15 @@ def test_a_seed_means_one_traffic(tmp_path: Path) -> None:
 def test_the_scenarios_differ_in_the_leader_and_what_is_ahead_of_it(tmp_path: Path) -> None:
     following = vehicles(tmp_path, TrafficScenario.FOLLOWING)
     assert len(edges_of(following[LEADER])) == 8
-    assert HOST in following  # its stand-in
+    assert EGO in following  # its stand-in
     front_m = float(following[LEADER].get("departPos", "0"))
-    assert front_m - 4.5 - HOST_START_M == pytest.approx(15.0)
+    assert front_m - 4.5 - EGO_START_M == pytest.approx(15.0)
     turning = vehicles(tmp_path, TrafficScenario.TURN_OFF)
-    assert HOST not in turning
+    assert EGO not in turning
     assert edges_of(turning[LEADER])[-1] == "south_out_2"
     queue = vehicles(tmp_path, TrafficScenario.RED_LIGHT_QUEUE)
     assert sum("queued" in name for name in queue) == 5
-    # No vehicle drives through the standing host from behind.
+    # No vehicle drives through the standing ego vehicle from behind.
     behind = [
         float(entry.get("depart", "0")) - BEFORE_TRIP_S
         for name, entry in queue.items()
@@ -103,7 +103,7 @@ def test_the_scenarios_differ_in_the_leader_and_what_is_ahead_of_it(tmp_path: Pa
 
 def test_points_are_seen_from_the_road_as_by_hand() -> None:
     # 100 m east, then 50 m north, with stated lengths of 110 m and 55 m.
-    road = HostRoad(
+    road = EgoRoad(
         np.array([0.0, 100.0, 100.0]),
         np.array([0.0, 0.0, 50.0]),
         np.zeros(3),

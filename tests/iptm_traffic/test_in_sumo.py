@@ -1,4 +1,4 @@
-"""The host in SUMO: exact, repeatable, lawful. Skipped without the extra."""
+"""The ego vehicle in SUMO: exact, repeatable, lawful. Skipped without the extra."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from iptm_traffic import cli
 from iptm_traffic.closed_loop import drive_in_traffic
 from iptm_traffic.demand import (
     BEFORE_TRIP_S,
-    HOST,
+    EGO,
     DemandSettings,
     TrafficScenario,
     signal_offsets_s,
@@ -31,7 +31,7 @@ from iptm_traffic.demand import (
 )
 from iptm_traffic.drive import PredictionInput, TrafficDrive
 from iptm_traffic.network import CYCLE_S, Corridor, Network, build_network
-from iptm_traffic.simulation import HostInstant, TrafficSimulation
+from iptm_traffic.simulation import EgoInstant, TrafficSimulation
 from iptm_traffic.sumo_process import SumoProcess
 
 PARAMETERS = load_parameters().values
@@ -71,8 +71,8 @@ def driven_at_random(network: Network, folder: Path, seconds: int, step_s: float
             before = state.speed_m_s
             state = plant.advance(state, Command(float(wish), 0.0)).state
             halts += before > 0.5 and state.speed_m_s == 0.0
-            here = HostInstant(state.time_s, state.position_m, state.speed_m_s)
-            simulation.move_host(here, 1.0)
+            here = EgoInstant(state.time_s, state.position_m, state.speed_m_s)
+            simulation.move_ego(here, 1.0)
             around = simulation.neighbours()
             digest.update(repr((simulation.sumo_position_m(), simulation.leader())).encode())
             digest.update(around.positions_m.tobytes())
@@ -145,7 +145,7 @@ def test_a_drive_is_lawful_and_repeats_to_the_last_bit(
     assert drive_in_traffic(drive, PARAMETERS).digest == first.digest
 
 
-def test_a_host_that_learns_signals_by_radio_keeps_them() -> None:
+def test_a_ego_that_learns_signals_by_radio_keeps_them() -> None:
     pytest.importorskip("pycrate_asn1dir", reason="requirements/roadside.txt is not installed")
     given = TrafficDrive(TrafficScenario.RED_LIGHT_QUEUE, PredictionInput.SIGNALS, 230.0)
     result = drive_in_traffic(replace(given, signals_by_radio=True), PARAMETERS)
@@ -165,13 +165,13 @@ def test_who_leads_changes_when_the_leader_turns_off() -> None:
 
 
 def test_what_a_vehicle_did_becomes_a_drive(tmp_path: Path) -> None:
-    """SUMO's own word on the host is that of the plant; writing it changes nothing."""
+    """SUMO's own word on the ego vehicle is that of the plant; writing it changes nothing."""
     file = tmp_path / "traffic.fcd.xml"
     drive = TrafficDrive(TrafficScenario.FOLLOWING, PredictionInput.HISTORY, 40.0)
     result = drive_in_traffic(drive, PARAMETERS, file)
     assert drive_in_traffic(drive, PARAMETERS).digest == result.digest
     driven = result.trajectory
-    route = build_route(f"{file}#{HOST}", initial_gap_m=15.0)
+    route = build_route(f"{file}#{EGO}", initial_gap_m=15.0)
     np.testing.assert_allclose(route.leader.speeds_at(driven.time_s), driven.speed_m_s, atol=1e-3)
     road = corridor(tmp_path).road.slope()
     there = np.linspace(50.0, float(driven.position_m[-1]), 20)

@@ -1,4 +1,4 @@
-"""The host in networks of the user's own: the way through them, right of way, and mistakes in the input."""
+"""The ego in networks of the user's own: the way through them, right of way, and mistakes in the input."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from iptm_core.parameters import load_parameters
 from iptm_core.program import EXIT_USER_ERROR
 from iptm_traffic import cli
 from iptm_traffic.closed_loop import TrafficResult, drive_in_traffic
-from iptm_traffic.demand import HOST
+from iptm_traffic.demand import EGO
 from iptm_traffic.drive import TrafficDrive
 from iptm_traffic.network import Network
 from iptm_traffic.own_network import OwnNetwork, build_own_network
@@ -30,7 +30,7 @@ IN_TOWN = OwnNetwork(NET, (ROUTES,), "round_trip")
 PARAMETERS = load_parameters().values
 STEP_S = 0.5
 LIT = "main_2"
-"""The edge of the host's way that ends at the signal."""
+"""The edge of the ego vehicle's way that ends at the signal."""
 SQUARE = ("west_in", "main_1")
 
 MAP = """\
@@ -44,7 +44,7 @@ MAP = """\
 
 
 def alone(folder: Path, *edges: str, vehicles: str = "") -> Network:
-    """Return the town with a host on a route and other vehicles, as SUMO's text, only."""
+    """Return the town with an ego vehicle on a route and other vehicles, as SUMO's text, only."""
     file = folder / "few.rou.xml"
     file.write_text(f'<routes><vType id="car" sigma="0"/>{vehicles}</routes>', encoding="utf-8")
     return build_own_network(OwnNetwork(NET, (file,), "", edges, 0.0), STEP_S, folder)
@@ -54,7 +54,7 @@ def driven(own: OwnNetwork, duration_s: float) -> TrafficResult:
     return drive_in_traffic(TrafficDrive(duration_s=duration_s, own=own), PARAMETERS)
 
 
-def test_the_host_drives_through_the_town_and_repeats_to_the_last_bit() -> None:
+def test_the_ego_drives_through_the_town_and_repeats_to_the_last_bit() -> None:
     """A roundabout, crossings and a signal of variable times; the long version has the merge, too."""
     first = driven(IN_TOWN, 130.0)
     assert cli.verdict(first) == []
@@ -99,9 +99,9 @@ def test_a_line_is_closed_for_who_has_priority_and_open_without(tmp_path: Path) 
             rules = RightOfWay(simulation)
             line_m = network.road.stop_lines_m[0]
             # Near the line: only there the others count.
-            simulation._host_position_m = line_m - 30.0
+            simulation._ego_position_m = line_m - 30.0
             rules.refresh()
-            line = rules.host.plan.next_after(line_m - 1.0)
+            line = rules.ego.plan.next_after(line_m - 1.0)
             assert line is not None
             times = np.arange(0.0, 60.0, 0.5)
             closed = (
@@ -113,10 +113,10 @@ def test_a_line_is_closed_for_who_has_priority_and_open_without(tmp_path: Path) 
 
 
 @pytest.mark.parametrize("yields", [True, False])
-def test_a_host_that_yields_meets_none_of_a_row_of_cars(
+def test_a_ego_that_yields_meets_none_of_a_row_of_cars(
     yields: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """At the entry of the roundabout; a host that does not yield there collides."""
+    """At the entry of the roundabout; an ego vehicle that does not yield there collides."""
     cars = "".join(
         f'<vehicle id="a{n}" type="car" depart="{2 * n + 1.5}" departSpeed="max">'
         '<route edges="north_in ring_4 ring_1 south_out"/></vehicle>'
@@ -134,7 +134,7 @@ def test_a_host_that_yields_meets_none_of_a_row_of_cars(
 
 
 def test_a_signal_of_variable_times_stops_and_lets_pass(tmp_path: Path) -> None:
-    """Without others the signal stays as it is for long; a host that it shows green does not stop."""
+    """Without others the signal stays as it is for long; an ego vehicle that it shows green does not stop."""
     own = OwnNetwork(NET, (), "", ("main_2", "main_3", "east_out"), 0.0)
     result = driven(own, 150.0)
     assert cli.verdict(result) == []
@@ -150,7 +150,7 @@ def test_a_signal_of_variable_times_stops_and_lets_pass(tmp_path: Path) -> None:
             simulation.step()
             rules.refresh()
             is_green = lights.getRedYellowGreenState(link.signal)[link.signal_index] in "Gg"
-            line = rules.host.plan.next_after(0.0)
+            line = rules.ego.plan.next_after(0.0)
             assert line is not None
             is_closed = line.stop_line_m == network.road.stop_lines_m[0] and not line.is_open(
                 simulation.time_s
@@ -171,7 +171,7 @@ def test_people_on_a_crossing_close_the_line(tmp_path: Path) -> None:
     with closing(TrafficSimulation(network, None, STEP_S)) as simulation:
         rules = RightOfWay(simulation)
         line_m = network.road.stop_lines_m[0]
-        simulation._host_position_m = line_m - 30.0
+        simulation._ego_position_m = line_m - 30.0
         met = set()
         for _ in range(900):
             simulation.step()
@@ -179,7 +179,7 @@ def test_people_on_a_crossing_close_the_line(tmp_path: Path) -> None:
                 break
             place = simulation.connection.person.getRoadID("p")
             rules.refresh()
-            line = rules.host.plan.next_after(line_m - 1.0)
+            line = rules.ego.plan.next_after(line_m - 1.0)
             assert line is not None
             is_closed = line.stop_line_m == line_m and not line.is_open(simulation.time_s)
             if place in network.net.crossings and place.startswith(":square"):
@@ -190,7 +190,7 @@ def test_people_on_a_crossing_close_the_line(tmp_path: Path) -> None:
 
 
 def test_people_who_wait_for_green_close_the_line_before_they_walk(tmp_path: Path) -> None:
-    """Their light turns green with the host's, which then turns across their crossing."""
+    """Their light turns green with the ego vehicle's, which then turns across their crossing."""
     net, people = tmp_path / "grid.net.xml", tmp_path / "people.rou.xml"
     command = [
         Path(sys.executable).with_name("netgenerate"),
@@ -216,7 +216,7 @@ def test_people_who_wait_for_green_close_the_line_before_they_walk(tmp_path: Pat
     with closing(TrafficSimulation(network, None, STEP_S)) as simulation:
         rules = RightOfWay(simulation)
         link, line_m = network.way[0], network.road.stop_lines_m[0]
-        simulation._host_position_m = line_m - 30.0
+        simulation._ego_position_m = line_m - 30.0
         lights, persons = simulation.connection.trafficlight, simulation.connection.person
         waited = 0
         for _ in range(400):
@@ -235,7 +235,7 @@ def test_people_who_wait_for_green_close_the_line_before_they_walk(tmp_path: Pat
                 opens = state[crossing] == "r" and following[crossing] in "Gg"
                 if opens and state[index] == "r" and following[index] == "g":
                     waited += 1
-                    line = rules.host.plan.next_after(line_m - 1.0)
+                    line = rules.ego.plan.next_after(line_m - 1.0)
                     assert line is not None
                     assert not line.is_open(switch_s + 1.0)
         assert waited
@@ -249,7 +249,7 @@ def test_a_map_of_openstreetmap_is_driven(tmp_path: Path) -> None:
     assert result.trajectory.position_m[-1] > 200.0
 
 
-def test_the_host_halts_at_the_end_of_its_way() -> None:
+def test_the_ego_halts_at_the_end_of_its_way() -> None:
     result = driven(OwnNetwork(NET, (), "", ("exit_road", "main_1"), 0.0), 130.0)
     assert cli.verdict(result) == []
     assert result.trajectory.speed_m_s[-1] < 0.1
@@ -260,24 +260,24 @@ def test_the_host_halts_at_the_end_of_its_way() -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--net", "nowhere.net.xml", "--host", "a"], "nowhere.net.xml is not there"),
-        (["--net", str(ROUTES), "--host", "a"], "holds <routes>"),
-        (["--net", __file__, "--host", "a"], "cannot be read as a network"),
+        (["--net", "nowhere.net.xml", "--ego", "a"], "nowhere.net.xml is not there"),
+        (["--net", str(ROUTES), "--ego", "a"], "holds <routes>"),
+        (["--net", __file__, "--ego", "a"], "cannot be read as a network"),
         (["--net", str(NET)], "has no way"),
-        (["--net", str(NET), "--host", "a"], "vehicle 'a' does not depart"),
-        (["--net", str(NET), "--host-route", "main_1,nowhere"], "nowhere"),
-        (["--net", str(NET), "--host-route", "east_out,main_1"], "no way for cars"),
-        (["--net", str(NET), "--host-route", "main_1"], "at least two edges"),
+        (["--net", str(NET), "--ego", "a"], "vehicle 'a' does not depart"),
+        (["--net", str(NET), "--ego-route", "main_1,nowhere"], "nowhere"),
+        (["--net", str(NET), "--ego-route", "east_out,main_1"], "no way for cars"),
+        (["--net", str(NET), "--ego-route", "main_1"], "at least two edges"),
         (
-            ["--net", str(NET), "--host-route", "main_1,ring_1", "--prediction", "path"],
+            ["--net", str(NET), "--ego-route", "main_1,ring_1", "--prediction", "path"],
             "allowed: prediction history or signals",
         ),
         (
-            ["--net", str(NET), "--host-route", "main_1,ring_1", "--scenario", "cut_in"],
+            ["--net", str(NET), "--ego-route", "main_1,ring_1", "--scenario", "cut_in"],
             "no scenario",
         ),
-        (["--net", str(NET), "--routes", __file__, "--host", "a"], "SUMO"),
-        (["--host", HOST], "without --net"),
+        (["--net", str(NET), "--routes", __file__, "--ego", "a"], "SUMO"),
+        (["--ego", EGO], "without --net"),
     ],
 )
 def test_a_mistake_is_one_line(

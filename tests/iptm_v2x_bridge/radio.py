@@ -48,7 +48,7 @@ class RecordedRadio:
         self._until_ns: int | None = None
 
     def answer(
-        self, time_ns: int, host_position_m: float, host_speed_m_s: float = 0.0
+        self, time_ns: int, ego_position_m: float, ego_speed_m_s: float = 0.0
     ) -> BridgeAnswer:
         after_ns = self._until_ns
         if after_ns is not None and after_ns > time_ns:
@@ -58,4 +58,4 @@ class RecordedRadio:
             self.bridge.receive(reception.datagram, reception.received_ns)
         self.bridge.count_overflow(dropped)
         self._until_ns = time_ns
-        return self.bridge.answer(time_ns, host_position_m, host_speed_m_s)
+        return self.bridge.answer(time_ns, ego_position_m, ego_speed_m_s)

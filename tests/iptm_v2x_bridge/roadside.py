@@ -41,7 +41,7 @@ def lane(
 
 
 def lanes(*extra: Lane, revision: int = 3, line_m: float = LINE_M) -> LaneMaps:
-    """Return an intersection with the host's lane, the one behind it, one beside and one across."""
+    """Return an intersection with the ego vehicle's lane, the one behind it, one beside and one across."""
     latitude, longitude = (
         round(value * SCALE_DEG) / SCALE_DEG for value in place_deg(line_m + 10.0)
     )

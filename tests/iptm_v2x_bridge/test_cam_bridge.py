@@ -26,7 +26,7 @@ def radio(
 
 
 def answers(wireless: SimulatedRadio, route: Route, ticks: range) -> list[BridgeAnswer]:
-    """Answers to a host that follows 10 m behind."""
+    """Answers to an ego vehicle that follows 10 m behind."""
     return [
         wireless.answer(tick * NS, float(route.leader.positions_at(float(tick))) - 10.0)
         for tick in ticks
@@ -60,7 +60,7 @@ def test_without_foresight_little_is_claimed_to_be_known(route: Route) -> None:
     for answer in answers(radio(route, foresight=Foresight.NONE), route, range(60)):
         assert answer.predictor == "history"
         now_s = answer.time_ns / NS
-        # The leader may brake as hard as the host from the first node on.
+        # The leader may brake as hard as the ego vehicle from the first node on.
         assert answer.preview.known_until_s - now_s == 1.0
         # What is expected reaches farther.
         assert answer.preview.times_s[-1] - now_s == 60.0
@@ -127,8 +127,8 @@ def test_a_leader_that_falls_silent_is_taken_to_come_to_a_halt(route: Route) -> 
     """It leads on, nearer and slower the longer it is not heard, and never drives backwards."""
     wireless = radio(route, foresight=Foresight.NONE)
     answers(wireless, route, range(70))
-    host_m = float(route.leader.positions_at(69.0)) - 20.0
-    silent = [wireless.bridge.answer(tick * NS, host_m) for tick in range(70, 129)]
+    ego_m = float(route.leader.positions_at(69.0)) - 20.0
+    silent = [wireless.bridge.answer(tick * NS, ego_m) for tick in range(70, 129)]
     places = np.array([answer.leader.position_m for answer in silent if answer.leader])
     speeds = np.array([answer.leader.speed_m_s for answer in silent if answer.leader])
     assert places.size == 59
@@ -138,7 +138,7 @@ def test_a_leader_that_falls_silent_is_taken_to_come_to_a_halt(route: Route) -> 
     assert places[-1] - places[0] < 100.0
     assert speeds[10:].max() == 0.0
     assert wireless.bridge.leader_id == 4711
-    assert wireless.bridge.answer(135 * NS, host_m).leader is None
+    assert wireless.bridge.answer(135 * NS, ego_m).leader is None
 
 
 def test_a_leader_that_is_heard_again_leads_at_once(route: Route) -> None:

@@ -40,9 +40,9 @@ def test_rules_that_cannot_be_read_are_refused(given: dict[str, str], word: str)
         given_rules(parameters, parameters.route(15.0))
 
 
-def test_a_host_that_keeps_the_rules_needs_to_know_them() -> None:
+def test_a_ego_that_keeps_the_rules_needs_to_know_them() -> None:
     with pytest.raises(ParameterError, match="speed_limits_km_h"):
-        BridgeNodeParameters(host_keeps_rules=True)
+        BridgeNodeParameters(ego_keeps_rules=True)
     with pytest.raises(ParameterError, match="set_speed_km_h is 0 with leader_source none"):
         BridgeNodeParameters(leader_source=LeaderSource.NONE)
     assert BridgeNodeParameters(leader_source=LeaderSource.NONE, set_speed_km_h=90.0).keeps_rules

@@ -9,7 +9,7 @@ from tests.iptm_v2x_bridge.radio import ROAD
 from iptm_core.state import FloatArray
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.messages.cam import CamMessage, decode_datagram
-from iptm_v2x_bridge.sending.plan_sender import HostTick, PlanSender
+from iptm_v2x_bridge.sending.plan_sender import EgoTick, PlanSender
 from iptm_v2x_bridge.sending.settings import Foresight, SenderSettings
 
 NS = 10**9
@@ -29,9 +29,9 @@ def position_m(time_s: FloatArray | float) -> FloatArray:
     )
 
 
-def tick(second: int, *, plans: bool = True) -> HostTick:
+def tick(second: int, *, plans: bool = True) -> EgoTick:
     nodes = second + np.union1d(PLAN_S, [12.0 - second] if 0 < 12 - second < 28 else [])
-    return HostTick(
+    return EgoTick(
         second * NS,
         float(position_m(float(second))),
         float(speed_m_s(float(second))),
@@ -57,7 +57,7 @@ def test_the_car_behind_knows_the_plan() -> None:
         answer = bridge.answer(second * NS, float(position_m(float(second))) - 5.0)
         assert answer.predictor == "received_path"
         assert answer.leader is not None
-        # The leader's rear bumper is at its own position and the gap in front of where the host began.
+        # The leader's rear bumper is at its own position and the gap in front of where the ego vehicle began.
         here_m = GAP_M + float(position_m(float(second)))
         assert here_m - 0.4 < answer.leader.position_m <= here_m
         times = answer.preview.times_s

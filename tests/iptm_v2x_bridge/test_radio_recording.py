@@ -37,12 +37,12 @@ def said(answer: BridgeAnswer) -> tuple[object, ...]:
     return (answer.leader, answer.predictor, answer.leader_bound_m, *(a.tobytes() for a in arrays))
 
 
-def host_m(route: Route, tick: int) -> float:
+def ego_m(route: Route, tick: int) -> float:
     return float(route.leader.positions_at(float(tick))) - 10.0
 
 
 def drive(wireless: RecordedRadio, route: Route) -> tuple[list[tuple[object, ...]], object]:
-    found = [said(wireless.answer(tick * NS, host_m(route, tick))) for tick in range(TICKS)]
+    found = [said(wireless.answer(tick * NS, ego_m(route, tick))) for tick in range(TICKS)]
     return found, wireless.bridge.report()
 
 
@@ -73,7 +73,7 @@ def test_a_recording_with_marks_is_the_drive_itself(
         if tick == 10:
             bridge.count_overflow(10)
             sent += 10
-        live.append(said(bridge.answer(tick * NS, host_m(route, tick))))
+        live.append(said(bridge.answer(tick * NS, ego_m(route, tick))))
         mark = EndOfTick(tick * NS, sent).encode()
         stream += [(START_MS * 10**6 + tick * NS, mark)] * 2  # once more, as after a lost answer
     recording = recording_with_marks(stream, "drive")
@@ -213,5 +213,5 @@ def test_what_is_no_capture_ends_in_one_line(tmp_path: Path) -> None:
 
 def test_an_empty_recording_leads_no_one(route: Route) -> None:
     radio = RecordedRadio(RadioRecording(0, ()), CamBridge(ROAD))
-    assert radio.answer(0, host_m(route, 0)).leader is None
+    assert radio.answer(0, ego_m(route, 0)).leader is None
     assert radio.bridge.table.rejections[Rejection.OVERFLOW] == 0

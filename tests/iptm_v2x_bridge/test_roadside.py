@@ -84,7 +84,7 @@ def test_instants_are_found_across_the_full_hour(after_s: float) -> None:
         assert resolve_second_s(second, now_s) == pytest.approx(now_s + after_s)
 
 
-def test_a_line_is_where_its_lane_begins_and_only_the_hosts_lane_counts() -> None:
+def test_a_line_is_where_its_lane_begins_and_only_the_egos_lane_counts() -> None:
     (line,) = stop_lines(ROAD, lanes().intersections[0])
     assert line.position_m == pytest.approx(LINE_M, abs=0.02)
     assert line.groups == {1}
@@ -94,14 +94,14 @@ def test_of_several_connections_the_one_along_the_road_counts() -> None:
     ways = (Connection(2, 1), Connection(7, 4))
     ahead = lanes().intersections[0].lanes[1]
     turning = Lane(7, ((15.0, 5.0), (80.0, 5.0)), leads_out=True)
-    host = Lane(1, ((0.0, -10.0), (0.0, -90.0)), leads_in=True, connections=ways)
+    ego = Lane(1, ((0.0, -10.0), (0.0, -90.0)), leads_in=True, connections=ways)
     base = lanes().intersections[0]
-    for known, groups in (((host, ahead, turning), {1}), ((host, turning), {1, 4})):
+    for known, groups in (((ego, ahead, turning), {1}), ((ego, turning), {1, 4})):
         (line,) = stop_lines(ROAD, base.__class__(**{**vars(base), "lanes": known}))
         assert line.groups == groups
 
 
-def test_lanes_that_come_towards_the_host_have_no_line_for_it() -> None:
+def test_lanes_that_come_towards_the_ego_have_no_line_for_it() -> None:
     base = lanes().intersections[0]
     towards = lane(1, ((0.0, 10.0), (0.0, 90.0)))
     assert stop_lines(ROAD, base.__class__(**{**vars(base), "lanes": (towards,)})) == ()
@@ -125,10 +125,10 @@ def test_lanes_that_come_towards_the_host_have_no_line_for_it() -> None:
         ([(SignalState.FLASHING_YELLOW, 50.0, 50.0)], [], [0.0]),
     ],
 )
-def test_the_host_relies_on_what_is_sure(
+def test_the_ego_relies_on_what_is_sure(
     told: list[Told], open_s: list[float], closed_s: list[float]
 ) -> None:
-    (signal,) = heard(lanes(), phases(NOW_MS, *told)).host.plan.signals
+    (signal,) = heard(lanes(), phases(NOW_MS, *told)).ego.plan.signals
     assert signal.stop_line_m == pytest.approx(LINE_M, abs=0.02)
     assert [signal.is_open(NOW_S + after) for after in open_s] == [True] * len(open_s)
     assert [signal.is_open(NOW_S + after) for after in closed_s] == [False] * len(closed_s)
@@ -138,7 +138,7 @@ def test_when_a_line_changes_is_told_to_the_tenth_across_the_hour() -> None:
     full_hour_ms = NOW_MS - round(1000.0 * second_of_hour(NOW_S)) + 3_600_000
     now_ms = full_hour_ms - 5_000
     told = phases(now_ms, (GREEN, 12.3, 12.3), (RED, 40.0, 40.1), (GREEN, 60.0, 60.0))
-    (signal,) = heard(lanes(), told, at_ms=now_ms).host.plan.signals
+    (signal,) = heard(lanes(), told, at_ms=now_ms).ego.plan.signals
     now_s = now_ms / 1000.0
     assert signal.open_until_s(now_s) - now_s == pytest.approx(12.3, abs=1e-6)
     assert signal.closed_until_s(now_s + 20.0) - now_s == pytest.approx(40.1, abs=1e-6)
@@ -147,23 +147,23 @@ def test_when_a_line_changes_is_told_to_the_tenth_across_the_hour() -> None:
 def test_all_groups_of_a_line_have_to_be_open() -> None:
     ways = (Connection(20, 1), Connection(21, 2))
     base = lanes().intersections[0]
-    host = Lane(1, ((0.0, -10.0), (0.0, -90.0)), leads_in=True, connections=ways)
-    both = LaneMaps(1, (base.__class__(**{**vars(base), "lanes": (host,)}),))
+    ego = Lane(1, ((0.0, -10.0), (0.0, -90.0)), leads_in=True, connections=ways)
+    both = LaneMaps(1, (base.__class__(**{**vars(base), "lanes": (ego,)}),))
     message = phases(NOW_MS, (GREEN, 30.0, 30.0), groups=(1, 2)).intersections[0]
     red = phases(NOW_MS, (RED, 30.0, 30.0), groups=(2,)).intersections[0]
     mixed = message.__class__(**{**vars(message), "groups": message.groups | red.groups})
-    assert heard(both, SignalPhases(1, (message,))).host.plan.signals[0].is_open(NOW_S + 1.0)
-    assert not heard(both, SignalPhases(1, (mixed,))).host.plan.signals[0].is_open(NOW_S + 1.0)
+    assert heard(both, SignalPhases(1, (message,))).ego.plan.signals[0].is_open(NOW_S + 1.0)
+    assert not heard(both, SignalPhases(1, (mixed,))).ego.plan.signals[0].is_open(NOW_S + 1.0)
 
 
-def test_a_line_whose_phases_are_silent_is_closed_for_the_host_and_nothing_for_the_leader() -> None:
+def test_a_line_whose_phases_are_silent_is_closed_for_the_ego_and_nothing_for_the_leader() -> None:
     rules = heard(lanes(), phases(NOW_MS, (GREEN, 60.0, 60.0)))
     assert rules.report()["next_line"] == "open (heard)"
     later_ms = NOW_MS + PHASES_KNOWN_MS
     rules.refresh(later_ms, 0.0)
-    assert rules.host.plan.signals[0].is_open(later_ms / 1000.0)
+    assert rules.ego.plan.signals[0].is_open(later_ms / 1000.0)
     rules.refresh(later_ms + 1, 0.0)
-    (signal,) = rules.host.plan.signals
+    (signal,) = rules.ego.plan.signals
     assert not signal.is_open(later_ms / 1000.0)
     assert signal.closed_until_s(later_ms / 1000.0) == math.inf
     assert rules.leader.plan.signals == ()
@@ -174,7 +174,7 @@ def test_a_line_whose_phases_are_silent_is_closed_for_the_host_and_nothing_for_t
 @pytest.mark.parametrize("changes", [{"is_working": False}, {"revision": 4}, {"groups": (2, 3)}])
 def test_phases_that_do_not_fit_the_line_leave_it_unknown(changes: dict[str, object]) -> None:
     rules = heard(lanes(), phases(NOW_MS, (GREEN, 60.0, 60.0), **changes))  # type: ignore[arg-type]
-    assert not rules.host.plan.signals[0].is_open(NOW_S)
+    assert not rules.ego.plan.signals[0].is_open(NOW_S)
     assert rules.leader.plan.signals == ()
 
 
@@ -199,7 +199,7 @@ def test_a_line_may_always_close_earlier() -> None:
     rules = heard(lanes(), phases(NOW_MS - 1000, (GREEN, 20.0, 20.0)))
     assert rules.table.take(phases(NOW_MS, (YELLOW, 3.0, 3.0)), NOW_MS) is None
     rules.refresh(NOW_MS, 0.0)
-    assert not rules.host.plan.signals[0].is_open(NOW_S)
+    assert not rules.ego.plan.signals[0].is_open(NOW_S)
 
 
 def test_maps_change_with_their_revision_only() -> None:
@@ -210,7 +210,7 @@ def test_maps_change_with_their_revision_only() -> None:
     assert rules.table.take(lanes(revision=2, line_m=600.0), NOW_MS) is Rejection.OLDER
     assert rules.table.take(lanes(revision=4, line_m=600.0), NOW_MS) is None
     rules.refresh(NOW_MS, 0.0)
-    assert rules.host.plan.signals[0].stop_line_m == pytest.approx(600.0, abs=0.02)
+    assert rules.ego.plan.signals[0].stop_line_m == pytest.approx(600.0, abs=0.02)
 
 
 GIVEN = RoadRules(
@@ -221,7 +221,7 @@ GIVEN = RoadRules(
 
 def test_what_is_heard_of_a_line_replaces_what_is_given_of_it() -> None:
     rules = heard(lanes(), phases(NOW_MS, (RED, 20.0, 20.0)), given=GIVEN)
-    first, second = rules.host.plan.signals
+    first, second = rules.ego.plan.signals
     assert isinstance(first, SwitchedSignal)
     assert second is GIVEN.plan.signals[1]
     assert rules.report()["next_line"] == "closed (heard)"
@@ -230,9 +230,9 @@ def test_what_is_heard_of_a_line_replaces_what_is_given_of_it() -> None:
 
 
 def limit_at(rules: HeardRules, position_m: float) -> float:
-    assert rules.host.limits is not None
-    index = int(np.searchsorted(rules.host.limits.starts_m, position_m, side="right")) - 1
-    return float(rules.host.limits.limits_m_s[max(index, 0)])
+    assert rules.ego.limits is not None
+    index = int(np.searchsorted(rules.ego.limits.starts_m, position_m, side="right")) - 1
+    return float(rules.ego.limits.limits_m_s[max(index, 0)])
 
 
 def test_limits_hold_in_their_zones_and_the_lowest_of_several() -> None:
@@ -258,7 +258,7 @@ def test_limits_hold_in_their_zones_and_the_lowest_of_several() -> None:
         ({"is_cancelled": True}, False),
     ],
 )
-def test_zones_count_on_the_hosts_road_for_its_direction_and_while_they_hold(
+def test_zones_count_on_the_egos_road_for_its_direction_and_while_they_hold(
     changes: dict[str, object], counts: bool
 ) -> None:
     rules = heard(signs(10.0, 200.0, 700.0, **changes), given=GIVEN)
@@ -268,7 +268,7 @@ def test_zones_count_on_the_hosts_road_for_its_direction_and_while_they_hold(
 def test_a_sign_is_cancelled_and_not_revived_by_an_old_message() -> None:
     old = signs(10.0, 200.0, 700.0, issued_ms=NOW_MS - 9000)
     rules = heard(old, signs(10.0, 200.0, 700.0, issued_ms=NOW_MS - 5000, is_cancelled=True))
-    assert rules.host.limits is None
+    assert rules.ego.limits is None
     assert rules.table.take(old, NOW_MS) is Rejection.OLDER
     expired = signs(10.0, 200.0, 700.0, identity=(1, 2, 3), valid_to_ms=NOW_MS - 1)
     assert rules.table.take(expired, NOW_MS) is Rejection.STALE

@@ -1,4 +1,4 @@
-"""The rules of the road as the bridge states them: which lines stop the host, where, and for how long."""
+"""The rules of the road as the bridge states them: which lines stop the ego, where, and for how long."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ class Heard:
     def answer(
         self,
         time_ns: int,
-        host_position_m: float,
-        host_speed_m_s: float = 0.0,  # noqa: ARG002
+        ego_position_m: float,
+        ego_speed_m_s: float = 0.0,  # noqa: ARG002
     ) -> BridgeAnswer:
         now_s = time_ns / NS_PER_S
         if self.gap_m is None:
             return BridgeAnswer(time_ns, None, LeaderPreview.empty(), lost=False)
         times = now_s + np.arange(0.0, self.known_s + 1.0)
-        places = host_position_m + self.gap_m + self.speed_m_s * (times - now_s)
+        places = ego_position_m + self.gap_m + self.speed_m_s * (times - now_s)
         preview = LeaderPreview(now_s, times, places, np.full(times.size, self.speed_m_s))
-        state = LeaderState(now_s, host_position_m + self.gap_m, self.speed_m_s)
+        state = LeaderState(now_s, ego_position_m + self.gap_m, self.speed_m_s)
         return BridgeAnswer(time_ns, state, preview, lost=False, predictor="history")
 
 
@@ -61,7 +61,7 @@ def test_a_closed_line_is_a_stop_until_it_opens() -> None:
     assert stop.until_s == pytest.approx(900.0 + EARLY_S)
 
 
-def test_limits_are_those_of_the_road_and_the_lower_ones_of_the_host() -> None:
+def test_limits_are_those_of_the_road_and_the_lower_ones_of_the_ego() -> None:
     own = SpeedLimits(np.array([0.0, 100.0]), np.array([20.0, 9.0]))
     bridge = RulesOfTheRoad(Heard(None), RoadRules(LIMITS), PARAMETERS, own_limits=own)
     found = road(bridge, 10.0).limits
@@ -101,14 +101,14 @@ def test_the_leader_and_its_preview_stay_as_they_are() -> None:
 
 
 def test_the_arrival_behind_a_leader_counts() -> None:
-    # The leader passes 400 m after 38 s, the host would three seconds later; it closes after 40 s.
+    # The leader passes 400 m after 38 s, the ego vehicle would three seconds later; it closes after 40 s.
     signal = CyclicSignal(400.0, 1000.0, -10.0, 50.0)
     assert road(rules(Heard(20.0), signal), 10.0).stops
     assert road(rules(Heard(None), signal), 14.0).stops == ()
 
 
 @pytest.mark.parametrize("position_m", [399.0, 400.0])
-def test_a_host_at_the_line_stays_where_it_is(position_m: float) -> None:
+def test_a_ego_at_the_line_stays_where_it_is(position_m: float) -> None:
     held = rules(Heard(None), CLOSED)
     road(held, 0.0, 0, 395.0)
     stops = road(held, 0.0, 1, position_m).stops

@@ -43,7 +43,7 @@ CLOCKS: dict[str, dict[str, float]] = {
 
 
 def answers(bridge: CamBridge, settings: SenderSettings, ticks: int) -> Iterator[BridgeAnswer]:
-    """Yield the answers to a host 25 m behind the leader; datagrams count when they arrive."""
+    """Yield the answers to an ego vehicle 25 m behind the leader; datagrams count when they arrive."""
     sender = build_sender(MOTION, ROAD, settings)
     after_ns = -(10**12)
     for tick in range(ticks):

@@ -13,11 +13,11 @@ from iptm_v2x_bridge.messages.cam import CamMessage
 from iptm_v2x_bridge.stations.station import Station
 from iptm_v2x_bridge.stations.table import LeaderSelector
 
-HOST_M = 50.0
+EGO_M = 50.0
 
 
 class Traffic:
-    """Cars at 20 m/s around a host at 50 m, heard at 10 Hz; each keeps its distance."""
+    """Cars at 20 m/s around an ego vehicle at 50 m, heard at 10 Hz; each keeps its distance."""
 
     def __init__(self) -> None:
         self.stations: dict[int, Station] = {}
@@ -31,7 +31,7 @@ class Traffic:
             message = station(identity, self.time_ms, rear_m, 0.0, left_m, heading_deg=heading_deg)
             known = self.stations.get(identity)
             self.stations[identity] = taken(known, message, self.time_ms, ROAD, None)
-        self.selector.select(self.stations.values(), HOST_M, self.time_ms / 1000.0)
+        self.selector.select(self.stations.values(), EGO_M, self.time_ms / 1000.0)
         return self.selector.leader_id
 
 
@@ -118,7 +118,7 @@ def test_noise_of_the_position_changes_nothing() -> None:
 
 
 def test_a_late_message_of_a_fast_leader_does_not_put_it_behind() -> None:
-    """Two seconds old at 30 m/s: the host is already where the leader was then."""
+    """Two seconds old at 30 m/s: the ego vehicle is already where the leader was then."""
     known = Station(station(1, 0, 40.0, 30.0), 0, ROAD)
     known.update(station(1, 1000, 70.0, 30.0), 1000)
     selector = LeaderSelector()
@@ -146,7 +146,7 @@ def test_the_leader_ends_where_its_length_says(length_m: float) -> None:
 def test_a_vehicle_without_length_is_as_long_as_its_kind_may_be(
     station_type: int, longest_m: float
 ) -> None:
-    """A truck is not published as far away as a car, and leads also where it would overlap the host."""
+    """A truck is not published as far away as a car, and leads also where it would overlap the ego."""
     message = station(1, 0, 80.0, 0.0, length_m=None, station_type=station_type)
     known = Station(message, 0, ROAD)
     assert known.last.position_m == pytest.approx(84.5 - longest_m, abs=0.02)
@@ -158,7 +158,7 @@ def test_a_truck_without_length_does_not_hide_the_car_behind_it() -> None:
     """The truck has been known for longer; were it the longest, the car would be inside of it."""
     truck = Station(station(1, 0, 90.0, 0.0, length_m=None, station_type=8), 0, ROAD)
     car = Station(station(2, 100, 74.0, 0.0), 100, ROAD)
-    assert LeaderSelector().select([truck, car], HOST_M, 0.1) is car
+    assert LeaderSelector().select([truck, car], EGO_M, 0.1) is car
 
 
 def stopping(headings_deg: list[float | None]) -> Station:
@@ -176,7 +176,7 @@ def test_a_car_that_stands_keeps_its_heading(heading_deg: float | None) -> None:
     assert LeaderSelector().select([stopping([0.0, heading_deg])], 70.0, 2.0) is not None
 
 
-def test_a_car_that_reverses_slowly_towards_the_host_leads_on() -> None:
+def test_a_car_that_reverses_slowly_towards_the_ego_leads_on() -> None:
     """Its heading is that of the movement in EN 302 637-2."""
     known = stopping([0.0])
     known.update(station(1, 2000, 87.0, 1.0, heading_deg=180.0), 2000)
@@ -204,7 +204,7 @@ def test_the_stated_accuracy_widens_the_lane(left_m: float, accuracy_m: float, l
         message = station(1, 100 * tick, 80.0, 0.0, left_m, position_bound_m=accuracy_m)
         followed = taken(followed, message, 100 * tick, ROAD, None)
     assert followed is not None
-    assert (selector.select([followed], HOST_M, 0.9) is followed) == leads
+    assert (selector.select([followed], EGO_M, 0.9) is followed) == leads
 
 
 def test_a_leader_is_kept_through_a_short_error_of_its_position() -> None:
@@ -244,7 +244,7 @@ def car_at(road: RoadLine, along_m: float, time_ms: int, **more: Any) -> CamMess
 def test_a_car_on_another_level_does_not_lead(
     above_m: float | None, bound_m: float | None, leads: bool
 ) -> None:
-    """On the ramp one turn above or below the host, or on a bridge: by its place alone it would lead."""
+    """On the ramp one turn above or below the ego, or on a bridge: by its place alone it would lead."""
     road = spiral()
     selector = LeaderSelector()
     found: Station | None = None

@@ -175,6 +175,6 @@ def test_on_the_second_lap_a_new_station_is_looked_for_near_the_ego_vehicle() ->
     for number in range(5):
         at_ms = NOW_MS + 100 * number
         message = car_on_road(road, 1, at_ms, lap_m + 60.0 + 2.0 * number, 20.0)
-        assert heard(table, message, at_ms, host_position_m=lap_m + 30.0) is None
+        assert heard(table, message, at_ms, ego_position_m=lap_m + 30.0) is None
     (found,) = table.confirmed
     assert found.last.position_m == pytest.approx(lap_m + 68.0, abs=0.1)

@@ -23,7 +23,7 @@ from iptm_core.settings import VEHICLE_LENGTH_M
 from iptm_core.state import LeaderState, SlopePreview
 from iptm_core.vehicle_string import vehicles_in_string
 from iptm_view.scene import (
-    HOST_LENGTH_M,
+    EGO_LENGTH_M,
     LEADER_LENGTH_M,
     Scene,
     path_message,
@@ -48,14 +48,12 @@ SCENE = Scene(
 
 
 def test_a_path_tells_place_and_time_of_each_pose() -> None:
-    path = path_message(
-        STRAIGHT, 3 * S, np.array([10.0, 25.0]), HOST_LENGTH_M, np.array([3.0, 4.5])
-    )
+    path = path_message(STRAIGHT, 3 * S, np.array([10.0, 25.0]), EGO_LENGTH_M, np.array([3.0, 4.5]))
     assert path.header.frame_id == "map"
     assert [pose.pose.position.x for pose in path.poses] == [10.0, 25.0]
     stamps = [(pose.header.stamp.sec, pose.header.stamp.nanosec) for pose in path.poses]
     assert stamps == [(3, 0), (4, 500_000_000)]
-    assert path_message(STRAIGHT, 0, np.empty(0), HOST_LENGTH_M).poses == []
+    assert path_message(STRAIGHT, 0, np.empty(0), EGO_LENGTH_M).poses == []
 
 
 def test_the_road_goes_as_far_as_it_is_known() -> None:
@@ -78,17 +76,17 @@ def test_markers_expire_after_several_scenes() -> None:
 
 def test_the_scene_by_hand() -> None:
     markers = {marker.ns: marker for marker in scene_message(SCENE, STRAIGHT, PARAMETERS).markers}
-    assert set(markers) == {"host", "leader", "s_min", "s_max", "state"}
+    assert set(markers) == {"ego", "leader", "s_min", "s_max", "state"}
     assert all(marker.header.frame_id == "map" for marker in markers.values())
-    host, leader = markers["host"], markers["leader"]
-    # The front bumper of the host and the rear bumper of the leader are where they were measured.
-    assert host.pose.position.x + 0.5 * host.scale.x == pytest.approx(100.0)
+    ego, leader = markers["ego"], markers["leader"]
+    # The front bumper of the ego vehicle and the rear bumper of the leader are where they were measured.
+    assert ego.pose.position.x + 0.5 * ego.scale.x == pytest.approx(100.0)
     assert leader.pose.position.x - 0.5 * leader.scale.x == pytest.approx(160.0)
     nearest_m = minimum_gap_m(20.0, 15.0, PARAMETERS.gap, PARAMETERS.limits)
     assert markers["s_min"].pose.position.x == pytest.approx(160.0 - nearest_m)
     assert markers["s_max"].pose.position.x == pytest.approx(160.0 - PARAMETERS.gap.max_gap_m)
     assert markers["state"].text == "72 km/h, gap 60 m, 36.5 °C"
-    assert host.scale.y * host.scale.z == pytest.approx(PARAMETERS.body.frontal_area_m2)
+    assert ego.scale.y * ego.scale.z == pytest.approx(PARAMETERS.body.frontal_area_m2)
 
 
 @pytest.mark.parametrize("course", [STRAIGHT, BENT], ids=["straight", "bent"])
@@ -97,9 +95,9 @@ def test_vehicles_of_a_string_start_one_behind_the_other(course: RoadCourse) -> 
     places = []
     for vehicle in vehicles_in_string(3, 15.0, VEHICLE_LENGTH_M):
         scene = Scene(0, LeaderState(0.0, vehicle.start_position_m, 0.0), None)
-        host = scene_message(scene, course, PARAMETERS).markers[0]
-        assert (host.ns, host.header.frame_id) == ("host", "map")
-        places.append([host.pose.position.x, host.pose.position.y])
+        ego = scene_message(scene, course, PARAMETERS).markers[0]
+        assert (ego.ns, ego.header.frame_id) == ("ego", "map")
+        places.append([ego.pose.position.x, ego.pose.position.y])
     ahead = course.points_m([10.0])[0, :2] / 10.0
     for front, behind in itertools.pairwise(np.array(places)):
         np.testing.assert_allclose(
@@ -108,13 +106,13 @@ def test_vehicles_of_a_string_start_one_behind_the_other(course: RoadCourse) -> 
 
 
 def test_markers_of_a_leader_that_is_gone_are_deleted() -> None:
-    alone = Scene(SCENE.stamp_ns, SCENE.host, None)
+    alone = Scene(SCENE.stamp_ns, SCENE.ego, None)
     markers = scene_message(alone, STRAIGHT, PARAMETERS).markers
     actions = {marker.ns: marker.action for marker in markers}
     assert {ns for ns, action in actions.items() if action == Marker.DELETE} == {
         "leader", "s_min", "s_max",
     }  # fmt: skip
-    assert actions["host"] == actions["state"] == Marker.ADD
+    assert actions["ego"] == actions["state"] == Marker.ADD
 
 
 def numbers(message: Any, axes: str) -> np.ndarray:
@@ -123,17 +121,17 @@ def numbers(message: Any, axes: str) -> np.ndarray:
 
 @pytest.mark.parametrize("course", [STRAIGHT, BENT], ids=["straight", "bent"])
 def test_transforms_put_both_cars_on_the_road(course: RoadCourse) -> None:
-    to_map, to_host, to_leader = scene_transforms(SCENE, course, "car_1")
-    names = [(t.header.frame_id, t.child_frame_id) for t in (to_map, to_host, to_leader)]
+    to_map, to_ego, to_leader = scene_transforms(SCENE, course, "car_1")
+    names = [(t.header.frame_id, t.child_frame_id) for t in (to_map, to_ego, to_leader)]
     assert names == [
         ("map", "car_1/odom"), ("car_1/odom", "car_1/base_link"), ("car_1/odom", "car_1/leader"),
     ]  # fmt: skip
-    assert {t.header.stamp.sec for t in (to_map, to_host, to_leader)} == {7}
+    assert {t.header.stamp.sec for t in (to_map, to_ego, to_leader)} == {7}
     # As in the odometry: along x of odom.
-    assert numbers(to_host.transform.translation, "xyz").tolist() == [100.0, 0.0, 0.0]
+    assert numbers(to_ego.transform.translation, "xyz").tolist() == [100.0, 0.0, 0.0]
     outer = numbers(to_map.transform.rotation, "xyzw")
     for moved, position_m, length_m in (
-        (to_host, 100.0, HOST_LENGTH_M), (to_leader, 160.0, LEADER_LENGTH_M),
+        (to_ego, 100.0, EGO_LENGTH_M), (to_leader, 160.0, LEADER_LENGTH_M),
     ):  # fmt: skip
         expected = course.poses(position_m, length_m)
         place = numbers(to_map.transform.translation, "xyz") + rotated(

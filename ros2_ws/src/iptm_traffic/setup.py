@@ -22,6 +22,6 @@ setup(
         "console_scripts": ["traffic = iptm_core.program:main"],
         "iptm.programs": ["traffic = iptm_traffic.cli:main"],
     },
-    description="The host in simulated traffic (SUMO), in lock-step with its plant",
+    description="The ego vehicle in simulated traffic (SUMO), in lock-step with its plant",
     license="Apache-2.0",
 )

@@ -48,7 +48,7 @@ class _Shown(NamedTuple):
 
     @property
     def grades_percent(self) -> FloatArray:
-        """Road grade under the host at every instant."""
+        """Road grade under the ego vehicle at every instant."""
         grades: FloatArray = 100.0 * np.tan(self.slope.slope_at(self.trajectory.position_m))
         return grades
 
@@ -102,7 +102,7 @@ def _speed(axes: Axes, shown: _Shown) -> None:
     run = shown.trajectory
     axes.plot(run.time_s, KM_H_PER_M_S * run.leader_speed_m_s, color=GREY, label="leader")
     _reference(axes, shown.against, lambda other: KM_H_PER_M_S * other.speed_m_s)
-    axes.plot(run.time_s, KM_H_PER_M_S * run.speed_m_s, color=BLUE, label="host")
+    axes.plot(run.time_s, KM_H_PER_M_S * run.speed_m_s, color=BLUE, label="ego vehicle")
     axes.set_ylim(bottom=0.0)
     titled(axes, "Speed", "km/h")
 

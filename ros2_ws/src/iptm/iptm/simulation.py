@@ -65,7 +65,7 @@ def simulate(
             its limits; ``speed_limits_km_h`` (``"cycle"`` takes those that the cycle suggests) or
             ``set_speed_km_h`` is needed then.
         settings: further keys of a run in a study: ``slope``, ``duration_s``, ``preview``, ``solver``,
-            ``thermal_model``, ``tick_s``, ``plant_step_s``, ``faults``, ``signals``, ``host_keeps_rules``,
+            ``thermal_model``, ``tick_s``, ``plant_step_s``, ``faults``, ``signals``, ``ego_keeps_rules``,
             and ``charging_minute_kwh`` with the others of a stop at a fast charger.
 
     Returns:

@@ -156,7 +156,7 @@ def evaluate(
     fastest_m_s = float(np.fmax.reduce(trajectory.leader_speed_m_s))
     if fastest_m_s > parameters.limits.max_speed_m_s:
         notes.append(
-            f"the leader drives up to {fastest_m_s:.3g} m/s, the host at most"
+            f"the leader drives up to {fastest_m_s:.3g} m/s, the ego vehicle at most"
             f" {parameters.limits.max_speed_m_s:.3g} m/s: it could not follow"
         )
     metrics = compute_metrics(trajectory, parameters, decisions)

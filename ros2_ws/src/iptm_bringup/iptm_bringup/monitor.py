@@ -67,7 +67,7 @@ class Snapshot:
 
     Attributes:
         time_s: trip time.
-        speed_m_s: of the host.
+        speed_m_s: of the ego vehicle.
         gap_m: to the leader, NaN while it is not known.
         cell_1_temperature_c: of the first cell.
         cell_n_temperature_c: of the last cell.
@@ -237,8 +237,8 @@ class RunMonitor(SuiteNode):
         stamp_ns = ns_from_time(leader.header.stamp)
         for data in self.recorded[Topic.PLANT_ODOMETRY][: -1 - _RECENT_STATES : -1]:
             if stamp_ns_of(data) == stamp_ns:
-                host = deserialize_message(data, TOPICS[Topic.PLANT_ODOMETRY].message_type)
-                return float(leader.pose.pose.position.x - host.pose.pose.position.x)
+                ego = deserialize_message(data, TOPICS[Topic.PLANT_ODOMETRY].message_type)
+                return float(leader.pose.pose.position.x - ego.pose.pose.position.x)
         return math.nan
 
     def _newest_solve(self) -> DecisionRecord | None:

@@ -19,6 +19,7 @@ from iptm_interfaces.assembly import split_trips
 from iptm_interfaces.topics import (
     BRIDGE,
     CONTROLLER,
+    FIELD_ALIASES,
     OBSERVATION_TOPICS,
     PLANT,
     STATE_TOPICS,
@@ -99,6 +100,7 @@ def read_recorded(bag: Path, node: str, namespace: str | None = None) -> Recorde
             raise BagError(
                 f"{bag} does not hold the parameters of {node}: there is nothing to start it with"
             )
+        given = {FIELD_ALIASES.get(name, name): value for name, value in given.items()}
         inputs, own_way = _told(node, given, bag)
         wanted = dict.fromkeys((*inputs, *OUTPUTS[node]))
         names = {}

@@ -31,7 +31,7 @@ class CollisionGuard:
 
     With a preview confirmed by measurements the leader is assumed to move as predicted and to brake after its
     end; otherwise to keep the last measured deceleration. A leader that has not been measured for long is
-    assumed to have braked at least as hard as the host can.
+    assumed to have braked at least as hard as the ego vehicle can.
     """
 
     def __init__(self, limits: LimitParameters, tick_s: float, lost_after_ticks: int) -> None:

@@ -119,7 +119,7 @@ def safe_following(
     cut to what still permits a stop within the jerk limit. Needs the measured gap and leader speed only.
 
     Args:
-        state: host; its acceleration is the one last actuated.
+        state: ego vehicle; its acceleration is the one last actuated.
     """
     limits, policy = parameters.limits, parameters.gap
     gap_m = max(leader.position_m - state.position_m, 0.1)
@@ -137,7 +137,7 @@ def safe_following(
 def _stoppable_acceleration(
     state: VehicleState, room_m: float, limits: LimitParameters, tick_s: float
 ) -> float:
-    """Return the largest acceleration for a tick after which the host can still stop within a distance.
+    """Return the largest acceleration for a tick after which the ego can still stop within a distance.
 
     The hardest braking if there is none within the reach of one tick's jerk.
     """

@@ -46,7 +46,7 @@ class Measurements:
     """What is measured at one tick, all of the same instant.
 
     Attributes:
-        state: host and pack, None if not measured.
+        state: ego vehicle and pack, None if not measured.
         leader: the preceding vehicle by range sensor, None if not measured.
         preview: newest received prediction, possibly empty.
         slope: road slope over position.
@@ -63,7 +63,7 @@ class Measurements:
 
     @property
     def rules(self) -> RoadAhead | None:
-        """The rules of the road that bind the host, None for none."""
+        """The rules of the road that bind the ego vehicle, None for none."""
         return None if self.road is None or self.road.limits is None else self.road
 
     @property
@@ -77,10 +77,11 @@ class Trusted:
     """What of the measurements may be used.
 
     Attributes:
-        state: the host if its motion is plausible. What is not plausible of its pack is replaced by the
+        state: the ego vehicle if its motion is plausible. What is not plausible of its pack is replaced by
+        the
             last trusted value; too high a value, or one without a predecessor, by the upper end of its range,
             so that the cells are cooled.
-        leader: the leader if host and leader are plausible.
+        leader: the leader if ego vehicle and leader are plausible.
         fault: why no problem can be posed; empty if one can.
     """
 
@@ -141,7 +142,7 @@ def _with_possible_pack(state: VehicleState, last: VehicleState | None) -> Vehic
     return replace(state, **possible)
 
 
-def leader_fault(leader: LeaderState, host: VehicleState) -> str:
+def leader_fault(leader: LeaderState, ego: VehicleState) -> str:
     """Return why a leader cannot be where it is measured, empty if it can."""
     if not math.isfinite(leader.time_s):
         return f"measured leader time is {leader.time_s} s; allowed: finite values"
@@ -151,12 +152,10 @@ def leader_fault(leader: LeaderState, host: VehicleState) -> str:
             f"measured leader speed is {speed_m_s} m/s; "
             f"allowed: {SPEED_AT_REST_M_S:g} to {MAX_SPEED_M_S:g} m/s"
         )
-    apart_s = abs(leader.time_s - host.time_s)
+    apart_s = abs(leader.time_s - ego.time_s)
     if not apart_s <= MAX_TIME_APART_S:
-        return (
-            f"leader was measured {apart_s} s apart from the host; allowed: {MAX_TIME_APART_S:g} s"
-        )
-    gap_m = leader.position_m - host.position_m
+        return f"leader was measured {apart_s} s apart from the ego vehicle; allowed: {MAX_TIME_APART_S:g} s"
+    gap_m = leader.position_m - ego.position_m
     if not abs(gap_m) <= LARGEST_GAP_M:
         return f"measured gap is {gap_m} m; allowed: {-LARGEST_GAP_M:g} to {LARGEST_GAP_M:g} m"
     return ""

@@ -191,7 +191,7 @@ class TemperatureValuation:
         return self._parameters.pack_heat_capacity_j_k * (1.0 + load) / saved_w_k
 
     def _foresee(self, state: VehicleState, leader: PredictedLeaderMotion) -> float:
-        """Return the mean aging rate of a host that moves like the leader on a flat road, uncooled."""
+        """Return the mean aging rate of an ego that moves like the leader on a flat road, uncooled."""
         count = math.ceil(self._horizon_s / FORECAST_STEP_S) + 1
         times: FloatArray = np.array([state.time_s + i * FORECAST_STEP_S for i in range(count)])
         _, speeds = leader.at(times)

@@ -1,6 +1,6 @@
 """Traction powers of the thermal phases of a horizon, from the best knowledge that there is.
 
-As far as a preview of the leader reaches, the host is taken to drive its way smoothly: at the leader's
+As far as a preview of the leader reaches, the ego vehicle is taken to drive its way smoothly: at the leader's
 mean speed over a window of time, which is what following within the gap limits leads to. Beyond, a step
 takes the distribution of the powers of the trip so far. The powers of a step are sorted and averaged in a few
 groups of equal duration, so that what is convex in them can be averaged over the groups.
@@ -23,7 +23,7 @@ from iptm_core.physics.power_thermal import electric_traction_power_w
 from iptm_core.state import FloatArray, SlopePreview, VehicleState
 
 SMOOTHING_S = 25.0
-"""Half of the window: hosts of the default strategy drive the comprehensive cycle as smoothly as that."""
+"""Half of the window: egos of the default strategy drive the comprehensive cycle as smoothly as that."""
 MEMORY_TICKS = 1200
 """Ticks of the trip so far that count."""
 
@@ -111,7 +111,7 @@ class TractionForecaster:
         slope: SlopePreview,
         times_s: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
-        """Return traction power and speed of a host that smooths the leader's way, shapes of the times."""
+        """Return traction power and speed of an ego that smooths the leader's way, shapes of the times."""
         first_s, last_s = state.time_s, state.time_s + known_s
         flat = times_s.ravel()
         before = np.maximum(flat - SMOOTHING_S, first_s)

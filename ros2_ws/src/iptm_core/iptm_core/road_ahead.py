@@ -24,7 +24,7 @@ from iptm_core.state import FloatArray
 
 @dataclass(frozen=True)
 class RoadAheadSettings(Settings):
-    """Source of the lead vehicle, and the rules of the road for the host."""
+    """Source of the lead vehicle, and the rules of the road for the ego vehicle."""
 
     leader_source: LeaderSource = parameter(
         LeaderSource.CYCLE,
@@ -32,9 +32,9 @@ class RoadAheadSettings(Settings):
         "vehicle_ahead, whose plans are the previews; none: the road is empty; with the latter three the "
         "cycle gives the road only",
     )
-    host_keeps_rules: bool = parameter(
+    ego_keeps_rules: bool = parameter(
         default=False,
-        description="with a leader: the host keeps speed limits and signals where they are stricter, and "
+        description="with a leader: the ego keeps speed limits and signals where they are stricter, and "
         "drives on where none is observed; without one it always does",
     )
     set_speed_km_h: float = parameter(
@@ -55,7 +55,7 @@ class RoadAheadSettings(Settings):
         "<s of trip time, with cam of TimestampIts, at which it turns green>:<s for which it is green> parts",
     )
     line_foresight_s: float = parameter(
-        60.0, "stop lines that the host reaches later are not looked at", "s", 1.0, 3600.0
+        60.0, "stop lines that the ego vehicle reaches later are not looked at", "s", 1.0, 3600.0
     )
     max_lateral_acceleration_m_s2: float = parameter(
         2.0, "where rules are kept, curves are passed with this at most", "m/s^2", 0.1, 10.0
@@ -64,15 +64,15 @@ class RoadAheadSettings(Settings):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.keeps_rules and not (self.speed_limits_km_h.strip() or self.set_speed_km_h):
-            why = "leader_source none" if not self.host_keeps_rules else "host_keeps_rules"
+            why = "leader_source none" if not self.ego_keeps_rules else "ego_keeps_rules"
             raise ParameterError(
                 f"speed_limits_km_h is empty and set_speed_km_h is 0 with {why}; allowed: one of them stated"
             )
 
     @property
     def keeps_rules(self) -> bool:
-        """Whether the rules of the road bind the host."""
-        return self.host_keeps_rules or self.leader_source is LeaderSource.NONE
+        """Whether the rules of the road bind the ego vehicle."""
+        return self.ego_keeps_rules or self.leader_source is LeaderSource.NONE
 
 
 BRAKING_M_S2 = 1.0

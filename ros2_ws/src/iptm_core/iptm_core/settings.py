@@ -33,7 +33,7 @@ class LoopMode(TextEnum):
 
 
 class PreviewMode(TextEnum):
-    """Preview of the leader's motion that the host receives."""
+    """Preview of the leader's motion that the ego vehicle receives."""
 
     FULL = "full"
     NONE = "none"
@@ -49,7 +49,7 @@ class LeaderSource(TextEnum):
     VEHICLE = "vehicle"
     """The odometry and the plans of another vehicle of the graph."""
     NONE = "none"
-    """No lead vehicle: the host drives the road of the cycle at its limits."""
+    """No lead vehicle: the ego vehicle drives the road of the cycle at its limits."""
 
 
 class ThermalModel(TextEnum):
@@ -113,10 +113,10 @@ class ModelSettings(Settings):
 
 @dataclass(frozen=True)
 class PreviewSettings(Settings):
-    """Preview of the leader's motion that the host receives, and its imperfections."""
+    """Preview of the leader's motion that the ego vehicle receives, and its imperfections."""
 
     preview_mode: PreviewMode = parameter(
-        PreviewMode.FULL, "preview of the leader's motion that the host receives"
+        PreviewMode.FULL, "preview of the leader's motion that the ego vehicle receives"
     )
     preview_length_s: float = parameter(
         60.0, "how far a prediction of the leader reaches", "s", 1.0, 3600.0

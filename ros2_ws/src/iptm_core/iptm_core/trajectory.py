@@ -93,7 +93,7 @@ class Trajectory(Columns):
 
     @property
     def gap_m(self) -> FloatArray:
-        """Distance from the host to the leader at every instant, shape (n,); NaN without a leader."""
+        """Distance from the ego vehicle to the leader at every instant, shape (n,); NaN without a leader."""
         gap: FloatArray = self.leader_position_m - self.position_m
         return gap
 

@@ -23,7 +23,7 @@ REMEMBERED_S = 300.0
 class TrafficEvent(Protocol):
     """Behaviour of the lead vehicle."""
 
-    def leader(self, own: LeaderState, host_position_m: float) -> LeaderState:
+    def leader(self, own: LeaderState, ego_position_m: float) -> LeaderState:
         """Return the leader that counts; ticks in increasing order of time."""
 
     def preview(self, own: LeaderPreview) -> LeaderPreview:
@@ -37,10 +37,10 @@ class Gone:
         self._fault = fault
         self._shift_m: float | None = None
 
-    def leader(self, own: LeaderState, host_position_m: float) -> LeaderState:
+    def leader(self, own: LeaderState, ego_position_m: float) -> LeaderState:
         """Return the leader that counts; ticks in increasing order of time."""
         if self._shift_m is None and self._is_there(own.time_s):
-            self._shift_m = self._first_shift_m(own, host_position_m)
+            self._shift_m = self._first_shift_m(own, ego_position_m)
         return replace(own, position_m=own.position_m + self._at(own.time_s))
 
     def preview(self, own: LeaderPreview) -> LeaderPreview:
@@ -48,8 +48,8 @@ class Gone:
         shift_m = self._at(own.generated_at_s)
         return replace(own, positions_m=own.positions_m + shift_m) if shift_m else own
 
-    def _first_shift_m(self, own: LeaderState, host_position_m: float) -> float:
-        del own, host_position_m
+    def _first_shift_m(self, own: LeaderState, ego_position_m: float) -> float:
+        del own, ego_position_m
         return self._fault.magnitude
 
     def _is_there(self, time_s: float) -> bool:
@@ -62,8 +62,8 @@ class Gone:
 class CutIn(Gone):
     """A vehicle of the lead vehicle's speed comes in between, the size ahead of the ego vehicle, and goes."""
 
-    def _first_shift_m(self, own: LeaderState, host_position_m: float) -> float:
-        return min(host_position_m + self._fault.magnitude - own.position_m, 0.0)
+    def _first_shift_m(self, own: LeaderState, ego_position_m: float) -> float:
+        return min(ego_position_m + self._fault.magnitude - own.position_m, 0.0)
 
     def _is_there(self, time_s: float) -> bool:
         return super()._is_there(time_s) and time_s < self._fault.end_s
@@ -91,7 +91,7 @@ class HardStop:
         self._past: dict[int, _Stopping] = {}
         self._now: _Stopping | None = None
 
-    def leader(self, own: LeaderState, host_position_m: float) -> LeaderState:  # noqa: ARG002
+    def leader(self, own: LeaderState, ego_position_m: float) -> LeaderState:  # noqa: ARG002
         """Return the leader that counts; ticks in increasing order of time."""
         if own.time_s < self._fault.start_s:
             return own

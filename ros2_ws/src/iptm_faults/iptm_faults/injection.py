@@ -85,18 +85,18 @@ class FaultInjection:
         )
         return leader, self._delay.delayed(now_ns, seen)
 
-    def sampled(self, own: LeaderPreview, host_position_m: float) -> LeaderPreview | None:
+    def sampled(self, own: LeaderPreview, ego_position_m: float) -> LeaderPreview | None:
         """Return the measurements of a range sensor in an interval.
 
         Args:
             own: the leader of the route at the instants of the interval, the first of which is a tick.
-            host_position_m: where the host is at the first of them.
+            ego_position_m: where the ego vehicle is at the first of them.
 
         Returns:
             The measurements that arrive, None for none.
         """
-        true = own if self._traffic.is_quiet else self._traffic.sampled(own, host_position_m)
-        return faulty_samples(self._of_leader, true, host_position_m)
+        true = own if self._traffic.is_quiet else self._traffic.sampled(own, ego_position_m)
+        return faulty_samples(self._of_leader, true, ego_position_m)
 
     def _faulty_slope(self, now_ns: int, slope: SlopePreview) -> SlopePreview:
         if not self._road:

@@ -78,7 +78,7 @@ class FaultKind(TextEnum):
 
     # fmt: off
     LEADER_CUT_IN = "leader_cut_in", KindSpec(
-        FaultPlace.TRAFFIC, "a car of the leader's speed comes in between, the size ahead of the host; then "
+        FaultPlace.TRAFFIC, "a car of the leader's speed comes in between, the size ahead of the ego; then "
         "it goes and the old leader counts again", 12.0, "m", 0.5, 200.0, event=events.CutIn)
     LEADER_HARD_STOP = "leader_hard_stop", KindSpec(
         FaultPlace.TRAFFIC, "the leader brakes to a standstill with the size, stands, then drives off with "
@@ -125,7 +125,7 @@ class FaultKind(TextEnum):
     LEADER_NAN = "leader_nan", KindSpec(FaultPlace.LEADER, "its speed is not a number",
         effect=effects.nan_speed)
     LEADER_OVERLAP = "leader_overlap", KindSpec(
-        FaultPlace.LEADER, "it is measured the size behind the front of the host", 3.0, "m", 0.1, 1000.0,
+        FaultPlace.LEADER, "it is measured the size behind the front of the ego", 3.0, "m", 0.1, 1000.0,
         effect=effects.overlapping)
     LEADER_JUMPING = "leader_jumping", KindSpec(
         FaultPlace.LEADER, "it is measured elsewhere every tick, by up to the size", 5.0, "m", 0.1, 1e4,
@@ -160,7 +160,7 @@ class FaultKind(TextEnum):
         FaultPlace.STATE, "both cells are measured at the size", 150.0, "degC", 100.0, 1000.0,
         effect=effects.overheated)
     STATE_JUMPING = "state_jumping", KindSpec(
-        FaultPlace.STATE, "the host is measured elsewhere every tick, by up to the size", 5.0, "m", 0.1, 1e4,
+        FaultPlace.STATE, "the ego is measured elsewhere every tick, by up to the size", 5.0, "m", 0.1, 1e4,
         effect=effects.jumping)
     STATE_DELAYED = "state_delayed", KindSpec(
         FaultPlace.STATE, "the state arrives the size later, with its own stamps; so does what is matched "

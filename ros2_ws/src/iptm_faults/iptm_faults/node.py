@@ -77,7 +77,7 @@ class InjectorNode(SuiteNode):
         self._road = at_places(self._faults, FaultPlace.ROAD)
         self._slope: SlopePreview | None = None
         self._slope_hit: tuple[bool, ...] = ()
-        self._host_positions_m: dict[int, float] = {}
+        self._ego_positions_m: dict[int, float] = {}
         self._waiting_leaders: dict[int, bytes] = {}
         self._waiting_previews: dict[int, bytes] = {}
         self._waiting_samples: dict[int, bytes] = {}
@@ -155,9 +155,9 @@ class InjectorNode(SuiteNode):
             self._forward_state(topic, stamp_ns, data)
             return
         message = deserialize_message(data, Odometry)
-        self._host_positions_m[stamp_ns] = message.pose.pose.position.x
-        while len(self._host_positions_m) > _REMEMBERED_TICKS:
-            del self._host_positions_m[next(iter(self._host_positions_m))]
+        self._ego_positions_m[stamp_ns] = message.pose.pose.position.x
+        while len(self._ego_positions_m) > _REMEMBERED_TICKS:
+            del self._ego_positions_m[next(iter(self._ego_positions_m))]
         before, self._last_odometry = self._last_odometry, data
         for fault in self._of_state:
             if not fault.hits(stamp_ns):
@@ -227,8 +227,8 @@ class InjectorNode(SuiteNode):
             self._send(self._true[Topic.LEADER], data)
             self._forward(Topic.LEADER, data)
             return
-        host_m = self._host_positions_m.get(stamp_ns)
-        if host_m is None:
+        ego_m = self._ego_positions_m.get(stamp_ns)
+        if ego_m is None:
             self._waiting_leaders = {stamp_ns: data}
             return
         try:
@@ -236,10 +236,10 @@ class InjectorNode(SuiteNode):
         except MessageError:
             self._forward(Topic.LEADER, data)
             return
-        true = self._traffic.leader(own, host_m)
+        true = self._traffic.leader(own, ego_m)
         true_data = data if true is own else with_stamp_of(encode_leader(true), data)
         self._send(self._true[Topic.LEADER], true_data)
-        faulty = faulty_leader(self._of_leader, stamp_ns, true, host_m)
+        faulty = faulty_leader(self._of_leader, stamp_ns, true, ego_m)
         if faulty is None:
             self._changed += 1
         else:
@@ -266,9 +266,9 @@ class InjectorNode(SuiteNode):
             self._waiting_samples[stamp_ns] = data
             return
         stamp_ns, own = decode_leader_preview_bytes(data, Topic.LEADER_SAMPLES)
-        host_m = self._host_positions_m[stamp_ns]
-        true = own if self._traffic.is_quiet else self._traffic.sampled(own, host_m)
-        faulty = faulty_samples(self._of_leader, true, host_m)
+        ego_m = self._ego_positions_m[stamp_ns]
+        true = own if self._traffic.is_quiet else self._traffic.sampled(own, ego_m)
+        faulty = faulty_samples(self._of_leader, true, ego_m)
         if faulty is None:
             return
         if faulty is not own:

@@ -61,24 +61,24 @@ class PreviewFaults:
 
 
 def faulty_leader(
-    faults: Iterable[Fault], time_ns: int, leader: LeaderState, host_position_m: float
+    faults: Iterable[Fault], time_ns: int, leader: LeaderState, ego_position_m: float
 ) -> LeaderState | None:
-    """Return the measured leader; the host's position is the true one."""
+    """Return the measured leader; the ego vehicle's position is the true one."""
     faulty: LeaderState | None = leader
     for fault in at_places(faults, FaultPlace.LEADER):
         if faulty is not None and fault.hits(time_ns):
-            faulty = fault.effect_on(faulty, time_ns, ego_position_m=host_position_m)
+            faulty = fault.effect_on(faulty, time_ns, ego_position_m=ego_position_m)
     return faulty
 
 
 def faulty_samples(
-    faults: Iterable[Fault], samples: LeaderPreview, host_position_m: float
+    faults: Iterable[Fault], samples: LeaderPreview, ego_position_m: float
 ) -> LeaderPreview | None:
     """Return the measurements of a range sensor in an interval, the samples themselves without faults.
 
     Args:
         samples: the effective leader at the instants of the interval.
-        host_position_m: where the host is at the first of them.
+        ego_position_m: where the ego vehicle is at the first of them.
 
     Returns:
         The finite measurements that arrive, None for none.
@@ -89,7 +89,7 @@ def faulty_samples(
     )
     true = [LeaderState(*row) for row in zip(*columns, strict=True)]
     faulty = [
-        faulty_leader(of_leader, round(one.time_s * NS_PER_S), one, host_position_m) for one in true
+        faulty_leader(of_leader, round(one.time_s * NS_PER_S), one, ego_position_m) for one in true
     ]
     if faulty == true:
         return samples
@@ -140,23 +140,23 @@ class Traffic:
         """Whether the traffic has no event."""
         return not self._events
 
-    def leader(self, own: LeaderState, host_position_m: float) -> LeaderState:
+    def leader(self, own: LeaderState, ego_position_m: float) -> LeaderState:
         """Return the leader that counts.
 
         Args:
             own: the leader of the route; ticks in increasing order of time.
-            host_position_m: where the host is at the same instant.
+            ego_position_m: where the ego vehicle is at the same instant.
         """
         for event in self._events:
-            own = event.leader(own, host_position_m)
+            own = event.leader(own, ego_position_m)
         return own
 
-    def sampled(self, own: LeaderPreview, host_position_m: float) -> LeaderPreview:
+    def sampled(self, own: LeaderPreview, ego_position_m: float) -> LeaderPreview:
         """Return the leader that counts at the instants of an interval; events begin with ticks.
 
         Args:
             own: the leader of the route at these instants, the first of which is the present tick.
-            host_position_m: where the host is at the first of them.
+            ego_position_m: where the ego vehicle is at the first of them.
         """
         if not own.times_s.size:
             return own
@@ -173,7 +173,7 @@ class Traffic:
         ):
             state = LeaderState(*row)
             for event in events:
-                state = event.leader(state, host_position_m)
+                state = event.leader(state, ego_position_m)
             states.append(state)
         return replace(
             own,

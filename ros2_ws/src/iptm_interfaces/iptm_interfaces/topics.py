@@ -39,13 +39,13 @@ CONTROLLER = "controller"
 MAP_FRAME = "map"
 """The world, one for all vehicles: x east, y north, z up, origin where the first one starts (REP 105)."""
 ROAD_FRAME = "odom"
-"""The road pulled straight: origin at the host's start, x in metres travelled."""
-HOST_FRAME = "base_link"
-"""Body of the host: origin on the road below the front bumper, x forward, y left, z up."""
+"""The road pulled straight: origin at the ego vehicle's start, x in metres travelled."""
+EGO_FRAME = "base_link"
+"""Body of the ego vehicle: origin on the road below the front bumper, x forward, y left, z up."""
 LEADER_FRAME = "leader"
 """Body of the preceding vehicle: origin on the road below its rear bumper, axes as for the ego vehicle."""
 PACK_FRAME = "battery_pack"
-"""The battery pack, fixed in the host: named by the battery, coolant and degradation messages."""
+"""The battery pack, fixed in the ego vehicle: named by the battery, coolant and degradation messages."""
 
 
 class Topic(Enum):
@@ -145,12 +145,12 @@ _SPECS = (
         "trip time of the state just published; last message of the plant in a tick",
     ),
     TopicSpec(
-        Topic.PLANT_ODOMETRY, Odometry, PLANT, f"{ROAD_FRAME} -> {HOST_FRAME}", "m, m/s",
-        "host: pose.position.x = distance along the road, twist.linear.x = speed (never negative); "
+        Topic.PLANT_ODOMETRY, Odometry, PLANT, f"{ROAD_FRAME} -> {EGO_FRAME}", "m, m/s",
+        "ego vehicle: pose.position.x = distance along the road, twist.linear.x = speed (never negative); "
         "exact values of a simulation, so all covariances are 0",
     ),
     TopicSpec(
-        Topic.PLANT_ACCELERATION, AccelStamped, PLANT, HOST_FRAME, "m/s^2",
+        Topic.PLANT_ACCELERATION, AccelStamped, PLANT, EGO_FRAME, "m/s^2",
         "accel.linear.x = acceleration actuated over the interval that ended at the stamp, "
         "positive forward",
     ),
@@ -193,7 +193,7 @@ _SPECS = (
         {"cell_1_capacity_loss": "1", "cell_n_capacity_loss": "1"},
     ),
     TopicSpec(
-        Topic.PLANT_SAFETY, JointState, PLANT, HOST_FRAME, "see fields",
+        Topic.PLANT_SAFETY, JointState, PLANT, EGO_FRAME, "see fields",
         "safety monitor over the interval that ended at the stamp: how long it braked; smallest gap measured "
         "inside the interval, NaN for none; share of the requested deceleration that the brakes deliver",
         {"service_braking_s": "s", "smallest_gap_m": "m", "brake_share": "1"},
@@ -220,7 +220,7 @@ _SPECS = (
     ),
     TopicSpec(
         Topic.ROAD_AHEAD, JointState, BRIDGE, ROAD_FRAME, "m, m/s, s",
-        "what the road allows the host, vehicles apart: a bound per name[], at position[] m with velocity[] "
+        "what the road allows the ego, vehicles apart: a bound per name[], at position[] m with velocity[] "
         "m/s until trip time effort[] s: speed_limit from there on (the first one before it, too); stop (a "
         "closed line), not passed by the front before; lead_vehicle: v2x/leader has a "
         "message of this stamp. No names: nothing is known",
@@ -239,7 +239,7 @@ _SPECS = (
         rate="with publish_datagrams", on_request=True,
     ),
     TopicSpec(
-        Topic.COMMAND, JointState, CONTROLLER, HOST_FRAME, "see fields",
+        Topic.COMMAND, JointState, CONTROLLER, EGO_FRAME, "see fields",
         "the decision for the interval that starts at the stamp of the state it answers; last "
         "message of the controller in a tick; a negative compressor power is that of a heater",
         {"acceleration_m_s2": "m/s^2", "compressor_power_w": "W"},
@@ -254,7 +254,7 @@ _SPECS = (
     ),
     TopicSpec(
         Topic.PLAN, JointTrajectory, CONTROLLER, ROAD_FRAME, "see fields",
-        "predicted motion, temperatures and inputs of the host at header.stamp + time_from_start; "
+        "predicted motion, temperatures and inputs of the ego vehicle at header.stamp + time_from_start; "
         "the inputs of the last point repeat those of the last interval; no points: the command follows "
         "no plan",
         {
@@ -265,7 +265,7 @@ _SPECS = (
         kept=True,
     ),
     TopicSpec(
-        Topic.SOLVE, JointState, CONTROLLER, HOST_FRAME, "see fields",
+        Topic.SOLVE, JointState, CONTROLLER, EGO_FRAME, "see fields",
         "how the decision came about: solver status, time, iterations, slacks (0 when the limits "
         "hold), fallback rung (0 = solver), limiter (0 or 1), age of the preview; marginal cost of a "
         "kelvin of both cells at the end of the horizon and its factors; how far ahead the preview is "
@@ -291,10 +291,11 @@ FIELD_ALIASES: Mapping[str, str] = MappingProxyType(
     {
         "cell_1_price_1_k": "cell_1_marginal_cost_1_k",
         "cell_n_price_1_k": "cell_n_marginal_cost_1_k",
+        "host_keeps_rules": "ego_keeps_rules",
         "kelvin_lasts_s": "temperature_decay_time_s",
     }
 )
-"""Former names of named values, as in older bags, with their present names."""
+"""Former names of named values and parameters, as in older bags, with their present names."""
 
 TOPICS: Mapping[Topic, TopicSpec] = MappingProxyType({spec.topic: spec for spec in _SPECS})
 """The table: specification of every topic of a run by its key."""

@@ -22,12 +22,12 @@ _RATE = "while someone listens, up to rate_hz"
 _SPECS = (
     TopicSpec(
         Topic.VISUAL_ROAD, Path, PUBLISHER, MAP_FRAME, "m",
-        "the road ahead of the start, its height from the slope; 0, 0, 0 is where the host starts",
+        "the road ahead of the start, its height from the slope; 0, 0, 0 is where the ego vehicle starts",
         latched=True, rate="with every new v2x/slope",
     ),
     TopicSpec(
         Topic.VISUAL_PLAN, Path, PUBLISHER, MAP_FRAME, "m",
-        "the plan as poses along the road; each has the time at which the host shall be there",
+        "the plan as poses along the road; each has the time at which the ego vehicle shall be there",
         rate=_RATE,
     ),
     TopicSpec(

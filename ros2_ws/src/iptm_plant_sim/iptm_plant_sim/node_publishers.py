@@ -14,7 +14,7 @@ from iptm_interfaces.codecs import (
     encode_acceleration,
     encode_battery,
     encode_capacity_loss,
-    encode_host_odometry,
+    encode_ego_odometry,
     encode_powers,
     encode_safety,
     encode_temperature,
@@ -76,7 +76,7 @@ class PlantPublishers:
             (Topic.PLANT_SAFETY, encode_safety.data(prefix, state.time_s, step.safety)),
             (Topic.PLANT_CAPACITY_LOSS, encode_capacity_loss.data(prefix, state)),
             (Topic.PLANT_ACCELERATION, encode_acceleration.data(prefix, state)),
-            (Topic.PLANT_ODOMETRY, encode_host_odometry.data(prefix, state)),
+            (Topic.PLANT_ODOMETRY, encode_ego_odometry.data(prefix, state)),
         ):
             self._publishers[topic].publish(data)
         self._publishers[Topic.CLOCK].publish(Clock(clock=time_from_s(state.time_s)))

@@ -1,6 +1,6 @@
 """What a car could have done at best: with the brakes that it has, and with full cooling.
 
-A violated limit means little by itself: a leader may brake harder than the host can, and cells may
+A violated limit means little by itself: a leader may brake harder than the ego vehicle can, and cells may
 start too hot. Both functions return what could have been avoided within the same limits of the inputs.
 """
 
@@ -46,10 +46,10 @@ def avoidably_below_s_min(
     """Return which of the rows below s_min a car with perfect brakes within its limits could have avoided.
 
     Rows below s_min without a break are one episode. It is avoidable if there is a row, at most
-    ``look_back_s`` before its first one and with s_min kept from there on, from which the host would have
-    kept s_min through the whole episode by braking alone: from its state in that row, the acceleration falls
-    by the largest jerk in every interval down to its lower bound and stays there until standstill. The leader
-    moves as it did.
+    ``look_back_s`` before its first one and with s_min kept from there on, from which the ego vehicle would
+    have kept s_min through the whole episode by braking alone: from its state in that row, the acceleration
+    falls by the largest jerk in every interval down to its lower bound and stays there until standstill. The
+    leader moves as it did.
 
     Returns:
         The rows of avoidable episodes, shape (n,).

@@ -35,19 +35,20 @@ class Disturbance(Protocol):
         """Return the leader that counts and the measurements of the controller, from the true values."""
         ...
 
-    def sampled(self, own: LeaderPreview, host_position_m: float) -> LeaderPreview | None:
+    def sampled(self, own: LeaderPreview, ego_position_m: float) -> LeaderPreview | None:
         """Return what the sensor of the safety monitor measures between two ticks, None for nothing.
 
-        ``own`` is the leader of the route at the instants, the host is where it is at the first of them.
+        ``own`` is the leader of the route at the instants, the ego vehicle is where it is at the first of
+        them.
         """
         ...
 
 
 class World(Protocol):
-    """What is around the host: the leader as it is, and whatever else moves while an interval passes."""
+    """What is around the ego: the leader as it is, and whatever else moves while an interval passes."""
 
     def pass_interval(self, before: VehicleState, after: VehicleState) -> None:
-        """Let an interval pass in which the host moves from one state to the other."""
+        """Let an interval pass in which the ego vehicle moves from one state to the other."""
         ...
 
     def leader_at(self, time_ns: int) -> LeaderState | None:
@@ -60,7 +61,7 @@ class World(Protocol):
 
 
 class LeaderOnly:
-    """A world of one vehicle, which moves whatever the host does: recorded, or driven before."""
+    """A world of one vehicle, which moves whatever the ego vehicle does: recorded, or driven before."""
 
     def __init__(self, leader: PreviewSource) -> None:
         self.leader_at, self.sampled = leader.leader_at, leader.sampled
@@ -117,9 +118,9 @@ def run_closed_loop(
         bridge: a fresh bridge whose source of the leader is not the route itself; it has settings
             of its own.
         leader: who drives ahead, where it is not the leader of the route.
-        start_position_m: where the host starts, along the road.
+        start_position_m: where the ego vehicle starts, along the road.
         on_step: called with vehicle and leader, if there is one, at every instant, the last one included.
-        world: what is around the host; None for a leader only, that of ``leader`` or of the route.
+        world: what is around the ego vehicle; None for a leader only, that of ``leader`` or of the route.
     """
     tick_s = controller.options.tick_s
     ticks = round(route.duration_s / tick_s)

@@ -69,7 +69,7 @@ class SolverSpec(Settings):
 
 @dataclass(frozen=True)
 class PreviewSpec(PreviewSettings):
-    """Preview of the leader's motion that the host receives.
+    """Preview of the leader's motion that the ego vehicle receives.
 
     The length may be left open (None): it is then that of the horizon and a reserve for the age of a
     prediction, but at least a minute.

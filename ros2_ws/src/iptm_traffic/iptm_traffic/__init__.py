@@ -1,1 +1,1 @@
-"""The host in simulated traffic (SUMO): corridor, vehicles as stations that send messages, closed loop."""
+"""The ego in simulated traffic (SUMO): corridor, vehicles as stations that send messages, closed loop."""

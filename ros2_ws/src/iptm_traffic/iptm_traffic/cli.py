@@ -1,4 +1,4 @@
-"""The command ``traffic``: drive the host through simulated traffic and report it."""
+"""The command ``traffic``: drive the ego vehicle through simulated traffic and report it."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ NO_COMPARISON = "none"
 TABLES_WIDTH = 110
 LARGEST_DEVIATION_M = 1e-3
 _EPILOG = """\
-exit code: 0; 1 when a closed line was passed, the host has met another car or a person, or plant and SUMO
-do not agree about the host to a millimetre; 2 for a mistake in the options, or without SUMO.
+exit code: 0; 1 when a closed line was passed, the ego vehicle has met another car or a person, or plant and
+SUMO do not agree about the ego vehicle to a millimetre; 2 for a mistake in the options, or without SUMO.
 """
 
 
@@ -45,8 +45,8 @@ TRAFFIC_ROWS: Mapping[str, str] = {
     "Stop lines passed": "{0.lines_passed}",
     "Stop lines passed while closed": "{0.lines_passed_closed}",
     "Cars ahead, one after the other": "{0.leader_count}",
-    "Messages sent around the host": "{0.messages}",
-    "Collisions of the host": "{0.collision_count}",
+    "Messages sent around the ego vehicle": "{0.messages}",
+    "Collisions of the ego vehicle": "{0.collision_count}",
     "Largest deviation of plant and SUMO (m)": "{0.largest_deviation_m:.1e}",
 }
 """Rows of every table, with the format of their values."""
@@ -65,7 +65,7 @@ def build_parser() -> argparse.ArgumentParser:
         "--scenario",
         choices=[str(entry) for entry in TrafficScenario],
         default=str(TrafficScenario.FOLLOWING),
-        help="what happens around the host (default: %(default)s)",
+        help="what happens around the ego vehicle (default: %(default)s)",
     )
     parser.add_argument(
         "--prediction",
@@ -77,7 +77,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--signals-by-radio",
         action="store_true",
-        help="the host learns signals and speed limits from the messages of roadside stations only, "
+        help="the ego vehicle learns signals and speed limits from the messages of roadside stations only, "
         "and none are given (needs requirements/roadside.txt)",
     )
     parser.add_argument(
@@ -133,22 +133,22 @@ def build_parser() -> argparse.ArgumentParser:
         help="its vehicles and persons, SUMO's .rou.xml; may be given again",
     )
     own.add_argument(
-        "--host",
+        "--ego",
         metavar="NAME",
         default="",
-        help="the vehicle of the routes whose place the host takes",
+        help="the vehicle of the routes whose place the ego vehicle takes",
     )
     own.add_argument(
-        "--host-route",
+        "--ego-route",
         metavar="EDGE,EDGE,...",
         default="",
-        help="or the host's way: its edges, or some of them with the shortest ways between",
+        help="or the ego vehicle's way: its edges, or some of them with the shortest ways between",
     )
     own.add_argument(
-        "--host-depart-s",
+        "--ego-depart-s",
         type=number,
         default=DEPART_S,
-        help="when the host departs on --host-route, s of SUMO's time (default: %(default)g)",
+        help="when the ego vehicle departs on --ego-route, s of SUMO's time (default: %(default)g)",
     )
     traffic = parser.add_argument_group("traffic")
     for spec in parameter_specs(DemandSettings):
@@ -174,12 +174,12 @@ def drive_from(arguments: argparse.Namespace) -> TrafficDrive:
         own = OwnNetwork(
             arguments.net,
             tuple(arguments.routes),
-            arguments.host,
-            tuple(edge.strip() for edge in arguments.host_route.split(",") if edge.strip()),
-            arguments.host_depart_s,
+            arguments.ego,
+            tuple(edge.strip() for edge in arguments.ego_route.split(",") if edge.strip()),
+            arguments.ego_depart_s,
         )
-    elif arguments.routes or arguments.host or arguments.host_route:
-        raise ScenarioError("--routes and --host are given without --net; allowed: with it")
+    elif arguments.routes or arguments.ego or arguments.ego_route:
+        raise ScenarioError("--routes and --ego are given without --net; allowed: with it")
     given = {spec.name: getattr(arguments, spec.name) for spec in parameter_specs(DemandSettings)}
     return TrafficDrive(
         TrafficScenario(arguments.scenario),

@@ -42,7 +42,7 @@ from iptm_v2x_bridge.roadside.table import RoadsideTable
 from iptm_v2x_bridge.rules_of_the_road import RulesOfTheRoad
 
 DRIVER_FORESIGHT_S = 15.0
-"""How far ahead the host looks at lines where their plan is not sent to it."""
+"""How far ahead the ego vehicle looks at lines where their plan is not sent to it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +88,7 @@ class TrafficResult(TrafficFacts):
         return digest.hexdigest()
 
 
-class _HostBridge:
+class _EgoBridge:
     """Takes in, before each tick, what has been sent by then, and counts the predictors in use."""
 
     def __init__(self, radio: TrafficRadio, receiver: CamBridge, rules: RulesOfTheRoad) -> None:
@@ -96,11 +96,11 @@ class _HostBridge:
         self.predictors: Counter[str] = Counter()
 
     def answer(
-        self, time_ns: int, host_position_m: float, host_speed_m_s: float = 0.0
+        self, time_ns: int, ego_position_m: float, ego_speed_m_s: float = 0.0
     ) -> BridgeAnswer:
         for sent_ns, datagram in self._radio.take():
             self._receiver.receive(datagram, sent_ns)
-        answer = self._rules.answer(time_ns, host_position_m, host_speed_m_s)
+        answer = self._rules.answer(time_ns, ego_position_m, ego_speed_m_s)
         self.predictors[answer.predictor or "none"] += 1
         return answer
 
@@ -112,7 +112,7 @@ def drive_in_traffic(
 
     Args:
         drive: what is to be driven.
-        parameters: of the host.
+        parameters: of the ego vehicle.
         fcd: where SUMO writes what every vehicle does; None for nowhere.
 
     Raises:
@@ -141,23 +141,23 @@ def _closed_loop(
     preview = PreviewSettings()
     radio = TrafficRadio(simulation, road_line, rehearsal, with_roadside=drive.signals_by_radio)
     own = RightOfWay(simulation) if drive.own is not None else None
-    for_host, for_leader = (own.host, own.leader) if own else (network.rules, network.rules)
+    for_ego, for_leader = (own.ego, own.leader) if own else (network.rules, network.rules)
     heard = None
     if drive.signals_by_radio:
         heard = HeardRules(RoadsideTable(road_line), RoadRules(read_limits(LIMITS_WITHOUT_SIGNS)))
-        for_host, for_leader = heard.host, heard.leader
+        for_ego, for_leader = heard.ego, heard.leader
     receiver = CamBridge(
         road_line, preview, predictors=_predictors(drive.knowledge, for_leader), roadside=heard
     )
     knows_plan = drive.knowledge is PredictionInput.SIGNALS
     rules = RulesOfTheRoad(
         receiver,
-        for_host,
+        for_ego,
         parameters,
         preview,
         foresight_s=preview.preview_length_s if knows_plan else DRIVER_FORESIGHT_S,
     )
-    bridge = _HostBridge(radio, receiver, rules)
+    bridge = _EgoBridge(radio, receiver, rules)
     world = SumoWorld(drive.scenario, simulation, parameters, own)
     is_default = drive.strategy == ControllerSettings.strategy
     options = ControllerOptions(

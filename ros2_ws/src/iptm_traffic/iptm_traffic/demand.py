@@ -14,12 +14,12 @@ import numpy as np
 
 from iptm_core.declaration import Settings, TextEnum, parameter
 from iptm_core.settings import MAX_SEED, VEHICLE_LENGTH_M
-from iptm_traffic.network import HOST_LANE, HOST_START_M, Corridor
+from iptm_traffic.network import EGO_LANE, EGO_START_M, Corridor
 
 BEFORE_TRIP_S = 120.0
 """Time for which the traffic drives before the trip begins."""
-HOST, LEADER = "host", "leader"
-CAR, HOST_KIND = "car", "host"
+EGO, LEADER = "ego", "leader"
+CAR, EGO_KIND = "car", "ego"
 """SUMO's types of vehicles."""
 MAIN_PREFIX = "main"
 MAIN_NAMES = (MAIN_PREFIX, LEADER)
@@ -36,15 +36,15 @@ _CAR = {
     "sigma": "0",
     "speedDev": "0",
 }
-# What others see of the host when they move in front of it: its jerk limit lets it brake only gently.
-_HOST = {"tau": "3", "decel": "0.8"}
+# What others see of the ego vehicle when they move in front of it: its jerk limit lets it brake only gently.
+_EGO = {"tau": "3", "decel": "0.8"}
 _QUIET_S = (-14.0, 6.0)
-"""No car starts behind or over the standing host, s of trip time."""
+"""No car starts behind or over the standing ego, s of trip time."""
 _SHORTEST_HEADWAY_S = 2.5
 
 
 class TrafficScenario(TextEnum):
-    """What happens around the host."""
+    """What happens around the ego vehicle."""
 
     FOLLOWING = "following"
     """A leader drives ahead in ordinary traffic."""
@@ -53,7 +53,7 @@ class TrafficScenario(TextEnum):
     TURN_OFF = "turn_off"
     """The leader turns off, and so does every leader after it."""
     RED_LIGHT_QUEUE = "red_light_queue"
-    """The first lines close in front of a queue that the host arrives at."""
+    """The first lines close in front of a queue that the ego vehicle arrives at."""
 
 
 @dataclass(frozen=True)
@@ -114,10 +114,10 @@ def write_demand(
         scenario: what the leader does.
         settings: how many there are.
         duration_s: length of the trip.
-        gap_m: from the host to its leader at the start.
+        gap_m: from the ego vehicle to its leader at the start.
         step_s: SUMO's step; the cars that stand at trip time 0 are put in by the one that ends then.
         folder: for the file.
-        with_stand_in: put a car that SUMO drives where the host would be.
+        with_stand_in: put a car that SUMO drives where the ego vehicle would be.
     """
     draws = np.random.default_rng([settings.traffic_seed, 2])
     end_s = BEFORE_TRIP_S + duration_s
@@ -126,7 +126,7 @@ def write_demand(
     if scenario is TrafficScenario.RED_LIGHT_QUEUE:
         trips += [_queued(corridor, number, standing_s, gap_m) for number in range(1, 6)]
     if with_stand_in:
-        trips.append(_Trip(standing_s, HOST, corridor.main_edges, 1.0, _standing(0.0)))
+        trips.append(_Trip(standing_s, EGO, corridor.main_edges, 1.0, _standing(0.0)))
     for number, time_s in enumerate(_instants(draws, settings.main_headway_s, end_s)):
         edges, factor = corridor.main_edges, _factor(draws)
         if draws.random() < settings.turning_share:
@@ -174,9 +174,9 @@ _MOVING = {"departSpeed": "max", "departLane": "best"}
 
 
 def _standing(position_m: float) -> dict[str, str]:
-    """Return how a car is put into the host's lane at its front's distance ahead of the host's."""
-    place = f"{HOST_START_M + position_m:g}"
-    return {"departLane": str(HOST_LANE), "departPos": place, "departSpeed": "0"}
+    """Return how a car is put into the ego's lane at its front's distance ahead of the ego vehicle's."""
+    place = f"{EGO_START_M + position_m:g}"
+    return {"departLane": str(EGO_LANE), "departPos": place, "departSpeed": "0"}
 
 
 def _leader(corridor: Corridor, scenario: TrafficScenario, depart_s: float, gap_m: float) -> _Trip:
@@ -192,17 +192,17 @@ def _queued(corridor: Corridor, number: int, depart_s: float, gap_m: float) -> _
     return _Trip(depart_s, name, corridor.main_edges, 1.0, _standing(ahead_m))
 
 
-def host_kind() -> ET.Element:
-    """Return the host's type of vehicle."""
-    return ET.Element("vType", {"id": HOST_KIND, **_CAR, **_HOST})
+def ego_kind() -> ET.Element:
+    """Return the ego vehicle's type of vehicle."""
+    return ET.Element("vType", {"id": EGO_KIND, **_CAR, **_EGO})
 
 
 def _written(trips: list[_Trip], folder: Path) -> Path:
     root = ET.Element("routes")
     ET.SubElement(root, "vType", {"id": CAR, **_CAR})
-    root.append(host_kind())
+    root.append(ego_kind())
     for trip in sorted(trips, key=lambda trip: (trip.depart_s, trip.name)):
-        kind = HOST_KIND if trip.name == HOST else CAR
+        kind = EGO_KIND if trip.name == EGO else CAR
         vehicle = ET.SubElement(root, "vehicle", {"id": trip.name, "type": kind, **trip.more})
         vehicle.set("depart", f"{trip.depart_s:.2f}")
         vehicle.set("speedFactor", f"{trip.speed_factor:.4f}")

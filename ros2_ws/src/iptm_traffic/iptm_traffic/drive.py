@@ -37,7 +37,7 @@ class PredictionInput(TextEnum):
     HISTORY = "history"
     """Its past motion."""
     SIGNALS = "signals"
-    """Its past motion, with the signals and speed limits that bound it, and the host's own lines."""
+    """Its past motion, with the signals and speed limits that bound it, and the ego vehicle's own lines."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class TrafficDrive:
     """What is to be driven.
 
     Attributes:
-        scenario: what happens around the host.
+        scenario: what happens around the ego vehicle.
         knowledge: input of the leader's prediction.
         duration_s: length of the trip.
         strategy: the controller's; the reference plans on the paper's single horizon.
@@ -127,7 +127,7 @@ def opened_traffic(
 
             if drive.knowledge is PredictionInput.PATH:
                 demand = written(with_stand_in=True)
-                rehearsed = TrafficSimulation(network, demand, drive.step_s, with_host=False)
+                rehearsed = TrafficSimulation(network, demand, drive.step_s, with_ego=False)
                 with closing(rehearsed):
                     rehearsal = rehearse(rehearsed, drive.duration_s + _REHEARSED_BEYOND_S)
             demand = written(with_stand_in=False)

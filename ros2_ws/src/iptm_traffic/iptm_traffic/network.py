@@ -17,7 +17,7 @@ from iptm_core.errors import ScenarioError
 from iptm_core.parameters.model import KM_H_PER_M_S
 from iptm_core.road_ahead import SpeedLimits
 from iptm_core.state import FloatArray
-from iptm_traffic.host_road import HostRoad
+from iptm_traffic.ego_road import EgoRoad
 from iptm_traffic.sumo_net import Link, SumoNet
 from iptm_traffic.sumo_process import sumo_program
 from iptm_v2x_bridge.prediction.road_rules import RoadRules
@@ -29,7 +29,7 @@ MIN_BLOCKS = 8
 """9 km without the way to the start."""
 MAX_BLOCKS = 200
 LANES = 2
-HOST_LANE = 0
+EGO_LANE = 0
 CROSS_STREET_M = 250.0
 LIMITS_KM_H = (50.0, 70.0, 50.0, 60.0)
 """Speed limits of the blocks, over and over."""
@@ -156,24 +156,24 @@ def _edge(
 
 CYCLE_S = 80.0
 MAIN_OPEN_S, YELLOW_S, CLEARING_S = 42.0, 4.0, 2.0
-HOST_START_M = 60.0
-"""Where on its first lane the host starts."""
+EGO_START_M = 60.0
+"""Where on its first lane the ego vehicle starts."""
 _PHASES = ("main", "main yellow", "clearing", "cross", "cross yellow", "clearing")
 
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """A network, and the host's way through it.
+    """A network, and the ego vehicle's way through it.
 
     Attributes:
         net: SUMO's network.
         options: SUMO's command line for network and traffic.
-        way: the host's way, link by link.
+        way: the ego vehicle's way, link by link.
         edges: its edges.
-        start_m: where on its first lane the host starts.
+        start_m: where on its first lane the ego vehicle starts.
         start_s: SUMO's time at trip time 0.
-        instead_of: the vehicle whose place the host takes; empty for none.
-        road: the host's way as a road.
+        instead_of: the vehicle whose place the ego vehicle takes; empty for none.
+        road: the ego vehicle's way as a road.
         limits: speed limits along it.
         signals: those with plans that are known beforehand, in driving order, in trip time.
     """
@@ -185,7 +185,7 @@ class Network:
     start_m: float
     start_s: float
     instead_of: str
-    road: HostRoad
+    road: EgoRoad
     limits: SpeedLimits
     signals: tuple[CyclicSignal, ...] = ()
 
@@ -217,7 +217,7 @@ def build_network(
     )
     net = SumoNet(file)
     way = net.way(corridor.main_edges)
-    road = HostRoad.of_way(net, way, HOST_START_M)
+    road = EgoRoad.of_way(net, way, EGO_START_M)
     signals = tuple(
         CyclicSignal(line_m, CYCLE_S, opens_s, MAIN_OPEN_S)
         for line_m, opens_s in zip(road.stop_lines_m, opens_at_s, strict=True)
@@ -232,7 +232,7 @@ def build_network(
         options=("-n", str(file), "-a", str(programs)),
         way=way,
         edges=corridor.main_edges,
-        start_m=HOST_START_M,
+        start_m=EGO_START_M,
         start_s=before_trip_s,
         instead_of="",
         road=road,

@@ -1,6 +1,6 @@
 """The drive of ``traffic --bag``: SUMO with plant, bridge, controller and recorder over ROS 2.
 
-A node of the traffic moves the host in SUMO with its plant, and sends the messages of other cars.
+A node of the traffic moves the ego vehicle in SUMO with its plant, and sends the messages of other cars.
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ from iptm_interfaces.topics import Topic
 from iptm_traffic import cli
 from iptm_traffic.closed_loop import DRIVER_FORESIGHT_S
 from iptm_traffic.drive import PredictionInput, TrafficDrive, opened_traffic
-from iptm_traffic.host_road import HostRoad
+from iptm_traffic.ego_road import EgoRoad
 from iptm_traffic.network import Network
 from iptm_traffic.radio import TrafficRadio
 from iptm_traffic.roadside import LIMITS_WITHOUT_SIGNS
-from iptm_traffic.simulation import HostInstant, TrafficSimulation
+from iptm_traffic.simulation import EgoInstant, TrafficSimulation
 from iptm_traffic.world import SumoWorld
 from iptm_v2x_bridge.datagrams import (
     NOT_ALL_SENT,
@@ -70,7 +70,7 @@ class TrafficNode(SuiteNode):
     the bridge hears the same in every run. A node drives one trip, from trip time 0.
 
     Attributes:
-        world: SUMO around the host.
+        world: SUMO around the ego vehicle.
     """
 
     def __init__(
@@ -87,12 +87,12 @@ class TrafficNode(SuiteNode):
         self._simulation, self._radio = simulation, radio
         self.world = SumoWorld(drive.scenario, simulation, parameters)
         self._datagrams = DatagramSender(_LOCALHOST, to_port)
-        self._host: HostInstant | None = None
+        self._ego: EgoInstant | None = None
         specification()  # compiled now, not at the first tick, which others wait for
         self._reporter = DiagnosticsReporter.of_node(self, NAME)
         self.every(REPEAT_PERIOD_S, self._datagrams.repeat_end)
         self.every(REPORT_PERIOD_S, self._report)
-        self.listen(Topic.PLANT_ODOMETRY, self._on_host)
+        self.listen(Topic.PLANT_ODOMETRY, self._on_ego)
         # Only to be counted: the plant waits for as many peers on the clock as on the odometry, and the
         # bridge listens to both.
         for _ in range(LISTENERS):
@@ -102,37 +102,37 @@ class TrafficNode(SuiteNode):
     def _on_clock(self, message: Clock) -> None:
         pass
 
-    def _on_host(self, message: Odometry) -> None:
+    def _on_ego(self, message: Odometry) -> None:
         time_ns = ns_from_time(message.header.stamp)
         position_m = float(message.pose.pose.position.x)
         speed_m_s = float(message.twist.twist.linear.x)
-        host = HostInstant(time_ns / NS_PER_S, position_m, speed_m_s)
-        before = self._host or HostInstant(0.0, 0.0, 0.0)
+        ego = EgoInstant(time_ns / NS_PER_S, position_m, speed_m_s)
+        before = self._ego or EgoInstant(0.0, 0.0, 0.0)
         if not (math.isfinite(position_m) and math.isfinite(speed_m_s)):
             return  # the bridge gets no end of the tick, and reports it
-        if host.time_s < before.time_s or (self._host is not None and host.time_s == before.time_s):
+        if ego.time_s < before.time_s or (self._ego is not None and ego.time_s == before.time_s):
             return  # a state that was repeated, or a new trip, which needs a new simulation
-        if host.time_s > before.time_s:
-            self.world.pass_interval(before, host)
-        self._host = host
+        if ego.time_s > before.time_s:
+            self.world.pass_interval(before, ego)
+        self._ego = ego
         for _, datagram in self._radio.take():
             self._datagrams.send(datagram)
         self._datagrams.end_tick(time_ns)
 
     def _report(self) -> None:
-        host = self._host
+        ego = self._ego
         values: dict[str, object] = {
             **self._datagrams.report(),
             "leader": ("none", *self.world.leaders)[-1],
             "largest_deviation_m": self._simulation.largest_deviation_m,
         }
         level, reason = Level.OK, "the traffic follows the plant"
-        if host is None:
+        if ego is None:
             level, reason = Level.WARN, "waiting for the plant"
         elif self._datagrams.failed:
             level, reason = Level.WARN, NOT_ALL_SENT
         self._reporter.report(
-            0 if host is None else round(host.time_s * NS_PER_S), level, reason, values
+            0 if ego is None else round(ego.time_s * NS_PER_S), level, reason, values
         )
 
     def destroy_node(self) -> None:
@@ -145,7 +145,7 @@ RUN = "iptm_bringup.run_closed_loop"
 _PEERS_OF_THE_PLANT = 3
 """Controller or bridge, recorder, runner."""
 _BENDS_IN_LIMITS_M_S2 = 10.0
-"""Bends that matter are in the limits of the network, which the host has without ROS, too."""
+"""Bends that matter are in the limits of the network, which the ego vehicle has without ROS, too."""
 _SPIN_TIMEOUT_S = 0.1
 _PATIENCE_S = 60.0
 _SURVEY_ACCELERATION_M_S2, _SURVEY_M_S = 1.0, 10.0
@@ -171,7 +171,7 @@ def bridge_parameters(drive: TrafficDrive, network: Network, port: int) -> dict[
         "leader_source": "cam",
         "cam_port": port,
         "publish_datagrams": True,
-        "host_keeps_rules": True,
+        "ego_keeps_rules": True,
         "max_lateral_acceleration_m_s2": _BENDS_IN_LIMITS_M_S2,
         "leader_keeps_rules": knows_plan,
         "line_foresight_s": PreviewSettings.preview_length_s if knows_plan else DRIVER_FORESIGHT_S,
@@ -266,8 +266,8 @@ def drive_over_ros(
         return cli.judged(facts, console)
 
 
-def write_road(road: HostRoad, file: Path) -> None:
-    """Write the host's road as a recorded drive along it, the form of a driving cycle; a replay needs it.
+def write_road(road: EgoRoad, file: Path) -> None:
+    """Write the ego's road as a recorded drive along it, the form of a driving cycle; a replay needs it.
 
     Raises:
         ScenarioError: the file cannot be written.

@@ -1,4 +1,4 @@
-"""A network of the user's own: files of SUMO or OpenStreetMap, and the way that the host takes through it."""
+"""A network of the user's own: files of SUMO or OpenStreetMap, and the way that the ego takes through it."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from iptm_core.errors import ScenarioError
-from iptm_traffic.demand import HOST_KIND, host_kind
-from iptm_traffic.host_road import HostRoad
+from iptm_traffic.demand import EGO_KIND, ego_kind
+from iptm_traffic.ego_road import EgoRoad
 from iptm_traffic.network import Network, netconvert
 from iptm_traffic.simulation import step_options
 from iptm_traffic.sumo_net import SumoNet
 from iptm_traffic.sumo_process import SumoProcess
 
 DEPART_S = 120.0
-"""When the host departs on a route of its own: by then there is traffic."""
+"""When the ego vehicle departs on a route of its own: by then there is traffic."""
 LONGEST_SEARCH_S = 4 * 3600.0
-"""A vehicle that the host is to take the place of departs within this time."""
+"""A vehicle that the ego vehicle is to take the place of departs within this time."""
 _STARTS_AT_M = 6.0
 _NAMES_SHOWN = 5
 _OSM_OPTIONS = (
@@ -39,9 +39,9 @@ class OwnNetwork:
         net: network (``.net.xml``, ``.net.xml.gz``), configuration of SUMO (``.sumocfg``) or of netconvert
             (``.netccfg``), or map (``.osm``).
         routes: files with vehicles and persons; those of the configuration, if there is one, come before.
-        host: the vehicle whose place the host takes; empty for a route.
-        host_route: edges of the host's way; between two that do not touch it takes the shortest way.
-        depart_s: SUMO's time from which on the host departs on its route.
+        ego: the vehicle whose place the ego vehicle takes; empty for a route.
+        ego_route: edges of the ego vehicle's way; between two that do not touch it takes the shortest way.
+        depart_s: SUMO's time from which on the ego vehicle departs on its route.
         seed: SUMO's.
 
     Raises:
@@ -50,8 +50,8 @@ class OwnNetwork:
 
     net: Path
     routes: tuple[Path, ...] = ()
-    host: str = ""
-    host_route: tuple[str, ...] = ()
+    ego: str = ""
+    ego_route: tuple[str, ...] = ()
     depart_s: float = DEPART_S
     seed: int = 1
 
@@ -59,23 +59,23 @@ class OwnNetwork:
         for file in (self.net, *self.routes):
             if not file.is_file():
                 raise ScenarioError(f"{file} is not there; allowed: files of SUMO or OpenStreetMap")
-        if bool(self.host) == bool(self.host_route):
+        if bool(self.ego) == bool(self.ego_route):
             raise ScenarioError(
-                "the host of an own network has no way; allowed: either a vehicle of the routes (--host) or "
-                "edges (--host-route)"
+                "the ego of an own network has no way; allowed: either a vehicle of the routes (--ego) or "
+                "edges (--ego-route)"
             )
 
 
 def build_own_network(own: OwnNetwork, step_s: float, folder: Path) -> Network:
-    """Convert what has to be converted, and find the host's way.
+    """Convert what has to be converted, and find the ego vehicle's way.
 
     Raises:
         ScenarioError: SUMO is not installed or cannot read the files, the vehicle does not exist, or
             its way is not connected.
     """
-    kind = folder / "host.add.xml"
+    kind = folder / "ego.add.xml"
     root = ET.Element("additional")
-    root.append(host_kind())
+    root.append(ego_kind())
     ET.ElementTree(root).write(kind, encoding="unicode")
     file, options, additional = own.net, ["--seed", str(own.seed)], [str(kind)]
     routes = [str(path) for path in own.routes]
@@ -94,12 +94,12 @@ def build_own_network(own: OwnNetwork, step_s: float, folder: Path) -> Network:
     options += ["-r", ",".join(routes)] if routes else []
     with closing(SumoProcess([*options, *step_options(step_s)])) as sumo:
         try:
-            edges, start_s = _vehicle_way(sumo, own) if own.host else _route_way(sumo, own)
+            edges, start_s = _vehicle_way(sumo, own) if own.ego else _route_way(sumo, own)
         except sumo.failure as reason:
             raise sumo.ended(reason) from reason
     way = net.way(edges)
     start_m = min(_STARTS_AT_M, 0.5 * net.lanes[way[0].from_lane].length_m)
-    road = HostRoad.of_way(net, way, start_m)
+    road = EgoRoad.of_way(net, way, start_m)
     return Network(
         net=net,
         options=tuple(options),
@@ -107,7 +107,7 @@ def build_own_network(own: OwnNetwork, step_s: float, folder: Path) -> Network:
         edges=edges,
         start_m=start_m,
         start_s=start_s + step_s,
-        instead_of=own.host,
+        instead_of=own.ego,
         road=road,
         limits=road.limits(net),
     )
@@ -141,28 +141,28 @@ def _vehicle_way(sumo: SumoProcess, own: OwnNetwork) -> tuple[tuple[str, ...], f
         sumo.step()
         departed = simulation.getDepartedIDList()
         seen += departed[: _NAMES_SHOWN - len(seen)]
-        if own.host in departed:
-            edges = tuple(sumo.connection.vehicle.getRoute(own.host))
+        if own.ego in departed:
+            edges = tuple(sumo.connection.vehicle.getRoute(own.ego))
             return edges, float(simulation.getTime())
         if not simulation.getMinExpectedNumber():
             break
     raise ScenarioError(
-        f"vehicle {own.host!r} does not depart in {own.net}; allowed: vehicles of the routes, e.g. "
+        f"vehicle {own.ego!r} does not depart in {own.net}; allowed: vehicles of the routes, e.g. "
         f"{', '.join(seen) or 'none'}"
     )
 
 
 def _route_way(sumo: SumoProcess, own: OwnNetwork) -> tuple[tuple[str, ...], float]:
-    """Return the edges of the host's route, and SUMO's time from which on it departs."""
-    edges = list(own.host_route[:1])
-    for here, following in pairwise(own.host_route):
+    """Return the edges of the ego vehicle's route, and SUMO's time from which on it departs."""
+    edges = list(own.ego_route[:1])
+    for here, following in pairwise(own.ego_route):
         try:
-            found = sumo.connection.simulation.findRoute(here, following, vType=HOST_KIND).edges
+            found = sumo.connection.simulation.findRoute(here, following, vType=EGO_KIND).edges
         except sumo.refusal as reason:
-            raise ScenarioError(f"--host-route: {reason} Allowed: edges of the network") from reason
+            raise ScenarioError(f"--ego-route: {reason} Allowed: edges of the network") from reason
         if not found:
             raise ScenarioError(
-                f"--host-route: no way for cars from edge {here!r} to {following!r}; allowed: connected edges"
+                f"--ego-route: no way for cars from edge {here!r} to {following!r}; allowed: connected edges"
             )
         edges += found[1:]
     return tuple(edges), own.depart_s

@@ -3,7 +3,7 @@
 Roadside stations, if any, send their messages as well.
 
 The announced path of a vehicle is its motion in a rehearsal: the same simulation, with a car of SUMO's own
-in the host's place. A vehicle that departs from it announces none.
+in the ego vehicle's place. A vehicle that departs from it announces none.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from iptm_v2x_bridge.sending.settings import SenderSettings, path_times_s
 SAME_PLACE_M = 0.5
 """Distance from the rehearsed position beyond which a vehicle announces no path."""
 PATH_BEHIND_M, PATH_AHEAD_M = 20.0, 250.0
-"""Range around the host in which a vehicle announces its path, as farther ones do not lead."""
+"""Range around the ego vehicle in which a vehicle announces its path, as farther ones do not lead."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ class Rehearsed:
 
 
 def rehearse(simulation: TrafficSimulation, duration_s: float) -> dict[str, Rehearsed]:
-    """Drive a simulation without host to its end and return what the vehicles of the main road did."""
+    """Drive a simulation without ego vehicle to its end and return what the vehicles of the main road did."""
     places: dict[str, list[tuple[float, float, float]]] = {}
     while simulation.time_s < duration_s:
         simulation.step()
@@ -62,7 +62,7 @@ def rehearse(simulation: TrafficSimulation, duration_s: float) -> dict[str, Rehe
 
 
 class TrafficRadio:
-    """What the vehicles around the host send.
+    """What the vehicles around the ego vehicle send.
 
     Attributes:
         sent: how many messages there were so far.
@@ -80,7 +80,7 @@ class TrafficRadio:
 
         Args:
             simulation: the traffic.
-            road_line: the host's road on Earth.
+            road_line: the ego vehicle's road on Earth.
             rehearsal: future motion of the vehicles; None if they do not announce it.
             with_roadside: put roadside stations at the signals.
         """
@@ -96,23 +96,23 @@ class TrafficRadio:
     def _note(self) -> None:
         around = self._simulation.neighbours()
         self._pending.append(
-            (round(around.time_s * NS_PER_S), around, self._simulation.host_position_m)
+            (round(around.time_s * NS_PER_S), around, self._simulation.ego_position_m)
         )
 
     def take(self) -> list[tuple[int, bytes]]:
         """Return the datagrams since the last call, with the trip times at which they were sent, in ns."""
         taken = []
-        for sent_ns, around, host_m in self._pending:
+        for sent_ns, around, ego_m in self._pending:
             sent_ms = sent_ns // NS_PER_MS
-            sent = [packet_of(message, sent_ms) for message in self.messages(around, host_m)]
+            sent = [packet_of(message, sent_ms) for message in self.messages(around, ego_m)]
             if self._roadside is not None:
-                sent += self._roadside.datagrams(sent_ms, host_m)
+                sent += self._roadside.datagrams(sent_ms, ego_m)
             taken += [(sent_ns, datagram) for datagram in sent]
         self._pending.clear()
         self.sent += len(taken)
         return taken
 
-    def messages(self, around: Neighbours, host_position_m: float) -> list[CamMessage]:
+    def messages(self, around: Neighbours, ego_position_m: float) -> list[CamMessage]:
         """Return the messages of the vehicles at one instant."""
         latitudes, longitudes = self._on_earth(around.positions_m, around.lateral_m)
         limit = HIGHEST_ACCELERATION_M_S2
@@ -129,17 +129,17 @@ class TrafficRadio:
                 length_m=float(around.lengths_m[row]),
                 width_m=ASSUMED_WIDTH_M,
                 position_bound_m=POSITION_BOUND_M,
-                path=self._path(around, row, host_position_m),
+                path=self._path(around, row, ego_position_m),
             )
             for row, name in enumerate(around.names)
         ]
 
-    def _path(self, around: Neighbours, row: int, host_position_m: float) -> PredictedPath | None:
+    def _path(self, around: Neighbours, row: int, ego_position_m: float) -> PredictedPath | None:
         if self._rehearsal is None:
             return None
         name, time_s = around.names[row], around.time_s
         drive = self._rehearsal.get(name)
-        ahead_m = around.positions_m[row] - host_position_m
+        ahead_m = around.positions_m[row] - ego_position_m
         if drive is None or not -PATH_BEHIND_M < ahead_m < PATH_AHEAD_M:
             return None
         if time_s - self._path_sent.get(name, -np.inf) < 1.0 - 1e-9:

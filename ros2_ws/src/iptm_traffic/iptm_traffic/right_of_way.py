@@ -1,9 +1,9 @@
-"""Right of way for the host in a network of SUMO: when its stop lines are closed, as by red signals.
+"""Right of way for the ego vehicle in a network of SUMO: when its stop lines are closed, as by red signals.
 
-A line is closed while its signal is not green, and at instants at which the host, once past it, would meet
-road users it has to yield to: vehicles on ways of higher priority, in a roundabout or on the lane that it
-merges into, and pedestrians on crossings. The network file holds the right of way. Where the others are and
-which way they take comes from SUMO.
+A line is closed while its signal is not green, and at instants at which the ego vehicle, once past it, would
+meet road users it has to yield to: vehicles on ways of higher priority, in a roundabout or on the lane that
+it merges into, and pedestrians on crossings. The network file holds the right of way. Where the others are
+and which way they take comes from SUMO.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from iptm_v2x_bridge.rules_of_the_road import PASS_MARGIN_S
 AHEAD_M = 200.0
 """Others are looked at for lines that are so near, and if they are as near to the junction."""
 MARGIN_S = 1.0
-"""Time margin between the host leaving the junction and another vehicle arriving."""
+"""Time margin between the ego vehicle leaving the junction and another vehicle arriving."""
 PROGRAM_S = 150.0
 """Signals with fixed times are known so far ahead."""
 END_M = 5.0
@@ -37,7 +37,7 @@ FAST_SHARE, FAST_M_S2 = 1.2, 2.0
 SLOW_SHARE, SLOWEST_M_S = 0.8, 2.0
 """Others leave at the latest with this share of their present speed, at least with the second."""
 SOFT_M_S2 = 1.5
-"""Largest deceleration imposed on a vehicle behind when the host merges."""
+"""Largest deceleration imposed on a vehicle behind when the ego vehicle merges."""
 STROLL_M_S, HURRY_M_S = 0.8, 2.0
 """Slowest and fastest people on foot."""
 NEAR_CROSSING_M = 20.0
@@ -48,7 +48,7 @@ _CLOSED, _YELLOW = "rRuU", "yY"
 
 @dataclass(frozen=True)
 class _Line:
-    """One stop line of the host, and where its link ends along the road."""
+    """One stop line of the ego vehicle, and where its link ends along the road."""
 
     link: Link
     junction: Junction
@@ -68,16 +68,16 @@ class _Line:
 
 
 class RightOfWay:
-    """The rules for the host; two `RoadRules`.
+    """The rules for the ego vehicle; two `RoadRules`.
 
     Attributes:
-        host: limits, signals, everybody that the host has to yield to, and the end of the way.
+        ego: limits, signals, everybody that the ego vehicle has to yield to, and the end of the way.
         leader: limits and signals with fixed times, which a leader keeps, too.
         shown: the next signals as they are: closed while red.
     """
 
     def __init__(self, simulation: TrafficSimulation) -> None:
-        """Look at the present tick of a simulation with the host in it."""
+        """Look at the present tick of a simulation with the ego vehicle in it."""
         network = simulation.network
         self._simulation, self._net = simulation, network.net
         self._lights = simulation.connection.trafficlight
@@ -92,11 +92,11 @@ class RightOfWay:
         end_m = max(road.length_m - END_M, road.stop_lines_m[-1] + 1.0)
         self._end = SwitchedSignal(end_m, ALWAYS)
         limits = self._with_unknown_ends(network.limits)
-        self.host, self.leader, self.shown = (RoadRules(limits, SignalPlan(())) for _ in range(3))
+        self.ego, self.leader, self.shown = (RoadRules(limits, SignalPlan(())) for _ in range(3))
         self.refresh()
 
     def _with_unknown_ends(self, limits: SpeedLimits) -> SpeedLimits:
-        """Return limits with which the host can stop or pass when a signal of unknown times turns yellow."""
+        """Return limits with which the ego can stop or pass when a signal of unknown times turns yellow."""
         for line in self._lines:
             program = self._program(line.link.signal)
             if program is None or program.type == _STATIC:
@@ -105,7 +105,9 @@ class RightOfWay:
                 (phase.state[line.link.signal_index], phase.duration) for phase in program.phases
             ]
             yellow_s = min((lasts for letter, lasts in letters if letter in _YELLOW), default=3.0)
-            speed = 2.0 * HARDEST_M_S2 * max(yellow_s - 1.0, 1.0)  # a second until the host acts
+            speed = (
+                2.0 * HARDEST_M_S2 * max(yellow_s - 1.0, 1.0)
+            )  # a second until the ego vehicle acts
             from_m = line.position_m - speed**2 / (2.0 * HARDEST_M_S2)
             stretch = np.array([from_m - 1.0, from_m, line.position_m])
             limits = limits.and_not_above(
@@ -115,9 +117,9 @@ class RightOfWay:
 
     def refresh(self) -> None:
         """Look at the present tick."""
-        now_s, host_m = self._simulation.time_s, self._simulation.host_position_m
-        ahead = [line for line in self._lines if line.position_m > host_m]
-        near = [line for line in ahead if line.position_m < host_m + AHEAD_M]
+        now_s, ego_m = self._simulation.time_s, self._simulation.ego_position_m
+        ahead = [line for line in self._lines if line.position_m > ego_m]
+        near = [line for line in ahead if line.position_m < ego_m + AHEAD_M]
         ways = self._ways() if any(line.conflicts for line in near) else []
         signals: list[Signal] = []
         fixed: list[Signal] = []
@@ -129,7 +131,7 @@ class RightOfWay:
                 spans += self._conflict_spans(line, ways, now_s)
             if spans:
                 signals.append(SwitchedSignal(line.position_m, joined(spans)))
-        self.host.plan = SignalPlan((*signals, self._end))
+        self.ego.plan = SignalPlan((*signals, self._end))
         self.leader.plan = SignalPlan(tuple(fixed))
         lights = [line for line in near if line.link.signal]
         red = [self._letter(line.link.signal, line.link.signal_index) in _CLOSED for line in lights]
@@ -210,7 +212,7 @@ class RightOfWay:
     def _conflict_spans(
         self, line: _Line, ways: list[tuple[Link, float, float, float]], now_s: float
     ) -> list[Span]:
-        """Return when the host must not pass a line because of others."""
+        """Return when the ego vehicle must not pass a line because of others."""
         clear_s, exit_m_s = self._clearing(line)
         spans: list[Span] = []
         for link, way_m, speed, length_m in ways:
@@ -221,7 +223,7 @@ class RightOfWay:
             out_s = now_s + gone_m / max(SLOW_SHARE * speed, SLOWEST_M_S)
             yields = line.yields_to(link.index)
             if way_m <= 0.0:
-                # Who has to yield may wait inside, where the host passes.
+                # Who has to yield may wait inside, where the ego vehicle passes.
                 last_m = self._net.lanes[link.inside[-1]].length_m
                 if yields or len(link.inside) == 1 or -way_m > inside_m - last_m:
                     spans.append((-math.inf, out_s))
@@ -244,10 +246,10 @@ class RightOfWay:
         return spans
 
     def _clearing(self, line: _Line) -> tuple[float, float]:
-        """Return how long the host takes from a line until it has left the junction, and its speed then."""
+        """Return how long the ego takes from a line until it has left the junction, and its speed then."""
         limits = self._simulation.network.limits
         limit = min(limits.approach_at_m_s(line.position_m), limits.approach_at_m_s(line.exit_m))
-        speed = min(self._simulation.host_speed_m_s, limit)
+        speed = min(self._simulation.ego_speed_m_s, limit)
         way_m = line.exit_m - line.position_m + VEHICLE_LENGTH_M
         clear_s = _duration_s(way_m, speed, START_M_S2, limit)
         return clear_s, min(speed + START_M_S2 * clear_s, limit)
@@ -255,7 +257,7 @@ class RightOfWay:
     def _walk_spans(
         self, crossing: str, clear_s: float, now_s: float, *, yields: bool
     ) -> list[Span]:
-        """Return when the host must not pass a line because of people on or near a crossing."""
+        """Return when the ego vehicle must not pass a line because of people on or near a crossing."""
         connection, net = self._simulation.connection, self._net
         edge, lane = net.edge_of(crossing), net.lanes[crossing]
         walking = [(name, 0.0, now_s) for name in connection.edge.getLastStepPersonIDs(edge)]

@@ -36,7 +36,7 @@ from iptm_v2x_bridge.messages.spatem import (
 from iptm_v2x_bridge.prediction.signals import CyclicSignal
 
 LIMITS_WITHOUT_SIGNS = f"0:{min(LIMITS_KM_H):g}"
-"""Speed limit (km/h) assumed by a host that knows only the kind of road."""
+"""Speed limit (km/h) assumed by an ego vehicle that knows only the kind of road."""
 SENT_PHASES = 6
 """Two cycles of green, yellow and red."""
 MAPS_EVERY_S = 1.0
@@ -62,7 +62,7 @@ class _Station:
 
 
 class RoadsideStations:
-    """The stations in radio range of the host: one at the start, with a sign only, and one at each signal."""
+    """The stations in radio range of the ego: one at the start, with a sign only, and one at each signal."""
 
     def __init__(self, network: Network, road: RoadLine) -> None:
         """Set up the stations."""
@@ -81,11 +81,11 @@ class RoadsideStations:
             place_m = 0.0 if signal is None else signal.stop_line_m
             self._stations.append(_Station(number, place_m, signal, tuple(sent)))
 
-    def datagrams(self, time_ms: int, host_position_m: float) -> list[bytes]:
-        """Return what the host hears of them at an instant."""
+    def datagrams(self, time_ms: int, ego_position_m: float) -> list[bytes]:
+        """Return what the ego vehicle hears of them at an instant."""
         heard = []
         for station in self._stations:
-            if abs(station.position_m - host_position_m) > RADIO_RANGE_M:
+            if abs(station.position_m - ego_position_m) > RADIO_RANGE_M:
                 continue
             if station.signal is not None:
                 phases = encode_spatem(_phases(station.number, station.signal, time_ms))
@@ -114,7 +114,7 @@ class RoadsideStations:
         )
 
     def _lanes(self, number: int, line_m: float) -> IntersectionMap:
-        """Return the lanes of an intersection: the host's road with two lanes, and one that crosses it."""
+        """Return the lanes of an intersection: the ego's road with two lanes, and one that crosses it."""
         latitude, longitude, heading = (float(value) for value in self._road.locate(line_m))
         # Offsets count from the reference point as it is sent.
         origin = (

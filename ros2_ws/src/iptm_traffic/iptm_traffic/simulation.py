@@ -1,4 +1,4 @@
-"""One SUMO simulation with the host in it, moved exactly with the plant."""
+"""One SUMO simulation with the ego vehicle in it, moved exactly with the plant."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import numpy as np
 
 from iptm_core.errors import ScenarioError
 from iptm_core.state import FloatArray, VehicleState
-from iptm_traffic.demand import HOST, HOST_KIND, MAIN_NAMES
+from iptm_traffic.demand import EGO, EGO_KIND, MAIN_NAMES
 from iptm_traffic.network import Network
 from iptm_traffic.sumo_process import SumoProcess
 
 RADIO_RANGE_M = 400.0
 LOOKED_AHEAD_M = 1000.0
 LONGEST_WAIT_S = 120.0
-"""Longest delay of the start of the trip until there is room for the host."""
+"""Longest delay of the start of the trip until there is room for the ego vehicle."""
 _CHANGE_LANES_NEVER = 0
 _OBEY_NOTHING = 0
 _VEHICLES = 0xA4  # TraCI's domain of vehicles
@@ -26,26 +26,26 @@ _SPEED, _POSITION, _ANGLE, _LENGTH, _LANE_INDEX, _ACCELERATION = 0x40, 0x42, 0x4
 
 
 @dataclass(frozen=True)
-class HostInstant:
-    """The host at one instant: trip time, front along the road, speed."""
+class EgoInstant:
+    """The ego vehicle at one instant: trip time, front along the road, speed."""
 
     time_s: float
     position_m: float
     speed_m_s: float
 
 
-HostMotion = HostInstant | VehicleState
-"""The host as its plant has it, headless or in a message."""
+EgoMotion = EgoInstant | VehicleState
+"""The ego vehicle as its plant has it, headless or in a message."""
 
 
 @dataclass(frozen=True, eq=False)
 class Neighbours:
-    """The vehicles in radio range of the host at one instant, in the order of their names.
+    """The vehicles in radio range of the ego vehicle at one instant, in the order of their names.
 
     Attributes:
         time_s: trip time.
         names: SUMO's names, n of them.
-        positions_m: fronts along the host's road, shape (n,).
+        positions_m: fronts along the ego vehicle's road, shape (n,).
         lateral_m: distances to the left of it, shape (n,).
         headings_deg: clockwise from north, shape (n,).
         speeds_m_s: shape (n,).
@@ -80,12 +80,13 @@ class TrafficSimulation:
 
     Attributes:
         network: what is driven in.
-        largest_deviation_m: how far apart SUMO and plant ever had the host.
-        collisions: those of the host that SUMO has noticed, junctions and crossings included.
+        largest_deviation_m: how far apart SUMO and plant ever had the ego vehicle.
+        collisions: those of the ego vehicle that SUMO has noticed, junctions and crossings included.
         start_s: SUMO's time at trip time 0.
         after_step: called after every step.
 
-    With the host in it, the simulation waits at trip time 0 until `move_host` sets the position of the host.
+    With the ego vehicle in it, the simulation waits at trip time 0 until `move_ego` sets the position of the
+    ego vehicle.
     """
 
     def __init__(
@@ -94,7 +95,7 @@ class TrafficSimulation:
         demand: Path | None,
         step_s: float,
         *,
-        with_host: bool = True,
+        with_ego: bool = True,
         fcd: Path | None = None,
     ) -> None:
         """Start SUMO and let the traffic drive up to trip time 0.
@@ -103,11 +104,11 @@ class TrafficSimulation:
             network: what is driven in.
             demand: vehicles, see `iptm_traffic.demand`; None for those of the network.
             step_s: SUMO's step.
-            with_host: put the host in.
+            with_ego: put the ego vehicle in.
             fcd: where SUMO writes what every vehicle does, its floating car data; None for nowhere.
 
         Raises:
-            ScenarioError: SUMO does not start, or has no room for the host.
+            ScenarioError: SUMO does not start, or has no room for the ego vehicle.
         """
         self.network = network
         self._step_s = step_s
@@ -124,13 +125,13 @@ class TrafficSimulation:
         self._steps = 0
         self.largest_deviation_m = 0.0
         self.after_step: Callable[[], None] = lambda: None
-        self._host_position_m, self._host_speed_m_s = 0.0, 0.0
+        self._ego_position_m, self._ego_speed_m_s = 0.0, 0.0
         self.collisions: list[str] = []
         try:
-            self._warm_up(with_host=with_host)
+            self._warm_up(with_ego=with_ego)
         except self._process.refusal as reason:
             self.close()
-            raise ScenarioError(f"SUMO refuses the host: {reason}") from reason
+            raise ScenarioError(f"SUMO refuses the ego vehicle: {reason}") from reason
         except BaseException:
             self.close()
             raise
@@ -140,40 +141,40 @@ class TrafficSimulation:
         """End SUMO."""
         self._process.close()
 
-    def _warm_up(self, *, with_host: bool) -> None:
+    def _warm_up(self, *, with_ego: bool) -> None:
         # The step that ends at trip time 0 puts the standing cars in.
-        until_s = self.network.start_s - (0.5 + with_host) * self._step_s
+        until_s = self.network.start_s - (0.5 + with_ego) * self._step_s
         while self.connection.simulation.getTime() < until_s:
             self._process.step()
-            if not with_host:
+            if not with_ego:
                 self.main_road_places()
-        if not with_host:
+        if not with_ego:
             return
         vehicle, network = self._vehicle, self.network
         if network.instead_of:
             vehicle.remove(network.instead_of)
-        self.connection.route.add("host_route", network.edges)
+        self.connection.route.add("ego_route", network.edges)
         vehicle.add(
-            HOST,
-            "host_route",
-            typeID=HOST_KIND,
+            EGO,
+            "ego_route",
+            typeID=EGO_KIND,
             depart="now",
             departLane=network.way[0].from_lane.rpartition("_")[2],
             departPos=f"{network.start_m:g}",
             departSpeed="0",
         )
-        vehicle.setSpeedMode(HOST, _OBEY_NOTHING)
-        vehicle.setLaneChangeMode(HOST, _CHANGE_LANES_NEVER)
-        vehicle.setSpeed(HOST, 0.0)
+        vehicle.setSpeedMode(EGO, _OBEY_NOTHING)
+        vehicle.setLaneChangeMode(EGO, _CHANGE_LANES_NEVER)
+        vehicle.setSpeed(EGO, 0.0)
         latest_s = network.start_s + LONGEST_WAIT_S
-        while HOST not in vehicle.getIDList():
+        while EGO not in vehicle.getIDList():
             if self.connection.simulation.getTime() >= latest_s:
                 raise ScenarioError(
-                    f"SUMO finds no room for the host at the start of its way for {LONGEST_WAIT_S:g} s"
+                    f"SUMO finds no room for the ego vehicle at the start of its way for {LONGEST_WAIT_S:g} s"
                 )
             self._process.step()
         vehicle.subscribeContext(
-            HOST,
+            EGO,
             _VEHICLES,
             RADIO_RANGE_M,
             [*(_SPEED, _POSITION, _ANGLE, _LENGTH, _LANE_INDEX, _ACCELERATION), *_ON_LANE],
@@ -190,12 +191,14 @@ class TrafficSimulation:
         return self._steps * self._step_s
 
     def sumo_position_m(self) -> float:
-        """Return where the host is for SUMO, along the road from where it started."""
-        lane = self._vehicle.getLaneID(HOST)
-        on_lane_m = float(self._vehicle.getLanePosition(HOST))
-        found = self.network.road.position_on(lane, on_lane_m, self._host_position_m)
+        """Return where the ego vehicle is for SUMO, along the road from where it started."""
+        lane = self._vehicle.getLaneID(EGO)
+        on_lane_m = float(self._vehicle.getLanePosition(EGO))
+        found = self.network.road.position_on(lane, on_lane_m, self._ego_position_m)
         if found is None:
-            raise ScenarioError(f"the host is on SUMO's lane {lane!r}; allowed: those of its road")
+            raise ScenarioError(
+                f"the ego vehicle is on SUMO's lane {lane!r}; allowed: those of its road"
+            )
         return found
 
     def step(self) -> None:
@@ -203,7 +206,7 @@ class TrafficSimulation:
         self._process.step()
         self._steps += 1
         for met in self.connection.simulation.getCollisions():
-            if HOST in {met.collider, met.victim}:
+            if EGO in {met.collider, met.victim}:
                 self.collisions.append(
                     f"{met.collider} met {met.victim} on {met.lane} at {self.time_s:g} s"
                 )
@@ -217,19 +220,20 @@ class TrafficSimulation:
         found = self._vehicle.getAllSubscriptionResults()
         return [(name, values[_POSITION]) for name, values in found.items()]
 
-    def move_host(self, host: HostMotion, duration_s: float) -> None:
-        """Let an interval pass in which the host moves as its plant has moved.
+    def move_ego(self, ego: EgoMotion, duration_s: float) -> None:
+        """Let an interval pass in which the ego vehicle moves as its plant has moved.
 
         SUMO's ballistic step covers the mean of the speeds at its two ends. The speed at its beginning is set
-        to what leads exactly to the plant's position, so nothing adds up, wherever the host halts between.
+        to what leads exactly to the plant's position, so nothing adds up, wherever the ego vehicle halts
+        between.
 
         Args:
-            host: at the end of the interval.
+            ego: ego vehicle at the end of the interval.
             duration_s: length of the interval, a whole number of SUMO's steps.
         """
         count = round(duration_s / self._step_s)
-        start_m, speed = self._host_position_m, self._host_speed_m_s
-        moved_m, end_speed = host.position_m - start_m, host.speed_m_s
+        start_m, speed = self._ego_position_m, self._ego_speed_m_s
+        moved_m, end_speed = ego.position_m - start_m, ego.speed_m_s
         for number in range(1, count + 1):
             at_s = number * self._step_s
             target_m, target_speed = (
@@ -239,45 +243,45 @@ class TrafficSimulation:
             )
             step_m = start_m + target_m - self.sumo_position_m()
             before = max(2.0 * step_m / self._step_s - target_speed, 0.0)
-            self._vehicle.setPreviousSpeed(HOST, before)
-            self._vehicle.setSpeed(HOST, target_speed)
-            self._host_position_m, self._host_speed_m_s = start_m + target_m, target_speed
+            self._vehicle.setPreviousSpeed(EGO, before)
+            self._vehicle.setSpeed(EGO, target_speed)
+            self._ego_position_m, self._ego_speed_m_s = start_m + target_m, target_speed
             self.step()
-        self._host_position_m, self._host_speed_m_s = host.position_m, end_speed
-        deviation_m = abs(self.sumo_position_m() - host.position_m)
+        self._ego_position_m, self._ego_speed_m_s = ego.position_m, end_speed
+        deviation_m = abs(self.sumo_position_m() - ego.position_m)
         self.largest_deviation_m = max(self.largest_deviation_m, deviation_m)
 
     @property
-    def host_position_m(self) -> float:
-        """Latest position of the host from its plant."""
-        return self._host_position_m
+    def ego_position_m(self) -> float:
+        """Latest position of the ego vehicle from its plant."""
+        return self._ego_position_m
 
     @property
-    def host_speed_m_s(self) -> float:
-        """Latest speed of the host from its plant."""
-        return self._host_speed_m_s
+    def ego_speed_m_s(self) -> float:
+        """Latest speed of the ego vehicle from its plant."""
+        return self._ego_speed_m_s
 
     def leader(self) -> tuple[str, float, float] | None:
-        """Return name, gap and speed of the car ahead in the host's lane, None if there is none."""
-        found = self._vehicle.getLeader(HOST, LOOKED_AHEAD_M)
+        """Return name, gap and speed of the car ahead in the ego vehicle's lane, None if there is none."""
+        found = self._vehicle.getLeader(EGO, LOOKED_AHEAD_M)
         if found is None or not found[0]:
             return None
-        gap_m = float(found[1]) + float(self._vehicle.getMinGap(HOST))
+        gap_m = float(found[1]) + float(self._vehicle.getMinGap(EGO))
         return found[0], gap_m, float(self._vehicle.getSpeed(found[0]))
 
     def on_lanes(self) -> list[tuple[str, str, float, float, float]]:
-        """Return name, lane, position on it, speed and length of the vehicles around the host, by name."""
-        around = dict(self._vehicle.getContextSubscriptionResults(HOST) or {})
-        around.pop(HOST, None)
+        """Return name, lane, position on it, speed and length of the vehicles around the ego, by name."""
+        around = dict(self._vehicle.getContextSubscriptionResults(EGO) or {})
+        around.pop(EGO, None)
         return [
             (name, *(around[name][key] for key in (*_ON_LANE, _SPEED, _LENGTH)))
             for name in sorted(around)
         ]
 
     def neighbours(self) -> Neighbours:
-        """Return the vehicles around the host."""
-        around = dict(self._vehicle.getContextSubscriptionResults(HOST) or {})
-        around.pop(HOST, None)
+        """Return the vehicles around the ego vehicle."""
+        around = dict(self._vehicle.getContextSubscriptionResults(EGO) or {})
+        around.pop(EGO, None)
         names = tuple(sorted(around))
         rows = [around[name] for name in names]
 
@@ -286,7 +290,7 @@ class TrafficSimulation:
 
         places = np.array([row[_POSITION] for row in rows], dtype=np.float64).reshape(-1, 2)
         along, aside = self.network.road.along_and_aside_m(
-            places[:, 0], places[:, 1], self._host_position_m
+            places[:, 0], places[:, 1], self._ego_position_m
         )
         return Neighbours(
             self.time_s,

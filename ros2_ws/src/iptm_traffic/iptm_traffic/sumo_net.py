@@ -174,11 +174,13 @@ class SumoNet:
         """
         if len(edges) < 2:
             raise ScenarioError(
-                f"the host's route is {' '.join(edges)!r}; allowed: at least two edges"
+                f"the ego vehicle's route is {' '.join(edges)!r}; allowed: at least two edges"
             )
         for edge in edges:
             if edge not in self.edges or edge.startswith(":"):
-                raise ScenarioError(f"edge {edge!r} of the host's route is not in the network")
+                raise ScenarioError(
+                    f"edge {edge!r} of the ego vehicle's route is not in the network"
+                )
         good = {name for name in self.edges[edges[-1]] if self.lanes[name].for_cars}
         options: list[list[Link]] = []
         for here, following in reversed(list(pairwise(edges))):
@@ -193,7 +195,7 @@ class SumoNet:
             )
             if not options[-1]:
                 raise ScenarioError(
-                    f"no lane of edge {here!r} leads on to {following!r} and along the rest of the host's "
+                    f"no lane of edge {here!r} leads on to {following!r} and along the rest of the ego's "
                     "route; allowed: connected edges, without a change of lanes"
                 )
             good = {link.from_lane for link in options[-1]}

@@ -1,4 +1,4 @@
-"""The traffic as the world around the host, headless and over ROS: SUMO advances with the host's plant."""
+"""The traffic as the world around the ego, headless and over ROS: SUMO advances with that of the ego."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.car_following import minimum_gap_m
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState
 from iptm_traffic.demand import LEADER, TrafficScenario
-from iptm_traffic.network import HOST_LANE
+from iptm_traffic.network import EGO_LANE
 from iptm_traffic.right_of_way import RightOfWay
-from iptm_traffic.simulation import HostMotion, TrafficSimulation
+from iptm_traffic.simulation import EgoMotion, TrafficSimulation
 from iptm_v2x_bridge.bridge import single_sample
 from iptm_v2x_bridge.prediction.road_rules import RoadRules
 
 EVENT_PERIOD_S = 60.0
 """Smallest interval between two events (a car cuts in, a leader turns off)."""
 CUT_IN_ROOM_M = (8.0, 60.0)
-"""Distances of a rear end ahead of the host's front at which a car of the other lane cuts in."""
+"""Distances of a rear end ahead of the ego vehicle's front at which a car of the other lane cuts in."""
 SETTLING_TICKS = 10
 """Ticks for which a gap is not judged after another car has moved in."""
 _LEFT_LANE = 1
@@ -33,12 +33,11 @@ class TrafficFacts:
     Attributes:
         smallest_gap_m: to the car ahead.
         smallest_margin_m: smallest gap less s_min behind a car that did not just move in.
-        lines_passed: stop lines passed by the host.
+        lines_passed: stop lines passed by the ego vehicle.
         lines_passed_closed: how many of them were not green.
-        largest_deviation_m: largest distance between the positions of the host in SUMO and in the plant.
-        leaders: names of the cars ahead, in order.
-        messages: messages sent around the host.
-        collisions: those of the host that SUMO has noticed, one text each.
+        largest_deviation_m: largest distance between the positions of the ego vehicle in SUMO and in the
+        plant. leaders: names of the cars ahead, in order. messages: messages sent around the ego vehicle.
+        collisions: those of the ego vehicle that SUMO has noticed, one text each.
     """
 
     smallest_gap_m: float
@@ -57,12 +56,12 @@ class TrafficFacts:
 
     @property
     def collision_count(self) -> int:
-        """How many steps the host spent in collisions."""
+        """How many steps the ego vehicle spent in collisions."""
         return len(self.collisions)
 
 
 class LineWatch:
-    """Records the stop lines that the host passes.
+    """Records the stop lines that the ego vehicle passes.
 
     Attributes:
         passed: instants, and whether the line was open.
@@ -72,12 +71,12 @@ class LineWatch:
         self._rules = rules
         self.passed: list[tuple[float, bool]] = []
 
-    def watch(self, before: HostMotion, after: HostMotion) -> None:
-        """Examine one interval of the host."""
+    def watch(self, before: EgoMotion, after: EgoMotion) -> None:
+        """Examine one interval of the ego vehicle."""
         signal = self._rules.plan.next_after(before.position_m)
         if signal is None or after.position_m <= signal.stop_line_m:
             return
-        # The instant at constant acceleration; a host that halts inside the interval was there earlier.
+        # The instant at constant acceleration; an ego that halts inside the interval was there earlier.
         distance_m = signal.stop_line_m - before.position_m
         mean = 0.5 * (before.speed_m_s + after.speed_m_s)
         acceleration = (after.speed_m_s - before.speed_m_s) / (after.time_s - before.time_s)
@@ -88,11 +87,11 @@ class LineWatch:
 
 
 class SumoWorld:
-    """Moves the host in SUMO, starts the events of the scenario, and judges; a `World` of the closed loop.
+    """Moves the ego in SUMO, starts the events of the scenario, and judges; a `World` of the closed loop.
 
     Attributes:
         leaders: names of the cars ahead, in order.
-        lines: stop lines that the host has passed.
+        lines: stop lines that the ego vehicle has passed.
     """
 
     def __init__(
@@ -106,8 +105,8 @@ class SumoWorld:
 
         Args:
             scenario: what is to happen.
-            simulation: at trip time 0, with the host in it.
-            parameters: of the host.
+            simulation: at trip time 0, with the ego vehicle in it.
+            parameters: of the ego vehicle.
             right_of_way: refreshed at every tick; None where all rules are those of the network.
         """
         self._scenario, self._simulation, self._parameters = scenario, simulation, parameters
@@ -119,16 +118,16 @@ class SumoWorld:
         self.lines = LineWatch(right_of_way.shown if right_of_way else simulation.network.rules)
         self._look(0.0)
 
-    def pass_interval(self, before: HostMotion, after: HostMotion) -> None:
-        """Let an interval pass in which the host moves from one state to the other."""
+    def pass_interval(self, before: EgoMotion, after: EgoMotion) -> None:
+        """Let an interval pass in which the ego vehicle moves from one state to the other."""
         self.lines.watch(before, after)
-        self._simulation.move_host(after, after.time_s - before.time_s)
+        self._simulation.move_ego(after, after.time_s - before.time_s)
         self._time_s = after.time_s
         if self._right_of_way is not None:
             self._right_of_way.refresh()
         self._look(after.speed_m_s)
 
-    def _look(self, host_speed_m_s: float) -> None:
+    def _look(self, ego_speed_m_s: float) -> None:
         self._leader = found = self._simulation.leader()
         gap_m, margin_m = math.inf, math.inf
         if found is not None:
@@ -137,7 +136,7 @@ class SumoWorld:
                 self.leaders.append(name)
                 self._settled_tick = len(self._margins_m) + SETTLING_TICKS
             policy, limits = self._parameters.gap, self._parameters.limits
-            margin_m = gap_m - float(minimum_gap_m(host_speed_m_s, speed_m_s, policy, limits))
+            margin_m = gap_m - float(minimum_gap_m(ego_speed_m_s, speed_m_s, policy, limits))
         self._margins_m.append((gap_m, margin_m, len(self._margins_m) >= self._settled_tick))
         if self._simulation.time_s >= self._next_event_s:
             self._start_event()
@@ -147,7 +146,7 @@ class SumoWorld:
         if self._scenario is TrafficScenario.CUT_IN:
             name = self._who_can_cut_in()
             if name is not None:
-                simulation.change_lane(name, HOST_LANE, EVENT_PERIOD_S)
+                simulation.change_lane(name, EGO_LANE, EVENT_PERIOD_S)
                 self._next_event_s = simulation.time_s + EVENT_PERIOD_S
         elif self._scenario is TrafficScenario.TURN_OFF and self._leader is not None:
             name = self._leader[0]
@@ -156,10 +155,10 @@ class SumoWorld:
 
     def _who_can_cut_in(self) -> str | None:
         around = self._simulation.neighbours()
-        host_m, speed = self._simulation.host_position_m, self._simulation.host_speed_m_s
+        ego_m, speed = self._simulation.ego_position_m, self._simulation.ego_speed_m_s
         nearest = np.inf if self._leader is None else self._leader[1]
         for row, name in enumerate(around.names):
-            rear_m = around.positions_m[row] - around.lengths_m[row] - host_m
+            rear_m = around.positions_m[row] - around.lengths_m[row] - ego_m
             fits = CUT_IN_ROOM_M[0] < rear_m < min(CUT_IN_ROOM_M[1], nearest)
             beside = around.lanes[row] == _LEFT_LANE and 2.0 < around.lateral_m[row] < 5.0
             if fits and beside and around.speeds_m_s[row] > max(speed - 2.0, 3.0):
@@ -172,7 +171,7 @@ class SumoWorld:
         if self._leader is None:
             return None
         _, gap_m, speed_m_s = self._leader
-        return LeaderState(self._time_s, self._simulation.host_position_m + gap_m, speed_m_s)
+        return LeaderState(self._time_s, self._simulation.ego_position_m + gap_m, speed_m_s)
 
     def sampled(self, times_s: FloatArray) -> LeaderPreview:
         """Return the car ahead at the present tick; where it will be, SUMO has not decided yet."""
@@ -180,7 +179,7 @@ class SumoWorld:
         return single_sample(self.leader_at(0))
 
     def facts(self, messages: int) -> TrafficFacts:
-        """Return the results so far; `messages` is the number of messages sent around the host."""
+        """Return the results so far; `messages` is the number of messages sent around the ego vehicle."""
         return TrafficFacts(
             smallest_gap_m=min(gap_m for gap_m, _, _ in self._margins_m),
             smallest_margin_m=min(

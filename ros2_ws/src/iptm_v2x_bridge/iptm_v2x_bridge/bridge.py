@@ -1,7 +1,7 @@
 """The bridge without ROS: for every tick, the leader now and the prediction held on board.
 
-Between a prediction and the host there are delay, loss and error. Every random number depends only on the
-seed, the purpose and the stamp, never on what was drawn before: a run can be repeated, joined late or
+Between a prediction and the ego vehicle there are delay, loss and error. Every random number depends only on
+the seed, the purpose and the stamp, never on what was drawn before: a run can be repeated, joined late or
 replayed from the middle with the same numbers.
 """
 
@@ -54,14 +54,14 @@ class TickBridge(Protocol):
     """What answers ticks, wherever it knows the leader from."""
 
     def answer(
-        self, time_ns: int, host_position_m: float, host_speed_m_s: float = 0.0
+        self, time_ns: int, ego_position_m: float, ego_speed_m_s: float = 0.0
     ) -> BridgeAnswer:
         """Return the answer to one tick.
 
         Args:
             time_ns: the tick, integer nanoseconds of trip time.
-            host_position_m: front of the host along the road at the tick.
-            host_speed_m_s: its speed; plays no part without rules of the road.
+            ego_position_m: front of the ego vehicle along the road at the tick.
+            ego_speed_m_s: its speed; plays no part without rules of the road.
         """
         ...
 
@@ -98,10 +98,10 @@ class V2xBridge:
     def answer(
         self,
         time_ns: int,
-        host_position_m: float = 0.0,  # noqa: ARG002
-        host_speed_m_s: float = 0.0,  # noqa: ARG002
+        ego_position_m: float = 0.0,  # noqa: ARG002
+        ego_speed_m_s: float = 0.0,  # noqa: ARG002
     ) -> BridgeAnswer:
-        """Return the answer to one tick; the place of the host plays no part. See `TickBridge.answer`."""
+        """Return the answer to one tick; the place of the ego plays no part. See `TickBridge.answer`."""
         if self._last is not None and time_ns == self._last.time_ns:
             return self._last
         if self._last is not None and time_ns < self._last.time_ns:

@@ -40,7 +40,7 @@ from iptm_v2x_bridge.stations.table import LeaderSelector, StationTable
 SILENT_MS = 1500
 """Silence after which a leader is assumed to brake."""
 HOLD_MS = 60_000
-"""Time for which a silent leader is kept; the host has halted behind it by then."""
+"""Time for which a silent leader is kept; the ego vehicle has halted behind it by then."""
 HOLD_BEFORE_OTHER_MS = 10_000
 """The same time if another station is received farther ahead."""
 SAME_CAR_MS = 1000
@@ -71,7 +71,7 @@ class CamBridge:
         """Set up a bridge.
 
         Args:
-            road: the host's route; position 0 is where the host starts.
+            road: the ego vehicle's route; position 0 is where the ego vehicle starts.
             settings: length and step of the previews; the faults of a simulated link play no part.
             predictors: from the best informed to one that always knows an answer.
             start_timestamp_ms: TimestampIts at trip time 0.
@@ -97,7 +97,7 @@ class CamBridge:
         self._unread = RejectionCounts()
         self._datagrams = 0
         self._verifier.forget()
-        self._host_position_m = 0.0
+        self._ego_position_m = 0.0
         self._leader: Station | None = None
         self._last: BridgeAnswer | None = None
 
@@ -126,7 +126,7 @@ class CamBridge:
             self._unread.add(message)
             return message
         return self._table.receive(
-            message, opened.packet_timestamp_ms, now_ms, self._host_position_m
+            message, opened.packet_timestamp_ms, now_ms, self._ego_position_m
         )
 
     def decode_waiting(self, time_ns: int) -> None:
@@ -144,16 +144,16 @@ class CamBridge:
     def answer(
         self,
         time_ns: int,
-        host_position_m: float,
-        host_speed_m_s: float = 0.0,  # noqa: ARG002
+        ego_position_m: float,
+        ego_speed_m_s: float = 0.0,  # noqa: ARG002
     ) -> BridgeAnswer:
         """Return the answer to one tick; see `TickBridge.answer`."""
         self._begin(time_ns)
-        self._host_position_m = host_position_m
+        self._ego_position_m = ego_position_m
         self._table.forget_silent(self._timestamp_ms(time_ns))
         if self._roadside is not None:
-            self._roadside.refresh(self._timestamp_ms(time_ns), host_position_m)
-        leader = self._leader = self._leading(time_ns, host_position_m)
+            self._roadside.refresh(self._timestamp_ms(time_ns), ego_position_m)
+        leader = self._leader = self._leading(time_ns, ego_position_m)
         self._last = (
             BridgeAnswer(time_ns, None, LeaderPreview.empty(), lost=False)
             if leader is None
@@ -161,10 +161,10 @@ class CamBridge:
         )
         return self._last
 
-    def _leading(self, time_ns: int, host_position_m: float) -> Station | None:
+    def _leading(self, time_ns: int, ego_position_m: float) -> Station | None:
         """Return who leads: the nearest one heard, unless a silent leader is nearer still."""
         now_ms = self._timestamp_ms(time_ns)
-        heard = self._selector.select(self._table.confirmed, host_position_m, now_ms / 1000.0)
+        heard = self._selector.select(self._table.confirmed, ego_position_m, now_ms / 1000.0)
         held = self._leader
         if held is None or heard is held:
             return heard
@@ -228,7 +228,7 @@ class CamBridge:
             station
             for station in self._table.hypotheses(leader.message.station_id)
             if station is not leader
-            and self._selector.may_lead(station, self._host_position_m, now_s)
+            and self._selector.may_lead(station, self._ego_position_m, now_s)
         ]
         return [leader, *others]
 

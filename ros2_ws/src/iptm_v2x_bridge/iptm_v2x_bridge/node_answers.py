@@ -59,7 +59,7 @@ class TickAnswers(ABC, Generic[Trip]):
         route: Route,
         retry: Callable[[], None],
         *,
-        needs_host: bool,
+        needs_ego: bool,
         is_counted: bool = True,
     ) -> None:
         """Set up the answers.
@@ -69,7 +69,7 @@ class TickAnswers(ABC, Generic[Trip]):
             options: parameters of the node.
             route: road, and the leader of the cycle.
             retry: called whenever something missing may have arrived.
-            needs_host: wait for the position of the host.
+            needs_ego: wait for the position of the ego vehicle.
             is_counted: then listen to the clock once more: the plant waits for the same number of peers on
                 the clock as on the odometry.
 
@@ -82,22 +82,22 @@ class TickAnswers(ABC, Generic[Trip]):
         self._given = given_rules(options, route)
         self._trip: tuple[Trip, TickBridge] | None = None
         self._before: tuple[Trip, TickBridge] | None = None
-        self._host: dict[int, tuple[float, float]] | None = {} if needs_host else None
-        if needs_host:
-            node.listen(Topic.PLANT_ODOMETRY, self._on_host)
+        self._ego: dict[int, tuple[float, float]] | None = {} if needs_ego else None
+        if needs_ego:
+            node.listen(Topic.PLANT_ODOMETRY, self._on_ego)
             if is_counted:
                 node.listen(Topic.CLOCK, self._on_clock)
 
     def _on_clock(self, message: Clock) -> None:
         pass
 
-    def _on_host(self, message: Odometry) -> None:
+    def _on_ego(self, message: Odometry) -> None:
         stamp_ns, *state = _state(message)
-        if self._host is None or not all(map(math.isfinite, state)):
+        if self._ego is None or not all(map(math.isfinite, state)):
             return  # the tick stays unanswered; the report states what is waited for
-        self._host[stamp_ns] = state[0], state[1]
-        while len(self._host) > _KEPT:
-            del self._host[next(iter(self._host))]
+        self._ego[stamp_ns] = state[0], state[1]
+        while len(self._ego) > _KEPT:
+            del self._ego[next(iter(self._ego))]
         self._retry()
 
     def begin_trip(self) -> None:
@@ -111,13 +111,13 @@ class TickAnswers(ABC, Generic[Trip]):
     def answer(self, time_ns: int) -> BridgeAnswer | None:
         """Return the answer to a tick, None while something is missing."""
         trip, bridge = self._trip = self._trip or self._start(time_ns)
-        host = (0.0, 0.0) if self._host is None else self._host.get(time_ns)
+        ego = (0.0, 0.0) if self._ego is None else self._ego.get(time_ns)
         self.missing = self._awaited(trip, time_ns)
-        if host is None:
-            self.missing = self.missing or "waiting for the position of the host"
-        if self.missing or host is None:
+        if ego is None:
+            self.missing = self.missing or "waiting for the position of the ego vehicle"
+        if self.missing or ego is None:
             return None
-        return self._checked(trip, bridge.answer(time_ns, *host))
+        return self._checked(trip, bridge.answer(time_ns, *ego))
 
     def _with_rules(
         self, inner: TickBridge, rules: RoadRules | None = None, start_timestamp_ms: int = 0
@@ -171,7 +171,7 @@ class CycleAnswers(TickAnswers[V2xBridge]):
         route: Route,
         retry: Callable[[], None],
     ) -> None:
-        super().__init__(node, options, route, retry, needs_host=options.keeps_rules)
+        super().__init__(node, options, route, retry, needs_ego=options.keeps_rules)
         self._source: PreviewSource = CycleSource(route)
         if options.leader_source is LeaderSource.NONE:
             self._source = EmptyRoad()
@@ -217,7 +217,7 @@ class VehicleAnswers(TickAnswers[V2xBridge]):
             raise ParameterError(
                 f"vehicle_ahead is {name!r} with leader_source vehicle; allowed: the namespace of a vehicle"
             )
-        super().__init__(node, options, route, retry, needs_host=options.keeps_rules)
+        super().__init__(node, options, route, retry, needs_ego=options.keeps_rules)
         self._vehicle = VehicleAhead(options.leader_length_m, _KEPT)
         self._assumed = 0
         self._states = VehiclePresence(node, name, Topic.PLANT_ODOMETRY, retry)

@@ -45,7 +45,7 @@ class _CamTrip:
 class CamAnswers(TickAnswers[_CamTrip]):
     """Answers from received messages of the leader.
 
-    A tick is answered when the host's position of the same stamp is known and, in lock-step, after the
+    A tick is answered when the ego vehicle's position of the same stamp is known and, in lock-step, after the
     sender's end of the tick.
     """
 
@@ -56,10 +56,10 @@ class CamAnswers(TickAnswers[_CamTrip]):
         route: Route,
         retry: Callable[[], None],
     ) -> None:
-        """Open the source of the datagrams and listen for the host."""
+        """Open the source of the datagrams and listen for the ego vehicle."""
         # Refused now, if at all.
         self._verifier = options.build_verifier()
-        super().__init__(node, options, route, retry, needs_host=True, is_counted=False)
+        super().__init__(node, options, route, retry, needs_ego=True, is_counted=False)
         options.build_heard_rules(self._given, route.road_line)
         options.build_predictors(route, self._given)
         self._datagrams = open_source(options, node)
@@ -91,7 +91,7 @@ class CamAnswers(TickAnswers[_CamTrip]):
             roadside=heard,
             verifier=self._verifier,
         )
-        ruled = self._with_rules(bridge, heard.host if heard else None, start_ms)
+        ruled = self._with_rules(bridge, heard.ego if heard else None, start_ms)
         return _CamTrip(bridge, start_ms, time_ns), ruled
 
     def _awaited(self, trip: _CamTrip, time_ns: int) -> str:

@@ -135,7 +135,7 @@ class BridgeNodeParameters(
         *VEHICLE_LENGTHS_M,
     )
     initial_gap_m: float = parameter(
-        15.0, "position of the leader at t = 0, the host being at 0", "m", 1.0, 500.0
+        15.0, "position of the leader at t = 0, the ego vehicle being at 0", "m", 1.0, 500.0
     )
     start_time_s: float = parameter(
         0.0,
@@ -160,7 +160,7 @@ class SentDrive(TextEnum):
 
     CYCLE = "cycle"
     """That of the leader in the cycle."""
-    HOST = "host"
+    EGO = "ego"
     """That of the vehicle whose topics it hears, with its plan as path prediction."""
 
 
@@ -170,7 +170,7 @@ class SenderNodeParameters(SenderSettings, TickSettings, RoadSettings):
 
     sent_drive: SentDrive = parameter(
         SentDrive.CYCLE,
-        "cycle: that of the leader in the cycle; host: that of the vehicle in the namespace of the node, at "
+        "cycle: that of the leader in the cycle; ego: that of the vehicle in the namespace of the node, at "
         "every decision, with its plan as path prediction, on the road of the cycle and initial_gap_m ahead "
         "of its own position",
     )

@@ -31,7 +31,7 @@ from iptm_v2x_bridge.datagrams import (
 from iptm_v2x_bridge.messages.cam import specification
 from iptm_v2x_bridge.messages.its_time import its_timestamp_ms
 from iptm_v2x_bridge.node_parameters import SenderNodeParameters, SentDrive
-from iptm_v2x_bridge.sending.plan_sender import HostTick, PlanSender
+from iptm_v2x_bridge.sending.plan_sender import EgoTick, PlanSender
 from iptm_v2x_bridge.sending.sender import CamSender, build_sender
 
 WALL_PERIOD_S = 0.01
@@ -61,8 +61,8 @@ class SenderNode(SuiteNode):
         if options.follow_clock:
             self.every(REPEAT_PERIOD_S, self._datagrams.repeat_end)
         self._plan_sender: PlanSender | None = None
-        if options.sent_drive is SentDrive.HOST:
-            self._host = HostTicks(self, self._on_host)
+        if options.sent_drive is SentDrive.EGO:
+            self._ego = EgoTicks(self, self._on_ego)
         elif options.follow_clock:
             self.listen(Topic.CLOCK, self._on_clock)
         else:
@@ -85,7 +85,7 @@ class SenderNode(SuiteNode):
         self._send_until(time_ns)
         self._datagrams.end_tick(time_ns)
 
-    def _on_host(self, tick: HostTick) -> None:
+    def _on_ego(self, tick: EgoTick) -> None:
         if self._last_ns is not None and tick.time_ns <= self._last_ns:
             if tick.time_ns == self._last_ns:
                 return  # a state that was repeated, and answered again
@@ -135,7 +135,7 @@ class SenderNode(SuiteNode):
         }
         level, reason = Level.OK, "messages are sent"
         if self._last_ns is None:
-            drives = self._options.sent_drive is SentDrive.HOST
+            drives = self._options.sent_drive is SentDrive.EGO
             reason = "waiting for a decision" if drives else "waiting for the clock"
         elif self._datagrams.failed:
             level, reason = Level.WARN, NOT_ALL_SENT
@@ -153,7 +153,7 @@ _Plan = tuple[FloatArray, FloatArray]
 _NO_PLAN: _Plan = (np.empty(0), np.empty(0))
 
 
-class HostTicks:
+class EgoTicks:
     """Calls back once for every decision of the vehicle in the namespace of a node.
 
     The vehicle does not wait for this subscriber, hence the deep queues. A plan is awaited if the decision
@@ -161,7 +161,7 @@ class HostTicks:
     this subscriber in its `expected_peers` then loses no tick.
     """
 
-    def __init__(self, node: SuiteNode, on_tick: Callable[[HostTick], None]) -> None:
+    def __init__(self, node: SuiteNode, on_tick: Callable[[EgoTick], None]) -> None:
         """Listen."""
         self._node, self._on_tick = node, on_tick
         self._states: dict[int, tuple[float, float]] = {}
@@ -233,7 +233,7 @@ class HostTicks:
                 for done_ns in [at_ns for at_ns in kept if at_ns <= stamp_ns]:
                     del kept[done_ns]
             if followed is not None:  # else the controller left this state out
-                self._on_tick(HostTick(stamp_ns, place_m, speed_m_s, *plan))
+                self._on_tick(EgoTick(stamp_ns, place_m, speed_m_s, *plan))
 
 
 def main() -> None:

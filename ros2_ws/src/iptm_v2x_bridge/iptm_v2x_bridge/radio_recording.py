@@ -132,7 +132,7 @@ class SimulatedRadio:
         self._heard_until_ns: int | None = None
 
     def answer(
-        self, time_ns: int, host_position_m: float, host_speed_m_s: float = 0.0
+        self, time_ns: int, ego_position_m: float, ego_speed_m_s: float = 0.0
     ) -> BridgeAnswer:
         """Return the answer to one tick; see `CamBridge.answer`."""
         after_ns = self._heard_until_ns
@@ -141,4 +141,4 @@ class SimulatedRadio:
         for _, datagram in self._sender.arrivals(after_ns, time_ns):
             self.bridge.receive(datagram, time_ns)
         self._heard_until_ns = time_ns
-        return self.bridge.answer(time_ns, host_position_m, host_speed_m_s)
+        return self.bridge.answer(time_ns, ego_position_m, ego_speed_m_s)

@@ -161,7 +161,7 @@ def road_bridge(
     preview: PreviewSettings,
     leader: PreviewSource | None = None,
 ) -> tuple[PreviewSource, TickBridge]:
-    """Return who drives ahead of a host without ROS, and the bridge that answers its ticks.
+    """Return who drives ahead of an ego vehicle without ROS, and the bridge that answers its ticks.
 
     Raises:
         ParameterError: a text is not usable.

@@ -1,7 +1,8 @@
-"""Rules of the road for the host, in addition to the vehicle ahead: speed limits and closed stop lines.
+"""Rules of the road for the ego, in addition to the vehicle ahead: speed limits and closed stop lines.
 
-A line is asked for the time at which the host arrives at it. One that is closed then is a stop until it
-opens; so the host holds back as soon as it is known, and never has to brake for a line that has just closed.
+A line is asked for the time at which the ego vehicle arrives at it. One that is closed then is a stop until
+it opens; so the ego vehicle holds back as soon as it is known, and never has to brake for a line that has
+just closed.
 """
 
 from __future__ import annotations
@@ -21,11 +22,11 @@ from iptm_v2x_bridge.prediction.signals import Signal
 from iptm_v2x_bridge.prediction.speed_limits import NO_LIMITS
 
 PASS_MARGIN_S = 3.0
-"""The host counts on passing a line only if it arrives this much earlier than it closes."""
+"""The ego vehicle counts on passing a line only if it arrives this much earlier than it closes."""
 EARLY_S = 1.0
-"""The host may be earlier than calculated by this; a line must have opened by then."""
+"""The ego vehicle may be earlier than calculated by this; a line must have opened by then."""
 STOP_BEFORE_M = 2.0
-"""Where the host halts before a closed line."""
+"""Where the ego vehicle halts before a closed line."""
 LIMITS_AHEAD_M = 3000.0
 """Limits up to here are passed on: more than any car drives in the minute that is looked ahead."""
 LIMITS_BEHIND_M = 200.0
@@ -51,9 +52,9 @@ class RulesOfTheRoad:
         Args:
             inner: source of the leader.
             rules: speed limits of the road and its signals.
-            parameters: of the host: its spacing policy.
+            parameters: of the ego vehicle: its spacing policy.
             settings: length of the look ahead.
-            foresight_s: lines that the host would reach later are not looked at.
+            foresight_s: lines that the ego vehicle would reach later are not looked at.
             start_timestamp_ms: TimestampIts at trip time 0.
             own_limits: set speed, curves and the end of the route.
         """
@@ -63,29 +64,29 @@ class RulesOfTheRoad:
         self._start_s = start_timestamp_ms / 1000.0
         self._steps = round((settings or PreviewSettings()).preview_length_s / _STEP_S)
         self._holding_m: float | None = None
-        """The line that held the host at the last tick."""
+        """The line that held the ego vehicle at the last tick."""
         self._last: BridgeAnswer | None = None
 
     def answer(
-        self, time_ns: int, host_position_m: float, host_speed_m_s: float = 0.0
+        self, time_ns: int, ego_position_m: float, ego_speed_m_s: float = 0.0
     ) -> BridgeAnswer:
         """Return the answer to one tick; the same tick again has the same one. See `TickBridge.answer`."""
         if self._last is None or time_ns != self._last.time_ns:
-            inner = self._inner.answer(time_ns, host_position_m, host_speed_m_s)
+            inner = self._inner.answer(time_ns, ego_position_m, ego_speed_m_s)
             # Only now: what has been heard by this tick counts.
             given = self._rules.limits or NO_LIMITS
             limits = given.and_not_above(self._own_limits)
             limits = limits.between(
-                host_position_m - LIMITS_BEHIND_M, host_position_m + LIMITS_AHEAD_M
+                ego_position_m - LIMITS_BEHIND_M, ego_position_m + LIMITS_AHEAD_M
             )
-            host = (time_ns / NS_PER_S, host_position_m, host_speed_m_s)
-            stops = self._stops(limits, host, self._room_m(inner, host[0]))
+            ego = (time_ns / NS_PER_S, ego_position_m, ego_speed_m_s)
+            stops = self._stops(limits, ego, self._room_m(inner, ego[0]))
             road = RoadAhead(inner.leader is not None, limits, stops)
             self._last = replace(inner, road=road)
         return self._last
 
     def _room_m(self, answer: BridgeAnswer, now_s: float) -> FloatArray | None:
-        """Return where the leader lets the host stand at the steps if it drives on; None without one."""
+        """Return where the leader lets the ego stand at the steps if it drives on; None without one."""
         leader, preview = answer.leader, answer.preview.cautious()
         if leader is None:
             return None
@@ -106,16 +107,16 @@ class RulesOfTheRoad:
     def _stops(
         self,
         limits: SpeedLimits,
-        host: tuple[float, float, float],
+        ego: tuple[float, float, float],
         room_m: FloatArray | None,
     ) -> tuple[Stop, ...]:
-        """Return the lines that are closed when the host arrives there, in driving order."""
-        position = host[1]
+        """Return the lines that are closed when the ego vehicle arrives there, in driving order."""
+        position = ego[1]
         holds: list[tuple[Signal, Stop]] = []
         while True:
             stops = sorted((stop for _, stop in holds), key=lambda stop: stop.position_m)
             headway_s = self._gap.time_headway_s
-            drive = lawful_drive(limits, stops, host, self._steps, _STEP_S, room_m, headway_s)
+            drive = lawful_drive(limits, stops, ego, self._steps, _STEP_S, room_m, headway_s)
             closed = self._first_closed(drive, holds)
             if closed is None:
                 break
@@ -128,7 +129,7 @@ class RulesOfTheRoad:
     def _first_closed(
         self, drive: Drive, holds: list[tuple[Signal, Stop]]
     ) -> tuple[Signal, float] | None:
-        """Return the first line that the host would find closed, and the trip time at which it opens."""
+        """Return the first line that the ego would find closed, and the trip time at which it opens."""
         now_s, position, speed = (
             float(values[0]) for values in (drive.times_s, drive.positions_m, drive.speeds_m_s)
         )
@@ -156,7 +157,7 @@ class RulesOfTheRoad:
         return self._start_s + max(time_s - EARLY_S, now_s)
 
     def _lets_pass(self, signal: Signal, time_s: float, now_s: float) -> bool:
-        """Return whether a line is open when the host arrives, with the margins of both sides."""
+        """Return whether a line is open when the ego vehicle arrives, with the margins of both sides."""
         at = self._start_s + time_s
         is_open = signal.is_open(self._early(time_s, now_s))
         return is_open and signal.open_until_s(at) - at >= PASS_MARGIN_S

@@ -57,8 +57,8 @@ class PageRow:
 
     Attributes:
         time_s: trip time.
-        position_m: of the host along the road.
-        speed_m_s: of the host.
+        position_m: of the ego vehicle along the road.
+        speed_m_s: of the ego vehicle.
         leader_position_m: rear bumper of the leader.
         leader_speed_m_s: of the leader.
         gap_m: distance to the leader.

@@ -22,8 +22,8 @@ from iptm_interfaces.codecs.time import time_from_ns, time_from_s
 from iptm_interfaces.topics import MAP_FRAME
 from iptm_view.vehicle_description import CLEARANCE_M, body_size_m
 
-HOST_LENGTH_M = -VEHICLE_LENGTH_M
-"""From the position of the host, its front bumper, to its other end."""
+EGO_LENGTH_M = -VEHICLE_LENGTH_M
+"""From the position of the ego vehicle, its front bumper, to its other end."""
 LEADER_LENGTH_M = VEHICLE_LENGTH_M
 """From the position of the leader, its rear bumper, to its other end."""
 
@@ -36,7 +36,7 @@ _FINEST_SPACING_M = 5.0
 _LANE_WIDTH_M = 3.5
 _BAR_M = (0.3, 0.1)
 _TEXT_M = 1.5
-_HOST_COLOR = (0.0, 0.45, 0.7, 0.9)
+_EGO_COLOR = (0.0, 0.45, 0.7, 0.9)
 _LEADER_COLOR = (0.84, 0.37, 0.0, 0.9)
 _NEAREST_COLOR = (0.8, 0.1, 0.1, 0.9)
 _FARTHEST_COLOR = (0.2, 0.5, 0.9, 0.9)
@@ -49,13 +49,13 @@ class Scene:
 
     Attributes:
         stamp_ns: the instant.
-        host: of which the front bumper counts.
+        ego: ego vehicle, of which the front bumper counts.
         leader: position of its rear bumper; None without a leader.
         warmest_cell_c: temperature of the warmest cell, None where it is not known.
     """
 
     stamp_ns: int
-    host: LeaderState
+    ego: LeaderState
     leader: LeaderState | None
     warmest_cell_c: float | None = None
 
@@ -111,15 +111,15 @@ def scene_message(
         parameters: of the model, for limits of the gap and the size of the cars.
         interval_s: trip time since the previous scene.
     """
-    host, leader = scene.host, scene.leader
+    ego, leader = scene.ego, scene.leader
     size_m = body_size_m(parameters)
-    words = [f"{KM_H_PER_M_S * host.speed_m_s:.0f} km/h"]
-    markers = {"host": _car(course, host.position_m, HOST_LENGTH_M, size_m, _HOST_COLOR)}
+    words = [f"{KM_H_PER_M_S * ego.speed_m_s:.0f} km/h"]
+    markers = {"ego": _car(course, ego.position_m, EGO_LENGTH_M, size_m, _EGO_COLOR)}
     if leader is not None:
-        words.append(f"gap {leader.position_m - host.position_m:.0f} m")
+        words.append(f"gap {leader.position_m - ego.position_m:.0f} m")
         markers["leader"] = _car(course, leader.position_m, LEADER_LENGTH_M, size_m, _LEADER_COLOR)
         gap, limits = parameters.gap, parameters.limits
-        nearest_m = float(minimum_gap_m(host.speed_m_s, leader.speed_m_s, gap, limits))
+        nearest_m = float(minimum_gap_m(ego.speed_m_s, leader.speed_m_s, gap, limits))
         for name, gap_m, color in (
             ("s_min", nearest_m, _NEAREST_COLOR),
             ("s_max", gap.max_gap_m, _FARTHEST_COLOR),
@@ -127,7 +127,7 @@ def scene_message(
             markers[name] = _bar(course, leader.position_m - gap_m, color)
     if scene.warmest_cell_c is not None:
         words.append(f"{scene.warmest_cell_c:.1f} °C")
-    above = course.poses(host.position_m - 0.5 * VEHICLE_LENGTH_M, HOST_LENGTH_M)
+    above = course.poses(ego.position_m - 0.5 * VEHICLE_LENGTH_M, EGO_LENGTH_M)
     markers["state"] = _marker(
         Marker.TEXT_VIEW_FACING, above, 4.0, (0.0, 0.0, _TEXT_M), _TEXT_COLOR
     )
@@ -161,7 +161,7 @@ def _bar(course: RoadCourse, position_m: float, color: tuple[float, ...]) -> Mar
     length_m, height_m = _BAR_M
     size_m = (length_m, _LANE_WIDTH_M, height_m)
     return _marker(
-        Marker.CUBE, course.poses(position_m, HOST_LENGTH_M), 0.5 * height_m, size_m, color
+        Marker.CUBE, course.poses(position_m, EGO_LENGTH_M), 0.5 * height_m, size_m, color
     )
 
 

@@ -1,7 +1,7 @@
 """Transforms of REP 105 for viewers: map -> odom -> base_link -> battery_pack, and odom -> leader.
 
-In `odom` the road is pulled straight, as in the odometry: the host drives along x. `map` has the shape of the
-road, so `map -> odom` moves as the host turns and climbs, as a localisation's correction does.
+In `odom` the road is pulled straight, as in the odometry: the ego vehicle drives along x. `map` has the shape
+of the road, so `map -> odom` moves as the ego vehicle turns and climbs, as a localisation's correction does.
 
 `tf2_msgs` is part of every ROS 2 installation, but not of the wheels.
 """
@@ -20,14 +20,14 @@ from iptm_core.routes.road_course import RoadCourse
 from iptm_core.state import FloatArray
 from iptm_interfaces.codecs.time import time_from_ns
 from iptm_interfaces.topics import (
-    HOST_FRAME,
+    EGO_FRAME,
     LEADER_FRAME,
     MAP_FRAME,
     PACK_FRAME,
     ROAD_FRAME,
     frame_in,
 )
-from iptm_view.scene import HOST_LENGTH_M, LEADER_LENGTH_M, Scene
+from iptm_view.scene import EGO_LENGTH_M, LEADER_LENGTH_M, Scene
 from iptm_view.vehicle_description import PACK_PLACE_M
 
 ABSENT = (
@@ -65,7 +65,7 @@ class TransformPublisher:
         self._publisher = node.create_publisher(self._type, "/tf", QoSProfile(depth=_DEPTH))
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._static_publisher = node.create_publisher(self._type, "/tf_static", latched)
-        pack = transform(0, HOST_FRAME, PACK_FRAME, np.array(PACK_PLACE_M), _UPRIGHT, prefix)
+        pack = transform(0, EGO_FRAME, PACK_FRAME, np.array(PACK_PLACE_M), _UPRIGHT, prefix)
         self._static_publisher.publish(self._type(transforms=[pack]))
 
     def publish(self, scene: Scene, course: RoadCourse) -> None:
@@ -83,13 +83,13 @@ def scene_transforms(scene: Scene, course: RoadCourse, prefix: str) -> list[Tran
         course: the road.
         prefix: of the frames of the vehicle.
     """
-    host = course.poses(scene.host.position_m, HOST_LENGTH_M)
-    turn, place_m = host.quaternions()[0], host.points_m[0]
-    along_m = np.array([scene.host.position_m, 0.0, 0.0])
+    ego = course.poses(scene.ego.position_m, EGO_LENGTH_M)
+    turn, place_m = ego.quaternions()[0], ego.points_m[0]
+    along_m = np.array([scene.ego.position_m, 0.0, 0.0])
     stamp_ns = scene.stamp_ns
     found = [
         transform(stamp_ns, MAP_FRAME, ROAD_FRAME, place_m - rotated(turn, along_m), turn, prefix),
-        transform(stamp_ns, ROAD_FRAME, HOST_FRAME, along_m, _UPRIGHT, prefix),
+        transform(stamp_ns, ROAD_FRAME, EGO_FRAME, along_m, _UPRIGHT, prefix),
     ]
     if scene.leader is not None:
         leader = course.poses(scene.leader.position_m, LEADER_LENGTH_M)

@@ -6,7 +6,7 @@ from xml.etree import ElementTree as ET
 
 from iptm_core.parameters import ModelParameters
 from iptm_core.settings import VEHICLE_LENGTH_M
-from iptm_interfaces.topics import HOST_FRAME, PACK_FRAME, frame_in
+from iptm_interfaces.topics import EGO_FRAME, PACK_FRAME, frame_in
 
 Triple = tuple[float, float, float]
 
@@ -27,7 +27,7 @@ def body_size_m(parameters: ModelParameters) -> Triple:
 
 
 def vehicle_urdf(parameters: ModelParameters, prefix: str = "") -> str:
-    """Return the URDF of the host: body, wheels and the battery pack in it.
+    """Return the URDF of the ego vehicle: body, wheels and the battery pack in it.
 
     It has no masses: it is made to be looked at.
 
@@ -35,7 +35,7 @@ def vehicle_urdf(parameters: ModelParameters, prefix: str = "") -> str:
         parameters: of the model; frontal area and wheel radius are used.
         prefix: of the frames of the vehicle.
     """
-    body, pack = frame_in(prefix, HOST_FRAME), frame_in(prefix, PACK_FRAME)
+    body, pack = frame_in(prefix, EGO_FRAME), frame_in(prefix, PACK_FRAME)
     robot = ET.Element("robot", name="iptm_vehicle")
     size = body_size_m(parameters)
     link = ET.SubElement(robot, "link", name=body)

@@ -36,7 +36,7 @@ from iptm_interfaces.visual_topics import DESCRIPTION_TOPIC, PUBLISHER, VISUAL_T
 from iptm_recording.timeline import read_stamp_ns
 from iptm_view.graph_subscriptions import GraphSubscriptions, listening_node
 from iptm_view.scene import (
-    HOST_LENGTH_M,
+    EGO_LENGTH_M,
     LEADER_LENGTH_M,
     Scene,
     path_message,
@@ -129,7 +129,7 @@ class VisualizerNode(SuiteNode):
         def build() -> Any:
             stamp_ns, plan = decode_plan(_message(Topic.PLAN, data))
             return path_message(
-                self._course, stamp_ns, plan.positions_m, HOST_LENGTH_M, plan.times_s
+                self._course, stamp_ns, plan.positions_m, EGO_LENGTH_M, plan.times_s
             )
 
         self._publish_if_heard(Topic.VISUAL_PLAN, build)
@@ -154,7 +154,7 @@ class VisualizerNode(SuiteNode):
         self._publish_if_heard(Topic.VISUAL_LEADER_BOUND, partial(build, is_bound=True))
 
     def _draw_scene(self) -> None:
-        """Draw the newest instant of which both cars are known, or the host alone without a leader."""
+        """Draw the newest instant of which both cars are known, or the ego vehicle alone without a leader."""
         complete = [
             stamp for stamp, found in self._by_stamp.items() if set(_OF_A_SCENE) <= set(found)
         ]

@@ -183,11 +183,9 @@ def _observed(trial: Trial, driven: Driven) -> DrivenTrial:
     # A missing or disconnected bridge publishes no leader, but the leader is still on the road.
     traffic, leaders = Traffic(trial.faults), {}
     for stamp_ns in sorted(complete):
-        host = decode_observation(
-            {topic: by_stamp[topic][stamp_ns] for topic in OBSERVATION_TOPICS}
-        )
+        ego = decode_observation({topic: by_stamp[topic][stamp_ns] for topic in OBSERVATION_TOPICS})
         own = trial.inputs.route.leader.state_at(s_from_ns(stamp_ns))
-        leaders[stamp_ns] = encode_leader(traffic.leader(own, host.state.position_m))
+        leaders[stamp_ns] = encode_leader(traffic.leader(own, ego.state.position_m))
     trajectory = assemble_run({**by_stamp, Topic.LEADER: leaders}).trajectory
     rungs = {
         s_from_ns(stamp_ns): decode_decision_record(message).rung

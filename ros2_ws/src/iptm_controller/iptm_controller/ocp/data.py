@@ -91,12 +91,13 @@ class ProblemDataBuilder:
 
         Args:
             leader: leader's past and predicted motion in trip time.
-            expected_positions_m: where the host is expected at the sample times (absolute); the
+            expected_positions_m: where the ego vehicle is expected at the sample times (absolute); the
                 slope is expanded to second order there.
             known_s: how far ahead the leader's motion is known and not a guess. The braking reserve
                 is asked for at the last node up to there, at the first one if there is none.
             value: what a kelvin costs at the end of the horizon.
-            expected_speeds_m_s: expected host speeds at the nodes, shape (N + 1,); for ticks shorter
+            expected_speeds_m_s: expected speeds of the ego vehicle at the nodes, shape (N + 1,); for ticks
+            shorter
                 than the steps.
             limiting: motion that the gap limits hold for at the nodes; None for that of the leader.
             speed_limits_m_s: of the road at the ends of the motion steps, None where there is none.
@@ -163,13 +164,13 @@ class ProblemDataBuilder:
         """Let the instant inside a step at which s_min is tightest stand for its end.
 
         A leader may slow down briefly between two nodes. Seen from the end of the step, the gap at an earlier
-        instant is that to a leader who is farther ahead by what the host drives meanwhile, less what s_min
-        exceeds that of the end because the host is faster.
+        instant is that to a leader who is farther ahead by what the ego vehicle drives meanwhile, less what
+        s_min exceeds that of the end because the ego vehicle is faster.
 
         Args:
             steps: parameters of the steps; leader positions and speeds are replaced in place.
             ends_s: trip times of the ends of the steps, shape (N,).
-            speeds_m_s: expected host speeds at the nodes, shape (N + 1,).
+            speeds_m_s: expected speeds of the ego vehicle at the nodes, shape (N + 1,).
         """
         limits, gap = self._limits, self._model.gap
         for step, length_s, earlier_s in self._watched:

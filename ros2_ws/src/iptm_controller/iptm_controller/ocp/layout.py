@@ -1,7 +1,7 @@
 """Order and scaling of the variables of one stage.
 
 The optimiser works on scaled variables of order one; this is the only place that knows the scales.
-Positions are relative to the host at the present tick, temperatures relative to 30 degC.
+Positions are relative to the ego vehicle at the present tick, temperatures relative to 30 degC.
 """
 
 from __future__ import annotations

@@ -43,7 +43,7 @@ def maximum_gap_m(speed_m_s: Scalar, gap: GapParameters, *, smoothing_m: float =
 
 
 LEADER_SURPRISE_M_S = 2.2
-"""Speed that a leader may lose on top of braking as hard as the host can. Drivers brake harder than that,
+"""Speed that a leader may lose on top of braking as hard as the ego can. Drivers brake harder than that,
 but not for long: no published cycle that the project carries loses more than 2.16 m/s this way (US06).
 A leader that brakes harder without end could only be followed at gaps beyond s_max."""
 SPEED_SMOOTHING_M_S = 0.5
@@ -99,10 +99,10 @@ def braking_reserve_m(
 ) -> Scalar:
     """Smallest excess of the gap over s_min if both vehicles now brake as hard as they can.
 
-    The leader is assumed to lose ``LEADER_SURPRISE_M_S`` at once and then to brake at the host's own hardest
-    deceleration down to standstill; the host builds its braking up within the jerk limit. Once that is
-    done the excess is linear in time until the leader stands, and grows afterwards. The reserve is the
-    smaller one of the values at these two instants; the present excess is another limit's matter.
+    The leader is assumed to lose ``LEADER_SURPRISE_M_S`` at once and then to brake at the ego vehicle's own
+    hardest deceleration down to standstill; the ego vehicle builds its braking up within the jerk limit. Once
+    that is done the excess is linear in time until the leader stands, and grows afterwards. The reserve is
+    the smaller one of the values at these two instants; the present excess is another limit's matter.
 
     As long as it is not negative, s_min can be kept behind every leader that brakes no harder than
     assumed. The paper has no such notion.
@@ -113,7 +113,7 @@ def braking_reserve_m(
     Returns:
         Reserve in m, negative where s_min can no longer be kept; a smooth function. It lies at most 0.3 m
         below the exact smallest excess ahead. It lies above it, by up to 5 m, where that excess is reached
-        while the brakes build up: behind a much faster leader, or where the host halts meanwhile.
+        while the brakes build up: behind a much faster leader, or where the ego vehicle halts meanwhile.
     """
     deceleration = -limits.min_acceleration_m_s2
     build_up = brake_build_up(speed_m_s, acceleration_m_s2, limits)
@@ -126,11 +126,11 @@ def braking_reserve_m(
     leader_moved = leader_stop - halting_distance_m(leader_end, limits)
     at_build_up = gap_m + leader_moved - build_up.distance_m
     at_build_up = at_build_up - minimum_gap_m(end_speed, leader_end, gap, limits)
-    # Both decelerate alike from here on, so the difference of their speeds is what the host still has.
+    # Both decelerate alike from here on, so the difference of their speeds is what the ego vehicle still has.
     rest_speed = maximum(end_speed - leader_end, 0.0, SPEED_SMOOTHING_M_S)
-    host_moved = build_up.distance_m + halting_distance_m(end_speed, limits)
-    host_moved = host_moved - halting_distance_m(rest_speed, limits)
-    at_stop = gap_m + leader_stop - host_moved - minimum_gap_m(rest_speed, 0.0, gap, limits)
+    ego_moved = build_up.distance_m + halting_distance_m(end_speed, limits)
+    ego_moved = ego_moved - halting_distance_m(rest_speed, limits)
+    at_stop = gap_m + leader_stop - ego_moved - minimum_gap_m(rest_speed, 0.0, gap, limits)
     return -maximum(-at_build_up, -at_stop, RESERVE_SMOOTHING_M)
 
 

@@ -140,7 +140,7 @@ class RouteSegment:
         name: what is driven, for example ``"1: us06 S"``.
         slope_kind: ``"flat"``, ``"small"``, ``"large"`` or ``"measured"``.
         start_m: distance that the leader has travelled at ``start_s``; the stretch of road with
-            this slope starts at the same road position (0 = start of the host).
+            this slope starts at the same road position (0 = start of the ego vehicle).
     """
 
     name: str

@@ -193,7 +193,7 @@ class LeaderMotion:
         `FINAL_BRAKING_M_S2` after the last sample.
 
         Args:
-            initial_gap_m: position of its rear bumper at t = 0, where the host starts at 0 m.
+            initial_gap_m: position of its rear bumper at t = 0, where the ego vehicle starts at 0 m.
         """
         times, speeds = cycle.times_s, cycle.speeds_m_s
         if speeds[-1] > 0.0:

@@ -42,7 +42,7 @@ class RoadPoses:
 
 @dataclass(frozen=True, eq=False)
 class RoadCourse:
-    """Shape and height of a road; position 0, where the host starts, is the origin of the map.
+    """Shape and height of a road; position 0, where the ego vehicle starts, is the origin of the map.
 
     Positions count in the plane; on a slope of 6 % that is 0.2 % off the distance along the road.
 

@@ -123,7 +123,7 @@ def step_deg(
 
 @dataclass(frozen=True, eq=False)
 class RoadLine:
-    """A polyline; position 0 is its first vertex, where the host starts.
+    """A polyline; position 0 is its first vertex, where the ego vehicle starts.
 
     Attributes:
         latitudes_deg: latitudes of the vertices, shape (n,), n >= 2.

@@ -46,11 +46,11 @@ SMOOTH_ROUTE_DURATION_S = 1800
 
 @dataclass(frozen=True, eq=False)
 class Route:
-    """Everything about the trip that lies outside the host vehicle.
+    """Everything about the trip that lies outside the ego vehicle vehicle.
 
     Attributes:
         leader: motion of the preceding vehicle; it goes on past ``duration_s`` if the trip is cut.
-        slope: road slope over position; position 0 is where the host starts.
+        slope: road slope over position; position 0 is where the ego vehicle starts.
         segments: stretches in driving order, covering the whole cycle without gaps.
         road_line: where the road lies on Earth; a straight test road for cycles that were driven on none.
     """

@@ -113,7 +113,7 @@ class SlopeProfile:
     """Slope of the road (theta), linear between nodes and held beyond the ends.
 
     Attributes:
-        positions_m: node positions along the road, shape (n,), increasing; 0 is the host's start.
+        positions_m: node positions along the road, shape (n,), increasing; 0 is the ego vehicle's start.
         slopes_rad: slope at the nodes, shape (n,), positive uphill.
     """
 

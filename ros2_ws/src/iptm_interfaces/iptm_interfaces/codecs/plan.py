@@ -40,7 +40,7 @@ _POINT = np.dtype(
 
 @dataclass(frozen=True)
 class PlanTrajectory:
-    """Predicted motion, temperatures and inputs of the host at the nodes of the horizon.
+    """Predicted motion, temperatures and inputs of the ego vehicle at the nodes of the horizon.
 
     All arrays have shape (n,). The inputs hold from their node to the next; the last node repeats
     the inputs of the last interval.

@@ -1,8 +1,8 @@
-"""Motion and thermal state of the host, and motion of the leader.
+"""Motion and thermal state of the ego vehicle, and motion of the leader.
 
-The host's state travels in the messages of one stamp that `STATE_TOPICS` lists; `decode_vehicle_state` puts
-them together again. Temperatures are degrees
-Celsius on the wire, so kelvin values come back within one rounding step (6e-14 K).
+The ego vehicle's state travels in the messages of one stamp that `STATE_TOPICS` lists; `decode_vehicle_state`
+puts them together again. Temperatures are degrees Celsius on the wire, so kelvin values come back within one
+rounding step (6e-14 K).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from iptm_interfaces.message_types import (
     Temperature,
 )
 from iptm_interfaces.topics import (
-    HOST_FRAME,
+    EGO_FRAME,
     LEADER_FRAME,
     OBSERVATION_TOPICS,
     PACK_FRAME,
@@ -58,9 +58,9 @@ def _motion(body: str) -> Odometry:
     return Odometry(header=Header(frame_id=ROAD_FRAME), child_frame_id=body)
 
 
-@encoder(lambda: _motion(HOST_FRAME), *_MOTION)
-def encode_host_odometry(state: VehicleState) -> Numbers:
-    """Return the host's position (m) and speed (m/s)."""
+@encoder(lambda: _motion(EGO_FRAME), *_MOTION)
+def encode_ego_odometry(state: VehicleState) -> Numbers:
+    """Return the ego vehicle's position (m) and speed (m/s)."""
     return ns_from_s(state.time_s), (state.position_m, state.speed_m_s)
 
 
@@ -82,7 +82,7 @@ def decode_leader(message: Odometry) -> LeaderState:
     return LeaderState(s_from_ns(ns_from_time(message.header.stamp)), position_m, speed_m_s)
 
 
-@encoder(lambda: AccelStamped(header=Header(frame_id=HOST_FRAME)), "accel.linear.x")
+@encoder(lambda: AccelStamped(header=Header(frame_id=EGO_FRAME)), "accel.linear.x")
 def encode_acceleration(state: VehicleState) -> Numbers:
     """Return the acceleration actuated over the interval that ended at the stamp (m/s^2)."""
     return ns_from_s(state.time_s), (state.acceleration_m_s2,)
@@ -146,7 +146,7 @@ def decode_safety(message: JointState) -> SafetyRecord:
 
 
 def decode_vehicle_state(messages: Mapping[Topic, Any]) -> VehicleState:
-    """Put the host's state together from the messages of one stamp.
+    """Put the ego vehicle's state together from the messages of one stamp.
 
     Args:
         messages: at least those of `STATE_TOPICS`.

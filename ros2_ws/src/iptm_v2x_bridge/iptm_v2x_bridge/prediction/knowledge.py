@@ -23,7 +23,7 @@ def knowledge_of(station: Station, road: RoadLine, until_s: float = math.inf) ->
 
     Args:
         station: the station.
-        road: the road of the host.
+        road: the road of the ego vehicle.
         until_s: s of TimestampIts; what was observed later is left out where there is anything before.
     """
     length_m = station.message.front_to_rear_m

@@ -1,7 +1,7 @@
 """Times at which stop lines are closed, from the phases sent by their signals.
 
-For a host that keeps the rules a line is open only while it is certainly open: from the latest end of the
-previous phase to the earliest end of the open one; unknown times count as closed. The leader's prediction
+For an ego vehicle that keeps the rules a line is open only while it is certainly open: from the latest end of
+the previous phase to the earliest end of the open one; unknown times count as closed. The leader's prediction
 uses likely times; unknown times do not constrain it, as its bound covers them.
 """
 

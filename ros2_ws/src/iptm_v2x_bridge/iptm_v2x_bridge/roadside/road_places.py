@@ -1,4 +1,4 @@
-"""Messages of the roadside as seen from the host's road: stop lines of lanes, stretches of speed signs."""
+"""Messages of the roadside as seen from the ego's road: stop lines of lanes, stretches of speed signs."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ SAME_LINE_M = 10.0
 
 @dataclass(frozen=True)
 class StopLine:
-    """A line that the host has to pass.
+    """A line that the ego vehicle has to pass.
 
     Attributes:
-        position_m: along the host's road.
+        position_m: along the ego vehicle's road.
         intersection: which it belongs to.
         revision: of its map.
         groups: signal groups that all have to be open.
@@ -38,11 +38,11 @@ class StopLine:
 
 
 def stop_lines(road: RoadLine, found: IntersectionMap) -> tuple[StopLine, ...]:
-    """Return the lines of an intersection that lie on the host's road, in driving order.
+    """Return the lines of an intersection that lie on the ego vehicle's road, in driving order.
 
-    A lane counts where its first node is in the host's lane and it leads along the road, just as a station
-    does. Of its connections those count that lead into lanes which begin on the host's road ahead of the
-    line; where none does, any of them may be the host's, and all have to be open.
+    A lane counts where its first node is in the ego vehicle's lane and it leads along the road, just as a
+    station does. Of its connections those count that lead into lanes which begin on the ego vehicle's road
+    ahead of the line; where none does, any of them may be the ego vehicle's, and all have to be open.
     """
     seen = _seen(road, found)
     out = {lane.number for lane in found.lanes if lane.leads_out and _is_along(lane, seen, -1.0)}
@@ -86,7 +86,7 @@ def _seen(road: RoadLine, found: IntersectionMap) -> dict[int, tuple[RoadFix, fl
 
 
 def _is_along(lane: Lane, seen: dict[int, tuple[RoadFix, float]], way: float) -> bool:
-    """Return whether a lane begins in the host's lane and runs (-1) along the road or (1) against it."""
+    """Return whether a lane begins in the ego's lane and runs (-1) along the road or (1) against it."""
     fix, heading = seen[lane.number]
     driven = heading if way < 0.0 else heading + 180.0
     return abs(fix.lateral_m) <= LANE_HALF_WIDTH_M and is_same_way(driven, fix.heading_deg)
@@ -99,13 +99,13 @@ def is_same_way(heading_deg: float, road_heading_deg: float) -> bool:
 
 
 MAX_ASIDE_M = 10.0
-"""How far from the host's path the line of a zone may run; it may be that of another lane or of the road."""
+"""How far from the ego's path the line of a zone may run; it may be that of another lane or of the road."""
 SHORTEST_M = 1.0
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """A part of the host's road: its beginning and end along the road, and the limit on it."""
+    """A part of the ego vehicle's road: its beginning and end along the road, and the limit on it."""
 
     from_m: float
     to_m: float
@@ -113,7 +113,7 @@ class Stretch:
 
 
 def stretches(road: RoadLine, signs: SpeedSigns) -> tuple[Stretch, ...]:
-    """Return the zones that lie on the host's road all along and are relevant for its direction."""
+    """Return the zones that lie on the ego vehicle's road all along and are relevant for its direction."""
     found = (_stretch(road, zone) for zone in signs.zones)
     return tuple(stretch for stretch in found if stretch is not None)
 

@@ -24,7 +24,7 @@ class HeardRules:
 
     Attributes:
         table: what is heard.
-        host: for a host that keeps the rules: a line of unknown phase is closed.
+        ego: for an ego vehicle that keeps the rules: a line of unknown phase is closed.
         leader: for the prediction of a leader: a line of unknown phase binds it to nothing.
     """
 
@@ -32,7 +32,7 @@ class HeardRules:
         """Set up the rules."""
         self.table, self._given = table, given or RoadRules()
         self._waiting = WaitingMessages(table.receive)
-        self.host = RoadRules(self._given.limits, self._given.plan)
+        self.ego = RoadRules(self._given.limits, self._given.plan)
         self.leader = RoadRules(self._given.limits, self._given.plan)
         self._known: dict[float, TimedPhases | None] = {}
         self._now_s = 0.0
@@ -52,10 +52,10 @@ class HeardRules:
         """Decode as many of the waiting messages as the processor time allows; see `WaitingMessages`."""
         self._waiting.decode(now_ms)
 
-    def refresh(self, now_ms: int, host_position_m: float) -> None:
+    def refresh(self, now_ms: int, ego_position_m: float) -> None:
         """Bring the rules up to date."""
         table = self.table
-        table.host_position_m, self._now_s = host_position_m, now_ms / 1000.0
+        table.ego_position_m, self._now_s = ego_position_m, now_ms / 1000.0
         self.decode(now_ms)
         limits = limits_with(self._given.limits, table.stretches(now_ms))
         lines = table.lines()
@@ -71,14 +71,14 @@ class HeardRules:
             for line, phases in known.items()
             if phases is not None
         ]
-        self.host.limits = self.leader.limits = limits
-        self.host.plan = _plan([*given, *cautious])
+        self.ego.limits = self.leader.limits = limits
+        self.ego.plan = _plan([*given, *cautious])
         self.leader.plan = _plan([*given, *likely])
         self._known = {line.position_m: phases for line, phases in known.items()}
 
     def report(self) -> dict[str, object]:
         """Return numbers for the diagnostics: what is known from where, and what was left out."""
-        table, following = self.table, self.host.plan.next_after(self.table.host_position_m)
+        table, following = self.table, self.ego.plan.next_after(self.table.ego_position_m)
         state = "none"
         if following is not None:
             state = "open" if following.is_open(self._now_s) else "closed"

@@ -49,11 +49,12 @@ class RoadsideTable:
         accepted: messages taken in, by kind.
         rejections: messages that were not.
         left_out: parts of messages that were not read.
-        host_position_m: front of the host along the road; the farthest map gives way when there are too many.
+        ego_position_m: front of the ego vehicle along the road; the farthest map gives way when there are too
+        many.
     """
 
     def __init__(self, road: RoadLine) -> None:
-        """Set up a table in which nothing has been heard; `road` is the host's route."""
+        """Set up a table in which nothing has been heard; `road` is the ego vehicle's route."""
         self._road = road
         self.forget()
 
@@ -66,7 +67,7 @@ class RoadsideTable:
         self.rejections = RejectionCounts()
         self.left_out: Counter[LeftOut] = Counter()
         self._accepted_maps: dict[bytes, None] = {}
-        self.host_position_m = 0.0
+        self.ego_position_m = 0.0
 
     def repeats(self, opened: OpenedDatagram) -> bool:
         """Return whether a message repeats one of the last accepted maps; if so, it is accepted."""
@@ -147,7 +148,7 @@ class RoadsideTable:
 
     def _distance_m(self, intersection: IntersectionId) -> float:
         _, lines = self._maps[intersection]
-        away = (abs(line.position_m - self.host_position_m) for line in lines)
+        away = (abs(line.position_m - self.ego_position_m) for line in lines)
         return min(away, default=float("inf"))
 
     def _take_signs(self, message: SpeedSigns, now_ms: int) -> Rejection | None:

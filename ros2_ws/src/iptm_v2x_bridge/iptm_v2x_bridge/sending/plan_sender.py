@@ -20,7 +20,7 @@ MAX_TICK_S = 10.0
 
 
 @dataclass(frozen=True, eq=False)
-class HostTick:
+class EgoTick:
     """State and plan of a car at a tick.
 
     Attributes:
@@ -61,10 +61,10 @@ class PlanSender:
         """
         self._road, self._settings, self._ahead_m = road, settings, ahead_m
         self._start_ms = start_timestamp_ms
-        self._past: deque[HostTick] = deque(maxlen=3)
+        self._past: deque[EgoTick] = deque(maxlen=3)
         self._under_way: list[tuple[int, bytes]] = []
 
-    def arrivals(self, tick: HostTick) -> list[bytes]:
+    def arrivals(self, tick: EgoTick) -> list[bytes]:
         """Return what arrives up to a tick and was not returned before."""
         last = self._past[-1] if self._past else None
         if last is None or tick.time_ns - last.time_ns > MAX_TICK_S * NS_PER_S:

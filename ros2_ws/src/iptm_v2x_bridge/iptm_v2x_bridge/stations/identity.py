@@ -69,16 +69,16 @@ class Identity:
         generated_ms: int,
         now_ms: int,
         road: RoadLine,
-        host_position_m: float,
+        ego_position_m: float,
     ) -> Rejection | None:
         """Take a message in; return why not, None if it was accepted."""
         if self.contested_since_ms is not None:
-            return self._receive_contested(message, generated_ms, now_ms, road, host_position_m)
+            return self._receive_contested(message, generated_ms, now_ms, road, ego_position_m)
         refused = self.first.refusal(message, generated_ms, now_ms)
         if refused is None:
             self.first.update(message, generated_ms, now_ms)
         elif refused not in REPEATED and self._proves_another(
-            message, generated_ms, now_ms, road, host_position_m
+            message, generated_ms, now_ms, road, ego_position_m
         ):
             return None
         return refused
@@ -89,7 +89,7 @@ class Identity:
         generated_ms: int,
         now_ms: int,
         road: RoadLine,
-        host_position_m: float,
+        ego_position_m: float,
     ) -> Rejection | None:
         refusals = [station.refusal(message, generated_ms, now_ms) for station in self.hypotheses]
         fitting = [
@@ -98,7 +98,7 @@ class Identity:
             if refusals[number] is None or refusals[number] in REPEATED
         ]
         if not fitting:
-            proven = self._proves_another(message, generated_ms, now_ms, road, host_position_m)
+            proven = self._proves_another(message, generated_ms, now_ms, road, ego_position_m)
             return None if proven else refusals[0]
         best = min(fitting)[1]
         if refusals[best] is None:
@@ -114,7 +114,7 @@ class Identity:
         generated_ms: int,
         now_ms: int,
         road: RoadLine,
-        host_position_m: float,
+        ego_position_m: float,
     ) -> bool:
         """Take in what no hypothesis can have sent; return whether it proves another one."""
         for candidate in self._candidates:
@@ -129,7 +129,7 @@ class Identity:
                 if candidate.proofs < PROOFS:
                     return False
                 self._candidates.remove(candidate)
-                self._add_hypothesis(station, host_position_m)
+                self._add_hypothesis(station, ego_position_m)
                 self._at_odds_ms = at_odds_ms
                 self.contested_since_ms = self.contested_since_ms or at_odds_ms
                 return True
@@ -138,13 +138,13 @@ class Identity:
         self._candidates.append(_Candidate(Station(message, generated_ms, road, now_ms, near_m)))
         return False
 
-    def _add_hypothesis(self, station: Station, host_position_m: float) -> None:
+    def _add_hypothesis(self, station: Station, ego_position_m: float) -> None:
         station.first_ms = min(station.first_ms, self.first.first_ms)
         self.hypotheses.append(station)
         if len(self.hypotheses) > MAX_HYPOTHESES:
-            # Stations in other lanes or behind the host matter least, then those far ahead.
+            # Stations in other lanes or behind the ego vehicle matter least, then those far ahead.
             def importance(known: Station) -> tuple[bool, float]:
-                ahead_m = known.fix.position_m - host_position_m
+                ahead_m = known.fix.position_m - ego_position_m
                 return known.in_lane and ahead_m > 0.0, -abs(ahead_m)
 
             self.hypotheses.remove(min(self.hypotheses, key=importance))

@@ -11,7 +11,7 @@ from iptm_v2x_bridge.rejections import Rejection
 from iptm_v2x_bridge.stations.plausibility import contradiction, lies_between, same_measurement
 
 LATERALS = 16
-"""Distances from the path of the host kept of a station: more than a second at 10 Hz."""
+"""Distances from the path of the ego vehicle kept of a station: more than a second at 10 Hz."""
 HISTORY = 64
 """Messages kept of a station: six seconds at 10 Hz."""
 OBSERVATIONS = 128
@@ -21,7 +21,7 @@ CONFIRMED_AFTER_MS = 300
 CREEP_M_S = 0.5
 """Speed below which a station is taken to stand."""
 LANE_HALF_WIDTH_M = 1.5
-"""A station whose middle is closer to the host's path than this is in the host's lane ..."""
+"""A station whose middle is closer to the ego vehicle's path than this is in the ego vehicle's lane ..."""
 LEFT_LANE_M = 2.5
 """... and has left it when it is farther away than this."""
 ACCURACY_SHARE = 0.5
@@ -41,7 +41,7 @@ LANE_VOTES = 2
 """Messages in a row that it takes to enter the lane."""
 LEAVING_VOTES = 5
 """Messages in a row that it takes to leave it."""
-NEAR_HOST_M = 50.0
+NEAR_EGO_M = 50.0
 """A new station this close to the road around the ego vehicle is not looked for elsewhere on the road."""
 MAX_HEADING_APART_DEG = 60.0
 OVERLAP_MS = 1000
@@ -88,7 +88,7 @@ class Station:
         observations: accepted messages, oldest first.
         moved_s: when it was last heard moving, s of TimestampIts; when it was first heard if it never was.
         path: newest predicted path: TimestampIts of its message, the path, the rear end at its beginning.
-        in_lane: whether it is in the lane of the host.
+        in_lane: whether it is in the lane of the ego vehicle.
     """
 
     def __init__(
@@ -107,7 +107,7 @@ class Station:
         self._messages: deque[tuple[int, CamMessage]] = deque(maxlen=HISTORY)
         self.observations: deque[Observation] = deque(maxlen=OBSERVATIONS)
         self._asides: deque[tuple[float, float]] = deque(maxlen=LATERALS)
-        """When (s of TimestampIts) it was how far from the path of the host (m)."""
+        """When (s of TimestampIts) it was how far from the path of the ego vehicle (m)."""
         self.path: tuple[int, PredictedPath, float] | None = None
         self._votes = LANE_VOTES - 1
         self._driven_heading_deg: float | None = None
@@ -145,7 +145,7 @@ class Station:
         place = message.latitude_deg, message.longitude_deg
         if near_m is not None:
             fix = self._road.project(*place, near_m, heading_deg=self._driven_heading_deg)
-            if self.observations or abs(fix.lateral_m) <= NEAR_HOST_M:
+            if self.observations or abs(fix.lateral_m) <= NEAR_EGO_M:
                 return fix
         return self._road.project(*place)
 

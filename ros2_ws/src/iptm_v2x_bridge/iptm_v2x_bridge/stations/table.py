@@ -60,10 +60,10 @@ class StationTable:
         message: CamMessage,
         packet_timestamp_ms: int | None,
         now_ms: int,
-        host_position_m: float = 0.0,
+        ego_position_m: float = 0.0,
     ) -> Rejection | None:
         """Take a message in; return why not, None if it was accepted."""
-        reason = self._judge(message, packet_timestamp_ms, now_ms, host_position_m)
+        reason = self._judge(message, packet_timestamp_ms, now_ms, ego_position_m)
         if reason is None:
             self.accepted += 1
         else:
@@ -75,7 +75,7 @@ class StationTable:
         message: CamMessage,
         packet_timestamp_ms: int | None,
         now_ms: int,
-        host_position_m: float,
+        ego_position_m: float,
     ) -> Rejection | None:
         if absurd(message):
             return Rejection.ABSURD
@@ -87,13 +87,13 @@ class StationTable:
         if identity is None or not identity.forget_silent(now_ms):
             self._confirmed.pop(station_id, None)
             self._newcomers.pop(station_id, None)
-            station = Station(message, generated_ms, self._road, now_ms, host_position_m)
+            station = Station(message, generated_ms, self._road, now_ms, ego_position_m)
             self._admit(station_id, Identity(station))
             return None
-        refused = identity.receive(message, generated_ms, now_ms, self._road, host_position_m)
+        refused = identity.receive(message, generated_ms, now_ms, self._road, ego_position_m)
         if refused is None and station_id in self._newcomers and identity.is_confirmed:
             del self._newcomers[station_id]
-            self._confirm(station_id, identity, host_position_m)
+            self._confirm(station_id, identity, ego_position_m)
         return refused
 
     def _admit(self, station_id: int, identity: Identity) -> None:
@@ -102,13 +102,13 @@ class StationTable:
             self.rejections.add(Rejection.TABLE_FULL)
         self._newcomers[station_id] = identity
 
-    def _confirm(self, station_id: int, identity: Identity, host_position_m: float) -> None:
+    def _confirm(self, station_id: int, identity: Identity, ego_position_m: float) -> None:
         self._confirmed[station_id] = identity
         if len(self._confirmed) > MAX_CONFIRMED:
             farthest = max(
                 self._confirmed.items(),
                 key=lambda entry: min(
-                    abs(station.fix.position_m - host_position_m) + abs(station.fix.lateral_m)
+                    abs(station.fix.position_m - ego_position_m) + abs(station.fix.lateral_m)
                     for station in entry[1].hypotheses
                 ),
             )
@@ -130,14 +130,14 @@ class StationTable:
 MAX_DISTANCE_M = 1000.0
 """Stations beyond this distance are not leader candidates."""
 BEHIND_M = 2.0
-"""Distance of a rear end behind the host's front up to which it counts as ahead: accuracy of positions."""
+"""Distance of a rear end behind the ego's front up to which it counts as ahead: accuracy of positions."""
 
 
 class LeaderSelector:
     """Picks the leader at every tick.
 
-    Whether a station is in the host's lane is decided with hysteresis by the station itself, so a leader
-    changes once per cut-in or turn-off and not with the noise of positions.
+    Whether a station is in the ego vehicle's lane is decided with hysteresis by the station itself, so a
+    leader changes once per cut-in or turn-off and not with the noise of positions.
     """
 
     def __init__(self) -> None:
@@ -150,10 +150,10 @@ class LeaderSelector:
         return self._leader_id
 
     def select(
-        self, stations: Iterable[Station], host_position_m: float, now_s: float
+        self, stations: Iterable[Station], ego_position_m: float, now_s: float
     ) -> Station | None:
         """Return the leader, None if there is none."""
-        ahead = [station for station in stations if self.may_lead(station, host_position_m, now_s)]
+        ahead = [station for station in stations if self.may_lead(station, ego_position_m, now_s)]
         ahead = [station for station in ahead if not self._stands_inside(station, ahead)]
         leader = min(ahead, key=lambda station: station.last.moved_on_m(now_s), default=None)
         identity = None if leader is None else leader.message.station_id
@@ -163,12 +163,12 @@ class LeaderSelector:
         return leader
 
     @staticmethod
-    def may_lead(station: Station, host_position_m: float, now_s: float) -> bool:
-        """Return whether a station is ahead in the lane of the host; see `select`."""
+    def may_lead(station: Station, ego_position_m: float, now_s: float) -> bool:
+        """Return whether a station is ahead in the lane of the ego vehicle; see `select`."""
         if not (station.in_lane and station.drives_along):
             return False
-        distance_m = station.last.moved_on_m(now_s) - host_position_m
-        # A vehicle of unknown length that would overlap the host is ahead, only shorter.
+        distance_m = station.last.moved_on_m(now_s) - ego_position_m
+        # A vehicle of unknown length that would overlap the ego vehicle is ahead, only shorter.
         least_m = -BEHIND_M - station.message.uncertain_length_m
         return least_m <= distance_m <= MAX_DISTANCE_M
 

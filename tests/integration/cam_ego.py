@@ -30,8 +30,8 @@ def free_port() -> int:
         return int(taken.getsockname()[1])
 
 
-class Host:
-    """The plant's part: the clock, the host's position, and ears for the bridge."""
+class Ego:
+    """The plant's part: the clock, the ego vehicle's position, and ears for the bridge."""
 
     def __init__(self, peer: Any) -> None:
         self.peer = peer

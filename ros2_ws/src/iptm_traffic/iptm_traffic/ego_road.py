@@ -1,7 +1,7 @@
-"""The host's way through a network of SUMO as a road: where things lie along it, slopes, speeds in its bends.
+"""The ego's way through a network of SUMO as a road: where things lie along it, slopes, speeds in its bends.
 
-Positions along the road are those of SUMO on the host's lanes, junctions included, so that plant, SUMO and
-messages speak of the same metres.
+Positions along the road are those of SUMO on the ego vehicle's lanes, junctions included, so that plant, SUMO
+and messages speak of the same metres.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from iptm_traffic.sumo_net import Link, SumoNet
 
 ORIGIN_DEG = (48.0, 10.0)
 AROUND_M = (-150.0, 450.0)
-"""How much of the road behind and ahead of the host others are looked for on; it may pass one place again."""
+"""How much of the road behind and ahead of the ego others are looked for on; it may pass one place again."""
 SIDEWAYS_M_S2 = 2.0
-"""Lateral acceleration that the host keeps to in bends: comfortable for passengers."""
+"""Lateral acceleration that the ego vehicle keeps to in bends: comfortable for passengers."""
 _SMALLEST_STEP_M = 0.05
 _CHORD_M, _SPACING_M = 12.0, 4.0
 """Length over which curvature is measured, and distance between its samples: small enough for roundabouts."""
 
 
 @dataclass(frozen=True, eq=False)
-class HostRoad:
-    """The host's way: its lanes one after the other.
+class EgoRoad:
+    """The ego vehicle's way: its lanes one after the other.
 
     Attributes:
         east_m: vertices of the lanes in SUMO's plane, shape (n,), n >= 2.
@@ -48,7 +48,7 @@ class HostRoad:
     stop_lines_m: tuple[float, ...]
 
     @classmethod
-    def of_way(cls, net: SumoNet, way: tuple[Link, ...], start_m: float) -> HostRoad:
+    def of_way(cls, net: SumoNet, way: tuple[Link, ...], start_m: float) -> EgoRoad:
         """Return the road of a way.
 
         Args:
