@@ -10,14 +10,20 @@ import pandas as pd
 import pytest
 
 from iptm_core.errors import MeasurementError
+from iptm_core.parameters import DEFAULT_SET
 from iptm_core.routes import build_route
 from iptm_studies.acc_benchmark.cli import main
 from iptm_studies.acc_benchmark.comparison import figures_of, spread
-from iptm_studies.acc_benchmark.drives import CARS, WAYS, headway_overrides, real_follower
+from iptm_studies.acc_benchmark.drives import (
+    WAYS,
+    headway_overrides,
+    parameters_of,
+    real_follower,
+)
 from iptm_studies.acc_benchmark.page import REAL, benchmark_page, draw_picture
 from iptm_studies.acc_benchmark.scenes import LONGEST_S, RUN_IN_S, Scene, measured_scenes
 
-CAR = CARS[0]
+CAR = DEFAULT_SET
 
 
 def made_scene(gap_m: float = 20.0) -> Scene:
@@ -76,7 +82,7 @@ def test_figures_by_hand() -> None:
     """20 m at 10 m/s are 2 s; behind the same lead vehicle, 15 m are always shorter."""
     scene, nearer = made_scene(20.0), made_scene(15.0)
     real, run = real_follower(scene, CAR), real_follower(nearer, CAR)
-    parameters = CAR.parameters()
+    parameters = parameters_of(CAR)
     own = figures_of(real, real, scene, parameters)
     assert own["headway_s"] == pytest.approx(2.0)
     assert own["jerk_m_s3"] == pytest.approx(0.0, abs=1e-9)
@@ -109,7 +115,7 @@ def test_the_short_version(tmp_path: Path, capfd: pytest.CaptureFixture[str]) ->
 def test_the_page_shows_every_way(tmp_path: Path, scenes: list[Scene]) -> None:
     ways = (REAL, *(way.name for way in WAYS))
     rows = pd.DataFrame(
-        {"car": CAR.parameter_set, "way": way} | figures_of(real, real, scene, CAR.parameters())
+        {"car": CAR, "way": way} | figures_of(real, real, scene, parameters_of(CAR))
         for scene in scenes[:2]
         for real in (real_follower(scene, CAR),)
         for way in ways

@@ -9,9 +9,9 @@ import pytest
 
 from iptm_faults.fault import WHOLE_TRIP_S, Fault
 from iptm_faults.kinds import FaultKind
+from iptm_studies.drives import spec_of
 from iptm_studies.run import Run, perform_run
 from iptm_studies.run_inputs import resolve_inputs
-from iptm_studies.safety.trials import default_spec
 
 Drive = Callable[..., Run]
 
@@ -76,7 +76,7 @@ def drive() -> Drive:
     def perform(cycle: str, duration_s: float, faults: tuple[Fault, ...] = ()) -> Run:
         key = cycle, duration_s, faults
         if key not in runs:
-            spec = default_spec(cycle, duration_s=duration_s, faults=faults)
+            spec = spec_of(cycle, duration_s=duration_s, faults=faults)
             runs[key] = perform_run(resolve_inputs(spec))
         return runs[key]
 

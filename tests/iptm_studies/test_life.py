@@ -13,10 +13,10 @@ import pytest
 from iptm_core.aging_laws.cells import AGING_CELLS, NCA
 from iptm_core.aging_laws.law import Load
 from iptm_core.parameters import load_parameters
+from iptm_studies.drives import DEFAULT
 from iptm_studies.life.decisions import MEASURED, decision_study
 from iptm_studies.life.losses import (
     Cause,
-    Spread,
     band,
     drawn_losses,
     flags,
@@ -26,24 +26,23 @@ from iptm_studies.life.losses import (
 from iptm_studies.life.own_law import (
     PAPER,
     PARKED_H,
-    OwnLaw,
-    PricedTrips,
     kelvin_price_1_k,
     priced_study,
+    trip_at_price,
+    uses_of,
 )
 from iptm_studies.life.page import life_page
 from iptm_studies.life.table import CONTROLS, MANAGED, OWN_LAW, life_table
 from iptm_studies.life.trips import (
     CITY,
-    DEFAULT,
     DRIVEN_CONTROLS,
     MOTORWAY,
     NO_COOLING,
+    START_C,
     THERMOSTAT,
-    Extent,
     TripMap,
 )
-from iptm_studies.life.usage import CLIMATES, USAGES, Charging, Climate, Usage
+from iptm_studies.life.usage import CLIMATES, USAGES, Climate, Usage
 from iptm_studies.life.year import Activity, Year, year_of
 
 PARAMETERS = load_parameters().values
@@ -75,8 +74,8 @@ def trip(
     )
 
 
-def commuting(charging: Charging = COMMUTER.charging, warming_k: float = 2.0) -> Year:
-    return year_of(COMMUTER, MILD, DEFAULT, charging, lambda _: trip(warming_k), PARAMETERS)
+def commuting(usage: Usage = COMMUTER, warming_k: float = 2.0) -> Year:
+    return year_of(usage, MILD, DEFAULT, [trip(warming_k)] * 12, PARAMETERS)
 
 
 def test_a_year_has_its_days_its_distance_and_its_charge() -> None:
@@ -105,8 +104,7 @@ def test_a_parked_pack_settles_at_the_air() -> None:
 def test_air_cools_a_parked_pack_by_radiator_and_fan() -> None:
     """Arriving 12 K above the air it falls to 3 K in the time of 80 W that the conductances give."""
     warm, free = (
-        commuting(replace(COMMUTER.charging, free_cooling=free), warming_k=12.0)
-        for free in (False, True)
+        commuting(replace(COMMUTER, free_cooling=free), warming_k=12.0) for free in (False, True)
     )
     rests = [np.average(y.load.temperature_k, weights=y.duration_s) for y in (warm, free)]
     assert rests[1] < rests[0] - 1.0
@@ -120,7 +118,7 @@ def test_air_cools_a_parked_pack_by_radiator_and_fan() -> None:
 
 def test_charging_just_in_time_rests_at_a_lower_charge() -> None:
     on_arrival, in_time = (
-        commuting(Charging(0.8, just_in_time=just_in_time)) for just_in_time in (False, True)
+        commuting(replace(COMMUTER, just_in_time=just_in_time)) for just_in_time in (False, True)
     )
     rests = [
         float(np.average(np.asarray(year.load.charge), weights=year.duration_s))
@@ -165,7 +163,9 @@ def test_causes_add_up_and_bands_hold_the_loss() -> None:
 
 
 def test_without_spread_a_draw_is_the_law(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("iptm_studies.life.losses.SPREAD", Spread(0.0, 0.0, 0.0))
+    monkeypatch.setattr(
+        "iptm_studies.life.losses.SPREAD", dict.fromkeys(("rate", "energy", "exponent"), 0.0)
+    )
     year = commuting()
     for cell in AGING_CELLS.values():
         expected = sum(losses_by_cause(cell.law, year, 8.0).values())
@@ -184,7 +184,7 @@ def test_a_trip_between_and_beyond_the_starts_that_were_driven() -> None:
 
 def test_above_the_limit_the_pack_is_cooled_at_a_price() -> None:
     hot = Climate("hot", "made up", (39.0,) * 12, 0.0)
-    year = year_of(COMMUTER, hot, NO_COOLING, COMMUTER.charging, lambda _: trip(5.0), PARAMETERS)
+    year = year_of(COMMUTER, hot, NO_COOLING, [trip(5.0)] * 12, PARAMETERS)
     assert np.max(np.asarray(year.load.temperature_k)) <= 313.15 + 1e-9
     assert year.compressor_kwh > 0.0
 
@@ -249,26 +249,23 @@ def test_the_page_shows_points_energy_and_limits(
 
 def test_trips_are_interpolated_over_the_price_of_a_kelvin() -> None:
     """At the price of a trip that trip, between two of them a mixture, beyond the last one that one."""
-    priced = PricedTrips(
-        tuple(
-            trip(3.0, coolest_k=310.0 - step, compressor_j=step) for step, _ in enumerate(PARKED_H)
-        )
+    priced = [
+        trip(3.0, coolest_k=310.0 - step, compressor_j=step) for step, _ in enumerate(PARKED_H)
+    ]
+    own = uses_of("LFP", COMMUTER, CLIMATES[0], commuting())
+    assert kelvin_price_1_k(own[6], 310.0) > kelvin_price_1_k(own[0], 310.0) > 0.0
+    found, more, most, least = (
+        trip_at_price(priced, price_1_k, 310.0).compressor_j[1]
+        for price_1_k in (0.12e-6, 1.2 * 0.12e-6, 1.0, 0.0)
     )
-    own = OwnLaw("LFP", COMMUTER, CLIMATES[0], COMMUTER.charging, commuting())
-    july = own.use(6)
-    assert kelvin_price_1_k(july, 310.0) > kelvin_price_1_k(own.use(0), 310.0) > 0.0
-    found = priced.at(0.12e-6, 310.0).compressor_j[1]
-    assert 0.0 < found < len(PARKED_H) - 1.0
-    assert priced.at(1.2 * 0.12e-6, 310.0).compressor_j[1] > found
-    assert priced.at(1.0, 310.0).compressor_j[1] == len(PARKED_H) - 1.0
-    assert priced.at(0.0, 310.0).compressor_j[1] == 0.0
+    assert 0.0 == least < found < more < most == len(PARKED_H) - 1.0
 
 
 def test_a_pack_that_air_cools_is_worth_less_on_arrival() -> None:
     """What a kelvin is worth lasts as long as the kelvin: 10 h, or less than one with radiator and fan."""
     usual, free = (
-        OwnLaw("LFP", COMMUTER, CLIMATES[0], charging, commuting()).use(6)
-        for charging in (COMMUTER.charging, replace(COMMUTER.charging, free_cooling=True))
+        uses_of("LFP", usage, CLIMATES[0], commuting())[6]
+        for usage in (COMMUTER, replace(COMMUTER, free_cooling=True))
     )
     assert usual.parked_time_constant_h == pytest.approx(10.0)
     assert free.parked_time_constant_h == pytest.approx(0.44, abs=0.02)
@@ -276,10 +273,10 @@ def test_a_pack_that_air_cools_is_worth_less_on_arrival() -> None:
 
 
 def test_decisions_are_driven_under_every_law(tmp_path: Path) -> None:
-    study, routes = decision_study(Extent(), tmp_path, lambda _: None)
+    study, routes = decision_study(tmp_path, lambda _: None)
     assert len(routes[MEASURED]) == 10
     assert len(study.cases) == 12 * (1 + len(AGING_CELLS))
-    assert len(priced_study(Extent()).cases) == 2 * len(PARKED_H) * len(Extent().start_c)
+    assert len(priced_study().cases) == 2 * len(PARKED_H) * len(START_C)
 
 
 def test_interpolated_trips_end_like_those_with_the_law_itself() -> None:
@@ -297,15 +294,9 @@ def losses_at_rest(cell: str, charge: float) -> float:
     return float(AGING_CELLS[cell].law.mechanisms[0].damage_rate_1_s(Load(303.15, charge=charge)))
 
 
-def _name(usage: Usage) -> str:
-    return usage.name
-
-
-@pytest.mark.parametrize("usage", USAGES, ids=_name)
+@pytest.mark.parametrize("usage", USAGES, ids=[usage.name for usage in USAGES])
 def test_no_usage_empties_the_pack(usage: Usage) -> None:
-    for charging in (usage.charging, usage.managed):
-        short = trip(1.0, drawn=0.03)
-        year = year_of(
-            usage, CLIMATES[0], DEFAULT, charging, lambda _, short=short: short, PARAMETERS
-        )
+    for use in (usage, usage.managed()):
+        trips = [trip(1.0, drawn=0.03)] * 12
+        year = year_of(use, CLIMATES[0], DEFAULT, trips, PARAMETERS)
         assert np.min(np.asarray(year.load.charge)) > 0.05

@@ -15,13 +15,14 @@ from iptm_core.metrics import RunMetrics, compute_metrics
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
 from iptm_studies.campaign import Campaign, CaseState
-from iptm_studies.drives import DEFAULT, STRATEGIES, drive, write_drive
+from iptm_studies.drives import DEFAULT, STRATEGIES, spec_of
+from iptm_studies.measured_cycles import FASTEST_M_S, trip_cycles, write_drive
 from iptm_studies.real_cars.cli import main
 from iptm_studies.real_cars.page import real_cars_page
 from iptm_studies.real_cars.savings import (
+    CARS,
     CYCLE,
     OTHERS,
-    Extent,
     saving,
     savings_on,
     savings_study,
@@ -34,7 +35,6 @@ from iptm_studies.real_cars.simplifications import (
     simplification_study,
     too_large,
 )
-from iptm_studies.real_cars.trips import FASTEST_M_S, trip_cycles
 from iptm_studies.run import perform_run
 from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.run_spec import SolverSpec
@@ -119,20 +119,18 @@ def with_metrics(states: tuple[CaseState, ...], power_w: float = 10e3) -> list[C
 
 
 def test_rows_need_all_of_their_runs(trips: list[str]) -> None:
-    extent = Extent(tuple(trips))
-    states = with_metrics(Campaign([savings_study(extent)]).cases)
-    cycle = savings_on(extent, states, [CYCLE])
+    states = with_metrics(Campaign([savings_study(trips)]).cases)
+    cycle = savings_on(states, [CYCLE])
     assert len(cycle) == 4 * 4 * 2
     for role in OTHERS:
         assert cycle[f"{role}_traction"].to_numpy() == pytest.approx(10.0)
-    assert len(savings_on(extent, states, extent.trips)) == 4 * 4 * 2
+    assert len(savings_on(states, trips)) == 4 * 4 * 2
     lacking = [replace(states[0], metrics=None), *states[1:]]
-    assert len(savings_on(extent, lacking, [CYCLE])) == 4 * 4 * 2 - 1
+    assert len(savings_on(lacking, [CYCLE])) == 4 * 4 * 2 - 1
 
 
-def test_every_simplification_has_its_losses(trips: list[str]) -> None:
-    extent = Extent(tuple(trips))
-    found = losses(with_metrics(Campaign([simplification_study(extent)]).cases))
+def test_every_simplification_has_its_losses() -> None:
+    found = losses(with_metrics(Campaign([simplification_study()]).cases))
     names = [simplification.name for simplification in SIMPLIFICATIONS for _ in CLIMATES_C]
     assert found.simplification.to_list() == names
     assert found.ambient_c.to_list() == list(CLIMATES_C) * len(SIMPLIFICATIONS)
@@ -141,11 +139,10 @@ def test_every_simplification_has_its_losses(trips: list[str]) -> None:
 
 
 def test_page_names_simplifications_that_cost_too_much(trips: list[str]) -> None:
-    extent = Extent(tuple(trips))
-    states = with_metrics(Campaign([savings_study(extent)]).cases)
-    rows = savings_on(extent, states, [CYCLE])
+    states = with_metrics(Campaign([savings_study(trips)]).cases)
+    rows = savings_on(states, [CYCLE])
     lost = losses([])
-    page = real_cars_page("scripts/real_cars", extent, rows, rows, lost, {"a": "lost"}, 3)
+    page = real_cars_page("scripts/real_cars", CARS, 10, rows, rows, lost, {"a": "lost"}, 3)
     assert page.count("| bmw_i3 | 25 °C | 120 m |") == 3
     assert "**beyond**" in page
     assert "| a | lost |" in page
@@ -155,9 +152,8 @@ def test_page_names_simplifications_that_cost_too_much(trips: list[str]) -> None
 
 def test_the_controller_may_have_the_model_of_another_car() -> None:
     """A controller with a heavier model decides otherwise; the vehicle is the same."""
-    spec = drive(
-        DEFAULT, I3, 25.0, cycle=CYCLE, duration_s=4.0, solver=SolverSpec(compile_code=False)
-    )
+    solver = SolverSpec(compile_code=False)
+    spec = spec_of(CYCLE, DEFAULT, I3, 25.0, duration_s=4.0, solver=solver)
     heavier = replace(spec, controller_overrides=(("body.mass_kg", 3000.0),))
     own, other = (perform_run(resolve_inputs(each)) for each in (spec, heavier))
     assert own.key != other.key

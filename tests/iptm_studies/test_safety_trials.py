@@ -10,28 +10,30 @@ import numpy as np
 import pytest
 
 from iptm_core.parameters import load_parameters
+from iptm_core.parameters.model import BrakeParameters
 from iptm_core.routes import build_route
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_faults.fault import Fault
 from iptm_faults.kinds import FaultKind
+from iptm_studies.drives import spec_of
+from iptm_studies.measured_cycles import lead_cycles
 from iptm_studies.run import VEHICLE, WEAK_BRAKES, Report, Run, perform_run
 from iptm_studies.run_inputs import RunInputs, resolve_inputs
 from iptm_studies.safety.braking import braking_outcomes, braking_trials
-from iptm_studies.safety.emergency_stop import (
-    StatedBrakes,
-    braking_leads,
-    emergency_stops,
-)
-from iptm_studies.safety.findings import BEFORE, Findings, energy_percent, read_before
+from iptm_studies.safety.emergency_stop import braking_leads, emergency_stops
+from iptm_studies.safety.findings import BEFORE, Findings, driven, energy_percent, read_before
 from iptm_studies.safety.judging import judge_trial
-from iptm_studies.safety.lead_vehicles import lead_cycles
 from iptm_studies.safety.page import safety_page
-from iptm_studies.safety.trials import Extent, default_spec, disturbed_study
+from iptm_studies.safety.trials import disturbed_study
 from iptm_studies.store import ResultStore
 from iptm_studies.study import Judged
 
 PARAMETERS = load_parameters().values
-AT_ONCE = StatedBrakes(8.0, 1e9, 0.0)
+
+
+def brakes(build_up_m_s3: float = 1e9, delay_s: float = 0.0) -> BrakeParameters:
+    """Brakes of 8 m/s^2."""
+    return BrakeParameters(8.0, build_up_m_s3, delay_s, 0.0)
 
 
 def stop(
@@ -39,7 +41,7 @@ def stop(
     speed_m_s: float,
     lead_m_s: float,
     deceleration_m_s2: float,
-    brakes: StatedBrakes,
+    own: BrakeParameters,
 ) -> tuple[float, float]:
     one = np.ones(1)
     gaps, impacts = emergency_stops(
@@ -47,23 +49,24 @@ def stop(
         0.0 * one,
         speed_m_s * one,
         0.0 * one,
-        brakes,
+        own,
+        0.0,
     )
     return float(gaps[0]), float(impacts[0])
 
 
 def test_stopping_distances_decide_the_smallest_gap() -> None:
     """20 m/s behind 20 m/s: 400 / 16 = 25 m against 400 / 18 = 22.2 m."""
-    gap, impact = stop(10.0, 20.0, 20.0, 9.0, AT_ONCE)
+    gap, impact = stop(10.0, 20.0, 20.0, 9.0, brakes())
     assert gap == pytest.approx(10.0 - 25.0 + 400.0 / 18.0, abs=0.02)
     assert impact == 0.0
 
 
 def test_reaction_and_build_up_cost_their_way() -> None:
     """0.5 s at 20 m/s are 10 m; a ramp of 8 m/s^2 at 10 m/s^3 costs 0.4 s of braking, less its own share."""
-    late, _ = stop(60.0, 20.0, 0.0, 1.0, StatedBrakes(8.0, 1e9, 0.5))
+    late, _ = stop(60.0, 20.0, 0.0, 1.0, brakes(delay_s=0.5))
     assert late == pytest.approx(60.0 - 10.0 - 25.0, abs=0.02)
-    ramped, _ = stop(60.0, 20.0, 0.0, 1.0, StatedBrakes(8.0, 10.0, 0.0))
+    ramped, _ = stop(60.0, 20.0, 0.0, 1.0, brakes(10.0))
     ramp_m = 20.0 * 0.8 - 10.0 * 0.8**3 / 6.0
     assert ramped == pytest.approx(
         60.0 - ramp_m - (20.0 - 0.5 * 10.0 * 0.8**2) ** 2 / 16.0, abs=0.1
@@ -72,7 +75,7 @@ def test_reaction_and_build_up_cost_their_way() -> None:
 
 def test_an_impact_has_the_speed_that_is_left() -> None:
     """From 20 m/s at 8 m/s^2 there are sqrt(400 - 160) m/s left after 10 m."""
-    gap, impact = stop(10.0, 20.0, 0.0, 1.0, AT_ONCE)
+    gap, impact = stop(10.0, 20.0, 0.0, 1.0, brakes())
     assert gap == pytest.approx(-15.0, abs=0.02)
     assert impact == pytest.approx(240.0**0.5, abs=0.1)
 
@@ -173,9 +176,9 @@ def test_measured_lead_vehicles_become_drives_that_end_at_standstill(tmp_path: P
 
 
 def test_draws_repeat_and_disturb_in_pairs() -> None:
-    study = disturbed_study(Extent(trials=60))
-    assert study == disturbed_study(Extent(trials=60))
-    assert study.cases[:20] == disturbed_study(Extent(trials=20)).cases
+    study = disturbed_study(60, seed=1)
+    assert study == disturbed_study(60, seed=1)
+    assert study.cases[:20] == disturbed_study(20, seed=1).cases
     disturbed = [str(case.labels["disturbed"]).split(", ") for case in study.cases]
     assert {len(names) for names in disturbed} == {2, 3}
     assert {name for names in disturbed for name in names} >= {
@@ -185,7 +188,7 @@ def test_draws_repeat_and_disturb_in_pairs() -> None:
 
 @pytest.fixture(scope="module")
 def short_drive() -> tuple[RunInputs, Run]:
-    inputs = resolve_inputs(default_spec("nycc", duration_s=60.0))
+    inputs = resolve_inputs(spec_of("nycc", duration_s=60.0))
     return inputs, perform_run(inputs)
 
 
@@ -200,24 +203,24 @@ def test_the_monitor_alone_avoids_what_brakes_avoid(short_drive: tuple[RunInputs
 
 def test_braking_trials_are_driven_once(short_drive: tuple[RunInputs, Run], tmp_path: Path) -> None:
     inputs, run = short_drive
-    store, driven = ResultStore(tmp_path), list[str]()
+    store, names = ResultStore(tmp_path), list[str]()
     drives = {"nycc": (inputs, run.trajectory)}
-    first, second = (braking_outcomes(store, drives, 2, 1, 1, driven.append) for _ in range(2))
-    assert driven == ["nycc"]
-    assert np.array_equal(first["nycc"].smallest_gap_m, second["nycc"].smallest_gap_m)
+    first, second = (braking_outcomes(store, drives, 2, 1, 1, names.append) for _ in range(2))
+    assert names == ["nycc"]
+    assert first.equals(second)
 
 
 def test_energies_are_compared_with_equal_ends(short_drive: tuple[RunInputs, Run]) -> None:
     metrics = short_drive[1].metrics
     warm = replace(metrics, final_temperature_k=metrics.final_temperature_k + 0.5)
-    group = {0: metrics, 1: metrics, 2: warm}
-    assert energy_percent(group, 1) == 0.0
-    assert energy_percent(group, 2) > 0.0, "it has yet to be cooled"
-    assert np.isnan(energy_percent({1: group[1]}, 1))
+    assert energy_percent(metrics, metrics) == 0.0
+    assert energy_percent(warm, metrics) > 0.0, "it has yet to be cooled"
+    assert np.isnan(energy_percent(metrics, None))
 
 
-def test_the_page_shows_what_did_not_hold() -> None:
-    findings = Findings({}, [judged(COLLISION)], {}, {}, read_before(BEFORE))
+def test_the_page_shows_what_did_not_hold(tmp_path: Path) -> None:
+    braking, driving = braking_outcomes(ResultStore(tmp_path), {}, 0, 1, 0, print), driven([])
+    findings = Findings(braking, [judged(COLLISION)], driving, driving, read_before(BEFORE))
     page = safety_page("scripts/safety", "abc", findings)
     assert "- trial 0001: avoidable collision" in page
     assert "| `leader_surprise` | 1 | 1 | 1 |" in page

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -17,16 +18,27 @@ from iptm_interfaces.diagnostics import Level
 from iptm_interfaces.process import StopRequest
 from iptm_interfaces.topics import PLANT
 from iptm_studies.laboratory import Laboratory, Session
+from iptm_studies.measured_cycles import LEADS, lead_cycles
 from iptm_studies.run import CONTROLLER, VEHICLE, Report
 from iptm_studies.safety.findings import Part, perform
 from iptm_studies.safety.judging import judge_trial, trial_of
-from iptm_studies.safety.lead_vehicles import LEADS, lead_cycles
 from iptm_studies.safety.page import safety_page
-from iptm_studies.safety.trials import SHORT, Extent, disturbed_study
-from iptm_studies.study import Case, Judged
+from iptm_studies.safety.trials import (
+    CYCLES,
+    DELAYED_S,
+    DISTURBED_S,
+    PERIODS_S,
+    delay_study,
+    disturbed_study,
+    driving_study,
+)
+from iptm_studies.study import Case, Judged, Study
 
 PAGE = "safety-trials.md"
-ROS_TRIALS = 20
+USUAL = {"trials": 1000, "braking": 20_000, "ros": 20, "seed": 1}
+"""Options: numbers of trials, and the seed of all draws."""
+SHORT = {"trials": 2, "braking": 4, "ros": 0, "seed": 1}
+SHORT_S = 40.0
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -40,13 +52,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         choices=[part.value for part in Part],
         help="only this part; repeatable",
     )
-    for name, usual, text in (
-        ("trials", Extent.trials, "disturbed trials"),
-        ("braking", Extent.braking_trials, "trials with a braking lead vehicle"),
-        ("ros", ROS_TRIALS, "of the disturbed trials that are driven over ROS 2 as well"),
-        ("seed", Extent.seed, "seed of all draws"),
+    for name, text in (
+        ("trials", "disturbed trials"),
+        ("braking", "trials with a braking lead vehicle"),
+        ("ros", "of the disturbed trials that are driven over ROS 2 as well"),
+        ("seed", "seed of all draws"),
     ):
-        parser.add_argument(f"--{name}", type=int, metavar="N", help=f"{text}, {usual} by default")
+        text = f"{text}, {USUAL[name]} by default"  # noqa: PLW2901
+        parser.add_argument(f"--{name}", type=int, metavar="N", help=text)
     parser.add_argument(
         "--measured",
         type=Path,
@@ -58,19 +71,32 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _work(session: Session) -> bool:
     options, store = session.options, session.store
-    extent = SHORT if options.short else Extent()
-    given = {"trials": options.trials, "braking_trials": options.braking, "seed": options.seed}
-    extent = replace(extent, **{name: value for name, value in given.items() if value is not None})
+    usual = SHORT if options.short else USUAL
+    trials, braking, ros, seed = (
+        usual[name] if getattr(options, name) is None else getattr(options, name) for name in USUAL
+    )
+    cycles, leads, longest_s = CYCLES, [], math.inf
+    if options.short:
+        cycles, longest_s = ("nycc",), SHORT_S
     if options.measured is not None or not options.short:
         leads = lead_cycles(options.measured, store.folder / "leads", session.console.print)
-        extent = replace(extent, leads=tuple(leads))
+    driving = driving_study(cycles, leads, longest_s)
+    periods_s = PERIODS_S[-1:] if options.short else PERIODS_S
+    studies = {
+        Part.DRIVING: driving,
+        # The monitor brakes from instants of undisturbed drives.
+        Part.BRAKING: driving,
+        Part.TRIALS: disturbed_study(trials, seed, cycles, leads, min(DISTURBED_S, longest_s)),
+        Part.DELAYS: delay_study(cycles, periods_s, min(DELAYED_S, longest_s)),
+    }
     parts = [Part(name) for name in options.only or list(Part)]
-    findings = perform(extent, parts, session)
+    chosen = {part: study for part, study in studies.items() if part in parts}
+    findings = perform(chosen, braking, seed, session, whole_cycles=not options.short)
     if findings is None:
         return True
     if Part.TRIALS in parts and not options.stored:
-        count = options.ros if options.ros is not None else (0 if options.short else ROS_TRIALS)
-        findings = replace(findings, over_ros=tuple(_over_ros(extent, count, session)))
+        driven = _over_ros(studies[Part.TRIALS], ros, session)
+        findings = replace(findings, over_ros=tuple(driven))
     broken = findings.broken()
     for line in broken:
         print(line)
@@ -79,14 +105,14 @@ def _work(session: Session) -> bool:
     return not broken
 
 
-def _over_ros(extent: Extent, count: int, session: Session) -> Iterator[Judged]:
+def _over_ros(study: Study, count: int, session: Session) -> Iterator[Judged]:
     """Drive the first disturbed trials on published cycles, alternating lock-step and real time.
 
     States that are late by ticks exist in real time only: in lock-step the plant waits.
     """
     stop = StopRequest()
     stop.install()
-    fitting = [case for case in disturbed_study(extent).cases if case.spec.cycle in CYCLE_NAMES]
+    fitting = [case for case in study.cases if case.spec.cycle in CYCLE_NAMES]
     for number, case in enumerate(fitting[:count]):
         if stop.is_set:
             return

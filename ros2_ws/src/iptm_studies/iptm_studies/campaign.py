@@ -118,6 +118,10 @@ class Campaign:
                 _resolve(state.case.spec, state.address)
         self._release()
 
+    def states(self, *studies: Study) -> list[CaseState]:
+        """Return the cases of some of its studies."""
+        return [state for state in self.cases if any(state.study is each for each in studies)]
+
     def take(self) -> tuple[RunInputs, ...]:
         """Return the runs that have become known since the last call."""
         taken = tuple(self._runs[key] for key in self._new)

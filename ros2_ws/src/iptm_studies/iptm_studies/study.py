@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
+from typing import Any
 
 from iptm_core.errors import ScenarioError
 from iptm_studies.run_spec import RunSpec
@@ -70,6 +71,21 @@ class Study:
         """Return the address of one of its cases, ``study/case``."""
         return f"{self.name}/{case.name}"
 
+    def shortened(self, *, compile_code: bool = True, **settings: Any) -> Study:
+        """Return the same cases with other settings of their runs, such as a shorter trip.
+
+        Args:
+            compile_code: False interprets all controllers.
+            settings: as in `RunSpec`.
+        """
+
+        def shortened(spec: RunSpec) -> RunSpec:
+            solver = spec.solver if compile_code else replace(spec.solver, compile_code=False)
+            return replace(spec, solver=solver, **settings)
+
+        cases = (replace(case, spec=shortened(case.spec)) for case in self.cases)
+        return replace(self, cases=tuple(cases))
+
 
 @dataclass(frozen=True)
 class Judged:
@@ -107,8 +123,7 @@ class ShortTrip:
 
     def shorten(self, study: Study) -> Study:
         """The same cases on the short trip."""
-        cases = (replace(case, spec=replace(case.spec, **asdict(self))) for case in study.cases)
-        return replace(study, cases=tuple(cases))
+        return study.shortened(**asdict(self))
 
 
 SMALL = ShortTrip()

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -25,11 +26,20 @@ def write_tables(campaign: Campaign, folder: Path) -> tuple[Path, ...]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for study, path in zip(campaign.studies, paths, strict=True):
-            states = [state for state in campaign.cases if state.study is study]
-            table_of(states).to_csv(path, index=False)
+            table_of(campaign.states(study)).to_csv(path, index=False)
     except OSError as error:
         raise StoreError(f"tables cannot be written to {folder}: {error}") from error
     return paths
+
+
+def results(states: Iterable[CaseState]) -> pd.DataFrame:
+    """Return a row per case: its labels, the name of the ``case``, ``key``, ``metrics`` and ``reason``."""
+    rows: list[dict[str, Any]] = [
+        {**state.case.labels, "case": state.case.name}
+        | {name: getattr(state, name) for name in ("key", "metrics", "reason")}
+        for state in states
+    ]
+    return pd.DataFrame(rows, columns=None if rows else ["metrics"])
 
 
 def table_of(states: Sequence[CaseState]) -> pd.DataFrame:

@@ -16,8 +16,8 @@ from iptm_core.trajectory import Trajectory
 from iptm_core.user_input import StrictMapping
 from iptm_faults.fault import Fault, faults_from, in_order
 from iptm_faults.kinds import FaultPlace
+from iptm_studies.drives import spec_of
 from iptm_studies.run_inputs import RunInputs, resolve_inputs
-from iptm_studies.safety.trials import default_spec
 
 FIRST_S = 60.0
 """Earliest trip time at which a fault begins."""
@@ -125,7 +125,7 @@ class Trial:
         """Return a trial on the beginning of a cycle, None for all of it."""
         entries = tuple(entries)
         faults = tuple(fault for _, fault in entries) if mode is DriveMode.HEADLESS else ()
-        spec = default_spec(cycle, duration_s=duration_s, faults=faults)
+        spec = spec_of(cycle, duration_s=duration_s, faults=faults)
         return cls(mode, entries, resolve_inputs(spec))
 
     @property

@@ -14,9 +14,9 @@ from iptm_studies.acc_benchmark.comparison import figures_of
 from iptm_studies.acc_benchmark.drives import (
     CARS,
     WAYS,
-    Car,
     benchmark_study,
     case_labels,
+    parameters_of,
     real_follower,
 )
 from iptm_studies.acc_benchmark.page import PAGE, REAL, benchmark_page, draw_picture
@@ -40,9 +40,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         metavar="DIR",
         help="folder with OpenACC files, the excerpts of the project by default",
     )
-    names = [car.parameter_set for car in CARS]
     laboratory.parser.add_argument(
-        "--car", choices=names, help="drive this car only; both by default"
+        "--car", choices=list(CARS), help="drive this car only; both by default"
     )
     return laboratory.run(_work, arguments)
 
@@ -51,17 +50,17 @@ def _work(session: Session) -> bool:
     options, store = session.options, session.store
     extent = (SHORT_SCENES, SHORTEST_S) if options.short else (SCENES, LONGEST_S)
     scenes = measured_scenes(options.measured, session.console.print, *extent)
-    wanted = options.car or (CARS[-1].parameter_set if options.short else None)
-    cars = [car for car in CARS if wanted in {None, car.parameter_set}]
-    study = benchmark_study(scenes, cars, store.folder / "leads", compile_code=not options.short)
-    campaign = Campaign([study])
+    chosen = options.car or (list(CARS)[-1] if options.short else None)
+    cars = [chosen] if chosen else list(CARS)
+    study = benchmark_study(scenes, cars, store.folder / "leads")
+    campaign = Campaign([study.shortened(compile_code=not options.short)])
     if not session.compute(campaign):
         return True
     keys = {tuple(state.case.labels.values()): state.key for state in campaign.cases}
     rows = pd.DataFrame(
         row for car in cars for scene in scenes for row in _figures(car, scene, keys, store)
     )
-    if rows.empty or set(rows.car) != {car.parameter_set for car in cars}:
+    if rows.empty or set(rows.car) != set(cars):
         raise ScenarioError(
             f"{store.folder} lacks runs; allowed: all of one scene per car at least"
         )
@@ -71,7 +70,7 @@ def _work(session: Session) -> bool:
 
 
 def _figures(
-    car: Car, scene: Scene, keys: Mapping[tuple[Label, ...], str | None], store: ResultStore
+    car: str, scene: Scene, keys: Mapping[tuple[Label, ...], str | None], store: ResultStore
 ) -> Iterator[dict[str, Any]]:
     """Yield the figures of all ways of driving, if all of their runs are there."""
     found = {
@@ -83,8 +82,8 @@ def _figures(
         return
     real = real_follower(scene, car)
     for way, run in ({REAL: real} | runs).items():
-        labels = {"car": car.parameter_set, "way": way}
-        yield labels | figures_of(run, real, scene, car.parameters())
+        labels = {"car": car, "way": way}
+        yield labels | figures_of(run, real, scene, parameters_of(car))
 
 
 if __name__ == "__main__":

@@ -14,8 +14,8 @@ from iptm_core.state import LeaderState
 from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant
 from iptm_studies.acc_benchmark.scenes import Scene
-from iptm_studies.drives import DEFAULT, PRODUCTION, climate, drive
-from iptm_studies.run_spec import PreviewSpec, SolverSpec
+from iptm_studies.drives import DEFAULT, PRODUCTION, climate, spec_of
+from iptm_studies.run_spec import PreviewSpec
 from iptm_studies.study import Case, Label, Study
 
 SMALL_INITIAL_GAP_M = 8.0
@@ -29,28 +29,16 @@ FOLLOWED_EXACTLY = {
     "limits.max_jerk_m_s3": 50.0,
 }
 """The real follower is not held to the limits of comfort."""
+NO_V2X = PreviewSpec(preview_mode=PreviewMode.NONE)
 
 
-@dataclass(frozen=True)
-class Car:
-    """A vehicle model and its climate.
-
-    Attributes:
-        parameter_set: name.
-        ambient_c: temperature of the air and of the cells at the start.
-    """
-
-    parameter_set: str
-    ambient_c: float
-
-    def parameters(self, overrides: Mapping[str, float] | None = None) -> ModelParameters:
-        """Return the parameters in this climate, some of them replaced."""
-        return load_parameters(
-            self.parameter_set, {**climate(self.ambient_c), **(overrides or {})}
-        ).values
+CARS: Mapping[str, float] = {DEFAULT_SET: 35.0, "bmw_i3": 25.0}
+"""Temperature of the air and of the cells at the start in degC, by parameter set."""
 
 
-CARS = (Car(DEFAULT_SET, 35.0), Car("bmw_i3", 25.0))
+def parameters_of(car: str, overrides: Mapping[str, float] | None = None) -> ModelParameters:
+    """Return the parameters of a car in its climate, some of them replaced."""
+    return load_parameters(car, {**climate(CARS[car]), **(overrides or {})}).values
 
 
 @dataclass(frozen=True)
@@ -79,13 +67,13 @@ WAYS = (
 )
 
 
-def headway_overrides(scene: Scene, car: Car) -> dict[str, float]:
+def headway_overrides(scene: Scene, car: str) -> dict[str, float]:
     """Return gap limits with no larger time headway than the real follower's 95th percentile.
 
     Where the lower limit would be above the upper one at the mean speed, its time headway is cut.
     """
     largest_s = scene.largest_headway_s
-    standstill_m = load_parameters(car.parameter_set).values.gap.standstill_gap_m
+    standstill_m = load_parameters(car).values.gap.standstill_gap_m
     room_s = largest_s - standstill_m / scene.mean_speed_m_s - ROOM_S
     return {
         "gap.max_time_headway_s": round(largest_s, 2),
@@ -94,45 +82,39 @@ def headway_overrides(scene: Scene, car: Car) -> dict[str, float]:
     }
 
 
-def benchmark_study(
-    scenes: Sequence[Scene], cars: Sequence[Car], folder: Path, *, compile_code: bool = True
-) -> Study:
+def benchmark_study(scenes: Sequence[Scene], cars: Sequence[str], folder: Path) -> Study:
     """Return all runs; the drives of the lead vehicles are written to a folder."""
     cases = []
     for scene in scenes:
         cycle = scene.write(folder)
         for car in cars:
             for way in WAYS:
-                preview = (
-                    PreviewSpec() if way.preview else PreviewSpec(preview_mode=PreviewMode.NONE)
-                )
-                spec = drive(
+                spec = spec_of(
+                    cycle,
                     way.role,
-                    car.parameter_set,
-                    car.ambient_c,
-                    cycle=cycle,
-                    overrides=headway_overrides(scene, car) if way.limited else None,
+                    car,
+                    CARS[car],
+                    headway_overrides(scene, car) if way.limited else None,
                     duration_s=float(scene.duration_s),
-                    preview=preview,
-                    solver=SolverSpec(compile_code=compile_code),
+                    preview=PreviewSpec() if way.preview else NO_V2X,
                 )
                 labels = case_labels(scene, car, way)
                 cases.append(Case("/".join(map(str, labels.values())), labels, spec))
     return Study("acc_benchmark", "Behind measured lead vehicles", "", tuple(cases))
 
 
-def case_labels(scene: Scene, car: Car, way: Way) -> dict[str, Label]:
+def case_labels(scene: Scene, car: str, way: Way) -> dict[str, Label]:
     """Return the labels of a run."""
-    return {"scene": scene.name, "car": car.parameter_set, "way": way.name}
+    return {"scene": scene.name, "car": car, "way": way.name}
 
 
-def real_follower(scene: Scene, car: Car) -> Trajectory:
+def real_follower(scene: Scene, car: str) -> Trajectory:
     """Return what the real follower's motion costs in a car, by the models of the benchmark.
 
     The speeds are followed exactly; the compressor, which was not measured, follows the thermostat of the
     strategy `production`.
     """
-    parameters = car.parameters(FOLLOWED_EXACTLY)
+    parameters = parameters_of(car, FOLLOWED_EXACTLY)
     plant = Plant(parameters, lambda positions: 0.0 * positions)
     thermostat = ProductionLikeController(parameters, ProductionSettings())
     step = plant.observe(plant.initial_state())

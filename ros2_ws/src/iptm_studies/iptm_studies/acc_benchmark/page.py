@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from iptm_core.markdown import render_page
 from iptm_core.parameters import load_parameters
 from iptm_studies.acc_benchmark.comparison import spread
-from iptm_studies.acc_benchmark.drives import Car
+from iptm_studies.acc_benchmark.drives import CARS
 from iptm_studies.acc_benchmark.scenes import LONGEST_S, RUN_IN_S
 
 PAGE = "acc-benchmark.md"
@@ -43,13 +43,13 @@ _DIGITS = {
 
 
 def benchmark_page(
-    command: str, cars: Sequence[Car], rows: pd.DataFrame, failures: Mapping[str, str]
+    command: str, cars: Sequence[str], rows: pd.DataFrame, failures: Mapping[str, str]
 ) -> str:
     """Return the page as Markdown.
 
     Args:
         command: what makes it.
-        cars: in the order of the page.
+        cars: parameter sets, in the order of the page.
         rows: figures by ``car`` (parameter set) and ``way`` of driving, one row per lead vehicle.
         failures: failed runs, address and cause.
     """
@@ -64,9 +64,8 @@ def benchmark_page(
         longest_s=LONGEST_S,
         run_in_s=RUN_IN_S,
         cars=[
-            (car, load_parameters(car.parameter_set).description, _of_ways(part))
+            (car, CARS[car], load_parameters(car).description, _of_ways(rows[rows.car == car]))
             for car in cars
-            for part in (rows[rows.car == car.parameter_set],)
         ],
         failures=[{"run": run, "cause": cause} for run, cause in failures.items()],
     )
@@ -83,13 +82,13 @@ def _of_ways(rows: pd.DataFrame) -> pd.DataFrame:
     return found.reset_index()
 
 
-def draw_picture(folder: Path, cars: Sequence[Car], rows: pd.DataFrame) -> None:
+def draw_picture(folder: Path, cars: Sequence[str], rows: pd.DataFrame) -> None:
     """Draw the spread over the lead vehicles as boxes from quartile to quartile, below a folder."""
     figure = Figure(figsize=(WIDTH_INCH, 3.2 * len(cars)), dpi=DPI, layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots(len(cars), len(_PANELS), squeeze=False, sharey="row")
     for line, car in zip(axes, cars, strict=True):
-        ways = rows[rows.car == car.parameter_set].groupby("way", sort=False)
+        ways = rows[rows.car == car].groupby("way", sort=False)
         for axis, (name, label) in zip(line, _PANELS.items(), strict=True):
             is_saving = name in _SAVINGS
             values = [
@@ -103,9 +102,7 @@ def draw_picture(folder: Path, cars: Sequence[Car], rows: pd.DataFrame) -> None:
             axis.grid(axis="x", alpha=0.3)
         line[0].set_yticks(np.arange(1, ways.ngroups + 1), list(ways.groups))
         line[0].invert_yaxis()
-        line[0].set_title(
-            f"{car.parameter_set}, {car.ambient_c:g} °C", loc="left", fontsize="medium"
-        )
+        line[0].set_title(f"{car}, {CARS[car]:g} °C", loc="left", fontsize="medium")
     path = folder / PICTURE
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, metadata={"Software": None})

@@ -10,7 +10,7 @@ import numpy as np
 
 from iptm_core.errors import MeasurementError
 from iptm_core.state import FloatArray
-from iptm_studies.drives import write_drive
+from iptm_studies.measured_cycles import evenly, longest_known, write_drive
 from iptm_validation.measurements import Driver, Following
 from iptm_validation.readers.folder import excerpts, files_of, read_files
 
@@ -100,15 +100,14 @@ def measured_scenes(
             f"{source or excerpts()} has {len(scenes)} scenes with an adaptive cruise control;"
             f" allowed: at least {count}"
         )
-    places = np.linspace(0, len(scenes) - 1, count).round().astype(int)
-    return [scenes[place] for place in places]
+    return evenly(scenes, count)
 
 
 def _scene(following: Following, longest_s: int) -> Scene | None:
     """Return the beginning of the longest part that is known, None if it is of no use."""
     columns = np.array([following.leader_speed_m_s, following.speed_m_s, following.gap_m])
     per_second = round(1.0 / following.step_s)
-    known = _longest_part(columns)
+    known = longest_known(columns)
     count = known.shape[1] // per_second
     leader, speed, gap = known[:, : count * per_second].reshape(3, count, per_second).mean(axis=2)
     departure = int(np.argmax(leader > STANDING_M_S)) if count else 0
@@ -140,12 +139,3 @@ def _run_in(speed_m_s: float, seconds: int) -> FloatArray:
     """Return speeds from standstill up to a speed that is held."""
     ramp: FloatArray = np.minimum(RUN_IN_M_S2 * np.arange(seconds, dtype=np.float64), speed_m_s)
     return ramp
-
-
-def _longest_part(columns: FloatArray) -> FloatArray:
-    """Return the longest series of rows in which everything is known; shapes (3, n) to (3, m)."""
-    gaps = np.flatnonzero(~np.isfinite(columns).all(axis=0))
-    edges = np.concatenate(([-1], gaps, [columns.shape[1]]))
-    longest = int(np.argmax(np.diff(edges)))
-    part: FloatArray = columns[:, edges[longest] + 1 : edges[longest + 1]]
-    return part

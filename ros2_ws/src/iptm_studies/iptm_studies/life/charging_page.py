@@ -25,36 +25,46 @@ from iptm_studies.life.charging_stop import (
     MINUTE_KWH,
     RADIATOR,
     WORTHS_AIR_C,
-    Arrival,
     Preparation,
     charging_damage,
 )
 
 CHARGING_PAGE = "charging-stop.md"
+_LEAST_KWH = 1e-4
+"""Energy below which heat per energy is not shown."""
+
+_EVENING = ["place", "cooling", "arrival_c", "thermal_kwh", "removed_kwh"]
+
+Rows = Sequence[Mapping[str, Any]]
 
 
-def charging_page(
-    command: str,
-    arrivals: Sequence[Arrival],
-    worths: Sequence[Arrival],
-    evenings: Sequence[Mapping[str, Any]],
-) -> str:
+def charging_page(command: str, arrivals: Rows, worths: Rows, evenings: Rows) -> str:
     """Return the page as Markdown.
 
     Args:
         command: what makes it.
-        arrivals: trips with every preparation.
+        arrivals: trips with every preparation, see `arrival`.
         worths: trips with minutes of different worth.
-        evenings: trips from warm packs.
+        evenings: trips from warm packs, see `charging_stop.evenings`.
     """
     bases = {
-        (each.car, each.air_c): each for each in arrivals if each.preparation is Preparation.NONE
+        (each["car"], each["air_c"]): each
+        for each in arrivals
+        if each["preparation"] is Preparation.NONE
     }
-    cells = [
-        name
+    cells = {
+        name: cell
         for name, cell in AGING_CELLS.items()
         if any(part.mechanism is Mechanism.CYCLIC for part in cell.law.mechanisms)
-    ]
+    }
+    aging = []
+    for each in arrivals:
+        if each["preparation"] is Preparation.OPTIMISED:
+            base = bases[each["car"], each["air_c"]]["charge"]
+            ratios = {name: _ratio(cell, each["charge"], base) for name, cell in cells.items()}
+            aging.append({"car": each["car"], "air_c": each["air_c"], **ratios})
+    drives = pd.DataFrame(evenings, columns=_EVENING)
+    spent_kwh = drives.thermal_kwh.where(drives.thermal_kwh > _LEAST_KWH)
     return render_page(
         "iptm_studies.life",
         "charging_stop.md.j2",
@@ -67,48 +77,29 @@ def charging_page(
         arrivals=_compared(arrivals, bases),
         air_c=WORTHS_AIR_C,
         worths=_compared(worths, bases),
-        aging=[
-            {"car": each.car, "air_c": each.air_c}
-            | {
-                name: _relative_damage(AGING_CELLS[name], each.charge, base.charge)
-                for name in cells
-            }
-            for each in arrivals
-            for base in (bases[each.car, each.air_c],)
-            if each.preparation is Preparation.OPTIMISED
-        ],
-        cells=cells,
+        aging=aging,
+        cells=list(cells),
         law=EVENING_LAW,
         radiator=RADIATOR,
-        evenings=[
-            {**each, "ratio": each["removed_kwh"] / spent_kwh if spent_kwh > 1e-4 else None}
-            for each in evenings
-            for spent_kwh in (each["thermal_kwh"],)
-        ],
+        evenings=drives.assign(ratio=drives.removed_kwh / spent_kwh),
     )
 
 
-def _compared(trips: Sequence[Arrival], bases: Mapping[tuple[str, float], Arrival]) -> pd.DataFrame:
+def _compared(trips: Rows, bases: Mapping[tuple[str, float], Mapping[str, Any]]) -> pd.DataFrame:
     """Return trips with minutes and energies, and what they save against those without preparation."""
     rows = []
     for each in trips:
-        base = bases[each.car, each.air_c]
-        own, heated = float(each.charge.minutes[0]), float(each.heated.minutes[0])
-        rows.append(
-            {
-                **vars(each),
-                "energy_kwh": each.battery_kwh - base.battery_kwh,
-                "own_min": own,
-                "own_saved_min": float(base.charge.minutes[0]) - own,
-                "heated_min": heated,
-                "heated_saved_min": float(base.heated.minutes[0]) - heated,
-                "heater_kwh": each.heated.heater_j[0] / 3.6e6,
-            }
-        )
+        base = bases[each["car"], each["air_c"]]
+        row = {**each, "energy_kwh": each["battery_kwh"] - base["battery_kwh"]}
+        for name, charge in (("own", "charge"), ("heated", "heated")):
+            minutes = float(each[charge].minutes[0])
+            row[f"{name}_min"] = minutes
+            row[f"{name}_saved_min"] = float(base[charge].minutes[0]) - minutes
+        rows.append({**row, "heater_kwh": each["heated"].heater_j[0] / 3.6e6})
     return pd.DataFrame(rows)
 
 
-def _relative_damage(cell: AgingCell, charge: FastCharge, base: FastCharge) -> str | None:
+def _ratio(cell: AgingCell, charge: FastCharge, base: FastCharge) -> str | None:
     """Return the damage over that of another charge, marked where it is outside of the experiments."""
     before = charging_damage(cell, base)
     if before <= 0.0:

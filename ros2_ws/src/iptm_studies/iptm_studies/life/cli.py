@@ -8,15 +8,23 @@ from collections.abc import Sequence
 from iptm_core.errors import ScenarioError
 from iptm_studies.campaign import Campaign
 from iptm_studies.laboratory import Laboratory, Session
-from iptm_studies.life import charging_stop
 from iptm_studies.life.charging_page import CHARGING_PAGE, charging_page
+from iptm_studies.life.charging_stop import (
+    FIRST_CAR,
+    SHORT,
+    WORTHS_AIR_C,
+    arrivals,
+    evenings,
+    worths,
+)
 from iptm_studies.life.decisions import decision_study, decisions
 from iptm_studies.life.own_law import priced_study
 from iptm_studies.life.page import life_page
 from iptm_studies.life.table import life_table
-from iptm_studies.life.trips import Extent, trip_maps, trip_study
+from iptm_studies.life.trips import START_C, trip_maps, trip_study
+from iptm_studies.measured_cycles import TRIPS
 
-_SHORT = Extent((22.0, 36.0), compile_code=False, duration_s=60.0, measured_trips=1)
+SHORT_START_C = (22.0, 36.0)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -34,44 +42,41 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _work(session: Session) -> bool:
     if session.options.charging_stop:
         return _charging_stop(session)
-    extent = _SHORT if session.options.short else Extent()
-    single, routes = decision_study(extent, session.store.folder / "drives", session.console.print)
-    campaign = Campaign([trip_study(extent), priced_study(extent), single])
+    short, log = session.options.short, session.console.print
+    start_c = SHORT_START_C if short else START_C
+    single, routes = decision_study(session.store.folder / "drives", log, 1 if short else TRIPS)
+    studies = [trip_study(start_c), priced_study(start_c), single]
+    if short:
+        studies = [study.shortened(duration_s=60.0, compile_code=False) for study in studies]
+    campaign = Campaign(studies)
     if not session.compute(campaign):
         return True
     missing = [state for state in campaign.cases if state.metrics is None]
     for state in missing:
-        session.console.print(f"{state.address}: {state.reason}")
+        log(f"{state.address}: {state.reason}")
     if missing:
         return False
-    session.console.print("years are composed ...")
-    of_years = [state for state in campaign.cases if state.study is not single]
-    trips = trip_maps(of_years, session.store)
-    rows = life_table(trips)
-    chosen = decisions(
-        (state for state in campaign.cases if state.study is single),
-        routes,
-        session.store,
-        trips,
-    )
-    session.write(life_page(session.command, rows, chosen))
+    log("years are composed ...")
+    *of_years, single = studies
+    trips = trip_maps(campaign.states(*of_years), session.store)
+    chosen = decisions(campaign.states(single), routes, session.store, trips)
+    session.write(life_page(session.command, life_table(trips), chosen))
     return True
 
 
 def _charging_stop(session: Session) -> bool:
-    if session.options.stored or session.options.dry_run:
+    options = session.options
+    if options.stored or options.dry_run:
         raise ScenarioError(
             "--charging-stop with --stored or --dry-run; allowed: without, its trips are not stored"
         )
-    extent = charging_stop.SHORT if session.options.short else charging_stop.Extent()
     session.console.print("drives to the charger ...")
-    text = charging_page(
-        session.command,
-        list(charging_stop.arrivals(extent)),
-        list(charging_stop.worths(extent)),
-        list(charging_stop.evenings(extent)),
-    )
-    session.write(text, CHARGING_PAGE)
+    if options.short:
+        drives = arrivals([FIRST_CAR], [WORTHS_AIR_C], **SHORT)
+        page = charging_page(session.command, drives, [], list(evenings(**SHORT)))
+    else:
+        page = charging_page(session.command, arrivals(), worths(), list(evenings()))
+    session.write(page, CHARGING_PAGE)
     return True
 
 

@@ -16,12 +16,11 @@ from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.trajectory import Trajectory
 from iptm_studies.campaign import CaseState
+from iptm_studies.drives import DEFAULT
 from iptm_studies.life.losses import SERVICE_YEARS
 from iptm_studies.life.own_law import PAPER, priced_trips, trip_at, use_in
 from iptm_studies.life.trips import (
     CITY,
-    DEFAULT,
-    Extent,
     TripMap,
     compressor_j,
     driven,
@@ -30,7 +29,7 @@ from iptm_studies.life.trips import (
     trip_case,
 )
 from iptm_studies.life.usage import CLIMATES
-from iptm_studies.real_cars.trips import trip_cycles
+from iptm_studies.measured_cycles import TRIPS, trip_cycles
 from iptm_studies.store import ResultStore
 from iptm_studies.study import Study
 
@@ -43,22 +42,22 @@ _J_PER_KWH = 3.6e6
 
 
 def decision_study(
-    extent: Extent, folder: Path, report: Callable[[str], None]
+    folder: Path, report: Callable[[str], None], measured_trips: int = TRIPS
 ) -> tuple[Study, Mapping[str, Sequence[str]]]:
     """Return the trips under all laws, and the cycles of each route.
 
     Args:
-        extent: how much is driven.
         folder: for the files of measured trips.
         report: takes one line per file of measurements that was left out.
+        measured_trips: number of these trips.
     """
     routes: dict[str, Sequence[str]] = {
         CITY: (CITY,),
         COMPREHENSIVE: (COMPREHENSIVE,),
-        MEASURED: trip_cycles(None, folder, report, extent.measured_trips),
+        MEASURED: trip_cycles(None, folder, report, measured_trips),
     }
     cases = [
-        trip_case(extent, cycle, DEFAULT, START_C, _use(cell), cell)
+        trip_case(cycle, DEFAULT, START_C, _use(cell), cell)
         for cycles in routes.values()
         for cycle in cycles
         for cell in (PAPER, *AGING_CELLS)

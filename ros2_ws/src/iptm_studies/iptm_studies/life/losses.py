@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -31,24 +30,14 @@ class Cause(TextEnum):
     CALENDAR_DRIVING = "calendar, driving"
 
 
-@dataclass(frozen=True)
-class Spread:
-    """Relative standard deviations of the parameters of a law.
+SPREAD = {"rate": 0.15, "energy": 0.12, "exponent": 0.1}
+"""Relative standard deviations of the parameters of a law.
 
-    Attributes:
-        rate: of all rates, between cells and batches: the one that BLAST-Lite draws cells with.
-        energy: of activation energies: for NMC111, 45.6 kJ/mol (Smith et al. 2017) and 58.0 kJ/mol
-            (Schmalstieg et al. 2014) are 12 % off their mean.
-        exponent: of the exponent of time, by which loss is extrapolated beyond the storage tests: chosen, an
-            exponent of 0.5 is then 0.4 to 0.6 in 19 of 20 draws.
-    """
-
-    rate: float = 0.15
-    energy: float = 0.12
-    exponent: float = 0.1
-
-
-SPREAD = Spread()
+``rate`` is that of all rates between cells and batches, with which BLAST-Lite draws cells. ``energy`` is that
+of activation energies: for NMC111, 45.6 kJ/mol (Smith et al. 2017) and 58.0 kJ/mol (Schmalstieg et al. 2014)
+are 12 % off their mean. ``exponent`` is that of the exponent of time, by which loss is extrapolated beyond
+the storage tests: chosen, an exponent of 0.5 is then 0.4 to 0.6 in 19 of 20 draws.
+"""
 
 
 def damage_by_cause(law: AgingLaw, year: Year) -> tuple[Mapping[Cause, float], ...]:
@@ -116,7 +105,7 @@ def drawn_losses(
         Losses, shape (draws,).
     """
     random = np.random.default_rng(seed)
-    variations = random.standard_normal((draws, 3)) * (SPREAD.rate, SPREAD.energy, SPREAD.exponent)
+    variations = random.standard_normal((draws, 3)) * list(SPREAD.values())
     temperature_k = np.asarray(year.load.temperature_k)
     tests = cell.experiments
     middle_k = 0.5 * sum(tests.calendar_c) + CELSIUS_ZERO_K

@@ -7,9 +7,8 @@ makes under one law, and interpolated to the price of a cell, a climate, a month
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,17 +16,17 @@ from iptm_core.aging_laws.cells import LAWS
 from iptm_core.aging_laws.parking import AgingSettings, ParkedAging
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import CELSIUS_ZERO_K
+from iptm_studies.drives import DEFAULT
 from iptm_studies.life.losses import SERVICE_YEARS
 from iptm_studies.life.trips import (
     CITY,
-    DEFAULT,
     MOTORWAY,
-    Extent,
+    START_C,
     TripMap,
     heat_capacity_j_k,
     trip_case,
 )
-from iptm_studies.life.usage import HOUR_S, Charging, Climate, Usage
+from iptm_studies.life.usage import HOUR_S, Climate, Usage
 from iptm_studies.life.year import FREE_COOLING_W_K, PARKED_TIME_CONSTANT_S, Activity, Year
 from iptm_studies.study import Study
 
@@ -46,13 +45,13 @@ _CARRIER = AgingSettings(
 )
 
 
-def priced_study(extent: Extent) -> Study:
+def priced_study(start_c: Sequence[float] = START_C) -> Study:
     """Return the trips of all cycles, prices and temperatures."""
     cases = [
-        trip_case(extent, cycle, DEFAULT, start_c, _carrier(hours), _name(hours))
+        trip_case(cycle, DEFAULT, celsius, _carrier(hours), _name(hours))
         for cycle in (CITY, MOTORWAY)
         for hours in PARKED_H
-        for start_c in extent.start_c
+        for celsius in start_c
     ]
     about = "Trips of the default strategy at several prices of a kelvin on arrival."
     return Study("life_prices", "Prices of a kelvin", about, tuple(cases))
@@ -72,39 +71,30 @@ def kelvin_price_1_k(use: AgingSettings, arrival_k: float) -> float:
     return float(parked.kelvin_price_1_k(np.array([arrival_k]))[0])
 
 
-@dataclass(frozen=True)
-class PricedTrips:
-    """A trip as a function of the price of a kelvin.
+def priced_trips(trips: Mapping[tuple[str, str], TripMap], cycle: str) -> list[TripMap]:
+    """Return the trips of a cycle at the prices of `PARKED_H`, from those by cycle and control."""
+    return [trips[cycle, _name(hours)] for hours in PARKED_H]
 
-    Attributes:
-        trips: one for each of `PARKED_H`.
+
+def trip_at_price(priced: Sequence[TripMap], price_1_k: float, arrival_k: float) -> TripMap:
+    """Return the trip at a price: linear in its square root, beyond those driven that of the nearest.
+
+    Args:
+        priced: the trips at the prices of `PARKED_H`.
+        price_1_k: price of a kelvin, as a share of nominal capacity.
+        arrival_k: temperature on arrival at which that is the price.
     """
-
-    trips: tuple[TripMap, ...]
-
-    def at(self, price_1_k: float, arrival_k: float) -> TripMap:
-        """Return the trip at a price: linear in its square root, beyond those driven that of the nearest.
-
-        Args:
-            price_1_k: price of a kelvin, as a share of nominal capacity.
-            arrival_k: temperature on arrival at which that is the price.
-        """
-        driven = [kelvin_price_1_k(_carrier(hours), arrival_k) for hours in PARKED_H]
-        places = np.arange(len(driven))
-        place = float(np.interp(np.sqrt(max(price_1_k, 0.0)), np.sqrt(driven), places))
-        low = min(int(place), len(driven) - 2)
-        return self.trips[low].towards(self.trips[low + 1], place - low)
+    driven = [kelvin_price_1_k(_carrier(hours), arrival_k) for hours in PARKED_H]
+    places = np.arange(len(driven))
+    place = float(np.interp(np.sqrt(max(price_1_k, 0.0)), np.sqrt(driven), places))
+    low = min(int(place), len(driven) - 2)
+    return priced[low].towards(priced[low + 1], place - low)
 
 
-def priced_trips(trips: Mapping[tuple[str, str], TripMap], cycle: str) -> PricedTrips:
-    """Return the trips of a cycle by price, from those by cycle and control."""
-    return PricedTrips(tuple(trips[cycle, _name(hours)] for hours in PARKED_H))
-
-
-def trip_at(priced: PricedTrips, use: AgingSettings) -> TripMap:
+def trip_at(priced: Sequence[TripMap], use: AgingSettings) -> TripMap:
     """Return the trip at the price of a use."""
     arrival_k = use.parking_air_k + use.pack_above_air_k + ARRIVAL_ABOVE_PARKED_K
-    return priced.at(kelvin_price_1_k(use, arrival_k), arrival_k)
+    return trip_at_price(priced, kelvin_price_1_k(use, arrival_k), arrival_k)
 
 
 def use_in(cell: str, climate: Climate, month: int, **settings: float) -> AgingSettings:
@@ -121,50 +111,31 @@ def use_in(cell: str, climate: Climate, month: int, **settings: float) -> AgingS
     )
 
 
-@dataclass(frozen=True)
-class OwnLaw:
-    """A cell in a use, as the controller is set to it.
+def uses_of(cell: str, usage: Usage, climate: Climate, year: Year) -> list[AgingSettings]:
+    """Return the settings of the controller for a cell in every month of a use.
 
-    Attributes:
+    Args:
         cell: name of the law of the cell.
         usage: pattern of use.
         climate: place.
-        charging: habit of charging.
         year: a year of that use, for what the controller has to be given of it.
     """
-
-    cell: str
-    usage: Usage
-    climate: Climate
-    charging: Charging
-    year: Year
-
-    @cached_property
-    def _above_air_k(self) -> float:
-        rests = self.year.activity == Activity.PARKED
-        kelvin = np.asarray(self.year.load.temperature_k)[rests]
-        mean_k = float(np.average(kelvin, weights=self.year.duration_s[rests]))
-        return max(mean_k - CELSIUS_ZERO_K - float(np.mean(self.climate.monthly_c)), 0.0)
-
-    def use(self, month: int) -> AgingSettings:
-        """Return the settings of the controller in a month, 0 for January."""
-        capacity_j_k = heat_capacity_j_k(load_parameters().values)
-        conductance_w_k = capacity_j_k / PARKED_TIME_CONSTANT_S
-        if self.charging.free_cooling:
-            conductance_w_k += FREE_COOLING_W_K
-        discharge = float(np.max(np.asarray(self.year.load.depth)))
-        later = 0.5 * discharge if self.charging.just_in_time else 0.0
-        return use_in(
-            self.cell,
-            self.climate,
-            month,
-            pack_above_air_k=self._above_air_k,
-            parked_time_constant_h=capacity_j_k / conductance_w_k / HOUR_S,
-            charging_target=self.charging.target - later,
-            charging_c_rate_1_h=self.usage.charging_c_rate_1_h,
-            daily_discharge=discharge,
-        )
-
-    def trip(self, priced: PricedTrips, month: int) -> TripMap:
-        """Return the trip of a month."""
-        return trip_at(priced, self.use(month))
+    rests = year.activity == Activity.PARKED
+    parked_k = np.average(
+        np.asarray(year.load.temperature_k)[rests], weights=year.duration_s[rests]
+    )
+    above_air_k = float(parked_k) - CELSIUS_ZERO_K - float(np.mean(climate.monthly_c))
+    capacity_j_k = heat_capacity_j_k(load_parameters().values)
+    conductance_w_k = capacity_j_k / PARKED_TIME_CONSTANT_S
+    if usage.free_cooling:
+        conductance_w_k += FREE_COOLING_W_K
+    discharge = float(np.max(np.asarray(year.load.depth)))
+    later = 0.5 * discharge if usage.just_in_time else 0.0
+    settings = {
+        "pack_above_air_k": max(above_air_k, 0.0),
+        "parked_time_constant_h": capacity_j_k / conductance_w_k / HOUR_S,
+        "charging_target": usage.target - later,
+        "charging_c_rate_1_h": usage.charging_c_rate_1_h,
+        "daily_discharge": discharge,
+    }
+    return [use_in(cell, climate, month, **settings) for month in range(12)]

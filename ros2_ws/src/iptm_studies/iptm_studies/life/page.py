@@ -9,6 +9,7 @@ import pandas as pd
 from iptm_core.aging_laws.cells import AGING_CELLS, Experiments
 from iptm_core.markdown import render_page, table_of
 from iptm_core.parameters.model import CELSIUS_ZERO_K
+from iptm_studies import drives
 from iptm_studies.life import decisions, losses, own_law, trips, usage, year
 from iptm_studies.life import table as life
 
@@ -52,6 +53,7 @@ def life_page(command: str, rows: pd.DataFrame, decided: pd.DataFrame) -> str:
             for name, cell in AGING_CELLS.items()
         ],
         decisions=decisions,
+        drives=drives,
         life=life,
         losses=losses,
         own_law=own_law,

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from functools import partial
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import pandas as pd
@@ -11,6 +10,7 @@ import pandas as pd
 from iptm_core.aging_laws.cells import AGING_CELLS
 from iptm_core.aging_laws.law import paper_law
 from iptm_core.parameters import load_parameters
+from iptm_studies.drives import DEFAULT
 from iptm_studies.life.losses import (
     SERVICE_YEARS,
     band,
@@ -19,8 +19,8 @@ from iptm_studies.life.losses import (
     losses_by_cause,
     years_to_end,
 )
-from iptm_studies.life.own_law import PAPER, OwnLaw, priced_trips
-from iptm_studies.life.trips import DEFAULT, DRIVEN_CONTROLS, NO_COOLING, TripMap
+from iptm_studies.life.own_law import PAPER, priced_trips, trip_at, uses_of
+from iptm_studies.life.trips import DRIVEN_CONTROLS, NO_COOLING, TripMap
 from iptm_studies.life.usage import CLIMATES, USAGES
 from iptm_studies.life.year import Year, year_of
 
@@ -28,10 +28,6 @@ OWN_LAW = "own law"
 MANAGED = "own law, managed"
 CONTROLS = (*DRIVEN_CONTROLS, OWN_LAW, MANAGED)
 RESISTANCE_YEARS = 1.0
-
-
-def _in_all_months(trip: TripMap) -> Callable[[int], TripMap]:
-    return lambda _: trip
 
 
 def life_table(trips: Mapping[tuple[str, str], TripMap]) -> pd.DataFrame:
@@ -56,19 +52,20 @@ def life_table(trips: Mapping[tuple[str, str], TripMap]) -> pd.DataFrame:
     for usage in USAGES:
         for climate in CLIMATES:
             labels = {"usage": usage.name, "climate": climate.name}
-            shared = {}
-            for control in DRIVEN_CONTROLS:
-                trip_of = _in_all_months(trips[usage.cycle, control])
-                shared[control] = year_of(
-                    usage, climate, control, usage.charging, trip_of, parameters
+            shared = {
+                control: year_of(
+                    usage, climate, control, [trips[usage.cycle, control]] * 12, parameters
                 )
+                for control in DRIVEN_CONTROLS
+            }
             rows += (labels | row for row in _rows(PAPER, shared))
+            priced = priced_trips(trips, usage.cycle)
             for cell in AGING_CELLS:
                 own = {}
-                for control, charging in ((OWN_LAW, usage.charging), (MANAGED, usage.managed)):
-                    law = OwnLaw(cell, usage, climate, charging, shared[DEFAULT])
-                    trip_of = partial(law.trip, priced_trips(trips, usage.cycle))
-                    own[control] = year_of(usage, climate, DEFAULT, charging, trip_of, parameters)
+                for control, use in ((OWN_LAW, usage), (MANAGED, usage.managed())):
+                    uses = uses_of(cell, use, climate, shared[DEFAULT])
+                    of_months = [trip_at(priced, month) for month in uses]
+                    own[control] = year_of(use, climate, DEFAULT, of_months, parameters)
                 rows += (labels | row for row in _rows(cell, shared | own))
     return pd.DataFrame(rows)
 

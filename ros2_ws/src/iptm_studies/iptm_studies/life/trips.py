@@ -10,55 +10,34 @@ from typing import Any
 
 import numpy as np
 
-from iptm_controller.horizon import SINGLE_HORIZON
-from iptm_controller.settings import ControllerSettings
-from iptm_controller.strategy import strategy_by_name
 from iptm_core.aging_laws.parking import AgingSettings
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import CELSIUS_ZERO_K, ModelParameters
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
 from iptm_studies.campaign import CaseState
-from iptm_studies.real_cars.trips import TRIPS
-from iptm_studies.run_spec import RunSpec, SolverSpec
+from iptm_studies.drives import DEFAULT, PRODUCTION, REFERENCE, spec_of
 from iptm_studies.store import ResultStore
 from iptm_studies.study import Case, Label, Study
 
 CITY, MOTORWAY = "wltc_class3b", "hwfet"
-NO_COOLING, THERMOSTAT, REFERENCE, DEFAULT = "none", "thermostat", "reference", "default"
-_OWN = ControllerSettings()
-_DRIVEN = {
-    NO_COOLING: ("production", str(SINGLE_HORIZON), {"limits.max_compressor_power_w": 1.0}),
-    THERMOSTAT: ("production", str(SINGLE_HORIZON), {}),
-    REFERENCE: ("reference", str(SINGLE_HORIZON), {}),
-    DEFAULT: (_OWN.strategy, _OWN.horizon, {}),
+NO_COOLING, THERMOSTAT = "none", "thermostat"
+_DRIVEN: Mapping[str, tuple[str, Mapping[str, float]]] = {
+    NO_COOLING: (PRODUCTION, {"limits.max_compressor_power_w": 1.0}),
+    THERMOSTAT: (PRODUCTION, {}),
+    REFERENCE: (REFERENCE, {}),
+    DEFAULT: (DEFAULT, {}),
 }
+"""Role of the controller and further parameters by control."""
 DRIVEN_CONTROLS = tuple(_DRIVEN)
 START_C = (22.0, 28.0, 34.0, 40.0)
+"""Temperatures at which the pack begins a trip."""
 SAMPLE_S = 300.0
 _OVER_START = ("temperature_k", "c_rate_1_h", "drawn", "end_k", "compressor_j")
 """What of a trip depends on the temperature at its start."""
 
 
-@dataclass(frozen=True)
-class Extent:
-    """How much is driven.
-
-    Attributes:
-        start_c: temperatures at which the pack begins a trip.
-        compile_code: whether controllers are compiled.
-        duration_s: where trips are cut, None for their ends.
-        measured_trips: measured trips under each law.
-    """
-
-    start_c: tuple[float, ...] = START_C
-    compile_code: bool = True
-    duration_s: float | None = None
-    measured_trips: int = TRIPS
-
-
 def trip_case(
-    extent: Extent,
     cycle: str,
     control: str,
     start_c: float,
@@ -66,29 +45,22 @@ def trip_case(
     name: str = "",
 ) -> Case:
     """Return a trip under a control, of the default with another ageing law under a name of its own."""
-    strategy, horizon, overrides = _DRIVEN[control]
+    role, overrides = _DRIVEN[control]
     start = {"environment.initial_cell_temperature_k": start_c + CELSIUS_ZERO_K}
-    spec = RunSpec(
-        cycle=cycle,
-        duration_s=extent.duration_s,
-        overrides=tuple({**overrides, **start}.items()),
-        strategy=strategy_by_name(strategy),
-        horizon=horizon,
-        solver=SolverSpec(compile_code=extent.compile_code),
-        **asdict(aging or AgingSettings()),
-    )
+    settings = asdict(aging or AgingSettings())
+    spec = spec_of(cycle, role, overrides={**overrides, **start}, **settings)
     control = name or control
     labels: dict[str, Label] = {"cycle": cycle, "control": control, "start_c": start_c}
     return Case(f"{Path(cycle).stem}_{control}_{start_c:g}", labels, spec)
 
 
-def trip_study(extent: Extent) -> Study:
+def trip_study(start_c: Sequence[float] = START_C) -> Study:
     """Return the trips of all cycles, controls and temperatures."""
     cases = [
-        trip_case(extent, cycle, control, start_c)
+        trip_case(cycle, control, celsius)
         for cycle in (CITY, MOTORWAY)
         for control in _DRIVEN
-        for start_c in extent.start_c
+        for celsius in start_c
     ]
     about = "Trips from several temperatures of the pack, of which years of use are composed."
     return Study("life", "Years of use", about, tuple(cases))

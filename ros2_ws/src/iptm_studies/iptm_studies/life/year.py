@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
+from functools import partial
 
 import numpy as np
 
@@ -14,15 +15,7 @@ from iptm_core.parameters.model import CELSIUS_ZERO_K, ModelParameters
 from iptm_core.physics.cell import cell_resistance_ohm
 from iptm_core.state import FloatArray
 from iptm_studies.life.trips import NO_COOLING, TripMap, heat_capacity_j_k, nominal_energy_j
-from iptm_studies.life.usage import (
-    DAY_S,
-    FAST_C_RATE_1_H,
-    HOUR_S,
-    MONTH_DAYS,
-    Charging,
-    Climate,
-    Usage,
-)
+from iptm_studies.life.usage import DAY_S, FAST_C_RATE_1_H, HOUR_S, MONTH_DAYS, Climate, Usage
 
 PARKED_TIME_CONSTANT_S = 10.0 * HOUR_S
 """Of a parked pack towards the air: chosen, insulated packs of 60 to 80 kWh need that order of time."""
@@ -73,9 +66,20 @@ class Year:
 
 @dataclass
 class _Day:
-    """A day in the making; it begins at the first departure with the target of charging."""
+    """A day in the making in one month of a climate; it begins at the first departure.
 
-    pack: _Pack
+    Attributes:
+        charging_limit_k: temperature above which the pack is cooled while it is charged.
+        rows: duration, activity, temperature, C-rate and state of charge of every step.
+        drawn: share of the nominal energy drawn.
+        arrival_charge: state of charge after the last trip.
+    """
+
+    parameters: ModelParameters
+    usage: Usage
+    climate: Climate
+    month: int
+    charging_limit_k: float
     kelvin: float
     charge: float
     rows: list[tuple[float, int, float, float, float]] = field(default_factory=list)
@@ -86,13 +90,16 @@ class _Day:
     elapsed_s: float = 0.0
     arrival_charge: float = 0.0
 
+    def __post_init__(self) -> None:
+        self._heat_capacity_j_k = heat_capacity_j_k(self.parameters)
+
     def drive(self, trip_map: TripMap) -> None:
         """Add a trip; above the upper limit the pack is cooled whatever the control."""
         trip = trip_map.from_start(self.kelvin)
         kelvin = np.minimum(trip.temperature_k[0], UPPER_LIMIT_K)
         above_k = max(float(trip.end_k[0]) - UPPER_LIMIT_K, 0.0)
         self.compressor_j += (
-            float(trip.compressor_j[0]) + above_k * self.pack.heat_capacity_j_k / COOLING_COP
+            float(trip.compressor_j[0]) + above_k * self._heat_capacity_j_k / COOLING_COP
         )
         for row in zip(
             trip.durations_s, kelvin, trip.c_rate_1_h[0], self.charge - trip.drawn[0], strict=True
@@ -107,7 +114,7 @@ class _Day:
 
     def stand(self, until_s: float, c_rate_1_h: float = 0.0, target: float = 1.0) -> None:
         """Park, or charge to a target, until an instant of the day, whichever comes first."""
-        pack = self.pack
+        first_s = self.usage.departures[0][0] * HOUR_S
         while self.elapsed_s < until_s - 1e-6:
             step_s = min(_STEP_S, until_s - self.elapsed_s)
             activity = Activity.PARKED
@@ -116,17 +123,22 @@ class _Day:
                 if to_target_s < 1.0:
                     return
                 step_s, activity = min(step_s, to_target_s), Activity.CHARGING
-            air_k = pack.air_k(self.elapsed_s + 0.5 * step_s)
+            clock_s = first_s + (self.elapsed_s + 0.5 * step_s)
+            air_k = self.climate.air_c(self.month, clock_s) + CELSIUS_ZERO_K
             time_constant_s = PARKED_TIME_CONSTANT_S
-            if pack.is_cooled_by_air(self.kelvin, air_k):
-                time_constant_s = pack.free_cooling_time_constant_s
+            is_warmer = self.kelvin - air_k > FREE_COOLING_ABOVE_AIR_K
+            if self.usage.free_cooling and is_warmer and self.kelvin > FREE_COOLING_FROM_K:
+                conductance_w_k = (
+                    self._heat_capacity_j_k / PARKED_TIME_CONSTANT_S + FREE_COOLING_W_K
+                )
+                time_constant_s = self._heat_capacity_j_k / conductance_w_k
                 self.compressor_j += FREE_COOLING_FAN_W * step_s
             kept = float(np.exp(-step_s / time_constant_s))
-            heat_j = step_s * pack.charging_heat_w(c_rate_1_h, self.kelvin)
-            after_k = air_k + (self.kelvin - air_k) * kept + heat_j / pack.heat_capacity_j_k
-            if activity is Activity.CHARGING and after_k > pack.charging_limit_k:
-                removed_k = after_k - max(pack.charging_limit_k, min(self.kelvin, after_k))
-                self.grid_compressor_j += removed_k * pack.heat_capacity_j_k / COOLING_COP
+            heat_j = step_s * self._charging_heat_w(c_rate_1_h)
+            after_k = air_k + (self.kelvin - air_k) * kept + heat_j / self._heat_capacity_j_k
+            if activity is Activity.CHARGING and after_k > self.charging_limit_k:
+                removed_k = after_k - max(self.charging_limit_k, min(self.kelvin, after_k))
+                self.grid_compressor_j += removed_k * self._heat_capacity_j_k / COOLING_COP
                 after_k -= removed_k
             gained = c_rate_1_h * step_s / HOUR_S
             mean = 0.5 * (self.kelvin + after_k), c_rate_1_h, self.charge + 0.5 * gained
@@ -134,49 +146,36 @@ class _Day:
             self.kelvin, self.charge = after_k, self.charge + gained
             self.elapsed_s += step_s
 
-
-@dataclass(frozen=True)
-class _Pack:
-    """The pack in one month of a climate."""
-
-    parameters: ModelParameters
-    climate: Climate
-    month: int
-    first_departure_s: float
-    charging_limit_k: float
-    free_cooling: bool = False
-
-    @property
-    def heat_capacity_j_k(self) -> float:
-        return heat_capacity_j_k(self.parameters)
-
-    @property
-    def free_cooling_time_constant_s(self) -> float:
-        conductance_w_k = self.heat_capacity_j_k / PARKED_TIME_CONSTANT_S + FREE_COOLING_W_K
-        return self.heat_capacity_j_k / conductance_w_k
-
-    def is_cooled_by_air(self, kelvin: float, air_k: float) -> bool:
-        is_warmer = kelvin - air_k > FREE_COOLING_ABOVE_AIR_K
-        return self.free_cooling and is_warmer and kelvin > FREE_COOLING_FROM_K
-
-    def air_k(self, elapsed_s: float) -> float:
-        clock_s = self.first_departure_s + elapsed_s
-        return self.climate.air_c(self.month, clock_s) + CELSIUS_ZERO_K
-
-    def charging_heat_w(self, c_rate_1_h: float, kelvin: float) -> float:
+    def _charging_heat_w(self, c_rate_1_h: float) -> float:
         current_a = c_rate_1_h * self.parameters.cell.nominal_capacity_ah
-        ohm = float(cell_resistance_ohm(kelvin, 0.0, self.parameters.cell))
+        ohm = float(cell_resistance_ohm(self.kelvin, 0.0, self.parameters.cell))
         pack = self.parameters.pack
         cells = pack.modules * pack.series_per_module * pack.parallel
         return cells * current_a**2 * ohm
+
+    def drive_and_charge(self, trip: TripMap) -> None:
+        """Add all of a driving day."""
+        usage = self.usage
+        for number, (hour, repeats) in enumerate(usage.departures):
+            departure_s = (hour - usage.departures[0][0]) * HOUR_S
+            if number and usage.fast_target > self.charge:
+                self.stand(departure_s, FAST_C_RATE_1_H, usage.fast_target)
+            self.stand(departure_s)
+            for _ in range(repeats):
+                self.drive(trip)
+        self.arrival_charge = self.charge
+        needed_s = max(usage.target - self.charge, 0.0) / usage.charging_c_rate_1_h * HOUR_S
+        if usage.just_in_time:
+            self.stand(DAY_S - needed_s)
+        self.stand(DAY_S, usage.charging_c_rate_1_h, usage.target)
+        self.stand(DAY_S)
 
 
 def year_of(
     usage: Usage,
     climate: Climate,
     control: str,
-    charging: Charging,
-    trip: Callable[[int], TripMap],
+    trips: Sequence[TripMap],
     parameters: ModelParameters,
 ) -> Year:
     """Compose a year of settled days, a driving day and a day of rest for every month.
@@ -185,65 +184,48 @@ def year_of(
         usage: pattern of use.
         climate: air.
         control: control of the trips; `NO_COOLING` cools at the upper limit only, when charging, too.
-        charging: habit of charging.
-        trip: a trip of the cycle of the usage under that control, for a month, 0 for January.
+        trips: a trip of the cycle of the usage under that control for each month, January first.
         parameters: pack of the car.
     """
     limit_k = UPPER_LIMIT_K if control == NO_COOLING else ProductionSettings().thermostat_on_k
     parts: list[tuple[float, _Day]] = []
-    for month, days in enumerate(MONTH_DAYS):
-        first_s = usage.departures[0][0] * HOUR_S
-        pack = _Pack(parameters, climate, month, first_s, limit_k, charging.free_cooling)
+    for month, (days, trip) in enumerate(zip(MONTH_DAYS, trips, strict=True)):
+        day = partial(_Day, parameters, usage, climate, month, limit_k)
         kelvin = climate.monthly_c[month] + CELSIUS_ZERO_K
         for _ in range(_DAYS_TO_SETTLE):
-            driven = _driving_day(pack, usage, charging, trip(month), kelvin)
+            driven = day(kelvin, usage.target)
+            driven.drive_and_charge(trip)
             kelvin = driven.kelvin
-        night = driven.arrival_charge if charging.just_in_time else driven.charge
-        rest = _Day(pack, driven.kelvin, night)
+        rest = day(kelvin, driven.arrival_charge if usage.just_in_time else driven.charge)
         rest.stand(DAY_S)
         share = usage.days_a_week / 7.0
         parts += [(share * days, driven), ((1.0 - share) * days, rest)]
     return _year(parts, nominal_energy_j(parameters))
 
 
-def _driving_day(
-    pack: _Pack, usage: Usage, charging: Charging, trip: TripMap, kelvin: float
-) -> _Day:
-    day = _Day(pack, kelvin, charging.target)
-    for number, (hour, repeats) in enumerate(usage.departures):
-        departure_s = (hour - usage.departures[0][0]) * HOUR_S
-        if number and usage.fast_target > day.charge:
-            day.stand(departure_s, FAST_C_RATE_1_H, usage.fast_target)
-        day.stand(departure_s)
-        for _ in range(repeats):
-            day.drive(trip)
-    day.arrival_charge = day.charge
-    needed_s = max(charging.target - day.charge, 0.0) / usage.charging_c_rate_1_h * HOUR_S
-    if charging.just_in_time:
-        day.stand(DAY_S - needed_s)
-    day.stand(DAY_S, usage.charging_c_rate_1_h, charging.target)
-    day.stand(DAY_S)
-    return day
+def _year(parts: Sequence[tuple[float, _Day]], energy_j: float) -> Year:
+    def total(name: str) -> float:
+        return sum(days * float(getattr(day, name)) for days, day in parts)
 
-
-def _year(parts: list[tuple[float, _Day]], energy_j: float) -> Year:
     columns = []
     for days, day in parts:
         rows = np.array(day.rows)
-        duration_s, c_rate, charge = rows[:, 0], rows[:, 3], rows[:, 4]
-        depth = np.full(len(rows), np.ptp(charge))
-        mean = np.full(len(rows), np.sum(duration_s * c_rate) / np.sum(duration_s))
-        charges = np.where(rows[:, 1] == Activity.CHARGING, duration_s, 0.0)
-        charged = np.sum(charges * c_rate) / max(float(np.sum(charges)), 1.0)
-        charging = np.full(len(rows), charged)
-        columns.append(np.column_stack((days * duration_s, rows[:, 1:], depth, mean, charging)))
+        duration_s, activity, _, c_rate, charge = rows.T
+        charging_s = np.where(activity == Activity.CHARGING, duration_s, 0.0)
+        of_the_day = (
+            np.ptp(charge),
+            np.sum(duration_s * c_rate) / np.sum(duration_s),
+            np.sum(charging_s * c_rate) / max(float(np.sum(charging_s)), 1.0),
+        )
+        repeated = np.tile(of_the_day, (len(rows), 1))
+        columns.append(np.column_stack((days * duration_s, rows[:, 1:], repeated)))
     table = np.concatenate(columns)
     return Year(
         table[:, 0],
         table[:, 1],
         Load(*table[:, 2:].T),
-        sum(days * day.compressor_j for days, day in parts) / _J_PER_KWH,
-        sum(days * day.grid_compressor_j for days, day in parts) / _J_PER_KWH,
-        sum(days * day.drawn for days, day in parts) * energy_j / _J_PER_KWH,
-        sum(days * day.distance_m for days, day in parts) / 1000.0,
+        total("compressor_j") / _J_PER_KWH,
+        total("grid_compressor_j") / _J_PER_KWH,
+        total("drawn") * energy_j / _J_PER_KWH,
+        total("distance_m") / 1000.0,
     )

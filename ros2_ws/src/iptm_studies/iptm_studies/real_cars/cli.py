@@ -8,10 +8,10 @@ from pathlib import Path
 
 from iptm_studies.campaign import Campaign
 from iptm_studies.laboratory import Laboratory, Session
+from iptm_studies.measured_cycles import trip_cycles
 from iptm_studies.real_cars.page import real_cars_page
-from iptm_studies.real_cars.savings import CYCLE, Extent, savings_on, savings_study
+from iptm_studies.real_cars.savings import CARS, CLIMATES_C, CYCLE, savings_on, savings_study
 from iptm_studies.real_cars.simplifications import losses, simplification_study, too_large
-from iptm_studies.real_cars.trips import trip_cycles
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -31,22 +31,31 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _work(session: Session) -> bool:
     options, store = session.options, session.store
     trips = trip_cycles(options.measured, store.folder / "trips", session.console.print)
-    extent = Extent.short(trips) if options.short else Extent(tuple(trips))
-    studies = savings_study(extent), simplification_study(extent)
+    if options.short:
+        trips, cars = trips[:2], list(CARS[1:2])
+        studies = [
+            study.shortened(duration_s=20.0, compile_code=False)
+            for study in (
+                savings_study(trips, cars, CLIMATES_C[-1:]),
+                simplification_study(CLIMATES_C[-1:], 1),
+            )
+        ]
+    else:
+        cars = list(CARS)
+        studies = [savings_study(trips), simplification_study()]
     campaign = Campaign(studies)
     if not session.compute(campaign):
         return True
-    savings, simplifications = (
-        [state for state in campaign.cases if state.study is study] for study in studies
-    )
+    savings, simplifications = map(campaign.states, studies)
     lost = losses(simplifications)
     for name in too_large(lost):
         print(f"simplification {name} costs more than it may")
     page = real_cars_page(
         session.command,
-        extent,
-        savings_on(extent, savings, [CYCLE]),
-        savings_on(extent, savings, extent.trips),
+        cars,
+        len(trips),
+        savings_on(savings, [CYCLE]),
+        savings_on(savings, trips),
         lost,
         campaign.failures,
         len(campaign.keys) - campaign.finished - len(campaign.failures),

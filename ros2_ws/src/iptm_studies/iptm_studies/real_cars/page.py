@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import pandas as pd
 
 from iptm_core.markdown import render_page, table_of
 from iptm_core.parameters import load_parameters
-from iptm_studies.real_cars.savings import Extent
 from iptm_studies.real_cars.simplifications import (
     CAR,
     LARGEST_LOSS,
@@ -19,7 +18,8 @@ from iptm_studies.real_cars.simplifications import (
 
 def real_cars_page(
     command: str,
-    extent: Extent,
+    cars: Sequence[str],
+    trips: int,
     cycle: pd.DataFrame,
     road: pd.DataFrame,
     losses: pd.DataFrame,
@@ -30,14 +30,15 @@ def real_cars_page(
 
     Args:
         command: what makes it.
-        extent: what was driven.
+        cars: parameter sets that were driven.
+        trips: number of measured trips.
         cycle: savings on the cycle.
         road: savings on the measured trips.
         losses: losses by simplification and temperature.
         failures: failed runs, address and cause.
         lacking: number of runs that are not stored yet.
     """
-    sets = {car: load_parameters(car) for car in extent.cars}
+    sets = {car: load_parameters(car) for car in cars}
     return render_page(
         "iptm_studies.real_cars",
         "real_cars.md.j2",
@@ -48,7 +49,7 @@ def real_cars_page(
         ],
         cycle=cycle,
         road=road,
-        trips=len(extent.trips),
+        trips=trips,
         car=CAR,
         largest_loss=LARGEST_LOSS,
         shipped=_losses(losses, shipped=True),
@@ -60,18 +61,25 @@ def real_cars_page(
 
 def _losses(losses: pd.DataFrame, *, shipped: bool) -> str:
     """Return the table of the simplifications that the shipped controller has, or of the others."""
-    climates = sorted(losses.ambient_c.unique())
     worst = worst_losses(losses)
-    rows = []
-    for each in SIMPLIFICATIONS:
-        if each.shipped == shipped:
-            row: dict[str, str | None] = {"simple": each.simple_text, "refined": each.refined_text}
-            row |= {f"at {celsius:g}": None for celsius in climates}
-            for loss in losses[losses.simplification == each.name].itertuples():
-                values = (round(value, 2) + 0.0 for value in (loss.aging, loss.consumption))
-                row[f"at {loss.ambient_c:g}"] = " / ".join(f"{value:+.2f}" for value in values)
-            row["bar"] = "within" if worst[each.name] <= LARGEST_LOSS else "**beyond**"
-            rows.append(row)
+    texts = [
+        " / ".join(f"{round(value, 2) + 0.0:+.2f}" for value in pair)
+        for pair in zip(losses.aging, losses.consumption, strict=True)
+    ]
+    wide = losses.assign(text=texts).pivot(
+        index="simplification", columns="ambient_c", values="text"
+    )
+    columns = {f"{celsius:g} °C:": f"{{{celsius:g}}}" for celsius in wide}
+    wide = wide.rename(columns="{:g}".format)
+    rows = [
+        {
+            "simple": each.simple_text,
+            "refined": each.refined_text,
+            "bar": "within" if worst[each.name] <= LARGEST_LOSS else "**beyond**",
+            **(wide.loc[each.name] if each.name in wide.index else dict.fromkeys(wide)),
+        }
+        for each in SIMPLIFICATIONS
+        if each.shipped == shipped
+    ]
     heads = {"simple": "{simple}", "refined": "{refined}"}
-    heads |= {f"{celsius:g} °C:": f"{{at {celsius:g}}}" for celsius in climates}
-    return table_of(rows, heads | {"bar": "{bar}"})
+    return table_of(rows, heads | columns | {"bar": "{bar}"})

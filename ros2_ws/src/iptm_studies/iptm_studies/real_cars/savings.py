@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +14,9 @@ from iptm_core.metrics import RunMetrics, at_equal_end
 from iptm_core.parameters import DEFAULT_SET, load_parameters
 from iptm_core.parameters.model import ModelParameters
 from iptm_studies.campaign import CaseState
-from iptm_studies.drives import DEFAULT, STRATEGIES, drive
-from iptm_studies.run_spec import SolverSpec
-from iptm_studies.study import Case, Study
+from iptm_studies.drives import DEFAULT, STRATEGIES, spec_of
+from iptm_studies.study import Case, Label, Study
+from iptm_studies.tables import results
 
 ROLES = tuple(STRATEGIES)
 OTHERS = tuple(role for role in ROLES if role != DEFAULT)
@@ -24,39 +24,8 @@ CYCLE = "wltc_class3b"
 CARS = (DEFAULT_SET, "bmw_i3", "chevrolet_bolt", "tesla_model_3")
 CLIMATES_C = (-10.0, 10.0, 25.0, 35.0)
 HEADWAY = "gap.max_time_headway_s"
-SHIPPED_GAP, SHORT_HEADWAY = 0.0, 3.0
-"""Largest time headways in s; 0 is none, the largest gap counts alone."""
-
-
-@dataclass(frozen=True)
-class Extent:
-    """How much is driven.
-
-    Attributes:
-        trips: measured trips, as paths of drive files.
-        cars: parameter sets.
-        climates_c: temperatures of the air.
-        simplifications: number of the simplifications that are tried.
-        duration_s: where all trips are cut, None for their ends.
-        compile_code: whether controllers are compiled.
-    """
-
-    trips: tuple[str, ...]
-    cars: tuple[str, ...] = CARS
-    climates_c: tuple[float, ...] = CLIMATES_C
-    simplifications: int | None = None
-    duration_s: float | None = None
-    compile_code: bool = True
-
-    @classmethod
-    def short(cls, trips: Sequence[str]) -> Extent:
-        """Return a little of everything, in seconds."""
-        car, climate = CARS[1:2], CLIMATES_C[-1:]
-        return cls(tuple(trips[:2]), car, climate, 1, 20.0, compile_code=False)
-
-    def solver(self, smoothing_factor: float = 1.0) -> SolverSpec:
-        """Return the solver of a run."""
-        return SolverSpec(compile_code=self.compile_code, smoothing_factor=smoothing_factor)
+GAPS = {0.0: "120 m", 3.0: "3 s"}
+"""Limits of the gap by the largest time headway in s; 0 is none, the largest gap counts alone."""
 
 
 def totals(runs: Sequence[RunMetrics]) -> dict[str, float]:
@@ -111,25 +80,30 @@ def _percent(own: float, other: float) -> float:
     return 100.0 * (1.0 - own / other)
 
 
-def savings_study(extent: Extent) -> Study:
-    """Return all runs that the tables of the savings need."""
+def savings_study(
+    trips: Sequence[str],
+    cars: Sequence[str] = CARS,
+    climates_c: Sequence[float] = CLIMATES_C,
+) -> Study:
+    """Return all runs that the tables of the savings need.
+
+    Args:
+        trips: measured trips, as paths of drive files.
+        cars: parameter sets.
+        climates_c: temperatures of the air.
+    """
     cases = []
-    for car in extent.cars:
-        for ambient_c in extent.climates_c:
-            for trip in (CYCLE, *extent.trips):
-                for role in ROLES:
-                    for headway_s in _headways(role):
-                        labels = _labels(car, ambient_c, trip, role, headway_s)
-                        spec = drive(
-                            role,
-                            car,
-                            ambient_c,
-                            cycle=trip,
-                            overrides={HEADWAY: headway_s} if headway_s else None,
-                            duration_s=extent.duration_s,
-                            solver=extent.solver(),
-                        )
-                        cases.append(Case("/".join(map(str, labels.values())), labels, spec))
+    for car, ambient_c, trip, role, headway_s in product(
+        cars, climates_c, (CYCLE, *trips), ROLES, GAPS
+    ):
+        # What the default strategy is compared with keeps its own distance.
+        if role == DEFAULT or not headway_s:
+            overrides = {HEADWAY: headway_s} if headway_s else None
+            spec = spec_of(trip, role, car, ambient_c, overrides)
+            name = f"{car}/{ambient_c}/{Path(trip).stem}/{role}/{headway_s}"
+            labels: dict[str, Label] = {"car": car, "ambient_c": ambient_c}
+            labels |= {"trip": Path(trip).stem, "role": role, "headway_s": headway_s}
+            cases.append(Case(name, labels, spec))
     return Study(
         "savings",
         "Saving of the default strategy for real cars",
@@ -138,24 +112,7 @@ def savings_study(extent: Extent) -> Study:
     )
 
 
-def _headways(role: str) -> tuple[float, ...]:
-    """Return the limits under which a role is driven: what is compared with keeps its own distance."""
-    return (SHIPPED_GAP, SHORT_HEADWAY) if role == DEFAULT else (SHIPPED_GAP,)
-
-
-def _labels(
-    car: str, ambient_c: float, trip: str, role: str, headway_s: float
-) -> dict[str, str | float]:
-    return {
-        "car": car,
-        "ambient_c": ambient_c,
-        "trip": Path(trip).stem,
-        "role": role,
-        "headway_s": headway_s,
-    }
-
-
-def savings_on(extent: Extent, states: Sequence[CaseState], trips: Sequence[str]) -> pd.DataFrame:
+def savings_on(states: Sequence[CaseState], trips: Sequence[str]) -> pd.DataFrame:
     """Return the savings on some trips, as far as all of their runs are there.
 
     Returns:
@@ -163,30 +120,20 @@ def savings_on(extent: Extent, states: Sequence[CaseState], trips: Sequence[str]
         default strategy, its savings by what it is compared with (``reference_aging`` and so on, see
         `saving`), and of the saving in ageing on single trips ``_least``, ``_median`` and ``_most``.
     """
-    runs = {tuple(state.case.labels.values()): state.metrics for state in states}
+    found = results(states).dropna(subset="metrics")
+    found = found[found.trip.isin([Path(trip).stem for trip in trips])]
     rows = []
-    for car in extent.cars:
-        parameters = load_parameters(car).values
-        for ambient_c in extent.climates_c:
-            for headway_s in (SHIPPED_GAP, SHORT_HEADWAY):
-                driven: dict[str, list[RunMetrics]] = {}
-                for role in ROLES:
-                    limit_s = headway_s if headway_s in _headways(role) else SHIPPED_GAP
-                    found = [
-                        runs.get(tuple(_labels(car, ambient_c, trip, role, limit_s).values()))
-                        for trip in trips
-                    ]
-                    driven[role] = [run for run in found if run is not None]
-                if trips and all(len(found) == len(trips) for found in driven.values()):
-                    gap = f"{headway_s:g} s" if headway_s else "120 m"
-                    labels = {"car": car, "ambient_c": ambient_c, "gap": gap}
-                    rows.append(labels | _savings(driven, parameters))
+    for (car, ambient_c), part in found.groupby(["car", "ambient_c"], sort=False):
+        for headway_s, gap in GAPS.items():
+            limit_s = part.role.map({DEFAULT: headway_s}).fillna(0.0)
+            runs = part[part.headway_s == limit_s].groupby("role").metrics.agg(list)
+            if all(len(runs.get(role, ())) == len(trips) for role in ROLES):
+                labels = {"car": car, "ambient_c": ambient_c, "gap": gap}
+                rows.append(labels | _savings(runs, load_parameters(car).values))
     return pd.DataFrame(rows)
 
 
-def _savings(
-    runs: Mapping[str, Sequence[RunMetrics]], parameters: ModelParameters
-) -> dict[str, float]:
+def _savings(runs: pd.Series, parameters: ModelParameters) -> dict[str, float]:
     own = runs[DEFAULT]
     found = {"consumption": totals(own)["consumption"]}
     for role in OTHERS:

@@ -11,14 +11,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import pandas as pd
 
 from iptm_core.settings import ThermalModel
 from iptm_studies.campaign import CaseState
-from iptm_studies.drives import DEFAULT, PRODUCTION, drive
-from iptm_studies.real_cars.savings import CYCLE, Extent, totals
-from iptm_studies.run_spec import RunSpec
+from iptm_studies.drives import DEFAULT, PRODUCTION, spec_of
+from iptm_studies.real_cars.savings import CYCLE, totals
+from iptm_studies.run_spec import RunSpec, SolverSpec
 from iptm_studies.study import Case, Study
 
 CAR = "bmw_i3"
@@ -28,42 +29,11 @@ LARGEST_LOSS = 0.5
 LOW_CHARGE = 0.3
 NARROW = 0.25
 
-Overrides = Mapping[str, float]
-
-
-@dataclass(frozen=True)
-class Side:
-    """A vehicle, and the controller that drives it.
-
-    Attributes:
-        vehicle: parameters in which the vehicle differs from the set.
-        model: parameters in which the controller's model differs from the vehicle.
-        smoothing_factor: on the widths of the smoothed kinks of the model.
-        thermal_model: cells that the vehicle has.
-    """
-
-    vehicle: Overrides = field(default_factory=dict)
-    model: Overrides = field(default_factory=dict)
-    smoothing_factor: float = 1.0
-    thermal_model: ThermalModel = ThermalModel.TWO_CELL
-
-    def spec(self, role: str, ambient_c: float, extent: Extent) -> RunSpec:
-        """Return its run; a controller that it is compared with has the shipped model."""
-        shipped = role != DEFAULT
-        return drive(
-            role,
-            CAR,
-            ambient_c,
-            cycle=CYCLE,
-            overrides=self.vehicle,
-            controller_overrides=() if shipped else tuple(self.model.items()),
-            solver=extent.solver(1.0 if shipped else self.smoothing_factor),
-            duration_s=extent.duration_s,
-            thermal_model=self.thermal_model,
-        )
-
-
-SHIPPED = Side()
+Settings = Mapping[str, Any]
+"""Settings of a run (as in `drive`) in which vehicle and controller differ from the shipped ones."""
+_MODEL = "controller_overrides"
+_OF_THE_CONTROLLER = (_MODEL, "solver")
+"""Settings that the controller with which it is compared does not have."""
 
 
 @dataclass(frozen=True)
@@ -81,13 +51,18 @@ class Simplification:
     name: str
     refined_text: str
     simple_text: str
-    simple: Side
-    refined: Side = SHIPPED
+    simple: Settings = field(default_factory=dict)
+    refined: Settings = field(default_factory=dict)
 
     @property
     def shipped(self) -> bool:
         """Whether the shipped controller has the simple model."""
-        return not self.simple.model
+        return _MODEL not in self.simple
+
+
+def _model(overrides: Mapping[str, float]) -> Settings:
+    """Return a controller whose model differs from the vehicle."""
+    return {_MODEL: tuple(overrides.items())}
 
 
 _NO_LIMITS = {"regeneration.torque_nm": 0.0}
@@ -106,70 +81,68 @@ SIMPLIFICATIONS = (
         "charge",
         "open-circuit voltage and resistance at the charge in the middle of the trip (85 %)",
         "at the charge at which the trip begins (90 %)",
-        SHIPPED,
-        Side(model={"charge.initial_charge": 0.85}),
+        refined=_model({"charge.initial_charge": 0.85}),
     ),
     Simplification(
         "kinks",
         "kinks smoothed over a quarter of the widths",
         "kinks smoothed over the shipped widths",
-        SHIPPED,
-        Side(smoothing_factor=NARROW),
+        refined={"solver": SolverSpec(smoothing_factor=NARROW)},
     ),
     Simplification(
         "cells",
         "the vehicle has the first and the last cell, too (idealised)",
         "first and last cell for the 12 cells of a coolant channel of the vehicle",
-        Side(thermal_model=ThermalModel.FULL_CHANNEL),
+        {"thermal_model": ThermalModel.FULL_CHANNEL},
     ),
     Simplification(
         "resistance",
         "resistance exponential in temperature",
         "linear, -0.8 % per kelvin",
-        Side(model=_LINEAR),
+        _model(_LINEAR),
     ),
     Simplification(
         "wrong_charge",
         "open-circuit voltage and resistance at 30 % charge, where this trip begins",
         "at 90 %",
-        Side(vehicle=_LOW, model={"charge.initial_charge": 0.9}),
-        Side(vehicle=_LOW),
+        {"overrides": _LOW, **_model({"charge.initial_charge": 0.9})},
+        {"overrides": _LOW},
     ),
     Simplification(
         "constant_voltage",
         "open-circuit voltage and resistance at the charge at which the trip begins",
         "those at half charge, always",
-        Side(model=_NO_CHARGE),
+        _model(_NO_CHARGE),
     ),
     Simplification(
         "best_zeta",
         "limits of regeneration, blending with the friction brakes",
         "best constant share, 0.69",
-        Side(model={**_NO_LIMITS, _ZETA: 0.69}),
+        _model({**_NO_LIMITS, _ZETA: 0.69}),
     ),
     Simplification(
         "papers_zeta",
         "limits of regeneration, blending with the friction brakes",
         "the paper's constant share, 0.3",
-        Side(model={**_NO_LIMITS, _ZETA: 0.3}),
+        _model({**_NO_LIMITS, _ZETA: 0.3}),
     ),
     Simplification(
         "air",
         "heat exchange of the pack with the air",
         "none",
-        Side(model=_NO_AIR),
+        _model(_NO_AIR),
     ),
     Simplification(
         "drag",
         "drag loss of the motor",
         "none",
-        Side(model=_NO_DRAG),
+        _model(_NO_DRAG),
     ),
     Simplification(
         "all",
         "all of these laws",
         "none: the paper's equations with the numbers of the car and its 0.3",
-        Side(model={**_LINEAR, **_NO_CHARGE, **_NO_LIMITS, **_NO_AIR, **_NO_DRAG, _ZETA: 0.3}),
+        _model({**_LINEAR, **_NO_CHARGE, **_NO_LIMITS, **_NO_AIR, **_NO_DRAG, _ZETA: 0.3}),
     ),
 )
 
@@ -178,18 +151,19 @@ _RUNS = (("simple", DEFAULT), ("refined", DEFAULT), ("refined", PRODUCTION))
 """Side and role of the runs of one simplification at one temperature."""
 
 
-def simplification_study(extent: Extent) -> Study:
-    """Return all runs that the table of the simplifications needs."""
+def simplification_study(
+    climates_c: Sequence[float] = CLIMATES_C, count: int | None = None
+) -> Study:
+    """Return all runs that the table of the simplifications needs, or those of the first ones."""
     cases = [
         Case(
             _name(simplification, side, role, ambient_c),
             {"simplification": simplification.name, "ambient_c": ambient_c},
-            getattr(simplification, side).spec(role, ambient_c, extent),
+            _spec(getattr(simplification, side), role, ambient_c),
         )
-        for simplification in SIMPLIFICATIONS[: extent.simplifications]
+        for simplification in SIMPLIFICATIONS[:count]
         for side, role in _RUNS
-        for ambient_c in CLIMATES_C
-        if ambient_c in extent.climates_c
+        for ambient_c in climates_c
     ]
     return Study(
         "simplifications",
@@ -197,6 +171,13 @@ def simplification_study(extent: Extent) -> Study:
         "Saving of the default strategy with a simple and with a refined model of the controller.",
         tuple(cases),
     )
+
+
+def _spec(side: Settings, role: str, ambient_c: float) -> RunSpec:
+    """Return a run; a controller with which the default strategy is compared has the shipped model."""
+    omitted = () if role == DEFAULT else _OF_THE_CONTROLLER
+    settings = {name: value for name, value in side.items() if name not in omitted}
+    return spec_of(CYCLE, role, CAR, ambient_c, **settings)
 
 
 def losses(states: Sequence[CaseState]) -> pd.DataFrame:

@@ -7,21 +7,19 @@ safety monitor. Each outcome is compared with the best stop of the stated brakes
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+import pandas as pd
 
 from iptm_core.errors import StateError
-from iptm_core.state import Command, FloatArray, LeaderPreview, VehicleState
+from iptm_core.state import Command, LeaderPreview, VehicleState
 from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant
 from iptm_studies.run_inputs import RunInputs
-from iptm_studies.safety.emergency_stop import StatedBrakes, braking_leads, emergency_stops
+from iptm_studies.safety.emergency_stop import braking_leads, emergency_stops
 from iptm_studies.store import ResultStore, content_key
 from iptm_studies.workers import Failed, OnProgress, perform_all
 
-BoolArray = NDArray[np.bool_]
 GENTLEST_M_S2, HARDEST_M_S2 = 2.0, 9.0
 TICK_S = 0.1
 """Of the trials; the commands of the undisturbed drive change at its own ticks."""
@@ -29,59 +27,49 @@ MOST_S = 60.0
 EARLIEST_S = 5.0
 
 
-@dataclass(frozen=True)
-class BrakingOutcomes:
-    """Trials of one drive; all arrays of shape (n,).
+def braking_trials(inputs: RunInputs, drive: Trajectory, trials: int, seed: int) -> pd.DataFrame:
+    """Drive trials from random instants of an undisturbed drive, with random decelerations.
 
-    Attributes:
-        time_s: trip time at which the lead vehicle begins to brake, with ``deceleration_m_s2``.
-        smallest_gap_m: up to standstill.
-        impact_m_s: speed difference when the gap closed, 0 where it did not.
-        braked: 1 where the monitor braked.
-        bound_m: smallest gap of stated brakes with the reaction of the sensor alone.
-        bound_impact_m_s: speed difference when that gap closes.
+    Returns:
+        A row per trial: ``time_s`` at which the lead vehicle begins to brake, with ``deceleration_m_s2``;
+        ``smallest_gap_m`` up to standstill; ``impact_m_s``, the speed difference when the gap closed, 0 where
+        it did not; ``braked``, 1 where the monitor braked; ``bound_m``, the smallest gap of stated brakes
+        with the reaction of the sensor alone; ``bound_impact_m_s``, the speed difference when that
+        gap closes.
     """
-
-    time_s: FloatArray
-    deceleration_m_s2: FloatArray
-    smallest_gap_m: FloatArray
-    impact_m_s: FloatArray
-    braked: FloatArray
-    bound_m: FloatArray
-    bound_impact_m_s: FloatArray
-
-    @property
-    def avoidable(self) -> BoolArray:
-        """Collisions that the stated brakes would have avoided."""
-        avoidable: BoolArray = (self.smallest_gap_m <= 0.0) & (self.bound_m > 0.0)
-        return avoidable
-
-
-def braking_trials(inputs: RunInputs, drive: Trajectory, trials: int, seed: int) -> BrakingOutcomes:
-    """Drive trials from random instants of an undisturbed drive, with random decelerations."""
     random = np.random.default_rng([seed, trials])
     rows = random.integers(round(EARLIEST_S / inputs.spec.tick_s), len(drive) - 1, trials)
     decelerations = random.uniform(GENTLEST_M_S2, HARDEST_M_S2, trials)
     plant = Plant(inputs.parameters, inputs.route.slope.slope_at, TICK_S, inputs.spec.thermal_model)
-    driven = np.array(
+    outcomes = np.array(
         [
             _drive_one(plant, drive, int(row), float(deceleration))
             for row, deceleration in zip(rows, decelerations, strict=True)
-        ]
+        ],
+        dtype=float,
     )
     leads = braking_leads(
         drive.leader_position_m[rows], drive.leader_speed_m_s[rows], decelerations
     )
-    bound_m, bound_impact = emergency_stops(
+    bound_m, bound_impact_m_s = emergency_stops(
         leads,
         drive.position_m[rows],
         drive.speed_m_s[rows],
         drive.acceleration_m_s2[rows + 1],
-        StatedBrakes.of(inputs.parameters, plant.monitor.settings.monitor_period_s),
+        inputs.parameters.brakes,
+        plant.monitor.settings.monitor_period_s,
     )
-    gap_m, impact_m_s, braked = driven.T
-    return BrakingOutcomes(
-        drive.time_s[rows], decelerations, gap_m, impact_m_s, braked, bound_m, bound_impact
+    gap_m, impact_m_s, braked = outcomes.T
+    return pd.DataFrame(
+        {
+            "time_s": drive.time_s[rows],
+            "deceleration_m_s2": decelerations,
+            "smallest_gap_m": gap_m,
+            "impact_m_s": impact_m_s,
+            "braked": braked,
+            "bound_m": bound_m,
+            "bound_impact_m_s": bound_impact_m_s,
+        }
     )
 
 
@@ -135,7 +123,7 @@ def state_at(drive: Trajectory, row: int) -> VehicleState:
 
 def _braking_task(
     task: tuple[str, RunInputs, Trajectory, int, int], on_progress: OnProgress
-) -> BrakingOutcomes:
+) -> pd.DataFrame:
     del on_progress
     return braking_trials(*task[1:])
 
@@ -147,8 +135,8 @@ def braking_outcomes(
     seed: int,
     workers: int,
     on_progress: Callable[[str], None],
-) -> dict[str, BrakingOutcomes]:
-    """Return the outcomes of some drives; what is stored is not driven again.
+) -> pd.DataFrame:
+    """Return the trials of some drives; what is stored is not driven again.
 
     Args:
         store: of the outcomes.
@@ -158,18 +146,27 @@ def braking_outcomes(
         workers: number of processes; 0 to drive none, so that only what is stored is returned.
         on_progress: called with the name of each drive whose trials are done.
 
+    Returns:
+        The rows of `braking_trials` with the ``drive``, and ``avoidable``: a collision that the stated brakes
+        would have avoided.
+
     Raises:
         StateError: the trials of a drive failed.
     """
     share = max(1, round(trials / len(drives))) if drives else 0
     keys = {name: content_key(inputs.key, share, seed) for name, (inputs, _) in drives.items()}
     stored = {name: store.find_content(key) for name, key in keys.items()}
-    found = {name: BrakingOutcomes(**one[1]) for name, one in stored.items() if one}
+    found = {name: pd.DataFrame(one[1]) for name, one in stored.items() if one}
     tasks = [(name, *drive, share, seed) for name, drive in drives.items() if name not in found]
     for (name, *_), outcome in perform_all(_braking_task, tasks if workers else [], workers):
         if isinstance(outcome, Failed):
             raise StateError(f"braking lead vehicle, {name}: {outcome.cause}")
-        store.save_content(keys[name], {}, vars(outcome))
+        columns = {column: outcome[column].to_numpy() for column in outcome}
+        store.save_content(keys[name], {}, columns)
         found[name] = outcome
         on_progress(name)
-    return {name: found[name] for name in drives if name in found}
+    rows = [found[name].assign(drive=name) for name in drives if name in found]
+    if not rows:
+        return pd.DataFrame(columns=["drive", "smallest_gap_m", "avoidable"])
+    table = pd.concat(rows, ignore_index=True)
+    return table.assign(avoidable=(table.smallest_gap_m <= 0.0) & (table.bound_m > 0.0))

@@ -7,11 +7,10 @@ steps of time. For a vehicle in a drive, whose lead vehicle moves as it did, see
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
-from iptm_core.parameters.model import ModelParameters
+from iptm_core.parameters.model import BrakeParameters
 from iptm_core.state import FloatArray
 
 STEP_S = 0.01
@@ -21,31 +20,13 @@ LeadPositions = Callable[[float], FloatArray]
 """From the time in s since the beginning to positions of the lead vehicles, shape (n,)."""
 
 
-@dataclass(frozen=True)
-class StatedBrakes:
-    """Brakes (hardest deceleration, positive, and its build-up) that a judgement grants the ego vehicle.
-
-    ``wait_s`` passes from the first deceleration of the lead vehicle to that of the ego vehicle: sampling of
-    the sensor and delay of the brakes.
-    """
-
-    deceleration_m_s2: float
-    build_up_m_s3: float
-    wait_s: float
-
-    @classmethod
-    def of(cls, parameters: ModelParameters, reaction_s: float) -> StatedBrakes:
-        """Return the brakes of a vehicle after a reaction time."""
-        brakes = parameters.brakes
-        return cls(brakes.max_deceleration_m_s2, brakes.build_up_m_s3, reaction_s + brakes.delay_s)
-
-
 def emergency_stops(
     lead_m: LeadPositions,
     positions_m: FloatArray,
     speeds_m_s: FloatArray,
     accelerations_m_s2: FloatArray,
-    brakes: StatedBrakes,
+    brakes: BrakeParameters,
+    reaction_s: float,
 ) -> tuple[FloatArray, FloatArray]:
     """Return smallest gap and speed of impact of ego vehicles that brake as hard as they can.
 
@@ -55,6 +36,8 @@ def emergency_stops(
         speeds_m_s: of the ego vehicles.
         accelerations_m_s2: theirs, which last until they brake.
         brakes: of the ego vehicles.
+        reaction_s: time from the deceleration of the lead vehicle to the request to the brakes (sampling of
+            the sensor).
 
     Returns:
         Smallest gaps in m up to standstill, negative for an overlap; speed differences in m/s when the gap
@@ -66,9 +49,9 @@ def emergency_stops(
     gap = lead - position
     smallest, impact = gap.copy(), np.zeros(gap.shape)
     for step in range(1, round(LONGEST_S / STEP_S) + 1):
-        if (step - 1) * STEP_S >= brakes.wait_s - 1e-9:
+        if (step - 1) * STEP_S >= reaction_s + brakes.delay_s - 1e-9:
             acceleration = np.maximum(
-                acceleration - brakes.build_up_m_s3 * STEP_S, -brakes.deceleration_m_s2
+                acceleration - brakes.build_up_m_s3 * STEP_S, -brakes.max_deceleration_m_s2
             )
         ahead = np.maximum(speed + acceleration * STEP_S, 0.0)
         position = position + 0.5 * (speed + ahead) * STEP_S

@@ -3,30 +3,17 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
+import pandas as pd
 
 from iptm_core.markdown import render_page
-from iptm_core.metrics import figure_values
 from iptm_faults.kinds import FaultKind
-from iptm_studies.safety.braking import BrakingOutcomes
-from iptm_studies.safety.findings import (
-    Findings,
-    by_period,
-    by_setting,
-    energy_percent,
-    fallbacks,
-    hours,
-    savings_percent,
-    smallest_margin_m,
-)
+from iptm_studies.safety.findings import Findings, by_setting, savings_percent
 from iptm_studies.safety.judging import AVOIDABLE, SOUND_SHARE
-from iptm_studies.safety.trials import SETTINGS
+from iptm_studies.safety.trials import DELAYS, SETTINGS
 from iptm_studies.study import Judged
-
-Records = list[dict[str, Any]]
 
 
 def safety_page(command: str, revision: str, findings: Findings) -> str:
@@ -37,33 +24,37 @@ def safety_page(command: str, revision: str, findings: Findings) -> str:
         revision: of the code that was driven.
         findings: what was found.
     """
-    settings, (before, about) = list(SETTINGS), findings.before
+    before, about = findings.before
+    braking = findings.braking
     return render_page(
         "iptm_studies.safety",
         "page.md.j2",
         command=command,
         revision=revision,
         findings=findings,
-        braking_count=sum(found.time_s.size for found in findings.braking.values()),
         broken=findings.broken(),
-        braking=_braking_records(findings.braking),
-        braking_collisions=_braking_collisions(findings.braking),
-        trials=_group_records(findings.trials),
+        braking=_braking_by_drive(braking),
+        braking_collisions=braking[braking.smallest_gap_m <= 0.0],
+        trials=_by_disturbance(findings.trials),
         collisions=[
             _record(trial, "unavoidable")
             for trial in findings.trials
             if "collided_at_s" in trial.figures
         ],
         over_ros=[{"smallest_gap_m": None, **_record(one, "✓")} for one in findings.over_ros],
-        driving=_driving_records(findings),
-        settings={f"{name}:": f"{{{name}}}" for name in settings},
+        driving=by_setting(findings.driving),
+        settings={f"{name}:": f"{{{name}}}" for name in SETTINGS},
         savings=[
-            {"cycle": cycle}
-            | {name: _saving_text(found, before.get(cycle, {}), name) for name in settings}
-            for cycle, found in savings_percent(findings).items()
+            dict.fromkeys(SETTINGS)
+            | {
+                name: _with_before(value, before.get(cycle, {}).get(name))
+                for name, value in found.items()
+            }
+            | {"cycle": cycle}
+            for cycle, found in savings_percent(findings.driving).items()
         ],
         about_before=about,
-        delays=_delay_records(findings),
+        delays=_delays_by_period(findings.delays),
     )
 
 
@@ -72,37 +63,23 @@ def _record(trial: Judged, held: str) -> dict[str, Any]:
     return {"name": trial.name, "what": trial.what, "verdict": verdict, **trial.figures}
 
 
-def _braking_records(outcomes: Mapping[str, BrakingOutcomes]) -> Records:
-    groups = {name: [found] for name, found in outcomes.items() if name[0].islower()}
-    if outcomes:
-        groups["**all**"] = list(outcomes.values())
-    records: Records = []
-    for name, group in groups.items():
-        gaps = np.concatenate([one.smallest_gap_m for one in group])
-        records.append(
-            {
-                "drive": name,
-                "trials": gaps.size,
-                "braked": int(sum(one.braked.sum() for one in group)),
-                "collisions": int((gaps <= 0.0).sum()),
-                "avoidable": int(sum(one.avoidable.sum() for one in group)),
-                "gap_m": gaps.min(),
-                "bound_m": min(one.bound_m.min() for one in group),
-                "impact_m_s": max(one.impact_m_s.max() for one in group),
-            }
-        )
-    return records
+def _braking_by_drive(braking: pd.DataFrame) -> pd.DataFrame:
+    """Return a row per shipped cycle and one for all drives."""
+    if braking.empty:
+        return braking
+    shipped = braking[braking.drive.str[0].str.islower()]
+    rows = pd.concat([shipped, braking.assign(drive="**all**")])
+    found = rows.assign(collided=rows.smallest_gap_m <= 0.0).groupby("drive", sort=False)
+    counts = found[["braked", "collided", "avoidable"]].sum().astype(int)
+    return counts.assign(
+        trials=found.size(),
+        gap_m=found.smallest_gap_m.min(),
+        bound_m=found.bound_m.min(),
+        impact_m_s=found.impact_m_s.max(),
+    ).reset_index()
 
 
-def _braking_collisions(outcomes: Mapping[str, BrakingOutcomes]) -> Records:
-    return [
-        {"drive": name, **{key: values[index] for key, values in vars(found).items()}}
-        for name, found in outcomes.items()
-        for index in np.flatnonzero(found.smallest_gap_m <= 0.0)
-    ]
-
-
-def _group_records(trials: Sequence[Judged]) -> Records:
+def _by_disturbance(trials: Sequence[Judged]) -> list[dict[str, Any]]:
     groups: defaultdict[str, list[Judged]] = defaultdict(list)
     for trial in trials:
         groups["all"].append(trial)
@@ -125,42 +102,21 @@ def _group_records(trials: Sequence[Judged]) -> Records:
     ]
 
 
-def _driving_records(findings: Findings) -> Records:
-    records: Records = []
-    for measured in (False, True):
-        for setting, group in by_setting(findings, measured=measured).items():
-            count = sum(one.interventions for one in group)
-            records.append(
-                {
-                    "behind": "measured lead vehicles" if measured else "shipped cycles",
-                    "setting": setting,
-                    "drives": len(group),
-                    "hours": hours(group),
-                    "interventions": count,
-                    "per_hour": count / hours(group),
-                    "fallbacks": fallbacks(group),
-                    "margin_m": f"{smallest_margin_m(group):.2f}",
-                }
-            )
-    return records
+def _with_before(saving: float, before: float | None) -> str:
+    return f"{saving:.2f}" + ("" if before is None else f" ({before:.2f})")
 
 
-def _saving_text(savings: Mapping[str, float], before: Mapping[str, float], name: str) -> str:
-    if name not in savings:
-        return "–"
-    return f"{savings[name]:.2f}" + (f" ({before[name]:.2f})" if name in before else "")
+def _delays_by_period(delays: pd.DataFrame) -> list[dict[str, Any]]:
+    rows: dict[tuple[str, float], dict[str, Any]] = {}
+    for one in delays.itertuples():
+        energy = f", {one.energy_percent:+.1f} %" if one.ticks else ""
+        row = rows.setdefault((one.cycle, one.period_s), dict.fromkeys(map(_late, DELAYS)))
+        row |= {"cycle": one.cycle, "period_s": one.period_s}
+        row[_late(one.ticks)] = (
+            f"{one.smallest_margin:+.2f} m, {one.smallest_gap:.1f} m, {one.interventions:.0f}{energy}"
+        )
+    return list(rows.values())
 
 
-def _delay_records(findings: Findings) -> Records:
-    records: Records = []
-    for (cycle, period_s), group in by_period(findings).items():
-        record: dict[str, Any] = {"cycle": cycle, "period_s": period_s}
-        for ticks, metrics in group.items():
-            values = figure_values(metrics)
-            energy = "" if ticks == 0 else f", {energy_percent(group, ticks):+.1f} %"
-            record[f"late_{ticks}"] = (
-                f"{values['smallest_margin']:+.2f} m, {values['smallest_gap']:.1f} m, "
-                f"{metrics.interventions}{energy}"
-            )
-        records.append({"late_0": None, "late_1": None, "late_2": None, **record})
-    return records
+def _late(ticks: int) -> str:
+    return f"late_{ticks}"

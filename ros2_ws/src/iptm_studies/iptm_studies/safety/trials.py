@@ -3,28 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.random import Generator
 
-from iptm_controller.settings import ControllerSettings
-from iptm_controller.strategy import strategy_by_name
 from iptm_core.routes import CYCLE_NAMES
 from iptm_faults.fault import WHOLE_TRIP_S, Fault, in_order
 from iptm_faults.kinds import FaultKind
+from iptm_studies.drives import DEFAULT, REFERENCE, spec_of
 from iptm_studies.run_inputs import resolve_inputs
-from iptm_studies.run_spec import PreviewSpec, RunSpec
+from iptm_studies.run_spec import PreviewSpec
 from iptm_studies.study import Case, Label, Study
 
 LONG_CYCLES = ("comprehensive",)
 UNDISTURBED = "undisturbed"
 NOISE_AND_DELAY = "noise and one tick of delay"
-REFERENCE = "reference"
-REFERENCE_HORIZON = "15x1"
 MEASURED_SHARE = 0.4
 """Probability that a trial is driven behind a measured lead vehicle."""
 EARLIEST_S = 10.0
@@ -39,65 +36,18 @@ NOISE = (
 """Standard deviations of the noise of all signals together."""
 PREVIEW_ERROR_M_S = 1.5
 SEED = 1
-
-_DEFAULT = ControllerSettings()
-
-
-@dataclass(frozen=True)
-class Extent:
-    """How much is driven.
-
-    Attributes:
-        leads: measured lead vehicles, as paths of drives.
-        longest_s: of a cycle without events; the rest of it is left out.
-        delayed_s: of a cycle with commands delayed at several ``periods_s``.
-        disturbed_s: of a disturbed trial.
-        trials: number of disturbed trials.
-        braking_trials: number of trials with the monitor alone.
-    """
-
-    cycles: tuple[str, ...] = (*CYCLE_NAMES, "smooth", *LONG_CYCLES)
-    leads: tuple[str, ...] = ()
-    longest_s: float = math.inf
-    delayed_s: float = 600.0
-    disturbed_s: float = 300.0
-    periods_s: tuple[float, ...] = (0.1, 0.2, 0.5, 1.0)
-    trials: int = 1000
-    braking_trials: int = 20_000
-    seed: int = 1
-
-    @property
-    def lively_cycles(self) -> tuple[str, ...]:
-        """Published cycles, of which a few minutes are representative."""
-        return tuple(cycle for cycle in self.cycles if cycle in CYCLE_NAMES)
-
-
-SHORT = Extent(
-    cycles=("nycc",),
-    longest_s=40.0,
-    delayed_s=40.0,
-    disturbed_s=40.0,
-    periods_s=(1.0,),
-    trials=2,
-    braking_trials=4,
-)
-"""Every part of the trials within seconds."""
+CYCLES = (*CYCLE_NAMES, "smooth", *LONG_CYCLES)
+PERIODS_S = (0.1, 0.2, 0.5, 1.0)
+DISTURBED_S, DELAYED_S = 300.0, 600.0
+"""Largest lengths of a disturbed trial, and of a drive with delayed commands."""
+SHIPPED, MEASURED = "shipped cycles", "measured lead vehicles"
+"""What is driven behind."""
 
 
 def _duration_s(cycle: str, longest_s: float) -> float | None:
     """Return the length of a part of a cycle, None for all of it."""
-    whole_s = resolve_inputs(default_spec(cycle)).route.duration_s
+    whole_s = resolve_inputs(spec_of(cycle)).route.duration_s
     return longest_s if longest_s < whole_s else None
-
-
-def default_spec(cycle: str, **settings: Any) -> RunSpec:
-    """Return a run of the default strategy with the settings of the controller."""
-    return RunSpec(
-        cycle=cycle,
-        strategy=strategy_by_name(_DEFAULT.strategy),
-        horizon=_DEFAULT.horizon,
-        **settings,
-    )
 
 
 def lasting(*kinds: tuple[FaultKind, float]) -> tuple[Fault, ...]:
@@ -114,67 +64,86 @@ SETTINGS: Mapping[str, Mapping[str, Any]] = {
 """What is disturbed on whole cycles without any event, by name."""
 
 
-def driving_study(extent: Extent) -> Study:
-    """Return whole cycles under every one of `SETTINGS` with their references, and measured lead vehicles.
+def driving_study(
+    cycles: Sequence[str] = CYCLES, leads: Sequence[str] = (), longest_s: float = math.inf
+) -> Study:
+    """Return cycles under every one of `SETTINGS` with their references, and measured lead vehicles.
 
     Trips of hours are driven undisturbed only.
+
+    Args:
+        cycles: driving cycles.
+        leads: measured lead vehicles, as paths of drives.
+        longest_s: length after which cycles are cut.
     """
-    cases = [
-        Case(f"{cycle}_{name}", {"cycle": cycle, "setting": name}, spec)
-        for cycle in extent.cycles
-        for name, spec in _settings_of(cycle, extent.longest_s)
-        if cycle not in LONG_CYCLES or name in {UNDISTURBED, REFERENCE}
-    ]
-    for lead in extent.leads:
+    cases = []
+    for cycle in cycles:
+        duration_s = _duration_s(cycle, longest_s)
+        for name, settings in {**SETTINGS, REFERENCE: {}}.items():
+            if cycle not in LONG_CYCLES or name in {UNDISTURBED, REFERENCE}:
+                role = REFERENCE if name == REFERENCE else DEFAULT
+                spec = spec_of(cycle, role, duration_s=duration_s, **settings)
+                labels = {"cycle": cycle, "setting": name, "behind": SHIPPED}
+                cases.append(Case(f"{cycle}_{name}", labels, spec))
+    for lead in leads:
         label = Path(lead).stem
         for name in (UNDISTURBED, NOISE_AND_DELAY):
-            labels: dict[str, Label] = {"cycle": label, "setting": name, "measured": 1}
-            spec = default_spec(lead, **SETTINGS[name])
-            cases.append(Case(f"{label}_{name}", labels, spec))
+            labels = {"cycle": label, "setting": name, "behind": MEASURED}
+            cases.append(Case(f"{label}_{name}", labels, spec_of(lead, **SETTINGS[name])))
     return Study("safety_driving", "Driving without events", "", tuple(cases))
 
 
-def _settings_of(cycle: str, longest_s: float) -> list[tuple[str, RunSpec]]:
-    duration_s = _duration_s(cycle, longest_s)
-    named = [
-        (name, default_spec(cycle, duration_s=duration_s, **settings))
-        for name, settings in SETTINGS.items()
-    ]
-    undisturbed, strategy = named[0][1], strategy_by_name(REFERENCE)
-    reference = replace(undisturbed, strategy=strategy, horizon=REFERENCE_HORIZON)
-    return [*named, (REFERENCE, reference)]
-
-
-def delay_study(extent: Extent) -> Study:
-    """Return the beginning of cycles at several periods with commands delayed by whole ticks."""
+def delay_study(
+    cycles: Sequence[str] = CYCLES,
+    periods_s: Sequence[float] = PERIODS_S,
+    longest_s: float = DELAYED_S,
+) -> Study:
+    """Return the beginning of published cycles at several periods with commands delayed by whole ticks."""
     cases = []
-    for cycle in extent.lively_cycles:
-        duration_s = _duration_s(cycle, extent.delayed_s)
-        for period_s in extent.periods_s:
-            for ticks in DELAYS:
-                faults = lasting((FaultKind.COMMAND_DELAYED, float(ticks))) if ticks else ()
-                spec = default_spec(cycle, tick_s=period_s, faults=faults, duration_s=duration_s)
-                labels: dict[str, Label] = {"cycle": cycle, "period_s": period_s, "ticks": ticks}
-                cases.append(Case(f"{cycle}_{period_s:g}_s_{ticks}", labels, spec))
+    for cycle in published(cycles):
+        duration_s = _duration_s(cycle, longest_s)
+        for period_s, ticks in product(periods_s, DELAYS):
+            faults = lasting((FaultKind.COMMAND_DELAYED, float(ticks))) if ticks else ()
+            spec = spec_of(cycle, tick_s=period_s, faults=faults, duration_s=duration_s)
+            labels: dict[str, Label] = {"cycle": cycle, "period_s": period_s, "ticks": ticks}
+            cases.append(Case(f"{cycle}_{period_s:g}_s_{ticks}", labels, spec))
     return Study("safety_delays", "Delayed commands", "", tuple(cases))
 
 
-def disturbed_study(extent: Extent) -> Study:
-    """Return random trials: what a lead vehicle does, and one or two things that are disturbed."""
+def disturbed_study(
+    trials: int,
+    seed: int,
+    cycles: Sequence[str] = CYCLES,
+    leads: Sequence[str] = (),
+    longest_s: float = DISTURBED_S,
+) -> Study:
+    """Return random trials: what a lead vehicle does, and one or two things that are disturbed.
+
+    Args:
+        trials: number of trials.
+        seed: of all draws.
+        cycles: driving cycles, of which the published ones are driven.
+        leads: measured lead vehicles, as paths of drives.
+        longest_s: length of a trial at most.
+    """
     cases = []
-    for number in range(1, extent.trials + 1):
-        random = np.random.default_rng([extent.seed, number])
-        measured = extent.leads and random.random() < MEASURED_SHARE
-        cycles = extent.leads if measured else extent.lively_cycles
-        cycle = cycles[int(random.integers(len(cycles)))]
-        duration_s = _duration_s(cycle, extent.disturbed_s)
-        faults, names = _draw(
-            random, resolve_inputs(default_spec(cycle, duration_s=duration_s)).route.duration_s
-        )
-        spec = default_spec(cycle, duration_s=duration_s, faults=faults)
+    for number in range(1, trials + 1):
+        random = np.random.default_rng([seed, number])
+        measured = leads and random.random() < MEASURED_SHARE
+        options = leads if measured else published(cycles)
+        cycle = options[int(random.integers(len(options)))]
+        duration_s = _duration_s(cycle, longest_s)
+        route = resolve_inputs(spec_of(cycle, duration_s=duration_s)).route
+        faults, names = _draw(random, route.duration_s)
         labels: dict[str, Label] = {"cycle": Path(cycle).stem, "disturbed": names}
+        spec = spec_of(cycle, duration_s=duration_s, faults=faults)
         cases.append(Case(f"{number:04d}", labels, spec))
     return Study("safety_trials", "Disturbed trials", "", tuple(cases))
+
+
+def published(cycles: Sequence[str]) -> list[str]:
+    """Return the published cycles, of which a few minutes are representative."""
+    return [cycle for cycle in cycles if cycle in CYCLE_NAMES]
 
 
 def _draw(random: Generator, duration_s: float) -> tuple[tuple[Fault, ...], str]:
