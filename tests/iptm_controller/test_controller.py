@@ -14,7 +14,7 @@ from tests.iptm_controller.scenes import PARAMETERS, make_scene, plain_solver
 from iptm_controller.controller import Controller
 from iptm_controller.decision import Decision
 from iptm_controller.forecast import PreviewQuality
-from iptm_controller.ladder import LadderOptions, safe_following, thermostat_power_w
+from iptm_controller.ladder import safe_following, thermostat_power_w
 from iptm_controller.measurements import Measurements
 from iptm_controller.memory import ControllerMemory
 from iptm_controller.ocp.data import ProblemData
@@ -55,7 +55,7 @@ def backend() -> FailingBackend:
 
 @pytest.fixture
 def controller(backend: FailingBackend) -> Controller:
-    options = ControllerOptions(ladder=LadderOptions(2, 3))
+    options = ControllerOptions(shifted_plan_ticks=2, safe_law_ticks=3)
     return Controller(PARAMETERS, options, backend)
 
 
@@ -85,7 +85,7 @@ def test_a_good_day(controller: Controller) -> None:
     assert decision.plan is not None
     assert decision.plan.start_s == 100.0
     # What is actuated is the first input of the plan: the limiter has nothing to do.
-    assert not decision.limited.active
+    assert not decision.limits
     planned = decision.plan.inputs[0]
     assert decision.command.acceleration_m_s2 == pytest.approx(planned[InputIndex.ACCELERATION])
     assert decision.command.compressor_power_w == pytest.approx(
@@ -187,7 +187,7 @@ def test_before_any_state_it_asks_for_nothing(controller: Controller) -> None:
     assert decision.rung is Rung.STOP
     assert decision.reason == "still booting"
     assert vars(decision.command) == {"acceleration_m_s2": 0.0, "compressor_power_w": 0.0}
-    assert decision.limited.active
+    assert decision.limits
 
 
 @pytest.mark.parametrize("last", [2.0, 0.0, -1.5])

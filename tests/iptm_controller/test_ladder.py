@@ -7,13 +7,11 @@ import pytest
 from tests.iptm_controller.scenes import PARAMETERS, make_leader, make_state
 
 from iptm_controller.horizon import Horizon
-from iptm_controller.ladder import FallbackLadder, LadderOptions, controlled_stop, safe_following
+from iptm_controller.ladder import FallbackLadder, controlled_stop, safe_following
 from iptm_controller.ocp import layout
 from iptm_controller.plan import Plan
 from iptm_core.decision_record import Rung
 from iptm_core.state import Command
-
-OPTIONS = LadderOptions(shifted_plan_ticks=3, safe_law_ticks=5)
 
 
 def plan_from(start_s: float, horizon: str = "3x1+2x5") -> Plan:
@@ -32,7 +30,7 @@ def step_of(command: Command) -> int:
 
 @pytest.fixture
 def ladder() -> FallbackLadder:
-    return FallbackLadder(PARAMETERS, 1.0, OPTIONS)
+    return FallbackLadder(PARAMETERS, 1.0, shifted_plan_ticks=3, safe_law_ticks=5)
 
 
 def test_walks_down_rung_by_rung_and_back_at_once(ladder: FallbackLadder) -> None:
@@ -64,7 +62,7 @@ def test_walks_down_rung_by_rung_and_back_at_once(ladder: FallbackLadder) -> Non
 
 def test_plan_is_followed_by_time_not_by_count() -> None:
     """A tick may be missed, or the loop may run faster than the steps of the plan."""
-    ladder = FallbackLadder(PARAMETERS, 0.5, LadderOptions(30, 5))
+    ladder = FallbackLadder(PARAMETERS, 0.5, 30, 5)
     ladder.accept(plan_from(100.0))
     steps = [
         step_of(ladder.fall_back(make_state(time_s=time_s), None)[1])
@@ -74,7 +72,7 @@ def test_plan_is_followed_by_time_not_by_count() -> None:
 
 
 def test_plan_is_left_where_it_ends() -> None:
-    ladder = FallbackLadder(PARAMETERS, 1.0, LadderOptions(30, 5))
+    ladder = FallbackLadder(PARAMETERS, 1.0, 30, 5)
     ladder.accept(plan_from(100.0))
     assert ladder.fall_back(make_state(time_s=112.9), make_leader())[0] is Rung.SHIFTED_PLAN
     assert ladder.fall_back(make_state(time_s=113.0), make_leader())[0] is Rung.SAFE_LAW

@@ -36,19 +36,18 @@ IMPOSSIBLE = {
 
 
 def state_fault(state: VehicleState) -> str:
-    return trusted_measurements(replace(make_scene(), state=state, leader=None, fault="none")).fault
+    return trusted_measurements(replace(make_scene(), state=state, leader=None, fault="none"))[2]
 
 
 @pytest.mark.parametrize("error_m_s", [-1e-9, -0.3])
 def test_small_negative_speeds_are_those_of_a_vehicle_at_rest(error_m_s: float) -> None:
     leader = make_leader(speed_m_s=error_m_s)
     measured = replace(make_scene(), state=make_state(speed_m_s=error_m_s), leader=leader)
-    trusted = trusted_measurements(measured)
-    assert trusted.fault == ""
-    assert trusted.state is not None
-    assert trusted.state.speed_m_s == 0.0
-    assert trusted.leader is not None
-    assert trusted.leader.speed_m_s == 0.0
+    state, leader, fault = trusted_measurements(measured)
+    assert fault == ""
+    assert state is not None
+    assert leader is not None
+    assert state.speed_m_s == leader.speed_m_s == 0.0
 
 
 @pytest.mark.parametrize("name", QUANTITIES)
@@ -102,7 +101,7 @@ def test_road_is_checked(positions: list[float], slopes: list[float], complaint:
 def test_what_passes_is_finite(values: list[float]) -> None:
     scene = replace(make_scene(), state=VehicleState(*values))
     for last in (None, make_state()):
-        state = trusted_measurements(scene, last).state
+        state = trusted_measurements(scene, last)[0]
         assert state is None or all(math.isfinite(getattr(state, name)) for name in QUANTITIES)
 
 
@@ -120,10 +119,10 @@ def test_a_pack_that_cannot_be_does_not_blind_the_brakes(
 ) -> None:
     before = None if last is None else make_state(cell_n_temperature_k=last)
     scene = replace(make_scene(), state=make_state(cell_n_temperature_k=measured))
-    trusted = trusted_measurements(scene, before)
-    assert trusted.state == make_state(cell_n_temperature_k=taken_k)
-    assert trusted.leader is not None
-    assert "cell_n_temperature_k is" in trusted.fault
+    state, leader, fault = trusted_measurements(scene, before)
+    assert state == make_state(cell_n_temperature_k=taken_k)
+    assert leader is not None
+    assert "cell_n_temperature_k is" in fault
 
 
 @pytest.mark.parametrize(
@@ -138,6 +137,6 @@ def test_a_pack_that_cannot_be_does_not_blind_the_brakes(
 def test_what_builds_on_a_missing_part_is_left_out(
     change: dict[str, Any], state_kept: bool, leader_kept: bool
 ) -> None:
-    trusted = trusted_measurements(replace(make_scene(), **change))
-    assert (trusted.state is not None, trusted.leader is not None) == (state_kept, leader_kept)
-    assert bool(trusted.fault) is bool(change)
+    state, leader, fault = trusted_measurements(replace(make_scene(), **change))
+    assert (state is not None, leader is not None) == (state_kept, leader_kept)
+    assert bool(fault) is bool(change)

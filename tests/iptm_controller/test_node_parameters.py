@@ -9,7 +9,6 @@ import pytest
 from tests.iptm_controller.scenes import PARAMETERS
 
 from iptm_controller.horizon import MULTI_HORIZON, Horizon
-from iptm_controller.ladder import LadderOptions
 from iptm_controller.node_parameters import ControllerNodeParameters
 from iptm_controller.options import ControllerOptions
 from iptm_controller.strategy import DEFAULT_STRATEGY, STRATEGIES
@@ -23,7 +22,8 @@ def test_defaults_of_the_node_are_those_of_the_controller() -> None:
     expected = ControllerOptions()
     assert options.strategy == expected.strategy == STRATEGIES[DEFAULT_STRATEGY]
     assert options.horizon == expected.horizon == MULTI_HORIZON
-    assert options.ladder == expected.ladder
+    assert options.shifted_plan_ticks == expected.shifted_plan_ticks
+    assert options.safe_law_ticks == expected.safe_law_ticks
     assert options.max_preview_age_s == expected.max_preview_age_s
     assert options.tick_s == expected.tick_s
     assert replace(options.solver, compile_code=True) == expected.solver
@@ -51,7 +51,7 @@ def test_every_parameter_reaches_the_controller() -> None:
     assert options.solver.max_iterations == 42
     assert options.solver.deadline_s == pytest.approx(0.08)
     assert options.solver.tolerance == 1e-4
-    assert options.ladder == LadderOptions(7, 9)
+    assert (options.shifted_plan_ticks, options.safe_law_ticks) == (7, 9)
     assert options.max_preview_age_s == 3.0
     assert options.tick_s == 0.5
     assert controller.backend.name == "ipopt"

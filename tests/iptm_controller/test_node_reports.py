@@ -12,7 +12,7 @@ from tests.iptm_controller.scenes import NOW_S, PARAMETERS, make_scene, plain_so
 
 from iptm_controller.controller import Controller
 from iptm_controller.decision import Decision
-from iptm_controller.node_reports import Road, plan_trajectory, situation
+from iptm_controller.node_reports import plan_trajectory, road_warning, situation
 from iptm_controller.node_watch import COLD, OperatorWatch, WarningSettings
 from iptm_controller.ocp.layout import InputIndex, StateIndex
 from iptm_controller.options import ControllerOptions
@@ -32,6 +32,7 @@ FULL_W = PARAMETERS.limits.max_compressor_power_w
 SETTINGS = WarningSettings(
     motion_warning_s=5.0, temperature_warning_s=8.0, cooling_warning_s=6.0, plan_warning_s=7.0
 )
+GOOD_ROAD = road_warning("", is_known=True)
 EMPTY = LeaderPreview(-math.inf, np.empty(0), np.empty(0), np.empty(0))
 
 
@@ -93,7 +94,7 @@ def test_plan_travels_with_its_node_times(good: Decision) -> None:
 
 
 def test_severity_follows_the_rung(good: Decision) -> None:
-    levels = {rung: situation(replace(good, rung=rung), Road(known=True))[0] for rung in Rung}
+    levels = {rung: situation(replace(good, rung=rung), GOOD_ROAD)[0] for rung in Rung}
     assert levels == {
         Rung.OPTIMAL: Level.OK,
         Rung.SHIFTED_PLAN: Level.WARN,
@@ -107,18 +108,18 @@ def test_an_early_stop_a_bad_preview_and_a_bad_road_are_warnings(good: Decision)
     assert good.result is not None
     assert good.forecast is not None
     early = replace(good, result=replace(good.result, status=SolveStatus.FEASIBLE))
-    assert situation(early, Road(known=True))[0] is Level.WARN
+    assert situation(early, GOOD_ROAD)[0] is Level.WARN
     seen = set()
     for quality in range(1, 5):
         poor = replace(good, forecast=replace(good.forecast, quality=type(
             good.forecast.quality)(quality)))  # fmt: skip
-        level, reason = situation(poor, Road(known=True))
+        level, reason = situation(poor, GOOD_ROAD)
         assert level is (Level.OK if quality == 1 else Level.WARN)
         seen.add(reason)
     assert len(seen) == 4
-    assert situation(good, Road(known=False))[0] is Level.WARN
-    assert situation(good, Road(known=True, fault="wrong layout"))[0] is Level.WARN
-    assert situation(good, Road(known=True)) == (Level.OK, "optimal plans")
+    assert situation(good, road_warning("", is_known=False))[0] is Level.WARN
+    assert situation(good, road_warning("wrong layout", is_known=True))[0] is Level.WARN
+    assert situation(good, GOOD_ROAD) == (Level.OK, "optimal plans")
 
 
 @pytest.mark.parametrize(
@@ -137,19 +138,19 @@ def test_a_plan_that_breaks_limits_is_no_optimal_plan(
     inputs = good.plan.inputs.copy()
     inputs[3, column] = 0.5
     broken = replace(good, plan=replace(good.plan, inputs=inputs))
-    assert situation(broken, Road(known=True)) == (Level.WARN, f"plans break limits of {limits}")
+    assert situation(broken, GOOD_ROAD) == (Level.WARN, f"plans break limits of {limits}")
 
 
 def test_the_road_is_called_flat_only_where_it_is_taken_as_flat(good: Decision) -> None:
-    _, kept = situation(good, Road(known=True, fault="wrong layout"))
+    _, kept = situation(good, road_warning("wrong layout", is_known=True))
     assert kept == "slope message malformed, the last good one is used"
-    _, flat = situation(good, Road(known=False, fault="wrong layout"))
+    _, flat = situation(good, road_warning("wrong layout", is_known=False))
     assert flat == "slope message malformed, road taken as flat"
 
 
 def test_another_trip_is_told_beside_what_is_worse(controller: Controller) -> None:
     blind = controller.decide(replace(make_scene(), leader=None))
-    road = Road(known=True)
+    road = GOOD_ROAD
     assert situation(blind, road, begun_anew=True) == (
         Level.ERROR,
         "another trip has begun, controlled stop",
@@ -164,7 +165,7 @@ def reports_of(decision: Decision, seconds: int, **scene: float) -> Iterator[tup
     watch = OperatorWatch(PARAMETERS, SETTINGS)
     for second in range(seconds):
         watch.update(make_scene(time_s=NOW_S + second, **scene), decision)
-        yield situation(decision, Road(known=True), watch=watch)
+        yield situation(decision, GOOD_ROAD, watch=watch)
 
 
 @pytest.mark.parametrize(

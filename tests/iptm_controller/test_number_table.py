@@ -79,12 +79,12 @@ def test_another_vehicle_shares_the_machine_code_bit_by_bit(
         build_program(OptimalControlProblem(horizon, load_parameters(overrides=overrides).values))
         for overrides in ({}, {"body.mass_kg": 1850.0, "body.drag_coefficient": 0.27})
     ]
-    libraries = [compile_functions(program.functions, COMPILER) for program in programs]
+    libraries = [compile_functions(program, COMPILER) for program in programs]
     assert len(compilations) == 1
     monkeypatch.setattr(compilation, "split_numbers", lambda source: (source, ()))
-    literal = compile_functions(programs[1].functions, COMPILER)
+    literal = compile_functions(programs[1], COMPILER)
     assert len(compilations) == 2
-    for function in programs[1].functions:
+    for function in programs[1]:
         arguments = [
             random.uniform(0.5, 1.5, function.sparsity_in(place).nnz())
             for place in range(function.n_in())

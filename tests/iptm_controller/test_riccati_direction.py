@@ -21,7 +21,7 @@ from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import BLOCK, ROWS
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.transcription import Transcription
-from iptm_controller.solvers.riccati.program import ITERATE, RiccatiProgram, build_program
+from iptm_controller.solvers.riccati.program import ITERATE, build_program
 from iptm_controller.solvers.riccati.recursion import PARTS
 from iptm_controller.solvers.riccati.stage_system import inequality_constraints
 from iptm_controller.solvers.riccati.step_summary import StepSummary
@@ -30,6 +30,7 @@ from iptm_core.state import FloatArray
 GRID = "2x1+2x5"
 STEPS = 4
 MU = 3e-3
+Program = dict[str, ca.Function]
 
 
 @dataclass(frozen=True)
@@ -43,8 +44,9 @@ class Iterate:
 
 
 @pytest.fixture(scope="module")
-def program() -> RiccatiProgram:
-    return build_program(OptimalControlProblem(Horizon.parse(GRID), PARAMETERS))
+def program() -> Program:
+    functions = build_program(OptimalControlProblem(Horizon.parse(GRID), PARAMETERS))
+    return {function.name(): function for function in functions}
 
 
 @pytest.fixture
@@ -54,13 +56,13 @@ def problem() -> Problem:
 
 
 @pytest.fixture
-def iterate(program: RiccatiProgram, problem: Problem) -> Iterate:
+def iterate(program: Program, problem: Problem) -> Iterate:
     """Positive slacks and multipliers without order, so that nothing cancels by chance."""
     data, guess = problem
     rng = np.random.default_rng(5)
     w = guess + 0.02 * rng.normal(size=guess.size)
     w[: layout.STATES] = data.initial_state
-    s, z = (program.starting_point.size_out(name)[0] for name in ("s", "z"))
+    s, z = (program["starting_point"].size_out(name)[0] for name in ("s", "z"))
     return Iterate(
         w,
         rng.normal(size=layout.STATES * STEPS),
@@ -74,10 +76,16 @@ def call(function: ca.Function, **given: object) -> dict[str, FloatArray]:
 
 
 def direction(
-    program: RiccatiProgram, data: ProblemData, at: Iterate, delta: float
+    program: Program, data: ProblemData, at: Iterate, delta: float
 ) -> tuple[dict[str, FloatArray], StepSummary]:
     parts = call(
-        program.search_direction, w=at.w, p=data.parameters, lam=at.lam, s=at.s, z=at.z, delta=delta
+        program["search_direction"],
+        w=at.w,
+        p=data.parameters,
+        lam=at.lam,
+        s=at.s,
+        z=at.z,
+        delta=delta,
     )
     step = {
         name: parts[f"d{name}_{PARTS[0]}"] + MU * parts[f"d{name}_{PARTS[1]}"] for name in ITERATE
@@ -105,13 +113,13 @@ def dense_terms(transcription: Transcription, data: ProblemData, at: Iterate) ->
     bounds = np.zeros((len(inequalities) * STEPS, t.grid.variable_count))
     offsets = np.zeros(len(inequalities) * STEPS)
     for step in range(STEPS):
-        for index, one in enumerate(inequalities):
-            row = step * len(inequalities) + index
-            offsets[row] = one.sign * one.bound
-            if one.index < layout.LIMITS:
-                choose[row, step * ROWS + layout.STATES + one.index] = one.sign
+        for number, (index, sign, bound) in enumerate(inequalities):
+            row = step * len(inequalities) + number
+            offsets[row] = sign * bound
+            if index < layout.LIMITS:
+                choose[row, step * ROWS + layout.STATES + index] = sign
             else:
-                bounds[row, step * BLOCK + layout.STATES + one.index - layout.LIMITS] = one.sign
+                bounds[row, step * BLOCK + layout.STATES + index - layout.LIMITS] = sign
     is_dynamics = np.arange(ROWS * STEPS) % ROWS < layout.STATES
     # The rows are x+ - F and the limits; the method counts F - x+ and subtracts the limits.
     multipliers = -choose.T @ at.z
@@ -159,7 +167,7 @@ def newton_step(dense: Dense, at: Iterate, delta: float) -> dict[str, FloatArray
 
 @pytest.mark.parametrize("delta", [0.0, 0.7])
 def test_the_recursion_solves_the_newton_system(
-    program: RiccatiProgram, problem: Problem, iterate: Iterate, delta: float
+    program: Program, problem: Problem, iterate: Iterate, delta: float
 ) -> None:
     data, _ = problem
     step, summary = direction(program, data, iterate, delta)
@@ -176,7 +184,7 @@ def test_the_recursion_solves_the_newton_system(
 
 
 def test_the_summary_has_the_residual_norms_and_slopes(
-    program: RiccatiProgram, problem: Problem, iterate: Iterate
+    program: Program, problem: Problem, iterate: Iterate
 ) -> None:
     data, _ = problem
     step, summary = direction(program, data, iterate, 0.0)
@@ -198,14 +206,14 @@ def test_the_summary_has_the_residual_norms_and_slopes(
     assert log_slope == pytest.approx((step["s"] / iterate.s).sum(), rel=1e-8)
 
 
-def test_a_trial_point_is_a_step_away(
-    program: RiccatiProgram, problem: Problem, iterate: Iterate
-) -> None:
+def test_a_trial_point_is_a_step_away(program: Program, problem: Problem, iterate: Iterate) -> None:
     data, _ = problem
     given = {"w": iterate.w, "lam": iterate.lam, "s": iterate.s, "z": iterate.z}
-    parts = call(program.search_direction, p=data.parameters, delta=0.0, **given)
+    parts = call(program["search_direction"], p=data.parameters, delta=0.0, **given)
     parts.pop("summary")
-    answer = call(program.trial_point, p=data.parameters, mu=MU, backtracking=0.5, **given, **parts)
+    answer = call(
+        program["trial_point"], p=data.parameters, mu=MU, backtracking=0.5, **given, **parts
+    )
     length = float(answer["length"][0])
     step = {name: parts[f"d{name}_affine"] + MU * parts[f"d{name}_centring"] for name in ITERATE}
     assert 0.0 < length <= 0.5
@@ -230,20 +238,18 @@ def test_code_does_not_grow_with_the_horizon() -> None:
 
     def length(grid: str) -> int:
         generator = ca.CodeGenerator("code.c", {"with_header": False})
-        for function in build_program(
-            OptimalControlProblem(Horizon.parse(grid), PARAMETERS)
-        ).functions:
+        for function in build_program(OptimalControlProblem(Horizon.parse(grid), PARAMETERS)):
             generator.add(function)
         return len(generator.dump())
 
     assert length("200x1") - length("20x1") < 180 * 3000
 
 
-def test_soft_slacks_start_as_guessed_or_relaxed(program: RiccatiProgram) -> None:
+def test_soft_slacks_start_as_guessed_or_relaxed(program: Program) -> None:
     """Far too close: relaxed, the slacks leave no soft limit out of reach."""
     data, guess = problem_of(make_scene(gap_m=-20.0), GRID, "aging")
     starts = {
-        relax: call(program.starting_point, guess=guess, p=data.parameters, mu=1e-2, relax=relax)
+        relax: call(program["starting_point"], guess=guess, p=data.parameters, mu=1e-2, relax=relax)
         for relax in (0.0, 1.0)
     }
     for relax, start in starts.items():

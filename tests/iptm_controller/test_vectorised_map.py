@@ -126,7 +126,7 @@ def test_every_operation_and_number_of_points(count: int, monkeypatch: pytest.Mo
 
 def test_a_solver_has_no_map_left_that_goes_point_by_point() -> None:
     """Fails when another release of CasADi writes maps in another way: correct, but slower."""
-    functions = build_program(OptimalControlProblem(Horizon.parse("2x1+5x5"), PARAMETERS)).functions
+    functions = build_program(OptimalControlProblem(Horizon.parse("2x1+5x5"), PARAMETERS))
     plain = plain_source(functions)
     maps = plain.count("\n/* map")
     assert maps > 0

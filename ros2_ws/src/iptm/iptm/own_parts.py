@@ -80,8 +80,8 @@ class OwnController:
             raise ParameterError(
                 f"controller: decide returned {shown(command)}; allowed: iptm.Command of two finite numbers"
             )
-        limited = self._limiter.limit(Command(acceleration, power), measured.state)
-        return Decision(limited.command, Rung.OPTIMAL, "", limited, None, None, None)
+        limited, limits = self._limiter.limit(Command(acceleration, power), measured.state)
+        return Decision(limited, Rung.OPTIMAL, "", limits, None, None, None)
 
 
 class PredictedSource(CycleSource):

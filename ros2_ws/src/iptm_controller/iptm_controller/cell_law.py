@@ -17,7 +17,7 @@ import numpy as np
 
 from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_controller.strategy import Strategy
-from iptm_controller.temperature_value import TemperatureValue, ValuationMemory, mixing_weights
+from iptm_controller.temperature_value import TemperatureValue, mixing_weights
 from iptm_core.aging_laws.parking import END_OF_LIFE_LOSS, AgingSettings, ParkedAging
 from iptm_core.parameters.model import AgingParameters, ModelParameters
 from iptm_core.physics.thermal_loop import cooling_supply
@@ -97,7 +97,6 @@ class CellLawValuation:
         self._model = model
         self._heat_capacity_j_k = model.pack_heat_capacity_j_k
         self._energy_price_1_j = energy_price_1_j
-        self.memory = ValuationMemory()
 
     def value(self, state: VehicleState, leader: PredictedLeaderMotion) -> TemperatureValue:
         """Price the temperatures at a tick."""

@@ -14,7 +14,6 @@ import numpy as np
 
 from iptm_controller.forecast import NEAR_S, LeaderForecast
 from iptm_controller.leader_motion import PredictedLeaderMotion
-from iptm_controller.memory import GuardMemory
 from iptm_core.parameters.model import LimitParameters
 from iptm_core.state import FloatArray, LeaderState, VehicleState
 
@@ -32,6 +31,11 @@ class CollisionGuard:
     With a preview confirmed by measurements the leader is assumed to move as predicted and to brake after its
     end; otherwise to keep the last measured deceleration. A leader that has not been measured for long is
     assumed to have braked at least as hard as the ego vehicle can.
+
+    Attributes:
+        leader: lead vehicle measured last.
+        deceleration_m_s2: how hard it braked, not negative.
+        lost_ticks: ticks without it since.
     """
 
     def __init__(self, limits: LimitParameters, tick_s: float, lost_after_ticks: int) -> None:
@@ -43,26 +47,30 @@ class CollisionGuard:
         self._limits = limits
         self._tick_s = tick_s
         self._lost_after_ticks = lost_after_ticks
-        self.memory = GuardMemory()
+        self._forget()
+
+    def _forget(self) -> None:
+        self.leader: LeaderState | None = None
+        self.deceleration_m_s2 = 0.0
+        self.lost_ticks = 0
 
     def observe(self, leader: LeaderState | None, *, is_free: bool = False) -> None:
         """Note the leader of a tick, None if it is not measured or, on a free road, not there."""
         if is_free:
-            self.memory = GuardMemory()
+            self._forget()
             return
-        last = self.memory.leader
         if leader is None:
-            lost_ticks = self.memory.lost_ticks + 1
-            deceleration_m_s2 = self.memory.deceleration_m_s2
-            if lost_ticks > self._lost_after_ticks:
-                deceleration_m_s2 = max(deceleration_m_s2, -self._limits.min_acceleration_m_s2)
-            self.memory = GuardMemory(last, deceleration_m_s2, lost_ticks)
+            self.lost_ticks += 1
+            if self.lost_ticks > self._lost_after_ticks:
+                hardest_m_s2 = -self._limits.min_acceleration_m_s2
+                self.deceleration_m_s2 = max(self.deceleration_m_s2, hardest_m_s2)
             return
-        deceleration_m_s2 = 0.0
+        last = self.leader
+        self._forget()
+        self.leader = leader
         if last is not None and 0.0 < leader.time_s - last.time_s < 2.5 * self._tick_s:
             lost_m_s = last.speed_m_s - leader.speed_m_s
-            deceleration_m_s2 = max(lost_m_s / (leader.time_s - last.time_s), 0.0)
-        self.memory = GuardMemory(leader, deceleration_m_s2)
+            self.deceleration_m_s2 = max(lost_m_s / (leader.time_s - last.time_s), 0.0)
 
     def collision_threatens(
         self,
@@ -77,7 +85,7 @@ class CollisionGuard:
             acceleration_m_s2: command, within the reach of the actuators.
             forecast: the leader's motion that was planned with, None without one.
         """
-        leader = self.memory.leader
+        leader = self.leader
         if leader is None:
             return False
         times_s, distance_m = self._braking_distance(acceleration_m_s2, state, brake_share)
@@ -124,7 +132,7 @@ class CollisionGuard:
             times_s - leader.time_s,
             leader.position_m,
             leader.speed_m_s,
-            self.memory.deceleration_m_s2,
+            self.deceleration_m_s2,
         )
         if forecast is None or forecast.known_s <= 0.0:
             return as_measured_m

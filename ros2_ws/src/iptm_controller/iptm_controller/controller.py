@@ -26,7 +26,7 @@ from iptm_controller.decision import Decision, PlanningResult
 from iptm_controller.estimator import Estimator
 from iptm_controller.forecast import LeaderForecaster
 from iptm_controller.ladder import FallbackLadder
-from iptm_controller.limiter import CommandLimiter, LimitedCommand
+from iptm_controller.limiter import CommandLimiter
 from iptm_controller.measurements import Measurements, trusted_measurements
 from iptm_controller.memory import ControllerMemory
 from iptm_controller.ocp.data import ProblemData, ProblemDataBuilder
@@ -43,7 +43,6 @@ from iptm_controller.production import ProductionLikeController
 from iptm_controller.road_envelope import LOOK_AHEAD_S, RoadEnvelope
 from iptm_controller.solvers.factory import build_solver
 from iptm_controller.solvers.interface import SolverBackend, SolveResult, broken
-from iptm_controller.solvers.switching_check import SwitchingCheck
 from iptm_controller.strategy import Strategy
 from iptm_controller.temperature_value import NO_VALUE, TemperatureValuation
 from iptm_controller.traction_forecast import TractionForecaster
@@ -94,10 +93,10 @@ class Controller:
             if horizon.motion_steps < horizon.steps
             else None
         )
-        self._ladder = FallbackLadder(parameters, options.tick_s, options.ladder)
-        self._guard = CollisionGuard(
-            parameters.limits, options.tick_s, options.ladder.shifted_plan_ticks
+        self._ladder = FallbackLadder(
+            parameters, options.tick_s, options.shifted_plan_ticks, options.safe_law_ticks
         )
+        self._guard = CollisionGuard(parameters.limits, options.tick_s, options.shifted_plan_ticks)
         self._limiter = CommandLimiter(parameters.limits, options.tick_s)
         self._estimator = Estimator(options.noise, parameters.limits, options.tick_s)
         self._actuation = ActuationObserver(parameters.limits, options.tick_s)
@@ -142,10 +141,16 @@ class Controller:
         """Return owner and attribute of each part of the memory, by its field."""
         parts = {
             "last_trusted": (self, "_last_trusted"),
-            "ladder": (self._ladder, "memory"),
-            "guard": (self._guard, "memory"),
-            "valuation": (self._valuation, "memory"),
-            "traction": (self._traction, "memory"),
+            "last_plan": (self._ladder, "last_plan"),
+            "failures": (self._ladder, "failures"),
+            "leader": (self._guard, "leader"),
+            "leader_deceleration_m_s2": (self._guard, "deceleration_m_s2"),
+            "lost_ticks": (self._guard, "lost_ticks"),
+            "trip_start": (self._valuation, "start"),
+            "foreseen_1_s": (self._valuation, "foreseen_1_s"),
+            "powers_w": (self._traction, "powers_w"),
+            "speeds_m_s": (self._traction, "speeds_m_s"),
+            "powers_until_s": (self._traction, "until_s"),
             "leader_past": (self._forecaster, "past"),
             "fusion": (self._forecaster.fusion, "memory"),
             "trust": (self._forecaster.trust, "memory"),
@@ -153,10 +158,10 @@ class Controller:
             "estimator": (self._estimator, "memory"),
             "is_cooling": (self._production, "is_cooling"),
             "pace": (self._road, "pace"),
+            "solves_since_second": (self.backend, "since_second"),
         }
-        if isinstance(self.backend, SwitchingCheck):
-            parts["solves_since_second"] = (self.backend, "since_second")
-        return {name: part for name, part in parts.items() if part[0] is not None}
+        # What this strategy, horizon or solver does not need has no such attribute.
+        return {name: part for name, part in parts.items() if hasattr(*part)}
 
     @property
     def memory(self) -> ControllerMemory:
@@ -171,14 +176,14 @@ class Controller:
 
     def decide(self, measured: Measurements) -> Decision:
         """Decide one tick."""
-        trusted = trusted_measurements(measured, self._last_trusted)
-        state, leader = trusted.state, trusted.leader
+        trusted, leader, fault = trusted_measurements(measured, self._last_trusted)
+        state = trusted
         if state is not None:
             state, leader = self._estimator.update(state, leader)
             self._actuation.observe(state)
             state = self._within_comfort(self._actuation.predicted(state))
-        if state is None or trusted.fault or (leader is None and not measured.is_free):
-            planned = PlanningResult(None, trusted.fault)
+        if state is None or fault or (leader is None and not measured.is_free):
+            planned = PlanningResult(None, fault)
         elif self.options.strategy.is_rule_based:
             lawful = self._road.command_m_s2(state, measured.rules)
             command = self._production.command(state, leader, lawful)
@@ -191,26 +196,27 @@ class Controller:
             rung, command = self._ladder.accept(planned.plan)
         else:
             rung, command = self._fall_back(state, leader, measured)
-        limited = self._limit(command, state)
+        limited, limits = self._limit(command, state)
         reasons = [planned.reason, self._actuation.reason]
         if state is not None:
             self._guard.observe(leader, is_free=measured.is_free)
             if self._guard.collision_threatens(
-                limited.command.acceleration_m_s2,
+                limited.acceleration_m_s2,
                 state,
                 planned.forecast,
                 self._actuation.brake_share,
             ):
                 rung = Rung.EMERGENCY_BRAKING
                 reasons.insert(0, EMERGENCY)
-                limited = self._limit(replace(command, acceleration_m_s2=self._hardest_m_s2), state)
-        if trusted.state is not None:
-            self._actuation.issue(trusted.state.time_s, limited.command)
+                hardest = replace(command, acceleration_m_s2=self._hardest_m_s2)
+                limited, limits = self._limit(hardest, state)
+        if trusted is not None:
+            self._actuation.issue(trusted.time_s, limited)
         return Decision(
-            command=limited.command,
+            command=limited,
             rung=rung,
             reason="; ".join(filter(None, reasons)),
-            limited=limited,
+            limits=limits,
             plan=planned.plan,
             result=planned.result,
             forecast=planned.forecast,
@@ -300,19 +306,21 @@ class Controller:
         except Exception as error:  # noqa: BLE001  whatever it is, the car must be driven on
             return broken(guess, time.perf_counter() - started, f"{type(error).__name__}: {error}")
 
-    def _limit(self, command: Command, state: VehicleState | None) -> LimitedCommand:
+    def _limit(
+        self, command: Command, state: VehicleState | None
+    ) -> tuple[Command, tuple[str, ...]]:
         """Limit a command relative to the state, or to the last one that could be trusted."""
         if state is not None:
             self._last_trusted = state
             return self._limiter.limit(command, state)
         reference = self._last_trusted
         if reference is None:
-            return LimitedCommand(Command(0.0, 0.0), ("no state was ever trusted",))
-        limited = self._limiter.limit(command, reference)
+            return Command(0.0, 0.0), ("no state was ever trusted",)
+        limited, limits = self._limiter.limit(command, reference)
         # The rates count from this command next time, or braking would never get beyond one step.
         self._last_trusted = replace(
             reference,
-            acceleration_m_s2=limited.command.acceleration_m_s2,
-            compressor_power_w=limited.command.compressor_power_w,
+            acceleration_m_s2=limited.acceleration_m_s2,
+            compressor_power_w=limited.compressor_power_w,
         )
-        return limited
+        return limited, limits

@@ -6,8 +6,7 @@ import math
 from dataclasses import dataclass
 
 from iptm_controller.forecast import LeaderForecast
-from iptm_controller.limiter import LimitedCommand
-from iptm_controller.plan import Plan
+from iptm_controller.plan import SLACKS, Plan
 from iptm_controller.solvers.interface import SolveResult
 from iptm_controller.temperature_value import NO_VALUE, TemperatureValue
 from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
@@ -41,7 +40,7 @@ class Decision:
     Attributes:
         rung: where it comes from.
         reason: one sentence, empty when all is well.
-        limited: what the last limiter did.
+        limits: bounds of the last limiter that changed the command, empty for none.
         plan: the plan behind an optimal command, None on any other rung.
         command_delay_s: time by which commands act late, as observed.
         brake_share: share of a commanded deceleration that is delivered, as observed.
@@ -51,7 +50,7 @@ class Decision:
     command: Command
     rung: Rung
     reason: str
-    limited: LimitedCommand
+    limits: tuple[str, ...]
     plan: Plan | None
     result: SolveResult | None
     forecast: LeaderForecast | None
@@ -64,17 +63,15 @@ class Decision:
     def record(self) -> DecisionRecord:
         """How the decision came about, as published and stored."""
         result, forecast = self.result, self.forecast
-        slacks = None if self.plan is None else self.plan.slacks
+        slacks = dict.fromkeys(SLACKS, math.nan) if self.plan is None else self.plan.slacks
         return DecisionRecord(
             status=SolveStatus.NOT_POSED if result is None else result.status,
             solve_time_s=math.nan if result is None else result.time_s,
             iterations=0 if result is None else result.iterations,
-            gap_slack_m=math.nan if slacks is None else slacks.gap_m,
-            speed_slack_m_s=math.nan if slacks is None else slacks.speed_m_s,
-            temperature_slack_k=math.nan if slacks is None else slacks.temperature_k,
+            **slacks,
             objective=math.nan if result is None else result.objective,
             rung=self.rung,
-            limiter_active=self.limited.active,
+            limiter_active=bool(self.limits),
             preview_age_s=math.nan if forecast is None else forecast.age_s,
             trusted_preview_s=0.0 if forecast is None else forecast.known_s,
             command_delay_s=self.command_delay_s,

@@ -7,9 +7,8 @@ law. A usable solution leads back to the top at once.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-from iptm_controller.memory import LadderMemory
 from iptm_controller.plan import Plan
 from iptm_core.decision_record import Rung
 from iptm_core.parameters.model import LimitParameters, ModelParameters
@@ -30,39 +29,50 @@ BLIND_BRAKING_M_S2 = -1.0
 """Nothing is known about the vehicle: brake gently, the limiter keeps the jerk."""
 
 
-@dataclass(frozen=True)
-class LadderOptions:
-    """How long each rung may hold, in ticks."""
-
-    shifted_plan_ticks: int = 3
-    safe_law_ticks: int = 120
-
-
 class FallbackLadder:
-    """Counts failures in a row and chooses the rung."""
+    """Counts failures in a row and chooses the rung.
 
-    def __init__(self, parameters: ModelParameters, tick_s: float, options: LadderOptions) -> None:
+    Attributes:
+        last_plan: newest usable plan.
+        failures: ticks in a row without a usable plan.
+    """
+
+    def __init__(
+        self,
+        parameters: ModelParameters,
+        tick_s: float,
+        shifted_plan_ticks: int,
+        safe_law_ticks: int,
+    ) -> None:
+        """Set up a ladder that has not met any plan.
+
+        Args:
+            shifted_plan_ticks: ticks for which the last plan may be driven on.
+            safe_law_ticks: ticks of the safe law after that.
+        """
         self._parameters = parameters
         self._tick_s = tick_s
-        self._options = options
-        self.memory = LadderMemory()
+        self._shifted_plan_ticks = shifted_plan_ticks
+        self._last_safe_tick = shifted_plan_ticks + safe_law_ticks
+        self.last_plan: Plan | None = None
+        self.failures = 0
 
     def plan_at(self, time_s: float) -> Plan | None:
         """Return the newest usable plan if it covers a trip time.
 
         Past its end a plan only repeats its last input, which leads to absurd speeds.
         """
-        plan = self.memory.last_good
+        plan = self.last_plan
         return plan if plan is not None and plan.covers(time_s) else None
 
     def accept(self, plan: Plan) -> tuple[Rung, Command]:
         """Go back to the top: a usable plan was found."""
-        self.memory = LadderMemory(plan)
+        self.last_plan, self.failures = plan, 0
         return Rung.OPTIMAL, plan.command_at(plan.start_s)
 
     def accept_command(self, command: Command) -> tuple[Rung, Command]:
         """Go back to the top: a strategy that optimises nothing has decided, and leaves no plan."""
-        self.memory = LadderMemory()
+        self.last_plan, self.failures = None, 0
         return Rung.OPTIMAL, command
 
     def fall_back(
@@ -77,16 +87,13 @@ class FallbackLadder:
             last: what was last trusted or commanded, for a tick without a state; brakes that are applied
                 harder than a blind vehicle would stay so, and the cells are cooled as they last needed it.
         """
-        failures = self.memory.failures + 1
-        self.memory = replace(self.memory, failures=failures)
-        options = self._options
+        self.failures += 1
         if state is None:
             return Rung.STOP, self._blind(last)
         plan = self.plan_at(state.time_s)
-        if failures <= options.shifted_plan_ticks and plan is not None:
+        if self.failures <= self._shifted_plan_ticks and plan is not None:
             return Rung.SHIFTED_PLAN, self._safer(plan.command_at(state.time_s), state, leader)
-        last_safe_tick = options.shifted_plan_ticks + options.safe_law_ticks
-        if leader is not None and failures <= last_safe_tick:
+        if leader is not None and self.failures <= self._last_safe_tick:
             command = safe_following(state, leader, self._parameters, self._tick_s)
             return Rung.SAFE_LAW, command
         return Rung.STOP, controlled_stop(state, self._parameters, self._tick_s)

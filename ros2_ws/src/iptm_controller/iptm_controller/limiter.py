@@ -7,29 +7,11 @@ one: coast down within the jerk limit, compressor power held.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 from iptm_core.parameters.model import LimitParameters
 from iptm_core.state import Command, VehicleState
 
 TOLERANCE = 1e-6
-
-
-@dataclass(frozen=True)
-class LimitedCommand:
-    """A command within all physical bounds.
-
-    Attributes:
-        reasons: which bounds were active, empty if none was.
-    """
-
-    command: Command
-    reasons: tuple[str, ...]
-
-    @property
-    def active(self) -> bool:
-        """True if the limiter changed the command by more than round-off."""
-        return bool(self.reasons)
 
 
 class CommandLimiter:
@@ -39,8 +21,12 @@ class CommandLimiter:
         self._limits = limits
         self._tick_s = tick_s
 
-    def limit(self, command: Command, state: VehicleState) -> LimitedCommand:
-        """Limit a command relative to what is actuated now (``state``)."""
+    def limit(self, command: Command, state: VehicleState) -> tuple[Command, tuple[str, ...]]:
+        """Limit a command relative to what is actuated now (``state``).
+
+        Returns:
+            The command within all bounds, and the bounds that changed it by more than round-off.
+        """
         limits, tick_s = self._limits, self._tick_s
         reasons: list[str] = []
         acceleration = command.acceleration_m_s2
@@ -81,7 +67,7 @@ class CommandLimiter:
         )
         for label, low, high in power_steps:
             power = _clamp(power, low, high, label, reasons, TOLERANCE * 1000.0)
-        return LimitedCommand(Command(acceleration, power), tuple(reasons))
+        return Command(acceleration, power), tuple(reasons)
 
 
 def _clamp(

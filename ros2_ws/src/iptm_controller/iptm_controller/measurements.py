@@ -72,50 +72,39 @@ class Measurements:
         return self.leader is None and self.rules is not None and not self.rules.has_leader
 
 
-@dataclass(frozen=True)
-class Trusted:
-    """What of the measurements may be used.
-
-    Attributes:
-        state: the ego vehicle if its motion is plausible. What is not plausible of its pack is replaced by
-        the
-            last trusted value; too high a value, or one without a predecessor, by the upper end of its range,
-            so that the cells are cooled.
-        leader: the leader if ego vehicle and leader are plausible.
-        fault: why no problem can be posed; empty if one can.
-    """
-
-    state: VehicleState | None
-    leader: LeaderState | None
-    fault: str
+Trusted = tuple[VehicleState | None, LeaderState | None, str]
+"""State and leader that may be used, and why no problem can be posed; empty if one can."""
 
 
 def trusted_measurements(measured: Measurements, last: VehicleState | None = None) -> Trusted:
-    """Return what is plausible; what builds on a part that is not is left out.
+    """Return what is plausible: the ego vehicle if its motion is, the leader if both are.
+
+    What is not plausible of the pack is replaced by the last trusted value; too high a value, or one without
+    a predecessor, by the upper end of its range, so that the cells are cooled.
 
     Args:
         last: the state that was trusted last, None for none.
     """
     state, leader = measured.state, measured.leader
     if state is None:
-        return Trusted(None, None, measured.fault or "no measurement of the state")
+        return None, None, measured.fault or "no measurement of the state"
     fault = _out_of_range(state, _MOTION)
     if fault:
-        return Trusted(None, None, fault)
+        return None, None, fault
     state = _at_rest_if_negative(state)
     pack_fault = _out_of_range(state, _PACK)
     if pack_fault:
         state = _with_possible_pack(state, last)
     if measured.is_free:
-        return Trusted(state, None, pack_fault or slope_fault(measured.slope))
+        return state, None, pack_fault or slope_fault(measured.slope)
     if leader is None:
         fault = pack_fault or measured.fault or "no measurement of the leader"
-        return Trusted(state, None, fault)
+        return state, None, fault
     fault = leader_fault(leader, state)
     if fault:
-        return Trusted(state, None, fault)
+        return state, None, fault
     leader = _at_rest_if_negative(leader)
-    return Trusted(state, leader, pack_fault or slope_fault(measured.slope))
+    return state, leader, pack_fault or slope_fault(measured.slope)
 
 
 def _at_rest_if_negative(vehicle: Vehicle) -> Vehicle:

@@ -13,34 +13,7 @@ from iptm_controller.estimator import EstimatorMemory
 from iptm_controller.plan import Plan
 from iptm_controller.preview_fusion import FusionMemory
 from iptm_controller.preview_trust import TrustMemory
-from iptm_controller.temperature_value import ValuationMemory
 from iptm_core.state import LeaderState, VehicleState
-
-
-@dataclass(frozen=True)
-class LadderMemory:
-    """Of the fallback ladder: the newest usable plan, and how many ticks in a row had none."""
-
-    last_good: Plan | None = None
-    failures: int = 0
-
-
-@dataclass(frozen=True)
-class GuardMemory:
-    """Of the collision guard: the leader measured last, how hard it braked, ticks without it since."""
-
-    leader: LeaderState | None = None
-    deceleration_m_s2: float = 0.0
-    lost_ticks: int = 0
-
-
-@dataclass(frozen=True)
-class TractionMemory:
-    """Of the traction forecast: powers and speeds of the trip so far, and when the newest was measured."""
-
-    powers_w: tuple[float, ...] = ()
-    speeds_m_s: tuple[float, ...] = ()
-    last_s: float = -math.inf
 
 
 @dataclass(frozen=True)
@@ -59,16 +32,32 @@ class ControllerMemory:
 
     Attributes:
         last_trusted: state that commands are limited against where none can be trusted.
+        last_plan: newest usable plan.
+        failures: ticks in a row without a usable plan.
+        leader: lead vehicle that the collision guard measured last.
+        leader_deceleration_m_s2: how hard it braked, not negative.
+        lost_ticks: ticks without it since.
+        trip_start: first state of the trip, from which the aging rate is averaged.
+        foreseen_1_s: aging rate that was expected there.
+        powers_w: traction powers of the trip so far.
+        speeds_m_s: speeds at which they were measured.
+        powers_until_s: when the newest one was measured.
         leader_past: leader measured in the last seconds, oldest first.
         pace: of the road ahead, None where no rule has bound the vehicle.
         solves_since_second: of the check for better switching; None for one that has not solved anything.
     """
 
     last_trusted: VehicleState | None = None
-    ladder: LadderMemory = field(default_factory=LadderMemory)
-    guard: GuardMemory = field(default_factory=GuardMemory)
-    valuation: ValuationMemory = field(default_factory=ValuationMemory)
-    traction: TractionMemory = field(default_factory=TractionMemory)
+    last_plan: Plan | None = None
+    failures: int = 0
+    leader: LeaderState | None = None
+    leader_deceleration_m_s2: float = 0.0
+    lost_ticks: int = 0
+    trip_start: VehicleState | None = None
+    foreseen_1_s: float = 0.0
+    powers_w: tuple[float, ...] = ()
+    speeds_m_s: tuple[float, ...] = ()
+    powers_until_s: float = -math.inf
     leader_past: tuple[LeaderState, ...] = ()
     fusion: FusionMemory = field(default_factory=FusionMemory)
     trust: TrustMemory = field(default_factory=TrustMemory)

@@ -17,7 +17,7 @@ from iptm_controller.memory import ControllerMemory
 from iptm_controller.node_changes import SettingsChanges
 from iptm_controller.node_inputs import TICK_INPUTS, CompleteTick, read_measurements
 from iptm_controller.node_parameters import CHANGEABLE, ControllerNodeParameters
-from iptm_controller.node_reports import Road, decision_values, plan_trajectory, situation
+from iptm_controller.node_reports import decision_values, plan_trajectory, road_warning, situation
 from iptm_controller.node_watch import OperatorWatch
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.errors import MessageError, ServiceError
@@ -293,7 +293,7 @@ class ControllerNode(SuiteNode):
     def _count(self, decision: Decision) -> None:
         self._solves[decision.record.status] += 1
         self._rungs[decision.rung] += 1
-        self._limited_ticks += decision.limited.active
+        self._limited_ticks += bool(decision.limits)
 
     # --- diagnostics
 
@@ -335,7 +335,7 @@ class ControllerNode(SuiteNode):
             return Level.WARN, "inputs of a tick are incomplete"
         if self._is_skipping:
             return Level.WARN, "decisions take longer than ticks, some of which are skipped"
-        road = Road(known=self._slope is not None, fault=self._slope_fault)
+        road = road_warning(self._slope_fault, is_known=self._slope is not None)
         begun_anew = self._matcher.gate.has_restarted
         return situation(self._last, road, self._watch, begun_anew=begun_anew)
 

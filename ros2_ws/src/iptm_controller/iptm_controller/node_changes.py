@@ -16,7 +16,6 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 
 from iptm_controller.controller import Controller
-from iptm_controller.memory import LadderMemory
 from iptm_controller.node_parameters import CHANGEABLE, WEIGHTS, ControllerNodeParameters
 from iptm_core.declaration import plain
 from iptm_core.errors import IptmError, ParameterError
@@ -93,7 +92,7 @@ class SettingsChanges:
         memory = controller.memory
         if self._wanted.horizon != self.options.horizon:
             # A plan on another grid cannot start this one.
-            memory = replace(memory, ladder=LadderMemory(None, memory.ladder.failures))
+            memory = replace(memory, last_plan=None)
         ready.memory = memory
         self._note(self._wanted, stamp_ns, f", prepared in {took_s:.2g} s")
         return ready

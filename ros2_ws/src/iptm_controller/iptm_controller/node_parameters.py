@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from iptm_controller.controller import Controller
 from iptm_controller.estimator import NoiseSettings
 from iptm_controller.horizon import Horizon
-from iptm_controller.ladder import LadderOptions
 from iptm_controller.memory import ControllerMemory
 from iptm_controller.node_watch import WarningSettings
 from iptm_controller.options import ControllerOptions
@@ -146,7 +145,8 @@ class ControllerNodeParameters(
                 deadline_s=1e-3 * self.deadline_ms,
                 tolerance=self.tolerance,
             ),
-            ladder=LadderOptions(self.shifted_plan_ticks, self.safe_law_ticks),
+            shifted_plan_ticks=self.shifted_plan_ticks,
+            safe_law_ticks=self.safe_law_ticks,
             max_preview_age_s=self.max_preview_age_s,
             tick_s=self.period_s,
             trip_duration_s=self.trip_duration_s or math.inf,

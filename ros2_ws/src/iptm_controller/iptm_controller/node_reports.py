@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from iptm_controller.actuation import WEAK_SHARE
@@ -46,6 +44,7 @@ _PREVIEW_SITUATION = {
 
 _BREAKS = "plans break limits of "
 _LIMITS = ("gap", "speed", "temperature")
+_TOLERANCES = (GAP_TOLERANCE_M, SPEED_TOLERANCE_M_S, TEMPERATURE_TOLERANCE_K)
 
 
 def is_about_limits(reason: str) -> bool:
@@ -77,30 +76,22 @@ def plan_trajectory(plan: Plan | None) -> PlanTrajectory:
     )
 
 
-@dataclass(frozen=True)
-class Road:
-    """What is known of the slope.
+def road_warning(fault: str, *, is_known: bool) -> str:
+    """Return what the controller drives on instead of a good new slope, empty if there is one.
 
-    Attributes:
-        known: a usable slope has been received.
-        fault: what is wrong with the newest one, empty if nothing.
+    Args:
+        fault: what is wrong with the newest slope, empty if nothing is.
+        is_known: whether a usable one has been received.
     """
-
-    known: bool
-    fault: str = ""
-
-    @property
-    def warning(self) -> str:
-        """What the controller drives on instead of a good new slope, empty if there is one."""
-        if self.fault:
-            taken = "the last good one is used" if self.known else "road taken as flat"
-            return f"slope message malformed, {taken}"
-        return "" if self.known else "no slope received, road taken as flat"
+    if fault:
+        taken = "the last good one is used" if is_known else "road taken as flat"
+        return f"slope message malformed, {taken}"
+    return "" if is_known else "no slope received, road taken as flat"
 
 
 def situation(
     decision: Decision | None,
-    road: Road,
+    road: str,
     watch: OperatorWatch | None = None,
     *,
     begun_anew: bool = False,
@@ -109,6 +100,7 @@ def situation(
 
     Args:
         decision: the last one, None before the first.
+        road: see `road_warning`.
         watch: what has gone on for too long, added to the situation of the decision.
         begun_anew: whether another trip has just taken the place of the one so far.
     """
@@ -119,7 +111,7 @@ def situation(
 
 
 def _of_trip(
-    decision: Decision | None, road: Road, watch: OperatorWatch | None
+    decision: Decision | None, road: str, watch: OperatorWatch | None
 ) -> tuple[Level, str]:
     level, reason = _of_decision(decision, road)
     if watch is None or decision is None:
@@ -133,7 +125,7 @@ def _of_trip(
     return level, ", ".join((reason, *watch.warnings))
 
 
-def _of_decision(decision: Decision | None, road: Road) -> tuple[Level, str]:
+def _of_decision(decision: Decision | None, road: str) -> tuple[Level, str]:
     if decision is None:
         return Level.WARN, "waiting for state, leader and preview"
     if decision.rung in _RUNG_SITUATION:
@@ -144,10 +136,10 @@ def _of_decision(decision: Decision | None, road: Road) -> tuple[Level, str]:
     forecast = decision.forecast
     if forecast is not None and forecast.quality in _PREVIEW_SITUATION:
         level, reason = _PREVIEW_SITUATION[forecast.quality]
-        if level is not Level.OK or not road.warning:
+        if level is not Level.OK or not road:
             return level, reason
-    if road.warning:
-        return Level.WARN, road.warning
+    if road:
+        return Level.WARN, road
     return Level.OK, "optimal plans" if decision.plan is not None else RULE_BASED
 
 
@@ -168,13 +160,8 @@ def _limits_broken(decision: Decision) -> tuple[str, ...]:
     """Return the soft limits that the plan breaks."""
     if decision.plan is None:
         return ()
-    slacks = decision.plan.slacks
-    checks = (
-        ("gap", slacks.gap_m, GAP_TOLERANCE_M),
-        ("speed", slacks.speed_m_s, SPEED_TOLERANCE_M_S),
-        ("temperature", slacks.temperature_k, TEMPERATURE_TOLERANCE_K),
-    )
-    return tuple(name for name, slack, tolerance in checks if slack > tolerance)
+    slacks = zip(_LIMITS, decision.plan.slacks.values(), _TOLERANCES, strict=True)
+    return tuple(name for name, slack, tolerance in slacks if slack > tolerance)
 
 
 def decision_values(decision: Decision) -> dict[str, object]:
@@ -182,7 +169,7 @@ def decision_values(decision: Decision) -> dict[str, object]:
     details: dict[str, object] = {
         "reason": decision.reason or "none",
         "rung": decision.rung.name.lower(),
-        "limiter": ", ".join(decision.limited.reasons) or "inactive",
+        "limiter": ", ".join(decision.limits) or "inactive",
         "noise": decision.noise or "none",
         "command_delay_s": decision.command_delay_s,
         "brake_share": decision.brake_share,

@@ -88,12 +88,12 @@ class OperatorWatch:
 
     def update(self, measured: Measurements, decision: Decision) -> None:
         """Update with a tick; one without a plausible state or leader is ignored."""
-        trusted = trusted_measurements(measured)
-        if trusted.state is not None and trusted.leader is not None:
-            self._watch_trip(trusted.state, trusted.leader)
+        state, leader, _ = trusted_measurements(measured)
+        if state is not None and leader is not None:
+            self._watch_trip(state, leader)
             ends_outside = self._ends_outside(decision)
             if ends_outside is not None:
-                self._count(Concern.PLAN, trusted.state.time_s, holds=ends_outside)
+                self._count(Concern.PLAN, state.time_s, holds=ends_outside)
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 
 from iptm_controller.estimator import NoiseSettings
 from iptm_controller.horizon import MULTI_HORIZON, Horizon
-from iptm_controller.ladder import LadderOptions
 from iptm_controller.production import ProductionSettings
 from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.strategy import DEFAULT_STRATEGY, STRATEGIES, Strategy
@@ -22,6 +21,8 @@ class ControllerOptions:
     """What a user chooses about the controller.
 
     Attributes:
+        shifted_plan_ticks: ticks for which the last plan may be driven on after a failed solve.
+        safe_law_ticks: ticks of the safe car-following law after that.
         trip_duration_s: trip time at which the trip ends, infinite where that is not known.
         aging: ageing law of the cost, and how the car is used between trips.
         own_law: ageing law instead of the one named there.
@@ -34,7 +35,8 @@ class ControllerOptions:
     strategy: Strategy = STRATEGIES[DEFAULT_STRATEGY]
     horizon: Horizon = MULTI_HORIZON
     solver: SolverOptions = field(default_factory=SolverOptions)
-    ladder: LadderOptions = field(default_factory=LadderOptions)
+    shifted_plan_ticks: int = 3
+    safe_law_ticks: int = 120
     max_preview_age_s: float = 10.0
     tick_s: float = 1.0
     trip_duration_s: float = math.inf

@@ -12,14 +12,12 @@ from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import InputIndex, StateIndex
 from iptm_core.state import Command, FloatArray, VehicleState
 
-
-@dataclass(frozen=True)
-class Slacks:
-    """Largest violation of each group of soft limits along a plan, never negative."""
-
-    gap_m: float
-    speed_m_s: float
-    temperature_k: float
+SLACKS = {
+    "gap_slack_m": (InputIndex.GAP_SHORT, InputIndex.GAP_LONG),
+    "speed_slack_m_s": (InputIndex.SPEED_EXCESS,),
+    "temperature_slack_k": (InputIndex.TEMPERATURE_EXCESS,),
+}
+"""Slacks of each group of soft limits, by the field of `DecisionRecord` for the largest one."""
 
 
 @dataclass(frozen=True)
@@ -64,14 +62,10 @@ class Plan:
         )
 
     @property
-    def slacks(self) -> Slacks:
-        """Largest slack per group; the solver's own round-off below zero is cut."""
+    def slacks(self) -> dict[str, float]:
+        """Largest violation of each group of `SLACKS`; the solver's own round-off below zero is cut."""
         worst = np.maximum(self.inputs.max(axis=0), 0.0)
-        return Slacks(
-            gap_m=float(max(worst[InputIndex.GAP_SHORT], worst[InputIndex.GAP_LONG])),
-            speed_m_s=float(worst[InputIndex.SPEED_EXCESS]),
-            temperature_k=float(worst[InputIndex.TEMPERATURE_EXCESS]),
-        )
+        return {name: float(worst[list(group)].max()) for name, group in SLACKS.items()}
 
 
 def plan_from_variables(variables: FloatArray, grid: ProblemGrid, state: VehicleState) -> Plan:

@@ -41,14 +41,6 @@ _LEAST_RATE_1_S = 1e-15
 
 
 @dataclass(frozen=True)
-class ValuationMemory:
-    """Of the temperature valuation: start of the trip, and the aging rate expected from there on."""
-
-    start: VehicleState | None = None
-    foreseen_1_s: float = 0.0
-
-
-@dataclass(frozen=True)
 class TemperatureValue:
     """Price of a kelvin of both cells at the end of the horizon, and what it was made of.
 
@@ -124,7 +116,12 @@ def _load_factor_h(temperature_k: float, parameters: ModelParameters) -> float:
 
 
 class TemperatureValuation:
-    """Follows the trip and prices the temperatures at every tick."""
+    """Follows the trip and prices the temperatures at every tick.
+
+    Attributes:
+        start: first state of the trip.
+        foreseen_1_s: aging rate that was expected there.
+    """
 
     def __init__(
         self,
@@ -146,7 +143,8 @@ class TemperatureValuation:
         _, self._performance = most_efficient_cooling(
             parameters.limits.min_temperature_k, parameters
         )
-        self.memory = ValuationMemory()
+        self.start: VehicleState | None = None
+        self.foreseen_1_s = 0.0
 
     def value(self, state: VehicleState, leader: PredictedLeaderMotion) -> TemperatureValue:
         """Price the temperatures at a tick.
@@ -154,15 +152,13 @@ class TemperatureValuation:
         Args:
             state: measured state; the first one, or one before it, begins a trip.
         """
-        start = self.memory.start
+        start = self.start
         if start is None or state.time_s < start.time_s:
-            start = state
-            self.memory = ValuationMemory(start, self._foresee(state, leader))
+            self.start = start = state
+            self.foreseen_1_s = self._foresee(state, leader)
         elapsed_s = state.time_s - start.time_s
         lost = max(_loss(state) - _loss(start), 0.0)
-        rate = (lost + self.memory.foreseen_1_s * FORECAST_WEIGHT_S) / (
-            elapsed_s + FORECAST_WEIGHT_S
-        )
+        rate = (lost + self.foreseen_1_s * FORECAST_WEIGHT_S) / (elapsed_s + FORECAST_WEIGHT_S)
         rate = max(rate, _LEAST_RATE_1_S)
         values = self._parameters
         aging = values.aging

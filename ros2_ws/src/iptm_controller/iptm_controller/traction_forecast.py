@@ -9,12 +9,10 @@ groups of equal duration, so that what is convex in them can be averaged over th
 from __future__ import annotations
 
 import math
-from collections import deque
 
 import numpy as np
 
 from iptm_controller.leader_motion import PredictedLeaderMotion
-from iptm_controller.memory import TractionMemory
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import POWER_LEVELS, ProblemGrid
 from iptm_controller.ocp.layout import ThermalSampleIndex
@@ -29,7 +27,13 @@ MEMORY_TICKS = 1200
 
 
 class TractionForecaster:
-    """Follows the trip and foresees the traction powers of the thermal steps."""
+    """Follows the trip and foresees the traction powers of the thermal steps.
+
+    Attributes:
+        powers_w: traction powers of the trip so far.
+        speeds_m_s: speeds at which they were measured.
+        until_s: when the newest one was measured.
+    """
 
     def __init__(self, parameters: ModelParameters, grid: ProblemGrid) -> None:
         self._parameters = parameters
@@ -40,33 +44,21 @@ class TractionForecaster:
             inside = POWER_LEVELS * max(2, round(kind.step_s / POWER_LEVELS))
             parts = (np.arange(inside) + 0.5) / inside * kind.step_s
             self._times_s.append(nodes[kind.steps][:, None] + parts)
-        self._powers_w: deque[float] = deque(maxlen=MEMORY_TICKS)
-        self._speeds_m_s: deque[float] = deque(maxlen=MEMORY_TICKS)
-        self._last_s = -math.inf
-
-    @property
-    def memory(self) -> TractionMemory:
-        """What is carried from tick to tick."""
-        return TractionMemory(tuple(self._powers_w), tuple(self._speeds_m_s), self._last_s)
-
-    @memory.setter
-    def memory(self, memory: TractionMemory) -> None:
-        self._powers_w = deque(memory.powers_w, MEMORY_TICKS)
-        self._speeds_m_s = deque(memory.speeds_m_s, MEMORY_TICKS)
-        self._last_s = memory.last_s
+        self.powers_w: tuple[float, ...] = ()
+        self.speeds_m_s: tuple[float, ...] = ()
+        self.until_s = -math.inf
 
     def remember(self, state: VehicleState, slope: SlopePreview) -> None:
         """Add the present power to those of the trip; an earlier state begins a new one."""
-        if state.time_s < self._last_s:
-            self._powers_w.clear()
-            self._speeds_m_s.clear()
-        self._last_s = state.time_s
+        if state.time_s < self.until_s:
+            self.powers_w = self.speeds_m_s = ()
+        self.until_s = state.time_s
         slope_rad = float(np.interp(state.position_m, slope.positions_m, slope.slopes_rad))
         power = electric_traction_power_w(
             state.speed_m_s, state.acceleration_m_s2, slope_rad, self._parameters
         )
-        self._powers_w.append(float(power))
-        self._speeds_m_s.append(state.speed_m_s)
+        self.powers_w = (*self.powers_w, float(power))[-MEMORY_TICKS:]
+        self.speeds_m_s = (*self.speeds_m_s, state.speed_m_s)[-MEMORY_TICKS:]
 
     def samples(
         self,
@@ -84,8 +76,8 @@ class TractionForecaster:
         Returns:
             Shape (samples, 7), places of ``ThermalSampleIndex`` filled.
         """
-        usual_w = _levels(np.array(self._powers_w)[None, :])[0]
-        usual_m_s = float(np.mean(self._speeds_m_s))
+        usual_w = _levels(np.array(self.powers_w)[None, :])[0]
+        usual_m_s = float(np.mean(self.speeds_m_s))
         tables = []
         for kind, times in zip(self._kinds, self._times_s, strict=True):
             powers = np.tile(usual_w, (kind.count, 1))

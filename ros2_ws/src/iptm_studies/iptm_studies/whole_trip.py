@@ -173,9 +173,7 @@ def solve_whole_trip(
     record = WholeTripRecord(
         settled=usable,
         solves=tuple(solves),
-        gap_slack_m=plan.slacks.gap_m,
-        speed_slack_m_s=plan.slacks.speed_m_s,
-        temperature_slack_k=plan.slacks.temperature_k,
+        **plan.slacks,
         costates=costates,
     )
     return _drive(plan, route, plant, state, tick_s), record

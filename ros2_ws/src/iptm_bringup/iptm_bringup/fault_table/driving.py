@@ -17,7 +17,7 @@ from iptm_bringup.scenario_files import scenario_text
 from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements
 from iptm_controller.node_parameters import ControllerNodeParameters
-from iptm_controller.node_reports import Road, is_about_limits, situation
+from iptm_controller.node_reports import is_about_limits, situation
 from iptm_controller.node_watch import OperatorWatch
 from iptm_core.decision_record import Rung
 from iptm_core.settings import LoopMode
@@ -111,7 +111,7 @@ def drive_headless(trial: Trial, on_progress: Callable[[], None] | None = None) 
     def note(tick: int, measured: Measurements, decision: Decision) -> None:
         watch.update(measured, decision)
         rungs[float(tick)] = decision.rung
-        status = situation(decision, Road(known=True), watch)
+        status = situation(decision, "", watch)
         if not reports or (reports[-1].level, reports[-1].reason) != status:
             reports.append(StatusReport(float(tick), CONTROLLER, *status))
 

@@ -9,16 +9,22 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
 
-from iptm_controller.solvers.interface import FEASIBILITY_TOLERANCE, SolverOptions
+from iptm_controller.solvers.interface import (
+    FEASIBILITY_TOLERANCE,
+    RICCATI,
+    STATUS_TEXT,
+    SolveResult,
+    SolverOptions,
+)
 from iptm_controller.solvers.riccati.line_search import FilterPoint, LineSearchFilter
 from iptm_controller.solvers.riccati.program import ITERATE
 from iptm_controller.solvers.riccati.step_summary import StepSummary
 from iptm_core.buffered import BufferedFunction
+from iptm_core.decision_record import SolveStatus
 from iptm_core.state import FloatArray
 
 COLD_START_BARRIER = 10.0
@@ -29,53 +35,24 @@ MAX_REGULARISATIONS = 12
 FIRST_REGULARISATION = 1e-3
 REGULARISATION_FACTOR = 8.0
 LEAST_REGULARISATION = 1e-5
+NOWHERE = FilterPoint(math.nan, math.nan, math.inf, math.inf)
 
 
 class Termination(Enum):
-    """Why the iteration stopped."""
+    """Why the iteration stopped; the second value is the outcome where there is no usable iterate."""
 
-    CONVERGED = "converged"
-    ITERATIONS = "bound on the iterations"
-    DEADLINE = "time limit"
-    STALLED = "no step was accepted"
-    NOT_FINITE = "data, model or step not finite"
+    CONVERGED = "converged", SolveStatus.NUMERICAL_ERROR
+    ITERATIONS = "bound on the iterations", SolveStatus.ITERATION_LIMIT
+    DEADLINE = "time limit", SolveStatus.DEADLINE
+    STALLED = "no step was accepted", SolveStatus.NUMERICAL_ERROR
+    NOT_FINITE = "data, model or step not finite", SolveStatus.NUMERICAL_ERROR
 
-
-@dataclass(frozen=True)
-class MethodResult:
-    """Where the iteration ended.
-
-    Attributes:
-        variables: the optimum; if there is none, the cheapest iterate met that keeps dynamics and
-            limits; if there is none either, the last one.
-        costates: multipliers of the dynamics at the last iterate.
-    """
-
-    termination: Termination
-    variables: FloatArray
-    objective: float
-    infeasibility: float
-    iterations: int
-    costates: FloatArray
-
-
-@dataclass(frozen=True)
-class StartSettings:
-    """How to begin, and when to stop.
-
-    Attributes:
-        tolerance: optimality error to reach.
-        barrier: first barrier parameter.
-        relax: make the slacks of soft limits large enough for the guess.
-        safeguard: lower bound on later barrier parameters, see ``StepSummary.barrier_parameter``.
-        max_iterations: bound on the iterations from this start.
-    """
-
-    tolerance: float
-    barrier: float
-    relax: bool
-    safeguard: float
-    max_iterations: int
+    def status(self, infeasibility: float) -> SolveStatus:
+        """Return the outcome of a solve by the largest violation of its iterate."""
+        # The negated comparison also catches a violation that is not a number.
+        if not infeasibility <= FEASIBILITY_TOLERANCE:
+            return self.value[1]
+        return SolveStatus.SOLVED if self is Termination.CONVERGED else SolveStatus.FEASIBLE
 
 
 class RiccatiMethod:
@@ -103,59 +80,69 @@ class RiccatiMethod:
         self._dynamics_count = trial_point.arguments["lam"].size
         self._best: tuple[FloatArray, FilterPoint] | None = None
 
-    def run(
-        self, guess: FloatArray, parameters: FloatArray, options: SolverOptions
-    ) -> MethodResult:
+    def run(self, guess: FloatArray, parameters: FloatArray, options: SolverOptions) -> SolveResult:
         """Iterate from a warm start; if it does not converge, once more from a cold one.
 
         Args:
             guess: variables, the present state in front.
             parameters: numbers of the problem.
             options: tolerance, barrier parameter and bounds.
+
+        Returns:
+            The optimum; if there is none, the cheapest iterate met that keeps dynamics and limits; if there
+            is none either, the last one. The costates are those of the last iterate.
         """
-        until_s = time.perf_counter() + (options.deadline_s or math.inf)
+        began_s = time.perf_counter()
+        until_s = began_s + (options.deadline_s or math.inf)
         self._best = None
         few = min(options.warm_start_iterations, options.max_iterations)
-        warm = StartSettings(
-            options.tolerance,
-            options.initial_barrier,
-            relax=False,
-            safeguard=0.0,
-            max_iterations=few,
+        point, termination, iterations = self._run_from(
+            guess, parameters, options, few, until_s, is_cold=False
         )
-        first = self._run_from(warm, guess, parameters, until_s)
-        left = options.max_iterations - first.iterations
-        if first.termination not in {Termination.ITERATIONS, Termination.STALLED} or left <= 0:
-            return self._with_best(first)
-        cold = StartSettings(
-            options.tolerance,
-            COLD_START_BARRIER,
-            relax=True,
-            safeguard=COLD_START_SAFEGUARD,
-            max_iterations=left,
-        )
-        second = self._run_from(cold, guess, parameters, until_s)
-        total = first.iterations + second.iterations
-        return self._with_best(replace(second, iterations=total))
-
-    def _with_best(self, result: MethodResult) -> MethodResult:
-        """Return a result that did not converge with the best usable iterate met on the way."""
-        best = self._best
-        if result.termination is Termination.CONVERGED or best is None:
-            return result
-        variables, point = best
-        return replace(
-            result, variables=variables, objective=point.cost, infeasibility=point.largest_violation
+        left = options.max_iterations - iterations
+        if termination in {Termination.ITERATIONS, Termination.STALLED} and left > 0:
+            point, termination, further = self._run_from(
+                guess, parameters, options, left, until_s, is_cold=True
+            )
+            iterations += further
+        variables, point = self._answer(point, termination)
+        status = termination.status(point.largest_violation)
+        reason = STATUS_TEXT[status]
+        if status is not SolveStatus.SOLVED:
+            reason += f" ({RICCATI}: {termination.value[0]}, {iterations} iterations)"
+        return SolveResult(
+            status=status,
+            reason=reason,
+            variables=variables,
+            objective=point.cost,
+            iterations=iterations,
+            time_s=time.perf_counter() - began_s,
+            infeasibility=point.largest_violation,
+            costates=self._iterate["lam"].copy(),
         )
 
     def _run_from(
-        self, start: StartSettings, guess: FloatArray, parameters: FloatArray, until_s: float
-    ) -> MethodResult:
-        point = self._begin(start, guess, parameters)
+        self,
+        guess: FloatArray,
+        parameters: FloatArray,
+        options: SolverOptions,
+        most_iterations: int,
+        until_s: float,
+        *,
+        is_cold: bool,
+    ) -> tuple[FilterPoint, Termination, int]:
+        """Iterate from a start; returns where it ended, why, and after how many iterations.
+
+        Args:
+            is_cold: take a large barrier parameter, make the slacks of soft limits large enough for the
+                guess, and hold later barrier parameters up.
+        """
+        barrier = COLD_START_BARRIER if is_cold else options.initial_barrier
+        safeguard = COLD_START_SAFEGUARD if is_cold else 0.0
+        point = self._begin(guess, parameters, barrier, relax=is_cold)
         if not _is_finite(guess, parameters, point):
-            return MethodResult(
-                Termination.NOT_FINITE, guess, math.nan, math.inf, 0, self._iterate["lam"].copy()
-            )
+            np.copyto(self._iterate["w"], guess)
+            return NOWHERE, Termination.NOT_FINITE, 0
         search_filter = LineSearchFilter(point)
         delta = 0.0
         iteration = 0
@@ -164,28 +151,26 @@ class RiccatiMethod:
             summary = self._newton_step(delta)
             error = summary.kkt_error(self._inequality_count, self._dynamics_count)
             if not math.isfinite(error):
-                termination = Termination.NOT_FINITE
-            elif error <= start.tolerance:
-                termination = Termination.CONVERGED
-            elif iteration >= start.max_iterations:
-                termination = Termination.ITERATIONS
-            elif time.perf_counter() > until_s:
-                termination = Termination.DEADLINE
-            else:
-                moved = self._move(point, summary, delta, search_filter, start)
-                if moved is not None:
-                    point, delta = moved
-                    iteration += 1
-                    continue
-                termination = Termination.STALLED
-            return MethodResult(
-                termination,
-                self._iterate["w"].copy(),
-                point.cost,
-                point.largest_violation,
-                iteration,
-                self._iterate["lam"].copy(),
-            )
+                return point, Termination.NOT_FINITE, iteration
+            if error <= options.tolerance:
+                return point, Termination.CONVERGED, iteration
+            if iteration >= most_iterations:
+                return point, Termination.ITERATIONS, iteration
+            if time.perf_counter() > until_s:
+                return point, Termination.DEADLINE, iteration
+            moved = self._move(point, summary, delta, search_filter, options.tolerance, safeguard)
+            if moved is None:
+                return point, Termination.STALLED, iteration
+            point, delta = moved
+            iteration += 1
+
+    def _answer(
+        self, point: FilterPoint, termination: Termination
+    ) -> tuple[FloatArray, FilterPoint]:
+        """Return variables and point of the last iterate; without an optimum, of the best usable one."""
+        if termination is not Termination.CONVERGED and self._best is not None:
+            return self._best
+        return self._iterate["w"].copy(), point
 
     def _keep_best(self, point: FilterPoint) -> None:
         """Keep the cheapest usable iterate."""
@@ -195,13 +180,13 @@ class RiccatiMethod:
             self._best = (self._iterate["w"].copy(), point)
 
     def _begin(
-        self, start: StartSettings, guess: FloatArray, parameters: FloatArray
+        self, guess: FloatArray, parameters: FloatArray, barrier: float, *, relax: bool
     ) -> FilterPoint:
         given = self._starting_point.arguments
         given["guess"][:] = guess
         given["p"][:] = parameters
-        given["mu"][0] = start.barrier
-        given["relax"][0] = float(start.relax)
+        given["mu"][0] = barrier
+        given["relax"][0] = float(relax)
         self._iterate["lam"][:] = 0.0
         self._starting_point()
         return FilterPoint(*self._starting_point.results["point"].tolist())
@@ -218,9 +203,14 @@ class RiccatiMethod:
         summary: StepSummary,
         delta: float,
         search_filter: LineSearchFilter,
-        start: StartSettings,
+        tolerance: float,
+        safeguard: float,
     ) -> tuple[FilterPoint, float] | None:
         """Move to the next iterate, regularising the Hessian until a step is accepted.
+
+        Args:
+            tolerance: optimality error to reach.
+            safeguard: lower bound on the barrier parameter, see ``StepSummary.barrier_parameter``.
 
         Returns:
             The iterate and the regularisation to begin with there; None if no step is accepted.
@@ -231,7 +221,7 @@ class RiccatiMethod:
                 summary = self._newton_step(delta)
             if not summary.is_usable:
                 continue
-            mu = summary.barrier_parameter(self._inequality_count, start.tolerance, start.safeguard)
+            mu = summary.barrier_parameter(self._inequality_count, tolerance, safeguard)
             trials = self._line_search(point, summary, mu, search_filter)
             if trials is None:
                 continue

@@ -7,7 +7,7 @@ cost grows linearly with it; an iteration is two calls.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import astuple, dataclass
+from dataclasses import astuple
 from typing import NamedTuple
 
 import casadi as ca
@@ -29,11 +29,10 @@ FRACTION_TO_BOUNDARY = 0.995
 LEAST_SLACK = 1e-3
 
 
-@dataclass(frozen=True)
-class RiccatiProgram:
-    """Functions of one problem; the iterate is ``ITERATE``, a Newton step ``STEP``.
+def build_program(problem: OptimalControlProblem) -> list[ca.Function]:
+    """Return the functions of a problem; the iterate is ``ITERATE``, a Newton step ``STEP``.
 
-    Attributes:
+    Returns:
         starting_point: ``(guess, p, mu, relax) -> (w, s, z, point)``; the slacks of soft limits are those
             of the guess, with ``relax`` of 1 at least as large as its violations.
         search_direction: ``(iterate, p, delta) -> (step, summary)``; delta is added to the diagonal of the
@@ -41,23 +40,8 @@ class RiccatiProgram:
         trial_point: ``(iterate, p, step, mu, backtracking) -> (next iterate, point, length)``; ``point``
             holds the fields of ``FilterPoint``, ``length`` is the primal step length.
     """
-
-    starting_point: ca.Function
-    search_direction: ca.Function
-    trial_point: ca.Function
-
-    @property
-    def functions(self) -> list[ca.Function]:
-        """All of them, for the compiler."""
-        return [self.starting_point, self.search_direction, self.trial_point]
-
-
-def build_program(problem: OptimalControlProblem) -> RiccatiProgram:
-    """Return the functions of a problem."""
     builder = _Builder(problem)
-    return RiccatiProgram(
-        builder.starting_point(), builder.search_direction(), builder.trial_point()
-    )
+    return [builder.starting_point(), builder.search_direction(), builder.trial_point()]
 
 
 class _Builder:

@@ -21,28 +21,21 @@ from iptm_core.buffered import named_function
 from iptm_core.parameters.model import ModelParameters
 
 
-@dataclass(frozen=True)
-class Inequality:
-    """One finite bound: ``sign (value - bound) >= 0`` for an entry of the rows and inputs of a stage."""
+def inequality_constraints(model: ModelParameters) -> list[tuple[int, float, float]]:
+    """Return the finite bounds of a stage, each as index, sign and bound: ``sign (value - bound) >= 0``.
 
-    index: int
-    sign: float
-    bound: float
-
-
-def inequality_constraints(model: ModelParameters) -> tuple[Inequality, ...]:
-    """Return the finite bounds of a stage; the values are its limit rows followed by its inputs."""
+    The values are the limit rows of the stage followed by its inputs.
+    """
     bounds = stage_bounds(model)
     own = slice(layout.STATES, None)
     low = np.concatenate([bounds.rows_low[own], bounds.variables_low[own]])
     high = np.concatenate([bounds.rows_high[own], bounds.variables_high[own]])
-    constraints = []
-    for index, (least, most) in enumerate(zip(low, high, strict=True)):
-        if np.isfinite(least):
-            constraints.append(Inequality(index, 1.0, float(least)))
-        if np.isfinite(most):
-            constraints.append(Inequality(index, -1.0, float(most)))
-    return tuple(constraints)
+    return [
+        (index, sign, float(bound))
+        for index, both in enumerate(zip(low, high, strict=True))
+        for sign, bound in zip((1.0, -1.0), both, strict=True)
+        if np.isfinite(bound)
+    ]
 
 
 @dataclass(frozen=True)
@@ -76,7 +69,10 @@ class StageSystem:
         variables = ca.vertcat(stage.state, stage.inputs)
         values = ca.vertcat(stage.limits, stage.inputs)
         self._inequalities = ca.vertcat(
-            *(one.sign * (values[one.index] - one.bound) for one in inequality_constraints(model))
+            *(
+                sign * (values[index] - bound)
+                for index, sign, bound in inequality_constraints(model)
+            )
         )
         count = self._inequalities.numel()
         self._lam_next = ca.SX.sym("lam_next", layout.STATES)
