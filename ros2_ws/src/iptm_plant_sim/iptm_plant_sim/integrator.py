@@ -22,7 +22,7 @@ from iptm_core.physics.cell import cell_heat_w, cell_resistance_ohm
 from iptm_core.physics.charge import at_charge
 from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.ops import Scalar, maximum
-from iptm_core.physics.power_thermal import CellPair, PowerThermalRates, power_thermal_rates
+from iptm_core.physics.power_thermal import CellPair, power_thermal_rates
 from iptm_core.state import ChannelCells, FloatArray
 from iptm_plant_sim.motion import Motion
 
@@ -39,6 +39,16 @@ INTEGRALS = (
     "chiller_heat_j",
     "battery_heat_j",
     "charge_c",
+)
+
+AT_END = (
+    "pack_current_a",
+    "cell_current_a",
+    "coolant_inlet_k",
+    "coolant_outlet_k",
+    "cell_1_voltage_v",
+    "cell_n_voltage_v",
+    "pack_voltage_v",
 )
 
 
@@ -141,44 +151,31 @@ def _build(parameters: ModelParameters, n: int) -> ca.Function:
 
     Kept for the next vehicle with the same parameters, because building takes much longer than a step.
     """
-    channel = reduce_channel(parameters.cooling, parameters.pack)
     given = motion_symbols(n)
-    parameters = at_charge(parameters, given["charge"])
     start = {name: ca.SX.sym(f"start_{name}") for name in STATES}
+    stage = _stage(parameters)
 
-    def rates_at(step: int, stage: int, cells: CellPair) -> PowerThermalRates:
-        return power_thermal_rates(
-            given["speeds_m_s"][3 * step + stage],
+    def derivatives(step: int, stage_index: int, cells: dict[str, Scalar]) -> dict[str, Scalar]:
+        # Called with symbols, a function repeats its operations, which is faster than building them.
+        found = stage(
+            given["speeds_m_s"][3 * step + stage_index],
             given["accelerations_m_s2"][step],
-            given["slopes_rad"][2 * step + stage],
+            given["slopes_rad"][2 * step + stage_index],
             given["compressor_power_w"],
-            cells,
-            parameters,
-            channel,
+            given["charge"],
+            *(cells[name] for name in STATES),
         )
-
-    def derivatives(step: int, stage: int, cells: CellPair) -> dict[str, Scalar]:
-        rates = rates_at(step, stage, cells)
-        return {
-            "cell_1_temperature_k": rates.cell_1_temperature_rate_k_s,
-            "cell_n_temperature_k": rates.cell_n_temperature_rate_k_s,
-            "cell_1_capacity_loss": rates.cell_1_capacity_loss_rate_1_s,
-            "cell_n_capacity_loss": rates.cell_n_capacity_loss_rate_1_s,
-            "traction_energy_j": rates.traction_power_w,
-            "regenerated_energy_j": rates.traction_power_w - maximum(rates.traction_power_w, 0.0),
-            "battery_energy_j": rates.battery_power_w,
-            "chiller_heat_j": rates.coolant.cooling_rate_w,
-            "battery_heat_j": _pack_heat_w(rates.cell_current_a, cells, parameters),
-            "charge_c": rates.pack_current_a,
-        }
+        return dict(zip(stage.name_out(), found, strict=True))
 
     values: dict[str, Scalar] = start | dict.fromkeys(INTEGRALS, ca.SX(0.0))
     for step in range(n):
         h = given["lengths_s"][step]
-        now = CellPair(**{name: values[name] for name in STATES})
+        now = {name: values[name] for name in STATES}
 
-        def moved(slope: dict[str, Scalar], by: Scalar, origin: CellPair = now) -> CellPair:
-            return CellPair(**{name: getattr(origin, name) + by * slope[name] for name in STATES})
+        def moved(
+            slope: dict[str, Scalar], by: Scalar, origin: dict[str, Scalar] = now
+        ) -> dict[str, Scalar]:
+            return {name: origin[name] + by * slope[name] for name in STATES}
 
         k1 = derivatives(step, 0, now)
         k2 = derivatives(step, 1, moved(k1, 0.5 * h))
@@ -188,26 +185,57 @@ def _build(parameters: ModelParameters, n: int) -> ca.Function:
             mean = (k1[name] + 2.0 * (k2[name] + k3[name]) + k4[name]) / 6.0
             values[name] = value + h * mean
 
-    cells = CellPair(**{name: values[name] for name in STATES})
-    end = rates_at(n - 1, 2, cells)
-    current = end.cell_current_a
-    voltage_1 = cell_voltage_v(
-        current, cells.cell_1_temperature_k, cells.cell_1_capacity_loss, parameters
+    last = derivatives(n - 1, 2, values)
+    at_end = {name: last[name] for name in AT_END}
+    starts = {f"start_{name}": symbol for name, symbol in start.items()}
+    return named_function("interval", starts | given, values | at_end, cse=True)
+
+
+def _stage(parameters: ModelParameters) -> ca.Function:
+    """Return the function from motion and cells to the rates of STATES and INTEGRALS, and to AT_END."""
+    channel = reduce_channel(parameters.cooling, parameters.pack)
+    motion = ("speed_m_s", "acceleration_m_s2", "slope_rad", "compressor_power_w", "charge")
+    given = {name: ca.SX.sym(name) for name in (*motion, *STATES)}
+    parameters = at_charge(parameters, given["charge"])
+    cells = CellPair(**{name: given[name] for name in STATES})
+    rates = power_thermal_rates(
+        given["speed_m_s"],
+        given["acceleration_m_s2"],
+        given["slope_rad"],
+        given["compressor_power_w"],
+        cells,
+        parameters,
+        channel,
     )
-    voltage_n = cell_voltage_v(
-        current, cells.cell_n_temperature_k, cells.cell_n_capacity_loss, parameters
+    current = rates.cell_current_a
+    voltage_1, voltage_n = (
+        cell_voltage_v(current, temperature_k, loss, parameters)
+        for temperature_k, loss in (
+            (cells.cell_1_temperature_k, cells.cell_1_capacity_loss),
+            (cells.cell_n_temperature_k, cells.cell_n_capacity_loss),
+        )
     )
-    at_end = {
-        "pack_current_a": end.pack_current_a,
+    found = {
+        "cell_1_temperature_k": rates.cell_1_temperature_rate_k_s,
+        "cell_n_temperature_k": rates.cell_n_temperature_rate_k_s,
+        "cell_1_capacity_loss": rates.cell_1_capacity_loss_rate_1_s,
+        "cell_n_capacity_loss": rates.cell_n_capacity_loss_rate_1_s,
+        "traction_energy_j": rates.traction_power_w,
+        "regenerated_energy_j": rates.traction_power_w - maximum(rates.traction_power_w, 0.0),
+        "battery_energy_j": rates.battery_power_w,
+        "chiller_heat_j": rates.coolant.cooling_rate_w,
+        "battery_heat_j": _pack_heat_w(current, cells, parameters),
+        "charge_c": rates.pack_current_a,
+        "pack_current_a": rates.pack_current_a,
         "cell_current_a": current,
-        "coolant_inlet_k": end.coolant.inlet_k,
-        "coolant_outlet_k": end.coolant.outlet_k,
+        "coolant_inlet_k": rates.coolant.inlet_k,
+        "coolant_outlet_k": rates.coolant.outlet_k,
         "cell_1_voltage_v": voltage_1,
         "cell_n_voltage_v": voltage_n,
         "pack_voltage_v": 0.5 * (voltage_1 + voltage_n) * parameters.pack.cells_in_series,
     }
-    starts = {f"start_{name}": symbol for name, symbol in start.items()}
-    return named_function("interval", starts | given, values | at_end, cse=True)
+    arguments = {f"at_{name}": symbol for name, symbol in given.items()}
+    return named_function("stage", arguments, found)
 
 
 def _pack_heat_w(current_a: Scalar, cells: CellPair, parameters: ModelParameters) -> Scalar:
