@@ -120,8 +120,6 @@ def problem_of(
     measured: Measurements, horizon: str = "3x1+5x5", strategy: str = "aging"
 ) -> Problem:
     """Pose the problem of a scene on a horizon: its data and a cold guess."""
-    assert measured.state is not None
-    assert measured.leader is not None
     grid = ProblemGrid(Horizon.parse(horizon))
     builder = ProblemDataBuilder(grid, strategy_by_name(strategy), PARAMETERS)
     guess = PlanShifter(grid.horizon).cold_start(measured.state)

@@ -54,8 +54,6 @@ def drive(policy: Policy, *, gap_m: float, speed_m_s: float, braking_m_s2: float
     """
     scene = make_scene(gap_m=gap_m, speed_m_s=speed_m_s, leader_speed_m_s=speed_m_s)
     ego, leader = scene.state, scene.leader
-    assert ego is not None
-    assert leader is not None
     gaps = []
     for tick in range(60):
         frozen = make_preview(replace(leader, speed_m_s=speed_m_s))
@@ -95,8 +93,6 @@ def hardest_once_seen(before: Policy, speed_m_s: float) -> Policy:
     last: list[float] = []
 
     def policy(measured: Measurements) -> float:
-        assert measured.state is not None
-        assert measured.leader is not None
         if measured.leader.speed_m_s == speed_m_s:
             return before(measured)
         now = last[-1] if last else measured.state.acceleration_m_s2
@@ -133,7 +129,6 @@ def decide(controller: Controller, *leaders: tuple[float, float], **ego: float) 
             gap_m=gap_m, leader_speed_m_s=leader_speed_m_s, time_s=100.0 + tick, **ego
         )
         decision = controller.decide(scene)
-    assert decision is not None
     return decision
 
 
@@ -174,7 +169,6 @@ def test_creeping_into_a_standing_leader_is_stopped() -> None:
     limits = PARAMETERS.limits
     guard = CollisionGuard(limits, 1.0, 3)
     scene = make_scene(gap_m=1.1, leader_speed_m_s=0.0, speed_m_s=0.0)
-    assert scene.state is not None
     guard.observe(scene.leader)
     threatens = [guard.collision_threatens(a, scene.state, None) for a in (-0.5, 0.0, 0.5)]
     assert threatens == [False, False, True]

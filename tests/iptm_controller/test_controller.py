@@ -78,11 +78,8 @@ def test_a_good_day(controller: Controller) -> None:
     decision = controller.decide(measured)
     assert decision.rung is Rung.OPTIMAL
     assert decision.reason == ""
-    assert decision.result is not None
     assert decision.result.status is SolveStatus.SOLVED
-    assert decision.forecast is not None
     assert decision.forecast.quality is PreviewQuality.FULL
-    assert decision.plan is not None
     assert decision.plan.start_s == 100.0
     # What is actuated is the first input of the plan: the limiter has nothing to do.
     assert not decision.limits
@@ -91,15 +88,12 @@ def test_a_good_day(controller: Controller) -> None:
     assert decision.command.compressor_power_w == pytest.approx(
         planned[InputIndex.COMPRESSOR_POWER], abs=1e-3
     )
-    assert measured.state is not None
     expect_actuable(decision, measured.state)
 
 
 def test_the_last_plan_warms_up_the_next_solve(controller: Controller) -> None:
     first = controller.decide(at(100.0))
     second = controller.decide(at(101.0))
-    assert first.result is not None
-    assert second.result is not None
     assert second.result.iterations < first.result.iterations
 
 
@@ -110,7 +104,6 @@ def test_failed_solves_walk_down_the_ladder_and_back(
     controller: Controller, backend: FailingBackend, failure: SolveStatus
 ) -> None:
     good = controller.decide(at(100.0))
-    assert good.plan is not None
     backend.failure = failure
     rungs = []
     for tick in range(1, 8):
@@ -119,12 +112,9 @@ def test_failed_solves_walk_down_the_ladder_and_back(
         rungs.append(decision.rung)
         assert decision.reason == STATUS_TEXT[failure]
         assert decision.plan is None
-        assert decision.result is not None
         assert decision.result.status is failure
-        assert measured.state is not None
         expect_actuable(decision, measured.state)
         if decision.rung is Rung.SHIFTED_PLAN:
-            assert measured.leader is not None
             braking_at_least = min(
                 good.plan.command_at(100.0 + tick).acceleration_m_s2,
                 safe_following(measured.state, measured.leader, PARAMETERS).acceleration_m_s2,
@@ -199,7 +189,6 @@ def test_without_a_state_it_brakes_step_by_step(controller: Controller, last: fl
     commands = [controller.decide(lost).command for _ in range(12)]
     # The last actuated input is unknown: the first step starts from the measured one.
     before = seen.state
-    assert before is not None
     previous = before.acceleration_m_s2
     for command in commands:
         assert abs(command.acceleration_m_s2 - previous) <= 0.5 + 1e-9
@@ -226,7 +215,6 @@ def test_without_a_usable_preview_it_still_optimises(
     measured = at(100.0)
     decision = controller.decide(replace(measured, preview=change(measured.preview)))
     assert decision.rung is Rung.OPTIMAL
-    assert decision.forecast is not None
     assert decision.forecast.quality is quality
     assert decision.reason == decision.forecast.reason != ""
 
@@ -237,7 +225,6 @@ def test_a_new_trip_needs_no_new_controller(controller: Controller) -> None:
         controller.decide(at(500.0 + tick))
     again = controller.decide(make_scene(time_s=0.0, position_m=0.0))
     assert again.rung is Rung.OPTIMAL
-    assert again.forecast is not None
     assert again.forecast.motion.times_s.min() == 0.0
 
 
@@ -260,8 +247,6 @@ def test_it_goes_on_from_a_saved_memory(controller: Controller) -> None:
     def noisy(tick: int) -> Measurements:
         measured = at(100.0 + tick, acceleration_m_s2=0.3 * math.sin(tick - 2.0))
         state, leader = measured.state, measured.leader
-        assert state is not None
-        assert leader is not None
         moved_m = float(random.normal(0.0, 1.0))
         return replace(
             measured,

@@ -101,7 +101,6 @@ def test_of_plan_and_forecast() -> None:
     horizon = Horizon.parse(HORIZON)
     check_object(PlanShifter(horizon).cold_start(make_state()), N=len(horizon.step_lengths_s))
     scene = SCENES[min(SCENES)]
-    assert scene.leader is not None
     motion = LeaderForecaster(horizon.duration_s, 10.0).forecast(scene.leader, scene.preview).motion
     check_object(motion)
 

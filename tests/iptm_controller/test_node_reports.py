@@ -52,7 +52,6 @@ def good() -> Decision:
 
 def test_record_of_a_good_day(good: Decision) -> None:
     record = good.record
-    assert good.result is not None
     assert record.status is SolveStatus.SOLVED
     assert record.iterations == good.result.iterations
     assert record.objective == good.result.objective
@@ -81,7 +80,6 @@ def test_every_record_travels(controller: Controller, change: dict[str, object])
 
 
 def test_plan_travels_with_its_node_times(good: Decision) -> None:
-    assert good.plan is not None
     trajectory = plan_trajectory(good.plan)
     assert trajectory.times_s.tolist() == [100.0, 101, 102, 103, 108, 113, 118, 123, 128]
     assert trajectory.positions_m[0] == pytest.approx(1000.0)
@@ -105,8 +103,6 @@ def test_severity_follows_the_rung(good: Decision) -> None:
 
 
 def test_an_early_stop_a_bad_preview_and_a_bad_road_are_warnings(good: Decision) -> None:
-    assert good.result is not None
-    assert good.forecast is not None
     early = replace(good, result=replace(good.result, status=SolveStatus.FEASIBLE))
     assert situation(early, GOOD_ROAD)[0] is Level.WARN
     seen = set()
@@ -134,7 +130,6 @@ def test_an_early_stop_a_bad_preview_and_a_bad_road_are_warnings(good: Decision)
 def test_a_plan_that_breaks_limits_is_no_optimal_plan(
     good: Decision, column: InputIndex, limits: str
 ) -> None:
-    assert good.plan is not None
     inputs = good.plan.inputs.copy()
     inputs[3, column] = 0.5
     broken = replace(good, plan=replace(good.plan, inputs=inputs))
@@ -205,7 +200,6 @@ def test_a_compressor_at_its_limit_without_effect_is_a_warning(good: Decision) -
 def test_plans_that_never_get_back_within_limits_are_a_warning(
     good: Decision, state: StateIndex, value: float
 ) -> None:
-    assert good.plan is not None
     states = good.plan.states.copy()
     states[:-1, state] = value
     recovering = replace(good, plan=replace(good.plan, states=states))

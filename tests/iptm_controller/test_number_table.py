@@ -43,7 +43,6 @@ def line(slope: float, offset: float) -> ca.Function:
 
 
 def value_at(function: ca.Function, x: float) -> float:
-    assert COMPILER is not None
     return float(ca.external(function.name(), str(compile_functions([function], COMPILER)))(x))
 
 
@@ -72,7 +71,6 @@ def test_another_vehicle_shares_the_machine_code_bit_by_bit(
     compilations: list[list[str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Beside what the compiler makes of literals."""
-    assert COMPILER is not None
     horizon = Horizon.parse("2x1")
     random = np.random.default_rng(1)
     programs = [

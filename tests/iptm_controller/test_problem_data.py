@@ -84,7 +84,6 @@ def test_initial_state_is_scaled_and_starts_at_position_zero(steady: PredictedLe
 def test_leader_at_the_end_of_every_step() -> None:
     """Off by one here would mean a gap to where the leader was, or will be, a step away."""
     measured = make_scene(leader_acceleration_m_s2=-0.5, gap_m=40.0)
-    assert measured.leader is not None
     motion = LeaderForecaster(28.0, 10.0).forecast(measured.leader, measured.preview).motion
     state = make_state()
     for (own, _), time in zip(
@@ -187,8 +186,6 @@ def test_only_relative_positions_count() -> None:
     )
     numbers = []
     for measured in (here, far):
-        assert measured.state is not None
-        assert measured.leader is not None
         forecast = LeaderForecaster(28.0, 10.0).forecast(measured.leader, measured.preview)
         numbers.append(build(measured.state, forecast.motion, measured.slope).parameters)
     np.testing.assert_allclose(numbers[0], numbers[1], rtol=0.0, atol=1e-8)

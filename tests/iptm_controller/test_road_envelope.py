@@ -101,7 +101,6 @@ def test_speed_limits_hold_around_the_expected_places() -> None:
     found = envelope().speed_limits_m_s(
         replace(FREE, limits=limits), (np.arange(6.0), places, speeds)
     )
-    assert found is not None
     # 95 m: 5 m before the lower limit; 199 m: still in it; 201 m: behind it.
     assert found == pytest.approx([10.0, math.sqrt(25.0 + 2.0 * 5.0), 5.0, 5.0, 20.0], rel=1e-6)
     assert envelope().speed_limits_m_s(None, (places, places, speeds)) is None
@@ -121,7 +120,6 @@ def test_a_driver_begins_to_brake_in_time_for_the_jerk_limit() -> None:
             acceleration += min(max(change, -limits.max_jerk_m_s3), limits.max_jerk_m_s3)
             after = max(speed + acceleration, 0.0)
             place, speed = place + 0.5 * (speed + after), after
-            assert bound.limits is not None
             assert speed <= bound.limits.at_m_s(np.array([place]))[0] + 0.05
             assert not bound.stops or place <= 301.5
         assert place > 298.0

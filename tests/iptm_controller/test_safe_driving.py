@@ -39,7 +39,7 @@ def roll(position_m: float, speed_m_s: float, acceleration_m_s2: float) -> tuple
 
 def actuate(state: VehicleState, wanted: Command, limiter: CommandLimiter) -> VehicleState:
     """Carry out a command for a second, within the limits of the actuators."""
-    command = limiter.limit(wanted, state).command
+    command, _ = limiter.limit(wanted, state)
     position, speed = roll(state.position_m, state.speed_m_s, command.acceleration_m_s2)
     return replace(
         state,
@@ -177,7 +177,7 @@ def test_controlled_stop_halts_within_the_jerk_limit(speed: float, acceleration:
     for _ in range(120):
         wanted = controlled_stop(state, PARAMETERS, 1.0)
         # The stop keeps the rates by itself, unless the top speed asks for more than the jerk limit.
-        reasons = set(limiter.limit(wanted, state).reasons)
+        reasons = set(limiter.limit(wanted, state)[1])
         assert reasons <= {"compressor rate"} or "top speed" in reasons
         state = actuate(state, wanted, limiter)
         speeds.append(state.speed_m_s)

@@ -22,7 +22,6 @@ GRIDS = ["3x1+5x5", "15x1"]
 def solve(solver: SolverBackend, measured: Measurements, grid: str, strategy: str) -> Plan:
     result = solver.solve(*problem_of(measured, grid, strategy))
     assert result.status.usable, result.reason
-    assert measured.state is not None
     return plan_from_variables(result.variables, ProblemGrid(Horizon.parse(grid)), measured.state)
 
 
@@ -37,7 +36,6 @@ def gaps_of(plan: Plan, measured: Measurements) -> FloatArray:
 def expect_hard_limits(plan: Plan, measured: Measurements) -> None:
     """Whatever the situation, inputs stay within their bounds and rates."""
     limits, state = PARAMETERS.limits, measured.state
-    assert state is not None
     acceleration = plan.inputs[:, InputIndex.ACCELERATION]
     power = plan.inputs[:, InputIndex.COMPRESSOR_POWER]
     assert limits.min_acceleration_m_s2 - 1e-6 <= acceleration.min()

@@ -142,7 +142,6 @@ def test_a_thermal_phase_leaves_the_driving_alone(controller: Controller, name: 
 
 def test_the_published_plan_ends_with_the_motion(controller: Controller) -> None:
     decision = controller.decide(make_scene())
-    assert decision.plan is not None
     trajectory = plan_trajectory(decision.plan)
     assert trajectory.times_s[-1] - trajectory.times_s[0] == pytest.approx(28.0)
     assert decision.plan.node_times_s[-1] == pytest.approx(208.0)

@@ -45,7 +45,6 @@ def plain_source(functions: list[ca.Function]) -> str:
 
 def load(functions: list[ca.Function]) -> list[ca.Function]:
     compiler = find_compiler()
-    assert compiler is not None
     library = str(compile_functions(functions, compiler))
     return [ca.external(function.name(), library) for function in functions]
 

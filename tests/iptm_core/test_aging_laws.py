@@ -90,8 +90,6 @@ def test_storage_and_a_cycle_of_nmc622_by_hand() -> None:
 def test_resistance_by_hand() -> None:
     """(5.270 V - 16.32) 1e5 exp(-5986 / T) days^0.75, and 0.0570 of the loss over days^1.25."""
     small, kokam = NMC111_18650.resistance, NMC111.resistance
-    assert small is not None
-    assert kokam is not None
     k = (5.270 * 3.697 - 16.32) * 1e5 * math.exp(-5986.0 / 308.15)
     assert stored(small, 100.0, 308.15, 0.5) == pytest.approx(k * 100.0**0.75, rel=1e-9)
     loss = stored(NMC111.law, 100.0, 308.15, 0.5) / 100.0**0.357

@@ -98,6 +98,5 @@ def test_calendar_losses_of_the_same_series_are_those_of_blast_lite(row: Referen
 def test_resistance_grows_like_that_of_blast_lite(row: Reference) -> None:
     """Within 10 %; on days of 80 % depth it deepens cycles, or takes one voltage for a day."""
     cell = AGING_CELLS[row.cell]
-    assert cell.resistance is not None
     grown = sum(_losses(cell.resistance, PROFILES[row.profile]).values())
     assert grown == pytest.approx(row.resistance, rel=0.1)

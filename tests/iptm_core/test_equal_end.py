@@ -43,7 +43,6 @@ def test_by_hand() -> None:
     cell = replace(PARAMETERS.cell, nominal_resistance_ohm=1e-5, entropic_coefficient_v_k=0.0)
     simple = replace(PARAMETERS, chiller=chiller, cell=cell)
     found = cool_down(END, END.final_temperature_k - 4.0, simple)
-    assert found is not None
     # The auxiliaries run as long as the compressor, so the largest power is the cheapest: 4.5 kW.
     heat_j = 3648 * 45.0 * 4.0
     duration_s = heat_j / (3.0 * 4500.0)
@@ -66,7 +65,6 @@ def test_it_agrees_with_the_same_cooling_in_small_steps() -> None:
         cool_down(replace(END, final_temperature_k=upper_k), upper_k - 0.06, PARAMETERS)
         for upper_k in np.linspace(END.final_temperature_k, target_k, 101)[:-1].tolist()
     ]
-    assert once is not None
     assert once.energy_j == pytest.approx(sum(step.energy_j for step in steps if step), rel=0.01)
     loss = sum(step.capacity_loss for step in steps if step)
     assert once.capacity_loss == pytest.approx(loss, rel=0.01)

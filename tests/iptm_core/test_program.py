@@ -89,7 +89,6 @@ def start(folder: Path, text: str, *prefix: str) -> subprocess.Popen[str]:
 )
 def test_ctrl_c_leaves_no_traceback(tmp_path: Path, text: str, first: str, code: int) -> None:
     process = start(tmp_path, text)
-    assert process.stdout is not None
     assert process.stdout.readline() == f"{first}\n"
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=60)
@@ -106,8 +105,6 @@ def test_ctrl_c_before_the_first_statement_is_held_back_and_obeyed(tmp_path: Pat
 
 def test_a_reader_that_has_enough_ends_the_program(tmp_path: Path) -> None:
     with start(tmp_path, MANY_LINES) as process:
-        assert process.stdout is not None
-        assert process.stderr is not None
         assert process.stdout.readline() == "0\n"
         process.stdout.close()
         assert process.wait(timeout=60) == 128 + signal.SIGPIPE

@@ -56,11 +56,9 @@ def test_a_vehicle_becomes_the_leader_on_its_slope(write: Callable[[str], Path])
 
 def test_places_in_degrees_are_its_road(write: Callable[[str], Path]) -> None:
     trip = read_user_trip(Path(f"{write(fcd(in_degrees=True))}#leader"))
-    assert trip.line is not None
     fix = trip.line.project(*(float(value) for value in ROAD.locate(300.0)[:2]))
     assert fix.position_m == pytest.approx(300.0, abs=2.0)
     assert abs(fix.lateral_m) < 0.1
-    assert trip.slope is not None
     np.testing.assert_allclose(np.degrees(trip.slope.slope_at(400.0)), DEGREES, atol=0.05)
 
 

@@ -65,10 +65,8 @@ def test_a_track_becomes_the_drive_that_it_was(write: Callable[..., Path]) -> No
     trip = read_user_trip(write(gpx(PLACES, heights)))
     assert np.abs(trip.cycle.speeds_m_s - SPEEDS).max() < 1.0
     assert trip.cycle.distance_m == pytest.approx(PLACES[-1], rel=0.01)
-    assert trip.slope is not None
     inside = np.arange(100.0, 900.0, 50.0)
     np.testing.assert_allclose(np.tan(trip.slope.slope_at(inside)), 0.03, atol=1e-3)
-    assert trip.line is not None
     fix = trip.line.project(*(float(value) for value in ROAD.locate(500.0)[:2]))
     assert fix.position_m == pytest.approx(500.0, abs=5.0)
     assert abs(fix.lateral_m) < 0.5
@@ -80,7 +78,6 @@ def test_noise_makes_no_hills_and_no_crawling(write: Callable[..., Path]) -> Non
     noisy = PLACES + 0.4 * source.standard_normal(PLACES.size)
     heights = 500.0 + 3.0 * source.standard_normal(PLACES.size)
     trip = read_user_trip(write(gpx(noisy, heights)))
-    assert trip.slope is not None
     assert np.abs(np.tan(trip.slope.slopes_rad)).max() < 0.04
     standing = trip.cycle.speeds_m_s[SECONDS < 5.0]
     assert standing.max() == 0.0
@@ -93,11 +90,8 @@ def test_noise_makes_no_hills_and_no_crawling(write: Callable[..., Path]) -> Non
 def test_the_grade_is_bounded_and_the_raw_data_are_kept(write: Callable[..., Path]) -> None:
     heights = 500.0 + np.where(PLACES > 450.0, 80.0, 0.0)
     trip = read_user_trip(write(gpx(PLACES, heights)))
-    assert trip.slope is not None
-    assert trip.drive is not None
     assert np.tan(trip.slope.slopes_rad).max() == pytest.approx(MAX_RECORDED_GRADE)
     assert 100.0 < trip.drive.bounded_m < 400.0
-    assert trip.drive.track.heights_m is not None
     np.testing.assert_array_equal(trip.drive.track.heights_m, heights)
 
 
@@ -130,7 +124,6 @@ def test_a_track_that_begins_at_speed_gets_a_launch_in_front(write: Callable[...
     file = write(gpx(PLACES[40:], None, SECONDS[40:]))
     trip = read_user_trip(file)
     assert trip.cycle.speeds_m_s[0] == 0.0
-    assert trip.line is not None
     # The launch of 10 s to 15 m/s covers 75 m in front of the first recorded point.
     first = trip.line.project(*(float(value) for value in ROAD.locate(PLACES[40])[:2]))
     assert first.position_m == pytest.approx(75.0, abs=3.0)

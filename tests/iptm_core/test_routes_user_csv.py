@@ -104,7 +104,6 @@ def test_trip_that_starts_at_speed_gets_a_launch_ramp(read: Reader) -> None:
     )
     assert "after a launch of 10 s" in cycle.source
     np.testing.assert_allclose(cycle.speeds_m_s[:12], [*np.arange(0.0, 15.1, 1.5), 15.0])
-    assert road is not None
     assert road.positions_m[0] == pytest.approx(75.0), "the file starts 75 m down the road"
 
 
@@ -114,8 +113,6 @@ def test_slope_in_percent_and_rad_agree(read: Reader) -> None:
     as_rad = (f"{k},{speed},{math.atan(grade / 100.0)!r}" for k, (speed, grade) in rows)
     _, percent = read(_csv("time_s,speed_m_s,slope_percent", *as_percent))
     _, rad = read(_csv("time_s,speed_m_s,slope_rad", *as_rad))
-    assert percent is not None
-    assert rad is not None
     np.testing.assert_allclose(percent.slopes_rad, rad.slopes_rad, rtol=1e-15)
     np.testing.assert_allclose(percent.slope_at(20.0), math.atan(-0.02))
 
@@ -123,7 +120,6 @@ def test_slope_in_percent_and_rad_agree(read: Reader) -> None:
 def test_slope_at_standstill_is_averaged(read: Reader) -> None:
     rows = [f"{k},0,{1.0 + 0.1 * (-1) ** k}" for k in range(20)] + ["20,10,1", "25,10,1"]
     _, road = read(_csv("time_s,speed_m_s,slope_percent", *rows))
-    assert road is not None
     np.testing.assert_allclose(road.positions_m, [0.0, 5.0, 55.0])
     np.testing.assert_allclose(np.tan(road.slopes_rad), 0.01, atol=1e-4)
 
@@ -132,7 +128,6 @@ def test_elevation_gives_the_climb(read: Reader) -> None:
     rows = [f"{k},{min(2 * k, 20)},{200 + 0.05 * max(0.0, 20 * (k - 5))}" for k in range(120)]
     cycle, road = read(_csv("time_s,speed_m_s,elevation_m", *rows))
     distance = cycle.distance_m
-    assert road is not None
     np.testing.assert_allclose(road.slope_at([500.0, 1000.0, 2000.0]), np.arcsin(0.05), atol=1e-3)
     ahead = np.linspace(500.0, distance, 5000)
     climb = np.mean(np.sin(road.slope_at(ahead))) * (distance - 500.0)
