@@ -18,14 +18,17 @@ from iptm_core.routes.cycles import LeaderMotion
 from iptm_core.routes.road_line import RoadLine
 from iptm_traffic.drive import PredictionInput, TrafficDrive, opened_traffic
 from iptm_v2x_bridge.messages.cam import decode_datagram
-from iptm_v2x_bridge.prediction.history import History
-from iptm_v2x_bridge.prediction.knowledge import knowledge_of
+from iptm_v2x_bridge.prediction.extrapolation import History
 from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
-from iptm_v2x_bridge.prediction.predictor import Knowledge, Predictor, PredictorName
-from iptm_v2x_bridge.prediction.received_path import ReceivedPath
+from iptm_v2x_bridge.prediction.predictor import (
+    Knowledge,
+    Predictor,
+    PredictorName,
+    ReceivedPath,
+    knowledge_of,
+)
 from iptm_v2x_bridge.prediction.regression import Regression, RegressionModel
-from iptm_v2x_bridge.prediction.signals import BoundedBySignals
-from iptm_v2x_bridge.prediction.speed_limits import BoundedBySpeedLimits
+from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules
 from iptm_v2x_bridge.rejections import Rejection
 from iptm_v2x_bridge.sending.sender import CamSender
 from iptm_v2x_bridge.sending.settings import SenderSettings
@@ -114,7 +117,7 @@ def on_cycle(cycle: str) -> list[Case]:
     earlier = [other_drive(planned, source) for _ in range(EARLIER_DRIVES)]
     driven = other_drive(planned, source)
     learnt = LearntProfile([(drive.positions_m, drive.speeds_m_s) for drive in earlier])
-    limited = BoundedBySpeedLimits(History(), limits_of(planned))
+    limited = BoundedByRules(History(), RoadRules(limits_of(planned)))
     return [
         (PredictorName.RECEIVED_PATH, planned, ReceivedPath()),
         (PredictorName.LEARNT_PROFILE, driven, learnt),
@@ -133,7 +136,7 @@ def in_traffic(duration_s: float) -> tuple[list[Case], RoadLine]:
     drive = TrafficDrive(knowledge=PredictionInput.PATH, duration_s=duration_s)
     with opened_traffic(drive, load_parameters().values) as (simulation, rehearsal):
         network, road = simulation.network, simulation.network.road.road_line()
-    bounded = BoundedBySignals(History(), network.limits, network.rules.plan)
+    bounded = BoundedByRules(History(), network.rules)
     cases: list[Case] = []
     for seen in (rehearsal or {}).values():
         if seen.times_s[-1] - seen.times_s[0] >= SHORTEST_STAY_S:

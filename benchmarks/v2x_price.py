@@ -38,10 +38,9 @@ from iptm_plant_sim.plant import Plant
 from iptm_studies.closed_loop import run_closed_loop
 from iptm_v2x_bridge.bridge import CycleSource, TickBridge, V2xBridge
 from iptm_v2x_bridge.cam_bridge import CamBridge
-from iptm_v2x_bridge.prediction.history import History
+from iptm_v2x_bridge.prediction.extrapolation import History
 from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
-from iptm_v2x_bridge.prediction.predictor import Predictor
-from iptm_v2x_bridge.prediction.received_path import ReceivedPath
+from iptm_v2x_bridge.prediction.predictor import Predictor, ReceivedPath
 from iptm_v2x_bridge.prediction.regression import Regression, RegressionModel
 from iptm_v2x_bridge.radio_recording import SimulatedRadio
 from iptm_v2x_bridge.sending.sender import CamSender

@@ -6,7 +6,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from rclpy.serialization import deserialize_message
 from tests.integration.node_bench import NodeBench, S
+from trajectory_msgs.msg import JointTrajectory
 
 from iptm_controller.measurements import Measurements
 from iptm_core.state import IntervalPowers, LeaderPreview, LeaderState, SlopePreview, VehicleState
@@ -19,7 +21,7 @@ from iptm_interfaces.codecs import (
     encode_capacity_loss,
     encode_ego_odometry,
     encode_leader,
-    encode_leader_preview,
+    encode_leader_preview_bytes,
     encode_powers,
     encode_temperature,
 )
@@ -47,7 +49,7 @@ def tick_messages(
     speeds = np.maximum(16.0 + leader_acceleration_m_s2 * ahead, 0.0)
     moved = np.concatenate([[0.0], np.cumsum(0.5 * (speeds[1:] + speeds[:-1]))])
     leader = LeaderState(time_s, state.position_m + 45.0, 16.0)
-    preview = LeaderPreview(time_s, time_s + ahead, leader.position_m + moved, speeds)
+    preview = LeaderPreview(time_s + ahead, leader.position_m + moved, speeds)
     powers = IntervalPowers(9e3, state.compressor_power_w, 200.0, 9.5e3, 100.0)
     return {
         Topic.PLANT_ODOMETRY: encode_ego_odometry(state),
@@ -57,7 +59,9 @@ def tick_messages(
         Topic.PLANT_POWERS: encode_powers(time_s, powers),
         Topic.PLANT_CAPACITY_LOSS: encode_capacity_loss(state),
         Topic.LEADER: encode_leader(leader),
-        Topic.LEADER_PREVIEW: encode_leader_preview(preview, round(time_s * S)),
+        Topic.LEADER_PREVIEW: deserialize_message(
+            encode_leader_preview_bytes(preview, round(time_s * S)), JointTrajectory
+        ),
     }
 
 

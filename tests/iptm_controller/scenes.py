@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
@@ -12,7 +11,6 @@ import numpy as np
 
 from iptm_controller.forecast import LeaderForecaster
 from iptm_controller.horizon import Horizon
-from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_controller.measurements import Measurements
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData, ProblemDataBuilder
@@ -75,7 +73,7 @@ def make_preview(
     speeds = np.clip(leader.speed_m_s + acceleration_m_s2 * ahead, low, high)
     moved = np.concatenate([[0.0], np.cumsum(0.5 * (speeds[1:] + speeds[:-1]))])
     times = leader.time_s + ahead
-    return LeaderPreview(leader.time_s, times, leader.position_m + moved, speeds)
+    return LeaderPreview(times, leader.position_m + moved, speeds)
 
 
 def make_scene(
@@ -211,11 +209,11 @@ def run_stage(
     return following, float(cost), limits.full().ravel()
 
 
-NONE_YET = LeaderPreview(-math.inf, np.empty(0), np.empty(0), np.empty(0))
+NONE_YET = LeaderPreview.empty()
 """No preview has arrived."""
 
 
-def expect_constant_speed(motion: PredictedLeaderMotion, leader: LeaderState) -> None:
+def expect_constant_speed(motion: LeaderPreview, leader: LeaderState) -> None:
     times = leader.time_s + np.array([0.0, 1.0, 28.0])
     positions, speeds = motion.at(times)
     assert speeds.tolist() == [leader.speed_m_s] * 3

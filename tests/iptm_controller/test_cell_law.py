@@ -16,7 +16,6 @@ from iptm_controller.cell_law import (
     cyclic_parameters,
     energy_price_1_j,
 )
-from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_controller.strategy import DEFAULT_STRATEGY, STRATEGIES
 from iptm_controller.temperature_value import TemperatureValue
 from iptm_core.aging_laws.cells import LAWS
@@ -24,10 +23,10 @@ from iptm_core.aging_laws.law import AgingLaw, Load, Mechanism
 from iptm_core.aging_laws.parking import AgingSettings, ParkedAging
 from iptm_core.physics.cell import capacity_loss_rate_1_s
 from iptm_core.physics.thermal_loop import cooling_supply, most_efficient_cooling
-from iptm_core.state import VehicleState
+from iptm_core.state import LeaderPreview, VehicleState
 
 STRATEGY = STRATEGIES[DEFAULT_STRATEGY].scaled(COST_SCALE)
-STEADY = PredictedLeaderMotion(np.array([0.0]), np.array([0.0]), np.array([25.0]))
+STEADY = LeaderPreview(np.array([0.0]), np.array([0.0]), np.array([25.0]))
 HOT = AgingSettings(parking_air_k=308.75, year_air_k=297.6, year_air_swing_k=11.2)
 AMBIENT_K = 298.15
 TRIP_S = 1800.0

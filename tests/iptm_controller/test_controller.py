@@ -202,9 +202,9 @@ def test_without_a_state_it_brakes_step_by_step(controller: Controller, last: fl
 @pytest.mark.parametrize(
     ("quality", "change"),
     [
-        (PreviewQuality.MISSING, lambda _: LeaderPreview(-math.inf, *[np.empty(0)] * 3)),
+        (PreviewQuality.MISSING, lambda _: LeaderPreview.empty()),
         (PreviewQuality.INVALID, lambda p: replace(p, speeds_m_s=-p.speeds_m_s)),
-        (PreviewQuality.STALE, lambda p: replace(p, generated_at_s=p.generated_at_s - 50.0)),
+        (PreviewQuality.STALE, lambda p: replace(p, times_s=p.times_s - 50.0)),
     ],
 )
 def test_without_a_usable_preview_it_still_optimises(

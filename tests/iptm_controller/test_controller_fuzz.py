@@ -52,14 +52,14 @@ class Echo:
 def previews(draw: st.DrawFn) -> LeaderPreview:
     """Arrays of any length and content, and nearly right ones with one wrong number."""
     if draw(st.booleans()):
-        return LeaderPreview(draw(ANYTHING), draw(ARRAYS), draw(ARRAYS), draw(ARRAYS))
+        return LeaderPreview(draw(ARRAYS), draw(ARRAYS), draw(ARRAYS))
     size = draw(st.integers(1, 40))
     start = draw(st.floats(60.0, 140.0))
     times = start + np.arange(float(size))
     columns = [times, 1040.0 + 15.0 * (times - start), np.full(size, 15.0)]
     wrong = draw(st.integers(0, 2))
     columns[wrong][draw(st.integers(0, size - 1))] = draw(ANYTHING)
-    return LeaderPreview(float(times[0]), *columns)
+    return LeaderPreview(*columns)
 
 
 @st.composite
@@ -165,7 +165,7 @@ from iptm_core.state import LeaderPreview, LeaderState, SlopePreview, VehicleSta
 state = VehicleState(100.0, 1000.0, 10.0, 1.5, 0.0, 308.0, 308.5, 1e-3, 1e-3)
 leader = LeaderState(100.0, 31000.0, 10.0)
 times = 100.0 + np.arange(61.0)
-preview = LeaderPreview(100.0, times, 1030.0 + 10.0 * (times - 100.0), np.full(61, 10.0))
+preview = LeaderPreview(times, 1030.0 + 10.0 * (times - 100.0), np.full(61, 10.0))
 options = ControllerOptions(solver=SolverOptions(compile_code=False))
 controller = Controller(load_parameters().values, options)
 controller.decide(Measurements(state, leader, preview, SlopePreview(np.zeros(1), np.zeros(1))))

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from iptm_controller.leader_motion import PredictedLeaderMotion
-from iptm_core.state import FloatArray
+from iptm_core.state import FloatArray, LeaderPreview
 
 SPEEDS = st.lists(st.floats(0.0, 40.0), min_size=2, max_size=12)
 STEPS = st.lists(st.floats(0.05, 10.0), min_size=11, max_size=11)
@@ -25,11 +24,11 @@ def integrated(times: FloatArray, speeds: FloatArray, until: float) -> float:
     return area if until >= times[0] else -area
 
 
-def consistent_motion(speeds: list[float], steps: list[float]) -> PredictedLeaderMotion:
+def consistent_motion(speeds: list[float], steps: list[float]) -> LeaderPreview:
     times = np.concatenate([[0.0], np.cumsum(steps[: len(speeds) - 1])])
     values = np.array(speeds)
     positions = np.array([7.0 + integrated(times, values, float(time)) for time in times])
-    return PredictedLeaderMotion(times, positions, values)
+    return LeaderPreview(times, positions, values)
 
 
 @given(speeds=SPEEDS, steps=STEPS, instants=INSTANTS)
@@ -49,7 +48,7 @@ def test_meets_every_node_even_where_nodes_contradict_each_other(
     speeds: list[float], steps: list[float], shifts: list[float]
 ) -> None:
     clean = consistent_motion(speeds, steps)
-    motion = PredictedLeaderMotion(
+    motion = LeaderPreview(
         clean.times_s, clean.positions_m + shifts[: len(speeds)], clean.speeds_m_s
     )
     positions, found = motion.at(motion.times_s)
@@ -62,9 +61,7 @@ def test_meets_every_node_even_where_nodes_contradict_each_other(
 
 
 def test_speed_is_held_outside_the_nodes() -> None:
-    motion = PredictedLeaderMotion(
-        np.array([10.0, 12.0]), np.array([100.0, 114.0]), np.array([6.0, 8.0])
-    )
+    motion = LeaderPreview(np.array([10.0, 12.0]), np.array([100.0, 114.0]), np.array([6.0, 8.0]))
     positions, speeds = motion.at(np.array([7.0, 15.0]))
     assert speeds.tolist() == [6.0, 8.0]
     assert positions.tolist() == [100.0 - 3.0 * 6.0, 114.0 + 3.0 * 8.0]

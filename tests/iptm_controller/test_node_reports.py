@@ -33,7 +33,7 @@ SETTINGS = WarningSettings(
     motion_warning_s=5.0, temperature_warning_s=8.0, cooling_warning_s=6.0, plan_warning_s=7.0
 )
 GOOD_ROAD = road_warning("", is_known=True)
-EMPTY = LeaderPreview(-math.inf, np.empty(0), np.empty(0), np.empty(0))
+EMPTY = LeaderPreview.empty()
 
 
 def fresh() -> Controller:

@@ -20,7 +20,7 @@ NOISY = PreviewSettings(noise_std_m_s=1.5, noise_correlation_s=5.0)
 
 def true_preview(tick: int) -> LeaderPreview:
     part = slice(tick, tick + 61)
-    return LeaderPreview(float(tick), TRIP_S[part], POSITIONS_M[part], SPEEDS_M_S[part])
+    return LeaderPreview(TRIP_S[part], POSITIONS_M[part], SPEEDS_M_S[part])
 
 
 def braking_preview(tick: int, deceleration_m_s2: float, least_m_s: float) -> LeaderPreview:
@@ -29,7 +29,7 @@ def braking_preview(tick: int, deceleration_m_s2: float, least_m_s: float) -> Le
     braked_s = np.maximum(times - 12.0, 0.0) if tick >= 10 else np.zeros(61)
     speeds = np.maximum(20.0 - deceleration_m_s2 * braked_s, least_m_s)
     moved = np.concatenate([[0.0], np.cumsum(0.5 * (speeds[1:] + speeds[:-1]))])
-    return LeaderPreview(float(tick), times, 20.0 * tick + moved, speeds)
+    return LeaderPreview(times, 20.0 * tick + moved, speeds)
 
 
 def errors(preview: LeaderPreview) -> FloatArray:
@@ -78,7 +78,6 @@ def test_a_preview_that_is_repeated_at_other_nodes_begins_a_new_average() -> Non
         preview = distort(NOISY, true_preview(tick))
         assert fusion.fused(preview).times_s.size == 61
     again = LeaderPreview(
-        preview.generated_at_s,
         preview.times_s[::2],
         preview.positions_m[::2],
         preview.speeds_m_s[::2],
@@ -112,7 +111,7 @@ def test_another_preview_of_the_same_instant_replaces_it() -> None:
     for tick in range(20):
         fusion.fused(distort(NOISY, true_preview(tick)))
     whole = true_preview(19)
-    part = LeaderPreview(19.0, whole.times_s[:4], whole.positions_m[:4], whole.speeds_m_s[:4])
+    part = LeaderPreview(whole.times_s[:4], whole.positions_m[:4], whole.speeds_m_s[:4])
     np.testing.assert_array_equal(fusion.fused(part).speeds_m_s, part.speeds_m_s)
     assert fusion.fused(distort(NOISY, true_preview(20))).times_s.size == 61
 
@@ -122,7 +121,7 @@ def test_a_preview_of_something_else_and_an_earlier_one_begin_a_new_average() ->
     for tick in range(20):
         fusion.fused(distort(NOISY, true_preview(tick)))
     other = true_preview(20)
-    faster = LeaderPreview(20.0, other.times_s, other.positions_m, other.speeds_m_s + 8.0)
+    faster = LeaderPreview(other.times_s, other.positions_m, other.speeds_m_s + 8.0)
     np.testing.assert_array_equal(fusion.fused(faster).speeds_m_s, faster.speeds_m_s)
     early = true_preview(3)
     assert fusion.fused(early) is early, "a new trip"

@@ -8,9 +8,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_controller.preview_trust import PROBATION_S, PreviewTrust
-from iptm_core.state import LeaderState
+from iptm_core.state import LeaderPreview, LeaderState
 
 Speed = Callable[[float], float]
 Predict = Callable[[float, float], float]
@@ -31,7 +30,7 @@ def drive(
             speeds = np.array([speed(time_s + lead) for lead in leads])
         else:
             speeds = np.array([predict(leader.speed_m_s, lead) for lead in leads])
-        trust.remember(leader, PredictedLeaderMotion(time_s + leads, np.zeros(31), speeds))
+        trust.remember(leader, LeaderPreview(time_s + leads, np.zeros(31), speeds))
     return horizons
 
 
@@ -101,7 +100,7 @@ def test_honest_errors_of_1_5_m_s_rarely_count(seed: int) -> None:
             errors.append(math.exp(-0.1) * errors[-1] + 1.5 * math.sqrt(1 - math.exp(-0.2)) * shock)
         leads = np.arange(0.0, 31.0)
         speeds = np.array([waves(time_s + lead) for lead in leads]) + errors
-        trust.remember(leader, PredictedLeaderMotion(time_s + leads, np.zeros(31), speeds))
+        trust.remember(leader, LeaderPreview(time_s + leads, np.zeros(31), speeds))
     assert limited < 120
 
 
@@ -115,7 +114,7 @@ def test_ticks_of_a_tenth_of_a_second_compare_the_same_lead_times() -> None:
         trust.observe(leader)
         horizons[tick] = trust.horizon_s
         speeds = np.full(31, leader.speed_m_s)
-        trust.remember(leader, PredictedLeaderMotion(time_s + leads, np.zeros(31), speeds))
+        trust.remember(leader, LeaderPreview(time_s + leads, np.zeros(31), speeds))
     # 1.5 s after the onset the prediction of 1 s before is 2 m/s too fast, that of 2 s before 3 m/s.
     assert math.isinf(horizons[205])
     assert horizons[217] <= 1.0

@@ -10,13 +10,12 @@ from tests.iptm_controller.scenes import PARAMETERS, make_scene, make_state
 
 from iptm_controller.forecast import LeaderForecaster
 from iptm_controller.horizon import Horizon
-from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import REFERENCE_WINDOW_S, ProblemData, ProblemDataBuilder
 from iptm_controller.ocp.grid import ProblemGrid, quadrature, sample_count
 from iptm_controller.ocp.layout import GlobalIndex, SampleIndex, StepIndex
 from iptm_controller.strategy import strategy_by_name
-from iptm_core.state import FloatArray, SlopePreview, VehicleState
+from iptm_core.state import FloatArray, LeaderPreview, SlopePreview, VehicleState
 
 HORIZON = Horizon.parse("3x1+5x5")
 FLAT = SlopePreview(np.zeros(1), np.zeros(1))
@@ -40,7 +39,7 @@ def sample_times(horizon: Horizon) -> FloatArray:
 
 def build(
     state: VehicleState,
-    leader: PredictedLeaderMotion,
+    leader: LeaderPreview,
     slope: SlopePreview = FLAT,
     expected_m: FloatArray | None = None,
     horizon: Horizon = HORIZON,
@@ -53,11 +52,11 @@ def build(
 
 
 @pytest.fixture
-def steady() -> PredictedLeaderMotion:
-    return PredictedLeaderMotion(np.array([0.0]), np.array([0.0]), np.array([10.5]))
+def steady() -> LeaderPreview:
+    return LeaderPreview(np.array([0.0]), np.array([0.0]), np.array([10.5]))
 
 
-def test_globals(steady: PredictedLeaderMotion) -> None:
+def test_globals(steady: LeaderPreview) -> None:
     data = build(make_state(cell_1_capacity_loss=2e-3, cell_n_capacity_loss=3e-3), steady)
     expected = {
         GlobalIndex.CELL_1_LOSS: 2e-3,
@@ -73,7 +72,7 @@ def test_globals(steady: PredictedLeaderMotion) -> None:
         assert data.parameters[index] == expected.get(index, 0.0)
 
 
-def test_initial_state_is_scaled_and_starts_at_position_zero(steady: PredictedLeaderMotion) -> None:
+def test_initial_state_is_scaled_and_starts_at_position_zero(steady: LeaderPreview) -> None:
     state = make_state(acceleration_m_s2=-0.7, compressor_power_w=1250.0)
     data = build(state, steady)
     np.testing.assert_allclose(
@@ -93,7 +92,7 @@ def test_leader_at_the_end_of_every_step() -> None:
         assert own[StepIndex.LEADER_SPEED] == pytest.approx(15.0 - 0.5 * time)
 
 
-def test_rates_count_between_the_middles_of_two_steps(steady: PredictedLeaderMotion) -> None:
+def test_rates_count_between_the_middles_of_two_steps(steady: LeaderPreview) -> None:
     data = build(make_state(), steady)
     intervals = [own[StepIndex.ACCELERATION_INTERVAL] for own, _ in steps_of(data, HORIZON)]
     assert intervals == [1.0, 1.0, 1.0, 1.0, 5.0, 5.0, 5.0, 5.0]
@@ -101,7 +100,7 @@ def test_rates_count_between_the_middles_of_two_steps(steady: PredictedLeaderMot
     assert intervals == [1.0, 1.0, 1.0, 1.75, 5.0, 5.0, 5.0, 5.0]
 
 
-def test_a_change_into_a_long_step_has_to_happen_soon(steady: PredictedLeaderMotion) -> None:
+def test_a_change_into_a_long_step_has_to_happen_soon(steady: LeaderPreview) -> None:
     """The acceleration as in steps of 1 s, or as long as the one before; between equal steps in full."""
     horizon = Horizon.parse("2x1+2x2+2x15")
     data = build(make_state(), steady, horizon=horizon)
@@ -111,7 +110,7 @@ def test_a_change_into_a_long_step_has_to_happen_soon(steady: PredictedLeaderMot
     assert intervals == [1.0, 1.0, 1.5, 2.0, 2.25, 15.0]
 
 
-def test_the_leader_is_known_at_every_sample(steady: PredictedLeaderMotion) -> None:
+def test_the_leader_is_known_at_every_sample(steady: LeaderPreview) -> None:
     data = build(make_state(), steady)
     times = sample_times(HORIZON)
     samples = np.vstack([own for _, own in steps_of(data, HORIZON)])
@@ -122,7 +121,7 @@ def test_the_leader_is_known_at_every_sample(steady: PredictedLeaderMotion) -> N
     np.testing.assert_allclose(samples[:, SampleIndex.LEADER_SPEED], speed)
 
 
-def test_braking_reserve_is_asked_for_where_the_preview_ends(steady: PredictedLeaderMotion) -> None:
+def test_braking_reserve_is_asked_for_where_the_preview_ends(steady: LeaderPreview) -> None:
     data = build(make_state(), steady)
     asked = [own[StepIndex.END_OF_PREVIEW] for own, _ in steps_of(data, HORIZON)]
     assert asked == [0.0] * 7 + [1.0]
@@ -132,7 +131,7 @@ def test_braking_reserve_is_asked_for_where_the_preview_ends(steady: PredictedLe
     ("known_s", "node"), [(0.0, 0), (1.0, 0), (2.9, 1), (3.0, 2), (12.0, 3), (28.0, 7), (60.0, 7)]
 )
 def test_braking_reserve_is_asked_for_no_later_than_the_leader_is_known(
-    steady: PredictedLeaderMotion, known_s: float, node: int
+    steady: LeaderPreview, known_s: float, node: int
 ) -> None:
     grid = ProblemGrid(HORIZON)
     builder = ProblemDataBuilder(grid, strategy_by_name("aging"), PARAMETERS)
@@ -148,14 +147,14 @@ def test_reference_is_the_mean_speed_over_the_last_two_seconds() -> None:
     times = np.arange(97.0, 131.0)
     speeds = 12.0 + 4.0 * np.sin(times / 3.0)
     positions = np.concatenate([[0.0], np.cumsum(0.5 * (speeds[1:] + speeds[:-1]))])
-    data = build(make_state(), PredictedLeaderMotion(times, 1040.0 + positions, speeds))
+    data = build(make_state(), LeaderPreview(times, 1040.0 + positions, speeds))
     found = np.concatenate([s[:, SampleIndex.SPEED_REFERENCE] for _, s in steps_of(data, HORIZON)])
     for reference, sample in zip(found, 100.0 + sample_times(HORIZON), strict=True):
         fine = np.linspace(sample - REFERENCE_WINDOW_S, sample, 20001)
         assert reference == pytest.approx(np.mean(np.interp(fine, times, speeds)), abs=1e-4)
 
 
-def test_slope_is_expanded_where_the_ego_is_expected(steady: PredictedLeaderMotion) -> None:
+def test_slope_is_expanded_where_the_ego_is_expected(steady: LeaderPreview) -> None:
     """A road of the second degree comes back exactly, wherever the ego vehicle then is."""
     nodes = np.arange(0.0, 3000.0, 5.0)
 

@@ -10,9 +10,9 @@ import pytest
 from tests.iptm_controller.scenes import PARAMETERS, make_state
 
 from iptm_controller.forecast import LeaderForecast, PreviewQuality
-from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_controller.road_envelope import LAG_M, LAG_S, RoadEnvelope
 from iptm_core.road_ahead import RoadAhead, SpeedLimits, Stop
+from iptm_core.state import LeaderPreview
 
 GAP = PARAMETERS.gap
 LIMITS = SpeedLimits(np.array([0.0]), np.array([14.0]))
@@ -25,7 +25,7 @@ def envelope() -> RoadEnvelope:
 
 def of_leader(gap_m: float, speed_m_s: float) -> LeaderForecast:
     times = np.arange(0.0, 61.0)
-    motion = PredictedLeaderMotion(times, gap_m + speed_m_s * times, np.full(61, speed_m_s))
+    motion = LeaderPreview(times, gap_m + speed_m_s * times, np.full(61, speed_m_s))
     return LeaderForecast(motion, motion, PreviewQuality.FULL, "", 0.0, 60.0)
 
 

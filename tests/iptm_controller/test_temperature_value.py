@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from tests.iptm_controller.scenes import PARAMETERS, make_state
 
-from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_controller.temperature_value import (
     TemperatureValuation,
     TemperatureValue,
@@ -21,8 +20,9 @@ from iptm_core.physics.cell import capacity_loss_rate_1_s
 from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.power_thermal import CellPair, power_thermal_rates
 from iptm_core.physics.thermal_loop import most_efficient_cooling
+from iptm_core.state import LeaderPreview
 
-STEADY = PredictedLeaderMotion(np.array([0.0]), np.array([0.0]), np.array([25.0]))
+STEADY = LeaderPreview(np.array([0.0]), np.array([0.0]), np.array([25.0]))
 WEIGHT = 1e9
 
 

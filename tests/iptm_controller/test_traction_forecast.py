@@ -7,12 +7,11 @@ import pytest
 from tests.iptm_controller.scenes import PARAMETERS, make_state
 
 from iptm_controller.horizon import Horizon
-from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_controller.ocp.grid import POWER_LEVELS, ProblemGrid
 from iptm_controller.ocp.layout import ThermalSampleIndex
 from iptm_controller.traction_forecast import TractionForecaster
 from iptm_core.physics.power_thermal import electric_traction_power_w
-from iptm_core.state import FloatArray, SlopePreview
+from iptm_core.state import FloatArray, LeaderPreview, SlopePreview
 
 FLAT = SlopePreview(np.zeros(1), np.zeros(1))
 STEPS = 4
@@ -30,10 +29,10 @@ def cruise_power_w(speed_m_s: float) -> float:
     return float(electric_traction_power_w(speed_m_s, 0.0, 0.0, PARAMETERS))
 
 
-def steady(speed_m_s: float) -> PredictedLeaderMotion:
+def steady(speed_m_s: float) -> LeaderPreview:
     times = np.arange(100.0, 500.0)
     positions = 1060.0 + speed_m_s * (times - 100.0)
-    return PredictedLeaderMotion(times, positions, np.full(times.size, speed_m_s))
+    return LeaderPreview(times, positions, np.full(times.size, speed_m_s))
 
 
 def test_behind_a_steady_leader_the_ego_cruises() -> None:
@@ -69,7 +68,7 @@ def test_a_stop_of_the_leader_is_smoothed() -> None:
     own = forecaster()
     state = make_state(speed_m_s=20.0)
     own.remember(state, FLAT)
-    found = own.samples(state, PredictedLeaderMotion(times, positions, speeds), 399.0, FLAT)
+    found = own.samples(state, LeaderPreview(times, positions, speeds), 399.0, FLAT)
     average = found[:, ThermalSampleIndex.SPEED].reshape(STEPS, POWER_LEVELS)[:, 0]
     assert (average > 14.0).all()
     assert average[1] < 18.0

@@ -112,7 +112,7 @@ def test_other_settings_and_other_kinds_are_refused(tmp_path: Path) -> None:
 
 
 TIMES = np.arange(5.0)
-KNOWN = LeaderPreview(0.0, TIMES, 20.0 + 10.0 * TIMES, np.full(5, 10.0))
+KNOWN = LeaderPreview(TIMES, 20.0 + 10.0 * TIMES, np.full(5, 10.0))
 
 
 def test_without_bounds_all_is_known() -> None:

@@ -45,7 +45,7 @@ def at(second: int) -> Measurements:
     times = second + np.arange(31.0)
     leader = LeaderState(float(second), 30.0 + 10.0 * second, 10.0)
     state = replace(STATE, time_s=float(second), position_m=10.0 * second, speed_m_s=10.0)
-    preview = LeaderPreview(float(second), times, 30.0 + 10.0 * times, np.full(31, 10.0))
+    preview = LeaderPreview(times, 30.0 + 10.0 * times, np.full(31, 10.0))
     return Measurements(state, leader, preview, SlopePreview(np.array([0.0, 1e3]), np.zeros(2)))
 
 

@@ -23,7 +23,7 @@ def own(time_s: float) -> LeaderState:
 
 def prediction(made_s: float) -> LeaderPreview:
     times = made_s + np.arange(61.0)
-    return LeaderPreview(made_s, times, GAP + SPEED * times, np.full(61, SPEED))
+    return LeaderPreview(times, GAP + SPEED * times, np.full(61, SPEED))
 
 
 def drive(traffic: Traffic, seconds: int) -> tuple[list[LeaderState], list[LeaderPreview]]:

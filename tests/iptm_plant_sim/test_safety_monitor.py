@@ -47,7 +47,7 @@ def lead_at(
             moving = np.minimum(times, speed_m_s / deceleration_m_s2)
         positions = position_m + moving * (speed_m_s - 0.5 * deceleration_m_s2 * moving)
         return LeaderPreview(
-            state.time_s, times, positions, np.maximum(speed_m_s - deceleration_m_s2 * times, 0.0)
+            times, positions, np.maximum(speed_m_s - deceleration_m_s2 * times, 0.0)
         )
 
     return sensor
@@ -240,7 +240,7 @@ def test_gentle_requests_and_a_halt_say_nothing_of_the_brakes() -> None:
 def test_a_silent_sensor_lets_the_last_measurement_go_on_with_its_deceleration() -> None:
     before = MonitorMemory(lead=LeaderState(0.0, 50.0, 20.0))
     known = LeadMeasurements(
-        before, LeaderPreview(1.0, np.array([1.0]), np.array([68.0]), np.array([16.0]))
+        before, LeaderPreview(np.array([1.0]), np.array([68.0]), np.array([16.0]))
     )
     assert known.at(1.0) == (LeaderState(1.0, 68.0, 16.0), True)
     lead, measured = known.at(1.5)
@@ -249,7 +249,7 @@ def test_a_silent_sensor_lets_the_last_measurement_go_on_with_its_deceleration()
     silent = LeadMeasurements(known.noted(before), None)
     lead, _ = silent.at(20.0)
     assert lead == LeaderState(20.0, 68.0 + 32.0, 0.0), "4 s to the halt"
-    jumped = LeaderPreview(1.0, np.array([1.0]), np.array([30.0]), np.array([10.0]))
+    jumped = LeaderPreview(np.array([1.0]), np.array([30.0]), np.array([10.0]))
     assert LeadMeasurements(before, jumped).at(2.0)[0] == LeaderState(2.0, 40.0, 10.0), (
         "another car"
     )

@@ -10,8 +10,7 @@ from iptm_core.program import EXIT_USER_ERROR
 from iptm_traffic import cli
 from iptm_traffic.simulation import EgoInstant
 from iptm_traffic.world import LineWatch
-from iptm_v2x_bridge.prediction.road_rules import RoadRules
-from iptm_v2x_bridge.prediction.signals import CyclicSignal, SignalPlan
+from iptm_v2x_bridge.prediction.road_rules import RoadRules, Signal
 
 
 def test_without_sumo_one_line_says_what_to_install(
@@ -46,7 +45,7 @@ def test_wrong_options_are_refused_in_one_line(
 def test_lines_are_counted_with_the_instant_they_were_passed_at() -> None:
     # Green from 0 s to 10.5 s; at 10 m/s the line at 105 m is reached at 10.5 s.
     for line_m, is_open in ((104.0, True), (106.0, False)):
-        watch = LineWatch(RoadRules(plan=SignalPlan((CyclicSignal(line_m, 60.0, 0.0, 10.5),))))
+        watch = LineWatch(RoadRules(signals=(Signal.cyclic(line_m, 60.0, 0.0, 10.5),)))
         watch.watch(EgoInstant(9.0, 90.0, 10.0), EgoInstant(10.0, 100.0, 10.0))
         assert watch.passed == []
         watch.watch(EgoInstant(10.0, 100.0, 10.0), EgoInstant(11.0, 110.0, 10.0))

@@ -101,7 +101,7 @@ def test_a_line_is_closed_for_who_has_priority_and_open_without(tmp_path: Path) 
             # Near the line: only there the others count.
             simulation._ego_position_m = line_m - 30.0
             rules.refresh()
-            line = rules.ego.plan.next_after(line_m - 1.0)
+            line = rules.ego.next_after(line_m - 1.0)
             assert line is not None
             times = np.arange(0.0, 60.0, 0.5)
             closed = (
@@ -150,7 +150,7 @@ def test_a_signal_of_variable_times_stops_and_lets_pass(tmp_path: Path) -> None:
             simulation.step()
             rules.refresh()
             is_green = lights.getRedYellowGreenState(link.signal)[link.signal_index] in "Gg"
-            line = rules.ego.plan.next_after(0.0)
+            line = rules.ego.next_after(0.0)
             assert line is not None
             is_closed = line.stop_line_m == network.road.stop_lines_m[0] and not line.is_open(
                 simulation.time_s
@@ -179,7 +179,7 @@ def test_people_on_a_crossing_close_the_line(tmp_path: Path) -> None:
                 break
             place = simulation.connection.person.getRoadID("p")
             rules.refresh()
-            line = rules.ego.plan.next_after(line_m - 1.0)
+            line = rules.ego.next_after(line_m - 1.0)
             assert line is not None
             is_closed = line.stop_line_m == line_m and not line.is_open(simulation.time_s)
             if place in network.net.crossings and place.startswith(":square"):
@@ -235,7 +235,7 @@ def test_people_who_wait_for_green_close_the_line_before_they_walk(tmp_path: Pat
                 opens = state[crossing] == "r" and following[crossing] in "Gg"
                 if opens and state[index] == "r" and following[index] == "g":
                     waited += 1
-                    line = rules.ego.plan.next_after(line_m - 1.0)
+                    line = rules.ego.next_after(line_m - 1.0)
                     assert line is not None
                     assert not line.is_open(switch_s + 1.0)
         assert waited

@@ -22,13 +22,11 @@ def loss_pattern(settings: PreviewSettings, count: int = 8000) -> np.ndarray[Any
 def steady(speed_m_s: float, count: int = 61, step_s: float = 1.0) -> LeaderPreview:
     times = np.arange(count, dtype=np.float64) * step_s
     speeds = np.full(count, speed_m_s, dtype=np.float64)
-    return LeaderPreview(0.0, times, speeds * times, speeds)
+    return LeaderPreview(times, speeds * times, speeds)
 
 
 def at_tick(preview: LeaderPreview, tick: int) -> LeaderPreview:
-    return dataclasses.replace(
-        preview, generated_at_s=float(tick), times_s=preview.times_s + float(tick)
-    )
+    return dataclasses.replace(preview, times_s=preview.times_s + float(tick))
 
 
 def test_perfect_by_default(source: CycleSource) -> None:

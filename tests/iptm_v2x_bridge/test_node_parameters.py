@@ -57,10 +57,11 @@ def test_what_is_given_of_the_road_bounds_the_prediction() -> None:
         parameters = BridgeNodeParameters(leader_keeps_rules=keeps, **given)  # type: ignore[arg-type]
         route = parameters.route(15.0)
         predictors = parameters.build_predictors(route, given_rules(parameters, route))
-        found = [predictor.predict(stands, times) for predictor in predictors]
-        best = next(prediction for prediction in found if prediction is not None)
+        found = [(predictor.name, predictor.predict(stands, times)) for predictor in predictors]
+        name, best = next(entry for entry in found if entry[1] is not None)
+        assert best is not None
         assert 150.0 < best.positions_m[29] < farthest_m
-        assert (best.predictor is PredictorName.SIGNALS) is keeps
+        assert (name is PredictorName.SIGNALS) is keeps
 
 
 def test_heights_of_the_road_are_those_of_messages_or_none() -> None:

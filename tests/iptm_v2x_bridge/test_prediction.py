@@ -9,11 +9,16 @@ from iptm_core.errors import RouteError
 from iptm_core.road_ahead import SpeedLimits
 from iptm_core.routes import build_route
 from iptm_core.state import FloatArray
-from iptm_v2x_bridge.prediction.history import History
+from iptm_v2x_bridge.prediction.extrapolation import History
 from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
-from iptm_v2x_bridge.prediction.predictor import Knowledge, Predictor, PredictorName, RoadPath
-from iptm_v2x_bridge.prediction.received_path import ReceivedPath, monotone_spline
-from iptm_v2x_bridge.prediction.speed_limits import BoundedBySpeedLimits
+from iptm_v2x_bridge.prediction.predictor import (
+    Knowledge,
+    Predictor,
+    PredictorName,
+    ReceivedPath,
+    monotone_spline,
+)
+from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules
 from iptm_v2x_bridge.sending.settings import path_times_s
 from iptm_v2x_bridge.stations.station import Observation
 
@@ -26,15 +31,15 @@ def seen(
     return Observation(time_s, 100.0, speed_m_s, acceleration_m_s2)
 
 
-def steady_path(speed_m_s: float = 20.0) -> RoadPath:
+def steady_path(speed_m_s: float = 20.0) -> tuple[FloatArray, FloatArray]:
     times = 1.5 * np.arange(0.0, 41.0)
-    return RoadPath(times, 100.0 + speed_m_s * times)
+    return (times, 100.0 + speed_m_s * times)
 
 
 PREDICTORS: dict[str, Predictor] = {
     "received": ReceivedPath(),
     "history": History(),
-    "limits": BoundedBySpeedLimits(History(), SpeedLimits(np.array([0.0]), np.array([30.0]))),
+    "limits": BoundedByRules(History(), RoadRules(SpeedLimits(np.array([0.0]), np.array([30.0])))),
     "learnt": LearntProfile([(20.0 * AHEAD + 100.0, np.full(61, 20.0))]),
 }
 
@@ -87,7 +92,7 @@ def test_a_received_path_is_what_the_leader_does() -> None:
     for start_s in (0.0, 100.0, 200.0, 340.0):
         nodes = start_s + 1.5 * np.arange(0.0, 41.0)
         last = Observation(start_s, *(float(v[0]) for v in _at(motion, np.array([start_s]))), 0.0)
-        known = Knowledge((last,), RoadPath(nodes, motion.positions_at(nodes)))
+        known = Knowledge((last,), (nodes, motion.positions_at(nodes)))
         told = ReceivedPath().predict(known, start_s + AHEAD)
         assert told is not None
         positions, speeds = _at(motion, start_s + AHEAD)
@@ -107,7 +112,7 @@ def test_bounds_of_a_received_path_hold_between_its_points(cycle: str, phase_s: 
     for start_s in np.arange(1.0 + phase_s, motion.times_s[-1], 3.0):
         places = np.round(motion.positions_at(start_s + ahead), 2)
         last = Observation(start_s, *(float(v[0]) for v in _at(motion, np.array([start_s]))), 0.0)
-        known = Knowledge((last,), RoadPath(start_s + ahead, places))
+        known = Knowledge((last,), (start_s + ahead, places))
         told = ReceivedPath().predict(known, start_s + near)
         assert told is not None
         positions, speeds = _at(motion, start_s + near)
@@ -130,7 +135,7 @@ def _at(motion: object, times: FloatArray) -> tuple[FloatArray, FloatArray]:
     ],
 )
 def test_a_path_that_no_car_drives_is_not_followed(places: list[float]) -> None:
-    path = RoadPath(np.arange(4.0), np.array([100.0, *places]))
+    path = (np.arange(4.0), np.array([100.0, *places]))
     assert ReceivedPath().predict(Knowledge((seen(10.0),), path), AHEAD) is None
 
 
@@ -142,7 +147,7 @@ def test_an_older_path_counts_while_the_leader_keeps_to_it(behind_m: float, foll
 
 
 def test_a_short_path_ends_where_it_ends() -> None:
-    path = RoadPath(np.array([0.0, 2.0, 4.0]), np.array([100.0, 120.0, 140.0]))
+    path = (np.array([0.0, 2.0, 4.0]), np.array([100.0, 120.0, 140.0]))
     told = ReceivedPath().predict(Knowledge((seen(10.0),), path), AHEAD)
     assert told is not None
     assert told.times_s.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
@@ -162,9 +167,10 @@ def test_the_cubic_never_decreases_and_meets_its_points(steps: list[float], slop
 
 def test_limits_ahead_slow_the_leader_down_in_time() -> None:
     limits = SpeedLimits(np.array([0.0, 500.0]), np.array([30.0, 10.0]))
-    told = BoundedBySpeedLimits(History(), limits).predict(Knowledge((seen(20.0),)), AHEAD)
+    predictor = BoundedByRules(History(), RoadRules(limits))
+    told = predictor.predict(Knowledge((seen(20.0),)), AHEAD)
     assert told is not None
-    assert told.predictor is PredictorName.SPEED_LIMITS
+    assert predictor.name is PredictorName.SPEED_LIMITS
     assert told.speeds_m_s[5] == pytest.approx(20.0)
     behind_sign = told.positions_m > 505.0
     assert behind_sign.any()
@@ -174,7 +180,7 @@ def test_limits_ahead_slow_the_leader_down_in_time() -> None:
 
 def test_who_drives_too_fast_here_does_so_there() -> None:
     limits = SpeedLimits(np.array([0.0, 500.0]), np.array([20.0, 10.0]))
-    told = BoundedBySpeedLimits(History(), limits).predict(Knowledge((seen(22.0),)), AHEAD)
+    told = BoundedByRules(History(), RoadRules(limits)).predict(Knowledge((seen(22.0),)), AHEAD)
     assert told is not None
     assert told.speeds_m_s[-1] == pytest.approx(11.0, abs=0.2)
 

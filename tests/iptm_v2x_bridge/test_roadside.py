@@ -32,10 +32,9 @@ from iptm_v2x_bridge.messages.its_time import (
 from iptm_v2x_bridge.messages.ivim import SpeedSigns, ZoneDirection
 from iptm_v2x_bridge.messages.mapem import Connection, Lane, LaneMaps
 from iptm_v2x_bridge.messages.spatem import SignalPhases, SignalState
-from iptm_v2x_bridge.prediction.history import History
+from iptm_v2x_bridge.prediction.extrapolation import History
 from iptm_v2x_bridge.prediction.predictor import Knowledge, PredictorName
-from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules
-from iptm_v2x_bridge.prediction.signals import CyclicSignal, SignalPlan, SwitchedSignal
+from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules, Signal
 from iptm_v2x_bridge.rejections import Rejection
 from iptm_v2x_bridge.roadside.road_places import stop_lines
 from iptm_v2x_bridge.roadside.rules import HeardRules
@@ -128,7 +127,7 @@ def test_lanes_that_come_towards_the_ego_have_no_line_for_it() -> None:
 def test_the_ego_relies_on_what_is_sure(
     told: list[Told], open_s: list[float], closed_s: list[float]
 ) -> None:
-    (signal,) = heard(lanes(), phases(NOW_MS, *told)).ego.plan.signals
+    (signal,) = heard(lanes(), phases(NOW_MS, *told)).ego.signals
     assert signal.stop_line_m == pytest.approx(LINE_M, abs=0.02)
     assert [signal.is_open(NOW_S + after) for after in open_s] == [True] * len(open_s)
     assert [signal.is_open(NOW_S + after) for after in closed_s] == [False] * len(closed_s)
@@ -138,7 +137,7 @@ def test_when_a_line_changes_is_told_to_the_tenth_across_the_hour() -> None:
     full_hour_ms = NOW_MS - round(1000.0 * second_of_hour(NOW_S)) + 3_600_000
     now_ms = full_hour_ms - 5_000
     told = phases(now_ms, (GREEN, 12.3, 12.3), (RED, 40.0, 40.1), (GREEN, 60.0, 60.0))
-    (signal,) = heard(lanes(), told, at_ms=now_ms).ego.plan.signals
+    (signal,) = heard(lanes(), told, at_ms=now_ms).ego.signals
     now_s = now_ms / 1000.0
     assert signal.open_until_s(now_s) - now_s == pytest.approx(12.3, abs=1e-6)
     assert signal.closed_until_s(now_s + 20.0) - now_s == pytest.approx(40.1, abs=1e-6)
@@ -152,8 +151,8 @@ def test_all_groups_of_a_line_have_to_be_open() -> None:
     message = phases(NOW_MS, (GREEN, 30.0, 30.0), groups=(1, 2)).intersections[0]
     red = phases(NOW_MS, (RED, 30.0, 30.0), groups=(2,)).intersections[0]
     mixed = message.__class__(**{**vars(message), "groups": message.groups | red.groups})
-    assert heard(both, SignalPhases(1, (message,))).ego.plan.signals[0].is_open(NOW_S + 1.0)
-    assert not heard(both, SignalPhases(1, (mixed,))).ego.plan.signals[0].is_open(NOW_S + 1.0)
+    assert heard(both, SignalPhases(1, (message,))).ego.signals[0].is_open(NOW_S + 1.0)
+    assert not heard(both, SignalPhases(1, (mixed,))).ego.signals[0].is_open(NOW_S + 1.0)
 
 
 def test_a_line_whose_phases_are_silent_is_closed_for_the_ego_and_nothing_for_the_leader() -> None:
@@ -161,12 +160,12 @@ def test_a_line_whose_phases_are_silent_is_closed_for_the_ego_and_nothing_for_th
     assert rules.report()["next_line"] == "open (heard)"
     later_ms = NOW_MS + PHASES_KNOWN_MS
     rules.refresh(later_ms, 0.0)
-    assert rules.ego.plan.signals[0].is_open(later_ms / 1000.0)
+    assert rules.ego.signals[0].is_open(later_ms / 1000.0)
     rules.refresh(later_ms + 1, 0.0)
-    (signal,) = rules.ego.plan.signals
+    (signal,) = rules.ego.signals
     assert not signal.is_open(later_ms / 1000.0)
     assert signal.closed_until_s(later_ms / 1000.0) == math.inf
-    assert rules.leader.plan.signals == ()
+    assert rules.leader.signals == ()
     assert rules.report()["next_line"] == "unknown, counts as closed"
     assert rules.report()["lines_of_unknown_phase"] == 1
 
@@ -174,8 +173,8 @@ def test_a_line_whose_phases_are_silent_is_closed_for_the_ego_and_nothing_for_th
 @pytest.mark.parametrize("changes", [{"is_working": False}, {"revision": 4}, {"groups": (2, 3)}])
 def test_phases_that_do_not_fit_the_line_leave_it_unknown(changes: dict[str, object]) -> None:
     rules = heard(lanes(), phases(NOW_MS, (GREEN, 60.0, 60.0), **changes))  # type: ignore[arg-type]
-    assert not rules.ego.plan.signals[0].is_open(NOW_S)
-    assert rules.leader.plan.signals == ()
+    assert not rules.ego.signals[0].is_open(NOW_S)
+    assert rules.leader.signals == ()
 
 
 @pytest.mark.parametrize(
@@ -199,7 +198,7 @@ def test_a_line_may_always_close_earlier() -> None:
     rules = heard(lanes(), phases(NOW_MS - 1000, (GREEN, 20.0, 20.0)))
     assert rules.table.take(phases(NOW_MS, (YELLOW, 3.0, 3.0)), NOW_MS) is None
     rules.refresh(NOW_MS, 0.0)
-    assert not rules.ego.plan.signals[0].is_open(NOW_S)
+    assert not rules.ego.signals[0].is_open(NOW_S)
 
 
 def test_maps_change_with_their_revision_only() -> None:
@@ -210,20 +209,20 @@ def test_maps_change_with_their_revision_only() -> None:
     assert rules.table.take(lanes(revision=2, line_m=600.0), NOW_MS) is Rejection.OLDER
     assert rules.table.take(lanes(revision=4, line_m=600.0), NOW_MS) is None
     rules.refresh(NOW_MS, 0.0)
-    assert rules.ego.plan.signals[0].stop_line_m == pytest.approx(600.0, abs=0.02)
+    assert rules.ego.signals[0].stop_line_m == pytest.approx(600.0, abs=0.02)
 
 
 GIVEN = RoadRules(
     SpeedLimits(np.array([0.0, 800.0]), np.array([14.0, 20.0])),
-    SignalPlan((CyclicSignal(LINE_M + 2.0, 60.0, 0.0, 60.0), CyclicSignal(900.0, 60.0, 0.0, 60.0))),
+    (Signal.cyclic(LINE_M + 2.0, 60.0, 0.0, 60.0), Signal.cyclic(900.0, 60.0, 0.0, 60.0)),
 )
 
 
 def test_what_is_heard_of_a_line_replaces_what_is_given_of_it() -> None:
     rules = heard(lanes(), phases(NOW_MS, (RED, 20.0, 20.0)), given=GIVEN)
-    first, second = rules.ego.plan.signals
-    assert isinstance(first, SwitchedSignal)
-    assert second is GIVEN.plan.signals[1]
+    first, second = rules.ego.signals
+    assert first.cycle_s is None
+    assert second is GIVEN.signals[1]
     assert rules.report()["next_line"] == "closed (heard)"
     rules.refresh(NOW_MS, 600.0)
     assert rules.report()["next_line"] == "open (given)"
@@ -280,8 +279,9 @@ def test_the_leader_is_foretold_by_what_is_heard() -> None:
     silent = BoundedByRules(History(), heard().leader)
     assert silent.predict(known, times) is None
     red = heard(lanes(), phases(NOW_MS, (RED, 30.0, 30.0), (GREEN, 60.0, 60.0))).leader
-    told = BoundedByRules(History(), red).predict(known, times)
+    bounded = BoundedByRules(History(), red)
+    told = bounded.predict(known, times)
     assert told is not None
-    assert told.predictor is PredictorName.SIGNALS
+    assert bounded.name is PredictorName.SIGNALS
     assert told.positions_m[29] + 5.0 <= LINE_M + 0.02
     assert told.speeds_m_s[40] > 5.0

@@ -9,14 +9,13 @@ from iptm_core.parameters import load_parameters
 from iptm_core.road_ahead import RoadAhead, SpeedLimits
 from iptm_core.state import NS_PER_S, LeaderPreview, LeaderState
 from iptm_v2x_bridge.bridge import BridgeAnswer
-from iptm_v2x_bridge.prediction.road_rules import RoadRules
-from iptm_v2x_bridge.prediction.signals import CyclicSignal, SignalPlan
+from iptm_v2x_bridge.prediction.road_rules import RoadRules, Signal
 from iptm_v2x_bridge.rules_of_the_road import EARLY_S, STOP_BEFORE_M, RulesOfTheRoad
 
 LIMITS = SpeedLimits(np.array([0.0]), np.array([14.0]))
 PARAMETERS = load_parameters().values
-CLOSED = CyclicSignal(400.0, 1000.0, 900.0, 50.0)
-OPEN = CyclicSignal(400.0, 1000.0, -10.0, 900.0)
+CLOSED = Signal.cyclic(400.0, 1000.0, 900.0, 50.0)
+OPEN = Signal.cyclic(400.0, 1000.0, -10.0, 900.0)
 
 
 class Heard:
@@ -36,13 +35,13 @@ class Heard:
             return BridgeAnswer(time_ns, None, LeaderPreview.empty(), lost=False)
         times = now_s + np.arange(0.0, self.known_s + 1.0)
         places = ego_position_m + self.gap_m + self.speed_m_s * (times - now_s)
-        preview = LeaderPreview(now_s, times, places, np.full(times.size, self.speed_m_s))
+        preview = LeaderPreview(times, places, np.full(times.size, self.speed_m_s))
         state = LeaderState(now_s, ego_position_m + self.gap_m, self.speed_m_s)
         return BridgeAnswer(time_ns, state, preview, lost=False, predictor="history")
 
 
-def rules(inner: Heard, signal: CyclicSignal, **more: float) -> RulesOfTheRoad:
-    return RulesOfTheRoad(inner, RoadRules(LIMITS, SignalPlan((signal,))), PARAMETERS, **more)
+def rules(inner: Heard, signal: Signal, **more: float) -> RulesOfTheRoad:
+    return RulesOfTheRoad(inner, RoadRules(LIMITS, (signal,)), PARAMETERS, **more)
 
 
 def road(
@@ -102,7 +101,7 @@ def test_the_leader_and_its_preview_stay_as_they_are() -> None:
 
 def test_the_arrival_behind_a_leader_counts() -> None:
     # The leader passes 400 m after 38 s, the ego vehicle would three seconds later; it closes after 40 s.
-    signal = CyclicSignal(400.0, 1000.0, -10.0, 50.0)
+    signal = Signal.cyclic(400.0, 1000.0, -10.0, 50.0)
     assert road(rules(Heard(20.0), signal), 10.0).stops
     assert road(rules(Heard(None), signal), 14.0).stops == ()
 

@@ -9,29 +9,30 @@ from hypothesis import strategies as st
 
 from iptm_core.errors import RouteError
 from iptm_core.road_ahead import SpeedLimits
-from iptm_core.state import FloatArray
-from iptm_v2x_bridge.prediction.history import History
-from iptm_v2x_bridge.prediction.predictor import Knowledge, Prediction, PredictorName
-from iptm_v2x_bridge.prediction.signals import BoundedBySignals, CyclicSignal, SignalPlan
+from iptm_core.state import FloatArray, LeaderPreview
+from iptm_v2x_bridge.prediction.extrapolation import History
+from iptm_v2x_bridge.prediction.predictor import Knowledge, PredictorName
+from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules, Signal
 from iptm_v2x_bridge.stations.station import Observation
 
 TIMES: FloatArray = np.arange(0.0, 61.0)
 FREE = SpeedLimits(np.array([0.0]), np.array([50.0]))
 # Green from 10 s to 40 s of every 80 s.
-SIGNAL = CyclicSignal(stop_line_m=500.0, cycle_s=80.0, opens_at_s=10.0, open_for_s=30.0)
+SIGNAL = Signal.cyclic(stop_line_m=500.0, cycle_s=80.0, opens_at_s=10.0, open_for_s=30.0)
 
 
 def foretold(
     position_m: float,
     speed_m_s: float,
-    *signals: CyclicSignal,
+    *signals: Signal,
     limits: SpeedLimits = FREE,
     time_s: float = 0.0,
-) -> Prediction:
+) -> LeaderPreview:
     known = Knowledge((Observation(time_s, position_m, speed_m_s, 0.0),), length_m=5.0)
-    told = BoundedBySignals(History(), limits, SignalPlan(signals)).predict(known, time_s + TIMES)
+    predictor = BoundedByRules(History(), RoadRules(limits, signals))
+    told = predictor.predict(known, time_s + TIMES)
     assert told is not None
-    assert told.predictor is PredictorName.SIGNALS
+    assert predictor.name is PredictorName.SIGNALS
     return told
 
 
@@ -55,8 +56,8 @@ def test_a_signal_by_hand(
 
 
 def test_signals_that_never_change() -> None:
-    assert CyclicSignal(0.0, 60.0, 0.0, 60.0).open_until_s(7.0) == math.inf
-    assert CyclicSignal(0.0, 60.0, 0.0, 0.0).closed_until_s(7.0) == math.inf
+    assert Signal.cyclic(0.0, 60.0, 0.0, 60.0).open_until_s(7.0) == math.inf
+    assert Signal.cyclic(0.0, 60.0, 0.0, 0.0).closed_until_s(7.0) == math.inf
 
 
 @pytest.mark.parametrize(
@@ -64,17 +65,17 @@ def test_signals_that_never_change() -> None:
 )
 def test_impossible_signals_are_refused(values: tuple[float, float, float, float]) -> None:
     with pytest.raises(RouteError, match="allowed"):
-        CyclicSignal(*values)
+        Signal.cyclic(*values)
 
 
 def test_stop_lines_out_of_order_are_refused() -> None:
     with pytest.raises(RouteError, match="increasing"):
-        SignalPlan((SIGNAL, SIGNAL))
+        RoadRules(None, (SIGNAL, SIGNAL))
 
 
 def test_the_leader_halts_before_a_closed_line_and_drives_on_when_it_opens() -> None:
     # Its front is 195 m away; it would be there after 14 s, closed from 5 s to 50 s.
-    told = foretold(300.0, 14.0, CyclicSignal(500.0, 80.0, 50.0, 35.0))
+    told = foretold(300.0, 14.0, Signal.cyclic(500.0, 80.0, 50.0, 35.0))
     fronts = told.positions_m + 5.0
     assert (fronts[TIMES < 50.0] <= 500.0 + 1e-9).all()
     assert fronts[49] > 495.0
@@ -87,7 +88,7 @@ def test_the_leader_halts_before_a_closed_line_and_drives_on_when_it_opens() -> 
 
 def test_an_open_line_and_one_that_closes_too_late_change_nothing() -> None:
     # At the line after 7 s: once open for long, once closed when 14 m are left, which takes 7 m/s^2.
-    for signal in (CyclicSignal(400.0, 80.0, -5.0, 60.0), CyclicSignal(400.0, 80.0, -20.0, 26.0)):
+    for signal in (Signal.cyclic(400.0, 80.0, -5.0, 60.0), Signal.cyclic(400.0, 80.0, -20.0, 26.0)):
         told = foretold(297.0, 14.0, signal)
         np.testing.assert_allclose(told.positions_m, 297.0 + 14.0 * TIMES, atol=1e-6)
 
@@ -106,11 +107,11 @@ def test_a_standing_leader_is_known_until_its_line_opens() -> None:
 def test_no_closed_line_is_passed_by_who_can_halt(
     speed_m_s: float, position_m: float, opens_at_s: float, open_for_s: float
 ) -> None:
-    signal = CyclicSignal(500.0, 80.0, opens_at_s, open_for_s)
+    signal = Signal.cyclic(500.0, 80.0, opens_at_s, open_for_s)
     limits = SpeedLimits(np.array([0.0, 300.0]), np.array([25.0, 12.0]))
     known = Knowledge((Observation(0.0, position_m, speed_m_s, 0.0),), length_m=5.0)
     fine = 0.25 * np.arange(0.0, 241.0)
-    told = BoundedBySignals(History(), limits, SignalPlan((signal,))).predict(known, fine)
+    told = BoundedByRules(History(), RoadRules(limits, (signal,))).predict(known, fine)
     assert told is not None
     assert (np.diff(told.positions_m) >= -1e-9).all()
     assert (told.speeds_m_s >= 0.0).all()

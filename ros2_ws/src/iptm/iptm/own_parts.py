@@ -111,7 +111,7 @@ class PredictedSource(CycleSource):
             )
         steps_m = 0.5 * (speeds[1:] + speeds[:-1]) * np.diff(times_s)
         positions = leader.position_m + np.concatenate([[0.0], np.cumsum(steps_m)])
-        return LeaderPreview(float(times_s[0]), times_s, positions, speeds)
+        return LeaderPreview(times_s, positions, speeds)
 
     def sampled(self, times_s: FloatArray) -> LeaderPreview:
         """Return the true motion of the leader; see `PreviewSource`."""

@@ -15,13 +15,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_controller.strategy import Strategy
 from iptm_controller.temperature_value import TemperatureValue, mixing_weights
 from iptm_core.aging_laws.parking import END_OF_LIFE_LOSS, AgingSettings, ParkedAging
 from iptm_core.parameters.model import AgingParameters, ModelParameters
 from iptm_core.physics.thermal_loop import cooling_supply
-from iptm_core.state import FloatArray, VehicleState
+from iptm_core.state import FloatArray, LeaderPreview, VehicleState
 
 CELLS = 2.0
 """The cost counts the loss of the first and of the last cell."""
@@ -98,7 +97,7 @@ class CellLawValuation:
         self._heat_capacity_j_k = model.pack_heat_capacity_j_k
         self._energy_price_1_j = energy_price_1_j
 
-    def value(self, state: VehicleState, leader: PredictedLeaderMotion) -> TemperatureValue:
+    def value(self, state: VehicleState, leader: LeaderPreview) -> TemperatureValue:
         """Price the temperatures at a tick."""
         del leader
         kelvin = 0.5 * (state.cell_1_temperature_k + state.cell_n_temperature_k)

@@ -13,9 +13,8 @@ import math
 import numpy as np
 
 from iptm_controller.forecast import NEAR_S, LeaderForecast
-from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_core.parameters.model import LimitParameters
-from iptm_core.state import FloatArray, LeaderState, VehicleState
+from iptm_core.state import FloatArray, LeaderPreview, LeaderState, VehicleState
 
 MARGIN_M = 1.0
 """Smallest permitted gap: margin for errors of range and prediction within a tick."""
@@ -146,7 +145,7 @@ class CollisionGuard:
         return as_predicted_m
 
     def _as_predicted_m(
-        self, times_s: FloatArray, known_until_s: float, motion: PredictedLeaderMotion
+        self, times_s: FloatArray, known_until_s: float, motion: LeaderPreview
     ) -> FloatArray:
         positions, _ = motion.at(np.minimum(times_s, known_until_s))
         end_position, end_speed = motion.at(np.array([known_until_s]))

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iptm_controller.leader_motion import (
-    PredictedLeaderMotion,
     extrapolated_motion,
     measured_acceleration_m_s2,
 )
@@ -64,8 +63,8 @@ class LeaderForecast:
         known_s: how far ahead the motion is known by a trusted preview; 0 where it is extrapolated.
     """
 
-    motion: PredictedLeaderMotion
-    limiting: PredictedLeaderMotion
+    motion: LeaderPreview
+    limiting: LeaderPreview
     quality: PreviewQuality
     reason: str
     age_s: float
@@ -78,8 +77,6 @@ def preview_fault(preview: LeaderPreview) -> str:
     sizes = (times.size, positions.size, speeds.size)
     if len(set(sizes)) != 1:
         return f"preview has {sizes} times, positions and speeds; allowed: equal numbers"
-    if not np.isfinite(preview.generated_at_s):
-        return f"preview was generated at {preview.generated_at_s} s; allowed: finite times"
     for label, values in (("time", times), ("position", positions), ("speed", speeds)):
         finite = np.isfinite(values)
         if not finite.all():
@@ -175,7 +172,7 @@ class LeaderForecaster:
         quality, reason = self._assess(leader, preview)
         age_s = leader.time_s - preview.generated_at_s if preview.times_s.size else float("nan")
         known_s = 0.0
-        limiting: PredictedLeaderMotion | None = None
+        limiting: LeaderPreview | None = None
         if quality in {PreviewQuality.FULL, PreviewQuality.SHORT}:
             preview = _never_backwards(preview)
             # An expectation is revised from tick to tick, which is not noise.
@@ -205,21 +202,19 @@ class LeaderForecaster:
         self,
         leader: LeaderState,
         preview: LeaderPreview,
-        future: PredictedLeaderMotion,
+        future: LeaderPreview,
         known_s: float,
-    ) -> PredictedLeaderMotion:
+    ) -> LeaderPreview:
         cautious = self._follow_preview(leader, preview.cautious())
         bounded = future.times_s <= leader.time_s + known_s + 1e-9
         bounded[:2] = True
-        return PredictedLeaderMotion(
+        return LeaderPreview(
             future.times_s,
             np.where(bounded, cautious.positions_m, future.positions_m),
             np.where(bounded, cautious.speeds_m_s, future.speeds_m_s),
         )
 
-    def _not_beyond_measured(
-        self, leader: LeaderState, future: PredictedLeaderMotion
-    ) -> PredictedLeaderMotion:
+    def _not_beyond_measured(self, leader: LeaderState, future: LeaderPreview) -> LeaderPreview:
         """Return a predicted motion that is nowhere ahead of the measured one for the next seconds.
 
         What it loses there stays lost behind; its speeds there are the predicted ones.
@@ -229,7 +224,7 @@ class LeaderForecaster:
         near = future.times_s <= leader.time_s + NEAR_S + 1e-9
         excess_m = np.maximum(future.positions_m - positions_m, 0.0)
         lost_m = np.where(near, excess_m, excess_m[near][-1])
-        return PredictedLeaderMotion(
+        return LeaderPreview(
             future.times_s,
             future.positions_m - lost_m,
             np.where(near, np.minimum(future.speeds_m_s, speeds_m_s), future.speeds_m_s),
@@ -279,23 +274,22 @@ class LeaderForecaster:
         return PreviewQuality.FULL, ""
 
     @staticmethod
-    def _follow_preview(leader: LeaderState, preview: LeaderPreview) -> PredictedLeaderMotion:
-        predicted = PredictedLeaderMotion(preview.times_s, preview.positions_m, preview.speeds_m_s)
+    def _follow_preview(leader: LeaderState, preview: LeaderPreview) -> LeaderPreview:
         now = np.array([leader.time_s])
-        position_now, speed_now = predicted.at(now)
+        position_now, speed_now = preview.at(now)
         ahead = preview.times_s > leader.time_s + 1e-9
         shift_m = leader.position_m - float(position_now[0])
-        return PredictedLeaderMotion(
+        return LeaderPreview(
             np.concatenate([now, preview.times_s[ahead]]),
             np.concatenate([[leader.position_m], preview.positions_m[ahead] + shift_m]),
             np.concatenate([speed_now, preview.speeds_m_s[ahead]]),
         )
 
-    def _with_past(self, future: PredictedLeaderMotion) -> PredictedLeaderMotion:
+    def _with_past(self, future: LeaderPreview) -> LeaderPreview:
         past = list(self._past)[:-1]
         if not past:
             return future
-        return PredictedLeaderMotion(
+        return LeaderPreview(
             np.concatenate([[state.time_s for state in past], future.times_s]),
             np.concatenate([[state.position_m for state in past], future.positions_m]),
             np.concatenate([[state.speed_m_s for state in past], future.speeds_m_s]),

@@ -1,14 +1,13 @@
-"""Motion of the lead vehicle over time: node by node, as measured, and extrapolated from what is measured."""
+"""Motion of the lead vehicle as measured, and extrapolated from what is measured."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from iptm_core.state import FloatArray, LeaderState
+from iptm_core.state import FloatArray, LeaderPreview, LeaderState
 
 ACCELERATION_DECAY_S = 4.0
 """Time constant with which the lead vehicle's acceleration decays where nothing is predicted. In every
@@ -23,52 +22,6 @@ RANGE_ERROR_M = 1.0
 _EXTRAPOLATED_S = 5.0 * ACCELERATION_DECAY_S
 _SHORTEST_STOP_S = 1e-3
 _SHARES: FloatArray = np.array([node / 40.0 for node in range(41)])
-
-
-@dataclass(frozen=True)
-class PredictedLeaderMotion:
-    """Positions and speeds at increasing node times, the speed held outside them.
-
-    Attributes:
-        times_s: node times, shape (n,), increasing, n >= 1.
-        positions_m: positions at the nodes, shape (n,).
-        speeds_m_s: speeds at the nodes, shape (n,).
-    """
-
-    times_s: FloatArray
-    positions_m: FloatArray
-    speeds_m_s: FloatArray
-
-    def nearer_by(self, distance_m: float) -> PredictedLeaderMotion:
-        """Return the same motion of a vehicle that is nearer."""
-        return PredictedLeaderMotion(self.times_s, self.positions_m - distance_m, self.speeds_m_s)
-
-    def at(self, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return positions and speeds at any times, shapes of ``times_s``.
-
-        Between two nodes the speed is linear; the position is the cubic that meets both nodes in
-        position and speed, which is the exact quadratic where the nodes are consistent.
-        """
-        nodes = self.times_s
-        if nodes.size == 1:
-            elapsed = times_s - nodes[0]
-            return self.positions_m[0] + self.speeds_m_s[0] * elapsed, np.full(
-                times_s.shape, self.speeds_m_s[0]
-            )
-        index = nodes.searchsorted(times_s, side="right") - 1
-        index = np.minimum(np.maximum(index, 0), nodes.size - 2)
-        start = nodes[index]
-        width = nodes[index + 1] - start
-        inside = np.minimum(np.maximum(times_s, nodes[0]), nodes[-1])
-        tau = (inside - start) / width
-        v_0, v_1 = self.speeds_m_s[index], self.speeds_m_s[index + 1]
-        p_0, p_1 = self.positions_m[index], self.positions_m[index + 1]
-        # Rest that a linear speed leaves over; zero for consistent nodes.
-        rest = p_1 - p_0 - 0.5 * width * (v_0 + v_1)
-        position = p_0 + width * tau * (v_0 + 0.5 * tau * (v_1 - v_0))
-        position = position + rest * tau * tau * (3.0 - 2.0 * tau)
-        speed = v_0 + tau * (v_1 - v_0)
-        return position + speed * (times_s - inside), speed
 
 
 def measured_acceleration_m_s2(measured: Sequence[LeaderState]) -> float:
@@ -95,7 +48,7 @@ def measured_acceleration_m_s2(measured: Sequence[LeaderState]) -> float:
     return slope_m_s2 if abs(slope_m_s2) <= LARGEST_ACCELERATION_M_S2 else 0.0
 
 
-def extrapolated_motion(leader: LeaderState, acceleration_m_s2: float) -> PredictedLeaderMotion:
+def extrapolated_motion(leader: LeaderState, acceleration_m_s2: float) -> LeaderPreview:
     """Return how a leader goes on of which only the present is known.
 
     Its acceleration dies away exponentially, which is what to expect of one that varies as a first-order
@@ -117,4 +70,4 @@ def extrapolated_motion(leader: LeaderState, acceleration_m_s2: float) -> Predic
     gone = -np.expm1(-elapsed_s / decay_s)
     speeds_m_s = np.maximum(leader.speed_m_s + change_m_s * gone, 0.0)
     moved_m = leader.speed_m_s * elapsed_s + change_m_s * (elapsed_s - decay_s * gone)
-    return PredictedLeaderMotion(leader.time_s + elapsed_s, leader.position_m + moved_m, speeds_m_s)
+    return LeaderPreview(leader.time_s + elapsed_s, leader.position_m + moved_m, speeds_m_s)

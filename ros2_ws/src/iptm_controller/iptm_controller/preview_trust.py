@@ -13,8 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iptm_controller.leader_motion import PredictedLeaderMotion
-from iptm_core.state import LeaderState
+from iptm_core.state import LeaderPreview, LeaderState
 
 LONGEST_LEAD_S = 10
 """Longest lead time at which predictions are compared with measurements."""
@@ -139,7 +138,7 @@ class PreviewTrust:
                 self.horizon_s = math.inf
 
     def remember(
-        self, leader: LeaderState, future: PredictedLeaderMotion, known_until_s: float = math.inf
+        self, leader: LeaderState, future: LeaderPreview, known_until_s: float = math.inf
     ) -> None:
         """Keep what a preview asserts for the lead times, to compare it later.
 

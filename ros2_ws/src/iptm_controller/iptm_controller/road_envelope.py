@@ -16,12 +16,11 @@ from dataclasses import replace
 import numpy as np
 
 from iptm_controller.forecast import LeaderForecast
-from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_controller.memory import PaceMemory
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.car_following import maximum_gap_m
 from iptm_core.road_ahead import BRAKING_M_S2, RoadAhead, SpeedLimits, lawful_drive
-from iptm_core.state import FloatArray, LeaderState, VehicleState
+from iptm_core.state import FloatArray, LeaderPreview, LeaderState, VehicleState
 
 LAG_M, LAG_S = 3.0, 2.5
 """The ego vehicle may be behind the pace by this distance and time, to smooth what the limits make of it."""
@@ -44,7 +43,7 @@ class RoadEnvelope:
 
     def lead(
         self, state: VehicleState, road: RoadAhead | None, forecast: LeaderForecast | None
-    ) -> tuple[PredictedLeaderMotion, PredictedLeaderMotion]:
+    ) -> tuple[LeaderPreview, LeaderPreview]:
         """Return the lead motion: at every instant the nearer one of lead vehicle and rules.
 
         Args:
@@ -69,9 +68,7 @@ class RoadEnvelope:
             limiting = self._nearer(rules, forecast.limiting)
         return motion, limiting
 
-    def _nearer(
-        self, rules: PredictedLeaderMotion, leader: PredictedLeaderMotion
-    ) -> PredictedLeaderMotion:
+    def _nearer(self, rules: LeaderPreview, leader: LeaderPreview) -> LeaderPreview:
         times = rules.times_s
         positions, speeds = leader.at(times)
         nearer = rules.positions_m < positions
@@ -83,9 +80,9 @@ class RoadEnvelope:
         halting = np.sqrt(2.0 * hardest_m_s2 * room_m + speeds**2)
         nearest = np.maximum.accumulate(np.where(nearer, rules.positions_m, positions))
         speeds = np.where(nearer, np.minimum(rules.speeds_m_s, halting), speeds)
-        return PredictedLeaderMotion(times, nearest, speeds)
+        return LeaderPreview(times, nearest, speeds)
 
-    def _of_rules(self, state: VehicleState, road: RoadAhead) -> PredictedLeaderMotion:
+    def _of_rules(self, state: VehicleState, road: RoadAhead) -> LeaderPreview:
         if road.limits is None:
             raise AssertionError("rules without limits bind to nothing")
         steps = round(LOOK_AHEAD_S / _STEP_S)
@@ -100,7 +97,7 @@ class RoadEnvelope:
             behind_m = stop.position_m + gap.standstill_gap_m
             stands = (pace.times_s < stop.until_s) & (positions > behind_m)
             positions, speeds = np.where(stands, behind_m, positions), np.where(stands, 0.0, speeds)
-        return PredictedLeaderMotion(pace.times_s, np.maximum.accumulate(positions), speeds)
+        return LeaderPreview(pace.times_s, np.maximum.accumulate(positions), speeds)
 
     def _paced(
         self, state: VehicleState, road: RoadAhead, limits: SpeedLimits, largest_m: float

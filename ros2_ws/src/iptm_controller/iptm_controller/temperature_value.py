@@ -25,13 +25,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import capacity_loss_rate_1_s
 from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.power_thermal import CellPair, power_thermal_rates
 from iptm_core.physics.thermal_loop import most_efficient_cooling
-from iptm_core.state import FloatArray, VehicleState
+from iptm_core.state import FloatArray, LeaderPreview, VehicleState
 
 FORECAST_WEIGHT_S = 60.0
 """Prior weight of the initial forecast, in seconds of trip data."""
@@ -146,7 +145,7 @@ class TemperatureValuation:
         self.start: VehicleState | None = None
         self.foreseen_1_s = 0.0
 
-    def value(self, state: VehicleState, leader: PredictedLeaderMotion) -> TemperatureValue:
+    def value(self, state: VehicleState, leader: LeaderPreview) -> TemperatureValue:
         """Price the temperatures at a tick.
 
         Args:
@@ -186,7 +185,7 @@ class TemperatureValuation:
         saved_w_k = self._performance * sensitivity_1_k * power_w
         return self._parameters.pack_heat_capacity_j_k * (1.0 + load) / saved_w_k
 
-    def _foresee(self, state: VehicleState, leader: PredictedLeaderMotion) -> float:
+    def _foresee(self, state: VehicleState, leader: LeaderPreview) -> float:
         """Return the mean aging rate of an ego that moves like the leader on a flat road, uncooled."""
         count = math.ceil(self._horizon_s / FORECAST_STEP_S) + 1
         times: FloatArray = np.array([state.time_s + i * FORECAST_STEP_S for i in range(count)])

@@ -12,13 +12,12 @@ import math
 
 import numpy as np
 
-from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import POWER_LEVELS, ProblemGrid
 from iptm_controller.ocp.layout import ThermalSampleIndex
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.power_thermal import electric_traction_power_w
-from iptm_core.state import FloatArray, SlopePreview, VehicleState
+from iptm_core.state import FloatArray, LeaderPreview, SlopePreview, VehicleState
 
 SMOOTHING_S = 25.0
 """Half of the window: egos of the default strategy drive the comprehensive cycle as smoothly as that."""
@@ -63,7 +62,7 @@ class TractionForecaster:
     def samples(
         self,
         state: VehicleState,
-        leader: PredictedLeaderMotion,
+        leader: LeaderPreview,
         known_s: float,
         slope: SlopePreview,
     ) -> FloatArray:
@@ -98,7 +97,7 @@ class TractionForecaster:
     def _foreseen(
         self,
         state: VehicleState,
-        leader: PredictedLeaderMotion,
+        leader: LeaderPreview,
         known_s: float,
         slope: SlopePreview,
         times_s: FloatArray,

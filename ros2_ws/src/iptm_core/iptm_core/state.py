@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -235,33 +235,42 @@ class LeaderState:
 
 @dataclass(frozen=True)
 class LeaderPreview:
-    """Predicted motion of the preceding vehicle: its expected motion, and how far it may be behind.
+    """Motion of the preceding vehicle at nodes: its expected motion, and how far it may be behind.
+
+    The one form from the predictor to the optimal control problem. A prediction begins at its generation.
 
     Attributes:
-        generated_at_s: instant at which the prediction was made; the first node lies there.
         times_s: node times, shape (n,), increasing, absolute (trip time).
         positions_m: expected rear-bumper positions at the nodes, shape (n,), never decreasing.
         speeds_m_s: expected speeds at the nodes, shape (n,), never negative.
         bounds_m: distances by which the leader may be behind these positions (99 % bounds), beyond the error
             of its present position, shape (n,), never negative; empty where the motion is known.
+        speed_bounds_m_s: 99 % bounds of how much slower it may be where positions are known better than
+            speeds, shape (n,); empty where implied by the growth of the other bounds. Not part of messages:
+            the bridge has lowered the speeds by them.
 
     An empty prediction (n = 0) means that none has been received yet.
     """
 
-    generated_at_s: float
     times_s: FloatArray
     positions_m: FloatArray
     speeds_m_s: FloatArray
     bounds_m: FloatArray = field(default_factory=lambda: np.empty(0))
+    speed_bounds_m_s: FloatArray = field(default_factory=lambda: np.empty(0))
 
     @classmethod
     def empty(cls) -> LeaderPreview:
         """Return the preview that means "no prediction received yet"; its age is infinite."""
-        return cls(-math.inf, np.empty(0), np.empty(0), np.empty(0))
+        return cls(np.empty(0), np.empty(0), np.empty(0))
+
+    @property
+    def generated_at_s(self) -> float:
+        """Instant at which the prediction was made, that of its first node; minus infinity without nodes."""
+        return float(self.times_s[0]) if self.times_s.size else -math.inf
 
     def age_s(self, now_s: float) -> float:
         """Return the time since the generation, infinite for an empty preview."""
-        return now_s - self.generated_at_s if self.times_s.size else math.inf
+        return now_s - self.generated_at_s
 
     @property
     def known_nodes(self) -> int:
@@ -289,11 +298,50 @@ class LeaderPreview:
         since = np.maximum(self.times_s - self.times_s[0], 1e-9)
         rates = 2.0 * (self.bounds_m - self.bounds_m[0]) / since
         return LeaderPreview(
-            self.generated_at_s,
             self.times_s,
             np.maximum.accumulate(self.positions_m - self.bounds_m),
             np.maximum(self.speeds_m_s - rates, 0.0),
         )
+
+    @property
+    def lowest_speeds_m_s(self) -> FloatArray:
+        """Speeds less their own bounds, shape (n,)."""
+        if not self.speed_bounds_m_s.size:
+            return self.speeds_m_s
+        lowest: FloatArray = np.maximum(self.speeds_m_s - self.speed_bounds_m_s, 0.0)
+        return lowest
+
+    def nearer_by(self, distance_m: float) -> LeaderPreview:
+        """Return the same motion of a vehicle that is nearer."""
+        return replace(self, positions_m=self.positions_m - distance_m)
+
+    def at(self, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return positions and speeds at any times, shapes of ``times_s``.
+
+        Between two nodes the speed is linear; the position is the cubic that meets both nodes in
+        position and speed, which is the exact quadratic where the nodes are consistent. Outside the nodes
+        the speed is held.
+        """
+        nodes = self.times_s
+        if nodes.size == 1:
+            elapsed = times_s - nodes[0]
+            return self.positions_m[0] + self.speeds_m_s[0] * elapsed, np.full(
+                times_s.shape, self.speeds_m_s[0]
+            )
+        index = nodes.searchsorted(times_s, side="right") - 1
+        index = np.minimum(np.maximum(index, 0), nodes.size - 2)
+        start = nodes[index]
+        width = nodes[index + 1] - start
+        inside = np.minimum(np.maximum(times_s, nodes[0]), nodes[-1])
+        tau = (inside - start) / width
+        v_0, v_1 = self.speeds_m_s[index], self.speeds_m_s[index + 1]
+        p_0, p_1 = self.positions_m[index], self.positions_m[index + 1]
+        # Rest that a linear speed leaves over; zero for consistent nodes.
+        rest = p_1 - p_0 - 0.5 * width * (v_0 + v_1)
+        position = p_0 + width * tau * (v_0 + 0.5 * tau * (v_1 - v_0))
+        position = position + rest * tau * tau * (3.0 - 2.0 * tau)
+        speed = v_0 + tau * (v_1 - v_0)
+        return position + speed * (times_s - inside), speed
 
 
 @dataclass(frozen=True)

@@ -153,7 +153,7 @@ def _moved_in_time(preview: LeaderPreview, by_s: float) -> LeaderPreview:
     if preview.times_s.size == 0:
         return preview
     times_s = preview.times_s + by_s
-    return replace(preview, generated_at_s=float(times_s[0]), times_s=times_s)
+    return replace(preview, times_s=times_s)
 
 
 # --- measured lead or ego vehicle

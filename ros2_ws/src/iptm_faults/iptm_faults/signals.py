@@ -95,7 +95,7 @@ def faulty_samples(
         return samples
     rows = [(one.time_s, one.position_m, one.speed_m_s) for one in faulty if one is not None]
     rows = [row for row in rows if np.isfinite(row).all()]
-    return LeaderPreview(rows[0][0], *np.array(rows).T) if rows else None
+    return LeaderPreview(*np.array(rows).T) if rows else None
 
 
 def faulty_state(faults: Iterable[Fault], time_ns: int, state: VehicleState) -> VehicleState:

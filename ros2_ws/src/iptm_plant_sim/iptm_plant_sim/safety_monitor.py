@@ -296,7 +296,7 @@ def _slowed(lead: LeaderState, deceleration_m_s2: float, duration_s: float) -> L
 
 def _single(lead: LeaderState) -> LeaderPreview:
     times, positions, speeds = (np.array([value]) for value in vars(lead).values())
-    return LeaderPreview(lead.time_s, times, positions, speeds)
+    return LeaderPreview(times, positions, speeds)
 
 
 _NOTHING = LeaderPreview.empty()

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from iptm_controller.horizon import Horizon, HorizonPhase
-from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import REFERENCE_WINDOW_S, ProblemDataBuilder
 from iptm_controller.ocp.grid import ProblemGrid
@@ -33,7 +32,7 @@ from iptm_controller.strategy import Strategy
 from iptm_core.decision_record import SolveStatus
 from iptm_core.physics.charge import nominal_charge_parameters
 from iptm_core.routes.route import Route
-from iptm_core.state import Command, SlopePreview, VehicleState
+from iptm_core.state import Command, LeaderPreview, SlopePreview, VehicleState
 from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant
 
@@ -206,13 +205,11 @@ def _temperature_costates(
     )
 
 
-def _leader_motion(route: Route, horizon: Horizon) -> PredictedLeaderMotion:
+def _leader_motion(route: Route, horizon: Horizon) -> LeaderPreview:
     """The leader from before the start (speed references look back) to the end."""
     before = np.arange(-REFERENCE_WINDOW_S - 1.0, 0.0)
     times = np.concatenate([before, horizon.node_times_s])
-    return PredictedLeaderMotion(
-        times, route.leader.positions_at(times), route.leader.speeds_at(times)
-    )
+    return LeaderPreview(times, route.leader.positions_at(times), route.leader.speeds_at(times))
 
 
 def _plan_of(run: Trajectory, horizon: Horizon) -> Plan:

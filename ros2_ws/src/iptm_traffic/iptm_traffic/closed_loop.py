@@ -32,9 +32,8 @@ from iptm_traffic.simulation import TrafficSimulation
 from iptm_traffic.world import SumoWorld, TrafficFacts
 from iptm_v2x_bridge.bridge import BridgeAnswer
 from iptm_v2x_bridge.cam_bridge import CamBridge
-from iptm_v2x_bridge.prediction.history import History
-from iptm_v2x_bridge.prediction.predictor import Predictor
-from iptm_v2x_bridge.prediction.received_path import ReceivedPath
+from iptm_v2x_bridge.prediction.extrapolation import History
+from iptm_v2x_bridge.prediction.predictor import Predictor, ReceivedPath
 from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules
 from iptm_v2x_bridge.road_knowledge import read_limits
 from iptm_v2x_bridge.roadside.rules import HeardRules

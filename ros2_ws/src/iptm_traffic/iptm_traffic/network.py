@@ -20,8 +20,7 @@ from iptm_core.state import FloatArray
 from iptm_traffic.ego_road import EgoRoad
 from iptm_traffic.sumo_net import Link, SumoNet
 from iptm_traffic.sumo_process import sumo_program
-from iptm_v2x_bridge.prediction.road_rules import RoadRules
-from iptm_v2x_bridge.prediction.signals import CyclicSignal, SignalPlan
+from iptm_v2x_bridge.prediction.road_rules import RoadRules, Signal
 
 BLOCK_M = 1100.0
 """Distance between two signals; the corridor has one more block than signals."""
@@ -187,12 +186,12 @@ class Network:
     instead_of: str
     road: EgoRoad
     limits: SpeedLimits
-    signals: tuple[CyclicSignal, ...] = ()
+    signals: tuple[Signal, ...] = ()
 
     @property
     def rules(self) -> RoadRules:
         """Limits and signals as rules of the road."""
-        return RoadRules(self.limits, SignalPlan(self.signals))
+        return RoadRules(self.limits, self.signals)
 
 
 def build_network(
@@ -219,7 +218,7 @@ def build_network(
     way = net.way(corridor.main_edges)
     road = EgoRoad.of_way(net, way, EGO_START_M)
     signals = tuple(
-        CyclicSignal(line_m, CYCLE_S, opens_s, MAIN_OPEN_S)
+        Signal.cyclic(line_m, CYCLE_S, opens_s, MAIN_OPEN_S)
         for line_m, opens_s in zip(road.stop_lines_m, opens_at_s, strict=True)
     )
     programs = folder / "signals.add.xml"

@@ -45,7 +45,7 @@ from iptm_traffic import cli
 from iptm_traffic.closed_loop import DRIVER_FORESIGHT_S
 from iptm_traffic.drive import PredictionInput, TrafficDrive, opened_traffic
 from iptm_traffic.ego_road import EgoRoad
-from iptm_traffic.network import Network
+from iptm_traffic.network import CYCLE_S, MAIN_OPEN_S, Network
 from iptm_traffic.radio import TrafficRadio
 from iptm_traffic.roadside import LIMITS_WITHOUT_SIGNS
 from iptm_traffic.simulation import EgoInstant, TrafficSimulation
@@ -161,7 +161,7 @@ def bridge_parameters(drive: TrafficDrive, network: Network, port: int) -> dict[
             for start_m, limit in zip(limits.starts_m, limits.limits_m_s, strict=True)
         ),
         "signals": ", ".join(
-            f"{line.stop_line_m:.17g}:{line.cycle_s:g}:{line.opens_at_s:g}:{line.open_for_s:g}"
+            f"{line.stop_line_m:.17g}:{CYCLE_S:g}:{line.begins_at_s:g}:{MAIN_OPEN_S:g}"
             for line in network.signals
         ),
     }

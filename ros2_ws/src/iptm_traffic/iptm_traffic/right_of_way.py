@@ -19,9 +19,8 @@ from iptm_core.road_ahead import HARDEST_M_S2, START_M_S2, STRAIGHT_M_S, SpeedLi
 from iptm_core.settings import VEHICLE_LENGTH_M
 from iptm_traffic.simulation import TrafficSimulation
 from iptm_traffic.sumo_net import Junction, Link
-from iptm_v2x_bridge.prediction.road_rules import RoadRules
-from iptm_v2x_bridge.prediction.signals import Signal, SignalPlan, SwitchedSignal
-from iptm_v2x_bridge.roadside.phases import ALWAYS, Span, joined
+from iptm_v2x_bridge.prediction.road_rules import ALWAYS, RoadRules, Signal, Span
+from iptm_v2x_bridge.roadside.phases import joined
 from iptm_v2x_bridge.rules_of_the_road import PASS_MARGIN_S
 
 AHEAD_M = 200.0
@@ -90,9 +89,9 @@ class RightOfWay:
             junction = self._net.junctions[link.junction]
             self._lines.append(_Line(link, junction, line_m, min(exit_m, next_line_m)))
         end_m = max(road.length_m - END_M, road.stop_lines_m[-1] + 1.0)
-        self._end = SwitchedSignal(end_m, ALWAYS)
+        self._end = Signal(end_m, ALWAYS)
         limits = self._with_unknown_ends(network.limits)
-        self.ego, self.leader, self.shown = (RoadRules(limits, SignalPlan(())) for _ in range(3))
+        self.ego, self.leader, self.shown = (RoadRules(limits) for _ in range(3))
         self.refresh()
 
     def _with_unknown_ends(self, limits: SpeedLimits) -> SpeedLimits:
@@ -126,20 +125,18 @@ class RightOfWay:
         for line in ahead:
             spans, is_fixed = self._signal_spans(line.link, now_s)
             if is_fixed:
-                fixed.append(SwitchedSignal(line.position_m, joined(spans)))
+                fixed.append(Signal(line.position_m, joined(spans)))
             if line in near:
                 spans += self._conflict_spans(line, ways, now_s)
             if spans:
-                signals.append(SwitchedSignal(line.position_m, joined(spans)))
-        self.ego.plan = SignalPlan((*signals, self._end))
-        self.leader.plan = SignalPlan(tuple(fixed))
+                signals.append(Signal(line.position_m, joined(spans)))
+        self.ego.signals = (*signals, self._end)
+        self.leader.signals = tuple(fixed)
         lights = [line for line in near if line.link.signal]
         red = [self._letter(line.link.signal, line.link.signal_index) in _CLOSED for line in lights]
-        self.shown.plan = SignalPlan(
-            tuple(
-                SwitchedSignal(line.position_m, ALWAYS if is_red else ())
-                for line, is_red in zip(lights, red, strict=True)
-            )
+        self.shown.signals = tuple(
+            Signal(line.position_m, ALWAYS if is_red else ())
+            for line, is_red in zip(lights, red, strict=True)
         )
 
     def _letter(self, signal: str, index: int) -> str:

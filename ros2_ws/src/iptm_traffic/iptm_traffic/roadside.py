@@ -12,7 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from iptm_core.routes.road_line import RoadLine, step_deg, step_m
-from iptm_traffic.network import CLEARING_S, CROSS_STREET_M, LIMITS_KM_H, YELLOW_S, Network
+from iptm_traffic.network import (
+    CLEARING_S,
+    CROSS_STREET_M,
+    CYCLE_S,
+    LIMITS_KM_H,
+    MAIN_OPEN_S,
+    YELLOW_S,
+    Network,
+)
 from iptm_traffic.simulation import RADIO_RANGE_M
 from iptm_v2x_bridge.messages.its_time import minute_of_year, second_of_hour
 from iptm_v2x_bridge.messages.ivim import SpeedSigns, SpeedZone, encode_ivim
@@ -33,7 +41,7 @@ from iptm_v2x_bridge.messages.spatem import (
     SignalState,
     encode_spatem,
 )
-from iptm_v2x_bridge.prediction.signals import CyclicSignal
+from iptm_v2x_bridge.prediction.road_rules import Signal
 
 LIMITS_WITHOUT_SIGNS = f"0:{min(LIMITS_KM_H):g}"
 """Speed limit (km/h) assumed by an ego vehicle that knows only the kind of road."""
@@ -57,7 +65,7 @@ class _Station:
 
     number: int
     position_m: float
-    signal: CyclicSignal | None
+    signal: Signal | None
     maps: tuple[tuple[MessageKind, bytes], ...]
 
 
@@ -153,31 +161,29 @@ class RoadsideStations:
         return IntersectionMap(IntersectionId(0, number), 0, *origin, tuple(lanes))
 
 
-def _phases(number: int, signal: CyclicSignal, time_ms: int) -> SignalPhases:
+def _phases(number: int, signal: Signal, time_ms: int) -> SignalPhases:
     """Return the phases of an intersection from an instant (TimestampIts) on."""
-    main = signal.open_for_s
-    cross = signal.cycle_s - main - 2.0 * (YELLOW_S + CLEARING_S)
+    cross_s = CYCLE_S - MAIN_OPEN_S - 2.0 * (YELLOW_S + CLEARING_S)
+    opens_s = signal.begins_at_s
     groups = {
-        _MAIN_GROUP: (signal.opens_at_s, main),
-        _CROSS_GROUP: (signal.opens_at_s + main + YELLOW_S + CLEARING_S, cross),
+        _MAIN_GROUP: (opens_s, MAIN_OPEN_S),
+        _CROSS_GROUP: (opens_s + MAIN_OPEN_S + YELLOW_S + CLEARING_S, cross_s),
     }
     phases = {
-        group: _phases_from(opens_s, open_for_s, signal.cycle_s, time_ms / 1000.0)
+        group: _phases_from(opens_s, open_for_s, time_ms / 1000.0)
         for group, (opens_s, open_for_s) in groups.items()
     }
     state = IntersectionPhases(IntersectionId(0, number), 0, *minute_of_year(time_ms), phases)
     return SignalPhases(_STATION_BASE + number, (state,))
 
 
-def _phases_from(
-    opens_s: float, open_for_s: float, cycle_s: float, now_s: float
-) -> tuple[Phase, ...]:
+def _phases_from(opens_s: float, open_for_s: float, now_s: float) -> tuple[Phase, ...]:
     durations = (
         (SignalState.GREEN, open_for_s),
         (SignalState.YELLOW, YELLOW_S),
-        (SignalState.RED, cycle_s - open_for_s - YELLOW_S),
+        (SignalState.RED, CYCLE_S - open_for_s - YELLOW_S),
     )
-    begins = now_s - (now_s - opens_s) % cycle_s
+    begins = now_s - (now_s - opens_s) % CYCLE_S
     found: list[Phase] = []
     while len(found) < SENT_PHASES:
         for state, duration_s in durations:

@@ -73,7 +73,7 @@ class LineWatch:
 
     def watch(self, before: EgoMotion, after: EgoMotion) -> None:
         """Examine one interval of the ego vehicle."""
-        signal = self._rules.plan.next_after(before.position_m)
+        signal = self._rules.next_after(before.position_m)
         if signal is None or after.position_m <= signal.stop_line_m:
             return
         # The instant at constant acceleration; an ego that halts inside the interval was there earlier.

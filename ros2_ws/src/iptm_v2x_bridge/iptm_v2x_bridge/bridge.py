@@ -184,7 +184,6 @@ def single_sample(leader: LeaderState | None) -> LeaderPreview:
     if leader is None:
         return LeaderPreview.empty()
     return LeaderPreview(
-        leader.time_s,
         np.array([leader.time_s]),
         np.array([leader.position_m]),
         np.array([leader.speed_m_s]),
@@ -204,7 +203,6 @@ class CycleSource:
     def predict(self, times_s: FloatArray) -> LeaderPreview:
         """Return what the leader is going to do, without any error; see `PreviewSource`."""
         return LeaderPreview(
-            generated_at_s=float(times_s[0]),
             times_s=times_s,
             positions_m=self.route.leader.positions_at(times_s),
             speeds_m_s=self.route.leader.speeds_at(times_s),

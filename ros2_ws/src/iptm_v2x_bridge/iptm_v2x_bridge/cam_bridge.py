@@ -21,16 +21,15 @@ from iptm_v2x_bridge.bridge import BridgeAnswer, preview_times_s
 from iptm_v2x_bridge.messages.cam import decode_cam
 from iptm_v2x_bridge.messages.packets import MessageKind, open_datagram
 from iptm_v2x_bridge.messages.signatures import Verifier
-from iptm_v2x_bridge.prediction.assumed_braking import AssumedBraking
-from iptm_v2x_bridge.prediction.history import History
-from iptm_v2x_bridge.prediction.knowledge import knowledge_of
+from iptm_v2x_bridge.prediction.extrapolation import AssumedBraking, History
 from iptm_v2x_bridge.prediction.predictor import (
     Knowledge,
-    Prediction,
     Predictor,
+    PredictorName,
+    ReceivedPath,
     joined_motion,
+    knowledge_of,
 )
-from iptm_v2x_bridge.prediction.received_path import ReceivedPath
 from iptm_v2x_bridge.rejections import Rejection, RejectionCounts
 from iptm_v2x_bridge.roadside.rules import HeardRules
 from iptm_v2x_bridge.roadside.table import ROADSIDE_KINDS
@@ -194,17 +193,17 @@ class CamBridge:
         # Once a second since then, so that the farthest place reached meanwhile is not forgotten.
         since = np.arange(generated_ns, max(time_ns, generated_ns + 1), NS_PER_S) / NS_PER_S
         nodes = np.union1d(since, preview_times_s(self._settings, time_ns))
-        predictions = [
-            self._predict(station, nodes, now_s, contested=contested) for station in stations
-        ]
-        positions, speeds, bounds = joined_motion(predictions)
-        times = nodes[: positions.size]
-        here = int(np.searchsorted(times, now_s - 1e-9))
-        # A motion that is certain is sent without bounds.
-        certain = not bounds.any()
-        preview = LeaderPreview(
-            float(times[0]), times, positions, speeds, np.empty(0) if certain else bounds
+        predictors, predictions = zip(
+            *(self._predict(station, nodes, now_s, contested=contested) for station in stations),
+            strict=True,
         )
+        joined = joined_motion(predictions)
+        preview = replace(joined, times_s=nodes[: joined.times_s.size])
+        here = int(np.searchsorted(preview.times_s, now_s - 1e-9))
+        bound_m = float(predictions[0].bounds_m[0] + preview.bounds_m[here])
+        if not preview.bounds_m.any():
+            # A motion that is certain is sent without bounds.
+            preview = replace(preview, bounds_m=np.empty(0))
         cautious = preview.cautious()
         state = LeaderState(
             now_s, float(cautious.positions_m[here]), float(cautious.speeds_m_s[here])
@@ -216,8 +215,8 @@ class CamBridge:
             state,
             preview,
             lost=False,
-            predictor=str(predictions[0].predictor),
-            leader_bound_m=float(predictions[0].bounds_m[0] + bounds[here]),
+            predictor=str(predictors[0]),
+            leader_bound_m=bound_m,
             contested=contested,
         )
 
@@ -234,13 +233,16 @@ class CamBridge:
 
     def _predict(
         self, station: Station, nodes: FloatArray, now_s: float, *, contested: bool
-    ) -> Prediction:
-        """Return the first prediction that reaches the present; of a silent leader, the worst."""
+    ) -> tuple[PredictorName, LeaderPreview]:
+        """Return the first prediction (in s of TimestampIts) that reaches the present, and its predictor.
+
+        Of a silent leader, the worst case.
+        """
         times = nodes + self._start_ms / 1000.0
         now = now_s + self._start_ms / 1000.0
         known = knowledge_of(station, self._road, now)
         if round(1000.0 * now) - station.heard_ms > SILENT_MS:
-            return AssumedBraking().predict(known, times)
+            return AssumedBraking.name, AssumedBraking().predict(known, times)
         if contested:
             known = replace(known, path=None)  # its sender is ambiguous
         for predictor in self._predictors:
@@ -248,8 +250,8 @@ class CamBridge:
             if prediction is None or not prediction.times_s.size:
                 continue
             if prediction.times_s[-1] >= now - 1e-6:
-                return prediction
-        return History().predict(known, times)
+                return predictor.name, prediction
+        return History.name, History().predict(known, times)
 
     @property
     def leader_id(self) -> int | None:

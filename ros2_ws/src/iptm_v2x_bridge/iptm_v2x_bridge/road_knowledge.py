@@ -15,14 +15,11 @@ from iptm_core.routes.road_line import RoadLine
 from iptm_core.settings import LeaderSource, PreviewSettings
 from iptm_v2x_bridge.bridge import CycleSource, EmptyRoad, PreviewSource, TickBridge, V2xBridge
 from iptm_v2x_bridge.messages.pycrate_codec import specification
-from iptm_v2x_bridge.prediction.history import History
+from iptm_v2x_bridge.prediction.extrapolation import History
 from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
-from iptm_v2x_bridge.prediction.predictor import Predictor
-from iptm_v2x_bridge.prediction.received_path import ReceivedPath
+from iptm_v2x_bridge.prediction.predictor import Predictor, ReceivedPath
 from iptm_v2x_bridge.prediction.regression import Regression, RegressionModel
-from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules
-from iptm_v2x_bridge.prediction.signals import CyclicSignal, SignalPlan
-from iptm_v2x_bridge.prediction.speed_limits import NO_LIMITS
+from iptm_v2x_bridge.prediction.road_rules import NO_LIMITS, BoundedByRules, RoadRules, Signal
 from iptm_v2x_bridge.roadside.rules import HeardRules
 from iptm_v2x_bridge.roadside.table import RoadsideTable
 from iptm_v2x_bridge.rules_of_the_road import RulesOfTheRoad
@@ -189,7 +186,7 @@ def read_limits(text: str) -> SpeedLimits:
         ) from reason
 
 
-def read_signals(text: str) -> SignalPlan:
+def read_signals(text: str) -> tuple[Signal, ...]:
     """Return the signals that a text such as `1100:80:12.5:42` states, none for an empty one.
 
     Raises:
@@ -197,7 +194,9 @@ def read_signals(text: str) -> SignalPlan:
     """
     entries = [entry.split(":") for entry in text.split(",") if entry.strip()]
     try:
-        return SignalPlan(tuple(CyclicSignal(*map(float, parts)) for parts in entries))
+        return RoadRules(
+            None, tuple(Signal.cyclic(*map(float, parts)) for parts in entries)
+        ).signals
     except (ValueError, TypeError, RouteError) as reason:
         raise ParameterError(
             f"signals is {text!r}: {reason}; allowed: <metre of the stop line>:<cycle in s>:<turns green at "

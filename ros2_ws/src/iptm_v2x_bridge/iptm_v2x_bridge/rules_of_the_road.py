@@ -17,9 +17,7 @@ from iptm_core.road_ahead import HARDEST_M_S2, Drive, RoadAhead, SpeedLimits, St
 from iptm_core.settings import PreviewSettings
 from iptm_core.state import NS_PER_S, FloatArray
 from iptm_v2x_bridge.bridge import BridgeAnswer, TickBridge
-from iptm_v2x_bridge.prediction.road_rules import RoadRules
-from iptm_v2x_bridge.prediction.signals import Signal
-from iptm_v2x_bridge.prediction.speed_limits import NO_LIMITS
+from iptm_v2x_bridge.prediction.road_rules import NO_LIMITS, RoadRules, Signal
 
 PASS_MARGIN_S = 3.0
 """The ego vehicle counts on passing a line only if it arrives this much earlier than it closes."""
@@ -135,7 +133,7 @@ class RulesOfTheRoad:
         )
         held = {signal.stop_line_m for signal, _ in holds}
         reached_m = float(drive.positions_m[-1])
-        signal = self._rules.plan.next_after(position)
+        signal = self._rules.next_after(position)
         while signal is not None and signal.stop_line_m < reached_m:
             line_m = signal.stop_line_m
             after = int(np.searchsorted(drive.positions_m, line_m, side="right"))
@@ -150,7 +148,7 @@ class RulesOfTheRoad:
                 if not is_too_late or holds or line_m == self._holding_m:
                     opens = signal.closed_until_s(signal.open_until_s(self._early(time_s, now_s)))
                     return signal, float(opens + EARLY_S - self._start_s)
-            signal = self._rules.plan.next_after(line_m)
+            signal = self._rules.next_after(line_m)
         return None
 
     def _early(self, time_s: float, now_s: float) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 
 from iptm_core.state import NS_PER_S, FloatArray, LeaderPreview, LeaderState
 from iptm_v2x_bridge.bridge import single_sample
-from iptm_v2x_bridge.prediction.assumed_braking import AssumedBraking
+from iptm_v2x_bridge.prediction.extrapolation import AssumedBraking
 from iptm_v2x_bridge.prediction.predictor import Knowledge
 from iptm_v2x_bridge.stations.station import Observation
 
@@ -59,7 +59,7 @@ class VehicleAhead:
         # Round-off may let a plan roll backwards at a standstill; a prediction must not.
         positions = np.maximum.accumulate(front_positions_m - self._length_m)
         speeds = np.maximum(speeds_m_s, 0.0)
-        self._plans[stamp_ns] = LeaderPreview(stamp_ns / NS_PER_S, times_s, positions, speeds)
+        self._plans[stamp_ns] = LeaderPreview(times_s, positions, speeds)
         self._forget(self._plans)
 
     def _forget(self, entries: dict[int, T]) -> None:
@@ -110,7 +110,6 @@ class VehicleAhead:
             return self._braking(times_s)
         count = int(np.searchsorted(plan.times_s, times_s[-1], side="right"))
         return LeaderPreview(
-            plan.generated_at_s,
             plan.times_s[:count],
             plan.positions_m[:count],
             plan.speeds_m_s[:count],
@@ -119,7 +118,5 @@ class VehicleAhead:
     def _braking(self, times_s: FloatArray) -> LeaderPreview:
         last = self._states[max(self._states)]
         observed = Observation(last.time_s, last.position_m, last.speed_m_s, None)
-        motion = AssumedBraking().predict(Knowledge((observed,)), times_s)
-        return LeaderPreview(
-            float(times_s[0]), motion.times_s, motion.positions_m, motion.speeds_m_s
-        )
+        # Without its bounds, which are 0.
+        return AssumedBraking().predict(Knowledge((observed,)), times_s).cautious()

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iptm_controller.leader_motion import PredictedLeaderMotion
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import GlobalIndex, SampleIndex, StateIndex, StepIndex
@@ -16,7 +15,7 @@ from iptm_controller.strategy import Strategy
 from iptm_controller.temperature_value import NO_VALUE, TemperatureValue
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.car_following import minimum_gap_m
-from iptm_core.state import FloatArray, SlopePreview, VehicleState
+from iptm_core.state import FloatArray, LeaderPreview, SlopePreview, VehicleState
 
 REFERENCE_WINDOW_S = 2.0
 LONGEST_ACCELERATION_CHANGE_S = 1.0
@@ -77,14 +76,14 @@ class ProblemDataBuilder:
     def build(
         self,
         state: VehicleState,
-        leader: PredictedLeaderMotion,
+        leader: LeaderPreview,
         slope: SlopePreview,
         expected_positions_m: FloatArray,
         known_s: float = math.inf,
         value: TemperatureValue = NO_VALUE,
         thermal_samples: FloatArray | None = None,
         expected_speeds_m_s: FloatArray | None = None,
-        limiting: PredictedLeaderMotion | None = None,
+        limiting: LeaderPreview | None = None,
         speed_limits_m_s: FloatArray | None = None,
     ) -> ProblemData:
         """Assemble the problem of one tick.
@@ -156,7 +155,7 @@ class ProblemDataBuilder:
     def _watch_inside(
         self,
         steps: FloatArray,
-        leader: PredictedLeaderMotion,
+        leader: LeaderPreview,
         ends_s: FloatArray,
         origin_m: float,
         speeds_m_s: FloatArray,

@@ -17,15 +17,16 @@ from iptm_interfaces.codecs.datagram import decode_raw_datagram, encode_raw_data
 from iptm_interfaces.codecs.plan import PlanTrajectory, decode_plan, encode_plan, encode_plan_bytes
 from iptm_interfaces.codecs.preview import (
     decode_leader_preview,
-    decode_slope,
-    encode_leader_preview,
-    encode_slope,
-)
-from iptm_interfaces.codecs.preview_wire import (
     decode_leader_preview_bytes,
     encode_leader_preview_bytes,
 )
-from iptm_interfaces.codecs.road import decode_road_ahead, encode_road_ahead, has_leader
+from iptm_interfaces.codecs.road import (
+    decode_road_ahead,
+    decode_slope,
+    encode_road_ahead,
+    encode_slope,
+    has_leader,
+)
 from iptm_interfaces.codecs.time import (
     ns_from_s,
     ns_from_time,
@@ -71,7 +72,6 @@ __all__ = [
     "encode_decision_record",
     "encode_ego_odometry",
     "encode_leader",
-    "encode_leader_preview",
     "encode_leader_preview_bytes",
     "encode_plan",
     "encode_plan_bytes",

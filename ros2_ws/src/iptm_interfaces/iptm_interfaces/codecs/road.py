@@ -1,4 +1,7 @@
-"""The road ahead as a message: bounds by kind and place, each with its speed and the end of its validity."""
+"""The road as messages: its slope over position, and ahead the bounds by kind and place.
+
+Each bound has its speed and the end of its validity.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +11,14 @@ import numpy as np
 
 from iptm_core.errors import RouteError
 from iptm_core.road_ahead import RoadAhead, SpeedLimits, Stop
-from iptm_interfaces.codecs._checks import reject
+from iptm_core.state import SlopePreview
+from iptm_interfaces.codecs._checks import all_finite, increasing, reject
 from iptm_interfaces.codecs.time import ns_from_time, time_from_ns
-from iptm_interfaces.message_types import JointState
+from iptm_interfaces.message_types import Float64MultiArray, JointState, MultiArrayDimension
 from iptm_interfaces.topics import ROAD_FRAME, TOPICS, Topic
 
 LEAD_VEHICLE, SPEED_LIMIT, STOP = TOPICS[Topic.ROAD_AHEAD].fields
+_SLOPE_LABEL = ", ".join(TOPICS[Topic.SLOPE].fields)
 _NOTHING_KNOWN = RoadAhead(has_leader=False)
 
 
@@ -84,3 +89,38 @@ def decode_road_ahead(message: JointState) -> tuple[int, RoadAhead]:
 def has_leader(data: bytes) -> bool:
     """Return whether a serialised road ahead states a lead vehicle, without decoding it."""
     return LEAD_VEHICLE.encode() in data
+
+
+def encode_slope(slope: SlopePreview) -> Float64MultiArray:
+    """Return the slope over position as a 2 x N array: positions (m), then slopes (rad)."""
+    count = int(slope.positions_m.size)
+    message = Float64MultiArray()
+    message.layout.dim = [
+        MultiArrayDimension(label=_SLOPE_LABEL, size=2, stride=2 * count),
+        MultiArrayDimension(label="node", size=count, stride=count),
+    ]
+    message.data = np.concatenate((slope.positions_m, slope.slopes_rad)).tolist()
+    return message
+
+
+def decode_slope(message: Float64MultiArray) -> SlopePreview:
+    """Return the slope over position.
+
+    Raises:
+        MessageError: the layout is not 2 x N, N is 0, a value is not finite, the
+            positions do not increase, or a slope is as steep as a wall.
+    """
+    topic = Topic.SLOPE
+    sizes = [int(dimension.size) for dimension in message.layout.dim]
+    if len(sizes) != 2 or sizes[0] != 2 or sizes[1] < 1:
+        reject(topic, f"layout is {sizes}; allowed: [2, N] with N at least 1")
+    if message.layout.data_offset != 0 or len(message.data) != 2 * sizes[1]:
+        reject(topic, f"{len(message.data)} values; allowed: {2 * sizes[1]} without offset")
+    values = np.array(message.data, dtype=np.float64)
+    positions_m, slopes_rad = values[: sizes[1]], values[sizes[1] :]
+    all_finite(topic, "positions", positions_m)
+    all_finite(topic, "slopes", slopes_rad)
+    increasing(topic, "positions", positions_m)
+    if float(np.abs(slopes_rad).max()) >= math.pi / 2.0:
+        reject(topic, f"slope is {np.abs(slopes_rad).max()} rad; allowed: below pi/2")
+    return SlopePreview(positions_m, slopes_rad)

@@ -89,7 +89,7 @@ def _drive_one(
     def sensor(state: VehicleState) -> LeaderPreview:
         position_m, speed_m_s = lead(state.time_s)
         now = (np.array([value]) for value in (state.time_s, position_m, speed_m_s))
-        return LeaderPreview(state.time_s, *now)
+        return LeaderPreview(*now)
 
     plant.watch(sensor)
     state = state_at(drive, row)

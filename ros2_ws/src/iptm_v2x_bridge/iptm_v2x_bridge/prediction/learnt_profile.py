@@ -7,12 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from iptm_core.errors import RouteError
-from iptm_core.state import FloatArray
-from iptm_v2x_bridge.prediction.history import DECAY_S, present_acceleration_m_s2
+from iptm_core.state import FloatArray, LeaderPreview
+from iptm_v2x_bridge.prediction.extrapolation import DECAY_S, present_acceleration_m_s2
 from iptm_v2x_bridge.prediction.predictor import (
     ErrorGrowth,
     Knowledge,
-    Prediction,
     PredictorName,
 )
 from iptm_v2x_bridge.stations.station import CREEP_M_S
@@ -30,6 +29,8 @@ _STEP_S = 0.25
 
 class LearntProfile:
     """Predicts from the usual speed along the road and the usual standing time at each place."""
+
+    name = PredictorName.LEARNT_PROFILE
 
     def __init__(self, drives: Sequence[tuple[FloatArray, FloatArray]]) -> None:
         """Learn from drives.
@@ -68,7 +69,7 @@ class LearntProfile:
         stands = np.bincount(cells, minlength=self._grid.size).astype(np.float64)
         return pace, stands
 
-    def predict(self, known: Knowledge, times_s: FloatArray) -> Prediction | None:
+    def predict(self, known: Knowledge, times_s: FloatArray) -> LeaderPreview | None:
         """Return the motion; None off the part of the road that was learnt."""
         last = known.last
         if not self._grid[0] - SPACING_M <= last.position_m <= self._grid[-1]:
@@ -96,8 +97,7 @@ class LearntProfile:
             positions.append(position)
             speeds.append(speed)
         reached = last.time_s + _STEP_S * np.arange(count + 1)
-        return Prediction(
-            PredictorName.LEARNT_PROFILE,
+        return LeaderPreview(
             times_s,
             np.interp(times_s, reached, positions),
             np.interp(times_s, reached, speeds),

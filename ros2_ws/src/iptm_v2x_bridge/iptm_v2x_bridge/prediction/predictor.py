@@ -1,17 +1,19 @@
-"""Common interface of the predictors: input, prediction, and its bounds."""
+"""What a predictor gets and returns, and the predictor of a leader that sends its path."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from iptm_core.declaration import TextEnum
-from iptm_core.state import FloatArray
+from iptm_core.routes.road_line import NEAR_M, RoadLine
+from iptm_core.state import FloatArray, LeaderPreview
 from iptm_v2x_bridge.messages.cam import ASSUMED_LENGTH_M
-from iptm_v2x_bridge.stations.station import Observation
+from iptm_v2x_bridge.stations.station import Observation, Station
 
 
 class PredictorName(TextEnum):
@@ -26,33 +28,21 @@ class PredictorName(TextEnum):
     ASSUMED_BRAKING = "assumed_braking"
 
 
-@dataclass(frozen=True, eq=False)
-class RoadPath:
-    """The newest predicted path, seen from the road.
-
-    Attributes:
-        times_s: times, shape (n,), n >= 2, increasing, in the time of the observations; the first one is when
-            the path was sent.
-        positions_m: rear end along the road, shape (n,).
-    """
-
-    times_s: FloatArray
-    positions_m: FloatArray
-
-
 @dataclass(frozen=True)
 class Knowledge:
     """Input of a predictor: messages of the leader.
 
     Attributes:
         observations: oldest first, at least one.
-        path: announced path, None without one.
+        path: newest path that it has announced: times, shape (n,), n >= 2, increasing, in the time of the
+            observations, the first one that of its message; and positions of its rear end along the road.
+            None without one.
         length_m: from its rear end to its front.
         stood_s: for how long it has stood, as far as received.
     """
 
     observations: Sequence[Observation]
-    path: RoadPath | None = None
+    path: tuple[FloatArray, FloatArray] | None = None
     length_m: float = ASSUMED_LENGTH_M
     stood_s: float = 0.0
 
@@ -60,36 +50,6 @@ class Knowledge:
     def last(self) -> Observation:
         """The newest observation."""
         return self.observations[-1]
-
-
-@dataclass(frozen=True, eq=False)
-class Prediction:
-    """Motion of the leader as far as the predictor reaches.
-
-    Attributes:
-        predictor: the predictor.
-        times_s: times asked for and answered, shape (n,), increasing.
-        positions_m: rear end along the road, shape (n,), never decreasing.
-        speeds_m_s: speeds, shape (n,), never negative.
-        bounds_m: 99 % bound of how far the leader is behind these positions, shape (n,).
-        speed_bounds_m_s: 99 % bound of how much slower it is where the positions are known better than the
-            speeds, shape (n,); empty if implied by the growth of the other bound.
-    """
-
-    predictor: PredictorName
-    times_s: FloatArray
-    positions_m: FloatArray
-    speeds_m_s: FloatArray
-    bounds_m: FloatArray
-    speed_bounds_m_s: FloatArray = field(default_factory=lambda: np.empty(0))
-
-    @property
-    def lowest_speeds_m_s(self) -> FloatArray:
-        """Speeds less their own bounds, shape (n,)."""
-        if not self.speed_bounds_m_s.size:
-            return self.speeds_m_s
-        lowest: FloatArray = np.maximum(self.speeds_m_s - self.speed_bounds_m_s, 0.0)
-        return lowest
 
 
 @dataclass(frozen=True)
@@ -117,17 +77,20 @@ class ErrorGrowth:
 class Predictor(Protocol):
     """Predicts the motion of the leader from its messages."""
 
-    def predict(self, known: Knowledge, times_s: FloatArray) -> Prediction | None:
+    @property
+    def name(self) -> PredictorName:
+        """Name on diagnostics."""
+        ...
+
+    def predict(self, known: Knowledge, times_s: FloatArray) -> LeaderPreview | None:
         """Return the motion at increasing times from the last observation on, None without a prediction.
 
-        The prediction may end before the last of the times.
+        Its bounds include the error of the present position. It may end before the last of the times.
         """
         ...
 
 
-def joined_motion(
-    predictions: Sequence[Prediction],
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def joined_motion(predictions: Sequence[LeaderPreview]) -> LeaderPreview:
     """Return the expected motion, and how far the leader may be behind it under all predictions.
 
     The initial uncertainty of the position is constant: it moves the whole motion nearer and is not part of
@@ -139,7 +102,7 @@ def joined_motion(
         predictions: at least one, beginning at the same time with the same nodes.
 
     Returns:
-        Positions, speeds and bounds up to the end of the shortest prediction, shape (n,) each.
+        The motion up to the end of the shortest prediction.
     """
     count = min(prediction.times_s.size for prediction in predictions)
     # Between the present and an observation by a clock that is ahead, a path may roll backwards.
@@ -148,4 +111,173 @@ def joined_motion(
     )
     nearest = np.min([(each.positions_m - each.bounds_m)[:count] for each in predictions], axis=0)
     speeds = np.min([each.lowest_speeds_m_s[:count] for each in predictions], axis=0)
-    return positions, speeds, np.maximum(positions - nearest, 0.0)
+    bounds = np.maximum(positions - nearest, 0.0)
+    return LeaderPreview(predictions[0].times_s[:count], positions, speeds, bounds)
+
+
+MAX_PATH_AGE_MS = 10_000
+"""Age up to which the last received path is used, as not every message carries one and some are lost."""
+AROUND_M, AROUND_M_S = 200.0, 100.0
+"""How far from a point of a path the next one is looked for, and how much farther with the time between."""
+MAX_ASIDE_M = 10.0
+"""A predicted path that leaves the road by more than this ends there: the leader means to turn off."""
+
+
+def knowledge_of(station: Station, road: RoadLine, until_s: float = math.inf) -> Knowledge:
+    """Return the observations of a station, and its predicted path as far as it stays on the road.
+
+    Args:
+        station: the station.
+        road: the road of the ego vehicle.
+        until_s: s of TimestampIts; what was observed later is left out where there is anything before.
+    """
+    length_m = station.message.front_to_rear_m
+    stood_s = station.last.time_s - station.moved_s
+    observations = tuple(station.observations)
+    by_then = tuple(each for each in observations if each.time_s <= until_s)
+    return Knowledge(by_then or observations[:1], _road_path(station, road), length_m, stood_s)
+
+
+def _road_path(station: Station, road: RoadLine) -> tuple[FloatArray, FloatArray] | None:
+    if station.path is None or station.generated_ms - station.path[0] > MAX_PATH_AGE_MS:
+        return None
+    generated_ms, path, rear_m = station.path
+    length_m = station.message.front_to_rear_m
+    times, places = [generated_ms / 1000.0], [rear_m]
+    near_m = rear_m + length_m
+    points = zip(
+        path.times_s.tolist(),
+        path.latitudes_deg.tolist(),
+        path.longitudes_deg.tolist(),
+        strict=True,
+    )
+    for time_s, latitude, longitude in points:
+        # Most of the time goes into the road that is looked at; no leader gets farther between two points.
+        elapsed_s = generated_ms / 1000.0 + time_s - times[-1]
+        around_m = min(AROUND_M + AROUND_M_S * elapsed_s, NEAR_M)
+        fix = road.project(latitude, longitude, near_m, around_m)
+        if abs(fix.lateral_m) > MAX_ASIDE_M:
+            break
+        near_m = fix.position_m
+        times.append(generated_ms / 1000.0 + time_s)
+        places.append(near_m - length_m)
+    return (np.array(times), np.array(places)) if len(times) > 1 else None
+
+
+RESOLUTION_M = 0.02
+"""Resolution of the points on the wire (m), and of the speed (m/s)."""
+CHANGE_SHARE = 0.25
+"""Error of the speed at a point per change of the acceleration from the points before and to those behind it,
+and time between them. A kink of the acceleration at the point alone makes 1 / (4 sqrt 3) = 0.144."""
+UNSEEN_JERK_M_S3 = 1.0
+"""Changes of the acceleration between two points that do not show at them."""
+MAX_SPEED_M_S = 70.0
+MAX_DEVIATION_M = 1.0
+"""Deviation from its path beyond which the leader is considered to have left it."""
+MIN_AHEAD_S = 0.05
+BACKWARD_TOLERANCE_M = 0.5
+
+
+class ReceivedPath:
+    """Follows the path prediction of the leader's newest message.
+
+    Positions are sent at the points only. Speeds, and positions between the points, follow from the cubic
+    spline through them; what the leader may do otherwise is bounded by how its acceleration changes from
+    point to point.
+    """
+
+    name = PredictorName.RECEIVED_PATH
+
+    def predict(self, known: Knowledge, times_s: FloatArray) -> LeaderPreview | None:
+        """Return the motion up to the last point of the path; None without a plausible one."""
+        last = known.last
+        if known.path is None:
+            return None
+        path_times, path_places = known.path
+        ahead = path_times > last.time_s + MIN_AHEAD_S
+        announced_m = float(np.interp(last.time_s, path_times, path_places))
+        if not ahead.any() or abs(announced_m - last.position_m) > MAX_DEVIATION_M:
+            return None
+        nodes = np.concatenate([[last.time_s], path_times[ahead]])
+        places = np.concatenate([[last.position_m], path_places[ahead]])
+        steps = np.diff(places)
+        if steps.min() < -BACKWARD_TOLERANCE_M:
+            return None
+        if np.any(steps > MAX_SPEED_M_S * np.diff(nodes) + BACKWARD_TOLERANCE_M):
+            return None
+        places = np.maximum.accumulate(places)
+        times = times_s[times_s <= nodes[-1] + 1e-9]
+        positions, speeds = monotone_spline(nodes, places, last.speed_m_s, times)
+        late_m, slow_m_s = between_points(nodes, places, last.speed_m_s, times)
+        return LeaderPreview(
+            times,
+            positions,
+            speeds,
+            np.maximum.accumulate(late_m) + RESOLUTION_M + last.bound_m,
+            slow_m_s,
+        )
+
+
+def between_points(
+    nodes: FloatArray, values: FloatArray, first_slope: float, at: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return 99 % bounds of position (m) and speed (m/s) that points leave open, shape of the times each.
+
+    Args:
+        nodes: times of the points, s, shape (n,), increasing, n >= 2.
+        values: positions of the points, m, shape (n,), never decreasing.
+        first_slope: speed at the first point, m/s.
+        at: times, s, shape (m,), inside the nodes.
+    """
+    widths = np.diff(nodes)
+    secants = np.diff(values) / widths
+    middles = np.concatenate([nodes[:1], 0.5 * (nodes[1:] + nodes[:-1])])
+    accelerations = np.diff(np.concatenate([[first_slope], secants])) / np.diff(middles)
+    changes = np.abs(np.diff(accelerations, append=accelerations[-1:]))
+    around = np.concatenate([changes[:1], changes]) + np.concatenate([changes, [0.0]])
+    longest = np.maximum(np.concatenate([widths[:1], widths]), np.concatenate([widths, [0.0]]))
+    slow = CHANGE_SHARE * longest * around + UNSEEN_JERK_M_S3 * longest**2 / 12.0 + RESOLUTION_M
+    slow[0] = 0.0  # the first speed is sent
+    index = np.clip(np.searchsorted(nodes, at, side="right") - 1, 0, widths.size - 1)
+    share = (at - nodes[index]) / widths[index]
+    larger = np.maximum(slow[1:], slow[:-1])[index]
+    return larger * widths[index] * share * (1.0 - share), np.interp(at, nodes, slow)
+
+
+def monotone_spline(
+    nodes: FloatArray, values: FloatArray, first_slope: float, at: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Interpolate values that never decrease by a cubic spline that never does either.
+
+    Slopes are those of the spline with continuous curvature, reduced where it would overshoot (Fritsch and
+    Carlson, 1980).
+
+    Args:
+        nodes: abscissae, shape (n,), increasing, n >= 2.
+        values: ordinates, shape (n,), never decreasing.
+        first_slope: slope at the first node, reduced where it would overshoot.
+        at: where to evaluate, shape (m,), inside the nodes.
+
+    Returns:
+        Values and slopes, shape (m,) each.
+    """
+    widths = np.diff(nodes)
+    secants = np.diff(values) / widths
+    inverse = np.concatenate([1.0 / widths, [0.0]])
+    before = np.concatenate([[0.0], inverse[:-1]])
+    matrix = (
+        np.diag(2.0 * (before + inverse)) + np.diag(inverse[:-1], 1) + np.diag(inverse[:-1], -1)
+    )
+    right = 3.0 * np.concatenate([[0.0], secants * inverse[:-1]])
+    right[:-1] += 3.0 * secants * inverse[:-1]
+    matrix[0], right[0] = np.eye(nodes.size)[0], first_slope
+    slopes = np.maximum(np.linalg.solve(matrix, right), 0.0)
+    slopes[:-1] = np.minimum(slopes[:-1], 3.0 * secants)
+    slopes[1:] = np.minimum(slopes[1:], 3.0 * secants)
+    index = np.clip(np.searchsorted(nodes, at, side="right") - 1, 0, secants.size - 1)
+    width, share = widths[index], (at - nodes[index]) / widths[index]
+    secant, start, end = secants[index], slopes[index], slopes[index + 1]
+    square, cube = 3.0 * secant - 2.0 * start - end, start + end - 2.0 * secant
+    rise = share * (start + share * (square + share * cube))
+    slope = start + share * (2.0 * square + 3.0 * share * cube)
+    return values[index] + width * rise, np.maximum(slope, 0.0)

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from iptm_core.errors import RouteError
-from iptm_core.state import FloatArray
-from iptm_v2x_bridge.prediction.history import History
-from iptm_v2x_bridge.prediction.predictor import Knowledge, Prediction, PredictorName
+from iptm_core.state import FloatArray, LeaderPreview
+from iptm_v2x_bridge.prediction.extrapolation import History
+from iptm_v2x_bridge.prediction.predictor import Knowledge, PredictorName
 
 PAST_S = 10
 """Seconds of the past that count."""
@@ -184,10 +184,12 @@ def _tuples(value: Any) -> Any:
 class Regression:
     """Expects of the leader what others did after the same seconds."""
 
+    name = PredictorName.REGRESSION
+
     def __init__(self, model: RegressionModel) -> None:
         self._model = model
 
-    def predict(self, known: Knowledge, times_s: FloatArray) -> Prediction:
+    def predict(self, known: Knowledge, times_s: FloatArray) -> LeaderPreview:
         """Return the motion at all times asked for; behind the last lead time it keeps its speed."""
         last = known.last
         past = np.interp(
@@ -211,8 +213,7 @@ class Regression:
         lowest_m = decaying.positions_m - NEAR_FACTOR * (decaying.bounds_m - last.bound_m)
         behind = last.position_m + moved - lowest_m
         near = np.maximum.accumulate(np.where(elapsed <= NEAR_S, behind, 0.0))
-        return Prediction(
-            PredictorName.REGRESSION,
+        return LeaderPreview(
             times_s,
             last.position_m + moved,
             np.interp(inside, leads, speeds),

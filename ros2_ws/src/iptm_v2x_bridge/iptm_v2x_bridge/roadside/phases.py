@@ -13,10 +13,8 @@ from dataclasses import dataclass
 
 from iptm_v2x_bridge.messages.its_time import resolve_minute_ms, resolve_second_s
 from iptm_v2x_bridge.messages.spatem import IntersectionPhases, Phase
+from iptm_v2x_bridge.prediction.road_rules import Span
 
-Span = tuple[float, float]
-"""Beginning and end, s of TimestampIts, possibly infinite."""
-ALWAYS: tuple[Span, ...] = ((-math.inf, math.inf),)
 EARLY_OPENING_S = 1.0
 """Tolerance for a signal that opens before the earliest end of its closed phase (rounding, clock error)."""
 

@@ -13,7 +13,7 @@ from iptm_core.routes.road_line import RoadFix, RoadLine, step_deg, step_m
 from iptm_v2x_bridge.messages.ivim import SpeedSigns, SpeedZone, ZoneDirection
 from iptm_v2x_bridge.messages.mapem import IntersectionMap, Lane
 from iptm_v2x_bridge.messages.spatem import IntersectionId
-from iptm_v2x_bridge.prediction.speed_limits import NO_LIMITS
+from iptm_v2x_bridge.prediction.road_rules import NO_LIMITS
 from iptm_v2x_bridge.stations.station import LANE_HALF_WIDTH_M, MAX_HEADING_APART_DEG
 
 SAME_LINE_M = 10.0

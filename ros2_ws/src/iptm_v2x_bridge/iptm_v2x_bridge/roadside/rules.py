@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from iptm_v2x_bridge.messages.packets import OpenedDatagram
-from iptm_v2x_bridge.prediction.road_rules import RoadRules
-from iptm_v2x_bridge.prediction.signals import Signal, SignalPlan, SwitchedSignal
+from iptm_v2x_bridge.prediction.road_rules import ALWAYS, RoadRules, Signal
 from iptm_v2x_bridge.rejections import Rejection
 from iptm_v2x_bridge.roadside.phases import (
-    ALWAYS,
     TimedPhases,
     joined,
     likely_closed,
@@ -32,8 +30,8 @@ class HeardRules:
         """Set up the rules."""
         self.table, self._given = table, given or RoadRules()
         self._waiting = WaitingMessages(table.receive)
-        self.ego = RoadRules(self._given.limits, self._given.plan)
-        self.leader = RoadRules(self._given.limits, self._given.plan)
+        self.ego = RoadRules(self._given.limits, self._given.signals)
+        self.leader = RoadRules(self._given.limits, self._given.signals)
         self._known: dict[float, TimedPhases | None] = {}
         self._now_s = 0.0
 
@@ -62,7 +60,7 @@ class HeardRules:
         known = {line: table.phases_of(line, now_ms) for line in lines}
         given: list[Signal] = [
             signal
-            for signal in self._given.plan.signals
+            for signal in self._given.signals
             if all(abs(signal.stop_line_m - line.position_m) >= SAME_LINE_M for line in lines)
         ]
         cautious = [_signal(line, phases, surely=True) for line, phases in known.items()]
@@ -72,13 +70,13 @@ class HeardRules:
             if phases is not None
         ]
         self.ego.limits = self.leader.limits = limits
-        self.ego.plan = _plan([*given, *cautious])
-        self.leader.plan = _plan([*given, *likely])
+        self.ego.signals = _in_order([*given, *cautious])
+        self.leader.signals = _in_order([*given, *likely])
         self._known = {line.position_m: phases for line, phases in known.items()}
 
     def report(self) -> dict[str, object]:
         """Return numbers for the diagnostics: what is known from where, and what was left out."""
-        table, following = self.table, self.ego.plan.next_after(self.table.ego_position_m)
+        table, following = self.table, self.ego.next_after(self.table.ego_position_m)
         state = "none"
         if following is not None:
             state = "open" if following.is_open(self._now_s) else "closed"
@@ -102,16 +100,16 @@ class HeardRules:
         return values | {f"left_out_{part}": count for part, count in table.left_out.items()}
 
 
-def _signal(line: StopLine, phases: TimedPhases | None, *, surely: bool) -> SwitchedSignal:
+def _signal(line: StopLine, phases: TimedPhases | None, *, surely: bool) -> Signal:
     """Return a line that is open while all of its groups are."""
     if phases is None:
-        return SwitchedSignal(line.position_m, ALWAYS)
+        return Signal(line.position_m, ALWAYS)
     closed = surely_closed if surely else likely_closed
     spans = (span for group in line.groups for span in closed(phases.groups[group]))
-    return SwitchedSignal(line.position_m, joined(spans))
+    return Signal(line.position_m, joined(spans))
 
 
-def _plan(signals: list[Signal]) -> SignalPlan:
+def _in_order(signals: list[Signal]) -> tuple[Signal, ...]:
     """Return the signals in driving order; of two at one place, the first counts."""
     by_place = {signal.stop_line_m: signal for signal in reversed(signals)}
-    return SignalPlan(tuple(by_place[place] for place in sorted(by_place)))
+    return tuple(by_place[place] for place in sorted(by_place))

@@ -1,14 +1,13 @@
-"""Prediction from what the leader did: its acceleration dies away."""
+"""Predictions of a leader of whose future nothing is known: its acceleration dies away, or it brakes."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from iptm_core.state import FloatArray
+from iptm_core.state import FloatArray, LeaderPreview
 from iptm_v2x_bridge.prediction.predictor import (
     ErrorGrowth,
     Knowledge,
-    Prediction,
     PredictorName,
 )
 
@@ -24,7 +23,9 @@ GROWTH = ErrorGrowth(
 class History:
     """Lets the present acceleration decay; the leader never drives backwards."""
 
-    def predict(self, known: Knowledge, times_s: FloatArray) -> Prediction:
+    name = PredictorName.HISTORY
+
+    def predict(self, known: Knowledge, times_s: FloatArray) -> LeaderPreview:
         """Return the motion at all times asked for."""
         last = known.last
         elapsed = np.maximum(times_s - last.time_s, 0.0)
@@ -40,8 +41,7 @@ class History:
             way = last.speed_m_s * halt_s + acceleration * DECAY_S * (halt_s - DECAY_S * halted)
             moved = np.where(elapsed < halt_s, moved, max(way, 0.0))
             speeds = np.maximum(speeds, 0.0)
-        return Prediction(
-            PredictorName.HISTORY,
+        return LeaderPreview(
             times_s,
             last.position_m + np.maximum.accumulate(moved),
             speeds,
@@ -59,3 +59,26 @@ def present_acceleration_m_s2(known: Knowledge) -> float:
         if 0.0 < elapsed_s <= SLOPE_WINDOW_S + 1e-9:
             return (last.speed_m_s - earlier.speed_m_s) / elapsed_s
     return 0.0
+
+
+ASSUMED_BRAKING_M_S2 = 3.0
+"""Harder than drivers brake without an emergency. A harder braking leader is known once it is heard again."""
+
+
+class AssumedBraking:
+    """Lets a silent leader brake to a halt since its last message: the worst case, so its bounds are 0."""
+
+    name = PredictorName.ASSUMED_BRAKING
+
+    def predict(self, known: Knowledge, times_s: FloatArray) -> LeaderPreview:
+        """Return the motion at all times asked for."""
+        last = known.last
+        halt_s = last.speed_m_s / ASSUMED_BRAKING_M_S2
+        elapsed = np.clip(times_s - last.time_s, 0.0, halt_s)
+        moved = elapsed * (last.speed_m_s - 0.5 * ASSUMED_BRAKING_M_S2 * elapsed)
+        return LeaderPreview(
+            times_s,
+            last.position_m - last.bound_m + moved,
+            np.maximum(last.speed_m_s - ASSUMED_BRAKING_M_S2 * elapsed, 0.0),
+            np.zeros_like(times_s),
+        )
