@@ -21,8 +21,8 @@ from iptm_core.settings import LeaderSource
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
 from iptm_studies.run import perform_run
-from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.run_spec import RunSpec
+from iptm_studies.study import planned_run
 from iptm_v2x_bridge.road_knowledge import OF_THE_CYCLE, given_rules
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "empty-road.md"
@@ -73,7 +73,7 @@ def spec_of(road: str, strategy: str, duration_s: float | None = None) -> RunSpe
 
 def drive(road: str, strategy: str, duration_s: float | None = None) -> dict[str, Any]:
     """Drive a road and return the row of the table."""
-    inputs = resolve_inputs(spec_of(road, strategy, duration_s))
+    inputs = planned_run(spec_of(road, strategy, duration_s))
     run = perform_run(inputs)
     trip, rules = run.trajectory, given_rules(inputs.spec.road, inputs.route)
     if rules.limits is None or run.decisions is None:

@@ -40,7 +40,7 @@ from iptm_studies.life.trips import (
 from iptm_studies.life.usage import CLIMATES, USAGES, Climate
 from iptm_studies.life.year import year_of
 from iptm_studies.run import controller_options, perform_run
-from iptm_studies.run_inputs import resolve_inputs
+from iptm_studies.study import planned_run
 
 NONE, RULE, OWN = "no cooling", "25 degC before arrival", "own law"
 JULY, JANUARY = 6, 0
@@ -67,7 +67,7 @@ def use_of(law: str, climate: Climate, month: int) -> AgingSettings:
 def drive_under(law: str, climate: Climate, month: int, start_c: float, control: str) -> Trajectory:
     """Drive a trip of the default strategy under a law."""
     start = {"environment.initial_cell_temperature_k": start_c + CELSIUS_ZERO_K}
-    inputs = resolve_inputs(spec_of(CITY, overrides=start, **asdict(use_of(law, climate, month))))
+    inputs = planned_run(spec_of(CITY, overrides=start, **asdict(use_of(law, climate, month))))
     if control == OWN:
         return perform_run(inputs).trajectory
     parameters, end_s = inputs.parameters, inputs.route.duration_s

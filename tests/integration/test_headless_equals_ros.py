@@ -17,8 +17,8 @@ from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.trajectory_reader import read_decisions, read_trajectory
 from iptm_studies.run import perform_run
-from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.run_spec import PreviewSpec, RunSpec
+from iptm_studies.study import planned_run
 
 TICKS = 120
 RUN_TIMEOUT_S = 240.0
@@ -76,7 +76,7 @@ def test_headless_run_equals_the_run_over_ros(spec: RunSpec, launcher: Any, tmp_
     bag = tmp_path / "bag"
     arguments = (*options_of(spec), "--no-picture", "--output", bag)
     runner = launcher.start_module("iptm_bringup.run_closed_loop", *arguments)
-    headless = perform_run(resolve_inputs(spec))
+    headless = perform_run(planned_run(spec))
     assert runner.wait(RUN_TIMEOUT_S) == 0, runner.stdout + runner.stderr
 
     assert_same_trip(headless.trajectory, read_trajectory(bag))

@@ -11,9 +11,9 @@ import iptm
 from iptm.compare_cli import main
 from iptm_recording.trajectory_reader import read_decisions, read_trajectory
 from iptm_studies.run import perform_run
-from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.run_spec import RunSpec, SolverSpec
 from iptm_studies.store import ResultStore
+from iptm_studies.study import planned_run
 
 BAG = Path(__file__).resolve().parents[2] / "bags" / "example_us06_120s"
 
@@ -103,7 +103,7 @@ def test_a_stored_run_is_the_same_object(runs: list[iptm.Run], tmp_path: Path) -
     spec = RunSpec(
         cycle="us06", duration_s=5.0, horizon="2x1", solver=SolverSpec(compile_code=False)
     )
-    done = perform_run(resolve_inputs(spec))
+    done = perform_run(planned_run(spec))
     run = iptm.load(ResultStore(tmp_path).save(done))
     assert run.frame["position_m"].tolist() == done.trajectory.position_m.tolist()
     assert run.settings["horizon"] == "2x1"

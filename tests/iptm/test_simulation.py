@@ -15,8 +15,8 @@ from iptm_core.metrics import figure_values
 from iptm_core.routes import load_cycle
 from iptm_core.trajectory import TRAJECTORY_COLUMNS
 from iptm_studies.run import perform_run
-from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.run_spec import RunSpec
+from iptm_studies.study import planned_run
 
 SHORT: dict[str, Any] = {"duration_s": 30.0, "solver": {"compile_code": False}}
 
@@ -44,7 +44,7 @@ def test_a_simulation_is_the_run_of_a_study(run: iptm.Run) -> None:
     spec = RunSpec(
         cycle="us06", parameter_set="paper_calibrated", **{**SHORT, "solver": run_solver()}
     )
-    done = perform_run(resolve_inputs(spec))
+    done = perform_run(planned_run(spec))
     for name, values in done.trajectory.to_arrays().items():
         assert np.array_equal(values, run.trajectory.to_arrays()[name], equal_nan=True), name
 

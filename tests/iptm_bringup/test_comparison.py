@@ -16,8 +16,8 @@ from iptm_core.errors import ParameterError
 from iptm_core.metrics import FIGURES
 from iptm_core.trajectory import TRAJECTORY_COLUMNS
 from iptm_studies.run import perform_run
-from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.run_spec import RunSpec
+from iptm_studies.study import planned_run
 
 SCENARIO = Scenario(cycle="nycc", duration_s=60.0)
 
@@ -30,7 +30,7 @@ def comparison() -> Comparison:
 def test_it_is_the_run_that_a_study_makes(comparison: Comparison) -> None:
     """The same trip by another path: run specification, inputs, worker."""
     spec = RunSpec(cycle="nycc", duration_s=60.0)
-    from_study = perform_run(resolve_inputs(spec.with_strategy(STRATEGIES["reference"]))).metrics
+    from_study = perform_run(planned_run(spec.with_strategy(STRATEGIES["reference"]))).metrics
     for key in ("cooling_energy", "traction_energy", "cell_1_degradation", "smallest_gap"):
         figure = FIGURES[key]
         assert figure.compute(comparison.metrics) == figure.compute(from_study)

@@ -1,25 +1,26 @@
 """A store of made runs: a figure for everything, driven by no controller."""
 
+from typing import Any
+
 import numpy as np
 
 from iptm_core.decision_record import DECISION_COLUMNS, DecisionSeries
 from iptm_core.settings import ThermalModel
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
-from iptm_studies.campaign import Campaign, plan_campaign
+from iptm_reproduction.claims import Claim, make_claim
+from iptm_studies.campaign import Campaign, plan_campaign, survey
 from iptm_studies.channel_record import CellError, ChannelRecord, HottestCell
-from iptm_studies.execution import survey
-from iptm_studies.run import Run, RunRecord
-from iptm_studies.run_inputs import RunInputs
+from iptm_studies.run import Run
 from iptm_studies.run_spec import RunKind
 from iptm_studies.store import ResultStore
-from iptm_studies.study import ShortTrip
+from iptm_studies.study import Case
 from iptm_studies.study_loading import available_studies
 from iptm_studies.whole_trip import TemperatureCostates, WholeTripRecord, WholeTripSolve
 
-TRIP = ShortTrip(duration_s=200.0)
+TRIP_S = 200.0
 
 
-def made_trip(inputs: RunInputs, rng: np.random.Generator) -> Trajectory:
+def made_trip(inputs: Case, rng: np.random.Generator) -> Trajectory:
     """A trip behind the leader that no controller drove; the weights and the horizon shift its figures.
 
     Those of a whole trip as one problem are the best.
@@ -53,7 +54,7 @@ def made_trip(inputs: RunInputs, rng: np.random.Generator) -> Trajectory:
     )
 
 
-def made_run(inputs: RunInputs) -> Run:
+def made_run(inputs: Case) -> Run:
     rng = np.random.default_rng(int(inputs.key[:12], 16))
     whole = inputs.spec.kind is RunKind.WHOLE_TRIP
     times = np.arange(float(inputs.ticks))
@@ -77,14 +78,12 @@ def made_run(inputs: RunInputs) -> Run:
         trajectory=made_trip(inputs, rng),
         decisions=None if whole else DecisionSeries.from_arrays(columns),
         whole_trip=WholeTripRecord(True, solves, 0.0, 0.0, 0.0, costates) if whole else None,
-        record=RunRecord(
-            wall_time_s=2.5,
-            compiled=True,
-            finished_at_utc="2026-01-01T00:00:00+00:00",
-            git_revision="0123456789abcdef",
-            versions={"python": "3.11.0", "casadi": "3.7.0"},
-            fingerprint=inputs.fingerprint,
-        ),
+        wall_time_s=2.5,
+        compiled=True,
+        finished_at_utc="2026-01-01T00:00:00+00:00",
+        git_revision="0123456789abcdef",
+        versions={"python": "3.11.0", "casadi": "3.7.0"},
+        fingerprint=inputs.fingerprint,
         channel=made_channel(rng) if full_channel else None,
     )
 
@@ -113,7 +112,7 @@ def made_channel(rng: np.random.Generator) -> ChannelRecord:
 
 def filled(store: ResultStore, names: list[str]) -> None:
     """Store a made run for everything that the studies need."""
-    campaign = plan_campaign(names, TRIP)
+    campaign = plan_campaign(names, TRIP_S)
     while new := campaign.take():
         for inputs in new:
             run = made_run(inputs)
@@ -122,6 +121,13 @@ def filled(store: ResultStore, names: list[str]) -> None:
 
 
 def surveyed(store: ResultStore) -> Campaign:
-    campaign = plan_campaign(available_studies(), TRIP)
+    campaign = plan_campaign(available_studies(), TRIP_S)
     survey(campaign, store)
     return campaign
+
+
+def made_claim(kind: str, **arguments: Any) -> Claim:
+    """Return a statement with a check of a kind."""
+    return make_claim(
+        {"id": "a", "where": "Section I", "statement": "It is so.", "check": {kind: arguments}}
+    )

@@ -1,14 +1,12 @@
 """Checks on figures of runs, against numbers made by hand: held, in sign only, not held."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import pytest
+from tests.iptm_reproduction.made_store import made_claim
 
-from iptm_controller.strategy import STRATEGIES as COST_TERMS
-from iptm_core.parameters import load_parameters
-from iptm_core.routes import build_route
-from iptm_reproduction.claims import Claim, check_claims, make_check
 from iptm_reproduction.names import (
     CELL_1,
     COOLING,
@@ -25,24 +23,15 @@ from iptm_reproduction.names import (
     relative_change,
 )
 from iptm_reproduction.printed import Finding, Verdict
-from iptm_reproduction.results import ReportRun, Results
+from iptm_reproduction.results import Results
 
 REPRODUCED, SIGN_ONLY, NOT, UNTESTED = Verdict
-PARAMETERS = load_parameters().values
-ROUTE = build_route("us06", initial_gap_m=15.0, duration_s=60.0)
 GAP = "mean_gap"
 
 
 def results(runs: Mapping[str, float], figure: str = GAP) -> Results:
-    """Runs with one figure; no check of this file may look into their trajectories."""
-
-    def load() -> None:
-        raise AssertionError("a check of figures read a trajectory")
-
-    return Results(
-        ReportRun(address, {figure: number}, PARAMETERS, ROUTE, COST_TERMS["aging"], load)  # type: ignore[arg-type]
-        for address, number in runs.items()
-    )
+    """Runs with one figure; no check of this file looks into their trajectories."""
+    return Results({address: {figure: number} for address, number in runs.items()})
 
 
 def series(*values: float) -> Results:
@@ -51,9 +40,9 @@ def series(*values: float) -> Results:
 
 
 def found(stored: Results, kind: str, /, **arguments: Any) -> Finding:
-    check = make_check(kind, **arguments)
-    assert "eproduced" in check.rule
-    finding = check.apply(stored)
+    claim = made_claim(kind, **arguments)
+    assert "eproduced" in claim.rule
+    finding = claim.check(stored)
     assert finding.found
     return finding
 
@@ -198,7 +187,9 @@ def test_series(
 
 def test_missing_runs_and_figures_leave_a_claim_untested() -> None:
     both = {"lower": "prediction_horizon/0", "higher": "prediction_horizon/1", "figures": [GAP]}
-    gone = Results(series(1.0).runs.values(), {"prediction_horizon/1": "failed: no solution"})
+    gone = Results(
+        {"prediction_horizon/0": {GAP: 1.0}}, {"prediction_horizon/1": "failed: no solution"}
+    )
     finding = found(gone, "all_lower", **both)
     assert finding.verdict is UNTESTED
     assert "Prediction horizon: prediction_horizon/1 (failed: no solution)" in finding.found
@@ -207,14 +198,11 @@ def test_missing_runs_and_figures_leave_a_claim_untested() -> None:
 
 
 def test_a_cause_is_shown_unless_the_claim_is_reproduced() -> None:
-    check = make_check("value_between", run="prediction_horizon/0", figure=GAP, lowest=1.0)
-    claim = Claim("the-claim", "Section I", "Something is so.", check, cause="{{ TRACTION }} is so")
-    without = Claim("other", "Section I", "Something else.", check)
-    causes = [
-        check_claims((claim,), runs)[0].cause for runs in (series(2.0), series(0.0), series())
-    ]
+    without = made_claim("value_between", run="prediction_horizon/0", figure=GAP, lowest=1.0)
+    claim = replace(without, cause="{{ TRACTION }} is so")
+    causes = [claim.check(runs).cause for runs in (series(2.0), series(0.0), series())]
     assert causes == ["", f"{TRACTION} is so", ""]
-    assert check_claims((without,), series(0.0))[0].cause.startswith("No cause")
+    assert without.check(series(0.0)).cause.startswith("No cause")
 
 
 def test_changes_and_shares() -> None:
@@ -244,5 +232,5 @@ def test_runs_in_words(address: str, words: str) -> None:
 def test_addresses_are_written_short() -> None:
     assert expanded("a/b|c/1|2", "d") == ("a/b/1", "a/b/2", "a/c/1", "a/c/2", "d")
     runs = series(1.0, 2.0)
-    assert runs.matching(REFERENCE, "prediction_horizon/*") == [REFERENCE, *runs.runs]
+    assert runs.matching(REFERENCE, "prediction_horizon/*") == [REFERENCE, *runs.figures.index]
     assert runs.matching("prediction_horizon/*", without="*/0") == ["prediction_horizon/1"]

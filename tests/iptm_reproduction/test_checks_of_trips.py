@@ -1,22 +1,19 @@
 """Checks on whole trips and the payback of cooling, against trips and laws written out by hand."""
 
 import math
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from tests.iptm_reproduction.made_store import made_claim
 
-from iptm_controller.strategy import STRATEGIES
-from iptm_core.parameters import load_parameters
-from iptm_core.routes import build_route
+from iptm_core.parameters import ModelParameters, load_parameters
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_reproduction.aging import cooling_payback, printed_cooling
-from iptm_reproduction.claims import make_check
 from iptm_reproduction.names import PROPOSED, REFERENCE
 from iptm_reproduction.printed import Verdict
-from iptm_reproduction.results import ReportRun, Results
+from iptm_reproduction.results import Results
 from iptm_reproduction.trips import (
     PowerRegions,
     busiest_window,
@@ -28,7 +25,6 @@ from iptm_reproduction.trips import (
 REPRODUCED, SIGN_ONLY, NOT, _ = Verdict
 PARAMETERS = load_parameters().values
 KELVIN = 299.15
-ROUTE = build_route("us06", initial_gap_m=15.0, duration_s=60.0)
 
 
 def trip(**columns: Any) -> Trajectory:
@@ -49,9 +45,23 @@ def trip(**columns: Any) -> Trajectory:
     return Trajectory.from_arrays({**arrays, **columns})
 
 
-def run(address: str, trajectory: Trajectory, **values: float) -> ReportRun:
-    stored: Any = SimpleNamespace(trajectory=trajectory)
-    return ReportRun(address, values, PARAMETERS, ROUTE, STRATEGIES["aging"], lambda: stored)
+def results(**trips: Trajectory) -> Results:
+    """The trips of strategies, without any figure."""
+    runs: Any = {
+        f"strategies/{name}": SimpleNamespace(trajectory=trajectory)
+        for name, trajectory in trips.items()
+    }
+    return Results({address: {"duration": 1.0} for address in runs}, load=runs.__getitem__)
+
+
+def cooled(
+    trajectory: Trajectory, cop: float | None, parameters: ModelParameters = PARAMETERS
+) -> Any:
+    """A run with a coefficient of performance."""
+    energy = SimpleNamespace(mean_cop=cop)
+    return SimpleNamespace(
+        trajectory=trajectory, parameters=parameters, metrics=SimpleNamespace(energy=energy)
+    )
 
 
 def drawing(power_kw: Any) -> Trajectory:
@@ -153,19 +163,19 @@ def test_checks(
     kind: str, arguments: dict[str, Any], proposed: Trajectory, expected: Verdict
 ) -> None:
     given = {} if "runs" in arguments or kind.startswith("aging") else {"run": PROPOSED}
-    check = make_check(kind, **given, **arguments)
-    assert "eproduced" in check.rule
-    finding = check.apply(Results([run(PROPOSED, proposed), run(REFERENCE, RISING)]))
+    claim = made_claim(kind, **given, **arguments)
+    assert "eproduced" in claim.rule
+    finding = claim.check(results(aging=proposed, reference=RISING))
     assert finding.verdict is expected
     assert finding.found
 
 
 def test_findings_give_times() -> None:
-    falls = make_check("last_cell_falls_slower", run=PROPOSED, share=0.63)
-    finding = falls.apply(Results([run(PROPOSED, warm(QUICK, SLOW))]))
+    falls = made_claim("last_cell_falls_slower", run=PROPOSED, share=0.63)
+    finding = falls.check(results(aging=warm(QUICK, SLOW)))
     assert finding.found == "cell 1 5 s, cell N 20 s"
-    heats = make_check("heats_in_demand", **HEATS)
-    assert "from 20 s on" in heats.apply(Results([run(PROPOSED, heating(33.0))])).found
+    heats = made_claim("heats_in_demand", **HEATS)
+    assert "from 20 s on" in heats.check(results(aging=heating(33.0))).found
 
 
 def test_busiest_window_is_found_wherever_it_lies() -> None:
@@ -195,8 +205,7 @@ def test_cooling_pays_after_the_time_worked_out_by_hand() -> None:
     ).values
     power_w, cop = 10_000.0, 2.0
     trajectory = trip(battery_power_w=np.full(20, power_w))
-    record = replace(run(PROPOSED, trajectory, mean_cop=cop), parameters=parameters)
-    payback = cooling_payback(record, (50.0,))
+    payback = cooling_payback(cooled(trajectory, cop, parameters), (50.0,))
     assert payback is not None
     aging, cell, pack = parameters.aging, parameters.cell, parameters.pack
     current = power_w / (pack.open_circuit_voltage_v * pack.parallel)
@@ -218,7 +227,7 @@ def test_cooling_pays_after_the_time_worked_out_by_hand() -> None:
 
 
 def test_cooling_that_never_ran_pays_never() -> None:
-    assert cooling_payback(run(PROPOSED, trip()), (50.0,)) is None
+    assert cooling_payback(cooled(trip(), None), (50.0,)) is None
     assert share_while_braking(trip()) is None
     power = np.array([0.0, 100.0, 300.0])
     trajectory = trip(compressor_power_w=power, traction_power_w=np.array([0.0, 5.0, -5.0]))

@@ -22,8 +22,8 @@ from iptm_reproduction.identification.evaluations import (
     Task,
     deviations,
     huber,
-    inputs_of,
     misfit,
+    planned,
 )
 from iptm_reproduction.identification.search import Scored, Search, Stage
 from iptm_reproduction.identification.shipping import (
@@ -82,9 +82,9 @@ def test_whatever_the_paper_omits_about_trip_and_gap_is_searched_for_or_settled(
 def test_the_weights_of_the_reference_reach_its_strategies_only() -> None:
     candidate = UNKNOWNS.candidate(UNKNOWNS.start)
     changed = replace(candidate, values={**candidate.values, "reference.temperature_weight": 0.3})
-    assert inputs_of(changed, "reference").spec.strategy.temperature_weight == 0.3
-    assert inputs_of(changed, "aging").spec.strategy.temperature_weight == 0.0
-    assert inputs_of(changed, "energy_aging").spec.strategy.energy_weight_1_j == 1e-4
+    assert planned(changed, "reference").spec.strategy.temperature_weight == 0.3
+    assert planned(changed, "aging").spec.strategy.temperature_weight == 0.0
+    assert planned(changed, "energy_aging").spec.strategy.energy_weight_1_j == 1e-4
 
 
 @pytest.mark.parametrize("key", ["composition.height", "parameters.body.mass"])

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from tests.iptm_reproduction.made_store import TRIP, filled, surveyed
+from tests.iptm_reproduction.made_store import TRIP_S, filled, surveyed
 
 from iptm_core.errors import ScenarioError, StoreError
-from iptm_reproduction.claims import CheckedClaim
+from iptm_reproduction.claims import Claim
 from iptm_reproduction.plots.style import MOST_BYTES
-from iptm_reproduction.printed import Verdict
+from iptm_reproduction.printed import Finding, Verdict
 from iptm_reproduction.report import (
     Document,
     build_report,
@@ -24,10 +24,8 @@ from iptm_reproduction.report import (
 )
 from iptm_reproduction.results import gather
 from iptm_reproduction.tables import SAVING, table_of
-from iptm_studies.campaign import plan_campaign
-from iptm_studies.execution import survey
+from iptm_studies.campaign import plan_campaign, survey
 from iptm_studies.store import ResultStore
-from iptm_studies.study import ShortTrip
 from iptm_studies.study_loading import available_studies
 
 PICTURES = 23
@@ -45,7 +43,7 @@ def partial(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Document]:
     """All strategies, but no other study; and one run that failed."""
     store = ResultStore(tmp_path_factory.mktemp("report") / "results")
     filled(store, ["strategies"])
-    for inputs in plan_campaign(["prediction_horizon"], TRIP).take():
+    for inputs in plan_campaign(["prediction_horizon"], TRIP_S).take():
         if not store.path_of(inputs.key).is_file():
             store.note_failure(inputs.key, "the solver would not build")
     with pytest.MonkeyPatch.context() as patch:
@@ -54,7 +52,7 @@ def partial(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Document]:
         yield compose(gather(store, surveyed(store)))
 
 
-def statements(document: Document) -> list[CheckedClaim]:
+def statements(document: Document) -> list[tuple[Claim, Finding]]:
     return [entry for block in document.blocks("claims") for entry in block.content]
 
 
@@ -113,11 +111,11 @@ def test_a_full_store_leaves_nothing_out(full: Document) -> None:
 
 def test_every_statement_is_shown_once_and_differences_have_a_cause(full: Document) -> None:
     shown = statements(full)
-    assert len({entry.claim.id for entry in shown}) == len(shown) == 78
-    assert not [entry for entry in shown if entry.verdict is Verdict.NOT_TESTED]
-    differing = [entry for entry in shown if entry.verdict.differs]
+    assert len({claim.id for claim, _ in shown}) == len(shown) == 78
+    assert not [claim.id for claim, finding in shown if finding.verdict is Verdict.NOT_TESTED]
+    differing = [finding for _, finding in shown if finding.verdict.differs]
     assert differing
-    assert all(entry.cause for entry in differing)
+    assert all(finding.cause for finding in differing)
     page = render_html(full)
     assert page.count("<strong>Why ") == len(differing)
     assert re.search(r"Cooling with drawn power pays only after \d+ to \d+ s on this trip", page)
@@ -217,7 +215,7 @@ def test_a_partial_store_gives_what_is_missing(partial: Document, tmp_path: Path
     assert "do not all drive the whole comprehensive cycle" in page
     assert missing["sampling_time"].text in page
     assert "> **" in render_markdown(partial, "pictures")
-    verdicts = {entry.claim.id: entry.verdict for entry in statements(partial)}
+    verdicts = {claim.id: finding.verdict for claim, finding in statements(partial)}
     assert verdicts["headline-cooling"] is Verdict.NOT_TESTED
     assert verdicts["proposed-cooling"] is not Verdict.NOT_TESTED
     assert verdicts["aging-falls"] is Verdict.REPRODUCED
@@ -232,7 +230,7 @@ def test_nothing_stored_is_one_clear_error(tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match=refusal):
         build_report(store, surveyed(store), tmp_path / "docs")
     assert not (tmp_path / "docs").exists()
-    small = plan_campaign(["prediction_horizon"], ShortTrip())
+    small = plan_campaign(["prediction_horizon"], 600.0)
     survey(small, store)
     with pytest.raises(ScenarioError, match="scripts/reproduce run --small prediction_horizon"):
         build_report(store, small, tmp_path / "docs")

@@ -11,12 +11,12 @@ import pytest
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_studies import cli
-from iptm_studies.campaign import Campaign
-from iptm_studies.execution import ProgressDisplay, admit
-from iptm_studies.run import Run, RunRecord, perform_run
-from iptm_studies.run_inputs import RunInputs, resolve_inputs
+from iptm_studies.campaign import Campaign, admit
+from iptm_studies.execution import ProgressDisplay
+from iptm_studies.run import Run, perform_run
 from iptm_studies.run_spec import RunSpec
 from iptm_studies.store import ResultStore
+from iptm_studies.study import Case, planned_run
 from iptm_studies.workers import Failed
 
 TICKS = 5
@@ -29,12 +29,12 @@ def short_spec() -> RunSpec:
 
 
 @pytest.fixture(scope="session")
-def short_inputs(short_spec: RunSpec) -> RunInputs:
-    return resolve_inputs(short_spec)
+def short_inputs(short_spec: RunSpec) -> Case:
+    return planned_run(short_spec)
 
 
 @pytest.fixture(scope="session")
-def short_run(short_inputs: RunInputs) -> Run:
+def short_run(short_inputs: Case) -> Run:
     """The real thing."""
     return perform_run(short_inputs)
 
@@ -90,7 +90,7 @@ def _decisions(ticks: int) -> DecisionSeries:
 def make_run() -> Callable[..., Run]:
     """Give the function that makes up a run of a specification, with a bit of everything in it."""
 
-    def make(inputs: RunInputs, loss_factor: float = 1.0) -> Run:
+    def make(inputs: Case, loss_factor: float = 1.0) -> Run:
         columns = _trajectory(TICKS + 1).to_arrays()
         for name in ("cell_1_capacity_loss", "cell_n_capacity_loss"):
             columns[name] = 1e-3 + loss_factor * (columns[name] - 1e-3)
@@ -101,21 +101,19 @@ def make_run() -> Callable[..., Run]:
             trajectory=Trajectory.from_arrays(columns),
             decisions=_decisions(TICKS),
             whole_trip=None,
-            record=RunRecord(
-                wall_time_s=2.5,
-                compiled=True,
-                finished_at_utc="2026-01-01T00:00:00+00:00",
-                git_revision="unknown",
-                versions={"python": "3.11"},
-                fingerprint=inputs.fingerprint,
-            ),
+            wall_time_s=2.5,
+            compiled=True,
+            finished_at_utc="2026-01-01T00:00:00+00:00",
+            git_revision="unknown",
+            versions={"python": "3.11"},
+            fingerprint=inputs.fingerprint,
         )
 
     return make
 
 
 @pytest.fixture(scope="session")
-def made_run(make_run: Callable[..., Run], short_inputs: RunInputs) -> Run:
+def made_run(make_run: Callable[..., Run], short_inputs: Case) -> Run:
     return make_run(short_inputs)
 
 

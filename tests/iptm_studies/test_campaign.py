@@ -8,11 +8,11 @@ import pytest
 
 from iptm_core.errors import ScenarioError
 from iptm_core.settings import PreviewMode
-from iptm_studies.campaign import Campaign, CaseState, ExpectedTimes, modelled_s, plan_campaign
+from iptm_studies.campaign import Campaign, ExpectedTimes, modelled_s, plan_campaign
 from iptm_studies.execution import clock_text
 from iptm_studies.run import Run
-from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.run_spec import RunKind, RunSpec
+from iptm_studies.study import Case, planned_run
 from iptm_studies.study_loading import read_study
 
 MakeRun = Callable[..., Run]
@@ -56,7 +56,7 @@ def campaign(study_file: WriteFile) -> Campaign:
     return Campaign([read_study(study_file(TABLE, "table.yaml"))], [weights])
 
 
-def states(campaign: Campaign) -> dict[str, CaseState]:
+def states(campaign: Campaign) -> dict[str, Case]:
     return {state.address: state for state in campaign.cases}
 
 
@@ -75,7 +75,7 @@ def test_the_best_weights_are_taken(campaign: Campaign, make_run: MakeRun) -> No
     campaign.finish(make_run(first, 3.0))
     assert campaign.take() == ()
     waiting = states(campaign)["table/best"]
-    assert waiting.key is None
+    assert waiting.best_of is not None
     assert "waits" in states(campaign)["table/best"].reason
     campaign.finish(make_run(second, 2.0))
     (new,) = campaign.take()
@@ -167,8 +167,8 @@ def test_studies_bring_those_they_depend_on(study_file: WriteFile) -> None:
 
 
 def test_experience_corrects_each_kind_by_itself() -> None:
-    times, inputs = ExpectedTimes(), resolve_inputs(SPEC)
-    whole = resolve_inputs(replace(SPEC, kind=RunKind.WHOLE_TRIP))
+    times, inputs = ExpectedTimes(), planned_run(SPEC)
+    whole = planned_run(replace(SPEC, kind=RunKind.WHOLE_TRIP))
     assert times.of(inputs) == modelled_s(SPEC, inputs.ticks) < times.of(whole)
     before = times.of(whole)
     times.learn(SPEC, 1000, 3.0 * modelled_s(SPEC, 1000))

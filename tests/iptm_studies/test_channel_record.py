@@ -15,9 +15,9 @@ from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_step import PlantStep
 from iptm_studies.channel_record import ChannelRecord, channel_record
 from iptm_studies.run import Run, perform_run
-from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.run_spec import RunSpec
 from iptm_studies.store import ResultStore
+from iptm_studies.study import planned_run
 
 CELLS = 5
 PARAMETERS = load_parameters(overrides={"pack.cells_per_channel": CELLS}).values
@@ -95,7 +95,7 @@ def test_the_two_cell_model_gets_the_same_commands() -> None:
 
 @pytest.fixture(scope="module")
 def full_run(short_spec: RunSpec) -> Run:
-    return perform_run(resolve_inputs(replace(short_spec, thermal_model=ThermalModel.FULL_CHANNEL)))
+    return perform_run(planned_run(replace(short_spec, thermal_model=ThermalModel.FULL_CHANNEL)))
 
 
 def test_a_closed_loop_on_all_cells(full_run: Run, short_run: Run, store: ResultStore) -> None:
@@ -118,6 +118,6 @@ def test_a_run_can_be_repeated(
     full_run: Run, assert_same: Callable[..., None], short_spec: RunSpec
 ) -> None:
     spec = replace(short_spec, thermal_model=ThermalModel.FULL_CHANNEL)
-    again = perform_run(resolve_inputs(spec))
+    again = perform_run(planned_run(spec))
     assert_same(again, full_run)
     assert again.channel == full_run.channel

@@ -12,8 +12,8 @@ from iptm_core.errors import IptmError
 from iptm_core.parameters.model import KM_H_PER_M_S
 from iptm_core.settings import LeaderSource
 from iptm_studies.run import Run, perform_run
-from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.run_spec import RunSpec
+from iptm_studies.study import planned_run
 from iptm_v2x_bridge.road_knowledge import read_signals
 
 TOLERANCE_M_S = 0.02
@@ -27,7 +27,7 @@ def driven(**settings: Any) -> Run:
         "leader_source": LeaderSource.NONE,
         "speed_limits_km_h": "0:50",
     }
-    return perform_run(resolve_inputs(RunSpec(**{**given, **settings})))
+    return perform_run(planned_run(RunSpec(**{**given, **settings})))
 
 
 def assert_free(run: Run) -> None:

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from iptm_core.errors import ScenarioError, StateError
-from iptm_studies.campaign import Campaign, plan_campaign
-from iptm_studies.execution import execute, survey
+from iptm_studies.campaign import Campaign, plan_campaign, survey
+from iptm_studies.execution import execute
 from iptm_studies.run import Run, perform_run
-from iptm_studies.run_inputs import RunInputs
 from iptm_studies.store import ResultStore
+from iptm_studies.study import Case
 from iptm_studies.workers import Failed, OnProgress, worker_count
 
 WriteFile = Callable[..., Path]
@@ -45,11 +45,11 @@ class Notes:
         self.failed_runs: dict[str, str] = {}
         self.times_left_s: list[float] = []
 
-    def planned(self, inputs: RunInputs, expected_s: float) -> None:
+    def planned(self, inputs: Case, expected_s: float) -> None:
         assert expected_s > 0.0
         self.planned_runs.append(inputs.address)
 
-    def ended(self, inputs: RunInputs, outcome: Run | Failed) -> None:
+    def ended(self, inputs: Case, outcome: Run | Failed) -> None:
         if isinstance(outcome, Failed):
             self.failed_runs[inputs.address] = outcome.cause
         else:
@@ -83,7 +83,7 @@ def test_computed_once_resumed_and_recomputed_where_needed(
     assert list(notes.failed_runs) == ["mini/weak_pack"]
     assert "pack cannot supply" in notes.failed_runs["mini/weak_pack"]
     assert notes.times_left_s[-1] == 0.0
-    cases = {state.case.name: state for state in campaign.cases}
+    cases = {state.name: state for state in campaign.cases}
     assert cases["aging"].key == cases["the_same"].key
     assert cases["weak_pack"].metrics is None
     assert "pack cannot supply" in cases["weak_pack"].reason
@@ -111,7 +111,7 @@ def test_computed_once_resumed_and_recomputed_where_needed(
     assert notes.finished_runs == ["mini/aging"]
 
 
-def misbehave(inputs: RunInputs, on_progress: OnProgress) -> Run:
+def misbehave(inputs: Case, on_progress: OnProgress) -> Run:
     """Die, fail, hang or drive, by the largest gap."""
     gap_m = inputs.parameters.gap.max_gap_m
     if gap_m == 80.0:
@@ -145,7 +145,7 @@ def test_runs_that_die_or_hang(store: ResultStore, study_file: WriteFile) -> Non
     # What the store remembers of it.
     again = plan_campaign([path])
     assert len(survey(again, store)) == 4
-    reasons = {state.case.name: state.reason for state in again.cases}
+    reasons = {state.name: state.reason for state in again.cases}
     assert reasons["gap_81"] == "ZeroDivisionError: a bug"
     assert reasons["gap_84"] == ""
 

@@ -11,7 +11,7 @@ from iptm_faults.fault import WHOLE_TRIP_S, Fault
 from iptm_faults.kinds import FaultKind
 from iptm_studies.drives import spec_of
 from iptm_studies.run import Run, perform_run
-from iptm_studies.run_inputs import resolve_inputs
+from iptm_studies.study import planned_run
 
 Drive = Callable[..., Run]
 
@@ -77,7 +77,7 @@ def drive() -> Drive:
         key = cycle, duration_s, faults
         if key not in runs:
             spec = spec_of(cycle, duration_s=duration_s, faults=faults)
-            runs[key] = perform_run(resolve_inputs(spec))
+            runs[key] = perform_run(planned_run(spec))
         return runs[key]
 
     return perform

@@ -24,8 +24,7 @@ from iptm_studies.bounds import (
     below_s_min,
     fully_cooled_k,
 )
-from iptm_studies.campaign import Campaign
-from iptm_studies.execution import admit
+from iptm_studies.campaign import Campaign, admit
 from iptm_studies.random_cars import draws
 from iptm_studies.random_cars.cli import PAGE, main
 from iptm_studies.random_cars.draws import (
@@ -39,9 +38,9 @@ from iptm_studies.random_cars.draws import (
 )
 from iptm_studies.random_cars.judging import fallback_text, judge
 from iptm_studies.run import Run, perform_run
-from iptm_studies.run_inputs import RunInputs, resolve_inputs
 from iptm_studies.run_spec import RunSpec
 from iptm_studies.store import ResultStore
+from iptm_studies.study import Case, planned_run
 
 PARAMETERS = load_parameters(
     overrides={
@@ -82,7 +81,7 @@ def test_runs_are_legal_and_differ() -> None:
     runs = [case.spec for case in study.cases if not case.name.endswith(TWIN)]
     assert len(runs) == 40
     for spec in runs:
-        inputs = resolve_inputs(spec)  # refuses what is not legal
+        inputs = planned_run(spec)  # refuses what is not legal
         assert 300.0 <= inputs.route.duration_s <= 600.0
         for key, draw in ALWAYS.items():
             assert isinstance(draw, Uniform)
@@ -101,7 +100,7 @@ def test_cold_runs_have_a_warm_twin() -> None:
     runs = [name for name in cases if not name.endswith(TWIN)]
     for name in runs:
         twin = cases.get(f"{name}_{TWIN}")
-        assert (twin is not None) == has_twin(resolve_inputs(cases[name]))
+        assert (twin is not None) == has_twin(planned_run(cases[name]))
         if twin is not None:
             assert dict(twin.overrides)["environment.ambient_temperature_k"] == 308.15
             changed = {
@@ -170,7 +169,7 @@ def test_rows_with_which_a_trip_begins_do_not_count() -> None:
     assert below_s_min(run, PARAMETERS).tolist() == [False, False, False, False, True, False]
 
 
-def test_full_cooling_cools_more(short_run: Run, short_inputs: RunInputs) -> None:
+def test_full_cooling_cools_more(short_run: Run, short_inputs: Case) -> None:
     cooled_k = fully_cooled_k(short_run.trajectory, short_run.parameters, short_inputs.route, 0.05)
     warmest_k = np.maximum(
         short_run.trajectory.cell_1_temperature_k, short_run.trajectory.cell_n_temperature_k
@@ -184,7 +183,7 @@ def test_full_cooling_cools_more(short_run: Run, short_inputs: RunInputs) -> Non
 
 
 @pytest.fixture
-def judged(make_run: Make, short_inputs: RunInputs) -> Callable[..., dict[str, float]]:
+def judged(make_run: Make, short_inputs: Case) -> Callable[..., dict[str, float]]:
     """Give the function that judges a trip."""
 
     def amounts(trajectory: Trajectory, twin: Trajectory | None = None) -> dict[str, float]:
@@ -247,7 +246,7 @@ def test_traction_energy_stands_beside_that_of_the_twin(
     assert "cold_traction" not in judged(cold)
 
 
-def test_fallbacks_have_their_cause(make_run: Make, short_inputs: RunInputs) -> None:
+def test_fallbacks_have_their_cause(make_run: Make, short_inputs: Case) -> None:
     run = make_run(short_inputs)
     assert run.decisions is not None
     found = judge("0001", run, short_inputs)
@@ -269,7 +268,7 @@ def test_cells_too_hot_are_charged_only_with_what_cooling_would_have_helped(
         duration_s=900.0,
         overrides=(("environment.initial_cell_temperature_k", 318.15),),
     )
-    inputs = resolve_inputs(spec)
+    inputs = planned_run(spec)
     hot = np.full(901, 318.15)
     run = replace(
         make_run(inputs),

@@ -14,7 +14,7 @@ from iptm_core.errors import MeasurementError
 from iptm_core.metrics import RunMetrics, compute_metrics
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
-from iptm_studies.campaign import Campaign, CaseState
+from iptm_studies.campaign import Campaign
 from iptm_studies.drives import DEFAULT, STRATEGIES, spec_of
 from iptm_studies.measured_cycles import FASTEST_M_S, trip_cycles, write_drive
 from iptm_studies.real_cars.cli import main
@@ -36,8 +36,8 @@ from iptm_studies.real_cars.simplifications import (
     too_large,
 )
 from iptm_studies.run import perform_run
-from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.run_spec import SolverSpec
+from iptm_studies.study import Case, planned_run
 
 I3 = "bmw_i3"
 
@@ -110,10 +110,10 @@ def test_a_warmer_end_costs_and_a_cold_one_is_not_corrected() -> None:
     assert math.isnan(cold["equal_end"])
 
 
-def with_metrics(states: tuple[CaseState, ...], power_w: float = 10e3) -> list[CaseState]:
+def with_metrics(states: tuple[Case, ...], power_w: float = 10e3) -> list[Case]:
     """Give every case a made run: the default strategy needs a tenth less."""
     return [
-        replace(state, metrics=made(power_w * (0.9 if f"/{DEFAULT}/" in state.case.name else 1.0)))
+        replace(state, metrics=made(power_w * (0.9 if f"/{DEFAULT}/" in state.name else 1.0)))
         for state in states
     ]
 
@@ -155,7 +155,7 @@ def test_the_controller_may_have_the_model_of_another_car() -> None:
     solver = SolverSpec(compile_code=False)
     spec = spec_of(CYCLE, DEFAULT, I3, 25.0, duration_s=4.0, solver=solver)
     heavier = replace(spec, controller_overrides=(("body.mass_kg", 3000.0),))
-    own, other = (perform_run(resolve_inputs(each)) for each in (spec, heavier))
+    own, other = (perform_run(planned_run(each)) for each in (spec, heavier))
     assert own.key != other.key
     assert own.parameters == other.parameters == load_parameters(I3, dict(spec.overrides)).values
     assert not np.array_equal(own.trajectory.acceleration_m_s2, other.trajectory.acceleration_m_s2)

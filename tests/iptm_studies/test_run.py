@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 
 from iptm_studies.run import Run, controller_options, perform_run
-from iptm_studies.run_inputs import RunInputs, resolve_inputs
 from iptm_studies.run_spec import RunKind, RunSpec, SolverSpec
+from iptm_studies.study import Case, planned_run
 
 AssertSame = Callable[[Run, Run], None]
 
 
 def test_earlier_runs_leave_no_trace(
-    short_inputs: RunInputs, short_run: Run, assert_same: AssertSame
+    short_inputs: Case, short_run: Run, assert_same: AssertSame
 ) -> None:
-    other = resolve_inputs(replace(short_inputs.spec, cycle="nycc", slope="large"))
+    other = planned_run(replace(short_inputs.spec, cycle="nycc", slope="large"))
     perform_run(other)
     signs: list[None] = []
     assert_same(perform_run(short_inputs, lambda: signs.append(None)), short_run)
@@ -30,7 +30,7 @@ def test_solvers_that_carry_multipliers_start_anew(assert_same: AssertSame) -> N
         horizon="3x1+5x5",
         solver=SolverSpec(name="ipopt", max_iterations=30),
     )
-    inputs = resolve_inputs(spec)
+    inputs = planned_run(spec)
     assert_same(perform_run(inputs), perform_run(inputs))
 
 
@@ -45,10 +45,10 @@ def test_the_specification_reaches_the_controller() -> None:
     assert options.solver.tolerance == 1e-7
 
 
-def test_a_whole_trip(short_inputs: RunInputs) -> None:
+def test_a_whole_trip(short_inputs: Case) -> None:
     spec = replace(short_inputs.spec, kind=RunKind.WHOLE_TRIP, duration_s=40.0)
     signs: list[None] = []
-    finished = perform_run(resolve_inputs(spec), lambda: signs.append(None))
+    finished = perform_run(planned_run(spec), lambda: signs.append(None))
     record = finished.whole_trip
     assert finished.decisions is None
     assert record is not None
@@ -56,9 +56,9 @@ def test_a_whole_trip(short_inputs: RunInputs) -> None:
     assert len(signs) == 40 + len(record.solves)
     assert record.solves[-1].status == "solved"
     assert len(finished.trajectory) == 41
-    assert finished.record.wall_time_s > sum(solve.time_s for solve in record.solves)
+    assert finished.wall_time_s > sum(solve.time_s for solve in record.solves)
     # The optimum of its cost, so not worse than the run it started from.
-    start = perform_run(resolve_inputs(replace(spec, kind=RunKind.CLOSED_LOOP)))
+    start = perform_run(planned_run(replace(spec, kind=RunKind.CLOSED_LOOP)))
 
     def lost(run: Run) -> float:
         end = run.trajectory
@@ -67,7 +67,7 @@ def test_a_whole_trip(short_inputs: RunInputs) -> None:
     assert lost(finished) < lost(start)
 
 
-def test_costates_are_what_a_kelvin_costs_the_rest_of_the_trip(short_inputs: RunInputs) -> None:
+def test_costates_are_what_a_kelvin_costs_the_rest_of_the_trip(short_inputs: Case) -> None:
     """By difference: the same trip with both cells a little warmer at its start costs that much more."""
     step_k = 0.5
     costs: list[float] = []
@@ -79,7 +79,7 @@ def test_costates_are_what_a_kelvin_costs_the_rest_of_the_trip(short_inputs: Run
             duration_s=60.0,
             overrides=(("environment.initial_cell_temperature_k", initial_k),),
         )
-        record = perform_run(resolve_inputs(spec)).whole_trip
+        record = perform_run(planned_run(spec)).whole_trip
         assert record is not None
         costs.append(record.solves[-1].objective or 0.0)
         costates = record.costates

@@ -9,16 +9,15 @@ import pytest
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters import DEFAULT_SET
-from iptm_studies import fingerprint, run_inputs
-from iptm_studies.fingerprint import code_fingerprint, normalised_source, source_files
-from iptm_studies.run_inputs import resolve_inputs
+from iptm_studies import study
 from iptm_studies.run_spec import PreviewSpec, RunKind, RunSpec, SolverSpec
+from iptm_studies.study import code_fingerprint, normalised_source, planned_run, source_files
 
 BASE = RunSpec(cycle="us06", duration_s=60.0)
 
 
 def key_of(spec: RunSpec) -> str:
-    return resolve_inputs(spec).key
+    return planned_run(spec).key
 
 
 @pytest.mark.parametrize(
@@ -79,7 +78,7 @@ def test_a_cycle_file_counts_with_its_content(tmp_path: Path) -> None:
         path.write_text(
             "time_s,speed_m_s\n" + "".join(f"{t},{v}\n" for t, v in rows), encoding="utf-8"
         )
-        run_inputs._route.cache_clear()
+        study._route.cache_clear()
         return key_of(RunSpec(cycle=str(path)))
 
     first = key_of_rows()
@@ -89,12 +88,11 @@ def test_a_cycle_file_counts_with_its_content(tmp_path: Path) -> None:
 
 
 def test_code_and_libraries_count(monkeypatch: pytest.MonkeyPatch) -> None:
-    inputs = resolve_inputs(BASE)
-    assert replace(inputs, fingerprint="other code").key != inputs.key
-    monkeypatch.setattr(fingerprint, "installed_version", lambda _: "0")
+    before = key_of(BASE)
+    monkeypatch.setattr(study, "installed_version", lambda _: "0")
     code_fingerprint.cache_clear()
     try:
-        assert key_of(BASE) != inputs.key
+        assert key_of(BASE) != before
     finally:
         code_fingerprint.cache_clear()
 
@@ -148,4 +146,4 @@ def test_unreadable_source_is_reported(tmp_path: Path) -> None:
 )
 def test_unusable_inputs_are_refused(changes: dict[str, Any], complaint: str) -> None:
     with pytest.raises(IptmError, match=complaint):
-        resolve_inputs(replace(BASE, **changes))
+        planned_run(replace(BASE, **changes))

@@ -12,8 +12,8 @@ from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.settings import PreviewMode, PreviewSettings
 from iptm_faults.fault import Fault
 from iptm_faults.kinds import FaultKind
-from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.run_spec import PreviewSpec, RunKind, RunSpec, SolverSpec, canonical_json
+from iptm_studies.study import planned_run
 
 VARIED = RunSpec(
     kind=RunKind.WHOLE_TRIP,
@@ -103,7 +103,7 @@ def test_faults_are_part_of_a_specification_and_of_its_key() -> None:
     sound, faulty = RunSpec(duration_s=60.0), RunSpec(duration_s=60.0, faults=(STOP, LOST))
     assert faulty.faults == (LOST, STOP)
     assert RunSpec.from_dict(faulty.to_dict()) == faulty
-    assert resolve_inputs(sound).key != resolve_inputs(faulty).key
+    assert planned_run(sound).key != planned_run(faulty).key
     assert "leader_hard_stop 8 m/s^2 at 30 s for 10 s" in faulty.describe()
     with pytest.raises(ScenarioError, match="clock_jump"):
         RunSpec(faults=(Fault(FaultKind.CLOCK_JUMP),))

@@ -18,7 +18,6 @@ from iptm_faults.kinds import FaultKind
 from iptm_studies.drives import spec_of
 from iptm_studies.measured_cycles import lead_cycles
 from iptm_studies.run import VEHICLE, WEAK_BRAKES, Report, Run, perform_run
-from iptm_studies.run_inputs import RunInputs, resolve_inputs
 from iptm_studies.safety.braking import braking_outcomes, braking_trials
 from iptm_studies.safety.emergency_stop import braking_leads, emergency_stops
 from iptm_studies.safety.findings import BEFORE, Findings, driven, energy_percent, read_before
@@ -26,7 +25,7 @@ from iptm_studies.safety.judging import judge_trial
 from iptm_studies.safety.page import safety_page
 from iptm_studies.safety.trials import disturbed_study
 from iptm_studies.store import ResultStore
-from iptm_studies.study import Judged
+from iptm_studies.study import Case, Judged, planned_run
 
 PARAMETERS = load_parameters().values
 
@@ -187,12 +186,12 @@ def test_draws_repeat_and_disturb_in_pairs() -> None:
 
 
 @pytest.fixture(scope="module")
-def short_drive() -> tuple[RunInputs, Run]:
-    inputs = resolve_inputs(spec_of("nycc", duration_s=60.0))
+def short_drive() -> tuple[Case, Run]:
+    inputs = planned_run(spec_of("nycc", duration_s=60.0))
     return inputs, perform_run(inputs)
 
 
-def test_the_monitor_alone_avoids_what_brakes_avoid(short_drive: tuple[RunInputs, Run]) -> None:
+def test_the_monitor_alone_avoids_what_brakes_avoid(short_drive: tuple[Case, Run]) -> None:
     inputs, run = short_drive
     found = braking_trials(inputs, run.trajectory, 12, seed=3)
     assert found.smallest_gap_m.min() > 0.0
@@ -201,7 +200,7 @@ def test_the_monitor_alone_avoids_what_brakes_avoid(short_drive: tuple[RunInputs
     assert (found.smallest_gap_m <= found.bound_m + 0.1).all()
 
 
-def test_braking_trials_are_driven_once(short_drive: tuple[RunInputs, Run], tmp_path: Path) -> None:
+def test_braking_trials_are_driven_once(short_drive: tuple[Case, Run], tmp_path: Path) -> None:
     inputs, run = short_drive
     store, names = ResultStore(tmp_path), list[str]()
     drives = {"nycc": (inputs, run.trajectory)}
@@ -210,7 +209,7 @@ def test_braking_trials_are_driven_once(short_drive: tuple[RunInputs, Run], tmp_
     assert first.equals(second)
 
 
-def test_energies_are_compared_with_equal_ends(short_drive: tuple[RunInputs, Run]) -> None:
+def test_energies_are_compared_with_equal_ends(short_drive: tuple[Case, Run]) -> None:
     metrics = short_drive[1].metrics
     warm = replace(metrics, final_temperature_k=metrics.final_temperature_k + 0.5)
     assert energy_percent(metrics, metrics) == 0.0

@@ -10,7 +10,7 @@ from iptm_core.errors import ScenarioError
 from iptm_core.settings import PreviewMode
 from iptm_studies.campaign import Campaign
 from iptm_studies.run_spec import RunKind
-from iptm_studies.study import SMALL, Selection
+from iptm_studies.study import Selection
 from iptm_studies.study_loading import load_study, read_study
 
 WriteFile = Callable[..., Path]
@@ -92,10 +92,10 @@ cases:
 
 def test_the_short_trip_changes_only_the_trip() -> None:
     study = load_study("omitted_parameters")
-    short = SMALL.shorten(study)
+    short = study.shortened(30.0)
     assert [case.labels for case in short.cases] == [case.labels for case in study.cases]
     for case, before in zip(short.cases, study.cases, strict=True):
-        assert case.spec.duration_s == SMALL.duration_s
+        assert case.spec.duration_s == 30.0
         assert case.spec.overrides == before.spec.overrides
 
 

@@ -21,8 +21,8 @@ from iptm_core.routes.cycles import DrivingCycle
 from iptm_core.routes.user_csv import UserTrip, trip_from_columns
 from iptm_core.user_input import shown
 from iptm_faults.fault import Fault, plain_faults
-from iptm_studies.run_inputs import RunInputs, resolve_inputs
 from iptm_studies.run_spec import RunSpec
+from iptm_studies.study import Case, planned_run
 from iptm_studies.study_loading import build_spec
 
 _BASE = "base"
@@ -31,7 +31,7 @@ _OWN_DRIVE = "own drive"
 
 def run_inputs(
     cycle: Any, strategy: Any, vehicle: Any, overrides: Any, settings: Mapping[str, Any]
-) -> RunInputs:
+) -> Case:
     """Return the inputs of a run.
 
     Args:
@@ -77,7 +77,7 @@ def run_inputs(
     spec = build_spec(given, Path())
     if isinstance(strategy, Strategy):
         spec = spec.with_strategy(strategy)
-    return resolve_inputs(spec, drive=drive)
+    return planned_run(spec, drive=drive)
 
 
 def settings_of(spec: RunSpec) -> dict[str, Any]:

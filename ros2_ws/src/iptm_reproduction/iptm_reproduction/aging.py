@@ -14,9 +14,9 @@ from iptm_core.parameters.model import CELSIUS_ZERO_K, ModelParameters
 from iptm_core.physics.cell import SECONDS_PER_HOUR, capacity_loss_rate_1_s, cell_resistance_ohm
 from iptm_core.physics.electrical import cell_current_a, pack_current_a, pack_resistance_ohm
 from iptm_core.state import FloatArray
-from iptm_reproduction.names import CELL_1, CELL_N, COOLING, MEAN_COP, REFERENCE, TOTAL
+from iptm_reproduction.names import CELL_1, CELL_N, COOLING, REFERENCE, TOTAL
 from iptm_reproduction.printed import LARGEST_VICE_RATIO_J, VALUES
-from iptm_reproduction.results import ReportRun
+from iptm_studies.run import Run
 from iptm_studies.run_spec import REPRODUCED_SET
 
 CURRENT_STEPS = 41
@@ -87,12 +87,12 @@ class Payback:
     times_s: dict[float, float]
 
 
-def cooling_payback(run: ReportRun, percentiles: tuple[float, ...]) -> Payback | None:
+def cooling_payback(run: Run, percentiles: tuple[float, ...]) -> Payback | None:
     """Return the payback of cooling on a trip; None if the compressor never ran.
 
     It runs at percentiles of the distribution of the positive battery power.
     """
-    cop = run.values.get(MEAN_COP)
+    cop = run.metrics.energy.mean_cop
     trip, parameters = run.trajectory, run.parameters
     power = trip.battery_power_w[1:]
     if cop is None or not np.any(power > 0.0):

@@ -1,19 +1,33 @@
-"""The statements of the paper (``claims.yaml``) and what the stored runs make of them."""
+"""The statements of the paper (``claims.yaml``), what the stored runs make of them, and the numbers in texts.
+
+Texts of the data files are Jinja templates that take numbers from stored runs and from print.
+"""
 
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+import jinja2
 import yaml
 
 from iptm_core.metrics.figures import FIGURES
-from iptm_reproduction import checks_of_figures, checks_of_trips
-from iptm_reproduction.names import expanded, label, labels, name_of, names_of
+from iptm_reproduction import checks_of_figures, names, trips
+from iptm_reproduction.aging import cooling_payback, reproduced_cooling
+from iptm_reproduction.names import (
+    DASH,
+    change_text,
+    expanded,
+    label,
+    labels,
+    name_of,
+    names_of,
+)
 from iptm_reproduction.printed import (
     CHANGE_FLOOR,
     CHANGE_SHARE,
@@ -25,8 +39,6 @@ from iptm_reproduction.printed import (
     printed_value,
 )
 from iptm_reproduction.results import Results
-from iptm_reproduction.texts import number_texts, rendered
-from iptm_reproduction.trips import HIGH_PERCENTILE, LOW_PERCENTILE
 
 NO_CAUSE = "No cause has been written down yet."
 _ONE_RUN = {"run", "base", "reference"}
@@ -34,22 +46,29 @@ _ONE_RUN = {"run", "base", "reference"}
 
 
 @dataclass(frozen=True)
-class Check:
-    """How one statement is checked.
+class Claim:
+    """A statement of the paper, paraphrased, its place there, and how it is checked.
 
     Attributes:
         rule: the check in words, with its tolerances.
         judge: applies it; called only if each run is there and has each of the figures.
         arguments: of the check, by name.
+        note: on how the statement is read.
+        cause: template of the reason for a difference.
     """
 
+    id: str
+    where: str
+    statement: str
     rule: str
     judge: Callable[..., Finding]
     arguments: Mapping[str, Any]
+    note: str = ""
+    cause: str = ""
 
     @property
     def runs(self) -> tuple[str, ...]:
-        """Addresses of the runs without which it cannot be applied."""
+        """Addresses of the runs without which it cannot be checked."""
         return tuple(text for text in _texts_in(self.arguments.values()) if "/" in text)
 
     @property
@@ -57,14 +76,17 @@ class Check:
         """Figures that each of the runs must have."""
         return tuple(text for text in _texts_in(self.arguments.values()) if text in FIGURES)
 
-    def apply(self, results: Results) -> Finding:
-        """Return the finding; not tested if a run or a figure is missing."""
+    def check(self, results: Results) -> Finding:
+        """Return the finding, with the cause of a difference; not tested if anything is missing."""
         lacking = results.lacking(self.runs)
         if lacking:
             return Finding(Verdict.NOT_TESTED, results.missing_text(lacking))
         if any(results.find(run, figure) is None for run in self.runs for figure in self.figures):
             return Finding(Verdict.NOT_TESTED, f"the stored runs lack {labels(self.figures)}")
-        return self.judge(results, **self.arguments)
+        finding = self.judge(results, **self.arguments)
+        if not finding.verdict.differs:
+            return finding
+        return replace(finding, cause=rendered(self.cause, **number_texts(results)) or NO_CAUSE)
 
 
 def _texts_in(values: Any) -> Iterator[str]:
@@ -79,38 +101,10 @@ def _texts_in(values: Any) -> Iterator[str]:
             yield from _texts_in(value)
 
 
-@dataclass(frozen=True)
-class Claim:
-    """A statement of the paper, paraphrased, and its place there.
-
-    ``note`` is on how the statement is read, ``cause`` the template of the reason for a difference.
-    """
-
-    id: str
-    where: str
-    statement: str
-    check: Check
-    note: str = ""
-    cause: str = ""
-
-
-@dataclass(frozen=True)
-class CheckedClaim:
-    """A statement and what the check has found; a cause where it is not simply reproduced."""
-
-    claim: Claim
-    finding: Finding
-    cause: str
-
-    @property
-    def verdict(self) -> Verdict:
-        """The outcome."""
-        return self.finding.verdict
-
-
-def make_check(kind: str, **given: Any) -> Check:
-    """Return a check by the name of its function, with runs as in ``claims.yaml``."""
-    judge = getattr(checks_of_figures, kind, None) or getattr(checks_of_trips, kind)
+def make_claim(entry: Mapping[str, Any]) -> Claim:
+    """Return a statement as in ``claims.yaml``; its check is given by the name of its function."""
+    ((kind, given),) = entry["check"].items()
+    judge = getattr(checks_of_figures, kind, None) or getattr(trips, kind)
     parameters = list(inspect.signature(judge).parameters.values())[1:]
     arguments = {
         entry.name: _argument(entry.name, given.get(entry.name, entry.default))
@@ -119,7 +113,10 @@ def make_check(kind: str, **given: Any) -> Check:
     }
     if any(entry.name == "printed" for entry in parameters) and "printed" not in given:
         arguments["printed"] = _printed(kind, arguments)
-    return Check(rendered(_content()["rules"][kind], **_WORDS, **arguments), judge, arguments)
+    texts = {name: text for name, text in entry.items() if name != "check"}
+    texts["statement"] = rendered(entry["statement"], **_WORDS, **arguments)
+    rule = rendered(_content()["rules"][kind], **_WORDS, **arguments)
+    return Claim(**texts, rule=rule, judge=judge, arguments=arguments)
 
 
 def _argument(name: str, value: Any) -> Any:
@@ -169,8 +166,8 @@ _WORDS = {
     f"{_percent(CHANGE_SHARE)} % of the printed change",
     "FIGURES": FIGURES,
     "LEVEL_STEP": checks_of_figures.LEVEL_STEP,
-    "LOW_PERCENTILE": LOW_PERCENTILE,
-    "HIGH_PERCENTILE": HIGH_PERCENTILE,
+    "LOW_PERCENTILE": trips.LOW_PERCENTILE,
+    "HIGH_PERCENTILE": trips.HIGH_PERCENTILE,
 }
 """What rules and statements are written with."""
 
@@ -185,22 +182,61 @@ def _content() -> dict[str, Any]:
 @cache
 def claims_by_topic() -> dict[str, tuple[Claim, ...]]:
     """Return every statement of the paper that is checked, by topic, in the order of the paper."""
-    return {topic["title"]: tuple(map(_claim, topic["claims"])) for topic in _content()["topics"]}
+    return {
+        topic["title"]: tuple(map(make_claim, topic["claims"])) for topic in _content()["topics"]
+    }
 
 
-def _claim(entry: Mapping[str, Any]) -> Claim:
-    ((kind, given),) = entry["check"].items()
-    check = make_check(kind, **given)
-    statement = rendered(entry["statement"], **_WORDS, **check.arguments)
-    return Claim(**{**entry, "statement": statement, "check": check})
+_PERCENTILES = (10.0, 90.0)
+# The texts are data of this package and end in Markdown, which is not HTML.
+_ENVIRONMENT = jinja2.Environment(undefined=jinja2.StrictUndefined)  # noqa: S701
 
 
-def check_claims(claims: tuple[Claim, ...], results: Results) -> tuple[CheckedClaim, ...]:
-    """Check statements, in their order; a difference gets its cause, with the numbers of the runs."""
-    checked = []
-    numbers = number_texts(results)
-    for claim in claims:
-        finding = claim.check.apply(results)
-        cause = rendered(claim.cause, **numbers) or NO_CAUSE if finding.verdict.differs else ""
-        checked.append(CheckedClaim(claim, finding, cause))
-    return tuple(checked)
+_compiled = cache(_ENVIRONMENT.from_string)
+
+
+def rendered(template: str, **context: Any) -> str:
+    """Return a text with its expressions filled in, and with single spaces only."""
+    return re.sub(r"[ \n]+", " ", _compiled(template).render(context)).strip()
+
+
+def evaluated(expression: str, **context: Any) -> Any:
+    """Return the value of an expression."""
+    return _ENVIRONMENT.compile_expression(expression, undefined_to_none=False)(context)
+
+
+def number_texts(results: Results) -> dict[str, Any]:
+    """Return what texts are filled in with: functions to numbers with units, runs and figures by name.
+
+    A dash stands for a missing run.
+    """
+
+    def value(run: str, figure: str) -> str:
+        return FIGURES[figure].with_unit(results.find(run, figure))
+
+    def printed(run: str, figure: str) -> str:
+        return FIGURES[figure].with_unit(printed_value(run, figure))
+
+    def change(run: str, base: str, figure: str) -> str:
+        return change_text(results.change(run, base, figure))
+
+    def payback(run: str) -> str:
+        """Return the range of times after which cooling with drawn power has paid on a trip."""
+        found = cooling_payback(results[run], _PERCENTILES) if run in results else None
+        if found is None:
+            return f"{DASH} s"
+        return f"{min(found.times_s.values()):.0f} to {max(found.times_s.values()):.0f} s"
+
+    def braking_share(run: str) -> str:
+        """Return the part of the compressor energy that is spent while braking."""
+        share = trips.share_while_braking(results[run].trajectory) if run in results else None
+        return f"{DASH} %" if share is None else f"{100.0 * share:.1f} %"
+
+    functions: tuple[Callable[..., str], ...] = (value, printed, change, payback, braking_share)
+    constants = {name: entry for name, entry in vars(names).items() if name.isupper()}
+    return {
+        **constants,
+        **{function.__name__: function for function in functions},
+        "printed_cooling": reproduced_cooling(),
+        "results": results,
+    }

@@ -28,7 +28,6 @@ from iptm_reproduction.printed import (
 from iptm_reproduction.results import Results
 from iptm_reproduction.tables import (
     SAVING,
-    figure_text,
     marked,
     share_text,
     strong,
@@ -103,14 +102,14 @@ def strategies(results: Results) -> pd.DataFrame:
         rows.append((strong(FIGURES[figure].title), "found", *found))
         rows.append(("", "printed", *(_printed(run, figure) for run in STRATEGIES)))
     for figure in _FURTHER_ROWS:
-        found = (figure_text(results, run, figure) for run in STRATEGIES)
+        found = (results.text(run, figure) for run in STRATEGIES)
         rows.append((FIGURES[figure].title, "found", *found))
     rows.append((SAVING, "found", *(share_text(results, run) for run in STRATEGIES)))
     return table_of(("figure", "", *(name for name, _ in FORMULATIONS.values())), rows)
 
 
 def _with_change(results: Results, run: str, figure: str) -> str:
-    text = figure_text(results, run, figure)
+    text = results.text(run, figure)
     change = results.change(run, REFERENCE, figure)
     if run == REFERENCE or change is None:
         return text
@@ -128,7 +127,7 @@ def _printed(run: str, figure: str) -> str:
 def _weights(results: Results, run: str) -> str:
     if run not in results:
         return names.DASH
-    strategy = results[run].strategy
+    strategy = results.cases[run].spec.strategy
     return ", ".join(map(weight_text, (strategy.energy_weight_1_j, strategy.aging_weight)))
 
 

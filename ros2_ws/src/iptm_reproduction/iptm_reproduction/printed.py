@@ -79,11 +79,13 @@ class Finding:
         found: what this project finds, in words and numbers.
         in_print: outcome of the same rule on the numbers printed in the paper, where they suffice
             to apply it; else empty.
+        cause: why it is not simply reproduced; empty where it is.
     """
 
     verdict: Verdict
     found: str
     in_print: str = ""
+    cause: str = ""
 
 
 def graded(holds: bool, in_sign: bool = False) -> Verdict:  # noqa: FBT001, FBT002

@@ -21,17 +21,15 @@ from iptm_reproduction import (
     names,
     paper_tables,
     printed,
-    study_tables,
     tables,
 )
-from iptm_reproduction.claims import check_claims, claims_by_topic
+from iptm_reproduction.claims import claims_by_topic, evaluated, number_texts, rendered
 from iptm_reproduction.identification import spread, unknowns
 from iptm_reproduction.names import expanded, studies_of
 from iptm_reproduction.plots import drawn
 from iptm_reproduction.printed import PAPER, Verdict
-from iptm_reproduction.results import Gathered, gather
+from iptm_reproduction.results import Results, gather
 from iptm_reproduction.tables import strong
-from iptm_reproduction.texts import evaluated, number_texts, rendered
 from iptm_studies.campaign import Campaign
 from iptm_studies.store import ResultStore
 
@@ -39,7 +37,11 @@ NAME = "paper-reproduction"
 """Name of the pages, and of the folder of their figures."""
 _HERE = Path(__file__).parent
 _PAGE: dict[str, Any] = yaml.safe_load((_HERE / "page.yaml").read_text(encoding="utf-8"))
-LEGEND = "Marks: " + ", ".join(f"{verdict.symbol} {verdict.value}" for verdict in Verdict)
+_HEAD = {
+    "title": _PAGE["title"],
+    "subtitle": PAPER,
+    "legend": "Marks: " + ", ".join(f"{verdict.symbol} {verdict.value}" for verdict in Verdict),
+}
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,7 @@ class Block:
         title: heading of a table or picture.
         paper: where it stands in the paper; empty for one beyond it.
         text: the text, the note under a table, the caption of a picture, or which runs are missing and why.
-        content: rows of a table, PNG file of a picture, or checked claims.
+        content: rows of a table, PNG file of a picture, or pairs of statement and finding.
         command: what computes the missing runs.
     """
 
@@ -66,25 +68,14 @@ class Block:
 
 
 @dataclass(frozen=True)
-class Section:
-    """A chapter of the page."""
-
-    key: str
-    title: str
-    blocks: tuple[Block, ...]
-
-
-@dataclass(frozen=True)
 class Document:
-    """The whole page: title, what is reproduced, and chapters in order."""
+    """The whole page: the blocks of its chapters in order, by key and title."""
 
-    title: str
-    subtitle: str
-    sections: tuple[Section, ...]
+    chapters: Mapping[tuple[str, str], tuple[Block, ...]]
 
     def blocks(self, *kinds: str) -> Iterator[Block]:
         """Return the blocks of some kinds, in order."""
-        blocks = (block for section in self.sections for block in section.blocks)
+        blocks = itertools.chain(*self.chapters.values())
         return (block for block in blocks if block.kind in kinds)
 
 
@@ -96,7 +87,7 @@ def build_report(store: ResultStore, campaign: Campaign, output_dir: Path) -> tu
 
     Args:
         store: where the runs are.
-        campaign: studies that were compared with the store (``execution.survey``).
+        campaign: studies that were compared with the store (``campaign.survey``).
         output_dir: where the pages go.
 
     Raises:
@@ -129,18 +120,17 @@ def write_report(document: Document, output_dir: Path) -> tuple[Path, ...]:
     return tuple(pages)
 
 
-def compose(gathered: Gathered) -> Document:
+def compose(results: Results) -> Document:
     """Check every statement and put the page together; parts that cannot be built state the reason."""
-    page = _Page(gathered)
-    sections = (
-        Section(
-            chapter["key"],
-            chapter["title"],
-            tuple(block for part in chapter["parts"] if (block := page.block(part)) is not None),
-        )
-        for chapter in _PAGE["chapters"]
+    page = _Page(results)
+    return Document(
+        {
+            (chapter["key"], chapter["title"]): tuple(
+                block for part in chapter["parts"] if (block := page.block(part)) is not None
+            )
+            for chapter in _PAGE["chapters"]
+        }
     )
-    return Document(_PAGE["title"], PAPER, tuple(sections))
 
 
 _MODULES = (
@@ -149,7 +139,6 @@ _MODULES = (
     paper_tables,
     printed,
     spread,
-    study_tables,
     tables,
     unknowns,
 )
@@ -165,25 +154,24 @@ _PUBLIC = {
 class _Page:
     """Builds parts from what was gathered."""
 
-    def __init__(self, gathered: Gathered) -> None:
-        self._gathered = gathered
-        self._results = gathered.results
+    def __init__(self, results: Results) -> None:
+        self._results = results
         self._checked = {
-            topic: check_claims(claims, self._results)
+            topic: [(claim, claim.check(results)) for claim in claims]
             for topic, claims in claims_by_topic().items()
         }
         self._context = {
             **_PUBLIC,
             **number_texts(self._results),
             "verdicts": self._verdicts(),
-            "origin": gathered.origin,
-            "command": gathered.command,
+            "origin": results.origin,
+            "command": results.command,
         }
 
     def _verdicts(self) -> dict[str, list[str]]:
         """Return the verdicts on the statements of each topic, and on all of them."""
         found = {
-            topic: [entry.verdict.value for entry in entries]
+            topic: [finding.verdict.value for _, finding in entries]
             for topic, entries in self._checked.items()
         }
         return found | {strong("all statements"): list(itertools.chain(*found.values()))}
@@ -206,7 +194,7 @@ class _Page:
                 key,
                 part["title"],
                 text=self._results.missing_text(lacking),
-                command=f"{self._gathered.command} {' '.join(studies_of(lacking))}",
+                command=f"{self._results.command} {' '.join(studies_of(lacking))}",
             )
         text = self._text(part.get("note") or part.get("caption", ""))
         if kind == "table":
@@ -228,7 +216,7 @@ class _Page:
             given = {key: part[key] for key in keys if key in part}
             return tables.run_table(self._results, **given)
         name = part.get("rows", key.replace("-", "_"))
-        build = getattr(paper_tables, name, None) or getattr(study_tables, name)
+        build = getattr(paper_tables, name, None) or getattr(tables, name)
         return build(self._results, **part.get("with", {}))
 
     def _listed(self, part: Mapping[str, Any]) -> pd.DataFrame:
@@ -267,13 +255,13 @@ _RUNS = "|-"
 def render_html(document: Document) -> str:
     """Return the page; figures are embedded, so that the one file is all."""
     template = _environment(escapes=True).get_template("report.html.j2")
-    return template.render(document=document, legend=LEGEND)
+    return template.render(chapters=document.chapters, **_HEAD)
 
 
 def render_markdown(document: Document, folder: str) -> str:
     """Return the page as Markdown; its figures lie in a folder relative to the file."""
     template = _environment(escapes=False).get_template("report.md.j2")
-    return spaced(template.render(folder=folder, document=document, legend=LEGEND))
+    return spaced(template.render(folder=folder, chapters=document.chapters, **_HEAD))
 
 
 def spaced(text: str) -> str:

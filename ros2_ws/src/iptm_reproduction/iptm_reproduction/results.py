@@ -7,20 +7,16 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
-from functools import cached_property, partial
+from functools import cache
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from iptm_controller.strategy import Strategy
 from iptm_core.errors import ScenarioError
-from iptm_core.metrics import figure_values
-from iptm_core.parameters.model import ModelParameters
-from iptm_core.routes import Route
+from iptm_core.metrics import FIGURES, figure_values
 from iptm_core.state import FloatArray
-from iptm_core.trajectory import Trajectory
 from iptm_reproduction.names import (
     DEGRADATION,
     OPTIMUM,
@@ -30,65 +26,64 @@ from iptm_reproduction.names import (
     studies_of,
 )
 from iptm_studies.campaign import Campaign
-from iptm_studies.run import Run, RunRecord
-from iptm_studies.run_inputs import resolve_inputs
-from iptm_studies.run_spec import REPRODUCED_CYCLE, RunSpec
+from iptm_studies.run import Run
+from iptm_studies.run_spec import REPRODUCED_CYCLE
 from iptm_studies.store import ResultStore
-from iptm_studies.study import SMALL
+from iptm_studies.study import NOT_COMPUTED, SHORT_TRIP, Case
 
 COMMAND = "scripts/reproduce run"
 
 
-@dataclass(frozen=True)
-class ReportRun:
-    """One finished run: its figures by key (one without a value is left out) and what it was driven with."""
-
-    address: str
-    values: Mapping[str, float]
-    parameters: ModelParameters
-    route: Route
-    strategy: Strategy
-    load: Callable[[], Run] = field(repr=False, compare=False)
-
-    @cached_property
-    def stored(self) -> Run:
-        """All that is stored of it, read on first use."""
-        return self.load()
-
-    @property
-    def trajectory(self) -> Trajectory:
-        """The trip."""
-        return self.stored.trajectory
-
-
 class Results:
-    """Runs by address, the table of their figures, and why others are missing."""
+    """Runs by address, the table of their figures, and why others are missing.
 
-    def __init__(self, runs: Iterable[ReportRun], missing: Mapping[str, str] | None = None) -> None:
-        """Take runs, and the reasons for missing ones by address."""
-        self.runs = {run.address: run for run in runs}
-        self.missing = {
-            address: why for address, why in (missing or {}).items() if address not in self.runs
-        }
-        self.figures = pd.DataFrame.from_dict(
-            {address: dict(run.values) for address, run in self.runs.items()}, orient="index"
-        )
-        """A row per run, a column per figure, in the unit of each figure; NaN where there is no value."""
+    Attributes:
+        figures: a row per run, a column per figure in its unit; NaN where there is no value.
+        missing: why a run is not there, by address.
+        cases: the runs as planned, by address.
+        origin: number of different ``runs`` and of the ``cases`` that they stand for, the ``trip`` that most
+            of them drive, whether that is the ``whole_cycle`` as in the paper, and ``details`` in words.
+        command: what computes a study, without its name.
+    """
+
+    def __init__(
+        self,
+        figures: Mapping[str, Mapping[str, float]],
+        missing: Mapping[str, str] | None = None,
+        load: Callable[[str], Run] | None = None,
+        cases: Mapping[str, Case] | None = None,
+    ) -> None:
+        """Take the figures of runs, the reasons for missing ones, and what reads a run, by address."""
+        self.figures = pd.DataFrame.from_dict(dict(figures), orient="index")
+        self.missing = {name: why for name, why in (missing or {}).items() if name not in figures}
+        self.cases = cases or {}
+        self.origin: dict[str, Any] = {}
+        self.command = COMMAND
+        self._load = cache(load) if load else None
 
     def __contains__(self, address: object) -> bool:
-        return address in self.runs
+        return address in self.figures.index
 
-    def __getitem__(self, address: str) -> ReportRun:
-        return self.runs[address]
+    def __getitem__(self, address: str) -> Run:
+        """Return all that is stored of a run, read on first use."""
+        if self._load is None or address not in self:
+            raise KeyError(address)
+        return self._load(address)
 
     def find(self, address: str, figure: str) -> float | None:
         """Return a figure of a run; None if the run or the figure is missing."""
-        run = self.runs.get(address)
-        return None if run is None else run.values.get(figure)
+        if address not in self or figure not in self.figures:
+            return None
+        found = self.figures.at[address, figure]
+        return None if pd.isna(found) else float(found)
 
     def value(self, address: str, figure: str) -> float:
         """Return a figure of a run that is known to be there."""
-        return self.runs[address].values[figure]
+        return float(self.figures.at[address, figure])
+
+    def text(self, address: str, figure: str) -> str:
+        """Return a figure of a run as it stands in tables."""
+        return FIGURES[figure].text(self.find(address, figure))
 
     def series(self, addresses: Sequence[str], figure: str) -> FloatArray:
         """Return a figure of several runs that are known to be there, shape (runs,)."""
@@ -122,134 +117,95 @@ class Results:
         found = [
             address
             for pattern in patterns
-            for address in (self.runs if "*" in pattern else (pattern,))
+            for address in (self.figures.index if "*" in pattern else (pattern,))
             if fnmatchcase(address, pattern) and not fnmatchcase(address, without)
         ]
         return list(dict.fromkeys(found))
 
     def lacking(self, addresses: Iterable[str]) -> tuple[str, ...]:
         """Return those of the addresses that have no run, each once, in order."""
-        return tuple(dict.fromkeys(name for name in addresses if name not in self.runs))
+        return tuple(dict.fromkeys(name for name in addresses if name not in self))
 
     def missing_text(self, lacking: Sequence[str]) -> str:
         """Return which runs are missing, and why the first one is, in words."""
         names = ", ".join(STUDIES.get(study, study) for study in studies_of(lacking))
         shown = ", ".join(lacking[:3])
         shown += f" and {len(lacking) - 3} more" if len(lacking) > 3 else ""
-        reason = self.missing.get(lacking[0], "not computed")
+        reason = self.missing.get(lacking[0], NOT_COMPUTED)
         return f"missing runs of {names}: {shown} ({reason})"
 
 
-@dataclass(frozen=True)
-class Origin:
-    """Where the results come from: numbers of different runs and of the cases that they stand for.
-
-    Attributes:
-        trip: what most of the runs drive, in words.
-        whole_cycle: whether that is the whole comprehensive cycle, as in the paper.
-        details: all of that in words, times, source and versions, by title.
-    """
-
-    trip: str
-    whole_cycle: bool
-    runs: int
-    cases: int
-    details: Mapping[str, str]
-
-
-@dataclass(frozen=True)
-class Gathered:
-    """What there is to report: the runs, their origin, and what computes a study, without its name."""
-
-    results: Results
-    origin: Origin
-    command: str
-
-
-def gather(store: ResultStore, campaign: Campaign) -> Gathered:
-    """Collect the cases of a campaign that was compared with the store (``execution.survey``).
+def gather(store: ResultStore, campaign: Campaign) -> Results:
+    """Collect the cases of a campaign that was compared with the store (``campaign.survey``).
 
     Raises:
         ScenarioError: the store has no runs; names their number and the command.
         StoreError: a run has disappeared from the store since the survey.
     """
-    runs: list[ReportRun] = []
-    specs: dict[str, RunSpec] = {}
-    missing: dict[str, str] = {}
-    keys: set[str] = set()
-    for state in campaign.cases:
-        if state.key is None or state.spec is None or state.metrics is None:
-            missing[state.address] = state.reason
-            continue
-        inputs = resolve_inputs(state.spec)
-        runs.append(
-            ReportRun(
-                state.address,
-                figure_values(state.metrics),
-                inputs.parameters,
-                inputs.route,
-                state.spec.strategy,
-                partial(store.load, state.key),
-            )
-        )
-        specs[state.address] = state.spec
-        keys.add(state.key)
-    command = _command(campaign)
-    if not runs:
+    planned = [case.spec for study in campaign.studies for case in study.cases]
+    small = all({**vars(spec), **SHORT_TRIP} == vars(spec) for spec in planned)
+    command = f"{COMMAND} --small" if small else COMMAND
+    cases = {case.address: case for case in campaign.cases if case.metrics is not None}
+    missing = {case.address: case.reason for case in campaign.cases if case.metrics is None}
+    if not cases:
         lacking = Counter(address.partition("/")[0] for address in missing)
         raise ScenarioError(
             f"store {store.folder} holds none of the results that the report is made of; missing are "
             f"{', '.join(f'{count} runs of {study}' for study, count in lacking.items())}. "
             f"Compute them with: {command} {' '.join(lacking)}"
         )
-    records = [store.load(key).record for key in sorted(keys)]
-    return Gathered(Results(runs, missing), _origin(runs, specs, records), command)
+    figures = {
+        name: figure_values(case.metrics)
+        for name, case in cases.items()
+        if case.metrics is not None
+    }
+    results = Results(figures, missing, lambda address: store.load(cases[address].key), cases)
+    results.command = command
+    results.origin = _origin(results, store)
+    return results
 
 
-def _command(campaign: Campaign) -> str:
-    """Return what computes a study of this campaign, without its name."""
-    specs = [case.spec for study in campaign.studies for case in study.cases]
-    small = all(
-        (spec.cycle, spec.slope, spec.duration_s) == (SMALL.cycle, SMALL.slope, SMALL.duration_s)
-        for spec in specs
-    )
-    return f"{COMMAND} --small" if small else COMMAND
-
-
-def _origin(
-    runs: Sequence[ReportRun], specs: Mapping[str, RunSpec], records: Sequence[RunRecord]
-) -> Origin:
+def _origin(results: Results, store: ResultStore) -> dict[str, Any]:
+    specs = {address: case.spec for address, case in results.cases.items()}
     trips = {
-        run.address: f"{spec.cycle}, slope {spec.slope}, {run.values['duration']:.0f} s"
-        for run, spec in zip(runs, specs.values(), strict=True)
+        address: f"{spec.cycle}, slope {spec.slope}, {results.value(address, 'duration'):.0f} s"
+        for address, spec in specs.items()
     }
     trip = Counter(trips.values()).most_common(1)[0][0]
-    ends = sorted(record.finished_at_utc for record in records)
-    names = dict.fromkeys(name for record in records for name in record.versions)
+    runs = pd.DataFrame(
+        {
+            "end": run.finished_at_utc,
+            "wall_time_s": run.wall_time_s,
+            "compiled": run.compiled,
+            "source": run.git_revision,
+            "versions": run.versions,
+        }
+        for run in map(store.load, sorted({case.key for case in results.cases.values()}))
+    )
+    names = dict.fromkeys(name for versions in runs.versions for name in versions)
     details = {
         "trip": trip,
-        "runs": f"{len(records)} ({len(runs)} cases)",
-        "computed": f"{ends[0]} to {ends[-1]}",
-        "wall time of all runs, one after the other": (
-            f"{sum(record.wall_time_s for record in records) / 3600.0:.2f} h"
-        ),
-        "runs without compiled problem": str(sum(not record.compiled for record in records)),
-        "source": _counted(record.git_revision for record in records),
+        "runs": f"{len(runs)} ({len(specs)} cases)",
+        "computed": f"{runs.end.min()} to {runs.end.max()}",
+        "wall time of all runs, one after the other": f"{sum(runs.wall_time_s) / 3600.0:.2f} h",
+        "runs without compiled problem": str(sum(~runs.compiled)),
+        "source": _counted(runs.source),
     }
     details |= {
-        name: _counted(record.versions.get(name, "unknown") for record in records) for name in names
+        name: _counted(versions.get(name, "unknown") for versions in runs.versions)
+        for name in names
     }
-    return Origin(
-        trip=trip,
-        whole_cycle=all(
+    return {
+        "trip": trip,
+        "whole_cycle": all(
             spec.cycle == REPRODUCED_CYCLE and spec.duration_s is None
             for address, spec in specs.items()
             if trips[address] == trip
         ),
-        runs=len(records),
-        cases=len(runs),
-        details=details,
-    )
+        "runs": len(runs),
+        "cases": len(specs),
+        "details": details,
+    }
 
 
 def _counted(values: Iterable[str]) -> str:

@@ -1,4 +1,4 @@
-"""Tables of runs: the figures of each, or their changes against a base run, and what was found besides.
+"""Tables of runs: the figures of each, or their changes against a base run; and of whole studies.
 
 A table is a data frame of texts as in Markdown: ``**set off**``, and a mark after what is compared.
 """
@@ -6,11 +6,14 @@ A table is a data frame of texts as in Markdown: ``**set off**``, and a mark aft
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
+from pathlib import Path
 from statistics import fmean
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+import yaml
 
 from iptm_core.metrics import cold_compressor_energies_j
 from iptm_core.metrics.figures import FIGURES
@@ -18,6 +21,7 @@ from iptm_reproduction.names import (
     DASH,
     OPTIMUM,
     REFERENCE,
+    STUDIES,
     change_text,
     controller_name,
     name_of,
@@ -25,8 +29,10 @@ from iptm_reproduction.names import (
     words,
 )
 from iptm_reproduction.printed import Verdict, graded
-from iptm_reproduction.results import ReportRun, Results
+from iptm_reproduction.results import Results
 from iptm_reproduction.trips import mean_cell_temperature_c, share_while_braking
+from iptm_studies.channel_record import ChannelRecord
+from iptm_studies.run import Run
 
 SAVING = "part of the possible saving of degradation"
 LONG_STEP_PRICE = 0.01
@@ -48,11 +54,6 @@ def marked(text: str, verdict: Verdict | None) -> str:
 def table_of(head: Sequence[str], rows: Sequence[Sequence[str]]) -> pd.DataFrame:
     """Return a table of texts; a ValueError if a row has not as many cells as there are heads."""
     return pd.DataFrame([tuple(row) for row in rows], columns=list(head), dtype=object)
-
-
-def figure_text(results: Results, run: str, figure: str) -> str:
-    """Return a figure of a run."""
-    return FIGURES[figure].text(results.find(run, figure))
 
 
 def share_text(
@@ -105,7 +106,7 @@ def run_table(
         for figure in cell:
             shown = FIGURES[figure]
             table[shown.label if by_label else shown.title] = [
-                figure_text(results, run, figure)
+                results.text(run, figure)
                 if what == "values" or run == found
                 else change_text(results.change(run, found, figure))
                 for run, found in bases.items()
@@ -120,7 +121,8 @@ def _part(word: Callable[[str], str]) -> Callable[..., str]:
 def _weights(results: Results, run: str) -> tuple[float, ...]:
     if run not in results:
         return ()
-    return results[run].strategy.energy_weight_1_j, results[run].strategy.aging_weight
+    strategy = results.cases[run].spec.strategy
+    return strategy.energy_weight_1_j, strategy.aging_weight
 
 
 def _weighted(text: Callable[[str, tuple[float, ...]], str]) -> Callable[..., str]:
@@ -155,7 +157,7 @@ def _of_all_cells(value: Callable[[tuple[float, ...]], float]) -> Callable[..., 
     """Write a degradation over all cells of a channel, a dash where there are but two."""
 
     def write(results: Results, run: str, base: str) -> str:
-        record, other = results[run].stored.channel, results[base].stored.channel
+        record, other = results[run].channel, results[base].channel
         if record is None or other is None:
             return DASH
         found = value(record.capacity_losses)
@@ -166,17 +168,17 @@ def _of_all_cells(value: Callable[[tuple[float, ...]], float]) -> Callable[..., 
     return write
 
 
-def _of_trip(write: Callable[[ReportRun], str]) -> Callable[..., str]:
+def _of_trip(write: Callable[[Run], str]) -> Callable[..., str]:
     return lambda results, run, _base: write(results[run])
 
 
-def _energy(run: ReportRun, power_w: Any, decimals: int) -> str:
+def _energy(run: Run, power_w: Any, decimals: int) -> str:
     """Write the energy of a power of a trip, shape (n,), in kJ."""
     energy_kj = 1e-3 * float(np.dot(power_w[1:], run.trajectory.intervals_s))
     return f"{energy_kj:.{decimals}f}"
 
 
-def _braking_share(run: ReportRun) -> str:
+def _braking_share(run: Run) -> str:
     share = share_while_braking(run.trajectory)
     return DASH if share is None else f"{100.0 * share:.1f} %"
 
@@ -188,8 +190,8 @@ _CELLS: dict[str, Callable[..., str]] = {
     "grid": _part(lambda grid: f"MH {grid}"),
     "fine_grid": _part(lambda length: f"{length} × 1 s"),
     "plant": _part({"two_cell": "two cells", "full_channel": "full channel"}.__getitem__),
-    "route": _of_trip(lambda run: run.route.name),
-    "figure": lambda results, run, _base, figure: figure_text(results, run, figure),
+    "route": lambda results, run, _base: results.cases[run].route.name,
+    "figure": lambda results, run, _base, figure: results.text(run, figure),
     "share": lambda results, run, _base, *ends: share_text(results, run, *ends),
     "weighted_strategy": _weighted(lambda used, _: name_of(used)),
     "energy_weight": _weighted(lambda _, weights: weight_text(weights[0])),
@@ -211,3 +213,113 @@ _CELLS: dict[str, Callable[..., str]] = {
     ),
 }
 """Kinds of cells, from the results, a run, its base run, and arguments."""
+
+
+class Conclusion(NamedTuple):
+    """A comparison that should hold whatever varies: ``better`` is lower than ``worse`` in all figures."""
+
+    text: str
+    better: str
+    worse: str
+    figures: list[str]
+
+    def holds(self, results: Results, case: str) -> bool | None:
+        """Return whether it holds in a case, the address without controller; None where a run is missing."""
+        pairs = [
+            [results.find(f"{case}/{name}", figure) for name in (self.better, self.worse)]
+            for figure in self.figures
+        ]
+        known = [(low, high) for low, high in pairs if low is not None and high is not None]
+        return all(low < high for low, high in known) if len(known) == len(pairs) else None
+
+
+@cache
+def _conclusions() -> dict[str, list[Conclusion]]:
+    source = Path(__file__).with_name("conclusions.yaml").read_text(encoding="utf-8")
+    return {
+        study: [Conclusion(*entry) for entry in entries]
+        for study, entries in yaml.safe_load(source).items()
+    }
+
+
+def _outcomes(results: Results, study: str) -> dict[str, dict[str, bool | None]]:
+    """Return whether each conclusion holds in each case, except those that no run can decide."""
+    cases = dict.fromkeys(run.split("/")[1] for run in results.matching(f"{study}/*"))
+    table = {
+        conclusion.text: {case: conclusion.holds(results, f"{study}/{case}") for case in cases}
+        for conclusion in _conclusions()[study]
+    }
+    return {text: marks for text, marks in table.items() if set(marks.values()) - {None}}
+
+
+def conclusions(results: Results, study: str) -> pd.DataFrame:
+    """Return the conclusions of a study as rows, its cases as columns."""
+    outcomes = _outcomes(results, study)
+    cases = dict.fromkeys(case for marks in outcomes.values() for case in marks)
+    rows = []
+    for text, marks in outcomes.items():
+        known = [mark for mark in marks.values() if mark is not None]
+        cells = (
+            DASH if holds is None else marked("yes" if holds else "no", graded(holds))
+            for holds in marks.values()
+        )
+        rows.append((text, *cells, f"{sum(known)} of {len(known)}"))
+    return table_of(("conclusion", *map(words, cases), "holds in"), rows)
+
+
+def conclusions_text(results: Results, study: str) -> str:
+    """Return which conclusions hold throughout and which do not, in words."""
+    throughout, others = [], []
+    for text, marks in _outcomes(results, study).items():
+        failing = [words(name) for name, mark in marks.items() if mark is False]
+        if failing:
+            others.append(f"{text} (not with: {', '.join(failing)})")
+        else:
+            throughout.append(text)
+    sentences = []
+    if throughout:
+        sentences.append(f"Hold in every case that was run: {'; '.join(throughout)}.")
+    if others:
+        sentences.append(f"Depend on the case: {'; '.join(others)}.")
+    return " ".join(sentences) or "Nothing to conclude from yet."
+
+
+_RELIABILITY = (
+    "gap_violations",
+    "hard_violations",
+    "soft_violations",
+    "fallbacks",
+    "failed_solves",
+    "solves_feasible",
+    "limiter_ticks",
+)
+_LONGEST_SOLVE = "solve_max"
+
+
+def reliability(results: Results) -> pd.DataFrame:
+    """Return what went wrong in any run, by study: sums and the worst run."""
+    table = results.figures.reindex(columns=[*_RELIABILITY, _LONGEST_SOLVE])
+    rows = []
+    for study, title in STUDIES.items():
+        found = table[table.index.str.startswith(f"{study}/")]
+        missing = sum(address.startswith(f"{study}/") for address in results.missing)
+        if len(found) or missing:
+            longest = FIGURES[_LONGEST_SOLVE].text(found[_LONGEST_SOLVE].max())
+            sums = (_sum_and_worst(found[figure].dropna()) for figure in _RELIABILITY)
+            rows.append((title, str(len(found)), str(missing), *sums, longest))
+    labels = (FIGURES[figure].label for figure in _RELIABILITY)
+    return table_of(("study", "runs", "missing", *labels, "longest solve [ms]"), rows)
+
+
+def _sum_and_worst(values: pd.Series) -> str:
+    total = values.sum()
+    if values.empty or total == 0.0:
+        return DASH if values.empty else "0"
+    return f"{total:.0f} ({name_of(values.idxmax())}: {values.max():.0f})"
+
+
+def channel_records(results: Results) -> dict[str, ChannelRecord]:
+    """Return what all cells went through, by controller."""
+    runs = results.matching("full_channel/full_channel/*")
+    records = {run.split("/")[2]: results[run].channel for run in runs}
+    return {name: record for name, record in records.items() if record is not None}

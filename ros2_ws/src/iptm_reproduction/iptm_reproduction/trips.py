@@ -1,14 +1,23 @@
-"""What checks, tables and plots read off a trajectory beyond its metrics."""
+"""What checks, tables and plots read off a trajectory beyond its metrics, and the statements checked on it.
+
+See ``checks_of_figures.py`` for what a check is.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
+from iptm_reproduction.aging import aging_map
+from iptm_reproduction.names import name_of
+from iptm_reproduction.printed import Finding, graded
+from iptm_reproduction.results import Results
 
 LOW_PERCENTILE, HIGH_PERCENTILE = 50, 90
 """Up to the one, power counts as low, from the other on as high; the paper draws regions without values."""
@@ -102,3 +111,174 @@ def thinned(run: Trajectory, values: FloatArray, most: int) -> tuple[FloatArray,
     times: FloatArray = run.time_s[:whole].reshape(-1, block).mean(axis=1)
     means: FloatArray = np.asarray(values)[:whole].reshape(-1, block).mean(axis=1)
     return times, means
+
+
+def power_regions(results: Results, run: str, others: Sequence[str], reference: str) -> Finding:
+    """Check that a run spends less time at high and more at low power than others.
+
+    The distribution of power of ``reference`` defines low and high power.
+    """
+    regions = PowerRegions.of_reference(results[reference].trajectory)
+    shares = {name: regions.shares(results[name].trajectory) for name in (run, *others)}
+    low, _, high = shares[run]
+    less_high = all(high < shares[other][2] for other in others)
+    more_low = all(low > shares[other][0] for other in others)
+    found = "; ".join(
+        f"{name_of(name)}: low {100.0 * share[0]:.2f} %, high {100.0 * share[2]:.2f} % of the time"
+        for name, share in shares.items()
+    )
+    return Finding(
+        graded(less_high and more_low, less_high or more_low),
+        f"{found} (bounds {regions.low_kw:.2f} and {regions.high_kw:.2f} kW)",
+    )
+
+
+def lower_peaks(results: Results, run: str, others: Sequence[str], percentile: float) -> Finding:
+    """Check that a high percentile of the battery power of a run lies below that of others."""
+    peaks = {
+        name: float(np.percentile(battery_power_kw(results[name].trajectory), percentile))
+        for name in (run, *others)
+    }
+    return Finding(
+        graded(all(peaks[run] < peaks[other] for other in others)),
+        "; ".join(f"{name_of(name)} {peak:.2f} kW" for name, peak in peaks.items()),
+    )
+
+
+def traction_dominates(results: Results, run: str, factor: float) -> Finding:
+    """Check that traction power is much larger than compressor and auxiliary power, in mean magnitude."""
+    trip = results[run].trajectory
+    traction = float(np.mean(np.abs(traction_power_kw(trip))))
+    other = 1e-3 * float(np.mean(trip.compressor_power_w[1:] + trip.auxiliary_power_w[1:]))
+    ratio = traction / other
+    return Finding(
+        graded(ratio >= factor, ratio > 1.0),
+        f"{traction:.2f} kW traction, {other:.2f} kW compressor and auxiliaries, ratio {ratio:.1f}",
+    )
+
+
+def cools_off_peak(results: Results, run: str) -> Finding:
+    """Check that the compressor runs less at high traction power than at low one and while braking."""
+    trip = results[run].trajectory
+    traction, compressor = traction_power_kw(trip), trip.compressor_power_w[1:]
+    low, high = np.percentile(traction, [LOW_PERCENTILE, HIGH_PERCENTILE])
+    means = {
+        name: float(np.mean(compressor[rows])) if np.any(rows) else float("nan")
+        for name, rows in (
+            (f"above {high:.1f} kW traction", traction > high),
+            (f"up to {low:.1f} kW", traction <= low),
+            ("braking", traction < 0.0),
+        )
+    }
+    at_high, at_low, braking = means.values()
+    below = (at_high < at_low, at_high < braking)
+    return Finding(
+        graded(all(below), any(below)),
+        "; ".join(f"{name}: {value:.0f} W" for name, value in means.items()),
+    )
+
+
+def settles_near(
+    results: Results, run: str, printed_c: float, tolerance_k: float, last_share: float
+) -> Finding:
+    """Check that both cells stay near a printed temperature over the last share of a trip."""
+    trip = results[run].trajectory
+    rows = slice(int((1.0 - last_share) * len(trip)), None)
+    start = float(celsius(trip.cell_1_temperature_k)[0])
+    mean_1 = float(np.mean(celsius(trip.cell_1_temperature_k)[rows]))
+    mean_n = float(np.mean(celsius(trip.cell_n_temperature_k)[rows]))
+    mean = 0.5 * (mean_1 + mean_n)
+    return Finding(
+        graded(
+            abs(mean - printed_c) <= tolerance_k,
+            min(printed_c, start) <= mean <= max(printed_c, start),
+        ),
+        f"{mean:.2f} °C (cell 1 {mean_1:.2f}, cell N {mean_n:.2f} °C)",
+        f"{printed_c:g} °C",
+    )
+
+
+def last_cell_falls_slower(results: Results, run: str, share: float) -> Finding:
+    """Check that the last cell cools down by a share of its fall later than the first one."""
+    trip = results[run].trajectory
+    first = time_to_fall_s(trip.time_s, trip.cell_1_temperature_k, share)
+    last = time_to_fall_s(trip.time_s, trip.cell_n_temperature_k, share)
+    return Finding(graded(last > first), f"cell 1 {first:.0f} s, cell N {last:.0f} s")
+
+
+def heats_in_demand(
+    results: Results, runs: Sequence[str], length_s: float, least_rise_k: float
+) -> Finding:
+    """Check that the pack warms up during the stretch of highest traction demand."""
+    rises, texts = [], []
+    for run in runs:
+        start_s, _, before_c, highest_c = _around_demand(results, run, length_s)
+        rises.append(highest_c - before_c)
+        texts.append(f"{name_of(run)}: {rises[-1]:+.2f} K from {start_s:.0f} s on")
+    return Finding(graded(min(rises) >= least_rise_k, min(rises) > 0.0), "; ".join(texts))
+
+
+def cooled_before_demand(
+    results: Results, runs: Sequence[str], length_s: float, least_drop_k: float
+) -> Finding:
+    """Check that the pack is clearly cooler at the start of the stretch of highest demand than at first."""
+    drops, texts = [], []
+    for run in runs:
+        start_s, initial_c, before_c, _ = _around_demand(results, run, length_s)
+        drops.append(initial_c - before_c)
+        texts.append(f"{name_of(run)}: {before_c:.2f} °C at {start_s:.0f} s")
+    return Finding(graded(min(drops) >= least_drop_k, min(drops) > 0.0), "; ".join(texts))
+
+
+def _around_demand(
+    results: Results, run: str, length_s: float
+) -> tuple[float, float, float, float]:
+    """Return where the stretch of highest demand begins in s, and mean cell temperatures around it in °C.
+
+    The latter are at first, where the stretch begins, and the highest in it.
+    """
+    trip = results[run].trajectory
+    start, end = busiest_window(trip, length_s)
+    mean = mean_cell_temperature_c(trip)
+    found = (trip.time_s[start], mean[0], mean[start], np.max(mean[start : end + 1]))
+    start_s, initial_c, before_c, highest_c = map(float, found)
+    return start_s, initial_c, before_c, highest_c
+
+
+def aging_falls(_: Results) -> Finding:
+    """Check that degradation falls with lower current and with lower temperature, everywhere on the map."""
+    found = aging_map(load_parameters().values)
+    loss, temperatures = found.loss_per_hour, found.temperatures_c
+    by_current = bool(np.all(np.diff(loss, axis=1) > 0.0))
+    by_temperature = bool(np.all(np.diff(loss[:, 1:], axis=0) > 0.0))
+    growth = np.log(loss[-1, -1] / loss[0, -1]) / (temperatures[-1] - temperatures[0])
+    current, temperature = (
+        "everywhere" if holds else "not everywhere" for holds in (by_current, by_temperature)
+    )
+    return Finding(
+        graded(by_current and by_temperature, by_current or by_temperature),
+        f"with current: {current}, with temperature: {temperature} "
+        f"({100.0 * (np.exp(growth) - 1.0):.2f} % per kelvin at {found.currents_a[-1]:g} A)",
+    )
+
+
+def aging_exponential(_: Results, temperature_c: float, least_excess: float) -> Finding:
+    """Check that degradation grows exponentially with current.
+
+    ``least_excess`` is the part by which doubling the current must more than double the loss per hour.
+    """
+    found = aging_map(load_parameters().values)
+    currents, one_c_a = found.currents_a, found.nominal_capacity_ah
+    loss = np.array(
+        [np.interp(temperature_c, found.temperatures_c, row) for row in found.loss_per_hour.T]
+    )
+    moving = currents > 0.0
+    steps = np.diff(np.log(loss[moving] / currents[moving]))
+    straight = bool(np.ptp(steps) <= 1e-6 * np.max(np.abs(steps)))
+    one_c, two_c = np.interp([one_c_a, 2.0 * one_c_a], currents, loss)
+    factor = float(two_c / one_c)
+    per_c = float(np.exp(np.mean(steps) / np.diff(currents[moving])[0] * one_c_a))
+    return Finding(
+        graded(straight and factor >= 2.0 * (1.0 + least_excess), factor > 2.0),
+        f"loss per ampere-hour times {per_c:.2f} per 1C; loss per hour from 1C to 2C times {factor:.2f}",
+    )

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import replace
 
 from iptm_controller.horizon import Horizon
+from iptm_controller.strategy import Strategy
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.metrics import RunMetrics, figure_values
 from iptm_studies.run import Run
-from iptm_studies.run_inputs import RunInputs, resolve_inputs
 from iptm_studies.run_spec import RunKind, RunSpec
-from iptm_studies.study import Case, Selection, ShortTrip, Study
+from iptm_studies.store import ResultStore
+from iptm_studies.study import NOT_COMPUTED, SHORT_TRIP, Case, Selection, Study
 from iptm_studies.study_loading import load_study
 
-NOT_COMPUTED = "not computed"
+WAITS = "waits for the runs that its strategy depends on"
 # Rough figures of one core; what earlier runs took corrects them.
 _PER_TICK_S = 0.6e-3
 _PER_TICK_AND_STEP_S = 0.17e-3
@@ -36,7 +37,7 @@ class ExpectedTimes:
         self._taken[spec.kind] += taken_s
         self._modelled[spec.kind] += modelled_s(spec, ticks)
 
-    def of(self, inputs: RunInputs) -> float:
+    def of(self, inputs: Case) -> float:
         """Return the expected wall time of a run in seconds."""
         kind = inputs.spec.kind
         factor = self._taken[kind] / self._modelled[kind] if self._modelled[kind] > 0.0 else 1.0
@@ -56,32 +57,6 @@ def modelled_s(spec: RunSpec, ticks: int) -> float:
     return _SETUP_S + ticks * per_tick
 
 
-@dataclass
-class CaseState:
-    """Where a case stands; its campaign keeps it up to date.
-
-    Attributes:
-        candidates: runs by key whose best one gives the case its strategy; empty if it states its own.
-        spec: its run; None while its strategy depends on runs that are not there.
-        key: key of the run; None without one.
-        metrics: what the run achieved; None while it is not there.
-        reason: why it is not there; empty if it is.
-    """
-
-    study: Study
-    case: Case
-    candidates: Mapping[str, RunSpec] = field(default_factory=dict)
-    spec: RunSpec | None = None
-    key: str | None = None
-    metrics: RunMetrics | None = None
-    reason: str = "waits for the runs that its strategy depends on"
-
-    @property
-    def address(self) -> str:
-        """``study/case``."""
-        return self.study.address(self.case)
-
-
 class Campaign:
     """The state of a set of studies: which runs are needed, done and failed, and which cases wait for others.
 
@@ -89,7 +64,7 @@ class Campaign:
 
     Attributes:
         studies: what was asked for.
-        cases: every case of these studies, in order.
+        cases: every case of these studies, in order, kept up to date.
         expected: wall times.
         left_out: cases that can no longer be planned, by address, and why.
     """
@@ -103,26 +78,29 @@ class Campaign:
         self.studies = tuple(studies)
         self.expected = ExpectedTimes()
         self.left_out: dict[str, str] = {}
-        self._runs: dict[str, RunInputs] = {}
+        self._runs: dict[str, Case] = {}
         self._new: list[str] = []
         self._metrics: dict[str, RunMetrics] = {}
         self._failures: dict[str, str] = {}
+        self._candidates: dict[str, dict[str, Strategy]] = {}
         known = {study.name: study for study in (*others, *self.studies)}
-        self.cases = tuple(CaseState(study, case) for study in self.studies for case in study.cases)
-        for state in self.cases:
-            if state.case.best_of is None:
-                self._assign(state, state.case.spec)
+        self.cases = tuple(replace(case) for study in self.studies for case in study.cases)
+        for case in self.cases:
+            if case.best_of is None:
+                self._plan(case)
+                self._show(case)
             else:
-                state.candidates = self._plan_candidates(state, state.case.best_of, known)
+                self._candidates[case.address] = self._plan_candidates(case, case.best_of, known)
+                case.reason = WAITS
                 # Find out now, not after hours, that the run cannot be set up.
-                _resolve(state.case.spec, state.address)
+                _checked(case)
         self._release()
 
-    def states(self, *studies: Study) -> list[CaseState]:
-        """Return the cases of some of its studies."""
-        return [state for state in self.cases if any(state.study is each for each in studies)]
+    def cases_of(self, *studies: Study) -> list[Case]:
+        """Return the cases of some of its studies, in order."""
+        return [case for case in self.cases if case.study in {study.name for study in studies}]
 
-    def take(self) -> tuple[RunInputs, ...]:
+    def take(self) -> tuple[Case, ...]:
         """Return the runs that have become known since the last call."""
         taken = tuple(self._runs[key] for key in self._new)
         self._new.clear()
@@ -132,7 +110,7 @@ class Campaign:
         """Note that a run is there."""
         self._metrics[run.key] = run.metrics
         self._failures.pop(run.key, None)
-        self.expected.learn(run.spec, run.ticks, run.record.wall_time_s)
+        self.expected.learn(run.spec, run.ticks, run.wall_time_s)
         self._update(run.key)
 
     def fail(self, key: str, cause: str) -> None:
@@ -155,77 +133,75 @@ class Campaign:
         """Keys of all runs planned so far."""
         return frozenset(self._runs)
 
-    def later_runs(self) -> tuple[RunInputs, ...]:
+    def later_runs(self) -> tuple[Case, ...]:
         """Return the runs that cases which wait for others are going to add.
 
         The strategy in them is that of the first candidate. Cases that only repeat a run that is
         planned anyway, such as one of their candidates, add nothing and are left out.
         """
-        later: dict[str, RunInputs] = {}
-        for state in self._waiting():
-            first = next(iter(state.candidates.values()))
-            inputs = _resolve(state.case.spec.with_strategy(first.strategy), state.address)
-            if inputs.key not in self._runs:
-                later.setdefault(inputs.key, inputs)
+        later: dict[str, Case] = {}
+        for case in self._waiting():
+            first = next(iter(self._candidates[case.address].values()))
+            run = _checked(replace(case, spec=case.spec.with_strategy(first), best_of=None))
+            if run.key not in self._runs:
+                later.setdefault(run.key, run)
         return tuple(later.values())
 
-    def _waiting(self) -> list[CaseState]:
+    def _waiting(self) -> list[Case]:
         return [
-            state
-            for state in self.cases
-            if state.key is None and state.address not in self.left_out
+            case
+            for case in self.cases
+            if case.best_of is not None and case.address not in self.left_out
         ]
 
-    def _assign(self, state: CaseState, spec: RunSpec) -> None:
-        state.spec = spec
-        state.key = self._plan(spec, state.address)
-        self._show(state)
+    def _show(self, case: Case) -> None:
+        case.metrics = self._metrics.get(case.key)
+        case.reason = "" if case.metrics else self._failures.get(case.key, NOT_COMPUTED)
 
-    def _show(self, state: CaseState) -> None:
-        key = str(state.key)
-        state.metrics = self._metrics.get(key)
-        state.reason = "" if state.metrics else self._failures.get(key, NOT_COMPUTED)
-
-    def _plan(self, spec: RunSpec, address: str) -> str:
-        inputs = _resolve(spec, address)
-        if inputs.key not in self._runs:
-            self._runs[inputs.key] = inputs
-            self._new.append(inputs.key)
-        return inputs.key
+    def _plan(self, case: Case) -> str:
+        key = _checked(case).key
+        if key not in self._runs:
+            self._runs[key] = case
+            self._new.append(key)
+        return key
 
     def _plan_candidates(
-        self, state: CaseState, selection: Selection, known: Mapping[str, Study]
-    ) -> dict[str, RunSpec]:
-        takes = f"{state.address}: takes its strategy from"
+        self, case: Case, selection: Selection, known: Mapping[str, Study]
+    ) -> dict[str, Strategy]:
+        """Plan the runs that a case may take its strategy from; returns their strategies by key."""
+        takes = f"{case.address}: takes its strategy from"
         study = known.get(selection.study)
         if study is None:
             raise ScenarioError(f"{takes} the unknown study {selection.study!r}")
-        candidates = [case for case in study.cases if selection.matches(case)]
-        if not candidates or any(case.best_of is not None for case in candidates):
+        candidates = [other for other in study.cases if selection.matches(other)]
+        if not candidates or any(other.best_of is not None for other in candidates):
             raise ScenarioError(
                 f"{takes} cases of {study.name} with the labels {dict(selection.labels)}; "
                 "allowed: labels of cases that state their strategy"
             )
-        return {self._plan(case.spec, study.address(case)): case.spec for case in candidates}
+        return {self._plan(other): other.spec.strategy for other in candidates}
 
     def _update(self, key: str) -> None:
         """Show what became of a run, and plan the cases that only waited for it."""
-        for state in self.cases:
-            if state.key == key:
-                self._show(state)
+        for case in self.cases:
+            if case.best_of is None and case.key == key:
+                self._show(case)
         self._release()
 
     def _release(self) -> None:
         ended = {*self._metrics, *self._failures}
-        for state in self._waiting():
-            if state.case.best_of is None or not ended.issuperset(state.candidates):
+        for case in self._waiting():
+            candidates = self._candidates[case.address]
+            if case.best_of is None or not ended.issuperset(candidates):
                 continue
-            best = self._best(state.candidates, state.case.best_of.lowest)
+            best = self._best(candidates, case.best_of.lowest)
             if best is None:
-                state.reason = "every run that its strategy could come from failed"
-                self.left_out[state.address] = state.reason
+                case.reason = "every run that its strategy could come from failed"
+                self.left_out[case.address] = case.reason
             else:
-                self._assign(state, state.case.spec.with_strategy(state.candidates[best].strategy))
+                case.spec, case.best_of = case.spec.with_strategy(candidates[best]), None
+                self._plan(case)
+                self._show(case)
 
     def _best(self, candidates: Iterable[str], lowest: str) -> str | None:
         ranked: list[tuple[bool, float, str]] = []
@@ -241,19 +217,49 @@ class Campaign:
         return min(ranked)[2] if ranked else None
 
 
-def _resolve(spec: RunSpec, address: str) -> RunInputs:
+def _checked(case: Case) -> Case:
     try:
-        return resolve_inputs(spec, address)
+        return case.check()
     except IptmError as error:
-        raise ScenarioError(f"{address}: {error}") from error
+        raise ScenarioError(f"{case.address}: {error}") from error
 
 
-def plan_campaign(names: Iterable[str], small: ShortTrip | None = None) -> Campaign:
+def admit(campaign: Campaign, store: ResultStore) -> list[Case]:
+    """Note which of the runs that have become known the store has; return the others."""
+    missing: list[Case] = []
+    while new := campaign.take():
+        for case in new:
+            run = store.find(case.key)
+            if run is None:
+                missing.append(case)
+            else:
+                campaign.finish(run)
+    return missing
+
+
+def survey(campaign: Campaign, store: ResultStore) -> list[Case]:
+    """Compare a campaign with the store, without computing anything.
+
+    A run that failed the last time is reported as failed, with its cause.
+
+    Returns:
+        The runs that the store lacks, failed ones included, the longest first.
+    """
+    lacking: list[Case] = []
+    while new := admit(campaign, store):
+        lacking += new
+        for case in new:
+            if cause := store.failure(case.key):
+                campaign.fail(case.key, cause)
+    return sorted(lacking, key=campaign.expected.of, reverse=True)
+
+
+def plan_campaign(names: Iterable[str], short_s: float | None = None) -> Campaign:
     """Load studies (shipped ones by name, others by path) with those they depend on, and plan them.
 
     Args:
         names: of the studies.
-        small: trip of the small version; None for the studies as they are.
+        short_s: length of the short trip of the small version; None for the studies as they are.
 
     Raises:
         ScenarioError: a study cannot be read or planned.
@@ -262,6 +268,7 @@ def plan_campaign(names: Iterable[str], small: ShortTrip | None = None) -> Campa
     needed = [case.best_of.study for one in studies.values() for case in one.cases if case.best_of]
     others = {name: load_study(name) for name in dict.fromkeys(needed) if name not in studies}
     groups = [list(group.values()) for group in (studies, others)]
-    if small is not None:
-        groups = [[small.shorten(study) for study in group] for group in groups]
+    if short_s is not None:
+        trip = {**SHORT_TRIP, "duration_s": short_s}
+        groups = [[study.shortened(**trip) for study in group] for group in groups]
     return Campaign(*groups)

@@ -16,10 +16,10 @@ from rich.logging import RichHandler
 from iptm_core.errors import IptmError
 from iptm_core.program import EXIT_SIGNAL, EXIT_USER_ERROR
 from iptm_core.user_input import whole_number
-from iptm_studies.campaign import NOT_COMPUTED, Campaign, plan_campaign
-from iptm_studies.execution import ProgressDisplay, clock_text, execute, survey
+from iptm_studies.campaign import Campaign, plan_campaign, survey
+from iptm_studies.execution import ProgressDisplay, clock_text, execute
 from iptm_studies.store import ResultStore, default_store_folder
-from iptm_studies.study import SMALL
+from iptm_studies.study import NOT_COMPUTED, SHORT_TRIP
 from iptm_studies.study_loading import available_studies, load_study
 from iptm_studies.tables import write_tables
 from iptm_studies.workers import worker_count
@@ -59,7 +59,9 @@ class StudyCommands:
         )
         text = "shipped study or path of a study file; all of the shipped ones by default"
         self.choosing.add_argument("studies", nargs="*", metavar="STUDY", help=text)
-        text = f"all runs on a short trip ({SMALL.duration_s:g} s of {SMALL.cycle}); takes minutes"
+        text = "all runs on a short trip ({duration_s:g} s of {cycle}); takes minutes".format_map(
+            SHORT_TRIP
+        )
         self.choosing.add_argument("--small", action="store_true", help=text)
         text = "folder of the results"
         self.choosing.add_argument("--store", type=Path, metavar="DIR", help=text)
@@ -152,7 +154,7 @@ def _chosen_campaign(options: argparse.Namespace) -> Campaign:
     names: list[str] = []
     for given in options.studies or [ALL]:
         names += available_studies() if given == ALL else [given]
-    return plan_campaign(dict.fromkeys(names), SMALL if options.small else None)
+    return plan_campaign(dict.fromkeys(names), SHORT_TRIP["duration_s"] if options.small else None)
 
 
 def run_studies(options: argparse.Namespace, console: Console) -> int:
@@ -196,12 +198,12 @@ def _status(options: argparse.Namespace, console: Console) -> int:
     del console
     campaign = surveyed_campaign(options, chosen_store(options))
     for study in campaign.studies:
-        states = [state for state in campaign.cases if state.study is study]
-        done = sum(state.metrics is not None for state in states)
-        print(f"{study.name:20} {done:3} of {len(states):3} cases")
-        for state in states:
-            if state.reason and (options.verbose or state.reason != NOT_COMPUTED):
-                print(f"    {state.case.name}: {state.reason}")
+        cases = campaign.cases_of(study)
+        done = sum(case.metrics is not None for case in cases)
+        print(f"{study.name:20} {done:3} of {len(cases):3} cases")
+        for case in cases:
+            if case.reason and (options.verbose or case.reason != NOT_COMPUTED):
+                print(f"    {case.name}: {case.reason}")
     return 0
 
 

@@ -8,45 +8,15 @@ from collections.abc import Callable
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-from iptm_studies.campaign import Campaign
+from iptm_studies.campaign import Campaign, admit
 from iptm_studies.run import Run, perform_run
-from iptm_studies.run_inputs import RunInputs
 from iptm_studies.run_spec import RunKind
 from iptm_studies.store import ResultStore
+from iptm_studies.study import Case
 from iptm_studies.workers import Failed, OnProgress, perform_all
 
 LIMIT_S = {RunKind.CLOSED_LOOP: 300.0, RunKind.WHOLE_TRIP: 3600.0}
 """Longest time without progress. In a closed loop it is the compiler that takes longest."""
-
-
-def admit(campaign: Campaign, store: ResultStore) -> list[RunInputs]:
-    """Note which of the runs that have become known the store has; return the others."""
-    missing: list[RunInputs] = []
-    while new := campaign.take():
-        for inputs in new:
-            run = store.find(inputs.key)
-            if run is None:
-                missing.append(inputs)
-            else:
-                campaign.finish(run)
-    return missing
-
-
-def survey(campaign: Campaign, store: ResultStore) -> list[RunInputs]:
-    """Compare a campaign with the store, without computing anything.
-
-    A run that failed the last time is reported as failed, with its cause.
-
-    Returns:
-        The runs that the store lacks, failed ones included, the longest first.
-    """
-    lacking: list[RunInputs] = []
-    while new := admit(campaign, store):
-        lacking += new
-        for inputs in new:
-            if cause := store.failure(inputs.key):
-                campaign.fail(inputs.key, cause)
-    return sorted(lacking, key=campaign.expected.of, reverse=True)
 
 
 def execute(
@@ -54,8 +24,8 @@ def execute(
     store: ResultStore,
     workers: int,
     display: ProgressDisplay,
-    perform: Callable[[RunInputs, OnProgress], Run] = perform_run,
-    limit_s: Callable[[RunInputs], float] = lambda inputs: LIMIT_S[inputs.spec.kind],
+    perform: Callable[[Case, OnProgress], Run] = perform_run,
+    limit_s: Callable[[Case], float] = lambda inputs: LIMIT_S[inputs.spec.kind],
 ) -> int:
     """Perform all missing runs of a campaign, the longest first.
 
@@ -77,8 +47,8 @@ def execute(
         StoreError: the store cannot be written.
     """
     expected_s = campaign.expected.of
-    waiting: list[RunInputs] = []
-    open_runs: dict[str, RunInputs] = {}
+    waiting: list[Case] = []
+    open_runs: dict[str, Case] = {}
     computed = 0
 
     def plan() -> None:
@@ -124,12 +94,12 @@ class ProgressDisplay:
         self._done: list[str] = []
         self._began = time.perf_counter()
 
-    def planned(self, inputs: RunInputs, expected_s: float) -> None:
+    def planned(self, inputs: Case, expected_s: float) -> None:
         """A run has to be performed."""
         self._expected_s[inputs.key] = expected_s
         self._show()
 
-    def ended(self, inputs: RunInputs, outcome: Run | Failed) -> None:
+    def ended(self, inputs: Case, outcome: Run | Failed) -> None:
         """A run was performed and stored, or failed."""
         self._done.append(inputs.key)
         self._show()
@@ -139,7 +109,7 @@ class ProgressDisplay:
             decisions = outcome.metrics.decisions
             fallbacks = decisions.fallbacks if decisions is not None else 0
             remark = f", {fallbacks} fallbacks" if fallbacks else ""
-            text, style = f"({clock_text(outcome.record.wall_time_s)}{remark})", ""
+            text, style = f"({clock_text(outcome.wall_time_s)}{remark})", ""
         clock = clock_text(time.perf_counter() - self._began)
         self.bar.console.print(
             f"[{len(self._done)}/{len(self._expected_s)}] {inputs.address}  {text}, at {clock}",

@@ -9,9 +9,8 @@ from pathlib import Path
 
 from rich.console import Console
 
-from iptm_studies.campaign import Campaign
+from iptm_studies.campaign import Campaign, survey
 from iptm_studies.cli import EXIT_FAILED_RUNS, add_workers_option, compute, perform_command
-from iptm_studies.execution import survey
 from iptm_studies.store import ResultStore, default_store_folder
 from iptm_studies.workers import worker_count
 

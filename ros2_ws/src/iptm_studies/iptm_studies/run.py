@@ -35,8 +35,8 @@ from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_step import PlantStep
 from iptm_studies.channel_record import ChannelRecord, channel_record
 from iptm_studies.closed_loop import TickController, run_closed_loop
-from iptm_studies.run_inputs import RunInputs
 from iptm_studies.run_spec import RunKind, RunSpec
+from iptm_studies.study import Case
 from iptm_studies.whole_trip import WholeTripRecord, solve_whole_trip
 from iptm_v2x_bridge.bridge import PreviewSource
 from iptm_v2x_bridge.road_knowledge import road_bridge
@@ -47,27 +47,6 @@ NOTICED_SHARE = 0.95
 WEAK_BRAKES = "brakes deliver"
 
 _REPORTED_LIBRARIES = ("casadi", "numpy", "pyarrow")
-
-
-@dataclass(frozen=True)
-class RunRecord:
-    """Where a result comes from.
-
-    Attributes:
-        wall_time_s: of set-up and run.
-        compiled: the problem ran as machine code.
-        finished_at_utc: ISO 8601.
-        git_revision: commit of the source, with ``-dirty`` if it was changed.
-        versions: of interpreter, platform and libraries by name.
-        fingerprint: of code and libraries.
-    """
-
-    wall_time_s: float
-    compiled: bool
-    finished_at_utc: str
-    git_revision: str
-    versions: Mapping[str, str]
-    fingerprint: str
 
 
 @dataclass(frozen=True)
@@ -93,6 +72,12 @@ class Run:
         channel: what all cells of a coolant channel went through; None where the plant has but two, and
             for a whole trip.
         reports: what was reported during a closed loop, on every change.
+        wall_time_s: of set-up and run.
+        compiled: the problem ran as machine code.
+        finished_at_utc: ISO 8601.
+        git_revision: commit of the source, with ``-dirty`` if it was changed.
+        versions: of interpreter, platform and libraries by name.
+        fingerprint: of code and libraries.
     """
 
     key: str
@@ -101,7 +86,12 @@ class Run:
     trajectory: Trajectory
     decisions: DecisionSeries | None
     whole_trip: WholeTripRecord | None
-    record: RunRecord
+    wall_time_s: float
+    compiled: bool
+    finished_at_utc: str
+    git_revision: str
+    versions: Mapping[str, str]
+    fingerprint: str
     channel: ChannelRecord | None = None
     reports: tuple[Report, ...] = ()
 
@@ -117,7 +107,7 @@ class Run:
 
 
 def perform_run(
-    inputs: RunInputs,
+    inputs: Case,
     on_progress: Callable[[], None] | None = None,
     own_controller: TickController | None = None,
     leader: PreviewSource | None = None,
@@ -200,18 +190,16 @@ def perform_run(
         whole_trip=whole_trip,
         channel=channel,
         reports=(*reports, *_vehicle_reports(loop.steps)),
-        record=RunRecord(
-            wall_time_s=time.perf_counter() - began,
-            compiled=compiled,
-            finished_at_utc=datetime.now(timezone.utc).isoformat(timespec="seconds"),
-            git_revision=git_revision(),
-            versions=versions(_REPORTED_LIBRARIES),
-            fingerprint=inputs.fingerprint,
-        ),
+        wall_time_s=time.perf_counter() - began,
+        compiled=compiled,
+        finished_at_utc=datetime.now(timezone.utc).isoformat(timespec="seconds"),
+        git_revision=git_revision(),
+        versions=versions(_REPORTED_LIBRARIES),
+        fingerprint=inputs.fingerprint,
     )
 
 
-def _controller(inputs: RunInputs, own_law: AgingLaw | None) -> tuple[TickController, bool]:
+def _controller(inputs: Case, own_law: AgingLaw | None) -> tuple[TickController, bool]:
     """Return the specified controller, and whether its problem runs as machine code."""
     spec = inputs.spec
     model = inputs.controller_parameters or inputs.parameters

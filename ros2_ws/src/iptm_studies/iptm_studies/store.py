@@ -28,15 +28,24 @@ from iptm_core.metrics import figure_values
 from iptm_core.parameters import flat_to_parameters, to_flat_dict
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_studies.channel_record import ChannelRecord
-from iptm_studies.run import Report, Run, RunRecord
-from iptm_studies.run_inputs import KEY_LENGTH
+from iptm_studies.run import Report, Run
 from iptm_studies.run_spec import RunSpec, canonical_json
+from iptm_studies.study import KEY_LENGTH
 from iptm_studies.whole_trip import WholeTripRecord
 
 LOGGER = logging.getLogger(__name__)
 DEFAULT_FOLDER = "results"
 ROOT_VARIABLE = "IPTM_ROOT"
 FORMAT = 7
+_RECORD = (
+    "wall_time_s",
+    "compiled",
+    "finished_at_utc",
+    "git_revision",
+    "versions",
+    "fingerprint",
+)
+"""What a file states on where a run comes from."""
 _METADATA = b"iptm"
 _DIGEST = b"iptm_digest"
 _DECISION_PREFIX = "decision_"
@@ -107,7 +116,7 @@ class ResultStore:
             "whole_trip": None if run.whole_trip is None else asdict(run.whole_trip),
             "channel": None if run.channel is None else asdict(run.channel),
             "reports": [asdict(report) for report in run.reports],
-            "record": asdict(run.record),
+            "record": {name: getattr(run, name) for name in _RECORD},
             # For other readers of the file; here the figures are recomputed.
             "figures": figure_values(run.metrics),
         }
@@ -262,7 +271,7 @@ def _run(path: Path, content: Content, table: pa.Table) -> Run:
             decisions=decisions,
             whole_trip=None if whole_trip is None else WholeTripRecord.from_dict(whole_trip),
             channel=None if channel is None else ChannelRecord.from_dict(channel),
-            record=RunRecord(**content["record"]),
+            **{name: content["record"][name] for name in _RECORD},
             reports=tuple(Report(**report) for report in content["reports"]),
         )
     except (KeyError, ValueError, TypeError, AttributeError, IptmError) as error:

@@ -11,7 +11,8 @@ import pandas as pd
 from iptm_controller.strategy import Strategy
 from iptm_core.errors import StoreError
 from iptm_core.metrics import FIGURES, figure_values
-from iptm_studies.campaign import Campaign, CaseState
+from iptm_studies.campaign import Campaign
+from iptm_studies.study import Case
 
 
 def write_tables(campaign: Campaign, folder: Path) -> tuple[Path, ...]:
@@ -26,42 +27,42 @@ def write_tables(campaign: Campaign, folder: Path) -> tuple[Path, ...]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for study, path in zip(campaign.studies, paths, strict=True):
-            table_of(campaign.states(study)).to_csv(path, index=False)
+            table_of(campaign.cases_of(study)).to_csv(path, index=False)
     except OSError as error:
         raise StoreError(f"tables cannot be written to {folder}: {error}") from error
     return paths
 
 
-def results(states: Iterable[CaseState]) -> pd.DataFrame:
-    """Return a row per case: its labels, the name of the ``case``, ``key``, ``metrics`` and ``reason``."""
-    rows: list[dict[str, Any]] = [
-        {**state.case.labels, "case": state.case.name}
-        | {name: getattr(state, name) for name in ("key", "metrics", "reason")}
-        for state in states
-    ]
-    return pd.DataFrame(rows, columns=None if rows else ["metrics"])
-
-
-def table_of(states: Sequence[CaseState]) -> pd.DataFrame:
+def table_of(cases: Sequence[Case]) -> pd.DataFrame:
     """Return the cases of one study."""
-    labels = dict.fromkeys(name for state in states for name in state.case.labels)
+    labels = dict.fromkeys(name for case in cases for name in case.labels)
     rows = []
-    for state in states:
-        values = {} if state.metrics is None else figure_values(state.metrics)
-        spec = state.spec
+    for case in cases:
+        values = {} if case.metrics is None else figure_values(case.metrics)
+        is_known = case.best_of is None
         rows.append(
-            {"study": state.study.name, "case": state.case.name}
-            | {name: state.case.labels.get(name) for name in labels}
+            {"study": case.study, "case": case.name}
+            | {name: case.labels.get(name) for name in labels}
             | {f"{key} [{figure.unit or 1}]": values.get(key) for key, figure in FIGURES.items()}
             | {
-                "horizon": None if spec is None else spec.horizon,
-                "kind": state.case.spec.kind.value,
-                "strategy": None if spec is None else _weights(spec.strategy),
-                "key": state.key,
-                "reason": state.reason,
+                "horizon": case.spec.horizon if is_known else None,
+                "kind": case.spec.kind.value,
+                "strategy": _weights(case.spec.strategy) if is_known else None,
+                "key": case.key if is_known else None,
+                "reason": case.reason,
             }
         )
     return pd.DataFrame(rows, dtype=object)
+
+
+def results(cases: Iterable[Case]) -> pd.DataFrame:
+    """Return a row per case: its labels, the name of the ``case``, ``key``, ``metrics`` and ``reason``."""
+    rows: list[dict[str, Any]] = [
+        {**case.labels, "case": case.name}
+        | {name: getattr(case, name) for name in ("key", "metrics", "reason")}
+        for case in cases
+    ]
+    return pd.DataFrame(rows, columns=None if rows else ["metrics"])
 
 
 def _weights(strategy: Strategy) -> str:

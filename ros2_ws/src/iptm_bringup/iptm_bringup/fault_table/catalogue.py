@@ -17,7 +17,7 @@ from iptm_core.user_input import StrictMapping
 from iptm_faults.fault import Fault, faults_from, in_order
 from iptm_faults.kinds import FaultPlace
 from iptm_studies.drives import spec_of
-from iptm_studies.run_inputs import RunInputs, resolve_inputs
+from iptm_studies.study import Case, planned_run
 
 FIRST_S = 60.0
 """Earliest trip time at which a fault begins."""
@@ -112,7 +112,7 @@ class Trial:
 
     mode: DriveMode
     entries: tuple[tuple[Entry, Fault], ...]
-    inputs: RunInputs
+    inputs: Case
 
     @classmethod
     def on(
@@ -126,7 +126,7 @@ class Trial:
         entries = tuple(entries)
         faults = tuple(fault for _, fault in entries) if mode is DriveMode.HEADLESS else ()
         spec = spec_of(cycle, duration_s=duration_s, faults=faults)
-        return cls(mode, entries, resolve_inputs(spec))
+        return cls(mode, entries, planned_run(spec))
 
     @property
     def cycle(self) -> str:

@@ -13,15 +13,12 @@ import math
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.errors import StoreError
 from iptm_core.metrics import figure_values
-from iptm_core.routes import Route, build_route
-from iptm_core.routes.comprehensive import RouteComposition
-from iptm_reproduction.identification.unknowns import Candidate
+from iptm_reproduction.identification.unknowns import PARAMETERS, Candidate
 from iptm_reproduction.names import REFERENCE, STRATEGY_NAMES, TABLE_FIGURES
 from iptm_reproduction.printed import (
     CHANGE_SHARE,
@@ -29,10 +26,9 @@ from iptm_reproduction.printed import (
     printed_change,
     printed_value,
 )
-from iptm_studies.fingerprint import code_fingerprint
 from iptm_studies.run import perform_run
-from iptm_studies.run_inputs import KEY_LENGTH, RunInputs, run_key
 from iptm_studies.run_spec import RunSpec, canonical_json
+from iptm_studies.study import KEY_LENGTH, Case, planned_run
 
 HORIZON = "15x1"
 ABSOLUTE_TOLERANCE = CHANGE_SHARE
@@ -43,7 +39,7 @@ _NAME = "candidate"
 
 Figures = Mapping[str, float]
 """Figures of a run by key."""
-Task = tuple[RunInputs, Mapping[str, float]]
+Task = tuple[Case, Mapping[str, float]]
 """A run, and the numbers of the candidate whose trip it drives."""
 
 
@@ -58,26 +54,24 @@ class Evaluation:
     wall_s: float
 
 
-def inputs_of(candidate: Candidate, strategy: str) -> RunInputs:
+def planned(candidate: Candidate, strategy: str) -> Case:
     """Return the run of a strategy of the paper on the trip of a candidate."""
-    composition, parameters = candidate.composition(_NAME), candidate.parameters()
-    driven = candidate.strategy(strategy_by_name(strategy))
-    spec = RunSpec(cycle=_NAME, strategy=driven, horizon=HORIZON)
-    route = _route(composition, parameters.gap.initial_gap_m)
-    return RunInputs(spec, parameters, route, code_fingerprint(), f"{_NAME}/{strategy}")
-
-
-@lru_cache(maxsize=32)
-def _route(composition: RouteComposition, initial_gap_m: float) -> Route:
-    return build_route(composition, initial_gap_m=initial_gap_m)
+    spec = RunSpec(
+        cycle=_NAME,
+        parameter_set=candidate.unknowns.base_set,
+        overrides=tuple(candidate.section(PARAMETERS).items()),
+        strategy=candidate.strategy(strategy_by_name(strategy)),
+        horizon=HORIZON,
+    )
+    return planned_run(spec, f"{_NAME}/{strategy}", candidate.composition(_NAME))
 
 
 def evaluate(task: Task, on_progress: Callable[[], None]) -> Evaluation:
     """Perform a run; called in a worker process."""
     inputs, values = task
     run = perform_run(inputs, on_progress)
-    figures, wall_s = figure_values(run.metrics), run.record.wall_time_s
-    return Evaluation(run_key(inputs), inputs.spec.strategy.name, dict(values), figures, wall_s)
+    figures, wall_s = figure_values(run.metrics), run.wall_time_s
+    return Evaluation(inputs.key, inputs.spec.strategy.name, dict(values), figures, wall_s)
 
 
 class EvaluationTable:

@@ -20,8 +20,8 @@ from iptm_reproduction.identification.evaluations import (
     Figures,
     Task,
     evaluate,
-    inputs_of,
     misfit,
+    planned,
 )
 from iptm_reproduction.identification.unknowns import Candidate, Unknowns
 from iptm_reproduction.names import STRATEGY_NAMES
@@ -139,7 +139,7 @@ class Search:
         for place, candidate in enumerate(candidates):
             for name in stage.strategies:
                 try:
-                    inputs = inputs_of(candidate, name)
+                    inputs = planned(candidate, name)
                 except IptmError:
                     continue  # numbers that contradict each other make no trip
                 known = self._table.entries.get(inputs.key)

@@ -33,7 +33,7 @@ from iptm_reproduction.plots.style import (
     wrapped,
 )
 from iptm_reproduction.results import Results
-from iptm_reproduction.study_tables import channel_records
+from iptm_reproduction.tables import channel_records
 from iptm_reproduction.trips import PowerRegions, battery_power_kw
 
 

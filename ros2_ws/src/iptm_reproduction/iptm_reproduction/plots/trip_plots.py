@@ -36,7 +36,7 @@ from iptm_reproduction.plots.style import (
     tidy,
 )
 from iptm_reproduction.printed import printed_value
-from iptm_reproduction.results import ReportRun, Results
+from iptm_reproduction.results import Results
 from iptm_reproduction.trips import (
     busiest_window,
     celsius,
@@ -44,6 +44,7 @@ from iptm_reproduction.trips import (
     thinned,
     traction_power_kw,
 )
+from iptm_studies.run import Run
 
 _MOST_POINTS = 600
 _MOST_COLUMNS = 700
@@ -71,7 +72,7 @@ def horizon_temperatures(results: Results) -> Figure:
     return _temperature_figure(lines, 4)
 
 
-def _temperature_figure(lines: Mapping[str, tuple[ReportRun, str]], columns: int) -> Figure:
+def _temperature_figure(lines: Mapping[str, tuple[Run, str]], columns: int) -> Figure:
     figure, (left, right) = new_figure(3.3, 1, 2, sharey=True)
     for name, (run, colour) in lines.items():
         for panel, values in (
@@ -79,7 +80,7 @@ def _temperature_figure(lines: Mapping[str, tuple[ReportRun, str]], columns: int
             (right, run.trajectory.cell_n_temperature_k),
         ):
             # The benchmark is drawn broad, for its line often lies under others.
-            width = 3.0 * LINE if run.address == REFERENCE else LINE
+            width = 3.0 * LINE if name == name_of(REFERENCE) else LINE
             _mean_line(panel, run, celsius(values), colour, name, width)
     limits = next(iter(lines.values()))[0].parameters.limits
     for panel in (left, right):
@@ -92,7 +93,7 @@ def _temperature_figure(lines: Mapping[str, tuple[ReportRun, str]], columns: int
 
 
 def _mean_line(
-    panel: Axes, run: ReportRun, values: FloatArray, colour: str, name: str, width: float = LINE
+    panel: Axes, run: Run, values: FloatArray, colour: str, name: str, width: float = LINE
 ) -> None:
     """Draw a quantity over time with few enough points: the mean of each block."""
     times, means = thinned(run.trajectory, values, _MOST_POINTS)
@@ -145,7 +146,7 @@ def spacing(results: Results) -> Figure:
     return figure
 
 
-def _lowest_line(panel: Axes, run: ReportRun, values: FloatArray, colour: str, name: str) -> None:
+def _lowest_line(panel: Axes, run: Run, values: FloatArray, colour: str, name: str) -> None:
     """Draw a line with few enough points: the smallest value of each block, so that no dip is lost."""
     block = max(1, values.size // _MOST_POINTS)
     whole = values.size // block * block
@@ -177,8 +178,8 @@ def optimum(results: Results) -> Figure:
 def temperature_price(results: Results) -> Figure:
     """Draw the price of both cell temperatures and the costates of the whole trip, over the trip."""
     figure, panels = new_figure(5.2, 3, 1, sharex=True)
-    decisions = results[f"cost_to_go/comprehensive/{DEFAULT_CONTROLLER}/perfect"].stored.decisions
-    record = results[COST_TO_GO_OPTIMUM].stored.whole_trip
+    decisions = results[f"cost_to_go/comprehensive/{DEFAULT_CONTROLLER}/perfect"].decisions
+    record = results[COST_TO_GO_OPTIMUM].whole_trip
     if decisions is not None:
         prices = (decisions.cell_1_marginal_cost_1_k, decisions.cell_n_marginal_cost_1_k)
         name = f"price, {controller_name(DEFAULT_CONTROLLER)}"
@@ -235,7 +236,7 @@ def _band(panel: Axes, times: FloatArray, values: FloatArray, colour: str) -> No
 
 def driving_cycle(results: Results) -> Figure:
     """Draw speed of the leader and the slope where it drives, over time."""
-    route = results[REFERENCE].route
+    route = results.cases[REFERENCE].route
     step_s = max(1.0, round(route.duration_s / 5000.0))
     times = np.arange(0.0, route.duration_s + 0.5, step_s, dtype=np.float64)
     figure, (top, bottom) = new_figure(3.6, 2, 1, sharex=True, height_ratios=[2, 1])

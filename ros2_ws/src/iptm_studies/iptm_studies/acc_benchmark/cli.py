@@ -56,7 +56,7 @@ def _work(session: Session) -> bool:
     campaign = Campaign([study.shortened(compile_code=not options.short)])
     if not session.compute(campaign):
         return True
-    keys = {tuple(state.case.labels.values()): state.key for state in campaign.cases}
+    keys = {tuple(state.labels.values()): state.key for state in campaign.cases}
     rows = pd.DataFrame(
         row for car in cars for scene in scenes for row in _figures(car, scene, keys, store)
     )

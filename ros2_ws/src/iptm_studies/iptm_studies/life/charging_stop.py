@@ -22,8 +22,8 @@ from iptm_core.state import VehicleState
 from iptm_studies.drives import climate, spec_of
 from iptm_studies.life.trips import CITY, compressor_j
 from iptm_studies.run import Run, controller_options, perform_run
-from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.run_spec import SolverSpec
+from iptm_studies.study import planned_run
 
 AIR_C = (-10.0, 0.0, 5.0, 35.0)
 """Temperatures of the air on the way to the charger, and of the pack at the start."""
@@ -202,7 +202,7 @@ def charging_damage(cell: AgingCell, charge: FastCharge) -> float:
 def _drive(car: str, overrides: Overrides, *, heats_at_last: bool = False, **settings: Any) -> Run:
     parameter_set, of_the_car = CARS[car]
     spec = spec_of(CITY, car=parameter_set, overrides={**of_the_car, **overrides}, **settings)
-    inputs = resolve_inputs(spec)
+    inputs = planned_run(spec)
     if not heats_at_last:
         return perform_run(inputs)
     end_s = inputs.route.duration_s

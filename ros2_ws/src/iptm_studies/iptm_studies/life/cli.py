@@ -58,8 +58,8 @@ def _work(session: Session) -> bool:
         return False
     log("years are composed ...")
     *of_years, single = studies
-    trips = trip_maps(campaign.states(*of_years), session.store)
-    chosen = decisions(campaign.states(single), routes, session.store, trips)
+    trips = trip_maps(campaign.cases_of(*of_years), session.store)
+    chosen = decisions(campaign.cases_of(single), routes, session.store, trips)
     session.write(life_page(session.command, life_table(trips), chosen))
     return True
 

@@ -15,7 +15,6 @@ from iptm_core.aging_laws.parking import AgingSettings, ParkedAging
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.trajectory import Trajectory
-from iptm_studies.campaign import CaseState
 from iptm_studies.drives import DEFAULT
 from iptm_studies.life.losses import SERVICE_YEARS
 from iptm_studies.life.own_law import PAPER, priced_trips, trip_at, use_in
@@ -31,7 +30,7 @@ from iptm_studies.life.trips import (
 from iptm_studies.life.usage import CLIMATES
 from iptm_studies.measured_cycles import TRIPS, trip_cycles
 from iptm_studies.store import ResultStore
-from iptm_studies.study import Study
+from iptm_studies.study import Case, Study
 
 COMPREHENSIVE = "comprehensive"
 MEASURED = "measured trips"
@@ -72,7 +71,7 @@ def _use(cell: str) -> AgingSettings:
 
 
 def decisions(
-    states: Iterable[CaseState],
+    states: Iterable[Case],
     routes: Mapping[str, Sequence[str]],
     store: ResultStore,
     trips: Mapping[tuple[str, str], TripMap],

@@ -15,7 +15,6 @@ from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import CELSIUS_ZERO_K, ModelParameters
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
-from iptm_studies.campaign import CaseState
 from iptm_studies.drives import DEFAULT, PRODUCTION, REFERENCE, spec_of
 from iptm_studies.store import ResultStore
 from iptm_studies.study import Case, Label, Study
@@ -142,18 +141,18 @@ def heat_capacity_j_k(parameters: ModelParameters) -> float:
 
 
 def driven(
-    states: Iterable[CaseState], store: ResultStore
+    states: Iterable[Case], store: ResultStore
 ) -> Mapping[tuple[str, str], Sequence[Trajectory]]:
     """Return the finished runs by cycle and control."""
     runs: dict[tuple[str, str], list[Trajectory]] = {}
     for state in states:
         if state.key is not None and state.metrics is not None:
-            label = str(state.case.labels["cycle"]), str(state.case.labels["control"])
+            label = str(state.labels["cycle"]), str(state.labels["control"])
             runs.setdefault(label, []).append(store.load(state.key).trajectory)
     return runs
 
 
-def trip_maps(states: Iterable[CaseState], store: ResultStore) -> Mapping[tuple[str, str], TripMap]:
+def trip_maps(states: Iterable[Case], store: ResultStore) -> Mapping[tuple[str, str], TripMap]:
     """Return the trips by cycle and control, from finished runs."""
     energy_j = nominal_energy_j(load_parameters().values)
     return {label: trip_map(runs, energy_j) for label, runs in driven(states, store).items()}

@@ -25,9 +25,8 @@ from iptm_studies.random_cars.draws import (
     random_study,
 )
 from iptm_studies.random_cars.judging import REQUIREMENTS, TICKS, judge, trial_of
-from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.store import ResultStore
-from iptm_studies.study import Judged
+from iptm_studies.study import Judged, planned_run
 
 PAGE = "random-cars.md"
 RUNS = 300
@@ -85,12 +84,10 @@ def _work(session: Session) -> bool:
 
 def judged_runs(campaign: Campaign, store: ResultStore) -> list[Judged]:
     """Judge the runs of a campaign of random cars, each with its twin if it has one."""
-    keys = {
-        state.case.name: str(state.key) for state in campaign.cases if state.metrics is not None
-    }
+    keys = {state.name: state.key for state in campaign.cases if state.metrics is not None}
     judged = []
     for state in campaign.cases:
-        name, spec = state.case.name, state.case.spec
+        name, spec = state.name, state.spec
         if name.endswith(TWIN):
             continue
         if name not in keys:
@@ -98,7 +95,7 @@ def judged_runs(campaign: Campaign, store: ResultStore) -> list[Judged]:
             continue
         twin_key = keys.get(f"{name}_{TWIN}")
         twin = None if twin_key is None else store.load(twin_key)
-        judged.append(judge(name, store.load(keys[name]), resolve_inputs(spec), twin))
+        judged.append(judge(name, store.load(keys[name]), planned_run(spec), twin))
     return judged
 
 

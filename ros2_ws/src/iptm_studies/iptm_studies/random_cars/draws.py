@@ -23,9 +23,8 @@ from iptm_core.parameters.strict_yaml import read_yaml
 from iptm_core.routes.cycles import CYCLE_NAMES
 from iptm_faults.fault import Fault, in_order
 from iptm_faults.kinds import FaultKind
-from iptm_studies.run_inputs import RunInputs, resolve_inputs
 from iptm_studies.run_spec import PreviewSpec, RunSpec, SolverSpec
-from iptm_studies.study import Case, Study
+from iptm_studies.study import Case, Study, planned_run
 
 MAX_TRIES = 500
 OVERRIDE_SHARE = 0.5
@@ -186,7 +185,7 @@ def random_study(
     )
 
 
-def has_twin(inputs: RunInputs) -> bool:
+def has_twin(inputs: Case) -> bool:
     """Return whether a run has the default strategy, and air or cells begin below the lower limit."""
     environment = inputs.parameters.environment
     coldest_k = min(environment.ambient_temperature_k, environment.initial_cell_temperature_k)
@@ -239,7 +238,7 @@ def draw_faults(random: Generator, duration_s: float) -> tuple[Fault, ...]:
     return in_order(faults)
 
 
-def _draw_run(random: Generator, duration_s: float | None) -> RunInputs:
+def _draw_run(random: Generator, duration_s: float | None) -> Case:
     settings = {name: draw.draw(random) for name, draw in SETTINGS.items()}
     settings["strategy"] = STRATEGIES[settings["strategy"]]
     if duration_s is not None:
@@ -251,7 +250,7 @@ def _draw_run(random: Generator, duration_s: float | None) -> RunInputs:
                 overrides[key] = draw.draw(random)
         try:
             spec = RunSpec(**settings, overrides=tuple(overrides.items()), solver=INTERPRETED)
-            return resolve_inputs(spec)
+            return planned_run(spec)
         except IptmError as error:
             refusal = str(error)
     raise ScenarioError(

@@ -29,9 +29,8 @@ from iptm_studies.bounds import (
     fully_cooled_k,
 )
 from iptm_studies.run import Run
-from iptm_studies.run_inputs import RunInputs
 from iptm_studies.run_spec import PreviewSpec, RunSpec
-from iptm_studies.study import Judged
+from iptm_studies.study import Case, Judged
 
 OVERHEATED_BY_K = 0.5
 PARTED_M_S = 0.3
@@ -90,7 +89,7 @@ def trial_of(name: str, spec: RunSpec, failure: str = "") -> Judged:
     return Judged(name, f"{spec.describe()}, slope {spec.slope}", problems=problems)
 
 
-def judge(name: str, run: Run, inputs: RunInputs, warm_twin: Run | None = None) -> Judged:
+def judge(name: str, run: Run, inputs: Case, warm_twin: Run | None = None) -> Judged:
     """Judge a run of a closed loop.
 
     Figures are the amounts by requirement, without those that do not apply, and the number of ``ticks``;
@@ -166,9 +165,7 @@ def _gap_rows(run: Run, spec: RunSpec) -> dict[str, BoolArray]:
     return {**rows, "s_min": avoidable, "s_min_leader": below & ~avoidable}
 
 
-def _judge_heat(
-    run: Run, inputs: RunInputs, amounts: dict[str, float], causes: dict[str, str]
-) -> None:
+def _judge_heat(run: Run, inputs: Case, amounts: dict[str, float], causes: dict[str, str]) -> None:
     trip = run.trajectory
     warmest_k = np.maximum(trip.cell_1_temperature_k, trip.cell_n_temperature_k)
     allowed_k = run.parameters.limits.max_temperature_k + OVERHEATED_BY_K

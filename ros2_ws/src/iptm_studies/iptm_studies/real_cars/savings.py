@@ -13,7 +13,6 @@ import pandas as pd
 from iptm_core.metrics import RunMetrics, at_equal_end
 from iptm_core.parameters import DEFAULT_SET, load_parameters
 from iptm_core.parameters.model import ModelParameters
-from iptm_studies.campaign import CaseState
 from iptm_studies.drives import DEFAULT, STRATEGIES, spec_of
 from iptm_studies.study import Case, Label, Study
 from iptm_studies.tables import results
@@ -112,7 +111,7 @@ def savings_study(
     )
 
 
-def savings_on(states: Sequence[CaseState], trips: Sequence[str]) -> pd.DataFrame:
+def savings_on(states: Sequence[Case], trips: Sequence[str]) -> pd.DataFrame:
     """Return the savings on some trips, as far as all of their runs are there.
 
     Returns:

@@ -16,7 +16,6 @@ from typing import Any
 import pandas as pd
 
 from iptm_core.settings import ThermalModel
-from iptm_studies.campaign import CaseState
 from iptm_studies.drives import DEFAULT, PRODUCTION, spec_of
 from iptm_studies.real_cars.savings import CYCLE, totals
 from iptm_studies.run_spec import RunSpec, SolverSpec
@@ -180,7 +179,7 @@ def _spec(side: Settings, role: str, ambient_c: float) -> RunSpec:
     return spec_of(CYCLE, role, CAR, ambient_c, **settings)
 
 
-def losses(states: Sequence[CaseState]) -> pd.DataFrame:
+def losses(states: Sequence[Case]) -> pd.DataFrame:
     """Return what simplifications cost, as far as all runs are there.
 
     Returns:
@@ -188,7 +187,7 @@ def losses(states: Sequence[CaseState]) -> pd.DataFrame:
         capacity loss (``aging``) and of battery energy per distance (``consumption``), both against the
         same run of the production-like controller.
     """
-    runs = {state.case.name: state.metrics for state in states}
+    runs = {state.name: state.metrics for state in states}
     rows = []
     for simplification in SIMPLIFICATIONS:
         for ambient_c in CLIMATES_C:

@@ -15,9 +15,9 @@ from iptm_core.errors import StateError
 from iptm_core.state import Command, LeaderPreview, VehicleState
 from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant
-from iptm_studies.run_inputs import RunInputs
 from iptm_studies.safety.emergency_stop import braking_leads, emergency_stops
 from iptm_studies.store import ResultStore, content_key
+from iptm_studies.study import Case
 from iptm_studies.workers import Failed, OnProgress, perform_all
 
 GENTLEST_M_S2, HARDEST_M_S2 = 2.0, 9.0
@@ -27,7 +27,7 @@ MOST_S = 60.0
 EARLIEST_S = 5.0
 
 
-def braking_trials(inputs: RunInputs, drive: Trajectory, trials: int, seed: int) -> pd.DataFrame:
+def braking_trials(inputs: Case, drive: Trajectory, trials: int, seed: int) -> pd.DataFrame:
     """Drive trials from random instants of an undisturbed drive, with random decelerations.
 
     Returns:
@@ -122,7 +122,7 @@ def state_at(drive: Trajectory, row: int) -> VehicleState:
 
 
 def _braking_task(
-    task: tuple[str, RunInputs, Trajectory, int, int], on_progress: OnProgress
+    task: tuple[str, Case, Trajectory, int, int], on_progress: OnProgress
 ) -> pd.DataFrame:
     del on_progress
     return braking_trials(*task[1:])
@@ -130,7 +130,7 @@ def _braking_task(
 
 def braking_outcomes(
     store: ResultStore,
-    drives: Mapping[str, tuple[RunInputs, Trajectory]],
+    drives: Mapping[str, tuple[Case, Trajectory]],
     trials: int,
     seed: int,
     workers: int,

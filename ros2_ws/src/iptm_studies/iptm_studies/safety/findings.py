@@ -15,15 +15,14 @@ from iptm_core.declaration import TextEnum
 from iptm_core.errors import StoreError
 from iptm_core.metrics import RunMetrics, at_equal_end, figure_values
 from iptm_core.parameters import load_parameters
-from iptm_studies.campaign import NOT_COMPUTED, Campaign, CaseState
+from iptm_studies.campaign import Campaign
 from iptm_studies.drives import REFERENCE
 from iptm_studies.laboratory import Session
-from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.safety.braking import braking_outcomes
 from iptm_studies.safety.judging import judge_trial, trial_of
 from iptm_studies.safety.trials import NOISE_AND_DELAY, SHIPPED, UNDISTURBED
 from iptm_studies.store import ResultStore
-from iptm_studies.study import Judged, Study
+from iptm_studies.study import NOT_COMPUTED, Case, Judged, Study, planned_run
 from iptm_studies.tables import results
 
 BEFORE = Path(__file__).parent / "before.json"
@@ -105,7 +104,7 @@ def perform(
     campaign = Campaign({study.name: study for study in studies.values()}.values())
     if not session.compute(campaign):
         return None
-    states = {part: campaign.states(studies[part]) if part in studies else [] for part in Part}
+    states = {part: campaign.cases_of(studies[part]) if part in studies else [] for part in Part}
     return Findings(
         _braking(states[Part.BRAKING], braking_trials, seed, session),
         [
@@ -119,16 +118,14 @@ def perform(
     )
 
 
-def _braking(
-    driving: Iterable[CaseState], trials: int, seed: int, session: Session
-) -> pd.DataFrame:
+def _braking(driving: Iterable[Case], trials: int, seed: int, session: Session) -> pd.DataFrame:
     drives = {
-        str(state.case.labels["cycle"]): (
-            resolve_inputs(state.case.spec),
+        str(state.labels["cycle"]): (
+            planned_run(state.spec),
             session.store.load(str(state.key)).trajectory,
         )
         for state in driving
-        if state.case.labels["setting"] == UNDISTURBED and state.metrics is not None
+        if state.labels["setting"] == UNDISTURBED and state.metrics is not None
     }
     return braking_outcomes(
         ResultStore(session.store.folder / "braking"),
@@ -140,14 +137,14 @@ def _braking(
     )
 
 
-def _judged(state: CaseState, store: ResultStore) -> Judged:
+def _judged(state: Case, store: ResultStore) -> Judged:
     if state.metrics is None:
-        return trial_of(state.case, failure=state.reason)
-    run, faults = store.load(str(state.key)), state.case.spec.faults
-    return judge_trial(trial_of(state.case), run.trajectory, run.parameters, faults, run.reports)
+        return trial_of(state, failure=state.reason)
+    run, faults = store.load(str(state.key)), state.spec.faults
+    return judge_trial(trial_of(state), run.trajectory, run.parameters, faults, run.reports)
 
 
-def driven(states: Iterable[CaseState]) -> pd.DataFrame:
+def driven(states: Iterable[Case]) -> pd.DataFrame:
     """Return the finished drives: a row per drive with its labels, ``metrics`` and figures."""
     found = results(states)
     found = found[found.metrics.notna()].reset_index(drop=True)
@@ -229,7 +226,7 @@ def _driving_problems(findings: Findings) -> Iterator[str]:
             yield f"noise: s_min broken by {-row.margin_m:.2f} m; allowed: {ALLOWED_NOISE_BELOW_M:g} m"
 
 
-def delays_of(states: Iterable[CaseState]) -> pd.DataFrame:
+def delays_of(states: Iterable[Case]) -> pd.DataFrame:
     """Return the drives with delayed commands.
 
     Returns:

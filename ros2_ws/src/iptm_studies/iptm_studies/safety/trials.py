@@ -15,9 +15,8 @@ from iptm_core.routes import CYCLE_NAMES
 from iptm_faults.fault import WHOLE_TRIP_S, Fault, in_order
 from iptm_faults.kinds import FaultKind
 from iptm_studies.drives import DEFAULT, REFERENCE, spec_of
-from iptm_studies.run_inputs import resolve_inputs
 from iptm_studies.run_spec import PreviewSpec
-from iptm_studies.study import Case, Label, Study
+from iptm_studies.study import Case, Label, Study, planned_run
 
 LONG_CYCLES = ("comprehensive",)
 UNDISTURBED = "undisturbed"
@@ -46,7 +45,7 @@ SHIPPED, MEASURED = "shipped cycles", "measured lead vehicles"
 
 def _duration_s(cycle: str, longest_s: float) -> float | None:
     """Return the length of a part of a cycle, None for all of it."""
-    whole_s = resolve_inputs(spec_of(cycle)).route.duration_s
+    whole_s = planned_run(spec_of(cycle)).route.duration_s
     return longest_s if longest_s < whole_s else None
 
 
@@ -133,7 +132,7 @@ def disturbed_study(
         options = leads if measured else published(cycles)
         cycle = options[int(random.integers(len(options)))]
         duration_s = _duration_s(cycle, longest_s)
-        route = resolve_inputs(spec_of(cycle, duration_s=duration_s)).route
+        route = planned_run(spec_of(cycle, duration_s=duration_s)).route
         faults, names = _draw(random, route.duration_s)
         labels: dict[str, Label] = {"cycle": Path(cycle).stem, "disturbed": names}
         spec = spec_of(cycle, duration_s=duration_s, faults=faults)
