@@ -58,10 +58,8 @@ def cooled(
     trajectory: Trajectory, cop: float | None, parameters: ModelParameters = PARAMETERS
 ) -> Any:
     """A run with a coefficient of performance."""
-    energy = SimpleNamespace(mean_cop=cop)
-    return SimpleNamespace(
-        trajectory=trajectory, parameters=parameters, metrics=SimpleNamespace(energy=energy)
-    )
+    metrics = SimpleNamespace(mean_cop=cop)
+    return SimpleNamespace(trajectory=trajectory, parameters=parameters, metrics=metrics)
 
 
 def drawing(power_kw: Any) -> Trajectory:

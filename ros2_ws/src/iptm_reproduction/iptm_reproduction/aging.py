@@ -92,7 +92,7 @@ def cooling_payback(run: Run, percentiles: tuple[float, ...]) -> Payback | None:
 
     It runs at percentiles of the distribution of the positive battery power.
     """
-    cop = run.metrics.energy.mean_cop
+    cop = run.metrics.mean_cop
     trip, parameters = run.trajectory, run.parameters
     power = trip.battery_power_w[1:]
     if cop is None or not np.any(power > 0.0):

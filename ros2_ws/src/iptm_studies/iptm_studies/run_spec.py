@@ -1,7 +1,7 @@
 """Everything that one run without ROS depends on, as data.
 
-A specification names its inputs (a cycle, a parameter set); ``run_inputs`` turns the names into
-numbers, and ``run_key`` those numbers into the key under which the result is stored.
+A specification names its inputs (a cycle, a parameter set); a ``study.Case`` looks up the numbers, and makes
+of them the key under which the result is stored.
 """
 
 from __future__ import annotations
