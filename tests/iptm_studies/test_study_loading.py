@@ -92,7 +92,7 @@ cases:
 
 def test_the_short_trip_changes_only_the_trip() -> None:
     study = load_study("omitted_parameters")
-    short = study.shortened(30.0)
+    short = study.shortened(duration_s=30.0)
     assert [case.labels for case in short.cases] == [case.labels for case in study.cases]
     for case, before in zip(short.cases, study.cases, strict=True):
         assert case.spec.duration_s == 30.0

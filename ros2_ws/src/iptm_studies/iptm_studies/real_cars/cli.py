@@ -46,7 +46,7 @@ def _work(session: Session) -> bool:
     campaign = Campaign(studies)
     if not session.compute(campaign):
         return True
-    savings, simplifications = map(campaign.states, studies)
+    savings, simplifications = map(campaign.cases_of, studies)
     lost = losses(simplifications)
     for name in too_large(lost):
         print(f"simplification {name} costs more than it may")
