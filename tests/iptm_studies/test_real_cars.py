@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from tests.iptm_core.made_runs import PARAMETERS, make_run
 
@@ -136,6 +137,8 @@ def test_every_simplification_has_its_losses() -> None:
     assert found.ambient_c.to_list() == list(CLIMATES_C) * len(SIMPLIFICATIONS)
     assert set(found.consumption) == {0.0}
     assert too_large(found) == []
+    page = real_cars_page("scripts/real_cars", CARS, 0, pd.DataFrame(), pd.DataFrame(), found, {})
+    assert page.count("| +0.00 / +0.00 | +0.00 / +0.00 | within |") == len(SIMPLIFICATIONS)
 
 
 def test_page_names_simplifications_that_cost_too_much(trips: list[str]) -> None:

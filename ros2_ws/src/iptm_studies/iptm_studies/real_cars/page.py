@@ -69,8 +69,8 @@ def _losses(losses: pd.DataFrame, *, shipped: bool) -> str:
     wide = losses.assign(text=texts).pivot(
         index="simplification", columns="ambient_c", values="text"
     )
-    columns = {f"{celsius:g} °C:": f"{{{celsius:g}}}" for celsius in wide}
-    wide = wide.rename(columns="{:g}".format)
+    columns = {f"{celsius:g} °C:": f"{{at {celsius:g}}}" for celsius in wide}
+    wide = wide.rename(columns="at {:g}".format)
     rows = [
         {
             "simple": each.simple_text,
