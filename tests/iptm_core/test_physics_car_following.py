@@ -77,10 +77,8 @@ def excesses_m(
 
 def test_build_up_by_hand(parameters: ModelParameters) -> None:
     """From rolling at 20 m/s: 4 s to -2 m/s^2, on average -1 m/s^2."""
-    build_up = brake_build_up(20.0, 0.0, parameters.limits)
-    assert build_up.duration_s == pytest.approx(4.0)
-    assert build_up.end_speed_m_s == pytest.approx(16.0)
-    assert build_up.distance_m == pytest.approx(80.0 - 0.5 * 4.0**3 / 6.0)
+    by_hand = (4.0, 80.0 - 0.5 * 4.0**3 / 6.0, 16.0)
+    assert brake_build_up(20.0, 0.0, parameters.limits) == pytest.approx(by_hand)
 
 
 def test_stopping_distance_by_hand(parameters: ModelParameters) -> None:

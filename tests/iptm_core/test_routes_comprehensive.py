@@ -39,29 +39,28 @@ def test_the_first_composition_stays_what_it_was() -> None:
 def test_every_composition_is_two_passes_of_5000_s_in_its_order(
     composition: RouteComposition,
 ) -> None:
-    whole = comprehensive_cycle(composition)
-    assert whole.cycle.duration_s == 10_000.0
-    assert tuple(segment.cycle for segment in whole.segments) == composition.order * 2
-    assert whole.segments[len(composition.order)].start_s == 5000.0
+    cycle, segments, _ = comprehensive_cycle(composition)
+    assert cycle.duration_s == 10_000.0
+    assert tuple(segment.cycle for segment in segments) == composition.order * 2
+    assert segments[len(composition.order)].start_s == 5000.0
     # Five parts are odd, so that every part meets both kinds of hills.
-    first, second = whole.segments[:5], whole.segments[5:]
+    first, second = segments[:5], segments[5:]
     assert first[0].slope_kind == composition.first_slope
     assert all(a.slope_kind != b.slope_kind for a, b in zip(first, second, strict=True))
-    for segment, before in zip(whole.segments[1:], whole.segments, strict=False):
+    for segment, before in zip(segments[1:], segments, strict=False):
         assert (segment.start_s, segment.start_m) == (before.end_s, before.end_m)
-    for segment in whole.segments:
+    for segment in segments:
         rows = slice(int(segment.start_s), int(segment.end_s) + 1)
-        assert whole.cycle.distances_m()[rows][-1] == segment.end_m
+        assert cycle.distances_m()[rows][-1] == segment.end_m
         if segment.cycle != "smooth":
             speeds = load_cycle(segment.cycle).speeds_m_s
-            np.testing.assert_array_equal(whole.cycle.speeds_m_s[rows], speeds)
+            np.testing.assert_array_equal(cycle.speeds_m_s[rows], speeds)
 
 
 def test_hills_reach_their_grade_on_top_of_the_climb() -> None:
-    whole = comprehensive_cycle(STEEP)
-    road = whole.slope_profile()
+    _, segments, road = comprehensive_cycle(STEEP)
     climb = np.arctan(0.02)
-    for segment in whole.segments:
+    for segment in segments:
         positions = np.linspace(segment.start_m, segment.end_m, 20_001)
         slopes = road.slope_at(positions)
         peak = np.arctan({"large": 0.16, "small": 0.05}[segment.slope_kind])
@@ -71,9 +70,9 @@ def test_hills_reach_their_grade_on_top_of_the_climb() -> None:
 
 
 def test_the_smooth_part_keeps_its_speeds() -> None:
-    whole = comprehensive_cycle(STEEP)
-    smooth = next(segment for segment in whole.segments if segment.cycle == "smooth")
-    speeds = 3.6 * whole.cycle.speeds_m_s[int(smooth.start_s) + 90 : int(smooth.end_s) - 90]
+    cycle, segments, _ = comprehensive_cycle(STEEP)
+    smooth = next(segment for segment in segments if segment.cycle == "smooth")
+    speeds = 3.6 * cycle.speeds_m_s[int(smooth.start_s) + 90 : int(smooth.end_s) - 90]
     assert np.min(speeds) == pytest.approx(80.0, abs=0.1)
     assert np.max(speeds) == pytest.approx(110.0, abs=0.1)
 

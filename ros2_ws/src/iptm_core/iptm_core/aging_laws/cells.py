@@ -8,17 +8,18 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from functools import partial
 
 from iptm_core.aging_laws.law import AgingLaw
 from iptm_core.aging_laws.mechanisms import (
     CalendarAging,
     CrackedFilmGrowth,
     CyclicAging,
-    DepthIntensity,
     FilmGrowth,
-    LinearIntensity,
-    VoltageIntensity,
     anode_potential_v,
+    depth_intensity,
+    linear_intensity,
+    voltage_intensity,
 )
 from iptm_core.physics.charge import ChargeTable
 from iptm_core.physics.ops import Scalar
@@ -110,7 +111,9 @@ NCA = AgingCell(
         "NCA",
         (
             CalendarAging(75.4, 3.34e3, 353.0, 0.512, _itself),
-            CyclicAging(LinearIntensity(1.86e-6, 4.74e-11, 1.77e-4), (3.34e-11, -2.81e-9), 0.699),
+            CyclicAging(
+                partial(linear_intensity, 1.86e-6, 4.74e-11, 1.77e-4), (3.34e-11, -2.81e-9), 0.699
+            ),
         ),
     ),
     "Panasonic NCR18650B, 3.2 Ah",
@@ -123,7 +126,9 @@ NMC811_SI = AgingCell(
         "NMC811-Si",
         (
             CalendarAging(0.0353, 1.03e3, 57.7, 0.743, _itself),
-            CyclicAging(LinearIntensity(1.77e-7, 8.08e-13, 2.21e-7), (2.25e3, -1.14e4), 0.695),
+            CyclicAging(
+                partial(linear_intensity, 1.77e-7, 8.08e-13, 2.21e-7), (2.25e3, -1.14e4), 0.695
+            ),
         ),
     ),
     "LG MJ1 18650, 3.5 Ah, graphite with silicon",
@@ -141,7 +146,7 @@ NMC111 = AgingCell(
                 0.357,
                 anode_potential_v,
             ),
-            CyclicAging(DepthIntensity(3.80e3, 1.04), (-18.4 * _REFERENCE_K,), 0.778),
+            CyclicAging(partial(depth_intensity, 3.80e3, 1.04), (-18.4 * _REFERENCE_K,), 0.778),
         ),
     ),
     "Kokam 75 Ah pouch",
@@ -158,7 +163,9 @@ NMC111 = AgingCell(
                 1.25,
                 anode_potential_v,
             ),
-            CyclicAging(DepthIntensity(4.87 * 3.80e3, 1.04), (-18.4 * _REFERENCE_K,), 0.712),
+            CyclicAging(
+                partial(depth_intensity, 4.87 * 3.80e3, 1.04), (-18.4 * _REFERENCE_K,), 0.712
+            ),
         ),
     ),
 )
@@ -168,7 +175,8 @@ NMC111_18650 = AgingCell(
         (
             CalendarAging(1e6, 6976.0, 0.0, 0.75, _zero, _SANYO_CALENDAR),
             CyclicAging(
-                VoltageIntensity(
+                partial(
+                    voltage_intensity,
                     7.348e-3,
                     3.667,
                     7.6e-4,
@@ -189,8 +197,14 @@ NMC111_18650 = AgingCell(
         (
             CalendarAging(1e5, 5986.0, 0.0, 0.75, _zero, _SANYO_RESISTANCE),
             CyclicAging(
-                VoltageIntensity(
-                    2.153e-4, 3.725, -1.521e-5, 2.798e-4, _SANYO_V, _SANYO_AH_PER_CYCLE
+                partial(
+                    voltage_intensity,
+                    2.153e-4,
+                    3.725,
+                    -1.521e-5,
+                    2.798e-4,
+                    _SANYO_V,
+                    _SANYO_AH_PER_CYCLE,
                 ),
                 (),
                 1.0,
@@ -210,7 +224,9 @@ LFP = AgingCell(
         "LFP",
         (
             CalendarAging(8.37e4, 5.21e3, -3.56e3, 0.526, anode_potential_v),
-            CyclicAging(LinearIntensity(4.38e-8, 1.68e-7, 1.55e-8), (2.19e3, -1.55e5), 0.828),
+            CyclicAging(
+                partial(linear_intensity, 4.38e-8, 1.68e-7, 1.55e-8), (2.19e3, -1.55e5), 0.828
+            ),
         ),
     ),
     "large prismatic, 250 Ah",

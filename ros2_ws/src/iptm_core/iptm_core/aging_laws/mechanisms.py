@@ -117,52 +117,32 @@ class CyclicAging:
         return self.damage_rate_1_s(load) * slope / (self.exponent * load.temperature_k**2)
 
 
-@dataclass(frozen=True)
-class LinearIntensity:
-    """Intensity ``constant + rate * mean C-rate + depth * depth``."""
-
-    constant: float
-    rate: float
-    depth: float
-
-    def __call__(self, load: Load) -> Scalar:
-        """Return the intensity."""
-        return self.constant + self.rate * load.mean_c_rate_1_h + self.depth * load.depth
+def linear_intensity(constant: float, rate: float, depth: float, load: Load) -> Scalar:
+    """Return ``constant + rate * mean C-rate + depth * depth``."""
+    return constant + rate * load.mean_c_rate_1_h + depth * load.depth
 
 
-@dataclass(frozen=True)
-class DepthIntensity:
-    """Intensity ``factor * exp(gain * exp(depth^2))`` (Smith et al. 2017)."""
-
-    factor: float
-    gain: float
-
-    def __call__(self, load: Load) -> Scalar:
-        """Return the intensity."""
-        return self.factor * exp(self.gain * exp(load.depth * load.depth))
+def depth_intensity(factor: float, gain: float, load: Load) -> Scalar:
+    """Return ``factor * exp(gain * exp(depth^2))`` (Smith et al. 2017)."""
+    return factor * exp(gain * exp(load.depth * load.depth))
 
 
-@dataclass(frozen=True)
-class VoltageIntensity:
-    """Intensity ``unit * (curvature * (V - best)^2 + constant + depth * depth)`` (Schmalstieg et al. 2014).
+def voltage_intensity(
+    curvature_1_v2: float,
+    best_v: float,
+    constant: float,
+    depth: float,
+    voltage: ChargeTable,
+    unit: float,
+    load: Load,
+) -> Scalar:
+    """Return ``unit * (curvature * (V - best)^2 + constant + depth * depth)`` (Schmalstieg et al. 2014).
 
-    Attributes:
-        curvature: 1/V^2.
+    Args:
         unit: from the published unit of throughput to equivalent full cycles.
     """
-
-    curvature: float
-    best_v: float
-    constant: float
-    depth: float
-    voltage: ChargeTable
-    unit: float
-
-    def __call__(self, load: Load) -> Scalar:
-        """Return the intensity."""
-        off_v = self.voltage.at(load.charge) - self.best_v
-        published = self.curvature * off_v * off_v + self.constant + self.depth * load.depth
-        return self.unit * published
+    off_v = voltage.at(load.charge) - best_v
+    return unit * (curvature_1_v2 * off_v * off_v + constant + depth * load.depth)
 
 
 _GAS_J_MOL_K = 8.3144

@@ -7,7 +7,6 @@ control problem differentiates them.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 from iptm_core.parameters.model import GapParameters, LimitParameters
 from iptm_core.physics.ops import Scalar, maximum, minimum
@@ -50,38 +49,29 @@ SPEED_SMOOTHING_M_S = 0.5
 RESERVE_SMOOTHING_M = 0.5
 
 
-@dataclass(frozen=True)
-class BrakeBuildUp:
-    """The time in which the brakes build up from the present to the hardest deceleration.
-
-    Attributes:
-        duration_s: how long it takes within the jerk limit.
-        end_speed_m_s: speed at its end. Negative if the vehicle halts before; the distance is then that
-            of the same parabola, short of the halt by less than 1.4 m from steady driving.
-    """
-
-    duration_s: Scalar
-    distance_m: Scalar
-    end_speed_m_s: Scalar
-
-
 def brake_build_up(
     speed_m_s: Scalar, acceleration_m_s2: Scalar, limits: LimitParameters
-) -> BrakeBuildUp:
-    """Motion while the acceleration, not below its lower bound, falls to it at the largest jerk."""
+) -> tuple[Scalar, Scalar, Scalar]:
+    """Motion while the acceleration, not below its lower bound, falls to it at the largest jerk.
+
+    Returns:
+        How long that takes in s, the distance in m, and the speed at its end in m/s. The latter is negative
+        if the vehicle halts before; the distance is then that of the same parabola, short of the halt by
+        less than 1.4 m from steady driving.
+    """
     jerk = limits.max_jerk_m_s3
     duration = (acceleration_m_s2 - limits.min_acceleration_m_s2) / jerk
     end_speed = speed_m_s + duration * (acceleration_m_s2 - 0.5 * jerk * duration)
     distance = duration * (speed_m_s + duration * (0.5 * acceleration_m_s2 - jerk * duration / 6.0))
-    return BrakeBuildUp(duration, distance, end_speed)
+    return duration, distance, end_speed
 
 
 def stopping_distance_m(
     speed_m_s: Scalar, acceleration_m_s2: Scalar, limits: LimitParameters
 ) -> Scalar:
     """Distance to standstill, build-up included; too short by up to 1.4 m for a halt during the build-up."""
-    build_up = brake_build_up(speed_m_s, acceleration_m_s2, limits)
-    return build_up.distance_m + halting_distance_m(build_up.end_speed_m_s, limits)
+    _, distance_m, end_speed_m_s = brake_build_up(speed_m_s, acceleration_m_s2, limits)
+    return distance_m + halting_distance_m(end_speed_m_s, limits)
 
 
 def halting_distance_m(speed_m_s: Scalar, limits: LimitParameters) -> Scalar:
@@ -116,19 +106,16 @@ def braking_reserve_m(
         while the brakes build up: behind a much faster leader, or where the ego vehicle halts meanwhile.
     """
     deceleration = -limits.min_acceleration_m_s2
-    build_up = brake_build_up(speed_m_s, acceleration_m_s2, limits)
-    end_speed = build_up.end_speed_m_s
+    duration, distance, end_speed = brake_build_up(speed_m_s, acceleration_m_s2, limits)
     leader_start = maximum(leader_speed_m_s - LEADER_SURPRISE_M_S, 0.0, SPEED_SMOOTHING_M_S)
-    leader_end = maximum(
-        leader_start - deceleration * build_up.duration_s, 0.0, SPEED_SMOOTHING_M_S
-    )
+    leader_end = maximum(leader_start - deceleration * duration, 0.0, SPEED_SMOOTHING_M_S)
     leader_stop = halting_distance_m(leader_start, limits)
     leader_moved = leader_stop - halting_distance_m(leader_end, limits)
-    at_build_up = gap_m + leader_moved - build_up.distance_m
+    at_build_up = gap_m + leader_moved - distance
     at_build_up = at_build_up - minimum_gap_m(end_speed, leader_end, gap, limits)
     # Both decelerate alike from here on, so the difference of their speeds is what the ego vehicle still has.
     rest_speed = maximum(end_speed - leader_end, 0.0, SPEED_SMOOTHING_M_S)
-    ego_moved = build_up.distance_m + halting_distance_m(end_speed, limits)
+    ego_moved = distance + halting_distance_m(end_speed, limits)
     ego_moved = ego_moved - halting_distance_m(rest_speed, limits)
     at_stop = gap_m + leader_stop - ego_moved - minimum_gap_m(rest_speed, 0.0, gap, limits)
     return -maximum(-at_build_up, -at_stop, RESERVE_SMOOTHING_M)

@@ -152,19 +152,6 @@ class RouteSegment:
     end_m: float
 
 
-@dataclass(frozen=True)
-class ComprehensiveCycle:
-    """The joined speed trace (0 to 10000 s) and its segments, in driving order, with their designed slope."""
-
-    cycle: DrivingCycle
-    segments: tuple[RouteSegment, ...]
-    composition: RouteComposition
-
-    def slope_profile(self) -> SlopeProfile:
-        """Road with the hills of every segment; both passes of a segment share one shape."""
-        return hilly_road(self.segments, len(self.segments) // PASSES, self.composition)
-
-
 def hilly_road(
     segments: Sequence[RouteSegment], shapes: int, composition: RouteComposition
 ) -> SlopeProfile:
@@ -191,10 +178,13 @@ def hilly_road(
 
 
 @lru_cache(maxsize=32)
-def comprehensive_cycle(composition: RouteComposition | None = None) -> ComprehensiveCycle:
-    """Join the parts.
+def comprehensive_cycle(
+    composition: RouteComposition | None = None,
+) -> tuple[DrivingCycle, tuple[RouteSegment, ...], SlopeProfile]:
+    """Return the joined speed trace (0 to 10000 s), its segments in driving order, and its road.
 
-    All parts start and end at standstill, so neighbours share the sample at their joint.
+    All parts start and end at standstill, so neighbours share the sample at their joint. Both passes of a
+    segment have hills of one shape.
 
     Args:
         composition: order and slopes; None takes ``comprehensive``.
@@ -233,4 +223,5 @@ def comprehensive_cycle(composition: RouteComposition | None = None) -> Comprehe
                 end_m=float(distances[end]),
             )
         )
-    return ComprehensiveCycle(cycle, tuple(segments), composition)
+    road = hilly_road(segments, len(segments) // PASSES, composition)
+    return cycle, tuple(segments), road

@@ -127,8 +127,7 @@ def _designed(
     if isinstance(cycle, str) and cycle in composition_names():
         cycle = load_composition(cycle)
     if isinstance(cycle, RouteComposition):
-        whole = comprehensive_cycle(cycle)
-        return whole.cycle, whole.segments, whole.slope_profile(), None
+        return *comprehensive_cycle(cycle), None
     if isinstance(cycle, (Path, UserTrip)) or is_path(cycle, USER_SUFFIXES):
         trip = cycle if isinstance(cycle, UserTrip) else read_user_trip(Path(cycle))
         kind = "flat" if trip.slope is None else "measured"
