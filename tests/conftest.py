@@ -10,22 +10,19 @@ from typing import Any
 import numpy as np
 import pytest
 from hypothesis import settings
+from tests.plant_messages import plant_messages
 
 from iptm_controller.ocp.compilation import CACHE_VARIABLE
 from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
-from iptm_core.state import IntervalPowers, LeaderState, SafetyRecord, VehicleState
-from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
-from iptm_interfaces.codecs import (
+from iptm_core.state import (
     BatteryReading,
-    encode_acceleration,
-    encode_battery,
-    encode_capacity_loss,
-    encode_ego_odometry,
-    encode_leader,
-    encode_powers,
-    encode_safety,
-    encode_temperature,
+    IntervalPowers,
+    LeaderState,
+    SafetyRecord,
+    VehicleState,
 )
+from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
+from iptm_interfaces.codecs import encode_battery, encode_leader
 from iptm_interfaces.topics import Topic
 
 # The same examples in every run, and no deadline: a busy machine must not fail a test.
@@ -62,26 +59,13 @@ def _tick_messages(run: Trajectory, row: int) -> dict[Topic, Any]:
     state = VehicleState(**{name: values[name] for name in VehicleState.__dataclass_fields__})
     powers = IntervalPowers(**{name: values[name] for name in IntervalPowers.__dataclass_fields__})
     leader = LeaderState(time_s, values["leader_position_m"], values["leader_speed_m_s"])
-    temperatures = ("cell_1", "cell_n", "coolant_inlet", "coolant_outlet")
+    coolant_k = (values["coolant_inlet_temperature_k"], values["coolant_outlet_temperature_k"])
+    safety = SafetyRecord(values["service_braking_s"], values["smallest_gap_m"])
+    charge_ah = values["state_of_charge"] * 100.0
+    battery = BatteryReading(time_s, 380.0, 10.0, (4.0,), (300.0,), charge_ah, 100.0)
     return {
-        **{
-            Topic(f"plant/{name}_temperature"): encode_temperature(
-                time_s, values[f"{name}_temperature_k"]
-            )
-            for name in temperatures
-        },
-        Topic.PLANT_POWERS: encode_powers(time_s, powers),
-        Topic.PLANT_BATTERY: encode_battery(
-            BatteryReading(
-                time_s, 380.0, 10.0, (4.0,), (300.0,), values["state_of_charge"] * 100.0, 100.0
-            )
-        ),
-        Topic.PLANT_CAPACITY_LOSS: encode_capacity_loss(state),
-        Topic.PLANT_SAFETY: encode_safety(
-            time_s, SafetyRecord(values["service_braking_s"], values["smallest_gap_m"])
-        ),
-        Topic.PLANT_ACCELERATION: encode_acceleration(state),
-        Topic.PLANT_ODOMETRY: encode_ego_odometry(state),
+        **plant_messages(state, powers, coolant_k, safety),
+        Topic.PLANT_BATTERY: encode_battery(battery),
         Topic.LEADER: encode_leader(leader),
     }
 

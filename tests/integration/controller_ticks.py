@@ -8,25 +8,21 @@ from typing import Any
 import numpy as np
 from rclpy.serialization import deserialize_message
 from tests.integration.node_bench import NodeBench, S
+from tests.plant_messages import plant_messages
 from trajectory_msgs.msg import JointTrajectory
 
 from iptm_controller.measurements import Measurements
-from iptm_core.state import IntervalPowers, LeaderPreview, LeaderState, SlopePreview, VehicleState
+from iptm_core.state import LeaderPreview, LeaderState, SlopePreview, VehicleState
 from iptm_interfaces.codecs import (
     decode_command,
     decode_leader,
     decode_leader_preview,
     decode_vehicle_state,
-    encode_acceleration,
-    encode_capacity_loss,
-    encode_ego_odometry,
     encode_leader,
     encode_leader_preview_bytes,
-    encode_powers,
-    encode_temperature,
 )
 from iptm_interfaces.diagnostics import Level
-from iptm_interfaces.topics import Topic
+from iptm_interfaces.topics import STATE_TOPICS, Topic
 
 ROAD = SlopePreview(np.arange(0.0, 3000.0, 10.0), 0.04 * np.sin(np.arange(300) / 9.0))
 LINK = (Topic.LEADER, Topic.LEADER_PREVIEW)
@@ -50,14 +46,9 @@ def tick_messages(
     moved = np.concatenate([[0.0], np.cumsum(0.5 * (speeds[1:] + speeds[:-1]))])
     leader = LeaderState(time_s, state.position_m + 45.0, 16.0)
     preview = LeaderPreview(time_s + ahead, leader.position_m + moved, speeds)
-    powers = IntervalPowers(9e3, state.compressor_power_w, 200.0, 9.5e3, 100.0)
+    plant = plant_messages(state)
     return {
-        Topic.PLANT_ODOMETRY: encode_ego_odometry(state),
-        Topic.PLANT_ACCELERATION: encode_acceleration(state),
-        Topic.PLANT_CELL_1_TEMPERATURE: encode_temperature(time_s, state.cell_1_temperature_k),
-        Topic.PLANT_CELL_N_TEMPERATURE: encode_temperature(time_s, state.cell_n_temperature_k),
-        Topic.PLANT_POWERS: encode_powers(time_s, powers),
-        Topic.PLANT_CAPACITY_LOSS: encode_capacity_loss(state),
+        **{topic: plant[topic] for topic in STATE_TOPICS},
         Topic.LEADER: encode_leader(leader),
         Topic.LEADER_PREVIEW: deserialize_message(
             encode_leader_preview_bytes(preview, round(time_s * S)), JointTrajectory

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from rosgraph_msgs.msg import Clock
 from tests.integration.cam_ego import BRIDGE, SENDER, Ego, free_port
+from tests.plant_messages import plant_messages
 
 from iptm_core.decision_record import DecisionRecord, Rung
 from iptm_core.state import VehicleState
 from iptm_interfaces.codecs import (
     PlanTrajectory,
     encode_decision_record,
-    encode_ego_odometry,
     encode_plan,
     time_from_s,
 )
@@ -57,7 +57,8 @@ class VehicleAhead:
         follows = second != NO_PLAN_AT
         place_m, speed_m_s = 0.5 * GAIN_M_S2 * second**2, GAIN_M_S2 * second
         state = VehicleState(float(second), place_m, speed_m_s, 0.0, 0.0, 298.0, 298.0, 0.0, 0.0)
-        self._publishers[Topic.PLANT_ODOMETRY].publish(encode_ego_odometry(state))
+        odometry = plant_messages(state)[Topic.PLANT_ODOMETRY]
+        self._publishers[Topic.PLANT_ODOMETRY].publish(odometry)
         self._publishers[Topic.CLOCK].publish(Clock(clock=time_from_s(float(second))))
         times = second + PLAN_S
         flat = np.full(times.size, 298.0)

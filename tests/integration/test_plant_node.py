@@ -12,6 +12,7 @@ from unittest import mock
 import pytest
 from tests.integration.driven_plant import DrivenPlant, Script, driven_plant, lively
 from tests.integration.node_bench import S
+from tests.plant_messages import plant_messages
 
 from iptm_core.errors import IptmError
 from iptm_core.parameters import load_parameters
@@ -23,11 +24,6 @@ from iptm_interfaces.codecs import (
     decode_powers,
     decode_temperature,
     decode_vehicle_state,
-    encode_acceleration,
-    encode_capacity_loss,
-    encode_ego_odometry,
-    encode_powers,
-    encode_temperature,
     ns_from_time,
 )
 from iptm_interfaces.diagnostics import Level
@@ -54,19 +50,7 @@ def begin(plant: DrivenPlant) -> None:
 
 def as_seen(step: PlantStep) -> VehicleState:
     """The state as it arrives: temperatures travel in degrees Celsius."""
-    state = step.state
-    cells_k = (state.cell_1_temperature_k, state.cell_n_temperature_k)
-    cell_1, cell_n = (encode_temperature(state.time_s, cell_k) for cell_k in cells_k)
-    return decode_vehicle_state(
-        {
-            Topic.PLANT_ODOMETRY: encode_ego_odometry(state),
-            Topic.PLANT_ACCELERATION: encode_acceleration(state),
-            Topic.PLANT_CELL_1_TEMPERATURE: cell_1,
-            Topic.PLANT_CELL_N_TEMPERATURE: cell_n,
-            Topic.PLANT_POWERS: encode_powers(state.time_s, step.powers),
-            Topic.PLANT_CAPACITY_LOSS: encode_capacity_loss(state),
-        }
-    )
+    return decode_vehicle_state(plant_messages(step.state, step.powers))
 
 
 @pytest.mark.parametrize("thermal_model", list(ThermalModel))

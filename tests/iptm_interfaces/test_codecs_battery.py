@@ -1,19 +1,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import pytest
 from sensor_msgs.msg import BatteryState
 
-from iptm_core.errors import MessageError
-from iptm_core.state import IntervalPowers
-from iptm_interfaces.codecs import (
-    BatteryReading,
-    decode_powers,
-    encode_battery,
-    encode_powers,
-)
+from iptm_core.state import BatteryReading
+from iptm_interfaces.codecs import encode_battery
 
 READING = BatteryReading(
     time_s=5.0,
@@ -59,15 +52,3 @@ def test_unmeasured_values_are_nan_as_ros_defines() -> None:
     message = encode_battery(BatteryReading(0.0, 350.0, 1.0, (3.6, 3.6), (300.0, 300.0)))
     assert math.isnan(message.charge)
     assert math.isnan(message.percentage)
-
-
-def test_powers_round_trip_with_signs() -> None:
-    powers = IntervalPowers(-1500.0, 400.0, 250.0, -850.0, 900.0)
-    assert decode_powers(encode_powers(7.0, powers)) == powers
-
-
-def test_the_power_of_a_heater_keeps_its_sign_and_none_is_refused() -> None:
-    powers = IntervalPowers(0.0, -4000.0, 0.0, 4100.0, -4000.0)
-    assert decode_powers(encode_powers(0.0, powers)) == powers
-    with pytest.raises(MessageError, match="compressor_power_w"):
-        decode_powers(encode_powers(0.0, replace(powers, compressor_power_w=math.nan)))

@@ -17,22 +17,25 @@ from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
-from iptm_core.state import Command, IntervalPowers, LeaderState, VehicleState
+from iptm_core.state import (
+    Command,
+    IntervalPowers,
+    LeaderState,
+    PlantObservation,
+    SafetyRecord,
+    VehicleState,
+)
 from iptm_interfaces.codecs import (
     PlanTrajectory,
-    encode_acceleration,
-    encode_capacity_loss,
     encode_command,
     encode_decision_record,
-    encode_ego_odometry,
     encode_leader,
+    encode_observation,
     encode_plan,
     encode_plan_bytes,
-    encode_powers,
-    encode_temperature,
     serialized,
 )
-from iptm_interfaces.topics import frame_in
+from iptm_interfaces.topics import TOPICS, frame_in
 
 number = st.floats(allow_nan=False)
 stamp_s = st.integers(0, 10**6).map(lambda ms: ms / 1e3)
@@ -62,13 +65,8 @@ def test_bytes_are_those_of_the_message(x: list[float], time_s: float, prefix: s
     state = VehicleState(time_s, *x[:8])
     record = DecisionRecord(SolveStatus.SOLVED, x[0], 7, *x[1:5], Rung.STOP, True, *x[5:11])
     cases: tuple[tuple[Any, ...], ...] = (
-        (encode_ego_odometry, state),
         (encode_leader, LeaderState(time_s, x[0], x[1])),
         (encode_leader, LeaderState(time_s, x[0], x[1]), 5),
-        (encode_acceleration, state),
-        (encode_temperature, time_s, x[0]),
-        (encode_capacity_loss, state),
-        (encode_powers, time_s, IntervalPowers(*x[:5])),
         (encode_command, 123_456_789_012, Command(x[0], x[1])),
         (encode_decision_record, 3, record),
     )
@@ -77,6 +75,13 @@ def test_bytes_are_those_of_the_message(x: list[float], time_s: float, prefix: s
         data = encode.data(prefix, *arguments)
         assert deserialize_message(data, type(message)) == message
         assert len(data) == length(message)
+    safety = SafetyRecord(*x[10:13])
+    observed = PlantObservation(state, IntervalPowers(*x[:5]), x[5], x[6], safety)
+    for topic, data in encode_observation(observed, prefix).items():
+        message = deserialize_message(data, TOPICS[topic].message_type)
+        assert len(data) == length(message)
+        spec_frame = TOPICS[topic].frame.split(" -> ")[0]
+        assert message.header.frame_id == frame_in(prefix, spec_frame)
 
 
 @settings(deadline=None, max_examples=50)

@@ -8,19 +8,17 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.plant_messages import plant_messages
 
 from iptm_core.errors import MessageError
-from iptm_core.state import IntervalPowers, LeaderState, VehicleState
+from iptm_core.state import IntervalPowers, LeaderState, SafetyRecord, VehicleState
 from iptm_interfaces.codecs import (
     decode_leader,
+    decode_powers,
+    decode_safety,
     decode_temperature,
     decode_vehicle_state,
-    encode_acceleration,
-    encode_capacity_loss,
-    encode_ego_odometry,
     encode_leader,
-    encode_powers,
-    encode_temperature,
     time_from_s,
 )
 from iptm_interfaces.topics import STATE_TOPICS, Topic
@@ -38,22 +36,6 @@ STATE = VehicleState(
 )
 
 
-def encode_all(state: VehicleState) -> dict[Topic, Any]:
-    powers = IntervalPowers(5000.0, state.compressor_power_w, 300.0, 6534.5, 2900.0)
-    return {
-        Topic.PLANT_ODOMETRY: encode_ego_odometry(state),
-        Topic.PLANT_ACCELERATION: encode_acceleration(state),
-        Topic.PLANT_CELL_1_TEMPERATURE: encode_temperature(
-            state.time_s, state.cell_1_temperature_k
-        ),
-        Topic.PLANT_CELL_N_TEMPERATURE: encode_temperature(
-            state.time_s, state.cell_n_temperature_k
-        ),
-        Topic.PLANT_POWERS: encode_powers(state.time_s, powers),
-        Topic.PLANT_CAPACITY_LOSS: encode_capacity_loss(state),
-    }
-
-
 numbers = st.floats(-1e6, 1e6)
 positive = st.floats(0.0, 1e6)
 
@@ -63,7 +45,7 @@ def test_state_survives_the_six_messages(
     position: float, speed: float, acceleration: float, power: float, kelvin: float, loss: float
 ) -> None:
     state = VehicleState(3.0, position, speed, acceleration, power, kelvin, kelvin, loss, loss)
-    back = decode_vehicle_state(encode_all(state))
+    back = decode_vehicle_state(plant_messages(state))
     for field in dataclasses.fields(state):
         tolerance = 1e-13 if field.name.endswith("_k") else 0.0
         expected = getattr(state, field.name)
@@ -72,7 +54,7 @@ def test_state_survives_the_six_messages(
 
 
 def test_frames_and_units_on_the_wire() -> None:
-    messages = encode_all(STATE)
+    messages = plant_messages(STATE)
     odometry = messages[Topic.PLANT_ODOMETRY]
     assert (odometry.header.frame_id, odometry.child_frame_id) == ("odom", "base_link")
     assert odometry.pose.pose.orientation.w == 1.0
@@ -83,7 +65,7 @@ def test_frames_and_units_on_the_wire() -> None:
 def test_numpy_scalars_are_sent_as_plain_numbers() -> None:
     single: Any = np.float32(2.5)
     state = dataclasses.replace(STATE, position_m=single, speed_m_s=3)
-    odometry = encode_ego_odometry(state)
+    odometry = plant_messages(state)[Topic.PLANT_ODOMETRY]
     assert type(odometry.pose.pose.position.x) is float
     assert odometry.pose.pose.position.x == 2.5
     assert odometry.twist.twist.linear.x == 3.0
@@ -105,12 +87,12 @@ def test_numpy_scalars_are_sent_as_plain_numbers() -> None:
 )
 def test_broken_promise_names_topic_and_value(change: dict[str, float], reason: str) -> None:
     with pytest.raises(MessageError, match=reason):
-        decode_vehicle_state(encode_all(dataclasses.replace(STATE, **change)))
+        decode_vehicle_state(plant_messages(dataclasses.replace(STATE, **change)))
 
 
 @pytest.mark.parametrize("topic", STATE_TOPICS[1:])
 def test_messages_of_different_ticks_are_not_mixed(topic: Topic) -> None:
-    messages = encode_all(STATE)
+    messages = plant_messages(STATE)
     messages[topic].header.stamp = time_from_s(11.0)
     with pytest.raises(MessageError, match="stamp is 11000000000 ns"):
         decode_vehicle_state(messages)
@@ -129,7 +111,34 @@ def test_leader_driving_backwards_is_refused() -> None:
 
 
 def test_temperature_below_absolute_zero_is_refused() -> None:
-    message = encode_temperature(0.0, 300.0)
+    message = plant_messages(STATE)[Topic.PLANT_COOLANT_INLET_TEMPERATURE]
     message.temperature = -300.0
     with pytest.raises(MessageError, match="coolant_inlet"):
         decode_temperature(Topic.PLANT_COOLANT_INLET_TEMPERATURE, message)
+
+
+@pytest.mark.parametrize(
+    "powers",
+    [
+        IntervalPowers(-1500.0, 400.0, 250.0, -850.0, 900.0),
+        IntervalPowers(0.0, -4000.0, 0.0, 4100.0, -4000.0),  # of a heater
+    ],
+)
+def test_powers_keep_their_signs(powers: IntervalPowers) -> None:
+    assert decode_powers(plant_messages(STATE, powers)[Topic.PLANT_POWERS]) == powers
+
+
+@pytest.mark.parametrize(
+    ("safety", "reason"),
+    [
+        (
+            SafetyRecord(service_braking_s=-0.1),
+            r"service_braking_s is -0.1; allowed: a finite number, at",
+        ),
+        (SafetyRecord(brake_share=1.5), r"brake_share is 1.5; allowed: 0 to 1"),
+        (SafetyRecord(brake_share=math.nan), "brake_share is nan; allowed: a finite number"),
+    ],
+)
+def test_impossible_safety_records_are_refused(safety: SafetyRecord, reason: str) -> None:
+    with pytest.raises(MessageError, match=reason):
+        decode_safety(plant_messages(STATE, safety=safety)[Topic.PLANT_SAFETY])

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.serialization import serialize_message
+from tests.plant_messages import plant_messages
 
 from iptm_core.errors import BagError
 from iptm_core.metrics import gap_margins_m
 from iptm_core.metrics.constraints import GAP_TOLERANCE_M
-from iptm_core.state import SafetyRecord
+from iptm_core.state import SafetyRecord, VehicleState
 from iptm_core.trajectory import Trajectory
-from iptm_interfaces.codecs import encode_safety
 from iptm_interfaces.codecs.time import time_from_s
 from iptm_interfaces.diagnostics import TRIP_TIME, Level
 from iptm_interfaces.topics import TOPICS, Topic, topic_of
@@ -171,7 +171,9 @@ def test_broken_messages_are_named_and_leave_a_hole(bag: Path) -> None:
 def test_braking_of_the_safety_monitor_is_part_of_its_row(bag: Path) -> None:
     feed = PageFeed()
     follower = RunFollower(feed, RunFacts("test"))
-    braking = encode_safety(3.0, SafetyRecord(0.25, 4.0, 1.0))
+    state = VehicleState(3.0, *[0.0] * 8)
+    safety = SafetyRecord(0.25, 4.0, 1.0)
+    braking = plant_messages(state, safety=safety)[Topic.PLANT_SAFETY]
     follower.take(Topic.PLANT_SAFETY, serialize_message(braking))
     with BagReader(bag) as reader:
         for raw in reader.raw_messages():

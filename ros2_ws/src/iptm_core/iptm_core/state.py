@@ -214,6 +214,30 @@ class PlantObservation:
 
 
 @dataclass(frozen=True)
+class BatteryReading:
+    """Terminal values of the pack and of cells of a coolant channel.
+
+    The cells are the first and the last one, or all of them in the order of the coolant. What is not measured
+    is NaN.
+
+    Attributes:
+        pack_current_a: positive when discharging (sign of the paper; the message has the opposite sign).
+        charge_ah: charge left.
+        capacity_ah: capacity at present, aged.
+        design_capacity_ah: nominal capacity.
+    """
+
+    time_s: float
+    pack_voltage_v: float
+    pack_current_a: float
+    cell_voltages_v: tuple[float, ...]
+    cell_temperatures_k: tuple[float, ...]
+    charge_ah: float = math.nan
+    capacity_ah: float = math.nan
+    design_capacity_ah: float = math.nan
+
+
+@dataclass(frozen=True)
 class Command:
     """One decision, held for one sampling time: acceleration (a, m/s^2) and thermal power (P_cp, W).
 

@@ -1,9 +1,10 @@
-"""Keeps a vehicle of a string in step with the vehicles ahead and behind."""
+"""Who has to be there before the plant begins, and what keeps a vehicle in step with its neighbours."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
+from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
@@ -12,7 +13,7 @@ from iptm_core.settings import LoopMode
 from iptm_core.state import NS_PER_S
 from iptm_interfaces.codecs import ns_from_time, stamp_ns_of
 from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import Topic, topic_of
+from iptm_interfaces.topics import PEER_TOPICS, STATE_TOPICS, Topic, topic_of
 from iptm_interfaces.vehicle_presence import VehiclePresence
 from iptm_plant_sim.node_parameters import PlantNodeParameters
 
@@ -102,3 +103,24 @@ class Neighbours:
         if not self.missing(ns_from_time(held.header.stamp) + self._period_ns):
             self._held = None
             self._take(held)
+
+
+def missing_subscribers(
+    publishers: Mapping[Topic, Publisher], expected_peers: int, others: Mapping[Topic, int]
+) -> tuple[str, ...]:
+    """Return the topics of the plant that not everyone expected listens to yet.
+
+    Args:
+        expected_peers: subscribers of odometry and clock to wait for; 0 does not wait.
+        others: further subscribers of these two.
+    """
+    if expected_peers == 0:
+        return ()
+    # A command depends on the whole state, so each topic needs a subscriber.
+    needed = dict.fromkeys(STATE_TOPICS, 1)
+    needed |= {topic: expected_peers + others[topic] for topic in PEER_TOPICS}
+    return tuple(
+        publishers[topic].topic_name
+        for topic, count in needed.items()
+        if publishers[topic].get_subscription_count() < count
+    )

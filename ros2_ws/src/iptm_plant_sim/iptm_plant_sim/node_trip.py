@@ -3,23 +3,32 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from rclpy.timer import Timer
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
 from iptm_core.errors import IptmError, MessageError
 from iptm_core.settings import LoopMode
 from iptm_core.state import Command
-from iptm_interfaces.codecs import decode_command, ns_from_time
+from iptm_interfaces.codecs import (
+    decode_command,
+    encode_battery,
+    encode_observation,
+    ns_from_time,
+    time_from_ns,
+    time_from_s,
+)
 from iptm_interfaces.parameters import declare_parameters
 from iptm_interfaces.process import EXIT_DEFECT
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import TOPICS, Topic
 from iptm_interfaces.watchdog import Watchdog
-from iptm_plant_sim.node_neighbours import Neighbours
+from iptm_plant_sim.node_neighbours import Neighbours, missing_subscribers
 from iptm_plant_sim.node_parameters import WAIT, PlantNodeParameters
-from iptm_plant_sim.node_publishers import PlantPublishers
 from iptm_plant_sim.node_range_sensor import NodeRangeSensor
+from iptm_plant_sim.plant_step import battery_reading
 from iptm_plant_sim.schedule import Schedule, TimeBetweenTicks
 from iptm_plant_sim.trip import CommandHold, TripPhase
 
@@ -35,6 +44,19 @@ REPEAT_S = 2.5
 Longer than the controller's wait for missing inputs, to avoid needless repeats."""
 KEEP_ALIVE_S = 1.0
 """Wall time between repeats of the state of a paused trip, shorter than every node's input timeout."""
+PUBLISHED = (
+    Topic.PLANT_CELL_1_TEMPERATURE,
+    Topic.PLANT_CELL_N_TEMPERATURE,
+    Topic.PLANT_COOLANT_INLET_TEMPERATURE,
+    Topic.PLANT_COOLANT_OUTLET_TEMPERATURE,
+    Topic.PLANT_BATTERY,
+    Topic.PLANT_POWERS,
+    Topic.PLANT_SAFETY,
+    Topic.PLANT_CAPACITY_LOSS,
+    Topic.PLANT_ACCELERATION,
+    Topic.PLANT_ODOMETRY,
+)
+"""Topics of one state in the order that the other nodes rely on; the clock follows."""
 
 
 class TripNode(SuiteNode):
@@ -66,7 +88,7 @@ class TripNode(SuiteNode):
         self._stop_timer: Timer | None = None
         self._end_timer: Timer | None = None
         self._tick_timer: Timer | None = None
-        self._outputs = PlantPublishers(self, self._trip.parameters)
+        self._outputs = {topic: self.advertise(topic) for topic in (*PUBLISHED, Topic.CLOCK)}
         self._watchdog = Watchdog(self._options.command_timeout_wall_s, self._on_silence)
         self._watchdog.attach(self)
         self.watch_peers(Topic.PLANT_ODOMETRY, Topic.COMMAND)
@@ -120,7 +142,7 @@ class TripNode(SuiteNode):
 
     def _missing_peers(self) -> tuple[str, ...]:
         expected = self._options.expected_peers
-        missing = self._outputs.missing_subscribers(expected, self._neighbours.listeners)
+        missing = missing_subscribers(self._outputs, expected, self._neighbours.listeners)
         missing += self._neighbours.missing(self._trip.stamp_ns)
         needs_controller = expected > 0 or not self._is_real_time
         if needs_controller and self._commands.get_publisher_count() == 0:
@@ -191,13 +213,21 @@ class TripNode(SuiteNode):
             self._finish()
         elif self._pause_due:
             self._hold_trip()
-        self._outputs.publish(self._trip.step)
-        self._published_s = self.awake.now_s()
+        self._publish_state()
         if not over and self._phase is not TripPhase.PAUSED:
             self._between.begin(self._trip.stamp_ns)
             if not self._is_real_time:
                 self._watchdog.feed()
         self._report()
+
+    def _publish_state(self) -> None:
+        step = self._trip.step
+        found: dict[Topic, Any] = dict(encode_observation(step, self.frame_prefix))
+        found[Topic.PLANT_BATTERY] = encode_battery(battery_reading(step, self._trip.parameters))
+        for topic in PUBLISHED:
+            self._outputs[topic].publish(found[topic])
+        self._outputs[Topic.CLOCK].publish(Clock(clock=time_from_s(step.state.time_s)))
+        self._published_s = self.awake.now_s()
 
     def _repeat_if_unanswered(self) -> None:
         """Publish the state again: for peers that were not there, or as a sign of life of a paused trip."""
@@ -207,13 +237,12 @@ class TripNode(SuiteNode):
             return
         if self.awake.now_s() - self._published_s >= (KEEP_ALIVE_S if paused else REPEAT_S):
             self._repeated_states += 1
-            self._outputs.publish(self._trip.step)
-            self._published_s = self.awake.now_s()
+            self._publish_state()
 
     def _publish_time_between(self) -> None:
         time_ns = self._between.take_ns()
         if time_ns is not None:
-            self._outputs.publish_time(time_ns)
+            self._outputs[Topic.CLOCK].publish(Clock(clock=time_from_ns(time_ns)))
 
     def _on_wall_tick(self) -> None:
         if self._phase in {TripPhase.PAUSED, TripPhase.FINISHED} or self._schedule is None:

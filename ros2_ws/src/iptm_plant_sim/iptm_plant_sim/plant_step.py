@@ -1,12 +1,15 @@
-"""What is known of an interval that the simulated vehicle has driven."""
+"""What is known of an interval that the simulated vehicle has driven, and what its battery measures."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from iptm_core.state import PlantObservation
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.charge import at_charge, pack_capacity_ah
+from iptm_core.state import BatteryReading, FullChannelState, PlantObservation
 from iptm_plant_sim.actuators import ActuatorReport
+from iptm_plant_sim.integrator import cell_voltage_v
 from iptm_plant_sim.safety_monitor import MonitorMemory
 
 
@@ -65,4 +68,35 @@ def joined(
         battery_heat_w=sum(step.battery_heat_w * part_s for step, part_s in pieces) / duration_s,
         charge_c=sum(step.charge_c for step, _ in pieces),
         report=replace(report, clamps=tuple(clamps)),
+    )
+
+
+def battery_reading(step: PlantStep, parameters: ModelParameters) -> BatteryReading:
+    """Return what can be measured at the terminals of the pack and of its cells at the end of a step."""
+    state = step.state
+    losses = (state.cell_1_capacity_loss, state.cell_n_capacity_loss)
+    temperatures_k = (state.cell_1_temperature_k, state.cell_n_temperature_k)
+    voltages_v = (step.cell_1_voltage_v, step.cell_n_voltage_v)
+    if isinstance(state, FullChannelState):
+        cells = state.cells
+        losses = tuple(cells.capacity_losses.tolist())
+        temperatures_k = tuple(cells.temperatures_k.tolist())
+        voltages_v = tuple(
+            cell_voltage_v(
+                step.cell_current_a,
+                cells.temperatures_k,
+                cells.capacity_losses,
+                at_charge(parameters, state.state_of_charge),
+            ).tolist()
+        )
+    capacity_ah = pack_capacity_ah(parameters, sum(losses) / len(losses))
+    return BatteryReading(
+        time_s=state.time_s,
+        pack_voltage_v=step.pack_voltage_v,
+        pack_current_a=step.pack_current_a,
+        cell_voltages_v=voltages_v,
+        cell_temperatures_k=temperatures_k,
+        charge_ah=state.state_of_charge * capacity_ah,
+        capacity_ah=capacity_ah,
+        design_capacity_ah=pack_capacity_ah(parameters, 0.0),
     )

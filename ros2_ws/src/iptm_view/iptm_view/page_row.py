@@ -22,11 +22,12 @@ from iptm_interfaces.codecs import (
     decode_leader_preview_bytes,
     decode_plan,
     decode_powers,
+    decode_safety,
     decode_slope,
     decode_temperature,
+    read_numbers,
     s_from_ns,
 )
-from iptm_interfaces.codecs.vehicle import decode_capacity_loss, decode_safety
 from iptm_interfaces.topics import TOPICS, Topic
 
 _TEMPERATURES = {
@@ -140,7 +141,8 @@ def page_row(
     take(Topic.PLANT_ODOMETRY, lambda m: _motion(m, ""))
     take(Topic.LEADER, lambda m: _motion(m, "leader_"))
     take(Topic.PLANT_POWERS, lambda m: vars(decode_powers(m)))
-    take(Topic.PLANT_CAPACITY_LOSS, lambda m: {"capacity_loss": sum(decode_capacity_loss(m))})
+    losses = Topic.PLANT_CAPACITY_LOSS
+    take(losses, lambda m: {"capacity_loss": sum(read_numbers(losses, m))})
     take(Topic.PLANT_SAFETY, lambda m: {"service_braking_s": decode_safety(m).service_braking_s})
     for topic, column in _TEMPERATURES.items():
         take(topic, partial(_temperature, topic, column))

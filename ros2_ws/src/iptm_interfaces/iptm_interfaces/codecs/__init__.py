@@ -1,11 +1,5 @@
 """Pure functions between the project's dataclasses and ROS messages, checked on decoding."""
 
-from iptm_interfaces.codecs.battery import (
-    BatteryReading,
-    decode_powers,
-    encode_battery,
-    encode_powers,
-)
 from iptm_interfaces.codecs.cdr import serialized, stamp_ns_of
 from iptm_interfaces.codecs.command import (
     decode_command,
@@ -14,6 +8,20 @@ from iptm_interfaces.codecs.command import (
     encode_decision_record,
 )
 from iptm_interfaces.codecs.datagram import decode_raw_datagram, encode_raw_datagram
+from iptm_interfaces.codecs.numbers import (
+    decode_vehicle_state,
+    encode_observation,
+    read_numbers,
+)
+from iptm_interfaces.codecs.observation import (
+    decode_leader,
+    decode_observation,
+    decode_powers,
+    decode_safety,
+    decode_temperature,
+    encode_battery,
+    encode_leader,
+)
 from iptm_interfaces.codecs.plan import PlanTrajectory, decode_plan, encode_plan, encode_plan_bytes
 from iptm_interfaces.codecs.preview import (
     decode_leader_preview,
@@ -34,22 +42,8 @@ from iptm_interfaces.codecs.time import (
     time_from_ns,
     time_from_s,
 )
-from iptm_interfaces.codecs.vehicle import (
-    decode_leader,
-    decode_observation,
-    decode_safety,
-    decode_temperature,
-    decode_vehicle_state,
-    encode_acceleration,
-    encode_capacity_loss,
-    encode_ego_odometry,
-    encode_leader,
-    encode_safety,
-    encode_temperature,
-)
 
 __all__ = [
-    "BatteryReading",
     "PlanTrajectory",
     "decode_command",
     "decode_decision_record",
@@ -65,25 +59,21 @@ __all__ = [
     "decode_slope",
     "decode_temperature",
     "decode_vehicle_state",
-    "encode_acceleration",
     "encode_battery",
-    "encode_capacity_loss",
     "encode_command",
     "encode_decision_record",
-    "encode_ego_odometry",
     "encode_leader",
     "encode_leader_preview_bytes",
+    "encode_observation",
     "encode_plan",
     "encode_plan_bytes",
-    "encode_powers",
     "encode_raw_datagram",
     "encode_road_ahead",
-    "encode_safety",
     "encode_slope",
-    "encode_temperature",
     "has_leader",
     "ns_from_s",
     "ns_from_time",
+    "read_numbers",
     "s_from_ns",
     "serialized",
     "stamp_ns_of",

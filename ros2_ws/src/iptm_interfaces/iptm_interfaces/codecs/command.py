@@ -7,43 +7,18 @@ from typing import TypeVar
 
 from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
 from iptm_core.state import Command
-from iptm_interfaces.codecs._checks import reject
-from iptm_interfaces.codecs.fixed_layout import Numbers
-from iptm_interfaces.codecs.named_values import decode_named_values, named_values
+from iptm_interfaces.codecs.numbers import StampedNumbers, encoder, read_numbers, reject
 from iptm_interfaces.codecs.time import ns_from_time
 from iptm_interfaces.message_types import (
     JointState,
 )
-from iptm_interfaces.topics import Topic
+from iptm_interfaces.topics import TOPICS, Topic
 
 E = TypeVar("E", bound=IntEnum)
 
-_ADDED = (
-    "cell_1_marginal_cost_1_k",
-    "cell_n_marginal_cost_1_k",
-    "aging_rate_1_s",
-    "aging_sensitivity_1_k",
-    "temperature_decay_time_s",
-    "trusted_preview_s",
-    "command_delay_s",
-    "brake_share",
-)
-"""Values that older bags do not have."""
-_MAY_BE_UNKNOWN = frozenset(
-    (
-        "solve_time_s",
-        "gap_slack_m",
-        "speed_slack_m_s",
-        "temperature_slack_k",
-        "objective",
-        "preview_age_s",
-        *_ADDED,
-    )
-)
 
-
-@named_values(Topic.COMMAND)
-def encode_command(stamp_ns: int, command: Command) -> Numbers:
+@encoder(Topic.COMMAND)
+def encode_command(stamp_ns: int, command: Command) -> StampedNumbers:
     """Return a decision, stamped with the state it answers (acceleration m/s^2, power W)."""
     return stamp_ns, (command.acceleration_m_s2, command.compressor_power_w)
 
@@ -56,12 +31,12 @@ def decode_command(message: JointState) -> tuple[int, Command]:
     Raises:
         MessageError: a value is missing or not finite.
     """
-    acceleration_m_s2, compressor_power_w = decode_named_values(Topic.COMMAND, message)
+    acceleration_m_s2, compressor_power_w = read_numbers(Topic.COMMAND, message)
     return ns_from_time(message.header.stamp), Command(acceleration_m_s2, compressor_power_w)
 
 
-@named_values(Topic.SOLVE)
-def encode_decision_record(stamp_ns: int, record: DecisionRecord) -> Numbers:
+@encoder(Topic.SOLVE)
+def encode_decision_record(stamp_ns: int, record: DecisionRecord) -> StampedNumbers:
     """Return the record of a decision, stamped like the decision."""
     return stamp_ns, tuple(vars(record).values())
 
@@ -72,20 +47,13 @@ def decode_decision_record(message: JointState) -> DecisionRecord:
     Raises:
         MessageError: a value is missing, a count is not finite, or a status or rung is unknown.
     """
-    values = decode_named_values(Topic.SOLVE, message, _MAY_BE_UNKNOWN)
-    status, time_s, iterations, gap, speed, temperature, cost, rung, limited, age, *added = values
+    numbers = dict(zip(TOPICS[Topic.SOLVE].fields, read_numbers(Topic.SOLVE, message), strict=True))
     return DecisionRecord(
-        status=_enumerated(SolveStatus, "status_code", status),
-        solve_time_s=time_s,
-        iterations=int(iterations),
-        gap_slack_m=gap,
-        speed_slack_m_s=speed,
-        temperature_slack_k=temperature,
-        objective=cost,
-        rung=_enumerated(Rung, "fallback_rung", rung),
-        limiter_active=bool(limited),
-        preview_age_s=age,
-        **dict(zip(_ADDED, added, strict=True)),
+        status=_enumerated(SolveStatus, "status_code", numbers.pop("status_code")),
+        iterations=int(numbers.pop("iterations")),
+        rung=_enumerated(Rung, "fallback_rung", numbers.pop("fallback_rung")),
+        limiter_active=bool(numbers.pop("limiter_active")),
+        **numbers,
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from array import array
 
-from iptm_interfaces.codecs._checks import reject
+from iptm_interfaces.codecs.numbers import reject
 from iptm_interfaces.message_types import (
     MultiArrayDimension,
     MultiArrayLayout,

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iptm_core.state import NS_PER_S, FloatArray
-from iptm_interfaces.codecs._checks import all_finite, increasing, reject
 from iptm_interfaces.codecs.cdr import put_stamp, serialized
+from iptm_interfaces.codecs.numbers import reject
 from iptm_interfaces.codecs.time import (
     duration_from_ns,
     ns_from_duration,
@@ -36,6 +36,25 @@ _POINT = np.dtype(
         "itemsize": _LIST_BYTES + 24,
     }
 )
+
+
+def all_finite(topic: Topic, name: str, values: FloatArray) -> None:
+    """Check that an array is finite everywhere; names the first entry that is not."""
+    good = np.isfinite(values)
+    if not good.all():
+        index = int(good.argmin())
+        reject(topic, f"{name}[{index}] is {values[index]}; allowed: finite numbers")
+
+
+def increasing(topic: Topic, name: str, values: FloatArray) -> None:
+    """Check that an array increases strictly."""
+    good = values[1:] > values[:-1]
+    if not good.all():
+        index = int(good.argmin())
+        reject(
+            topic,
+            f"{name} do not increase: {values[index]} is followed by {values[index + 1]}",
+        )
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from iptm_core.errors import MessageError
 from iptm_core.state import NS_PER_S, SPEED_AT_REST_M_S, FloatArray, LeaderPreview
-from iptm_interfaces.codecs._checks import all_finite, increasing, reject
+from iptm_interfaces.codecs.numbers import reject
+from iptm_interfaces.codecs.plan import all_finite, increasing
 from iptm_interfaces.codecs.time import ns_from_duration, ns_from_time, time_from_ns
 from iptm_interfaces.message_types import JointTrajectory
 from iptm_interfaces.topics import ROAD_FRAME, TOPICS, Topic

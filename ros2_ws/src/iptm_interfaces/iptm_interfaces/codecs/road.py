@@ -12,7 +12,8 @@ import numpy as np
 from iptm_core.errors import RouteError
 from iptm_core.road_ahead import RoadAhead, SpeedLimits, Stop
 from iptm_core.state import SlopePreview
-from iptm_interfaces.codecs._checks import all_finite, increasing, reject
+from iptm_interfaces.codecs.numbers import reject
+from iptm_interfaces.codecs.plan import all_finite, increasing
 from iptm_interfaces.codecs.time import ns_from_time, time_from_ns
 from iptm_interfaces.message_types import Float64MultiArray, JointState, MultiArrayDimension
 from iptm_interfaces.topics import ROAD_FRAME, TOPICS, Topic
