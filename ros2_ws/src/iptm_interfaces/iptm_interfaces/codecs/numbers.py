@@ -28,8 +28,8 @@ from iptm_interfaces.codecs.cdr import put_stamp, serialized
 from iptm_interfaces.codecs.time import ns_from_s, ns_from_time, s_from_ns, time_from_ns
 from iptm_interfaces.message_types import AccelStamped, Header, JointState, Odometry, Temperature
 from iptm_interfaces.topics import (
-    FIELD_ALIASES,
     EGO_FRAME,
+    FIELD_ALIASES,
     LEADER_FRAME,
     PACK_FRAME,
     PLANT,
