@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 import struct
+import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import update_wrapper
@@ -44,7 +45,7 @@ P = ParamSpec("P")
 
 StampedNumbers = tuple[int, Sequence[float]]
 """Stamp in integer nanoseconds, and the numbers in the order of the table."""
-_NUMBER_BYTES = 8
+LARGEST = sys.float_info.max
 _FINITE = "a finite number"
 
 
@@ -69,20 +70,18 @@ class Number:
 
     name: str
     place: str = ""
-    least: float = -math.inf
-    most: float = math.inf
+    least: float = -LARGEST
+    most: float = LARGEST
     allowed: str = _FINITE
     offset: float = 0.0
     may_be_unknown: bool = False
 
-    def check(self, topic: Topic, value: float) -> None:
-        """Refuse a value outside of the range."""
-        if not math.isfinite(value):
-            if not self.may_be_unknown:
-                allowed = self.allowed if self.allowed.startswith(_FINITE) else _FINITE
-                reject(topic, f"{self.name} is {value}; allowed: {allowed}")
-        elif not self.least <= value <= self.most:
-            reject(topic, f"{self.name} is {value}; allowed: {self.allowed}")
+    def refuse(self, topic: Topic, value: float) -> None:
+        """Refuse a value outside of the range, unless it is unknown and may be."""
+        is_finite = math.isfinite(value)
+        if is_finite or not self.may_be_unknown:
+            known = is_finite or self.allowed.startswith(_FINITE)
+            reject(topic, f"{self.name} is {value}; allowed: {self.allowed if known else _FINITE}")
 
 
 class NumberMessage:
@@ -97,7 +96,8 @@ class NumberMessage:
         self.numbers = numbers
         self._build = build
         self._names = [number.name for number in numbers]
-        self._has_offsets = any(number.offset for number in numbers)
+        self._offsets = [number.offset for number in numbers if number.offset]
+        self._limits = [(number.least, number.most, number) for number in numbers]
         self._readers = [attrgetter(number.place) for number in numbers if number.place]
         self._forms: dict[str, tuple[bytes, struct.Struct | None, tuple[int, ...]]] = {}
 
@@ -129,9 +129,9 @@ class NumberMessage:
         return bytes(data)
 
     def _sent(self, values: Sequence[float]) -> Sequence[float]:
-        if not self._has_offsets:
+        if not self._offsets:
             return values
-        return [float(v) - n.offset for n, v in zip(self.numbers, values, strict=True)]
+        return [float(v) - offset for v, offset in zip(values, self._offsets, strict=True)]
 
     def _form(self, prefix: str) -> tuple[bytes, struct.Struct | None, tuple[int, ...]]:
         """Find out where the numbers lie: a value of its own in each place, looked for in the bytes."""
@@ -143,10 +143,10 @@ class NumberMessage:
             message.child_frame_id = frame_in(prefix, message.child_frame_id)
         data = serialized(message)
         offsets = tuple(data.index(struct.pack("<d", mark)) for mark in marks)
-        neighbours = tuple(offsets[0] + _NUMBER_BYTES * index for index in range(count))
+        neighbours = tuple(offsets[0] + 8 * index for index in range(count))
         return data, struct.Struct(f"<{count}d") if offsets == neighbours else None, offsets
 
-    def read(self, topic: Topic, message: Any) -> tuple[float, ...]:
+    def read(self, topic: Topic, message: Any) -> list[float]:
         """Return the numbers of a message.
 
         Named values may come in another order, by former names, and with others, which are ignored.
@@ -154,19 +154,20 @@ class NumberMessage:
         Raises:
             MessageError: a number is missing or out of its range; names and values differ in number.
         """
-        values = tuple(read(message) for read in self._readers) or self._named(topic, message)
-        if self._has_offsets:
-            values = tuple(v + n.offset for n, v in zip(self.numbers, values, strict=True))
-        for number, value in zip(self.numbers, values, strict=True):
-            number.check(topic, value)
+        values = [read(message) for read in self._readers] or self._named(topic, message)
+        if self._offsets:
+            values = [value + offset for value, offset in zip(values, self._offsets, strict=True)]
+        for value, (least, most, number) in zip(values, self._limits, strict=True):
+            if not least <= value <= most:
+                number.refuse(topic, value)
         return values
 
-    def _named(self, topic: Topic, message: JointState) -> tuple[float, ...]:
+    def _named(self, topic: Topic, message: JointState) -> list[float]:
         names, values = message.name, message.position
         if len(values) != len(names):
             reject(topic, f"{len(names)} names but {len(values)} values")
         if names == self._names:
-            return tuple(values)
+            return list(values)
         by_name = dict(zip((FIELD_ALIASES.get(n, n) for n in names), values, strict=True))
         missing = [
             number.name
@@ -175,7 +176,7 @@ class NumberMessage:
         ]
         if missing:
             reject(topic, f"missing {', '.join(missing)}; got {', '.join(names) or 'no names'}")
-        return tuple(by_name.get(name, math.nan) for name in self._names)
+        return [by_name.get(name, math.nan) for name in self._names]
 
 
 class Encoder(Generic[P]):
@@ -200,7 +201,7 @@ def encoder(topic: Topic) -> Callable[[Callable[P, StampedNumbers]], Encoder[P]]
     return lambda numbers: Encoder(LAYOUTS[topic], numbers)
 
 
-def read_numbers(topic: Topic, message: Any) -> tuple[float, ...]:
+def read_numbers(topic: Topic, message: Any) -> list[float]:
     """Return the numbers of a message in the order of the table, see `NumberMessage.read`."""
     return LAYOUTS[topic].read(topic, message)
 
@@ -208,7 +209,7 @@ def read_numbers(topic: Topic, message: Any) -> tuple[float, ...]:
 _RANGES: Mapping[str, tuple[float, float, str]] = {
     "cell_1_capacity_loss": (0.0, 1.0, "0 to 1"),
     "cell_n_capacity_loss": (0.0, 1.0, "0 to 1"),
-    "service_braking_s": (0.0, math.inf, f"{_FINITE}, at least 0"),
+    "service_braking_s": (0.0, LARGEST, f"{_FINITE}, at least 0"),
     "brake_share": (0.0, 1.0, "0 to 1"),
 }
 """Least and most of named values of the plant, and both in words; others are any finite numbers."""
@@ -244,7 +245,7 @@ def _named_values(topic: Topic) -> NumberMessage:
         return JointState(header=header, name=names, position=[0.0] * len(names))
 
     def number(name: str) -> Number:
-        least, most, allowed = ranges.get(name, (-math.inf, math.inf, _FINITE))
+        least, most, allowed = ranges.get(name, (-LARGEST, LARGEST, _FINITE))
         return Number(name, "", least, most, allowed, may_be_unknown=name in unknown)
 
     return NumberMessage(build, *map(number, names))
@@ -314,9 +315,9 @@ def decode_vehicle_state(messages: Mapping[Topic, Any]) -> VehicleState:
 def known_state(messages: Mapping[Topic, Any]) -> VehicleState:
     """Return the state as far as there are messages of it, at least the odometry; the rest is NaN."""
 
-    def read(topic: Topic, count: int = 1) -> tuple[float, ...]:
+    def read(topic: Topic, count: int = 1) -> list[float]:
         message = messages.get(topic)
-        return (math.nan,) * count if message is None else read_numbers(topic, message)
+        return [math.nan] * count if message is None else read_numbers(topic, message)
 
     position_m, speed_m_s = read(Topic.PLANT_ODOMETRY)
     cell_1_loss, cell_n_loss = read(Topic.PLANT_CAPACITY_LOSS, 2)
