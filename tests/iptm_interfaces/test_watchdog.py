@@ -7,7 +7,7 @@ import pytest
 from rclpy.experimental import EventsExecutor
 
 from iptm_core.errors import ParameterError
-from iptm_interfaces.watchdog import Watchdog
+from iptm_interfaces.node_health import Watchdog
 
 
 class Bench:

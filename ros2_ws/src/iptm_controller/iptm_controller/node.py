@@ -34,13 +34,12 @@ from iptm_interfaces.codecs import (
 )
 from iptm_interfaces.command_line import node_main
 from iptm_interfaces.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
+from iptm_interfaces.node_health import Watchdog
 from iptm_interfaces.parameters import declare_parameters
 from iptm_interfaces.services import Service, state_path
-from iptm_interfaces.stamp_gate import Verdict
-from iptm_interfaces.stamp_matcher import MatchedSet, StampMatcher
+from iptm_interfaces.stamp_matcher import MatchedSet, StampMatcher, Verdict
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import CONTROLLER, STATE_TOPICS, TOPICS, Topic
-from iptm_interfaces.watchdog import Watchdog
 
 CHECKS_PER_TIMEOUT = 5.0
 PLANT_TIMEOUT_S = 5.0
@@ -138,9 +137,9 @@ class ControllerNode(SuiteNode):
         self._put(topic, stamp_ns, value)
 
     def _put(self, topic: Topic, stamp_ns: int, value: Any) -> None:
-        duplicates = self._matcher.duplicates
+        duplicates = self._matcher.counts["duplicate"]
         matched = self._matcher.put(topic, stamp_ns, value)
-        if self._matcher.duplicates > duplicates:
+        if self._matcher.counts["duplicate"] > duplicates:
             self.health.note_contradiction(TOPICS[topic].publisher)
         if matched is not None:
             self._on_matched(matched)
@@ -302,7 +301,6 @@ class ControllerNode(SuiteNode):
         self._reporter.report(self._last_ns, level, reason, self._values())
 
     def _values(self) -> dict[str, object]:
-        counts = self._matcher.counts
         values: dict[str, object] = {
             "strategy": self._options.strategy,
             "horizon": self._options.horizon,
@@ -311,8 +309,8 @@ class ControllerNode(SuiteNode):
             "machine_code": self._controller.backend.compiled,
             "limited_ticks": self._limited_ticks,
             "skipped_ticks": self._skipped_ticks,
-            "late_messages": counts.late,
-            "stray_stamps": counts.stray,
+            "late_messages": self._matcher.counts["late"],
+            "stray_stamps": self._matcher.gate.strays,
         }
         for status in SolveStatus:
             values[f"solves_{status.name.lower()}"] = self._solves[status]

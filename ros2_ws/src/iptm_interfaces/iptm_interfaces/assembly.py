@@ -24,7 +24,7 @@ from iptm_interfaces.codecs import (
     decode_observation,
     s_from_ns,
 )
-from iptm_interfaces.stamp_gate import LEAST_REACH_NS
+from iptm_interfaces.stamp_matcher import LEAST_REACH_NS
 from iptm_interfaces.topics import OBSERVATION_TOPICS, TICK_TOPICS, Topic
 
 M = TypeVar("M")
@@ -53,9 +53,6 @@ class AssembledRun:
 
 def split_trips(stamped: Iterable[tuple[int, M]]) -> list[dict[int, M]]:
     """Return the messages of a topic that count, trip by trip, by their stamps (ns) and in their order.
-
-    Args:
-        stamped: stamp and message, in the order of arrival.
 
     Returns:
         At least one trip, empty without messages.
@@ -87,14 +84,7 @@ def _merge_last(found: list[dict[int, M]]) -> None:
 
 
 def last_trip(messages: Mapping[Topic, Arrivals[M]]) -> dict[Topic, dict[int, M]]:
-    """Return the messages that count of the last trip that is there in every topic.
-
-    Args:
-        messages: those of some topics, by topic.
-
-    Returns:
-        They by topic and stamp (ns), in order of the stamps.
-    """
+    """Return the messages that count of the last trip that is there in every topic."""
     found = {topic: split_trips(stamped) for topic, stamped in messages.items()}
     if Topic.PLANT_ODOMETRY in found:
         trips = len(found[Topic.PLANT_ODOMETRY])
@@ -172,11 +162,7 @@ _COLUMNS = {
 
 
 def assemble_decisions(messages: ByStamp) -> DecisionSeries:
-    """Put the decisions of a run together from the messages of ``controller/solve``.
-
-    Raises:
-        MessageError: a message breaks its promise.
-    """
+    """Put the decisions of a run together from the messages of ``controller/solve``."""
     return DecisionSeries.from_records(
         [s_from_ns(stamp_ns) for stamp_ns in messages],
         [decode_decision_record(message) for message in messages.values()],

@@ -39,9 +39,6 @@ def node_main(
         node: class to run, built without arguments; its docstring is the description.
         parameters: dataclass of `parameter` fields that the node declares.
         arguments: command line with the program name; None takes that of the process.
-
-    Returns:
-        Exit code of the process, see `iptm_interfaces.process`.
     """
     command = list(sys.argv if arguments is None else arguments)
     try:
@@ -58,14 +55,7 @@ def node_main(
 
 
 def own_arguments(command: Sequence[str]) -> list[str]:
-    """Return the arguments of a program without its name and without those for ROS.
-
-    Args:
-        command: command line with the program name.
-
-    Raises:
-        ParameterError: ROS does not understand its part: one sentence.
-    """
+    """Return the arguments of a program without its name and without those for ROS."""
     try:
         return list(remove_ros_args(list(command))[1:])
     except rclpy_implementation.UnknownROSArgsError as error:
@@ -76,13 +66,7 @@ def own_arguments(command: Sequence[str]) -> list[str]:
 
 
 def help_text(program: str, description: str, specs: Sequence[ParameterSpec]) -> str:
-    """Return usage, description and parameters for a terminal.
-
-    Args:
-        program: name in the usage line.
-        description: what the program does, paragraphs separated by empty lines.
-        specs: the parameters in the order to show.
-    """
+    """Return usage, description and parameters for a terminal."""
     lines = [
         f"usage: {program} [--help] [--ros-args [-p NAME:=VALUE] [--params-file FILE] [-r FROM:=TO]]",
         "",

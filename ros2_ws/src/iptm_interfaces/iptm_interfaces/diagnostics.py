@@ -59,15 +59,7 @@ def build_status(
     values: Mapping[str, object],
     hardware_id: str = HARDWARE_ID,
 ) -> DiagnosticStatus:
-    """Return one status.
-
-    Args:
-        name: fully qualified node name and component, e.g. `/v2x_bridge: preview`.
-        level: severity.
-        reason: the situation in one short sentence.
-        values: numbers and texts behind it.
-        hardware_id: the vehicle.
-    """
+    """Return one status."""
     return DiagnosticStatus(
         level=level.value,
         name=name,
@@ -162,14 +154,7 @@ class DiagnosticsReporter:
     def report(
         self, trip_time_ns: int, level: Level, reason: str, values: Mapping[str, object]
     ) -> bool:
-        """Publish the status if it is due; return whether it was.
-
-        Args:
-            trip_time_ns: trip time of the status.
-            level: severity.
-            reason: the situation in one short sentence, without numbers.
-            values: numbers and texts behind it.
-        """
+        """Publish the status if it is due; return whether it was."""
         now_s = self._steady_time_s()
         if self._health.error:
             level, reason = Level.ERROR, self._health.error

@@ -42,9 +42,6 @@ def middleware_settings(environment: Mapping[str, str] = os.environ) -> dict[str
     Without other wishes it talks on this machine only. A range beyond `LOCALHOST`, or peers named,
     open it to the network; a profile of the user's own is left alone.
 
-    Args:
-        environment: what the user has set; an empty value means not set.
-
     Returns:
         Variables to set; reading them again from an environment that has them changes nothing.
     """
@@ -71,9 +68,6 @@ def reserve_domain() -> Iterator[int]:
 
     Yields:
         The domain id, to be given to processes as `ROS_DOMAIN_ID`.
-
-    Raises:
-        ScenarioError: all domains are taken.
     """
     # Starting at a place of its own keeps one process from reusing a domain that was just left.
     start = os.getpid() % len(_DOMAINS)
@@ -95,10 +89,6 @@ def lock_run(domain: int, namespace: str) -> Iterator[None]:
     """Hold the right to drive a run in a namespace of a ROS domain, first come, first served.
 
     The lock is an abstract socket, as in `reserve_domain`, which passes over the domain meanwhile.
-
-    Args:
-        domain: ROS domain id.
-        namespace: full namespace of the run, `/` for none.
 
     Raises:
         ScenarioError: another run holds it; the message names its process.

@@ -43,15 +43,6 @@ class GraphClient(AbstractContextManager["GraphClient"]):
     """
 
     def __init__(self, domain: int | None, timeout_s: float) -> None:
-        """Join the graph.
-
-        Args:
-            domain: ROS domain id; None takes that of the environment.
-            timeout_s: longest time to wait.
-
-        Raises:
-            ServiceError: the domain is out of range.
-        """
         given = domain if domain is not None else os.environ.get(DOMAIN_VARIABLE) or 0
         try:
             self.domain = int(given)
@@ -157,21 +148,13 @@ class GraphClient(AbstractContextManager["GraphClient"]):
         return True
 
     def call(self, client: Client, request: Any, server: str) -> Any:
-        """Call a service and return the response.
-
-        Raises:
-            ServiceError: the server is gone or does not answer in time.
-        """
+        """Call a service and return the response."""
         if not self.wait(client.service_is_ready):
             raise ServiceError(f"{server} cannot be reached within {self.timeout_s:g} s")
         return self.answer(client.call_async(request), server)
 
     def answer(self, future: Future, server: str) -> Any:
-        """Wait for the response of a call under way.
-
-        Raises:
-            ServiceError: it does not come in time.
-        """
+        """Wait for the response of a call under way."""
         if not self.wait(future.done):
             raise ServiceError(f"{server} does not answer within {self.timeout_s:g} s")
         return future.result()

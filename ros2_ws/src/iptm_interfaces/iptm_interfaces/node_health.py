@@ -1,6 +1,8 @@
-"""Incidents of a node: exceptions in callbacks, refused messages, duplicate peers.
+"""Health of a node: incidents in it, and silence around it.
 
-Counters run for the lifetime of the node; the status reports recent incidents only.
+Incidents are exceptions in callbacks, refused messages and duplicate peers. Counters run for the lifetime of
+the node; the status reports recent incidents only. Silence is noticed on the steady clock: trip time stands
+still exactly when something hangs.
 """
 
 from __future__ import annotations
@@ -9,28 +11,20 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from iptm_interfaces.topics import Topic
+from iptm_core.errors import ParameterError
+from iptm_interfaces.topics import Topic, topic_of
 
-MAX_MESSAGE_BYTES = 64 * 1024
-"""Largest serialised message taken from a topic, unless it is named below."""
-_LARGER_BYTES = {
-    # The longest and finest preview that the settings of the bridge allow.
-    Topic.LEADER_PREVIEW: 18 * 2**20,
-    Topic.SLOPE: 4 * 2**20,
-    Topic.PLAN: 2**20,
-    Topic.DIAGNOSTICS: 2**20,
-}
+if TYPE_CHECKING:
+    from iptm_interfaces.suite_node import SuiteNode
 
 RECENT_S = 3.0
 """Steady time for which a status reports an incident."""
 LINGERING_S = 25.0
 """Steady time after which a second publisher is a duplicate; Fast DDS drops a killed process after 20 s."""
-
-
-def largest_message_bytes(topic: Topic) -> int:
-    """Return the size beyond which a serialised message is refused unread."""
-    return _LARGER_BYTES.get(topic, MAX_MESSAGE_BYTES)
+_LOOK_PERIOD_S = 0.5
+_CHECKS_PER_TIMEOUT = 5.0
 
 
 @dataclass
@@ -68,12 +62,7 @@ class NodeHealth:
         self.refusals.note(what, self._steady_time_s())
 
     def note_publishers(self, who: str, count: int) -> None:
-        """Record the number of publishers of a topic that only one node should publish.
-
-        Args:
-            who: the node that should be the only one.
-            count: publishers in the graph.
-        """
+        """Record the number of publishers of a topic that only one node should publish."""
         if count < 2:
             self._doubled_since_s.pop(who, None)
         else:
@@ -147,3 +136,91 @@ class AwakeClock:
     def now_s(self) -> float:
         """Return the time in s."""
         return self._base_s + min(time.monotonic() - self._ticked_s, self.LONGEST_STEP_S)
+
+
+class VehiclePresence:
+    """Checks whether another vehicle still publishes a topic.
+
+    The middleware reports the end of a process at once, and a killed one after its lease. A process that
+    is only slow is still there, however busy the machine.
+
+    Attributes:
+        is_gone: it published the topic and does not any more.
+    """
+
+    def __init__(
+        self, node: SuiteNode, vehicle: str, topic: Topic, on_gone: Callable[[], None]
+    ) -> None:
+        self.is_gone = False
+        self._node, self._on_gone = node, on_gone
+        self._name = node.resolve_topic_name(topic_of(vehicle, topic))
+        self._was_there = False
+        node.every(_LOOK_PERIOD_S, self._look)
+
+    def _look(self) -> None:
+        is_there = self._node.count_publishers(self._name) > 0
+        self._was_there |= is_there
+        went = self._was_there and not is_there and not self.is_gone
+        self.is_gone = self._was_there and not is_there
+        if went:
+            self._on_gone()
+
+
+class Watchdog:
+    """Calls back once when nothing has fed it for a while; feeding arms it again.
+
+    It starts unarmed, so that the wait for the first message is not taken for a failure.
+    """
+
+    def __init__(
+        self,
+        timeout_s: float,
+        on_silence: Callable[[float], None],
+        steady_time_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Set up a watchdog; see `attach` for the timer.
+
+        Args:
+            timeout_s: permitted silence, positive.
+            on_silence: called once per silence with its length so far in seconds.
+        """
+        if not timeout_s > 0.0:
+            raise ParameterError(f"watchdog timeout is {timeout_s} s; allowed: above 0")
+        self.timeout_s = timeout_s
+        self._on_silence = on_silence
+        self._steady_time_s = steady_time_s
+        self._fed_s: float | None = None
+        self._reported = False
+
+    def feed(self) -> None:
+        """Note a sign of life."""
+        self._fed_s = self._steady_time_s()
+        self._reported = False
+
+    def disarm(self) -> None:
+        """Expect nothing any more until it is fed again."""
+        self._fed_s = None
+        self._reported = False
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether the present silence has been reported."""
+        return self._reported
+
+    def check(self) -> None:
+        """Report the silence if it has become too long."""
+        if self._fed_s is None or self._reported:
+            return
+        silence_s = self._steady_time_s() - self._fed_s
+        if silence_s > self.timeout_s:
+            self._reported = True
+            self._on_silence(silence_s)
+
+    def attach(self, node: SuiteNode) -> Watchdog:
+        """Check regularly on a timer of the node; return the watchdog itself.
+
+        From now on only such silence counts in which the node itself was running.
+        """
+        self._steady_time_s = node.awake.now_s
+        node.every(self.timeout_s / _CHECKS_PER_TIMEOUT, self.check)
+        return self

@@ -26,15 +26,6 @@ class NodeParameters:
     """The parameters of one node on the graph."""
 
     def __init__(self, client: GraphClient, node: str) -> None:
-        """Connect to a node.
-
-        Args:
-            client: on the graph.
-            node: full name.
-
-        Raises:
-            ServiceError: the node has no parameter services, or does not answer in time.
-        """
         self._client = client
         self._node = node
         self._asked = AsyncParameterClient(client.node, node)
@@ -45,11 +36,7 @@ class NodeParameters:
         self.descriptors: Mapping[str, ParameterDescriptor] = {d.name: d for d in described}
 
     def values(self, names: Sequence[str]) -> dict[str, Any]:
-        """Return the values of parameters; None for one that is not set.
-
-        Raises:
-            IptmError: a name is unknown, or the node does not answer in time.
-        """
+        """Return the values of parameters; None for one that is not set."""
         for name in names:
             self._check(name)
         response = self._answer(self._asked.get_parameters(list(names)))
@@ -63,9 +50,6 @@ class NodeParameters:
 
         Returns:
             Whether the node accepted the values, and its reason if it did not.
-
-        Raises:
-            IptmError: a name is unknown, a value has the wrong type, or the node does not answer in time.
         """
         for name in texts:
             self._check(name)
@@ -88,9 +72,6 @@ def value_from(descriptor: ParameterDescriptor, text: str) -> Any:
 
     Numbers are plain decimals: `2e8` and `50` are valid for a double, where `ros2 param set` reads a text
     and an integer.
-
-    Raises:
-        ParameterError: the text does not have the type.
     """
     kind = descriptor.type
     try:

@@ -25,11 +25,6 @@ D = TypeVar("D")
 def declare_parameters(node: Node, description: type[D], changeable: Collection[str] = ()) -> D:
     """Declare the parameters of a dataclass on a node and return them, checked, as an instance.
 
-    Args:
-        node: the node.
-        description: dataclass whose fields are all parameters.
-        changeable: names of those that may be set while the node runs.
-
     Raises:
         ParameterError: an override has the wrong type, is not finite or out of range.
     """

@@ -83,9 +83,6 @@ def run_node(
     Args:
         factory: builds the node; an `IptmError` from here is a mistake of the user.
         arguments: command line with the program name; None takes that of the process.
-
-    Returns:
-        0, 1 or 2, see the module.
     """
     command = list(sys.argv if arguments is None else arguments)
     program = Path(command[0]).stem if command else "node"

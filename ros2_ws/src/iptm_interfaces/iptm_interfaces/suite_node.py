@@ -19,10 +19,19 @@ from std_srvs.srv import Trigger
 
 from iptm_core.errors import IptmError, ParameterError
 from iptm_core.user_input import suggestion
-from iptm_interfaces.framed_publisher import FramedPublisher
-from iptm_interfaces.node_health import AwakeClock, NodeHealth, largest_message_bytes
+from iptm_interfaces.node_health import AwakeClock, NodeHealth
 from iptm_interfaces.services import Service
 from iptm_interfaces.topics import TOPICS, Topic, frame_in, topic_of
+
+_MESSAGE_BYTES = 64 * 1024
+"""Largest serialised message taken from a topic, unless it is named below."""
+_LARGER_BYTES = {
+    # The longest and finest preview that the settings of the bridge allow.
+    Topic.LEADER_PREVIEW: 18 * 2**20,
+    Topic.SLOPE: 4 * 2**20,
+    Topic.PLAN: 2**20,
+    Topic.DIAGNOSTICS: 2**20,
+}
 
 _LOG_THROTTLE_S = 5.0
 _KNOWN_DEFECTS = 20
@@ -33,6 +42,29 @@ _QOS_OVERRIDES = "qos_overrides."
 _ROS_PARAMETERS = ("use_sim_time", _QOS_OVERRIDES, "start_type_description_service")
 # Topics of ROS itself, which files of parameters that were dumped may name.
 _OVERRIDABLE = (f"{_QOS_OVERRIDES}/clock.", f"{_QOS_OVERRIDES}/parameter_events.")
+
+
+class FramedPublisher(Publisher):
+    """A publisher that prefixes the frames of its messages.
+
+    Codecs use the frames of the topic table only. Serialised bytes are sent unchanged: their encoder
+    sets the right frame.
+
+    Attributes:
+        frame_prefix: of the vehicle, empty for none.
+    """
+
+    frame_prefix = ""
+
+    def publish(self, msg: Any) -> None:
+        """Publish a message, or its serialised bytes."""
+        if self.frame_prefix and not isinstance(msg, bytes):
+            header = getattr(msg, "header", None)
+            if header is not None:
+                header.frame_id = frame_in(self.frame_prefix, header.frame_id)
+            if hasattr(msg, "child_frame_id"):
+                msg.child_frame_id = frame_in(self.frame_prefix, msg.child_frame_id)
+        super().publish(msg)
 
 
 class SuiteNode(Node):
@@ -110,13 +142,7 @@ class SuiteNode(Node):
         return self.create_subscription(spec.message_type, name, take, wanted, raw=True)
 
     def serve(self, service: Service, action: Callable[[], str]) -> RclpyService:
-        """Return a server of a service of the table.
-
-        Args:
-            service: key of the service.
-            action: performs the request and returns the result as text; an `IptmError` is a refusal,
-                returned to the client.
-        """
+        """Return a server of a service of the table."""
 
         def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
             response.message = "an internal error was caught, see the log"
@@ -138,8 +164,8 @@ class SuiteNode(Node):
         self, topic: Topic, kind: type[Any] | None, callback: Callable[[Any], None], data: bytes
     ) -> None:
         """Decode a message as a kind, unless it is too large, and hand it over."""
-        if len(data) > largest_message_bytes(topic):
-            allowed = largest_message_bytes(topic)
+        allowed = _LARGER_BYTES.get(topic, _MESSAGE_BYTES)
+        if len(data) > allowed:
             self.refuse(f"{topic.value}: {len(data)} bytes; allowed: up to {allowed}")
             return
         try:
@@ -159,11 +185,6 @@ class SuiteNode(Node):
 
         A message that violates its specification is refused. Anything else is a defect: the first
         of its kind is logged with its traceback, all of them in a line.
-
-        Args:
-            name: topic or activity, for the log.
-            callback: called with the arguments.
-            *arguments: handed over.
         """
         try:
             callback(*arguments)

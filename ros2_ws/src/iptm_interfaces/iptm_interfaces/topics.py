@@ -328,12 +328,7 @@ order: the first clock is the one message of a run that can be done without."""
 
 
 def topic_of(vehicle: str, topic: Topic) -> str:
-    """Return the absolute name of a topic of a vehicle: `/car_1/clock`.
-
-    Args:
-        vehicle: its namespace, with or without the leading slash; `/` for none.
-        topic: key of the topic.
-    """
+    """Return the absolute name of a topic of a vehicle: `/car_1/clock`."""
     prefix = "/" + vehicle.strip("/")
     return topic.value if topic.value.startswith("/") else f"{prefix.rstrip('/')}/{topic.value}"
 
@@ -341,9 +336,7 @@ def topic_of(vehicle: str, topic: Topic) -> str:
 def frame_in(prefix: str, frame: str) -> str:
     """Return the name of a frame of a vehicle in the graph: `car_1/odom` with prefix `car_1`.
 
-    Args:
-        prefix: of the vehicle, usually its namespace; empty or `/` for none.
-        frame: frame of the topic table; empty and `map` stay, and a name that has the prefix is kept.
+    Empty frames and `map` stay, and a name that has the prefix is kept.
     """
     prefix = prefix.strip("/")
     if not prefix or frame in {"", MAP_FRAME} or frame.startswith(f"{prefix}/"):

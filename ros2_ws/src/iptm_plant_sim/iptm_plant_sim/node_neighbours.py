@@ -12,9 +12,9 @@ from iptm_core.errors import ParameterError
 from iptm_core.settings import LoopMode
 from iptm_core.state import NS_PER_S
 from iptm_interfaces.codecs import ns_from_time, stamp_ns_of
+from iptm_interfaces.node_health import VehiclePresence
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import PEER_TOPICS, STATE_TOPICS, Topic, topic_of
-from iptm_interfaces.vehicle_presence import VehiclePresence
 from iptm_plant_sim.node_parameters import PlantNodeParameters
 
 
@@ -28,11 +28,7 @@ class Neighbours:
     """
 
     def __init__(self, node: SuiteNode, options: PlantNodeParameters) -> None:
-        """Listen to the neighbours that there are.
-
-        Raises:
-            ParameterError: the vehicle has neighbours and follows the wall clock.
-        """
+        """Listen to the neighbours that there are."""
         self._ahead = options.vehicle_ahead
         self._behind = options.vehicle_behind
         named = {"vehicle_ahead": self._ahead, "vehicle_behind": self._behind}

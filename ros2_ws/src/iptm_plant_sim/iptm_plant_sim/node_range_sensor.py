@@ -64,11 +64,7 @@ class NodeRangeSensor:
     def in_step(
         self, take: Callable[[JointState], None], now_ns: Callable[[], int]
     ) -> Callable[[JointState], None]:
-        """Return a callback that hands commands on, the awaited one when its measurements are there.
-
-        Args:
-            now_ns: returns the stamp of the present state, whose command is awaited.
-        """
+        """Return a callback that hands commands on, the awaited one when its measurements are there."""
         self._take, self._now_ns = take, now_ns
         return self._on_command
 

@@ -20,11 +20,11 @@ from iptm_interfaces.codecs import (
     time_from_ns,
     time_from_s,
 )
+from iptm_interfaces.node_health import Watchdog
 from iptm_interfaces.parameters import declare_parameters
 from iptm_interfaces.process import EXIT_DEFECT
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import TOPICS, Topic
-from iptm_interfaces.watchdog import Watchdog
 from iptm_plant_sim.node_neighbours import Neighbours, missing_subscribers
 from iptm_plant_sim.node_parameters import WAIT, PlantNodeParameters
 from iptm_plant_sim.node_range_sensor import NodeRangeSensor

@@ -158,10 +158,6 @@ class Plant:
         follows the service brakes instead. If the pack cannot deliver the power, the drive gives
         way: the acceleration is cut to what is possible, regardless of the jerk limit.
 
-        Args:
-            state: state at the start, from ``initial_state`` or an earlier step.
-            command: the decision; any values, nonsense is replaced and reported.
-
         Raises:
             StateError: the state leads nowhere (not finite or out of range).
         """

@@ -48,9 +48,6 @@ def joined(
         pieces: steps and their durations in s, in order.
         report: the command of the whole interval; limits that changed a piece only are added.
         end_s: trip time at the end.
-
-    Returns:
-        Means of the powers, the sum of the charges, and the values at the end.
     """
     duration_s = sum(length_s for _, length_s in pieces)
     last = pieces[-1][0]

@@ -110,13 +110,6 @@ class SafetyMonitor:
         As the ego vehicle is not assumed to brake harder than the one ahead, the gap is smallest either now
         or when both stand.
 
-        Args:
-            speed_m_s: speed of the ego vehicle.
-            acceleration_m_s2: its acceleration, which lasts during the reaction.
-            lead_speed_m_s: speed of the vehicle ahead.
-            brake_share: share of its deceleration that the ego vehicle still has.
-            further_reaction_s: added to the reaction time.
-
         Returns:
             Distance in m. 0 for a vehicle that stands and does not accelerate.
         """

@@ -22,11 +22,7 @@ class Schedule:
     def __init__(
         self, period_s: float, steady_time_s: Callable[[], float] = time.monotonic
     ) -> None:
-        """Set up a schedule whose first slot lies one period ahead of now.
-
-        Args:
-            steady_time_s: clock in seconds, replaceable in tests.
-        """
+        """Set up a schedule whose first slot lies one period ahead of now."""
         self._period_s = period_s
         self._steady_time_s = steady_time_s
         self._next_s = steady_time_s() + period_s
@@ -55,12 +51,7 @@ class TimeBetweenTicks:
         rate_factor: float = 1.0,
         steady_time_s: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Set up a time that has not begun.
-
-        Args:
-            rate_factor: seconds of trip time per second of wall time.
-            steady_time_s: clock in seconds, replaceable in tests.
-        """
+        """Set up a time that has not begun."""
         self._last_ns = round(period_s * NS_PER_S) - 1
         self._rate_factor = rate_factor
         self._steady_time_s = steady_time_s

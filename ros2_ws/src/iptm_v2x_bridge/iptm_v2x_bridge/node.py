@@ -19,11 +19,11 @@ from iptm_interfaces.codecs import (
 )
 from iptm_interfaces.command_line import node_main
 from iptm_interfaces.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
+from iptm_interfaces.node_health import Watchdog
 from iptm_interfaces.parameters import declare_parameters
-from iptm_interfaces.stamp_gate import StampGate, Verdict
+from iptm_interfaces.stamp_matcher import StampGate, Verdict
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import BRIDGE, ROAD_FRAME, TOPICS, Topic
-from iptm_interfaces.watchdog import Watchdog
 from iptm_v2x_bridge.bridge import BridgeAnswer, CycleSource
 from iptm_v2x_bridge.node_answers import CycleAnswers, TickAnswers, VehicleAnswers
 from iptm_v2x_bridge.node_cam_answers import CamAnswers

@@ -17,9 +17,9 @@ from iptm_core.routes import Route
 from iptm_core.settings import LeaderSource
 from iptm_core.state import LeaderPreview
 from iptm_interfaces.codecs import decode_plan, ns_from_time
+from iptm_interfaces.node_health import VehiclePresence
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
-from iptm_interfaces.vehicle_presence import VehiclePresence
 from iptm_v2x_bridge.bridge import (
     BridgeAnswer,
     CycleSource,

@@ -43,9 +43,6 @@ class BagSource(AbstractContextManager["BagSource"]):
             rate: playback speed over recorded speed, 0 for none.
             start_s: where playback begins, recorded time since the start of the bag.
             namespace: of the vehicle; needed only if the bag holds several.
-
-        Raises:
-            BagError: it cannot be read, holds no run of the suite, or an option is out of range.
         """
         namespace = (namespace or "").strip("/")
         played = PlaybackOptions(bag, rate=1.0 if rate == AT_ONCE else rate, start_s=start_s)
@@ -69,13 +66,7 @@ class BagSource(AbstractContextManager["BagSource"]):
         self._reader.close()
 
     def load(self, feed: PageFeed, facts: RunFacts, wait: Wait = lambda _: False) -> None:
-        """Put the whole trip into a feed; the page plays it.
-
-        Args:
-            feed: of the page.
-            facts: what the page shows of the run.
-            wait: called with 0 now and then; True stops.
-        """
+        """Put the whole trip into a feed; the page plays it."""
         follower = RunFollower(feed, facts, self._namespace)
         follower.expect(self._topics.values())
         if self._rate != AT_ONCE:
@@ -92,12 +83,7 @@ class BagSource(AbstractContextManager["BagSource"]):
         feed.put(END, {"ended": True})
 
     def play(self, foxglove: FoxgloveServer, wait: Wait) -> None:
-        """Pass all messages on to Foxglove once, each when it is due.
-
-        Args:
-            foxglove: server to pass them on to.
-            wait: see `Wait`.
-        """
+        """Pass all messages on to Foxglove once, each when it is due."""
         latched = {record.name for record in self._played.topics if record.is_latched}
         for record in self._played.topics:
             foxglove.offer(record.name, record.type_name)
@@ -111,11 +97,7 @@ class BagSource(AbstractContextManager["BagSource"]):
             foxglove.take(message.topic, message.data, is_latched=message.topic in latched)
 
     def _find_topics(self, namespace: str) -> dict[str, Topic]:
-        """Return the page's topics by their names in the bag.
-
-        Raises:
-            BagError: the bag holds no odometry of the plant, or several vehicles.
-        """
+        """Return the page's topics by their names in the bag."""
         found: dict[str, Topic] = {}
         for topic in PAGE_TOPICS:
             spec = TOPICS[topic]

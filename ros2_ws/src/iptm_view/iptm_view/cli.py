@@ -147,11 +147,7 @@ def main(arguments: Sequence[str] | None = None, reference_command: Sequence[str
 
 
 def _vehicles(parsed: argparse.Namespace) -> list[str]:
-    """Return the namespaces to show, without slashes around them; "" for none.
-
-    Raises:
-        ViewError: several of a bag.
-    """
+    """Return the namespaces to show, without slashes around them; "" for none."""
     vehicles = list(dict.fromkeys(name.strip("/") for name in parsed.namespace)) or [""]
     if parsed.bag is not None and len(vehicles) > 1:
         raise ViewError(f"--namespace is {', '.join(vehicles)}; allowed: one with a bag")

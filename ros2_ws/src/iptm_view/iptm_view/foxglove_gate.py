@@ -33,12 +33,6 @@ class FoxgloveGate:
     ) -> None:
         """Start listening.
 
-        Args:
-            host: address to listen on.
-            port: port to listen on, 0 for a free one.
-            server: address and port of the server to forward to.
-            origins: web pages to admit in addition, e.g. "https://lichtblick.example".
-
         Raises:
             ViewError: the port is taken or not allowed.
         """

@@ -40,11 +40,6 @@ class FoxgloveServer:
     def __init__(self, name: str, port: int | None = None, origins: Collection[str] = ()) -> None:
         """Start serving.
 
-        Args:
-            name: what a viewer shows as the name of the source.
-            port: port on this machine; None for the usual one, or a free one where it is taken.
-            origins: web pages that may connect, in addition to those of `foxglove_gate`.
-
         Raises:
             ViewError: the library is not installed, or the named port is taken.
         """
@@ -90,11 +85,7 @@ class FoxgloveServer:
         return self._channels.keys()
 
     def offer(self, topic: str, type_name: str) -> None:
-        """Offer a topic to clients; a second call is free.
-
-        Raises:
-            BagError: the type is not known.
-        """
+        """Offer a topic to clients; a second call is free."""
         if topic in self._channels:
             return
         definition = message_definition(type_name)

@@ -37,15 +37,7 @@ class _Joined:
 
 
 def listening_node(name: str, namespace: str) -> Node:
-    """Return a node for `GraphSubscriptions`: no executor serves it.
-
-    Args:
-        name: of the node.
-        namespace: of the vehicle.
-
-    Raises:
-        rclpy.exceptions.NameValidationException: a name is malformed.
-    """
+    """Return a node for `GraphSubscriptions`: no executor serves it."""
     return Node(name, namespace=namespace, enable_rosout=False, start_parameter_services=False)
 
 
@@ -58,13 +50,6 @@ class GraphSubscriptions:
     """
 
     def __init__(self, node: Node, depth: int, specs: Mapping[Topic, TopicSpec] = TOPICS) -> None:
-        """Set up; topics are joined by `look`.
-
-        Args:
-            node: listens, in the namespace of the vehicle; see `listening_node`.
-            depth: newest messages to keep per topic.
-            specs: topics that may be listened to.
-        """
         self.names = {topic: node.resolve_topic_name(spec.name) for topic, spec in specs.items()}
         self.is_running = False
         self._node = node

@@ -17,11 +17,6 @@ class NodeQuestions:
     """Pending requests for parameters, and the answers so far; never blocks."""
 
     def __init__(self, node: Node) -> None:
-        """Set up; nothing is asked yet.
-
-        Args:
-            node: in the namespace of the nodes to ask; a separate node sends the requests.
-        """
         prefix = node.get_namespace().rstrip("/")
         self._node = Node(
             f"{node.get_name()}_questions",

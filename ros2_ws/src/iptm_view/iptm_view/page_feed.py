@@ -62,11 +62,6 @@ class PageFeed:
     """Streams and documents of one vehicle; every method may be called from any thread."""
 
     def __init__(self, capacity: int = CAPACITY) -> None:
-        """Begin empty.
-
-        Args:
-            capacity: entries kept of each stream; older ones are dropped.
-        """
         self._capacity = capacity
         self._generation = 0
         self._version = 0
@@ -121,15 +116,7 @@ class PageFeed:
             self._changed.notify_all()
 
     def changes(self, cursor: Cursor, timeout_s: float) -> tuple[Cursor, list[PageEvent]]:
-        """Return what has changed since a cursor, and the new cursor.
-
-        Args:
-            cursor: what was received before.
-            timeout_s: maximum time to wait for a change.
-
-        Returns:
-            The new cursor, and the events in the order to send them, none after the timeout.
-        """
+        """Return what has changed since a cursor, and the new cursor."""
         with self._changed:
             self._changed.wait_for(lambda: self._has_changed(cursor), timeout_s)
             return self._changes(cursor)

@@ -120,11 +120,6 @@ def page_row(
 ) -> tuple[PageRow, list[str]]:
     """Decode the messages of one stamp.
 
-    Args:
-        stamp_ns: the stamp.
-        messages: CDR bytes by topic, as far as they are there.
-        parameters: of the model, for s_min; None where they are not known.
-
     Returns:
         The row, and a sentence for every message that breaks its promise; its values are left out.
     """
@@ -183,12 +178,6 @@ def plan_ahead(messages: Mapping[Topic, bytes]) -> dict[str, list[float]]:
 
     The gap ahead is that to the leader's preview, as far as this reaches; the smallest gap ahead is that to a
     leader behind it by its bounds, where it has any.
-
-    Args:
-        messages: CDR bytes of one stamp by topic.
-
-    Raises:
-        MessageError: a message breaks its promise.
     """
     if Topic.PLAN not in messages:
         return {}
@@ -217,14 +206,7 @@ def plan_ahead(messages: Mapping[Topic, bytes]) -> dict[str, list[float]]:
 
 
 def road_height(data: bytes) -> dict[str, list[float]]:
-    """Return the height of the road over position, from the slope; 0 at the start of the trip.
-
-    Args:
-        data: CDR bytes of `v2x/slope`.
-
-    Raises:
-        MessageError: the message breaks its promise.
-    """
+    """Return the height of the road over position, from the slope; 0 at the start of the trip."""
     position_m, height_m = heights(decode_slope(_message(Topic.SLOPE, data)))
     return {"position_m": position_m.tolist(), "height_m": height_m.tolist()}
 

@@ -51,10 +51,6 @@ class PageServer:
     def __init__(self, feeds: Mapping[str, PageFeed], port: int | None = None) -> None:
         """Start serving.
 
-        Args:
-            feeds: feed of each vehicle, at least one; the first is the default.
-            port: port on this machine; None for the usual one, or a free one where it is taken.
-
         Raises:
             ViewError: the named port is taken or may not be used.
         """

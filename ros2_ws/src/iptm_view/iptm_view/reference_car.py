@@ -25,13 +25,6 @@ class ReferenceCar:
     """
 
     def __init__(self, feed: PageFeed, command: Sequence[str], strategy: str) -> None:
-        """Set up; nothing is driven yet.
-
-        Args:
-            feed: of the page.
-            command: starts the process; empty for no reference car.
-            strategy: of the reference car, "none" for no such car.
-        """
         self._feed = feed
         self._command = list(command) if strategy != NO_REFERENCE else []
         self._strategy = strategy
@@ -39,14 +32,7 @@ class ReferenceCar:
         self._process: subprocess.Popen[str] | None = None
 
     def start(self, facts: RunFacts) -> RunFacts:
-        """Begin to drive the trip of a run, unless that has been started already.
-
-        Args:
-            facts: what is known of the run.
-
-        Returns:
-            The facts, with a note if the trip of a reference car cannot be known.
-        """
+        """Begin to drive the trip of a run, unless that has been started already."""
         if not self._command:
             return facts
         scenario = facts.trip_scenario()

@@ -124,15 +124,7 @@ class RunFacts:
 
 
 def facts_of_information(source: str, information: RunInformation) -> RunFacts:
-    """Return what stands in a bag, or in the file that a recorder is given, about a run.
-
-    Args:
-        source: where the messages come from, in words.
-        information: of the run.
-
-    Raises:
-        BagError: the parameters of the model are malformed.
-    """
+    """Return what stands in a bag, or in the file that a recorder is given, about a run."""
     try:
         nodes = yaml.safe_load(information.parameters)
     except yaml.YAMLError:
@@ -148,12 +140,7 @@ def facts_of_information(source: str, information: RunInformation) -> RunFacts:
 
 
 def facts_of_nodes(source: str, nodes: NodeParameters) -> RunFacts:
-    """Return the facts from the parameters of the nodes of a graph that answered.
-
-    Args:
-        source: where the messages come from, in words.
-        nodes: parameters by node and name.
-    """
+    """Return the facts from the parameters of the nodes of a graph that answered."""
     is_complete = {PLANT, BRIDGE, CONTROLLER} <= nodes.keys()
     names = [spec.name for spec in parameter_specs(ModelSettings)]
     of_plant = nodes.get(PLANT, {})

@@ -86,9 +86,6 @@ class RunFollower:
         Args:
             most: largest number of ticks, the newest ones; None for all.
             incomplete: show ticks of which messages are missing, too; for the end of a run.
-
-        Returns:
-            How many rows were added.
         """
         ready = [
             stamp

@@ -104,12 +104,6 @@ def scene_message(
 
     Markers expire, so that none remains when the publisher ends. Viewers count the lifetime in their own
     time, which may be that of the trip: it covers several scenes in either.
-
-    Args:
-        scene: who is where.
-        course: the road.
-        parameters: of the model, for limits of the gap and the size of the cars.
-        interval_s: trip time since the previous scene.
     """
     ego, leader = scene.ego, scene.leader
     size_m = body_size_m(parameters)

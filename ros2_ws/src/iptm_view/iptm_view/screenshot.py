@@ -51,11 +51,7 @@ class Picture:
 
     @classmethod
     def of_text(cls, size: str, *, is_dark: bool, at_s: float | None) -> Picture:
-        """Return a picture whose size is given as text.
-
-        Raises:
-            ViewError: the size is malformed.
-        """
+        """Return a picture whose size is given as text."""
         match = re.fullmatch(r"(\d+)x(\d+)", size)
         sides = [int(side) for side in match.groups()] if match else []
         if not sides or not all(200 <= side <= _LARGEST_PIXELS for side in sides):
@@ -66,11 +62,7 @@ class Picture:
 
 
 def find_browser() -> str:
-    """Return the path of an installed Chromium.
-
-    Raises:
-        ViewError: there is none.
-    """
+    """Return the path of an installed Chromium."""
     for name in BROWSERS:
         path = shutil.which(name)
         if path is not None:
@@ -83,11 +75,7 @@ def find_browser() -> str:
 
 @contextmanager
 def started_browser() -> Iterator[Any]:
-    """Start a Chromium without a window; yield Playwright's browser.
-
-    Raises:
-        ViewError: Playwright or a browser is missing.
-    """
+    """Start a Chromium without a window; yield Playwright's browser."""
     try:
         playwright = importlib.import_module("playwright.sync_api")
     except ImportError:
@@ -103,12 +91,7 @@ def started_browser() -> Iterator[Any]:
 
 @contextmanager
 def opened_page(browser: Any, picture: Picture) -> Iterator[Any]:
-    """Open an empty page; yield Playwright's page.
-
-    Args:
-        browser: see `started_browser`.
-        picture: size and colours.
-    """
+    """Open an empty page; yield Playwright's page."""
     context = browser.new_context(
         viewport={"width": picture.width, "height": picture.height},
         color_scheme="dark" if picture.is_dark else "light",
@@ -124,16 +107,7 @@ def opened_page(browser: Any, picture: Picture) -> Iterator[Any]:
 def served_bag(
     bag: Path, reference_command: Sequence[str] = (), strategy: str = NO_REFERENCE
 ) -> Iterator[PageServer]:
-    """Serve the page of a whole bag.
-
-    Args:
-        bag: bag folder or file.
-        reference_command: drives the reference car, see `ReferenceCar`; empty for no such car.
-        strategy: of the reference car.
-
-    Raises:
-        BagError: the bag cannot be read.
-    """
+    """Serve the page of a whole bag."""
     feed = PageFeed()
     with (
         closing(ReferenceCar(feed, reference_command, strategy)) as reference,
@@ -147,19 +121,7 @@ def served_bag(
 def take_screenshot(
     bag: Path, file: Path, picture: Picture, reference_command: Sequence[str], strategy: str
 ) -> None:
-    """Write a picture of the page of a bag.
-
-    Args:
-        bag: bag folder or file.
-        file: PNG file to write.
-        picture: size, colours and instant.
-        reference_command: drives the reference car, see `ReferenceCar`; empty for no such car.
-        strategy: of the reference car.
-
-    Raises:
-        BagError: the bag cannot be read.
-        ViewError: Playwright or a browser is missing, or the file cannot be written.
-    """
+    """Write a picture of the page of a bag."""
     find_browser()
     with (
         served_bag(bag, reference_command, strategy) as server,

@@ -46,12 +46,7 @@ class TransformPublisher:
     """
 
     def __init__(self, node: Node, prefix: str) -> None:
-        """Publish what never changes; without the message type warn once.
-
-        Args:
-            node: publishes.
-            prefix: of the frames of the vehicle.
-        """
+        """Publish what never changes; without the message type warn once."""
         self._prefix = prefix
         self.is_available = False
         try:
@@ -76,13 +71,7 @@ class TransformPublisher:
 
 
 def scene_transforms(scene: Scene, course: RoadCourse, prefix: str) -> list[TransformStamped]:
-    """Return the transforms of a scene.
-
-    Args:
-        scene: who is where.
-        course: the road.
-        prefix: of the frames of the vehicle.
-    """
+    """Return the transforms of a scene."""
     ego = course.poses(scene.ego.position_m, EGO_LENGTH_M)
     turn, place_m = ego.quaternions()[0], ego.points_m[0]
     along_m = np.array([scene.ego.position_m, 0.0, 0.0])

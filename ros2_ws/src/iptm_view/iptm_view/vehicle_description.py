@@ -30,10 +30,6 @@ def vehicle_urdf(parameters: ModelParameters, prefix: str = "") -> str:
     """Return the URDF of the ego vehicle: body, wheels and the battery pack in it.
 
     It has no masses: it is made to be looked at.
-
-    Args:
-        parameters: of the model; frontal area and wheel radius are used.
-        prefix: of the frames of the vehicle.
     """
     body, pack = frame_in(prefix, EGO_FRAME), frame_in(prefix, PACK_FRAME)
     robot = ET.Element("robot", name="iptm_vehicle")

@@ -198,11 +198,7 @@ class VisualizerNode(SuiteNode):
 
 
 def _scene(stamp_ns: int, messages: dict[Topic, bytes]) -> Scene:
-    """Decode the messages of one instant.
-
-    Raises:
-        MessageError: one breaks its promise.
-    """
+    """Decode the messages of one instant."""
     warmest = Topic.PLANT_CELL_N_TEMPERATURE
     leader = messages.get(Topic.LEADER)
     temperature = messages.get(warmest)

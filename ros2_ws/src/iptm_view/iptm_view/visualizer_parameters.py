@@ -27,12 +27,7 @@ class VisualizerParameters(FrameSettings, ModelSettings):
     )
 
     def road_line(self) -> RoadLine | None:
-        """Return where the road lies, None for a straight one.
-
-        Raises:
-            RouteError: the file is not usable.
-            ParameterError: it lacks the position of the road.
-        """
+        """Return where the road lies, None for a straight one."""
         if not self.road:
             return None
         allowed = "a drive with places (.gpx; .csv with latitude_deg and longitude_deg), or empty"

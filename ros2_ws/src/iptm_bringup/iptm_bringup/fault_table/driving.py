@@ -35,7 +35,7 @@ from iptm_interfaces.codecs import (
 )
 from iptm_interfaces.diagnostics import Level
 from iptm_interfaces.process import StopRequest
-from iptm_interfaces.stamp_gate import LEAST_REACH_NS
+from iptm_interfaces.stamp_matcher import LEAST_REACH_NS
 from iptm_interfaces.topics import CONTROLLER, OBSERVATION_TOPICS, TICK_TOPICS, Topic
 from iptm_studies.run import perform_run
 

@@ -44,11 +44,7 @@ def stamp_ns_of(data: bytes) -> int:
 
 
 def put_stamp(data: bytearray, stamp_ns: int) -> None:
-    """Write the stamp of a message that starts with a header into its bytes.
-
-    Raises:
-        MessageError: no message can carry the stamp.
-    """
+    """Write the stamp of a message that starts with a header into its bytes."""
     stamp = time_from_ns(stamp_ns)
     _STAMP.pack_into(data, _STAMP_AT, stamp.sec, stamp.nanosec)
 

@@ -27,9 +27,6 @@ def decode_command(message: JointState) -> tuple[int, Command]:
     """Return the stamp (ns) of the state that is answered, and the decision.
 
     Physical bounds are not checked here: the plant clips, and a sign error must stay visible.
-
-    Raises:
-        MessageError: a value is missing or not finite.
     """
     acceleration_m_s2, compressor_power_w = read_numbers(Topic.COMMAND, message)
     return ns_from_time(message.header.stamp), Command(acceleration_m_s2, compressor_power_w)
@@ -42,11 +39,7 @@ def encode_decision_record(stamp_ns: int, record: DecisionRecord) -> StampedNumb
 
 
 def decode_decision_record(message: JointState) -> DecisionRecord:
-    """Return the record of a decision.
-
-    Raises:
-        MessageError: a value is missing, a count is not finite, or a status or rung is unknown.
-    """
+    """Return the record of a decision."""
     numbers = dict(zip(TOPICS[Topic.SOLVE].fields, read_numbers(Topic.SOLVE, message), strict=True))
     return DecisionRecord(
         status=_enumerated(SolveStatus, "status_code", numbers.pop("status_code")),

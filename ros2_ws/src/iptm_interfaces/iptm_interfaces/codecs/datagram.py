@@ -14,12 +14,7 @@ from iptm_interfaces.topics import Topic
 
 
 def encode_raw_datagram(datagram: bytes, received_ns: int) -> UInt8MultiArray:
-    """Return a datagram as a message.
-
-    Args:
-        datagram: its bytes.
-        received_ns: when it was received, ns of TimestampIts.
-    """
+    """Return a datagram as a message."""
     size = len(datagram)
     dimension = MultiArrayDimension(label=str(received_ns), size=size, stride=size)
     return UInt8MultiArray(layout=MultiArrayLayout(dim=[dimension]), data=array("B", datagram))

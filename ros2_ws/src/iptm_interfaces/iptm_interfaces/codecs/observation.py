@@ -104,9 +104,6 @@ def decode_observation(messages: Mapping[Topic, Any]) -> PlantObservation:
     Args:
         messages: those of `OBSERVATION_TOPICS`, at least the odometry; values of missing ones are NaN.
             Without one of `Topic.PLANT_SAFETY` no service braking is known.
-
-    Raises:
-        MessageError: the stamps differ or one of the messages breaks its promise.
     """
     check_stamps((topic for topic in OBSERVATION_TOPICS if topic in messages), messages)
     state = known_state(messages)

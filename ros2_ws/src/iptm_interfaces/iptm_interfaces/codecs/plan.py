@@ -84,11 +84,7 @@ class PlanTrajectory:
 
 
 def encode_plan(plan: PlanTrajectory, stamp_ns: int) -> JointTrajectory:
-    """Return a plan as a message, stamped with the state that it starts from.
-
-    Raises:
-        MessageError: the arrays differ in length.
-    """
+    """Return a plan as a message, stamped with the state that it starts from."""
     offsets_ns, table = _table(plan, stamp_ns)
     points = [
         JointTrajectoryPoint(positions=row, time_from_start=duration_from_ns(offset))
@@ -101,11 +97,7 @@ def encode_plan(plan: PlanTrajectory, stamp_ns: int) -> JointTrajectory:
 
 
 def encode_plan_bytes(plan: PlanTrajectory, stamp_ns: int, prefix: str = "") -> bytes:
-    """Return the bytes of the message, a fifth of the work; its frame has the prefix of a vehicle.
-
-    Raises:
-        MessageError: the arrays differ in length.
-    """
+    """Return the bytes of the message, a fifth of the work; its frame has the prefix of a vehicle."""
     offsets_ns, table = _table(plan, stamp_ns)
     start, points_at = _form(len(table), prefix)
     data = bytearray(start)

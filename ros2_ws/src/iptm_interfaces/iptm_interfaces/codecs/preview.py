@@ -85,9 +85,6 @@ class _Layout:
         A float64 lies on a multiple of eight behind the encoding. The length of a record is one, so they all
         fit if the first one does. If the length of the names puts the first point four bytes off, that
         point has no fill bytes behind its first number: its record begins with the number of points.
-
-        Args:
-            frame_size: of the frame's name with its zero, in bytes.
         """
         names = _FRAME_OFFSET + 4 + frame_size + -frame_size % 4
         count = names + len(self.names)
@@ -110,11 +107,6 @@ def encode_leader_preview_bytes(
     preview: LeaderPreview, stamp_ns: int, frame: str = ROAD_FRAME
 ) -> bytes:
     """Return a prediction, serialised, to be given to `Publisher.publish`.
-
-    Args:
-        preview: prediction, n nodes; may be empty.
-        stamp_ns: instant of publication; never changes the instant of generation.
-        frame: name of the frame in the graph.
 
     Raises:
         MessageError: the arrays differ in length, or a time is not finite.
@@ -161,11 +153,7 @@ def _columns(preview: LeaderPreview) -> tuple[FloatArray, FloatArray]:
 
 
 def _offsets_ns(preview: LeaderPreview, stamp_ns: int) -> NDArray[np.int64]:
-    """Return the node times relative to the stamp in integer nanoseconds, shape (n,).
-
-    Raises:
-        MessageError: the arrays differ in length, or a time is not finite.
-    """
+    """Return the node times relative to the stamp in integer nanoseconds, shape (n,)."""
     count = preview.times_s.size
     if preview.positions_m.size != count or preview.speeds_m_s.size != count:
         sizes = f"{count}, {preview.positions_m.size}, {preview.speeds_m_s.size}"
@@ -183,10 +171,6 @@ def decode_leader_preview_bytes(
     data: bytes, topic: Topic = Topic.LEADER_PREVIEW
 ) -> tuple[int, LeaderPreview]:
     """Return the stamp (ns) and the prediction from a serialised message (raw subscription).
-
-    Args:
-        data: the message.
-        topic: that of predictions, or that of measurements of the range sensor.
 
     Raises:
         MessageError: the bytes are not such a message, or see `decode_leader_preview`.
@@ -288,9 +272,6 @@ def _checked(
     """Return a checked prediction from decoded arrays, shape (n,) each; the bounds may be empty.
 
     Measured positions, those of ``v2x/leader_samples``, may go back and forth; predicted ones may not.
-
-    Raises:
-        MessageError: see `decode_leader_preview`.
     """
     if node_offsets_ns.size == 0:
         return LeaderPreview.empty()

@@ -24,13 +24,7 @@ _NOTHING_KNOWN = RoadAhead(has_leader=False)
 
 
 def encode_road_ahead(road: RoadAhead | None, stamp_ns: int, *, has_leader: bool) -> JointState:
-    """Return the road ahead as a message.
-
-    Args:
-        road: rules; None where none are known.
-        stamp_ns: of the tick.
-        has_leader: whether `v2x/leader` has a message of this stamp.
-    """
+    """Return the road ahead as a message."""
     known = road or _NOTHING_KNOWN
     rows: list[tuple[str, float, float, float]] = []
     if has_leader:

@@ -25,11 +25,7 @@ def is_stamp(stamp_ns: int) -> bool:
 
 
 def ns_from_s(time_s: float) -> int:
-    """Return seconds as integer nanoseconds, rounded to the nearest.
-
-    Raises:
-        MessageError: the time is not finite.
-    """
+    """Return seconds as integer nanoseconds, rounded to the nearest."""
     if not math.isfinite(time_s):
         raise MessageError(f"time is {time_s} s; allowed: a finite number")
     return round(time_s * 1e9)
@@ -41,11 +37,7 @@ def s_from_ns(time_ns: int) -> float:
 
 
 def time_from_ns(stamp_ns: int) -> Time:
-    """Return a stamp message.
-
-    Raises:
-        MessageError: the stamp is negative or does not fit 32-bit seconds.
-    """
+    """Return a stamp message."""
     if not is_stamp(stamp_ns):
         raise MessageError(f"stamp is {stamp_ns} ns; allowed: 0 to {_MAX_STAMP_NS}")
     seconds, nanoseconds = divmod(stamp_ns, NS_PER_S)
