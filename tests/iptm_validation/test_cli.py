@@ -6,8 +6,8 @@ import pytest
 
 from iptm_validation import fitting
 from iptm_validation.cli import main
+from iptm_validation.fitting import load_parameters, package_folder, save_parameters
 from iptm_validation.measurements import MeasuredData
-from iptm_validation.parameter_files import load_parameters, package_folder, save_parameters
 
 
 @pytest.fixture
@@ -52,10 +52,10 @@ def test_mistakes_are_reported_in_one_line(
 
 def test_parameters_survive_a_file(tmp_path: Path) -> None:
     fitted = fitting.load_fitted()
-    for name, value in (("pack", fitted.pack), ("bounds", fitted.leaders), ("cell", fitted.cell)):
-        path = tmp_path / f"{name}.yaml"
+    for kind, value in fitted.items():
+        path = tmp_path / f"{kind.__name__}.yaml"
         save_parameters(path, value, "test")
-        assert load_parameters(path, type(value)) == value
+        assert load_parameters(path, kind) == value
 
 
 def test_shipped_parameters_name_their_source_and_their_data() -> None:

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from iptm_core.physics.charge import ChargeTable, ChargeTransfer, ResistanceLaw
-from iptm_validation.measurements import Drive, Driver, DynamometerTest, Trip
-from iptm_validation.models import epa_drivetrain, lead_vehicle
-from iptm_validation.models.circuit import (
+from iptm_validation import epa, lead_vehicle
+from iptm_validation.cell import fit_pulse_law
+from iptm_validation.circuit import (
     REFERENCE_K,
     Circuit,
     Samples,
@@ -14,8 +14,8 @@ from iptm_validation.models.circuit import (
     branch_current_a,
     fit_circuit,
 )
-from iptm_validation.models.epa_drivetrain import OneDrivetrain, fit_one_drivetrain
-from iptm_validation.models.i3_drivetrain import (
+from iptm_validation.epa import OneDrivetrain, fit_one_drivetrain
+from iptm_validation.i3_drivetrain import (
     GEAR_RATIO,
     WHEEL_RADIUS_M,
     I3Drivetrain,
@@ -23,7 +23,7 @@ from iptm_validation.models.i3_drivetrain import (
     fit_drivetrain,
     objection_to,
 )
-from iptm_validation.models.panasonic_cell import fit_pulse_law
+from iptm_validation.measurements import Drive, Driver, DynamometerTest, Trip
 from iptm_validation.outcome import Figure
 
 RANDOM = np.random.default_rng(3)
@@ -93,13 +93,11 @@ def test_circuit_is_found_from_its_own_voltage() -> None:
         current = RANDOM.normal(1.0, 3.0, 3000)
         charge = np.linspace(1.0, 0.0, 3000)
         blank = Samples(
-            "made", np.ones(3000), current, current, current, np.full(3000, kelvin), charge, charge
+            np.ones(3000), current, current, current, np.full(3000, kelvin), charge, charge
         )
         voltage = truth.voltage_v(blank)
         ones = np.ones(3000)
-        samples.append(
-            Samples("made", ones, current, current, voltage, blank.temperature_k, charge, ones)
-        )
+        samples.append(Samples(ones, current, current, voltage, blank.temperature_k, charge, ones))
     structure = Structure(nodes, nodes, 0.05, 0.05, (80.0,), (), 1.0, 0.0, 0.02)
     found = fit_circuit(samples[::2], structure)
     np.testing.assert_allclose(found.open_circuit_v.values, ocv.values, atol=1e-3)
@@ -113,7 +111,7 @@ def test_branch_current_follows_a_step_whatever_the_sampling() -> None:
     def after_a_minute(step_s: float) -> float:
         count = round(60.0 / step_s)
         ones = np.ones(count)
-        samples = Samples("step", step_s * ones, ones, ones, ones, ones, ones, ones)
+        samples = Samples(step_s * ones, ones, ones, ones, ones, ones, ones)
         return float(branch_current_a(samples, 30.0)[-1])
 
     assert after_a_minute(1.0) == pytest.approx(1.0 - np.exp(-2.0))
@@ -134,8 +132,8 @@ def test_one_drivetrain_is_found() -> None:
     for k in range(9):
         for cycle in ("udds", "hwfet"):
             made = DynamometerTest(f"car {k}", "Make", cycle, 1500.0 + 100 * k, 140, 3, 0.45, 1.0)
-            energies = epa_drivetrain.wheel_energies_wh_km(made)
-            value = epa_drivetrain.consumption_wh_km(energies, truth)
+            energies = epa.wheel_energies_wh_km(made)
+            value = epa.consumption_wh_km(energies, truth)
             tests.append(DynamometerTest(*(*list(vars(made).values())[:-1], value)))
     found = fit_one_drivetrain(tests)
     assert len(found.fitted_on) == 6

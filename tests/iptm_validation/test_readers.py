@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from iptm_validation.i3_vehicle import Road
 from iptm_validation.measurements import Driver, MeasuredData
-from iptm_validation.models.i3_vehicle import Road
 from iptm_validation.readers.folder import files_of, read_files
 
 

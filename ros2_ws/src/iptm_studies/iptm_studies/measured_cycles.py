@@ -12,8 +12,8 @@ import numpy as np
 from iptm_core.errors import IptmError, MeasurementError
 from iptm_core.routes.user_csv import read_user_trip
 from iptm_core.state import FloatArray
+from iptm_validation.i3_vehicle import road_slope_rad
 from iptm_validation.measurements import Drive, Driver, Trip
-from iptm_validation.models.i3_vehicle import road_slope_rad
 from iptm_validation.readers.folder import excerpts, files_of, read_files
 
 T = TypeVar("T")

@@ -23,8 +23,8 @@ from iptm_v2x_bridge.prediction.regression import (
     bound_weights,
     regression_features,
 )
+from iptm_validation.lead_vehicle import predicted_distance_m, quantile_regression
 from iptm_validation.measurements import Driver, held_out
-from iptm_validation.models.lead_vehicle import predicted_distance_m, quantile_regression
 from iptm_validation.readers.folder import excerpts, files_of, read_files
 
 PROGRAM = "train_predictor"

@@ -13,11 +13,9 @@ from rich.table import Table
 
 from iptm_core.errors import IptmError
 from iptm_core.program import EXIT_OK, refused
-from iptm_validation.fitting import compare_all, fit_all, load_fitted
+from iptm_validation.fitting import compare_all, fit_all, load_fitted, package_folder
 from iptm_validation.measurements import MeasuredData
-from iptm_validation.outcome import Outcome
-from iptm_validation.page import write_page
-from iptm_validation.parameter_files import package_folder
+from iptm_validation.outcome import Outcome, write_page
 from iptm_validation.readers.folder import excerpts, files_of, read_files
 
 PROGRAM = "validate"

@@ -74,6 +74,8 @@ class Drive:
         driver: who controls the speed.
         step_s: sampling interval.
         speed_m_s: speeds, shape (n,), NaN where nothing was recorded.
+        leader_speed_m_s: those of the vehicle ahead, shape (n,); None without one.
+        gap_m: gap between both from bumper to bumper, shape (n,), NaN where it is not known.
     """
 
     name: str
@@ -81,27 +83,8 @@ class Drive:
     driver: Driver
     step_s: float
     speed_m_s: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class Following:
-    """A vehicle of a platoon behind the one ahead, at equal steps; arrays of shape (n,), NaN for unknown.
-
-    Attributes:
-        name: unique name, that of the follower's drive.
-        driver: who controls the speed of the follower.
-        step_s: sampling interval.
-        leader_speed_m_s: speed of the vehicle ahead.
-        speed_m_s: speed of the follower.
-        gap_m: gap between both, from bumper to bumper.
-    """
-
-    name: str
-    driver: Driver
-    step_s: float
-    leader_speed_m_s: FloatArray
-    speed_m_s: FloatArray
-    gap_m: FloatArray
+    leader_speed_m_s: FloatArray | None = None
+    gap_m: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +153,6 @@ class MeasuredData:
 
     trips: tuple[Trip, ...] = ()
     drives: tuple[Drive, ...] = ()
-    followings: tuple[Following, ...] = ()
     cell_tests: tuple[CellTest, ...] = ()
     dynamometer_tests: tuple[DynamometerTest, ...] = ()
 

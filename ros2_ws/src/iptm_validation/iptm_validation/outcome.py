@@ -1,12 +1,17 @@
-"""What a comparison with measurements gives: figures with their bars, and curves to plot."""
+"""What a comparison with measurements gives: figures with their bars, curves, and the page of all."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure as Picture
 
+from iptm_core.markdown import render_page
 from iptm_core.state import FloatArray
 
 
@@ -102,7 +107,6 @@ class Outcome:
     """The comparison of one model with one data set.
 
     Attributes:
-        key: short name.
         title: heading on the page.
         text: what was compared and fitted, in Markdown.
         figures: the numbers.
@@ -110,7 +114,6 @@ class Outcome:
         notes: cases that were left out or reported apart, one line each.
     """
 
-    key: str
     title: str
     text: str
     figures: tuple[Figure, ...]
@@ -122,3 +125,53 @@ def rms(values: Sequence[float] | FloatArray) -> float:
     """Return the root mean square, NaN of nothing."""
     array = np.asarray(values, dtype=np.float64)
     return float(np.sqrt(np.mean(array**2))) if array.size else float("nan")
+
+
+WIDTH_INCH = 7.6
+DPI = 90
+
+
+def write_page(folder: Path, outcomes: list[Outcome]) -> Path:
+    """Write ``validation.md`` and the pictures below ``validation/``; returns the path of the page."""
+    pictures = folder / "validation"
+    pictures.mkdir(parents=True, exist_ok=True)
+    for outcome in outcomes:
+        for comparison in outcome.comparisons:
+            if comparison.curves:
+                draw(comparison, pictures / f"{comparison.key}.png")
+    tables = [
+        pd.DataFrame(
+            {
+                **vars(figure),
+                "bar": f"{figure.bar} {figure.unit}" if figure.bar else "",
+                "verdict": ("met" if figure.is_met else "**missed**") if figure.bar else "",
+            }
+            for figure in outcome.figures
+        )
+        for outcome in outcomes
+    ]
+    page = folder / "validation.md"
+    pairs = list(zip(outcomes, tables, strict=True))
+    text = render_page("iptm_validation", "validation.md.j2", outcomes=pairs)
+    page.write_text(text, encoding="utf-8")
+    return page
+
+
+def draw(comparison: Comparison, path: Path) -> None:
+    """Draw the best, the median and the worst case above one another."""
+    chosen = comparison.best_median_worst()
+    picture = Picture(figsize=(WIDTH_INCH, 2.0 * len(chosen) + 0.6), layout="constrained")
+    FigureCanvasAgg(picture)
+    axes = picture.subplots(len(chosen), 1, squeeze=False)[:, 0]
+    for axis, (rank, curve) in zip(axes, chosen, strict=True):
+        axis.plot(curve.x, curve.measured, color="#555555", linewidth=1.0, label="measured")
+        axis.plot(curve.x, curve.modelled, color="#2a9d3a", linewidth=0.8, label="model")
+        axis.set_title(
+            f"{rank}: {curve.name}, {comparison.error_label}: {curve.error:.2f}", fontsize=9
+        )
+        axis.set_ylabel(comparison.y_label)
+        axis.grid(alpha=0.3)
+    axes[0].legend(fontsize=8)
+    axes[-1].set_xlabel(comparison.x_label)
+    picture.suptitle(comparison.title, fontsize=10)
+    picture.savefig(path, dpi=DPI, metadata={"Software": None})

@@ -11,7 +11,7 @@ import numpy as np
 from iptm_core.errors import MeasurementError
 from iptm_core.state import FloatArray
 from iptm_studies.measured_cycles import evenly, longest_known, write_drive
-from iptm_validation.measurements import Driver, Following
+from iptm_validation.measurements import Drive, Driver
 from iptm_validation.readers.folder import excerpts, files_of, read_files
 
 SCENES = 40
@@ -87,11 +87,11 @@ def measured_scenes(
     Raises:
         MeasurementError: there are fewer scenes in the folder.
     """
-    followings = read_files(files_of(source or excerpts()), report).followings
+    drives = read_files(files_of(source or excerpts()), report).drives
     scenes = [
         scene
-        for item in followings
-        if item.driver is Driver.ADAPTIVE_CRUISE_CONTROL
+        for item in drives
+        if item.driver is Driver.ADAPTIVE_CRUISE_CONTROL and item.gap_m is not None
         for scene in [_scene(item, longest_s)]
         if scene is not None
     ]
@@ -103,7 +103,7 @@ def measured_scenes(
     return evenly(scenes, count)
 
 
-def _scene(following: Following, longest_s: int) -> Scene | None:
+def _scene(following: Drive, longest_s: int) -> Scene | None:
     """Return the beginning of the longest part that is known, None if it is of no use."""
     columns = np.array([following.leader_speed_m_s, following.speed_m_s, following.gap_m])
     per_second = round(1.0 / following.step_s)

@@ -15,7 +15,6 @@ from iptm_validation.measurements import (
     Drive,
     Driver,
     DynamometerTest,
-    Following,
     MeasuredData,
     Trip,
 )
@@ -23,7 +22,7 @@ from iptm_validation.readers import bmw_i3, epa, openacc, panasonic
 from iptm_validation.readers.columns import head_of
 
 SUFFIXES = (".csv", ".csv.gz", ".mat")
-Measured = Trip | Drive | Following | CellTest | DynamometerTest
+Measured = Trip | Drive | CellTest | DynamometerTest
 Named = TypeVar("Named", Trip, Drive, CellTest)
 _READERS: tuple[
     tuple[
@@ -78,7 +77,6 @@ def read_files(paths: list[Path], report: Callable[[str], None]) -> MeasuredData
     return MeasuredData(
         trips=tuple(sorted(trips, key=lambda trip: trip.name)),
         drives=tuple(_first_of_each([*drives, *map(_drive_of, trips)])),
-        followings=tuple(item for item in found if isinstance(item, Following)),
         cell_tests=tuple(_first_of_each([item for item in found if isinstance(item, CellTest)])),
         dynamometer_tests=tuple(item for item in found if isinstance(item, DynamometerTest)),
     )

@@ -14,7 +14,7 @@ import pandas as pd
 
 from iptm_core.errors import MeasurementError
 from iptm_core.state import FloatArray
-from iptm_validation.measurements import Drive, Driver, Following
+from iptm_validation.measurements import Drive, Driver
 from iptm_validation.readers.columns import compact_table, head_of, numbers, original_table
 
 STEP_S = 0.2
@@ -53,10 +53,10 @@ def _on_grid(time_s: FloatArray, speed_m_s: FloatArray) -> FloatArray:
     return np.where(at_sample | close, np.interp(grid, times, speeds), np.nan)
 
 
-def compact_platoons(path: Path) -> list[Drive | Following]:
+def compact_platoons(path: Path) -> list[Drive]:
     """Read a compact file; runs named ``no_ACC`` were driven by people."""
     names = ("run", "time_s", "place", "speed_m_s", "gap_to_car_ahead_m")
-    found: list[Drive | Following] = []
+    found = []
     for run, rows in compact_table(path, names).groupby("run", sort=False):
         vehicles = {int(place): of_place for place, of_place in rows.groupby("place")}
         for place, own in vehicles.items():
@@ -64,15 +64,15 @@ def compact_platoons(path: Path) -> list[Drive | Following]:
             name, by_people = f"{run}/{place}", str(run).startswith("no_ACC")
             driver = _driver(place, driven_by_people=by_people)
             speeds = _on_grid(times, own.speed_m_s.to_numpy())
-            found.append(Drive(name, str(run), driver, STEP_S, speeds))
+            leader, gaps = None, None
             if ahead is not None and np.array_equal(times, ahead.time_s):
                 leader = _on_grid(times, ahead.speed_m_s.to_numpy())
                 gaps = _on_grid(times, own.gap_to_car_ahead_m.to_numpy())
-                found.append(Following(name, driver, STEP_S, leader, speeds, gaps))
+            found.append(Drive(name, str(run), driver, STEP_S, speeds, leader, gaps))
     return found
 
 
-def original_platoons(path: Path) -> list[Drive | Following]:
+def original_platoons(path: Path) -> list[Drive]:
     """Read one file as it is downloaded.
 
     Raises:
@@ -95,13 +95,12 @@ def original_platoons(path: Path) -> list[Drive | Following]:
 
     names = [name[5:] for name in table if name.startswith("Speed")]
     speeds = {int(name): on_grid(f"Speed{name}") for name in names if name.isdigit()}
-    found: list[Drive | Following] = []
+    found = []
     for place, speed in speeds.items():
         name, driver = f"{run}/{place}", _original_driver(table, place, manual=manual)
-        found.append(Drive(name, run, driver, STEP_S, speed))
-        if place - 1 in speeds:
-            gaps = on_grid(f"IVS{place - 1}")
-            found.append(Following(name, driver, STEP_S, speeds[place - 1], speed, gaps))
+        leader = speeds.get(place - 1)
+        gaps = None if leader is None else on_grid(f"IVS{place - 1}")
+        found.append(Drive(name, run, driver, STEP_S, speed, leader, gaps))
     return found
 
 

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares, nnls
 
+from iptm_core.markdown import render_page
+from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.physics.charge import ambient_temperature_rate_k_s
 from iptm_core.state import FloatArray
+from iptm_validation.circuit import REFERENCE_K, Circuit, Samples, Structure, fit_circuit
 from iptm_validation.measurements import CellTest
-from iptm_validation.models.circuit import REFERENCE_K, Circuit, Samples, Structure, fit_circuit
+from iptm_validation.outcome import Comparison, Curve, Figure, Outcome, rms
 
 CAPACITY_AH = 2.9
 CUT_OFF_V = 2.6
@@ -101,7 +105,6 @@ def cell_samples(test: CellTest) -> Samples:
     cold = max((REFERENCE_K - test.chamber_k) / 20.0, 0.0)
     near_empty = test.voltage_v < CUT_OFF_V
     return Samples(
-        name=test.name,
         steps_s=np.diff(test.time_s, prepend=test.time_s[0]),
         current_a=test.current_a,
         mean_current_a=test.mean_current_a,
@@ -214,3 +217,99 @@ def fit_cell(tests: Sequence[CellTest]) -> PanasonicCell:
     names = tuple(sorted(test.name for test in chosen))
     capacity, exchange = float(55.0 * thermal[0]), float(0.136 * thermal[1])
     return PanasonicCell(names, structure, circuit, law, capacity, exchange)
+
+
+LEAST_CHARGE = 0.2
+VOLTAGE_BARS_MV = {25: 30.0, 10: 30.0, 0: 30.0, -10: 40.0, -20: 60.0}
+WHOLE_BAR_MV = 35.0
+CELSIUS_WITH_WHOLE_BAR = 25
+LEAST_TEMPERATURES = 5
+
+
+def compare_cell(tests: tuple[CellTest, ...], cell: PanasonicCell) -> Outcome | None:
+    """Compare the cycles that were not fitted, None without one; pulses give the resistance law."""
+    others = [test for test in tests if test.name not in cell.fitted_on and not test.is_pulse_test]
+    pulses = [test for test in tests if test.is_pulse_test]
+    if not others:
+        return None
+    above: dict[int, list[float]] = defaultdict(list)
+    whole: dict[int, list[float]] = defaultdict(list)
+    temperatures, voltage_curves, temperature_curves = [], [], []
+    for test in others:
+        samples = cell_samples(test)
+        modelled = cell.circuit.voltage_v(samples)
+        missed_mv = 1000.0 * (modelled - samples.voltage_v)
+        celsius = round(test.chamber_k - CELSIUS_ZERO_K)
+        whole[celsius].append(rms(missed_mv))
+        above[celsius].append(rms(missed_mv[samples.charge > LEAST_CHARGE]))
+        hours = test.time_s / 3600.0
+        curve = Curve(test.name, whole[celsius][-1], hours, samples.voltage_v, modelled)
+        voltage_curves.append(curve)
+        case = simulated_temperature_k(test, cell)
+        temperatures.append(rms(case - test.case_temperature_k))
+        measured = test.case_temperature_k - CELSIUS_ZERO_K
+        temperature_curves.append(
+            Curve(test.name, temperatures[-1], hours, measured, case - CELSIUS_ZERO_K)
+        )
+    figures = []
+    for celsius in sorted(above, reverse=True):
+        part = f"{len(above[celsius])} cycles at {celsius} degC"
+        bar = VOLTAGE_BARS_MV.get(celsius)
+        whole_bar = WHOLE_BAR_MV if celsius == CELSIUS_WITH_WHOLE_BAR else None
+        figures += [
+            Figure(
+                "cell voltage, rms above 20 % charge", part, rms(above[celsius]), "mV", None, bar
+            ),
+            Figure("cell voltage, rms", part, rms(whole[celsius]), "mV", None, whole_bar),
+        ]
+    part = f"{len(temperatures)} cycles"
+    figures.append(Figure("case temperature, rms", part, rms(temperatures), "K", None, 0.6))
+    ratios = [
+        100.0 * (cell.pulse_law.ohm(test.chamber_k) / mean_pulse_resistance_ohm(test) - 1.0)
+        for test in pulses
+    ]
+    if ratios:
+        part = f"pulses at {len(ratios)} temperatures (fitted)"
+        worst = float(np.max(np.abs(ratios)))
+        figures.append(Figure("resistance law, largest error", part, worst, "%", None, 6.0))
+    if len(pulses) >= LEAST_TEMPERATURES:
+        errors = _left_out_percent(pulses)
+        part = f"pulses at {len(errors)} inner temperatures, each left out of a fit"
+        worst = float(np.max(np.abs(errors)))
+        figures.append(Figure("resistance law, largest error", part, worst, "%", None, 6.0))
+    ratio = cell.pulse_law.ohm(CELSIUS_ZERO_K) / cell.pulse_law.ohm(CELSIUS_ZERO_K + 25.0)
+    return Outcome(
+        title="Panasonic NCR18650PF: voltage and case temperature",
+        text=render_page(
+            "iptm_validation", "cell.md.j2", cell=cell, law=cell.pulse_law, ratio=ratio
+        ),
+        figures=tuple(figures),
+        comparisons=(
+            Comparison(
+                "panasonic_voltage",
+                "Cell voltage on cycles that were not fitted",
+                "time in h",
+                "voltage in V",
+                "rms in mV",
+                tuple(voltage_curves),
+            ),
+            Comparison(
+                "panasonic_temperature",
+                "Case temperature on cycles that were not fitted",
+                "time in h",
+                "temperature in degC",
+                "rms in K",
+                tuple(temperature_curves),
+            ),
+        ),
+    )
+
+
+def _left_out_percent(pulses: list[CellTest]) -> list[float]:
+    """Return the error of the resistance law at each inner temperature when it is not fitted to it."""
+    points = sorted((test.chamber_k, mean_pulse_resistance_ohm(test)) for test in pulses)
+    errors = []
+    for left_out in points[1:-1]:
+        law = fit_pulse_law([point for point in points if point != left_out])
+        errors.append(100.0 * (law.ohm(left_out[0]) / left_out[1] - 1.0))
+    return errors

@@ -9,10 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
+from iptm_core.markdown import render_page
 from iptm_core.physics.traction import coast_down_force_n
 from iptm_core.routes.cycles import load_cycle
 from iptm_core.state import FloatArray
 from iptm_validation.measurements import DynamometerTest, held_out
+from iptm_validation.outcome import Comparison, Curve, Figure, Outcome
 
 AUXILIARY_POWER_W = 200.0
 CHARGING_EFFICIENCY = 0.88
@@ -94,3 +96,52 @@ def within_make(errors: Sequence[float], makes: Sequence[str]) -> float:
     squares = sum(float(np.sum((np.array(g) - np.mean(g)) ** 2)) for g in groups.values())
     freedom = len(errors) - len(groups)
     return float(np.sqrt(squares / freedom)) if freedom > 0 else float("nan")
+
+
+def compare_cars(tests: tuple[DynamometerTest, ...], drivetrain: OneDrivetrain) -> Outcome | None:
+    """Compare the consumptions, on the cars that were not fitted and on all, None without a car."""
+    others = [test for test in tests if test.car not in drivetrain.fitted_on]
+    if not others:
+        return None
+    figures = []
+    curves = []
+    for part, chosen in (("cars not fitted", others), ("all cars", list(tests))):
+        modelled = [consumption_wh_km(wheel_energies_wh_km(test), drivetrain) for test in chosen]
+        errors = [
+            100.0 * (model / test.consumption_wh_km - 1.0)
+            for model, test in zip(modelled, chosen, strict=True)
+        ]
+        within = within_make(errors, [test.make for test in chosen])
+        label = f"{part}, {len(chosen)} tests"
+        figures += [
+            Figure("consumption, mean", label, float(np.mean(errors)), "%", -2.0, 2.0),
+            Figure("consumption, deviation", label, float(np.std(errors, ddof=1)), "%", None, 9.5),
+        ]
+        if np.isfinite(within):
+            figures.append(Figure("consumption, within a make", label, within, "%", None, 5.0))
+        if part == "cars not fitted":
+            order = np.argsort([test.consumption_wh_km for test in chosen])
+            curves.append(
+                Curve(
+                    label,
+                    float(np.mean(errors)),
+                    np.arange(1.0, len(order) + 1.0, dtype=np.float64),
+                    np.array([test.consumption_wh_km for test in chosen])[order] / 10.0,
+                    np.array(modelled)[order] / 10.0,
+                )
+            )
+    return Outcome(
+        title="EPA: consumption of electric cars on the dynamometer",
+        text=render_page("iptm_validation", "cars.md.j2", drivetrain=drivetrain),
+        figures=tuple(figures),
+        comparisons=(
+            Comparison(
+                "epa_consumption",
+                "Consumption from the grid on UDDS and HWFET",
+                "test, in the order of consumption",
+                "kWh/100 km",
+                "mean error in %",
+                tuple(curves),
+            ),
+        ),
+    )

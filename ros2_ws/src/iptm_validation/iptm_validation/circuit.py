@@ -25,7 +25,6 @@ class Samples:
     """What a circuit is fitted to or tried on: one trip or test, arrays of shape (n,).
 
     Attributes:
-        name: of the trip or test.
         steps_s: time since the previous sample.
         current_a: current, positive when discharging.
         mean_current_a: mean current since the previous sample.
@@ -35,7 +34,6 @@ class Samples:
         weights: weight of each sample in a fit.
     """
 
-    name: str
     steps_s: FloatArray
     current_a: FloatArray
     mean_current_a: FloatArray

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 from scipy.optimize import least_squares
 
+from iptm_core.markdown import render_page
 from iptm_core.parameters.model import BodyParameters, RegenerationParameters
 from iptm_core.physics.traction import (
     motor_torque_nm,
@@ -16,8 +18,7 @@ from iptm_core.physics.traction import (
     warm_up_force_n,
 )
 from iptm_core.state import FloatArray
-from iptm_validation.measurements import Trip, held_out
-from iptm_validation.models.i3_drivetrain import (
+from iptm_validation.i3_drivetrain import (
     I3Drivetrain,
     consumers_w,
     durations_s,
@@ -25,6 +26,8 @@ from iptm_validation.models.i3_drivetrain import (
     objection_to,
     window_sums,
 )
+from iptm_validation.measurements import Trip, held_out
+from iptm_validation.outcome import Comparison, Curve, Figure, Outcome, rms
 
 GRAVITY_M_S2 = 9.81
 FRONTAL_AREA_M2 = 2.38
@@ -54,9 +57,7 @@ class I3Vehicle:
         fitted_on: names of the trips.
         mass_kg: mass with driver, passengers and equipment.
         drag_coefficient: c_w with a frontal area of 2.38 m^2.
-        driveline_efficiency: eta_t of eq. (3), with the tyre slip that it has to stand for; not fitted,
-            but chosen among 0.83 to 0.90 by cross-validation, because mass and efficiency are hardly
-            separable.
+        driveline_efficiency: eta_t of eq. (3), with the tyre slip that it has to stand for.
         rolling_summer: rolling resistance coefficient, warm, summer trips.
         rolling_winter: the same of winter trips (winter tyres, wet roads).
         cold_force_summer_n: additional rolling force of a car that was parked for long, summer.
@@ -78,18 +79,19 @@ class I3Vehicle:
     parked_k: float
 
 
-_START = I3Vehicle((), 1450.0, 0.22, 0.86, 0.009, 0.014, 200.0, 400.0, 180.0, 12.0)
-_LOWEST = I3Vehicle((), 1270.0, 0.15, 0.86, 0.004, 0.004, 0.0, 0.0, 60.0, 12.0)
-_HIGHEST = I3Vehicle((), 1700.0, 0.40, 0.86, 0.03, 0.03, 1000.0, 1000.0, 600.0, 12.0)
-FREE = (
-    "mass_kg",
-    "drag_coefficient",
-    "rolling_summer",
-    "rolling_winter",
-    "cold_force_summer_n",
-    "cold_force_winter_n",
-    "warm_up_s",
-)
+DRIVELINE_EFFICIENCY = 0.86
+"""Chosen among 0.83 to 0.90 by cross-validation: mass and efficiency are hardly separable."""
+PARKED_K = 12.0
+FREE = {
+    "mass_kg": (1450.0, 1270.0, 1700.0),
+    "drag_coefficient": (0.22, 0.15, 0.40),
+    "rolling_summer": (0.009, 0.004, 0.03),
+    "rolling_winter": (0.014, 0.004, 0.03),
+    "cold_force_summer_n": (200.0, 0.0, 1000.0),
+    "cold_force_winter_n": (400.0, 0.0, 1000.0),
+    "warm_up_s": (180.0, 60.0, 600.0),
+}
+"""Start, lowest and highest value of what is fitted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,13 +181,6 @@ def recovered_j(power_w: FloatArray, durations: FloatArray) -> float:
     return float(-np.minimum(power_w, 0.0) @ durations)
 
 
-def _with(values: Sequence[float], names: tuple[str, ...]) -> I3Vehicle:
-    scaled = {
-        name: float(value * getattr(_START, name)) for name, value in zip(FREE, values, strict=True)
-    }
-    return replace(_START, fitted_on=names, **scaled)
-
-
 def fit_vehicle(trips: tuple[Trip, ...], drivetrain: I3Drivetrain) -> I3Vehicle:
     """Fit the road load to energies of two minutes and of whole trips, on two thirds of the trips."""
     kept_back = held_out([trip.name for trip in trips])
@@ -202,8 +197,16 @@ def fit_vehicle_on(trips: Sequence[Trip], drivetrain: I3Drivetrain) -> I3Vehicle
     roads = [Road.of(trip) for trip in trips]
     names = tuple(trip.name for trip in trips)
 
-    def residuals(values: FloatArray) -> FloatArray:
-        vehicle = _with(values.tolist(), names)
+    starts, lowest, highest = np.array(list(FREE.values())).T
+
+    def vehicle_of(shares: FloatArray) -> I3Vehicle:
+        found = dict(zip(FREE, (starts * shares).tolist(), strict=True))
+        return I3Vehicle(
+            names, driveline_efficiency=DRIVELINE_EFFICIENCY, parked_k=PARKED_K, **found
+        )
+
+    def residuals(shares: FloatArray) -> FloatArray:
+        vehicle = vehicle_of(shares)
         parts = []
         for trip, road in zip(trips, roads, strict=True):
             modelled = battery_power_w(road, vehicle, drivetrain)
@@ -219,8 +222,129 @@ def fit_vehicle_on(trips: Sequence[Trip], drivetrain: I3Drivetrain) -> I3Vehicle
             )
         return np.concatenate(parts)
 
-    def scaled(bound: I3Vehicle) -> list[float]:
-        return [getattr(bound, name) / getattr(_START, name) for name in FREE]
+    bounds = (lowest / starts, highest / starts)
+    return vehicle_of(least_squares(residuals, np.ones(len(FREE)), bounds=bounds).x)
 
-    found = least_squares(residuals, np.ones(len(FREE)), bounds=(scaled(_LOWEST), scaled(_HIGHEST)))
-    return _with(found.x.tolist(), names)
+
+J_PER_KWH = 3.6e6
+SEASONS = ((False, "summer"), (True, "winter"))
+ENERGY_BARS = {"summer": 4.0, "winter": 1.5}
+SPEED_MEDIAN_BARS = {"summer": 5.0, "winter": 4.0}
+SPEED_RMS_BARS = {"summer": 6.0, "winter": 5.0}
+ZETA = 0.3
+
+
+def compare_energy(
+    trips: tuple[Trip, ...], drivetrain: I3Drivetrain, vehicle: I3Vehicle
+) -> Outcome | None:
+    """Compare battery energies on the trips that were fitted to neither model, None without such trips."""
+    fitted = set(drivetrain.fitted_on) | set(vehicle.fitted_on)
+    others = [trip for trip in trips if trip.name not in fitted]
+    objections = {trip.name: objection_to(trip, drivetrain) for trip in others}
+    sound = [trip for trip in others if objections[trip.name] is None]
+    if not sound:
+        return None
+    powers = [
+        {
+            "measured": trip.battery_power_w,
+            "torque": drivetrain.power_w(trip.speed_m_s, trip.motor_torque_nm) + consumers_w(trip),
+            "speed": battery_power_w(Road.of(trip), vehicle, drivetrain),
+        }
+        for trip in sound
+    ]
+    lasting = [durations_s(trip) for trip in sound]
+    driven = list(zip(powers, lasting, strict=True))
+    energies = pd.DataFrame({name: power @ s for name, power in by.items()} for by, s in driven)
+    back = pd.DataFrame(
+        {name: recovered_j(power, s) for name, power in by.items()} for by, s in driven
+    )
+    errors = 100.0 * (energies.div(energies.measured, axis=0) - 1.0)
+    figures = _season_figures(sound, errors)
+    part = f"{len(sound)} trips"
+    for quantity, of, sums, bar in (
+        ("energy from torque, total", "torque", energies.sum(), 1.0),
+        ("recovered energy from torque, total", "torque", back.sum(), 7.0),
+        ("recovered energy from speed, total", "speed", back.sum(), 7.0),
+    ):
+        error = 100.0 * (sums[of] / sums.measured - 1.0) if sums.measured else float("nan")
+        figures.append(Figure(quantity, part, error, "%", -bar, bar))
+    figures += _braking_power(sound, drivetrain, vehicle, [by["speed"] for by in powers])
+    return Outcome(
+        title="BMW i3: battery energy of a trip",
+        text=render_page(
+            "iptm_validation", "i3_energy.md.j2", drivetrain=drivetrain, vehicle=vehicle
+        ),
+        figures=tuple(figures),
+        comparisons=tuple(
+            Comparison(
+                f"i3_energy_from_{of}",
+                f"Battery energy from {inputs}",
+                "time in min",
+                "energy in kWh",
+                "error in %",
+                tuple(
+                    Curve(
+                        trip.name,
+                        error,
+                        trip.time_s / 60.0,
+                        *(np.cumsum(by[each] * s) / J_PER_KWH for each in ("measured", of)),
+                    )
+                    for trip, error, (by, s) in zip(sound, errors[of], driven, strict=True)
+                ),
+            )
+            for of, inputs in (
+                ("torque", "the measured motor torque"),
+                ("speed", "speed and elevation"),
+            )
+        ),
+        notes=tuple(f"{name}: {why}" for name, why in objections.items() if why is not None),
+    )
+
+
+def _season_figures(trips: list[Trip], errors: pd.DataFrame) -> list[Figure]:
+    figures = []
+    for winter, season in SEASONS:
+        chosen = errors[[trip.is_winter == winter for trip in trips]]
+        if chosen.empty:
+            continue
+        part = f"{len(chosen)} {season} trips"
+        for quantity, value, bar in (
+            ("energy from torque, rms", rms(chosen.torque), ENERGY_BARS[season]),
+            (
+                "energy from speed, median magnitude",
+                float(chosen.speed.abs().median()),
+                SPEED_MEDIAN_BARS[season],
+            ),
+            ("energy from speed, rms", rms(chosen.speed), SPEED_RMS_BARS[season]),
+        ):
+            figures.append(Figure(quantity, part, value, "%", None, bar))
+        figures.append(
+            Figure("energy from speed, mean", part, float(chosen.speed.mean()), "%", -3.0, 3.0)
+        )
+    return figures
+
+
+def _braking_power(
+    trips: list[Trip], drivetrain: I3Drivetrain, vehicle: I3Vehicle, powers_w: list[FloatArray]
+) -> list[Figure]:
+    """Compare zeta of eq. (4), the best constant and the limits by the battery power in braking."""
+    parts = []
+    for trip, power_w in zip(trips, powers_w, strict=True):
+        road = Road.of(trip)
+        braking = (trip.motor_torque_nm < -5.0) & (trip.speed_m_s > 1.0)
+        rest = road.consumers_w + drivetrain.auxiliary_power_w
+        inertia = vehicle.mass_kg * road.acceleration_m_s2 * road.speed_m_s
+        columns = (trip.battery_power_w - rest, power_w - rest, np.minimum(inertia, 0.0))
+        parts.append(np.array(columns)[:, braking])
+    battery, bound, kinetic = np.concatenate(parts, axis=1)
+    constant = float(battery @ kinetic / (kinetic @ kinetic))
+    return [
+        Figure(
+            f"battery power, {model}, rms", f"{len(trips)} trips, braking", rms(missed) / 1e3, "kW"
+        )
+        for model, missed in (
+            (f"zeta = {ZETA}", battery - ZETA * kinetic),
+            (f"best constant {constant:.2f}", battery - constant * kinetic),
+            ("limits of regeneration", battery - bound),
+        )
+    ]

@@ -7,8 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from iptm_core.markdown import render_page
-from iptm_validation.measurements import Drive, Driver
-from iptm_validation.models.lead_vehicle import (
+from iptm_validation.lead_vehicle import (
     LEADS_S,
     LEVELS,
     ONE_CURVE,
@@ -21,6 +20,7 @@ from iptm_validation.models.lead_vehicle import (
     left_out_coverage,
     observations,
 )
+from iptm_validation.measurements import Drive, Driver
 from iptm_validation.outcome import Comparison, Curve, Figure, Outcome
 
 NAMES = {
@@ -75,9 +75,8 @@ def compare_drivers(
     if not figures:
         return None
     return Outcome(
-        key="drivers",
         title="Lead vehicles: bounds of the predicted position",
-        text=render_page(__package__, "drivers.md.j2", levels=LEVELS.values()),
+        text=render_page("iptm_validation", "drivers.md.j2", levels=LEVELS.values()),
         figures=tuple(figures),
         comparisons=tuple(comparisons),
     )

@@ -14,8 +14,8 @@ import numpy as np
 from scipy.optimize import linprog
 
 from iptm_core.state import FloatArray
+from iptm_validation.circuit import hats
 from iptm_validation.measurements import Drive, Driver, held_out
-from iptm_validation.models.circuit import hats
 
 LEADS_S = (1.0, 2.0, 3.0, 5.0, 10.0)
 DECAY_S = 4.0

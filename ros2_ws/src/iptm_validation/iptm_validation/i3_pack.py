@@ -7,11 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import lsq_linear
 
+from iptm_core.markdown import render_page
+from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.physics.charge import ChargeTable, ambient_temperature_rate_k_s
 from iptm_core.state import FloatArray
+from iptm_validation.circuit import Circuit, Samples, Structure, fit_circuit, hats
+from iptm_validation.i3_drivetrain import durations_s
+from iptm_validation.i3_vehicle import SEASONS
 from iptm_validation.measurements import Trip, held_out
-from iptm_validation.models.circuit import Circuit, Samples, Structure, fit_circuit, hats
-from iptm_validation.models.i3_drivetrain import durations_s
+from iptm_validation.outcome import Comparison, Curve, Figure, Outcome, rms
 
 STRUCTURE = Structure(
     ocv_charges=(0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9),
@@ -68,7 +72,6 @@ def pack_samples(trip: Trip, capacity_ah: float) -> Samples:
     charge = np.clip(known[0] - _drawn_ah(trip) / capacity_ah, 0.0, 1.0)
     lasting = durations_s(trip)
     return Samples(
-        name=trip.name,
         steps_s=np.concatenate([[0.0], lasting[:-1]]),
         current_a=trip.current_a,
         mean_current_a=np.concatenate([[trip.current_a[0]], trip.current_a[:-1]]),
@@ -148,4 +151,84 @@ def fit_pack_on(trips: list[Trip]) -> I3Pack:
         entropic_v_k=ChargeTable(
             ENTROPIC_CHARGES, tuple(float(value / inverse) for value in coefficients)
         ),
+    )
+
+
+LEAST_CHARGE = 0.2
+VOLTAGE_BARS = {"summer": 0.4, "winter": 1.0}
+
+
+def compare_pack(trips: tuple[Trip, ...], pack: I3Pack) -> Outcome | None:
+    """Compare voltage and temperature on trips that were not fitted, None without one."""
+    others = [t for t in trips if t.name not in pack.fitted_on and t.name not in UNUSABLE]
+    others = [trip for trip in others if np.isfinite(trip.charge).mean() > 0.5]
+    if not others:
+        return None
+    voltage_curves, figures, notes = [], [], []
+    voltage_errors: dict[str, float] = {}
+    for trip in others:
+        samples = pack_samples(trip, pack.capacity_ah)
+        modelled = pack.circuit.voltage_v(samples)
+        counted = samples.charge > LEAST_CHARGE
+        missed = 100.0 * (modelled / samples.voltage_v - 1.0)
+        if counted.any():
+            voltage_errors[trip.name] = rms(missed[counted])
+            minutes = trip.time_s / 60.0
+            voltage_curves.append(
+                Curve(trip.name, voltage_errors[trip.name], minutes, samples.voltage_v, modelled)
+            )
+    for winter, season in SEASONS:
+        chosen = [
+            voltage_errors[trip.name]
+            for trip in others
+            if trip.is_winter == winter and trip.name in voltage_errors
+        ]
+        part = f"{len(chosen)} {season} trips, above 20 % state of charge"
+        if chosen:
+            figures.append(
+                Figure("pack voltage, rms", part, rms(chosen), "%", None, VOLTAGE_BARS[season])
+            )
+    changes, temperature_curves = [], []
+    for trip in others:
+        if is_cooled(trip):
+            notes.append(f"{trip.name}: warm pack, cooled by refrigerant; temperature not compared")
+            continue
+        modelled = simulated_temperature_k(trip, pack)
+        measured = trip.battery_temperature_k
+        change = float((modelled[-1] - modelled[0]) - (measured[-1] - measured[0]))
+        changes.append(change)
+        curve = Curve(
+            trip.name,
+            change,
+            trip.time_s / 60.0,
+            measured - CELSIUS_ZERO_K,
+            modelled - CELSIUS_ZERO_K,
+        )
+        temperature_curves.append(curve)
+    part = f"{len(changes)} trips"
+    figures.append(Figure("pack temperature change, rms", part, rms(changes), "K", None, 0.7))
+    cold, warm = (pack.circuit.ohmic.ohm(CELSIUS_ZERO_K + celsius, 0.6) for celsius in (0.0, 25.0))
+    return Outcome(
+        title="BMW i3: voltage and temperature of the pack",
+        text=render_page("iptm_validation", "i3_pack.md.j2", pack=pack, cold=cold, warm=warm),
+        figures=tuple(figures),
+        comparisons=(
+            Comparison(
+                "i3_pack_voltage",
+                "Pack voltage",
+                "time in min",
+                "voltage in V",
+                "rms in %",
+                tuple(voltage_curves),
+            ),
+            Comparison(
+                "i3_pack_temperature",
+                "Pack temperature (recorded in steps of 1 K)",
+                "time in min",
+                "temperature in degC",
+                "change missed in K",
+                tuple(temperature_curves),
+            ),
+        ),
+        notes=tuple(notes),
     )

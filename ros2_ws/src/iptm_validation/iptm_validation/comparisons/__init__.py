@@ -1,1 +1,0 @@
-"""Figures, curves and texts of each comparison with measurements."""

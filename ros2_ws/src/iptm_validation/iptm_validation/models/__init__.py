@@ -1,1 +1,0 @@
-"""Fits of the models and their errors, one data set and quantity per file."""
