@@ -12,7 +12,6 @@ from tests.iptm_controller.scenes import PARAMETERS
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import compilation
 from iptm_controller.ocp.compilation import (
-    CACHE_VARIABLE,
     COMPILER_FLAGS,
     compile_functions,
     compiler_flags,
@@ -28,12 +27,7 @@ ALL_KINDS = "3x1+5x5+10x30t"
 AWKWARD = np.array([0.0, np.inf, -np.inf, np.nan, 1.0, 5e-324])
 """No zeros of both signs: C leaves open which of them is the larger or the smaller one."""
 
-pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
-
-
-@pytest.fixture(autouse=True)
-def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
+pytestmark = pytest.mark.usefixtures("compiler", "cache")
 
 
 def plain_source(functions: list[ca.Function]) -> str:

@@ -95,11 +95,7 @@ class ActuationObserver:
         return "; ".join(parts)
 
     def issue(self, time_s: float, command: Command) -> None:
-        """Note the command of a tick.
-
-        Args:
-            time_s: trip time of the measurements that it answers.
-        """
+        """Note the command that answers the measurements of a trip time."""
         tick = round(time_s / self._tick_s)
         kept = [
             entry for entry in self.memory.issued if tick - len(self._delays) <= entry.tick < tick
@@ -108,11 +104,7 @@ class ActuationObserver:
         self.memory = replace(self.memory, issued=(*kept, issued))
 
     def observe(self, state: VehicleState) -> None:
-        """Compare what was actuated until now with the commands of earlier ticks.
-
-        Args:
-            state: measured state; its acceleration is the one actuated over the tick that ended now.
-        """
+        """Compare the acceleration of the tick that ended now with the commands of earlier ticks."""
         tick = round(state.time_s / self._tick_s)
         memory = self.memory
         if memory.issued and tick <= memory.issued[-1].tick:

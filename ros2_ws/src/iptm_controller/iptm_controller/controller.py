@@ -62,13 +62,10 @@ class Controller:
         options: ControllerOptions,
         backend: SolverBackend | None = None,
     ) -> None:
-        """Build the optimal control problem and its solver.
+        """Build the optimal control problem and its solver; a `SolverSetupError` if that is impossible.
 
         Args:
             backend: a ready solver, to share one between controllers of equal horizon.
-
-        Raises:
-            SolverSetupError: the problem cannot be built or compiled.
         """
         horizon = options.horizon
         self._vehicle = parameters

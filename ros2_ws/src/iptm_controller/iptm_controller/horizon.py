@@ -64,11 +64,7 @@ class Horizon:
 
     @classmethod
     def parse(cls, text: str) -> Horizon:
-        """Read a horizon such as ``3x1+5x5`` (steps x seconds, joined by ``+``, thermal ones with a ``t``).
-
-        Raises:
-            ParameterError: the text is not of this form or a value is out of range.
-        """
+        """Read a horizon such as ``3x1+5x5``: steps x seconds, joined by ``+``, thermal ones with a ``t``."""
         phases = []
         for part in text.split("+"):
             match = _PHASE.match(part)

@@ -99,7 +99,7 @@ def situation(
     """Return severity and one short sentence without numbers, for the diagnostics.
 
     Args:
-        decision: the last one, None before the first.
+        decision: None before the first.
         road: see `road_warning`.
         watch: what has gone on for too long, added to the situation of the decision.
         begun_anew: whether another trip has just taken the place of the one so far.

@@ -24,11 +24,7 @@ from iptm_core.state import Command, LeaderState, VehicleState
 
 @dataclass(frozen=True)
 class ProductionSettings(Settings):
-    """Time headway and gains of the cruise control, switching points and power of the thermostat.
-
-    Raises:
-        ParameterError: a value is out of range, or the thermostat switches off above where it switches on.
-    """
+    """Time headway and gains of the cruise control, switching points and power of the thermostat."""
 
     acc_time_headway_s: float = parameter(
         1.6, "time headway of the cruise control, beyond the gap at standstill", "s", 0.8, 5.0

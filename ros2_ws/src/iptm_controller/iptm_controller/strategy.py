@@ -171,11 +171,7 @@ STRATEGIES: dict[str, Strategy] = {
 
 
 def strategy_by_name(name: str) -> Strategy:
-    """Return a shipped strategy.
-
-    Raises:
-        ParameterError: the strategy is unknown.
-    """
+    """Return a shipped strategy."""
     try:
         return STRATEGIES[name]
     except KeyError:

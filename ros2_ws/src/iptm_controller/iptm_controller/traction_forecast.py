@@ -69,8 +69,7 @@ class TractionForecaster:
         """Return the parameters of the samples of all thermal steps.
 
         Args:
-            state: measured state, remembered before.
-            known_s: how far ahead that is a prediction and not a guess.
+            known_s: how far ahead the leader's motion is a prediction and not a guess.
 
         Returns:
             Shape (samples, 7), places of ``ThermalSampleIndex`` filled.

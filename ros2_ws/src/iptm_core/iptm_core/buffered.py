@@ -29,7 +29,6 @@ class BufferedFunction:
         """Allocate what is not given.
 
         Args:
-            function: the function.
             memory: arrays to use for arguments and results of these names, so that the results of one
                 function can be the arguments of another without a copy.
         """
@@ -49,11 +48,7 @@ class BufferedFunction:
             self._buffer.set_res(index, self.results[name].data)
 
     def __call__(self) -> None:
-        """Evaluate.
-
-        Raises:
-            RuntimeError: CasADi broke off.
-        """
+        """Evaluate; a `RuntimeError` means that CasADi broke off."""
         self._run()
 
     def stats(self) -> dict[str, Any]:
@@ -65,14 +60,7 @@ class BufferedFunction:
 def named_function(
     name: str, arguments: Mapping[str, Any], results: Mapping[str, Any], *, cse: bool = False
 ) -> ca.Function:
-    """Return a function whose arguments and results go by the names given.
-
-    Args:
-        name: name of the function.
-        arguments: symbols.
-        results: expressions.
-        cse: compute common subexpressions once.
-    """
+    """Return a function of symbols, by names given; with ``cse`` common subexpressions are computed once."""
     return ca.Function(
         name,
         list(arguments.values()),

@@ -69,8 +69,6 @@ def render_page(package: str | Path, template: str, **values: Any) -> str:
 
     Args:
         package: package or folder that contains the template.
-        template: its file name.
-        values: what the template may use.
     """
     loader: jinja2.BaseLoader
     if isinstance(package, Path):

@@ -16,13 +16,9 @@ _GIT_TIMEOUT_S = 10.0
 
 @lru_cache(maxsize=4)
 def git_revision(folder: Path | None = None) -> str:
-    """Return the commit of the work tree that holds a folder, as it was at the first call.
+    """Return the commit of the work tree that holds a folder (None: this package), as at the first call.
 
-    Args:
-        folder: any folder of the work tree; this package's own by default.
-
-    Returns:
-        The full hash, with ``-dirty`` appended if a tracked file was changed; ``unknown`` outside git.
+    It is the full hash, with ``-dirty`` appended if a tracked file was changed; ``unknown`` outside git.
     """
     git = shutil.which("git")
     if git is None:

@@ -98,14 +98,11 @@ def to_plain(value: Any) -> Any:
 
 
 def from_plain(kind: type[T], data: Any) -> T:
-    """Return a dataclass from what `to_plain` made of it.
+    """Return a dataclass from what `to_plain` made of it; a `StateError` refuses other fields or types.
 
     Args:
         kind: the class, or one whose subclasses are identified by their fields; its fields are dataclasses,
             numbers, texts, enums, arrays or tuples of one type.
-
-    Raises:
-        StateError: a field is missing, unknown, of another type, or refused by its class.
     """
     found: T = _convert(kind, data, "state")
     return found

@@ -33,13 +33,9 @@ def shown(value: object) -> str:
 
 
 def suggestion(name: object, known: Iterable[str]) -> str:
-    """Return what an unknown name may have meant, and what is allowed.
+    """Return what an unknown name may have meant: ``did you mean 'cycle'? allowed: cycle, slope``.
 
-    Args:
-        known: permitted names; of many only the nearest or the first ones are named.
-
-    Returns:
-        Text such as ``did you mean 'cycle'? allowed: cycle, slope``.
+    Of many known names only the nearest or the first ones are named.
     """
     names = list(known)
     near = nearest(name, names)

@@ -106,11 +106,7 @@ def compiler_flags() -> tuple[str, ...]:
 def as_machine_code(
     functions: Sequence[ca.Function], solver: str, *, is_wanted: bool
 ) -> tuple[list[ca.Function], bool]:
-    """Return functions, and whether they are machine code: where that is wanted and a compiler is found.
-
-    Raises:
-        SolverSetupError: see `compile_functions`.
-    """
+    """Return functions, and whether they are machine code: where that is wanted and a compiler is found."""
     compiler = find_compiler() if is_wanted else None
     if compiler is None:
         return list(functions), False

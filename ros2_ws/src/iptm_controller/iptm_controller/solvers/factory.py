@@ -20,11 +20,7 @@ SOLVER_NAMES = (RICCATI, IPOPT)
 def build_solver(
     horizon: Horizon, parameters: ModelParameters, options: SolverOptions
 ) -> SolverBackend:
-    """Return a solver for a horizon that also looks for better switching, see ``SwitchingCheck``.
-
-    Raises:
-        SolverSetupError: unknown name, or the set-up fails.
-    """
+    """Return a solver for a horizon that also looks for better switching, see ``SwitchingCheck``."""
     return SwitchingCheck(
         build_plain_solver(horizon, parameters, options),
         _problem(horizon, parameters, options),
@@ -35,11 +31,7 @@ def build_solver(
 def build_plain_solver(
     horizon: Horizon, parameters: ModelParameters, options: SolverOptions
 ) -> SolverBackend:
-    """Return the solver without the check: stateless between solves, so that it can be shared.
-
-    Raises:
-        SolverSetupError: unknown name, or the set-up fails.
-    """
+    """Return the solver without the check: stateless between solves, so that it can be shared."""
     problem = _problem(horizon, parameters, options)
     if options.name == RICCATI:
         return RiccatiBackend(problem, options)

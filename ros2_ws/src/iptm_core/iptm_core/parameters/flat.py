@@ -133,13 +133,7 @@ def read_tag(written: StrictMapping) -> SourceTag:
 
 @dataclass(frozen=True)
 class Source:
-    """One value as it was written.
-
-    Attributes:
-        value: the number as written, in ``unit`` (for a table: as interpolated, in the unit written).
-        unit: the unit it was written in, which may differ from the unit of the model (degC, km/h).
-        note: remark of the file, may be empty.
-    """
+    """One value as it was written: in a unit that may differ from that of the model (degC, km/h)."""
 
     value: float
     unit: str
@@ -178,14 +172,10 @@ def allowed_numbers(spec: ParameterSpec) -> str:
 def checked_number(
     value: object, spec: ParameterSpec, origin: str, unit: str | None = None
 ) -> float:
-    """Check one number and convert it to the unit of the model.
+    """Check one number and convert it to the unit of the model; refusals are a `ParameterError`.
 
     Args:
         unit: unit it was written in; None means the unit of the model.
-
-    Raises:
-        ParameterError: for a bool, text or other non-number, a value that is not finite, a fraction
-            where a whole number is due, an unknown unit, or a value outside the range.
     """
     where, allowed = f"{origin}: {spec.name} is {shown(value)}", allowed_numbers(spec)
     if isinstance(value, bool) or not isinstance(value, Real):
@@ -220,14 +210,9 @@ def to_flat_dict(values: ModelParameters) -> dict[str, float]:
 def flat_to_parameters(
     mapping: Mapping[str, float], origin: str = "flat parameters"
 ) -> ModelParameters:
-    """Build parameters from dotted key -> number in the units of the model.
+    """Build checked parameters from dotted key -> number in the units of the model.
 
-    Args:
-        mapping: parameters of the model, and nothing else; those with a neutral value may be missing.
-
-    Raises:
-        ParameterError: for an unknown or missing key, a value that is not a number in its range, or
-            parameters that contradict each other.
+    Those with a neutral value may be missing; unknown ones are refused.
     """
     specs = field_specs()
     mapping = StrictMapping(mapping, origin, specs, kind="parameter", error=ParameterError).content

@@ -74,6 +74,8 @@ def load_parameters(
 ) -> ParameterSet:
     """Load parameters, apply overrides, and check everything.
 
+    Whatever is wrong ends in a `ParameterError` with the file, the dotted key, the value and what is allowed.
+
     Args:
         name_or_path: name of a shipped set (see ``available_parameter_sets``) or path of a YAML file.
             A file that names a ``base`` states only what differs from it.
@@ -81,11 +83,6 @@ def load_parameters(
             ``{"gap.max_gap_m": 80.0}``. A set with a chiller table is interpolated at the ambient
             temperature that results, so overriding that temperature moves the chiller too; a
             coefficient that is overridden itself keeps the override.
-
-    Raises:
-        ParameterError: for an unknown set, a missing or malformed file, an unknown or missing key, a
-            value of the wrong type, unit or range, or parameters that contradict each other. The
-            message names the file, the dotted key, the value and what is permitted.
     """
     path = _find(name_or_path)
     layers = _read_layers(path)
@@ -125,12 +122,9 @@ def load_parameters(
 
 
 def parse_overrides(text: str) -> dict[str, float]:
-    """Read ``key=value`` pairs separated by commas, such as ``body.mass_kg=1600, gap.max_gap_m=80``.
+    """Read different ``key=value`` pairs separated by commas: ``body.mass_kg=1600, gap.max_gap_m=80``.
 
     Whether the keys exist is checked by ``load_parameters``.
-
-    Raises:
-        ParameterError: an entry is not such a pair or a key appears twice.
     """
     overrides: dict[str, float] = {}
     for entry in filter(None, (part.strip() for part in text.split(","))):

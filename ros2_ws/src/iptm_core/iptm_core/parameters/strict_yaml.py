@@ -74,12 +74,8 @@ _StrictLoader.add_implicit_resolver(
 def parse_yaml(text: str, origin: str, error: type[IptmError] = ParameterError) -> Any:
     """Parse one YAML document.
 
-    Args:
-        error: class of the error to raise, so that scenarios and routes can use their own.
-
-    Raises:
-        IptmError: (of class ``error``) if the text is not YAML, repeats a key, nests too deeply, or is or
-            becomes too large.
+    An error of the given class is raised if the text is not YAML, repeats a key, nests too deeply, or is or
+    becomes too large.
     """
     if len(text) > MAX_BYTES:
         raise error(f"{origin}: {len(text)} characters; at most {MAX_BYTES} are read")

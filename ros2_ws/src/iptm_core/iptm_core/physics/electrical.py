@@ -27,9 +27,7 @@ def battery_power_w(
     ``max(P_tra / eta_b, eta_b zeta P_tra)``.
 
     Args:
-        traction: electric traction power P_tra in W.
-        compressor: compressor power P_cp in W.
-        auxiliary: auxiliary power P_aux in W.
+        traction: P_tra in W, like the compressor's P_cp and the auxiliary P_aux.
         power_smoothing_w: width of the smoothed kink in W of traction power; 0 is exact.
     """
     drive = 1.0 / pack.battery_efficiency

@@ -13,15 +13,10 @@ from iptm_core.physics.ops import Scalar, absolute, both, cos, exp, maximum, min
 def traction_force_n(
     speed_m_s: Scalar, acceleration_m_s2: Scalar, slope_rad: Scalar, body: BodyParameters
 ) -> Scalar:
-    """Force at the wheels that grade, rolling, air and inertia ask for (F_v, eq. 2).
+    """Force at the wheels that grade, rolling, air and inertia ask for (F_v, eq. 2), in N.
 
-    Args:
-        speed_m_s: speed v, not negative.
-        acceleration_m_s2: acceleration a, negative when braking.
-        slope_rad: road slope theta, positive uphill.
-
-    Returns:
-        Force in N, positive when the vehicle has to be driven, negative when it has to be braked.
+    It is positive when the vehicle has to be driven, negative when it has to be braked. Speeds are not
+    negative, slopes positive uphill.
     """
     weight_n = body.mass_kg * body.gravity_m_s2
     grade = weight_n * sin(slope_rad)

@@ -22,16 +22,10 @@ _ANOTHER_TRIP_NS = 10 * NS_PER_S
 
 
 def read_bag(path: Path, name: str) -> CsvTable:
-    """Read the drive of a vehicle.
+    """Return ``time_s``, ``speed_m_s`` and, if recorded, ``slope_rad`` of a vehicle's drive.
 
     Args:
         name: namespace of the vehicle, or a topic of its odometry; "" for the only one.
-
-    Returns:
-        Columns ``time_s``, ``speed_m_s`` and, if recorded, ``slope_rad``.
-
-    Raises:
-        RouteError: no such bag, no such odometry, several where none is named, or values that are not finite.
     """
     if not (path.is_file() or (path / "metadata.yaml").is_file()):
         raise RouteError(

@@ -36,9 +36,6 @@ def can_log_csv(path: Path, dbc: Path | None, signals: Mapping[str, str]) -> str
         dbc: how its frames are decoded; None for an MF4 file that holds signals.
         signals: name of the signal of each column, one of `CAN_COLUMNS`; `MESSAGE.SIGNAL` where several
             messages have one of that name.
-
-    Raises:
-        RouteError: a library is missing, a file cannot be read, or it lacks a signal.
     """
     if path.suffix.lower() not in CAN_SUFFIXES:
         raise RouteError(f"{path}: allowed: a CAN log ({', '.join(CAN_SUFFIXES)})")

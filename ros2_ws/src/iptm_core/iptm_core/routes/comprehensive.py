@@ -155,12 +155,7 @@ class RouteSegment:
 def hilly_road(
     segments: Sequence[RouteSegment], shapes: int, composition: RouteComposition
 ) -> SlopeProfile:
-    """Lay hills along segments, none where the slope is flat.
-
-    Args:
-        segments: stretches in driving order, each of them hilly or each flat.
-        shapes: number of different shapes; they are used in turn.
-    """
+    """Lay hills along segments, none where the slope is flat; of ``shapes`` different ones, in turn."""
     return SlopeProfile.from_hills(
         [
             Hills(

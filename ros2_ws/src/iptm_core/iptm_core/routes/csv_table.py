@@ -54,19 +54,9 @@ class CsvTable:
 
 
 def read_csv_table(path: Path, known: Sequence[str]) -> CsvTable:
-    """Read a numeric CSV file with a header line.
+    """Read a numeric CSV file in UTF-8 with a header line and one row or more of finite numbers.
 
     A byte-order mark, either line ending, blank lines and lines that start with ``#`` are fine.
-
-    Args:
-        path: the file, UTF-8 (or plain ASCII).
-
-    Returns:
-        The table, with at least one row, all values finite.
-
-    Raises:
-        RouteError: missing, unreadable or huge file, wrong encoding, unknown, duplicate or no columns,
-            a row of the wrong length, or something that is not a finite number.
     """
     raw, source = read_file(path, MAX_BYTES, RouteError), str(path)
     try:

@@ -117,12 +117,10 @@ def smooth_cycle(
     Cosine ramps lead from standstill to the low speed and back (60 km/h: peak 0.29 m/s^2); between them
     speed swings as a cosine between the low and the high one, in whole periods of about four minutes.
 
-    Args:
-        duration_s: whole seconds, at least 360; below 0.3 m/s^2 throughout for all of them at 60 and
-            120 km/h.
+    It stands at its first and last sample, and stays below 0.3 m/s^2 for all durations at 60 and 120 km/h.
 
-    Returns:
-        The cycle, standing at its first and last sample.
+    Args:
+        duration_s: whole seconds, at least 360.
     """
     if int(duration_s) != duration_s or duration_s < _MIN_DURATION_S:
         raise RouteError(

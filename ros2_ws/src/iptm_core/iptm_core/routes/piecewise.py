@@ -20,17 +20,9 @@ def refuse_where(wrong: NDArray[np.bool_], message: Callable[[int], str]) -> Non
 def read_only_nodes(
     nodes: ArrayLike, values: ArrayLike, what: str
 ) -> tuple[FloatArray, FloatArray]:
-    """Copy nodes and values into read-only float arrays and check them.
+    """Copy nodes and values, shape (n,) each, into read-only arrays.
 
-    Args:
-        nodes: abscissae, shape (n,), strictly increasing, n >= 1.
-        values: ordinates, shape (n,).
-
-    Returns:
-        The two arrays, shape (n,) each.
-
-    Raises:
-        RouteError: wrong shape, a value that is not finite, or nodes that do not increase.
+    Other shapes, n = 0, values that are not finite and nodes that do not increase are refused.
     """
     x = np.array(nodes, dtype=np.float64)
     y = np.array(values, dtype=np.float64)
@@ -54,15 +46,7 @@ def read_only_nodes(
 
 
 def cumulative_integral(nodes: FloatArray, values: FloatArray) -> FloatArray:
-    """Integrate a piecewise linear function from its first node to every node.
-
-    Args:
-        nodes: abscissae, shape (n,), increasing.
-        values: ordinates at the nodes, shape (n,).
-
-    Returns:
-        Integrals, shape (n,), read-only; the first is 0.
-    """
+    """Integrate a piecewise linear function from its first node to every node, shape (n,), read-only."""
     result = np.zeros_like(nodes)
     np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(nodes), out=result[1:])
     result.setflags(write=False)
@@ -72,14 +56,7 @@ def cumulative_integral(nodes: FloatArray, values: FloatArray) -> FloatArray:
 def integral_at(
     x: FloatArray, nodes: FloatArray, values: FloatArray, integrals: FloatArray
 ) -> FloatArray:
-    """Evaluate the integral between nodes, where it is an exact parabola.
-
-    Args:
-        x: points inside [nodes[0], nodes[-1]], any shape.
-
-    Returns:
-        Integral from the first node to ``x``, shape of ``x``.
-    """
+    """Return the integral from the first node to points between the nodes, shape of ``x``."""
     if nodes.size == 1:
         return np.zeros_like(x)
     left = nodes.searchsorted(x, side="right") - 1

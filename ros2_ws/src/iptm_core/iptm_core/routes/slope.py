@@ -155,12 +155,8 @@ class SlopeProfile:
     def from_elevations(cls, positions_m: ArrayLike, elevations_m: ArrayLike) -> SlopeProfile:
         """Differentiate a height profile.
 
-        The heights are first read off every 20 m (`ELEVATION_SPACING_M`); each slope node lies in
-        the middle between two of these points.
-
-        Args:
-            positions_m: distances along the road, shape (n,), increasing.
-            elevations_m: heights there, shape (n,), above any datum.
+        The heights, shape (n,) like their increasing positions, are first read off every 20 m
+        (`ELEVATION_SPACING_M`); each slope node lies in the middle between two of these points.
         """
         positions, heights = read_only_nodes(positions_m, elevations_m, "elevation profile")
         length = positions[-1] - positions[0]

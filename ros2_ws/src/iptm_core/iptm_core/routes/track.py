@@ -221,14 +221,10 @@ def read_out(track: Track) -> RecordedDrive:
 def road_through(
     source: str, latitudes_deg: FloatArray, longitudes_deg: FloatArray, heights_m: FloatArray | None
 ) -> tuple[RoadLine, SlopeProfile | None]:
-    """Return course and slope of a road through places, without times.
+    """Return course and slope of a road through places without times, arrays of shape (n,).
 
     Args:
-        latitudes_deg: latitudes, shape (n,).
-        heights_m: heights above any datum, shape (n,); None if a place has none.
-
-    Raises:
-        RouteError: places off the Earth, or a road of less than `LINE_SPACING_M`.
+        heights_m: heights above any datum; None if a place has none.
     """
     steps = steps_m(latitudes_deg, longitudes_deg)
     distances: FloatArray = np.concatenate([[0.0], np.cumsum(steps)])

@@ -79,9 +79,6 @@ def read_user_trip(path: Path) -> UserTrip:
 
     Args:
         path: the file, or the folder of a bag, and behind a ``#`` the vehicle.
-
-    Raises:
-        RouteError: names file, line, column, value and what is allowed.
     """
     if path.suffix.lower() == GPX_SUFFIX:
         return _recorded_trip(path, read_gpx(path))

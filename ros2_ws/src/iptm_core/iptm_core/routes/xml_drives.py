@@ -209,14 +209,10 @@ class _Vehicle(PlainXml):
 
 
 def read_fcd(path: Path, name: str) -> CsvTable:
-    """Read the drive of a vehicle.
+    """Return the drive of a vehicle ("" for the only one).
 
-    Args:
-        name: of the vehicle; "" for the only one.
-
-    Returns:
-        Columns ``time_s`` and ``speed_m_s``, and as far as available ``latitude_deg``,
-        ``longitude_deg`` and ``elevation_m``, or ``slope_rad``.
+    Columns are ``time_s`` and ``speed_m_s``, and as far as available ``latitude_deg``, ``longitude_deg`` and
+    ``elevation_m``, or ``slope_rad``.
     """
     vehicle = _Vehicle(name)
     read_xml(path, MAX_FCD_BYTES, "SUMO FCD", vehicle)
