@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from iptm_studies.safety.lead_vehicles import lead_cycles
 
 from benchmarks.harness import run_benchmark
 from benchmarks.v2x_prediction import EARLIER_DRIVES, PAGE, other_drive
@@ -36,6 +35,7 @@ from iptm_core.routes.road_line import RoadLine
 from iptm_core.settings import PreviewMode, PreviewSettings
 from iptm_plant_sim.plant import Plant
 from iptm_studies.closed_loop import run_closed_loop
+from iptm_studies.measured_cycles import lead_cycles
 from iptm_v2x_bridge.bridge import CycleSource, TickBridge, V2xBridge
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.prediction.extrapolation import History

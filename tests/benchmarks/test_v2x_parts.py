@@ -44,3 +44,10 @@ def test_a_received_path_keeps_the_smallest_gap_as_the_file_does() -> None:
     """US06's hardest braking, where each m/s of a speed between the points is worth 8 m of the gap."""
     row = v2x_price.drive("us06", v2x_price.PATH, 0.02, duration_s=200.0)
     assert row["smallest_margin_m"] > 0.0
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_late_messages_of_a_leader_that_brakes_suddenly_keep_the_smallest_gap(seed: int) -> None:
+    """B24 goes from speeding up to braking with 3 m/s2 within a second, unheard for 1 s to 1.7 s."""
+    row = v2x_price.drive("B24", v2x_price.DECAY, 2.8, 0.5, 1.0, duration_s=215.0, seed=seed)
+    assert row["smallest_margin_m"] > 0.0

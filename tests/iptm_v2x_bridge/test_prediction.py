@@ -18,6 +18,7 @@ from iptm_v2x_bridge.prediction.predictor import (
     ReceivedPath,
     monotone_spline,
 )
+from iptm_v2x_bridge.prediction.regression import Regression, RegressionModel
 from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules
 from iptm_v2x_bridge.sending.settings import path_times_s
 from iptm_v2x_bridge.stations.station import Observation
@@ -84,6 +85,22 @@ def test_untold_acceleration_is_read_off_the_last_second() -> None:
     observations = [seen(20.0 - 0.1 * k, None, 0.1 * k - 1.0) for k in range(11)]
     told = History().predict(Knowledge(observations), AHEAD)
     assert told.speeds_m_s[1] == pytest.approx(19.0 - 4.0 * (1.0 - np.exp(-0.25)))
+
+
+@pytest.mark.parametrize("predictor", [History(), Regression(RegressionModel.load())])
+def test_an_old_observation_allows_for_braking_since_then(
+    predictor: History | Regression,
+) -> None:
+    """Braking of 3 m/s2 for the unheard second, beyond what 99 % of the leaders do."""
+    times = np.arange(0.0, 4.0)
+    fresh = predictor.predict(Knowledge((seen(15.0, 1.0),)), times)
+    late = predictor.predict(Knowledge((seen(15.0, 1.0),), age_s=1.0), times)
+    assert late.positions_m == pytest.approx(fresh.positions_m)
+    assert late.bounds_m[:2] == pytest.approx(fresh.bounds_m[:2])
+    assert (late.bounds_m >= fresh.bounds_m).all()
+    expected_m_s = late.speeds_m_s
+    braked_m_s = 15.0 - 3.0 + (expected_m_s[2] - expected_m_s[1])
+    assert late.cautious().speeds_m_s[2] < braked_m_s + 0.05 < fresh.cautious().speeds_m_s[2]
 
 
 def test_a_received_path_is_what_the_leader_does() -> None:

@@ -45,7 +45,8 @@ class History:
             times_s,
             last.position_m + np.maximum.accumulate(moved),
             speeds,
-            GROWTH.at(elapsed) + last.bound_m,
+            np.maximum(GROWTH.at(elapsed), unheard_braking_m(known, elapsed, speeds))
+            + last.bound_m,
         )
 
 
@@ -63,6 +64,27 @@ def present_acceleration_m_s2(known: Knowledge) -> float:
 
 ASSUMED_BRAKING_M_S2 = 3.0
 """Harder than drivers brake without an emergency. A harder braking leader is known once it is heard again."""
+
+
+def unheard_braking_m(
+    known: Knowledge, elapsed_s: FloatArray, speeds_m_s: FloatArray
+) -> FloatArray:
+    """Return how far behind the expectation a leader may be that has braked since its last message.
+
+    The braking reserve of the controller assumes that the leader begins to brake at the first node ahead. One
+    that was last heard a second before the tick may have begun then, which is rarer than the 1 % that
+    the bounds leave out, and no less to be allowed for. Up to the tick nothing is added.
+
+    Args:
+        known: messages of the leader.
+        elapsed_s: times since the last one, shape (n,).
+        speeds_m_s: expected speeds there, shape (n,).
+    """
+    lowest_m_s = max(known.last.speed_m_s - ASSUMED_BRAKING_M_S2 * known.age_s, 0.0)
+    lost_m_s = max(float(np.interp(known.age_s, elapsed_s, speeds_m_s)) - lowest_m_s, 0.0)
+    ahead = elapsed_s > known.age_s + 1e-6
+    behind_m: FloatArray = np.where(ahead, 0.5 * lost_m_s * elapsed_s, 0.0)
+    return behind_m
 
 
 class AssumedBraking:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -39,12 +38,14 @@ class Knowledge:
             None without one.
         length_m: from its rear end to its front.
         stood_s: for how long it has stood, as far as received.
+        age_s: of the last observation, at the tick for which the motion is predicted.
     """
 
     observations: Sequence[Observation]
     path: tuple[FloatArray, FloatArray] | None = None
     length_m: float = ASSUMED_LENGTH_M
     stood_s: float = 0.0
+    age_s: float = 0.0
 
     @property
     def last(self) -> Observation:
@@ -123,19 +124,23 @@ MAX_ASIDE_M = 10.0
 """A predicted path that leaves the road by more than this ends there: the leader means to turn off."""
 
 
-def knowledge_of(station: Station, road: RoadLine, until_s: float = math.inf) -> Knowledge:
+def knowledge_of(station: Station, road: RoadLine, now_s: float | None = None) -> Knowledge:
     """Return the observations of a station, and its predicted path as far as it stays on the road.
 
     Args:
         station: the station.
         road: the road of the ego vehicle.
-        until_s: s of TimestampIts; what was observed later is left out where there is anything before.
+        now_s: s of TimestampIts; what was observed later is left out where there is anything before. None
+            for the time of the last observation.
     """
     length_m = station.message.front_to_rear_m
     stood_s = station.last.time_s - station.moved_s
     observations = tuple(station.observations)
-    by_then = tuple(each for each in observations if each.time_s <= until_s)
-    return Knowledge(by_then or observations[:1], _road_path(station, road), length_m, stood_s)
+    if now_s is not None:
+        by_then = tuple(each for each in observations if each.time_s <= now_s)
+        observations = by_then or observations[:1]
+    age_s = 0.0 if now_s is None else max(now_s - observations[-1].time_s, 0.0)
+    return Knowledge(observations, _road_path(station, road), length_m, stood_s, age_s)
 
 
 def _road_path(station: Station, road: RoadLine) -> tuple[FloatArray, FloatArray] | None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ import numpy as np
 
 from iptm_core.errors import RouteError
 from iptm_core.state import FloatArray, LeaderPreview
-from iptm_v2x_bridge.prediction.extrapolation import History
+from iptm_v2x_bridge.prediction.extrapolation import History, unheard_braking_m
 from iptm_v2x_bridge.prediction.predictor import Knowledge, PredictorName
 
 PAST_S = 10
@@ -209,13 +209,15 @@ class Regression:
         moved += speeds[-1] * beyond
         rate = (bounds[-1] - bounds[-2]) / (leads[-1] - leads[-2])
         learnt = np.interp(inside, leads, bounds) + rate * beyond
-        decaying = History().predict(known, times_s)
+        decaying = History().predict(replace(known, age_s=0.0), times_s)
         lowest_m = decaying.positions_m - NEAR_FACTOR * (decaying.bounds_m - last.bound_m)
         behind = last.position_m + moved - lowest_m
         near = np.maximum.accumulate(np.where(elapsed <= NEAR_S, behind, 0.0))
+        expected = np.interp(inside, leads, speeds)
+        bounds = np.maximum(np.maximum(learnt, near), unheard_braking_m(known, elapsed, expected))
         return LeaderPreview(
             times_s,
             last.position_m + moved,
-            np.interp(inside, leads, speeds),
-            np.minimum(np.maximum(learnt, near), moved) + last.bound_m,
+            expected,
+            np.minimum(bounds, moved) + last.bound_m,
         )
