@@ -36,8 +36,8 @@ from iptm_interfaces.discovery import reserve_domain
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
 from iptm_v2x_bridge.messages.cam import encode_cam
-from iptm_v2x_bridge.messages.its_time import delta_time_ms, its_timestamp_ms
 from iptm_v2x_bridge.messages.mapem import IntersectionMap, Lane, LaneMaps, encode_mapem
+from iptm_v2x_bridge.messages.packets import delta_time_ms, its_timestamp_ms
 from iptm_v2x_bridge.messages.spatem import IntersectionId
 from iptm_v2x_bridge.sending.sender import car_on_road
 

@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 from tests.integration.cam_ego import BRIDGE, SENDER, Ego, free_port
-from tests.iptm_v2x_bridge.radio import RecordedRadio
 
 from iptm_core.routes import build_route
 from iptm_core.state import LeaderPreview
@@ -16,6 +15,7 @@ from iptm_interfaces.diagnostics import status_values
 from iptm_interfaces.topics import TOPICS, Topic
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.node_datagrams import read_recording
+from iptm_v2x_bridge.radio_recording import SimulatedRadio
 
 TICKS = 4
 QUIET_TICKS = 2
@@ -101,7 +101,7 @@ def test_a_bag_with_the_datagrams_repeats_the_drive(
     # The pure parts, from the bag alone.
     recording = read_recording(bag, port, 0, "", pytest.fail)
     road = build_route("nycc", initial_gap_m=15.0).road_line
-    pure = RecordedRadio(
+    pure = SimulatedRadio(
         recording, CamBridge(road, start_timestamp_ms=recording.start_timestamp_ms)
     )
     for at_ns in sorted(previews):

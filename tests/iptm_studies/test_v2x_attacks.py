@@ -35,7 +35,7 @@ from benchmarks.v2x_attacks import (
 
 from iptm_core.routes import Route
 from iptm_v2x_bridge.sending.settings import Foresight, Impostor
-from iptm_v2x_bridge.stations.identity import STATION_TIMEOUT_MS
+from iptm_v2x_bridge.stations.table import STATION_TIMEOUT_MS
 
 ATTACK_S = END_S - BEGIN_S
 

@@ -8,10 +8,8 @@ from typing import Any
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.settings import PreviewSettings
 from iptm_core.state import LeaderPreview
-from iptm_v2x_bridge.bridge import BridgeAnswer, CycleSource, preview_times_s
-from iptm_v2x_bridge.cam_bridge import CamBridge
+from iptm_v2x_bridge.bridge import CycleSource, preview_times_s
 from iptm_v2x_bridge.messages.cam import CamMessage, encode_cam
-from iptm_v2x_bridge.radio_recording import RadioRecording
 from iptm_v2x_bridge.sending.sender import car_on_road
 
 ROAD = RoadLine.test_road()
@@ -37,25 +35,3 @@ def station(
 def datagram(*arguments: Any, **more: Any) -> bytes:
     """Return the bare datagram of `station`."""
     return encode_cam(station(*arguments, **more))
-
-
-class RecordedRadio:
-    """A recording and the bridge of received messages in one process."""
-
-    def __init__(self, recording: RadioRecording, bridge: CamBridge) -> None:
-        self.bridge = bridge
-        self._recording = recording
-        self._until_ns: int | None = None
-
-    def answer(
-        self, time_ns: int, ego_position_m: float, ego_speed_m_s: float = 0.0
-    ) -> BridgeAnswer:
-        after_ns = self._until_ns
-        if after_ns is not None and after_ns > time_ns:
-            after_ns = None  # a new trip
-        receptions, dropped = self._recording.received(after_ns, time_ns)
-        for reception in receptions:
-            self.bridge.receive(reception.datagram, reception.received_ns)
-        self.bridge.count_overflow(dropped)
-        self._until_ns = time_ns
-        return self.bridge.answer(time_ns, ego_position_m, ego_speed_m_s)

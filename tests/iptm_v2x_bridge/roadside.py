@@ -7,7 +7,6 @@ from typing import Any
 from tests.iptm_v2x_bridge.radio import ROAD
 
 from iptm_core.routes.road_line import step_m
-from iptm_v2x_bridge.messages.its_time import minute_of_year, second_of_hour
 from iptm_v2x_bridge.messages.ivim import SpeedSigns, SpeedZone
 from iptm_v2x_bridge.messages.mapem import SCALE_DEG, Connection, IntersectionMap, Lane, LaneMaps
 from iptm_v2x_bridge.messages.spatem import (
@@ -16,6 +15,8 @@ from iptm_v2x_bridge.messages.spatem import (
     Phase,
     SignalPhases,
     SignalState,
+    minute_of_year,
+    second_of_hour,
 )
 
 HERE = IntersectionId(49, 7)

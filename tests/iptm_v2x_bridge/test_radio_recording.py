@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.iptm_v2x_bridge.radio import ROAD, RecordedRadio
+from tests.iptm_v2x_bridge.radio import ROAD
 
 from iptm_core.errors import ParameterError
 from iptm_core.routes import Route
@@ -15,9 +15,10 @@ from iptm_v2x_bridge.bridge import BridgeAnswer
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.captures import read_capture
 from iptm_v2x_bridge.datagrams import EndOfTick
-from iptm_v2x_bridge.messages.its_time import its_timestamp_ms
+from iptm_v2x_bridge.messages.packets import its_timestamp_ms
 from iptm_v2x_bridge.radio_recording import (
     RadioRecording,
+    SimulatedRadio,
     recording_by_time,
     recording_with_marks,
 )
@@ -41,7 +42,7 @@ def ego_m(route: Route, tick: int) -> float:
     return float(route.leader.positions_at(float(tick))) - 10.0
 
 
-def drive(wireless: RecordedRadio, route: Route) -> tuple[list[tuple[object, ...]], object]:
+def drive(wireless: SimulatedRadio, route: Route) -> tuple[list[tuple[object, ...]], object]:
     found = [said(wireless.answer(tick * NS, ego_m(route, tick))) for tick in range(TICKS)]
     return found, wireless.bridge.report()
 
@@ -79,7 +80,7 @@ def test_a_recording_with_marks_is_the_drive_itself(
     recording = recording_with_marks(stream, "drive")
     assert recording is not None
     assert recording.start_timestamp_ms == START_MS
-    again = RecordedRadio(recording, CamBridge(ROAD, start_timestamp_ms=START_MS))
+    again = SimulatedRadio(recording, CamBridge(ROAD, start_timestamp_ms=START_MS))
     assert drive(again, route) == (live, bridge.report())
     assert bridge.report()["rejected_overflow"] == 10
     # A new trip begins with the first datagram again.
@@ -92,7 +93,7 @@ def test_a_capture_counts_by_the_time_of_reception(
     received = [(START_MS * 10**6 + at_ns, datagram) for at_ns, datagram in traffic]
     recording = recording_by_time(received, START_MS)
     answers, report = drive(
-        RecordedRadio(recording, CamBridge(ROAD, start_timestamp_ms=START_MS)), route
+        SimulatedRadio(recording, CamBridge(ROAD, start_timestamp_ms=START_MS)), route
     )
     assert all(answer[0] is not None for answer in answers)
     assert isinstance(report, dict)
@@ -212,6 +213,6 @@ def test_what_is_no_capture_ends_in_one_line(tmp_path: Path) -> None:
 
 
 def test_an_empty_recording_leads_no_one(route: Route) -> None:
-    radio = RecordedRadio(RadioRecording(0, ()), CamBridge(ROAD))
+    radio = SimulatedRadio(RadioRecording(0, ()), CamBridge(ROAD))
     assert radio.answer(0, ego_m(route, 0)).leader is None
     assert radio.bridge.table.rejections[Rejection.OVERFLOW] == 0

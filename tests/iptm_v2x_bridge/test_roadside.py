@@ -22,16 +22,17 @@ from tests.iptm_v2x_bridge.roadside import (
 )
 
 from iptm_core.road_ahead import SpeedLimits
-from iptm_v2x_bridge.messages.its_time import (
-    its_timestamp_ms,
+from iptm_v2x_bridge.messages.ivim import SpeedSigns, ZoneDirection
+from iptm_v2x_bridge.messages.mapem import Connection, Lane, LaneMaps
+from iptm_v2x_bridge.messages.packets import its_timestamp_ms
+from iptm_v2x_bridge.messages.spatem import (
+    SignalPhases,
+    SignalState,
     minute_of_year,
     resolve_minute_ms,
     resolve_second_s,
     second_of_hour,
 )
-from iptm_v2x_bridge.messages.ivim import SpeedSigns, ZoneDirection
-from iptm_v2x_bridge.messages.mapem import Connection, Lane, LaneMaps
-from iptm_v2x_bridge.messages.spatem import SignalPhases, SignalState
 from iptm_v2x_bridge.prediction.extrapolation import History
 from iptm_v2x_bridge.prediction.predictor import Knowledge, PredictorName
 from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules, Signal

@@ -6,14 +6,14 @@ from collections import Counter
 from dataclasses import replace
 
 import pytest
-from tests.iptm_v2x_bridge.radio import ROAD, RecordedRadio, datagram
+from tests.iptm_v2x_bridge.radio import ROAD, datagram
 from tests.iptm_v2x_bridge.roadside import GREEN, HERE, LINE_M, STATION, lanes, phases
 
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.messages.mapem import LaneMaps, encode_mapem
 from iptm_v2x_bridge.messages.packets import MessageKind, OpenedDatagram
 from iptm_v2x_bridge.messages.spatem import IntersectionId, encode_spatem
-from iptm_v2x_bridge.radio_recording import RadioRecording, Reception
+from iptm_v2x_bridge.radio_recording import RadioRecording, SimulatedRadio
 from iptm_v2x_bridge.roadside import table as table_module
 from iptm_v2x_bridge.roadside.rules import HeardRules
 from iptm_v2x_bridge.roadside.table import (
@@ -129,7 +129,7 @@ def _other_map(line_m: float, station_id: int = STATION) -> bytes:
 def test_cars_and_signals_are_heard_in_a_flood_and_a_recording_repeats_it() -> None:
     pytest.importorskip("pycrate_asn1dir", reason="requirements/roadside.txt is not installed")
     flood = [_other_map(600.0 + number, station_id=9) for number in range(200)]
-    received: list[Reception] = []
+    received: list[tuple[int, int, bytes]] = []
     sent_cars = 0
     for time_ms in range(0, 5000, 5):
         tick_ns = -(-time_ms // 1000) * 10**9
@@ -139,24 +139,24 @@ def test_cars_and_signals_are_heard_in_a_flood_and_a_recording_repeats_it() -> N
             sent_cars += 1
             here.append(encode_spatem(phases(time_ms, (GREEN, 30.0, 40.0))))
             here.append(encode_mapem(lanes()))
-        received += [Reception(tick_ns, time_ms * NS_PER_MS, each) for each in here]
+        received += [(tick_ns, time_ms * NS_PER_MS, each) for each in here]
 
     def bridge() -> CamBridge:
         return CamBridge(ROAD, roadside=HeardRules(RoadsideTable(ROAD)))
 
     live, said = bridge(), []
     for tick in range(6):
-        for each in received:
-            if each.tick_ns == tick * 10**9:
-                live.receive(each.datagram, each.received_ns)
-                live.decode_waiting(each.received_ns)
+        for tick_ns, received_ns, sent in received:
+            if tick_ns == tick * 10**9:
+                live.receive(sent, received_ns)
+                live.decode_waiting(received_ns)
         said.append(live.answer(tick * 10**9, 12.0 * tick))
     assert live.report()["messages_accepted"] == sent_cars
     assert live.report()["spatem_accepted"] == 50
     assert int(str(live.report()["mapem_accepted"])) >= 50
     assert int(str(live.report()["rejected_waited"])) > 2000
     assert live.leader_id == 4711
-    again = RecordedRadio(RadioRecording(0, tuple(received)), bridge())
+    again = SimulatedRadio(RadioRecording(0, received), bridge())
     for tick, answer in enumerate(said):
         repeated = again.answer(tick * 10**9, 12.0 * tick)
         assert repeated.leader == answer.leader

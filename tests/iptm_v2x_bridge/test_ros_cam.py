@@ -164,8 +164,8 @@ def test_a_car_heard_on_a_topic_leads_as_one_heard_by_radio(package: type) -> No
     for time_ms in range(0, 1001, 100):
         bits = encode_cam(station(4711, time_ms, 50.0 + 0.012 * time_ms, 12.0))
         hear(ros(bits))
-        for reception in source.take(None, time_ms * 10**6)[0]:
-            assert by_topic.receive(reception.datagram, reception.received_ns) is None
+        for received_ns, heard in source.take(None, time_ms * 10**6)[0]:
+            assert by_topic.receive(heard, received_ns) is None
         by_radio.receive(bits, time_ms * 10**6)
     assert by_topic.answer(10**9, 0.0).leader == by_radio.answer(10**9, 0.0).leader is not None
     broken = ros(encode_cam(cam()))

@@ -16,8 +16,7 @@ from iptm_v2x_bridge.messages.cam import CamMessage
 from iptm_v2x_bridge.rejections import Rejection
 from iptm_v2x_bridge.sending.sender import build_sender
 from iptm_v2x_bridge.sending.settings import Foresight, Framing, Impostor, SenderSettings
-from iptm_v2x_bridge.stations.identity import STATION_TIMEOUT_MS
-from iptm_v2x_bridge.stations.table import StationTable
+from iptm_v2x_bridge.stations.table import STATION_TIMEOUT_MS, StationTable
 
 NS = 10**9
 NOW_MS = 700_000_000_000

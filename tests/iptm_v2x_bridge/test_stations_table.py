@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from tests.iptm_v2x_bridge.radio import ROAD, station
 
 from iptm_core.routes.road_line import RoadLine
-from iptm_v2x_bridge.messages.its_time import its_timestamp_ms, resolve_delta_ms
+from iptm_v2x_bridge.messages.packets import its_timestamp_ms, resolve_delta_ms
 from iptm_v2x_bridge.rejections import Rejection
 from iptm_v2x_bridge.sending.sender import car_on_road
 from iptm_v2x_bridge.stations.table import MAX_CONFIRMED, MAX_NEWCOMERS, StationTable

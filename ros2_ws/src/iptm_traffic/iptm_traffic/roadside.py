@@ -22,7 +22,6 @@ from iptm_traffic.network import (
     Network,
 )
 from iptm_traffic.simulation import RADIO_RANGE_M
-from iptm_v2x_bridge.messages.its_time import minute_of_year, second_of_hour
 from iptm_v2x_bridge.messages.ivim import SpeedSigns, SpeedZone, encode_ivim
 from iptm_v2x_bridge.messages.mapem import (
     SCALE_DEG,
@@ -40,6 +39,8 @@ from iptm_v2x_bridge.messages.spatem import (
     SignalPhases,
     SignalState,
     encode_spatem,
+    minute_of_year,
+    second_of_hour,
 )
 from iptm_v2x_bridge.prediction.road_rules import Signal
 

@@ -15,8 +15,11 @@ from typing import Any
 
 from iptm_core.errors import ParameterError
 from iptm_core.user_input import read_bounded
-from iptm_v2x_bridge.messages.its_time import ITS_EPOCH_UNIX_S, LEAP_SECONDS_SINCE_2004
-from iptm_v2x_bridge.messages.packets import declared_bytes
+from iptm_v2x_bridge.messages.packets import (
+    ITS_EPOCH_UNIX_S,
+    LEAP_SECONDS_SINCE_2004,
+    declared_bytes,
+)
 
 CAPTURE_SUFFIXES = (".pcap", ".pcapng", ".cap")
 GEONETWORKING_ETHERTYPE = 0x8947

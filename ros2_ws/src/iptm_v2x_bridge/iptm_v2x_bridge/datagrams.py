@@ -1,4 +1,4 @@
-"""Datagrams to and from a UDP port, and at the end of every tick its mark.
+"""Datagrams to and from a UDP port tick by tick, and at the end of every tick its mark.
 
 A sender that follows `/clock` puts the mark behind the datagrams of each tick, through the same socket.
 Loopback keeps their order, so a bridge that waits for it receives the same messages before the same tick in
@@ -10,14 +10,20 @@ from __future__ import annotations
 import socket
 import struct
 import threading
+import time
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from iptm_core.errors import ParameterError
+from iptm_core.state import NS_PER_MS
+from iptm_v2x_bridge.messages.packets import its_timestamp_ms
 
 REPEAT_PERIOD_S = 0.2
 """Repeat period of the end-of-tick mark, for a receiver that starts late."""
 NOT_ALL_SENT = "some messages could not be sent"
+Received = tuple[int, bytes]
+"""When a datagram was received (integer nanoseconds of trip time), and its bytes."""
 _FORMAT = struct.Struct("!8sqQ")
 _NAME = b"iptmtick"
 
@@ -45,21 +51,6 @@ class EndOfTick:
             return None
         _, time_ns, sent = _FORMAT.unpack(datagram)
         return cls(time_ns, sent)
-
-
-@dataclass(frozen=True)
-class Reception:
-    """A datagram as it was received.
-
-    Attributes:
-        tick_ns: the first tick that it counts for, trip time.
-        received_ns: when it was received, trip time.
-        datagram: its bytes.
-    """
-
-    tick_ns: int
-    received_ns: int
-    datagram: bytes
 
 
 class DatagramSender:
@@ -108,6 +99,41 @@ class DatagramSender:
             self.failed += 1
 
 
+class DatagramSource:
+    """Provides, tick by tick, what was received; this one never has anything."""
+
+    def __init__(self, start_timestamp_ms: int) -> None:
+        self._given_start_ms = start_timestamp_ms
+
+    def begin_trip(self, time_ns: int) -> int:
+        """Begin a trip with its first tick; return the TimestampIts of trip time 0 in ms.
+
+        A negative one in the parameters stands for the clock of the computer.
+        """
+        if self._given_start_ms >= 0:
+            return self._given_start_ms
+        return its_timestamp_ms(time.time_ns()) - time_ns // NS_PER_MS
+
+    def take(self, after_ns: int | None, until_ns: int) -> tuple[Sequence[Received], int]:  # noqa: ARG002
+        """Return what was received after one tick (None: from the beginning) up to another.
+
+        Returns:
+            The datagrams, and how many more had to be dropped unread meanwhile.
+        """
+        return (), 0
+
+    def missing(self, time_ns: int) -> str:  # noqa: ARG002
+        """Return what is waited for before a tick can be answered, empty if nothing is."""
+        return ""
+
+    def report(self) -> dict[str, object]:
+        """Return numbers for the diagnostics."""
+        return {}
+
+    def close(self) -> None:
+        """Give back what is held."""
+
+
 MAX_KEPT = 20_000
 """Datagrams kept unread: ten seconds at two thousand a second."""
 LONGEST_READ = 2048
@@ -118,23 +144,25 @@ _SO_RXQ_OVFL = 40  # Linux: how many datagrams the kernel dropped comes along wi
 _COUNTER = struct.Struct("=I")
 
 
-class DatagramReader:
-    """Reads a UDP socket in a thread of its own, so that a busy reader loses nothing.
+class SocketSource(DatagramSource):
+    """Datagrams of a UDP socket, read in a thread of its own, so that a busy receiver loses nothing.
 
-    The thread only moves bytes; what they mean is left to the caller. When too many are kept, the oldest are
-    dropped and counted, those that the kernel dropped too.
+    The thread only moves bytes; what they mean is left to the receiver. When too many are kept, the oldest
+    are dropped and counted, those that the kernel dropped as well.
     """
 
-    def __init__(self, address: str, port: int) -> None:
+    def __init__(self, address: str, port: int, start_timestamp_ms: int = 0) -> None:
         """Open the socket.
 
         Args:
             address: own address to listen at.
             port: UDP port; 0 takes a free one.
+            start_timestamp_ms: TimestampIts of trip time 0, negative for the clock of the computer.
 
         Raises:
             ParameterError: the socket cannot be had.
         """
+        super().__init__(start_timestamp_ms)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER_BYTES)
@@ -149,8 +177,7 @@ class DatagramReader:
         self._socket.settimeout(_STOP_PERIOD_S)
         self._kept: deque[bytes] = deque()
         self._lock = threading.Lock()
-        self._dropped = 0
-        self._dropped_by_kernel = 0
+        self._dropped = self._dropped_by_kernel = self._dropped_before = 0
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._read, name="cam_datagrams", daemon=True)
         self._thread.start()
@@ -160,17 +187,22 @@ class DatagramReader:
         """The port that is listened at."""
         return int(self._socket.getsockname()[1])
 
-    @property
-    def dropped(self) -> int:
-        """Datagrams dropped unread so far."""
-        return self._dropped + self._dropped_by_kernel
+    def take(self, after_ns: int | None, until_ns: int) -> tuple[Sequence[Received], int]:  # noqa: ARG002
+        """Return what has arrived since the last call; see `DatagramSource`."""
+        taken = [(until_ns, datagram) for datagram in self._arrived(until_ns)]
+        dropped = self._dropped + self._dropped_by_kernel
+        since, self._dropped_before = dropped - self._dropped_before, dropped
+        return taken, since
 
-    def take(self) -> list[bytes]:
-        """Return what has arrived since the last call, in order."""
+    def _arrived(self, until_ns: int) -> list[bytes]:  # noqa: ARG002
         with self._lock:
             taken = list(self._kept)
             self._kept.clear()
         return taken
+
+    def report(self) -> dict[str, object]:
+        """Return numbers for the diagnostics."""
+        return {"port": self.port}
 
     def close(self) -> None:
         """Stop reading and give the port back."""
@@ -195,3 +227,61 @@ class DatagramReader:
                     self._kept.popleft()
                     self._dropped += 1
                 self._kept.append(datagram)
+
+
+class LockStepSource(SocketSource):
+    """Datagrams up to the mark of a tick count for it; those of a sender that is ahead wait for theirs."""
+
+    def __init__(self, address: str, port: int, start_timestamp_ms: int = 0) -> None:
+        """Open the socket; see `SocketSource`."""
+        super().__init__(address, port, start_timestamp_ms)
+        self._waiting: deque[bytes] = deque()
+        self._marks: deque[EndOfTick] = deque()
+        """Those in what waits, in the same order."""
+        self._ended_ns: int | None = None
+        self._heard = self._lost_on_the_way = 0
+
+    def _arrived(self, until_ns: int) -> list[bytes]:
+        self._listen()
+        taken: list[bytes] = []
+        while self._marks and self._marks[0].time_ns <= until_ns:
+            taken += self._pass_mark()
+        return taken
+
+    def _listen(self) -> None:
+        """Let what has arrived wait for the mark behind it; too much of it is left to the thread to drop."""
+        if len(self._waiting) >= MAX_KEPT:
+            return
+        for datagram in super()._arrived(0):
+            self._waiting.append(datagram)
+            mark = EndOfTick.decode(datagram)
+            if mark is None:
+                continue
+            while self._marks and mark.time_ns < self._marks[-1].time_ns:
+                self._pass_mark()  # the sender began a new trip
+            self._marks.append(mark)
+
+    def _pass_mark(self) -> list[bytes]:
+        """Return what came before the first mark that waits, and take note of it."""
+        mark, before = self._marks.popleft(), []
+        while EndOfTick.decode(datagram := self._waiting.popleft()) is None:
+            before.append(datagram)
+        if self._ended_ns is not None and mark.time_ns < self._ended_ns:
+            self._heard = mark.sent - len(before)  # the sender began a new trip
+        self._heard += len(before)
+        self._ended_ns = mark.time_ns
+        self._lost_on_the_way = mark.sent - self._heard
+        return before
+
+    def missing(self, time_ns: int) -> str:
+        """Return what is waited for before a tick can be answered, empty if nothing is."""
+        if self._ended_ns == time_ns:
+            return ""
+        before = self._ended_ns is not None and self._ended_ns < time_ns
+        if before and self._marks and self._marks[0].time_ns > time_ns:
+            return ""  # the sender skipped this tick, as it had no decision
+        return "waiting for the sender's end of the tick"
+
+    def report(self) -> dict[str, object]:
+        """Return numbers for the diagnostics."""
+        return super().report() | {"lost_between_sender_and_bridge": self._lost_on_the_way}

@@ -25,9 +25,9 @@ from iptm_interfaces.stamp_matcher import StampGate, Verdict
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import BRIDGE, ROAD_FRAME, TOPICS, Topic
 from iptm_v2x_bridge.bridge import BridgeAnswer, CycleSource
-from iptm_v2x_bridge.node_answers import CycleAnswers, TickAnswers, VehicleAnswers
-from iptm_v2x_bridge.node_cam_answers import CamAnswers
+from iptm_v2x_bridge.node_answers import CamAnswers, TickAnswers
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
+from iptm_v2x_bridge.node_vehicle_answers import CycleAnswers, VehicleAnswers
 from iptm_v2x_bridge.prediction.predictor import PredictorName
 
 CLOCK_TIMEOUT_S = 5.0

@@ -1,42 +1,33 @@
-"""The node's answers to the clock where the leader is a cycle, no vehicle, or a vehicle of the same graph."""
+"""The node's answers to the clock: what they have in common, and those from messages of other cars."""
 
 from __future__ import annotations
 
 import math
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
-from trajectory_msgs.msg import JointTrajectory
 
-from iptm_core.errors import ParameterError
 from iptm_core.routes import Route
-from iptm_core.settings import LeaderSource
-from iptm_core.state import LeaderPreview
-from iptm_interfaces.codecs import decode_plan, ns_from_time
-from iptm_interfaces.node_health import VehiclePresence
+from iptm_core.state import NS_PER_MS, LeaderPreview
+from iptm_interfaces.codecs import encode_raw_datagram, ns_from_time
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
-from iptm_v2x_bridge.bridge import (
-    BridgeAnswer,
-    CycleSource,
-    EmptyRoad,
-    PreviewSource,
-    TickBridge,
-    V2xBridge,
-    sampling_times_s,
-    single_sample,
-)
+from iptm_v2x_bridge.bridge import BridgeAnswer, TickBridge, single_sample
+from iptm_v2x_bridge.cam_bridge import CamBridge
+from iptm_v2x_bridge.datagrams import EndOfTick
+from iptm_v2x_bridge.messages.cam import specification
+from iptm_v2x_bridge.messages.packets import its_timestamp_ms
+from iptm_v2x_bridge.node_datagrams import open_source
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
-from iptm_v2x_bridge.prediction.predictor import PredictorName
 from iptm_v2x_bridge.prediction.road_rules import RoadRules
 from iptm_v2x_bridge.road_knowledge import given_rules, with_rules
-from iptm_v2x_bridge.vehicle_ahead import VehicleAhead
 
-_KEPT = 16
+KEPT = 16
 """States and plans kept: neighbours keep step within one tick, and a repeated tick is asked for again."""
 
 Trip = TypeVar("Trip")
@@ -92,11 +83,11 @@ class TickAnswers(ABC, Generic[Trip]):
         pass
 
     def _on_ego(self, message: Odometry) -> None:
-        stamp_ns, *state = _state(message)
+        stamp_ns, *state = state_of(message)
         if self._ego is None or not all(map(math.isfinite, state)):
             return  # the tick stays unanswered; the report states what is waited for
         self._ego[stamp_ns] = state[0], state[1]
-        while len(self._ego) > _KEPT:
+        while len(self._ego) > KEPT:
             del self._ego[next(iter(self._ego))]
         self._retry()
 
@@ -155,49 +146,39 @@ class TickAnswers(ABC, Generic[Trip]):
         """Give back what is held."""
 
 
-def _state(message: Odometry) -> tuple[int, float, float]:
+def state_of(message: Odometry) -> tuple[int, float, float]:
     """Return stamp, position (m) and speed (m/s)."""
     position_m, speed_m_s = message.pose.pose.position.x, message.twist.twist.linear.x
     return ns_from_time(message.header.stamp), float(position_m), float(speed_m_s)
 
 
-class CycleAnswers(TickAnswers[V2xBridge]):
-    """The leader drives a cycle, and a simulated link delays and loses its predictions; or there is none."""
-
-    def __init__(
-        self,
-        node: SuiteNode,
-        options: BridgeNodeParameters,
-        route: Route,
-        retry: Callable[[], None],
-    ) -> None:
-        super().__init__(node, options, route, retry, needs_ego=options.keeps_rules)
-        self._source: PreviewSource = CycleSource(route)
-        if options.leader_source is LeaderSource.NONE:
-            self._source = EmptyRoad()
-
-    def _start(self, time_ns: int) -> tuple[V2xBridge, TickBridge]:  # noqa: ARG002
-        bridge = V2xBridge(self._source, self._options, self._options.earlier_ticks_ns)
-        return bridge, self._with_rules(bridge)
-
-    def samples(self, answer: BridgeAnswer) -> LeaderPreview:
-        """Return the source at every sampling time of the range sensor; see `TickAnswers`."""
-        options = self._options
-        return self._source.sampled(
-            sampling_times_s(answer.time_ns, options.period_s, options.monitor_period_s)
-        )
-
-    def report(self) -> dict[str, object]:
-        """Return numbers for the diagnostics."""
-        return _sent(self._trip)
+READ_PERIOD_S = 0.005
 
 
-class VehicleAnswers(TickAnswers[V2xBridge]):
-    """The leader is the vehicle ahead: its odometry is its state, its plan the preview of its motion.
+@dataclass
+class _CamTrip:
+    """What belongs to one trip.
 
-    A tick is answered when both of that stamp are there, so it does not matter what arrives first. The
-    simulated link delays and loses plans as it does the predictions of a cycle. When the vehicle has gone
-    from the graph, ticks are answered as if it braked to a halt.
+    Attributes:
+        bridge: takes in the messages.
+        start_ms: TimestampIts of trip time 0.
+        last_ns: the last tick that was answered.
+        read_ns: time up to which datagrams have been read, None before.
+        received: datagrams so far.
+    """
+
+    bridge: CamBridge
+    start_ms: int
+    last_ns: int
+    read_ns: int | None = None
+    received: int = 0
+
+
+class CamAnswers(TickAnswers[_CamTrip]):
+    """Answers from received messages of the leader.
+
+    A tick is answered when the ego vehicle's position of the same stamp is known and, in lock-step, after the
+    sender's end of the tick.
     """
 
     def __init__(
@@ -207,65 +188,80 @@ class VehicleAnswers(TickAnswers[V2xBridge]):
         route: Route,
         retry: Callable[[], None],
     ) -> None:
-        """Listen to the vehicle ahead.
+        """Open the source of the datagrams and listen for the ego vehicle."""
+        # Refused now, if at all.
+        self._verifier = options.build_verifier()
+        super().__init__(node, options, route, retry, needs_ego=True, is_counted=False)
+        options.build_heard_rules(self._given, route.road_line)
+        options.build_predictors(route, self._given)
+        self._datagrams = open_source(options, node)
+        self._publisher = node.advertise(Topic.DATAGRAMS) if options.publish_datagrams else None
+        # Datagrams of the present are read at once; those of the trip's own time belong to its ticks.
+        self._by_wall_clock = options.trip_start_timestamp_ms < 0 and not (
+            options.recorded_packets or options.cam_lock_step
+        )
+        specification()  # compiled now, not at the first tick, which others wait for
+        node.every(READ_PERIOD_S, self._on_read_timer)
 
-        Raises:
-            ParameterError: the vehicle ahead is not named.
-        """
-        name = self._name = options.vehicle_ahead
-        if not name.strip("/"):
-            raise ParameterError(
-                f"vehicle_ahead is {name!r} with leader_source vehicle; allowed: the namespace of a vehicle"
-            )
-        super().__init__(node, options, route, retry, needs_ego=options.keeps_rules)
-        self._vehicle = VehicleAhead(options.leader_length_m, _KEPT)
-        self._assumed = 0
-        self._states = VehiclePresence(node, name, Topic.PLANT_ODOMETRY, retry)
-        self._plans = VehiclePresence(node, name, Topic.PLAN, retry)
-        node.listen(Topic.PLANT_ODOMETRY, self._on_odometry, vehicle=name)
-        node.listen(Topic.PLAN, self._on_plan, vehicle=name)
-
-    def _on_odometry(self, message: Odometry) -> None:
-        stamp_ns, *state = _state(message)
-        if all(
-            map(math.isfinite, state)
-        ):  # else the tick stays unanswered, which the report states
-            self._vehicle.note_state(stamp_ns, *state)
-            self._retry()
-
-    def _on_plan(self, message: JointTrajectory) -> None:
-        stamp_ns, plan = decode_plan(message)
-        self._vehicle.note_plan(stamp_ns, plan.times_s, plan.positions_m, plan.speeds_m_s)
+    def _on_read_timer(self) -> None:
+        if self._trip is not None and self._by_wall_clock:
+            trip, _ = self._trip
+            self._read(trip, trip.last_ns)
         self._retry()
 
-    def _start(self, time_ns: int) -> tuple[V2xBridge, TickBridge]:  # noqa: ARG002
-        bridge = V2xBridge(self._vehicle, self._options)
-        return bridge, self._with_rules(bridge)
+    def _start(self, time_ns: int) -> tuple[_CamTrip, TickBridge]:
+        """Start with the first tick, which maps trip time 0 to the time of the messages."""
+        start_ms = self._datagrams.begin_trip(time_ns)
+        options, route = self._options, self._route
+        heard = options.build_heard_rules(self._given, route.road_line)
+        bridge = CamBridge(
+            options.road_of_messages(route.road_line),
+            options,
+            predictors=options.build_predictors(route, heard.leader if heard else self._given),
+            datagram_offset_bytes=options.datagram_offset_bytes,
+            start_timestamp_ms=start_ms,
+            roadside=heard,
+            verifier=self._verifier,
+        )
+        ruled = self._with_rules(bridge, heard.ego if heard else None, start_ms)
+        return _CamTrip(bridge, start_ms, time_ns), ruled
 
-    def _awaited(self, trip: V2xBridge, time_ns: int) -> str:  # noqa: ARG002
-        vehicle = self._vehicle
-        if not (vehicle.has_state(time_ns) or (self._states.is_gone and vehicle.was_heard)):
-            return f"waiting for the odometry of {self._name}"
-        if not (vehicle.has_plan(time_ns) or self._plans.is_gone):
-            return f"waiting for the plan of {self._name}"
-        return ""
+    def _awaited(self, trip: _CamTrip, time_ns: int) -> str:
+        self._read(trip, time_ns)
+        return self._datagrams.missing(time_ns)
 
-    def _checked(self, trip: V2xBridge, answer: BridgeAnswer) -> BridgeAnswer:  # noqa: ARG002
-        time_ns, vehicle = answer.time_ns, self._vehicle
-        if vehicle.has_state(time_ns) and vehicle.has_plan(time_ns):
-            return answer
-        self._assumed += 1
-        return replace(answer, predictor=str(PredictorName.ASSUMED_BRAKING))
+    def _checked(self, trip: _CamTrip, answer: BridgeAnswer) -> BridgeAnswer:
+        trip.last_ns = answer.time_ns
+        self._publish(trip, EndOfTick(answer.time_ns, trip.received).encode(), answer.time_ns)
+        return answer
+
+    def _read(self, trip: _CamTrip, time_ns: int) -> None:
+        """Take in what has arrived by a tick; by the computer's clock, by now, however late the tick is."""
+        if self._by_wall_clock:
+            passed_ms = its_timestamp_ms(time.time_ns()) - trip.start_ms
+            time_ns = max(passed_ms * NS_PER_MS, time_ns)
+        received, dropped = self._datagrams.take(trip.read_ns, time_ns)
+        trip.read_ns = time_ns
+        for received_ns, datagram in received:
+            trip.bridge.receive(datagram, received_ns)
+            self._publish(trip, datagram, received_ns)
+        trip.bridge.decode_waiting(time_ns)
+        trip.bridge.count_overflow(dropped)
+        trip.received += len(received) + dropped
+
+    def _publish(self, trip: _CamTrip, datagram: bytes, received_ns: int) -> None:
+        if self._publisher is not None:
+            its_ns = trip.start_ms * NS_PER_MS + received_ns
+            self._publisher.publish(encode_raw_datagram(datagram, its_ns))
+
+    def is_heard(self) -> bool:
+        """Return whether the datagrams, if published, have a subscriber."""
+        return self._publisher is None or self._publisher.get_subscription_count() > 0
 
     def report(self) -> dict[str, object]:
         """Return numbers for the diagnostics."""
-        return {
-            "vehicle_ahead": self._name,
-            **_sent(self._trip),
-            "assumed_ticks": self._assumed,
-        }
+        return self._datagrams.report() | (self._trip[0].bridge.report() if self._trip else {})
 
-
-def _sent(trip: tuple[V2xBridge, TickBridge] | None) -> dict[str, object]:
-    sent, lost = (trip[0].sent, trip[0].lost) if trip else (0, 0)
-    return {"predictions_sent": sent, "dropouts": lost}
+    def close(self) -> None:
+        """Give the socket back."""
+        self._datagrams.close()

@@ -29,10 +29,10 @@ from iptm_v2x_bridge.datagrams import (
     DatagramSender,
 )
 from iptm_v2x_bridge.messages.cam import specification
-from iptm_v2x_bridge.messages.its_time import its_timestamp_ms
+from iptm_v2x_bridge.messages.packets import its_timestamp_ms
 from iptm_v2x_bridge.node_parameters import SenderNodeParameters, SentDrive
 from iptm_v2x_bridge.sending.plan_sender import EgoTick, PlanSender
-from iptm_v2x_bridge.sending.sender import CamSender, build_sender
+from iptm_v2x_bridge.sending.sender import LONG_BEFORE_NS, CamSender, build_sender
 
 WALL_PERIOD_S = 0.01
 
@@ -109,7 +109,7 @@ class SenderNode(SuiteNode):
             self._last_ns, self._sender = None, None  # a new trip
             self._datagrams.sent = 0
         sender = self._sender or self._start(time_ns)
-        after_ns = -(10**12) if self._last_ns is None else self._last_ns
+        after_ns = -LONG_BEFORE_NS if self._last_ns is None else self._last_ns
         for _, datagram in sender.arrivals(after_ns, time_ns):
             self._datagrams.send(datagram)
         self._last_ns = time_ns

@@ -9,46 +9,38 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from typing import Protocol
 
 from iptm_core.errors import ParameterError
 from iptm_core.state import NS_PER_MS
 from iptm_v2x_bridge.bridge import BridgeAnswer
 from iptm_v2x_bridge.cam_bridge import CamBridge
-from iptm_v2x_bridge.datagrams import EndOfTick, Reception
-from iptm_v2x_bridge.sending.sender import CamSender
+from iptm_v2x_bridge.datagrams import DatagramSource, EndOfTick, Received
 
 
-@dataclass(frozen=True)
-class RadioRecording:
-    """All that was received in one trip.
+class RadioRecording(DatagramSource):
+    """All that was received in one trip; it restarts with every trip.
 
     Attributes:
         start_timestamp_ms: TimestampIts at trip time 0.
-        receptions: by tick, in the order of reception.
+        receptions: the first tick that each datagram counts for, when it was received (both ns of trip time),
+            and its bytes, in the order of reception.
         dropped: by tick, how many more datagrams had to be dropped unread by then.
     """
 
-    start_timestamp_ms: int
-    receptions: tuple[Reception, ...]
-    dropped: tuple[tuple[int, int], ...] = ()
-    _ticks_ns: tuple[int, ...] = field(init=False, repr=False)
+    def __init__(
+        self,
+        start_timestamp_ms: int,
+        receptions: Sequence[tuple[int, int, bytes]],
+        dropped: Sequence[tuple[int, int]] = (),
+    ) -> None:
+        super().__init__(start_timestamp_ms)
+        self.start_timestamp_ms, self.receptions = start_timestamp_ms, receptions
+        self.dropped = dropped
+        self._ticks_ns = [tick_ns for tick_ns, _, _ in receptions]
 
-    def __post_init__(self) -> None:
-        ticks_ns = tuple(reception.tick_ns for reception in self.receptions)
-        object.__setattr__(self, "_ticks_ns", ticks_ns)
-
-    @property
-    def ends_ns(self) -> int:
-        """The last tick that a datagram counts for, 0 without any."""
-        return self.receptions[-1].tick_ns if self.receptions else 0
-
-    def received(self, after_ns: int | None, until_ns: int) -> tuple[Sequence[Reception], int]:
-        """Return what counts for the ticks after one (None for all before) and up to another.
-
-        Returns:
-            The datagrams, and how many more had been dropped unread.
-        """
+    def take(self, after_ns: int | None, until_ns: int) -> tuple[Sequence[Received], int]:
+        """Return what counts for the ticks after one up to another; see `DatagramSource`."""
         ticks_ns = self._ticks_ns
         first = 0 if after_ns is None else bisect_right(ticks_ns, after_ns)
         dropped = sum(
@@ -56,7 +48,15 @@ class RadioRecording:
             for tick_ns, count in self.dropped
             if tick_ns <= until_ns and (after_ns is None or tick_ns > after_ns)
         )
-        return self.receptions[first : bisect_right(ticks_ns, until_ns)], dropped
+        taken = self.receptions[first : bisect_right(ticks_ns, until_ns)]
+        return [(received_ns, datagram) for _, received_ns, datagram in taken], dropped
+
+    def report(self) -> dict[str, object]:
+        """Return numbers for the diagnostics: datagrams, and the last tick that one counts for."""
+        return {
+            "recorded_datagrams": len(self.receptions),
+            "recorded_until_s": max(self._ticks_ns, default=0) * 1e-9,
+        }
 
 
 def recording_with_marks(
@@ -75,7 +75,7 @@ def recording_with_marks(
     """
     start_ms = start_timestamp_ms
     waiting: list[tuple[int, bytes]] = []
-    receptions: list[Reception] = []
+    receptions: list[tuple[int, int, bytes]] = []
     dropped: list[tuple[int, int]] = []
     last_ns: int | None = None
     lost = 0
@@ -95,7 +95,7 @@ def recording_with_marks(
         for heard_ns, data in waiting:
             own_ns = heard_ns - start_ms * NS_PER_MS
             at_ns = own_ns if start_timestamp_ms is None else mark.time_ns
-            receptions.append(Reception(mark.time_ns, at_ns, data))
+            receptions.append((mark.time_ns, at_ns, data))
         waiting.clear()
         missing = mark.sent - len(receptions) - lost
         if missing > 0:
@@ -103,7 +103,7 @@ def recording_with_marks(
             lost += missing
     if start_ms is None or last_ns is None:
         return None
-    return RadioRecording(start_ms, tuple(receptions), tuple(dropped))
+    return RadioRecording(start_ms, receptions, dropped)
 
 
 def recording_by_time(
@@ -118,17 +118,22 @@ def recording_by_time(
     by_time = sorted(received, key=lambda entry: entry[0])
     start_ms = start_timestamp_ms if start_timestamp_ms > 0 else by_time[0][0] // NS_PER_MS
     trip = [(its_ns - start_ms * NS_PER_MS, datagram) for its_ns, datagram in by_time]
-    return RadioRecording(start_ms, tuple(Reception(at_ns, at_ns, data) for at_ns, data in trip))
+    return RadioRecording(start_ms, [(at_ns, at_ns, data) for at_ns, data in trip])
+
+
+class Radio(Protocol):
+    """What is received, without a socket: a recording, or a simulated sender."""
+
+    def take(self, after_ns: int | None, until_ns: int) -> tuple[Sequence[Received], int]:
+        """Return what was received in a time; see `DatagramSource`."""
+        ...
 
 
 class SimulatedRadio:
-    """Hands the bridge, before each tick, everything that arrives up to it.
+    """Hands the bridge, before each tick, everything that is received up to it."""
 
-    All of it is received at the time of the tick, as in lock-step over a socket: both give the same numbers.
-    """
-
-    def __init__(self, sender: CamSender, bridge: CamBridge) -> None:
-        self._sender, self.bridge = sender, bridge
+    def __init__(self, source: Radio, bridge: CamBridge) -> None:
+        self._source, self.bridge = source, bridge
         self._heard_until_ns: int | None = None
 
     def answer(
@@ -136,9 +141,11 @@ class SimulatedRadio:
     ) -> BridgeAnswer:
         """Return the answer to one tick; see `CamBridge.answer`."""
         after_ns = self._heard_until_ns
-        if after_ns is None or after_ns > time_ns:
-            after_ns = -(10**12)
-        for _, datagram in self._sender.arrivals(after_ns, time_ns):
-            self.bridge.receive(datagram, time_ns)
+        if after_ns is not None and after_ns > time_ns:
+            after_ns = None  # a new trip
+        received, dropped = self._source.take(after_ns, time_ns)
+        for received_ns, datagram in received:
+            self.bridge.receive(datagram, received_ns)
+        self.bridge.count_overflow(dropped)
         self._heard_until_ns = time_ns
         return self.bridge.answer(time_ns, ego_position_m, ego_speed_m_s)

@@ -1,17 +1,23 @@
 """Signal phases and timing (SPATEM of TS 103 301; SAE J2735 in the profile of ISO/TS 19091).
 
 What is read: for every signal group of an intersection its phases, the present one first, and when each ends.
-Speed advice, queue lengths, prioritisation and regional parts are not.
+Speed advice, queue lengths, prioritisation and regional parts are not. Times are minutes of the year and
+tenths of seconds of the hour, both in UTC (DE_MinuteOfTheYear, DE_DSecond, DE_TimeMark).
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from datetime import datetime, timezone
 from typing import Any
 
 from iptm_core.declaration import TextEnum
-from iptm_v2x_bridge.messages.packets import MessageKind
+from iptm_v2x_bridge.messages.packets import (
+    ITS_EPOCH_UNIX_S,
+    LEAP_SECONDS_SINCE_2004,
+    MessageKind,
+)
 from iptm_v2x_bridge.messages.pycrate_codec import decode_fields, encode_fields
 from iptm_v2x_bridge.rejections import Rejection
 
@@ -203,3 +209,50 @@ def _event(phase: Phase) -> dict[str, Any]:
     timing = {name: _mark(second) for name, second in times.items() if second is not None}
     earliest = _UNKNOWN if phase.min_end_s is None else _mark(phase.min_end_s)
     return {"eventState": phase.state.value, "timing": {"minEndTime": earliest, **timing}}
+
+
+HOUR_MS, MINUTE_MS = 3_600_000, 60_000
+LONGEST_PAST_MS = 300_000
+"""Start, before the present, of the search window for resolving a time-of-hour stamp."""
+
+
+def utc_ms(timestamp_ms: int) -> int:
+    """Return Unix time (UTC, ms) of an instant of TimestampIts."""
+    return timestamp_ms + (ITS_EPOCH_UNIX_S - LEAP_SECONDS_SINCE_2004) * 1000
+
+
+def _year_ms(year: int) -> int:
+    return round(datetime(year, 1, 1, tzinfo=timezone.utc).timestamp()) * 1000
+
+
+def minute_of_year(timestamp_ms: int) -> tuple[int, int]:
+    """Return the minute of the year (UTC) of an instant and the milliseconds into it."""
+    now_ms = utc_ms(timestamp_ms)
+    year = datetime.fromtimestamp(now_ms / 1000.0, tz=timezone.utc).year
+    return divmod(now_ms - _year_ms(year), MINUTE_MS)
+
+
+def resolve_minute_ms(minute: int, milliseconds: int, now_ms: int) -> int:
+    """Return the TimestampIts nearest to the present that lies in a minute of a year."""
+    now_utc_ms = utc_ms(now_ms)
+    year = datetime.fromtimestamp(now_utc_ms / 1000.0, tz=timezone.utc).year
+    inside_ms = minute * MINUTE_MS + milliseconds
+    found = [_year_ms(candidate) + inside_ms for candidate in (year - 1, year, year + 1)]
+    return now_ms + min((ms - now_utc_ms for ms in found), key=abs)
+
+
+def second_of_hour(timestamp_s: float) -> float:
+    """Return how far an instant (s of TimestampIts) lies in its hour of UTC, in s."""
+    return (timestamp_s + utc_ms(0) / 1000.0) % (HOUR_MS / 1000.0)
+
+
+def resolve_second_s(second: float, reference_s: float) -> float:
+    """Return the instant (s of TimestampIts) of a time-of-hour stamp (UTC).
+
+    Args:
+        second: into the hour, 0 to 3600.
+        reference_s: time of the message; the instant lies `LONGEST_PAST_MS` before it or later, by less than
+            an hour.
+    """
+    earliest_s = reference_s - LONGEST_PAST_MS / 1000.0
+    return earliest_s + (second - second_of_hour(earliest_s)) % (HOUR_MS / 1000.0)

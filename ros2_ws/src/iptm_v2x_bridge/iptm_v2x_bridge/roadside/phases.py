@@ -11,8 +11,12 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from iptm_v2x_bridge.messages.its_time import resolve_minute_ms, resolve_second_s
-from iptm_v2x_bridge.messages.spatem import IntersectionPhases, Phase
+from iptm_v2x_bridge.messages.spatem import (
+    IntersectionPhases,
+    Phase,
+    resolve_minute_ms,
+    resolve_second_s,
+)
 from iptm_v2x_bridge.prediction.road_rules import Span
 
 EARLY_OPENING_S = 1.0

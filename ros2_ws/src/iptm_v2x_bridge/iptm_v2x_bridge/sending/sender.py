@@ -22,8 +22,7 @@ from iptm_v2x_bridge.messages.cam import (
     PredictedPath,
     encode_cam,
 )
-from iptm_v2x_bridge.messages.its_time import delta_time_ms
-from iptm_v2x_bridge.messages.packets import SenderPosition, wrap
+from iptm_v2x_bridge.messages.packets import SenderPosition, delta_time_ms, wrap
 from iptm_v2x_bridge.sending.settings import (
     Foresight,
     Framing,
@@ -37,6 +36,8 @@ BEFORE_START_S = 3.0
 POSITION_BOUND_M = 0.02
 """Position bound of a sender with an exact position: the resolution of the wire."""
 
+LONG_BEFORE_NS = 10**12
+"""Negative, the trip time from which everything has been sent."""
 DRIFT_M_S = 1.0
 """Lateral speed of an impostor that drifts aside."""
 LONGEST_DRIVE_S = 1e6
@@ -177,6 +178,14 @@ class CamSender:
         sent = self._sent(max(oldest, self._first), until_ns)
         found = sorted(entry for entry in sent if after_ns < entry[0] <= until_ns)
         return [(arrival_ns, self.datagram_at(generated_ns)) for arrival_ns, generated_ns in found]
+
+    def take(self, after_ns: int | None, until_ns: int) -> tuple[list[tuple[int, bytes]], int]:
+        """Return what arrives in a time as received at the end of it, as in lock-step over a socket.
+
+        None for all before; see `DatagramSource.take`.
+        """
+        arrivals = self.arrivals(-LONG_BEFORE_NS if after_ns is None else after_ns, until_ns)
+        return [(until_ns, datagram) for _, datagram in arrivals], 0
 
     def departures(self, after_ns: int, until_ns: int) -> list[tuple[int, bytes]]:
         """Return what is generated in a span of trip time and not lost, with the instants of its arrival."""

@@ -10,8 +10,11 @@ import math
 
 from iptm_core.routes.road_line import step_m
 from iptm_v2x_bridge.messages.cam import SLOW_M_S, CamMessage
-from iptm_v2x_bridge.messages.its_time import DELTA_MODULUS_MS, resolve_delta_ms
-from iptm_v2x_bridge.messages.packets import TIMESTAMP_MODULUS_MS
+from iptm_v2x_bridge.messages.packets import (
+    DELTA_MODULUS_MS,
+    TIMESTAMP_MODULUS_MS,
+    resolve_delta_ms,
+)
 from iptm_v2x_bridge.rejections import Rejection
 
 MAX_AGE_MS = 3000
