@@ -9,13 +9,12 @@ from iptm_core.settings import ThermalModel
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_reproduction.claims import Claim, make_claim
 from iptm_studies.campaign import Campaign, plan_campaign, survey
-from iptm_studies.channel_record import CellError, ChannelRecord, HottestCell
+from iptm_studies.channel_record import ChannelRecord
 from iptm_studies.run import Run
 from iptm_studies.run_spec import RunKind
 from iptm_studies.store import ResultStore
 from iptm_studies.study import Case
 from iptm_studies.study_loading import available_studies
-from iptm_studies.whole_trip import TemperatureCostates, WholeTripRecord, WholeTripSolve
 
 TRIP_S = 200.0
 
@@ -65,11 +64,16 @@ def made_run(inputs: Case) -> Run:
         "cell_1_marginal_cost_1_k": np.full(times.size, 1.5),
         "cell_n_marginal_cost_1_k": np.full(times.size, 4.5),
     }
-    costates = TemperatureCostates((100.0, 200.0), (2.0, 0.0), (6.0, 0.0))
-    solves = (
-        WholeTripSolve("solved", 100, 20.0, 1.5, 1e-6, 30.0),
-        WholeTripSolve("solved", 20, 4.0, 1.4, 1e-7, None),
-    )
+    solve = {"status": "solved", "iterations": 100, "time_s": 20.0}
+    solve |= {"objective": 1.5, "infeasibility": 1e-6, "moved_m": 30.0}
+    whole_trip: Any = {
+        "settled": True,
+        "solves": [solve, {**solve, "moved_m": None}],
+        **dict.fromkeys(("gap_slack_m", "speed_slack_m_s", "temperature_slack_k"), 0.0),
+        "costate_times_s": [100.0, 200.0],
+        "cell_1_costates_1_k": [2.0, 0.0],
+        "cell_n_costates_1_k": [6.0, 0.0],
+    }
     full_channel = inputs.spec.thermal_model is ThermalModel.FULL_CHANNEL
     return Run(
         key=inputs.key,
@@ -77,7 +81,7 @@ def made_run(inputs: Case) -> Run:
         parameters=inputs.parameters,
         trajectory=made_trip(inputs, rng),
         decisions=None if whole else DecisionSeries.from_arrays(columns),
-        whole_trip=WholeTripRecord(True, solves, 0.0, 0.0, 0.0, costates) if whole else None,
+        whole_trip=whole_trip if whole else None,
         wall_time_s=2.5,
         compiled=True,
         finished_at_utc="2026-01-01T00:00:00+00:00",
@@ -90,23 +94,23 @@ def made_run(inputs: Case) -> Run:
 
 def made_channel(rng: np.random.Generator) -> ChannelRecord:
     """Ten cells of which the ninth is the hottest."""
-    rising = tuple(float(value) for value in np.sort(rng.random(10)))
-    profile = tuple(300.0 + value for value in rising)
+    rising = np.sort(rng.random(10)).tolist()
+    profile = [300.0 + value for value in rising]
     return ChannelRecord(
         mean_temperatures_k=profile,
         max_temperatures_k=profile,
-        capacity_losses=tuple(1e-6 * (1.0 + value) for value in rising),
-        hottest_shares=(0.0,) * 8 + (0.75, 0.25),
-        peak=HottestCell(9, 50.0, 312.5, 0.5),
-        largest_excess=HottestCell(9, 60.0, 310.0, 0.625),
+        capacity_losses=[1e-6 * (1.0 + value) for value in rising],
+        hottest_shares=[0.0] * 8 + [0.75, 0.25],
+        peak={"cell": 9, "time_s": 50.0, "temperature_k": 312.5, "excess_k": 0.5},
+        largest_excess={"cell": 9, "time_s": 60.0, "temperature_k": 310.0, "excess_k": 0.625},
         line_rms_k=rising,
         line_max_k=rising,
-        line=CellError(0.25, 1.5),
-        two_cell_1=CellError(0.125, 0.5),
-        two_cell_n=CellError(0.375, 0.875),
-        two_cell_losses=(1e-6, 2e-6),
-        profile_times_s=(10.0, 20.0),
-        profiles_k=(profile, profile),
+        line={"rms_k": 0.25, "max_k": 1.5},
+        two_cell_1={"rms_k": 0.125, "max_k": 0.5},
+        two_cell_n={"rms_k": 0.375, "max_k": 0.875},
+        two_cell_losses=[1e-6, 2e-6],
+        profile_times_s=[10.0, 20.0],
+        profiles_k=[profile, profile],
     )
 
 

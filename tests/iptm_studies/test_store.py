@@ -15,7 +15,7 @@ from iptm_core.errors import StoreError
 from iptm_studies.run import Run
 from iptm_studies.store import ResultStore, content_key, default_store_folder
 from iptm_studies.study import Case
-from iptm_studies.whole_trip import TemperatureCostates, WholeTripRecord, WholeTripSolve
+from iptm_studies.whole_trip import WholeTripRecord, WholeTripSolve
 
 MakeRun = Callable[..., Run]
 
@@ -50,9 +50,24 @@ def test_a_run_comes_back_bit_by_bit(store: ResultStore, run: Run) -> None:
 
 
 def test_a_whole_trip_has_no_log(store: ResultStore, run: Run) -> None:
-    solve = WholeTripSolve("numerical_error", 3, 1.5, None, 0.25, 12.0)
-    costates = TemperatureCostates((9.0, 19.0), (1.5, 0.0), (4.5, 0.0))
-    record = WholeTripRecord(False, (solve, solve), 0.0, 0.5, 0.0, costates)
+    solve = WholeTripSolve(
+        status="numerical_error",
+        iterations=3,
+        time_s=1.5,
+        objective=None,
+        infeasibility=0.25,
+        moved_m=12.0,
+    )
+    record = WholeTripRecord(
+        settled=False,
+        solves=[solve, solve],
+        gap_slack_m=0.0,
+        speed_slack_m_s=0.5,
+        temperature_slack_k=0.0,
+        costate_times_s=[9.0, 19.0],
+        cell_1_costates_1_k=[1.5, 0.0],
+        cell_n_costates_1_k=[4.5, 0.0],
+    )
     whole = replace(run, decisions=None, whole_trip=record)
     store.save(whole)
     found = store.load(run.key)

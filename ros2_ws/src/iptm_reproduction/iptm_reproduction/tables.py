@@ -153,17 +153,17 @@ def _graded_change(results: Results, run: str, base: str, figure: str) -> str:
     return marked(change_text(change), verdict)
 
 
-def _of_all_cells(value: Callable[[tuple[float, ...]], float]) -> Callable[..., str]:
+def _of_all_cells(value: Callable[[list[float]], float]) -> Callable[..., str]:
     """Write a degradation over all cells of a channel, a dash where there are but two."""
 
     def write(results: Results, run: str, base: str) -> str:
         record, other = results[run].channel, results[base].channel
         if record is None or other is None:
             return DASH
-        found = value(record.capacity_losses)
+        found = value(record["capacity_losses"])
         if run == base:
             return f"{1e5 * found:.4f}"
-        return change_text(relative_change(found, value(other.capacity_losses)))
+        return change_text(relative_change(found, value(other["capacity_losses"])))
 
     return write
 

@@ -5,9 +5,8 @@ All temperatures of a trip are millions of numbers; a stored run keeps the evalu
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
-from typing import Any
+from collections.abc import Sequence
+from typing import TypedDict
 
 import numpy as np
 
@@ -18,38 +17,13 @@ from iptm_plant_sim.plant_step import PlantStep
 PROFILES = 5
 """Instants at which all temperatures are kept, evenly over the trip, plus that of the largest error."""
 
-PerCell = tuple[float, ...]
 
+class ChannelRecord(TypedDict):
+    """Every cell of a channel over a trip, as plain values; lists have one entry per cell, from the inlet on.
 
-@dataclass(frozen=True)
-class CellError:
-    """Root mean square and largest magnitude of the error of a cell's temperature over a trip."""
-
-    rms_k: float
-    max_k: float
-
-    @classmethod
-    def of(cls, errors_k: FloatArray) -> CellError:
-        """Return the error of a whole series."""
-        return cls(float(np.sqrt(np.mean(errors_k**2))), float(np.max(np.abs(errors_k))))
-
-
-@dataclass(frozen=True)
-class HottestCell:
-    """The cell (from 1 at the inlet) that is the hottest one at an instant.
-
-    It is warmer than the warmer one of cells 1 and N_c by ``excess_k``.
-    """
-
-    cell: int
-    time_s: float
-    temperature_k: float
-    excess_k: float
-
-
-@dataclass(frozen=True)
-class ChannelRecord:
-    """Every cell of a channel over a trip; tuples have one entry per cell, from the inlet on.
+    A hottest cell is its number ``cell`` from 1 at the inlet, ``time_s``, ``temperature_k``, and ``excess_k``
+    over the warmer one of cells 1 and N_c. An error is its root mean square ``rms_k`` and largest magnitude
+    ``max_k`` over a trip.
 
     Attributes:
         hottest_shares: parts of the trip for which each cell is the hottest.
@@ -64,35 +38,20 @@ class ChannelRecord:
         profiles_k: all cell temperatures at some instants, ``profile_times_s``.
     """
 
-    mean_temperatures_k: PerCell
-    max_temperatures_k: PerCell
-    capacity_losses: PerCell
-    hottest_shares: PerCell
-    peak: HottestCell
-    largest_excess: HottestCell
-    line_rms_k: PerCell
-    line_max_k: PerCell
-    line: CellError
-    two_cell_1: CellError
-    two_cell_n: CellError
-    two_cell_losses: tuple[float, float]
-    profile_times_s: tuple[float, ...]
-    profiles_k: tuple[PerCell, ...]
-
-    @classmethod
-    def from_dict(cls, content: Mapping[str, Any]) -> ChannelRecord:
-        """Rebuild a record from plain values, the inverse of ``dataclasses.asdict`` through JSON."""
-        parts = {"HottestCell": HottestCell, "CellError": CellError}
-        arguments: dict[str, Any] = {}
-        for entry in fields(cls):
-            value = content[entry.name]
-            part = parts.get(str(entry.type))
-            arguments[entry.name] = _as_tuple(value) if part is None else part(**value)
-        return cls(**arguments)
-
-
-def _as_tuple(values: Sequence[Any]) -> tuple[Any, ...]:
-    return tuple(_as_tuple(value) if isinstance(value, list) else value for value in values)
+    mean_temperatures_k: list[float]
+    max_temperatures_k: list[float]
+    capacity_losses: list[float]
+    hottest_shares: list[float]
+    peak: dict[str, float]
+    largest_excess: dict[str, float]
+    line_rms_k: list[float]
+    line_max_k: list[float]
+    line: dict[str, float]
+    two_cell_1: dict[str, float]
+    two_cell_n: dict[str, float]
+    two_cell_losses: list[float]
+    profile_times_s: list[float]
+    profiles_k: list[list[float]]
 
 
 def channel_record(steps: Sequence[PlantStep], two_cells: Plant, tick_s: float) -> ChannelRecord:
@@ -114,11 +73,14 @@ def channel_record(steps: Sequence[PlantStep], two_cells: Plant, tick_s: float) 
     shares = np.bincount(hottest, minlength=along.size) / hottest.size
     excess = temperatures.max(axis=1) - temperatures[:, (0, -1)].max(axis=1)
 
-    def hottest_at(row: int) -> HottestCell:
+    def hottest_at(row: int) -> dict[str, float]:
         cell = int(hottest[row])
-        return HottestCell(
-            cell + 1, float(times[row]), float(temperatures[row, cell]), float(excess[row])
-        )
+        return {
+            "cell": cell + 1,
+            "time_s": float(times[row]),
+            "temperature_k": float(temperatures[row, cell]),
+            "excess_k": float(excess[row]),
+        }
 
     reduced = _driven(two_cells, steps, tick_s)
     error_1 = [state.cell_1_temperature_k for state in reduced] - temperatures[:, 0]
@@ -126,28 +88,31 @@ def channel_record(steps: Sequence[PlantStep], two_cells: Plant, tick_s: float) 
     evenly = np.linspace(0.0, times.size - 1.0, PROFILES + 1)[1:]
     rows = sorted({*evenly.astype(int).tolist(), int(np.abs(errors).max(axis=1).argmax())})
     return ChannelRecord(
-        mean_temperatures_k=_per_cell(temperatures.mean(axis=0)),
-        max_temperatures_k=_per_cell(temperatures.max(axis=0)),
-        capacity_losses=_per_cell(cells[-1].capacity_losses - cells[0].capacity_losses),
-        hottest_shares=_per_cell(shares),
+        mean_temperatures_k=temperatures.mean(axis=0).tolist(),
+        max_temperatures_k=temperatures.max(axis=0).tolist(),
+        capacity_losses=(cells[-1].capacity_losses - cells[0].capacity_losses).tolist(),
+        hottest_shares=shares.tolist(),
         peak=hottest_at(int(temperatures.max(axis=1).argmax())),
         largest_excess=hottest_at(int(excess.argmax())),
-        line_rms_k=_per_cell(np.sqrt(np.mean(errors**2, axis=0))),
-        line_max_k=_per_cell(np.abs(errors).max(axis=0)),
-        line=CellError.of(errors),
-        two_cell_1=CellError.of(error_1),
-        two_cell_n=CellError.of(error_n),
-        two_cell_losses=(
+        line_rms_k=np.sqrt(np.mean(errors**2, axis=0)).tolist(),
+        line_max_k=np.abs(errors).max(axis=0).tolist(),
+        line=_error(errors),
+        two_cell_1=_error(error_1),
+        two_cell_n=_error(error_n),
+        two_cell_losses=[
             reduced[-1].cell_1_capacity_loss - reduced[0].cell_1_capacity_loss,
             reduced[-1].cell_n_capacity_loss - reduced[0].cell_n_capacity_loss,
-        ),
-        profile_times_s=tuple(times[rows].tolist()),
-        profiles_k=tuple(_per_cell(temperatures[row]) for row in rows),
+        ],
+        profile_times_s=times[rows].tolist(),
+        profiles_k=temperatures[rows].tolist(),
     )
 
 
-def _per_cell(values: FloatArray) -> PerCell:
-    return tuple(values.tolist())
+def _error(errors_k: FloatArray) -> dict[str, float]:
+    return {
+        "rms_k": float(np.sqrt(np.mean(errors_k**2))),
+        "max_k": float(np.max(np.abs(errors_k))),
+    }
 
 
 def _driven(plant: Plant, steps: Sequence[PlantStep], tick_s: float) -> list[VehicleState]:

@@ -27,11 +27,9 @@ from iptm_core.errors import IptmError, StoreError
 from iptm_core.metrics import figure_values
 from iptm_core.parameters import flat_to_parameters, to_flat_dict
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
-from iptm_studies.channel_record import ChannelRecord
 from iptm_studies.run import Report, Run
 from iptm_studies.run_spec import RunSpec, canonical_json
 from iptm_studies.study import KEY_LENGTH
-from iptm_studies.whole_trip import WholeTripRecord
 
 LOGGER = logging.getLogger(__name__)
 DEFAULT_FOLDER = "results"
@@ -113,8 +111,8 @@ class ResultStore:
         content = {
             "spec": run.spec.to_dict(),
             "parameters": to_flat_dict(run.parameters),
-            "whole_trip": None if run.whole_trip is None else asdict(run.whole_trip),
-            "channel": None if run.channel is None else asdict(run.channel),
+            "whole_trip": run.whole_trip,
+            "channel": run.channel,
             "reports": [asdict(report) for report in run.reports],
             "record": {name: getattr(run, name) for name in _RECORD},
             # For other readers of the file; here the figures are recomputed.
@@ -252,15 +250,14 @@ def _read(path: Path) -> tuple[Content, pa.Table]:
 
 def _run(path: Path, content: Content, table: pa.Table) -> Run:
     try:
-        decisions, whole_trip = None, content["whole_trip"]
-        if whole_trip is None:
+        decisions = None
+        if content["whole_trip"] is None:
             decisions = DecisionSeries.from_arrays(
                 {
                     name: table[_DECISION_PREFIX + name].drop_null().to_numpy()
                     for name in DECISION_COLUMNS
                 }
             )
-        channel = content["channel"]
         return Run(
             key=content["key"],
             spec=RunSpec.from_dict(content["spec"]),
@@ -269,8 +266,8 @@ def _run(path: Path, content: Content, table: pa.Table) -> Run:
                 {name: table[name].to_numpy() for name in TRAJECTORY_COLUMNS}
             ),
             decisions=decisions,
-            whole_trip=None if whole_trip is None else WholeTripRecord.from_dict(whole_trip),
-            channel=None if channel is None else ChannelRecord.from_dict(channel),
+            whole_trip=content["whole_trip"],
+            channel=content["channel"],
             **{name: content["record"][name] for name in _RECORD},
             reports=tuple(Report(**report) for report in content["reports"]),
         )

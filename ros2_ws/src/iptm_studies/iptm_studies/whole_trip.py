@@ -9,9 +9,8 @@ on the exact plant, so that the result is measured like every other run.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable
+from typing import TypedDict
 
 import numpy as np
 
@@ -32,7 +31,7 @@ from iptm_controller.strategy import Strategy
 from iptm_core.decision_record import SolveStatus
 from iptm_core.physics.charge import nominal_charge_parameters
 from iptm_core.routes.route import Route
-from iptm_core.state import Command, LeaderPreview, SlopePreview, VehicleState
+from iptm_core.state import Command, FloatArray, LeaderPreview, SlopePreview, VehicleState
 from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant
 
@@ -50,8 +49,7 @@ COSTATE_EVERY = 10
 """Interval in ticks at which costates are kept, counted from the end of the trip."""
 
 
-@dataclass(frozen=True)
-class WholeTripSolve:
+class WholeTripSolve(TypedDict):
     """One solve around one slope expansion; None stands for a figure that does not exist.
 
     Attributes:
@@ -70,44 +68,26 @@ class WholeTripSolve:
     moved_m: float | None
 
 
-@dataclass(frozen=True)
-class TemperatureCostates:
-    """What a kelvin more in cells 1 and N costs the rest of a whole trip, in the unit of the strategy's cost.
-
-    The instants ``times_s`` rise up to the end of the trip.
-    """
-
-    times_s: tuple[float, ...] = ()
-    cell_1_1_k: tuple[float, ...] = ()
-    cell_n_1_k: tuple[float, ...] = ()
-
-
-@dataclass(frozen=True)
-class WholeTripRecord:
-    """How a whole trip was solved; slacks are the largest violations of limits in the plan.
+class WholeTripRecord(TypedDict):
+    """How a whole trip was solved, as plain values; slacks are the largest violations of limits in the plan.
 
     Attributes:
         settled: the last solve is usable.
         solves: every solve, in order.
-        costates: of both cell temperatures in the last solve; empty if it is not usable.
+        costate_times_s: instants, rising up to the end of the trip; empty if the last solve is not usable.
+        cell_1_costates_1_k: what a kelvin more in cell 1 costs the rest of the trip at these instants, in the
+            unit of the strategy's cost.
+        cell_n_costates_1_k: the same of cell N.
     """
 
     settled: bool
-    solves: tuple[WholeTripSolve, ...]
+    solves: list[WholeTripSolve]
     gap_slack_m: float
     speed_slack_m_s: float
     temperature_slack_k: float
-    costates: TemperatureCostates
-
-    @classmethod
-    def from_dict(cls, content: Mapping[str, Any]) -> WholeTripRecord:
-        """Rebuild a record from plain values, the inverse of ``dataclasses.asdict`` through JSON."""
-        costates = {name: tuple(values) for name, values in content["costates"].items()}
-        parts = {
-            "solves": tuple(WholeTripSolve(**solve) for solve in content["solves"]),
-            "costates": TemperatureCostates(**costates),
-        }
-        return cls(**{**content, **parts})
+    costate_times_s: list[float]
+    cell_1_costates_1_k: list[float]
+    cell_n_costates_1_k: list[float]
 
 
 def solve_whole_trip(
@@ -154,7 +134,8 @@ def solve_whole_trip(
     state = plant.initial_state()
     plan = _plan_of(start, horizon)
     solves: list[WholeTripSolve] = []
-    usable, costates = False, TemperatureCostates()
+    usable = False
+    costates: FloatArray = np.empty((3, 0))
     for index in range(MAX_SOLVES):
         solver = further if index else first
         expected = sample_positions_m(plan, grid.sample_times_s)
@@ -169,40 +150,45 @@ def solve_whole_trip(
         costates = _temperature_costates(result, grid, strategy)
         if usable and moved.max() <= SETTLED_M:
             break
+    times_s, cell_1_1_k, cell_n_1_k = costates.tolist()
     record = WholeTripRecord(
         settled=usable,
-        solves=tuple(solves),
-        **plan.slacks,
-        costates=costates,
+        solves=solves,
+        gap_slack_m=plan.slacks["gap_slack_m"],
+        speed_slack_m_s=plan.slacks["speed_slack_m_s"],
+        temperature_slack_k=plan.slacks["temperature_slack_k"],
+        costate_times_s=times_s,
+        cell_1_costates_1_k=cell_1_1_k,
+        cell_n_costates_1_k=cell_n_1_k,
     )
     return _drive(plan, route, plant, state, tick_s), record
 
 
 def _solve_record(result: SolveResult, moved_m: float) -> WholeTripSolve:
     figures = (result.objective, result.infeasibility, moved_m)
-    status = SolveStatus(result.status).name.lower()
-    finite = (value if math.isfinite(value) else None for value in figures)
-    return WholeTripSolve(status, result.iterations, result.time_s, *finite)
+    objective, infeasibility, moved = (value if math.isfinite(value) else None for value in figures)
+    return WholeTripSolve(
+        status=SolveStatus(result.status).name.lower(),
+        iterations=result.iterations,
+        time_s=result.time_s,
+        objective=objective,
+        infeasibility=infeasibility,
+        moved_m=moved,
+    )
 
 
-def _temperature_costates(
-    result: SolveResult, grid: ProblemGrid, strategy: Strategy
-) -> TemperatureCostates:
-    """Return costates in the unit of the strategy's own weights, none of a solve that is not usable."""
+def _temperature_costates(result: SolveResult, grid: ProblemGrid, strategy: Strategy) -> FloatArray:
+    """Return instants and costates of both cells in the unit of the strategy's own weights, shape (3, n).
+
+    There are none of a solve that is not usable.
+    """
     if not result.status.usable:
-        return TemperatureCostates()
+        return np.empty((3, 0))
     per_unit = result.costates.reshape(grid.steps, layout.STATES) / layout.STATE_SCALE
     kept = slice((grid.steps - 1) % COSTATE_EVERY, None, COSTATE_EVERY)
-    return TemperatureCostates(
-        times_s=tuple(grid.horizon.node_times_s[1:][kept].tolist()),
-        **{
-            name: tuple((per_unit[kept, state] / strategy.scale).tolist())
-            for name, state in (
-                ("cell_1_1_k", StateIndex.CELL_1_TEMPERATURE),
-                ("cell_n_1_k", StateIndex.CELL_N_TEMPERATURE),
-            )
-        },
-    )
+    cells = [StateIndex.CELL_1_TEMPERATURE, StateIndex.CELL_N_TEMPERATURE]
+    of_cells = per_unit[kept][:, cells].T / strategy.scale
+    return np.vstack((grid.horizon.node_times_s[1:][kept], of_cells))
 
 
 def _leader_motion(route: Route, horizon: Horizon) -> LeaderPreview:

@@ -77,14 +77,14 @@ def full_channel(results: Results) -> Figure:
     figure, (left, right) = new_figure(3.6, 1, 2)
     records = channel_records(results)
     if (record := records.get(DEFAULT_CONTROLLER)) is not None:
-        colours = colormaps["viridis"](np.linspace(0.0, 0.9, len(record.profile_times_s)))
+        colours = colormaps["viridis"](np.linspace(0.0, 0.9, len(record["profile_times_s"])))
         for time_s, profile_k, colour in zip(
-            record.profile_times_s, record.profiles_k, colours, strict=True
+            record["profile_times_s"], record["profiles_k"], colours, strict=True
         ):
             profile_c = np.array(profile_k) - CELSIUS_ZERO_K
             _along_channel(left, profile_c, colour, f"{time_s:.0f} s")
     for (controller, found), colour in zip(records.items(), _COLOURS, strict=False):
-        losses = 1e5 * np.array(found.capacity_losses)
+        losses = 1e5 * np.array(found["capacity_losses"])
         _along_channel(right, losses, colour, controller_name(controller))
     labelled(left, "cell, from the inlet", "temperature [°C]", "temperature")
     labelled(right, "cell, from the inlet", "capacity loss [10⁻⁵]", "degradation")

@@ -187,10 +187,13 @@ def temperature_price(results: Results) -> Figure:
         for panel, values in zip(panels, (prices[0] + prices[1], *prices), strict=True):
             panel.plot(decisions.time_s, values, color=colour, linewidth=LINE, label=name)
     if record is not None:
-        found, name = record.costates, "costate, whole-trip optimum"
-        costates = (np.array(found.cell_1_1_k), np.array(found.cell_n_1_k))
+        name = "costate, whole-trip optimum"
+        cells = record["cell_1_costates_1_k"], record["cell_n_costates_1_k"]
+        costates = [np.array(values) for values in cells]
         for panel, values in zip(panels, (costates[0] + costates[1], *costates), strict=True):
-            panel.plot(found.times_s, values, color=OPTIMUM_COLOUR, linewidth=0.8, label=name)
+            panel.plot(
+                record["costate_times_s"], values, color=OPTIMUM_COLOUR, linewidth=0.8, label=name
+            )
     for panel, title in zip(panels, ("both cells", "cell 1", "cell N"), strict=True):
         labelled(panel, "", "cost [1/K]", title)
         panel.axhline(0.0, color="black", linewidth=0.7)
