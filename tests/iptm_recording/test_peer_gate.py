@@ -11,11 +11,15 @@ from iptm_recording.subscriptions import (
 
 GATE = ["/plant/odometry", "/clock"]
 OTHERS = ["/plant/powers", "/controller/command"]
+AWAITED = {
+    **dict.fromkeys([*GATE, "/plant/powers"], "plant"),
+    **dict.fromkeys(["/controller/command", "/controller/solve"], "controller"),
+}
 
 
 @pytest.fixture
 def gate() -> PeerGate:
-    return PeerGate(GATE, [*GATE, *OTHERS])
+    return PeerGate(GATE, AWAITED)
 
 
 def test_holds_back_only_its_own_topics(gate: PeerGate) -> None:
@@ -24,9 +28,16 @@ def test_holds_back_only_its_own_topics(gate: PeerGate) -> None:
 
 def test_opens_a_moment_after_the_suite_is_complete(gate: PeerGate) -> None:
     assert not gate.is_open(0.0, GATE, OTHERS[:1])
-    assert not gate.is_open(5.0, GATE, OTHERS)
-    assert not gate.is_open(5.0 + 0.5 * SETTLE_S, GATE, OTHERS)
-    assert gate.is_open(5.0 + 1.01 * SETTLE_S, GATE, OTHERS)
+    complete = [*OTHERS, "/controller/solve"]
+    assert not gate.is_open(5.0, GATE, complete)
+    assert not gate.is_open(5.0 + 0.5 * SETTLE_S, GATE, complete)
+    assert gate.is_open(5.0 + 1.01 * SETTLE_S, GATE, complete)
+
+
+def test_opens_soon_for_a_controller_that_does_not_publish_every_topic(gate: PeerGate) -> None:
+    assert not gate.is_open(0.0, GATE, OTHERS)
+    assert not gate.is_open(0.9 * PATIENCE_ALONE_S, GATE, OTHERS)
+    assert gate.is_open(PATIENCE_ALONE_S, GATE, OTHERS)
 
 
 def test_waits_for_a_slow_controller_but_not_for_ever(gate: PeerGate) -> None:
@@ -50,6 +61,6 @@ def test_without_the_rest_of_the_suite_it_opens_soon(gate: PeerGate) -> None:
 
 
 def test_selection_without_other_topics_opens_at_once() -> None:
-    gate = PeerGate(GATE, ["/clock"])
+    gate = PeerGate(GATE, {"/clock": "plant"})
     assert not gate.is_open(0.0, ["/clock"], [])
     assert gate.is_open(SETTLE_S, ["/clock"], [])

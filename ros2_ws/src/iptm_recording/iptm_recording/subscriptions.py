@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,9 +26,10 @@ from iptm_recording.session import RecordingSession
 
 # Time for the publishers to learn of the subscriptions made last.
 SETTLE_S = 0.3
-# Time in which the other topics of the suite begin to show up, if there are any.
+# Time in which the other topics of the suite begin to show up, if there are any, and the other topics of
+# a node of which there is one: a node advertises all of them within a moment.
 PATIENCE_ALONE_S = 2.0
-# Time in which an incomplete suite grows further, if it does: nodes may start slowly.
+# Time in which further nodes show up, if they do: they may start slowly.
 PATIENCE_INCOMPLETE_S = 30.0
 
 
@@ -40,15 +41,22 @@ class PeerGate:
     messages of the controller, or of the plant itself, would be missing from the bag, or the recorder
     would be mistaken for the bridge. It therefore subscribes to these "gate" topics last, when it is
     subscribed to all other topics of the suite. Where no such start is to be expected (the trip is
-    running already, or the rest of the suite is not there), it does not wait.
+    running already, or the rest of the suite is not there), it does not wait. A node of the user's need
+    not publish every topic of the node whose place it takes.
+
+    Args:
+        gate_topics: topics held back.
+        awaited: topics that must be subscribed first, and the node that publishes each.
 
     Attributes:
         is_running: set once a message of a trip has arrived.
     """
 
-    def __init__(self, gate_topics: Collection[str], awaited: Collection[str]) -> None:
+    def __init__(self, gate_topics: Collection[str], awaited: Mapping[str, str]) -> None:
         self._gate_topics = frozenset(gate_topics)
-        self._awaited = frozenset(awaited) - self._gate_topics
+        self._awaited = {
+            topic: node for topic, node in awaited.items() if topic not in self._gate_topics
+        }
         self._seen: frozenset[str] = frozenset()
         self._last_change_s: float | None = None
         self.is_running = False
@@ -70,11 +78,13 @@ class PeerGate:
         if self._last_change_s is None:
             return False
         unchanged_s = now_s - self._last_change_s
-        if self._awaited.issubset(subscribed):
+        if self._awaited.keys() <= set(subscribed):
             return unchanged_s >= SETTLE_S
-        if self._awaited.isdisjoint(seen):
+        if self._awaited.keys().isdisjoint(seen):
             return not self._gate_topics.isdisjoint(seen) and unchanged_s >= PATIENCE_ALONE_S
-        return unchanged_s >= PATIENCE_INCOMPLETE_S
+        present = {node for topic, node in self._awaited.items() if topic in subscribed}
+        is_every_node_there = present == set(self._awaited.values())
+        return unchanged_s >= (PATIENCE_ALONE_S if is_every_node_there else PATIENCE_INCOMPLETE_S)
 
 
 # Published before a trip starts, or whether one runs or not.
@@ -129,11 +139,11 @@ class TopicSubscriber:
         self._gate_names = [names[topic] for topic in PEER_TOPICS]
         self._gate = PeerGate(
             gate_topics=self._gate_names,
-            awaited=[
-                name
+            awaited={
+                name: self._specs[name].publisher
                 for name in self._suite
                 if name != names[Topic.DIAGNOSTICS] and not self._specs[name].on_request
-            ],
+            },
         )
 
     @property
