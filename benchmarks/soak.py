@@ -22,11 +22,11 @@ from typing import Any
 import numpy as np
 
 from benchmarks.harness import run_benchmark
-from iptm_bringup.drive import DriveOutcome
+from iptm_bringup.drive import Drive, DriveOutcome
 from iptm_bringup.environment import domain_of_run
 from iptm_bringup.monitor import Snapshot
 from iptm_bringup.run_folder import RunFolder
-from iptm_bringup.runner import Driven, RunOptions, drive_processes
+from iptm_bringup.runner import RunOptions, drive_processes
 from iptm_bringup.scenario import AUTOMATIC_DOMAIN, Scenario, prepare
 from iptm_core.errors import ScenarioError
 from iptm_core.routes.cycles import load_cycle
@@ -175,13 +175,15 @@ def measure(
         )
         run_folder, options = RunFolder(folder / "run"), RunOptions(picture=False)
         with domain_of_run(AUTOMATIC_DOMAIN, environment={}) as domain:
-            driven = drive_processes(run_folder, prepare(scenario), options, domain, watch, stop)
-        found = _ticks_of(driven, run_folder.output)
+            result, drive = drive_processes(
+                run_folder, prepare(scenario), options, domain, watch, stop
+            )
+        found = _ticks_of(drive, run_folder.output)
     numbers = {
         "ticks": ticks,
-        "ended": driven.result.message or driven.result.outcome.value,
+        "ended": result.message or result.outcome.value,
         "faults": len(faults),
-        "process_faults": len(driven.process_faults.records),
+        "process_faults": len(drive.process_faults.records),
         "growth_mib": {name: round(grown, 2) for name, grown in watch.growth_mib().items()},
         **found,
     }
@@ -207,12 +209,12 @@ def _refuse_what_did_not_hold(numbers: dict[str, Any]) -> None:
         raise ScenarioError(f"{'; '.join(problems)}\n{json.dumps(numbers, indent=1)}")
 
 
-def _ticks_of(driven: Driven, bag: Path) -> dict[str, Any]:
+def _ticks_of(drive: Drive, bag: Path) -> dict[str, Any]:
     """Return what became of the ticks, from what the runner heard and from the bag."""
-    heard = driven.monitor.recorded
+    heard = drive.monitor.recorded
     states = {stamp_ns_of(data) for data in heard[Topic.PLANT_ODOMETRY]}
     answered = {stamp_ns_of(data) for data in heard[Topic.SOLVE]}
-    reports = driven.monitor.reports
+    reports = drive.monitor.reports
     bad = [each for each in reports if each.status.level != Level.OK.value]
     reported = np.array([each.about_ns for each in bad])
     last_ns = max(states)

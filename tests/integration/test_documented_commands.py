@@ -22,7 +22,7 @@ from sensor_msgs.msg import JointState
 from tests.documented_commands import ROOT, documented_commands
 from tests.integration.documented_rules import RULES, Rule, Way, rule_for
 
-from iptm_bringup.run_closed_loop import build_parser, prepared_from
+from iptm_bringup.run_closed_loop import build_parser, chosen_scenario
 from iptm_interfaces.discovery import reserve_domain
 from iptm_interfaces.graph_client import GraphClient
 
@@ -252,8 +252,8 @@ def test_trip_of_a_command_is_prepared(
 ) -> None:
     """What its options mean is tested elsewhere; files and names that it gives are read."""
     monkeypatch.chdir(place.folder)
-    prepared = prepared_from(build_parser().parse_args(shlex.split(command)[1:]))
-    assert prepared.route.duration_s > 0.0
+    scenario = chosen_scenario(build_parser().parse_args(shlex.split(command)[1:]))
+    assert scenario.trip.duration_s > 0.0
 
 
 @pytest.mark.slow

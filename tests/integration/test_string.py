@@ -15,7 +15,7 @@ import pytest
 from tests.foreign_readers import assert_read_by_all
 from tests.integration.page_browser import Terminal, followed
 
-from iptm_bringup.run_closed_loop import build_parser, prepared_from
+from iptm_bringup.run_closed_loop import build_parser, chosen_scenario
 from iptm_bringup.run_string import main
 from iptm_controller.controller import Controller
 from iptm_controller.options import ControllerOptions
@@ -82,11 +82,11 @@ def test_a_string_is_that_of_the_loop_without_ros_and_can_be_repeated_and_watche
     assert "Traceback" not in runner.stderr
     watched(launcher, wait_until, outputs[2])
 
-    prepared = prepared_from(build_parser().parse_args(list(OPTIONS)))
-    model = prepared.model.values
-    options = ControllerOptions(trip_duration_s=prepared.route.duration_s)
-    plant = Plant(model, prepared.route.slope.slope_at)
-    headless = run_string(prepared.route, 3, plant, lambda: Controller(model, options))
+    scenario = chosen_scenario(build_parser().parse_args(list(OPTIONS)))
+    model = scenario.vehicle.values
+    options = ControllerOptions(trip_duration_s=scenario.trip.duration_s)
+    plant = Plant(model, scenario.trip.slope.slope_at)
+    headless = run_string(scenario.trip, 3, plant, lambda: Controller(model, options))
     ahead = None
     for place, run in enumerate(headless):
         name = f"car_{place + 1}"

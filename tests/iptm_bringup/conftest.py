@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from rosgraph_msgs.msg import Clock
 
+from iptm.run import Run
 from iptm_bringup.composition import Listeners, node_parameters, run_information
-from iptm_bringup.scenario import PreparedScenario, Scenario, prepare
+from iptm_bringup.scenario import Scenario, prepare
 from iptm_core.decision_record import DecisionRecord
+from iptm_core.metrics import RunMetrics
 from iptm_core.state import Command
 from iptm_core.trajectory import Trajectory
 from iptm_interfaces.codecs import encode_command, encode_decision_record, serialized, time_from_s
@@ -21,12 +24,20 @@ from iptm_recording.bag_writer import BagWriter
 from iptm_recording.run_information import collect_run_information
 
 TICKS = 20
+AnyRun = TypeVar("AnyRun", bound=Run)
 Heard = dict[Topic, list[bytes]]
 TickMessages = Callable[[Trajectory, int], dict[Topic, Any]]
 
 
+def with_metrics(run: AnyRun, metrics: RunMetrics) -> AnyRun:
+    """Return a run whose metrics are not those of its trajectory."""
+    changed = replace(run)
+    vars(changed)["metrics"] = metrics
+    return changed
+
+
 @pytest.fixture
-def prepared() -> PreparedScenario:
+def scenario() -> Scenario:
     """Twenty seconds of city traffic over hills."""
     return prepare(Scenario(name="short", cycle="sc03", slope="small", duration_s=float(TICKS)))
 
@@ -52,11 +63,11 @@ def heard(
 
 
 @pytest.fixture
-def write_bag(heard: Heard, prepared: PreparedScenario) -> Callable[..., Path]:
+def write_bag(heard: Heard, scenario: Scenario) -> Callable[..., Path]:
     """Write the bag of the run; `drop` leaves out a message by (topic, row)."""
 
     def write(folder: Path, drop: tuple[Topic, int] | None = None) -> Path:
-        described = run_information(prepared, node_parameters(prepared, Listeners()))
+        described = run_information(scenario, node_parameters(scenario, Listeners()))
         information = collect_run_information(
             scenario=described["scenario"], seed=3, parameters=described["parameters"]
         )

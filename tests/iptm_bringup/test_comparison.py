@@ -9,11 +9,13 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from iptm_bringup.comparison import Comparison, drive_comparison
+from iptm.report import relative_changes
+from iptm.run import Run
+from iptm_bringup.comparison import drive_comparison, save_comparison
 from iptm_bringup.scenario import Scenario, prepare
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.errors import ParameterError
-from iptm_core.metrics import FIGURES
+from iptm_core.metrics import FIGURES, figure_values
 from iptm_core.trajectory import TRAJECTORY_COLUMNS
 from iptm_studies.run import perform_run
 from iptm_studies.run_spec import RunSpec
@@ -23,11 +25,11 @@ SCENARIO = Scenario(cycle="nycc", duration_s=60.0)
 
 
 @pytest.fixture(scope="module")
-def comparison() -> Comparison:
+def comparison() -> Run:
     return drive_comparison(prepare(SCENARIO), "reference")
 
 
-def test_it_is_the_run_that_a_study_makes(comparison: Comparison) -> None:
+def test_it_is_the_run_that_a_study_makes(comparison: Run) -> None:
     """The same trip by another path: run specification, inputs, worker."""
     spec = RunSpec(cycle="nycc", duration_s=60.0)
     from_study = perform_run(planned_run(spec.with_strategy(STRATEGIES["reference"]))).metrics
@@ -36,22 +38,22 @@ def test_it_is_the_run_that_a_study_makes(comparison: Comparison) -> None:
         assert figure.compute(comparison.metrics) == figure.compute(from_study)
 
 
-def test_changes_by_hand(comparison: Comparison) -> None:
+def test_changes_by_hand(comparison: Run) -> None:
     base = comparison.metrics
     better = replace(
         base,
         cell_1_degradation=0.75 * base.cell_1_degradation,
         cooling_energy_j=1.1 * base.cooling_energy_j,
     )
-    changes = comparison.changes(better)
+    changes = relative_changes(figure_values(better), comparison.figures)
     assert changes["cell_1_degradation"] == pytest.approx(-0.25)
     assert changes["cooling_energy"] == pytest.approx(0.1)
 
 
 def test_the_other_trajectory_is_kept_as_a_file_for_other_tools(
-    comparison: Comparison, tmp_path: Path
+    comparison: Run, tmp_path: Path
 ) -> None:
-    comparison.save(tmp_path / "reference.parquet", "demo: us06")
+    save_comparison(tmp_path / "reference.parquet", comparison, "demo: us06")
     table = pq.read_table(tmp_path / "reference.parquet")
     assert table.num_rows == 61
     for name in TRAJECTORY_COLUMNS:

@@ -22,7 +22,7 @@ from iptm_bringup.composition import (
     recorder_command,
     run_information,
 )
-from iptm_bringup.scenario import PreparedScenario, Scenario, prepare
+from iptm_bringup.scenario import Scenario, prepare
 from iptm_controller.node_parameters import ControllerNodeParameters
 from iptm_core.declaration import checked_value, parameter_specs, plain
 from iptm_interfaces.discovery import reserve_domain
@@ -40,9 +40,9 @@ NODES: dict[str, type[Any]] = {
 
 
 @pytest.mark.parametrize("node", NODES)
-def test_nodes_know_what_they_are_given(node: str, prepared: PreparedScenario) -> None:
+def test_nodes_know_what_they_are_given(node: str, scenario: Scenario) -> None:
     specs = {spec.name: spec for spec in parameter_specs(NODES[node])}
-    for name, value in node_parameters(prepared, Listeners())[node].items():
+    for name, value in node_parameters(scenario, Listeners())[node].items():
         assert plain(checked_value(specs[name], value)) == value
         assert type(value) in {bool, int, float, str}
 
@@ -76,9 +76,9 @@ def test_values_arrive_and_the_bridge_starts_where_the_model_does() -> None:
     ],
 )
 def test_all_listeners_are_counted(
-    prepared: PreparedScenario, listeners: Listeners, plant: int, bridge: int
+    scenario: Scenario, listeners: Listeners, plant: int, bridge: int
 ) -> None:
-    parameters = node_parameters(prepared, listeners)
+    parameters = node_parameters(scenario, listeners)
     assert parameters[PLANT]["expected_peers"] == plant
     assert parameters[BRIDGE]["expected_peers"] == bridge
 
@@ -126,16 +126,14 @@ def test_the_recorder_understands_its_command() -> None:
     assert parsed.compression == "zstd"
 
 
-def test_the_bag_will_know_everything_about_the_run(
-    prepared: PreparedScenario, tmp_path: Path
-) -> None:
-    described = run_information(prepared, node_parameters(prepared, Listeners()))
+def test_the_bag_will_know_everything_about_the_run(scenario: Scenario, tmp_path: Path) -> None:
+    described = run_information(scenario, node_parameters(scenario, Listeners()))
     path = tmp_path / "information.yaml"
     path.write_text(yaml.safe_dump(described, sort_keys=False), encoding="utf-8")
     information = load_run_information(path)
     assert information.scenario == "short"
     assert information.seed == 0
-    assert stored_model_parameters(information) == prepared.model.values
+    assert stored_model_parameters(information) == scenario.vehicle.values
     assert yaml.safe_load(information.parameters)[BRIDGE]["cycle"] == "sc03"
     assert yaml.safe_load(information.extra["scenario_file"])["slope"] == "small"
     assert information.versions["python"]

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.iptm_bringup.conftest import with_metrics
 
-from iptm_bringup.evaluation import RunResults, evaluate, results_json
-from iptm_bringup.scenario import PreparedScenario
+from iptm_bringup.evaluation import RosRun, evaluate, results_json
+from iptm_bringup.scenario import Scenario
 from iptm_core.decision_record import distribution
 from iptm_core.errors import BagError, MessageError
 from iptm_core.metrics import FIGURES, compute_metrics, figure_values
@@ -26,12 +27,12 @@ Write = Callable[..., Path]
 NONE = np.array([])
 
 
-def judge(prepared: PreparedScenario, heard: Heard, bag: Path | None) -> RunResults:
-    return evaluate(prepared, heard, bag, RunInformation(), wall_time_s=0.5)
+def judge(scenario: Scenario, heard: Heard, bag: Path | None) -> RosRun:
+    return evaluate(scenario, heard, bag, RunInformation(), wall_time_s=0.5)
 
 
 def test_bag_and_messages_heard_give_the_same_run_to_the_last_bit(
-    prepared: PreparedScenario,
+    scenario: Scenario,
     heard: Heard,
     trajectory: Trajectory,
     write_bag: Write,
@@ -40,8 +41,8 @@ def test_bag_and_messages_heard_give_the_same_run_to_the_last_bit(
     """Whatever the order of arrival behind the beginning of the trip."""
     mixed = {topic: [messages[0], *messages[:0:-1]] for topic, messages in heard.items()}
     for run in (
-        judge(prepared, mixed, None),
-        judge(prepared, heard, write_bag(tmp_path / "bag")),
+        judge(scenario, mixed, None),
+        judge(scenario, heard, write_bag(tmp_path / "bag")),
     ):
         for name, column in trajectory.to_arrays().items():
             np.testing.assert_array_equal(getattr(run.trajectory, name), column, err_msg=name)
@@ -49,7 +50,7 @@ def test_bag_and_messages_heard_give_the_same_run_to_the_last_bit(
 
 
 def test_of_several_messages_of_a_stamp_the_last_one_counts_with_and_without_a_bag(
-    prepared: PreparedScenario,
+    scenario: Scenario,
     heard: Heard,
     trajectory: Trajectory,
     write_bag: Write,
@@ -63,42 +64,42 @@ def test_of_several_messages_of_a_stamp_the_last_one_counts_with_and_without_a_b
             *messages[:7], serialized(encode_leader(other)), *messages[7:]
         ]  # fmt: skip
         bag = write_bag(tmp_path / f"bag {other_m}")
-        for run in (judge(prepared, heard, None), judge(prepared, heard, bag)):
+        for run in (judge(scenario, heard, None), judge(scenario, heard, bag)):
             np.testing.assert_array_equal(
                 run.trajectory.leader_position_m, trajectory.leader_position_m
             )
         heard[Topic.LEADER] = messages
 
 
-def test_missed_messages_are_counted(prepared: PreparedScenario, heard: Heard) -> None:
+def test_missed_messages_are_counted(scenario: Scenario, heard: Heard) -> None:
     del heard[Topic.PLANT_POWERS][4]
     del heard[Topic.LEADER][9]
-    run = judge(prepared, heard, None)
+    run = judge(scenario, heard, None)
     assert run.problems == ("the runner missed messages of 1 ticks",)
     assert len(run.trajectory) == 20
     assert any("v2x/leader is missing at 1 ticks" in note for note in run.warnings)
     heard[Topic.PLANT_ODOMETRY].clear()
     with pytest.raises(MessageError, match="no tick is complete"):
-        judge(prepared, heard, None)
+        judge(scenario, heard, None)
 
 
 def test_what_only_the_runner_missed_is_no_problem(
-    prepared: PreparedScenario, heard: Heard, write_bag: Write, tmp_path: Path
+    scenario: Scenario, heard: Heard, write_bag: Write, tmp_path: Path
 ) -> None:
     bag = write_bag(tmp_path / "bag")
     del heard[Topic.PLANT_ODOMETRY][5]
-    results = judge(prepared, heard, bag)
+    results = judge(scenario, heard, bag)
     assert results.problems == ()
     assert any("missed 1 states" in note for note in results.warnings)
 
 
 def test_figures_are_those_of_what_was_published_and_the_rest_is_named(
-    prepared: PreparedScenario, heard: Heard
+    scenario: Scenario, heard: Heard
 ) -> None:
     """As from a plant of the user's; before, one missing topic left no figure at all."""
     for topic in (Topic.PLANT_COOLANT_INLET_TEMPERATURE, Topic.PLANT_CAPACITY_LOSS, Topic.LEADER):
         heard[topic].clear()
-    results = judge(prepared, heard, None)
+    results = judge(scenario, heard, None)
     values = figure_values(results.metrics)
     assert values["battery_energy"] > 0.0
     assert values["cell_1_temperature_mean"] > 20.0
@@ -109,37 +110,37 @@ def test_figures_are_those_of_what_was_published_and_the_rest_is_named(
         "plant/coolant_inlet_temperature", "plant/capacity_loss", "v2x/leader",
     ]  # fmt: skip
     assert json.loads(results_json(results))["summary"]["aging_ppm"] is None
-    assert dict(results.summary.lines)["margin"] == "smallest gap –"
+    assert dict(results.headline.lines)["margin"] == "smallest gap –"
 
 
 def test_a_tick_without_a_leader_is_counted_and_the_rest_has_figures(
-    prepared: PreparedScenario, heard: Heard, write_bag: Write, tmp_path: Path
+    scenario: Scenario, heard: Heard, write_bag: Write, tmp_path: Path
 ) -> None:
-    results = judge(prepared, heard, write_bag(tmp_path / "bag", (Topic.LEADER, 9)))
+    results = judge(scenario, heard, write_bag(tmp_path / "bag", (Topic.LEADER, 9)))
     assert any("v2x/leader is missing at 1 ticks" in note for note in results.warnings)
     assert results.problems == ("the bag holds 20 messages of v2x/leader, 21 are needed",)
-    whole = judge(prepared, heard, None)
+    whole = judge(scenario, heard, None)
     assert results.metrics.battery_energy_j == whole.metrics.battery_energy_j
     assert results.metrics.smallest_gap_m == whole.metrics.smallest_gap_m
 
 
 def test_a_good_run_has_no_problems(
-    prepared: PreparedScenario, heard: Heard, write_bag: Write, tmp_path: Path
+    scenario: Scenario, heard: Heard, write_bag: Write, tmp_path: Path
 ) -> None:
-    results = judge(prepared, heard, write_bag(tmp_path / "bag"))
+    results = judge(scenario, heard, write_bag(tmp_path / "bag"))
     assert results.problems == ()
     assert results.bag_messages is not None
     assert results.bag_messages["/controller/command"] == 21
     assert results.speed_up == pytest.approx(40.0)
-    expected = compute_metrics(results.trajectory, prepared.model.values, results.decisions)
+    expected = compute_metrics(results.trajectory, scenario.vehicle.values, results.decisions)
     assert figure_values(results.metrics) == figure_values(expected)
     assert results.information.git_revision
 
 
 def test_a_run_that_was_not_recorded_is_judged_by_what_was_heard(
-    prepared: PreparedScenario, heard: Heard
+    scenario: Scenario, heard: Heard
 ) -> None:
-    results = judge(prepared, heard, None)
+    results = judge(scenario, heard, None)
     assert results.problems == ()
     assert results.bag_messages is None
 
@@ -158,7 +159,7 @@ def test_a_run_that_was_not_recorded_is_judged_by_what_was_heard(
     ],
 )
 def test_an_incomplete_bag_is_a_problem(
-    prepared: PreparedScenario,
+    scenario: Scenario,
     heard: Heard,
     write_bag: Write,
     tmp_path: Path,
@@ -166,63 +167,60 @@ def test_an_incomplete_bag_is_a_problem(
     problem: str | None,
 ) -> None:
     """One message more or less of the slope, and the answer to the last state, do no harm."""
-    problems = judge(prepared, heard, write_bag(tmp_path / "bag", drop)).problems
+    problems = judge(scenario, heard, write_bag(tmp_path / "bag", drop)).problems
     assert (problem is None) == (problems == ())
     assert problem is None or any(problem in found for found in problems)
 
 
 def test_a_bag_with_a_gap_cannot_be_judged(
-    prepared: PreparedScenario, heard: Heard, write_bag: Write, tmp_path: Path
+    scenario: Scenario, heard: Heard, write_bag: Write, tmp_path: Path
 ) -> None:
     for topic in (Topic.PLANT_POWERS, Topic.PLANT_BATTERY):
         bag = write_bag(tmp_path / topic.name, (topic, 7))
         with pytest.raises(BagError, match=f"lacks {topic.value} at 7 s"):
-            judge(prepared, heard, bag)
+            judge(scenario, heard, bag)
 
 
-def test_a_run_that_is_too_short_is_a_problem(prepared: PreparedScenario, heard: Heard) -> None:
+def test_a_run_that_is_too_short_is_a_problem(scenario: Scenario, heard: Heard) -> None:
     cut = {topic: messages[:-3] for topic, messages in heard.items()}
-    (problem,) = judge(prepared, cut, None).problems
+    (problem,) = judge(scenario, cut, None).problems
     assert problem == "the run covers 0 s to 17 s of a trip of 20 s"
 
 
-def test_a_broken_hard_limit_is_a_problem(prepared: PreparedScenario, heard: Heard) -> None:
+def test_a_broken_hard_limit_is_a_problem(scenario: Scenario, heard: Heard) -> None:
     crash = encode_leader(LeaderState(6.0, 0.05 * 36.0 - 0.5, 0.5))
     heard[Topic.LEADER][6] = serialized(crash)
-    (problem,) = judge(prepared, heard, None).problems
+    (problem,) = judge(scenario, heard, None).problems
     assert problem == "hard limit broken in 1 rows: collision, worst by 0.5 m at 6 s"
 
 
-def test_a_leader_too_fast_to_follow_is_noted(prepared: PreparedScenario, heard: Heard) -> None:
+def test_a_leader_too_fast_to_follow_is_noted(scenario: Scenario, heard: Heard) -> None:
     heard[Topic.LEADER][6] = serialized(encode_leader(LeaderState(6.0, 99.0, 60.0)))
-    notes = judge(prepared, heard, None).warnings
+    notes = judge(scenario, heard, None).warnings
     assert any(
         "the leader drives up to 60 m/s, the ego vehicle at most 37.5" in note for note in notes
     )
 
 
 def test_parameters_of_another_vehicle_are_noticed(
-    prepared: PreparedScenario, heard: Heard, write_bag: Write, tmp_path: Path
+    scenario: Scenario, heard: Heard, write_bag: Write, tmp_path: Path
 ) -> None:
-    model = prepared.model
-    body = dataclasses.replace(model.values.body, mass_kg=2000.0)
-    values = dataclasses.replace(model.values, body=body)
-    other = dataclasses.replace(prepared, model=dataclasses.replace(model, values=values))
+    other = dataclasses.replace(scenario, parameter_overrides="body.mass_kg=2000")
     problems = judge(other, heard, write_bag(tmp_path / "bag")).problems
     assert "the model parameters in the bag are not those of the scenario" in problems
 
 
 def test_results_are_plain_json(
-    prepared: PreparedScenario, heard: Heard, write_bag: Write, tmp_path: Path
+    scenario: Scenario, heard: Heard, write_bag: Write, tmp_path: Path
 ) -> None:
-    results = judge(prepared, heard, write_bag(tmp_path / "bag"))
+    results = judge(scenario, heard, write_bag(tmp_path / "bag"))
     decisions = results.metrics.decisions
     assert decisions is not None
     unknown = dataclasses.replace(
         results.metrics,
         decisions=dataclasses.replace(decisions, preview_age_s=distribution(NONE)),
     )
-    text = results_json(dataclasses.replace(results, metrics=unknown))
+    text = results_json(with_metrics(results, unknown))
     document = json.loads(text)
     assert document["good"] is True
     assert document["scenario"] == "short"

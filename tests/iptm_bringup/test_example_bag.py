@@ -52,4 +52,4 @@ def test_an_example_is_small_and_complete(bag: Path) -> None:
     # The scenario in the bag is enough to drive it again.
     content = parse_yaml(information.extra["scenario_file"], "scenario in the bag")
     again = prepare(scenario_from(content, "bag", information.scenario, bag))
-    assert again.model.values == read_model_parameters(bag)[0]
+    assert again.vehicle.values == read_model_parameters(bag)[0]

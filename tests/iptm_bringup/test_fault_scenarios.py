@@ -27,8 +27,8 @@ OF_PROCESS = Fault(FaultKind.PROCESS_KILLED, 60.0)
 
 
 def parameters_with(*faults: Fault) -> dict[str, dict[str, object]]:
-    prepared = prepare(load_scenario())
-    return with_faults(node_parameters(prepared, Listeners()), faults)
+    scenario = prepare(load_scenario())
+    return with_faults(node_parameters(scenario, Listeners()), faults)
 
 
 def test_a_scenario_file_lists_faults_and_is_written_back(tmp_path: Path) -> None:

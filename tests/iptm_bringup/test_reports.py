@@ -10,16 +10,15 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 from rich.console import Console
+from tests.iptm_bringup.conftest import with_metrics
 
 from iptm_bringup import progress as progress_module
-from iptm_bringup.comparison import Comparison
-from iptm_bringup.evaluation import RunResults, evaluate
+from iptm_bringup.evaluation import RosRun, evaluate
 from iptm_bringup.monitor import Snapshot
-from iptm_bringup.picture import save_picture, save_report
 from iptm_bringup.progress import BarProgress, LineProgress, make_progress
 from iptm_bringup.run_folder import RunFolder
-from iptm_bringup.scenario import PreparedScenario, Scenario, prepare
-from iptm_bringup.tables import TABLES_WIDTH, print_results
+from iptm_bringup.scenario import Scenario, prepare
+from iptm_bringup.tables import TABLES_WIDTH, print_results, save_picture
 from iptm_core.decision_record import DecisionSeries, Rung
 from iptm_core.metrics import FIGURES, TRIP_FIGURES, figure_values
 from iptm_core.trajectory import Trajectory
@@ -31,8 +30,8 @@ SNAPSHOT = Snapshot(60.0, 10.0, 34.56, 31.23, 33.21, 2.5e-3, 12, Rung.OPTIMAL)
 
 
 @pytest.fixture
-def results(prepared: PreparedScenario, heard: Heard) -> RunResults:
-    return evaluate(prepared, heard, None, RunInformation(), 0.5)
+def results(scenario: Scenario, heard: Heard) -> RosRun:
+    return evaluate(scenario, heard, None, RunInformation(), 0.5)
 
 
 @pytest.fixture
@@ -41,7 +40,7 @@ def folder(tmp_path: Path) -> RunFolder:
 
 
 def printed(
-    results: RunResults, folder: RunFolder, width: int = TABLES_WIDTH, *, full: bool = False
+    results: RosRun, folder: RunFolder, width: int = TABLES_WIDTH, *, full: bool = False
 ) -> str:
     console = Console(file=io.StringIO(), width=width)
     print_results(results, folder, console, full=full)
@@ -49,7 +48,7 @@ def printed(
 
 
 @pytest.mark.parametrize("width", [TABLES_WIDTH, 80])
-def test_tables_show_every_figure(results: RunResults, folder: RunFolder, width: int) -> None:
+def test_tables_show_every_figure(results: RosRun, folder: RunFolder, width: int) -> None:
     text = printed(results, folder, width, full=True)
     values = figure_values(results.metrics)
     for key in TRIP_FIGURES:
@@ -60,22 +59,20 @@ def test_tables_show_every_figure(results: RunResults, folder: RunFolder, width:
     assert "none of 12 limits exceeded" in text
 
 
-def test_a_limit_that_was_exceeded_has_a_row(results: RunResults, folder: RunFolder) -> None:
+def test_a_limit_that_was_exceeded_has_a_row(results: RosRun, folder: RunFolder) -> None:
     first, *others = results.metrics.constraints
     broken = dataclasses.replace(first, worst_excess=0.5, worst_time_s=7.0, violations=3)
     metrics = dataclasses.replace(results.metrics, constraints=(broken, *others))
-    text = printed(dataclasses.replace(results, metrics=metrics), folder, full=True)
+    text = printed(with_metrics(results, metrics), folder, full=True)
     assert "0.5 m/s^2" in text
     assert "collision" not in text
 
 
 @pytest.mark.parametrize("width", [TABLES_WIDTH, 80])
-def test_the_result_fits_on_the_last_screen(
-    results: RunResults, folder: RunFolder, width: int
-) -> None:
+def test_the_result_fits_on_the_last_screen(results: RosRun, folder: RunFolder, width: int) -> None:
     """Before, 75 lines of tables followed the saving; a terminal has 24."""
-    comparison = Comparison("reference", results.metrics, results.trajectory)
-    lines = printed(dataclasses.replace(results, comparison=comparison), folder, width).splitlines()
+    other = dataclasses.replace(results, settings={"strategy": "reference"})
+    lines = printed(dataclasses.replace(results, other=other), folder, width).splitlines()
     assert len(lines) < 22
     text = "\n".join(lines)
     for part in (
@@ -88,7 +85,7 @@ def test_the_result_fits_on_the_last_screen(
     assert lines[-1] == "trip finished, no hard limit broken, not recorded"
 
 
-def test_problems_and_warnings_are_printed(results: RunResults, folder: RunFolder) -> None:
+def test_problems_and_warnings_are_printed(results: RosRun, folder: RunFolder) -> None:
     troubled = dataclasses.replace(
         results,
         problems=("the bag holds 3 messages",),
@@ -159,9 +156,7 @@ def test_the_remaining_time_is_readable() -> None:
     assert "remaining 2:46 min" in console.file.getvalue()  # type: ignore[attr-defined]
 
 
-def test_the_picture_is_drawn(
-    prepared: PreparedScenario, results: RunResults, tmp_path: Path
-) -> None:
+def test_the_picture_is_drawn(scenario: Scenario, results: RosRun, tmp_path: Path) -> None:
     path = tmp_path / "run.png"
     save_picture(path, results)
     pixels = imread(path)
@@ -173,19 +168,17 @@ def test_the_picture_is_drawn(
     assert float(np.max(np.ptp(pixels[..., :3], axis=2))) > 0.3
 
     # The curves of the run that it is compared with.
-    other = Comparison("reference", results.metrics, results.trajectory)
-    save_picture(tmp_path / "compared.png", dataclasses.replace(results, comparison=other))
+    other = dataclasses.replace(results, settings={"strategy": "reference"})
+    save_picture(tmp_path / "compared.png", dataclasses.replace(results, other=other))
     assert not np.array_equal(imread(tmp_path / "compared.png")[: pixels.shape[0]], pixels)
 
     # A level road needs no panel for its grade.
-    level = prepare(dataclasses.replace(prepared.scenario, slope="flat"))
-    save_picture(path, dataclasses.replace(results, prepared=level))
+    level = prepare(dataclasses.replace(scenario, slope="flat"))
+    save_picture(path, dataclasses.replace(results, slope=level.trip.slope))
     assert imread(path).shape[0] < pixels.shape[0]
 
 
-def test_interventions_of_the_safety_monitor_are_marked(
-    results: RunResults, tmp_path: Path
-) -> None:
+def test_interventions_of_the_safety_monitor_are_marked(results: RosRun, tmp_path: Path) -> None:
     columns = dict(results.trajectory.to_arrays())
     columns["service_braking_s"] = np.zeros_like(columns["time_s"])
     pictures = []
@@ -199,7 +192,7 @@ def test_interventions_of_the_safety_monitor_are_marked(
     assert 0 < rows.size < 0.1 * calm.shape[0], "marks and legend of one panel"
 
 
-def test_a_run_in_which_nothing_happens_can_be_drawn(results: RunResults, tmp_path: Path) -> None:
+def test_a_run_in_which_nothing_happens_can_be_drawn(results: RosRun, tmp_path: Path) -> None:
     still = {
         name: np.full_like(column, column[0])
         for name, column in results.trajectory.to_arrays().items()
@@ -214,12 +207,12 @@ def test_a_run_in_which_nothing_happens_can_be_drawn(results: RunResults, tmp_pa
     assert (tmp_path / "still.png").stat().st_size > 10_000
 
 
-def test_a_page_holds_the_run_and_needs_no_other_file(results: RunResults, tmp_path: Path) -> None:
+def test_a_page_holds_the_run_and_needs_no_other_file(results: RosRun, tmp_path: Path) -> None:
     path = tmp_path / "report.html"
-    comparison = Comparison("reference", results.metrics, results.trajectory)
-    save_report(path, dataclasses.replace(results, comparison=comparison))
+    other = dataclasses.replace(results, settings={"strategy": "reference"})
+    results.report(path, other)
     text = path.read_text(encoding="utf-8")
-    assert results.prepared.heading in text
+    assert results.name in text
     assert "<td>aging_cost_to_go</td>" in text
     assert 'src="data:image/png;base64,' in text
     assert text.count("src=") == 1

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from iptm_bringup.run_closed_loop import build_parser, main, prepared_from
+from iptm_bringup.run_closed_loop import build_parser, chosen_scenario, main
 from iptm_bringup.scenario import Scenario
 from iptm_bringup.scenario_files import shipped_scenarios
 from iptm_core.declaration import parameter_specs
@@ -27,14 +27,14 @@ def test_options_reach_the_scenario() -> None:
             "--parameter-overrides", "body.mass_kg=1600", "--set", "controller.tolerance=1e-6",
         ]
     )  # fmt: skip
-    prepared = prepared_from(arguments)
-    assert prepared.scenario.name == "demo"
-    assert prepared.scenario.slope == "small"
-    assert prepared.route.duration_s == 30.0
-    assert prepared.model.values.body.mass_kg == 1600.0
-    assert prepared.scenario.horizon == "15x1"
-    assert prepared.scenario.seed == 4
-    assert prepared.scenario.node_parameters == {"controller": {"tolerance": 1e-6}}
+    scenario = chosen_scenario(arguments)
+    assert scenario.name == "demo"
+    assert scenario.slope == "small"
+    assert scenario.trip.duration_s == 30.0
+    assert scenario.vehicle.values.body.mass_kg == 1600.0
+    assert scenario.horizon == "15x1"
+    assert scenario.seed == 4
+    assert scenario.node_parameters == {"controller": {"tolerance": 1e-6}}
 
 
 def test_a_run_of_a_cycle_is_named_after_it(tmp_path: Path) -> None:
@@ -42,17 +42,17 @@ def test_a_run_of_a_cycle_is_named_after_it(tmp_path: Path) -> None:
     (tmp_path / "my trip.csv").write_text("time_s,speed_kmh\n" + "".join(
         f"{second},{min(second, 30)}\n" for second in range(40)
     ))  # fmt: skip
-    own = prepared_from(build_parser().parse_args(["--cycle", str(tmp_path / "my trip.csv")]))
-    assert own.scenario.name == "my_trip"
+    own = chosen_scenario(build_parser().parse_args(["--cycle", str(tmp_path / "my trip.csv")]))
+    assert own.name == "my_trip"
     assert own.heading.startswith("my_trip: my trip, ")
-    assert prepared_from(build_parser().parse_args(["--cycle", "nycc"])).scenario.name == "nycc"
-    named = prepared_from(build_parser().parse_args(["demo", "--cycle", "nycc"]))
-    assert named.scenario.name == "demo"
+    assert chosen_scenario(build_parser().parse_args(["--cycle", "nycc"])).name == "nycc"
+    named = chosen_scenario(build_parser().parse_args(["demo", "--cycle", "nycc"]))
+    assert named.name == "demo"
 
 
 def test_the_heading_shows_a_horizon_in_one_form() -> None:
     arguments = build_parser().parse_args(["demo", "--horizon", "3*1"])
-    assert "horizon 3x1," in prepared_from(arguments).heading
+    assert "horizon 3x1," in chosen_scenario(arguments).heading
 
 
 def test_the_list_names_every_scenario(capsys: pytest.CaptureFixture[str]) -> None:

@@ -40,9 +40,9 @@ def test_shipped_scenarios_are_sound_and_described(name: str) -> None:
     scenario = load_scenario(name)
     assert scenario.name == name
     assert scenario.description
-    prepared = prepare(scenario)
+    scenario = prepare(scenario)
     expected_s = {"wltc": 1800.0, "comprehensive": 10000.0, "demo": 120.0}
-    assert prepared.route.duration_s == expected_s.get(name, prepared.route.duration_s)
+    assert scenario.trip.duration_s == expected_s.get(name, scenario.trip.duration_s)
 
 
 def test_an_empty_file_is_the_default_scenario(tmp_path: Path) -> None:
@@ -67,20 +67,20 @@ def test_text_of_a_scenario_reads_back(tmp_path: Path) -> None:
 
 def test_overrides_may_be_a_mapping(tmp_path: Path) -> None:
     path = write(tmp_path, "parameter_overrides: {body.mass_kg: 1600, gap.max_gap_m: 80.5}\n")
-    prepared = prepare(load_scenario(path))
-    assert prepared.scenario.parameter_overrides == "body.mass_kg=1600, gap.max_gap_m=80.5"
-    assert prepared.model.values.body.mass_kg == 1600.0
-    assert prepared.model.values.gap.max_gap_m == 80.5
+    scenario = prepare(load_scenario(path))
+    assert scenario.parameter_overrides == "body.mass_kg=1600, gap.max_gap_m=80.5"
+    assert scenario.vehicle.values.body.mass_kg == 1600.0
+    assert scenario.vehicle.values.gap.max_gap_m == 80.5
 
 
 def test_relative_files_start_at_the_folder_of_the_scenario(tmp_path: Path) -> None:
     write(tmp_path, "time_s,speed_kmh\n0,0\n1,3\n2,6\n3,0\n", "trace.csv")
     write(tmp_path, "base: paper_calibrated\n", "car.yaml")
     path = write(tmp_path, "cycle: trace.csv\nparameter_set: car.yaml\n")
-    prepared = prepare(load_scenario(path))
-    assert prepared.scenario.cycle == str(tmp_path / "trace.csv")
-    assert prepared.route.duration_s == 3.0
-    assert prepared.model.name == "car"
+    scenario = prepare(load_scenario(path))
+    assert scenario.cycle == str(tmp_path / "trace.csv")
+    assert scenario.trip.duration_s == 3.0
+    assert scenario.vehicle.name == "car"
 
 
 @pytest.mark.parametrize("cycle", ["traffic.fcd.xml#leader", "runs/us06", "runs/string#car_2"])
@@ -218,7 +218,8 @@ def test_every_field_can_be_set() -> None:
         "description",
         "node_parameters",
         "faults",
+        "foreign",
     }
     assert known == {entry.name for entry in fields(Scenario)}
     content = yaml.safe_load(scenario_text(Scenario()))
-    assert content.keys() == known - {"name", "node_parameters", "faults"}
+    assert content.keys() == known - {"name", "node_parameters", "faults", "foreign"}

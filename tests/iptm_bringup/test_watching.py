@@ -14,7 +14,7 @@ from rich.console import Console
 
 from iptm_bringup import reference_drive, viewer
 from iptm_bringup.comparison import drive_other
-from iptm_bringup.run_closed_loop import WATCHING_RATE, build_parser, prepared_from
+from iptm_bringup.run_closed_loop import WATCHING_RATE, build_parser, chosen_scenario
 from iptm_bringup.run_folder import REFERENCE
 from iptm_bringup.scenario import Scenario, prepare
 from iptm_bringup.supervisor import Supervisor
@@ -37,7 +37,7 @@ from iptm_recording.export import ExportTable, write_parquet
 def test_who_watches_gets_a_pace_that_can_be_watched(
     options: list[str], mode: LoopMode, rate_factor: float
 ) -> None:
-    scenario = prepared_from(build_parser().parse_args(options)).scenario
+    scenario = chosen_scenario(build_parser().parse_args(options))
     assert (scenario.mode, scenario.rate_factor) == (mode, rate_factor)
 
 
@@ -101,7 +101,7 @@ def test_a_run_that_keeps_its_reference_has_it_driven_no_second_time(
     assert driven == ["aging", "reference"]
 
 
-def _note_strategy(driven: list[str], prepared: object, strategy: str, on_step: object) -> None:  # noqa: ARG001
+def _note_strategy(driven: list[str], scenario: object, strategy: str, on_step: object) -> None:  # noqa: ARG001
     driven.append(strategy)
 
 

@@ -43,8 +43,20 @@ def figure_table(runs: Mapping[str, RunMetrics]) -> pd.DataFrame:
     for label, of_run in values.items():
         columns[label] = [FIGURES[key].precise_text(of_run.get(key)) for key in shown]
         if of_run is not first:
-            columns[f"{label}: change"] = [_change(key, of_run, first) for key in shown]
+            changes = relative_changes(of_run, first)
+            columns[f"{label}: change"] = [change_text(key, changes) for key in shown]
     return pd.DataFrame(columns, index=[FIGURES[key].title for key in shown])
+
+
+def relative_changes(own: Mapping[str, float], first: Mapping[str, float]) -> dict[str, float]:
+    """Return the relative change of every figure against the first run, as fractions."""
+    return {key: value / first[key] - 1.0 for key, value in own.items() if first.get(key)}
+
+
+def change_text(key: str, changes: Mapping[str, float]) -> str:
+    """Return the change of a figure in percent, empty where it is not known or not compared."""
+    known = FIGURES[key].compared and key in changes
+    return f"{100.0 * changes[key]:+.1f} %" if known else ""
 
 
 def write_page(path: str | Path, title: str, sections: Mapping[str, str]) -> Path:
@@ -67,12 +79,6 @@ def write_page(path: str | Path, title: str, sections: Mapping[str, str]) -> Pat
 
 def _counts(key: str, values: Mapping[str, float]) -> bool:
     return bool(values.get(key)) if key.startswith("longest_") else key in values
-
-
-def _change(key: str, own: Mapping[str, float], first: Mapping[str, float]) -> str:
-    if not FIGURES[key].compared or key not in own or not first.get(key):
-        return ""
-    return f"{100.0 * (own[key] / first[key] - 1.0):+.1f} %"
 
 
 def html_table(frame: pd.DataFrame) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -70,11 +70,20 @@ class Run:
         decided = pd.DataFrame(self.decisions.to_arrays()).set_index("time_s")
         return driven.set_index("time_s").join(decided)
 
-    def plot(self, against: Run | None = None) -> Picture:
+    @property
+    def strategy(self) -> str:
+        """Strategy of the controller, the name of the run where that is not known."""
+        return str(self.settings.get("strategy", self.name))
+
+    def plot(
+        self, against: Run | None = None, remarks: Sequence[str] = (), footer: str = ""
+    ) -> Picture:
         """Draw the run over time, as the command line does.
 
         Args:
             against: run whose curves are drawn behind those of this one.
+            remarks: lines of the heading, below the name.
+            footer: text below the picture.
 
         Returns:
             A matplotlib figure; notebooks show it, and ``savefig`` writes it.
@@ -82,12 +91,10 @@ class Run:
         # matplotlib takes a moment to load
         from iptm.run_picture import HEADING_COLUMNS, run_picture  # noqa: PLC0415
 
-        behind = None
-        if against is not None:
-            behind = str(against.settings.get("strategy", against.name)), against.trajectory
-        headline = textwrap.fill(self.name, HEADING_COLUMNS)
+        behind = None if against is None else (against.strategy, against.trajectory)
+        headline = "\n".join([textwrap.fill(self.name, HEADING_COLUMNS), *remarks])
         driven = self.trajectory, self.parameters, self.decisions, self.slope
-        return run_picture(*driven, behind, headline)
+        return run_picture(*driven, behind, headline, footer)
 
     def report(self, path: str | Path, against: Run | None = None) -> Path:
         """Write figures, settings and picture as one HTML page that needs no other file.

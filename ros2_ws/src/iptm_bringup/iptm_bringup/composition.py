@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from iptm_bringup.scenario import NODES, PreparedScenario, names_for
+from iptm_bringup.scenario import NODES, Scenario, names_for
 from iptm_bringup.scenario_files import scenario_text
 from iptm_core.declaration import Scalar, plain
 from iptm_core.parameters import to_flat_dict
@@ -74,18 +74,14 @@ class Listeners:
         recorder: a recorder will join.
         foreign_to_state: number of other nodes (such as a viewer) already subscribed to state and clock.
         foreign_to_preview: number of other nodes already subscribed to the leader and its preview.
-        without: nodes that the user starts, which may already be among the others.
     """
 
     recorder: bool = True
     foreign_to_state: int = 0
     foreign_to_preview: int = 0
-    without: frozenset[str] = frozenset()
 
 
-def node_parameters(
-    prepared: PreparedScenario, listeners: Listeners
-) -> dict[str, dict[str, Scalar]]:
+def node_parameters(scenario: Scenario, listeners: Listeners) -> dict[str, dict[str, Scalar]]:
     """Return the parameters of each node.
 
     No message may be lost, so plant and bridge are given the number of listeners to
@@ -93,17 +89,16 @@ def node_parameters(
     bridge (to the clock).
 
     Args:
-        prepared: the scenario.
+        scenario: the scenario.
         listeners: other participants.
     """
-    scenario = prepared.scenario
     recorder, runner = int(listeners.recorder), 1
     # A controller of the user need not subscribe to previews; it may already subscribe to the state.
-    is_foreign = CONTROLLER in listeners.without
+    is_foreign = CONTROLLER in scenario.foreign
     controller = 1 - int(is_foreign and listeners.foreign_to_state > 0)
     # A bridge on received messages also subscribes to the odometry; in lock-step their sender to the clock.
     # One that keeps the rules of the road without messages subscribes to both.
-    of_bridge, road = scenario.node_parameters.get(BRIDGE, {}), prepared.road
+    of_bridge, road = scenario.node_parameters.get(BRIDGE, {}), scenario.road
     in_step = of_bridge.get("cam_lock_step") is not False and not of_bridge.get("recorded_packets")
     is_cam = road.leader_source is LeaderSource.CAM
     bridge = int(in_step if is_cam else road.keeps_rules)
@@ -112,11 +107,11 @@ def node_parameters(
             "expected_peers": controller + recorder + runner + bridge + listeners.foreign_to_state
         },
         BRIDGE: {
-            "initial_gap_m": prepared.model.values.gap.initial_gap_m,
+            "initial_gap_m": scenario.vehicle.values.gap.initial_gap_m,
             # The runner does not subscribe to previews.
             "expected_peers": 1 - is_foreign + recorder + listeners.foreign_to_preview,
         },
-        CONTROLLER: {"trip_duration_s": prepared.route.duration_s},
+        CONTROLLER: {"trip_duration_s": scenario.trip.duration_s},
     }
     return {
         node: {
@@ -228,22 +223,22 @@ def _scalar_text(value: Scalar) -> str:
 
 
 def run_information(
-    prepared: PreparedScenario, parameters: Mapping[str, Mapping[str, Scalar]]
+    scenario: Scenario, parameters: Mapping[str, Mapping[str, Scalar]]
 ) -> dict[str, Any]:
     """Return the information about the run to be stored; the recorder adds revision and versions.
 
     Args:
-        prepared: the scenario.
+        scenario: the scenario.
         parameters: parameters of the nodes by node.
     """
     return {
-        "scenario": prepared.scenario.name,
-        "run": prepared.heading,
-        "seed": prepared.scenario.seed,
+        "scenario": scenario.name,
+        "run": scenario.heading,
+        "seed": scenario.seed,
         "parameters": {
-            MODEL_KEY: to_flat_dict(prepared.model.values),
+            MODEL_KEY: to_flat_dict(scenario.vehicle.values),
             **{node: dict(given) for node, given in parameters.items()},
         },
-        "scenario_file": scenario_text(prepared.scenario),
-        "route": f"{prepared.route.name}, {prepared.route.duration_s:g} s ({prepared.route.source})",
+        "scenario_file": scenario_text(scenario),
+        "route": f"{scenario.trip.name}, {scenario.trip.duration_s:g} s ({scenario.trip.source})",
     }

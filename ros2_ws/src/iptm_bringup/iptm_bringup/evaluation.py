@@ -1,11 +1,11 @@
-"""Results of a run as data: its figures, from the bag if there is one, and its problems."""
+"""A finished run over ROS 2, from its bag if there is one, and its problems."""
 
 from __future__ import annotations
 
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from enum import Enum
 from functools import cached_property
 from pathlib import Path
@@ -13,14 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from iptm_bringup.comparison import Comparison
+from iptm.run import Run
 from iptm_bringup.monitor import heard_by_stamp
-from iptm_bringup.scenario import PreparedScenario
+from iptm_bringup.scenario import Scenario
 from iptm_bringup.scenario_files import scenario_text
 from iptm_bringup.summary import OWN_AGING, PAPER_AGING, Summary, summarise
-from iptm_core.decision_record import DecisionSeries, DecisionStatistics
+from iptm_core.decision_record import DecisionSeries
+from iptm_core.declaration import parameter_specs, plain
 from iptm_core.errors import MissingTopicError
-from iptm_core.metrics import FIGURES, RunMetrics, compute_metrics, figure_values
+from iptm_core.metrics import FIGURES, RunMetrics
 from iptm_core.settings import LeaderSource
 from iptm_core.trajectory import Trajectory
 from iptm_interfaces.assembly import assemble_decisions, assemble_run, split_trips, unpublished
@@ -43,41 +44,33 @@ _OF_CONTROLLER = (
 )
 
 
-@dataclass(frozen=True, eq=False)
-class RunResults:
-    """Results of a finished run.
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class RosRun(Run):
+    """A finished run over ROS 2; trajectory and decisions are those of its bag if there is one.
 
     Attributes:
-        prepared: what was driven.
-        trajectory: from the bag, or from the received messages without one.
-        decisions: from the same source.
-        metrics: what the run achieved.
+        scenario: what was driven.
         wall_time_s: from the first to the last clock.
         bag_messages: messages in the bag by topic, None without a bag.
         problems: why the run counts as failed, empty if it does not.
         warnings: warnings of the nodes during the run.
         information: provenance of the run: revision, versions, start time.
-        comparison: the same trip under another strategy, None without a comparison.
+        other: the same trip under another strategy, None without a comparison.
     """
 
-    prepared: PreparedScenario
-    trajectory: Trajectory
-    decisions: DecisionSeries
-    metrics: RunMetrics
+    scenario: Scenario
     wall_time_s: float
     bag_messages: Mapping[str, int] | None
     problems: tuple[str, ...]
     warnings: tuple[str, ...]
     information: RunInformation
-    comparison: Comparison | None = None
+    other: Run | None = None
 
     @cached_property
-    def summary(self) -> Summary:
+    def headline(self) -> Summary:
         """Headline figures, against the other strategy if there is one."""
-        statistics = DecisionStatistics.of(self.decisions)
-        parameters = self.prepared.model.values
-        aging = OWN_AGING if PLANT in self.prepared.foreign else PAPER_AGING
-        return summarise(self.metrics, parameters, statistics, self.comparison, aging)
+        aging = OWN_AGING if PLANT in self.scenario.foreign else PAPER_AGING
+        return summarise(self, self.other, aging)
 
     @property
     def speed_up(self) -> float:
@@ -86,18 +79,18 @@ class RunResults:
 
 
 def evaluate(
-    prepared: PreparedScenario,
+    scenario: Scenario,
     heard: Heard,
     bag: Path | None,
     information: RunInformation,
     wall_time_s: float,
     problems: Sequence[str] = (),
     warnings: Sequence[str] = (),
-) -> RunResults:
+) -> RosRun:
     """Compute the results of a run.
 
     Args:
-        prepared: what was to be driven.
+        scenario: what was to be driven.
         heard: serialised messages received by the runner, by topic.
         bag: what was recorded, None if nothing was.
         information: revision and versions, used without a bag.
@@ -115,15 +108,15 @@ def evaluate(
         notes.append(
             f"the trip was begun {len(trips)} times; the figures are those of the last one"
         )
-    parameters = prepared.model.values
-    namespace = prepared.scenario.namespace or None
+    parameters = scenario.vehicle.values
+    namespace = scenario.namespace or None
     counts: dict[str, int] | None = None
     if bag is None:
-        run = assemble_run(heard_by_stamp(heard, (*TICK_TOPICS, Topic.PLANT_SAFETY)))
-        trajectory = run.trajectory
+        assembled = assemble_run(heard_by_stamp(heard, (*TICK_TOPICS, Topic.PLANT_SAFETY)))
+        trajectory = assembled.trajectory
         decisions = assemble_decisions(heard_by_stamp(heard, (Topic.SOLVE,))[Topic.SOLVE])
-        if run.incomplete:
-            found.append(f"the runner missed messages of {len(run.incomplete)} ticks")
+        if assembled.incomplete:
+            found.append(f"the runner missed messages of {len(assembled.incomplete)} ticks")
     else:
         trajectory = read_trajectory(bag, namespace)
         try:
@@ -131,22 +124,22 @@ def evaluate(
         except MissingTopicError:  # a controller that does not report them
             decisions = DecisionSeries.from_records([], [])
         parameters, _ = read_model_parameters(bag)
-        if parameters != prepared.model.values:
+        if parameters != scenario.vehicle.values:
             found.append("the model parameters in the bag are not those of the scenario")
         with BagReader(bag) as reader:
             counts = {name: topic.message_count for name, topic in sorted(reader.topics.items())}
             information = reader.run_information()
-        found += _missing_messages(counts, len(trajectory), prepared)
+        found += _missing_messages(counts, len(trajectory), scenario)
         lost, missed = _unequal_states(trips[-1], trajectory)
         if lost:
             # A plant of the user need not wait for the recorder.
-            (notes if PLANT in prepared.foreign else found).append(
+            (notes if PLANT in scenario.foreign else found).append(
                 f"the bag lacks {lost} states that the runner received"
             )
         if missed:
             notes.append(f"the runner missed {missed} states; the bag holds them")
     losses = None if bag is None else stored_losses(information)
-    is_empty = prepared.road.leader_source is LeaderSource.NONE
+    is_empty = scenario.road.leader_source is LeaderSource.NONE
     notes += [
         note
         for note in unpublished(trajectory)
@@ -159,20 +152,24 @@ def evaluate(
             f"the leader drives up to {fastest_m_s:.3g} m/s, the ego vehicle at most"
             f" {parameters.limits.max_speed_m_s:.3g} m/s: it could not follow"
         )
-    metrics = compute_metrics(trajectory, parameters, decisions)
-    (notes if PLANT in prepared.foreign else found).extend(_unfinished(trajectory, prepared))
-    found += _broken_limits(metrics)
-    return RunResults(
-        prepared=prepared,
+    (notes if PLANT in scenario.foreign else found).extend(_unfinished(trajectory, scenario))
+    run = RosRun(
+        name=scenario.heading,
+        settings={
+            spec.name: plain(getattr(scenario, spec.name)) for spec in parameter_specs(Scenario)
+        },
+        parameters=parameters,
         trajectory=trajectory,
         decisions=decisions,
-        metrics=metrics,
+        slope=scenario.trip.slope,
+        scenario=scenario,
         wall_time_s=wall_time_s,
         bag_messages=counts,
         problems=tuple(found),
         warnings=tuple(notes),
         information=information,
     )
+    return replace(run, problems=(*found, *_broken_limits(run.metrics)))
 
 
 def _unequal_states(heard: Iterable[int], trajectory: Trajectory) -> tuple[int, int]:
@@ -182,24 +179,22 @@ def _unequal_states(heard: Iterable[int], trajectory: Trajectory) -> tuple[int, 
     return len(heard_s - recorded_s), len(recorded_s - heard_s)
 
 
-def _missing_messages(
-    counts: Mapping[str, int], ticks: int, prepared: PreparedScenario
-) -> list[str]:
+def _missing_messages(counts: Mapping[str, int], ticks: int, scenario: Scenario) -> list[str]:
     """Return a sentence per topic for which the bag lacks the message of a tick."""
     # In real time the plant does not wait for answers, so only its own messages are certain.
-    complete = (*_OF_PLANT, *_OF_BRIDGE) if prepared.is_lock_step else _OF_PLANT
+    complete = (*_OF_PLANT, *_OF_BRIDGE) if scenario.is_lock_step else _OF_PLANT
     expected = dict.fromkeys(complete, ticks)
-    road = prepared.road
+    road = scenario.road
     if road.keeps_rules and road.leader_source is not LeaderSource.CYCLE:
         expected.pop(Topic.LEADER, None)  # published where a vehicle is ahead
-    if prepared.is_lock_step:
+    if scenario.is_lock_step:
         # The last state ends the trip, whether it is answered or not.
         expected |= dict.fromkeys(_OF_CONTROLLER, ticks - 1)
     expected[Topic.SLOPE] = 1
-    prefix = prepared.scenario.full_namespace.rstrip("/")
+    prefix = scenario.full_namespace.rstrip("/")
     sentences = []
     for topic, least in expected.items():
-        if TOPICS[topic].publisher in prepared.foreign:
+        if TOPICS[topic].publisher in scenario.foreign:
             continue  # it may publish less than that of the suite
         name = TOPICS[topic].name
         count = counts.get(name if name.startswith("/") else f"{prefix}/{name}", 0)
@@ -208,9 +203,9 @@ def _missing_messages(
     return sentences
 
 
-def _unfinished(trajectory: Trajectory, prepared: PreparedScenario) -> list[str]:
+def _unfinished(trajectory: Trajectory, scenario: Scenario) -> list[str]:
     start_s, end_s = float(trajectory.time_s[0]), float(trajectory.time_s[-1])
-    duration_s = prepared.route.duration_s
+    duration_s = scenario.trip.duration_s
     if start_s == 0.0 and end_s >= duration_s - 1e-9:
         return []
     return [f"the run covers {start_s:g} s to {end_s:g} s of a trip of {duration_s:g} s"]
@@ -229,37 +224,29 @@ def _time_text(time_s: float | None) -> str:
     return "an unknown time" if time_s is None or math.isnan(time_s) else f"{time_s:g} s"
 
 
-def results_json(results: RunResults) -> str:
-    """Return results as JSON text; what is unknown (NaN) becomes null."""
-    metrics = results.metrics
-    values = figure_values(metrics)
-    scenario = results.prepared.scenario
-    information = results.information
+def results_json(run: RosRun) -> str:
+    """Return a run as JSON text; what is unknown (NaN) becomes null."""
+    values, other, information = run.figures, run.other, run.information
     document = {
-        "scenario": scenario.name,
-        "run": results.prepared.heading,
+        "scenario": run.scenario.name,
+        "run": run.name,
         "summary": {
-            "text": [f"{label}: {text}" for label, text in results.summary.lines],
-            **results.summary.values,
+            "text": [f"{label}: {text}" for label, text in run.headline.lines],
+            **run.headline.values,
         },
-        "scenario_file": scenario_text(scenario),
-        "good": not results.problems,
-        "problems": list(results.problems),
-        "warnings": list(results.warnings),
+        "scenario_file": scenario_text(run.scenario),
+        "good": not run.problems,
+        "problems": list(run.problems),
+        "warnings": list(run.warnings),
         "rows": [
             {"key": key, "label": figure.label, "value": values.get(key), "unit": figure.unit}
             for key, figure in FIGURES.items()
         ],
-        "compared_with": None
-        if results.comparison is None
-        else {
-            "strategy": results.comparison.strategy,
-            "figures": figure_values(results.comparison.metrics),
-        },
-        "metrics": asdict(metrics),
-        "wall_time_s": results.wall_time_s,
-        "speed_up": results.speed_up,
-        "bag_messages": results.bag_messages,
+        "compared_with": other and {"strategy": other.strategy, "figures": other.figures},
+        "metrics": asdict(run.metrics),
+        "wall_time_s": run.wall_time_s,
+        "speed_up": run.speed_up,
+        "bag_messages": run.bag_messages,
         "information": {
             "git_revision": information.git_revision,
             "started_at_utc": information.started_at_utc,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from typing import Protocol
 
 from rich.console import Console, Group
 from rich.live import Live
@@ -20,8 +19,8 @@ LINE_PERIOD_S = 5.0
 _BAR_WIDTH = 60
 
 
-class Progress(Protocol):
-    """Display of the progress of a run."""
+class Progress:
+    """Display of the progress of a run: this one shows nothing, its subclasses do."""
 
     def waiting(self, reason: str) -> None:
         """Show what the start waits for."""
@@ -34,18 +33,12 @@ class Progress(Protocol):
 
 
 def make_progress(console: Console, duration_s: float) -> Progress:
-    """Return what suits the console.
-
-    Args:
-        console: where to show it.
-        duration_s: length of the trip.
-    """
-    if console.is_terminal:
-        return BarProgress(console, duration_s)
-    return LineProgress(console, duration_s)
+    """Return what suits the console, for a trip of a length."""
+    shown = BarProgress if console.is_terminal else LineProgress
+    return shown(console, duration_s)
 
 
-class BarProgress:
+class BarProgress(Progress):
     """A bar with the state of the run below it, redrawn in place."""
 
     def __init__(self, console: Console, duration_s: float) -> None:
@@ -91,7 +84,7 @@ class BarProgress:
         self._live.update(content, refresh=True)
 
 
-class LineProgress:
+class LineProgress(Progress):
     """A plain line now and then, for logs and pipes."""
 
     def __init__(self, console: Console, duration_s: float) -> None:
@@ -123,9 +116,6 @@ class LineProgress:
             f" cells {snapshot.cell_1_temperature_c:.1f}/{snapshot.cell_n_temperature_c:.1f} °C,"
             f" solve {_milliseconds(snapshot)}, {snapshot.iterations} iterations{fallback}"
         )
-
-    def close(self) -> None:
-        """Nothing to clean up."""
 
     def _is_due(self) -> bool:
         now_s = time.monotonic()

@@ -57,17 +57,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         content = parse_yaml(sys.stdin.read(), "scenario", ScenarioError)
         scenario = scenario_from(content, "scenario", "reference", Path.cwd())
-        prepared = prepare(scenario)
+        scenario = prepare(scenario)
         header = {
             "strategy": parsed.strategy,
             "columns": COLUMNS,
-            "duration_s": prepared.route.duration_s,
+            "duration_s": scenario.trip.duration_s,
         }
         _write(header)
         kept = None if parsed.run is None else _kept(parsed.run, parsed.strategy)
         if kept is None:
             drive_other(
-                prepared,
+                scenario,
                 parsed.strategy,
                 lambda *tick: _write_rows(Trajectory.from_ticks([tick])),
             )

@@ -12,8 +12,8 @@ from pathlib import Path
 from rich.console import Console
 
 from iptm_bringup.comparison import NO_COMPARISON
-from iptm_bringup.runner import RunOptions, run
-from iptm_bringup.scenario import NODES, PreparedScenario, Scenario, prepare
+from iptm_bringup.runner import PROGRAM, RunOptions, run
+from iptm_bringup.scenario import NODES, Scenario, prepare
 from iptm_bringup.scenario_files import (
     DEFAULT_SCENARIO,
     load_scenario,
@@ -28,7 +28,6 @@ from iptm_core.program import EXIT_OK, refused
 from iptm_core.settings import LoopMode
 from iptm_core.user_input import nearest
 
-PROGRAM = "run_closed_loop"
 WATCHING_RATE = 10.0
 """Seconds of trip time per second of wall time when someone watches: WLTC class 3b in three minutes."""
 _DESCRIPTION = """\
@@ -138,7 +137,7 @@ def parsed_options(arguments: Sequence[str] | None = None) -> argparse.Namespace
     return parsed
 
 
-def prepared_from(arguments: argparse.Namespace) -> PreparedScenario:
+def chosen_scenario(arguments: argparse.Namespace) -> Scenario:
     """Return the scenario that the arguments describe.
 
     Raises:
@@ -188,8 +187,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         list_scenarios(console)
         return EXIT_OK
     try:
-        prepared = replace(prepared_from(parsed), foreign=frozenset(parsed.without))
-        if parsed.without and prepared.scenario.faults:
+        scenario = replace(chosen_scenario(parsed), foreign=frozenset(parsed.without))
+        if parsed.without and scenario.faults:
             raise ScenarioError(
                 f"--without is {parsed.without[0]} for a scenario with faults; allowed: without faults"
             )
@@ -203,7 +202,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             view=parsed.view,
             full=parsed.full,
         )
-        return run(prepared, options, console, Console(stderr=True))
+        return run(scenario, options, console)
     except IptmError as error:
         return refused(PROGRAM, error)
 

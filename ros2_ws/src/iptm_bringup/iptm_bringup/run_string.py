@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -12,14 +11,16 @@ from pathlib import Path
 
 from rich.console import Console
 
-from iptm_bringup.comparison import NO_COMPARISON, controller_for, plant_for
-from iptm_bringup.environment import domain_of_run, environment_of_run
-from iptm_bringup.run_closed_loop import parsed_options, prepared_from
+from iptm.bags import load
+from iptm.run import Run
+from iptm_bringup.comparison import NO_COMPARISON, controller_for, headless_run, plant_for
+from iptm_bringup.environment import domain_of_run
+from iptm_bringup.run_closed_loop import chosen_scenario, parsed_options
 from iptm_bringup.run_folder import LOGS, RunFolder
 from iptm_bringup.runner import EXIT_RUN_FAILED
-from iptm_bringup.scenario import PreparedScenario
-from iptm_bringup.string_page import StringRun, report_string
-from iptm_bringup.string_run import VehicleResult, drive_string
+from iptm_bringup.scenario import Scenario
+from iptm_bringup.string_page import report_string
+from iptm_bringup.string_run import complaint, drive_string, results_in
 from iptm_bringup.tables import TABLES_WIDTH
 from iptm_bringup.viewer import live_view
 from iptm_controller.horizon import SINGLE_HORIZON, Horizon
@@ -34,8 +35,6 @@ from iptm_core.vehicle_string import (
     vehicles_in_string,
 )
 from iptm_interfaces.process import StopRequest
-from iptm_recording.trajectory_reader import read_decisions, read_trajectory
-from iptm_studies.closed_loop import ClosedLoopRun
 from iptm_studies.vehicle_string import run_string
 
 PROGRAM = "run_string"
@@ -129,53 +128,49 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(parsed: argparse.Namespace, rest: list[str], console: Console) -> int:
     count = vehicle_count(parsed.vehicles, "--vehicles")
     length_m = vehicle_length_m(parsed.vehicle_length_m, "--vehicle-length-m")
-    prepared = _prepared(rest)
+    scenario = _scenario(rest)
     stop = StopRequest()
     stop.install()
-    gap_m = prepared.model.values.gap.initial_gap_m
-    vehicles = vehicles_in_string(count, gap_m, length_m, prepared.scenario.namespace)
+    gap_m = scenario.vehicle.values.gap.initial_gap_m
+    vehicles = vehicles_in_string(count, gap_m, length_m, scenario.namespace)
     with ExitStack() as stack:
-        asked, own = prepared.scenario.domain, prepared.scenario.full_namespace
+        asked, own = scenario.domain, scenario.full_namespace
         domain = stack.enter_context(domain_of_run(asked, own))
         output = RunFolder.of_run(parsed.output, "string").output
         heading = f"{count} vehicles; to watch: export ROS_DOMAIN_ID={domain.number}"
         console.print(heading, highlight=False)
+        bags = {vehicle.namespace: output / vehicle.name for vehicle in vehicles}
         stay_open = None
         if parsed.view:
-            stay_open = stack.enter_context(
-                live_view(
-                    output / LOGS,
-                    environment_of_run(domain.number, output / LOGS / "ros"),
-                    prepared,
-                    [vehicle.namespace for vehicle in vehicles],
-                    [output / vehicle.name for vehicle in vehicles],
-                    NO_COMPARISON,
-                    console,
-                    Console(stderr=True),
-                )
-            )
-        results = drive_string(vehicles, rest, length_m, output, domain, stop, console)
+            view = live_view(scenario, domain.number, output / LOGS, bags, console)
+            stay_open = stack.enter_context(view)
+        ends = drive_string(vehicles, rest, length_m, output, domain.number, stop, console)
         if stop.number is not None:
             return EXIT_SIGNAL + int(stop.number)
-        complaints = [result for result in results if result.complaint]
-        for result in complaints:
-            print_error(PROGRAM, f"{result.vehicle.name}: {result.complaint}")
-        if all(result.results for result in results):
-            code = EXIT_RUN_FAILED if complaints else EXIT_OK
+        results = [results_in(bag) for bag in bags.values()]
+        complaints = [complaint(*one) for one in zip(ends, results, strict=True)]
+        for end, text in zip(ends, complaints, strict=True):
+            if text:
+                print_error(PROGRAM, f"{end.name}: {text}")
+        code = EXIT_RUN_FAILED if any(complaints) else EXIT_OK
+        if all(results):
+            runs = [load(bag, namespace) for namespace, bag in bags.items()]
+            wall_time_s = max(float(each["wall_time_s"]) for each in results)
             with console.status("driving the strings to compare with ..."):
-                run = _evaluated(prepared, results, parsed.against, parsed.late, length_m)
-            report_string(run, parsed.page or output / PAGE, console)
+                others, late = _headless_strings(scenario, count, length_m, parsed)
+            report_string(
+                scenario, runs, others, late, wall_time_s, parsed.page or output / PAGE, console
+            )
             console.print(str(output), highlight=False, soft_wrap=True)
         else:
-            codes = {result.end.code for result in complaints}
-            code = EXIT_USER_ERROR if EXIT_USER_ERROR in codes else EXIT_RUN_FAILED
+            code = EXIT_USER_ERROR if EXIT_USER_ERROR in {end.code for end in ends} else code
             print(f"logs: {output / LOGS}", file=sys.stderr)
         if stay_open is not None:
             stay_open(stop)
         return code
 
 
-def _prepared(rest: list[str]) -> PreparedScenario:
+def _scenario(rest: list[str]) -> Scenario:
     """Return the scenario of every vehicle.
 
     Raises:
@@ -186,49 +181,34 @@ def _prepared(rest: list[str]) -> PreparedScenario:
     if unfit:
         option = unfit[0].replace("_", "-")
         raise ScenarioError(f"--{option} is given for a string; allowed: with one vehicle")
-    prepared = prepared_from(options)
-    if not prepared.is_lock_step:
+    scenario = chosen_scenario(options)
+    if not scenario.is_lock_step:
         raise ScenarioError("mode is real_time; allowed in a string: lock_step")
-    return prepared
+    return scenario
 
 
-def _evaluated(
-    prepared: PreparedScenario,
-    results: Sequence[VehicleResult],
-    against: str,
-    late: Sequence[float],
-    length_m: float,
-) -> StringRun:
-    """Read the bags, and drive the strings to compare with without ROS."""
-    scenario = prepared.scenario
+def _headless_strings(
+    scenario: Scenario, count: int, length_m: float, parsed: argparse.Namespace
+) -> tuple[list[Run], dict[float, list[Run]]]:
+    """Drive the strings to compare with: of another strategy, and with plans that arrive late."""
 
-    def headless(
-        strategy: str, horizon: Horizon, preview: PreviewSettings
-    ) -> tuple[ClosedLoopRun, ...]:
-        return tuple(
-            run_string(
-                prepared.route,
-                len(results),
-                plant_for(prepared),
-                lambda: controller_for(prepared, strategy, horizon),
-                preview,
-                length_m,
-            )
+    def driven(strategy: str, horizon: Horizon, latency_s: float) -> list[Run]:
+        preview = replace(PreviewSettings.of(scenario), latency_s=latency_s)
+        string = run_string(
+            scenario.trip,
+            count,
+            plant_for(scenario),
+            lambda: controller_for(scenario, strategy, horizon),
+            preview,
+            length_m,
         )
+        return [headless_run(scenario, strategy, each) for each in string]
 
-    places = [(result.folder, result.vehicle.namespace) for result in results]
-    preview = PreviewSettings.of(scenario)
+    is_compared = parsed.against != NO_COMPARISON
     own = scenario.strategy, Horizon.parse(scenario.horizon)
-    is_compared = against != NO_COMPARISON
-    return StringRun(
-        prepared=prepared,
-        trajectories=tuple(read_trajectory(*place) for place in places),
-        decisions=tuple(read_decisions(*place) for place in places),
-        wall_time_s=max(float(result.results["wall_time_s"]) for result in results),
-        cores=len(os.sched_getaffinity(0)),
-        against=against,
-        others=headless(against, SINGLE_HORIZON, preview) if is_compared else (),
-        late={late_s: headless(*own, replace(preview, latency_s=late_s)) for late_s in late},
+    return (
+        driven(parsed.against, SINGLE_HORIZON, scenario.latency_s) if is_compared else [],
+        {late_s: driven(*own, late_s) for late_s in parsed.late},
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
@@ -16,7 +17,7 @@ from rclpy.signals import SignalHandlerOptions
 from rich.console import Console
 from rich.text import Text
 
-from iptm_bringup.comparison import NO_COMPARISON, drive_comparison
+from iptm_bringup.comparison import NO_COMPARISON, drive_comparison, save_comparison
 from iptm_bringup.composition import (
     RECORDER,
     Listeners,
@@ -39,17 +40,18 @@ from iptm_bringup.monitor import RunMonitor
 from iptm_bringup.process_faults import ProcessFaults
 from iptm_bringup.progress import Progress, make_progress
 from iptm_bringup.run_folder import RunFolder
-from iptm_bringup.scenario import PreparedScenario
+from iptm_bringup.scenario import Scenario
 from iptm_bringup.supervisor import Supervisor
-from iptm_bringup.tables import print_results
+from iptm_bringup.tables import print_results, save_picture
 from iptm_bringup.viewer import live_view
 from iptm_core.declaration import Scalar
 from iptm_core.errors import IptmError
-from iptm_core.program import EXIT_OK, EXIT_SIGNAL, EXIT_USER_ERROR
+from iptm_core.program import EXIT_OK, EXIT_SIGNAL, EXIT_USER_ERROR, print_error
 from iptm_interfaces.process import StopRequest
 from iptm_interfaces.topics import CONTROLLER, PLANT, Topic
 from iptm_recording.run_information import collect_run_information
 
+PROGRAM = "run_closed_loop"
 EXIT_RUN_FAILED = 1
 LOOK_AROUND_S = 2.0
 """Time to find others in a domain that the user chose; the controller takes as long to start."""
@@ -80,14 +82,8 @@ class RunOptions:
     full: bool = False
 
 
-def run(prepared: PreparedScenario, options: RunOptions, console: Console, errors: Console) -> int:
+def run(scenario: Scenario, options: RunOptions, console: Console) -> int:
     """Drive, record and report a scenario.
-
-    Args:
-        prepared: the scenario.
-        options: output, recording, picture.
-        console: for progress and results.
-        errors: for what goes wrong.
 
     Returns:
         0 if the trip was finished, no hard limit was broken, and the bag is complete; 1 if not; 2 for a
@@ -98,81 +94,42 @@ def run(prepared: PreparedScenario, options: RunOptions, console: Console, error
     """
     stop = StopRequest()
     stop.install()
-    scenario = prepared.scenario
     with ExitStack() as stack:
         domain = stack.enter_context(domain_of_run(scenario.domain, scenario.full_namespace))
         folder = RunFolder.of_run(options.output, scenario.name)
-        console.print(_introduction(prepared, domain.number), soft_wrap=True)
+        console.print(_introduction(scenario, domain.number), soft_wrap=True)
         stay_open = None
         if options.view:
-            environment = environment_of_run(domain.number, folder.logs / "ros")
-            namespaces = [scenario.namespace]
-            bags = [folder.output] if options.record else []
-            view = live_view(
-                folder.logs,
-                environment,
-                prepared,
-                namespaces,
-                bags,
-                options.against,
-                console,
-                errors,
-            )
+            bags = {scenario.namespace: folder.output if options.record else None}
+            view = live_view(scenario, domain.number, folder.logs, bags, console, options.against)
             stay_open = stack.enter_context(view)
-        progress = make_progress(console, prepared.route.duration_s)
-        driven = drive_processes(folder, prepared, options, domain, progress, stop)
-        result = driven.result
+        progress = make_progress(console, scenario.trip.duration_s)
+        result, drive = drive_processes(folder, scenario, options, domain, progress, stop)
         if result.outcome is DriveOutcome.FINISHED:
-            code = _report(folder, prepared, options, driven, console, errors)
+            code = _report(folder, scenario, options, drive, result.wall_time_s, console)
         else:
-            code = _report_failure(result, folder, stop, errors)
+            code = _report_failure(result, folder, stop)
         if stay_open is not None and result.outcome is not DriveOutcome.REFUSED:
             stay_open(stop)
         return code
 
 
-@dataclass(frozen=True, eq=False)
-class Driven:
-    """A run whose processes have all ended.
-
-    Attributes:
-        result: how it ended.
-        monitor: received messages.
-        supervisor: how the processes ended.
-        process_faults: faults injected into the processes.
-    """
-
-    result: DriveResult
-    monitor: RunMonitor
-    supervisor: Supervisor
-    process_faults: ProcessFaults
-
-
 def drive_processes(
     folder: RunFolder,
-    prepared: PreparedScenario,
+    scenario: Scenario,
     options: RunOptions,
     domain: RunDomain,
     progress: Progress,
     stop: StopRequest,
-) -> Driven:
-    """Start the processes of a scenario, watch the trip, and end them.
-
-    Args:
-        folder: for logs and parameter files, and the bag.
-        prepared: the scenario.
-        options: output and recording.
-        domain: ROS domain of the run.
-        progress: display of the progress.
-        stop: set when the user requests a stop.
-    """
+) -> tuple[DriveResult, Drive]:
+    """Start the processes of a scenario, watch the trip, and end them; the folder takes logs and bag."""
     environment = environment_of_run(domain.number, folder.logs / "ros")
     supervisor = Supervisor(environment, folder.log_path)
-    process_faults = ProcessFaults(supervisor, prepared.scenario.faults)
+    process_faults = ProcessFaults(supervisor, scenario.faults)
 
     with (
         process_environment(environment),  # the runner takes part in the graph itself
-        _monitor(prepared.scenario.full_namespace, domain, prepared.foreign) as (monitor, executor),
+        _monitor(scenario.full_namespace, domain, scenario.foreign) as (monitor, executor),
         Drive(
             supervisor,
             monitor,
@@ -180,38 +137,38 @@ def drive_processes(
             progress,
             stop,
             process_faults,
-            foreign=prepared.foreign,
-            duration_s=prepared.route.duration_s,
+            foreign=scenario.foreign,
+            duration_s=scenario.trip.duration_s,
             # A fault may show another leader than the one that is followed.
-            least_gap_m=-math.inf if prepared.scenario.faults else IMPOSSIBLE_GAP_M,
+            least_gap_m=-math.inf if scenario.faults else IMPOSSIBLE_GAP_M,
         ) as drive,
     ):
-        start = _ProcessStarter(folder, prepared, options)
+        start = _ProcessStarter(folder, scenario, options)
         drive.start(start.first())
         # A private domain has no other participants.
         result = drive.look_around(0.0 if domain.is_private else LOOK_AROUND_S)
         if result.outcome is DriveOutcome.FINISHED:
             drive.start(start.then(monitor))
             result = drive.run()
-    return Driven(result, monitor, supervisor, process_faults)
+    return result, drive
 
 
 class _ProcessStarter:
     """Writes the files that the processes need and gives the commands to start them."""
 
-    def __init__(self, folder: RunFolder, prepared: PreparedScenario, options: RunOptions) -> None:
+    def __init__(self, folder: RunFolder, scenario: Scenario, options: RunOptions) -> None:
         self._folder = folder
-        self._prepared = prepared
+        self._scenario = scenario
         self._options = options
-        self._namespace = prepared.scenario.full_namespace
-        self._faults = prepared.scenario.faults
+        self._namespace = scenario.full_namespace
+        self._faults = scenario.faults
 
     def first(self) -> dict[str, list[str]]:
         """Return the commands that do not depend on the listeners; they take longest to start."""
         parameters = self._parameters(Listeners(self._options.record))
         commands = {node: self._node(node, parameters) for node in parameters if node == CONTROLLER}
         if self._options.record:
-            text = yaml.safe_dump(run_information(self._prepared, parameters), sort_keys=False)
+            text = yaml.safe_dump(run_information(self._scenario, parameters), sort_keys=False)
             path = self._folder.write_log("run_information.yaml", text)
             # As the user wrote it: the recorder's diagnostics name it, and they go into the bag.
             commands[RECORDER] = recorder_command(
@@ -225,7 +182,6 @@ class _ProcessStarter:
             self._options.record,
             foreign_to_state=monitor.foreign_listeners(Topic.PLANT_ODOMETRY, Topic.CLOCK),
             foreign_to_preview=monitor.foreign_listeners(Topic.LEADER, Topic.LEADER_PREVIEW),
-            without=self._prepared.foreign,
         )
         parameters = self._parameters(listeners)
         nodes = [node for node in parameters if node != CONTROLLER]
@@ -233,11 +189,11 @@ class _ProcessStarter:
 
     def _parameters(self, listeners: Listeners) -> dict[str, dict[str, Scalar]]:
         """Return the parameters of the nodes that are started here."""
-        parameters = with_faults(node_parameters(self._prepared, listeners), self._faults)
+        parameters = with_faults(node_parameters(self._scenario, listeners), self._faults)
         return {
             node: values
             for node, values in parameters.items()
-            if node not in self._prepared.foreign
+            if node not in self._scenario.foreign
         }
 
     def _node(self, node: str, parameters: Mapping[str, Mapping[str, Scalar]]) -> list[str]:
@@ -273,67 +229,56 @@ def _monitor(
 
 def _report(
     folder: RunFolder,
-    prepared: PreparedScenario,
+    scenario: Scenario,
     options: RunOptions,
-    driven: Driven,
+    drive: Drive,
+    wall_time_s: float,
     console: Console,
-    errors: Console,
 ) -> int:
     """Evaluate a finished trip, write its files and print its tables."""
-    unclean = unclean_ends(driven.supervisor, driven.process_faults)
+    unclean = unclean_ends(drive.supervisor, drive.process_faults)
     try:
-        results = evaluate(
-            prepared,
-            driven.monitor.recorded,
+        run = evaluate(
+            scenario,
+            drive.monitor.recorded,
             folder.output if options.record else None,
             collect_run_information(),
-            driven.result.wall_time_s,
+            wall_time_s,
             unclean,
-            tuple(driven.monitor.warnings),
+            tuple(drive.monitor.warnings),
         )
         # The reference would drive the plant of the suite, not the user's.
-        if options.against != NO_COMPARISON and PLANT not in prepared.foreign:
+        if options.against != NO_COMPARISON and PLANT not in scenario.foreign:
             with console.status(f"driving the same trip with strategy {options.against} ..."):
-                comparison = drive_comparison(prepared, options.against)
-            results = replace(results, comparison=comparison)
+                run = replace(run, other=drive_comparison(scenario, options.against))
     except IptmError as error:
-        text = "; ".join((str(error), *unclean))
-        errors.print(f"run_closed_loop: {text}", markup=False, highlight=False, soft_wrap=True)
+        print_error(PROGRAM, "; ".join((str(error), *unclean)))
         return EXIT_RUN_FAILED
-    if results.comparison is not None:
-        results.comparison.save(folder.reference, prepared.heading)
-    folder.results.write_text(results_json(results), encoding="utf-8")
-    if options.picture or options.report:
-        # Loaded only now: it takes half a second that the nodes can use better.
-        from iptm_bringup.picture import save_picture, save_report  # noqa: PLC0415
-
-        if options.picture:
-            save_picture(folder.picture, results)
-        if options.report:
-            save_report(folder.report, results)
-    print_results(results, folder, console, full=options.full)
-    return EXIT_RUN_FAILED if results.problems else EXIT_OK
+    if run.other is not None:
+        save_comparison(folder.reference, run.other, run.name)
+    folder.results.write_text(results_json(run), encoding="utf-8")
+    if options.picture:
+        save_picture(folder.picture, run)
+    if options.report:
+        run.report(folder.report, run.other)
+    print_results(run, folder, console, full=options.full)
+    return EXIT_RUN_FAILED if run.problems else EXIT_OK
 
 
-def _report_failure(
-    result: DriveResult, folder: RunFolder, stop: StopRequest, errors: Console
-) -> int:
+def _report_failure(result: DriveResult, folder: RunFolder, stop: StopRequest) -> int:
+    print_error(PROGRAM, result.message)
     if result.outcome is DriveOutcome.REFUSED:
         folder.discard()
-        errors.print(
-            f"run_closed_loop: {result.message}", markup=False, highlight=False, soft_wrap=True
-        )
         return EXIT_USER_ERROR
-    lines = [f"run_closed_loop: {result.message}", *(f"    {line}" for line in result.last_lines)]
-    lines.append(f"logs: {folder.logs}")
-    errors.print("\n".join(lines), markup=False, highlight=False, soft_wrap=True)
+    lines = [*(f"    {line}" for line in result.last_lines), f"logs: {folder.logs}"]
+    print("\n".join(lines), file=sys.stderr, flush=True)
     if result.outcome is DriveOutcome.INTERRUPTED and stop.number is not None:
         return EXIT_SIGNAL + int(stop.number)
     return EXIT_RUN_FAILED
 
 
-def _introduction(prepared: PreparedScenario, domain: int) -> Text:
-    without = prepared.foreign
+def _introduction(scenario: Scenario, domain: int) -> Text:
+    without = scenario.foreign
     purpose = f"waiting for your own {', '.join(sorted(without))}" if without else "to watch"
     watch = (f"\n{purpose}: export ROS_DOMAIN_ID={domain}", "dim")
-    return Text.assemble((prepared.heading, "bold"), watch)
+    return Text.assemble((scenario.heading, "bold"), watch)

@@ -1,4 +1,4 @@
-"""A scenario: what one closed-loop run is made of, as data; and its parts, built before any process starts.
+"""A planned run: what it is made of, as data; and its parts, built before any process starts.
 
 Every field of `Scenario` that is a declared parameter is also an option of the command line and a key of
 scenario files; `parameter_specs(Scenario)` lists them.
@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property, partial
 from types import MappingProxyType
-from typing import TypeVar
 
 from rclpy.exceptions import InvalidNamespaceException
 from rclpy.validate_namespace import validate_namespace
@@ -48,8 +48,6 @@ from iptm_faults.fault import Fault
 from iptm_faults.injection import check_empty_road
 from iptm_interfaces.topics import BRIDGE, CONTROLLER, PLANT
 from iptm_v2x_bridge.road_knowledge import given_rules
-
-T = TypeVar("T")
 
 AUTOMATIC_DOMAIN = -1
 MAX_DOMAIN = 232
@@ -113,6 +111,7 @@ class Scenario(
         description: one line for lists.
         node_parameters: further parameters by node (one of `NODES`) and name; the nodes check them.
         faults: what goes wrong, in the order of their beginning.
+        foreign: nodes that the user starts.
     """
 
     name: str = "custom"
@@ -129,11 +128,61 @@ class Scenario(
         default_factory=lambda: _NO_PARAMETERS
     )
     faults: tuple[Fault, ...] = ()
+    foreign: frozenset[str] = frozenset()
+
+    @cached_property
+    def vehicle(self) -> ParameterSet:
+        """Parameters of vehicle, battery and cooling."""
+        return self.model()
+
+    @cached_property
+    def trip(self) -> Route:
+        """Leader, road and length of the trip."""
+        return self.trip_route(self.vehicle.values.gap.initial_gap_m)
 
     @property
     def full_namespace(self) -> str:
         """Namespace as ROS writes it, with a leading slash; ``/`` for none."""
         return "/" + self.namespace.strip("/")
+
+    @property
+    def heading(self) -> str:
+        """What was driven, in one line: name, trip, strategy, and every setting that is not a default."""
+        horizon = Horizon.parse(self.horizon)
+        strategy = f"strategy {self.strategy}, horizon {horizon}, {self.solver}"
+        parts = [
+            f"{self.name}: {self.trip.name}, {self.trip.duration_s:g} s",
+            *([] if CONTROLLER in self.foreign else [strategy]),
+            *(f"own {node}" for node in NODES if node in self.foreign),
+            self.mode.value.replace("_", "-"),
+            *self._changes(),
+        ]
+        return ", ".join(parts)
+
+    def _changes(self) -> list[str]:
+        """Return the non-default settings that do not appear elsewhere in the heading."""
+        changes = [
+            f"{spec.name}={plain(getattr(self, spec.name))}"
+            for spec in parameter_specs(Scenario)
+            if spec.name not in _NOT_CHANGES and getattr(self, spec.name) != spec.default
+        ]
+        changes += filter(None, [self.parameter_overrides])
+        for node, values in self.node_parameters.items():
+            changes += [f"{node}.{name}={value}" for name, value in values.items()]
+        if self.faults:
+            changes.append(f"{len(self.faults)} faults")
+        return changes
+
+    @property
+    def road(self) -> RoadAheadSettings:
+        """Lead vehicle and rules of the road, as the bridge is given them."""
+        given = self.node_parameters.get(BRIDGE, {})
+        return given_settings(RoadAheadSettings, {**vars(self), **given})
+
+    @property
+    def is_lock_step(self) -> bool:
+        """Whether trip time waits for the controller."""
+        return self.mode is LoopMode.LOCK_STEP
 
 
 def names_for(node: str) -> tuple[str, ...]:
@@ -141,66 +190,8 @@ def names_for(node: str) -> tuple[str, ...]:
     return tuple(spec.name for group in SETTINGS_OF_NODES[node] for spec in parameter_specs(group))
 
 
-@dataclass(frozen=True, eq=False)
-class PreparedScenario:
-    """A scenario whose parts have been built once, so that they are known to be sound.
-
-    Attributes:
-        scenario: what was asked for.
-        model: the vehicle.
-        route: leader, road and length of the trip.
-        foreign: nodes that the user starts.
-    """
-
-    scenario: Scenario
-    model: ParameterSet
-    route: Route
-    foreign: frozenset[str] = frozenset()
-
-    @property
-    def heading(self) -> str:
-        """What was driven, in one line: name, trip, strategy, and every setting that is not a default."""
-        scenario, foreign = self.scenario, self.foreign
-        horizon = Horizon.parse(scenario.horizon)
-        strategy = f"strategy {scenario.strategy}, horizon {horizon}, {scenario.solver}"
-        parts = [
-            f"{scenario.name}: {self.route.name}, {self.route.duration_s:g} s",
-            *([] if CONTROLLER in foreign else [strategy]),
-            *(f"own {node}" for node in NODES if node in foreign),
-            scenario.mode.value.replace("_", "-"),
-            *self._changes(),
-        ]
-        return ", ".join(parts)
-
-    def _changes(self) -> list[str]:
-        """Return the non-default settings that do not appear elsewhere in the heading."""
-        scenario = self.scenario
-        changes = [
-            f"{spec.name}={plain(getattr(scenario, spec.name))}"
-            for spec in parameter_specs(Scenario)
-            if spec.name not in _NOT_CHANGES and getattr(scenario, spec.name) != spec.default
-        ]
-        changes += filter(None, [scenario.parameter_overrides])
-        for node, values in scenario.node_parameters.items():
-            changes += [f"{node}.{name}={value}" for name, value in values.items()]
-        if scenario.faults:
-            changes.append(f"{len(scenario.faults)} faults")
-        return changes
-
-    @property
-    def road(self) -> RoadAheadSettings:
-        """Lead vehicle and rules of the road, as the bridge is given them."""
-        given = self.scenario.node_parameters.get(BRIDGE, {})
-        return given_settings(RoadAheadSettings, {**vars(self.scenario), **given})
-
-    @property
-    def is_lock_step(self) -> bool:
-        """Whether trip time waits for the controller."""
-        return self.scenario.mode is LoopMode.LOCK_STEP
-
-
-def prepare(scenario: Scenario) -> PreparedScenario:
-    """Build the parts of a scenario.
+def prepare(scenario: Scenario) -> Scenario:
+    """Build the parts of a scenario, so that they are known to be sound, and return it.
 
     Args:
         scenario: types and ranges checked already.
@@ -210,23 +201,21 @@ def prepare(scenario: Scenario) -> PreparedScenario:
             parameters, periods or namespace.
     """
 
-    def part(keys: str, build: Callable[[], T]) -> T:
+    def part(keys: str, build: Callable[[], object]) -> None:
         try:
-            return build()
+            build()
         except IptmError as error:
             raise ScenarioError(f"scenario {scenario.name}: {keys}: {error}") from None
 
-    parameters = part("parameter_set, parameter_overrides", scenario.model)
-    initial_gap_m = parameters.values.gap.initial_gap_m
-    route = part("cycle, slope", lambda: scenario.trip_route(initial_gap_m))
+    part("parameter_set, parameter_overrides", lambda: scenario.vehicle)
+    part("cycle, slope", lambda: scenario.trip)
     part("horizon", lambda: Horizon.parse(scenario.horizon))
-    part("namespace", lambda: _check_namespace(scenario.full_namespace))
-    part("node_parameters", lambda: _check_periods(scenario))
-    prepared = PreparedScenario(scenario, parameters, route)
-    road = part("node_parameters", lambda: prepared.road)
-    part("speed_limits_km_h, signals", lambda: given_rules(road, route))
-    part("faults", lambda: check_empty_road(road.leader_source, scenario.faults))
-    return prepared
+    part("namespace", partial(_check_namespace, scenario.full_namespace))
+    part("node_parameters", partial(_check_periods, scenario))
+    part("node_parameters", lambda: scenario.road)
+    part("speed_limits_km_h, signals", lambda: given_rules(scenario.road, scenario.trip))
+    part("faults", partial(check_empty_road, scenario.road.leader_source, scenario.faults))
+    return scenario
 
 
 def _check_periods(scenario: Scenario) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,58 +17,17 @@ from rich.console import Console
 from rich.table import Table
 
 from iptm.picture import GREY, STYLE
-from iptm_bringup.comparison import NO_COMPARISON, relative_changes
-from iptm_bringup.scenario import PreparedScenario
-from iptm_core.decision_record import DecisionSeries, Rung
+from iptm.report import relative_changes
+from iptm.run import Run
+from iptm_bringup.scenario import Scenario
+from iptm_core.decision_record import Rung
 from iptm_core.markdown import cells_of, render_page
-from iptm_core.metrics import compute_metrics, gap_margins_m
+from iptm_core.metrics import gap_margins_m
 from iptm_core.parameters.model import KM_H_PER_M_S
-from iptm_core.trajectory import Trajectory
-from iptm_studies.closed_loop import ClosedLoopRun
 from iptm_studies.vehicle_string import amplification, deviations_along
 
 _SIZE_INCHES = (12.0, 8.0)
 _DOTS_PER_INCH = 100
-
-
-@dataclass(frozen=True, eq=False)
-class StringRun:
-    """A string that has been driven, and what it is compared with.
-
-    Attributes:
-        prepared: what every vehicle drove.
-        trajectories: of the vehicles, the first one first.
-        decisions: of the vehicles, in the same order.
-        wall_time_s: from the first to the last clock of the vehicle that took longest.
-        cores: processors that it had.
-        against: strategy of the string that it is compared with, "none" without one.
-        others: trips of that string.
-        late: trips of the same string without ROS, by how late the plans arrive in s.
-    """
-
-    prepared: PreparedScenario
-    trajectories: tuple[Trajectory, ...]
-    decisions: tuple[DecisionSeries, ...]
-    wall_time_s: float
-    cores: int
-    against: str = NO_COMPARISON
-    others: tuple[ClosedLoopRun, ...] = ()
-    late: Mapping[float, tuple[ClosedLoopRun, ...]] = field(default_factory=dict)
-
-    @property
-    def pace(self) -> str:
-        """How fast the string was driven, in one sentence."""
-        duration_s = self.prepared.route.duration_s
-        return (
-            f"{len(self.trajectories)} vehicles, {duration_s:g} s, {self.wall_time_s:.1f} s of wall time "
-            f"on {self.cores} processors: {duration_s / self.wall_time_s:.1f} × real time, every vehicle "
-            "recorded."
-        )
-
-    def deviations(self, runs: Sequence[Trajectory | ClosedLoopRun]) -> pd.DataFrame:
-        """Return the deviations along this string or another one of the same vehicles."""
-        trajectories = [run if isinstance(run, Trajectory) else run.trajectory for run in runs]
-        return deviations_along(trajectories, self.prepared.model.values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,25 +40,20 @@ class _Part:
     rows: pd.DataFrame
 
 
-def _parts(run: StringRun) -> list[_Part]:
-    parts = [_along_the_string(run)]
-    if run.others:
-        parts.append(_savings(run))
-    if run.late:
-        parts.append(_late_plans(run))
-    return parts
+def _deviations(runs: Sequence[Run]) -> pd.DataFrame:
+    return deviations_along([run.trajectory for run in runs], runs[0].parameters)
 
 
-def _fallbacks(decisions: DecisionSeries) -> int:
-    return int(np.count_nonzero(decisions.rung != Rung.OPTIMAL))
+def _fallbacks(run: Run) -> int:
+    return int(np.count_nonzero(run.decisions.rung != Rung.OPTIMAL))
 
 
-def _along_the_string(run: StringRun) -> _Part:
-    rows = run.deviations(run.trajectories)
+def _along_the_string(runs: Sequence[Run]) -> _Part:
+    rows = _deviations(runs)
     for name, ratios in amplification(rows).items():
         rows[f"{name}_ratio"] = ["" if np.isnan(each) else f" (× {each:.2f})" for each in ratios]
     rows["name"] = ["driving cycle", *(f"car_{place}" for place in rows.index[1:])]
-    rows["fallbacks"] = [np.nan, *map(_fallbacks, run.decisions)]
+    rows["fallbacks"] = [np.nan, *map(_fallbacks, runs)]
     return _Part(
         "From vehicle to vehicle",
         "In brackets: the ratio to the member ahead; below 1 a disturbance fades.",
@@ -116,21 +71,19 @@ def _along_the_string(run: StringRun) -> _Part:
     )
 
 
-def _savings(run: StringRun) -> _Part:
+def _savings(runs: Sequence[Run], others: Sequence[Run]) -> _Part:
     """Compare each vehicle with the one in its place in the other string."""
-    parameters = run.prepared.model.values
-    changes = []
-    for own, decisions, other in zip(run.trajectories, run.decisions, run.others, strict=True):
-        others = compute_metrics(other.trajectory, parameters, other.decisions)
-        changes.append(relative_changes(compute_metrics(own, parameters, decisions), others))
-    rows = 100.0 * pd.DataFrame(changes)
+    pairs = zip(runs, others, strict=True)
+    rows = 100.0 * pd.DataFrame(
+        [relative_changes(own.figures, other.figures) for own, other in pairs]
+    )
     rows["name"] = [f"car_{place + 1}" for place in rows.index]
-    for name, runs in (("own_m_s2", run.trajectories), ("other_m_s2", run.others)):
-        rows[name] = run.deviations(runs).acceleration_m_s2[1:].to_numpy()
+    for name, string in (("own_m_s2", runs), ("other_m_s2", others)):
+        rows[name] = _deviations(string).acceleration_m_s2[1:].to_numpy()
     rows["aging_saved"] = -rows.total_degradation
     return _Part(
         "What each vehicle saves",
-        f"Against a string that drives by `{run.against}`, each vehicle against the one in its place.",
+        f"Against a string that drives by `{others[0].strategy}`, each vehicle against the one in its place.",
         {
             "": "{name}",
             "aging saved while driving:": "{aging_saved:.1f} %",
@@ -143,16 +96,16 @@ def _savings(run: StringRun) -> _Part:
     )
 
 
-def _late_plans(run: StringRun) -> _Part:
+def _late_plans(late: Mapping[float, Sequence[Run]]) -> _Part:
     rows = []
-    for late_s, runs in run.late.items():
-        vehicles = run.deviations(runs)[1:]
+    for late_s, runs in late.items():
+        vehicles = _deviations(runs)[1:]
         row = {
             "late_s": late_s,
             "last_m_s2": vehicles.acceleration_m_s2.iloc[-1],
             "smallest_margin_m": vehicles.smallest_margin_m.min(),
             "largest_gap_m": vehicles.largest_gap_m.max(),
-            "fallbacks": sum(_fallbacks(each.decisions) for each in runs),
+            "fallbacks": sum(map(_fallbacks, runs)),
         }
         rows.append(row)
     return _Part(
@@ -169,26 +122,45 @@ def _late_plans(run: StringRun) -> _Part:
     )
 
 
-def report_string(run: StringRun, page: Path, console: Console) -> None:
+def report_string(
+    scenario: Scenario,
+    runs: Sequence[Run],
+    others: Sequence[Run],
+    late: Mapping[float, Sequence[Run]],
+    wall_time_s: float,
+    page: Path,
+    console: Console,
+) -> None:
     """Write the page and its picture, and print the tables.
 
     Args:
-        run: the string.
+        scenario: what every vehicle drove.
+        runs: of the vehicles, the first one first.
+        others: of a string of another strategy without ROS, empty for none.
+        late: of the same string without ROS, by how late the plans arrive in s.
+        wall_time_s: from the first to the last clock of the vehicle that took longest.
         page: Markdown file; the picture has the same name, in a folder `images` next to it if that exists.
         console: for the tables.
     """
     images = page.parent / "images"
     picture = (images if images.is_dir() else page.parent) / f"{page.stem}.png"
     picture.parent.mkdir(parents=True, exist_ok=True)
-    _save_picture(picture, run)
-    parts = _parts(run)
+    _save_picture(picture, runs)
+    parts = [_along_the_string(runs)]
+    parts += [_savings(runs, others)] if others else []
+    parts += [_late_plans(late)] if late else []
+    duration_s = scenario.trip.duration_s
+    pace = (
+        f"{len(runs)} vehicles, {duration_s:g} s, {wall_time_s:.1f} s of wall time on"
+        f" {len(os.sched_getaffinity(0))} processors: {duration_s / wall_time_s:.1f} × real time,"
+        " every vehicle recorded."
+    )
     text = render_page(
         "iptm_bringup",
         "string_page.md.j2",
-        vehicles=len(run.trajectories),
-        route=run.prepared.route.name,
-        scenario=run.prepared.scenario,
-        pace=run.pace,
+        vehicles=len(runs),
+        scenario=scenario,
+        pace=pace,
         picture=picture.relative_to(page.parent),
         parts=parts,
     )
@@ -198,27 +170,27 @@ def report_string(run: StringRun, page: Path, console: Console) -> None:
         for cells in cells_of(part.rows, part.columns):
             table.add_row(*cells)
         console.print(table)
-    console.print(run.pace, highlight=False)
+    console.print(pace, highlight=False)
 
 
-def _save_picture(path: Path, run: StringRun) -> None:
+def _save_picture(path: Path, runs: Sequence[Run]) -> None:
     """Draw speeds, gaps, and margins to the lower limit of the gap."""
     with rc_context(STYLE):
         layout = ConstrainedLayoutEngine(h_pad=0.06, hspace=0.03)
         figure = Figure(figsize=_SIZE_INCHES, dpi=_DOTS_PER_INCH, layout=layout)
         FigureCanvasAgg(figure)
         speed, gap, margin = figure.subplots(3, 1, sharex=True)
-        first = run.trajectories[0]
+        first = runs[0].trajectory
         speed.plot(
             first.time_s, KM_H_PER_M_S * first.leader_speed_m_s, color=GREY, label="driving cycle"
         )
-        count = len(run.trajectories)
-        for place, each in enumerate(run.trajectories):
-            colour = colormaps["viridis"](place / count)
+        count = len(runs)
+        for place, run in enumerate(runs):
+            each, colour = run.trajectory, colormaps["viridis"](place / count)
             name = f"car_{place + 1}"
             speed.plot(each.time_s, KM_H_PER_M_S * each.speed_m_s, color=colour, label=name)
             gap.plot(each.time_s, each.gap_m, color=colour)
-            margins_m = gap_margins_m(each, run.prepared.model.values)
+            margins_m = gap_margins_m(each, run.parameters)
             margin.plot(each.time_s, margins_m, color=colour)
         margin.axhline(0.0, color=GREY, linestyle="--")
         for axes, title, unit in (

@@ -8,14 +8,14 @@ import re
 import sys
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 
-from iptm_bringup.environment import RunDomain, environment_of_run
+from iptm_bringup.environment import environment_of_run
 from iptm_bringup.run_folder import LOGS, RESULTS
+from iptm_bringup.runner import PROGRAM
 from iptm_bringup.supervisor import ProcessEnd, Supervisor
 from iptm_core.errors import ScenarioError
 from iptm_core.settings import LeaderSource
@@ -31,30 +31,6 @@ _POLL_S = 0.2
 _SHOW_PERIOD_S = 5.0
 _WHERE = re.compile(r"^(\d+) of (\d+) s ", re.MULTILINE)
 _RUN = "iptm_bringup.run_closed_loop"
-
-
-@dataclass(frozen=True)
-class VehicleResult:
-    """How the trip of one vehicle ended.
-
-    Attributes:
-        vehicle: which one.
-        folder: its bag, with results and logs.
-        results: content of its results.json, empty where the trip was not finished.
-        end: how its run ended.
-    """
-
-    vehicle: VehicleInString
-    folder: Path
-    results: Mapping[str, Any]
-    end: ProcessEnd
-
-    @property
-    def complaint(self) -> str:
-        """What was wrong, empty if nothing."""
-        if self.end.code == 0:
-            return ""
-        return "; ".join(self.results.get("problems", ())) or _reason(self.end)
 
 
 def _vehicle_options(vehicle: VehicleInString, length_m: float) -> list[str]:
@@ -79,11 +55,11 @@ def drive_string(
     arguments: Sequence[str],
     length_m: float,
     output: Path,
-    domain: RunDomain,
+    domain: int,
     stop: StopRequest,
     console: Console,
-) -> list[VehicleResult]:
-    """Start the run of every vehicle and wait until all have ended.
+) -> tuple[ProcessEnd, ...]:
+    """Start the run of every vehicle, wait until all have ended, and return how they did.
 
     The failure of a vehicle is printed at once. The others go on without it once their trips have begun.
 
@@ -97,22 +73,17 @@ def drive_string(
         console: shows the progress.
     """
     logs = output / LOGS
-    environment = environment_of_run(domain.number, logs / "ros")
+    environment = environment_of_run(domain, logs / "ros")
     supervisor = Supervisor(environment, lambda name: logs / f"{name}.log", STOP_PATIENCE_S)
     try:
         for vehicle in vehicles:
             own = [*_vehicle_options(vehicle, length_m), "--output", str(output / vehicle.name)]
             command = [sys.executable, "-m", _RUN, *arguments, *own]
-            supervisor.start(vehicle.name, [*command, f"--domain={domain.number}"])
+            supervisor.start(vehicle.name, [*command, f"--domain={domain}"])
         _watch(supervisor, stop, console)
     finally:
         supervisor.stop()
-    ends = {end.name: end for end in supervisor.endings()}
-    return [
-        VehicleResult(vehicle, folder, _results_in(folder), ends[vehicle.name])
-        for vehicle in vehicles
-        for folder in [output / vehicle.name]
-    ]
+    return supervisor.endings()
 
 
 def _watch(supervisor: Supervisor, stop: StopRequest, console: Console) -> None:
@@ -146,14 +117,25 @@ def _watch(supervisor: Supervisor, stop: StopRequest, console: Console) -> None:
         time.sleep(_POLL_S)
 
 
+def complaint(end: ProcessEnd, results: Mapping[str, Any]) -> str:
+    """Return what was wrong with the trip of a vehicle, empty if nothing.
+
+    Args:
+        end: of its run.
+        results: content of its results.json, empty where the trip was not finished.
+    """
+    return "" if end.code == 0 else "; ".join(results.get("problems", ())) or _reason(end)
+
+
 def _reason(end: ProcessEnd) -> str:
     """Return why the run of a vehicle failed, in its own words if there are any."""
-    begin = "run_closed_loop: "
+    begin = f"{PROGRAM}: "
     reasons = [line.removeprefix(begin) for line in end.last_lines if line.startswith(begin)]
     return reasons[-1] if reasons else end.how
 
 
-def _results_in(folder: Path) -> dict[str, Any]:
+def results_in(folder: Path) -> dict[str, Any]:
+    """Return the content of the results.json of a run, empty where there is none."""
     try:
         content: dict[str, Any] = json.loads((folder / RESULTS).read_text(encoding="utf-8"))
     except FileNotFoundError:

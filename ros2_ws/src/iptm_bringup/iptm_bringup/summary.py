@@ -6,11 +6,11 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from iptm_bringup.comparison import Comparison
+from iptm.run import Run
 from iptm_core.decision_record import DecisionStatistics
 from iptm_core.metrics import CorrectedFigures, RunMetrics, at_equal_end, figure_values
 from iptm_core.metrics.figures import J_PER_KWH, NO_VALUE, significant
-from iptm_core.parameters.model import CELSIUS_ZERO_K, ModelParameters
+from iptm_core.parameters.model import CELSIUS_ZERO_K
 
 AGING_SAVED = "driving aging"
 PPM = 1e6
@@ -39,39 +39,32 @@ class Summary:
     lines: Sequence[tuple[str, str]]
 
 
-def summarise(
-    metrics: RunMetrics,
-    parameters: ModelParameters,
-    decisions: DecisionStatistics,
-    comparison: Comparison | None,
-    aging_counts: str = PAPER_AGING,
-) -> Summary:
+def summarise(run: Run, against: Run | None, aging_counts: str = PAPER_AGING) -> Summary:
     """Return the headline of a run.
 
     Args:
-        metrics: of the run.
-        parameters: the model, for the correction to equal ends.
-        decisions: how its decisions came about.
-        comparison: the same trip with another strategy, None without one.
+        run: the run.
+        against: the same trip with another strategy, None without one.
         aging_counts: what the capacity loss counts.
     """
+    metrics, decisions = run.metrics, DecisionStatistics.of(run.decisions)
     values = {**_of_run(metrics), **_of_decisions(decisions)}
     lines: list[tuple[str, str]] = []
     ends: Ends | None = None
     other: dict[str, float] | None = None
-    if comparison is not None:
-        other = _of_run(comparison.metrics)
-        values |= {f"{comparison.strategy}_{name}": value for name, value in other.items()}
+    name = ""
+    if against is not None:
+        name, other = against.strategy, _of_run(against.metrics)
+        values |= {f"{name}_{key}": value for key, value in other.items()}
         values["aging_saved_percent"] = _saved_percent(values["aging_ppm"], other["aging_ppm"])
         values["consumption_saved_percent"] = _saved_percent(
             values["consumption_kwh_per_100_km"], other["consumption_kwh_per_100_km"]
         )
-        if not ends_are_equal(metrics, comparison.metrics):
-            ends = at_equal_end(metrics, comparison.metrics, parameters)
+        if not ends_are_equal(metrics, against.metrics):
+            ends = at_equal_end(metrics, against.metrics, run.parameters)
         if ends is not None:
             values |= _corrected(ends)
-        lines.append((AGING_SAVED, _saved_text(values, comparison, ends)))
-    name = comparison.strategy if comparison is not None else ""
+        lines.append((AGING_SAVED, _saved_text(values, name, ends)))
     lines.append(("capacity lost", f"{_aging_text(values, other, name)}, {aging_counts}"))
     lines.append(("energy", _energy_text(values, other, name)))
     lines.append(("at the end", _end_text(values, other, name)))
@@ -141,8 +134,8 @@ def _percent(saved: float) -> str:
     return f"{significant(abs(saved), 0.05)} % {'saved' if saved >= 0.0 else 'lost'}"
 
 
-def _saved_text(values: Mapping[str, float], comparison: Comparison, ends: Ends | None) -> str:
-    text = f"{_percent(values['aging_saved_percent'])} against the {comparison.strategy} strategy"
+def _saved_text(values: Mapping[str, float], name: str, ends: Ends | None) -> str:
+    text = f"{_percent(values['aging_saved_percent'])} against the {name} strategy"
     if ends is None:
         return text
     return f"{text}, {_percent(values['corrected_aging_saved_percent'])} with equal ends"

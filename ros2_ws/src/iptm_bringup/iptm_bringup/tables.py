@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from enum import Enum
+from pathlib import Path
 
 from rich.console import Console
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from iptm_bringup.evaluation import RunResults
+from iptm.report import change_text, relative_changes
+from iptm_bringup.evaluation import RosRun
 from iptm_bringup.run_folder import LOGS, RunFolder
 from iptm_bringup.summary import AGING_SAVED
 from iptm_core.decision_record import DecisionStatistics
@@ -20,7 +22,6 @@ from iptm_core.metrics import (
     TRIP_FIGURES,
     ConstraintCheck,
     RunMetrics,
-    figure_values,
 )
 from iptm_recording.bag_info import decisions_table
 
@@ -30,47 +31,48 @@ COMPARISON_WIDTH = 24
 """Columns that a comparison adds."""
 
 
-def print_results(
-    results: RunResults, folder: RunFolder, console: Console, *, full: bool = False
-) -> None:
-    """Print the result of a run, its summary last.
-
-    Args:
-        results: of the run.
-        folder: of the run.
-        console: where to print.
-        full: print the tables of all figures, decisions and limits before the summary.
-    """
+def print_results(run: RosRun, folder: RunFolder, console: Console, *, full: bool = False) -> None:
+    """Print the result of a run, its summary last; with `full`, all figures, decisions and limits before."""
     console.print()
     if full:
-        print_tables(results, console)
-    for warning in results.warnings:
+        print_tables(run, console)
+    for warning in run.warnings:
         console.print(Text.assemble(("note  ", "yellow"), warning), soft_wrap=True)
-    console.print(Text(results.prepared.heading, "bold"))
+    console.print(Text(run.name, "bold"))
     lines = Table.grid(padding=(0, 2))
-    for label, text in results.summary.lines:
+    for label, text in run.headline.lines:
         style = "bold green" if label == AGING_SAVED else ""
         lines.add_row(Text(label, "dim"), Text(text, style))
     console.print(lines)
     # In one piece, so that the path can be copied.
-    console.print(
-        Text.assemble(("files          ", "dim"), _files(results, folder)), soft_wrap=True
-    )
-    console.print(_verdict(results))
+    console.print(Text.assemble(("files          ", "dim"), _files(run, folder)), soft_wrap=True)
+    console.print(_verdict(run))
 
 
-def print_tables(results: RunResults, console: Console) -> None:
+def save_picture(path: Path, run: RosRun) -> None:
+    """Draw a run, as a PNG file; see `Run.plot`."""
+    lines = dict(run.headline.lines)
+    remarks = [f"{label}: {lines[label]}" for label in (AGING_SAVED, "energy") if label in lines]
+    footer = f"model {run.scenario.vehicle.name}"
+    if math.isfinite(run.speed_up):
+        mode = run.scenario.mode.replace("_", "-")
+        footer += f"; {mode} over ROS 2, {run.speed_up:.0f} × real time"
+    picture = run.plot(run.other, remarks, footer)
+    picture.savefig(path, metadata={"Software": "iptm"}, pil_kwargs={"compress_level": 9})
+
+
+def print_tables(run: RosRun, console: Console) -> None:
     """Print all figures, how the decisions came about, and the limits that were exceeded."""
-    tables = (figures_table(results), details_table(results))
-    if console.width >= TABLES_WIDTH + COMPARISON_WIDTH * (results.comparison is not None):
+    tables = (figures_table(run), details_table(run))
+    if console.width >= TABLES_WIDTH + COMPARISON_WIDTH * (run.other is not None):
         console.print(_side_by_side(*tables))
     else:
         console.print(*tables)
-    console.print(limits_table(results.metrics))
+    console.print(limits_table(run.metrics))
 
 
-def _files(results: RunResults, folder: RunFolder) -> str:
-    bag = [] if results.bag_messages is None else ["bag"]
+def _files(run: RosRun, folder: RunFolder) -> str:
+    bag = [] if run.bag_messages is None else ["bag"]
     others = [
         path.name
         for path in (folder.picture, folder.report, folder.reference, folder.results)
@@ -79,18 +81,17 @@ def _files(results: RunResults, folder: RunFolder) -> str:
     return f"{folder.output} ({', '.join([*bag, *others, LOGS])})"
 
 
-def figures_table(results: RunResults) -> Table:
+def figures_table(run: RosRun) -> Table:
     """Return the figures of the trip, the paper's rows first; times out of limits where there are any."""
-    table = Table(title=results.prepared.heading, title_justify="left")
+    table = Table(title=run.name, title_justify="left")
     table.add_column("figure")
     table.add_column("value", justify="right")
     table.add_column("unit")
-    values = figure_values(results.metrics)
-    comparison = results.comparison
-    others = figure_values(comparison.metrics) if comparison else {}
-    changes = comparison.changes(results.metrics) if comparison else {}
-    if comparison:
-        table.add_column(comparison.strategy, justify="right")
+    values, other = run.figures, run.other
+    others = other.figures if other else {}
+    changes = relative_changes(values, others)
+    if other:
+        table.add_column(other.strategy, justify="right")
         table.add_column("change", justify="right")
     paper = [key for key in TRIP_FIGURES if key in PAPER_TABLE]
     for section in (paper, [key for key in TRIP_FIGURES if key not in PAPER_TABLE]):
@@ -99,26 +100,23 @@ def figures_table(results: RunResults) -> Table:
             if key.startswith("longest_") and not values.get(key):
                 continue
             row = [figure.label, figure.precise_text(values.get(key)), figure.unit]
-            if comparison:
-                change = (
-                    f"{100.0 * changes[key]:+.1f} %" if figure.compared and key in changes else ""
-                )
-                row += [figure.precise_text(others.get(key)), change]
+            if other:
+                row += [figure.precise_text(others.get(key)), change_text(key, changes)]
             table.add_row(*row)
         table.add_section()
     return table
 
 
-def details_table(results: RunResults) -> Table:
+def details_table(run: RosRun) -> Table:
     """Return how the decisions came about and how fast the run was."""
-    statistics = DecisionStatistics.of(results.decisions)
+    statistics = DecisionStatistics.of(run.decisions)
     table = decisions_table("decisions", statistics)
     table.add_section()
     for label, text in _counts(statistics).items():
         table.add_row(label, "", "", text)
     table.add_section()
-    table.add_row("wall time (s)", "", "", f"{results.wall_time_s:.2f}")
-    table.add_row("speed-up over real time", "", "", f"{results.speed_up:.0f}")
+    table.add_row("wall time (s)", "", "", f"{run.wall_time_s:.2f}")
+    table.add_row("speed-up over real time", "", "", f"{run.speed_up:.0f}")
     return table
 
 
@@ -168,10 +166,10 @@ def _counts(decisions: DecisionStatistics) -> dict[str, str]:
     }
 
 
-def _verdict(results: RunResults) -> Text:
-    if results.problems:
-        return Text("\n".join(f"PROBLEM  {problem}" for problem in results.problems), "bold red")
-    bag = "not recorded" if results.bag_messages is None else "bag complete"
+def _verdict(run: RosRun) -> Text:
+    if run.problems:
+        return Text("\n".join(f"PROBLEM  {problem}" for problem in run.problems), "bold red")
+    bag = "not recorded" if run.bag_messages is None else "bag complete"
     return Text(f"trip finished, no hard limit broken, {bag}", "bold green")
 
 

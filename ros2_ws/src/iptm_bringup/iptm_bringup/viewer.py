@@ -13,8 +13,10 @@ from pathlib import Path
 import yaml
 from rich.console import Console
 
+from iptm_bringup.comparison import NO_COMPARISON
 from iptm_bringup.composition import Listeners, node_parameters, run_information
-from iptm_bringup.scenario import PreparedScenario
+from iptm_bringup.environment import environment_of_run
+from iptm_bringup.scenario import Scenario
 from iptm_bringup.supervisor import Supervisor
 from iptm_interfaces.process import StopRequest
 
@@ -27,37 +29,36 @@ _ADDRESS = re.compile(r"http://\S+")
 
 @contextmanager
 def live_view(
+    scenario: Scenario,
+    domain: int,
     logs: Path,
-    environment: Mapping[str, str],
-    prepared: PreparedScenario,
-    namespaces: Sequence[str],
-    bags: Sequence[Path],
-    against: str,
+    bags: Mapping[str, Path | None],
     console: Console,
-    errors: Console,
+    against: str = NO_COMPARISON,
 ) -> Iterator[Callable[[StopRequest], None]]:
-    """Show a run in the browser until the context ends.
+    """Show a run in the browser until the context ends; it continues where the view fails.
 
     Args:
+        scenario: what is driven.
+        domain: ROS domain of the run.
         logs: folder for its log and the information about the run.
-        environment: of the processes of the run.
-        prepared: what is driven.
-        namespaces: of the vehicles, "" for none.
-        bags: of the vehicles, read when they are complete; empty if nothing is recorded.
-        against: strategy of the reference car, "none" for no such car.
+        bags: of each vehicle by namespace, "" for none; read when complete, None if nothing is recorded.
         console: for the address.
-        errors: for the reason if the view fails; the run continues without it.
+        against: strategy of the reference car, `NO_COMPARISON` for no such car.
 
     Yields:
         To be called at the end of the run: on a terminal it keeps the view open until Ctrl-C.
     """
-    supervisor = Supervisor(environment, lambda name: logs / f"{name}.log")
-    known = run_information(prepared, node_parameters(prepared, Listeners()))
+    supervisor = Supervisor(
+        environment_of_run(domain, logs / "ros"), lambda name: logs / f"{name}.log"
+    )
+    known = run_information(scenario, node_parameters(scenario, Listeners()))
     file = logs / "view_information.yaml"
     file.write_text(yaml.safe_dump(known, sort_keys=False), encoding="utf-8")
+    recorded = [bag for bag in bags.values() if bag is not None]
     command = [sys.executable, "-m", MODULE, "--against", against, "--run-information", str(file)]
-    command += [f"--namespace={name}" for name in namespaces]
-    command += [f"--afterwards={bag}" for bag in bags]
+    command += [f"--namespace={name}" for name in bags]
+    command += [f"--afterwards={bag}" for bag in recorded]
     supervisor.start(VIEW, command)
     try:
         address = _address(supervisor)
@@ -65,8 +66,8 @@ def live_view(
             console.print(f"live view: {address}", style="bold", highlight=False, soft_wrap=True)
         else:
             reason = (supervisor.log_text(VIEW).strip().splitlines() or ["no reason given"])[-1]
-            errors.print(f"no live view: {reason}", markup=False, highlight=False, soft_wrap=True)
-        yield lambda stop: _stay_open(supervisor, stop, address, bags, console)
+            print(f"no live view: {reason}", file=sys.stderr, flush=True)
+        yield lambda stop: _stay_open(supervisor, stop, address, recorded, console)
     finally:
         supervisor.stop()
 

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
 
+from iptm_bringup.drive import Drive, DriveResult
 from iptm_bringup.environment import domain_of_run
 from iptm_bringup.fault_table.catalogue import REAL_TIME_RATE, DriveMode, Trial
-from iptm_bringup.monitor import Snapshot, heard_by_stamp
+from iptm_bringup.monitor import heard_by_stamp
+from iptm_bringup.progress import Progress
 from iptm_bringup.run_folder import RunFolder
-from iptm_bringup.runner import Driven, RunOptions, drive_processes
+from iptm_bringup.runner import RunOptions, drive_processes
 from iptm_bringup.scenario import AUTOMATIC_DOMAIN, Scenario, prepare
 from iptm_bringup.scenario_files import scenario_text
 from iptm_controller.decision import Decision
@@ -125,19 +127,6 @@ def drive_headless(trial: Trial, on_progress: Callable[[], None] | None = None) 
     )
 
 
-class _Quiet:
-    """Progress display that shows nothing; the table prints a line for each trial."""
-
-    def waiting(self, reason: str) -> None:
-        """Do nothing."""
-
-    def running(self, snapshot: Snapshot, wall_s: float) -> None:
-        """Do nothing."""
-
-    def close(self) -> None:
-        """Do nothing."""
-
-
 def scenario_of(trial: Trial) -> Scenario:
     """Return the scenario of a trial, as driven by `scripts/run_demo`."""
     lock_step = trial.mode is DriveMode.LOCK_STEP
@@ -172,12 +161,12 @@ def drive_over_ros(trial: Trial, folder: Path, stop: StopRequest) -> DrivenTrial
     record = any(fault.target == "recorder" for fault in trial.faults)
     options = RunOptions(record=record, picture=False)
     with domain_of_run(AUTOMATIC_DOMAIN, environment={}) as domain:
-        driven = drive_processes(run_folder, prepare(scenario), options, domain, _Quiet(), stop)
-    return _observed(trial, driven)
+        driven = drive_processes(run_folder, prepare(scenario), options, domain, Progress(), stop)
+    return _observed(trial, *driven)
 
 
-def _observed(trial: Trial, driven: Driven) -> DrivenTrial:
-    heard = driven.monitor.recorded
+def _observed(trial: Trial, result: DriveResult, drive: Drive) -> DrivenTrial:
+    heard = drive.monitor.recorded
     by_stamp = heard_by_stamp(heard, (*TICK_TOPICS, Topic.PLANT_SAFETY))
     complete = set.intersection(*(set(by_stamp[topic]) for topic in OBSERVATION_TOPICS))
     # A missing or disconnected bridge publishes no leader, but the leader is still on the road.
@@ -199,23 +188,22 @@ def _observed(trial: Trial, driven: Driven) -> DrivenTrial:
             Level(report.status.level),
             report.status.message,
         )
-        for report in driven.monitor.reports
+        for report in drive.monitor.reports
     ]
-    last_lines = driven.result.last_lines
     return DrivenTrial(
         trial,
         trajectory,
         rungs,
         sorted(reports, key=lambda report: report.time_s),
-        list(_intervals(trial, driven, time, float(trajectory.time_s[-1]))),
-        driven.result.message + (f" ({last_lines[-1]})" if last_lines else ""),
+        list(_intervals(trial, drive, time, float(trajectory.time_s[-1]))),
+        result.message + (f" ({result.last_lines[-1]})" if result.last_lines else ""),
     )
 
 
 def _intervals(
-    trial: Trial, driven: Driven, time: TripTime, last_s: float
+    trial: Trial, drive: Drive, time: TripTime, last_s: float
 ) -> Iterator[Interval | None]:
-    records = {record.fault: record for record in driven.process_faults.records}
+    records = {record.fault: record for record in drive.process_faults.records}
     for _, fault in trial.entries:
         record = records.get(fault)
         if fault.spec.place is not FaultPlace.PROCESS:
