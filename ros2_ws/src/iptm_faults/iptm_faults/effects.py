@@ -9,41 +9,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.state import NS_PER_S, FloatArray, LeaderPreview, LeaderState, VehicleState
 
+if TYPE_CHECKING:
+    from iptm_faults.fault import Fault
+
 Motion = TypeVar("Motion", LeaderState, VehicleState)
 
 _TEMPERATURES = ("cell_1_temperature_k", "cell_n_temperature_k")
 _ERRORS = 1
 """Stream of random numbers for errors; whether a tick is hit is drawn from another one."""
-
-
-class FaultInstance(Protocol):
-    """What effects and events use of a `Fault`."""
-
-    @property
-    def start_s(self) -> float:
-        """Trip time at which it begins."""
-
-    @property
-    def end_s(self) -> float:
-        """Trip time at which it is over."""
-
-    @property
-    def start_ns(self) -> int:
-        """First instant of trip time, integer nanoseconds."""
-
-    @property
-    def magnitude(self) -> float:
-        """The size in the unit of the kind, NaN where it has none."""
-
-    def random(self, time_ns: int, *stream: int) -> np.random.Generator:
-        """Return a generator that depends on seed, kind, instant and stream only, never on earlier draws."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +35,7 @@ class Hit:
         first: the first preview that the fault hit, for faults of previews.
     """
 
-    fault: FaultInstance
+    fault: Fault
     time_ns: int
     ego_position_m: float = math.nan
     first: LeaderPreview | None = None

@@ -6,12 +6,14 @@ A preview made before an event began does not contain it.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from iptm_core.state import NS_PER_S, LeaderPreview, LeaderState
-from iptm_faults.effects import FaultInstance
+
+if TYPE_CHECKING:
+    from iptm_faults.fault import Fault
 
 DRIVE_OFF_M_S2 = 2.0
 """Acceleration of a lead vehicle that drives off after a hard stop."""
@@ -20,20 +22,10 @@ REMEMBERED_S = 300.0
 """Age in s up to which a preview may contain a hard stop; older motion is discarded."""
 
 
-class TrafficEvent(Protocol):
-    """Behaviour of the lead vehicle."""
-
-    def leader(self, own: LeaderState, ego_position_m: float) -> LeaderState:
-        """Return the leader that counts; ticks in increasing order of time."""
-
-    def preview(self, own: LeaderPreview) -> LeaderPreview:
-        """Return what the leader that counts has predicted."""
-
-
 class Gone:
     """The lead vehicle turns off; the next one drives as it did, the size farther on, for good."""
 
-    def __init__(self, fault: FaultInstance) -> None:
+    def __init__(self, fault: Fault) -> None:
         self._fault = fault
         self._shift_m: float | None = None
 
@@ -86,7 +78,7 @@ class HardStop:
     Its previews contain the stop from its beginning on.
     """
 
-    def __init__(self, fault: FaultInstance) -> None:
+    def __init__(self, fault: Fault) -> None:
         self._fault = fault
         self._past: dict[int, _Stopping] = {}
         self._now: _Stopping | None = None
@@ -173,6 +165,10 @@ class UnannouncedHardStop(HardStop):
     def _announces_braking(self, time_s: float) -> bool:
         del time_s
         return False
+
+
+TrafficEvent = Gone | HardStop
+"""Behaviour of the lead vehicle."""
 
 
 def _ns(time_s: float) -> int:

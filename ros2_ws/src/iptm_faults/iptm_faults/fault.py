@@ -8,6 +8,7 @@ faults:
 
 from __future__ import annotations
 
+import json
 import zlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
@@ -197,3 +198,31 @@ def plain_faults(faults: Iterable[Fault]) -> list[Mapping[str, Scalar]]:
 
 def _usual_target(kind: FaultKind) -> str:
     return "recorder" if kind is FaultKind.DISK_FULL else "controller"
+
+
+@dataclass(frozen=True)
+class FaultSettings(Settings):
+    """The faults of a run as one text, as a parameter can hold them."""
+
+    faults: str = parameter("[]", "list of faults as JSON, keys as in a scenario file")
+
+    def listed(self) -> tuple[Fault, ...]:
+        """Return the faults.
+
+        Raises:
+            ScenarioError: the text is not a list of faults.
+        """
+        try:
+            entries = json.loads(self.faults)
+        except ValueError as error:
+            raise ScenarioError(f"faults are not valid JSON: {error}; allowed: a list") from None
+        return faults_from(entries, "parameter faults")
+
+
+@dataclass(frozen=True)
+class InjectorNodeParameters(FaultSettings):
+    """Parameters of the injector."""
+
+    expected_peers: int = parameter(
+        0, "subscribers of v2x/leader_preview to wait for before anything is passed on", "", 0, 100
+    )

@@ -6,9 +6,13 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from typing import TYPE_CHECKING
 
 from iptm_core.declaration import TextEnum
 from iptm_faults import effects, events
+
+if TYPE_CHECKING:
+    from iptm_faults.fault import Fault
 
 
 class FaultPlace(Enum):
@@ -52,7 +56,7 @@ class KindSpec:
     largest: float = math.inf
     headless: bool = True
     effect: effects.Effect | None = None
-    event: Callable[[effects.FaultInstance], events.TrafficEvent] | None = None
+    event: Callable[[Fault], events.TrafficEvent] | None = None
     whole: bool = False
 
     @property

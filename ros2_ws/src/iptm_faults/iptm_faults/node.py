@@ -17,10 +17,9 @@ from rclpy.serialization import deserialize_message
 
 from iptm_core.errors import MessageError
 from iptm_core.state import NS_PER_S, SlopePreview
-from iptm_faults.fault import Fault, at_places
+from iptm_faults.fault import Fault, InjectorNodeParameters, at_places
 from iptm_faults.kinds import FaultKind, FaultPlace
 from iptm_faults.node_messages import changed_state_message, with_stamp, with_stamp_of
-from iptm_faults.node_parameters import InjectorNodeParameters
 from iptm_faults.signals import (
     Delay,
     PreviewFaults,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from iptm_controller.node import ControllerNode
 from iptm_controller.node_parameters import ControllerNodeParameters
-from iptm_faults.node_parameters import FaultSettings
+from iptm_faults.fault import FaultSettings
 from iptm_faults.solver import FaultyController
 from iptm_interfaces.command_line import node_main
 from iptm_interfaces.topics import CONTROLLER

@@ -6,7 +6,7 @@ import sys
 from dataclasses import dataclass
 from typing import Any
 
-from iptm_faults.node_parameters import FaultSettings
+from iptm_faults.fault import FaultSettings
 from iptm_faults.vehicle import FaultyPlant
 from iptm_interfaces.command_line import node_main
 from iptm_interfaces.topics import PLANT
