@@ -2,31 +2,39 @@
 
 from __future__ import annotations
 
-import math
 import sys
 import time
-from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
+import numpy as np
 from std_msgs.msg import Float64, Float64MultiArray
 
 from iptm_controller.decision import Decision
+from iptm_controller.measurements import Measurements
 from iptm_controller.memory import ControllerMemory
 from iptm_controller.node_changes import SettingsChanges
-from iptm_controller.node_inputs import TICK_INPUTS, CompleteTick, read_measurements
 from iptm_controller.node_parameters import CHANGEABLE, ControllerNodeParameters
-from iptm_controller.node_reports import decision_values, plan_trajectory, road_warning, situation
+from iptm_controller.node_reports import (
+    DecisionCounts,
+    decision_values,
+    plan_trajectory,
+    road_warning,
+    situation,
+)
+from iptm_controller.node_ticks import TICK_INPUTS, CatchUp, CompleteTick
 from iptm_controller.node_watch import OperatorWatch
-from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.errors import MessageError, ServiceError
+from iptm_core.road_ahead import RoadAhead
 from iptm_core.saved_state import write_state
-from iptm_core.state import NS_PER_S, SlopePreview
+from iptm_core.state import NS_PER_S, LeaderPreview, LeaderState, SlopePreview, VehicleState
 from iptm_interfaces.codecs import (
+    decode_leader,
     decode_leader_preview_bytes,
     decode_road_ahead,
     decode_slope,
+    decode_vehicle_state,
     encode_command,
     encode_decision_record,
     encode_plan_bytes,
@@ -42,16 +50,13 @@ from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import CONTROLLER, STATE_TOPICS, TOPICS, Topic
 
 CHECKS_PER_TIMEOUT = 5.0
+FLAT_ROAD = SlopePreview(np.zeros(1), np.zeros(1))
 PLANT_TIMEOUT_S = 5.0
 """Wall time without any part of a state after which the plant is reported as stopped."""
 UNMATCHED_AFTER_TIMEOUTS = 2.0
 """Times `input_timeout_s` for which states may arrive without one that can be answered."""
 LEAST_WAIT_S = 0.02
 """Wall time for which inputs are waited for however fast trip time runs."""
-SLOW_DECISION_S = 0.05
-WAITED_SHARE = 0.5
-"""A tick that is complete within this share of the time of a slow decision after it has waited for it."""
-CATCH_UP_S = 0.002
 
 
 class ControllerNode(SuiteNode):
@@ -77,15 +82,8 @@ class ControllerNode(SuiteNode):
         self._waiting_since_s: float | None = None
         self._unanswered_since_s: float | None = None
         self._held: MatchedSet[Topic] | None = None
-        self._solves: Counter[SolveStatus] = Counter()
-        self._rungs: Counter[Rung] = Counter()
-        self._limited_ticks = 0
-        self._newest: MatchedSet[Topic] | None = None
-        self._seen_last: MatchedSet[Topic] | None = None
-        self._answered_s = -math.inf
-        self._is_skipping = False
-        self._took_s = 0.0
-        self._skipped_ticks = 0
+        self._counts = DecisionCounts()
+        self._catch_up = CatchUp(self, self._answer)
         self._last: Decision | None = None
         self._last_ns = 0
         self._command_publisher = self.advertise(Topic.COMMAND)
@@ -105,8 +103,6 @@ class ControllerNode(SuiteNode):
         self._watchdog = Watchdog(PLANT_TIMEOUT_S, lambda _: self._report()).attach(self)
         self.every(self._options.input_timeout_s / CHECKS_PER_TIMEOUT, self._check_inputs)
         self.every(REPORT_PERIOD_S, self._report)
-        self._catch_up_timer = self.every(CATCH_UP_S, self._catch_up)
-        self._catch_up_timer.cancel()
         self.serve(Service.SAVE_CONTROLLER, self._save_state)
         self._report()
 
@@ -176,10 +172,7 @@ class ControllerNode(SuiteNode):
             self._held = matched  # the road comes once, but maybe after the first state
             if self._waiting_since_s is None:
                 self._waiting_since_s = self.awake.now_s()
-        elif self._newest is not None or self._is_behind():
-            self._answer_the_newest_of(matched)
-        else:
-            self._is_skipping = False
+        elif not self._catch_up.takes(matched):
             self._answer(matched)
 
     def _follow(self, matched: MatchedSet[Topic]) -> None:
@@ -195,35 +188,6 @@ class ControllerNode(SuiteNode):
             self._watch = OperatorWatch(self._model, self._options)
         elif matched.verdict is Verdict.RESUMED:
             self._controller.memory, self._watch = self._trip_before
-
-    def _is_behind(self) -> bool:
-        """Return whether a tick has waited for the decision on the one before."""
-        waited = time.monotonic() - self._answered_s < WAITED_SHARE * self._took_s
-        return waited and self._took_s > SLOW_DECISION_S
-
-    def _answer_the_newest_of(self, matched: MatchedSet[Topic]) -> None:
-        """Take in what else has waited, then answer the newest tick only.
-
-        In real time a controller that decides more slowly than ticks come would otherwise fall behind further
-        and further. In lock-step the plant waits, so nothing is skipped.
-        """
-        if self._newest is not None:
-            self._skipped_ticks += 1
-            self._is_skipping = True
-        self._newest = matched
-        if self._catch_up_timer.is_canceled():
-            self._seen_last = None
-            self._catch_up_timer.reset()
-
-    def _catch_up(self) -> None:
-        """Answer as soon as no further tick has been completed for a moment."""
-        if self._newest is not self._seen_last:
-            self._seen_last = self._newest
-            return
-        self._catch_up_timer.cancel()
-        newest, self._newest = self._newest, None
-        if newest is not None:
-            self._answer(newest)
 
     def _check_inputs(self) -> None:
         """Answer a tick whose inputs do not arrive with what there is."""
@@ -254,10 +218,9 @@ class ControllerNode(SuiteNode):
         self._last, self._last_ns = decision, matched.stamp_ns
         self._publish(matched.stamp_ns, decision)
         self._watch.update(measured, decision)
-        self._count(decision)
+        self._counts.add(decision)
         self._report()
-        self._answered_s = time.monotonic()
-        self._took_s = self._answered_s - started_s
+        self._catch_up.note_answer(started_s)
 
     def _take_changes_over(self, stamp_ns: int) -> None:
         """Apply changed settings that are ready, and report from which tick on."""
@@ -289,11 +252,6 @@ class ControllerNode(SuiteNode):
         self._power_publisher.publish(Float64(data=float(command.compressor_power_w)))
         self._command_publisher.publish(encode_command.data(prefix, stamp_ns, command))
 
-    def _count(self, decision: Decision) -> None:
-        self._solves[decision.record.status] += 1
-        self._rungs[decision.rung] += 1
-        self._limited_ticks += bool(decision.limits)
-
     # --- diagnostics
 
     def _report(self) -> None:
@@ -307,15 +265,12 @@ class ControllerNode(SuiteNode):
             "solver": self._options.solver,
             **self._changes.values,
             "machine_code": self._controller.backend.compiled,
-            "limited_ticks": self._limited_ticks,
-            "skipped_ticks": self._skipped_ticks,
+            "limited_ticks": self._counts.limited,
+            "skipped_ticks": self._catch_up.skipped_ticks,
             "late_messages": self._matcher.counts["late"],
             "stray_stamps": self._matcher.gate.strays,
         }
-        for status in SolveStatus:
-            values[f"solves_{status.name.lower()}"] = self._solves[status]
-        for rung in Rung:
-            values[f"ticks_{rung.name.lower()}"] = self._rungs[rung]
+        values.update(self._counts.values)
         if self._last is not None:
             values.update(decision_values(self._last))
             values.update(self._watch.values)
@@ -331,11 +286,41 @@ class ControllerNode(SuiteNode):
             return Level.ERROR, "states arrive, but none that can be answered"
         if self._last is None and self._matcher.missing() is not None:
             return Level.WARN, "inputs of a tick are incomplete"
-        if self._is_skipping:
+        if self._catch_up.is_skipping:
             return Level.WARN, "decisions take longer than ticks, some of which are skipped"
         road = road_warning(self._slope_fault, is_known=self._slope is not None)
         begun_anew = self._matcher.gate.has_restarted
         return situation(self._last, road, self._watch, begun_anew=begun_anew)
+
+
+def read_measurements(values: Mapping[Topic, Any], slope: SlopePreview | None) -> Measurements:
+    """Decode the arrived messages, with the reason for each missing one.
+
+    Args:
+        values: messages of a tick by topic, preview and road decoded already.
+        slope: of the road, None where it is not known.
+    """
+    faults = []
+    road: RoadAhead | None = values.get(Topic.ROAD_AHEAD)
+    state: VehicleState | None = None
+    leader: LeaderState | None = None
+    missing = [topic.value for topic in STATE_TOPICS if topic not in values]
+    try:
+        if missing:
+            faults.append(f"no {', '.join(missing)} received")
+        else:
+            state = decode_vehicle_state(values)
+    except MessageError as error:
+        faults.append(str(error))
+    try:
+        if Topic.LEADER in values:
+            leader = decode_leader(values[Topic.LEADER])
+        elif road is None or road.has_leader or road.limits is None:
+            faults.append("no measurement of the leader received")
+    except MessageError as error:
+        faults.append(str(error))
+    preview: LeaderPreview = values.get(Topic.LEADER_PREVIEW) or LeaderPreview.empty()
+    return Measurements(state, leader, preview, slope or FLAT_ROAD, "; ".join(faults), road)
 
 
 def main() -> None:

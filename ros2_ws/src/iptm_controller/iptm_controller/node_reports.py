@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 
 from iptm_controller.actuation import WEAK_SHARE
@@ -186,3 +188,26 @@ def decision_values(decision: Decision) -> dict[str, object]:
         details["preview_age_s"] = forecast.age_s
         details["trusted_preview_s"] = forecast.known_s
     return details
+
+
+class DecisionCounts:
+    """How often the solver and the ladder came to which outcome, and how many commands were limited."""
+
+    def __init__(self) -> None:
+        self.limited = 0
+        self._solves: Counter[SolveStatus] = Counter()
+        self._rungs: Counter[Rung] = Counter()
+
+    def add(self, decision: Decision) -> None:
+        """Count a decision."""
+        self._solves[decision.record.status] += 1
+        self._rungs[decision.rung] += 1
+        self.limited += bool(decision.limits)
+
+    @property
+    def values(self) -> dict[str, object]:
+        """Key values for the diagnostics."""
+        return {
+            **{f"solves_{status.name.lower()}": self._solves[status] for status in SolveStatus},
+            **{f"ticks_{rung.name.lower()}": self._rungs[rung] for rung in Rung},
+        }
