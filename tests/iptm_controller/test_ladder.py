@@ -1,17 +1,32 @@
-"""The fallback ladder: order of the rungs, how long each holds, and the way back."""
+"""Driving without an optimiser: the rungs, the law that follows the leader, the soft stop, the thermostat."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from tests.iptm_controller.scenes import PARAMETERS, make_leader, make_state
 
 from iptm_controller.horizon import Horizon
-from iptm_controller.ladder import FallbackLadder, controlled_stop, safe_following
+from iptm_controller.ladder import (
+    THERMOSTAT_ON_K,
+    THERMOSTAT_POWER_W,
+    FallbackLadder,
+    controlled_stop,
+    safe_following,
+    thermostat_power_w,
+)
+from iptm_controller.limiter import CommandLimiter
 from iptm_controller.ocp import layout
 from iptm_controller.plan import Plan
 from iptm_core.decision_record import Rung
-from iptm_core.state import Command
+from iptm_core.parameters.model import LimitParameters
+from iptm_core.routes import CYCLE_NAMES, build_route
+from iptm_core.state import Command, LeaderState, VehicleState
 
 
 def plan_from(start_s: float, horizon: str = "3x1+2x5") -> Plan:
@@ -90,3 +105,169 @@ def test_without_a_state_it_stops_whatever_else_is_known(ladder: FallbackLadder)
     assert rung is Rung.STOP
     assert command.acceleration_m_s2 < 0.0
     assert command.compressor_power_w == 0.0
+
+
+LEADER_BRAKING_M_S2 = 2.0
+"""A leader that brakes no harder than the ego vehicle can."""
+
+
+def roll(position_m: float, speed_m_s: float, acceleration_m_s2: float) -> tuple[float, float]:
+    """One second of constant acceleration; near standstill the brakes hold."""
+    end = speed_m_s + acceleration_m_s2
+    if max(speed_m_s, end) < 1e-3:
+        return position_m, 0.0
+    if end >= 0.0:
+        return position_m + speed_m_s + 0.5 * acceleration_m_s2, end
+    return position_m - 0.5 * speed_m_s**2 / acceleration_m_s2, 0.0
+
+
+def actuate(state: VehicleState, wanted: Command, limiter: CommandLimiter) -> VehicleState:
+    """Carry out a command for a second, within the limits of the actuators."""
+    command, _ = limiter.limit(wanted, state)
+    position, speed = roll(state.position_m, state.speed_m_s, command.acceleration_m_s2)
+    return replace(
+        state,
+        time_s=state.time_s + 1.0,
+        position_m=position,
+        speed_m_s=speed,
+        acceleration_m_s2=command.acceleration_m_s2 if speed > 0.0 else 0.0,
+        compressor_power_w=command.compressor_power_w,
+    )
+
+
+def follow(state: VehicleState, leaders: Iterator[LeaderState]) -> Iterator[float]:
+    """Gap at the end of every second behind a leader."""
+    limiter = CommandLimiter(PARAMETERS.limits, 1.0)
+    leader = next(leaders)
+    for after in leaders:
+        state = actuate(state, safe_following(state, leader, PARAMETERS), limiter)
+        leader = after
+        yield leader.position_m - state.position_m
+
+
+def stopping_distance_m(
+    speed_m_s: float, acceleration_m_s2: float, limits: LimitParameters
+) -> float:
+    """Way to standstill with the brakes applied as fast as the jerk limit permits."""
+    position, speed, acceleration = 0.0, speed_m_s, acceleration_m_s2
+    while speed > 0.0:
+        acceleration = max(acceleration - limits.max_jerk_m_s3, limits.min_acceleration_m_s2)
+        position, speed = roll(position, speed, acceleration)
+    return position
+
+
+def test_free_road_and_tight_gap() -> None:
+    state = make_state(speed_m_s=10.0)
+    free = safe_following(state, make_leader(1e6, 20.0), PARAMETERS)
+    assert free.acceleration_m_s2 == pytest.approx(2.0 * (1.0 - (10.0 / 37.5) ** 4), abs=1e-6)
+    for gap in (3.0, 0.0, -0.5):
+        tight = safe_following(state, make_leader(gap, 10.0), PARAMETERS)
+        assert tight.acceleration_m_s2 == PARAMETERS.limits.min_acceleration_m_s2
+    at_top = safe_following(make_state(speed_m_s=37.5), make_leader(1e6, 37.5), PARAMETERS)
+    assert at_top.acceleration_m_s2 <= 0.0
+
+
+@pytest.mark.parametrize("cycle", sorted(CYCLE_NAMES))
+def test_drives_the_published_cycles_without_touching(cycle: str) -> None:
+    route = build_route(cycle, "flat", initial_gap_m=PARAMETERS.gap.initial_gap_m)
+    leaders = (route.leader.state_at(float(t)) for t in range(int(route.duration_s) + 1))
+    start = make_state(time_s=0.0, position_m=0.0, speed_m_s=0.0)
+    assert min(follow(start, leaders)) > 0.0
+
+
+def erratic_leader(
+    rng: np.random.Generator, gap_m: float, speed_m_s: float
+) -> Iterator[LeaderState]:
+    """Speeds up and brakes at random, down to the hardest braking, for three minutes."""
+    position, speed, acceleration = gap_m, speed_m_s, 0.0
+    for tick in range(180):
+        yield LeaderState(float(tick), position, speed)
+        if rng.random() < 0.2:
+            acceleration = float(rng.uniform(-LEADER_BRAKING_M_S2, 2.0))
+        if rng.random() < 0.03:
+            acceleration = -LEADER_BRAKING_M_S2
+        position, speed = roll(position, speed, min(acceleration, 36.0 - speed))
+
+
+def test_never_touches_a_leader_that_brakes_no_harder_than_itself() -> None:
+    """From any situation in which a stop behind the stopping leader is possible at all."""
+    for seed in range(300):
+        rng = np.random.default_rng(seed)
+        speed, leader_speed = (float(rng.uniform(0.0, 33.0)) for _ in range(2))
+        way = stopping_distance_m(speed, 0.0, PARAMETERS.limits)
+        gap = max(way - leader_speed**2 / (2.0 * LEADER_BRAKING_M_S2), 0.0) + rng.uniform(3.0, 30.0)
+        start = make_state(time_s=0.0, position_m=0.0, speed_m_s=speed)
+        leader = erratic_leader(rng, gap, leader_speed)
+        assert min(follow(start, leader)) > 0.0, f"seed {seed}"
+
+
+@pytest.mark.parametrize("speed", [5.0, 15.0, 25.0, 33.0])
+def test_stops_a_standstill_gap_behind_a_leader_that_stops(speed: float) -> None:
+    """From steady following, where the intelligent driver model alone is much closer."""
+    positions, speeds = [3.0 * speed + 5.0], [speed]
+    for tick in range(200):
+        braking = 0.0 if tick < 100 else -LEADER_BRAKING_M_S2
+        position, slower = roll(positions[-1], speeds[-1], braking)
+        positions.append(position)
+        speeds.append(slower)
+    leaders = (
+        LeaderState(float(tick), *motion)
+        for tick, motion in enumerate(zip(positions, speeds, strict=True))
+    )
+    start = make_state(time_s=0.0, position_m=0.0, speed_m_s=speed)
+    gaps = list(follow(start, leaders))
+    assert min(gaps) > PARAMETERS.gap.standstill_gap_m - 0.5
+
+
+def test_room_to_stop_counts_the_tick_ahead() -> None:
+    """The longer a command holds, the earlier it brakes."""
+    state, leader = make_state(speed_m_s=20.0), make_leader(60.0, 20.0)
+    quick, slow = (
+        safe_following(state, leader, PARAMETERS, tick_s).acceleration_m_s2 for tick_s in (0.2, 1.0)
+    )
+    assert slow < 0.0 < quick
+
+
+@given(speed=st.floats(1.0, 30.0))
+@settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))
+def test_settles_behind_a_steady_leader(speed: float) -> None:
+    leaders = (LeaderState(float(t), 100.0 + speed * t, speed) for t in range(800))
+    start = make_state(time_s=0.0, position_m=0.0, speed_m_s=speed)
+    gaps = list(follow(start, leaders))
+    assert max(gaps[-20:]) - min(gaps[-20:]) < 0.1
+    assert gaps[-1] >= PARAMETERS.gap.standstill_gap_m
+
+
+def test_thermostat_rises_with_the_warmer_cell() -> None:
+    powers = []
+    for excess_k in (-10.0, 0.0, 1.5, 3.0, 6.0, 20.0):
+        warm = THERMOSTAT_ON_K + excess_k
+        one = thermostat_power_w(make_state(cell_1_temperature_k=warm - 2.0,
+                                            cell_n_temperature_k=warm), PARAMETERS)  # fmt: skip
+        other = thermostat_power_w(make_state(cell_1_temperature_k=warm,
+                                              cell_n_temperature_k=warm - 2.0), PARAMETERS)  # fmt: skip
+        assert one == other
+        powers.append(one)
+    expected = [0.0, 0.0, 0.25, 0.5, 1.0, 1.0]
+    assert powers == pytest.approx([share * THERMOSTAT_POWER_W for share in expected])
+
+
+@given(speed=st.floats(0.0, 37.5), acceleration=st.floats(-2.0, 2.0))
+@settings(max_examples=50)
+def test_controlled_stop_halts_within_the_jerk_limit(speed: float, acceleration: float) -> None:
+    limiter = CommandLimiter(PARAMETERS.limits, 1.0)
+    state = make_state(speed_m_s=speed, acceleration_m_s2=acceleration)
+    speeds = [speed]
+    for _ in range(120):
+        wanted = controlled_stop(state, PARAMETERS, 1.0)
+        # The stop keeps the rates by itself, unless the top speed asks for more than the jerk limit.
+        reasons = set(limiter.limit(wanted, state)[1])
+        assert reasons <= {"compressor rate"} or "top speed" in reasons
+        state = actuate(state, wanted, limiter)
+        speeds.append(state.speed_m_s)
+        if state.speed_m_s == 0.0:
+            break
+    assert speeds[-1] == 0.0
+    # Once it brakes it goes on braking.
+    slower = np.diff(speeds) <= 0.0
+    assert slower[int(np.argmax(slower)) :].all()

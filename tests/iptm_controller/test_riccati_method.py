@@ -1,10 +1,12 @@
-"""How the iteration begins again, ends, and keeps the best of what it met."""
+"""The iteration of the Riccati method: its factorisation, its filter, its starts and its end."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from tests.iptm_controller.scenes import PARAMETERS, Problem, make_scene, problem_of
@@ -13,8 +15,140 @@ from iptm_controller.horizon import Horizon
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.interface import FEASIBILITY_TOLERANCE, SolveResult, SolverOptions
 from iptm_controller.solvers.riccati.backend import RiccatiBackend
+from iptm_controller.solvers.riccati.line_search import FilterPoint, LineSearchFilter
+from iptm_controller.solvers.riccati.recursion import (
+    SMALLEST_PIVOT,
+    cholesky_solve,
+    modified_cholesky,
+)
 from iptm_controller.solvers.riccati.step_summary import StepSummary
 from iptm_core.decision_record import SolveStatus
+from iptm_core.state import FloatArray
+
+SIZE = 5
+
+
+def factor(
+    matrix: FloatArray, right: FloatArray
+) -> tuple[FloatArray, FloatArray, float, FloatArray]:
+    symbol = ca.SX.sym("A", SIZE, SIZE)
+    b = ca.SX.sym("b", *right.shape)
+    lower, pivots, corrected = modified_cholesky(symbol)
+    run = ca.Function(
+        "run", [symbol, b], [lower, pivots, corrected, cholesky_solve(lower, pivots, b)]
+    )
+    results = run(matrix, right)
+    return (results[0].full(), results[1].full().ravel(), float(results[2]), results[3].full())
+
+
+def random_symmetric(seed: int) -> FloatArray:
+    root = np.random.default_rng(seed).normal(size=(SIZE, SIZE))
+    matrix: FloatArray = 0.5 * (root + root.T)
+    return matrix
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_positive_matrix_is_factorised_as_it_is(seed: int) -> None:
+    root = random_symmetric(seed)
+    matrix = root @ root + 0.1 * np.eye(SIZE)
+    right = np.random.default_rng(seed + 100).normal(size=(SIZE, 3))
+    lower, pivots, corrected, solution = factor(matrix, right)
+    assert corrected == 0.0
+    np.testing.assert_allclose(lower @ np.diag(pivots) @ lower.T, matrix, atol=1e-10)
+    np.testing.assert_array_equal(np.triu(lower, 1), 0.0)
+    np.testing.assert_allclose(matrix @ solution, right, atol=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_an_indefinite_matrix_is_made_positive_and_said_so(seed: int) -> None:
+    matrix = random_symmetric(seed) - 0.5 * np.eye(SIZE)
+    assert np.linalg.eigvalsh(matrix).min() < 0.0
+    right = np.ones((SIZE, 1))
+    lower, pivots, corrected, solution = factor(matrix, right)
+    assert corrected >= 1.0
+    assert pivots.min() >= SMALLEST_PIVOT
+    made = lower @ np.diag(pivots) @ lower.T
+    assert np.linalg.eigvalsh(made).min() > 0.0
+    np.testing.assert_allclose(made @ solution, right, rtol=1e-6, atol=1e-6)
+
+
+def test_as_many_pivots_are_corrected_as_there_are_negative_ones() -> None:
+    _, pivots, corrected, _ = factor(np.diag([1.0, -2.0, 3.0, -0.5, 0.0]), np.ones((SIZE, 1)))
+    assert corrected == 3.0
+    np.testing.assert_allclose(pivots, [1.0, 2.0, 3.0, 0.5, SMALLEST_PIVOT])
+
+
+MU = 1e-3
+UPHILL = 1.0
+
+
+def point(cost: float, violation: float, log_sum: float = 0.0) -> FilterPoint:
+    return FilterPoint(cost, log_sum, violation, violation)
+
+
+def accepts(
+    search: LineSearchFilter, trial: FilterPoint, current: FilterPoint, slope: float = UPHILL
+) -> bool:
+    return search.accepts(trial, current, MU, slope, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("cost", "violation", "accepted"),
+    [
+        (10.0, 0.5, True),  # less violation, same cost
+        (20.0, 0.5, True),  # less violation, more cost
+        (9.0, 2.0, True),  # more violation, less cost
+        (10.0, 1.0, False),  # nothing gained
+        (11.0, 1.5, False),  # worse in both
+        (10.0 - 1e-6, 1.0, False),  # less than the margin
+        (9.0, 1e5, False),  # violation beyond all bounds
+        (math.nan, 2.0, False),
+        (9.0, math.nan, False),
+        (-math.inf, math.inf, False),
+    ],
+)
+def test_either_of_the_two_has_to_improve(cost: float, violation: float, accepted: bool) -> None:
+    current = point(10.0, 1.0)
+    assert accepts(LineSearchFilter(current), point(cost, violation), current) is accepted
+
+
+def test_logarithms_count_with_the_barrier() -> None:
+    current = point(10.0, 1.0, log_sum=0.0)
+    # 0.01 more of cost, but 20 more of logarithms at a barrier of 1e-3: 0.01 less in all.
+    assert accepts(LineSearchFilter(current), point(10.01, 1.0, log_sum=20.0), current)
+    assert not accepts(LineSearchFilter(current), point(10.01, 1.0, log_sum=5.0), current)
+
+
+def test_the_search_does_not_go_round_in_circles() -> None:
+    """A point left for another one is not taken again, nor one that it dominates."""
+    first, second = point(10.0, 1.0), point(12.0, 0.1)
+    search = LineSearchFilter(first)
+    assert accepts(search, second, first)
+    assert not accepts(search, first, second)
+    assert not accepts(search, point(10.5, 1.5), second)
+    assert accepts(search, point(9.0, 0.9), second)
+
+
+def test_near_feasibility_the_cost_has_to_descend() -> None:
+    """With a small violation and a steep slope a smaller violation does not justify more cost."""
+    current = point(10.0, 1e-6)
+    search = LineSearchFilter(current)
+    assert not accepts(search, point(10.1, 1e-9), current, slope=-1.0)
+    assert accepts(search, point(9.9, 2e-6), current, slope=-1.0)
+    # A decrease has to be a sufficient part of what the slope promises.
+    assert not accepts(search, point(10.0 - 1e-6, 1e-6), current, slope=-1.0)
+
+
+def test_a_descent_step_makes_no_entry() -> None:
+    current, lower = point(10.0, 1e-6), point(9.0, 1e-6)
+    search = LineSearchFilter(current)
+    assert accepts(search, lower, current, slope=-1.0)
+    # Had the start become an entry, this would be dominated by it.
+    assert accepts(search, point(10.5, 5e-7), lower, slope=UPHILL)
+    other = LineSearchFilter(current)
+    assert accepts(other, lower, current, slope=UPHILL)
+    assert not accepts(other, point(10.5, 2e-6), lower, slope=UPHILL)
+
 
 GRID = "3x1+5x5"
 

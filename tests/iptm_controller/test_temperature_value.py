@@ -119,6 +119,15 @@ def test_the_first_tick_knows_only_the_forecast() -> None:
     assert value.aging_rate_1_s == pytest.approx(expected, rel=1e-6)
 
 
+def test_a_leader_that_the_pack_could_not_follow_has_a_price() -> None:
+    """It accelerates at 3.6 m/s^2 all along the horizon, which takes more than a cold pack delivers."""
+    times = 100.0 + np.arange(30.0)
+    leader = LeaderPreview(times, 1040.0 + 1.8 * (times - 100.0) ** 2, 3.6 * (times - 100.0))
+    state = make_state(cell_1_temperature_k=288.15, cell_n_temperature_k=288.15)
+    value = TemperatureValuation(PARAMETERS, WEIGHT, 28.0).value(state, leader)
+    assert 1e-10 < value.aging_rate_1_s < 1e-6
+
+
 def test_an_earlier_state_begins_a_new_trip() -> None:
     valuation = TemperatureValuation(PARAMETERS, WEIGHT, 28.0)
     first = valuation.value(make_state(time_s=50.0), STEADY)

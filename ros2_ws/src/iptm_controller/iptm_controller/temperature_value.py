@@ -186,27 +186,31 @@ class TemperatureValuation:
         return self._parameters.pack_heat_capacity_j_k * (1.0 + load) / saved_w_k
 
     def _foresee(self, state: VehicleState, leader: LeaderPreview) -> float:
-        """Return the mean aging rate of an ego that moves like the leader on a flat road, uncooled."""
+        """Return the mean aging rate of a vehicle that moves like the leader on a flat road, uncooled.
+
+        Instants at which the leader drives harder than the pack of this vehicle allows are left out.
+        """
         count = math.ceil(self._horizon_s / FORECAST_STEP_S) + 1
         times: FloatArray = np.array([state.time_s + i * FORECAST_STEP_S for i in range(count)])
         _, speeds = leader.at(times)
-        rates = power_thermal_rates(
-            0.5 * (speeds[:-1] + speeds[1:]),
-            np.diff(speeds) / FORECAST_STEP_S,
-            np.zeros(times.size - 1),
-            np.zeros(times.size - 1),
-            CellPair(
-                state.cell_1_temperature_k,
-                state.cell_n_temperature_k,
-                state.cell_1_capacity_loss,
-                state.cell_n_capacity_loss,
-            ),
-            self._parameters,
-            reduce_channel(self._parameters.cooling, self._parameters.pack),
-        )
-        return float(
-            np.mean(rates.cell_1_capacity_loss_rate_1_s + rates.cell_n_capacity_loss_rate_1_s)
-        )
+        with np.errstate(invalid="ignore"):
+            rates = power_thermal_rates(
+                0.5 * (speeds[:-1] + speeds[1:]),
+                np.diff(speeds) / FORECAST_STEP_S,
+                np.zeros(times.size - 1),
+                np.zeros(times.size - 1),
+                CellPair(
+                    state.cell_1_temperature_k,
+                    state.cell_n_temperature_k,
+                    state.cell_1_capacity_loss,
+                    state.cell_n_capacity_loss,
+                ),
+                self._parameters,
+                reduce_channel(self._parameters.cooling, self._parameters.pack),
+            )
+        both = rates.cell_1_capacity_loss_rate_1_s + rates.cell_n_capacity_loss_rate_1_s
+        known = np.isfinite(both)
+        return float(np.mean(both[known])) if known.any() else 0.0
 
 
 def _loss(state: VehicleState) -> float:
