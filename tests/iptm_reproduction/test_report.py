@@ -14,7 +14,8 @@ from iptm_reproduction.claims import Claim
 from iptm_reproduction.plots.style import MOST_BYTES
 from iptm_reproduction.printed import Finding, Verdict
 from iptm_reproduction.report import (
-    Document,
+    Chapters,
+    blocks_of,
     build_report,
     compose,
     render_html,
@@ -32,14 +33,14 @@ PICTURES = 23
 
 
 @pytest.fixture(scope="module")
-def full(tmp_path_factory: pytest.TempPathFactory) -> Document:
+def full(tmp_path_factory: pytest.TempPathFactory) -> Chapters:
     store = ResultStore(tmp_path_factory.mktemp("report") / "results")
     filled(store, list(available_studies()))
     return compose(gather(store, surveyed(store)))
 
 
 @pytest.fixture(scope="module")
-def partial(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Document]:
+def partial(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chapters]:
     """All strategies, but no other study; and one run that failed."""
     store = ResultStore(tmp_path_factory.mktemp("report") / "results")
     filled(store, ["strategies"])
@@ -52,12 +53,12 @@ def partial(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Document]:
         yield compose(gather(store, surveyed(store)))
 
 
-def statements(document: Document) -> list[tuple[Claim, Finding]]:
-    return [entry for block in document.blocks("claims") for entry in block.content]
+def statements(document: Chapters) -> list[tuple[Claim, Finding]]:
+    return [entry for block in blocks_of(document, "claims") for entry in block.content]
 
 
-def tables(document: Document) -> dict[str, pd.DataFrame]:
-    return {block.key: block.content for block in document.blocks("table")}
+def tables(document: Chapters) -> dict[str, pd.DataFrame]:
+    return {block.key: block.content for block in blocks_of(document, "table")}
 
 
 class Page(HTMLParser):
@@ -95,9 +96,9 @@ def tables_of(text: str) -> Iterator[list[str]]:
             rows = []
 
 
-def test_a_full_store_leaves_nothing_out(full: Document) -> None:
-    assert not list(full.blocks("missing"))
-    pictures = list(full.blocks("picture"))
+def test_a_full_store_leaves_nothing_out(full: Chapters) -> None:
+    assert not list(blocks_of(full, "missing"))
+    pictures = list(blocks_of(full, "picture"))
     assert len(pictures) == PICTURES
     for picture in pictures:
         assert picture.content.startswith(b"\x89PNG"), picture.key
@@ -105,11 +106,11 @@ def test_a_full_store_leaves_nothing_out(full: Document) -> None:
     figures = {picture.paper.split(":")[0] for picture in pictures if picture.paper}
     numbers = {int(number) for name in figures for number in re.findall(r"\d+", name)}
     assert numbers == set(range(4, 14)), "Figs. 1 to 3 draw the system"
-    papers = {block.paper for block in full.blocks("table")}
+    papers = {block.paper for block in blocks_of(full, "table")}
     assert {"Table I", "Table II", "Table III", "Table IV"} <= papers
 
 
-def test_every_statement_is_shown_once_and_differences_have_a_cause(full: Document) -> None:
+def test_every_statement_is_shown_once_and_differences_have_a_cause(full: Chapters) -> None:
     shown = statements(full)
     assert len({claim.id for claim, _ in shown}) == len(shown) == 78
     assert not [claim.id for claim, finding in shown if finding.verdict is Verdict.NOT_TESTED]
@@ -126,7 +127,7 @@ def test_every_statement_is_shown_once_and_differences_have_a_cause(full: Docume
     assert every["number"] == len(shown)
 
 
-def test_strategy_table_gives_found_and_printed(full: Document) -> None:
+def test_strategy_table_gives_found_and_printed(full: Chapters) -> None:
     rows = tables(full)["strategies"].to_numpy().tolist()
     place = next(place for place, row in enumerate(rows) if row[0].startswith("**Cooling energy"))
     assert rows[place + 1][1:4] == ["printed", "8 049.01", "6 925.07 (-13.96 %)"]
@@ -134,7 +135,7 @@ def test_strategy_table_gives_found_and_printed(full: Document) -> None:
     assert all(re.fullmatch(r"[\d .]+ \([+-][\d.]+ %\) [✓≈✗]", cell) for cell in rows[place][3:])
 
 
-def test_the_channel_table_gives_the_hottest_cell(full: Document) -> None:
+def test_the_channel_table_gives_the_hottest_cell(full: Chapters) -> None:
     table = tables(full)["channel"].set_index("")
     assert list(table) == ["Reference", "Aging, MH 3+5", "Aging and cost to go, MH 3+5"]
     assert (table.loc["hottest cell of the trip [°C]"] == "39.35 (cell 9, 50 s)").all()
@@ -145,7 +146,7 @@ def test_the_channel_table_gives_the_hottest_cell(full: Document) -> None:
     assert re.fullmatch(r"[+-][\d.]+ %", saving[-1][-1])
 
 
-def test_the_cost_to_go_stands_next_to_the_reference_and_the_whole_trip(full: Document) -> None:
+def test_the_cost_to_go_stands_next_to_the_reference_and_the_whole_trip(full: Chapters) -> None:
     shares = tables(full)["cost-to-go"].set_index(["controller", "preview"])[SAVING]
     with_it = "Aging and cost to go, MH 3+5"
     assert set(shares[with_it].index) == {"perfect", "15 s", "8 s", "noise", "none"}
@@ -157,7 +158,7 @@ def test_the_cost_to_go_stands_next_to_the_reference_and_the_whole_trip(full: Do
     assert others["controller"].str.startswith("**").tolist() == 4 * [True, False, False]
 
 
-def test_cold_days_stand_next_to_the_warm_one_of_their_trip(full: Document) -> None:
+def test_cold_days_stand_next_to_the_warm_one_of_their_trip(full: Chapters) -> None:
     rows = tables(full)["cold-days"].to_numpy().tolist()
     days = ["**without limits**", "-20 °C", "-10 °C", "0 °C", "10 °C", "20 °C"]
     assert [row[1] for row in rows] == 6 * days
@@ -167,7 +168,7 @@ def test_cold_days_stand_next_to_the_warm_one_of_their_trip(full: Document) -> N
         assert {row[3] for row in (warm, *cold)} == {"0.0"}, "the made trips are warm"
 
 
-def test_html_page_is_whole_and_self_contained(full: Document) -> None:
+def test_html_page_is_whole_and_self_contained(full: Chapters) -> None:
     page = Page()
     text = render_html(full)
     page.feed(text)
@@ -181,9 +182,11 @@ def test_html_page_is_whole_and_self_contained(full: Document) -> None:
     assert "<td><strong>all statements</strong></td>" in text
 
 
-def test_markdown_has_sound_tables_and_every_figure(full: Document) -> None:
+def test_markdown_has_sound_tables_and_every_figure(full: Chapters) -> None:
     markdown = render_markdown(full, "pictures")
-    assert all(f"(pictures/{picture.key}.png)" in markdown for picture in full.blocks("picture"))
+    assert all(
+        f"(pictures/{picture.key}.png)" in markdown for picture in blocks_of(full, "picture")
+    )
     found = list(tables_of(markdown))
     assert len(found) > 20
     for rows in found:
@@ -191,21 +194,21 @@ def test_markdown_has_sound_tables_and_every_figure(full: Document) -> None:
         assert len({len(re.findall(r"(?<!\\)\|", row)) for row in rows}) == 1, rows[0]
 
 
-def test_pages_are_written_and_old_figures_removed(full: Document, tmp_path: Path) -> None:
+def test_pages_are_written_and_old_figures_removed(full: Chapters, tmp_path: Path) -> None:
     old = tmp_path / "docs" / "paper-reproduction" / "old.png"
     old.parent.mkdir(parents=True)
     old.write_bytes(b"")
     pages = write_report(full, tmp_path / "docs")
     assert [page.name for page in pages] == ["paper-reproduction.html", "paper-reproduction.md"]
     assert all(page.is_file() for page in pages)
-    keys = {picture.key for picture in full.blocks("picture")}
+    keys = {picture.key for picture in blocks_of(full, "picture")}
     assert {path.stem for path in old.parent.iterdir()} == keys
 
 
-def test_a_partial_store_gives_what_is_missing(partial: Document, tmp_path: Path) -> None:
-    shown = {picture.key for picture in partial.blocks("picture")}
+def test_a_partial_store_gives_what_is_missing(partial: Chapters, tmp_path: Path) -> None:
+    shown = {picture.key for picture in blocks_of(partial, "picture")}
     assert {"aging_map", "driving_cycle", "power_distribution", "strategy_changes"} <= shown
-    missing = {block.key: block for block in partial.blocks("missing")}
+    missing = {block.key: block for block in blocks_of(partial, "missing")}
     assert {"sampling_time", "long_horizon", "headline", "sampling-time-table"} <= set(missing)
     assert "not computed" in missing["sampling_time"].text
     assert missing["sampling_time"].command == "scripts/reproduce run sampling_time"

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+import pandas as pd
 
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.parameters import load_parameters
@@ -25,25 +26,11 @@ LARGEST_RATE_1_H = 2.0
 """The figure reaches 10 A = 2C."""
 
 
-@dataclass(frozen=True, eq=False)
-class AgingMap:
-    """Capacity loss per hour at the initial loss of the parameters.
+def aging_map(parameters: ModelParameters) -> pd.DataFrame:
+    """Return the capacity loss per hour, as a fraction of nominal, at the initial loss of the parameters.
 
-    Attributes:
-        currents_a: cell currents, shape (n,), from 0 to 2C.
-        temperatures_c: cell temperatures, shape (m,), over the permitted range.
-        loss_per_hour: capacity loss in one hour as a fraction of nominal, shape (m, n).
-        nominal_capacity_ah: what 1C is.
+    A row per cell temperature in degC, over the permitted range; a column per current in A, from 0 to 2C.
     """
-
-    currents_a: FloatArray
-    temperatures_c: FloatArray
-    loss_per_hour: FloatArray
-    nominal_capacity_ah: float
-
-
-def aging_map(parameters: ModelParameters) -> AgingMap:
-    """Evaluate the aging model over current and permitted temperature."""
     capacity_ah, limits = parameters.cell.nominal_capacity_ah, parameters.limits
     currents = np.linspace(0.0, LARGEST_RATE_1_H * capacity_ah, CURRENT_STEPS, dtype=np.float64)
     temperatures = np.linspace(
@@ -56,11 +43,8 @@ def aging_map(parameters: ModelParameters) -> AgingMap:
         parameters.aging,
         parameters.cell,
     )
-    return AgingMap(
-        currents_a=currents,
-        temperatures_c=temperatures - CELSIUS_ZERO_K,
-        loss_per_hour=np.asarray(rates) * SECONDS_PER_HOUR,
-        nominal_capacity_ah=capacity_ah,
+    return pd.DataFrame(
+        np.asarray(rates) * SECONDS_PER_HOUR, temperatures - CELSIUS_ZERO_K, currents
     )
 
 

@@ -67,16 +67,13 @@ class Block:
     command: str = ""
 
 
-@dataclass(frozen=True)
-class Document:
-    """The whole page: the blocks of its chapters in order, by key and title."""
+Chapters = Mapping[tuple[str, str], tuple[Block, ...]]
+"""The page: the blocks of its chapters in order, by key and title."""
 
-    chapters: Mapping[tuple[str, str], tuple[Block, ...]]
 
-    def blocks(self, *kinds: str) -> Iterator[Block]:
-        """Return the blocks of some kinds, in order."""
-        blocks = itertools.chain(*self.chapters.values())
-        return (block for block in blocks if block.kind in kinds)
+def blocks_of(chapters: Chapters, *kinds: str) -> Iterator[Block]:
+    """Return the blocks of some kinds, in order."""
+    return (block for block in itertools.chain(*chapters.values()) if block.kind in kinds)
 
 
 def build_report(store: ResultStore, campaign: Campaign, output_dir: Path) -> tuple[Path, ...]:
@@ -97,7 +94,7 @@ def build_report(store: ResultStore, campaign: Campaign, output_dir: Path) -> tu
     return write_report(compose(gather(store, campaign)), output_dir)
 
 
-def write_report(document: Document, output_dir: Path) -> tuple[Path, ...]:
+def write_report(chapters: Chapters, output_dir: Path) -> tuple[Path, ...]:
     """Write the figures and the pages, and return the latter; figures of an older report are removed.
 
     Raises:
@@ -105,10 +102,12 @@ def write_report(document: Document, output_dir: Path) -> tuple[Path, ...]:
     """
     folder = output_dir / NAME
     pages = {
-        output_dir / f"{NAME}.html": render_html(document).encode(),
-        output_dir / f"{NAME}.md": render_markdown(document, NAME).encode(),
+        output_dir / f"{NAME}.html": render_html(chapters).encode(),
+        output_dir / f"{NAME}.md": render_markdown(chapters, NAME).encode(),
     }
-    figures = {folder / f"{block.key}.png": block.content for block in document.blocks("picture")}
+    figures = {
+        folder / f"{block.key}.png": block.content for block in blocks_of(chapters, "picture")
+    }
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for old in set(folder.glob("*.png")) - set(figures):
@@ -120,17 +119,15 @@ def write_report(document: Document, output_dir: Path) -> tuple[Path, ...]:
     return tuple(pages)
 
 
-def compose(results: Results) -> Document:
+def compose(results: Results) -> Chapters:
     """Check every statement and put the page together; parts that cannot be built state the reason."""
     page = _Page(results)
-    return Document(
-        {
-            (chapter["key"], chapter["title"]): tuple(
-                block for part in chapter["parts"] if (block := page.block(part)) is not None
-            )
-            for chapter in _PAGE["chapters"]
-        }
-    )
+    return {
+        (chapter["key"], chapter["title"]): tuple(
+            block for part in chapter["parts"] if (block := page.block(part)) is not None
+        )
+        for chapter in _PAGE["chapters"]
+    }
 
 
 _MODULES = (
@@ -252,16 +249,16 @@ _RUNS = "|-"
 """First characters of lines that form one block: table rows and list entries."""
 
 
-def render_html(document: Document) -> str:
+def render_html(chapters: Chapters) -> str:
     """Return the page; figures are embedded, so that the one file is all."""
     template = _environment(escapes=True).get_template("report.html.j2")
-    return template.render(chapters=document.chapters, **_HEAD)
+    return template.render(chapters=chapters, **_HEAD)
 
 
-def render_markdown(document: Document, folder: str) -> str:
+def render_markdown(chapters: Chapters, folder: str) -> str:
     """Return the page as Markdown; its figures lie in a folder relative to the file."""
     template = _environment(escapes=False).get_template("report.md.j2")
-    return spaced(template.render(folder=folder, chapters=document.chapters, **_HEAD))
+    return spaced(template.render(folder=folder, chapters=chapters, **_HEAD))
 
 
 def spaced(text: str) -> str:

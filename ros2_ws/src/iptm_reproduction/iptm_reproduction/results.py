@@ -154,34 +154,38 @@ def gather(store: ResultStore, campaign: Campaign) -> Results:
             f"{', '.join(f'{count} runs of {study}' for study, count in lacking.items())}. "
             f"Compute them with: {command} {' '.join(lacking)}"
         )
-    figures = {
-        name: figure_values(case.metrics)
-        for name, case in cases.items()
-        if case.metrics is not None
-    }
-    results = Results(figures, missing, lambda address: store.load(cases[address].key), cases)
+    figures: dict[str, Mapping[str, float]] = {}
+    runs = []
+    for key in sorted({case.key for case in cases.values()}):
+        run = store.load(key)
+        figures[key] = figure_values(run.metrics)
+        runs.append(
+            {
+                "end": run.finished_at_utc,
+                "wall_time_s": run.wall_time_s,
+                "compiled": run.compiled,
+                "source": run.git_revision,
+                "versions": run.versions,
+            }
+        )
+    results = Results(
+        {address: figures[case.key] for address, case in cases.items()},
+        missing,
+        lambda address: store.load(cases[address].key),
+        cases,
+    )
     results.command = command
-    results.origin = _origin(results, store)
+    results.origin = _origin(results, pd.DataFrame(runs))
     return results
 
 
-def _origin(results: Results, store: ResultStore) -> dict[str, Any]:
+def _origin(results: Results, runs: pd.DataFrame) -> dict[str, Any]:
     specs = {address: case.spec for address, case in results.cases.items()}
     trips = {
         address: f"{spec.cycle}, slope {spec.slope}, {results.value(address, 'duration'):.0f} s"
         for address, spec in specs.items()
     }
     trip = Counter(trips.values()).most_common(1)[0][0]
-    runs = pd.DataFrame(
-        {
-            "end": run.finished_at_utc,
-            "wall_time_s": run.wall_time_s,
-            "compiled": run.compiled,
-            "source": run.git_revision,
-            "versions": run.versions,
-        }
-        for run in map(store.load, sorted({case.key for case in results.cases.values()}))
-    )
     names = dict.fromkeys(name for versions in runs.versions for name in versions)
     details = {
         "trip": trip,

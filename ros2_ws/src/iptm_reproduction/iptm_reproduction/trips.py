@@ -248,7 +248,7 @@ def _around_demand(
 def aging_falls(_: Results) -> Finding:
     """Check that degradation falls with lower current and with lower temperature, everywhere on the map."""
     found = aging_map(load_parameters().values)
-    loss, temperatures = found.loss_per_hour, found.temperatures_c
+    loss, temperatures = found.to_numpy(), found.index
     by_current = bool(np.all(np.diff(loss, axis=1) > 0.0))
     by_temperature = bool(np.all(np.diff(loss[:, 1:], axis=0) > 0.0))
     growth = np.log(loss[-1, -1] / loss[0, -1]) / (temperatures[-1] - temperatures[0])
@@ -258,7 +258,7 @@ def aging_falls(_: Results) -> Finding:
     return Finding(
         graded(by_current and by_temperature, by_current or by_temperature),
         f"with current: {current}, with temperature: {temperature} "
-        f"({100.0 * (np.exp(growth) - 1.0):.2f} % per kelvin at {found.currents_a[-1]:g} A)",
+        f"({100.0 * (np.exp(growth) - 1.0):.2f} % per kelvin at {found.columns[-1]:g} A)",
     )
 
 
@@ -267,11 +267,10 @@ def aging_exponential(_: Results, temperature_c: float, least_excess: float) -> 
 
     ``least_excess`` is the part by which doubling the current must more than double the loss per hour.
     """
-    found = aging_map(load_parameters().values)
-    currents, one_c_a = found.currents_a, found.nominal_capacity_ah
-    loss = np.array(
-        [np.interp(temperature_c, found.temperatures_c, row) for row in found.loss_per_hour.T]
-    )
+    parameters = load_parameters().values
+    found, one_c_a = aging_map(parameters), parameters.cell.nominal_capacity_ah
+    currents = found.columns.to_numpy()
+    loss = np.array([np.interp(temperature_c, found.index, found[each]) for each in found])
     moving = currents > 0.0
     steps = np.diff(np.log(loss[moving] / currents[moving]))
     straight = bool(np.ptp(steps) <= 1e-6 * np.max(np.abs(steps)))

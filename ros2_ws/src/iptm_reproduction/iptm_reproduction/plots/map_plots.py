@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.state import FloatArray
-from iptm_reproduction import aging as model
+from iptm_reproduction.aging import aging_map as aging_map_of
 from iptm_reproduction.identification.spread import determined_numbers
 from iptm_reproduction.names import (
     DEFAULT_CONTROLLER,
@@ -39,26 +39,23 @@ from iptm_reproduction.trips import PowerRegions, battery_power_kw
 
 def aging_map(_: Results) -> Figure:
     """Draw capacity loss per hour over current and temperature, as a map and as lines."""
-    found = model.aging_map(load_parameters().values)
-    loss = 1e5 * found.loss_per_hour
+    parameters = load_parameters().values
+    loss = 1e5 * aging_map_of(parameters)
     figure, (left, right) = new_figure(3.3, 1, 2)
-    filled = left.contourf(found.currents_a, found.temperatures_c, loss, levels=14, cmap="viridis")
+    filled = left.contourf(loss.columns, loss.index, loss, levels=14, cmap="viridis")
     bar = figure.colorbar(filled, ax=left)
     bar.ax.tick_params(labelsize=8)
     labelled(left, "cell current [A]", "cell temperature [°C]", "capacity loss per hour [10⁻⁵]")
     left.grid(visible=False)
     for share, colour in zip((0.0, 0.5, 1.0), ("#2171b5", "#41ab5d", "#a50f15"), strict=True):
-        row = round(share * (found.temperatures_c.size - 1))
-        right.plot(
-            found.currents_a, loss[row], color=colour, label=f"{found.temperatures_c[row]:.1f} °C"
-        )
+        row = loss.iloc[round(share * (len(loss) - 1))]
+        right.plot(loss.columns, row, color=colour, label=f"{row.name:.1f} °C")
     for rate in (1.0, 2.0):
-        right.axvline(
-            rate * found.nominal_capacity_ah, color="#999999", linewidth=0.8, linestyle=":"
-        )
+        current_a = rate * parameters.cell.nominal_capacity_ah
+        right.axvline(current_a, color="#999999", linewidth=0.8, linestyle=":")
         right.annotate(
             f"{rate:g}C",
-            (rate * found.nominal_capacity_ah, 0.97),
+            (current_a, 0.97),
             xycoords=("data", "axes fraction"),
             fontsize=8,
             ha="right",
