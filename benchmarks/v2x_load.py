@@ -36,9 +36,8 @@ from iptm_interfaces.discovery import reserve_domain
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
 from iptm_v2x_bridge.messages.cam import encode_cam
-from iptm_v2x_bridge.messages.mapem import IntersectionMap, Lane, LaneMaps, encode_mapem
+from iptm_v2x_bridge.messages.mapem import IntersectionMap, Lane, encode_mapem
 from iptm_v2x_bridge.messages.packets import delta_time_ms, its_timestamp_ms
-from iptm_v2x_bridge.messages.spatem import IntersectionId
 from iptm_v2x_bridge.sending.sender import car_on_road
 
 BURST_S = 0.1
@@ -136,9 +135,7 @@ def flood(maps: int) -> Iterator[bytes]:
     lanes = tuple(Lane(number, places, leads_in=True) for number, places in enumerate(nodes))
     places = [(latitude + 1e-5 * number, number) for number in range(min(maps, MAPS))]
     encoded = [
-        encode_mapem(
-            LaneMaps(1, (IntersectionMap(IntersectionId(0, number), 0, place, longitude, lanes),))
-        )
+        encode_mapem(1, [IntersectionMap((0, number), 0, place, longitude, lanes)])
         for place, number in places
     ]
     # The identity of the station follows the first two bytes of the header.

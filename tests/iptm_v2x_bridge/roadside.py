@@ -8,18 +8,14 @@ from tests.iptm_v2x_bridge.radio import ROAD
 
 from iptm_core.routes.road_line import step_m
 from iptm_v2x_bridge.messages.ivim import SpeedSigns, SpeedZone
-from iptm_v2x_bridge.messages.mapem import SCALE_DEG, Connection, IntersectionMap, Lane, LaneMaps
+from iptm_v2x_bridge.messages.mapem import SCALE_DEG, IntersectionMap, Lane
 from iptm_v2x_bridge.messages.spatem import (
-    IntersectionId,
     IntersectionPhases,
     Phase,
-    SignalPhases,
     SignalState,
-    minute_of_year,
-    second_of_hour,
 )
 
-HERE = IntersectionId(49, 7)
+HERE = (49, 7)
 STATION = 1234
 LINE_M = 500.0
 GREEN, YELLOW, RED = SignalState.GREEN, SignalState.YELLOW, SignalState.RED
@@ -38,10 +34,10 @@ def lane(
     number: int, nodes_m: tuple[tuple[float, float], ...], to_lane: int = 0, group: int = 1
 ) -> Lane:
     """Return a lane that leads to the intersection, with one connection."""
-    return Lane(number, nodes_m, leads_in=True, connections=(Connection(to_lane, group),))
+    return Lane(number, nodes_m, leads_in=True, connections=((to_lane, group),))
 
 
-def lanes(*extra: Lane, revision: int = 3, line_m: float = LINE_M) -> LaneMaps:
+def lanes(*extra: Lane, revision: int = 3, line_m: float = LINE_M) -> IntersectionMap:
     """Return an intersection with the ego vehicle's lane, the one behind it, one beside and one across."""
     latitude, longitude = (
         round(value * SCALE_DEG) / SCALE_DEG for value in place_deg(line_m + 10.0)
@@ -53,24 +49,24 @@ def lanes(*extra: Lane, revision: int = 3, line_m: float = LINE_M) -> LaneMaps:
         lane(5, ((12.0, 0.0), (60.0, 0.0)), 2, 3),
         *extra,
     )
-    return LaneMaps(STATION, (IntersectionMap(HERE, revision, latitude, longitude, found),))
+    return IntersectionMap(HERE, revision, latitude, longitude, found)
 
 
-def phases(time_ms: int, *told: Told, groups: tuple[int, ...] = (1,), **more: Any) -> SignalPhases:
+def phases(
+    time_ms: int, *told: Told, groups: tuple[int, ...] = (1,), **more: Any
+) -> IntersectionPhases:
     """Return the phases that signal groups tell at an instant."""
     time_s = time_ms / 1000.0
 
     def mark(after_s: float | None) -> float | None:
-        return None if after_s is None else round(second_of_hour(time_s + after_s), 1)
+        return None if after_s is None else time_s + after_s
 
     some = tuple(
         Phase(state, min_end_s=mark(earliest), max_end_s=mark(latest))
         for state, earliest, latest in told
     )
-    state = IntersectionPhases(
-        HERE, more.pop("revision", 3), *minute_of_year(time_ms), dict.fromkeys(groups, some), **more
-    )
-    return SignalPhases(STATION, (state,))
+    revision = more.pop("revision", 3)
+    return IntersectionPhases(HERE, revision, time_ms, dict.fromkeys(groups, some), **more)
 
 
 def signs(limit_m_s: float, from_m: float, to_m: float, **more: Any) -> SpeedSigns:
@@ -78,4 +74,4 @@ def signs(limit_m_s: float, from_m: float, to_m: float, **more: Any) -> SpeedSig
     middle = 0.5 * (from_m + to_m)
     places = tuple(place_deg(along_m, 3.0) for along_m in (from_m, middle, to_m))
     zone = SpeedZone(limit_m_s, more.pop("places_deg", places), *more.pop("direction", ()))
-    return SpeedSigns(STATION, more.pop("identity", (100, 5, 42)), (zone,), **more)
+    return SpeedSigns(more.pop("identity", (100, 5, 42)), (zone,), **more)

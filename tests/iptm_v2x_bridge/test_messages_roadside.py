@@ -29,6 +29,7 @@ from iptm_v2x_bridge.messages.packets import (
     MessageKind,
     OpenedDatagram,
     SenderPosition,
+    its_timestamp_ms,
     open_datagram,
     wrap,
 )
@@ -36,43 +37,43 @@ from iptm_v2x_bridge.messages.pycrate_codec import decode_fields, encode_fields
 from iptm_v2x_bridge.messages.spatem import (
     IntersectionPhases,
     Phase,
-    SignalPhases,
     SignalState,
     decode_spatem,
     encode_spatem,
+    resolve_minute_ms,
+    resolve_second_s,
 )
 from iptm_v2x_bridge.rejections import LeftOut, Rejection
 
+NOW_MS = its_timestamp_ms(1_782_000_000 * 10**9)
+SENT_MS = resolve_minute_ms(263_000, 59_999, NOW_MS)
 DECODERS = {
-    MessageKind.SPATEM: decode_spatem,
+    MessageKind.SPATEM: lambda bits: decode_spatem(bits, NOW_MS),
     MessageKind.MAPEM: decode_mapem,
     MessageKind.IVIM: decode_ivim,
 }
 PLACE = SenderPosition(600_000_000_123, 480_000_000, 100_000_000, 0, 0)
-PHASES = SignalPhases(
-    STATION,
-    (
-        IntersectionPhases(
-            HERE,
-            3,
-            263_000,
-            59_999,
-            {
-                1: (
-                    Phase(GREEN, 3590.0, 3599.9, 4.5, 0.1),
-                    Phase(SignalState.YELLOW),
-                    Phase(RED, min_end_s=math.inf),
-                ),
-                2: (Phase(SignalState.DARK),),
-            },
+PHASES = IntersectionPhases(
+    HERE,
+    3,
+    SENT_MS,
+    {
+        1: (
+            Phase(
+                GREEN,
+                *(resolve_second_s(at, SENT_MS / 1000.0) for at in (3590.0, 3599.9, 4.5, 0.1)),
+            ),
+            Phase(SignalState.YELLOW),
+            Phase(RED, min_end_s=math.inf),
         ),
-    ),
+        2: (Phase(SignalState.DARK),),
+    },
 )
 SIGNS = signs(50.0 / 3.6, 200.0, 900.0, issued_ms=700_000_000_000, valid_to_ms=800_000_000_000)
 BITS = {
-    MessageKind.SPATEM: encode_spatem(PHASES),
-    MessageKind.MAPEM: encode_mapem(lanes()),
-    MessageKind.IVIM: encode_ivim(SIGNS),
+    MessageKind.SPATEM: encode_spatem(STATION, [PHASES]),
+    MessageKind.MAPEM: encode_mapem(STATION, [lanes()]),
+    MessageKind.IVIM: encode_ivim(STATION, SIGNS),
 }
 
 
@@ -81,9 +82,9 @@ def packet(kind: MessageKind) -> bytes:
 
 
 def test_what_is_sent_is_what_is_read() -> None:
-    assert decode_spatem(BITS[MessageKind.SPATEM]) == PHASES
-    assert decode_mapem(BITS[MessageKind.MAPEM]) == lanes()
-    read = decode_ivim(BITS[MessageKind.IVIM])
+    assert decode_spatem(BITS[MessageKind.SPATEM], NOW_MS) == (PHASES,)
+    assert decode_mapem(BITS[MessageKind.MAPEM]) == (lanes(),)
+    (read,) = decode_ivim(BITS[MessageKind.IVIM])
     assert not isinstance(read, Rejection)
     for zone, sent in zip(read.zones, SIGNS.zones, strict=True):
         assert zone.limit_m_s == pytest.approx(sent.limit_m_s)
@@ -94,7 +95,7 @@ def test_what_is_sent_is_what_is_read() -> None:
 @pytest.mark.parametrize("working", [True, False])
 def test_a_signal_that_does_not_work_says_so(working: bool) -> None:
     sent = phases(0, (GREEN, 5.0, 9.0), is_working=working)
-    assert decode_spatem(encode_spatem(sent)) == sent
+    assert decode_spatem(encode_spatem(STATION, [sent]), 0) == (sent,)
 
 
 @pytest.mark.parametrize("kind", list(DECODERS))
@@ -129,7 +130,7 @@ def test_phases_without_their_time_are_incomplete() -> None:
     for name, unknown in (("moy", 527_040), ("timeStamp", 65_535)):
         changed = {**fields, "intersections": [{**state, name: unknown}]}
         bits = encode_fields(MessageKind.SPATEM, station, changed)
-        assert decode_spatem(bits) is Rejection.INCOMPLETE
+        assert decode_spatem(bits, NOW_MS) is Rejection.INCOMPLETE
 
 
 def test_parts_outside_of_the_subset_are_left_out_and_named() -> None:
@@ -142,7 +143,7 @@ def test_parts_outside_of_the_subset_are_left_out_and_named() -> None:
     )
     fields["intersections"][0]["laneSet"].append(computed)
     read = decode_mapem(encode_fields(MessageKind.MAPEM, station, fields))
-    assert read == replace(lanes(), left_out=(LeftOut.COMPUTED_LANE,))
+    assert read == (replace(lanes(), left_out=(LeftOut.COMPUTED_LANE,)),)
 
     station, fields = decode_fields(MessageKind.IVIM, BITS[MessageKind.IVIM])  # type: ignore[misc]
     (sign,) = fields["optional"][1][1]
@@ -153,11 +154,11 @@ def test_parts_outside_of_the_subset_are_left_out_and_named() -> None:
         ({"validity": [{"durationHourMinute": {"hours": 5, "mins": 0}}]}, LeftOut.CERTAIN_HOURS),
     ):
         sign["roadSignCodes"] = [{"code": (kind, {**code, **changes})}]
-        found = decode_ivim(encode_fields(MessageKind.IVIM, station, fields))
+        (found,) = decode_ivim(encode_fields(MessageKind.IVIM, station, fields))
         assert not isinstance(found, Rejection)
         assert (found.zones, found.left_out) == ((), (reason,))
     sign["roadSignCodes"], sign["relevanceZoneIds"] = [{"code": (kind, code)}], [9]
-    found = decode_ivim(encode_fields(MessageKind.IVIM, station, fields))
+    (found,) = decode_ivim(encode_fields(MessageKind.IVIM, station, fields))
     assert not isinstance(found, Rejection)
     assert found.left_out == (LeftOut.ZONE,)
 
@@ -170,14 +171,14 @@ def test_the_other_catalogue_of_signs_and_miles() -> None:
     }
     code = {"pictogramCode": pictogram, "attributes": [("spe", {"speedLimitMax": 30, "unit": 1})]}
     fields["optional"][1][1][0]["roadSignCodes"] = [{"code": ("iso14823", code)}]
-    read = decode_ivim(encode_fields(MessageKind.IVIM, station, fields))
+    (read,) = decode_ivim(encode_fields(MessageKind.IVIM, station, fields))
     assert not isinstance(read, Rejection)
     assert read.zones[0].limit_m_s == pytest.approx(30.0 * 0.44704)
 
 
 def test_what_the_wire_cannot_hold_is_refused() -> None:
     with pytest.raises(MessageError, match="MAPEM"):
-        encode_mapem(lanes(lane(9, ((0.0, 0.0), (0.0, -400.0)))))
+        encode_mapem(STATION, [lanes(lane(9, ((0.0, 0.0), (0.0, -400.0))))])
 
 
 def damaged(source: random.Random, bits: bytes) -> bytes:
@@ -225,7 +226,7 @@ def test_wireshark_reads_what_was_meant(tmp_path: Path) -> None:
     assert find(spatem, "dsrc.likelyTime") == "1"
     assert find(mapem, "dsrc.signalGroup") == "1"
     assert find(mapem, "dsrc.laneID") == "1"
-    place = lanes().intersections[0]
+    place = lanes()
     assert find(mapem, "dsrc.lat") == str(round(1e7 * place.latitude_deg))
     assert find(mapem, "dsrc.x") == "0"
     assert find(mapem, "dsrc.y") == "-1000"

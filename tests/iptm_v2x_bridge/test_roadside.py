@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from datetime import datetime, timezone
 
 import numpy as np
@@ -23,10 +24,10 @@ from tests.iptm_v2x_bridge.roadside import (
 
 from iptm_core.road_ahead import SpeedLimits
 from iptm_v2x_bridge.messages.ivim import SpeedSigns, ZoneDirection
-from iptm_v2x_bridge.messages.mapem import Connection, Lane, LaneMaps
+from iptm_v2x_bridge.messages.mapem import IntersectionMap, Lane
 from iptm_v2x_bridge.messages.packets import its_timestamp_ms
 from iptm_v2x_bridge.messages.spatem import (
-    SignalPhases,
+    IntersectionPhases,
     SignalState,
     minute_of_year,
     resolve_minute_ms,
@@ -37,8 +38,7 @@ from iptm_v2x_bridge.prediction.extrapolation import History
 from iptm_v2x_bridge.prediction.predictor import Knowledge, PredictorName
 from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules, Signal
 from iptm_v2x_bridge.rejections import Rejection
-from iptm_v2x_bridge.roadside.road_places import stop_lines
-from iptm_v2x_bridge.roadside.rules import HeardRules
+from iptm_v2x_bridge.roadside.interpretation import stop_lines
 from iptm_v2x_bridge.roadside.table import PHASES_KNOWN_MS, RoadsideTable
 from iptm_v2x_bridge.stations.station import Observation
 
@@ -47,13 +47,13 @@ NOW_S = NOW_MS / 1000.0
 
 
 def heard(
-    *messages: SignalPhases | LaneMaps | SpeedSigns,
+    *messages: IntersectionPhases | IntersectionMap | SpeedSigns,
     at_ms: int = NOW_MS,
     given: RoadRules | None = None,
-) -> HeardRules:
-    rules = HeardRules(RoadsideTable(ROAD), given)
+) -> RoadsideTable:
+    rules = RoadsideTable(ROAD, given)
     for message in messages:
-        assert rules.table.take(message, at_ms) is None
+        assert rules.take(message, at_ms) is None
     rules.refresh(at_ms, 0.0)
     return rules
 
@@ -85,26 +85,26 @@ def test_instants_are_found_across_the_full_hour(after_s: float) -> None:
 
 
 def test_a_line_is_where_its_lane_begins_and_only_the_egos_lane_counts() -> None:
-    (line,) = stop_lines(ROAD, lanes().intersections[0])
+    (line,) = stop_lines(ROAD, lanes())
     assert line.position_m == pytest.approx(LINE_M, abs=0.02)
     assert line.groups == {1}
 
 
 def test_of_several_connections_the_one_along_the_road_counts() -> None:
-    ways = (Connection(2, 1), Connection(7, 4))
-    ahead = lanes().intersections[0].lanes[1]
+    ways = ((2, 1), (7, 4))
+    ahead = lanes().lanes[1]
     turning = Lane(7, ((15.0, 5.0), (80.0, 5.0)), leads_out=True)
     ego = Lane(1, ((0.0, -10.0), (0.0, -90.0)), leads_in=True, connections=ways)
-    base = lanes().intersections[0]
+    base = lanes()
     for known, groups in (((ego, ahead, turning), {1}), ((ego, turning), {1, 4})):
-        (line,) = stop_lines(ROAD, base.__class__(**{**vars(base), "lanes": known}))
+        (line,) = stop_lines(ROAD, replace(base, lanes=known))
         assert line.groups == groups
 
 
 def test_lanes_that_come_towards_the_ego_have_no_line_for_it() -> None:
-    base = lanes().intersections[0]
+    base = lanes()
     towards = lane(1, ((0.0, 10.0), (0.0, 90.0)))
-    assert stop_lines(ROAD, base.__class__(**{**vars(base), "lanes": (towards,)})) == ()
+    assert stop_lines(ROAD, replace(base, lanes=(towards,))) == ()
 
 
 @pytest.mark.parametrize(
@@ -145,15 +145,15 @@ def test_when_a_line_changes_is_told_to_the_tenth_across_the_hour() -> None:
 
 
 def test_all_groups_of_a_line_have_to_be_open() -> None:
-    ways = (Connection(20, 1), Connection(21, 2))
-    base = lanes().intersections[0]
+    ways = ((20, 1), (21, 2))
+    base = lanes()
     ego = Lane(1, ((0.0, -10.0), (0.0, -90.0)), leads_in=True, connections=ways)
-    both = LaneMaps(1, (base.__class__(**{**vars(base), "lanes": (ego,)}),))
-    message = phases(NOW_MS, (GREEN, 30.0, 30.0), groups=(1, 2)).intersections[0]
-    red = phases(NOW_MS, (RED, 30.0, 30.0), groups=(2,)).intersections[0]
-    mixed = message.__class__(**{**vars(message), "groups": message.groups | red.groups})
-    assert heard(both, SignalPhases(1, (message,))).ego.signals[0].is_open(NOW_S + 1.0)
-    assert not heard(both, SignalPhases(1, (mixed,))).ego.signals[0].is_open(NOW_S + 1.0)
+    both = replace(base, lanes=(ego,))
+    message = phases(NOW_MS, (GREEN, 30.0, 30.0), groups=(1, 2))
+    red = phases(NOW_MS, (RED, 30.0, 30.0), groups=(2,))
+    mixed = replace(message, groups=message.groups | red.groups)
+    assert heard(both, message).ego.signals[0].is_open(NOW_S + 1.0)
+    assert not heard(both, mixed).ego.signals[0].is_open(NOW_S + 1.0)
 
 
 def test_a_line_whose_phases_are_silent_is_closed_for_the_ego_and_nothing_for_the_leader() -> None:
@@ -192,12 +192,12 @@ def test_phases_that_do_not_fit_the_line_leave_it_unknown(changes: dict[str, obj
 )
 def test_what_cannot_be_true_is_refused(told_ms: int, told: Told, reason: Rejection | None) -> None:
     rules = heard(lanes(), phases(NOW_MS - 1000, (RED, 20.0, 20.0)))
-    assert rules.table.take(phases(told_ms, told), NOW_MS) is reason
+    assert rules.take(phases(told_ms, told), NOW_MS) is reason
 
 
 def test_a_line_may_always_close_earlier() -> None:
     rules = heard(lanes(), phases(NOW_MS - 1000, (GREEN, 20.0, 20.0)))
-    assert rules.table.take(phases(NOW_MS, (YELLOW, 3.0, 3.0)), NOW_MS) is None
+    assert rules.take(phases(NOW_MS, (YELLOW, 3.0, 3.0)), NOW_MS) is None
     rules.refresh(NOW_MS, 0.0)
     assert not rules.ego.signals[0].is_open(NOW_S)
 
@@ -205,10 +205,10 @@ def test_a_line_may_always_close_earlier() -> None:
 def test_maps_change_with_their_revision_only() -> None:
     rules = heard(lanes())
     moved = lanes(line_m=LINE_M + 20.0)
-    assert rules.table.take(lanes(), NOW_MS) is None
-    assert rules.table.take(moved, NOW_MS) is Rejection.OTHER_MAP
-    assert rules.table.take(lanes(revision=2, line_m=600.0), NOW_MS) is Rejection.OLDER
-    assert rules.table.take(lanes(revision=4, line_m=600.0), NOW_MS) is None
+    assert rules.take(lanes(), NOW_MS) is None
+    assert rules.take(moved, NOW_MS) is Rejection.OTHER_MAP
+    assert rules.take(lanes(revision=2, line_m=600.0), NOW_MS) is Rejection.OLDER
+    assert rules.take(lanes(revision=4, line_m=600.0), NOW_MS) is None
     rules.refresh(NOW_MS, 0.0)
     assert rules.ego.signals[0].stop_line_m == pytest.approx(600.0, abs=0.02)
 
@@ -229,7 +229,7 @@ def test_what_is_heard_of_a_line_replaces_what_is_given_of_it() -> None:
     assert rules.report()["next_line"] == "open (given)"
 
 
-def limit_at(rules: HeardRules, position_m: float) -> float:
+def limit_at(rules: RoadsideTable, position_m: float) -> float:
     assert rules.ego.limits is not None
     index = int(np.searchsorted(rules.ego.limits.starts_m, position_m, side="right")) - 1
     return float(rules.ego.limits.limits_m_s[max(index, 0)])
@@ -269,9 +269,9 @@ def test_a_sign_is_cancelled_and_not_revived_by_an_old_message() -> None:
     old = signs(10.0, 200.0, 700.0, issued_ms=NOW_MS - 9000)
     rules = heard(old, signs(10.0, 200.0, 700.0, issued_ms=NOW_MS - 5000, is_cancelled=True))
     assert rules.ego.limits is None
-    assert rules.table.take(old, NOW_MS) is Rejection.OLDER
+    assert rules.take(old, NOW_MS) is Rejection.OLDER
     expired = signs(10.0, 200.0, 700.0, identity=(1, 2, 3), valid_to_ms=NOW_MS - 1)
-    assert rules.table.take(expired, NOW_MS) is Rejection.STALE
+    assert rules.take(expired, NOW_MS) is Rejection.STALE
 
 
 def test_the_leader_is_foretold_by_what_is_heard() -> None:

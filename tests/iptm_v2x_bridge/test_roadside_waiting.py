@@ -10,20 +10,19 @@ from tests.iptm_v2x_bridge.radio import ROAD, datagram
 from tests.iptm_v2x_bridge.roadside import GREEN, HERE, LINE_M, STATION, lanes, phases
 
 from iptm_v2x_bridge.cam_bridge import CamBridge
-from iptm_v2x_bridge.messages.mapem import LaneMaps, encode_mapem
+from iptm_v2x_bridge.messages.mapem import encode_mapem
 from iptm_v2x_bridge.messages.packets import MessageKind, OpenedDatagram
-from iptm_v2x_bridge.messages.spatem import IntersectionId, encode_spatem
-from iptm_v2x_bridge.radio_recording import RadioRecording, SimulatedRadio
-from iptm_v2x_bridge.roadside import table as table_module
-from iptm_v2x_bridge.roadside.rules import HeardRules
-from iptm_v2x_bridge.roadside.table import (
+from iptm_v2x_bridge.messages.pycrate_codec import (
     BURST_BYTES,
     BYTES_PER_MS,
     KEPT_PER_STATION,
     MAX_STATIONS,
-    RoadsideTable,
     WaitingMessages,
 )
+from iptm_v2x_bridge.messages.spatem import encode_spatem
+from iptm_v2x_bridge.radio_recording import RadioRecording, SimulatedRadio
+from iptm_v2x_bridge.roadside import table as table_module
+from iptm_v2x_bridge.roadside.table import RoadsideTable
 
 NS_PER_MS = 1_000_000
 LONGEST = 1300
@@ -79,17 +78,17 @@ def test_a_flood_of_one_kind_or_station_leaves_their_turn_to_the_others() -> Non
 
 
 @pytest.fixture
-def rules(monkeypatch: pytest.MonkeyPatch) -> HeardRules:
+def rules(monkeypatch: pytest.MonkeyPatch) -> RoadsideTable:
     """Rules that count how often bits were decoded, as `decodings`."""
     pytest.importorskip("pycrate_asn1dir", reason="requirements/roadside.txt is not installed")
-    found = HeardRules(RoadsideTable(ROAD))
+    found = RoadsideTable(ROAD)
     decoders = dict(table_module._KINDS)
     found.decodings = Counter()  # type: ignore[attr-defined]
 
     def counted(kind: MessageKind) -> object:
-        def decode(payload: bytes) -> object:
+        def decode(payload: bytes, now_ms: int) -> object:
             found.decodings[kind] += 1  # type: ignore[attr-defined]
-            return decoders[kind](payload)
+            return decoders[kind](payload, now_ms)
 
         return decode
 
@@ -97,33 +96,32 @@ def rules(monkeypatch: pytest.MonkeyPatch) -> HeardRules:
     return found
 
 
-def test_an_unchanged_map_is_decoded_once(rules: HeardRules) -> None:
+def test_an_unchanged_map_is_decoded_once(rules: RoadsideTable) -> None:
     bridge = CamBridge(ROAD, roadside=rules)
     for second in range(20):
-        bridge.receive(encode_mapem(lanes()), second * 10**9)
+        bridge.receive(encode_mapem(STATION, [lanes()]), second * 10**9)
         bridge.answer(second * 10**9, 0.0)
     assert rules.decodings == {MessageKind.MAPEM: 1}  # type: ignore[attr-defined]
     assert bridge.report()["mapem_accepted"] == 20
-    assert [line.position_m for line in rules.table.lines()] == [pytest.approx(LINE_M, abs=0.02)]
+    assert [line.position_m for line in rules.lines()] == [pytest.approx(LINE_M, abs=0.02)]
 
 
 def test_a_forgotten_map_is_decoded_again(
-    rules: HeardRules, monkeypatch: pytest.MonkeyPatch
+    rules: RoadsideTable, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(table_module, "MAX_INTERSECTIONS", 1)
-    near, far = encode_mapem(lanes()), _other_map(900.0)
+    near, far = encode_mapem(STATION, [lanes()]), _other_map(900.0)
     for number, payload in enumerate((far, near, far)):
         opened = OpenedDatagram(MessageKind.MAPEM, payload)
         rules.receive(opened, number)
         rules.refresh(number, 880.0 if number == 2 else 480.0)
     assert rules.decodings == {MessageKind.MAPEM: 3}  # type: ignore[attr-defined]
-    assert [line.position_m for line in rules.table.lines()] == [pytest.approx(900.0, abs=0.02)]
+    assert [line.position_m for line in rules.lines()] == [pytest.approx(900.0, abs=0.02)]
 
 
 def _other_map(line_m: float, station_id: int = STATION) -> bytes:
-    (one,) = lanes(line_m=line_m).intersections
-    other = replace(one, intersection=IntersectionId(HERE.region, HERE.number + 1))
-    return encode_mapem(LaneMaps(station_id, (other,)))
+    other = replace(lanes(line_m=line_m), intersection=(HERE[0], HERE[1] + 1))
+    return encode_mapem(station_id, [other])
 
 
 def test_cars_and_signals_are_heard_in_a_flood_and_a_recording_repeats_it() -> None:
@@ -137,12 +135,12 @@ def test_cars_and_signals_are_heard_in_a_flood_and_a_recording_repeats_it() -> N
         if time_ms % 100 == 0:
             here.append(datagram(4711, time_ms, 50.0 + 0.012 * time_ms, 12.0))
             sent_cars += 1
-            here.append(encode_spatem(phases(time_ms, (GREEN, 30.0, 40.0))))
-            here.append(encode_mapem(lanes()))
+            here.append(encode_spatem(STATION, [phases(time_ms, (GREEN, 30.0, 40.0))]))
+            here.append(encode_mapem(STATION, [lanes()]))
         received += [(tick_ns, time_ms * NS_PER_MS, each) for each in here]
 
     def bridge() -> CamBridge:
-        return CamBridge(ROAD, roadside=HeardRules(RoadsideTable(ROAD)))
+        return CamBridge(ROAD, roadside=RoadsideTable(ROAD))
 
     live, said = bridge(), []
     for tick in range(6):

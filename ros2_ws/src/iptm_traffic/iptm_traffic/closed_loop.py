@@ -36,7 +36,6 @@ from iptm_v2x_bridge.prediction.extrapolation import History
 from iptm_v2x_bridge.prediction.predictor import Predictor, ReceivedPath
 from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules
 from iptm_v2x_bridge.road_knowledge import read_limits
-from iptm_v2x_bridge.roadside.rules import HeardRules
 from iptm_v2x_bridge.roadside.table import RoadsideTable
 from iptm_v2x_bridge.rules_of_the_road import RulesOfTheRoad
 
@@ -143,7 +142,7 @@ def _closed_loop(
     for_ego, for_leader = (own.ego, own.leader) if own else (network.rules, network.rules)
     heard = None
     if drive.signals_by_radio:
-        heard = HeardRules(RoadsideTable(road_line), RoadRules(read_limits(LIMITS_WITHOUT_SIGNS)))
+        heard = RoadsideTable(road_line, RoadRules(read_limits(LIMITS_WITHOUT_SIGNS)))
         for_ego, for_leader = heard.ego, heard.leader
     receiver = CamBridge(
         road_line, preview, predictors=_predictors(drive.knowledge, for_leader), roadside=heard

@@ -20,7 +20,7 @@ from iptm_core.settings import VEHICLE_LENGTH_M
 from iptm_traffic.simulation import TrafficSimulation
 from iptm_traffic.sumo_net import Junction, Link
 from iptm_v2x_bridge.prediction.road_rules import ALWAYS, RoadRules, Signal, Span
-from iptm_v2x_bridge.roadside.phases import joined
+from iptm_v2x_bridge.roadside.interpretation import joined
 from iptm_v2x_bridge.rules_of_the_road import PASS_MARGIN_S
 
 AHEAD_M = 200.0

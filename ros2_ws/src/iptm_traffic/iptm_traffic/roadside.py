@@ -25,22 +25,16 @@ from iptm_traffic.simulation import RADIO_RANGE_M
 from iptm_v2x_bridge.messages.ivim import SpeedSigns, SpeedZone, encode_ivim
 from iptm_v2x_bridge.messages.mapem import (
     SCALE_DEG,
-    Connection,
     IntersectionMap,
     Lane,
-    LaneMaps,
     encode_mapem,
 )
 from iptm_v2x_bridge.messages.packets import ROADSIDE_UNIT, MessageKind, SenderPosition, wrap
 from iptm_v2x_bridge.messages.spatem import (
-    IntersectionId,
     IntersectionPhases,
     Phase,
-    SignalPhases,
     SignalState,
     encode_spatem,
-    minute_of_year,
-    second_of_hour,
 )
 from iptm_v2x_bridge.prediction.road_rules import Signal
 
@@ -83,10 +77,10 @@ class RoadsideStations:
             sign = self._sign(
                 number, starts[number], starts[number + 1], float(limits.limits_m_s[number])
             )
-            sent = [(MessageKind.IVIM, encode_ivim(sign))]
+            sent = [(MessageKind.IVIM, encode_ivim(_STATION_BASE + number, sign))]
             if signal is not None:
-                lanes = LaneMaps(_STATION_BASE + number, (self._lanes(number, signal.stop_line_m),))
-                sent.append((MessageKind.MAPEM, encode_mapem(lanes)))
+                lanes = self._lanes(number, signal.stop_line_m)
+                sent.append((MessageKind.MAPEM, encode_mapem(_STATION_BASE + number, [lanes])))
             place_m = 0.0 if signal is None else signal.stop_line_m
             self._stations.append(_Station(number, place_m, signal, tuple(sent)))
 
@@ -97,8 +91,9 @@ class RoadsideStations:
             if abs(station.position_m - ego_position_m) > RADIO_RANGE_M:
                 continue
             if station.signal is not None:
-                phases = encode_spatem(_phases(station.number, station.signal, time_ms))
-                heard.append(self._packet(station, MessageKind.SPATEM, phases, time_ms))
+                phases = _phases(station.number, station.signal, time_ms)
+                bits = encode_spatem(_STATION_BASE + station.number, [phases])
+                heard.append(self._packet(station, MessageKind.SPATEM, bits, time_ms))
             if time_ms % round(1000.0 * MAPS_EVERY_S) == 0:
                 heard.extend(
                     self._packet(station, kind, payload, time_ms) for kind, payload in station.maps
@@ -117,7 +112,6 @@ class RoadsideStations:
         latitudes, longitudes, _ = self._road.locate(np.linspace(from_m, to_m, count))
         places = tuple(zip(latitudes.tolist(), longitudes.tolist(), strict=True))
         return SpeedSigns(
-            _STATION_BASE + number,
             (_COUNTRY, _PROVIDER, number + 1),
             (SpeedZone(limit_m_s, places),),
         )
@@ -147,7 +141,7 @@ class RoadsideStations:
         for lane in range(2):
             to_lane = 3 + lane
             left_m = lane * _LANE_WIDTH_M
-            connection = (Connection(to_lane, _MAIN_GROUP),)
+            connection = ((to_lane, _MAIN_GROUP),)
             lanes.append(
                 Lane(1 + lane, nodes(before, left_m), leads_in=True, connections=connection)
             )
@@ -158,11 +152,11 @@ class RoadsideStations:
             (ahead_e + away * math.sin(left), ahead_n + away * math.cos(left))
             for away in (0.5 * _CROSSING_M, CROSS_STREET_M)
         )
-        lanes.append(Lane(5, cross, leads_in=True, connections=(Connection(3, _CROSS_GROUP),)))
-        return IntersectionMap(IntersectionId(0, number), 0, *origin, tuple(lanes))
+        lanes.append(Lane(5, cross, leads_in=True, connections=((3, _CROSS_GROUP),)))
+        return IntersectionMap((0, number), 0, *origin, tuple(lanes))
 
 
-def _phases(number: int, signal: Signal, time_ms: int) -> SignalPhases:
+def _phases(number: int, signal: Signal, time_ms: int) -> IntersectionPhases:
     """Return the phases of an intersection from an instant (TimestampIts) on."""
     cross_s = CYCLE_S - MAIN_OPEN_S - 2.0 * (YELLOW_S + CLEARING_S)
     opens_s = signal.begins_at_s
@@ -174,8 +168,7 @@ def _phases(number: int, signal: Signal, time_ms: int) -> SignalPhases:
         group: _phases_from(opens_s, open_for_s, time_ms / 1000.0)
         for group, (opens_s, open_for_s) in groups.items()
     }
-    state = IntersectionPhases(IntersectionId(0, number), 0, *minute_of_year(time_ms), phases)
-    return SignalPhases(_STATION_BASE + number, (state,))
+    return IntersectionPhases((0, number), 0, time_ms, phases)
 
 
 def _phases_from(opens_s: float, open_for_s: float, now_s: float) -> tuple[Phase, ...]:
@@ -197,11 +190,11 @@ def _phases_from(opens_s: float, open_for_s: float, now_s: float) -> tuple[Phase
 
 def _phase(state: SignalState, begins_s: float, ends_s: float) -> Phase:
     """Return a phase of a plan that is kept; what lies between two steps of the wire is sent as a range."""
-    end = second_of_hour(ends_s)
+    tenths = round(10.0 * ends_s, 6)
     return Phase(
         state,
-        starts_s=second_of_hour(begins_s),
-        min_end_s=math.floor(round(10.0 * end, 6)) / 10.0,
-        max_end_s=math.ceil(round(10.0 * end, 6)) / 10.0,
-        likely_end_s=end,
+        starts_s=begins_s,
+        min_end_s=math.floor(tenths) / 10.0,
+        max_end_s=math.ceil(tenths) / 10.0,
+        likely_end_s=ends_s,
     )

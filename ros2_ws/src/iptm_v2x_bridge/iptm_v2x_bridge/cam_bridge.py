@@ -31,8 +31,7 @@ from iptm_v2x_bridge.prediction.predictor import (
     knowledge_of,
 )
 from iptm_v2x_bridge.rejections import Rejection, RejectionCounts
-from iptm_v2x_bridge.roadside.rules import HeardRules
-from iptm_v2x_bridge.roadside.table import ROADSIDE_KINDS
+from iptm_v2x_bridge.roadside.table import ROADSIDE_KINDS, RoadsideTable
 from iptm_v2x_bridge.stations.station import Station
 from iptm_v2x_bridge.stations.table import LeaderSelector, StationTable
 
@@ -64,7 +63,7 @@ class CamBridge:
         predictors: Sequence[Predictor] | None = None,
         start_timestamp_ms: int = 0,
         datagram_offset_bytes: int = 0,
-        roadside: HeardRules | None = None,
+        roadside: RoadsideTable | None = None,
         verifier: Verifier | None = None,
     ) -> None:
         """Set up a bridge.
@@ -287,5 +286,5 @@ class CamBridge:
         counts = self._unread + self._table.rejections
         if self._roadside is not None:
             values |= self._roadside.report()
-            counts += self._roadside.table.rejections
+            counts += self._roadside.rejections
         return values | {f"rejected_{name}": count for name, count in counts.by_reason().items()}

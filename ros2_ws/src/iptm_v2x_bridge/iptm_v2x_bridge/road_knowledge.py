@@ -20,7 +20,6 @@ from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
 from iptm_v2x_bridge.prediction.predictor import Predictor, ReceivedPath
 from iptm_v2x_bridge.prediction.regression import Regression, RegressionModel
 from iptm_v2x_bridge.prediction.road_rules import NO_LIMITS, BoundedByRules, RoadRules, Signal
-from iptm_v2x_bridge.roadside.rules import HeardRules
 from iptm_v2x_bridge.roadside.table import RoadsideTable
 from iptm_v2x_bridge.rules_of_the_road import RulesOfTheRoad
 
@@ -67,7 +66,7 @@ class RoadKnowledgeSettings(Settings):
         description="cam: the prediction obeys the known speed limits and signals",
     )
 
-    def build_heard_rules(self, given: RoadRules, road: RoadLine) -> HeardRules | None:
+    def build_heard_rules(self, given: RoadRules, road: RoadLine) -> RoadsideTable | None:
         """Return the rules as they are heard, None where they are not to be.
 
         Raises:
@@ -76,7 +75,7 @@ class RoadKnowledgeSettings(Settings):
         if not self.roadside_messages:
             return None
         specification()
-        return HeardRules(RoadsideTable(road), given)
+        return RoadsideTable(road, given)
 
     def build_predictors(self, route: Route, rules: RoadRules) -> tuple[Predictor, ...]:
         """Return the predictors, the best informed first.

@@ -65,7 +65,6 @@ class SpeedSigns:
     """One message.
 
     Attributes:
-        station_id: its station.
         identity: country (bits of its code), provider, and number of the information.
         zones: where which limit holds.
         issued_ms: TimestampIts of this version of the information, None if not sent.
@@ -75,7 +74,6 @@ class SpeedSigns:
         left_out: what of it was left out.
     """
 
-    station_id: int
     identity: tuple[int, int, int]
     zones: tuple[SpeedZone, ...]
     issued_ms: int | None = None
@@ -85,12 +83,12 @@ class SpeedSigns:
     left_out: tuple[LeftOut, ...] = ()
 
 
-def decode_ivim(payload: bytes) -> SpeedSigns | Rejection:
+def decode_ivim(payload: bytes) -> tuple[SpeedSigns] | Rejection:
     """Read a bare message, whose header has been looked at."""
     read = decode_fields(MessageKind.IVIM, payload)
     if isinstance(read, Rejection):
         return read
-    station_id, fields = read
+    _, fields = read
     management = fields["mandatory"]
     containers = fields.get("optional", ())
     left_out: list[LeftOut] = []
@@ -103,8 +101,7 @@ def decode_ivim(payload: bytes) -> SpeedSigns | Rejection:
             lines |= {part["zoneId"]: _line(part, reference) for part in content["parts"]}
     parts = [part for kind, content in containers if kind == "giv" for part in content]
     provider = management["serviceProviderId"]
-    return SpeedSigns(
-        station_id=station_id,
+    signs = SpeedSigns(
         identity=(
             provider["countryCode"][0],
             provider["providerIdentifier"],
@@ -117,6 +114,7 @@ def decode_ivim(payload: bytes) -> SpeedSigns | Rejection:
         is_cancelled=management["iviStatus"] in _CANCELLED,
         left_out=tuple(left_out),
     )
+    return (signs,)
 
 
 def _line(
@@ -201,8 +199,8 @@ def _limit_m_s(code: tuple[str, Any], left_out: list[LeftOut]) -> float | None:
     return None
 
 
-def encode_ivim(message: SpeedSigns) -> bytes:
-    """Return a message as bits, with signs of the Vienna Convention in km/h.
+def encode_ivim(station_id: int, message: SpeedSigns) -> bytes:
+    """Return a message of a station as bits, with signs of the Vienna Convention in km/h.
 
     Raises:
         MessageError: a value is outside the range of the standard.
@@ -235,7 +233,7 @@ def encode_ivim(message: SpeedSigns) -> bytes:
     signs = [_sign_fields(zone_id, zone) for zone_id, zone in numbered]
     location = ("glc", {"referencePosition": reference, "parts": parts})
     content = {"mandatory": management, "optional": [location, ("giv", signs)]}
-    return encode_fields(MessageKind.IVIM, message.station_id, content)
+    return encode_fields(MessageKind.IVIM, station_id, content)
 
 
 def _steps(

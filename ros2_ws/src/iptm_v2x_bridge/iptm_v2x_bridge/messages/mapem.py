@@ -15,7 +15,7 @@ from typing import Any
 from iptm_core.routes.road_line import step_m
 from iptm_v2x_bridge.messages.packets import MessageKind
 from iptm_v2x_bridge.messages.pycrate_codec import decode_fields, encode_fields
-from iptm_v2x_bridge.messages.spatem import IntersectionId
+from iptm_v2x_bridge.messages.spatem import IntersectionId, id_fields, intersection_id
 from iptm_v2x_bridge.rejections import LeftOut, Rejection
 
 SCALE_DEG = 1e7
@@ -27,14 +27,6 @@ _VEHICLE_LANE = {"sharedWith": (0, 10), "laneType": ("vehicle", (0, 8))}
 
 
 @dataclass(frozen=True)
-class Connection:
-    """A lane that another one leads into, and the signal group that lets vehicles pass, None without one."""
-
-    to_lane: int
-    signal_group: int | None
-
-
-@dataclass(frozen=True)
 class Lane:
     """A lane for vehicles.
 
@@ -43,14 +35,15 @@ class Lane:
         nodes_m: its middle, from the intersection on, m east and north of the reference point; two or more.
         leads_in: whether it leads to the intersection.
         leads_out: whether it leads away from it.
-        connections: where it leads to.
+        connections: the lanes that it leads into, each with the signal group that lets vehicles pass, None
+            without one.
     """
 
     number: int
     nodes_m: tuple[tuple[float, float], ...]
     leads_in: bool = False
     leads_out: bool = False
-    connections: tuple[Connection, ...] = ()
+    connections: tuple[tuple[int, int | None], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -63,6 +56,7 @@ class IntersectionMap:
         latitude_deg: reference point.
         longitude_deg: reference point.
         lanes: its lanes.
+        left_out: what of it was left out.
     """
 
     intersection: IntersectionId
@@ -70,36 +64,27 @@ class IntersectionMap:
     latitude_deg: float
     longitude_deg: float
     lanes: tuple[Lane, ...]
-
-
-@dataclass(frozen=True)
-class LaneMaps:
-    """One message: its station, its intersections, and what of it was left out."""
-
-    station_id: int
-    intersections: tuple[IntersectionMap, ...]
     left_out: tuple[LeftOut, ...] = ()
 
 
-def decode_mapem(payload: bytes) -> LaneMaps | Rejection:
+def decode_mapem(payload: bytes) -> tuple[IntersectionMap, ...] | Rejection:
     """Read a bare message, whose header has been looked at."""
     read = decode_fields(MessageKind.MAPEM, payload)
     if isinstance(read, Rejection):
         return read
-    station_id, fields = read
-    left_out: list[LeftOut] = []
+    _, fields = read
     geometries = fields.get("intersections", ())
     if not geometries or any(_has_no_place(geometry["refPoint"]) for geometry in geometries):
         return Rejection.INCOMPLETE
-    maps = tuple(_intersection(geometry, left_out) for geometry in geometries)
-    return LaneMaps(station_id, maps, tuple(left_out))
+    return tuple(map(_intersection, geometries))
 
 
 def _has_no_place(point: dict[str, int]) -> bool:
     return point["lat"] == _LATITUDE or point["long"] == _LONGITUDE
 
 
-def _intersection(fields: dict[str, Any], left_out: list[LeftOut]) -> IntersectionMap:
+def _intersection(fields: dict[str, Any]) -> IntersectionMap:
+    left_out: list[LeftOut] = []
     place = fields["refPoint"]["lat"] / SCALE_DEG, fields["refPoint"]["long"] / SCALE_DEG
     lanes = [
         _lane(lane, place, left_out)
@@ -107,10 +92,11 @@ def _intersection(fields: dict[str, Any], left_out: list[LeftOut]) -> Intersecti
         if lane["laneAttributes"]["laneType"][0] == "vehicle"
     ]
     return IntersectionMap(
-        IntersectionId.of_fields(fields["id"]),
+        intersection_id(fields["id"]),
         fields["revision"],
         *place,
         tuple(lane for lane in lanes if lane is not None),
+        tuple(left_out),
     )
 
 
@@ -141,21 +127,21 @@ def _lane(
         leads_in=bool(direction & _INGRESS),
         leads_out=bool(direction & _EGRESS),
         connections=tuple(
-            Connection(entry["connectingLane"]["lane"], entry.get("signalGroup"))
+            (entry["connectingLane"]["lane"], entry.get("signalGroup"))
             for entry in fields.get("connectsTo", ())
         ),
     )
 
 
-def encode_mapem(message: LaneMaps) -> bytes:
-    """Return a message as bits.
+def encode_mapem(station_id: int, intersections: Iterable[IntersectionMap]) -> bytes:
+    """Return a message of a station as bits.
 
     Raises:
         MessageError: a value is outside the range of the standard.
     """
     geometries = [
         {
-            "id": entry.intersection.fields(),
+            "id": id_fields(entry.intersection),
             "revision": entry.revision,
             "refPoint": {
                 "lat": round(entry.latitude_deg * SCALE_DEG),
@@ -163,10 +149,10 @@ def encode_mapem(message: LaneMaps) -> bytes:
             },
             "laneSet": [_lane_fields(lane) for lane in entry.lanes],
         }
-        for entry in message.intersections
+        for entry in intersections
     ]
     content = {"msgIssueRevision": 0, "intersections": geometries}
-    return encode_fields(MessageKind.MAPEM, message.station_id, content)
+    return encode_fields(MessageKind.MAPEM, station_id, content)
 
 
 def _lane_fields(lane: Lane) -> dict[str, Any]:
@@ -178,9 +164,9 @@ def _lane_fields(lane: Lane) -> dict[str, Any]:
     }
     if lane.connections:
         fields["connectsTo"] = [
-            {"connectingLane": {"lane": entry.to_lane}}
-            | ({} if entry.signal_group is None else {"signalGroup": entry.signal_group})
-            for entry in lane.connections
+            {"connectingLane": {"lane": to_lane}}
+            | ({} if group is None else {"signalGroup": group})
+            for to_lane, group in lane.connections
         ]
     return fields
 

@@ -8,6 +8,7 @@ tenths of seconds of the hour, both in UTC (DE_MinuteOfTheYear, DE_DSecond, DE_T
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from typing import Any
@@ -29,24 +30,19 @@ _NOT_WORKING = (2, 7, 8, 9, 12, 13)
 """Bits of the status: failure flash, standby, failure mode, off, no valid MAP, no valid SPAT."""
 
 
-@dataclass(frozen=True, order=True)
-class IntersectionId:
-    """Identity of an intersection: its number, and the authority that gave it, 0 if not sent."""
+IntersectionId = tuple[int, int]
+"""Identity of an intersection: the authority that gave it, 0 if not sent, and its number."""
 
-    region: int
-    number: int
 
-    @classmethod
-    def of_fields(cls, fields: dict[str, Any]) -> IntersectionId:
-        """Return the identity in a message."""
-        return cls(fields.get("region", 0), fields["id"])
+def intersection_id(fields: dict[str, Any]) -> IntersectionId:
+    """Return the identity in a message."""
+    return fields.get("region", 0), fields["id"]
 
-    def fields(self) -> dict[str, int]:
-        """Return it as a message holds it."""
-        return {"id": self.number} | ({"region": self.region} if self.region else {})
 
-    def __str__(self) -> str:
-        return f"{self.region}/{self.number}"
+def id_fields(intersection: IntersectionId) -> dict[str, int]:
+    """Return an identity as a message holds it."""
+    region, number = intersection
+    return {"id": number} | ({"region": region} if region else {})
 
 
 class SignalState(TextEnum):
@@ -78,8 +74,8 @@ class SignalState(TextEnum):
 class Phase:
     """One phase of a signal group.
 
-    Times are s of the hour of UTC in a message (in steps of 0.1 s), s of TimestampIts in a table. None
-    stands for a time that is not sent, infinity for one more than an hour ahead.
+    Times are s of TimestampIts, on the wire s of the hour of UTC in steps of 0.1 s. None stands for a time
+    that is not sent, infinity for one more than an hour ahead.
 
     Attributes:
         state: what the signal shows.
@@ -108,96 +104,100 @@ class IntersectionPhases:
     Attributes:
         intersection: which one.
         revision: that of the map which the signal groups belong to, 0 to 127.
-        minute: minute of the year (UTC) of the message.
-        milliseconds: into the minute.
+        sent_ms: time of the message, TimestampIts.
         groups: the phases of each signal group, the present one first.
         is_working: False in failure, standby, switched off, or without valid data.
     """
 
     intersection: IntersectionId
     revision: int
-    minute: int
-    milliseconds: int
+    sent_ms: int
     groups: dict[int, tuple[Phase, ...]]
     is_working: bool = True
 
 
-@dataclass(frozen=True)
-class SignalPhases:
-    """One message: its station, and its intersections."""
-
-    station_id: int
-    intersections: tuple[IntersectionPhases, ...]
-
-
-def decode_spatem(payload: bytes) -> SignalPhases | Rejection:
-    """Read a bare message, whose header has been looked at."""
+def decode_spatem(payload: bytes, now_ms: int) -> tuple[IntersectionPhases, ...] | Rejection:
+    """Read a bare message, whose header has been looked at; `now_ms` is the TimestampIts of its reception."""
     read = decode_fields(MessageKind.SPATEM, payload)
     if isinstance(read, Rejection):
         return read
-    station_id, fields = read
-    found = [_intersection(state, fields.get("timeStamp")) for state in fields["intersections"]]
+    _, fields = read
+    minute = fields.get("timeStamp")
+    found = [_intersection(state, minute, now_ms) for state in fields["intersections"]]
     known = tuple(entry for entry in found if entry is not None)
     # Without its time of generation a phase cannot be used.
-    return Rejection.INCOMPLETE if len(known) < len(found) else SignalPhases(station_id, known)
+    return Rejection.INCOMPLETE if len(known) < len(found) else known
 
 
-def _intersection(fields: dict[str, Any], minute: int | None) -> IntersectionPhases | None:
+def _intersection(
+    fields: dict[str, Any], minute: int | None, now_ms: int
+) -> IntersectionPhases | None:
     minute = fields.get("moy", minute)
     milliseconds = fields.get("timeStamp")
     if minute in {None, _NO_MINUTE} or milliseconds is None or milliseconds > _LONGEST_MINUTE_MS:
         return None
+    sent_ms = resolve_minute_ms(int(minute or 0), milliseconds, now_ms)
     bits, length = fields["status"]
     return IntersectionPhases(
-        intersection=IntersectionId.of_fields(fields["id"]),
+        intersection=intersection_id(fields["id"]),
         revision=fields["revision"],
-        minute=int(minute or 0),
-        milliseconds=milliseconds,
+        sent_ms=sent_ms,
         groups={
-            movement["signalGroup"]: tuple(map(_phase, movement["state-time-speed"]))
+            movement["signalGroup"]: tuple(
+                _phase(event, sent_ms / 1000.0, is_present=not later)
+                for later, event in enumerate(movement["state-time-speed"])
+            )
             for movement in fields["states"]
         },
         is_working=not any(bits >> (length - 1 - bit) & 1 for bit in _NOT_WORKING),
     )
 
 
-def _phase(event: dict[str, Any]) -> Phase:
+def _phase(event: dict[str, Any], sent_s: float, *, is_present: bool) -> Phase:
     timing = event.get("timing", {})
-    times = (timing.get(name) for name in ("startTime", "minEndTime", "maxEndTime", "likelyTime"))
-    return Phase(SignalState(event["eventState"]), *map(_second, times))
+    starts_s, *ends_s = (
+        _instant(timing.get(name), sent_s)
+        for name in ("startTime", "minEndTime", "maxEndTime", "likelyTime")
+    )
+    if is_present:  # it ends after its message
+        ends_s = [None if end_s is None else max(end_s, sent_s) for end_s in ends_s]
+    return Phase(SignalState(event["eventState"]), starts_s, *ends_s)
 
 
-def _second(mark: int | None) -> float | None:
+def _instant(mark: int | None, sent_s: float) -> float | None:
     if mark is None or mark == _UNKNOWN:
         return None
-    return math.inf if mark == _OVER_AN_HOUR else mark / 10.0
+    return math.inf if mark == _OVER_AN_HOUR else resolve_second_s(mark / 10.0, sent_s)
 
 
-def _mark(second: float) -> int:
-    return _OVER_AN_HOUR if math.isinf(second) else round(second * 10.0) % _OVER_AN_HOUR
+def _mark(instant_s: float) -> int:
+    if math.isinf(instant_s):
+        return _OVER_AN_HOUR
+    return round(second_of_hour(instant_s) * 10.0) % _OVER_AN_HOUR
 
 
-def encode_spatem(message: SignalPhases) -> bytes:
-    """Return a message as bits.
+def encode_spatem(station_id: int, intersections: Iterable[IntersectionPhases]) -> bytes:
+    """Return a message of a station as bits.
 
     Raises:
         MessageError: a value is outside the range of the standard.
     """
-    states = [
-        {
-            "id": entry.intersection.fields(),
+    states = []
+    for entry in intersections:
+        minute, milliseconds = minute_of_year(entry.sent_ms)
+        state = {
+            "id": id_fields(entry.intersection),
             "revision": entry.revision,
             "status": (0 if entry.is_working else 1 << _STATUS_BITS - 1 - 9, _STATUS_BITS),
-            "moy": entry.minute,
-            "timeStamp": entry.milliseconds,
+            "moy": minute,
+            "timeStamp": milliseconds,
             "states": [
                 {"signalGroup": group, "state-time-speed": [_event(phase) for phase in phases]}
                 for group, phases in entry.groups.items()
             ],
         }
-        for entry in message.intersections
-    ]
-    return encode_fields(MessageKind.SPATEM, message.station_id, {"intersections": states})
+        states.append(state)
+    return encode_fields(MessageKind.SPATEM, station_id, {"intersections": states})
 
 
 def _event(phase: Phase) -> dict[str, Any]:

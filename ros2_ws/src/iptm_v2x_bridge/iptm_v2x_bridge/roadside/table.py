@@ -1,32 +1,36 @@
-"""Table of the messages of roadside stations; rejected ones are counted by reason.
+"""The messages of roadside stations, and the rules of the road as given and heard.
 
 A map holds for the whole trip, as stop lines are fixed; phases expire without new messages;
 speed signs hold until cancelled. The time of a packet is not checked: it is that of the
-station's position, which may have been surveyed long ago.
-
-Messages wait to be decoded, so that they cannot delay ticks and messages of cars: a map of 1.3 kB takes 5
-ms, a message of a car 0.06 ms. Bytes stand for the time of decoding (3 to 4 us each, measured with pycrate),
-so the same messages at the same times have the same outcome on every machine, live and recorded.
+station's position, which may have been surveyed long ago. Rejected messages are counted by reason.
 """
 
 from __future__ import annotations
 
-from collections import Counter, deque
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from iptm_core.routes.road_line import RoadLine
 from iptm_v2x_bridge.messages.ivim import SpeedSigns, decode_ivim
-from iptm_v2x_bridge.messages.mapem import IntersectionMap, LaneMaps, decode_mapem
-from iptm_v2x_bridge.messages.packets import MESSAGE_HEADER_BYTES, MessageKind, OpenedDatagram
-from iptm_v2x_bridge.messages.spatem import (
-    IntersectionId,
-    IntersectionPhases,
-    SignalPhases,
-    decode_spatem,
-)
+from iptm_v2x_bridge.messages.mapem import IntersectionMap, decode_mapem
+from iptm_v2x_bridge.messages.packets import MessageKind, OpenedDatagram
+from iptm_v2x_bridge.messages.pycrate_codec import WaitingMessages
+from iptm_v2x_bridge.messages.spatem import IntersectionId, IntersectionPhases, decode_spatem
+from iptm_v2x_bridge.prediction.road_rules import ALWAYS, RoadRules, Signal
 from iptm_v2x_bridge.rejections import LeftOut, Rejection, RejectionCounts
-from iptm_v2x_bridge.roadside.phases import TimedPhases, opens_too_early, timed
-from iptm_v2x_bridge.roadside.road_places import StopLine, Stretch, stop_lines, stretches
+from iptm_v2x_bridge.roadside.interpretation import (
+    SAME_LINE_M,
+    StopLine,
+    Stretch,
+    joined,
+    likely_closed,
+    limits_with,
+    opens_too_early,
+    stop_lines,
+    stretches,
+    surely_closed,
+)
 from iptm_v2x_bridge.stations.plausibility import MAX_AGE_MS, MAX_AHEAD_MS
 
 PHASES_KNOWN_MS = 5000
@@ -34,100 +38,107 @@ PHASES_KNOWN_MS = 5000
 MAX_INTERSECTIONS, MAX_SIGNS = 256, 256
 """Largest numbers kept; the farthest map, the oldest phases and the oldest sign are discarded."""
 _REVISIONS = 128
-_KINDS = {
+_Part = IntersectionPhases | IntersectionMap | SpeedSigns
+_KINDS: dict[MessageKind, Callable[[bytes, int], Sequence[_Part] | Rejection]] = {
     MessageKind.SPATEM: decode_spatem,
-    MessageKind.MAPEM: decode_mapem,
-    MessageKind.IVIM: decode_ivim,
+    MessageKind.MAPEM: lambda payload, _: decode_mapem(payload),
+    MessageKind.IVIM: lambda payload, _: decode_ivim(payload),
 }
 ROADSIDE_KINDS = tuple(_KINDS)
 
 
 class RoadsideTable:
-    """Holds maps, phases and signs by their identity.
+    """Holds maps, phases and signs by their identity, and combines given rules with those received.
+
+    For a stop line or a stretch with both, messages take precedence, also after they have ceased.
 
     Attributes:
         accepted: messages taken in, by kind.
         rejections: messages that were not.
         left_out: parts of messages that were not read.
-        ego_position_m: front of the ego vehicle along the road; the farthest map gives way when there are too
-        many.
+        ego: rules for an ego vehicle that keeps them: a line of unknown phase is closed.
+        leader: rules for the prediction of a leader: a line of unknown phase binds it to nothing.
     """
 
-    def __init__(self, road: RoadLine) -> None:
+    def __init__(self, road: RoadLine, given: RoadRules | None = None) -> None:
         """Set up a table in which nothing has been heard; `road` is the ego vehicle's route."""
-        self._road = road
-        self.forget()
+        self._road, self._given = road, given or RoadRules()
+        self.ego, self.leader = replace(self._given), replace(self._given)
+        self._clear()
 
-    def forget(self) -> None:
-        """Forget everything that was heard."""
+    def _clear(self) -> None:
         self._maps: dict[IntersectionId, tuple[IntersectionMap, tuple[StopLine, ...]]] = {}
-        self._phases: dict[IntersectionId, TimedPhases] = {}
+        self._phases: dict[IntersectionId, IntersectionPhases] = {}
         self._signs: dict[tuple[int, int, int], tuple[SpeedSigns, tuple[Stretch, ...]]] = {}
         self.accepted: Counter[MessageKind] = Counter()
         self.rejections = RejectionCounts()
         self.left_out: Counter[LeftOut] = Counter()
         self._accepted_maps: dict[bytes, None] = {}
-        self.ego_position_m = 0.0
+        self._waiting = WaitingMessages(self._read)
+        self._known: dict[float, IntersectionPhases | None] = {}
+        self._ego_position_m = self._now_s = 0.0
 
-    def repeats(self, opened: OpenedDatagram) -> bool:
-        """Return whether a message repeats one of the last accepted maps; if so, it is accepted."""
-        if opened.payload not in self._accepted_maps:
-            return False
-        self._accepted_maps[opened.payload] = self._accepted_maps.pop(opened.payload)
-        self.accepted[opened.kind] += 1
-        return True
+    def forget(self) -> None:
+        """Forget everything that was heard."""
+        self._clear()
+        self.refresh(0, 0.0)
 
-    def receive(self, opened: OpenedDatagram, now_ms: int) -> Rejection | None:
-        """Take a message in; return why not, None if it was accepted."""
-        message = _KINDS[opened.kind](opened.payload)
-        reason = message if isinstance(message, Rejection) else self.take(message, now_ms)
-        if reason is None:
+    def receive(self, opened: OpenedDatagram, now_ms: int) -> None:
+        """Let a message wait to be decoded; one that repeats one of the last accepted maps is accepted."""
+        if opened.payload in self._accepted_maps:
+            self._accepted_maps[opened.payload] = self._accepted_maps.pop(opened.payload)
             self.accepted[opened.kind] += 1
-            if opened.kind is MessageKind.MAPEM:
-                self._accepted_maps[opened.payload] = None
-                if len(self._accepted_maps) > MAX_INTERSECTIONS:
-                    del self._accepted_maps[next(iter(self._accepted_maps))]
-        else:
-            self.rejections.add(reason)
-        return reason
+        elif self._waiting.add(opened, now_ms):
+            self.rejections.add(Rejection.WAITED)
 
-    def take(self, message: SignalPhases | LaneMaps | SpeedSigns, now_ms: int) -> Rejection | None:
-        """Take in what has been read; see `receive`."""
-        if isinstance(message, SpeedSigns):
-            return self._take_signs(message, now_ms)
-        reasons = [
-            self._take_phases(entry, now_ms)
-            if isinstance(entry, IntersectionPhases)
-            else self._take_map(entry)
-            for entry in message.intersections
-        ]
-        if isinstance(message, LaneMaps):
-            self.left_out.update(message.left_out)
-        refused = [reason for reason in reasons if reason is not None]
-        return refused[0] if refused else None
+    def decode(self, now_ms: int) -> None:
+        """Decode as many of the waiting messages as the processor time allows; see `WaitingMessages`."""
+        self._waiting.decode(now_ms)
 
-    def _take_phases(self, message: IntersectionPhases, now_ms: int) -> Rejection | None:
-        phases = timed(message, now_ms)
+    def _read(self, opened: OpenedDatagram, now_ms: int) -> None:
+        parts = _KINDS[opened.kind](opened.payload, now_ms)
+        if not isinstance(parts, Rejection):
+            reasons = [self.take(part, now_ms) for part in parts]
+            parts = next((reason for reason in reasons if reason is not None), ())
+        if isinstance(parts, Rejection):
+            self.rejections.add(parts)
+            return
+        self.accepted[opened.kind] += 1
+        if opened.kind is MessageKind.MAPEM:
+            self._accepted_maps[opened.payload] = None
+            if len(self._accepted_maps) > MAX_INTERSECTIONS:
+                del self._accepted_maps[next(iter(self._accepted_maps))]
+
+    def take(self, part: _Part, now_ms: int) -> Rejection | None:
+        """Take in what has been read; return why not, None if it was accepted."""
+        if isinstance(part, SpeedSigns):
+            return self._take_signs(part, now_ms)
+        if isinstance(part, IntersectionMap):
+            return self._take_map(part)
+        return self._take_phases(part, now_ms)
+
+    def _take_phases(self, phases: IntersectionPhases, now_ms: int) -> Rejection | None:
         if phases.sent_ms > now_ms + MAX_AHEAD_MS:
             return Rejection.FUTURE
         if phases.sent_ms < now_ms - MAX_AGE_MS:
             return Rejection.STALE
-        known = self._phases.pop(message.intersection, None)
+        known = self._phases.pop(phases.intersection, None)
         if known is not None and now_ms - known.sent_ms <= PHASES_KNOWN_MS:
             reason = _out_of_order(known.sent_ms, phases.sent_ms)
             if reason is None and opens_too_early(known, phases):
                 reason = Rejection.PHASE_JUMP
             if reason is not None:
-                self._phases[message.intersection] = known
+                self._phases[phases.intersection] = known
                 return reason
         # In the order of arrival: the first one is the oldest.
-        self._phases[message.intersection] = phases
+        self._phases[phases.intersection] = phases
         if len(self._phases) > MAX_INTERSECTIONS:
             del self._phases[next(iter(self._phases))]
             self.rejections.add(Rejection.TABLE_FULL)
         return None
 
     def _take_map(self, message: IntersectionMap) -> Rejection | None:
+        self.left_out.update(message.left_out)
         known = self._maps.get(message.intersection)
         if known is not None:
             before, _ = known
@@ -148,7 +159,7 @@ class RoadsideTable:
 
     def _distance_m(self, intersection: IntersectionId) -> float:
         _, lines = self._maps[intersection]
-        away = (abs(line.position_m - self.ego_position_m) for line in lines)
+        away = (abs(line.position_m - self._ego_position_m) for line in lines)
         return min(away, default=float("inf"))
 
     def _take_signs(self, message: SpeedSigns, now_ms: int) -> Rejection | None:
@@ -178,7 +189,7 @@ class RoadsideTable:
         found = (line for _, lines in self._maps.values() for line in lines)
         return sorted(found, key=lambda line: line.position_m)
 
-    def phases_of(self, line: StopLine, now_ms: int) -> TimedPhases | None:
+    def phases_of(self, line: StopLine, now_ms: int) -> IntersectionPhases | None:
         """Return the phases of a line, None where they are not known, be it any more."""
         phases = self._phases.get(line.intersection)
         if (
@@ -200,6 +211,54 @@ class RoadsideTable:
             for stretch in found
         ]
 
+    def refresh(self, now_ms: int, ego_position_m: float) -> None:
+        """Bring the rules up to date."""
+        self._ego_position_m, self._now_s = ego_position_m, now_ms / 1000.0
+        self.decode(now_ms)
+        limits = limits_with(self._given.limits, self.stretches(now_ms))
+        lines = self.lines()
+        known = {line: self.phases_of(line, now_ms) for line in lines}
+        given: list[Signal] = [
+            signal
+            for signal in self._given.signals
+            if all(abs(signal.stop_line_m - line.position_m) >= SAME_LINE_M for line in lines)
+        ]
+        cautious = [_signal(line, phases, surely=True) for line, phases in known.items()]
+        likely = [
+            _signal(line, phases, surely=False)
+            for line, phases in known.items()
+            if phases is not None
+        ]
+        self.ego.limits = self.leader.limits = limits
+        self.ego.signals = _in_order([*given, *cautious])
+        self.leader.signals = _in_order([*given, *likely])
+        self._known = {line.position_m: phases for line, phases in known.items()}
+
+    def report(self) -> dict[str, object]:
+        """Return numbers for the diagnostics: what is known from where, and what was left out."""
+        following = self.ego.next_after(self._ego_position_m)
+        state = "none"
+        if following is not None:
+            state = "open" if following.is_open(self._now_s) else "closed"
+            if following.stop_line_m not in self._known:
+                state += " (given)"
+            elif self._known[following.stop_line_m] is None:
+                state = "unknown, counts as closed"
+            else:
+                state += " (heard)"
+        values: dict[str, object] = {
+            f"{kind.name.lower()}_accepted": self.accepted[kind] for kind in ROADSIDE_KINDS
+        }
+        values |= {
+            "roadside_waiting": len(self._waiting),
+            "lines_heard": len(self._known),
+            "lines_of_unknown_phase": sum(phases is None for phases in self._known.values()),
+            "speed_stretches_heard": len(self.stretches(round(1000.0 * self._now_s))),
+            "next_line": state,
+            "next_line_m": "none" if following is None else following.stop_line_m,
+        }
+        return values | {f"left_out_{part}": count for part, count in self.left_out.items()}
+
 
 def _out_of_order(before_ms: int, after_ms: int) -> Rejection | None:
     if after_ms > before_ms:
@@ -207,64 +266,16 @@ def _out_of_order(before_ms: int, after_ms: int) -> Rejection | None:
     return Rejection.DUPLICATE if after_ms == before_ms else Rejection.OLDER
 
 
-BYTES_PER_MS = 30
-"""Decoded on average: a tenth of a processor core, or 15 intersections with phases ten times a second."""
-BURST_BYTES = 5000
-"""Decoded at once: about 20 ms, before which no tick is answered."""
-KEPT_PER_STATION = 16
-"""Newest messages kept of one kind and station; one station may send for several intersections."""
-MAX_STATIONS = 128
-"""Stations with waiting messages of one kind."""
-
-_Waiting = dict[int, deque[tuple[OpenedDatagram, int]]]
+def _signal(line: StopLine, phases: IntersectionPhases | None, *, surely: bool) -> Signal:
+    """Return a line that is open while all of its groups are."""
+    if phases is None:
+        return Signal(line.position_m, ALWAYS)
+    closed = surely_closed if surely else likely_closed
+    spans = (span for group in line.groups for span in closed(phases.groups[group]))
+    return Signal(line.position_m, joined(spans))
 
 
-class WaitingMessages:
-    """Hands messages over within a budget: kinds in turn, stations in turn, each in order of arrival."""
-
-    def __init__(self, decode: Callable[[OpenedDatagram, int], object]) -> None:
-        """Set up; `decode` takes a message and the TimestampIts of its reception."""
-        self._decode = decode
-        self._waiting: dict[MessageKind, _Waiting] = {}
-        self._budget_bytes = BURST_BYTES
-        self._at_ms = 0
-
-    def __len__(self) -> int:
-        """Return the number of messages that wait."""
-        return sum(len(kept) for kind in self._waiting.values() for kept in kind.values())
-
-    def add(self, opened: OpenedDatagram, now_ms: int) -> bool:
-        """Let a message wait; return whether one has been dropped for it, or it itself."""
-        if now_ms > self._at_ms:
-            self.decode(now_ms)  # before this message, whenever it was called last
-        station_id = int.from_bytes(opened.payload[2:MESSAGE_HEADER_BYTES], "big")
-        stations = self._waiting.setdefault(opened.kind, {})
-        if station_id not in stations and len(stations) >= MAX_STATIONS:
-            return True
-        kept = stations.setdefault(station_id, deque(maxlen=KEPT_PER_STATION))
-        is_full = len(kept) == KEPT_PER_STATION
-        kept.append((opened, now_ms))
-        return is_full
-
-    def decode(self, now_ms: int) -> None:
-        """Hand over what the budget allows by now (TimestampIts); the last message may exceed it."""
-        passed_ms = max(now_ms - self._at_ms, 0)
-        self._at_ms += passed_ms
-        self._budget_bytes = min(self._budget_bytes + BYTES_PER_MS * passed_ms, BURST_BYTES)
-        while self._waiting and self._budget_bytes > 0:
-            opened, heard_ms = self._next()
-            self._budget_bytes -= len(opened.payload)
-            self._decode(opened, heard_ms)
-
-    def _next(self) -> tuple[OpenedDatagram, int]:
-        """Take out the message whose turn it is; its kind and its station go to the end of their rows."""
-        kind = next(iter(self._waiting))
-        stations = self._waiting.pop(kind)
-        station_id = next(iter(stations))
-        kept = stations.pop(station_id)
-        found = kept.popleft()
-        if kept:
-            stations[station_id] = kept
-        if stations:
-            self._waiting[kind] = stations
-        return found
+def _in_order(signals: list[Signal]) -> tuple[Signal, ...]:
+    """Return the signals in driving order; of two at one place, the first counts."""
+    by_place = {signal.stop_line_m: signal for signal in reversed(signals)}
+    return tuple(by_place[place] for place in sorted(by_place))

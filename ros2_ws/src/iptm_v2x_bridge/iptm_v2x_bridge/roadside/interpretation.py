@@ -1,9 +1,14 @@
-"""Messages of the roadside as seen from the ego's road: stop lines of lanes, stretches of speed signs."""
+"""Messages of the roadside as seen from the road: stop lines, when they are closed, stretches of speed signs.
+
+For an ego vehicle that keeps the rules a line is open only while it is certainly open: from the latest end of
+the previous phase to the earliest end of the open one; unknown times count as closed. The leader's prediction
+uses likely times; unknown times do not constrain it, as its bound covers them.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,8 +17,8 @@ from iptm_core.road_ahead import SpeedLimits
 from iptm_core.routes.road_line import RoadFix, RoadLine, step_deg, step_m
 from iptm_v2x_bridge.messages.ivim import SpeedSigns, SpeedZone, ZoneDirection
 from iptm_v2x_bridge.messages.mapem import IntersectionMap, Lane
-from iptm_v2x_bridge.messages.spatem import IntersectionId
-from iptm_v2x_bridge.prediction.road_rules import NO_LIMITS
+from iptm_v2x_bridge.messages.spatem import IntersectionId, IntersectionPhases, Phase
+from iptm_v2x_bridge.prediction.road_rules import NO_LIMITS, Span
 from iptm_v2x_bridge.stations.station import LANE_HALF_WIDTH_M, MAX_HEADING_APART_DEG
 
 SAME_LINE_M = 10.0
@@ -52,11 +57,11 @@ def stop_lines(road: RoadLine, found: IntersectionMap) -> tuple[StopLine, ...]:
             continue
         position_m = seen[lane.number][0].position_m
         ours = [
-            entry
-            for entry in lane.connections
-            if entry.to_lane in out and seen[entry.to_lane][0].position_m > position_m
+            (to_lane, group)
+            for to_lane, group in lane.connections
+            if to_lane in out and seen[to_lane][0].position_m > position_m
         ]
-        groups = {entry.signal_group for entry in ours or lane.connections}
+        groups = {group for _, group in ours or lane.connections}
         lines.append((position_m, {group for group in groups if group is not None}))
     joined: list[tuple[float, set[int]]] = []
     for position_m, some in sorted(lines, key=lambda line: line[0]):
@@ -103,13 +108,8 @@ MAX_ASIDE_M = 10.0
 SHORTEST_M = 1.0
 
 
-@dataclass(frozen=True)
-class Stretch:
-    """A part of the ego vehicle's road: its beginning and end along the road, and the limit on it."""
-
-    from_m: float
-    to_m: float
-    limit_m_s: float
+Stretch = tuple[float, float, float]
+"""A part of the ego vehicle's road: its beginning and end along the road (m), and the limit on it (m/s)."""
 
 
 def stretches(road: RoadLine, signs: SpeedSigns) -> tuple[Stretch, ...]:
@@ -142,7 +142,7 @@ def _stretch(road: RoadLine, zone: SpeedZone) -> Stretch | None:
     }.get(zone.direction, along)
     if not relevant or abs(ends[1] - ends[0]) < SHORTEST_M:
         return None
-    return Stretch(min(ends), max(ends), zone.limit_m_s)
+    return min(ends), max(ends), zone.limit_m_s
 
 
 def limits_with(given: SpeedLimits | None, heard: Sequence[Stretch]) -> SpeedLimits | None:
@@ -150,15 +150,75 @@ def limits_with(given: SpeedLimits | None, heard: Sequence[Stretch]) -> SpeedLim
     if not heard:
         return given
     known = given or NO_LIMITS
-    before_m = min(known.starts_m[0], *(stretch.from_m for stretch in heard)) - SHORTEST_M
+    before_m = min(known.starts_m[0], *(from_m for from_m, _, _ in heard)) - SHORTEST_M
     places = {before_m, *known.starts_m.tolist()}
-    places |= {place for stretch in heard for place in (stretch.from_m, stretch.to_m)}
+    places |= {place for stretch in heard for place in stretch[:2]}
     starts = sorted(places)
     limits = []
     for start in starts:
-        received = [
-            stretch.limit_m_s for stretch in heard if stretch.from_m <= start < stretch.to_m
-        ]
+        received = [limit_m_s for from_m, to_m, limit_m_s in heard if from_m <= start < to_m]
         index = max(int(np.searchsorted(known.starts_m, start, side="right")) - 1, 0)
         limits.append(min(received, default=float(known.limits_m_s[index])))
     return SpeedLimits(np.array(starts), np.array(limits))
+
+
+EARLY_OPENING_S = 1.0
+"""Tolerance for a signal that opens before the earliest end of its closed phase (rounding, clock error)."""
+
+
+def surely_closed(phases: Sequence[Phase]) -> list[Span]:
+    """Return when a line is not sure to be open."""
+    closed: list[Span] = []
+    open_until = certain = -math.inf
+    for phase in phases:
+        begins, ends = certain, phase.min_end_s
+        if phase.state.is_open and ends is not None and ends > begins:
+            closed.append((open_until, begins))
+            open_until = ends
+        after = phase.max_end_s
+        if after is None or math.isinf(after):
+            break
+        certain = max(after, certain)
+    closed.append((open_until, math.inf))
+    return [span for span in closed if span[0] < span[1]]
+
+
+def likely_closed(phases: Sequence[Phase]) -> list[Span]:
+    """Return when a line is likely to be closed."""
+    closed = []
+    begins = -math.inf
+    for phase in phases:
+        ends = phase.expected_end_s
+        if ends is None:
+            break
+        if phase.state.is_open is False and ends > begins:
+            closed.append((begins, ends))
+        begins = max(ends, begins)
+    return closed
+
+
+def joined(spans: Iterable[Span]) -> tuple[Span, ...]:
+    """Return spans without overlaps, in order."""
+    found: list[Span] = []
+    for begins, ends in sorted(spans):
+        if found and begins <= found[-1][1]:
+            found[-1] = found[-1][0], max(ends, found[-1][1])
+        else:
+            found.append((begins, ends))
+    return tuple(found)
+
+
+def opens_too_early(before: IntersectionPhases, after: IntersectionPhases) -> bool:
+    """Return whether a signal opens before the announced earliest end of its closed phase.
+
+    An early closing is accepted.
+    """
+    sent_s = after.sent_ms / 1000.0
+    for group, phases in after.groups.items():
+        known = before.groups.get(group)
+        if not (known and phases and phases[0].state.is_open and known[0].state.is_open is False):
+            continue
+        earliest = known[0].min_end_s
+        if earliest is not None and sent_s < earliest - EARLY_OPENING_S:
+            return True
+    return False
