@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import re
 import runpy
 import sys
@@ -12,6 +11,7 @@ from typing import Any
 
 import pytest
 import yaml
+from tests.packaging.packages import PACKAGES, setup_of
 
 import iptm_bringup
 from iptm_controller.node_parameters import ControllerNodeParameters
@@ -112,15 +112,11 @@ def launch_stubs(monkeypatch: pytest.MonkeyPatch) -> list[Recorded]:
 
 def executables() -> set[tuple[str, str]]:
     """Return (package, executable) of every set-up script."""
-    found = set()
-    for path in SOURCE.glob("*/setup.py"):
-        texts = {
-            node.value
-            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-            if isinstance(node, ast.Constant) and isinstance(node.value, str)
-        }
-        found |= {(path.parent.name, text.split(" = ")[0]) for text in texts if " = iptm_" in text}
-    return found
+    return {
+        (package, line.split(" = ")[0])
+        for package in PACKAGES
+        for line in setup_of(package)["entry_points"]["console_scripts"]
+    }
 
 
 def of_class(made: list[Recorded], name: str) -> list[Recorded]:

@@ -21,7 +21,7 @@ from rich.console import Console
 from iptm_bringup.composition import node_command, parameter_file_text
 from iptm_bringup.environment import environment_of_run, process_environment
 from iptm_bringup.replay_feed import answer_steps, copy_without_repeats
-from iptm_bringup.replay_inputs import OUTPUTS, read_recorded
+from iptm_bringup.replay_inputs import FINAL_ANSWER, OUTPUTS, read_recorded
 from iptm_bringup.scenario import NODES
 from iptm_bringup.supervisor import Supervisor
 from iptm_core.errors import IptmError, ScenarioError
@@ -89,7 +89,8 @@ def check_node(
         supervisor.start(node, command)
         answers = folder / "answers"
         outputs = tuple(topic for topic in OUTPUTS[node] if topic in recorded.names)
-        answer_steps(recorded.steps, outputs, recorded.names, answers, _alive(supervisor), on_tick)
+        final_answer, alive = FINAL_ANSWER[node], _alive(supervisor)
+        answer_steps(recorded.steps, outputs, final_answer, recorded.names, answers, alive, on_tick)
         once = copy_without_repeats(bag, list(recorded.names.values()), folder / "recorded")
         return [
             outcome

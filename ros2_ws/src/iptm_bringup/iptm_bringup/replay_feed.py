@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -28,24 +27,10 @@ SETTLE_S = 0.2
 _SPIN_S = 0.02
 
 
-@dataclass(frozen=True)
-class Step:
-    """One tick of the check.
-
-    Attributes:
-        inputs: inputs of the node, CDR bytes by topic.
-        awaited: topic of its final answer in the tick.
-        stamp_ns: stamp of that message.
-    """
-
-    inputs: Mapping[Topic, bytes]
-    awaited: Topic
-    stamp_ns: int
-
-
 def answer_steps(
-    steps: Sequence[Step],
+    steps: Mapping[int, Mapping[Topic, bytes]],
     outputs: Collection[Topic],
+    final_answer: Topic,
     names: Mapping[Topic, str],
     answers: Path,
     check_alive: Callable[[], None],
@@ -54,8 +39,9 @@ def answer_steps(
     """Feed a node that is starting, and record its answers in a bag.
 
     Args:
-        steps: the inputs, in order.
+        steps: inputs of each tick by topic, by the stamp (ns) of the final answer, in order.
         outputs: topics that it publishes.
+        final_answer: the topic of them that ends a tick.
         names: full names of the topics.
         answers: bag folder to create.
         check_alive: raises when the node has ended.
@@ -72,9 +58,9 @@ def answer_steps(
         executor.add_node(node)
         with BagWriter(answers) as writer:
             feed = _Feed(node, executor, outputs, names, writer, check_alive)
-            feed.wait_for_peers({topic for step in steps for topic in step.inputs})
-            for number, step in enumerate(steps, start=1):
-                feed.take(step)
+            feed.wait_for_peers({topic for inputs in steps.values() for topic in inputs})
+            for number, (stamp_ns, inputs) in enumerate(steps.items(), start=1):
+                feed.take(stamp_ns, inputs, final_answer)
                 on_tick(number, len(steps))
             feed.settle()
     finally:
@@ -89,11 +75,6 @@ def copy_without_repeats(bag: Path, names: Sequence[str], copy: Path) -> Path:
 
     A state that is not answered in time, or that a paused plant keeps up, is published and answered again, at
     the same time of the trip and with the same bytes.
-
-    Args:
-        bag: bag folder or file.
-        names: full names of the topics.
-        copy: bag folder to create.
 
     Raises:
         BagError: the bag cannot be read.
@@ -157,15 +138,15 @@ class _Feed:
             "the node does not come up",
         )
 
-    def take(self, step: Step) -> None:
-        """Publish the inputs of a step, and wait for the final answer."""
-        self._now_ns = step.stamp_ns
-        for topic, data in step.inputs.items():
+    def take(self, stamp_ns: int, inputs: Mapping[Topic, bytes], final_answer: Topic) -> None:
+        """Publish the inputs of a tick, and wait for the final answer."""
+        self._now_ns = stamp_ns
+        for topic, data in inputs.items():
             self._publishers[topic].publish(data)
         self._spin_until(
-            lambda: self._newest[step.awaited] >= step.stamp_ns,
+            lambda: self._newest[final_answer] >= stamp_ns,
             ANSWER_TIMEOUT_S,
-            f"no {step.awaited.value} for {step.stamp_ns * 1e-9:g} s of the trip",
+            f"no {final_answer.value} for {stamp_ns * 1e-9:g} s of the trip",
         )
 
     def settle(self) -> None:

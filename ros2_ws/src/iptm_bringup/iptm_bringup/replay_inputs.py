@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from iptm_bringup.replay_feed import Step
 from iptm_core.declaration import given_settings
 from iptm_core.errors import BagError
 from iptm_core.road_ahead import RoadAheadSettings
@@ -55,7 +55,7 @@ INPUTS: Mapping[str, tuple[Topic, ...]] = {
 
 _LATER = (Topic.PLANT_SAFETY, Topic.LEADER_SAMPLES, Topic.ROAD_AHEAD, Topic.LEADER)
 """Topics that older bags lack, or those of an empty road."""
-_FINAL_ANSWER = {CONTROLLER: Topic.COMMAND, BRIDGE: Topic.LEADER_PREVIEW, PLANT: Topic.CLOCK}
+FINAL_ANSWER = {CONTROLLER: Topic.COMMAND, BRIDGE: Topic.LEADER_PREVIEW, PLANT: Topic.CLOCK}
 _OWN_WAY: Mapping[str, Mapping[str, Any]] = {
     # The check is the only subscriber, and its inputs are never late.
     CONTROLLER: {"input_timeout_s": 60.0},
@@ -73,13 +73,13 @@ class Recorded:
         names: full names of the topics.
         namespace: of the node.
         parameters: of the node.
-        steps: inputs and awaited answers, in order.
+        steps: inputs of each tick by topic, by the stamp (ns) of the final answer, in order.
     """
 
     names: Mapping[Topic, str]
     namespace: str
     parameters: Mapping[str, Any]
-    steps: tuple[Step, ...]
+    steps: Mapping[int, Mapping[Topic, bytes]]
 
 
 def read_recorded(bag: Path, node: str, namespace: str | None = None) -> Recorded:
@@ -101,7 +101,7 @@ def read_recorded(bag: Path, node: str, namespace: str | None = None) -> Recorde
                 f"{bag} does not hold the parameters of {node}: there is nothing to start it with"
             )
         given = {FIELD_ALIASES.get(name, name): value for name, value in given.items()}
-        inputs, own_way = _told(node, given, bag)
+        inputs, own_way = _inputs_and_changes(node, given, bag)
         wanted = dict.fromkeys((*inputs, *OUTPUTS[node]))
         names = {}
         for topic in wanted:
@@ -114,7 +114,7 @@ def read_recorded(bag: Path, node: str, namespace: str | None = None) -> Recorde
             stamp_ns = 0 if topics[raw.topic] is Topic.SLOPE else read_stamp_ns(raw.data)
             if stamp_ns is not None:
                 heard[topics[raw.topic]][stamp_ns] = raw.data
-                if topics[raw.topic] is _FINAL_ANSWER[node]:
+                if topics[raw.topic] is FINAL_ANSWER[node]:
                     answered.append((stamp_ns, None))
     trips = len(split_trips(answered))
     if trips > 1:
@@ -131,11 +131,11 @@ def read_recorded(bag: Path, node: str, namespace: str | None = None) -> Recorde
         names=names,
         namespace=names[own_topic].removesuffix(own_topic.value).rstrip("/") or "/",
         parameters={**given, **own_way},
-        steps=tuple(_steps(node, inputs, heard, bag)),
+        steps=_steps(node, inputs, heard, bag),
     )
 
 
-def _told(
+def _inputs_and_changes(
     node: str, given: Mapping[str, Any], bag: Path
 ) -> tuple[tuple[Topic, ...], dict[str, Any]]:
     """Return the inputs of a node with such parameters, and the parameters that differ in a check."""
@@ -152,39 +152,31 @@ def _told(
 
 def _steps(
     node: str, inputs: Collection[Topic], heard: Mapping[Topic, Mapping[int, bytes]], bag: Path
-) -> list[Step]:
-    final_answer = _FINAL_ANSWER[node]
+) -> dict[int, dict[Topic, bytes]]:
+    final_answer = FINAL_ANSWER[node]
     answers = sorted(heard[final_answer])
     if not answers:
         raise BagError(
             f"{bag} holds no message of {final_answer.value}: there is nothing to compare"
         )
+
+    def inputs_at(stamp: int) -> dict[Topic, bytes]:
+        stamped = [topic for topic in inputs if topic is not Topic.SLOPE]
+        return {topic: heard[topic][stamp] for topic in stamped if stamp in heard[topic]}
+
     if node == PLANT:
         if answers[0] != 0:
             raise BagError(
                 f"{bag} begins at {answers[0] * 1e-9:g} s of the trip; allowed: 0 s, where the state"
                 " of the vehicle is known"
             )
-        inputs_by_tick: list[dict[Topic, bytes]] = [{}]
-        inputs_by_tick += [
-            {
-                **{topic: heard[topic][stamp] for topic in inputs if stamp in heard[topic]},
-                Topic.COMMAND: heard[Topic.COMMAND].get(stamp, b""),
-            }
-            for stamp in answers[:-1]
-        ]
-    else:
-        inputs_by_tick = [
-            {
-                topic: heard[topic][stamp]
-                for topic in inputs
-                if stamp in heard[topic] and topic is not Topic.SLOPE
-            }
-            for stamp in answers
-        ]
-        if Topic.SLOPE in inputs:
-            inputs_by_tick[0] = {Topic.SLOPE: heard[Topic.SLOPE][0], **inputs_by_tick[0]}
-    return [
-        Step(inputs, final_answer, stamp)
-        for inputs, stamp in zip(inputs_by_tick, answers, strict=True)
-    ]
+        # A state is the answer to what was received one tick before.
+        commands = heard[Topic.COMMAND]
+        return {0: {}} | {
+            stamp: inputs_at(before) | {Topic.COMMAND: commands.get(before, b"")}
+            for before, stamp in pairwise(answers)
+        }
+    steps = {stamp: inputs_at(stamp) for stamp in answers}
+    if Topic.SLOPE in inputs:
+        steps[answers[0]] = {Topic.SLOPE: heard[Topic.SLOPE][0], **steps[answers[0]]}
+    return steps
