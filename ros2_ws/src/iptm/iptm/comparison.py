@@ -60,9 +60,6 @@ class Comparison:
     def report(self, path: str | Path) -> Path:
         """Write table, picture and differences as one HTML page that needs no other file.
 
-        Args:
-            path: new file.
-
         Raises:
             StoreError: the file exists, or cannot be written.
         """

@@ -115,12 +115,7 @@ def simulate(
 
 
 def run_of_study(done: StudyRun, slope: SlopeProfile | None = None) -> Run:
-    """Return a run of a study as one of the library.
-
-    Args:
-        done: the run.
-        slope: slope of its road, None where it is not known.
-    """
+    """Return a run of a study as one of the library."""
     return Run(
         name=done.spec.describe(),
         settings=settings_of(done.spec),

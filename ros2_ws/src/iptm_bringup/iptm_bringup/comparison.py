@@ -37,12 +37,7 @@ def drive_other(
     strategy: str,
     on_step: Callable[[PlantStep, LeaderState | None], None] | None = None,
 ) -> ClosedLoopRun:
-    """Drive the trip of a scenario once more, with the plant and the sampling time that it asks for.
-
-    Args:
-        scenario: leader, road, vehicle and preview of the run.
-        strategy: name of the other strategy; it plans on the paper's single horizon.
-        on_step: called with every row, see `run_closed_loop`.
+    """Drive the trip of a scenario with its plant by another strategy, on the paper's single horizon.
 
     Raises:
         IptmError: the strategy is not known, or the problem cannot be compiled.
@@ -109,11 +104,6 @@ def headless_run(scenario: Scenario, strategy: str, done: ClosedLoopRun) -> Run:
 
 def save_comparison(path: Path, other: Run, heading: str) -> None:
     """Write the trajectory of a run as a Parquet file with the columns of an exported run.
-
-    Args:
-        path: new file.
-        other: the run.
-        heading: of the run that is compared with it.
 
     Raises:
         BagError: the file cannot be written.

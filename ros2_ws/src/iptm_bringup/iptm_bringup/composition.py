@@ -87,10 +87,6 @@ def node_parameters(scenario: Scenario, listeners: Listeners) -> dict[str, dict[
     No message may be lost, so plant and bridge are given the number of listeners to
     wait for: the runner and the recorder, and the controller (to the odometry and the preview) or the
     bridge (to the clock).
-
-    Args:
-        scenario: the scenario.
-        listeners: other participants.
     """
     recorder, runner = int(listeners.recorder), 1
     # A controller of the user need not subscribe to previews; it may already subscribe to the state.
@@ -126,12 +122,7 @@ def node_parameters(scenario: Scenario, listeners: Listeners) -> dict[str, dict[
 def with_faults(
     parameters: Mapping[str, Mapping[str, Scalar]], faults: Sequence[Fault]
 ) -> dict[str, dict[str, Scalar]]:
-    """Return the parameters of each node of a run with faults, the injector's among them if there is one.
-
-    Args:
-        parameters: those of the run without faults.
-        faults: all faults of the run.
-    """
+    """Return the parameters of each node of a run with faults, the injector's among them if there is one."""
     changed = {node: dict(given) for node, given in parameters.items()}
     for place, (node, _) in FAULTY_NODES.items():
         if inside := at_places(faults, place):
@@ -153,14 +144,7 @@ def needs_injector(faults: Sequence[Fault]) -> bool:
 def node_command(
     node: str, parameter_file: Path, namespace: str, faults: Sequence[Fault] = ()
 ) -> list[str]:
-    """Return the command that starts a node of the loop.
-
-    Args:
-        node: name of the node.
-        parameter_file: its parameters.
-        namespace: full namespace, ``/`` for none.
-        faults: all faults of the run.
-    """
+    """Return the command that starts a node of the loop."""
     ros_arguments = [*_remaps(namespace), "--params-file", str(parameter_file)]
     if needs_injector(faults):
         for name, other in _REMAPPED.get(node, {}).items():
@@ -175,14 +159,7 @@ def node_command(
 def recorder_command(
     output: Path, information: Path, compression: str, namespace: str
 ) -> list[str]:
-    """Return the command that starts the recorder.
-
-    Args:
-        output: folder of the run, which exists and becomes the bag.
-        information: file with the run information.
-        compression: none, lz4 or zstd.
-        namespace: full namespace, ``/`` for none.
-    """
+    """Return the command that starts the recorder."""
     options = ["--run-information", str(information), "--compression", compression]
     command = [sys.executable, "-m", MODULES[RECORDER], str(output), "--in-existing-folder"]
     command += options
@@ -199,11 +176,6 @@ def parameter_file_text(
     """Return a ROS 2 parameter file for a node in any namespace.
 
     Texts are always quoted: ROS would take a bare ``1e3`` or ``on`` for a number or a truth value.
-
-    Args:
-        node: name of the node.
-        parameters: values by name.
-        comments: remarks by name, written above the values.
     """
     lines = [f"/**/{node}:", "  ros__parameters:"]
     for name, value in parameters.items():
@@ -225,12 +197,7 @@ def _scalar_text(value: Scalar) -> str:
 def run_information(
     scenario: Scenario, parameters: Mapping[str, Mapping[str, Scalar]]
 ) -> dict[str, Any]:
-    """Return the information about the run to be stored; the recorder adds revision and versions.
-
-    Args:
-        scenario: the scenario.
-        parameters: parameters of the nodes by node.
-    """
+    """Return the information about the run to be stored; the recorder adds revision and versions."""
     return {
         "scenario": scenario.name,
         "run": scenario.heading,

@@ -101,11 +101,7 @@ class Drive(AbstractContextManager["Drive"]):
             self.supervisor.stop(started)
 
     def start(self, commands: Mapping[str, list[str]]) -> None:
-        """Start processes.
-
-        Args:
-            commands: command by process name.
-        """
+        """Start processes."""
         for name, command in commands.items():
             self.supervisor.start(name, command)
         self.process_faults.note(commands)
@@ -113,9 +109,6 @@ class Drive(AbstractContextManager["Drive"]):
 
     def look_around(self, duration_s: float) -> DriveResult:
         """Give the middleware time to discover the other participants of the domain.
-
-        Args:
-            duration_s: how long.
 
         Returns:
             FINISHED, unless a process ended or another run was found.

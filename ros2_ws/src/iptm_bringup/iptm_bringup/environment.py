@@ -59,13 +59,7 @@ def domain_of_run(
 def environment_of_run(
     domain: int, log_folder: Path, base: Mapping[str, str] = os.environ
 ) -> dict[str, str]:
-    """Return the environment for every process of a run; what the user has set is kept.
-
-    Args:
-        domain: ROS domain of the run.
-        log_folder: where ROS writes its log files.
-        base: environment to start from.
-    """
+    """Return the environment for every process of a run; what the user has set is kept."""
     defaults = {
         # ROS from wheels does not set its install prefix.
         "AMENT_PREFIX_PATH": sys.prefix,
@@ -92,9 +86,6 @@ def process_environment(environment: Mapping[str, str]) -> Iterator[None]:
 
     A process that takes part in the graph itself needs it: ROS and Fast DDS read their settings from
     the environment of the process when a node is built.
-
-    Args:
-        environment: variables to set.
     """
     before = {name: os.environ.get(name) for name in environment}
     os.environ.update(environment)

@@ -51,13 +51,7 @@ class ProcessFaults:
         faults: Iterable[Fault],
         steady_time_s: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Set up the faults of a run.
-
-        Args:
-            supervisor: owns the processes.
-            faults: those of other places are left alone.
-            steady_time_s: clock in seconds, replaceable in tests.
-        """
+        """Set up the faults of a run."""
         self._supervisor = supervisor
         self._steady_time_s = steady_time_s
         self._pending = [

@@ -121,9 +121,6 @@ def build_parser() -> argparse.ArgumentParser:
 def parsed_options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     """Return the parsed command line.
 
-    Args:
-        arguments: without the program's name; None takes those of the process.
-
     Raises:
         ScenarioError: an option is unknown.
     """
@@ -170,9 +167,6 @@ def list_scenarios(console: Console) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Drive a scenario.
-
-    Args:
-        arguments: command line without the program's name; None takes that of the process.
 
     Returns:
         Exit code of the process, see the epilog of ``--help``.

@@ -111,9 +111,6 @@ def build_parser() -> argparse.ArgumentParser:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Drive a string.
 
-    Args:
-        arguments: command line without the program's name; None takes that of the process.
-
     Returns:
         Exit code of the process, see the epilog of ``--help``.
     """

@@ -193,9 +193,6 @@ def names_for(node: str) -> tuple[str, ...]:
 def prepare(scenario: Scenario) -> Scenario:
     """Build the parts of a scenario, so that they are known to be sound, and return it.
 
-    Args:
-        scenario: types and ranges checked already.
-
     Raises:
         ScenarioError: a part cannot be built: unknown cycle, malformed horizon, contradictory
             parameters, periods or namespace.

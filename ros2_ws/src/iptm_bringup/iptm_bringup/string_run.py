@@ -118,12 +118,7 @@ def _watch(supervisor: Supervisor, stop: StopRequest, console: Console) -> None:
 
 
 def complaint(end: ProcessEnd, results: Mapping[str, Any]) -> str:
-    """Return what was wrong with the trip of a vehicle, empty if nothing.
-
-    Args:
-        end: of its run.
-        results: content of its results.json, empty where the trip was not finished.
-    """
+    """Return what was wrong with the trip of a vehicle, empty if nothing."""
     return "" if end.code == 0 else "; ".join(results.get("problems", ())) or _reason(end)
 
 

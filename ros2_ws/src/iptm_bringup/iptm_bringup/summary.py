@@ -40,13 +40,7 @@ class Summary:
 
 
 def summarise(run: Run, against: Run | None, aging_counts: str = PAPER_AGING) -> Summary:
-    """Return the headline of a run.
-
-    Args:
-        run: the run.
-        against: the same trip with another strategy, None without one.
-        aging_counts: what the capacity loss counts.
-    """
+    """Return the headline of a run."""
     metrics, decisions = run.metrics, DecisionStatistics.of(run.decisions)
     values = {**_of_run(metrics), **_of_decisions(decisions)}
     lines: list[tuple[str, str]] = []

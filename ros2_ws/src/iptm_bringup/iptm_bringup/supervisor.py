@@ -61,13 +61,7 @@ class Supervisor:
         log_path: Callable[[str], Path],
         interrupt_patience_s: float = INTERRUPT_PATIENCE_S,
     ) -> None:
-        """Set up a supervisor.
-
-        Args:
-            environment: of every process.
-            log_path: file for the output of a process, by its name.
-            interrupt_patience_s: wall time that a process may take to end after SIGINT.
-        """
+        """Set up a supervisor."""
         self._interrupt_patience_s = interrupt_patience_s
         self._environment = dict(environment)
         self._log_path = log_path
@@ -120,11 +114,7 @@ class Supervisor:
             return ""
 
     def stop(self, names: Iterable[str] | None = None) -> None:
-        """End processes with SIGINT, SIGTERM and SIGKILL in turn, each with a timeout.
-
-        Args:
-            names: processes to end together; all by default.
-        """
+        """End processes with SIGINT, SIGTERM and SIGKILL in turn, each with a timeout."""
         chosen = [self._processes[name] for name in (self._processes if names is None else names)]
         for number, patience_s in (
             (signal.SIGINT, self._interrupt_patience_s),

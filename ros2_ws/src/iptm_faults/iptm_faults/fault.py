@@ -157,9 +157,6 @@ class Fault(Settings):
 def faults_from(entries: object, where: str) -> tuple[Fault, ...]:
     """Read a list of faults.
 
-    Args:
-        where: file and place in it, for messages.
-
     Returns:
         The faults in the order of their beginning.
 

@@ -200,13 +200,7 @@ def stored_verdicts(
 
 
 def faults_page(command: str, entries: Sequence[Entry], verdicts: Sequence[Judged]) -> str:
-    """Return the page.
-
-    Args:
-        command: the command that made the page.
-        entries: the rows of the table.
-        verdicts: of all faults and trials.
-    """
+    """Return the page."""
     kinds = list(FaultKind)
     rows = [
         _row(entry, of_it)

@@ -145,11 +145,6 @@ def scenario_of(trial: Trial) -> Scenario:
 def drive_over_ros(trial: Trial, folder: Path, stop: StopRequest) -> DrivenTrial:
     """Drive a trial with real processes.
 
-    Args:
-        trial: in lock-step or real time.
-        folder: for its scenario and logs; a subfolder of its own is made.
-        stop: set when the user requests a stop.
-
     Raises:
         IptmError: the run cannot be set up, or no tick was received.
     """
