@@ -30,8 +30,6 @@ from iptm_studies.random_cars.cli import PAGE, main
 from iptm_studies.random_cars.draws import (
     ALWAYS,
     TWIN,
-    OneOf,
-    Uniform,
     draw_faults,
     has_twin,
     random_study,
@@ -84,8 +82,8 @@ def test_runs_are_legal_and_differ() -> None:
         inputs = planned_run(spec)  # refuses what is not legal
         assert 300.0 <= inputs.route.duration_s <= 600.0
         for key, draw in ALWAYS.items():
-            assert isinstance(draw, Uniform)
-            assert draw.low <= dict(spec.overrides)[key] <= draw.high
+            low, high = draw
+            assert low <= dict(spec.overrides)[key] <= high
     default = ControllerSettings()
     strategies = Counter(spec.strategy.name for spec in runs)
     assert strategies.most_common(1)[0][0] == default.strategy
@@ -296,7 +294,7 @@ def small_problems(monkeypatch: pytest.MonkeyPatch) -> None:
             campaign.finish(run)
         return len(missing)
 
-    small = {**draws.SETTINGS, "horizon": OneOf(("2x1",), 1.0)}
+    small = {**draws.SETTINGS, "horizon": {"values": ["2x1"]}}
     monkeypatch.setattr(draws, "SETTINGS", small)
     monkeypatch.setattr("iptm_studies.cli.execute", execute_here)
 

@@ -34,7 +34,7 @@ from iptm_studies.study import KEY_LENGTH
 LOGGER = logging.getLogger(__name__)
 DEFAULT_FOLDER = "results"
 ROOT_VARIABLE = "IPTM_ROOT"
-FORMAT = 7
+FORMAT = 8
 _RECORD = (
     "wall_time_s",
     "compiled",

@@ -7,6 +7,8 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import pandas as pd
+
 from iptm_core.declaration import parameter_specs
 from iptm_core.markdown import render_page
 from iptm_core.parameters import field_specs
@@ -21,7 +23,6 @@ from iptm_studies.random_cars.draws import (
     IMPERFECT_SHARE,
     TWIN,
     Draw,
-    Uniform,
     random_study,
 )
 from iptm_studies.random_cars.judging import REQUIREMENTS, TICKS, judge, trial_of
@@ -107,9 +108,7 @@ def campaign_page(command: str, runs: Sequence[Judged]) -> str:
         runs: the runs in order, without the twins.
     """
     judged = [run for run in runs if run.figures]
-    fallbacks: Counter[str] = Counter()
-    for run in judged:
-        fallbacks.update(run.counts)
+    fallbacks = sum((Counter(run.counts) for run in judged), Counter[str]())
     return render_page(
         "iptm_studies.random_cars",
         "page.md.j2",
@@ -125,20 +124,22 @@ def campaign_page(command: str, runs: Sequence[Judged]) -> str:
 
 
 def _requirement_rows(runs: Sequence[Judged]) -> list[dict[str, Any]]:
+    amounts = pd.DataFrame([run.figures for run in runs], columns=list(REQUIREMENTS))
     rows = []
     for key, one in REQUIREMENTS.items():
-        amounts = [run.figures[key] for run in runs if key in run.figures]
-        beyond = sum(amount > (0.0 if one.is_report else one.limit) for amount in amounts)
-        mark = "" if one.is_report else ("✗" if beyond else "✓")
+        found = amounts[key].dropna()
+        beyond = int((found > (0.0 if one.is_report else one.limit)).sum())
+        mark = "" if one.is_report else (" ✗" if beyond else " ✓")
         rows.append(
             {
-                **vars(one),
+                "title": one.title,
+                "rule": one.rule,
                 "is_report": one.is_report,
                 "allowed": "report only" if one.is_report else f"{one.limit:g} {one.unit}",
-                "runs": len(amounts),
+                "runs": len(found),
                 "beyond": beyond,
-                "marked": f"{beyond} {mark}".strip(),
-                "most": f"{max(amounts):.4g} {one.unit}" if amounts else None,
+                "marked": f"{beyond}{mark}",
+                "most": None if found.empty else f"{found.max():.4g} {one.unit}",
             }
         )
     return rows
@@ -149,19 +150,10 @@ def _breach_rows(runs: Sequence[Judged]) -> list[dict[str, Any]]:
     for run in runs:
         what = run.what
         for key, cause in run.problems.items():
-            requirement = REQUIREMENTS.get(key)
-            title = amount = None
-            if requirement is not None:
-                title, amount = requirement.title, f"{run.figures[key]:.4g} {requirement.unit}"
-            rows.append(
-                {
-                    "run": run.name,
-                    "title": title or key,
-                    "amount": amount,
-                    "cause": cause,
-                    "what": what,
-                }
-            )
+            row = {"run": run.name, "title": key, "amount": None, "cause": cause, "what": what}
+            if (one := REQUIREMENTS.get(key)) is not None:
+                row |= {"title": one.title, "amount": f"{run.figures[key]:.4g} {one.unit}"}
+            rows.append(row)
             what = "as above"
     return rows
 
@@ -206,11 +198,11 @@ def _drawn_rows() -> list[dict[str, str]]:
 
 
 def _draw_text(draw: Draw, unit: str) -> str:
-    if isinstance(draw, Uniform):
-        return f"{draw.low:g} to {draw.high:g} {unit}".removesuffix(" 1").strip()
-    first, *others = (f"{value}" for value in draw.values)
-    share = f"{first} ({100.0 * draw.first:.0f} %)"
-    return ", ".join((share, *others)) if others else first
+    if not isinstance(draw, Mapping):
+        low, high = draw
+        return f"{low:g} to {high:g} {unit}".removesuffix(" 1").strip()
+    first, *others = map(str, draw["values"])
+    return ", ".join((f"{first} ({100.0 * draw['first']:.0f} %)", *others)) if others else first
 
 
 if __name__ == "__main__":

@@ -7,8 +7,8 @@ they accept is a legal car.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -44,89 +44,44 @@ INTERPRETED = SolverSpec(compile_code=False)
 """Hardly any car occurs twice, and compiling takes longer than some minutes of driving do without."""
 
 
-@dataclass(frozen=True)
-class Uniform:
-    """Any number between two bounds."""
-
-    low: float
-    high: float
-
-    def draw(self, random: Generator) -> Any:
-        """Return a value rounded to three decimals for readability."""
-        return round(float(random.uniform(self.low, self.high)), 3)
+Draw = Sequence[float] | Mapping[str, Any]
+"""Bounds of a number, or ``values`` of which the ``first`` one has that probability, the others alike."""
 
 
-@dataclass(frozen=True)
-class OneOf:
-    """One of several values; the first one with a probability of its own, the others alike."""
-
-    values: tuple[Any, ...]
-    first: float
-
-    def draw(self, random: Generator) -> Any:
-        """Return one of the values."""
-        if len(self.values) == 1 or random.random() < self.first:
-            return self.values[0]
-        return self.values[1 + int(random.integers(len(self.values) - 1))]
+def drawn(draw: Draw, random: Generator) -> Any:
+    """Return a value; a number between bounds is rounded to three decimals for readability."""
+    if not isinstance(draw, Mapping):
+        low, high = draw
+        return round(float(random.uniform(low, high)), 3)
+    values = draw["values"]
+    if len(values) == 1 or random.random() < draw["first"]:
+        return values[0]
+    return values[1 + int(random.integers(len(values) - 1))]
 
 
-Draw = Uniform | OneOf
 _DEFAULT = ControllerSettings()
-
-
-def _default_first(default: str, *others: str) -> tuple[str, ...]:
-    return tuple(dict.fromkeys((default, *others)))
-
-
+_HORIZONS = ("15x1", "3x1+5x5", "8x1", "30x1", "3x1+12x5", "5x1+5x2+4x5", "3x1+3x15")
+_OPTIMISING = (name for name, strategy in STRATEGIES.items() if not strategy.is_rule_based)
 SETTINGS: Mapping[str, Draw] = {
-    "parameter_set": OneOf(available_parameter_sets(), 0.4),
-    "strategy": OneOf(
-        _default_first(
-            _DEFAULT.strategy,
-            *(name for name, strategy in STRATEGIES.items() if not strategy.is_rule_based),
-        ),
-        0.5,
-    ),
-    "horizon": OneOf(
-        _default_first(
-            _DEFAULT.horizon,
-            "15x1",
-            "3x1+5x5",
-            "8x1",
-            "30x1",
-            "3x1+12x5",
-            "5x1+5x2+4x5",
-            "3x1+3x15",
-        ),
-        0.4,
-    ),
-    "cycle": OneOf((*CYCLE_NAMES, "smooth"), 1.0 / (1 + len(CYCLE_NAMES))),
-    "slope": OneOf(("large", "flat", "small"), 0.4),
-    "duration_s": OneOf((600.0, 450.0, 300.0), 0.4),
+    "parameter_set": {"values": available_parameter_sets(), "first": 0.4},
+    "strategy": {"values": [*dict.fromkeys((_DEFAULT.strategy, *_OPTIMISING))], "first": 0.5},
+    "horizon": {"values": [*dict.fromkeys((_DEFAULT.horizon, *_HORIZONS))], "first": 0.4},
+    "cycle": {"values": [*CYCLE_NAMES, "smooth"], "first": 1.0 / (1 + len(CYCLE_NAMES))},
+    "slope": {"values": ["large", "flat", "small"], "first": 0.4},
+    "duration_s": {"values": [600.0, 450.0, 300.0], "first": 0.4},
 }
 """What is drawn for every run, by the name of the setting."""
 
-_TABLE = Path(__file__).parent / "draws.yaml"
-
-
-def _read_draws(section: str) -> dict[str, Draw]:
-    """Return a section of the table of draws."""
-    written: Mapping[str, Any] = read_yaml(_TABLE, ScenarioError)[section]
-    return {
-        key: OneOf(tuple(entry["values"]), entry["first"])
-        if isinstance(entry, dict)
-        else Uniform(*entry)
-        for key, entry in written.items()
-    }
-
-
-ALWAYS = _read_draws("always")
+_TABLE: Mapping[str, Mapping[str, Draw]] = read_yaml(
+    Path(__file__).parent / "draws.yaml", ScenarioError
+)
+ALWAYS = _TABLE["always"]
 """Parameters that differ in every run."""
-SOMETIMES = _read_draws("sometimes")
+SOMETIMES = _TABLE["sometimes"]
 """Parameters that differ in some runs."""
-PREVIEWS = _read_draws("previews")
+PREVIEWS = _TABLE["previews"]
 """Settings of a preview that is not perfect; all but the mode differ in every other run."""
-FAULT_SIZES = _read_draws("fault_sizes")
+FAULT_SIZES = _TABLE["fault_sizes"]
 """Sizes of faults by kind; the other kinds have their usual one."""
 
 
@@ -168,8 +123,8 @@ def random_study(
         # From a generator of their own: with or without faults, a run has the same car and trip.
         faults = np.random.default_rng([seed, number, 1])
         if faults.random() < fault_share:
-            drawn = draw_faults(faults, inputs.route.duration_s)
-            inputs = replace(inputs, spec=replace(inputs.spec, faults=drawn))
+            wrong = draw_faults(faults, inputs.route.duration_s)
+            inputs = replace(inputs, spec=replace(inputs.spec, faults=wrong))
         previews = np.random.default_rng([seed, number, 2])
         if previews.random() < imperfect_share:
             inputs = replace(inputs, spec=replace(inputs.spec, preview=draw_preview(previews)))
@@ -207,7 +162,7 @@ def warm_twin(spec: RunSpec) -> RunSpec:
 def draw_preview(random: Generator) -> PreviewSpec:
     """Return the imperfect preview settings, empty for a perfect preview."""
     settings = {
-        name: draw.draw(random)
+        name: drawn(draw, random)
         for name, draw in PREVIEWS.items()
         if name == "preview_mode" or random.random() < OVERRIDE_SHARE
     }
@@ -230,33 +185,30 @@ def draw_faults(random: Generator, duration_s: float) -> tuple[Fault, ...]:
                 kind,
                 start_s=round(float(random.uniform(earliest_s, latest_s))),
                 duration_s=duration_s if lasting else round(float(random.uniform(1.0, 30.0))),
-                probability=1.0 if random.random() < 0.5 else Uniform(0.1, 1.0).draw(random),
+                probability=1.0 if random.random() < 0.5 else drawn((0.1, 1.0), random),
                 seed=int(random.integers(1000)),
-                size=None if sizes is None else sizes.draw(random),
+                size=None if sizes is None else drawn(sizes, random),
             )
         )
     return in_order(faults)
 
 
 def _draw_run(random: Generator, duration_s: float | None) -> Case:
-    settings = {name: draw.draw(random) for name, draw in SETTINGS.items()}
+    settings = {name: drawn(draw, random) for name, draw in SETTINGS.items()}
     settings["strategy"] = STRATEGIES[settings["strategy"]]
     if duration_s is not None:
         settings["duration_s"] = duration_s
     for _ in range(MAX_TRIES):
-        overrides = {key: draw.draw(random) for key, draw in ALWAYS.items()}
+        overrides = {key: drawn(draw, random) for key, draw in ALWAYS.items()}
         for key, draw in SOMETIMES.items():
             if random.random() < OVERRIDE_SHARE:
-                overrides[key] = draw.draw(random)
+                overrides[key] = drawn(draw, random)
         try:
             spec = RunSpec(**settings, overrides=tuple(overrides.items()), solver=INTERPRETED)
             return planned_run(spec)
         except IptmError as error:
             refusal = str(error)
+    settings["strategy"] = settings["strategy"].name
     raise ScenarioError(
-        f"no legal car in {MAX_TRIES} draws with {_plain(settings)}; the last one: {refusal}"
+        f"no legal car in {MAX_TRIES} draws with {settings}; the last one: {refusal}"
     )
-
-
-def _plain(settings: Mapping[str, Any]) -> dict[str, Any]:
-    return {**settings, "strategy": asdict(settings["strategy"])["name"]}
