@@ -10,7 +10,6 @@ import pytest
 
 from iptm_studies.predictor_training import (
     LEADS_S,
-    SpeedRecord,
     evaluate,
     main,
     read_drives,
@@ -23,21 +22,21 @@ from iptm_validation.readers.folder import excerpts
 
 def test_samples_by_hand() -> None:
     speed = np.arange(PAST_S + LEADS_S[-1] + 1.0)
-    samples = samples_of([SpeedRecord("ramp", speed)])
-    assert samples.past_m_s.tolist() == [list(range(PAST_S, -1, -1))]
-    assert samples.changes_m_s.tolist() == [list(LEADS_S)]
-    assert samples.driven_m[0, LEADS_S.index(10)] == 10.0 * PAST_S + 50.0
+    past_m_s, changes_m_s, driven_m = samples_of({"ramp": speed})
+    assert past_m_s.tolist() == [list(range(PAST_S, -1, -1))]
+    assert changes_m_s.tolist() == [list(LEADS_S)]
+    assert driven_m[0, LEADS_S.index(10)] == 10.0 * PAST_S + 50.0
 
 
 def test_what_is_regular_is_learnt() -> None:
     """Drivers whose speed swings by 5 m/s around 10 m/s in 40 s."""
     seconds = np.arange(900.0)
-    drives = [
-        SpeedRecord(str(k), 10.0 + 5.0 * np.sin(2.0 * np.pi * (seconds + 7.0 * k) / 40.0))
-        for k in range(3)
-    ]
-    model = train(drives[:2], "made")
-    rows = evaluate(model, drives[2:])
+    drives = {
+        str(k): 10.0 + 5.0 * np.sin(2.0 * np.pi * (seconds + 7.0 * k) / 40.0) for k in range(3)
+    }
+    last = {"2": drives.pop("2")}
+    model = train(drives, "made")
+    rows = evaluate(model, last)
     assert model.drives == ("0", "1")
     assert rows[3]["lead_s"] == 10.0
     # But for the chords between the lead times.
@@ -58,7 +57,7 @@ def test_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
 
 
 @pytest.mark.parametrize("source", ["none.csv", "."])
-def test_mistakes_are_told_in_one_line(
+def test_mistakes_are_reported_in_one_line(
     source: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -72,7 +71,7 @@ def test_the_shipped_model_is_that_of_trips_that_are_not_in_the_excerpts() -> No
     """The excerpts of the project are held out, so that they can try it."""
     drives = read_drives([str(excerpts())])
     model = RegressionModel.load()
-    others = [drive for drive in drives if drive.name not in model.drives]
+    others = {name: drives[name] for name in drives if name not in model.drives}
     assert len(others) >= 15
     rows = evaluate(model, others)
     for row in rows:
