@@ -30,7 +30,7 @@ from iptm_faults.kinds import FaultKind
 from iptm_interfaces.visual_topics import PUBLISHER
 from iptm_plant_sim.node_parameters import PlantNodeParameters
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters, SenderNodeParameters
-from iptm_view.visualizer_parameters import VisualizerParameters
+from iptm_view.visualizer_node import VisualizerParameters
 
 DOCS = Path(__file__).resolve().parent
 CONFIG = Path(iptm_bringup.__file__).parent / "config" / "nodes"

@@ -15,8 +15,7 @@ from iptm_core.errors import ViewError
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.message_types import Decoder, MessageDefinition
 from iptm_view import foxglove_server
-from iptm_view.foxglove_gate import KNOWN_ORIGINS, is_admitted
-from iptm_view.foxglove_server import FoxgloveServer
+from iptm_view.foxglove_server import KNOWN_ORIGINS, FoxgloveServer, is_admitted
 
 TIMEOUT_S = 30.0
 _MESSAGE = struct.Struct("<BIQ")

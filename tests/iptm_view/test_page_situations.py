@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -10,7 +11,7 @@ import pytest
 from iptm_core.decision_record import Rung
 from iptm_core.parameters import load_parameters
 from iptm_view.page_feed import PageFeed
-from iptm_view.page_row import PageRow
+from iptm_view.page_row import PAGE_COLUMNS
 from iptm_view.page_server import PageServer
 from iptm_view.reference_car import STATE
 from iptm_view.run_facts import RunFacts
@@ -45,6 +46,7 @@ def drive(feed: PageFeed, times_s: range, **values: Any) -> None:
     """Append rows of a steady trip at 20 m/s, 30 m behind the leader."""
     for time_s in times_s:
         row = {
+            "time_s": float(time_s),
             "position_m": 20.0 * time_s,
             "speed_m_s": 20.0,
             "gap_m": 30.0,
@@ -55,7 +57,7 @@ def drive(feed: PageFeed, times_s: range, **values: Any) -> None:
             "fallback_rung": 0.0,
             **values,
         }
-        feed.append("rows", PageRow(float(time_s), **row).values())
+        feed.append("rows", [row.get(name, math.nan) for name in PAGE_COLUMNS])
 
 
 def test_an_empty_page_names_its_domain_and_the_cure(visit: Any, feed: PageFeed) -> None:

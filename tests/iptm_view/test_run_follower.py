@@ -23,11 +23,11 @@ from iptm_interfaces.diagnostics import TRIP_TIME, Level
 from iptm_interfaces.topics import TOPICS, Topic, topic_of
 from iptm_recording.bag_reader import BagReader, read_model_parameters
 from iptm_recording.trajectory_reader import read_decisions
-from iptm_view.bag_source import BagSource
 from iptm_view.page_feed import Cursor, PageFeed
 from iptm_view.page_row import PAGE_COLUMNS
 from iptm_view.run_facts import RunFacts, facts_of_nodes
 from iptm_view.run_follower import RunFollower
+from iptm_view.sources import BagSource
 
 CELSIUS = 273.15
 SPECS = {topic_of("/", topic): spec for topic, spec in TOPICS.items()}

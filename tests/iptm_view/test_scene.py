@@ -32,7 +32,7 @@ from iptm_view.scene import (
 )
 from iptm_view.transforms import TransformPublisher, inverse, product, rotated, scene_transforms
 from iptm_view.vehicle_description import PACK_PLACE_M, body_size_m, vehicle_urdf
-from iptm_view.visualizer_parameters import VisualizerParameters
+from iptm_view.visualizer_node import VisualizerParameters
 
 S = 10**9
 PARAMETERS = load_parameters().values

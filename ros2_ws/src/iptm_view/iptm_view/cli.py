@@ -24,15 +24,14 @@ from iptm_interfaces.command_line import own_arguments
 from iptm_interfaces.discovery import middleware_settings
 from iptm_interfaces.process import StopRequest
 from iptm_recording.run_information import load_run_information
-from iptm_view.bag_source import BagSource
 from iptm_view.foxglove_server import FoxgloveServer
-from iptm_view.graph_source import NAME, GraphSource
 from iptm_view.graph_subscriptions import listening_node
 from iptm_view.page_feed import PageFeed
 from iptm_view.page_server import DEFAULT_PORT, PageServer
 from iptm_view.reference_car import NO_REFERENCE, ReferenceCar
 from iptm_view.run_facts import RunFacts
 from iptm_view.screenshot import Picture, take_screenshot
+from iptm_view.sources import NAME, BagSource, GraphSource
 
 PROGRAM = "view"
 DEFAULT_RATE = 10.0

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
 from functools import partial
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -52,72 +52,39 @@ AHEAD_TOPICS = (Topic.PLAN, Topic.LEADER_PREVIEW)
 """Topics of what is drawn ahead of the newest row."""
 
 
-@dataclass(frozen=True)
-class PageRow:
-    """What the page shows of one instant; NaN for what is not known.
-
-    Attributes:
-        time_s: trip time.
-        position_m: of the ego vehicle along the road.
-        speed_m_s: of the ego vehicle.
-        leader_position_m: rear bumper of the leader.
-        leader_speed_m_s: of the leader.
-        gap_m: distance to the leader.
-        min_gap_m: its lower limit s_min at these speeds.
-        traction_power_w: mean over the interval that ended now, as the other powers.
-        battery_power_w: positive when drawn from the pack.
-        compressor_power_w: drawn by the compressor.
-        chiller_heat_w: positive when cooling.
-        cell_1_temperature_c: first cell of a coolant channel.
-        cell_n_temperature_c: last cell of a coolant channel.
-        coolant_inlet_temperature_c: coolant entering the pack.
-        coolant_outlet_temperature_c: coolant leaving the pack.
-        capacity_loss: of both cells together, since they were new, as a fraction of nominal.
-        service_braking_s: time for which the safety monitor braked in the interval that ended now.
-        status_code: number of `SolveStatus`.
-        solve_time_s: wall time of the solve.
-        iterations: of the solver.
-        fallback_rung: number of `Rung`.
-        limiter_active: 1 where the last limiter changed the command.
-        preview_age_s: age of the preview in use.
-    """
-
-    time_s: float
-    position_m: float = math.nan
-    speed_m_s: float = math.nan
-    leader_position_m: float = math.nan
-    leader_speed_m_s: float = math.nan
-    gap_m: float = math.nan
-    min_gap_m: float = math.nan
-    traction_power_w: float = math.nan
-    battery_power_w: float = math.nan
-    compressor_power_w: float = math.nan
-    chiller_heat_w: float = math.nan
-    cell_1_temperature_c: float = math.nan
-    cell_n_temperature_c: float = math.nan
-    coolant_inlet_temperature_c: float = math.nan
-    coolant_outlet_temperature_c: float = math.nan
-    capacity_loss: float = math.nan
-    service_braking_s: float = math.nan
-    status_code: float = math.nan
-    solve_time_s: float = math.nan
-    iterations: float = math.nan
-    fallback_rung: float = math.nan
-    limiter_active: float = math.nan
-    preview_age_s: float = math.nan
-
-    def values(self) -> list[float]:
-        """Return the numbers in the order of `PAGE_COLUMNS`."""
-        return list(vars(self).values())
-
-
-PAGE_COLUMNS = tuple(entry.name for entry in fields(PageRow))
-"""Names of the columns, with their units."""
+PAGE_COLUMNS: Mapping[str, str] = MappingProxyType(
+    {
+        "time_s": "trip time",
+        "position_m": "of the ego vehicle along the road",
+        "speed_m_s": "of the ego vehicle",
+        "leader_position_m": "rear bumper of the leader",
+        "leader_speed_m_s": "of the leader",
+        "gap_m": "distance to the leader",
+        "min_gap_m": "its lower limit s_min at these speeds",
+        "traction_power_w": "mean over the interval that ended now, as the other powers",
+        "battery_power_w": "positive when drawn from the pack",
+        "compressor_power_w": "drawn by the compressor",
+        "chiller_heat_w": "positive when cooling",
+        "cell_1_temperature_c": "first cell of a coolant channel",
+        "cell_n_temperature_c": "last cell of a coolant channel",
+        "coolant_inlet_temperature_c": "coolant entering the pack",
+        "coolant_outlet_temperature_c": "coolant leaving the pack",
+        "capacity_loss": "of both cells together, since they were new, as a fraction of nominal",
+        "service_braking_s": "time for which the safety monitor braked in the interval that ended now",
+        "status_code": "number of SolveStatus",
+        "solve_time_s": "wall time of the solve",
+        "iterations": "of the solver",
+        "fallback_rung": "number of Rung",
+        "limiter_active": "1 where the last limiter changed the command",
+        "preview_age_s": "age of the preview in use",
+    }
+)
+"""Columns of a row, the numbers that the page shows of one instant, with what they mean; NaN is not known."""
 
 
 def page_row(
     stamp_ns: int, messages: Mapping[Topic, bytes], parameters: ModelParameters | None
-) -> tuple[PageRow, list[str]]:
+) -> tuple[list[float], list[str]]:
     """Decode the messages of one stamp.
 
     Returns:
@@ -148,8 +115,8 @@ def page_row(
             found["min_gap_m"] = minimum_gap_m(
                 found["speed_m_s"], found["leader_speed_m_s"], parameters.gap, parameters.limits
             )
-    row = {name: float(found[name]) for name in PAGE_COLUMNS if name in found}
-    return PageRow(s_from_ns(stamp_ns), **row), faults
+    found["time_s"] = s_from_ns(stamp_ns)
+    return [float(found.get(name, math.nan)) for name in PAGE_COLUMNS], faults
 
 
 def _temperature(topic: Topic, column: str, message: Any) -> dict[str, float]:

@@ -123,7 +123,7 @@ class RunFollower:
         messages = self._pending[stamp_ns]
         row, faults = page_row(stamp_ns, messages, self.facts.parameters)
         self._note(faults)
-        self._feed.append(ROWS, row.values())
+        self._feed.append(ROWS, row)
         try:
             plan = plan_ahead(messages)
         except MessageError as error:

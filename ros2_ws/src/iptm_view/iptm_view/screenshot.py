@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from iptm_core.errors import ViewError
-from iptm_view.bag_source import BagSource
 from iptm_view.page_feed import PageFeed
 from iptm_view.page_server import PageServer
 from iptm_view.reference_car import NO_REFERENCE, ReferenceCar
+from iptm_view.sources import BagSource
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 _FLAGS = (
