@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
@@ -21,9 +22,15 @@ from iptm_controller.ocp.stage import DEFAULT_SMOOTHING
 from iptm_controller.ocp.transcription import Transcription, transcribe
 from iptm_controller.plan import PlanShifter, sample_positions_m, variables_from_plan
 from iptm_controller.solvers.factory import build_plain_solver
-from iptm_controller.solvers.interface import SolverBackend, SolverOptions
+from iptm_controller.solvers.interface import (
+    STATUS_TEXT,
+    SolverBackend,
+    SolveResult,
+    SolverOptions,
+)
 from iptm_controller.solvers.switching_check import SwitchingCheck
 from iptm_controller.strategy import REFERENCE_TEMPERATURE_K, strategy_by_name
+from iptm_core.decision_record import SolveStatus
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.power_thermal import Smoothing
@@ -207,6 +214,29 @@ def run_stage(
     following = following.full().ravel() * layout.STATE_SCALE + layout.STATE_OFFSET
     following[0] += state.position_m
     return following, float(cost), limits.full().ravel()
+
+
+class FailingSolver:
+    """Solves with an inner solver, or answers with a failure."""
+
+    name = "failing"
+    compiled = False
+
+    def __init__(
+        self, inner: SolverBackend | None = None, failure: SolveStatus | None = None
+    ) -> None:
+        self._inner = inner
+        self.failure = failure
+
+    def solve(
+        self, data: ProblemData, guess: FloatArray, *, most_iterations: int | None = None
+    ) -> SolveResult:
+        del most_iterations
+        if self.failure is None:
+            return self._inner.solve(data, guess)
+        nothing = np.full(guess.shape, np.nan)
+        reason = STATUS_TEXT[self.failure]
+        return SolveResult(self.failure, reason, nothing, math.nan, 0, 0.0, math.inf)
 
 
 NONE_YET = LeaderPreview.empty()

@@ -2,48 +2,37 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 
-import numpy as np
 import pytest
-from tests.iptm_controller.scenes import FLAT, PARAMETERS, make_preview, make_scene, plain_solver
+from tests.iptm_controller.scenes import (
+    FLAT,
+    PARAMETERS,
+    FailingSolver,
+    make_preview,
+    make_scene,
+    plain_solver,
+)
 
 from iptm_controller.collision_guard import EMERGENCY, MARGIN_M, CollisionGuard
 from iptm_controller.controller import Controller
 from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements
-from iptm_controller.ocp.data import ProblemData
 from iptm_controller.options import ControllerOptions
-from iptm_controller.solvers.interface import SolveResult
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.physics.car_following import minimum_gap_m
-from iptm_core.state import FloatArray, LeaderState, VehicleState
+from iptm_core.state import LeaderState, VehicleState
 
 LIMITS = PARAMETERS.limits
 JERK_STEP_M_S2 = LIMITS.max_jerk_m_s3
 Policy = Callable[[Measurements], float]
 
 
-class NeverSolves:
-    """A solver that has no answer."""
-
-    name = "none"
-    compiled = False
-
-    def solve(
-        self, data: ProblemData, guess: FloatArray, *, most_iterations: int | None = None
-    ) -> SolveResult:
-        del data, most_iterations
-        nothing = np.full(guess.shape, np.nan)
-        return SolveResult(
-            SolveStatus.NUMERICAL_ERROR, "broke off", nothing, math.nan, 0, 0.0, math.inf
-        )
-
-
 def make_controller(*, solving: bool = True) -> Controller:
-    backend = plain_solver("3x1+5x5") if solving else NeverSolves()
+    backend = (
+        plain_solver("3x1+5x5") if solving else FailingSolver(failure=SolveStatus.NUMERICAL_ERROR)
+    )
     return Controller(PARAMETERS, ControllerOptions(), backend)
 
 

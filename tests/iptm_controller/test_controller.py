@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.iptm_controller.scenes import PARAMETERS, make_scene, plain_solver
+from tests.iptm_controller.scenes import PARAMETERS, FailingSolver, make_scene, plain_solver
 
 from iptm_controller.controller import Controller
 from iptm_controller.decision import Decision
@@ -17,44 +17,22 @@ from iptm_controller.forecast import PreviewQuality
 from iptm_controller.ladder import safe_following, thermostat_power_w
 from iptm_controller.measurements import Measurements
 from iptm_controller.memory import ControllerMemory
-from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import InputIndex
 from iptm_controller.options import ControllerOptions
-from iptm_controller.solvers.interface import STATUS_TEXT, SolverBackend, SolveResult
+from iptm_controller.solvers.interface import STATUS_TEXT, SolveResult
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.saved_state import from_plain, to_plain
-from iptm_core.state import FloatArray, LeaderPreview, LeaderState, SlopePreview, VehicleState
-
-
-class FailingBackend:
-    """Solves with an inner solver, or answers with a given failure."""
-
-    compiled = False
-
-    def __init__(self, inner: SolverBackend) -> None:
-        self._inner = inner
-        self.name = inner.name
-        self.failure: SolveStatus | None = None
-
-    def solve(
-        self, data: ProblemData, guess: FloatArray, *, most_iterations: int | None = None
-    ) -> SolveResult:
-        del most_iterations
-        if self.failure is None:
-            return self._inner.solve(data, guess)
-        nothing = np.full(guess.shape, np.nan)
-        reason = STATUS_TEXT[self.failure]
-        return SolveResult(self.failure, reason, nothing, math.nan, 0, 0.0, math.inf)
+from iptm_core.state import LeaderPreview, LeaderState, SlopePreview, VehicleState
 
 
 @pytest.fixture
-def backend() -> FailingBackend:
-    return FailingBackend(plain_solver("3x1+5x5"))
+def backend() -> FailingSolver:
+    return FailingSolver(plain_solver("3x1+5x5"))
 
 
 @pytest.fixture
-def controller(backend: FailingBackend) -> Controller:
+def controller(backend: FailingSolver) -> Controller:
     options = ControllerOptions(shifted_plan_ticks=2, safe_law_ticks=3)
     return Controller(PARAMETERS, options, backend)
 
@@ -101,7 +79,7 @@ def test_the_last_plan_warms_up_the_next_solve(controller: Controller) -> None:
     "failure", [SolveStatus.ITERATION_LIMIT, SolveStatus.DEADLINE, SolveStatus.NUMERICAL_ERROR]
 )
 def test_failed_solves_walk_down_the_ladder_and_back(
-    controller: Controller, backend: FailingBackend, failure: SolveStatus
+    controller: Controller, backend: FailingSolver, failure: SolveStatus
 ) -> None:
     good = controller.decide(at(100.0))
     backend.failure = failure
@@ -127,8 +105,8 @@ def test_failed_solves_walk_down_the_ladder_and_back(
     assert recovered.reason == ""
 
 
-def test_a_back_end_that_raises_has_broken_off(backend: FailingBackend) -> None:
-    class Raising(FailingBackend):
+def test_a_back_end_that_raises_has_broken_off(backend: FailingSolver) -> None:
+    class Raising(FailingSolver):
         def solve(self, *_: object, **__: object) -> SolveResult:
             raise RuntimeError("out of nowhere")
 

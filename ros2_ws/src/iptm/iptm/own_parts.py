@@ -81,7 +81,7 @@ class OwnController:
                 f"controller: decide returned {shown(command)}; allowed: iptm.Command of two finite numbers"
             )
         limited, limits = self._limiter.limit(Command(acceleration, power), measured.state)
-        return Decision(limited, Rung.OPTIMAL, "", limits, None, None, None)
+        return Decision(limited, Rung.OPTIMAL, limits=limits)
 
 
 class PredictedSource(CycleSource):

@@ -22,7 +22,7 @@ from iptm_controller.cell_law import (
 )
 from iptm_controller.charging_value import ChargingValuation
 from iptm_controller.collision_guard import EMERGENCY, CollisionGuard
-from iptm_controller.decision import Decision, PlanningResult
+from iptm_controller.decision import NOTHING, Decision
 from iptm_controller.estimator import Estimator
 from iptm_controller.forecast import LeaderForecaster
 from iptm_controller.ladder import FallbackLadder
@@ -180,18 +180,15 @@ class Controller:
             self._actuation.observe(state)
             state = self._within_comfort(self._actuation.predicted(state))
         if state is None or fault or (leader is None and not measured.is_free):
-            planned = PlanningResult(None, fault)
+            planned = Decision(reason=fault)
         elif self.options.strategy.is_rule_based:
             lawful = self._road.command_m_s2(state, measured.rules)
             command = self._production.command(state, leader, lawful)
-            planned = PlanningResult(None, "", command=command)
+            planned = Decision(self._ladder.accept_command(command), Rung.OPTIMAL)
         else:
             planned = self._plan(state, leader, measured)
-        if planned.command is not None:
-            rung, command = self._ladder.accept_command(planned.command)
-        elif planned.plan is not None:
-            rung, command = self._ladder.accept(planned.plan)
-        else:
+        rung, command = planned.rung, planned.command
+        if rung is not Rung.OPTIMAL:
             rung, command = self._fall_back(state, leader, measured)
         limited, limits = self._limit(command, state)
         reasons = [planned.reason, self._actuation.reason]
@@ -209,15 +206,12 @@ class Controller:
                 limited, limits = self._limit(hardest, state)
         if trusted is not None:
             self._actuation.issue(trusted.time_s, limited)
-        return Decision(
+        return replace(
+            planned,
             command=limited,
             rung=rung,
             reason="; ".join(filter(None, reasons)),
             limits=limits,
-            plan=planned.plan,
-            result=planned.result,
-            forecast=planned.forecast,
-            value=planned.value,
             command_delay_s=self._actuation.delay_s,
             brake_share=self._actuation.brake_share,
             noise=", ".join(filter(None, (self._estimator.noise, self._forecaster.fusion.noise))),
@@ -252,8 +246,11 @@ class Controller:
 
     def _plan(
         self, state: VehicleState, leader: LeaderState | None, measured: Measurements
-    ) -> PlanningResult:
-        """Pose and solve the problem of a tick; without a lead vehicle there are rules of the road."""
+    ) -> Decision:
+        """Pose and solve the problem of a tick; without a lead vehicle there are rules of the road.
+
+        What comes of it is optimal or yet to fall back.
+        """
         last = self._ladder.plan_at(state.time_s)
         guess = (
             self._shifter.cold_start(state) if last is None else self._shifter.shift(last, state)
@@ -290,10 +287,18 @@ class Controller:
         )
         result = self._solve(data, variables_from_plan(guess, self._grid, state))
         if not result.status.usable:
-            return PlanningResult(None, result.reason, result, forecast, value)
+            return Decision(reason=result.reason, result=result, forecast=forecast, value=value)
         plan = plan_from_variables(result.variables, self._grid, state)
         reason = "" if forecast is None else forecast.reason
-        return PlanningResult(plan, reason, result, forecast, value)
+        return Decision(
+            self._ladder.accept(plan),
+            Rung.OPTIMAL,
+            reason,
+            plan=plan,
+            result=result,
+            forecast=forecast,
+            value=value,
+        )
 
     def _solve(self, data: ProblemData, guess: FloatArray) -> SolveResult:
         """Solve a problem; a back end that raises, against its promise, has broken off."""
@@ -312,7 +317,7 @@ class Controller:
             return self._limiter.limit(command, state)
         reference = self._last_trusted
         if reference is None:
-            return Command(0.0, 0.0), ("no state was ever trusted",)
+            return NOTHING, ("no state was ever trusted",)
         limited, limits = self._limiter.limit(command, reference)
         # The rates count from this command next time, or braking would never get beyond one step.
         self._last_trusted = replace(

@@ -12,48 +12,32 @@ from iptm_controller.temperature_value import NO_VALUE, TemperatureValue
 from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
 from iptm_core.state import Command
 
-
-@dataclass(frozen=True)
-class PlanningResult:
-    """What came of posing and solving the problem of one tick.
-
-    Attributes:
-        plan: the solution, None if there is none that may be followed.
-        reason: why there is none, or how the forecast is worse than it should be; empty if all is well.
-        result: the solver's answer, None if no problem could be posed.
-        forecast: the leader's motion used, None if it could not be formed.
-        command: that of a strategy which optimises nothing, None of others.
-    """
-
-    plan: Plan | None
-    reason: str
-    result: SolveResult | None = None
-    forecast: LeaderForecast | None = None
-    value: TemperatureValue = NO_VALUE
-    command: Command | None = None
+NOTHING = Command(0.0, 0.0)
 
 
 @dataclass(frozen=True)
 class Decision:
-    """One tick's outcome.
+    """One tick's outcome; the default is that of a tick without a problem to solve.
 
     Attributes:
-        rung: where it comes from.
+        rung: where the command comes from.
         reason: one sentence, empty when all is well.
         limits: bounds of the last limiter that changed the command, empty for none.
         plan: the plan behind an optimal command, None on any other rung.
+        result: the solver's answer, None if no problem could be posed.
+        forecast: the leader's motion used, None if it could not be formed.
         command_delay_s: time by which commands act late, as observed.
         brake_share: share of a commanded deceleration that is delivered, as observed.
         noise: which measurements and previews are noisy and filtered, empty if none is.
     """
 
-    command: Command
-    rung: Rung
-    reason: str
-    limits: tuple[str, ...]
-    plan: Plan | None
-    result: SolveResult | None
-    forecast: LeaderForecast | None
+    command: Command = NOTHING
+    rung: Rung = Rung.STOP
+    reason: str = ""
+    limits: tuple[str, ...] = ()
+    plan: Plan | None = None
+    result: SolveResult | None = None
+    forecast: LeaderForecast | None = None
     value: TemperatureValue = NO_VALUE
     command_delay_s: float = 0.0
     brake_share: float = 1.0

@@ -65,15 +65,15 @@ class FallbackLadder:
         plan = self.last_plan
         return plan if plan is not None and plan.covers(time_s) else None
 
-    def accept(self, plan: Plan) -> tuple[Rung, Command]:
-        """Go back to the top: a usable plan was found."""
+    def accept(self, plan: Plan) -> Command:
+        """Go back to the top, as a usable plan was found; returns its first command."""
         self.last_plan, self.failures = plan, 0
-        return Rung.OPTIMAL, plan.command_at(plan.start_s)
+        return plan.command_at(plan.start_s)
 
-    def accept_command(self, command: Command) -> tuple[Rung, Command]:
+    def accept_command(self, command: Command) -> Command:
         """Go back to the top: a strategy that optimises nothing has decided, and leaves no plan."""
         self.last_plan, self.failures = None, 0
-        return Rung.OPTIMAL, command
+        return command
 
     def fall_back(
         self,
