@@ -17,10 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rclpy.context import Context
-from rclpy.experimental import EventsExecutor
 from tests.integration.controller_ticks import ROAD, SMALL, assert_hears
 from tests.integration.node_bench import NodeBench, node_bench
 
@@ -28,6 +25,7 @@ from iptm_controller.node import ControllerNode
 from iptm_interfaces.codecs import encode_slope
 from iptm_interfaces.diagnostics import find_status
 from iptm_interfaces.discovery import middleware_settings, reserve_domain
+from iptm_interfaces.process import joined_node
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
 
@@ -236,18 +234,11 @@ class Peer:
 @contextmanager
 def joined_peer(domain: int, name: str = "test_peer", *arguments: str) -> Iterator[Peer]:
     """Take part in a domain with a node of the test; the arguments are those of ROS, such as `-r`."""
-    context = Context()
-    rclpy.init(context=context, domain_id=domain)
-    node = SuiteNode(name, context=context, cli_args=["--ros-args", *arguments])
-    executor = EventsExecutor(context=context)
-    executor.add_node(node)
-    try:
-        yield Peer(node, executor)
-    finally:
-        executor.remove_node(node)
-        node.destroy_node()
-        executor.shutdown()
-        context.try_shutdown()
+    ros = ["--ros-args", *arguments]
+    with joined_node(
+        lambda context: SuiteNode(name, context=context, cli_args=ros), domain
+    ) as joined:
+        yield Peer(*joined)
 
 
 @pytest.fixture

@@ -47,7 +47,7 @@ def test_a_changed_physical_constant_is_found(launcher: Any, node: str) -> None:
     assert f"{node} does not answer as recorded" in process.stdout
 
 
-def test_what_cannot_be_checked_is_said(tmp_path: Path) -> None:
+def test_what_cannot_be_checked_is_refused(tmp_path: Path) -> None:
     with BagReader(BAG) as reader:
         data = reader.custom_data
         topics, messages = reader.topics, list(reader.raw_messages())

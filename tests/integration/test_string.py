@@ -139,7 +139,7 @@ def pid_of(module: str, namespace: str, parent: str) -> int | None:
     return None
 
 
-def test_a_vehicle_that_dies_is_told_and_the_one_behind_goes_on_without_it(
+def test_a_vehicle_that_dies_is_reported_and_the_one_behind_goes_on_without_it(
     launcher: Any, tmp_path: Path, wait_until: Callable[..., None]
 ) -> None:
     output = tmp_path / "run"

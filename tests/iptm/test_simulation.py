@@ -147,7 +147,7 @@ def test_an_own_predictor_is_what_the_controller_hears() -> None:
     assert run.trajectory.position_m.tolist() != true.trajectory.position_m.tolist()
 
 
-def test_a_law_of_a_cell_cools_where_a_kelvin_is_worth_its_energy() -> None:
+def test_a_law_of_a_cell_cools_where_a_kelvin_saves_more_than_its_energy_costs() -> None:
     """From 28 degC and with dear energy: parked in a Phoenix July it pays, in an Oslo January it does not."""
     warm = {"environment.initial_cell_temperature_k": 301.15}
 

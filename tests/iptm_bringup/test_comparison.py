@@ -1,4 +1,4 @@
-"""What a run is worth against another strategy on the same trip."""
+"""A run compared with another strategy on the same trip."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From a scenario to commands: names that the nodes know, texts that ROS reads as texts."""
+"""From a scenario to commands: names of node parameters, texts that ROS reads as texts."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ NODES: dict[str, type[Any]] = {
 
 
 @pytest.mark.parametrize("node", NODES)
-def test_nodes_know_what_they_are_given(node: str, scenario: Scenario) -> None:
+def test_nodes_have_the_parameters_that_they_are_given(node: str, scenario: Scenario) -> None:
     specs = {spec.name: spec for spec in parameter_specs(NODES[node])}
     for name, value in node_parameters(scenario, Listeners())[node].items():
         assert plain(checked_value(specs[name], value)) == value
@@ -126,7 +126,7 @@ def test_the_recorder_understands_its_command() -> None:
     assert parsed.compression == "zstd"
 
 
-def test_the_bag_will_know_everything_about_the_run(scenario: Scenario, tmp_path: Path) -> None:
+def test_the_bag_holds_everything_about_the_run(scenario: Scenario, tmp_path: Path) -> None:
     described = run_information(scenario, node_parameters(scenario, Listeners()))
     path = tmp_path / "information.yaml"
     path.write_text(yaml.safe_dump(described, sort_keys=False), encoding="utf-8")

@@ -78,7 +78,7 @@ def test_what_no_trip_can_show_ends_the_run_with_its_reason(
     )
 
 
-def test_a_recorder_that_a_fault_killed_is_told() -> None:
+def test_a_recorder_that_a_fault_killed_is_reported() -> None:
     endings = (ProcessEnd("recorder", -9, ()), ProcessEnd("controller", -9, ()))
     supervisor: Any = SimpleNamespace(endings=lambda: endings)
     excused: Any = SimpleNamespace(is_excused=lambda _: True)

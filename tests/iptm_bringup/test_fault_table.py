@@ -94,7 +94,7 @@ WARNED = ((0.0, Level.OK, "optimal plans"), (10.0, Level.WARN, "no preview"))
 CALM_AGAIN = (20.0, Level.OK, "optimal plans")
 
 
-def test_a_fault_that_is_told_and_gone_is_green(observe: Observe) -> None:
+def test_a_fault_that_is_reported_and_ends_is_green(observe: Observe) -> None:
     verdict = verdict_on(observe(*WARNED, CALM_AGAIN), observe)
     assert verdict.problem_text == ""
     assert verdict.figures["normal_after"] == 0.0
@@ -112,7 +112,7 @@ def test_silence_is_red(observe: Observe) -> None:
     assert verdict_on(observe(silent, reported=ReportPolicy.NEVER), observe).problem_text == ""
 
 
-def test_where_a_run_may_end_its_last_word_is_one(observe: Observe) -> None:
+def test_the_last_message_of_a_run_that_may_end_is_a_report(observe: Observe) -> None:
     silent = observe((0.0, Level.OK, "optimal plans"), ends=True)
     assert verdict_on(silent, observe).problems
     ended = replace(silent, ended="recorder ended with exit code 2")
@@ -121,7 +121,7 @@ def test_where_a_run_may_end_its_last_word_is_one(observe: Observe) -> None:
     assert list(verdict.counts) == ["recorder ended with exit code 2"]
 
 
-def test_a_word_in_between_is_enough_only_where_one_is_asked_for(observe: Observe) -> None:
+def test_one_report_is_enough_only_where_one_is_required(observe: Observe) -> None:
     words = (*WARNED, (13.0, Level.OK, "optimal plans"))
     assert verdict_on(observe(*words), observe).problem_text == "7 of 10 ticks without a report"
     assert verdict_on(observe(*words, reported=ReportPolicy.ONCE), observe).problem_text == ""
@@ -280,7 +280,7 @@ def test_the_command_makes_a_green_row_without_ros(tmp_path: Path) -> None:
     assert "preview_nan" in (tmp_path / "faults.md").read_text()
 
 
-def test_the_command_tells_red_from_green(tmp_path: Path) -> None:
+def test_a_missing_report_makes_the_command_fail(tmp_path: Path) -> None:
     mine = tmp_path / "mine.yaml"
     mine.write_text("cycles: [nycc]\nfaults: [{kind: slope_step, size: 0.001, reported: always}]\n")
     arguments = [

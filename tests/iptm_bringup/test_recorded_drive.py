@@ -18,7 +18,7 @@ def test_the_example_in_the_tree_is_the_one_that_the_command_makes(tmp_path: Pat
     assert example_gpx(2) != example_gpx(1)
 
 
-def test_a_drive_is_told_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_drive_is_described_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     picture = tmp_path / "drive.png"
     assert main(["show", str(EXAMPLE), "--picture", str(picture)]) == 0
     output = capsys.readouterr().out

@@ -62,7 +62,7 @@ def test_an_end_is_noticed_with_code_and_last_words(processes: Supervisor) -> No
     assert processes.names == ("chatty", "calm")
 
 
-def test_a_killed_process_is_told_apart(processes: Supervisor) -> None:
+def test_a_killed_process_is_reported_as_killed(processes: Supervisor) -> None:
     start(processes, "victim", "import os, signal; os.kill(os.getpid(), signal.SIGKILL)")
     until(lambda: not processes.is_running("victim"), "the end")
     assert processes.endings()[0].how == "was killed by signal 9 (SIGKILL)"

@@ -189,7 +189,7 @@ def test_faults_of_measurements_leave_the_true_leader_alone(
         (FaultKind.SOLVER_NOT_CONVERGED, SolveStatus.ITERATION_LIMIT),
     ],
 )
-def test_a_solver_fails_for_as_long_as_it_is_told_to(
+def test_a_solver_fails_for_as_long_as_the_fault_lasts(
     drive: Callable[..., ClosedLoopRun], kind: FaultKind, status: SolveStatus
 ) -> None:
     run = drive(Fault(kind, START, END - START))
@@ -257,8 +257,8 @@ def test_a_bias_adds_its_size_to_one_signal(kind: FaultKind) -> None:
     assert measured.leader is not None
     pairs = ((measured.state, true.state), (measured.leader, true.leader))
     differences = [
-        getattr(told_part, name) - value
-        for told_part, true_part in pairs
+        getattr(faulty_part, name) - value
+        for faulty_part, true_part in pairs
         for name, value in vars(true_part).items()
     ]
     changed = [difference for difference in differences if difference != 0.0]

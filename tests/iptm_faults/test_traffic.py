@@ -1,4 +1,4 @@
-"""Events on the road: a leader that moves as a car can, and predictions that know no more than it does."""
+"""Events on the road: a leader that moves as a car can, and predictions that contain no more than has begun."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_a_hard_stop_is_a_motion_of_a_car() -> None:
     assert list(np.flatnonzero(~same)) == [12]
 
 
-def test_a_prediction_tells_the_stop_from_its_beginning_on_and_not_before() -> None:
+def test_a_prediction_contains_the_stop_from_its_beginning_on_and_not_before() -> None:
     fault = Fault(FaultKind.LEADER_HARD_STOP, start_s=10.0, duration_s=8.0, size=8.0)
     leaders, previews = drive(Traffic([fault]), 60)
     assert np.array_equal(previews[9].positions_m, prediction(9.0).positions_m)

@@ -7,11 +7,11 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
-from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
 from rclpy.publisher import Publisher
 
 from iptm_core.errors import ScenarioError
+from iptm_interfaces.process import joined_node
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import TOPICS, Topic
 from iptm_recording.bag_reader import BagReader
@@ -50,24 +50,16 @@ def answer_steps(
     Raises:
         ScenarioError: the node does not come up, ends, or gives no answer to a step.
     """
-    context = Context()
-    context.init(args=[])
-    executor = EventsExecutor(context=context)
-    node = SuiteNode(NAME, context=context)
-    try:
-        executor.add_node(node)
-        with BagWriter(answers) as writer:
-            feed = _Feed(node, executor, outputs, names, writer, check_alive)
-            feed.wait_for_peers({topic for inputs in steps.values() for topic in inputs})
-            for number, (stamp_ns, inputs) in enumerate(steps.items(), start=1):
-                feed.take(stamp_ns, inputs, final_answer)
-                on_tick(number, len(steps))
-            feed.settle()
-    finally:
-        executor.remove_node(node)
-        node.destroy_node()
-        executor.shutdown()
-        context.try_shutdown()
+    with (
+        joined_node(lambda context: SuiteNode(NAME, context=context)) as (node, executor),
+        BagWriter(answers) as writer,
+    ):
+        feed = _Feed(node, executor, outputs, names, writer, check_alive)
+        feed.wait_for_peers({topic for inputs in steps.values() for topic in inputs})
+        for number, (stamp_ns, inputs) in enumerate(steps.items(), start=1):
+            feed.take(stamp_ns, inputs, final_answer)
+            on_tick(number, len(steps))
+        feed.settle()
 
 
 def copy_without_repeats(bag: Path, names: Sequence[str], copy: Path) -> Path:

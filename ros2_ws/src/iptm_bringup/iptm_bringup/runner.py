@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import rclpy
 import yaml
-from rclpy.context import Context
-from rclpy.experimental import EventsExecutor
-from rclpy.signals import SignalHandlerOptions
 from rich.console import Console
 from rich.text import Text
 
@@ -47,7 +43,7 @@ from iptm_bringup.viewer import live_view
 from iptm_core.declaration import Scalar
 from iptm_core.errors import IptmError
 from iptm_core.program import EXIT_OK, EXIT_SIGNAL, EXIT_USER_ERROR, print_error
-from iptm_interfaces.process import StopRequest
+from iptm_interfaces.process import StopRequest, joined_node
 from iptm_interfaces.topics import CONTROLLER, PLANT, Topic
 from iptm_recording.run_information import collect_run_information
 
@@ -129,7 +125,10 @@ def drive_processes(
 
     with (
         process_environment(environment),  # the runner takes part in the graph itself
-        _monitor(scenario.full_namespace, domain, scenario.foreign) as (monitor, executor),
+        joined_node(
+            lambda context: RunMonitor(scenario.full_namespace, context, scenario.foreign),
+            domain.number,
+        ) as (monitor, executor),
         Drive(
             supervisor,
             monitor,
@@ -200,31 +199,6 @@ class _ProcessStarter:
         text = parameter_file_text(node, parameters[node])
         path = self._folder.write_log(f"{node}_parameters.yaml", text)
         return node_command(node, path, self._namespace, self._faults)
-
-
-@contextmanager
-def _monitor(
-    namespace: str, domain: RunDomain, foreign: frozenset[str]
-) -> Iterator[tuple[RunMonitor, EventsExecutor]]:
-    context = Context()
-    rclpy.init(
-        args=[],
-        context=context,
-        domain_id=domain.number,
-        signal_handler_options=SignalHandlerOptions.NO,
-    )
-    try:
-        monitor = RunMonitor(namespace, context, foreign)
-        executor = EventsExecutor(context=context)
-        executor.add_node(monitor)
-        try:
-            yield monitor, executor
-        finally:
-            executor.remove_node(monitor)
-            monitor.destroy_node()
-            executor.shutdown()
-    finally:
-        context.try_shutdown()
 
 
 def _report(

@@ -16,11 +16,14 @@ import os
 import signal
 import sys
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
+from typing import TypeVar
 
 import rclpy
+from rclpy.context import Context
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
@@ -32,6 +35,8 @@ from iptm_core.errors import IptmError
 from iptm_core.program import EXIT_OK, print_error, refused
 from iptm_interfaces.discovery import middleware_settings
 from iptm_interfaces.suite_node import SuiteNode
+
+AnyNode = TypeVar("AnyNode", bound=SuiteNode)
 
 EXIT_DEFECT = 1
 _SPIN_TIMEOUT_S = 0.1
@@ -103,6 +108,37 @@ def run_node(
         rclpy.try_shutdown()
         return EXIT_DEFECT
     return _spin(node, stop, program)
+
+
+@contextmanager
+def joined_node(
+    factory: Callable[[Context], AnyNode], domain: int | None = None
+) -> Iterator[tuple[AnyNode, EventsExecutor]]:
+    """Take part in a domain with a node in a context of its own; the caller spins it and handles signals.
+
+    Args:
+        factory: builds the node.
+        domain: ROS domain, None for that of the environment.
+    """
+    context = Context()
+    rclpy.init(
+        args=[],
+        context=context,
+        domain_id=domain,
+        signal_handler_options=SignalHandlerOptions.NO,
+    )
+    try:
+        node = factory(context)
+        executor = EventsExecutor(context=context)
+        executor.add_node(node)
+        try:
+            yield node, executor
+        finally:
+            executor.remove_node(node)
+            node.destroy_node()
+            executor.shutdown()
+    finally:
+        context.try_shutdown()
 
 
 def _spin(node: SuiteNode, stop: StopRequest, program: str) -> int:

@@ -12,17 +12,15 @@ import socket
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, closing, contextmanager
+from collections.abc import Mapping
+from contextlib import ExitStack, closing
 from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
-import rclpy
 from nav_msgs.msg import Odometry
 from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
-from rclpy.signals import SignalHandlerOptions
 from rich.console import Console
 from rich.table import Table
 from rosgraph_msgs.msg import Clock
@@ -38,7 +36,7 @@ from iptm_core.state import NS_PER_S
 from iptm_interfaces.codecs import ns_from_time
 from iptm_interfaces.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
 from iptm_interfaces.discovery import middleware_settings, reserve_domain
-from iptm_interfaces.process import StopRequest
+from iptm_interfaces.process import StopRequest, joined_node
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
 from iptm_traffic import cli
@@ -204,16 +202,6 @@ def write_scenario(
     return file
 
 
-@contextmanager
-def _joined(domain: int) -> Iterator[Context]:
-    context = Context()
-    rclpy.init(context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
-    try:
-        yield context
-    finally:
-        context.try_shutdown()
-
-
 def _free_port() -> int:
     with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as taken:
         taken.bind(("127.0.0.1", 0))
@@ -245,14 +233,16 @@ def drive_over_ros(
         line = build_route(road, initial_gap_m=parameters.gap.initial_gap_m).road_line
         radio = TrafficRadio(simulation, line, rehearsal, with_roadside=drive.signals_by_radio)
         domain, port = stack.enter_context(reserve_domain()), _free_port()
-        context = stack.enter_context(_joined(domain))
-        node = TrafficNode(context, drive, parameters, simulation, radio, port)
+        joined = joined_node(
+            lambda context: TrafficNode(context, drive, parameters, simulation, radio, port), domain
+        )
+        node, executor = stack.enter_context(joined)
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="iptm_traffic_")))
         bridge = bridge_parameters(drive, simulation.network, port)
         scenario = str(write_scenario(drive, road, bridge, folder))
         command = [sys.executable, "-m", RUN, scenario, "--domain", str(domain)]
         command += ["--parameter-set", parameter_set, "--output", str(bag)]
-        code = _run_with(node, command, stop)
+        code = _run_during(executor, command, stop)
         if code != EXIT_OK:
             return code
         facts = node.world.facts(radio.sent)
@@ -287,10 +277,8 @@ def write_road(road: EgoRoad, file: Path) -> None:
         raise ScenarioError(f"the road cannot be written to {file}: {reason}") from reason
 
 
-def _run_with(node: TrafficNode, command: list[str], stop: StopRequest) -> int:
+def _run_during(executor: EventsExecutor, command: list[str], stop: StopRequest) -> int:
     """Run a command while a node takes part; signals reach it as well, or are passed on."""
-    executor = EventsExecutor(context=node.context)
-    executor.add_node(node)
     process = subprocess.Popen(command)  # noqa: S603
     forwarded = False
     try:
@@ -304,9 +292,6 @@ def _run_with(node: TrafficNode, command: list[str], stop: StopRequest) -> int:
         if process.poll() is None:
             process.kill()
             process.wait()
-        executor.remove_node(node)
-        node.destroy_node()
-        executor.shutdown()
 
 
 def main() -> int:
