@@ -1,4 +1,4 @@
-"""Events on the road: a leader that moves as a car can, and predictions that contain no more than has begun."""
+"""Events on the road: a leader that moves as a car can, and predictions without what has not begun."""
 
 from __future__ import annotations
 

@@ -13,23 +13,22 @@ from typing import Any
 
 import numpy as np
 
+from iptm.bags import load
 from iptm.run import Run
 from iptm_bringup.monitor import heard_by_stamp
 from iptm_bringup.scenario import Scenario
 from iptm_bringup.scenario_files import scenario_text
 from iptm_bringup.summary import OWN_AGING, PAPER_AGING, Summary, summarise
-from iptm_core.decision_record import DecisionSeries
 from iptm_core.declaration import parameter_specs, plain
-from iptm_core.errors import MissingTopicError
 from iptm_core.metrics import FIGURES, RunMetrics
 from iptm_core.settings import LeaderSource
 from iptm_core.trajectory import Trajectory
 from iptm_interfaces.assembly import assemble_decisions, assemble_run, split_trips, unpublished
 from iptm_interfaces.codecs import s_from_ns, stamp_ns_of
 from iptm_interfaces.topics import PLANT, TICK_TOPICS, TOPICS, Topic
-from iptm_recording.bag_reader import BagReader, read_model_parameters
+from iptm_recording.bag_reader import BagReader
 from iptm_recording.run_information import RunInformation, stored_losses
-from iptm_recording.trajectory_reader import leader_remark, read_decisions, read_trajectory
+from iptm_recording.trajectory_reader import leader_remark
 
 Heard = Mapping[Topic, Sequence[bytes]]
 """Serialised messages by topic, in order of arrival."""
@@ -118,12 +117,9 @@ def evaluate(
         if assembled.incomplete:
             found.append(f"the runner missed messages of {len(assembled.incomplete)} ticks")
     else:
-        trajectory = read_trajectory(bag, namespace)
-        try:
-            decisions = read_decisions(bag, namespace)
-        except MissingTopicError:  # a controller that does not report them
-            decisions = DecisionSeries.from_records([], [])
-        parameters, _ = read_model_parameters(bag)
+        recorded = load(bag, namespace)
+        trajectory, decisions = recorded.trajectory, recorded.decisions
+        parameters = recorded.parameters
         if parameters != scenario.vehicle.values:
             found.append("the model parameters in the bag are not those of the scenario")
         with BagReader(bag) as reader:

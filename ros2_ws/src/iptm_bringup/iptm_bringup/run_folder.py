@@ -34,6 +34,10 @@ class RunFolder:
         given: the folder as the user wrote it.
         output: its absolute path; a rosbag2 bag if the run is recorded.
         logs: folder of the logs in it.
+        picture: path of the picture.
+        report: path of the page of the run.
+        results: path of the results.
+        reference: path of the trajectory of the run that this one is compared with.
     """
 
     def __init__(self, given: Path, *, numbered: bool = False) -> None:
@@ -57,6 +61,10 @@ class RunFolder:
             self.given = _created(given, numbered=numbered)
             self.output = self.given.absolute()
             self.logs = self.output / LOGS
+            self.picture = self.output / PICTURE
+            self.report = self.output / REPORT
+            self.results = self.output / RESULTS
+            self.reference = self.output / REFERENCE
             self.logs.mkdir()
         except OSError as error:
             where = shown(str(given.parent))
@@ -66,26 +74,6 @@ class RunFolder:
     def of_run(cls, given: Path | None, name: str) -> RunFolder:
         """Create the folder that the user named, or one named after the run."""
         return cls(given) if given is not None else cls(default_output(name), numbered=True)
-
-    @property
-    def picture(self) -> Path:
-        """Path of the picture."""
-        return self.output / PICTURE
-
-    @property
-    def report(self) -> Path:
-        """Path of the page of the run."""
-        return self.output / REPORT
-
-    @property
-    def results(self) -> Path:
-        """Path of the results."""
-        return self.output / RESULTS
-
-    @property
-    def reference(self) -> Path:
-        """Path of the trajectory of the run that this one is compared with."""
-        return self.output / REFERENCE
 
     def log_path(self, name: str) -> Path:
         """Return the file for the output of a process."""
