@@ -12,7 +12,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rosgraph_msgs.msg import Clock
 
 from iptm.run import Run
-from iptm_bringup.composition import Listeners, node_parameters, run_information
+from iptm_bringup.composition import node_parameters, run_information
 from iptm_bringup.scenario import Scenario, prepare
 from iptm_core.decision_record import DecisionRecord
 from iptm_core.metrics import RunMetrics
@@ -67,7 +67,7 @@ def write_bag(heard: Heard, scenario: Scenario) -> Callable[..., Path]:
     """Write the bag of the run; `drop` leaves out a message by (topic, row)."""
 
     def write(folder: Path, drop: tuple[Topic, int] | None = None) -> Path:
-        described = run_information(scenario, node_parameters(scenario, Listeners()))
+        described = run_information(scenario, node_parameters(scenario))
         information = collect_run_information(
             scenario=described["scenario"], seed=3, parameters=described["parameters"]
         )

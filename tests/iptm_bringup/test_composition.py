@@ -15,7 +15,6 @@ from rclpy.utilities import remove_ros_args
 
 from iptm_bringup.composition import (
     MODULES,
-    Listeners,
     node_command,
     node_parameters,
     parameter_file_text,
@@ -42,7 +41,7 @@ NODES: dict[str, type[Any]] = {
 @pytest.mark.parametrize("node", NODES)
 def test_nodes_have_the_parameters_that_they_are_given(node: str, scenario: Scenario) -> None:
     specs = {spec.name: spec for spec in parameter_specs(NODES[node])}
-    for name, value in node_parameters(scenario, Listeners())[node].items():
+    for name, value in node_parameters(scenario)[node].items():
         assert plain(checked_value(specs[name], value)) == value
         assert type(value) in {bool, int, float, str}
 
@@ -59,7 +58,7 @@ def test_values_arrive_and_the_bridge_starts_where_the_model_does() -> None:
         parameter_overrides="gap.initial_gap_m=22",
         node_parameters={CONTROLLER: {"tolerance": 1e-6}},
     )
-    parameters = node_parameters(prepare(scenario), Listeners())
+    parameters = node_parameters(prepare(scenario))
     assert parameters[PLANT]["cycle"] == parameters[BRIDGE]["cycle"] == "us06"
     assert parameters[BRIDGE]["initial_gap_m"] == 22.0
     assert parameters[BRIDGE]["seed"] == 9
@@ -70,15 +69,15 @@ def test_values_arrive_and_the_bridge_starts_where_the_model_does() -> None:
 @pytest.mark.parametrize(
     ("listeners", "plant", "bridge"),
     [
-        (Listeners(), 3, 2),
-        (Listeners(recorder=False), 2, 1),
-        (Listeners(foreign_to_state=2, foreign_to_preview=1), 5, 3),
+        ({}, 3, 2),
+        ({"recorder": False}, 2, 1),
+        ({"to_state": 2, "to_preview": 1}, 5, 3),
     ],
 )
 def test_all_listeners_are_counted(
-    scenario: Scenario, listeners: Listeners, plant: int, bridge: int
+    scenario: Scenario, listeners: dict[str, int], plant: int, bridge: int
 ) -> None:
-    parameters = node_parameters(scenario, listeners)
+    parameters = node_parameters(scenario, **listeners)
     assert parameters[PLANT]["expected_peers"] == plant
     assert parameters[BRIDGE]["expected_peers"] == bridge
 
@@ -127,7 +126,7 @@ def test_the_recorder_understands_its_command() -> None:
 
 
 def test_the_bag_holds_everything_about_the_run(scenario: Scenario, tmp_path: Path) -> None:
-    described = run_information(scenario, node_parameters(scenario, Listeners()))
+    described = run_information(scenario, node_parameters(scenario))
     path = tmp_path / "information.yaml"
     path.write_text(yaml.safe_dump(described, sort_keys=False), encoding="utf-8")
     information = load_run_information(path)

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from iptm_bringup.composition import (
     INJECTOR,
-    Listeners,
     node_command,
     node_parameters,
-    with_faults,
 )
 from iptm_bringup.scenario import prepare
 from iptm_bringup.scenario_files import load_scenario, scenario_text
@@ -27,8 +26,7 @@ OF_PROCESS = Fault(FaultKind.PROCESS_KILLED, 60.0)
 
 
 def parameters_with(*faults: Fault) -> dict[str, dict[str, object]]:
-    scenario = prepare(load_scenario())
-    return with_faults(node_parameters(scenario, Listeners()), faults)
+    return node_parameters(replace(prepare(load_scenario()), faults=faults))
 
 
 def test_a_scenario_file_lists_faults_and_is_written_back(tmp_path: Path) -> None:

@@ -9,7 +9,6 @@ import json
 import sys
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -66,32 +65,24 @@ _REMAPPED: Mapping[str, Mapping[str, str]] = {
 """Topics of nodes that are routed through the injector if there is one, by node and name."""
 
 
-@dataclass(frozen=True)
-class Listeners:
-    """Participants of the run in addition to the three nodes.
-
-    Attributes:
-        recorder: a recorder will join.
-        foreign_to_state: number of other nodes (such as a viewer) already subscribed to state and clock.
-        foreign_to_preview: number of other nodes already subscribed to the leader and its preview.
-    """
-
-    recorder: bool = True
-    foreign_to_state: int = 0
-    foreign_to_preview: int = 0
-
-
-def node_parameters(scenario: Scenario, listeners: Listeners) -> dict[str, dict[str, Scalar]]:
-    """Return the parameters of each node.
+def node_parameters(
+    scenario: Scenario, *, recorder: bool = True, to_state: int = 0, to_preview: int = 0
+) -> dict[str, dict[str, Scalar]]:
+    """Return the parameters of each node, the injector's among them if a fault acts on topics.
 
     No message may be lost, so plant and bridge are given the number of listeners to
     wait for: the runner and the recorder, and the controller (to the odometry and the preview) or the
     bridge (to the clock).
+
+    Args:
+        scenario: the run.
+        recorder: whether a recorder will join.
+        to_state: number of other nodes (such as a viewer) already subscribed to state and clock.
+        to_preview: number of other nodes already subscribed to the leader and its preview.
     """
-    recorder, runner = int(listeners.recorder), 1
     # A controller of the user need not subscribe to previews; it may already subscribe to the state.
     is_foreign = CONTROLLER in scenario.foreign
-    controller = 1 - int(is_foreign and listeners.foreign_to_state > 0)
+    controller = 1 - int(is_foreign and to_state > 0)
     # A bridge on received messages also subscribes to the odometry; in lock-step their sender to the clock.
     # One that keeps the rules of the road without messages subscribes to both.
     of_bridge, road = scenario.node_parameters.get(BRIDGE, {}), scenario.road
@@ -99,17 +90,15 @@ def node_parameters(scenario: Scenario, listeners: Listeners) -> dict[str, dict[
     is_cam = road.leader_source is LeaderSource.CAM
     bridge = int(in_step if is_cam else road.keeps_rules)
     peers: dict[str, dict[str, Scalar]] = {
-        PLANT: {
-            "expected_peers": controller + recorder + runner + bridge + listeners.foreign_to_state
-        },
+        # One of them is the runner, which does not subscribe to previews.
+        PLANT: {"expected_peers": 1 + controller + recorder + bridge + to_state},
         BRIDGE: {
             "initial_gap_m": scenario.vehicle.values.gap.initial_gap_m,
-            # The runner does not subscribe to previews.
-            "expected_peers": 1 - is_foreign + recorder + listeners.foreign_to_preview,
+            "expected_peers": 1 - is_foreign + recorder + to_preview,
         },
         CONTROLLER: {"trip_duration_s": scenario.trip.duration_s},
     }
-    return {
+    parameters = {
         node: {
             **{name: plain(getattr(scenario, name)) for name in names_for(node)},
             **peers[node],
@@ -117,23 +106,16 @@ def node_parameters(scenario: Scenario, listeners: Listeners) -> dict[str, dict[
         }
         for node in NODES
     }
-
-
-def with_faults(
-    parameters: Mapping[str, Mapping[str, Scalar]], faults: Sequence[Fault]
-) -> dict[str, dict[str, Scalar]]:
-    """Return the parameters of each node of a run with faults, the injector's among them if there is one."""
-    changed = {node: dict(given) for node, given in parameters.items()}
     for place, (node, _) in FAULTY_NODES.items():
-        if inside := at_places(faults, place):
-            changed[node]["faults"] = json.dumps(plain_faults(inside))
-    if needs_injector(faults):
-        own = json.dumps(plain_faults(at_places(faults, *_TOPIC_PLACES)))
+        if inside := at_places(scenario.faults, place):
+            parameters[node]["faults"] = json.dumps(plain_faults(inside))
+    if needs_injector(scenario.faults):
+        own = json.dumps(plain_faults(at_places(scenario.faults, *_TOPIC_PLACES)))
         # The injector sits between bridge and controller: the recorder keeps the unmodified preview.
-        listeners = int(changed[BRIDGE]["expected_peers"]) - 1
-        changed[INJECTOR] = {"faults": own, "expected_peers": listeners}
-        changed[BRIDGE]["expected_peers"] = 1
-    return changed
+        listeners = int(parameters[BRIDGE]["expected_peers"]) - 1
+        parameters[INJECTOR] = {"faults": own, "expected_peers": listeners}
+        parameters[BRIDGE]["expected_peers"] = 1
+    return parameters
 
 
 def needs_injector(faults: Sequence[Fault]) -> bool:

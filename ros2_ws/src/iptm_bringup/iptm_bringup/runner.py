@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,13 +16,11 @@ from rich.text import Text
 from iptm_bringup.comparison import NO_COMPARISON, drive_comparison, save_comparison
 from iptm_bringup.composition import (
     RECORDER,
-    Listeners,
     node_command,
     node_parameters,
     parameter_file_text,
     recorder_command,
     run_information,
-    with_faults,
 )
 from iptm_bringup.drive import IMPOSSIBLE_GAP_M, Drive, DriveOutcome, DriveResult, unclean_ends
 from iptm_bringup.environment import (
@@ -156,49 +154,49 @@ class _ProcessStarter:
     """Writes the files that the processes need and gives the commands to start them."""
 
     def __init__(self, folder: RunFolder, scenario: Scenario, options: RunOptions) -> None:
-        self._folder = folder
-        self._scenario = scenario
-        self._options = options
-        self._namespace = scenario.full_namespace
-        self._faults = scenario.faults
+        self._folder, self._scenario, self._options = folder, scenario, options
 
     def first(self) -> dict[str, list[str]]:
         """Return the commands that do not depend on the listeners; they take longest to start."""
-        parameters = self._parameters(Listeners(self._options.record))
-        commands = {node: self._node(node, parameters) for node in parameters if node == CONTROLLER}
+        parameters = self._parameters()
+        commands = self._nodes({CONTROLLER} & parameters.keys(), parameters)
         if self._options.record:
             text = yaml.safe_dump(run_information(self._scenario, parameters), sort_keys=False)
             path = self._folder.write_log("run_information.yaml", text)
             # As the user wrote it: the recorder's diagnostics name it, and they go into the bag.
             commands[RECORDER] = recorder_command(
-                self._folder.given, path, self._options.compression, self._namespace
+                self._folder.given,
+                path,
+                self._options.compression,
+                self._scenario.full_namespace,
             )
         return commands
 
     def then(self, monitor: RunMonitor) -> dict[str, list[str]]:
         """Return the commands of the nodes that need the number of listeners."""
-        listeners = Listeners(
-            self._options.record,
-            foreign_to_state=monitor.foreign_listeners(Topic.PLANT_ODOMETRY, Topic.CLOCK),
-            foreign_to_preview=monitor.foreign_listeners(Topic.LEADER, Topic.LEADER_PREVIEW),
+        parameters = self._parameters(
+            to_state=monitor.foreign_listeners(Topic.PLANT_ODOMETRY, Topic.CLOCK),
+            to_preview=monitor.foreign_listeners(Topic.LEADER, Topic.LEADER_PREVIEW),
         )
-        parameters = self._parameters(listeners)
-        nodes = [node for node in parameters if node != CONTROLLER]
-        return {node: self._node(node, parameters) for node in nodes}
+        return self._nodes([node for node in parameters if node != CONTROLLER], parameters)
 
-    def _parameters(self, listeners: Listeners) -> dict[str, dict[str, Scalar]]:
+    def _parameters(self, **listeners: int) -> dict[str, dict[str, Scalar]]:
         """Return the parameters of the nodes that are started here."""
-        parameters = with_faults(node_parameters(self._scenario, listeners), self._faults)
+        found = node_parameters(self._scenario, recorder=self._options.record, **listeners)
         return {
-            node: values
-            for node, values in parameters.items()
-            if node not in self._scenario.foreign
+            node: values for node, values in found.items() if node not in self._scenario.foreign
         }
 
-    def _node(self, node: str, parameters: Mapping[str, Mapping[str, Scalar]]) -> list[str]:
-        text = parameter_file_text(node, parameters[node])
-        path = self._folder.write_log(f"{node}_parameters.yaml", text)
-        return node_command(node, path, self._namespace, self._faults)
+    def _nodes(
+        self, nodes: Iterable[str], parameters: Mapping[str, Mapping[str, Scalar]]
+    ) -> dict[str, list[str]]:
+        commands = {}
+        for node in nodes:
+            text = parameter_file_text(node, parameters[node])
+            path = self._folder.write_log(f"{node}_parameters.yaml", text)
+            namespace, faults = self._scenario.full_namespace, self._scenario.faults
+            commands[node] = node_command(node, path, namespace, faults)
+        return commands
 
 
 def _report(

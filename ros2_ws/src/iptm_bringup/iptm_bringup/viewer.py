@@ -14,7 +14,7 @@ import yaml
 from rich.console import Console
 
 from iptm_bringup.comparison import NO_COMPARISON
-from iptm_bringup.composition import Listeners, node_parameters, run_information
+from iptm_bringup.composition import node_parameters, run_information
 from iptm_bringup.environment import environment_of_run
 from iptm_bringup.scenario import Scenario
 from iptm_bringup.supervisor import Supervisor
@@ -52,7 +52,7 @@ def live_view(
     supervisor = Supervisor(
         environment_of_run(domain, logs / "ros"), lambda name: logs / f"{name}.log"
     )
-    known = run_information(scenario, node_parameters(scenario, Listeners()))
+    known = run_information(scenario, node_parameters(scenario))
     file = logs / "view_information.yaml"
     file.write_text(yaml.safe_dump(known, sort_keys=False), encoding="utf-8")
     recorded = [bag for bag in bags.values() if bag is not None]
