@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +13,6 @@ from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 
 from iptm_bringup.composition import (
-    MODULES,
-    node_command,
     node_parameters,
     parameter_file_text,
     recorder_command,
@@ -44,10 +41,6 @@ def test_nodes_have_the_parameters_that_they_are_given(node: str, scenario: Scen
     for name, value in node_parameters(scenario)[node].items():
         assert plain(checked_value(specs[name], value)) == value
         assert type(value) in {bool, int, float, str}
-
-
-def test_modules_exist() -> None:
-    assert all(importlib.util.find_spec(module) for module in MODULES.values())
 
 
 def test_values_arrive_and_the_bridge_starts_where_the_model_does() -> None:
@@ -108,12 +101,6 @@ def test_ros_reads_parameter_files_as_they_are_meant(tmp_path: Path) -> None:
     assert {name: type(value) for name, value in found.items()} == {
         name: type(value) for name, value in values.items()
     }
-
-
-def test_commands_carry_the_namespace() -> None:
-    plain = node_command(PLANT, Path("p.yaml"), "/")
-    assert plain[1:] == ["-m", "iptm_plant_sim.node", "--ros-args", "--params-file", "p.yaml"]
-    assert node_command(PLANT, Path("p.yaml"), "/car_1")[4:6] == ["-r", "__ns:=/car_1"]
 
 
 def test_the_recorder_understands_its_command() -> None:

@@ -7,17 +7,7 @@ from pathlib import Path
 import pytest
 
 from iptm_bringup.run_closed_loop import build_parser, chosen_scenario, main
-from iptm_bringup.scenario import Scenario
 from iptm_bringup.scenario_files import shipped_scenarios
-from iptm_core.declaration import parameter_specs
-
-
-def test_every_field_of_a_scenario_is_an_option() -> None:
-    text = build_parser().format_help()
-    for spec in parameter_specs(Scenario):
-        assert f"--{spec.name.replace('_', '-')} " in text
-    for option in ("--output", "--no-record", "--no-picture", "--set", "--list"):
-        assert option in text
 
 
 def test_options_reach_the_scenario() -> None:
