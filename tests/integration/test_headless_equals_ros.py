@@ -17,7 +17,7 @@ from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.trajectory_reader import read_decisions, read_trajectory
 from iptm_studies.run import perform_run
-from iptm_studies.run_spec import PreviewSpec, RunSpec
+from iptm_studies.run_spec import RunSpec
 from iptm_studies.study import planned_run
 
 TICKS = 120
@@ -33,9 +33,11 @@ IMPERFECT = RunSpec(
     horizon="15x1",
     parameter_set="textbook_cell",
     overrides=(("body.mass_kg", 1600.0), ("gap.max_gap_m", 80.0)),
-    preview=PreviewSpec(
-        latency_s=2.0, dropout_probability=0.3, dropout_burst=3, noise_std_m_s=1.0, seed=11
-    ),
+    latency_s=2.0,
+    dropout_probability=0.3,
+    dropout_burst=3,
+    noise_std_m_s=1.0,
+    seed=11,
 )
 
 
@@ -60,7 +62,7 @@ def options_of(spec: RunSpec) -> list[str]:
         "parameter-overrides": ",".join(f"{key}={value!r}" for key, value in spec.overrides),
         "strategy": spec.strategy.name,
         "horizon": spec.horizon,
-        "solver": spec.solver.name,
+        "solver": spec.solver,
         **{
             name.replace("_", "-"): plain(value)
             for group in (spec.bridge_settings(), spec.road)

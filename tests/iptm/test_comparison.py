@@ -11,7 +11,7 @@ import iptm
 from iptm.compare_cli import main
 from iptm_recording.trajectory_reader import read_decisions, read_trajectory
 from iptm_studies.run import perform_run
-from iptm_studies.run_spec import RunSpec, SolverSpec
+from iptm_studies.run_spec import RunSpec
 from iptm_studies.store import ResultStore
 from iptm_studies.study import planned_run
 
@@ -100,9 +100,7 @@ def test_a_mistake_is_one_line(mistake, message: str) -> None:  # type: ignore[n
 
 
 def test_a_stored_run_is_the_same_object(runs: list[iptm.Run], tmp_path: Path) -> None:
-    spec = RunSpec(
-        cycle="us06", duration_s=5.0, horizon="2x1", solver=SolverSpec(compile_code=False)
-    )
+    spec = RunSpec(cycle="us06", duration_s=5.0, horizon="2x1", compile_code=False)
     done = perform_run(planned_run(spec))
     run = iptm.load(ResultStore(tmp_path).save(done))
     assert run.frame["position_m"].tolist() == done.trajectory.position_m.tolist()

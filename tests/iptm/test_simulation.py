@@ -42,17 +42,11 @@ class Constant:
 
 def test_a_simulation_is_the_run_of_a_study(run: iptm.Run) -> None:
     spec = RunSpec(
-        cycle="us06", parameter_set="paper_calibrated", **{**SHORT, "solver": run_solver()}
+        cycle="us06", parameter_set="paper_calibrated", duration_s=30.0, compile_code=False
     )
     done = perform_run(planned_run(spec))
     for name, values in done.trajectory.to_arrays().items():
         assert np.array_equal(values, run.trajectory.to_arrays()[name], equal_nan=True), name
-
-
-def run_solver() -> Any:
-    from iptm_studies.run_spec import SolverSpec  # noqa: PLC0415
-
-    return SolverSpec(compile_code=False)
 
 
 def test_the_frame_has_a_row_per_tick_and_units_in_its_names(run: iptm.Run) -> None:

@@ -81,7 +81,7 @@ def test_the_best_weights_are_taken(campaign: Campaign, make_run: MakeRun) -> No
     (new,) = campaign.take()
     assert new.address == "table/best_without_preview"
     assert new.spec.strategy.aging_weight == 2e7
-    assert new.spec.preview.preview_mode is PreviewMode.NONE
+    assert new.spec.preview_mode is PreviewMode.NONE
     found = states(campaign)
     assert found["table/best"].key == second.key, "the best run itself, not computed again"
     assert found["table/best"].reason == ""

@@ -37,7 +37,6 @@ from iptm_studies.real_cars.simplifications import (
     too_large,
 )
 from iptm_studies.run import perform_run
-from iptm_studies.run_spec import SolverSpec
 from iptm_studies.study import Case, planned_run
 
 I3 = "bmw_i3"
@@ -155,8 +154,7 @@ def test_page_names_simplifications_that_cost_too_much(trips: list[str]) -> None
 
 def test_the_controller_may_have_the_model_of_another_car() -> None:
     """A controller with a heavier model decides otherwise; the vehicle is the same."""
-    solver = SolverSpec(compile_code=False)
-    spec = spec_of(CYCLE, DEFAULT, I3, 25.0, duration_s=4.0, solver=solver)
+    spec = spec_of(CYCLE, DEFAULT, I3, 25.0, duration_s=4.0, compile_code=False)
     heavier = replace(spec, controller_overrides=(("body.mass_kg", 3000.0),))
     own, other = (perform_run(planned_run(each)) for each in (spec, heavier))
     assert own.key != other.key

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from iptm_studies.run import Run, controller_options, perform_run
-from iptm_studies.run_spec import RunKind, RunSpec, SolverSpec
+from iptm_studies.run_spec import RunKind, RunSpec
 from iptm_studies.study import Case, planned_run
 
 AssertSame = Callable[[Run, Run], None]
@@ -28,14 +28,15 @@ def test_solvers_that_carry_multipliers_start_anew(assert_same: AssertSame) -> N
         cycle="us06",
         duration_s=8.0,
         horizon="3x1+5x5",
-        solver=SolverSpec(name="ipopt", max_iterations=30),
+        solver="ipopt",
+        max_iterations=30,
     )
     inputs = planned_run(spec)
     assert_same(perform_run(inputs), perform_run(inputs))
 
 
 def test_the_specification_reaches_the_controller() -> None:
-    spec = RunSpec(horizon="3x1+5x5", solver=SolverSpec("ipopt", 1e-7, 77), tick_s=0.5)
+    spec = RunSpec(horizon="3x1+5x5", solver="ipopt", tolerance=1e-7, max_iterations=77, tick_s=0.5)
     options = controller_options(spec, 300.0)
     assert str(options.horizon) == "3x1+5x5"
     assert options.strategy is spec.strategy

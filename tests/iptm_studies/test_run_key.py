@@ -10,7 +10,7 @@ from iptm_controller.strategy import STRATEGIES
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters import DEFAULT_SET
 from iptm_studies import study
-from iptm_studies.run_spec import PreviewSpec, RunKind, RunSpec, SolverSpec
+from iptm_studies.run_spec import RunKind, RunSpec
 from iptm_studies.study import code_fingerprint, normalised_source, planned_run, source_files
 
 BASE = RunSpec(cycle="us06", duration_s=60.0)
@@ -32,9 +32,9 @@ def key_of(spec: RunSpec) -> str:
         {"strategy": replace(STRATEGIES["aging"], aging_weight=1.0000000000000002e9)},
         {"aging_law": "nca"},
         {"horizon": "16x1"},
-        {"solver": SolverSpec(tolerance=2e-5)},
-        {"preview": PreviewSpec(seed=1, noise_std_m_s=1.0)},
-        {"preview": PreviewSpec(preview_length_s=61.0)},
+        {"tolerance": 2e-5},
+        {"seed": 1, "noise_std_m_s": 1.0},
+        {"preview_length_s": 61.0},
         {"tick_s": 0.5},
         {"plant_step_s": 0.1},
     ],
@@ -49,7 +49,7 @@ def test_every_number_counts(changes: dict[str, Any]) -> None:
         {"strategy": replace(STRATEGIES["aging"], name="proposed")},
         {"overrides": (("body.mass_kg", 1432.0),)},  # equal to the value of the set
         {"horizon": "15x1.0"},
-        {"preview": PreviewSpec(preview_length_s=60.0)},  # what the horizon asks for anyway
+        {"preview_length_s": 60.0},  # what the horizon asks for anyway
     ],
 )
 def test_names_do_not_count(changes: dict[str, Any]) -> None:

@@ -12,7 +12,7 @@ from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.settings import PreviewMode, PreviewSettings
 from iptm_faults.fault import Fault
 from iptm_faults.kinds import FaultKind
-from iptm_studies.run_spec import PreviewSpec, RunKind, RunSpec, SolverSpec, canonical_json
+from iptm_studies.run_spec import RunKind, RunSpec, canonical_json
 from iptm_studies.study import planned_run
 
 VARIED = RunSpec(
@@ -24,8 +24,12 @@ VARIED = RunSpec(
     overrides=(("gap.max_gap_m", 80.0), ("body.mass_kg", 1500.0)),
     strategy=STRATEGIES["energy_aging"],
     horizon="3x1+5x5",
-    solver=SolverSpec("ipopt", 1e-6, 99),
-    preview=PreviewSpec(noise_std_m_s=1.0, latency_s=2.0, seed=7),
+    solver="ipopt",
+    tolerance=1e-6,
+    max_iterations=99,
+    noise_std_m_s=1.0,
+    latency_s=2.0,
+    seed=7,
     tick_s=0.5,
     plant_step_s=0.1,
     charging_minute_kwh=0.25,
@@ -51,11 +55,11 @@ def test_equal_runs_have_equal_text() -> None:
         (lambda: RunSpec(plant_step_s=-1.0), "plant_step_s is -1"),
         (lambda: RunSpec(duration_s=float("inf")), "duration_s is inf"),
         (lambda: RunSpec(slope="steep"), "slope is 'steep'.* as_designed"),
-        (lambda: RunSpec(preview=PreviewSpec(preview_step_s=90.0)), "preview_step_s is 90"),
-        (lambda: SolverSpec("simplex"), "name is 'simplex'.*; allowed: one of riccati, "),
-        (lambda: SolverSpec(tolerance=0.0), "tolerance is 0.0 .*; allowed: "),
-        (lambda: PreviewSpec(dropout_probability=1.5), "dropout_probability is 1.5 .* 0 to 1"),
-        (lambda: PreviewSpec(preview_length_s=0.5), "preview_length_s is 0.5 .* 1 to 3600"),
+        (lambda: RunSpec(preview_step_s=90.0), "preview_step_s is 90"),
+        (lambda: RunSpec(solver="simplex"), "solver is 'simplex'.*; allowed: one of riccati, "),
+        (lambda: RunSpec(tolerance=0.0), "tolerance is 0.0 .*; allowed: "),
+        (lambda: RunSpec(dropout_probability=1.5), "dropout_probability is 1.5 .* 0 to 1"),
+        (lambda: RunSpec(preview_length_s=0.5), "preview_length_s is 0.5 .* 1 to 3600"),
     ],
 )
 def test_bad_values_are_refused(build: Callable[[], object], complaint: str) -> None:
@@ -79,11 +83,11 @@ def test_foreign_content_is_refused(content: dict[str, Any]) -> None:
 
 
 def test_preview_covers_the_horizon_and_its_own_age() -> None:
-    assert PreviewSpec().settings(15.0) == PreviewSettings()
-    assert PreviewSpec(latency_s=4.0).settings(183.0).preview_length_s == 217.0
-    assert PreviewSpec(preview_length_s=20.0).settings(183.0).preview_length_s == 20.0
-    preview = PreviewSpec(preview_mode=PreviewMode.NONE)
-    settings = RunSpec(horizon="3x1+12x15", preview=preview).bridge_settings()
+    assert RunSpec().bridge_settings() == PreviewSettings()
+    late = RunSpec(horizon="3x1+12x15", latency_s=4.0)
+    assert late.bridge_settings().preview_length_s == 217.0
+    assert replace(late, preview_length_s=20.0).bridge_settings().preview_length_s == 20.0
+    settings = RunSpec(horizon="3x1+12x15", preview_mode=PreviewMode.NONE).bridge_settings()
     assert settings.preview_mode is PreviewMode.NONE
     assert settings.preview_length_s == 213.0
 

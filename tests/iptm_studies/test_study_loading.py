@@ -44,7 +44,7 @@ cases:
     assert first.spec.strategy == STRATEGIES["reference"]
     assert first.spec.overrides == (("body.mass_kg", 1500.0),)
     assert last.spec.overrides == (("body.mass_kg", 1500.0), ("gap.max_gap_m", 80.0))
-    assert (last.spec.preview.seed, last.spec.preview.noise_std_m_s) == (3, 1.0)
+    assert (last.spec.seed, last.spec.noise_std_m_s) == (3, 1.0)
     assert last.spec.strategy == STRATEGIES["aging"]
 
 
@@ -72,9 +72,9 @@ cases:
     assert spec.cycle == str(tmp_path / "own.csv"), "files are looked up beside the study"
     assert spec.parameter_set == str(tmp_path / "own.yaml")
     assert (spec.strategy.energy_weight_1_j, spec.strategy.aging_weight) == (1e-4, 5e8)
-    assert spec.solver.max_iterations == 50
-    assert spec.preview.preview_length_s is None
-    assert spec.preview.preview_mode is PreviewMode.NONE
+    assert spec.max_iterations == 50
+    assert spec.preview_length_s is None
+    assert spec.preview_mode is PreviewMode.NONE
 
 
 def test_a_strategy_taken_from_another_study(study_file: WriteFile) -> None:

@@ -91,7 +91,7 @@ def settings_of(spec: RunSpec) -> dict[str, Any]:
         "strategy": name,
         **({} if STRATEGIES.get(name) == spec.strategy else weights),
         "horizon": spec.horizon,
-        "solver": spec.solver.name,
+        "solver": spec.solver,
         **asdict(AgingSettings.of(spec)),
         **asdict(ChargingStopSettings.of(spec)),
         **{key: plain(value) for key, value in asdict(spec.bridge_settings()).items()},

@@ -139,7 +139,8 @@ class PreviewSettings(Settings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.preview_step_s > self.preview_length_s:
+        # A run specification may leave the length open.
+        if self.preview_length_s is not None and self.preview_step_s > self.preview_length_s:
             raise ParameterError(
                 f"preview_step_s is {self.preview_step_s} s; allowed: up to preview_length_s, "
                 f"{self.preview_length_s:g} s"

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from datetime import datetime, timezone
 from functools import cached_property
 
@@ -231,11 +231,10 @@ def controller_options(spec: RunSpec, trip_duration_s: float) -> ControllerOptio
 
     What is not specified of the solver is the controller's default.
     """
-    solver = {entry.name: getattr(spec.solver, entry.name) for entry in fields(spec.solver)}
     return ControllerOptions(
         strategy=spec.strategy,
         horizon=Horizon.parse(spec.horizon),
-        solver=SolverOptions(**solver),
+        solver=SolverOptions(**spec.solver_settings),
         tick_s=spec.tick_s,
         trip_duration_s=trip_duration_s,
         aging=AgingSettings.of(spec),

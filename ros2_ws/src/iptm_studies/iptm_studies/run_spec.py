@@ -18,7 +18,7 @@ from iptm_controller.settings import ControllerSettings, SolveSettings
 from iptm_controller.strategy import Strategy, strategy_by_name
 from iptm_core.aging_laws.parking import AgingSettings
 from iptm_core.charging_stop import ChargingStopSettings
-from iptm_core.declaration import Settings, declared, parameter
+from iptm_core.declaration import declared, parameter, parameter_specs
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters import DEFAULT_SET
 from iptm_core.road_ahead import RoadAheadSettings
@@ -54,50 +54,24 @@ class RunKind(Enum):
     """The whole trip is one optimal control problem; its inputs are driven on the plant."""
 
 
-@dataclass(frozen=True)
-class SolverSpec(Settings):
-    """Solver of the controller; the defaults are its own, the ranges wide enough for experiments."""
-
-    name: str = declared(ControllerSettings, "solver")
-    tolerance: float = declared(SolveSettings, "tolerance", minimum=1e-16)
-    max_iterations: int = declared(SolveSettings, "max_iterations", maximum=100_000)
-    compile_code: bool = declared(SolveSettings, "compile_code")
-    smoothing_factor: float = parameter(
-        1.0, "factor on the widths of the smoothed kinks of the model", "", 0.01, 10.0
-    )
-
-
-@dataclass(frozen=True)
-class PreviewSpec(PreviewSettings):
-    """Preview of the leader's motion that the ego vehicle receives.
-
-    The length may be left open (None): it is then that of the horizon and a reserve for the age of a
-    prediction, but at least a minute.
-    """
-
-    preview_length_s: float | None = declared(  # type: ignore[assignment]  # open, where wanted
-        PreviewSettings, "preview_length_s", default=None
-    )
-
-    def __post_init__(self) -> None:
-        # Step and length are compared where the length is known.
-        Settings.__post_init__(self)
-
-    def settings(self, horizon_s: float) -> PreviewSettings:
-        """Return the settings of the bridge for a horizon."""
-        length_s = self.preview_length_s
-        if length_s is None:
-            needed_s = math.ceil(horizon_s + self.latency_s + PREVIEW_RESERVE_S)
-            length_s = max(SHORTEST_PREVIEW_S, needed_s)
-        return PreviewSettings(**{**asdict(self), "preview_length_s": length_s})
-
-
+_PREVIEW = tuple(spec.name for spec in parameter_specs(PreviewSettings))
+_SOLVER = {"name": "solver"} | {
+    name: name for name in ("tolerance", "max_iterations", "compile_code", "smoothing_factor")
+}
+SECTIONS: dict[str, dict[str, str]] = {
+    "solver": _SOLVER,
+    "preview": {name.removeprefix("preview_"): name for name in _PREVIEW},
+}
+"""Groups of settings that files write as sections: name of the setting by key in the section."""
 HEADLESS_LEADERS = (LeaderSource.CYCLE, LeaderSource.NONE)
 
 
 @dataclass(frozen=True)
-class RunSpec(RoadAheadSettings, AgingSettings, ChargingStopSettings):
+class RunSpec(RoadAheadSettings, AgingSettings, ChargingStopSettings, PreviewSettings):
     """One run; what studies choose otherwise than nodes and scenarios is stated as another default.
+
+    The length of the preview may be left open (None): it is then that of the horizon and a reserve for the
+    age of a prediction, but at least a minute. The settings of the solver have ranges for experiments.
 
     Attributes:
         cycle: driving cycle, by name or as the path of a drive.
@@ -122,8 +96,16 @@ class RunSpec(RoadAheadSettings, AgingSettings, ChargingStopSettings):
     controller_overrides: tuple[tuple[str, float], ...] = ()
     strategy: Strategy = field(default_factory=lambda: strategy_by_name("aging"))
     horizon: str = declared(ControllerSettings, "horizon", default="15x1")
-    solver: SolverSpec = field(default_factory=SolverSpec)
-    preview: PreviewSpec = field(default_factory=PreviewSpec)
+    preview_length_s: float | None = declared(  # type: ignore[assignment]  # open, where wanted
+        PreviewSettings, "preview_length_s", default=None
+    )
+    solver: str = declared(ControllerSettings, "solver")
+    tolerance: float = declared(SolveSettings, "tolerance", minimum=1e-16)
+    max_iterations: int = declared(SolveSettings, "max_iterations", maximum=100_000)
+    compile_code: bool = declared(SolveSettings, "compile_code")
+    smoothing_factor: float = parameter(
+        1.0, "factor on the widths of the smoothed kinks of the model", "", 0.01, 10.0
+    )
     tick_s: float = declared(SamplingSettings, "period_s", minimum=1e-3)
     plant_step_s: float = declared(IntegrationSettings, "integration_step_s", maximum=10.0)
     thermal_model: ThermalModel = declared(IntegrationSettings, "thermal_model")
@@ -168,7 +150,17 @@ class RunSpec(RoadAheadSettings, AgingSettings, ChargingStopSettings):
 
     def bridge_settings(self) -> PreviewSettings:
         """Settings of the bridge for this run's horizon."""
-        return self.preview.settings(Horizon.parse(self.horizon).duration_s)
+        settings = {name: getattr(self, name) for name in _PREVIEW}
+        if self.preview_length_s is None:
+            horizon_s = Horizon.parse(self.horizon).duration_s
+            needed_s = math.ceil(horizon_s + self.latency_s + PREVIEW_RESERVE_S)
+            settings["preview_length_s"] = max(SHORTEST_PREVIEW_S, needed_s)
+        return PreviewSettings(**settings)
+
+    @property
+    def solver_settings(self) -> dict[str, Any]:
+        """Solver of the controller and its settings."""
+        return {name: getattr(self, attribute) for name, attribute in _SOLVER.items()}
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values, ready for JSON; ``from_dict`` is the inverse."""
@@ -178,24 +170,30 @@ class RunSpec(RoadAheadSettings, AgingSettings, ChargingStopSettings):
         content["leader_source"] = self.leader_source.value
         content |= {name: dict(getattr(self, name)) for name in _OVERRIDES}
         content["faults"] = plain_faults(self.faults)
+        content["preview"] = {name: content.pop(name) for name in _PREVIEW}
+        content["solver"] = {name: content.pop(attribute) for name, attribute in _SOLVER.items()}
         return content
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> RunSpec:
         """Rebuild a specification; a ScenarioError if it is not complete and correct."""
+        grouped = {*_PREVIEW, *_SOLVER.values()}
+        names = {*SECTIONS, *(entry.name for entry in fields(cls) if entry.name not in grouped)}
         try:
-            written = StrictMapping(content, "run specification", names := _names(cls))
-            written.require(*names)
+            written = StrictMapping(content, "run specification", sorted(names))
+            written.require(*sorted(names))
+            solver, preview = (
+                written.section("solver", _SOLVER),
+                written.section("preview", _PREVIEW),
+            )
             return cls(
                 **{
-                    **written.content,
+                    **{name: written.content[name] for name in names - {*SECTIONS}},
+                    **{_SOLVER[name]: value for name, value in solver.content.items()},
+                    **preview.content,
                     **{name: tuple(written.section(name).content.items()) for name in _OVERRIDES},
                     "faults": faults_from(written.content["faults"], written.where),
                     "strategy": Strategy(**written.section("strategy").content),
-                    "solver": SolverSpec(**written.section("solver", _names(SolverSpec)).content),
-                    "preview": PreviewSpec(
-                        **written.section("preview", _names(PreviewSpec)).content
-                    ),
                 }
             )
         except (TypeError, IptmError) as error:
@@ -216,16 +214,13 @@ class RunSpec(RoadAheadSettings, AgingSettings, ChargingStopSettings):
             parts.append(str(self.thermal_model))
         parts += [f"{key}={value:g}" for key, value in self.overrides]
         parts += [f"controller {key}={value:g}" for key, value in self.controller_overrides]
-        groups = (RoadAheadSettings.of(self), AgingSettings.of(self), ChargingStopSettings.of(self))
-        for own in (self.preview, *groups):
-            usual = asdict(type(own)())
-            parts += [f"{key}={value}" for key, value in asdict(own).items() if value != usual[key]]
+        usual = {entry.name: entry.default for entry in fields(self)}
+        for group in (PreviewSettings, RoadAheadSettings, AgingSettings, ChargingStopSettings):
+            for name in (spec.name for spec in parameter_specs(group)):
+                if getattr(self, name) != usual[name]:
+                    parts.append(f"{name}={getattr(self, name)}")
         parts += [fault.describe() for fault in self.faults]
         return ", ".join(parts)
-
-
-def _names(description: type[Any]) -> tuple[str, ...]:
-    return tuple(entry.name for entry in fields(description))
 
 
 def canonical_json(content: object) -> str:

@@ -152,7 +152,7 @@ class Case:
             "route": route_digest(self.route),
             "strategy": strategy,
             "horizon": spec.horizon,
-            "solver": asdict(spec.solver),
+            "solver": spec.solver_settings,
             "preview": asdict(spec.bridge_settings()),
             "tick_s": spec.tick_s,
             "plant_step_s": spec.plant_step_s,
@@ -202,19 +202,9 @@ class Study:
         for case in self.cases:
             case.study = self.name
 
-    def shortened(self, *, compile_code: bool = True, **settings: Any) -> Study:
-        """Return the same cases with other settings of their runs, such as a shorter trip.
-
-        Args:
-            compile_code: False interprets all controllers.
-            settings: as in `RunSpec`.
-        """
-
-        def shortened(spec: RunSpec) -> RunSpec:
-            solver = spec.solver if compile_code else replace(spec.solver, compile_code=False)
-            return replace(spec, solver=solver, **settings)
-
-        cases = (replace(case, spec=shortened(case.spec)) for case in self.cases)
+    def shortened(self, **settings: Any) -> Study:
+        """Return the same cases with other settings of their runs, such as a shorter trip."""
+        cases = (replace(case, spec=replace(case.spec, **settings)) for case in self.cases)
         return replace(self, cases=tuple(cases))
 
 

@@ -25,9 +25,8 @@ from iptm_core.user_input import StrictMapping, is_path, shown, suggestion
 from iptm_studies.run_spec import (
     REPRODUCED_CYCLE,
     REPRODUCED_SET,
-    PreviewSpec,
+    SECTIONS,
     RunSpec,
-    SolverSpec,
 )
 from iptm_studies.study import DEFAULT_CRITERION, Case, Label, Selection, Study
 
@@ -41,7 +40,8 @@ PAPER_ORDER = (
     "long_horizon",
     "whole_trip",
 )
-SETTINGS = tuple(entry.name for entry in fields(RunSpec))
+_GROUPED = {name for section in SECTIONS.values() for name in section.values()}
+SETTINGS = (*(entry.name for entry in fields(RunSpec) if entry.name not in _GROUPED), *SECTIONS)
 """Keys of ``run`` and ``defaults``."""
 
 _FILES = {"cycle": USER_SUFFIXES, "slope": (GPX_SUFFIX,), "parameter_set": YAML_SUFFIXES}
@@ -50,10 +50,6 @@ _BEST_OF = "best_of"
 _WEIGHTS = tuple(
     entry.name for entry in fields(Strategy) if entry.name not in {"name", "is_rule_based"}
 )
-_SOLVER_FIELDS = tuple(entry.name for entry in fields(SolverSpec))
-_PREVIEW_FIELDS = {entry.name.removeprefix("preview_"): entry.name for entry in fields(PreviewSpec)}
-"""Key in the section ``preview`` -> name of the setting; without the prefix that the section implies."""
-
 _Point = tuple[Mapping[str, Label], Mapping[str, Any]]
 """Labels and settings of one value of an axis."""
 _STUDY_KEYS = ("title", "about", "defaults", "cases")
@@ -200,10 +196,13 @@ def build_spec(settings: Mapping[str, Any], folder: Path) -> RunSpec:
         IptmError: a key or value is not as it should be.
     """
     written = StrictMapping(settings, "run", SETTINGS)
-    arguments = {
-        key: _READERS[key](written) if key in _READERS else value
-        for key, value in written.content.items()
-    }
+    arguments: dict[str, Any] = {}
+    for key, value in written.content.items():
+        if key in SECTIONS:
+            section = written.section(key, SECTIONS[key])
+            arguments |= {SECTIONS[key][name]: entry for name, entry in section.content.items()}
+        else:
+            arguments[key] = _READERS[key](written) if key in _READERS else value
     for key, suffixes in _FILES.items():
         if is_path(str(arguments.get(key, "")), suffixes):
             arguments[key] = str(folder / arguments[key])
@@ -247,19 +246,8 @@ def _overrides(name: str, run: StrictMapping) -> tuple[tuple[str, float], ...]:
     return tuple((key, written.number(key)) for key in written)
 
 
-def _solver(run: StrictMapping) -> SolverSpec:
-    return SolverSpec(**run.section("solver", _SOLVER_FIELDS).content)
-
-
-def _preview(run: StrictMapping) -> PreviewSpec:
-    written = run.section("preview", _PREVIEW_FIELDS)
-    return PreviewSpec(**{_PREVIEW_FIELDS[key]: value for key, value in written.content.items()})
-
-
 _READERS: Mapping[str, Callable[[StrictMapping], Any]] = {
     **{name: partial(_overrides, name) for name in ("overrides", "controller_overrides")},
     "strategy": _strategy,
-    "solver": _solver,
-    "preview": _preview,
 }
 """Settings that are more than one value; the specification checks all others itself."""

@@ -15,7 +15,6 @@ from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant
 from iptm_studies.acc_benchmark.scenes import Scene
 from iptm_studies.drives import DEFAULT, PRODUCTION, climate, spec_of
-from iptm_studies.run_spec import PreviewSpec
 from iptm_studies.study import Case, Label, Study
 
 SMALL_INITIAL_GAP_M = 8.0
@@ -29,7 +28,6 @@ FOLLOWED_EXACTLY = {
     "limits.max_jerk_m_s3": 50.0,
 }
 """The real follower is not held to the limits of comfort."""
-NO_V2X = PreviewSpec(preview_mode=PreviewMode.NONE)
 
 
 CARS: Mapping[str, float] = {DEFAULT_SET: 35.0, "bmw_i3": 25.0}
@@ -96,7 +94,7 @@ def benchmark_study(scenes: Sequence[Scene], cars: Sequence[str], folder: Path) 
                     CARS[car],
                     headway_overrides(scene, car) if way.limited else None,
                     duration_s=float(scene.duration_s),
-                    preview=PreviewSpec() if way.preview else NO_V2X,
+                    preview_mode=PreviewMode.FULL if way.preview else PreviewMode.NONE,
                 )
                 labels = case_labels(scene, car, way)
                 cases.append(Case("/".join(map(str, labels.values())), labels, spec))

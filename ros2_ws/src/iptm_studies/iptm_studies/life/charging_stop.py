@@ -22,7 +22,6 @@ from iptm_core.state import VehicleState
 from iptm_studies.drives import climate, spec_of
 from iptm_studies.life.trips import CITY, compressor_j
 from iptm_studies.run import Run, controller_options, perform_run
-from iptm_studies.run_spec import SolverSpec
 from iptm_studies.study import planned_run
 
 AIR_C = (-10.0, 0.0, 5.0, 35.0)
@@ -34,7 +33,7 @@ WORTHS_AIR_C = 5.0
 HEATER_W = 5000.0
 LAST_S = 1200.0
 _J_PER_KWH = 3.6e6
-SHORT: Mapping[str, Any] = {"duration_s": 60.0, "solver": SolverSpec(compile_code=False)}
+SHORT: Mapping[str, Any] = {"duration_s": 60.0, "compile_code": False}
 """Settings of runs that only try the command."""
 Overrides = Mapping[str, float]
 

@@ -23,7 +23,7 @@ from iptm_core.parameters.strict_yaml import read_yaml
 from iptm_core.routes.cycles import CYCLE_NAMES
 from iptm_faults.fault import Fault, in_order
 from iptm_faults.kinds import FaultKind
-from iptm_studies.run_spec import PreviewSpec, RunSpec, SolverSpec
+from iptm_studies.run_spec import RunSpec
 from iptm_studies.study import Case, Study, planned_run
 
 MAX_TRIES = 500
@@ -40,7 +40,6 @@ IMPERFECT_SHARE = 0.3
 """Share of the runs in which the preview is not perfect; cars and trips are the same without."""
 WARM_K = 308.15
 TWIN = "warm_twin"
-INTERPRETED = SolverSpec(compile_code=False)
 """Hardly any car occurs twice, and compiling takes longer than some minutes of driving do without."""
 
 
@@ -127,7 +126,7 @@ def random_study(
             inputs = replace(inputs, spec=replace(inputs.spec, faults=wrong))
         previews = np.random.default_rng([seed, number, 2])
         if previews.random() < imperfect_share:
-            inputs = replace(inputs, spec=replace(inputs.spec, preview=draw_preview(previews)))
+            inputs = replace(inputs, spec=replace(inputs.spec, **draw_preview(previews)))
         name = f"{number:04d}"
         cases.append(Case(name, {"run": number}, inputs.spec))
         if with_twins and has_twin(inputs):
@@ -159,14 +158,13 @@ def warm_twin(spec: RunSpec) -> RunSpec:
     return replace(spec, overrides=tuple({**dict(spec.overrides), **warm}.items()))
 
 
-def draw_preview(random: Generator) -> PreviewSpec:
+def draw_preview(random: Generator) -> dict[str, Any]:
     """Return the imperfect preview settings, empty for a perfect preview."""
-    settings = {
+    return {
         name: drawn(draw, random)
         for name, draw in PREVIEWS.items()
         if name == "preview_mode" or random.random() < OVERRIDE_SHARE
     }
-    return PreviewSpec(**settings)
 
 
 def draw_faults(random: Generator, duration_s: float) -> tuple[Fault, ...]:
@@ -204,7 +202,7 @@ def _draw_run(random: Generator, duration_s: float | None) -> Case:
             if random.random() < OVERRIDE_SHARE:
                 overrides[key] = drawn(draw, random)
         try:
-            spec = RunSpec(**settings, overrides=tuple(overrides.items()), solver=INTERPRETED)
+            spec = RunSpec(**settings, overrides=tuple(overrides.items()), compile_code=False)
             return planned_run(spec)
         except IptmError as error:
             refusal = str(error)

@@ -29,7 +29,7 @@ from iptm_studies.bounds import (
     fully_cooled_k,
 )
 from iptm_studies.run import Run
-from iptm_studies.run_spec import PreviewSpec, RunSpec
+from iptm_studies.run_spec import RunSpec
 from iptm_studies.study import Case, Judged
 
 OVERHEATED_BY_K = 0.5
@@ -152,7 +152,10 @@ def judge(name: str, run: Run, inputs: Case, warm_twin: Run | None = None) -> Ju
 def _gap_rows(run: Run, spec: RunSpec) -> dict[str, BoolArray]:
     """Return the rows with too small a gap by requirement."""
     trip, parameters = run.trajectory, run.parameters
-    informed = not spec.faults and spec.preview == PreviewSpec()
+    informed = (
+        not spec.faults
+        and spec.bridge_settings() == RunSpec(horizon=spec.horizon).bridge_settings()
+    )
     horizon_s = Horizon.parse(spec.horizon).duration_s
     touching: BoolArray = trip.closest_m <= 0.0
     avoidable = avoidable_collisions(trip, parameters, horizon_s, informed=informed)

@@ -18,7 +18,7 @@ import pandas as pd
 from iptm_core.settings import ThermalModel
 from iptm_studies.drives import DEFAULT, PRODUCTION, spec_of
 from iptm_studies.real_cars.savings import CYCLE, totals
-from iptm_studies.run_spec import RunSpec, SolverSpec
+from iptm_studies.run_spec import RunSpec
 from iptm_studies.study import Case, Study
 
 CAR = "bmw_i3"
@@ -86,7 +86,7 @@ SIMPLIFICATIONS = (
         "kinks",
         "kinks smoothed over a quarter of the widths",
         "kinks smoothed over the shipped widths",
-        refined={"solver": SolverSpec(smoothing_factor=NARROW)},
+        refined={"smoothing_factor": NARROW},
     ),
     Simplification(
         "cells",

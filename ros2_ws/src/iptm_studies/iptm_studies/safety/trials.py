@@ -15,7 +15,6 @@ from iptm_core.routes import CYCLE_NAMES
 from iptm_faults.fault import WHOLE_TRIP_S, Fault, in_order
 from iptm_faults.kinds import FaultKind
 from iptm_studies.drives import DEFAULT, REFERENCE, spec_of
-from iptm_studies.run_spec import PreviewSpec
 from iptm_studies.study import Case, Label, Study, planned_run
 
 LONG_CYCLES = ("comprehensive",)
@@ -58,7 +57,7 @@ SETTINGS: Mapping[str, Mapping[str, Any]] = {
     UNDISTURBED: {},
     "noise": {"faults": lasting(*NOISE)},
     NOISE_AND_DELAY: {"faults": lasting(*NOISE, (FaultKind.COMMAND_DELAYED, 1.0))},
-    "preview errors": {"preview": PreviewSpec(noise_std_m_s=PREVIEW_ERROR_M_S)},
+    "preview errors": {"noise_std_m_s": PREVIEW_ERROR_M_S},
 }
 """What is disturbed on whole cycles without any event, by name."""
 
