@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -20,6 +22,30 @@ from iptm_recording.trajectory_reader import (
 )
 
 WriteRun = Callable[..., Path]
+
+WITHOUT_ROS = """
+import sys
+
+class NoRos:
+    def find_spec(self, name, *_):
+        top = name.partition(".")[0]
+        if top in ("rclpy", "builtin_interfaces") or top.endswith("_msgs"):
+            raise ModuleNotFoundError(name)
+
+sys.meta_path.insert(0, NoRos())
+from pathlib import Path
+from iptm_recording.trajectory_reader import read_trajectory
+print(len(read_trajectory(Path(sys.argv[1]))))
+"""
+
+
+def test_a_run_is_read_without_ros(
+    trajectory: Trajectory, write_run: WriteRun, tmp_path: Path
+) -> None:
+    bag = write_run(tmp_path / "bag", trajectory)
+    command = [sys.executable, "-c", WITHOUT_ROS, str(bag)]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert result.stdout == f"{len(trajectory)}\n", result.stderr
 
 
 def test_run_comes_back_exactly(

@@ -24,57 +24,25 @@ try:
     )
     from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 except ModuleNotFoundError:
-    from rosbags.typesys.stores.ros2_jazzy import (
-        builtin_interfaces__msg__Duration as Duration,
-    )
-    from rosbags.typesys.stores.ros2_jazzy import (
-        builtin_interfaces__msg__Time as Time,
-    )
-    from rosbags.typesys.stores.ros2_jazzy import (
-        diagnostic_msgs__msg__DiagnosticArray as DiagnosticArray,
-    )
-    from rosbags.typesys.stores.ros2_jazzy import (
-        geometry_msgs__msg__AccelStamped as AccelStamped,
-    )
-    from rosbags.typesys.stores.ros2_jazzy import (
-        nav_msgs__msg__Odometry as Odometry,
-    )
-    from rosbags.typesys.stores.ros2_jazzy import (
-        rosgraph_msgs__msg__Clock as Clock,
-    )
-    from rosbags.typesys.stores.ros2_jazzy import (
-        sensor_msgs__msg__BatteryState as BatteryState,
-    )
-    from rosbags.typesys.stores.ros2_jazzy import (
-        sensor_msgs__msg__JointState as JointState,
-    )
-    from rosbags.typesys.stores.ros2_jazzy import (
-        sensor_msgs__msg__Temperature as Temperature,
-    )
-    from rosbags.typesys.stores.ros2_jazzy import (
-        std_msgs__msg__Float64 as Float64,
-    )
-    from rosbags.typesys.stores.ros2_jazzy import (
-        std_msgs__msg__Float64MultiArray as Float64MultiArray,
-    )
-    from rosbags.typesys.stores.ros2_jazzy import (
-        std_msgs__msg__Header as Header,
-    )
-    from rosbags.typesys.stores.ros2_jazzy import (
-        std_msgs__msg__MultiArrayDimension as MultiArrayDimension,
-    )
-    from rosbags.typesys.stores.ros2_jazzy import (
-        std_msgs__msg__MultiArrayLayout as MultiArrayLayout,
-    )
-    from rosbags.typesys.stores.ros2_jazzy import (
-        std_msgs__msg__UInt8MultiArray as UInt8MultiArray,
-    )
-    from rosbags.typesys.stores.ros2_jazzy import (
-        trajectory_msgs__msg__JointTrajectory as JointTrajectory,
-    )
-    from rosbags.typesys.stores.ros2_jazzy import (
-        trajectory_msgs__msg__JointTrajectoryPoint as JointTrajectoryPoint,
-    )
+    from rosbags.typesys.stores import ros2_jazzy as _rosbags
+
+    Duration = _rosbags.builtin_interfaces__msg__Duration
+    Time = _rosbags.builtin_interfaces__msg__Time
+    DiagnosticArray = _rosbags.diagnostic_msgs__msg__DiagnosticArray
+    AccelStamped = _rosbags.geometry_msgs__msg__AccelStamped
+    Odometry = _rosbags.nav_msgs__msg__Odometry
+    Clock = _rosbags.rosgraph_msgs__msg__Clock
+    BatteryState = _rosbags.sensor_msgs__msg__BatteryState
+    JointState = _rosbags.sensor_msgs__msg__JointState
+    Temperature = _rosbags.sensor_msgs__msg__Temperature
+    Float64 = _rosbags.std_msgs__msg__Float64
+    Float64MultiArray = _rosbags.std_msgs__msg__Float64MultiArray
+    Header = _rosbags.std_msgs__msg__Header
+    MultiArrayDimension = _rosbags.std_msgs__msg__MultiArrayDimension
+    MultiArrayLayout = _rosbags.std_msgs__msg__MultiArrayLayout
+    UInt8MultiArray = _rosbags.std_msgs__msg__UInt8MultiArray
+    JointTrajectory = _rosbags.trajectory_msgs__msg__JointTrajectory
+    JointTrajectoryPoint = _rosbags.trajectory_msgs__msg__JointTrajectoryPoint
 
 __all__ = [
     "AccelStamped",

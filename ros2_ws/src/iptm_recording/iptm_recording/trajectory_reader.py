@@ -13,7 +13,6 @@ from iptm_core.errors import BagError, IptmError, MissingTopicError
 from iptm_core.trajectory import Trajectory
 from iptm_interfaces.assembly import assemble_decisions, assemble_run, last_trip, split_trips
 from iptm_interfaces.codecs import ns_from_time, s_from_ns
-from iptm_interfaces.diagnostics import CHANGED_SETTINGS, SETTINGS_SINCE, status_values
 from iptm_interfaces.topics import TICK_TOPICS, TOPICS, Topic
 from iptm_recording.bag_reader import BagReader
 from iptm_recording.run_information import stored_losses, stored_pauses
@@ -66,6 +65,12 @@ def read_settings_changes(path: Path, namespace: str | None = None) -> list[Sett
         path: bag folder or file.
         namespace: of the vehicle; None takes all there are.
     """
+    from iptm_interfaces.diagnostics import (  # noqa: PLC0415  readers of trajectories do without ROS
+        CHANGED_SETTINGS,
+        SETTINGS_SINCE,
+        status_values,
+    )
+
     name = TOPICS[Topic.DIAGNOSTICS].name
     prefix = None if namespace is None else f"/{namespace.strip('/')}/".replace("//", "/")
     changes: list[SettingsChange] = []
