@@ -17,7 +17,7 @@ from __future__ import annotations
 import csv
 import importlib
 import sys
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -47,36 +47,25 @@ COLUMNS = (
 )
 
 
-@dataclass(frozen=True)
-class Profile:
-    """One year in steps of 15 min.
-
-    Attributes:
-        time_s: instants, shape (n,).
-        charge: state of charge there.
-        temperature_c: cell temperature there, degrees Celsius.
-    """
-
-    time_s: Array
-    charge: Array
-    temperature_c: Array
+Profile = Mapping[str, Array]
+"""One year in steps of 15 min, in the names of BLAST-Lite: ``Time_s``, ``SOC`` and ``Temperature_C``."""
 
 
 def _storage(charge: float, mean_c: float, swing_k: float) -> Profile:
     """Return a year of rest: constant state of charge, sinus of temperature over the year."""
     time_s = STEP_S * np.arange(365 * STEPS_A_DAY + 1)
     season = np.sin(2.0 * np.pi * time_s / (365 * 86400.0))
-    return Profile(time_s, np.full_like(time_s, charge), mean_c + swing_k * season)
+    temperature_c = mean_c + swing_k * season
+    return {"Time_s": time_s, "SOC": np.full_like(time_s, charge), "Temperature_C": temperature_c}
 
 
 def _use(depth: float, mean_c: float, swing_k: float) -> Profile:
     """Return a year of equal days: a trip at 7 and at 17 h, charging from 19 h on to a charge of 0.8."""
     rest = _storage(0.8, mean_c, swing_k)
-    hour = (rest.time_s / 3600.0) % 24.0
+    hour = (rest["Time_s"] / 3600.0) % 24.0
     trip = np.clip(hour - 7.0, 0.0, 1.0) + np.clip(hour - 17.0, 0.0, 1.0)
     charged = np.clip((hour - 19.0) / 3.0, 0.0, 1.0)
-    charge = 0.8 - depth * (0.5 * trip - charged)
-    return Profile(rest.time_s, charge, rest.temperature_c)
+    return {**rest, "SOC": 0.8 - depth * (0.5 * trip - charged)}
 
 
 PROFILES = {
@@ -96,11 +85,11 @@ def _part(battery: Any, names: tuple[str, ...]) -> float:
 
 def _hour_by_hour(battery: Any, profile: Profile) -> Any:
     """Return a battery after all years, whose past is forgotten after each: copying it takes long."""
-    series = profile.time_s, profile.charge, profile.temperature_c
     for _ in range(YEARS):
-        for start in range(0, profile.time_s.size - 1, STEPS_AN_HOUR):
+        for start in range(0, profile["Time_s"].size - 1, STEPS_AN_HOUR):
             hour = slice(start, start + STEPS_AN_HOUR + 1)
-            battery.update_battery_state(*(values[hour] for values in series))
+            series = (profile[name][hour] for name in ("Time_s", "SOC", "Temperature_C"))
+            battery.update_battery_state(*series)
         for past in (battery.states, battery.outputs, battery.stressors, battery.rates):
             past.update({name: values[-1:] for name, values in past.items()})
     return battery
@@ -108,13 +97,8 @@ def _hour_by_hour(battery: Any, profile: Profile) -> Any:
 
 def _by_day(battery: Any, profile: Profile, *, deepens: bool) -> Any:
     """Return a battery after all years of BLAST-Lite's simulation, with or without deeper cycles."""
-    series = {
-        "Time_s": profile.time_s,
-        "SOC": profile.charge,
-        "Temperature_C": profile.temperature_c,
-    }
     return battery.simulate_battery_life(
-        series, threshold_time=YEARS, is_conserve_energy_throughput=deepens
+        dict(profile), threshold_time=YEARS, is_conserve_energy_throughput=deepens
     )
 
 
@@ -130,7 +114,7 @@ def main() -> None:
             battery = _by_day(model(), profile, deepens=True)
             given = _by_day(model(), profile, deepens=False)
             hourly = given
-            if np.ptp(profile.charge) > 0.0:
+            if np.ptp(profile["SOC"]) > 0.0:
                 hourly = _hour_by_hour(model(), profile)
             losses = (
                 _part(battery, _CALENDAR),

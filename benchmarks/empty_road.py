@@ -12,10 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.harness import formatted_table, run_benchmark
+from benchmarks.harness import run_benchmark
 from iptm_controller.horizon import MULTI_HORIZON
 from iptm_controller.strategy import DEFAULT_STRATEGY, strategy_by_name
 from iptm_core.decision_record import Rung
+from iptm_core.markdown import table_of
 from iptm_core.parameters.model import KM_H_PER_M_S
 from iptm_core.settings import LeaderSource
 from iptm_core.state import FloatArray
@@ -146,7 +147,7 @@ def measure(
 
 def as_table(numbers: dict[str, Any]) -> dict[str, str]:
     """Return the numbers as a table in Markdown."""
-    return {"drives": formatted_table(numbers["rows"], COLUMNS)}
+    return {"drives": table_of(numbers["rows"], COLUMNS)}
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ import os
 import platform
 import re
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any, get_args, get_origin
@@ -18,7 +18,6 @@ import casadi as ca
 import numpy as np
 
 from iptm_core.errors import IptmError, StoreError
-from iptm_core.markdown import markdown_table
 from iptm_core.state import FloatArray
 
 
@@ -31,17 +30,6 @@ def quantiles(values: FloatArray) -> dict[str, float]:
         "p99": float(np.quantile(values, 0.99)),
         "max": float(values.max()),
     }
-
-
-def formatted_table(rows: Iterable[Mapping[str, Any]], columns: Mapping[str, str]) -> str:
-    """Return a table in Markdown.
-
-    Args:
-        rows: values by name.
-        columns: format of the cells by heading (see `markdown_table`), such as ``{solve_ms[median]:.2f}``.
-    """
-    cells = columns.values()
-    return markdown_table(columns, ([cell.format_map(row) for cell in cells] for row in rows))
 
 
 def put(page: str, name: str, text: str) -> str:

@@ -21,8 +21,9 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from benchmarks.harness import formatted_table, run_benchmark
+from benchmarks.harness import run_benchmark
 from iptm_core.errors import ScenarioError
+from iptm_core.markdown import table_of
 
 ROOT = Path(__file__).resolve().parents[1]
 CASES: dict[str, tuple[str, ...]] = {
@@ -174,7 +175,7 @@ def as_table(rows: list[dict[str, Any]]) -> str:
         {**row, "outcomes": ", ".join(f"{name} {n}" for name, n in row["statuses"].items())}
         for row in rows
     ]
-    return formatted_table(shown, columns)
+    return table_of(shown, columns)
 
 
 if __name__ == "__main__":

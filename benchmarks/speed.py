@@ -16,13 +16,14 @@ from typing import Any
 import numpy as np
 
 from benchmarks import ros_speed
-from benchmarks.harness import formatted_table, machine_in_words, put, quantiles, run_benchmark
+from benchmarks.harness import machine_in_words, quantiles, run_benchmark
 from iptm_controller.controller import Controller
 from iptm_controller.horizon import MULTI_HORIZON, SINGLE_HORIZON, Horizon
 from iptm_controller.options import ControllerOptions
 from iptm_controller.solvers.switching_check import SwitchingCheck
 from iptm_controller.strategy import DEFAULT_STRATEGY, strategy_by_name
 from iptm_core.decision_record import SolveStatus
+from iptm_core.markdown import table_of
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
 from iptm_plant_sim.plant import Plant
@@ -102,7 +103,7 @@ def headless(cycle: str, horizon: str, strategy: str, duration_s: float | None) 
 
 
 def measure(
-    cycle: tuple[str, ...] = CYCLES, duration_s: float | None = None, ros: int = 1, page: int = 0
+    cycle: tuple[str, ...] = CYCLES, duration_s: float | None = None, ros: int = 1
 ) -> dict[str, Any]:
     """Measure all grids on each cycle, and a recorded run over ROS 2.
 
@@ -110,9 +111,8 @@ def measure(
         cycle: driving cycle, repeatable.
         duration_s: cut the trips, s.
         ros: 0 leaves ROS 2 out.
-        page: 1 writes the tables of docs/solver-benchmarks.md.
     """
-    numbers: dict[str, Any] = {
+    return {
         "headless": [
             headless(name, grid, strategy, duration_s)
             for name in cycle
@@ -121,12 +121,9 @@ def measure(
         "ros": ros_speed.measure(duration_s=duration_s) if ros else [],
         "machine": machine_in_words(),
     }
-    if page:
-        PAGE.write_text(put(PAGE.read_text("utf-8"), "speed", tables(numbers)), encoding="utf-8")
-    return numbers
 
 
-def tables(numbers: dict[str, Any]) -> str:
+def tables(numbers: dict[str, Any]) -> dict[str, str]:
     """Return the measured part of the page."""
     rows = [
         {
@@ -147,11 +144,11 @@ def tables(numbers: dict[str, Any]) -> str:
         "not converged:": "{bad}",
         "fallback ticks:": "{fallback_ticks}",
     }
-    parts = [numbers["machine"], formatted_table(rows, columns)]
+    parts = [numbers["machine"], table_of(rows, columns)]
     if numbers["ros"]:
         parts.append(ros_speed.as_table(numbers["ros"]))
-    return "\n\n".join(parts)
+    return {"speed": "\n\n".join(parts)}
 
 
 if __name__ == "__main__":
-    sys.exit(run_benchmark(measure, text_of=tables))
+    sys.exit(run_benchmark(measure, text_of=tables, page=PAGE))

@@ -12,7 +12,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from benchmarks.harness import formatted_table, put, run_benchmark
+from benchmarks.harness import run_benchmark
+from iptm_core.markdown import table_of
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import KM_H_PER_M_S
 from iptm_traffic.closed_loop import TrafficResult, drive_in_traffic
@@ -78,7 +79,6 @@ def measure(
     scenario: tuple[str, ...] = (*(str(entry) for entry in TrafficScenario), TOWN.net.name),
     know: tuple[str, ...] = tuple(str(entry) for entry in PredictionInput),
     rows_of: tuple[str, ...] = (),
-    page: int = 0,
 ) -> dict[str, Any]:
     """Measure all drives.
 
@@ -88,7 +88,6 @@ def measure(
         scenario: only these, or the example of an own network; may be repeated.
         know: only with this knowledge; may be repeated.
         rows_of: no drives, but the rows of these --json files; may be repeated.
-        page: 1 writes the tables of what was driven into docs/traffic.md.
     """
     parameters = load_parameters().values
     rows: list[dict[str, Any]] = []
@@ -115,29 +114,26 @@ def measure(
             result = drive_in_traffic(replace(drive, knowledge=knowledge), parameters)
             rows.append(row_of(result, reference))
             print(rows[-1], file=sys.stderr, flush=True)
-    numbers = {
+    return {
         "duration_s": duration_s,
         "seed": seed,
         "load": max(load, os.getloadavg()[0]),
         "rows": rows,
     }
-    if page:
-        text = PAGE.read_text("utf-8")
-        own = [row for row in rows if row["scenario"] == TOWN.net.name]
-        for part, some in (("town", own), ("drives", [row for row in rows if row not in own])):
-            text = put(text, part, as_table(numbers | {"rows": some})) if some else text
-        PAGE.write_text(text, "utf-8")
-    return numbers
 
 
-def as_table(numbers: dict[str, Any]) -> str:
-    """Return the numbers as a table in Markdown."""
+def as_tables(numbers: dict[str, Any]) -> dict[str, str]:
+    """Return the tables of the own network and of the corridors, as far as they were driven."""
     text = (
         f"Trips of {numbers['duration_s']:g} s, seed {numbers['seed']}; {os.cpu_count()} processors, "
         f"with other work on them (mean load {numbers['load']:.0f})."
     )
-    return f"{text}\n\n{formatted_table(numbers['rows'], COLUMNS)}"
+    parts: dict[str, list[dict[str, Any]]] = {}
+    for row in numbers["rows"]:
+        own = row["scenario"] == TOWN.net.name
+        parts.setdefault("town" if own else "drives", []).append(row)
+    return {name: f"{text}\n\n{table_of(rows, COLUMNS)}" for name, rows in parts.items()}
 
 
 if __name__ == "__main__":
-    sys.exit(run_benchmark(measure, text_of=as_table))
+    sys.exit(run_benchmark(measure, text_of=as_tables, page=PAGE))

@@ -18,12 +18,13 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.harness import formatted_table, run_benchmark
+from benchmarks.harness import run_benchmark
 from benchmarks.v2x_prediction import PAGE
 from iptm_controller.controller import Controller
 from iptm_controller.horizon import MULTI_HORIZON
 from iptm_controller.options import ControllerOptions
 from iptm_controller.strategy import STRATEGIES
+from iptm_core.markdown import table_of
 from iptm_core.metrics.constraints import gap_margins_m
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import Route, build_route
@@ -342,7 +343,7 @@ COLUMNS = {
 
 def as_tables(numbers: dict[str, Any]) -> dict[str, str]:
     """Return both tables in Markdown."""
-    return {name: formatted_table(numbers[name], columns) for name, columns in COLUMNS.items()}
+    return {name: table_of(numbers[name], columns) for name, columns in COLUMNS.items()}
 
 
 if __name__ == "__main__":

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from benchmarks.harness import formatted_table, run_benchmark
+from benchmarks.harness import run_benchmark
+from iptm_core.markdown import table_of
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import KM_H_PER_M_S
 from iptm_core.road_ahead import SpeedLimits
@@ -232,10 +233,10 @@ COLUMNS = {
 
 def as_table(numbers: dict[str, Any]) -> dict[str, str]:
     """Return the numbers as a table in Markdown."""
-    text = f"Cycles: {', '.join(numbers['cycles'])}\n\n" + formatted_table(numbers["rows"], COLUMNS)
+    text = f"Cycles: {', '.join(numbers['cycles'])}\n\n" + table_of(numbers["rows"], COLUMNS)
     if "cars" in numbers:
         text += f"\n\nIn simulated traffic with signals, {numbers['cars']} cars:\n\n"
-        text += formatted_table(numbers["traffic_rows"], COLUMNS)
+        text += table_of(numbers["traffic_rows"], COLUMNS)
     return {"prediction": text}
 
 

@@ -17,12 +17,11 @@ def test_shares_of_the_loop_add_up_and_the_page_gets_its_tables(
 ) -> None:
     page, numbers = tmp_path / "page.md", tmp_path / "numbers.json"
     page.write_text("before\n<!-- speed -->\n\nold\n\n<!-- end of speed -->\n")
-    monkeypatch.setattr(speed, "PAGE", page)
     monkeypatch.setattr(speed, "GRIDS", {"2x1+1x5": "aging"})
     original = Controller.decide
     options = ["--cycle", "nycc", "--duration-s", "8", "--ros", "0", "--page", "1"]
     arguments = [*options, "--json", str(numbers)]
-    assert run_benchmark(speed.measure, arguments, speed.tables) == 0
+    assert run_benchmark(speed.measure, arguments, speed.tables, page) == 0
     assert Controller.decide is original
     (row,) = json.loads(numbers.read_text())["headless"]
     assert row["ticks"] == sum(row["statuses"].values()) == 8

@@ -247,16 +247,16 @@ def _rows() -> Iterator[Reference]:
 
 def _losses(law: AgingLaw, profile: Profile) -> dict[Mechanism, float]:
     """Losses after all years, from the damage of one; depth and mean C-rates are those of a day."""
-    duration_s = np.diff(profile.time_s)
-    c_rate = -3600.0 * np.diff(profile.charge) / duration_s
+    duration_s = np.diff(profile["Time_s"])
+    c_rate = -3600.0 * np.diff(profile["SOC"]) / duration_s
     charge, celsius = (
-        0.5 * (values[1:] + values[:-1]) for values in (profile.charge, profile.temperature_c)
+        0.5 * (values[1:] + values[:-1]) for values in (profile["SOC"], profile["Temperature_C"])
     )
     load = Load(
         celsius + 273.15,
         c_rate,
         charge,
-        float(np.ptp(profile.charge)),
+        float(np.ptp(profile["SOC"])),
         float(np.mean(np.abs(c_rate))),
         float(np.mean(-c_rate[c_rate < 0.0])) if np.any(c_rate < 0.0) else 0.0,
     )

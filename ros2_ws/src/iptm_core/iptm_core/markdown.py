@@ -54,7 +54,7 @@ def cells_of(
 
 
 def _cell(text: str, record: Mapping[str, Any]) -> str:
-    names = [name.split(".")[0] for _, name, _, _ in Formatter().parse(text) if name]
+    names = [re.split(r"[.\[]", name)[0] for _, name, _, _ in Formatter().parse(text) if name]
     values = (record[name] for name in names)
     if any(value is None or value != value for value in values):  # noqa: PLR0124  # NaN
         return NO_VALUE
