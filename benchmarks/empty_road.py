@@ -81,7 +81,7 @@ def drive(road: str, strategy: str, duration_s: float | None = None) -> dict[str
         raise AssertionError("a road of this benchmark has limits and is driven tick by tick")
     times, places, speeds = _between_ticks(trip)
     excess = speeds - rules.limits.at_m_s(places)
-    passed = [line for line in rules.plan.signals if line.stop_line_m < places[-1]]
+    passed = [line for line in rules.signals if line.stop_line_m < places[-1]]
     at_s = [
         float(times[np.searchsorted(places, line.stop_line_m, side="right")]) for line in passed
     ]

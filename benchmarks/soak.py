@@ -15,7 +15,6 @@ import tempfile
 import time
 from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +24,7 @@ from benchmarks.harness import run_benchmark
 from iptm_bringup.drive import Drive, DriveOutcome
 from iptm_bringup.environment import domain_of_run
 from iptm_bringup.monitor import Snapshot
+from iptm_bringup.progress import Progress
 from iptm_bringup.run_folder import RunFolder
 from iptm_bringup.runner import RunOptions, drive_processes
 from iptm_bringup.scenario import AUTOMATIC_DOMAIN, Scenario, prepare
@@ -49,21 +49,18 @@ LEAST_SAMPLES = 30
 _ENDS = (FaultKind.PROCESS_KILLED, FaultKind.DISK_FULL, FaultKind.SOLVER_EXCEPTION)
 
 
-@dataclass
-class MemoryWatch:
-    """Samples the memory of the processes of a run; a progress display of the run.
+class MemoryWatch(Progress):
+    """Samples the memory of the processes of a run of a number of ticks.
 
     Attributes:
         samples: trip time and resident memory in MiB, by process name and number.
     """
 
-    ticks: int
-    samples: dict[str, list[tuple[float, float]]] = field(default_factory=lambda: defaultdict(list))
-    _sampled_s: float = 0.0
-    _shown: int = -1
-
-    def waiting(self, reason: str) -> None:
-        """Do nothing."""
+    def __init__(self, ticks: int) -> None:
+        self.ticks = ticks
+        self.samples: dict[str, list[tuple[float, float]]] = defaultdict(list)
+        self._sampled_s = 0.0
+        self._shown = -1
 
     def running(self, snapshot: Snapshot, wall_s: float) -> None:
         """Take a sample once a second, and show every twentieth of the trip."""
@@ -77,9 +74,6 @@ class MemoryWatch:
             self._shown = twentieth
             rate = snapshot.time_s / wall_s if wall_s else 0.0
             print(f"{snapshot.time_s:.0f} of {self.ticks} ticks, {rate:.0f} a second", flush=True)
-
-    def close(self) -> None:
-        """Leave everything as it is."""
 
     def growth_mib(self) -> dict[str, float]:
         """Return the growth after its warm-up of each process that lived long enough."""

@@ -76,8 +76,8 @@ def row_of(result: TrafficResult, reference: TrafficResult) -> dict[str, Any]:
 def measure(
     duration_s: float = 600.0,
     seed: int = 1,
-    scenario: tuple[str, ...] = (*(str(entry) for entry in TrafficScenario), TOWN.net.name),
-    know: tuple[str, ...] = tuple(str(entry) for entry in PredictionInput),
+    scenario: tuple[str, ...] = (*map(str, TrafficScenario), TOWN.net.name),
+    know: tuple[str, ...] = tuple(map(str, PredictionInput)),
     rows_of: tuple[str, ...] = (),
 ) -> dict[str, Any]:
     """Measure all drives.

@@ -45,7 +45,7 @@ def test_lines_are_passed_only_while_they_are_open(opens_at_s: float, foresight_
     assert_free(run)
     times, places = run.trajectory.time_s, run.trajectory.position_m
     passed = 0
-    for signal in read_signals(signals).signals:
+    for signal in read_signals(signals):
         if places[-1] > signal.stop_line_m:
             passed += 1
             index = int(np.argmax(places > signal.stop_line_m))
