@@ -16,9 +16,8 @@ from benchmarks.harness import run_benchmark
 from iptm_core.markdown import table_of
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import KM_H_PER_M_S
-from iptm_traffic.closed_loop import TrafficResult, drive_in_traffic
 from iptm_traffic.demand import DemandSettings, TrafficScenario
-from iptm_traffic.drive import PredictionInput, TrafficDrive
+from iptm_traffic.drive import PredictionInput, TrafficDrive, TrafficResult, drive_in_traffic
 from iptm_traffic.own_network import OwnNetwork
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -49,7 +48,7 @@ COLUMNS = {
 
 def row_of(result: TrafficResult, reference: TrafficResult) -> dict[str, Any]:
     """Return the figures of one drive beside the reference strategy's in the same traffic."""
-    run, other = result.metrics, reference.metrics
+    run, other, world = result.metrics, reference.metrics, result.world
     return {
         "scenario": result.drive.title,
         "knowledge": str(result.drive.knowledge),
@@ -58,15 +57,15 @@ def row_of(result: TrafficResult, reference: TrafficResult) -> dict[str, Any]:
         "degradation_1e7": 1e7 * run.degradation,
         "saved_percent": 100.0 * (1.0 - run.degradation / other.degradation),
         "smallest_gap_m": run.smallest_gap_m,
-        "smallest_margin_m": result.smallest_margin_m,
-        "lines_passed": result.lines_passed,
-        "lines_passed_closed": result.lines_passed_closed,
+        "smallest_margin_m": world.smallest_margin_m,
+        "lines_passed": len(world.lines),
+        "lines_passed_closed": world.lines_passed_closed,
         "excess_km_h": KM_H_PER_M_S * result.largest_excess_m_s,
-        "collisions": result.collision_count,
-        "leaders": len(result.leaders),
-        "messages": result.messages,
+        "collisions": len(world.simulation.collisions),
+        "leaders": len(world.leaders),
+        "messages": world.radio.sent,
         "fallback_ticks": result.fallback_ticks,
-        "deviation_m": result.largest_deviation_m,
+        "deviation_m": world.simulation.largest_deviation_m,
         "times_real_time": result.times_real_time,
         "times_processor_time": result.times_processor_time,
         "digest": result.digest,

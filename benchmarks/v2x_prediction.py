@@ -140,10 +140,11 @@ def in_traffic(duration_s: float) -> tuple[list[Case], RoadLine]:
     bounded = BoundedByRules(History(), network.rules)
     cases: list[Case] = []
     for seen in (rehearsal or {}).values():
-        if seen.times_s[-1] - seen.times_s[0] >= SHORTEST_STAY_S:
-            speeds = np.maximum(np.gradient(seen.positions_m, seen.times_s), 0.0)
+        times, positions, _ = seen
+        if times[-1] - times[0] >= SHORTEST_STAY_S:
+            speeds = np.maximum(np.gradient(positions, times), 0.0)
             speeds[-1] = 0.0  # as a motion ends; nothing is asked about the last minute
-            motion = LeaderMotion(seen.times_s, speeds, float(seen.positions_m[0]))
+            motion = LeaderMotion(times, speeds, float(positions[0]))
             cases.append((PredictorName.SIGNALS, motion, bounded))
             cases.append((PredictorName.HISTORY, motion, History()))
     return cases, road

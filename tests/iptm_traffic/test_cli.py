@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import sys
+from itertools import pairwise
 
 import pytest
 
 from iptm_core.program import EXIT_USER_ERROR
 from iptm_traffic import cli
 from iptm_traffic.simulation import EgoInstant
-from iptm_traffic.world import LineWatch
+from iptm_traffic.world import line_passed
 from iptm_v2x_bridge.prediction.road_rules import RoadRules, Signal
 
 
@@ -45,10 +46,7 @@ def test_wrong_options_are_refused_in_one_line(
 def test_lines_are_counted_with_the_instant_they_were_passed_at() -> None:
     # Green from 0 s to 10.5 s; at 10 m/s the line at 105 m is reached at 10.5 s.
     for line_m, is_open in ((104.0, True), (106.0, False)):
-        watch = LineWatch(RoadRules(signals=(Signal.cyclic(line_m, 60.0, 0.0, 10.5),)))
-        watch.watch(EgoInstant(9.0, 90.0, 10.0), EgoInstant(10.0, 100.0, 10.0))
-        assert watch.passed == []
-        watch.watch(EgoInstant(10.0, 100.0, 10.0), EgoInstant(11.0, 110.0, 10.0))
-        assert watch.passed == [(pytest.approx(line_m / 10.0), is_open)]
-        watch.watch(EgoInstant(11.0, 110.0, 10.0), EgoInstant(12.0, 120.0, 10.0))
-        assert len(watch.passed) == 1
+        rules = RoadRules(signals=(Signal.cyclic(line_m, 60.0, 0.0, 10.5),))
+        instants = [EgoInstant(time_s, 10.0 * time_s, 10.0) for time_s in (9.0, 10.0, 11.0, 12.0)]
+        passed = [line_passed(rules, *interval) for interval in pairwise(instants)]
+        assert passed == [None, (pytest.approx(line_m / 10.0), is_open), None]

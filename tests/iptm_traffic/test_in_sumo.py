@@ -20,7 +20,6 @@ from iptm_core.routes import build_route
 from iptm_core.state import Command
 from iptm_plant_sim.plant import Plant
 from iptm_traffic import cli
-from iptm_traffic.closed_loop import drive_in_traffic
 from iptm_traffic.demand import (
     BEFORE_TRIP_S,
     EGO,
@@ -29,7 +28,7 @@ from iptm_traffic.demand import (
     signal_offsets_s,
     write_demand,
 )
-from iptm_traffic.drive import PredictionInput, TrafficDrive
+from iptm_traffic.drive import PredictionInput, TrafficDrive, drive_in_traffic
 from iptm_traffic.network import CYCLE_S, Corridor, Network, build_network
 from iptm_traffic.simulation import EgoInstant, TrafficSimulation
 from iptm_traffic.sumo_process import SumoProcess
@@ -138,7 +137,7 @@ def test_a_drive_is_lawful_and_repeats_to_the_last_bit(
 ) -> None:
     drive = TrafficDrive(scenario, knowledge, 130.0)
     first = drive_in_traffic(drive, PARAMETERS)
-    assert cli.verdict(first) == []
+    assert cli.verdict(first.world) == []
     assert first.trajectory.position_m[-1] > 800.0
     told_by = "signals" if knowledge is PredictionInput.SIGNALS else "received_path"
     assert first.predictors[told_by] > 5
@@ -149,9 +148,9 @@ def test_a_ego_that_learns_signals_by_radio_keeps_them() -> None:
     pytest.importorskip("pycrate_asn1dir", reason="requirements/roadside.txt is not installed")
     given = TrafficDrive(TrafficScenario.RED_LIGHT_QUEUE, PredictionInput.SIGNALS, 230.0)
     result = drive_in_traffic(replace(given, signals_by_radio=True), PARAMETERS)
-    assert cli.verdict(result) == []
-    assert result.lines_passed > 0
-    assert result.lines_passed_closed == 0
+    assert cli.verdict(result.world) == []
+    assert len(result.world.lines) > 0
+    assert result.world.lines_passed_closed == 0
     assert result.largest_excess_m_s < 1.0  # as with the plan as data
     assert result.predictors["signals"] > 5
 
@@ -159,9 +158,9 @@ def test_a_ego_that_learns_signals_by_radio_keeps_them() -> None:
 def test_who_leads_changes_when_the_leader_turns_off() -> None:
     drive = TrafficDrive(TrafficScenario.TURN_OFF, PredictionInput.HISTORY, 260.0)
     result = drive_in_traffic(replace(drive, step_s=1.0), PARAMETERS)
-    assert cli.verdict(result) == []
-    assert result.leaders[0] == "leader"
-    assert len(result.leaders) > 1
+    assert cli.verdict(result.world) == []
+    assert result.world.leaders[0] == "leader"
+    assert len(result.world.leaders) > 1
 
 
 def test_what_a_vehicle_did_becomes_a_drive(tmp_path: Path) -> None:
@@ -184,8 +183,8 @@ def test_what_a_vehicle_did_becomes_a_drive(tmp_path: Path) -> None:
 def test_an_hour_without_drift() -> None:
     drive = TrafficDrive(TrafficScenario.FOLLOWING, PredictionInput.SIGNALS, 3600.0)
     result = drive_in_traffic(drive, PARAMETERS)
-    assert cli.verdict(result) == []
-    assert result.largest_deviation_m < 1e-6
+    assert cli.verdict(result.world) == []
+    assert result.world.simulation.largest_deviation_m < 1e-6
 
 
 def test_sumo_that_ends_is_one_error(tmp_path: Path) -> None:

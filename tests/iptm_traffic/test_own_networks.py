@@ -16,9 +16,8 @@ pytest.importorskip("sumo", reason="requirements/traffic.txt is not installed")
 from iptm_core.parameters import load_parameters
 from iptm_core.program import EXIT_USER_ERROR
 from iptm_traffic import cli
-from iptm_traffic.closed_loop import TrafficResult, drive_in_traffic
 from iptm_traffic.demand import EGO
-from iptm_traffic.drive import TrafficDrive
+from iptm_traffic.drive import TrafficDrive, TrafficResult, drive_in_traffic
 from iptm_traffic.network import Network
 from iptm_traffic.own_network import OwnNetwork, build_own_network
 from iptm_traffic.right_of_way import RightOfWay
@@ -57,10 +56,10 @@ def driven(own: OwnNetwork, duration_s: float) -> TrafficResult:
 def test_the_ego_drives_through_the_town_and_repeats_to_the_last_bit() -> None:
     """A roundabout, crossings and a signal of variable times; the long version has the merge, too."""
     first = driven(IN_TOWN, 130.0)
-    assert cli.verdict(first) == []
+    assert cli.verdict(first.world) == []
     assert first.trajectory.position_m[-1] > 910.0  # past the roundabout and the signal
-    assert first.lines_passed == 1
-    assert first.largest_deviation_m < 1e-6
+    assert len(first.world.lines) == 1
+    assert first.world.simulation.largest_deviation_m < 1e-6
     assert driven(IN_TOWN, 130.0).digest == first.digest
 
 
@@ -69,7 +68,7 @@ def test_the_ego_drives_through_the_town_and_repeats_to_the_last_bit() -> None:
 def test_ten_minutes_without_collision(seed: int) -> None:
     own = OwnNetwork(NET, (ROUTES,), "round_trip", seed=seed)
     first = driven(own, 600.0)
-    assert cli.verdict(first) == []
+    assert cli.verdict(first.world) == []
     assert first.trajectory.position_m[-1] > 3400.0  # once round, and in it again
     assert driven(own, 600.0).digest == first.digest
 
@@ -128,8 +127,8 @@ def test_a_ego_that_yields_meets_none_of_a_row_of_cars(
         monkeypatch.setattr(RightOfWay, "_conflict_spans", lambda *_: [])
     own = OwnNetwork(NET, (routes,), "", ("main_1", "ring_1", "ring_2", "main_2"), 0.0)
     result = driven(own, 130.0)
-    assert (cli.verdict(result) == []) == yields
-    assert (result.collision_count == 0) == yields
+    assert (cli.verdict(result.world) == []) == yields
+    assert (not result.world.simulation.collisions) == yields
     assert result.trajectory.position_m[-1] > 490.0  # past the entry, at 467 m, in the end
 
 
@@ -137,8 +136,8 @@ def test_a_signal_of_variable_times_stops_and_lets_pass(tmp_path: Path) -> None:
     """Without others the signal stays as it is for long; an ego vehicle that it shows green does not stop."""
     own = OwnNetwork(NET, (), "", ("main_2", "main_3", "east_out"), 0.0)
     result = driven(own, 150.0)
-    assert cli.verdict(result) == []
-    assert result.lines_passed == 1
+    assert cli.verdict(result.world) == []
+    assert len(result.world.lines) == 1
     assert result.trajectory.position_m[-1] > 600.0
     network = build_own_network(own, STEP_S, tmp_path)
     with closing(TrafficSimulation(network, None, STEP_S)) as simulation:
@@ -245,13 +244,13 @@ def test_a_map_of_openstreetmap_is_driven(tmp_path: Path) -> None:
     file = tmp_path / "village.osm"
     file.write_text(MAP, encoding="utf-8")
     result = driven(OwnNetwork(file, (), "", ("10#0", "10#1"), 0.0), 40.0)
-    assert cli.verdict(result) == []
+    assert cli.verdict(result.world) == []
     assert result.trajectory.position_m[-1] > 200.0
 
 
 def test_the_ego_halts_at_the_end_of_its_way() -> None:
     result = driven(OwnNetwork(NET, (), "", ("exit_road", "main_1"), 0.0), 130.0)
-    assert cli.verdict(result) == []
+    assert cli.verdict(result.world) == []
     assert result.trajectory.speed_m_s[-1] < 0.1
     end_m = 394.0 + 10.0 + 466.0 - 6.0  # both edges and the junction between
     assert result.trajectory.position_m[-1] == pytest.approx(end_m - 7.0, abs=5.0)

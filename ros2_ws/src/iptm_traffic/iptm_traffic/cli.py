@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,11 +21,10 @@ from iptm_core.metrics import FIGURES, TRIP_FIGURES, figure_values
 from iptm_core.parameters import DEFAULT_SET, load_parameters
 from iptm_core.program import EXIT_OK, refused
 from iptm_core.user_input import number
-from iptm_traffic.closed_loop import TrafficResult, drive_in_traffic
 from iptm_traffic.demand import DemandSettings, TrafficScenario
-from iptm_traffic.drive import PredictionInput, TrafficDrive
+from iptm_traffic.drive import PredictionInput, TrafficDrive, TrafficResult, drive_in_traffic
 from iptm_traffic.own_network import DEPART_S, OwnNetwork
-from iptm_traffic.world import TrafficFacts
+from iptm_traffic.world import SumoWorld
 
 PROGRAM = "traffic"
 OVER_ROS = "iptm_traffic.node_drive"
@@ -40,16 +39,17 @@ SUMO do not agree about the ego vehicle to a millimetre; 2 for a mistake in the 
 """
 
 
-TRAFFIC_ROWS: Mapping[str, str] = {
-    "Smallest gap less s_min, cars that move in left out (m)": "{0.smallest_margin_m:.2f}",
-    "Stop lines passed": "{0.lines_passed}",
-    "Stop lines passed while closed": "{0.lines_passed_closed}",
-    "Cars ahead, one after the other": "{0.leader_count}",
-    "Messages sent around the ego vehicle": "{0.messages}",
-    "Collisions of the ego vehicle": "{0.collision_count}",
-    "Largest deviation of plant and SUMO (m)": "{0.largest_deviation_m:.1e}",
-}
-"""Rows of every table, with the format of their values."""
+def traffic_rows(world: SumoWorld) -> dict[str, str]:
+    """Return rows of every table: what happened in the traffic."""
+    return {
+        "Smallest gap less s_min, cars that move in left out (m)": f"{world.smallest_margin_m:.2f}",
+        "Stop lines passed": f"{len(world.lines)}",
+        "Stop lines passed while closed": f"{world.lines_passed_closed}",
+        "Cars ahead, one after the other": f"{len(world.leaders)}",
+        "Messages sent around the ego vehicle": f"{world.radio.sent}",
+        "Collisions of the ego vehicle": f"{len(world.simulation.collisions)}",
+        "Largest deviation of plant and SUMO (m)": f"{world.simulation.largest_deviation_m:.1e}",
+    }
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -207,16 +207,19 @@ def results_table(result: TrafficResult, other: TrafficResult | None) -> Table:
         figure = FIGURES[key]
         table.add_row(figure.title, *(figure.precise_text(value.get(key)) for value in values))
     table.add_section()
-    rows = {
-        "Largest excess over the speed limit (m/s)": "{0.largest_excess_m_s:.2f}",
-        "Ticks without a solution to follow": "{0.fallback_ticks}",
-        **TRAFFIC_ROWS,
-        "Times real time": "{0.times_real_time:.0f}",
-        "Times real time, by processor time": "{0.times_processor_time:.0f}",
-        "Digest": "{0.digest:.12}",
-    }
-    for label, text in rows.items():
-        table.add_row(label, *(text.format(run) for run in runs))
+    rows = [
+        {
+            "Largest excess over the speed limit (m/s)": f"{run.largest_excess_m_s:.2f}",
+            "Ticks without a solution to follow": f"{run.fallback_ticks}",
+            **traffic_rows(run.world),
+            "Times real time": f"{run.times_real_time:.0f}",
+            "Times real time, by processor time": f"{run.times_processor_time:.0f}",
+            "Digest": f"{run.digest:.12}",
+        }
+        for run in runs
+    ]
+    for label in rows[0]:
+        table.add_row(label, *(row[label] for row in rows))
     return table
 
 
@@ -231,22 +234,23 @@ def headline(result: TrafficResult, other: TrafficResult) -> str:
     )
 
 
-def verdict(result: TrafficFacts) -> list[str]:
+def verdict(world: SumoWorld) -> list[str]:
     """Return the violated requirements."""
     wrong = []
-    if result.lines_passed_closed:
-        wrong.append(f"{result.lines_passed_closed} stop lines were passed while closed")
-    wrong += [f"collision: {text}" for text in result.collisions]
-    if result.smallest_gap_m <= 0.0:
-        wrong.append(f"the smallest gap is {result.smallest_gap_m:.2f} m")
-    if result.largest_deviation_m > LARGEST_DEVIATION_M:
-        wrong.append(f"plant and SUMO are {result.largest_deviation_m:.4f} m apart")
+    if world.lines_passed_closed:
+        wrong.append(f"{world.lines_passed_closed} stop lines were passed while closed")
+    wrong += [f"collision: {text}" for text in world.simulation.collisions]
+    if world.smallest_gap_m <= 0.0:
+        wrong.append(f"the smallest gap is {world.smallest_gap_m:.2f} m")
+    deviation_m = world.simulation.largest_deviation_m
+    if deviation_m > LARGEST_DEVIATION_M:
+        wrong.append(f"plant and SUMO are {deviation_m:.4f} m apart")
     return wrong
 
 
-def judged(result: TrafficFacts, console: Console) -> int:
+def judged(world: SumoWorld, console: Console) -> int:
     """Print the violated requirements and return the exit code."""
-    wrong = verdict(result)
+    wrong = verdict(world)
     for line in wrong:
         console.print(f"PROBLEM  {line}", style="bold red")
     return EXIT_NOT_GOOD if wrong else EXIT_OK
@@ -293,7 +297,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if other is not None:
         console.print(headline(result, other), style="bold green")
     console.print(results_table(result, other))
-    return judged(result, console)
+    return judged(result.world, console)
 
 
 if __name__ == "__main__":

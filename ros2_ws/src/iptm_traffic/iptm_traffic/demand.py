@@ -6,7 +6,7 @@ Drivers differ in how fast they like to go and are not random otherwise, so that
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -75,13 +75,8 @@ class DemandSettings(Settings):
     traffic_seed: int = parameter(1, "seed of cars and signal offsets", "", 0, MAX_SEED)
 
 
-@dataclass(frozen=True)
-class _Trip:
-    depart_s: float
-    name: str
-    edges: tuple[str, ...]
-    speed_factor: float
-    more: dict[str, str] = field(default_factory=dict)
+_Trip = tuple[float, str, tuple[str, ...], float, dict[str, str]]
+"""Departure (s of SUMO's time), name, edges, speed in speed limits and way of starting of a vehicle."""
 
 
 def signal_offsets_s(
@@ -126,17 +121,17 @@ def write_demand(
     if scenario is TrafficScenario.RED_LIGHT_QUEUE:
         trips += [_queued(corridor, number, standing_s, gap_m) for number in range(1, 6)]
     if with_stand_in:
-        trips.append(_Trip(standing_s, EGO, corridor.main_edges, 1.0, _standing(0.0)))
+        trips.append((standing_s, EGO, corridor.main_edges, 1.0, _standing(0.0)))
     for number, time_s in enumerate(_instants(draws, settings.main_headway_s, end_s)):
         edges, factor = corridor.main_edges, _factor(draws)
         if draws.random() < settings.turning_share:
             last = int(draws.integers(1, corridor.blocks))
             edges = (*edges[:last], f"south_out_{last}")
         if not _QUIET_S[0] < time_s - BEFORE_TRIP_S < _QUIET_S[1]:
-            trips.append(_Trip(time_s, f"{MAIN_PREFIX}_{number}", edges, factor, _MOVING))
+            trips.append((time_s, f"{MAIN_PREFIX}_{number}", edges, factor, _MOVING))
     for name, edges, headway_s in _other_ways(corridor, settings):
         trips += [
-            _Trip(time_s, f"{name}_{number}", edges, _factor(draws), _MOVING)
+            (time_s, f"{name}_{number}", edges, _factor(draws), _MOVING)
             for number, time_s in enumerate(_instants(draws, headway_s, end_s))
         ]
     return _written(trips, folder)
@@ -183,13 +178,13 @@ def _leader(corridor: Corridor, scenario: TrafficScenario, depart_s: float, gap_
     edges = corridor.main_edges
     if scenario is TrafficScenario.TURN_OFF:
         edges = (*edges[:2], "south_out_2")
-    return _Trip(depart_s, LEADER, edges, 1.0, _standing(gap_m + VEHICLE_LENGTH_M))
+    return (depart_s, LEADER, edges, 1.0, _standing(gap_m + VEHICLE_LENGTH_M))
 
 
 def _queued(corridor: Corridor, number: int, depart_s: float, gap_m: float) -> _Trip:
     ahead_m = gap_m + VEHICLE_LENGTH_M + number * (VEHICLE_LENGTH_M + gap_m)
     name = f"{MAIN_PREFIX}_queued_{number}"
-    return _Trip(depart_s, name, corridor.main_edges, 1.0, _standing(ahead_m))
+    return (depart_s, name, corridor.main_edges, 1.0, _standing(ahead_m))
 
 
 def ego_kind() -> ET.Element:
@@ -201,12 +196,12 @@ def _written(trips: list[_Trip], folder: Path) -> Path:
     root = ET.Element("routes")
     ET.SubElement(root, "vType", {"id": CAR, **_CAR})
     root.append(ego_kind())
-    for trip in sorted(trips, key=lambda trip: (trip.depart_s, trip.name)):
-        kind = EGO_KIND if trip.name == EGO else CAR
-        vehicle = ET.SubElement(root, "vehicle", {"id": trip.name, "type": kind, **trip.more})
-        vehicle.set("depart", f"{trip.depart_s:.2f}")
-        vehicle.set("speedFactor", f"{trip.speed_factor:.4f}")
-        ET.SubElement(vehicle, "route", edges=" ".join(trip.edges))
+    for depart_s, name, edges, factor, start in sorted(trips, key=lambda trip: trip[:2]):
+        kind = EGO_KIND if name == EGO else CAR
+        vehicle = ET.SubElement(root, "vehicle", {"id": name, "type": kind, **start})
+        vehicle.set("depart", f"{depart_s:.2f}")
+        vehicle.set("speedFactor", f"{factor:.4f}")
+        ET.SubElement(vehicle, "route", edges=" ".join(edges))
     ET.indent(root)
     file = folder / "demand.rou.xml"
     ET.ElementTree(root).write(file, encoding="unicode")

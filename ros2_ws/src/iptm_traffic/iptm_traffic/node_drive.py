@@ -40,8 +40,7 @@ from iptm_interfaces.process import StopRequest, joined_node
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
 from iptm_traffic import cli
-from iptm_traffic.closed_loop import DRIVER_FORESIGHT_S
-from iptm_traffic.drive import PredictionInput, TrafficDrive, opened_traffic
+from iptm_traffic.drive import DRIVER_FORESIGHT_S, PredictionInput, TrafficDrive, opened_traffic
 from iptm_traffic.ego_road import EgoRoad
 from iptm_traffic.network import CYCLE_S, MAIN_OPEN_S, Network
 from iptm_traffic.radio import TrafficRadio
@@ -82,8 +81,7 @@ class TrafficNode(SuiteNode):
     ) -> None:
         """Join the graph."""
         super().__init__(NAME, context=context)
-        self._simulation, self._radio = simulation, radio
-        self.world = SumoWorld(drive.scenario, simulation, parameters)
+        self.world = SumoWorld(drive.scenario, simulation, radio, parameters)
         self._datagrams = DatagramSender(_LOCALHOST, to_port)
         self._ego: EgoInstant | None = None
         specification()  # compiled now, not at the first tick, which others wait for
@@ -113,7 +111,7 @@ class TrafficNode(SuiteNode):
         if ego.time_s > before.time_s:
             self.world.pass_interval(before, ego)
         self._ego = ego
-        for _, datagram in self._radio.take():
+        for _, datagram in self.world.radio.take()[0]:
             self._datagrams.send(datagram)
         self._datagrams.end_tick(time_ns)
 
@@ -122,7 +120,7 @@ class TrafficNode(SuiteNode):
         values: dict[str, object] = {
             **self._datagrams.report(),
             "leader": ("none", *self.world.leaders)[-1],
-            "largest_deviation_m": self._simulation.largest_deviation_m,
+            "largest_deviation_m": self.world.simulation.largest_deviation_m,
         }
         level, reason = Level.OK, "the traffic follows the plant"
         if ego is None:
@@ -245,15 +243,15 @@ def drive_over_ros(
         code = _run_during(executor, command, stop)
         if code != EXIT_OK:
             return code
-        facts = node.world.facts(radio.sent)
+        world = node.world
         table = Table("in the traffic", title=f"{drive.scenario}, {drive.knowledge} known")
         table.title_justify = "left"
         table.add_column("", justify="right")
-        table.add_row("Smallest gap (m)", f"{facts.smallest_gap_m:.2f}")
-        for label, text in cli.TRAFFIC_ROWS.items():
-            table.add_row(label, text.format(facts))
+        table.add_row("Smallest gap (m)", f"{world.smallest_gap_m:.2f}")
+        for label, text in cli.traffic_rows(world).items():
+            table.add_row(label, text)
         console.print(table)
-        return cli.judged(facts, console)
+        return cli.judged(world, console)
 
 
 def write_road(road: EgoRoad, file: Path) -> None:

@@ -9,7 +9,6 @@ in the ego vehicle's place. A vehicle that departs from it announces none.
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -32,22 +31,11 @@ PATH_BEHIND_M, PATH_AHEAD_M = 20.0, 250.0
 """Range around the ego vehicle in which a vehicle announces its path, as farther ones do not lead."""
 
 
-@dataclass(frozen=True, eq=False)
-class Rehearsed:
-    """What one vehicle did in the rehearsal.
-
-    Attributes:
-        times_s: trip times, shape (n,).
-        positions_m: fronts along the road, shape (n,).
-        lateral_m: shape (n,).
-    """
-
-    times_s: FloatArray
-    positions_m: FloatArray
-    lateral_m: FloatArray
+Rehearsal = dict[str, FloatArray]
+"""Motion of each vehicle in a rehearsal: trip times, fronts along the road, distances to its left; (3, n)."""
 
 
-def rehearse(simulation: TrafficSimulation, duration_s: float) -> dict[str, Rehearsed]:
+def rehearse(simulation: TrafficSimulation, duration_s: float) -> Rehearsal:
     """Drive a simulation without ego vehicle to its end and return what the vehicles of the main road did."""
     places: dict[str, list[tuple[float, float, float]]] = {}
     while simulation.time_s < duration_s:
@@ -57,7 +45,8 @@ def rehearse(simulation: TrafficSimulation, duration_s: float) -> dict[str, Rehe
     found = {}
     for name, some in places.items():
         times, east, north = np.array(some).T
-        found[name] = Rehearsed(times, *simulation.network.road.along_and_aside_m(east, north))
+        road = simulation.network.road
+        found[name] = np.vstack([times, road.along_and_aside_m(east, north)])
     return found
 
 
@@ -72,7 +61,7 @@ class TrafficRadio:
         self,
         simulation: TrafficSimulation,
         road_line: RoadLine,
-        rehearsal: dict[str, Rehearsed] | None = None,
+        rehearsal: Rehearsal | None = None,
         *,
         with_roadside: bool = False,
     ) -> None:
@@ -99,8 +88,15 @@ class TrafficRadio:
             (round(around.time_s * NS_PER_S), around, self._simulation.ego_position_m)
         )
 
-    def take(self) -> list[tuple[int, bytes]]:
-        """Return the datagrams since the last call, with the trip times at which they were sent, in ns."""
+    def take(
+        self,
+        after_ns: int | None = None,  # noqa: ARG002
+        until_ns: int = 0,  # noqa: ARG002
+    ) -> tuple[list[tuple[int, bytes]], int]:
+        """Return the datagrams since the last call, with the trip times (ns) at which they were sent.
+
+        None is lost; see `Radio.take`.
+        """
         taken = []
         for sent_ns, around, ego_m in self._pending:
             sent_ms = sent_ns // NS_PER_MS
@@ -110,7 +106,7 @@ class TrafficRadio:
             taken += [(sent_ns, datagram) for datagram in sent]
         self._pending.clear()
         self.sent += len(taken)
-        return taken
+        return taken, 0
 
     def messages(self, around: Neighbours, ego_position_m: float) -> list[CamMessage]:
         """Return the messages of the vehicles at one instant."""
@@ -144,21 +140,17 @@ class TrafficRadio:
             return None
         if time_s - self._path_sent.get(name, -np.inf) < 1.0 - 1e-9:
             return None
-        if not drive.times_s[0] <= time_s < drive.times_s[-1] - self._ahead_s[0]:
+        times, along_m, aside_m = drive
+        if not times[0] <= time_s < times[-1] - self._ahead_s[0]:
             return None
-        there = np.interp(time_s, drive.times_s, drive.positions_m)
-        aside = np.interp(time_s, drive.times_s, drive.lateral_m)
-        if (
-            abs(there - around.positions_m[row]) > SAME_PLACE_M
-            or abs(aside - around.lateral_m[row]) > SAME_PLACE_M
-        ):
-            return None
+        for rehearsed_m, actual_m in ((along_m, around.positions_m), (aside_m, around.lateral_m)):
+            if abs(np.interp(time_s, times, rehearsed_m) - actual_m[row]) > SAME_PLACE_M:
+                return None
         self._path_sent[name] = time_s
-        ahead_s = self._ahead_s[time_s + self._ahead_s <= drive.times_s[-1]]
+        ahead_s = self._ahead_s[time_s + self._ahead_s <= times[-1]]
         at = time_s + ahead_s
         latitudes, longitudes = self._on_earth(
-            np.interp(at, drive.times_s, drive.positions_m),
-            np.interp(at, drive.times_s, drive.lateral_m),
+            np.interp(at, times, along_m), np.interp(at, times, aside_m)
         )
         return PredictedPath(ahead_s, latitudes, longitudes, confidence=0.95)
 

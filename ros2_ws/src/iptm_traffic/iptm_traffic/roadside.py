@@ -7,7 +7,6 @@ signal group, the cross street has another one.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -54,14 +53,8 @@ _COUNTRY, _PROVIDER = 0, 1
 _STATION_BASE = 1_000_000
 
 
-@dataclass(frozen=True)
-class _Station:
-    """Position and constant messages of one station."""
-
-    number: int
-    position_m: float
-    signal: Signal | None
-    maps: tuple[tuple[MessageKind, bytes], ...]
+_Station = tuple[int, float, Signal | None, list[tuple[MessageKind, bytes]]]
+"""Number, position and signal of one station, and its constant messages."""
 
 
 class RoadsideStations:
@@ -72,7 +65,7 @@ class RoadsideStations:
         self._road = road
         limits = network.limits
         starts = [*limits.starts_m.tolist(), road.length_m]
-        self._stations = []
+        self._stations: list[_Station] = []
         for number, signal in enumerate((None, *network.signals)):
             sign = self._sign(
                 number, starts[number], starts[number + 1], float(limits.limits_m_s[number])
@@ -82,30 +75,33 @@ class RoadsideStations:
                 lanes = self._lanes(number, signal.stop_line_m)
                 sent.append((MessageKind.MAPEM, encode_mapem(_STATION_BASE + number, [lanes])))
             place_m = 0.0 if signal is None else signal.stop_line_m
-            self._stations.append(_Station(number, place_m, signal, tuple(sent)))
+            self._stations.append((number, place_m, signal, sent))
 
     def datagrams(self, time_ms: int, ego_position_m: float) -> list[bytes]:
         """Return what the ego vehicle hears of them at an instant."""
-        heard = []
-        for station in self._stations:
-            if abs(station.position_m - ego_position_m) > RADIO_RANGE_M:
+        heard: list[bytes] = []
+        for number, place_m, signal, maps in self._stations:
+            if abs(place_m - ego_position_m) > RADIO_RANGE_M:
                 continue
-            if station.signal is not None:
-                phases = _phases(station.number, station.signal, time_ms)
-                bits = encode_spatem(_STATION_BASE + station.number, [phases])
-                heard.append(self._packet(station, MessageKind.SPATEM, bits, time_ms))
+            sent: list[tuple[MessageKind, bytes]] = []
+            if signal is not None:
+                phases = [_phases(number, signal, time_ms)]
+                sent.append((MessageKind.SPATEM, encode_spatem(_STATION_BASE + number, phases)))
             if time_ms % round(1000.0 * MAPS_EVERY_S) == 0:
-                heard.extend(
-                    self._packet(station, kind, payload, time_ms) for kind, payload in station.maps
-                )
+                sent += maps
+            latitude, longitude, _ = self._road.locate(place_m)
+            place = SenderPosition(
+                time_ms,
+                round(float(latitude) * SCALE_DEG),
+                round(float(longitude) * SCALE_DEG),
+                0,
+                0,
+            )
+            heard += [
+                wrap(payload, place, _STATION_BASE + number, ROADSIDE_UNIT, kind.port)
+                for kind, payload in sent
+            ]
         return heard
-
-    def _packet(self, station: _Station, kind: MessageKind, payload: bytes, time_ms: int) -> bytes:
-        latitude, longitude, _ = self._road.locate(station.position_m)
-        place = SenderPosition(
-            time_ms, round(float(latitude) * SCALE_DEG), round(float(longitude) * SCALE_DEG), 0, 0
-        )
-        return wrap(payload, place, _STATION_BASE + station.number, ROADSIDE_UNIT, kind.port)
 
     def _sign(self, number: int, from_m: float, to_m: float, limit_m_s: float) -> SpeedSigns:
         count = math.ceil((to_m - from_m) / _ZONE_SPACING_M) + 1

@@ -8,6 +8,7 @@ times of reception.
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Protocol
 
@@ -130,10 +131,16 @@ class Radio(Protocol):
 
 
 class SimulatedRadio:
-    """Hands the bridge, before each tick, everything that is received up to it."""
+    """Hands the bridge, before each tick, everything that is received up to it.
+
+    Attributes:
+        bridge: the bridge.
+        predictors: ticks by the predictor in use.
+    """
 
     def __init__(self, source: Radio, bridge: CamBridge) -> None:
         self._source, self.bridge = source, bridge
+        self.predictors: Counter[str] = Counter()
         self._heard_until_ns: int | None = None
 
     def answer(
@@ -148,4 +155,6 @@ class SimulatedRadio:
             self.bridge.receive(datagram, received_ns)
         self.bridge.count_overflow(dropped)
         self._heard_until_ns = time_ns
-        return self.bridge.answer(time_ns, ego_position_m, ego_speed_m_s)
+        answer = self.bridge.answer(time_ns, ego_position_m, ego_speed_m_s)
+        self.predictors[answer.predictor or "none"] += 1
+        return answer
