@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from iptm_core.errors import ScenarioError
@@ -33,7 +34,6 @@ from iptm_reproduction.identification.shipping import (
 )
 from iptm_reproduction.identification.spread import determined_numbers, remaining_shares
 from iptm_reproduction.identification.unknowns import (
-    Unknown,
     Unknowns,
     read_unknowns,
     shipped_unknowns,
@@ -57,7 +57,7 @@ def printed_runs() -> dict[str, dict[str, float]]:
 
 
 def test_whatever_the_paper_omits_about_trip_and_gap_is_searched_for_or_settled() -> None:
-    stated = {entry.key for entry in (*UNKNOWNS.free, *UNKNOWNS.settled)}
+    stated = {*UNKNOWNS.free.index, *UNKNOWNS.settled.index}
     composition = {key for key in stated if key.startswith("composition.")}
     assert len(composition) == 6
     sources = load_parameters().sources
@@ -96,9 +96,12 @@ def test_a_key_that_names_nothing_is_refused(tmp_path: Path, key: str) -> None:
         read_unknowns(path)
 
 
-def test_a_prior_outside_its_bounds_is_refused() -> None:
-    with pytest.raises(ScenarioError, match=r"start is 3\.0; allowed: 0 to 1"):
-        Unknown("composition.large_grade", "1", 0.0, 1.0, 3.0, 0.1, "because")
+def test_a_prior_outside_its_bounds_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "unknowns.yaml"
+    content = shipped_unknowns().read_text(encoding="utf-8")
+    path.write_text(content.replace("start: 0.21,", "start: 3.0,"), encoding="utf-8")
+    with pytest.raises(ScenarioError, match=r"start is 3\.0; allowed: 0.06 to 0.25"):
+        read_unknowns(path)
 
 
 def test_the_misfit_by_hand() -> None:
@@ -144,11 +147,18 @@ TINY = Unknowns(
     UNKNOWNS.order,
     UNKNOWNS.first_slope,
     UNKNOWNS.base_set,
-    (
-        Unknown("composition.large_grade", "1", 0.05, 0.2, 0.15, 0.3, "for the test"),
-        Unknown("parameters.gap.max_gap_m", "m", 80.0, 200.0, 120.0, 0.3, "for the test"),
+    pd.DataFrame(
+        {
+            "unit": ["1", "m"],
+            "low": [0.05, 80.0],
+            "high": [0.2, 200.0],
+            "start": [0.15, 120.0],
+            "spread": 0.3,
+            "reason": "for the test",
+        },
+        index=["composition.large_grade", "parameters.gap.max_gap_m"],
     ),
-    (),
+    UNKNOWNS.settled.iloc[:0],
     {},
 )
 STAGES = (
@@ -232,7 +242,7 @@ def test_a_number_without_influence_keeps_its_prior_and_one_with_influence_does_
 
 def test_the_shipped_numbers_lie_within_their_bounds_and_are_among_the_good_fits() -> None:
     numbers = determined_numbers().numbers
-    assert numbers["key"].tolist() == [unknown.key for unknown in UNKNOWNS.free]
+    assert numbers["key"].tolist() == list(UNKNOWNS.free.index)
     assert numbers["value"].between(numbers["lowest"], numbers["highest"]).all()
     assert numbers["value"].between(numbers["low"], numbers["high"]).all()
     assert numbers["share"].between(0.0, 1.0, inclusive="right").all()

@@ -45,9 +45,9 @@ def set_text(candidate: Candidate) -> str:
     ]
     reasons = _reasons(unknowns)
     free = {
-        entry.key.removeprefix(f"{PARAMETERS}."): entry
-        for entry in unknowns.free  # what is settled stays as in the base
-        if entry.key.startswith(f"{PARAMETERS}.")
+        entry.Index.removeprefix(f"{PARAMETERS}."): entry
+        for entry in unknowns.free.itertuples()  # what is settled stays as in the base
+        if entry.Index.startswith(f"{PARAMETERS}.")
     }
     for group, keys in itertools.groupby(sorted(free), lambda key: key.partition(".")[0]):
         lines += ["", f"{group}:"]
@@ -55,18 +55,18 @@ def set_text(candidate: Candidate) -> str:
             entry = free[key]
             lines += [
                 f"  {key.partition('.')[2]}:",
-                f"    value: {_number(candidate.values[entry.key])}",
+                f"    value: {_number(candidate.values[entry.Index])}",
                 f'    unit: "{entry.unit}"',
                 "    source: derived",
                 "    note: >",
-                *_wrapped(reasons[entry.key], "      "),
+                *_wrapped(reasons[entry.Index], "      "),
             ]
     return _HEADER + "\n".join(lines) + "\n"
 
 
 def evaluations_text(table: EvaluationTable, unknowns: Unknowns) -> str:
     """Return the candidates that were driven with the aging strategy, as CSV: misfit, numbers, deviations."""
-    keys = [unknown.key for unknown in unknowns.free]
+    keys = list(unknowns.free.index)
     rows = []
     for values, runs in table.by_candidate():
         if {"reference", "aging"} <= set(runs) and set(keys) <= set(values):
@@ -106,10 +106,10 @@ def ship(candidate: Candidate, table: EvaluationTable) -> tuple[Path, ...]:
 def _reasons(unknowns: Unknowns) -> dict[str, str]:
     """Return a remark for every number: how it was searched for, or why it was not."""
     remarks = {
-        entry.key: f"identified between {entry.low:g} and {entry.high:g}; {entry.reason}"
-        for entry in unknowns.free
+        entry.Index: f"identified between {entry.low:g} and {entry.high:g}; {entry.reason}"
+        for entry in unknowns.free.itertuples()
     }
-    return remarks | {entry.key: entry.reason for entry in unknowns.settled}
+    return remarks | dict(unknowns.settled["reason"])
 
 
 def _number(value: float) -> str:

@@ -84,26 +84,27 @@ def determined_numbers() -> Spread:
         StoreError: the file is missing or not as it should be.
     """
     path = Path(__file__).parent / EVALUATIONS_NAME
-    unknowns = read_unknowns(shipped_unknowns()).free
+    unknowns = read_unknowns(shipped_unknowns())
+    free = unknowns.free
     try:
         table = pd.read_csv(path, dtype=float, float_precision="round_trip")
         misfits = table[MISFIT].to_numpy()
-        values = table[[entry.key for entry in unknowns]].to_numpy()
+        values = table[list(free.index)].to_numpy()
         threshold = float(misfits.min()) + GOOD_EXCESS
     except (OSError, KeyError, ValueError) as error:
         raise StoreError(f"evaluations {path} cannot be read: {error}") from error
     known = shipped_values()
-    shipped = np.array([known[entry.key] for entry in unknowns])
-    prior = np.array([entry.deviation for entry in unknowns])
+    shipped = np.array([known[key] for key in free.index])
+    prior = unknowns.deviations
     deviations = table.filter(regex=rf"^{DEVIATION}\.").to_numpy()
     shares = remaining_shares((values - shipped) / prior, deviations)
     fits = values[misfits <= threshold]
     numbers = pd.DataFrame(
         {
-            "key": [entry.key for entry in unknowns],
-            "unit": [entry.unit for entry in unknowns],
-            "lowest": [entry.low for entry in unknowns],
-            "highest": [entry.high for entry in unknowns],
+            "key": list(free.index),
+            "unit": list(free["unit"]),
+            "lowest": list(free["low"]),
+            "highest": list(free["high"]),
             "value": shipped,
             "low": fits.min(axis=0),
             "high": fits.max(axis=0),

@@ -9,12 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from iptm_controller.strategy import Strategy
 from iptm_core.errors import ScenarioError
@@ -36,93 +36,55 @@ _REFERENCE_KEYS = ("speed_weight", "temperature_weight", "reference_temperature_
 
 
 @dataclass(frozen=True)
-class Unknown:
-    """A number that the paper does not state.
-
-    Attributes:
-        key: where it belongs, see the module.
-        unit: its unit, that of the model.
-        low: smallest value that makes sense.
-        high: largest one.
-        start: where a search begins: the prior.
-        spread: standard deviation of the prior, in units of the range from ``low`` to ``high``.
-        reason: why these bounds and this prior.
-    """
-
-    key: str
-    unit: str
-    low: float
-    high: float
-    start: float
-    spread: float
-    reason: str
-
-    def __post_init__(self) -> None:
-        if not (math.isfinite(self.low) and self.low < self.high < math.inf):
-            raise ScenarioError(f"{self.key}: {self.low} to {self.high}; allowed: a range")
-        if not self.low <= self.start <= self.high:
-            raise ScenarioError(
-                f"{self.key}: start is {self.start}; allowed: {self.low:g} to {self.high:g}"
-            )
-        if not self.spread > 0.0:
-            raise ScenarioError(f"{self.key}: spread is {self.spread}; allowed: above 0")
-
-    @property
-    def deviation(self) -> float:
-        """Standard deviation of the prior."""
-        return self.spread * (self.high - self.low)
-
-    def place(self, value: float) -> float:
-        """Place of a value from 0 (low) to 1 (high)."""
-        return (value - self.low) / (self.high - self.low)
-
-
-@dataclass(frozen=True)
-class Settled:
-    """A number that is not searched for, and why."""
-
-    key: str
-    unit: str
-    value: float
-    reason: str
-
-
-@dataclass(frozen=True)
 class Unknowns:
     """Everything that is searched for, and everything that deliberately is not.
 
-    ``order`` and ``first_slope`` are those of the trip, ``base_set`` states all other parameters, and
-    ``weights`` are those of the energy and aging terms by strategy.
+    Attributes:
+        order: segments of the trip.
+        first_slope: kind of its first slope.
+        base_set: states all other parameters.
+        free: what is searched for, a row per key (see the module): ``unit``, ``low`` and ``high`` (bounds of
+            what makes sense), ``start`` (where a search begins, the prior), ``spread`` (standard deviation of
+            the prior, in units of the range) and ``reason`` (of bounds and prior).
+        settled: what is not searched for, a row per key: ``unit``, ``value`` and ``reason``.
+        weights: those of the energy and aging terms, by strategy.
     """
 
     order: tuple[str, ...]
     first_slope: str
     base_set: str
-    free: tuple[Unknown, ...]
-    settled: tuple[Settled, ...]
+    free: pd.DataFrame
+    settled: pd.DataFrame
     weights: Mapping[str, Mapping[str, float]]
 
-    @cached_property
+    @property
     def start(self) -> FloatArray:
         """Places of the priors, shape (n,)."""
-        return np.array([unknown.place(unknown.start) for unknown in self.free])
+        return self.places(self.free["start"])
 
-    @cached_property
+    @property
     def spreads(self) -> FloatArray:
+        """Standard deviations of the priors in units of the ranges, shape (n,)."""
+        return np.asarray(self.free["spread"], dtype=np.float64)
+
+    @property
+    def deviations(self) -> FloatArray:
         """Standard deviations of the priors, shape (n,)."""
-        return np.array([unknown.spread for unknown in self.free])
+        ranges: FloatArray = np.asarray(self.free["high"] - self.free["low"], dtype=np.float64)
+        return self.spreads * ranges
 
     def candidate(self, places: FloatArray) -> Candidate:
         """Return the candidate at places in the unit cube, shape (n,); places outside are cut off."""
-        values = {entry.key: entry.value for entry in self.settled}
-        for unknown, place in zip(self.free, np.clip(places, 0.0, 1.0), strict=True):
-            value = unknown.low + float(place) * (unknown.high - unknown.low)
-            values[unknown.key] = float(f"{value:.5g}")
-        return Candidate(self, values)
+        low, high = self.free["low"], self.free["high"]
+        found = low + np.clip(places, 0.0, 1.0) * (high - low)
+        values = {key: float(f"{value:.5g}") for key, value in found.items()}
+        return Candidate(self, {**self.settled["value"].to_dict(), **values})
 
     def places(self, values: Mapping[str, float]) -> FloatArray:
-        """Return the places of the free numbers of a candidate, shape (n,)."""
-        return np.array([unknown.place(values[unknown.key]) for unknown in self.free])
+        """Return the places of the free numbers of a candidate from 0 (low) to 1 (high), shape (n,)."""
+        low, high = self.free["low"].to_numpy(), self.free["high"].to_numpy()
+        found = np.array([values[key] for key in self.free.index])
+        return np.asarray((found - low) / (high - low), dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -176,17 +138,27 @@ def read_unknowns(path: Path) -> Unknowns:
     )
     content.require("trip", "base_set", "free", "settled", "weights")
     trip = content.section("trip", ("order", "first_slope", "reason"))
-    free, settled = content.section("free"), content.section("settled")
-    twice = sorted(set(free) & set(settled))
+    free = _table(content.section("free"), ("low", "high", "start", "spread"))
+    settled = _table(content.section("settled"), ("value",))
+    twice = sorted(set(free.index) & set(settled.index))
     if twice:
         raise ScenarioError(f"{path}: {twice[0]} is both free and settled; allowed: one of both")
+    for row in free.itertuples():
+        if not (math.isfinite(row.low) and row.low < row.high < math.inf):
+            raise ScenarioError(f"{row.Index}: {row.low} to {row.high}; allowed: a range")
+        if not row.low <= row.start <= row.high:
+            raise ScenarioError(
+                f"{row.Index}: start is {row.start}; allowed: {row.low:g} to {row.high:g}"
+            )
+        if not row.spread > 0.0:
+            raise ScenarioError(f"{row.Index}: spread is {row.spread}; allowed: above 0")
     weights = content.section("weights")
     return Unknowns(
         tuple(str(part) for part in trip.entries("order")),
         trip.choice("first_slope", SLOPE_KINDS),
         content.text("base_set"),
-        tuple(_unknown(free, key) for key in free),
-        tuple(_settled(settled, key) for key in settled),
+        free,
+        settled,
         {
             name: {key: entry.number(key) for key in entry}
             for name in weights
@@ -195,18 +167,16 @@ def read_unknowns(path: Path) -> Unknowns:
     )
 
 
-def _unknown(content: StrictMapping, key: str) -> Unknown:
-    names = tuple(entry.name for entry in fields(Unknown) if entry.name != "key")
-    entry = content.section(key, names)
-    entry.require(*names)
-    numbers = {name: entry.number(name) for name in ("low", "high", "start", "spread")}
-    return Unknown(_known(key), unit=entry.text("unit"), reason=entry.text("reason"), **numbers)
-
-
-def _settled(content: StrictMapping, key: str) -> Settled:
-    entry = content.section(key, ("unit", "value", "reason"))
-    entry.require("unit", "value", "reason")
-    return Settled(_known(key), entry.text("unit"), entry.number("value"), entry.text("reason"))
+def _table(content: StrictMapping, numbers: tuple[str, ...]) -> pd.DataFrame:
+    """Return the entries of a section by key, each with unit, some numbers and a reason."""
+    names = ("unit", *numbers, "reason")
+    rows = {}
+    for key in content:
+        entry = content.section(key, names)
+        entry.require(*names)
+        texts = {name: entry.text(name) for name in ("unit", "reason")}
+        rows[_known(key)] = texts | {name: entry.number(name) for name in numbers}
+    return pd.DataFrame.from_dict(rows, orient="index")
 
 
 def _known(key: str) -> str:
