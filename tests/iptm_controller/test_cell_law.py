@@ -99,7 +99,7 @@ def test_the_parabola_has_the_slope_of_the_calendar_loss(name: str) -> None:
 
 
 def test_energy_costs_its_share_of_a_battery_by_hand() -> None:
-    """0.25 EUR beside a pack of which 20 % are the price of all its kilowatt-hours."""
+    """0.25 EUR for electricity, and a pack of which 20 % have the price of all its kilowatt-hours."""
     pack, cell = PARAMETERS.pack, PARAMETERS.cell
     kwh = pack.open_circuit_voltage_v * cell.nominal_capacity_ah * pack.parallel / 1000.0
     expected = 0.25 / (130.0 * kwh / 0.2)
@@ -107,7 +107,7 @@ def test_energy_costs_its_share_of_a_battery_by_hand() -> None:
 
 
 def test_the_energy_of_the_compressor_has_the_unit_of_the_cost() -> None:
-    """A joule costs as much as the capacity that it is worth, lost by both cells."""
+    """A joule costs as much as the capacity of the same price, lost by both cells."""
     value, _ = valued("nca", warm(308.15))
     weight = STRATEGY.aging_weight
     expected = CELLS * weight * energy_price_1_j(HOT, PARAMETERS)
@@ -128,7 +128,7 @@ def test_a_kelvin_costs_what_it_ages_where_no_cooling_pays() -> None:
 
 
 def test_cells_that_age_less_when_warm_are_not_heated_by_driving() -> None:
-    """Of NMC622 in the frost a kelvin more saves capacity: it is worth nothing to the controller."""
+    """Of NMC622 in the frost a kelvin more saves capacity: it has no value for the controller."""
     frost = replace(HOT, parking_air_k=265.0, year_air_k=279.0)
     aging = ParkedAging(LAWS["nmc622"], frost, AMBIENT_K)
     assert float(aging.kelvin_price_1_k(np.array([275.0]))[0]) < 0.0
@@ -149,7 +149,7 @@ def test_a_kelvin_costs_no_more_than_its_removal_during_the_trip() -> None:
     assert price == pytest.approx(heat_j_k * price_1_j * margin, rel=1e-6)
 
 
-def test_a_kelvin_gains_worth_towards_the_destination() -> None:
+def test_the_price_of_a_kelvin_rises_towards_the_destination() -> None:
     """The paper's value falls to zero there; the hours after the trip are still to come."""
     prices = [valued("nca", warm(308.15, time_s))[1] for time_s in (0.0, 900.0, 1700.0, 1800.0)]
     assert prices == sorted(prices)

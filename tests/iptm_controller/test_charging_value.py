@@ -43,7 +43,7 @@ def valuation(model: ModelParameters, stop: ChargingStopSettings = STOP) -> Char
     return ChargingValuation(stop, model, 0.4, 0.6, HORIZON_S, TRIP_S)
 
 
-def test_at_the_charger_a_kelvin_is_worth_the_minutes_that_it_saves() -> None:
+def test_at_the_charger_a_kelvin_has_the_value_of_the_minutes_saved() -> None:
     model = car(15.0)
     model = replace(model, limits=replace(model.limits, max_heater_power_w=20e3))
     around = fast_charge(np.array([291.15, 292.15]), STOP, model).minutes
@@ -53,13 +53,13 @@ def test_at_the_charger_a_kelvin_is_worth_the_minutes_that_it_saves() -> None:
     assert price == pytest.approx(-saved_j_k, rel=0.05)
 
 
-def test_with_time_to_spare_a_kelvin_is_worth_what_the_heater_takes_for_it() -> None:
+def test_with_time_to_spare_a_kelvin_costs_what_the_heater_takes_for_it() -> None:
     """Without air exchange nothing is lost on the way: 1 K is HEAT_J_K, now or later."""
     price = valuation(car(5.0)).price_1_k(600.0, 278.65)
     assert price == pytest.approx(-HEAT_J_K / EFFICIENCY, rel=0.03)
 
 
-def test_what_goes_to_the_air_until_arrival_is_worth_nothing() -> None:
+def test_heat_lost_to_the_air_before_arrival_has_no_value() -> None:
     """A kelvin decays with the time constant of the air exchange."""
     lossy = valuation(car(5.0, **{"cooling.air_exchange_w_k": 100.0}))
     early, late = (lossy.price_1_k(time_s, 278.65) for time_s in (300.0, 1500.0))

@@ -168,7 +168,7 @@ def test_a_leader_that_pulls_away_is_no_emergency() -> None:
     assert decision.rung is Rung.OPTIMAL
 
 
-def test_closer_than_s_min_is_no_emergency_while_the_preview_is_borne_out() -> None:
+def test_closer_than_s_min_is_no_emergency_with_a_confirmed_preview() -> None:
     """With a preview the optimiser may follow closer than behind a leader of unknown intentions."""
     gap_m = 0.8 * float(minimum_gap_m(20.0, 20.0, PARAMETERS.gap, LIMITS))
     decision = decide(make_controller(), (gap_m, 20.0), (gap_m, 20.0), speed_m_s=20.0)

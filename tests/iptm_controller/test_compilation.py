@@ -1,4 +1,4 @@
-"""Compiled problems: once, cached, shared, and a clear word when that is not possible."""
+"""Compiled problems: once, cached, shared, and a clear message when that is not possible."""
 
 from __future__ import annotations
 
@@ -137,7 +137,7 @@ def test_a_compiler_that_hangs_is_given_up(tmp_path: Path, monkeypatch: pytest.M
 
 
 @pytest.mark.usefixtures("no_compiler")
-def test_without_a_compiler_it_says_so_and_works(
+def test_without_a_compiler_it_warns_and_works(
     cache: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     assert find_compiler() is None
@@ -216,7 +216,7 @@ def test_code_of_others_is_never_loaded(
     cache.chmod(0o777)
     library = compile_functions([square()], compiler)
     assert cache.stat().st_mode & 0o777 == 0o700
-    library.chmod(0o666)  # anybody could have written it
+    library.chmod(0o666)  # writable by any user
     compile_functions([square()], compiler)
     assert len(compilations) == 2
     moved = library.rename(tmp_path / "elsewhere.so")
@@ -226,7 +226,7 @@ def test_code_of_others_is_never_loaded(
     assert not library.is_symlink()
 
 
-def test_a_folder_of_somebody_else_is_refused(
+def test_a_folder_of_another_user_is_refused(
     cache: Path, compiler: str, tmp_path: Path, compilations: list[list[str]]
 ) -> None:
     (tmp_path / "theirs").mkdir()

@@ -1,4 +1,4 @@
-"""The controller as a whole: from measurements to a limited command, on good days and bad ones."""
+"""The controller as a whole: from measurements to a limited command, with and without failures."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def expect_actuable(decision: Decision, state: VehicleState) -> None:
     assert change <= limits.max_compressor_rate_w_s + 1e-6
 
 
-def test_a_good_day(controller: Controller) -> None:
+def test_ordinary_tick_is_optimal(controller: Controller) -> None:
     measured = make_scene()
     decision = controller.decide(measured)
     assert decision.rung is Rung.OPTIMAL

@@ -33,6 +33,9 @@ STATE_FIELDS = [entry.name for entry in fields(VehicleState)]
 LEADER_FIELDS = [entry.name for entry in fields(LeaderState)]
 
 
+Change = Callable[[Measurements], Measurements]
+
+
 class Echo:
     """Takes every guess for the optimum, so that everything but the solver is exercised."""
 
@@ -63,7 +66,7 @@ def previews(draw: st.DrawFn) -> LeaderPreview:
 
 
 @st.composite
-def changes(draw: st.DrawFn) -> Callable[[Measurements], Measurements]:
+def changes(draw: st.DrawFn) -> Change:
     """What may happen to measurements on their way."""
     kind = draw(st.sampled_from(["state", "no state", "leader", "no leader", "preview", "slope"]))
     if kind == "no state":
@@ -96,9 +99,7 @@ def expect_sane(decision: Decision) -> None:
         assert decision.reason
 
 
-def drive(
-    controller: Controller, ticks: list[list[Callable[[Measurements], Measurements]]]
-) -> None:
+def drive(controller: Controller, ticks: list[list[Change]]) -> None:
     """A trip with something wrong at every tick, then one tick with everything in order."""
     for index, wrongs in enumerate(ticks):
         measured = make_scene(time_s=100.0 + index, position_m=1000.0 + 15.0 * index)
@@ -116,7 +117,9 @@ def drive(
 
 @settings(max_examples=300)
 @given(ticks=st.lists(st.lists(changes(), min_size=1, max_size=4), min_size=1, max_size=6))
-def test_anything_at_all(ticks: list[list[Callable[[Measurements], Measurements]]]) -> None:
+def test_any_measurements_end_in_sane_commands(
+    ticks: list[list[Change]],
+) -> None:
     drive(Controller(PARAMETERS, ControllerOptions(), Echo()), ticks)
 
 

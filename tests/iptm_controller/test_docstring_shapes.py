@@ -74,7 +74,7 @@ def check_object(made: object, **sizes: int) -> None:
     check(type(made), {name: getattr(made, name) for name in stated_shapes(type(made))}, **sizes)
 
 
-def test_of_the_problem() -> None:
+def test_shapes_of_the_problem() -> None:
     problem = OptimalControlProblem(Horizon.parse(HORIZON), PARAMETERS)
     steps = problem.grid.steps
     for stage in problem.stage_expressions():
@@ -97,7 +97,7 @@ def test_of_the_problem() -> None:
     check(ProblemGrid.parameters, rows, N=steps, samples=grid.sample_times_s.size)
 
 
-def test_of_plan_and_forecast() -> None:
+def test_shapes_of_plan_and_forecast() -> None:
     horizon = Horizon.parse(HORIZON)
     check_object(PlanShifter(horizon).cold_start(make_state()), N=len(horizon.step_lengths_s))
     scene = SCENES[min(SCENES)]
@@ -106,11 +106,11 @@ def test_of_plan_and_forecast() -> None:
 
 
 @pytest.mark.parametrize("speed_m_s", [0.4, 20.0])
-def test_of_a_motion(speed_m_s: float) -> None:
+def test_shapes_of_a_motion(speed_m_s: float) -> None:
     check_object(plan_motion(0.0, speed_m_s, -1.0, 40.0, 1.0, 10))
 
 
-def test_of_routes() -> None:
+def test_shapes_of_routes() -> None:
     route = build_route("us06", "large", initial_gap_m=30.0, duration_s=60.0)
     line = RoadLine.test_road()
     for made in (route.leader, route.slope, line):

@@ -68,7 +68,7 @@ def test_short_preview_goes_on_at_its_last_speed(
     assert positions[1] - positions[0] == pytest.approx(50.0)
 
 
-def test_bounds_say_how_far_a_preview_is_known(
+def test_bounds_limit_how_far_a_preview_is_known(
     forecaster: LeaderForecaster, leader: LeaderState
 ) -> None:
     known = make_preview(leader, acceleration_m_s2=-0.2)

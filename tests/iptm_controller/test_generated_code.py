@@ -194,7 +194,7 @@ def test_another_vehicle_shares_the_machine_code_bit_by_bit(
     compilations: list[list[str]],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Beside what the compiler makes of literals."""
+    """Compared with what the compiler makes of literals."""
     horizon = Horizon.parse("2x1")
     random = np.random.default_rng(1)
     programs = [

@@ -28,7 +28,7 @@ def forecaster() -> LeaderForecaster:
     return LeaderForecaster(HORIZON_S, MAX_AGE_S)
 
 
-def test_unforetold_the_acceleration_dies_away(forecaster: LeaderForecaster) -> None:
+def test_without_a_preview_the_acceleration_decays(forecaster: LeaderForecaster) -> None:
     """From 14 to 15 m/s within a second: v(t) = 15 + 4 (1 - exp(-t / 4)), and its integral."""
     forecaster.forecast(make_leader(25.5, 14.0, 99.0), NONE_YET)
     motion = forecaster.forecast(make_leader(40.0, 15.0, 100.0), NONE_YET).motion

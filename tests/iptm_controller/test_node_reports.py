@@ -50,7 +50,7 @@ def good() -> Decision:
     return fresh().decide(make_scene())
 
 
-def test_record_of_a_good_day(good: Decision) -> None:
+def test_record_of_an_optimal_tick(good: Decision) -> None:
     record = good.record
     assert record.status is SolveStatus.SOLVED
     assert record.iterations == good.result.iterations
@@ -143,7 +143,7 @@ def test_the_road_is_called_flat_only_where_it_is_taken_as_flat(good: Decision) 
     assert flat == "slope message malformed, road taken as flat"
 
 
-def test_another_trip_is_told_beside_what_is_worse(controller: Controller) -> None:
+def test_another_trip_is_reported_with_what_is_worse(controller: Controller) -> None:
     blind = controller.decide(replace(make_scene(), leader=None))
     road = GOOD_ROAD
     assert situation(blind, road, begun_anew=True) == (
@@ -219,12 +219,12 @@ def test_a_leader_without_distance_is_an_error_at_once(good: Decision) -> None:
     assert next(reports_of(good, 1, gap_m=0.1))[0] is Level.OK
 
 
-def test_a_cold_pack_is_worth_a_word_and_no_warning(good: Decision) -> None:
+def test_a_cold_pack_is_noted_without_a_warning(good: Decision) -> None:
     reports = set(reports_of(good, 100, cell_1_temperature_k=280.0, cell_n_temperature_k=280.0))
     assert reports == {(Level.OK, f"optimal plans, {COLD}")}
 
 
-def test_a_fallback_keeps_its_severity_and_tells_both(good: Decision) -> None:
+def test_a_fallback_keeps_its_severity_and_reports_both(good: Decision) -> None:
     *_, (level, reason) = reports_of(replace(good, rung=Rung.SAFE_LAW), 20, gap_m=3.0)
     assert level is Level.ERROR
     assert reason.startswith("no usable solution")

@@ -60,7 +60,7 @@ def test_a_positive_matrix_is_factorised_as_it_is(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_an_indefinite_matrix_is_made_positive_and_said_so(seed: int) -> None:
+def test_an_indefinite_matrix_is_made_positive_and_counted(seed: int) -> None:
     matrix = random_symmetric(seed) - 0.5 * np.eye(SIZE)
     assert np.linalg.eigvalsh(matrix).min() < 0.0
     right = np.ones((SIZE, 1))

@@ -158,7 +158,4 @@ def test_slack_is_as_large_as_the_violation() -> None:
 
 def test_no_slack_where_none_is_needed() -> None:
     plan = solve(plain_solver("3x1+5x5"), make_scene(gap_m=50.0), "3x1+5x5", "aging")
-    slacks = plan.slacks
-    assert (
-        max(slacks["gap_slack_m"], slacks["speed_slack_m_s"], slacks["temperature_slack_k"]) < 1e-5
-    )
+    assert max(plan.slacks.values()) < 1e-5

@@ -32,7 +32,7 @@ def solver(request: pytest.FixtureRequest) -> SolverBackend:
     return plain_solver(GRID, request.param, compile_code=False)
 
 
-def test_a_solved_problem_says_so(solver: SolverBackend, problem: Problem) -> None:
+def test_a_solved_problem_is_reported_as_solved(solver: SolverBackend, problem: Problem) -> None:
     result = solver.solve(*problem)
     assert result.status is SolveStatus.SOLVED
     assert result.reason == "converged"
@@ -85,7 +85,7 @@ def spoil(data: ProblemData, index: int, value: float) -> ProblemData:
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])
 @pytest.mark.parametrize("index", [0, layout.GLOBALS, layout.GLOBALS + layout.STEP_PARAMETERS, -1])
-def test_numbers_that_are_none_are_an_outcome(
+def test_data_that_are_not_finite_are_an_outcome(
     solver: SolverBackend, problem: Problem, index: int, value: float
 ) -> None:
     """Losses, leader, slope, reference."""
@@ -97,7 +97,7 @@ def test_numbers_that_are_none_are_an_outcome(
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])
-def test_state_and_guess_are_looked_at_too(
+def test_state_and_guess_are_checked_as_well(
     solver: SolverBackend, problem: Problem, value: float
 ) -> None:
     data, guess = problem
@@ -144,7 +144,7 @@ def test_machine_code_and_virtual_machine_agree(ordinary_scene: Measurements) ->
     np.testing.assert_allclose(fast.variables[6:8], slow.variables[6:8], atol=2e-3)
 
 
-def test_a_deadline_shortens_the_iterations_and_says_so() -> None:
+def test_a_deadline_shortens_the_iterations_and_is_reported() -> None:
     """A nanosecond is over before the first answer; from then on only the shortest bound is left."""
     options = SolverOptions(compile_code=False, deadline_s=1e-9)
     solver = build_plain_solver(Horizon.parse(GRID), PARAMETERS, options)

@@ -211,8 +211,8 @@ def test_the_gap_inside_a_long_step_counts(step_s: float, watched: bool) -> None
         assert limits[LimitIndex.GAP_FLOOR] == pytest.approx(floor)
 
 
-def test_cell_1_below_its_lowest_temperature_costs_more_than_a_kelvin_is_worth() -> None:
-    """0.5 K below for 5 s at a worth of 8 per kelvin: (1 + 0.5 * 8) * 0.5 K * 5 s; no row, no slack."""
+def test_cell_1_below_its_lowest_temperature_costs_more_than_the_price_of_a_kelvin() -> None:
+    """0.5 K below for 5 s at a price of 8 per kelvin: (1 + 0.5 * 8) * 0.5 K * 5 s; no row, no slack."""
     state = make_state(cell_1_temperature_k=300.0, cell_n_temperature_k=300.0, speed_m_s=20.0)
     prices = (2.0, 6.0, 0.0)
     following, free, rows = run_stage(state, 0.0, 0.0, 5.0, prices=prices)

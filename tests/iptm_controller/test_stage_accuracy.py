@@ -187,7 +187,7 @@ def test_one_long_step_is_as_good_as_five_short_ones(plant: Plant) -> None:
     assert long_sum == pytest.approx(short_sum, rel=1e-2)
 
 
-def test_traction_power_is_smoothed_by_no_more_than_the_widths_say() -> None:
+def test_traction_power_is_smoothed_by_no_more_than_the_widths() -> None:
     """Largest where the wheel force changes its sign: half a width of force, times the speed."""
     powertrain = PARAMETERS.powertrain
     efficiency = powertrain.driveline_efficiency

@@ -1,4 +1,4 @@
-"""The second start where the compressor had better run, or stand: when it is tried, and what it is worth."""
+"""The second start where switching the compressor improves a plan: when it is tried, and what it gains."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def with_price(data: ProblemData, price_1_k: float) -> ProblemData:
     return replace(data, parameters=parameters)
 
 
-def test_a_plan_without_a_better_valley_is_kept_and_rarely_questioned() -> None:
+def test_a_plan_without_a_better_minimum_is_kept_and_rarely_checked() -> None:
     """Nothing speaks for cooling: aging alone on a short horizon, the compressor off."""
     inner = Counting()
     data, guess = problem_of(SCENES["cruise"], GRID, "aging")

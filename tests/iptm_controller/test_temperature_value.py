@@ -103,7 +103,7 @@ def test_cooling_pays_back_after_the_time_that_a_kelvin_lasts() -> None:
     assert aged_by_kelvin == pytest.approx(aged_by_cooling, rel=0.02)
 
 
-def test_the_first_tick_knows_only_the_forecast() -> None:
+def test_the_first_tick_uses_only_the_forecast() -> None:
     valuation = TemperatureValuation(PARAMETERS, WEIGHT, 28.0)
     state = make_state()
     value = valuation.value(state, STEADY)

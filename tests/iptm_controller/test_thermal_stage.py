@@ -116,7 +116,7 @@ def test_averaging_the_power_would_be_wrong() -> None:
     assert levels > 1.3 * mean
 
 
-def test_nothing_is_asked_of_the_motion() -> None:
+def test_thermal_rows_do_not_constrain_the_motion() -> None:
     _, _, rows = run_step(30.0, (300.0, 301.0), 0.0, np.zeros(3))
     assert (rows[LimitIndex.GAP_MIN : LimitIndex.SPEED_MAX + 1] == 1.0).all()
     assert rows[LimitIndex.ACCELERATION_RATE] == 0.0

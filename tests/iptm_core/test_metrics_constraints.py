@@ -182,7 +182,7 @@ def test_cooling_without_effect(parameters: ModelParameters, limits: dict[str, f
     assert longest(run, parameters, Concern.COOLING) == 0.0
 
 
-def test_a_streak_begins_anew_with_a_new_trip() -> None:
+def test_a_streak_starts_again_with_a_new_trip() -> None:
     streak = Streak()
     lasted = [streak.update(time_s, holds=True) for time_s in (100.0, 103.0, 0.0, 4.0)]
     assert lasted == [0.0, 3.0, 0.0, 4.0]

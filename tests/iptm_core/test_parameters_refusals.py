@@ -255,10 +255,6 @@ def test_parameters_that_contradict_each_other(overrides: dict[str, float], mess
         ),
         ({"zzz": 1.0}, "overrides: unknown parameter 'zzz'; allowed: body.mass_kg, "),
         (
-            {"gap.max_gap_m": "80"},
-            "overrides: gap.max_gap_m is '80', no number; allowed: 20 to 1000 m",
-        ),
-        (
             {"pack.modules": 1.5},
             "overrides: pack.modules is 1.5; allowed: whole numbers from 1 to 1000",
         ),

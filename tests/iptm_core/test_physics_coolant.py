@@ -92,10 +92,7 @@ def closed(channel: FullChannel, cells: FloatArray, power_w: float) -> CoolantLo
 def test_the_coolant_is_the_printed_sum(inlet: float, cells: list[float], ratio: float) -> None:
     found = FullChannel(len(cells), ratio).coolant_k(inlet, cells)
     for i in range(1, len(cells) + 2):
-        printed = (1.0 - ratio) ** (i - 1) * inlet
-        for j in range(2, i + 1):
-            printed += ratio * (1.0 - ratio) ** (i - j) * cells[j - 2]
-        assert found[i - 1] == pytest.approx(printed, rel=1e-12)
+        assert found[i - 1] == pytest.approx(printed_sum(inlet, cells, ratio, i), rel=1e-12)
 
 
 @given(first=TEMPERATURES, last=TEMPERATURES, power=st.floats(0.0, 2500.0))

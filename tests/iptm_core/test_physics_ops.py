@@ -40,7 +40,7 @@ def test_every_operation_on_every_kind_of_number(
     agree_in_all_backends(function, POINTS)
 
 
-def test_values_known_by_heart() -> None:
+def test_exact_values() -> None:
     assert ops.exp(0.0) == 1.0
     assert ops.sqrt(9.0) == 3.0
     assert ops.sin(math.pi / 6.0) == pytest.approx(0.5, rel=1e-15)

@@ -17,7 +17,7 @@ from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.chiller import ChillerLine, chiller_line
 from iptm_core.physics.coolant import (
     ChannelWeights,
-    exchange_ratio,
+    FullChannel,
     reduce_channel,
 )
 from iptm_core.physics.power_thermal import CellPair, power_thermal_rates
@@ -26,14 +26,6 @@ from iptm_core.physics.thermal_loop import CoolantLoop, solve_coolant_loop, ther
 SETS = {name: load_parameters(name).values for name in ("paper_calibrated", "published_chiller")}
 FLOW_W_K = 0.144 * 3330.0
 TEMPERATURES = st.floats(293.15, 318.15)
-
-
-def coolant_profile_k(inlet_k: float, cells_k: np.ndarray, ratio: float) -> np.ndarray:
-    """Eq. (9) cell by cell: what each cell meets, and the outlet, shape (n + 1,)."""
-    profile = [inlet_k]
-    for cell_k in cells_k.tolist():
-        profile.append(profile[-1] + ratio * (cell_k - profile[-1]))
-    return np.array(profile)
 
 
 def solve(
@@ -61,8 +53,8 @@ def test_the_chiller_takes_what_the_cells_give(
     assert loop.cooling_rate_w == pytest.approx(line.cooling_rate_w(loop.outlet_k), abs=1e-7)
     assert loop.cooling_rate_w == pytest.approx(FLOW_W_K * (loop.outlet_k - loop.inlet_k), abs=1e-7)
     cells = np.linspace(cell_1, cell_n, 228)
-    profile = coolant_profile_k(loop.inlet_k, cells, exchange_ratio(values.cooling, values.pack))
-    given_off = 16 * 0.4901 * float(np.sum(cells - profile[:-1]))
+    profile = FullChannel.of(values.cooling, values.pack).coolant_k(loop.inlet_k, cells)
+    given_off = 16 * 0.4901 * float(np.sum(cells - np.array(profile[:-1])))
     assert loop.cooling_rate_w == pytest.approx(given_off, abs=1e-6)
 
 

@@ -98,7 +98,7 @@ def test_files_without_the_drive_are_refused(
     assert "traffic.fcd.xml" in str(refusal.value)
 
 
-def test_a_missing_file_is_told(tmp_path: Path) -> None:
+def test_a_missing_file_is_reported(tmp_path: Path) -> None:
     with pytest.raises(RouteError, match="no such file"):
         build_route(f"{tmp_path}/none.xml#leader", initial_gap_m=15.0)
 

@@ -6,8 +6,8 @@ import contextlib
 import math
 import os
 import re
+from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 import pytest
@@ -20,15 +20,13 @@ from iptm_core.routes.csv_table import parse_csv_table
 from iptm_core.routes.cycles import DrivingCycle
 from iptm_core.routes.user_csv import read_user_trip
 
-
-class Reader(Protocol):
-    def __call__(
-        self, text: str | bytes, name: str = "trip.csv"
-    ) -> tuple[DrivingCycle, SlopeProfile | None]: ...
+Reader = Callable[..., tuple[DrivingCycle, SlopeProfile | None]]
 
 
 @pytest.fixture
 def read(tmp_path: Path) -> Reader:
+    """Read a text as a trip."""
+
     def read_text(
         text: str | bytes, name: str = "trip.csv"
     ) -> tuple[DrivingCycle, SlopeProfile | None]:

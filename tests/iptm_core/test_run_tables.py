@@ -125,7 +125,7 @@ RECORDS = (
 SERIES = DecisionSeries.from_records([0.0, 1.0, 2.0, 3.0, 4.0], RECORDS)
 
 
-def test_series_holds_what_the_records_say() -> None:
+def test_series_holds_the_values_of_the_records() -> None:
     assert SERIES.status.tolist() == [0, 0, 1, -1, 2]
     assert SERIES.rung.tolist() == [0, 0, 0, 3, 2]
     assert SERIES.limiter_active.tolist() == [False, False, False, False, True]

@@ -36,26 +36,17 @@ from iptm_core.physics.power_thermal import CellPair, power_thermal_rates
 POWER_STEP_W = 10.0
 
 
-@dataclass(frozen=True)
-class CoolDown:
-    """What it takes to cool a pack down at standstill; the capacity loss is of both cells together."""
-
-    energy_j: float
-    capacity_loss: float
-    duration_s: float
-    compressor_power_w: float
-
-
-NO_COOLING = CoolDown(0.0, 0.0, 0.0, 0.0)
-
-
 def cool_down(
     run: RunMetrics, temperature_k: float, parameters: ModelParameters
-) -> CoolDown | None:
-    """Return what cooling the pack down takes, zero if it is not warmer; None where it cannot be."""
+) -> tuple[float, float] | None:
+    """Return what cooling the pack down at standstill takes; None where it cannot be.
+
+    Returns:
+        Energy in J, and the capacity loss of both cells together; zero if the pack is not warmer.
+    """
     warmer_k = run.final_temperature_k - temperature_k
     if warmer_k <= 0.0:
-        return NO_COOLING
+        return 0.0, 0.0
     parameters = at_charge(parameters, run.final_charge)
     middle_k = run.final_temperature_k - 0.5 * warmer_k
     powers_w = np.arange(
@@ -88,12 +79,7 @@ def cool_down(
     best = int(np.argmin(energies_j))
     if not np.isfinite(energies_j[best]):
         return None
-    return CoolDown(
-        energy_j=float(energies_j[best]),
-        capacity_loss=float(loss_1_s[best] * durations_s[best]),
-        duration_s=float(durations_s[best]),
-        compressor_power_w=float(powers_w[best]),
-    )
+    return float(energies_j[best]), float(loss_1_s[best] * durations_s[best])
 
 
 @dataclass(frozen=True)
@@ -127,10 +113,11 @@ def _corrected(
     cooling = cool_down(run, temperature_k, parameters)
     if cooling is None:
         return None
-    energy_j = run.battery_energy_j + cooling.energy_j - run.final_kinetic_energy_j
+    cooling_j, cooling_loss = cooling
+    energy_j = run.battery_energy_j + cooling_j - run.final_kinetic_energy_j
     return CorrectedFigures(
         temperature_k=temperature_k,
-        capacity_loss=run.degradation + cooling.capacity_loss,
+        capacity_loss=run.degradation + cooling_loss,
         energy_j=energy_j,
         energy_per_distance_j_m=energy_j / run.distance_m if run.distance_m > 0.0 else math.nan,
     )
