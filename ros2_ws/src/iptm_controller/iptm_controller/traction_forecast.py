@@ -101,7 +101,7 @@ class TractionForecaster:
         slope: SlopePreview,
         times_s: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
-        """Return traction power and speed of an ego that smooths the leader's way, shapes of the times."""
+        """Return traction power and speed of a vehicle that smooths the leader's way, shapes of the times."""
         first_s, last_s = state.time_s, state.time_s + known_s
         flat = times_s.ravel()
         before = np.maximum(flat - SMOOTHING_S, first_s)

@@ -85,7 +85,7 @@ class Columns:
 
 @dataclass(frozen=True)
 class VehicleState:
-    """The ego vehicle vehicle and its pack at one instant (paper: x, with the inputs last actuated).
+    """The ego vehicle and its pack at one instant (paper: x, with the inputs last actuated).
 
     Attributes:
         speed_m_s: speed (v), never negative.

@@ -95,9 +95,8 @@ class ProblemDataBuilder:
             known_s: how far ahead the leader's motion is known and not a guess. The braking reserve
                 is asked for at the last node up to there, at the first one if there is none.
             value: what a kelvin costs at the end of the horizon.
-            expected_speeds_m_s: expected speeds of the ego vehicle at the nodes, shape (N + 1,); for ticks
-            shorter
-                than the steps.
+            expected_speeds_m_s: expected speeds of the ego vehicle at the nodes, shape (N + 1,); for
+                ticks shorter than the steps.
             limiting: motion that the gap limits hold for at the nodes; None for that of the leader.
             speed_limits_m_s: of the road at the ends of the motion steps, None where there is none.
         """

@@ -46,7 +46,7 @@ SMOOTH_ROUTE_DURATION_S = 1800
 
 @dataclass(frozen=True, eq=False)
 class Route:
-    """Everything about the trip that lies outside the ego vehicle vehicle.
+    """Everything about the trip that lies outside the ego vehicle.
 
     Attributes:
         leader: motion of the preceding vehicle; it goes on past ``duration_s`` if the trip is cut.
