@@ -11,6 +11,7 @@ import pytest
 from iptm_bringup.drive import Drive, DriveOutcome, unclean_ends
 from iptm_bringup.monitor import Snapshot
 from iptm_bringup.process_faults import ProcessFaults
+from iptm_bringup.scenario import Scenario
 from iptm_bringup.supervisor import ProcessEnd
 from iptm_core.decision_record import Rung
 
@@ -43,7 +44,8 @@ def drive_of(
     progress: Any = SimpleNamespace(waiting=lambda _: None, running=lambda *_: None)
     stop: Any = SimpleNamespace(number=None)
     faults = ProcessFaults(supervisor, ())
-    return Drive(supervisor, nothing, executor, progress, stop, faults, duration_s=120.0)
+    scenario = Scenario(duration_s=120.0)
+    return Drive(supervisor, nothing, executor, progress, stop, faults, scenario)
 
 
 def test_a_recorded_trip_of_which_the_runner_heard_nothing_is_left_to_the_bag() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
@@ -15,6 +14,7 @@ from iptm_bringup.composition import RECORDER
 from iptm_bringup.monitor import RunMonitor, Snapshot
 from iptm_bringup.process_faults import ProcessFaults
 from iptm_bringup.progress import Progress
+from iptm_bringup.scenario import Scenario
 from iptm_bringup.supervisor import ProcessEnd, Supervisor
 from iptm_core.program import EXIT_USER_ERROR
 from iptm_interfaces.process import StopRequest
@@ -75,9 +75,7 @@ class Drive(AbstractContextManager["Drive"]):
         progress: shows how far it is.
         stop: set when the user requests a stop.
         process_faults: what is done to the processes on purpose.
-        foreign: nodes that the user starts.
-        duration_s: length of the trip; a later clock belongs to another run.
-        least_gap_m: a smaller gap mixes the ego vehicle and the leader of different runs.
+        scenario: what is driven.
     """
 
     supervisor: Supervisor
@@ -86,9 +84,7 @@ class Drive(AbstractContextManager["Drive"]):
     progress: Progress
     stop: StopRequest
     process_faults: ProcessFaults
-    foreign: frozenset[str] = frozenset()
-    duration_s: float = math.inf
-    least_gap_m: float = IMPOSSIBLE_GAP_M
+    scenario: Scenario
 
     def __exit__(self, *error: object) -> None:
         """End the recorder last, so that the final messages of the other nodes are in the bag."""
@@ -180,10 +176,10 @@ class Drive(AbstractContextManager["Drive"]):
             return None
 
         def over() -> bool:
-            if PLANT in self.foreign:
+            if PLANT in self.scenario.foreign:
                 now_ns = self.monitor.time_ns or 0
                 return (
-                    now_ns * 1e-9 >= self.duration_s - _TIME_TOLERANCE_S
+                    now_ns * 1e-9 >= self.scenario.trip.duration_s - _TIME_TOLERANCE_S
                     or PLANT in self.monitor.awaited_nodes
                 )
             running = self.supervisor.is_running(self.process_faults.current(PLANT))
@@ -208,9 +204,11 @@ class Drive(AbstractContextManager["Drive"]):
 
     def _contradiction(self, snapshot: Snapshot) -> str:
         """Return evidence that messages of another run are mixed in, empty if there is none."""
-        if snapshot.time_s > self.duration_s + _TIME_TOLERANCE_S:
-            found = f"the clock is at {snapshot.time_s:g} s of a trip of {self.duration_s:g} s"
-        elif snapshot.gap_m < self.least_gap_m:
+        duration_s = self.scenario.trip.duration_s
+        if snapshot.time_s > duration_s + _TIME_TOLERANCE_S:
+            found = f"the clock is at {snapshot.time_s:g} s of a trip of {duration_s:g} s"
+        elif snapshot.gap_m < IMPOSSIBLE_GAP_M and not self.scenario.faults:
+            # A fault may show another leader than the one that is followed.
             found = f"the gap is {snapshot.gap_m:.0f} m at {snapshot.time_s:g} s"
         else:
             return ""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
@@ -22,7 +21,7 @@ from iptm_bringup.composition import (
     recorder_command,
     run_information,
 )
-from iptm_bringup.drive import IMPOSSIBLE_GAP_M, Drive, DriveOutcome, DriveResult, unclean_ends
+from iptm_bringup.drive import Drive, DriveOutcome, DriveResult, unclean_ends
 from iptm_bringup.environment import (
     RunDomain,
     domain_of_run,
@@ -127,18 +126,7 @@ def drive_processes(
             lambda context: RunMonitor(scenario.full_namespace, context, scenario.foreign),
             domain.number,
         ) as (monitor, executor),
-        Drive(
-            supervisor,
-            monitor,
-            executor,
-            progress,
-            stop,
-            process_faults,
-            foreign=scenario.foreign,
-            duration_s=scenario.trip.duration_s,
-            # A fault may show another leader than the one that is followed.
-            least_gap_m=-math.inf if scenario.faults else IMPOSSIBLE_GAP_M,
-        ) as drive,
+        Drive(supervisor, monitor, executor, progress, stop, process_faults, scenario) as drive,
     ):
         start = _ProcessStarter(folder, scenario, options)
         drive.start(start.first())
