@@ -1,6 +1,7 @@
 """Fits find what made-up measurements were made with; readings and bounds by hand."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from iptm_core.physics.charge import ChargeTable, ChargeTransfer, ResistanceLaw
@@ -23,7 +24,7 @@ from iptm_validation.i3_drivetrain import (
     fit_drivetrain,
     objection_to,
 )
-from iptm_validation.measurements import Drive, Driver, DynamometerTest, Trip
+from iptm_validation.measurements import Drive, Driver, Trip
 from iptm_validation.outcome import Figure
 
 RANDOM = np.random.default_rng(3)
@@ -128,14 +129,13 @@ def test_law_of_pulses_is_found() -> None:
 
 def test_one_drivetrain_is_found() -> None:
     truth = OneDrivetrain((), 0.88, 0.7)
-    tests = []
-    for k in range(9):
-        for cycle in ("udds", "hwfet"):
-            made = DynamometerTest(f"car {k}", "Make", cycle, 1500.0 + 100 * k, 140, 3, 0.45, 1.0)
-            energies = epa.wheel_energies_wh_km(made)
-            value = epa.consumption_wh_km(energies, truth)
-            tests.append(DynamometerTest(*(*list(vars(made).values())[:-1], value)))
-    found = fit_one_drivetrain(tests)
+    tests = pd.DataFrame(
+        {"car": f"car {k}", "make": "Make", "cycle": cycle, "mass_kg": 1500.0 + 100 * k}
+        for k in range(9)
+        for cycle in ("udds", "hwfet")
+    ).assign(constant_n=140, linear_n_s_m=3, quadratic_n_s2_m2=0.45)
+    made = epa.consumption_wh_km(epa.wheel_energies_wh_km(tests), truth)
+    found = fit_one_drivetrain(tests.assign(consumption_wh_km=made))
     assert len(found.fitted_on) == 6
     assert found.driving_efficiency == pytest.approx(0.88, rel=1e-4)
     assert found.recovered_share == pytest.approx(0.7, rel=1e-3)

@@ -150,7 +150,7 @@ def fit_all(data: MeasuredData, folder: Path, report: Callable[[str], None]) -> 
     if data.cell_tests:
         report("Panasonic cell: choice of the circuit and fit (minutes)")
         found.append(fit_cell(data.cell_tests))
-    if data.dynamometer_tests:
+    if not data.dynamometer_tests.empty:
         report("EPA: one drivetrain")
         found.append(fit_one_drivetrain(data.dynamometer_tests))
     if data.drives:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import pandas as pd
 
 from iptm_core.declaration import TextEnum
 from iptm_core.state import FloatArray
@@ -122,39 +124,21 @@ class CellTest:
         return "HPPC" in self.name.upper()
 
 
-@dataclass(frozen=True)
-class DynamometerTest:
-    """Consumption of a car on one cycle of the dynamometer.
+@dataclass(frozen=True, eq=False)
+class MeasuredData:
+    """Everything found in the folders that were read; parts may be empty.
 
     Attributes:
-        car: unique name of car and configuration.
-        make: manufacturer's brand, spelt in one way.
-        cycle: ``udds`` or ``hwfet``.
-        mass_kg: equivalent test weight.
-        constant_n: road load coefficient A.
-        linear_n_s_m: road load coefficient B.
-        quadratic_n_s2_m2: road load coefficient C.
-        consumption_wh_km: energy from the grid per distance.
+        dynamometer_tests: consumption of cars on cycles of the dynamometer, a row per test: unique name of
+            ``car`` and configuration, ``make`` (spelt in one way), ``cycle`` (``udds`` or ``hwfet``),
+            ``mass_kg`` (equivalent test weight), road load coefficients ``constant_n``, ``linear_n_s_m`` and
+            ``quadratic_n_s2_m2``, and ``consumption_wh_km`` (energy from the grid per distance).
     """
-
-    car: str
-    make: str
-    cycle: str
-    mass_kg: float
-    constant_n: float
-    linear_n_s_m: float
-    quadratic_n_s2_m2: float
-    consumption_wh_km: float
-
-
-@dataclass(frozen=True)
-class MeasuredData:
-    """Everything found in the folders that were read; parts may be empty."""
 
     trips: tuple[Trip, ...] = ()
     drives: tuple[Drive, ...] = ()
     cell_tests: tuple[CellTest, ...] = ()
-    dynamometer_tests: tuple[DynamometerTest, ...] = ()
+    dynamometer_tests: pd.DataFrame = field(default_factory=pd.DataFrame)
 
 
 def held_out(names: list[str]) -> set[str]:

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from iptm_validation.measurements import DynamometerTest
 from iptm_validation.readers.columns import numbers, original_table
 
 KWH_PER_GALLON = 33.705
@@ -46,8 +45,8 @@ def is_epa(head: list[str]) -> bool:
     return all(name in head[0] for name in ("Target Coef A (lbf)", "RND_ADJ_FE"))
 
 
-def dynamometer_tests(path: Path) -> list[DynamometerTest]:
-    """Read the tests of electric cars on UDDS and HWFET, without contradictory cars."""
+def dynamometer_tests(path: Path) -> list[pd.DataFrame]:
+    """Return the tests of electric cars on UDDS and HWFET as one table, without contradictory cars."""
     table = original_table(path, _COLUMNS.values())[list(_COLUMNS.values())].set_axis(
         list(_COLUMNS), axis=1
     )
@@ -63,29 +62,20 @@ def dynamometer_tests(path: Path) -> list[DynamometerTest]:
         make=make,
         car=make + " " + table.model + " " + table.vehicle + "-" + table.configuration,
         cycle=table.cycle.map(CYCLES),
-        consumption=1000.0 * kwh_per_mile / KM_PER_MILE,
+        mass_kg=table.mass * KG_PER_POUND,
+        constant_n=table.a * NEWTON_PER_POUND_FORCE,
+        linear_n_s_m=table.b * NEWTON_PER_POUND_FORCE / M_S_PER_MPH,
+        quadratic_n_s2_m2=table.c * NEWTON_PER_POUND_FORCE / M_S_PER_MPH**2,
+        consumption_wh_km=1000.0 * kwh_per_mile / KM_PER_MILE,
     )
-    return [
-        DynamometerTest(
-            car=row.car,
-            make=row.make,
-            cycle=row.cycle,
-            mass_kg=row.mass * KG_PER_POUND,
-            constant_n=row.a * NEWTON_PER_POUND_FORCE,
-            linear_n_s_m=row.b * NEWTON_PER_POUND_FORCE / M_S_PER_MPH,
-            quadratic_n_s2_m2=row.c * NEWTON_PER_POUND_FORCE / M_S_PER_MPH**2,
-            consumption_wh_km=row.consumption,
-        )
-        for _, tests in table.groupby("car", sort=False)
-        if not _contradicts(tests)
-        for row in tests.itertuples()
-    ]
+    sound = [tests for _, tests in table.groupby("car", sort=False) if not _contradicts(tests)]
+    return [pd.concat(sound)] if sound else []
 
 
 def _contradicts(tests: pd.DataFrame) -> bool:
     """True for the label values of a car, and for values on the two cycles that cannot be of one kind."""
     if len(tests) > 1 and (tests.value % 1.0 == 0.0).all():
         return True
-    means = tests.groupby("cycle").consumption.mean()
+    means = tests.groupby("cycle").consumption_wh_km.mean()
     low, high = RATIO_RANGE
     return len(means) == len(CYCLES) and not low <= means["hwfet"] / means["udds"] <= high

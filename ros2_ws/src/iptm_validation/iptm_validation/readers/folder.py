@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from importlib.resources import files
 from pathlib import Path
-from typing import TypeVar
+from typing import TypeAlias, TypeVar
 
 import numpy as np
+import pandas as pd
 
 from iptm_core.errors import MeasurementError
 from iptm_validation.measurements import (
     CellTest,
     Drive,
     Driver,
-    DynamometerTest,
     MeasuredData,
     Trip,
 )
@@ -22,7 +22,7 @@ from iptm_validation.readers import bmw_i3, epa, openacc, panasonic
 from iptm_validation.readers.columns import head_of
 
 SUFFIXES = (".csv", ".csv.gz", ".mat")
-Measured = Trip | Drive | CellTest | DynamometerTest
+Measured: TypeAlias = Trip | Drive | CellTest | pd.DataFrame
 Named = TypeVar("Named", Trip, Drive, CellTest)
 _READERS: tuple[
     tuple[
@@ -78,7 +78,9 @@ def read_files(paths: list[Path], report: Callable[[str], None]) -> MeasuredData
         trips=tuple(sorted(trips, key=lambda trip: trip.name)),
         drives=tuple(_first_of_each([*drives, *map(_drive_of, trips)])),
         cell_tests=tuple(_first_of_each([item for item in found if isinstance(item, CellTest)])),
-        dynamometer_tests=tuple(item for item in found if isinstance(item, DynamometerTest)),
+        dynamometer_tests=pd.concat(
+            [pd.DataFrame(), *(item for item in found if isinstance(item, pd.DataFrame))]
+        ),
     )
 
 
