@@ -24,7 +24,7 @@ from iptm_core.trajectory import Trajectory
 from iptm_studies.run import perform_run
 from iptm_studies.run_spec import RunSpec
 from iptm_studies.study import planned_run
-from iptm_v2x_bridge.road_knowledge import OF_THE_CYCLE, given_rules
+from iptm_v2x_bridge.rules_of_the_road import OF_THE_CYCLE, given_rules
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "empty-road.md"
 CRUISE = "production"

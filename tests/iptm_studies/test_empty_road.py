@@ -14,7 +14,7 @@ from iptm_core.settings import LeaderSource
 from iptm_studies.run import Run, perform_run
 from iptm_studies.run_spec import RunSpec
 from iptm_studies.study import planned_run
-from iptm_v2x_bridge.road_knowledge import read_signals
+from iptm_v2x_bridge.rules_of_the_road import read_signals
 
 TOLERANCE_M_S = 0.02
 

@@ -21,14 +21,14 @@ from iptm_v2x_bridge.messages.cam import (
     encode_fields,
     specification,
 )
-from iptm_v2x_bridge.messages.packets import HEADER_BYTES, MAX_DATAGRAM_BYTES, SenderPosition, wrap
+from iptm_v2x_bridge.messages.packets import HEADER_BYTES, MAX_DATAGRAM_BYTES, wrap
 from iptm_v2x_bridge.rejections import Rejection
 
-HERE = SenderPosition(600_000_000_123, 481_234_567, 107_654_321, 2000, 0)
+HERE = (600_000_000_123, (48.1234567, 10.7654321), 20.0)
 
 
 def packet(payload: bytes) -> bytes:
-    return wrap(payload, HERE, 4711, 5)
+    return wrap(payload, 4711, 5, *HERE)
 
 
 def read(message: CamMessage) -> CamMessage:

@@ -16,7 +16,6 @@ from iptm_v2x_bridge.messages.packets import (
     HEADER_BYTES,
     MessageKind,
     OpenedDatagram,
-    SenderPosition,
     open_datagram,
     wrap,
 )
@@ -29,7 +28,7 @@ KINDS = (MessageKind.CAM,)
 
 
 def packet(message: bytes) -> bytes:
-    return wrap(message, SenderPosition(600_000_000_123, 0, 0, 0, 0), 4711, 5)
+    return wrap(message, 4711, 5, 600_000_000_123, (0.0, 0.0))
 
 
 def opened(datagram: bytes) -> OpenedDatagram:

@@ -15,7 +15,7 @@ from tests.iptm_v2x_bridge.cams import cam, path
 from tests.iptm_v2x_bridge.random_cams import random_fields
 
 from iptm_v2x_bridge.messages.cam import encode_cam, encode_fields, specification
-from iptm_v2x_bridge.messages.packets import SenderPosition, wrap
+from iptm_v2x_bridge.messages.packets import wrap
 
 ETHERTYPE = 0x8947
 
@@ -48,10 +48,10 @@ def dissected(tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
     """What Wireshark reads in packets with a plain message and one with a predicted path."""
     if shutil.which("tshark") is None:
         pytest.skip("tshark is not installed")
-    sender = SenderPosition(600_000_000_123, 481_234_567, 107_654_321, 2000, 0)
+    sender = (600_000_000_123, (48.1234567, 10.7654321), 20.0)
     file = tmp_path_factory.mktemp("capture") / "cam.pcap"
     messages = [cam(), cam(path=path())]
-    capture(file, [wrap(encode_cam(message), sender, 4711, 5) for message in messages])
+    capture(file, [wrap(encode_cam(message), 4711, 5, *sender) for message in messages])
     result = subprocess.run(
         ["tshark", "-r", str(file), "-T", "json"], capture_output=True, text=True, check=True
     )

@@ -28,7 +28,6 @@ from iptm_v2x_bridge.messages.packets import (
     ROADSIDE_UNIT,
     MessageKind,
     OpenedDatagram,
-    SenderPosition,
     its_timestamp_ms,
     open_datagram,
     wrap,
@@ -52,7 +51,7 @@ DECODERS = {
     MessageKind.MAPEM: decode_mapem,
     MessageKind.IVIM: decode_ivim,
 }
-PLACE = SenderPosition(600_000_000_123, 480_000_000, 100_000_000, 0, 0)
+PLACE = (600_000_000_123, (48.0, 10.0))
 PHASES = IntersectionPhases(
     HERE,
     3,
@@ -78,7 +77,7 @@ BITS = {
 
 
 def packet(kind: MessageKind) -> bytes:
-    return wrap(BITS[kind], PLACE, STATION, ROADSIDE_UNIT, kind.port)
+    return wrap(BITS[kind], STATION, ROADSIDE_UNIT, *PLACE, port=kind.port)
 
 
 def test_what_is_sent_is_what_is_read() -> None:
@@ -106,7 +105,7 @@ def test_bare_or_in_a_packet_and_to_its_port_only(kind: MessageKind) -> None:
         assert (opened.kind, opened.payload) == (kind, BITS[kind])
     assert open_datagram(BITS[kind], [MessageKind.CAM]) is Rejection.HEADER
     assert open_datagram(packet(kind), [MessageKind.CAM]) is Rejection.PORT
-    stray = wrap(encode_cam(cam()), PLACE, STATION, ROADSIDE_UNIT, kind.port)
+    stray = wrap(encode_cam(cam()), STATION, ROADSIDE_UNIT, *PLACE, port=kind.port)
     assert open_datagram(stray, list(MessageKind)) is Rejection.HEADER
 
 
@@ -119,7 +118,7 @@ def test_packets_for_everyone_in_an_area_are_read() -> None:
     opened = open_datagram(wide, list(MessageKind))
     assert isinstance(opened, OpenedDatagram)
     assert opened.payload == BITS[MessageKind.SPATEM]
-    assert opened.packet_timestamp_ms == PLACE.timestamp_ms % 2**32
+    assert opened.packet_timestamp_ms == PLACE[0] % 2**32
     assert open_datagram(wide[:-1], list(MessageKind)) is Rejection.PACKET
     assert open_datagram(wide[: HEADER_BYTES + 2], list(MessageKind)) is Rejection.PACKET
 

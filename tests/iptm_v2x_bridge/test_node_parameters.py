@@ -11,7 +11,7 @@ from iptm_core.routes.road_line import RoadLine
 from iptm_core.settings import LeaderSource
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
 from iptm_v2x_bridge.prediction.predictor import Knowledge, PredictorName
-from iptm_v2x_bridge.road_knowledge import given_rules
+from iptm_v2x_bridge.rules_of_the_road import given_rules
 from iptm_v2x_bridge.stations.station import Observation
 
 

@@ -27,7 +27,7 @@ from iptm_plant_sim.plant_step import PlantStep
 from iptm_studies.closed_loop import ClosedLoopRun, run_closed_loop
 from iptm_studies.run_spec import HEADLESS_LEADERS
 from iptm_v2x_bridge.bridge import PreviewSource, TickBridge
-from iptm_v2x_bridge.road_knowledge import road_bridge
+from iptm_v2x_bridge.rules_of_the_road import road_bridge
 
 NO_COMPARISON = "none"
 

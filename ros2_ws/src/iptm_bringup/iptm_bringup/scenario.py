@@ -47,7 +47,7 @@ from iptm_core.settings import (
 from iptm_faults.fault import Fault
 from iptm_faults.injection import check_empty_road
 from iptm_interfaces.topics import BRIDGE, CONTROLLER, PLANT
-from iptm_v2x_bridge.road_knowledge import given_rules
+from iptm_v2x_bridge.rules_of_the_road import given_rules
 
 AUTOMATIC_DOMAIN = -1
 MAX_DOMAIN = 232

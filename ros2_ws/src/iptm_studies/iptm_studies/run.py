@@ -39,7 +39,7 @@ from iptm_studies.run_spec import RunKind, RunSpec
 from iptm_studies.study import Case
 from iptm_studies.whole_trip import WholeTripRecord, solve_whole_trip
 from iptm_v2x_bridge.bridge import PreviewSource
-from iptm_v2x_bridge.road_knowledge import road_bridge
+from iptm_v2x_bridge.rules_of_the_road import road_bridge
 
 CONTROLLER, VEHICLE = "controller", "vehicle"
 NOTICED_SHARE = 0.95

@@ -50,9 +50,8 @@ from iptm_v2x_bridge.prediction.extrapolation import History
 from iptm_v2x_bridge.prediction.predictor import Predictor, ReceivedPath
 from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules
 from iptm_v2x_bridge.radio_recording import SimulatedRadio
-from iptm_v2x_bridge.road_knowledge import read_limits
 from iptm_v2x_bridge.roadside.table import RoadsideTable
-from iptm_v2x_bridge.rules_of_the_road import RulesOfTheRoad
+from iptm_v2x_bridge.rules_of_the_road import RulesOfTheRoad, read_limits
 
 DRIVER_FORESIGHT_S = 15.0
 """How far ahead the ego vehicle looks at lines where their plan is not sent to it."""

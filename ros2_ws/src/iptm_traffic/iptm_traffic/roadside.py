@@ -28,7 +28,7 @@ from iptm_v2x_bridge.messages.mapem import (
     Lane,
     encode_mapem,
 )
-from iptm_v2x_bridge.messages.packets import ROADSIDE_UNIT, MessageKind, SenderPosition, wrap
+from iptm_v2x_bridge.messages.packets import ROADSIDE_UNIT, MessageKind, wrap
 from iptm_v2x_bridge.messages.spatem import (
     IntersectionPhases,
     Phase,
@@ -90,15 +90,10 @@ class RoadsideStations:
             if time_ms % round(1000.0 * MAPS_EVERY_S) == 0:
                 sent += maps
             latitude, longitude, _ = self._road.locate(place_m)
-            place = SenderPosition(
-                time_ms,
-                round(float(latitude) * SCALE_DEG),
-                round(float(longitude) * SCALE_DEG),
-                0,
-                0,
-            )
+            place_deg = float(latitude), float(longitude)
+            station_id = _STATION_BASE + number
             heard += [
-                wrap(payload, place, _STATION_BASE + number, ROADSIDE_UNIT, kind.port)
+                wrap(payload, station_id, ROADSIDE_UNIT, time_ms, place_deg, port=kind.port)
                 for kind, payload in sent
             ]
         return heard

@@ -53,6 +53,10 @@ class CamBridge:
     """Answers ticks in increasing order of time from the messages received before them.
 
     An earlier tick means that a new trip has begun; everything heard before is forgotten.
+
+    Attributes:
+        start_timestamp_ms: TimestampIts at trip time 0.
+        read_until_ns: trip time up to which datagrams have been handed over, None before any.
     """
 
     def __init__(
@@ -83,7 +87,8 @@ class CamBridge:
         self._kinds = (MessageKind.CAM, *(ROADSIDE_KINDS if roadside else ()))
         self._settings = settings or PreviewSettings()
         self._predictors = tuple(predictors or (ReceivedPath(), History()))
-        self._start_ms = start_timestamp_ms
+        self.start_timestamp_ms = start_timestamp_ms
+        self.read_until_ns: int | None = None
         self._offset_bytes = datagram_offset_bytes
         self._restart()
 
@@ -136,8 +141,13 @@ class CamBridge:
         """Count datagrams that had to be dropped unread."""
         self._unread.add(Rejection.OVERFLOW, datagrams)
 
+    @property
+    def received(self) -> int:
+        """Datagrams of this trip so far, those that were dropped unread included."""
+        return self._datagrams + self._unread[Rejection.OVERFLOW]
+
     def _timestamp_ms(self, time_ns: int) -> int:
-        return self._start_ms + time_ns // NS_PER_MS
+        return self.start_timestamp_ms + time_ns // NS_PER_MS
 
     def answer(
         self,
@@ -188,7 +198,7 @@ class CamBridge:
         now_s = time_ns / NS_PER_S
         # A sender's clock that is a little ahead must not put the generation into the future.
         generated_ms = min(station.generated_ms for station in stations)
-        generated_ns = min((generated_ms - self._start_ms) * NS_PER_MS, time_ns)
+        generated_ns = min((generated_ms - self.start_timestamp_ms) * NS_PER_MS, time_ns)
         # Once a second since then, so that the farthest place reached meanwhile is not forgotten.
         since = np.arange(generated_ns, max(time_ns, generated_ns + 1), NS_PER_S) / NS_PER_S
         nodes = np.union1d(since, preview_times_s(self._settings, time_ns))
@@ -237,8 +247,8 @@ class CamBridge:
 
         Of a silent leader, the worst case.
         """
-        times = nodes + self._start_ms / 1000.0
-        now = now_s + self._start_ms / 1000.0
+        times = nodes + self.start_timestamp_ms / 1000.0
+        now = now_s + self.start_timestamp_ms / 1000.0
         known = knowledge_of(station, self._road, now)
         if round(1000.0 * now) - station.heard_ms > SILENT_MS:
             return AssumedBraking.name, AssumedBraking().predict(known, times)
@@ -265,7 +275,10 @@ class CamBridge:
     def _contested_text(self) -> str:
         """Return the contested identities and since when in trip time, the earliest first."""
         since_ms = sorted((ms, known) for known, ms in self._table.contested_since_ms.items())
-        texts = [f"{known} since {(ms - self._start_ms) / 1000.0:.1f} s" for ms, known in since_ms]
+        texts = [
+            f"{known} since {(ms - self.start_timestamp_ms) / 1000.0:.1f} s"
+            for ms, known in since_ms
+        ]
         more = [f"{len(texts) - MAX_REPORTED} more"] if len(texts) > MAX_REPORTED else []
         return ", ".join([*texts[:MAX_REPORTED], *more]) or "none"
 

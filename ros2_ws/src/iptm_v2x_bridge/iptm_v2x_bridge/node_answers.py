@@ -6,7 +6,6 @@ import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from nav_msgs.msg import Odometry
@@ -25,7 +24,7 @@ from iptm_v2x_bridge.messages.packets import its_timestamp_ms
 from iptm_v2x_bridge.node_datagrams import open_source
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
 from iptm_v2x_bridge.prediction.road_rules import RoadRules
-from iptm_v2x_bridge.road_knowledge import given_rules, with_rules
+from iptm_v2x_bridge.rules_of_the_road import given_rules, with_rules
 
 KEPT = 16
 """States and plans kept: neighbours keep step within one tick, and a repeated tick is asked for again."""
@@ -155,26 +154,7 @@ def state_of(message: Odometry) -> tuple[int, float, float]:
 READ_PERIOD_S = 0.005
 
 
-@dataclass
-class _CamTrip:
-    """What belongs to one trip.
-
-    Attributes:
-        bridge: takes in the messages.
-        start_ms: TimestampIts of trip time 0.
-        last_ns: the last tick that was answered.
-        read_ns: time up to which datagrams have been read, None before.
-        received: datagrams so far.
-    """
-
-    bridge: CamBridge
-    start_ms: int
-    last_ns: int
-    read_ns: int | None = None
-    received: int = 0
-
-
-class CamAnswers(TickAnswers[_CamTrip]):
+class CamAnswers(TickAnswers[CamBridge]):
     """Answers from received messages of the leader.
 
     A tick is answered when the ego vehicle's position of the same stamp is known and, in lock-step, after the
@@ -206,10 +186,10 @@ class CamAnswers(TickAnswers[_CamTrip]):
     def _on_read_timer(self) -> None:
         if self._trip is not None and self._by_wall_clock:
             trip, _ = self._trip
-            self._read(trip, trip.last_ns)
+            self._read(trip, trip.read_until_ns or 0)
         self._retry()
 
-    def _start(self, time_ns: int) -> tuple[_CamTrip, TickBridge]:
+    def _start(self, time_ns: int) -> tuple[CamBridge, TickBridge]:
         """Start with the first tick, which maps trip time 0 to the time of the messages."""
         start_ms = self._datagrams.begin_trip(time_ns)
         options, route = self._options, self._route
@@ -224,34 +204,32 @@ class CamAnswers(TickAnswers[_CamTrip]):
             verifier=self._verifier,
         )
         ruled = self._with_rules(bridge, heard.ego if heard else None, start_ms)
-        return _CamTrip(bridge, start_ms, time_ns), ruled
+        return bridge, ruled
 
-    def _awaited(self, trip: _CamTrip, time_ns: int) -> str:
+    def _awaited(self, trip: CamBridge, time_ns: int) -> str:
         self._read(trip, time_ns)
         return self._datagrams.missing(time_ns)
 
-    def _checked(self, trip: _CamTrip, answer: BridgeAnswer) -> BridgeAnswer:
-        trip.last_ns = answer.time_ns
+    def _checked(self, trip: CamBridge, answer: BridgeAnswer) -> BridgeAnswer:
         self._publish(trip, EndOfTick(answer.time_ns, trip.received).encode(), answer.time_ns)
         return answer
 
-    def _read(self, trip: _CamTrip, time_ns: int) -> None:
+    def _read(self, trip: CamBridge, time_ns: int) -> None:
         """Take in what has arrived by a tick; by the computer's clock, by now, however late the tick is."""
         if self._by_wall_clock:
-            passed_ms = its_timestamp_ms(time.time_ns()) - trip.start_ms
+            passed_ms = its_timestamp_ms(time.time_ns()) - trip.start_timestamp_ms
             time_ns = max(passed_ms * NS_PER_MS, time_ns)
-        received, dropped = self._datagrams.take(trip.read_ns, time_ns)
-        trip.read_ns = time_ns
+        received, dropped = self._datagrams.take(trip.read_until_ns, time_ns)
+        trip.read_until_ns = time_ns
         for received_ns, datagram in received:
-            trip.bridge.receive(datagram, received_ns)
+            trip.receive(datagram, received_ns)
             self._publish(trip, datagram, received_ns)
-        trip.bridge.decode_waiting(time_ns)
-        trip.bridge.count_overflow(dropped)
-        trip.received += len(received) + dropped
+        trip.decode_waiting(time_ns)
+        trip.count_overflow(dropped)
 
-    def _publish(self, trip: _CamTrip, datagram: bytes, received_ns: int) -> None:
+    def _publish(self, trip: CamBridge, datagram: bytes, received_ns: int) -> None:
         if self._publisher is not None:
-            its_ns = trip.start_ms * NS_PER_MS + received_ns
+            its_ns = trip.start_timestamp_ms * NS_PER_MS + received_ns
             self._publisher.publish(encode_raw_datagram(datagram, its_ns))
 
     def is_heard(self) -> bool:
@@ -260,7 +238,7 @@ class CamAnswers(TickAnswers[_CamTrip]):
 
     def report(self) -> dict[str, object]:
         """Return numbers for the diagnostics."""
-        return self._datagrams.report() | (self._trip[0].bridge.report() if self._trip else {})
+        return self._datagrams.report() | (self._trip[0].report() if self._trip else {})
 
     def close(self) -> None:
         """Give the socket back."""

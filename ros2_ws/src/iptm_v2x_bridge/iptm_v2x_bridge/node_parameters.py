@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from iptm_core.declaration import Settings, TextEnum, declared, parameter
 from iptm_core.errors import ParameterError
 from iptm_core.road_ahead import RoadAheadSettings
+from iptm_core.routes import Route, build_route
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.settings import (
     VEHICLE_LENGTH_M,
@@ -20,17 +21,32 @@ from iptm_core.settings import (
     TickSettings,
 )
 from iptm_core.state import NS_PER_S
+from iptm_v2x_bridge.messages.pycrate_codec import specification
 from iptm_v2x_bridge.messages.signatures import Verifier, read_anchors
-from iptm_v2x_bridge.road_knowledge import RoadKnowledgeSettings
+from iptm_v2x_bridge.prediction.extrapolation import History
+from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
+from iptm_v2x_bridge.prediction.predictor import Predictor, ReceivedPath
+from iptm_v2x_bridge.prediction.regression import Regression, RegressionModel
+from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules
+from iptm_v2x_bridge.roadside.table import RoadsideTable
 from iptm_v2x_bridge.sending.settings import SenderSettings
 
 DEFAULT_CAM_PORT = 8947
 LOCALHOST = "127.0.0.1"
 
 
+class Expectation(TextEnum):
+    """What is expected of a leader of whose future nothing is known."""
+
+    HISTORY = "history"
+    """Its acceleration decays."""
+    REGRESSION = "regression"
+    """What other drivers did after the same seconds."""
+
+
 @dataclass(frozen=True)
 class CamSettings(Settings):
-    """The leader observed by its messages."""
+    """The leader observed by its messages, and what is expected of it where they state nothing."""
 
     cam_address: str = parameter(
         LOCALHOST, "cam: own address to listen at; 0.0.0.0 listens to the whole network"
@@ -96,6 +112,29 @@ class CamSettings(Settings):
         "with expected_peers the first answer waits for a listener",
     )
 
+    prediction: Expectation = parameter(
+        Expectation.HISTORY,
+        "cam: expected motion of a leader that sends no path: history (its acceleration decays) or "
+        "regression (on its last 10 s)",
+    )
+    regression_model: str = parameter(
+        "",
+        "cam: file with the regression, written by scripts/train_predictor; empty: the shipped one",
+    )
+    earlier_drives: str = parameter(
+        "",
+        "cam: earlier drives of this road to learn from, as in cycle, separated by commas",
+    )
+    roadside_messages: bool = parameter(
+        default=False,
+        description="cam: take signals and speed limits from the messages of roadside stations, too (SPATEM, "
+        "MAPEM, IVIM; needs requirements/roadside.txt); they override the given ones",
+    )
+    leader_keeps_rules: bool = parameter(
+        default=True,
+        description="cam: the prediction obeys the known speed limits and signals",
+    )
+
     def road_of_messages(self, road: RoadLine) -> RoadLine:
         """Return a road with its heights above the ellipsoid, or without if they are not to be compared."""
         heights_m = road.heights_m
@@ -112,11 +151,40 @@ class CamSettings(Settings):
         anchors = read_anchors(self.trust_anchors) if self.trust_anchors else ()
         return Verifier(anchors, refuses_unverified=self.refuse_unverified)
 
+    def build_heard_rules(self, given: RoadRules, road: RoadLine) -> RoadsideTable | None:
+        """Return the rules as they are heard, None where they are not to be.
+
+        Raises:
+            ParameterError: the codec of these messages is not installed.
+        """
+        if not self.roadside_messages:
+            return None
+        specification()
+        return RoadsideTable(road, given)
+
+    def build_predictors(self, route: Route, rules: RoadRules) -> tuple[Predictor, ...]:
+        """Return the predictors, the best informed first.
+
+        Raises:
+            IptmError: a file is not usable.
+        """
+        usual: Predictor = History()
+        if self.prediction is Expectation.REGRESSION:
+            usual = Regression(RegressionModel.load(self.regression_model))
+        found: list[Predictor] = [ReceivedPath()]
+        names = [name.strip() for name in self.earlier_drives.split(",") if name.strip()]
+        if names:
+            gap_m = route.leader.start_position_m
+            drives = [build_route(name, initial_gap_m=gap_m).leader for name in names]
+            found.append(LearntProfile([(drive.positions_m, drive.speeds_m_s) for drive in drives]))
+        if self.leader_keeps_rules:
+            found.append(BoundedByRules(usual, rules))
+        return (*found, usual)
+
 
 @dataclass(frozen=True)
 class BridgeNodeParameters(
     RangeSensorSettings,
-    RoadKnowledgeSettings,
     CamSettings,
     FrameSettings,
     TickSettings,

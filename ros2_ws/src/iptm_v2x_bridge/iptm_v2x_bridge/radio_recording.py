@@ -141,20 +141,19 @@ class SimulatedRadio:
     def __init__(self, source: Radio, bridge: CamBridge) -> None:
         self._source, self.bridge = source, bridge
         self.predictors: Counter[str] = Counter()
-        self._heard_until_ns: int | None = None
 
     def answer(
         self, time_ns: int, ego_position_m: float, ego_speed_m_s: float = 0.0
     ) -> BridgeAnswer:
         """Return the answer to one tick; see `CamBridge.answer`."""
-        after_ns = self._heard_until_ns
+        after_ns = self.bridge.read_until_ns
         if after_ns is not None and after_ns > time_ns:
             after_ns = None  # a new trip
         received, dropped = self._source.take(after_ns, time_ns)
         for received_ns, datagram in received:
             self.bridge.receive(datagram, received_ns)
         self.bridge.count_overflow(dropped)
-        self._heard_until_ns = time_ns
+        self.bridge.read_until_ns = time_ns
         answer = self.bridge.answer(time_ns, ego_position_m, ego_speed_m_s)
         self.predictors[answer.predictor or "none"] += 1
         return answer

@@ -12,11 +12,30 @@ from dataclasses import replace
 
 import numpy as np
 
-from iptm_core.parameters.model import ModelParameters
-from iptm_core.road_ahead import HARDEST_M_S2, Drive, RoadAhead, SpeedLimits, Stop, lawful_drive
-from iptm_core.settings import PreviewSettings
+from iptm_core.errors import ParameterError, RouteError
+from iptm_core.parameters.model import KM_H_PER_M_S, ModelParameters
+from iptm_core.road_ahead import (
+    HARDEST_M_S2,
+    Drive,
+    RoadAhead,
+    RoadAheadSettings,
+    SpeedLimits,
+    Stop,
+    lawful_drive,
+    limits_of_curves,
+    limits_of_drive,
+)
+from iptm_core.routes import Route
+from iptm_core.settings import LeaderSource, PreviewSettings
 from iptm_core.state import NS_PER_S, FloatArray
-from iptm_v2x_bridge.bridge import BridgeAnswer, TickBridge
+from iptm_v2x_bridge.bridge import (
+    BridgeAnswer,
+    CycleSource,
+    EmptyRoad,
+    PreviewSource,
+    TickBridge,
+    V2xBridge,
+)
 from iptm_v2x_bridge.prediction.road_rules import NO_LIMITS, RoadRules, Signal
 
 PASS_MARGIN_S = 3.0
@@ -28,6 +47,10 @@ STOP_BEFORE_M = 2.0
 LIMITS_AHEAD_M = 3000.0
 """Limits up to here are passed on: more than any car drives in the minute that is looked ahead."""
 LIMITS_BEHIND_M = 200.0
+OF_THE_CYCLE = "cycle"
+"""Value of `speed_limits_km_h` for the limits that the cycle itself keeps."""
+AT_THE_END_M_S = 1e-3
+"""Speed limit behind the end of the route: a halt."""
 _STEP_S = 0.5
 
 
@@ -159,3 +182,109 @@ class RulesOfTheRoad:
         at = self._start_s + time_s
         is_open = signal.is_open(self._early(time_s, now_s))
         return is_open and signal.open_until_s(at) - at >= PASS_MARGIN_S
+
+
+def given_rules(settings: RoadAheadSettings, route: Route) -> RoadRules:
+    """Return the rules that settings state for a route.
+
+    Raises:
+        ParameterError: a text is not usable.
+    """
+    text = settings.speed_limits_km_h.strip()
+    if text == OF_THE_CYCLE:
+        limits: SpeedLimits | None = limits_of_drive(route.leader)
+    else:
+        limits = read_limits(text) if text else None
+    return RoadRules(limits, read_signals(settings.signals))
+
+
+def own_limits(settings: RoadAheadSettings, route: Route) -> SpeedLimits:
+    """Return the limits other than signs: set speed, curves and, without a leader, the end of the route."""
+    limits = limits_of_curves(route.road_line, settings.max_lateral_acceleration_m_s2)
+    if settings.set_speed_km_h:
+        wanted = np.full(1, settings.set_speed_km_h / KM_H_PER_M_S)
+        limits = limits.and_not_above(SpeedLimits(np.zeros(1), wanted))
+    if settings.leader_source is LeaderSource.NONE:
+        motion = route.leader
+        end_m = float(motion.positions_m[-1] - motion.start_position_m)
+        end = SpeedLimits(
+            np.array([0.0, end_m]), np.array([NO_LIMITS.limits_m_s[0], AT_THE_END_M_S])
+        )
+        limits = limits.and_not_above(end)
+    return limits
+
+
+def with_rules(
+    inner: TickBridge,
+    settings: RoadAheadSettings,
+    route: Route,
+    model: ModelParameters,
+    preview: PreviewSettings,
+    rules: RoadRules,
+    start_timestamp_ms: int = 0,
+) -> TickBridge:
+    """Return a bridge that adds the rules of the road, or the same one where none are kept."""
+    if not settings.keeps_rules:
+        return inner
+    return RulesOfTheRoad(
+        inner,
+        rules,
+        model,
+        preview,
+        foresight_s=settings.line_foresight_s,
+        start_timestamp_ms=start_timestamp_ms,
+        own_limits=own_limits(settings, route),
+    )
+
+
+def road_bridge(
+    settings: RoadAheadSettings,
+    route: Route,
+    model: ModelParameters,
+    preview: PreviewSettings,
+    leader: PreviewSource | None = None,
+) -> tuple[PreviewSource, TickBridge]:
+    """Return who drives ahead of an ego vehicle without ROS, and the bridge that answers its ticks.
+
+    Raises:
+        ParameterError: a text is not usable.
+    """
+    source: PreviewSource = leader or CycleSource(route)
+    if settings.leader_source is LeaderSource.NONE:
+        source = EmptyRoad()
+    rules = given_rules(settings, route)
+    return source, with_rules(V2xBridge(source, preview), settings, route, model, preview, rules)
+
+
+def read_limits(text: str) -> SpeedLimits:
+    """Return the speed limits that a text such as `0:50, 1200:70` states.
+
+    Raises:
+        ParameterError: the text is malformed.
+    """
+    try:
+        pairs = np.array([[float(part) for part in entry.split(":")] for entry in text.split(",")])
+        return SpeedLimits(pairs[:, 0], pairs[:, 1] / KM_H_PER_M_S)
+    except (ValueError, IndexError, RouteError) as reason:
+        raise ParameterError(
+            f"speed_limits_km_h is {text!r}; allowed: <from metre>:<km/h> parts joined by commas, metres "
+            "increasing, limits above 0; or cycle"
+        ) from reason
+
+
+def read_signals(text: str) -> tuple[Signal, ...]:
+    """Return the signals that a text such as `1100:80:12.5:42` states, none for an empty one.
+
+    Raises:
+        ParameterError: the text is malformed.
+    """
+    entries = [entry.split(":") for entry in text.split(",") if entry.strip()]
+    try:
+        return RoadRules(
+            None, tuple(Signal.cyclic(*map(float, parts)) for parts in entries)
+        ).signals
+    except (ValueError, TypeError, RouteError) as reason:
+        raise ParameterError(
+            f"signals is {text!r}: {reason}; allowed: <metre of the stop line>:<cycle in s>:<turns green at "
+            "s>:<green for s> parts joined by commas, metres increasing"
+        ) from reason

@@ -123,25 +123,6 @@ class OpenedDatagram:
         return bool(self.envelope)
 
 
-@dataclass(frozen=True)
-class SenderPosition:
-    """Long position vector of the sender, as integers of the wire.
-
-    Attributes:
-        timestamp_ms: TimestampIts of the position, all of it or modulo 2^32.
-        latitude: 1e-7 degrees.
-        longitude: 1e-7 degrees.
-        speed_cm_s: speed in cm/s.
-        heading: 0.1 degrees, clockwise from north.
-    """
-
-    timestamp_ms: int
-    latitude: int
-    longitude: int
-    speed_cm_s: int
-    heading: int
-
-
 def open_datagram(datagram: bytes, wanted: Collection[MessageKind]) -> OpenedDatagram | Rejection:
     """Return the message in a datagram if it is of a wanted kind, or why not."""
     if not MESSAGE_HEADER_BYTES < len(datagram) <= MAX_DATAGRAM_BYTES:
@@ -200,14 +181,22 @@ def declared_bytes(packet: bytes) -> int:
 
 def wrap(
     payload: bytes,
-    sender: SenderPosition,
     station_id: int,
     station_type: int,
+    timestamp_ms: int,
+    place_deg: tuple[float, float],
+    speed_m_s: float = 0.0,
+    heading_deg: float = 0.0,
     port: int = CAM_PORT,
 ) -> bytes:
     """Return a single-hop broadcast of a message to the BTP port of its service.
 
     The sender's link-layer address is locally administered: the lower bytes of the `station_id`.
+
+    Args:
+        timestamp_ms: TimestampIts of the sender's position, all of it or modulo 2^32.
+        place_deg: latitude and longitude of the sender.
+        heading_deg: clockwise from north.
     """
     length = _BTP.size + len(payload)
     address = _ADDRESS_BY_HAND | (station_type & 0x1F) << 10
@@ -220,11 +209,10 @@ def wrap(
             _POSITION.pack(
                 address,
                 link_layer,
-                sender.timestamp_ms % TIMESTAMP_MODULUS_MS,
-                sender.latitude,
-                sender.longitude,
-                _POSITION_ACCURATE | (sender.speed_cm_s & 0x7FFF),
-                sender.heading,
+                timestamp_ms % TIMESTAMP_MODULUS_MS,
+                *(round(degrees * 1e7) for degrees in place_deg),
+                _POSITION_ACCURATE | (round(speed_m_s * 100.0) & 0x7FFF),
+                round(heading_deg * 10.0) % 3600,
             ),
             bytes(_AROUND_POSITION[_SINGLE_HOP][1]),
             _BTP.pack(port, 0),

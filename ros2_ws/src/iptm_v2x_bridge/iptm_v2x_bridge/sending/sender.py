@@ -22,7 +22,7 @@ from iptm_v2x_bridge.messages.cam import (
     PredictedPath,
     encode_cam,
 )
-from iptm_v2x_bridge.messages.packets import SenderPosition, delta_time_ms, wrap
+from iptm_v2x_bridge.messages.packets import delta_time_ms, wrap
 from iptm_v2x_bridge.sending.settings import (
     Foresight,
     Framing,
@@ -85,14 +85,15 @@ def car_on_road(
 
 def packet_of(message: CamMessage, timestamp_ms: int) -> bytes:
     """Return the packet of a message on the air; `timestamp_ms` is the TimestampIts of its generation."""
-    position = SenderPosition(
-        timestamp_ms=timestamp_ms,
-        latitude=round(message.latitude_deg * 1e7),
-        longitude=round(message.longitude_deg * 1e7),
-        speed_cm_s=round(message.speed_m_s * 100.0),
-        heading=round((message.heading_deg or 0.0) * 10.0) % 3600,
+    return wrap(
+        encode_cam(message),
+        message.station_id,
+        PASSENGER_CAR,
+        timestamp_ms,
+        (message.latitude_deg, message.longitude_deg),
+        message.speed_m_s,
+        message.heading_deg or 0.0,
     )
-    return wrap(encode_cam(message), position, message.station_id, PASSENGER_CAR)
 
 
 class CamSender:
