@@ -1,7 +1,7 @@
-"""Drives roads without a lead vehicle, beside a driver with cruise control: the table of docs/empty-road.md.
+"""Drives without a lead vehicle, compared with a driver with cruise control: the table of docs/empty-road.md.
 
 Energy and ageing count up to the end of the road, which all reach. Strategies are compared at
-equal ways, not at equal times: the time of arrival stands beside them.
+equal distances, not at equal times: the time of arrival is given as well.
 """
 
 from __future__ import annotations

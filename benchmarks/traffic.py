@@ -47,7 +47,7 @@ COLUMNS = {
 
 
 def row_of(result: TrafficResult, reference: TrafficResult) -> dict[str, Any]:
-    """Return the figures of one drive beside the reference strategy's in the same traffic."""
+    """Return the figures of one drive, compared with the reference strategy in the same traffic."""
     run, other, world = result.metrics, reference.metrics, result.world
     return {
         "scenario": result.drive.title,

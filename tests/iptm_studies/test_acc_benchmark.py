@@ -15,7 +15,7 @@ from iptm_core.routes import build_route
 from iptm_studies.acc_benchmark.cli import main
 from iptm_studies.acc_benchmark.comparison import figures_of, spread
 from iptm_studies.acc_benchmark.drives import (
-    WAYS,
+    VARIANTS,
     headway_overrides,
     parameters_of,
     real_follower,
@@ -107,23 +107,23 @@ def test_the_limits_of_the_gap_leave_room() -> None:
 def test_the_short_version(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     store = str(tmp_path / "store")
     assert main(["--short", "--dry-run", "--store", store]) == 0
-    assert len(capfd.readouterr().out.splitlines()) == 2 * len(WAYS)
+    assert len(capfd.readouterr().out.splitlines()) == 2 * len(VARIANTS)
     assert main(["--short", "--stored", "--store", store]) == 2
     assert "lacks runs" in capfd.readouterr().err
 
 
 def test_the_page_shows_every_way(tmp_path: Path, scenes: list[Scene]) -> None:
-    ways = (REAL, *(way.name for way in WAYS))
+    variants = (REAL, *(variant.name for variant in VARIANTS))
     rows = pd.DataFrame(
-        {"car": CAR, "way": way} | figures_of(real, real, scene, parameters_of(CAR))
+        {"car": CAR, "variant": variant} | figures_of(real, real, scene, parameters_of(CAR))
         for scene in scenes[:2]
         for real in (real_follower(scene, CAR),)
-        for way in ways
+        for variant in variants
     )
     text = benchmark_page("scripts/acc_benchmark", [CAR], rows, {})
     draw_picture(tmp_path, [CAR], rows)
     assert "behind 2 lead\nvehicles" in text
-    assert all(text.count(f"| {name} |") == 2 for name in ways)
+    assert all(text.count(f"| {name} |") == 2 for name in variants)
     known = pd.Series([1.0, 2.0, 3.0, 4.0, 5.0, math.nan])
     assert (spread(known, 1), spread(known[5:], 1)) == ("3.0 (2.0 to 4.0)", "–")
     assert (tmp_path / "images" / "acc-benchmark.png").is_file()

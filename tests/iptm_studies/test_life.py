@@ -14,7 +14,6 @@ from iptm_core.aging_laws.cells import AGING_CELLS, NCA
 from iptm_core.aging_laws.law import Load
 from iptm_core.parameters import load_parameters
 from iptm_studies.drives import DEFAULT
-from iptm_studies.life.decisions import MEASURED, decision_study
 from iptm_studies.life.losses import (
     Cause,
     band,
@@ -27,7 +26,6 @@ from iptm_studies.life.own_law import (
     PAPER,
     PARKED_H,
     kelvin_price_1_k,
-    priced_study,
     trip_at_price,
     uses_of,
 )
@@ -38,7 +36,6 @@ from iptm_studies.life.trips import (
     DRIVEN_CONTROLS,
     MOTORWAY,
     NO_COOLING,
-    START_C,
     THERMOSTAT,
     TripMap,
 )
@@ -270,13 +267,6 @@ def test_a_pack_that_air_cools_is_worth_less_on_arrival() -> None:
     assert usual.parked_time_constant_h == pytest.approx(10.0)
     assert free.parked_time_constant_h == pytest.approx(0.44, abs=0.02)
     assert kelvin_price_1_k(free, 310.0) < 0.2 * kelvin_price_1_k(usual, 310.0)
-
-
-def test_decisions_are_driven_under_every_law(tmp_path: Path) -> None:
-    study, routes = decision_study(tmp_path, lambda _: None)
-    assert len(routes[MEASURED]) == 10
-    assert len(study.cases) == 12 * (1 + len(AGING_CELLS))
-    assert len(priced_study().cases) == 2 * len(PARKED_H) * len(START_C)
 
 
 def test_interpolated_trips_end_like_those_with_the_law_itself() -> None:

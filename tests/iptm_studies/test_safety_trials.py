@@ -209,6 +209,24 @@ def test_braking_trials_are_driven_once(short_drive: tuple[Case, Run], tmp_path:
     assert first.equals(second)
 
 
+def test_only_collisions_that_stated_brakes_avoid_are_problems(
+    short_drive: tuple[Case, Run], tmp_path: Path
+) -> None:
+    inputs, run = short_drive
+    store, drives = ResultStore(tmp_path), {"nycc": (inputs, run.trajectory)}
+    braking_outcomes(store, drives, 1, 1, 1, print)
+    columns = {"smallest_gap_m": [-1.0, -1.0, 1.0], "bound_m": [1.0, -1.0, 2.0]}
+    others = ("time_s", "deceleration_m_s2", "impact_m_s", "braked", "bound_impact_m_s")
+    made = {name: np.array(values) for name, values in columns.items()}
+    store.save_content(store.keys()[0], {}, made | dict.fromkeys(others, np.ones(3)))
+    found = braking_outcomes(store, drives, 1, 1, 0, print)
+    assert found.avoidable.tolist() == [True, False, False]
+    findings = Findings(found, [], driven([]), driven([]))
+    assert findings.broken() == ["braking lead vehicle, nycc: 1 avoidable collisions"]
+    page = safety_page("scripts/safety", "abc", findings)
+    assert "| nycc | 3 | 3 | 2 | 1 | -1.00 | -1.00 | 1.00 |" in page
+
+
 def test_energies_are_compared_with_equal_ends(short_drive: tuple[Case, Run]) -> None:
     metrics = short_drive[1].metrics
     warm = replace(metrics, final_temperature_k=metrics.final_temperature_k + 0.5)

@@ -13,7 +13,7 @@ from iptm_core.errors import ScenarioError
 from iptm_studies.acc_benchmark.comparison import figures_of
 from iptm_studies.acc_benchmark.drives import (
     CARS,
-    WAYS,
+    VARIANTS,
     benchmark_study,
     case_labels,
     parameters_of,
@@ -72,17 +72,17 @@ def _work(session: Session) -> bool:
 def _figures(
     car: str, scene: Scene, keys: Mapping[tuple[Label, ...], str | None], store: ResultStore
 ) -> Iterator[dict[str, Any]]:
-    """Yield the figures of all ways of driving, if all of their runs are there."""
+    """Yield the figures of all variants of driving, if all of their runs are there."""
     found = {
-        way.name: store.find(keys[tuple(case_labels(scene, car, way).values())] or "")
-        for way in WAYS
+        variant.name: store.find(keys[tuple(case_labels(scene, car, variant).values())] or "")
+        for variant in VARIANTS
     }
-    runs = {way: run.trajectory for way, run in found.items() if run is not None}
-    if len(runs) < len(WAYS):
+    runs = {variant: run.trajectory for variant, run in found.items() if run is not None}
+    if len(runs) < len(VARIANTS):
         return
     real = real_follower(scene, car)
-    for way, run in ({REAL: real} | runs).items():
-        labels = {"car": car, "way": way}
+    for variant, run in ({REAL: real} | runs).items():
+        labels = {"car": car, "variant": variant}
         yield labels | figures_of(run, real, scene, parameters_of(car))
 
 

@@ -40,8 +40,8 @@ def parameters_of(car: str, overrides: Mapping[str, float] | None = None) -> Mod
 
 
 @dataclass(frozen=True)
-class Way:
-    """A way of driving behind the lead vehicles.
+class Variant:
+    """A variant of driving behind the lead vehicles.
 
     Attributes:
         name: for labels and tables.
@@ -56,12 +56,12 @@ class Way:
     limited: bool
 
 
-WAYS = (
-    Way("120 m, no V2X", DEFAULT, preview=False, limited=False),
-    Way("120 m, perfect preview", DEFAULT, preview=True, limited=False),
-    Way("real headway, no V2X", DEFAULT, preview=False, limited=True),
-    Way("real headway, perfect preview", DEFAULT, preview=True, limited=True),
-    Way("production strategy, no V2X", PRODUCTION, preview=False, limited=False),
+VARIANTS = (
+    Variant("120 m, no V2X", DEFAULT, preview=False, limited=False),
+    Variant("120 m, perfect preview", DEFAULT, preview=True, limited=False),
+    Variant("real headway, no V2X", DEFAULT, preview=False, limited=True),
+    Variant("real headway, perfect preview", DEFAULT, preview=True, limited=True),
+    Variant("production strategy, no V2X", PRODUCTION, preview=False, limited=False),
 )
 
 
@@ -86,24 +86,24 @@ def benchmark_study(scenes: Sequence[Scene], cars: Sequence[str], folder: Path) 
     for scene in scenes:
         cycle = scene.write(folder)
         for car in cars:
-            for way in WAYS:
+            for variant in VARIANTS:
                 spec = spec_of(
                     cycle,
-                    way.role,
+                    variant.role,
                     car,
                     CARS[car],
-                    headway_overrides(scene, car) if way.limited else None,
+                    headway_overrides(scene, car) if variant.limited else None,
                     duration_s=float(scene.duration_s),
-                    preview_mode=PreviewMode.FULL if way.preview else PreviewMode.NONE,
+                    preview_mode=PreviewMode.FULL if variant.preview else PreviewMode.NONE,
                 )
-                labels = case_labels(scene, car, way)
+                labels = case_labels(scene, car, variant)
                 cases.append(Case("/".join(map(str, labels.values())), labels, spec))
     return Study("acc_benchmark", "Behind measured lead vehicles", "", tuple(cases))
 
 
-def case_labels(scene: Scene, car: str, way: Way) -> dict[str, Label]:
+def case_labels(scene: Scene, car: str, variant: Variant) -> dict[str, Label]:
     """Return the labels of a run."""
-    return {"scene": scene.name, "car": car, "way": way.name}
+    return {"scene": scene.name, "car": car, "variant": variant.name}
 
 
 def real_follower(scene: Scene, car: str) -> Trajectory:

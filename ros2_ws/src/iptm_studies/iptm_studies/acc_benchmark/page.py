@@ -50,10 +50,10 @@ def benchmark_page(
     Args:
         command: what makes it.
         cars: parameter sets, in the order of the page.
-        rows: figures by ``car`` (parameter set) and ``way`` of driving, one row per lead vehicle.
+        rows: figures by ``car`` (parameter set) and ``variant`` of driving, one row per lead vehicle.
         failures: failed runs, address and cause.
     """
-    real = rows[rows.way == REAL]
+    real = rows[rows.variant == REAL]
     return render_page(
         "iptm_studies.acc_benchmark",
         "acc_benchmark.md.j2",
@@ -64,21 +64,23 @@ def benchmark_page(
         longest_s=LONGEST_S,
         run_in_s=RUN_IN_S,
         cars=[
-            (car, CARS[car], load_parameters(car).description, _of_ways(rows[rows.car == car]))
+            (car, CARS[car], load_parameters(car).description, _by_variant(rows[rows.car == car]))
             for car in cars
         ],
         failures=[{"run": run, "cause": cause} for run, cause in failures.items()],
     )
 
 
-def _of_ways(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return one row of texts and numbers per way of driving."""
-    ways = rows.groupby("way", sort=False)
-    found = pd.DataFrame({name: ways[name].agg(spread, digits) for name, digits in _DIGITS.items()})
+def _by_variant(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return one row of texts and numbers per variant of driving."""
+    variants = rows.groupby("variant", sort=False)
+    found = pd.DataFrame(
+        {name: variants[name].agg(spread, digits) for name, digits in _DIGITS.items()}
+    )
     found.loc[REAL, _SAVINGS] = "0"
-    found["collisions"] = ways.collided.sum()
-    found["smallest_gap_m"] = ways.smallest_gap_m.min()
-    found["emergencies"] = ways.emergency_s.agg(lambda seconds: (seconds > 0.0).sum())
+    found["collisions"] = variants.collided.sum()
+    found["smallest_gap_m"] = variants.smallest_gap_m.min()
+    found["emergencies"] = variants.emergency_s.agg(lambda seconds: (seconds > 0.0).sum())
     return found.reset_index()
 
 
@@ -88,19 +90,19 @@ def draw_picture(folder: Path, cars: Sequence[str], rows: pd.DataFrame) -> None:
     FigureCanvasAgg(figure)
     axes = figure.subplots(len(cars), len(_PANELS), squeeze=False, sharey="row")
     for line, car in zip(axes, cars, strict=True):
-        ways = rows[rows.car == car].groupby("way", sort=False)
+        variants = rows[rows.car == car].groupby("variant", sort=False)
         for axis, (name, label) in zip(line, _PANELS.items(), strict=True):
             is_saving = name in _SAVINGS
             values = [
-                [] if is_saving and way == REAL else part[name].dropna().tolist()
-                for way, part in ways
+                [] if is_saving and variant == REAL else part[name].dropna().tolist()
+                for variant, part in variants
             ]
             if is_saving:
                 axis.axvline(0.0, color="0.6", linewidth=0.8)
             axis.boxplot(values, orientation="horizontal", showfliers=False, widths=0.6)
             axis.set_xlabel(label)
             axis.grid(axis="x", alpha=0.3)
-        line[0].set_yticks(np.arange(1, ways.ngroups + 1), list(ways.groups))
+        line[0].set_yticks(np.arange(1, variants.ngroups + 1), list(variants.groups))
         line[0].invert_yaxis()
         line[0].set_title(f"{car}, {CARS[car]:g} °C", loc="left", fontsize="medium")
     path = folder / PICTURE

@@ -23,8 +23,8 @@ from iptm_studies.life.charging_stop import (
     EVENING_LAW,
     HEATER_W,
     MINUTE_KWH,
+    MINUTE_VALUES_AIR_C,
     RADIATOR,
-    WORTHS_AIR_C,
     Preparation,
     charging_damage,
 )
@@ -38,13 +38,13 @@ _EVENING = ["place", "cooling", "arrival_c", "thermal_kwh", "removed_kwh"]
 Rows = Sequence[Mapping[str, Any]]
 
 
-def charging_page(command: str, arrivals: Rows, worths: Rows, evenings: Rows) -> str:
+def charging_page(command: str, arrivals: Rows, values: Rows, evenings: Rows) -> str:
     """Return the page as Markdown.
 
     Args:
         command: what makes it.
         arrivals: trips with every preparation, see `arrival`.
-        worths: trips with minutes of different worth.
+        values: trips with several values of a minute.
         evenings: trips from warm packs, see `charging_stop.evenings`.
     """
     bases = {
@@ -75,8 +75,8 @@ def charging_page(command: str, arrivals: Rows, worths: Rows, evenings: Rows) ->
         heater_kw=1e-3 * HEATER_W,
         minute_kwh=MINUTE_KWH,
         arrivals=_compared(arrivals, bases),
-        air_c=WORTHS_AIR_C,
-        worths=_compared(worths, bases),
+        air_c=MINUTE_VALUES_AIR_C,
+        minute_values=_compared(values, bases),
         aging=aging,
         cells=list(cells),
         law=EVENING_LAW,

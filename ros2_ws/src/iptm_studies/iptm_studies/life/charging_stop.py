@@ -27,9 +27,9 @@ from iptm_studies.study import planned_run
 AIR_C = (-10.0, 0.0, 5.0, 35.0)
 """Temperatures of the air on the way to the charger, and of the pack at the start."""
 MINUTE_KWH = 0.1
-WORTHS_KWH = (0.05, 0.1, 0.25, 0.5, 1.0)
+MINUTE_VALUES_KWH = (0.05, 0.1, 0.25, 0.5, 1.0)
 """Values of a minute where that is varied."""
-WORTHS_AIR_C = 5.0
+MINUTE_VALUES_AIR_C = 5.0
 HEATER_W = 5000.0
 LAST_S = 1200.0
 _J_PER_KWH = 3.6e6
@@ -93,11 +93,11 @@ def arrivals(
     ]
 
 
-def worths() -> list[dict[str, Any]]:
-    """Drive the first car with minutes of different worth."""
+def minute_values() -> list[dict[str, Any]]:
+    """Drive the first car with several values of a minute."""
     return [
-        arrival(FIRST_CAR, WORTHS_AIR_C, Preparation.OPTIMISED, minute_kwh)
-        for minute_kwh in WORTHS_KWH
+        arrival(FIRST_CAR, MINUTE_VALUES_AIR_C, Preparation.OPTIMISED, minute_kwh)
+        for minute_kwh in MINUTE_VALUES_KWH
     ]
 
 
@@ -114,21 +114,21 @@ def arrival(
         car: name in `CARS`.
         air_c: temperature of the air, and of the pack at the start.
         preparation: what is done on the way.
-        minute_kwh: what a minute is worth where it is optimised.
+        minute_kwh: value of a minute where it is optimised.
         settings: of the run, as in `RunSpec`.
 
     Returns:
         ``car``, ``air_c``, ``preparation``; ``arrival_c``, the mean temperature of the pack on arrival;
-        ``battery_kwh`` from the pack; ``minute_kwh``, what a minute is worth to the optimisation, 0 without;
+        ``battery_kwh`` from the pack; ``minute_kwh``, value of a minute in the optimisation, 0 without;
         ``charge`` by the pack's own heat, and ``heated``, the same with the heater on the charger.
     """
-    worth = minute_kwh if preparation is Preparation.OPTIMISED else 0.0
+    value_kwh = minute_kwh if preparation is Preparation.OPTIMISED else 0.0
     heater = {} if preparation is Preparation.NONE else {"limits.max_heater_power_w": HEATER_W}
     run = _drive(
         car,
         {**heater, **climate(air_c)},
         heats_at_last=preparation is Preparation.LAST_MINUTES,
-        charging_minute_kwh=worth,
+        charging_minute_kwh=value_kwh,
         **settings,
     )
     arrival_k = _arrival_k(run)
@@ -145,7 +145,7 @@ def arrival(
         "preparation": preparation,
         "arrival_c": arrival_k - CELSIUS_ZERO_K,
         "battery_kwh": run.metrics.battery_energy_j / _J_PER_KWH,
-        "minute_kwh": worth,
+        "minute_kwh": value_kwh,
         "charge": own_heat,
         "heated": heated,
     }

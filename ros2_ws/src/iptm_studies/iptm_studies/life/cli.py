@@ -11,11 +11,11 @@ from iptm_studies.laboratory import Laboratory, Session
 from iptm_studies.life.charging_page import CHARGING_PAGE, charging_page
 from iptm_studies.life.charging_stop import (
     FIRST_CAR,
+    MINUTE_VALUES_AIR_C,
     SHORT,
-    WORTHS_AIR_C,
     arrivals,
     evenings,
-    worths,
+    minute_values,
 )
 from iptm_studies.life.decisions import decision_study, decisions
 from iptm_studies.life.own_law import priced_study
@@ -72,10 +72,10 @@ def _charging_stop(session: Session) -> bool:
         )
     session.console.print("drives to the charger ...")
     if options.short:
-        drives = arrivals([FIRST_CAR], [WORTHS_AIR_C], **SHORT)
+        drives = arrivals([FIRST_CAR], [MINUTE_VALUES_AIR_C], **SHORT)
         page = charging_page(session.command, drives, [], list(evenings(**SHORT)))
     else:
-        page = charging_page(session.command, arrivals(), worths(), list(evenings()))
+        page = charging_page(session.command, arrivals(), minute_values(), list(evenings()))
     session.write(page, CHARGING_PAGE)
     return True
 

@@ -1,6 +1,6 @@
-"""Trips of the default strategy with the ageing law of a cell, as a function of what a kelvin is worth.
+"""Trips of the default strategy with the ageing law of a cell, as a function of the price of a kelvin.
 
-What the strategy does with a law depends on what a kelvin less on arrival is worth in capacity, and hardly on
+What the strategy does with a law depends on the capacity that a kelvin more on arrival costs, and hardly on
 the rest of the law: trips are driven at a few prices of a kelvin, which the time constant of the parked pack
 makes under one law, and interpolated to the price of a cell, a climate, a month and a habit of charging.
 """

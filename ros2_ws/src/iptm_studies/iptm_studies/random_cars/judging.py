@@ -240,7 +240,7 @@ def _explained_by_faults(
 
 
 def _unforeseen(run: Run, margins_m: FloatArray) -> BoolArray:
-    """Return the rows below s_min of which the plan of the tick before knew nothing."""
+    """Return the rows below s_min that the plan of the tick before did not foresee."""
     rows: BoolArray = np.zeros(margins_m.size, dtype=bool)
     if run.decisions is not None:
         optimal = run.decisions.rung == Rung.OPTIMAL
