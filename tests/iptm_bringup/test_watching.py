@@ -21,7 +21,7 @@ from iptm_bringup.supervisor import Supervisor
 from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.settings import LoopMode
 from iptm_interfaces.process import StopRequest
-from iptm_recording.export import ExportTable, write_parquet
+from iptm_recording.export import export_table, write_parquet
 
 
 @pytest.mark.parametrize(
@@ -82,7 +82,7 @@ def test_a_run_that_keeps_its_reference_has_it_driven_no_second_time(
 ) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO("cycle: nycc\nduration_s: 20.0\n"))
     run = drive_other(prepare(Scenario(cycle="nycc", duration_s=20.0)), "reference").trajectory
-    table = ExportTable(run.to_arrays(), {"strategy": "reference"})
+    table = export_table(run.to_arrays(), {"strategy": "reference"})
     write_parquet(tmp_path / REFERENCE, table)
     driven: list[str] = []
     drive = partial(_note_strategy, driven)

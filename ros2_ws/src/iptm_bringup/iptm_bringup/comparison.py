@@ -110,10 +110,10 @@ def save_comparison(path: Path, other: Run, heading: str) -> None:
     """
     # Loaded only now: it takes time that the nodes can use better.
     from iptm_recording.export import (  # noqa: PLC0415
-        ExportTable,
+        export_table,
         trajectory_columns,
         write_parquet,
     )
 
     texts = {"table": "trajectory", "strategy": other.strategy, "compared_with": heading}
-    write_parquet(path, ExportTable(trajectory_columns(other.trajectory), texts))
+    write_parquet(path, export_table(trajectory_columns(other.trajectory), texts))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from std_srvs.srv import Trigger
 
@@ -40,6 +40,22 @@ def add_graph_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def ask(
+    program: str, options: argparse.Namespace, question: Callable[[GraphClient, str], int]
+) -> int:
+    """Ask the node that is meant by the options, or list the nodes; return the exit code."""
+    try:
+        with GraphClient(options.domain, options.timeout_s) as client:
+            if options.node is None:
+                print(*client.nodes(), sep="\n")
+                return EXIT_OK
+            return question(client, client.find(options.node))
+    except IptmError as error:
+        return refused(program, error)
+    except KeyboardInterrupt:
+        return EXIT_INTERRUPTED
+
+
 def build_parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     parser = argparse.ArgumentParser(
@@ -61,16 +77,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0 when it was carried out, 1 when the node refused it, 2 after a mistake of the user.
     """
     options = build_parser().parse_args(arguments)
-    try:
-        with GraphClient(options.domain, options.timeout_s) as client:
-            if options.node is None:
-                print(*client.nodes(), sep="\n")
-                return EXIT_OK
-            return _call(client, client.find(options.node), options.service)
-    except IptmError as error:
-        return refused(PROGRAM, error)
-    except KeyboardInterrupt:
-        return EXIT_INTERRUPTED
+    return ask(PROGRAM, options, lambda client, node: _call(client, node, options.service))
 
 
 def _call(client: GraphClient, node: str, service: str | None) -> int:

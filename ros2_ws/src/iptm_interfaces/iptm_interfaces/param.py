@@ -11,11 +11,11 @@ from rcl_interfaces.msg import ParameterDescriptor, ParameterType
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 
-from iptm_core.errors import IptmError, ParameterError, ServiceError
+from iptm_core.errors import ParameterError, ServiceError
 from iptm_core.parameters.strict_yaml import parse_yaml
-from iptm_core.program import EXIT_INTERRUPTED, EXIT_OK, EXIT_REFUSED, refused
+from iptm_core.program import EXIT_OK, EXIT_REFUSED
 from iptm_core.user_input import check_known, number, whole_number
-from iptm_interfaces.call import add_graph_options
+from iptm_interfaces.call import add_graph_options, ask
 from iptm_interfaces.graph_client import GraphClient
 
 PROGRAM = "param"
@@ -119,17 +119,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0 on success, 1 when the node refused the values, 2 after a mistake of the user.
     """
     options = build_parser().parse_args(arguments)
-    try:
-        with GraphClient(options.domain, options.timeout_s) as client:
-            if options.node is None:
-                print(*client.nodes(), sep="\n")
-                return EXIT_OK
-            node = client.find(options.node)
-            return _run(NodeParameters(client, node), options.parameters)
-    except IptmError as error:
-        return refused(PROGRAM, error)
-    except KeyboardInterrupt:
-        return EXIT_INTERRUPTED
+    return ask(
+        PROGRAM,
+        options,
+        lambda client, node: _run(NodeParameters(client, node), options.parameters),
+    )
 
 
 def _run(parameters: NodeParameters, given: Sequence[str]) -> int:

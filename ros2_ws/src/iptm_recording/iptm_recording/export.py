@@ -7,7 +7,6 @@ import csv
 import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from itertools import chain
 from pathlib import Path
@@ -131,28 +130,17 @@ _METADATA_PREFIX = "iptm_"
 TRAJECTORY = "trajectory"
 
 
-@dataclass(frozen=True)
-class ExportTable:
-    """What is written.
-
-    Attributes:
-        columns: values by name, units in the names, all of one length.
-        metadata: texts by name: what was exported, and what the run depended on.
-    """
-
-    columns: Mapping[str, Sequence[Any]]
-    metadata: Mapping[str, str]
-
-    @property
-    def row_count(self) -> int:
-        """Number of rows."""
-        return len(next(iter(self.columns.values())))
+def export_table(columns: Mapping[str, Sequence[Any]], metadata: Mapping[str, str]) -> pa.Table:
+    """Return a table of columns of one length with texts about it, `iptm_` in front of their names."""
+    texts = {_METADATA_PREFIX + name: text for name, text in metadata.items()}
+    table = pa.table({name: pa.array(values) for name, values in columns.items()})
+    return table.replace_schema_metadata(texts)
 
 
-def trajectory_table(bag: Path, namespace: str | None = None) -> ExportTable:
+def trajectory_table(bag: Path, namespace: str | None = None) -> pa.Table:
     """Return the run of a bag tick by tick: the columns of `iptm_core.trajectory.Trajectory`, and the gap."""
     columns = trajectory_columns(read_trajectory(bag, namespace))
-    return ExportTable(columns, _metadata(bag, TRAJECTORY, namespace))
+    return export_table(columns, _metadata(bag, TRAJECTORY, namespace))
 
 
 def trajectory_columns(trajectory: Trajectory) -> dict[str, list[float]]:
@@ -161,7 +149,7 @@ def trajectory_columns(trajectory: Trajectory) -> dict[str, list[float]]:
     return {name: values.tolist() for name, values in columns.items()}
 
 
-def topic_table(bag: Path, topic: str, namespace: str | None = None) -> ExportTable:
+def topic_table(bag: Path, topic: str, namespace: str | None = None) -> pa.Table:
     """Return the messages of a topic, see `message_columns`.
 
     Raises:
@@ -173,14 +161,12 @@ def topic_table(bag: Path, topic: str, namespace: str | None = None) -> ExportTa
         name = f"/{prefix}/{topic}" if prefix else f"/{topic}"
     with BagReader(bag) as reader:
         columns = message_columns(reader, reader.resolve(name))
-    return ExportTable(columns, _metadata(bag, topic, namespace))
+    return export_table(columns, _metadata(bag, topic, namespace))
 
 
-def write_parquet(path: Path, table: ExportTable) -> None:
-    """Write a Parquet file; the metadata stand in that of its schema, with `iptm_` in front of the names."""
-    metadata = {_METADATA_PREFIX + name: text for name, text in table.metadata.items()}
-    content = pa.table({name: pa.array(values) for name, values in table.columns.items()})
-    _create(path, lambda: pq.write_table(content.replace_schema_metadata(metadata), path))
+def write_parquet(path: Path, table: pa.Table) -> None:
+    """Write a Parquet file; the texts stand in the metadata of its schema."""
+    _create(path, lambda: pq.write_table(table, path))
 
 
 def read_exported_trajectory(path: Path) -> tuple[Trajectory, dict[str, str]]:
@@ -195,20 +181,20 @@ def read_exported_trajectory(path: Path) -> tuple[Trajectory, dict[str, str]]:
     return trajectory, {key.removeprefix(_METADATA_PREFIX): texts[key] for key in texts}
 
 
-def write_csv(path: Path, table: ExportTable) -> None:
+def write_csv(path: Path, table: pa.Table) -> None:
     """Write a CSV file (RFC 4180, UTF-8, decimal points); its numbers read back exactly."""
 
     def write() -> None:
         with path.open("w", encoding="utf-8", newline="") as file:
             writer = csv.writer(file)
-            writer.writerow(table.columns)
-            writer.writerows(zip(*table.columns.values(), strict=True))
+            writer.writerow(table.column_names)
+            writer.writerows(zip(*table.to_pydict().values(), strict=True))
 
     _create(path, write)
 
 
 # What a user can ask for by the ending of a file.
-WRITERS: Mapping[str, Callable[[Path, ExportTable], None]] = {
+WRITERS: Mapping[str, Callable[[Path, pa.Table], None]] = {
     ".parquet": write_parquet,
     ".csv": write_csv,
 }
@@ -284,7 +270,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         WRITERS[given.output.suffix](given.output, table)
     except IptmError as error:
         return refused("export", error)
-    print(f"{table.row_count} rows, {len(table.columns)} columns in {given.output}")
+    print(f"{table.num_rows} rows, {table.num_columns} columns in {given.output}")
     return 0
 
 
