@@ -1,9 +1,9 @@
-"""The last word on driving: a command that leads into the leader is answered by full braking.
+"""Final check of a command: one that would lead into the leader is replaced by full braking.
 
-The optimiser trades limits against each other and believes the preview; a plan kept from an earlier tick
-knows nothing of what happened since. This guard asks one question, from the measured state alone: if the
-command is carried out for a tick and the brakes are applied as hard as they can be afterwards, is the
-leader touched? The paper has no such notion.
+The optimiser trades limits against each other and relies on the preview, and a plan of an earlier tick does
+not account for what has happened since. This guard uses the measured state alone: if the command is carried
+out for a tick and the brakes are applied in full afterwards, is the leader
+touched? It is not part of the paper.
 """
 
 from __future__ import annotations

@@ -88,17 +88,25 @@ class ControllerNodeParameters(
         1e7,
     )
     max_preview_age_s: float = parameter(
-        10.0,
+        ControllerOptions.max_preview_age_s,
         "older previews are not used; the leader's measured motion is then extrapolated",
         "s",
         0.0,
         1e4,
     )
     shifted_plan_ticks: int = parameter(
-        3, "ticks that the last plan may be driven on after a failed solve", "", 0, 1000
+        ControllerOptions.shifted_plan_ticks,
+        "ticks that the last plan may be driven on after a failed solve",
+        "",
+        0,
+        1000,
     )
     safe_law_ticks: int = parameter(
-        120, "ticks of the safe car-following law before the controlled stop", "", 0, 100000
+        ControllerOptions.safe_law_ticks,
+        "ticks of the safe car-following law before the controlled stop",
+        "",
+        0,
+        100000,
     )
     input_timeout_s: float = parameter(
         2.0,

@@ -1,4 +1,4 @@
-"""What has gone on for too long, for the operator: limits measured broken, futile cooling, hopeless plans."""
+"""Conditions that last too long, for the operator: broken limits, futile cooling, plans out of limits."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """How the decisions of a controller came about: one record, the series of a run, and its statistics.
 
-Controller, topic ``controller/solve``, bags, stored studies and tables speak of decisions in these terms.
+Controller, topic ``controller/solve``, bags, stored studies and tables use these terms.
 """
 
 from __future__ import annotations

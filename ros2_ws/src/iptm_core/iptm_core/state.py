@@ -141,7 +141,7 @@ class ChannelCells:
 
 @dataclass(frozen=True)
 class FullChannelState(VehicleState):
-    """A vehicle state that knows every cell; its cells 1 and N_c are the first and the last of them."""
+    """A vehicle state with every cell; its cells 1 and N_c are the first and the last of them."""
 
     cells: ChannelCells
 

@@ -2,7 +2,7 @@
 
 Variables are ordered ``x_0, u_0, x_1, u_1, ..., x_N``, constraint rows ``dynamics_0, limits_0, dynamics_1,
 ...``, the order that structure-exploiting solvers read. Parameters are the globals, then those of every
-step: its own and one group per quadrature sample. Everything that packs or cuts one of these vectors asks
+step: its own and one group per quadrature sample. Everything that packs or cuts one of these vectors uses
 the grid. The stages of a phase are alike; offsets are summed over the phases, so that a phase with stages
 of another size only has to state it in its ``StageKind``.
 """

@@ -1,6 +1,6 @@
 """Order and scaling of the variables of one stage.
 
-The optimiser works on scaled variables of order one; this is the only place that knows the scales.
+The optimiser works on scaled variables of order one; their scales are defined here only.
 Positions are relative to the ego vehicle at the present tick, temperatures relative to 30 degC.
 """
 

@@ -95,7 +95,7 @@ def braking_reserve_m(
     the smaller one of the values at these two instants; the present excess is another limit's matter.
 
     As long as it is not negative, s_min can be kept behind every leader that brakes no harder than
-    assumed. The paper has no such notion.
+    assumed. It is not part of the paper.
 
     Args:
         leader_speed_m_s: leader speed, not negative.

@@ -151,7 +151,7 @@ class LeaderMotion:
 
     Speed is linear between the nodes, so that position is the exact parabola of its integral.
     Before the first node the leader stands at its start; after the last node it stands at its
-    last position. Build it with `from_cycle`, which sees to it that the last node is a standstill.
+    last position. Build it with `from_cycle`, which makes the last node a standstill.
 
     Attributes:
         times_s: node times, shape (n,), increasing.
