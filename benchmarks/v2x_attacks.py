@@ -11,10 +11,10 @@ from __future__ import annotations
 import sys
 import tempfile
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -59,9 +59,8 @@ CLOCKS: Mapping[str, dict[str, float]] = {
 """Stamps of the impostor, and settings of the sender."""
 
 
-@dataclass(frozen=True)
-class Moment:
-    """A second of an attack: the leader as it would send, places of the ego then and at the beginning."""
+class Moment(NamedTuple):
+    """A second of an attack: the leader as it would send, the ego vehicle then and at the beginning."""
 
     leader: CamSender
     second: int
@@ -73,27 +72,16 @@ Attack = Callable[[Moment], list[bytes]]
 """What is sent in a second."""
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """A drive under attack and what the receiver made of it."""
+class AttackedRadio(SimulatedRadio):
+    """The genuine messages of each second, then those of the attacker; nothing from a silence on.
+
+    Attributes:
+        loop: the drive, once it has ended.
+        leaders: who led, tick by tick.
+        contested: whether the identity of the leader was contested, tick by tick.
+    """
 
     loop: ClosedLoopRun
-    bridge: CamBridge
-    leaders: list[int | None]
-    contested: list[bool]
-
-    @property
-    def refused(self) -> dict[str, int]:
-        """Counts of refused messages by reason."""
-        return self.bridge.table.rejections.by_reason()
-
-    def margins_m(self) -> FloatArray:
-        """Return the true gap less s_min at every tick."""
-        return gap_margins_m(self.loop.trajectory, PARAMETERS)
-
-
-class AttackedRadio(SimulatedRadio):
-    """The genuine messages of each second, then those of the attacker; nothing from a silence on."""
 
     def __init__(
         self,
@@ -128,6 +116,15 @@ class AttackedRadio(SimulatedRadio):
         self.leaders.append(self.bridge.leader_id)
         self.contested.append(answer.contested)
         return answer
+
+    @property
+    def refused(self) -> dict[str, int]:
+        """Counts of refused messages by reason."""
+        return self.bridge.table.rejections.by_reason()
+
+    def margins_m(self) -> FloatArray:
+        """Return the true gap less s_min at every tick."""
+        return gap_margins_m(self.loop.trajectory, PARAMETERS)
 
 
 def tenths(second: int) -> range:
@@ -243,9 +240,10 @@ def looped(
     return run_closed_loop(route, plant, controller, settings, bridge=bridge)
 
 
-def drive(route: Route, radio: AttackedRadio) -> Outcome:
-    """Drive a route by radio."""
-    return Outcome(looped(route, radio), radio.bridge, radio.leaders, radio.contested)
+def drive(route: Route, radio: AttackedRadio) -> AttackedRadio:
+    """Drive a route by radio, and return it."""
+    radio.loop = looped(route, radio)
+    return radio
 
 
 def without_radio(route: Route) -> Trajectory:
@@ -253,12 +251,12 @@ def without_radio(route: Route) -> Trajectory:
     return looped(route, settings=PreviewSettings(preview_mode=PreviewMode.NONE)).trajectory
 
 
-def impersonated(route: Route, **settings: Any) -> Outcome:
+def impersonated(route: Route, **settings: Any) -> AttackedRadio:
     """Drive behind a leader whose identity another sender uses."""
     return drive(route, AttackedRadio(route, None, replace(SENDER, **settings)))
 
 
-def silenced() -> tuple[Outcome, Outcome]:
+def silenced() -> tuple[AttackedRadio, AttackedRadio]:
     """Drive behind a leader that brakes to a halt, heard and unheard."""
     route = written_route("0,0\n12,14\n26,14\n32,0\n75,0\n", 75.0)
     plain = replace(SENDER, foresight=Foresight.NONE)
@@ -268,7 +266,7 @@ def silenced() -> tuple[Outcome, Outcome]:
     )
 
 
-def attack_row(title: str, undisturbed: Outcome, outcome: Outcome) -> dict[str, Any]:
+def attack_row(title: str, undisturbed: AttackedRadio, outcome: AttackedRadio) -> dict[str, Any]:
     """Return one row of the table of attacks."""
     run, usual = outcome.loop.trajectory, undisturbed.loop.trajectory
     after = slice(BEGIN_S, None)

@@ -16,7 +16,6 @@ from benchmarks.v2x_attacks import (
     LEADER,
     PARAMETERS,
     AttackedRadio,
-    Outcome,
     absurdly_fast,
     braking_route,
     clock_set_back,
@@ -46,7 +45,7 @@ def route() -> Route:
 
 
 @pytest.fixture(scope="module")
-def undisturbed(route: Route) -> Outcome:
+def undisturbed(route: Route) -> AttackedRadio:
     outcome = drive(route, AttackedRadio(route, None))
     assert set(outcome.leaders) == {LEADER}
     assert outcome.refused == {}
@@ -54,12 +53,12 @@ def undisturbed(route: Route) -> Outcome:
 
 
 @pytest.fixture
-def attacked(route: Route) -> Callable[..., Outcome]:
+def attacked(route: Route) -> Callable[..., AttackedRadio]:
     return lambda attack: drive(route, AttackedRadio(route, attack))
 
 
 def test_a_forged_car_close_ahead_is_believed_and_kept_clear_of(
-    attacked: Callable[..., Outcome],
+    attacked: Callable[..., AttackedRadio],
 ) -> None:
     """Without signatures it is indistinguishable from a real one: the car brakes within its limits."""
     outcome = attacked(forged_car)
@@ -82,8 +81,8 @@ def test_a_forged_car_close_ahead_is_believed_and_kept_clear_of(
     ids=lambda value: getattr(value, "__name__", ""),
 )
 def test_the_car_drives_as_if_nothing_had_happened(
-    attacked: Callable[..., Outcome],
-    undisturbed: Outcome,
+    attacked: Callable[..., AttackedRadio],
+    undisturbed: AttackedRadio,
     attack: Callable[..., object],
     reasons: set[str],
     least: int,
@@ -108,7 +107,7 @@ def test_the_car_drives_as_if_nothing_had_happened(
     ],
 )
 def test_an_identity_that_contradicts_itself_is_contested_as_long_as_it_does(
-    attacked: Callable[..., Outcome], attack: Callable[..., object], leaders: set[int]
+    attacked: Callable[..., AttackedRadio], attack: Callable[..., object], leaders: set[int]
 ) -> None:
     """The nearest of its stations leads, as a forged car would; the gap is kept."""
     outcome = attacked(attack)

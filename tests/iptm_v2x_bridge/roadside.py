@@ -19,7 +19,7 @@ HERE = (49, 7)
 STATION = 1234
 LINE_M = 500.0
 GREEN, YELLOW, RED = SignalState.GREEN, SignalState.YELLOW, SignalState.RED
-Told = tuple[SignalState, float | None, float | None]
+Stated = tuple[SignalState, float | None, float | None]
 """State, and after how many seconds it ends at the earliest and at the latest."""
 
 
@@ -53,9 +53,9 @@ def lanes(*extra: Lane, revision: int = 3, line_m: float = LINE_M) -> Intersecti
 
 
 def phases(
-    time_ms: int, *told: Told, groups: tuple[int, ...] = (1,), **more: Any
+    time_ms: int, *stated: Stated, groups: tuple[int, ...] = (1,), **more: Any
 ) -> IntersectionPhases:
-    """Return the phases that signal groups tell at an instant."""
+    """Return the phases that signal groups have at an instant."""
     time_s = time_ms / 1000.0
 
     def mark(after_s: float | None) -> float | None:
@@ -63,7 +63,7 @@ def phases(
 
     some = tuple(
         Phase(state, min_end_s=mark(earliest), max_end_s=mark(latest))
-        for state, earliest, latest in told
+        for state, earliest, latest in stated
     )
     revision = more.pop("revision", 3)
     return IntersectionPhases(HERE, revision, time_ms, dict.fromkeys(groups, some), **more)

@@ -50,41 +50,41 @@ PREDICTORS: dict[str, Predictor] = {
 @given(st.floats(0.0, 60.0), st.floats(-12.0, 12.0))
 def test_no_leader_drives_backwards(name: str, speed_m_s: float, acceleration_m_s2: float) -> None:
     known = Knowledge((seen(speed_m_s, acceleration_m_s2),), steady_path())
-    told = PREDICTORS[name].predict(known, AHEAD)
-    assert told is not None
-    assert (np.diff(told.positions_m) >= -1e-9).all()
-    assert (told.speeds_m_s >= 0.0).all()
-    assert (np.diff(told.bounds_m) >= 0.0).all()
-    assert np.isfinite(told.positions_m).all()
-    assert told.positions_m[0] == pytest.approx(100.0, abs=1e-6)
+    predicted = PREDICTORS[name].predict(known, AHEAD)
+    assert predicted is not None
+    assert (np.diff(predicted.positions_m) >= -1e-9).all()
+    assert (predicted.speeds_m_s >= 0.0).all()
+    assert (np.diff(predicted.bounds_m) >= 0.0).all()
+    assert np.isfinite(predicted.positions_m).all()
+    assert predicted.positions_m[0] == pytest.approx(100.0, abs=1e-6)
 
 
 @pytest.mark.parametrize("name", PREDICTORS)
-def test_a_steady_leader_is_foretold_exactly(name: str) -> None:
-    told = PREDICTORS[name].predict(Knowledge((seen(20.0),), steady_path()), AHEAD)
-    assert told is not None
-    np.testing.assert_allclose(told.positions_m, 100.0 + 20.0 * told.times_s, atol=0.3)
+def test_a_steady_leader_predicted_exactly(name: str) -> None:
+    predicted = PREDICTORS[name].predict(Knowledge((seen(20.0),), steady_path()), AHEAD)
+    assert predicted is not None
+    np.testing.assert_allclose(predicted.positions_m, 100.0 + 20.0 * predicted.times_s, atol=0.3)
 
 
 def test_an_acceleration_dies_away() -> None:
     """Numbers by hand: 20 m/s and -2 m/s2 decaying with 4 s end at 12 m/s."""
-    told = History().predict(Knowledge((seen(20.0, -2.0),)), AHEAD)
-    assert told.speeds_m_s[4] == pytest.approx(20.0 - 8.0 * (1.0 - np.exp(-1.0)))
-    assert told.speeds_m_s[-1] == pytest.approx(12.0, abs=1e-3)
-    assert told.positions_m[-1] - 100.0 == pytest.approx(12.0 * 60.0 + 8.0 * 4.0, abs=0.1)
+    predicted = History().predict(Knowledge((seen(20.0, -2.0),)), AHEAD)
+    assert predicted.speeds_m_s[4] == pytest.approx(20.0 - 8.0 * (1.0 - np.exp(-1.0)))
+    assert predicted.speeds_m_s[-1] == pytest.approx(12.0, abs=1e-3)
+    assert predicted.positions_m[-1] - 100.0 == pytest.approx(12.0 * 60.0 + 8.0 * 4.0, abs=0.1)
 
 
 def test_a_braking_leader_halts_and_stays() -> None:
-    told = History().predict(Knowledge((seen(5.0, -3.0),)), AHEAD)
-    assert told.speeds_m_s[5] == 0.0
+    predicted = History().predict(Knowledge((seen(5.0, -3.0),)), AHEAD)
+    assert predicted.speeds_m_s[5] == 0.0
     # The integral of 5 - 12 (1 - exp(-t/4)) up to where it reaches zero, 4 ln(12/7) s.
-    assert told.positions_m[-1] - 100.0 == pytest.approx(20.0 - 28.0 * np.log(12.0 / 7.0))
+    assert predicted.positions_m[-1] - 100.0 == pytest.approx(20.0 - 28.0 * np.log(12.0 / 7.0))
 
 
 def test_untold_acceleration_is_read_off_the_last_second() -> None:
     observations = [seen(20.0 - 0.1 * k, None, 0.1 * k - 1.0) for k in range(11)]
-    told = History().predict(Knowledge(observations), AHEAD)
-    assert told.speeds_m_s[1] == pytest.approx(19.0 - 4.0 * (1.0 - np.exp(-0.25)))
+    predicted = History().predict(Knowledge(observations), AHEAD)
+    assert predicted.speeds_m_s[1] == pytest.approx(19.0 - 4.0 * (1.0 - np.exp(-0.25)))
 
 
 @pytest.mark.parametrize("predictor", [History(), Regression(RegressionModel.load())])
@@ -110,11 +110,11 @@ def test_a_received_path_is_what_the_leader_does() -> None:
         nodes = start_s + 1.5 * np.arange(0.0, 41.0)
         last = Observation(start_s, *(float(v[0]) for v in _at(motion, np.array([start_s]))), 0.0)
         known = Knowledge((last,), (nodes, motion.positions_at(nodes)))
-        told = ReceivedPath().predict(known, start_s + AHEAD)
-        assert told is not None
+        predicted = ReceivedPath().predict(known, start_s + AHEAD)
+        assert predicted is not None
         positions, speeds = _at(motion, start_s + AHEAD)
-        assert np.abs(told.positions_m - positions).max() < 0.5
-        assert np.sqrt(np.mean((told.speeds_m_s - speeds) ** 2)) < 0.25
+        assert np.abs(predicted.positions_m - positions).max() < 0.5
+        assert np.sqrt(np.mean((predicted.speeds_m_s - speeds) ** 2)) < 0.25
 
 
 @pytest.mark.parametrize("cycle", ["us06", "wltc_class3b", "nycc"])
@@ -130,12 +130,12 @@ def test_bounds_of_a_received_path_hold_between_its_points(cycle: str, phase_s: 
         places = np.round(motion.positions_at(start_s + ahead), 2)
         last = Observation(start_s, *(float(v[0]) for v in _at(motion, np.array([start_s]))), 0.0)
         known = Knowledge((last,), (start_s + ahead, places))
-        told = ReceivedPath().predict(known, start_s + near)
-        assert told is not None
+        predicted = ReceivedPath().predict(known, start_s + near)
+        assert predicted is not None
         positions, speeds = _at(motion, start_s + near)
-        kept.append(told.positions_m - told.bounds_m <= positions)
-        slow.append((told.lowest_speeds_m_s <= speeds + 0.005)[::10])
-        assert (told.bounds_m < 0.7).all()
+        kept.append(predicted.positions_m - predicted.bounds_m <= positions)
+        slow.append((predicted.lowest_speeds_m_s <= speeds + 0.005)[::10])
+        assert (predicted.bounds_m < 0.7).all()
     assert np.mean(kept) > 0.999
     assert np.mean(slow) > 0.99
 
@@ -159,15 +159,15 @@ def test_a_path_that_no_car_drives_is_not_followed(places: list[float]) -> None:
 @pytest.mark.parametrize(("behind_m", "followed"), [(0.0, True), (0.8, True), (1.2, False)])
 def test_an_older_path_counts_while_the_leader_keeps_to_it(behind_m: float, followed: bool) -> None:
     last = Observation(4.0, 180.0 - behind_m, 20.0, 0.0)
-    told = ReceivedPath().predict(Knowledge((last,), steady_path()), 4.0 + AHEAD)
-    assert (told is not None) == followed
+    predicted = ReceivedPath().predict(Knowledge((last,), steady_path()), 4.0 + AHEAD)
+    assert (predicted is not None) == followed
 
 
 def test_a_short_path_ends_where_it_ends() -> None:
     path = (np.array([0.0, 2.0, 4.0]), np.array([100.0, 120.0, 140.0]))
-    told = ReceivedPath().predict(Knowledge((seen(10.0),), path), AHEAD)
-    assert told is not None
-    assert told.times_s.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+    predicted = ReceivedPath().predict(Knowledge((seen(10.0),), path), AHEAD)
+    assert predicted is not None
+    assert predicted.times_s.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
 
 
 @given(st.lists(st.floats(0.0, 50.0), min_size=2, max_size=40), st.floats(0.0, 60.0))
@@ -185,33 +185,35 @@ def test_the_cubic_never_decreases_and_meets_its_points(steps: list[float], slop
 def test_limits_ahead_slow_the_leader_down_in_time() -> None:
     limits = SpeedLimits(np.array([0.0, 500.0]), np.array([30.0, 10.0]))
     predictor = BoundedByRules(History(), RoadRules(limits))
-    told = predictor.predict(Knowledge((seen(20.0),)), AHEAD)
-    assert told is not None
+    predicted = predictor.predict(Knowledge((seen(20.0),)), AHEAD)
+    assert predicted is not None
     assert predictor.name is PredictorName.SPEED_LIMITS
-    assert told.speeds_m_s[5] == pytest.approx(20.0)
-    behind_sign = told.positions_m > 505.0
+    assert predicted.speeds_m_s[5] == pytest.approx(20.0)
+    behind_sign = predicted.positions_m > 505.0
     assert behind_sign.any()
-    assert told.speeds_m_s[behind_sign].max() < 10.5
-    assert np.diff(told.speeds_m_s).min() > -2.1
+    assert predicted.speeds_m_s[behind_sign].max() < 10.5
+    assert np.diff(predicted.speeds_m_s).min() > -2.1
 
 
 def test_who_drives_too_fast_here_does_so_there() -> None:
     limits = SpeedLimits(np.array([0.0, 500.0]), np.array([20.0, 10.0]))
-    told = BoundedByRules(History(), RoadRules(limits)).predict(Knowledge((seen(22.0),)), AHEAD)
-    assert told is not None
-    assert told.speeds_m_s[-1] == pytest.approx(11.0, abs=0.2)
+    predicted = BoundedByRules(History(), RoadRules(limits)).predict(
+        Knowledge((seen(22.0),)), AHEAD
+    )
+    assert predicted is not None
+    assert predicted.speeds_m_s[-1] == pytest.approx(11.0, abs=0.2)
 
 
 def test_a_learnt_stop_is_expected_and_waited_for() -> None:
-    """Three drives stop for 20 s at 500 m; the fourth is foretold to do so."""
+    """Three drives stop for 20 s at 500 m; the fourth is predicted to do so."""
     seconds = np.arange(0.0, 121.0)
     speeds = np.interp(seconds, [0, 40, 50, 70, 80, 120], [10, 10, 0, 0, 10, 10])
     positions = 100.0 + np.concatenate([[0.0], np.cumsum(0.5 * (speeds[1:] + speeds[:-1]))])
     predictor = LearntProfile([(positions, speeds)] * 3)
-    told = predictor.predict(Knowledge((seen(10.0),)), np.arange(0.0, 101.0))
-    assert told is not None
-    assert told.speeds_m_s[55:65].max() < 2.0
-    assert told.positions_m[-1] == pytest.approx(float(positions[100]), abs=60.0)
+    predicted = predictor.predict(Knowledge((seen(10.0),)), np.arange(0.0, 101.0))
+    assert predicted is not None
+    assert predicted.speeds_m_s[55:65].max() < 2.0
+    assert predicted.positions_m[-1] == pytest.approx(float(positions[100]), abs=60.0)
     assert predictor.predict(Knowledge((Observation(0.0, 9000.0, 10.0, 0.0),)), AHEAD) is None
 
 
@@ -230,7 +232,9 @@ def test_bounds_hold_on_cycles_that_they_were_not_read_off(cycle: str) -> None:
         last = Observation(
             start_s, float(motion.positions_at(start_s)), now, round((now - before) / 0.2, 1)
         )
-        told = History().predict(Knowledge((last,)), start_s + leads)
-        kept.append(told.positions_m - told.bounds_m <= motion.positions_at(start_s + leads))
+        predicted = History().predict(Knowledge((last,)), start_s + leads)
+        kept.append(
+            predicted.positions_m - predicted.bounds_m <= motion.positions_at(start_s + leads)
+        )
     share = np.mean(kept, axis=0)
     assert (share > 0.97).all(), share

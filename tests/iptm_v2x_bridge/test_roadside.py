@@ -14,7 +14,7 @@ from tests.iptm_v2x_bridge.roadside import (
     LINE_M,
     RED,
     YELLOW,
-    Told,
+    Stated,
     lane,
     lanes,
     phases,
@@ -60,20 +60,20 @@ def heard(
 
 def test_times_of_signals_are_those_of_utc() -> None:
     instant = datetime(2026, 3, 1, 12, 34, 56, 700_000, tzinfo=timezone.utc)
-    told_ms = its_timestamp_ms(round(instant.timestamp() * 1e3) * 10**6)
-    assert minute_of_year(told_ms) == ((31 + 28) * 1440 + 12 * 60 + 34, 56_700)
-    assert second_of_hour(told_ms / 1000.0) == pytest.approx(34 * 60 + 56.7)
-    assert resolve_minute_ms(*minute_of_year(told_ms), told_ms + 4000) == told_ms
+    sent_ms = its_timestamp_ms(round(instant.timestamp() * 1e3) * 10**6)
+    assert minute_of_year(sent_ms) == ((31 + 28) * 1440 + 12 * 60 + 34, 56_700)
+    assert second_of_hour(sent_ms / 1000.0) == pytest.approx(34 * 60 + 56.7)
+    assert resolve_minute_ms(*minute_of_year(sent_ms), sent_ms + 4000) == sent_ms
 
 
 def test_a_minute_of_the_old_year_is_known_in_the_new_one() -> None:
     new_year = datetime(2027, 1, 1, tzinfo=timezone.utc)
     new_year_ms = its_timestamp_ms(round(new_year.timestamp()) * 10**9)
-    for told_ms, now_ms in (
+    for sent_ms, now_ms in (
         (new_year_ms - 700, new_year_ms + 300),
         (new_year_ms + 100, new_year_ms - 50),
     ):
-        assert resolve_minute_ms(*minute_of_year(told_ms), now_ms) == told_ms
+        assert resolve_minute_ms(*minute_of_year(sent_ms), now_ms) == sent_ms
 
 
 @pytest.mark.parametrize("after_s", [-120.0, 0.0, 9.5, 30.0, 3000.0])
@@ -108,7 +108,7 @@ def test_lanes_that_come_towards_the_ego_have_no_line_for_it() -> None:
 
 
 @pytest.mark.parametrize(
-    ("told", "open_s", "closed_s"),
+    ("stated", "open_s", "closed_s"),
     [
         # The present phase is sure up to its earliest end.
         ([(GREEN, 10.0, 20.0)], [0.0, 9.0], [10.5, 60.0]),
@@ -117,7 +117,7 @@ def test_lanes_that_come_towards_the_ego_have_no_line_for_it() -> None:
         ([(GREEN, 8.0, 8.0), (YELLOW, 12.0, 12.0), (RED, 40.0, 45.0)], [7.0], [9.0, 50.0]),
         # After red without a word on what follows, nothing is known.
         ([(RED, 10.0, 20.0)], [], [0.0, 21.0]),
-        # An end that is not told is none to rely on.
+        # An end that is not stated is none to rely on.
         ([(GREEN, None, None)], [], [0.0, 5.0]),
         ([(RED, 10.0, None), (GREEN, 60.0, 60.0)], [], [30.0, 50.0]),
         # One over an hour ahead is one.
@@ -126,9 +126,9 @@ def test_lanes_that_come_towards_the_ego_have_no_line_for_it() -> None:
     ],
 )
 def test_the_ego_relies_on_what_is_sure(
-    told: list[Told], open_s: list[float], closed_s: list[float]
+    stated: list[Stated], open_s: list[float], closed_s: list[float]
 ) -> None:
-    (signal,) = heard(lanes(), phases(NOW_MS, *told)).ego.signals
+    (signal,) = heard(lanes(), phases(NOW_MS, *stated)).ego.signals
     assert signal.stop_line_m == pytest.approx(LINE_M, abs=0.02)
     assert [signal.is_open(NOW_S + after) for after in open_s] == [True] * len(open_s)
     assert [signal.is_open(NOW_S + after) for after in closed_s] == [False] * len(closed_s)
@@ -137,8 +137,8 @@ def test_the_ego_relies_on_what_is_sure(
 def test_when_a_line_changes_is_told_to_the_tenth_across_the_hour() -> None:
     full_hour_ms = NOW_MS - round(1000.0 * second_of_hour(NOW_S)) + 3_600_000
     now_ms = full_hour_ms - 5_000
-    told = phases(now_ms, (GREEN, 12.3, 12.3), (RED, 40.0, 40.1), (GREEN, 60.0, 60.0))
-    (signal,) = heard(lanes(), told, at_ms=now_ms).ego.signals
+    stated = phases(now_ms, (GREEN, 12.3, 12.3), (RED, 40.0, 40.1), (GREEN, 60.0, 60.0))
+    (signal,) = heard(lanes(), stated, at_ms=now_ms).ego.signals
     now_s = now_ms / 1000.0
     assert signal.open_until_s(now_s) - now_s == pytest.approx(12.3, abs=1e-6)
     assert signal.closed_until_s(now_s + 20.0) - now_s == pytest.approx(40.1, abs=1e-6)
@@ -179,7 +179,7 @@ def test_phases_that_do_not_fit_the_line_leave_it_unknown(changes: dict[str, obj
 
 
 @pytest.mark.parametrize(
-    ("told_ms", "told", "reason"),
+    ("sent_ms", "stated", "reason"),
     [
         (NOW_MS + 1000, (GREEN, 20.0, 20.0), Rejection.FUTURE),
         (NOW_MS - 3001, (GREEN, 20.0, 20.0), Rejection.STALE),
@@ -190,9 +190,11 @@ def test_phases_that_do_not_fit_the_line_leave_it_unknown(changes: dict[str, obj
         (NOW_MS, (RED, 5.0, 30.0), None),
     ],
 )
-def test_what_cannot_be_true_is_refused(told_ms: int, told: Told, reason: Rejection | None) -> None:
+def test_what_cannot_be_true_is_refused(
+    sent_ms: int, stated: Stated, reason: Rejection | None
+) -> None:
     rules = heard(lanes(), phases(NOW_MS - 1000, (RED, 20.0, 20.0)))
-    assert rules.take(phases(told_ms, told), NOW_MS) is reason
+    assert rules.take(phases(sent_ms, stated), NOW_MS) is reason
 
 
 def test_a_line_may_always_close_earlier() -> None:
@@ -281,8 +283,8 @@ def test_the_leader_is_foretold_by_what_is_heard() -> None:
     assert silent.predict(known, times) is None
     red = heard(lanes(), phases(NOW_MS, (RED, 30.0, 30.0), (GREEN, 60.0, 60.0))).leader
     bounded = BoundedByRules(History(), red)
-    told = bounded.predict(known, times)
-    assert told is not None
+    stated = bounded.predict(known, times)
+    assert stated is not None
     assert bounded.name is PredictorName.SIGNALS
-    assert told.positions_m[29] + 5.0 <= LINE_M + 0.02
-    assert told.speeds_m_s[40] > 5.0
+    assert stated.positions_m[29] + 5.0 <= LINE_M + 0.02
+    assert stated.speeds_m_s[40] > 5.0

@@ -21,7 +21,7 @@ FREE = SpeedLimits(np.array([0.0]), np.array([50.0]))
 SIGNAL = Signal.cyclic(stop_line_m=500.0, cycle_s=80.0, opens_at_s=10.0, open_for_s=30.0)
 
 
-def foretold(
+def predict(
     position_m: float,
     speed_m_s: float,
     *signals: Signal,
@@ -30,10 +30,10 @@ def foretold(
 ) -> LeaderPreview:
     known = Knowledge((Observation(time_s, position_m, speed_m_s, 0.0),), length_m=5.0)
     predictor = BoundedByRules(History(), RoadRules(limits, signals))
-    told = predictor.predict(known, time_s + TIMES)
-    assert told is not None
+    predicted = predictor.predict(known, time_s + TIMES)
+    assert predicted is not None
     assert predictor.name is PredictorName.SIGNALS
-    return told
+    return predicted
 
 
 @pytest.mark.parametrize(
@@ -75,12 +75,12 @@ def test_stop_lines_out_of_order_are_refused() -> None:
 
 def test_the_leader_halts_before_a_closed_line_and_drives_on_when_it_opens() -> None:
     # Its front is 195 m away; it would be there after 14 s, closed from 5 s to 50 s.
-    told = foretold(300.0, 14.0, Signal.cyclic(500.0, 80.0, 50.0, 35.0))
-    fronts = told.positions_m + 5.0
+    predicted = predict(300.0, 14.0, Signal.cyclic(500.0, 80.0, 50.0, 35.0))
+    fronts = predicted.positions_m + 5.0
     assert (fronts[TIMES < 50.0] <= 500.0 + 1e-9).all()
     assert fronts[49] > 495.0
-    assert told.speeds_m_s[49] == 0.0
-    assert told.speeds_m_s[60] > 8.0
+    assert predicted.speeds_m_s[49] == 0.0
+    assert predicted.speeds_m_s[60] > 8.0
     assert History().predict(Knowledge((Observation(0.0, 300.0, 14.0, 0.0),)), TIMES).positions_m[
         50
     ] == pytest.approx(1000.0)
@@ -89,18 +89,18 @@ def test_the_leader_halts_before_a_closed_line_and_drives_on_when_it_opens() -> 
 def test_an_open_line_and_one_that_closes_too_late_change_nothing() -> None:
     # At the line after 7 s: once open for long, once closed when 14 m are left, which takes 7 m/s^2.
     for signal in (Signal.cyclic(400.0, 80.0, -5.0, 60.0), Signal.cyclic(400.0, 80.0, -20.0, 26.0)):
-        told = foretold(297.0, 14.0, signal)
-        np.testing.assert_allclose(told.positions_m, 297.0 + 14.0 * TIMES, atol=1e-6)
+        predicted = predict(297.0, 14.0, signal)
+        np.testing.assert_allclose(predicted.positions_m, 297.0 + 14.0 * TIMES, atol=1e-6)
 
 
 def test_a_standing_leader_is_known_until_its_line_opens() -> None:
-    told = foretold(480.0, 0.0, SIGNAL, time_s=42.0)  # the line opens 48 s later
+    predicted = predict(480.0, 0.0, SIGNAL, time_s=42.0)  # the line opens 48 s later
     standing = TIMES <= 47.0
-    assert (told.positions_m[standing] == 480.0).all()
-    assert (told.bounds_m[standing] == told.bounds_m[0]).all()
-    assert told.bounds_m[55] > 10.0
+    assert (predicted.positions_m[standing] == 480.0).all()
+    assert (predicted.bounds_m[standing] == predicted.bounds_m[0]).all()
+    assert predicted.bounds_m[55] > 10.0
     # The same leader in front of an open line is known no better than any other.
-    assert foretold(480.0, 0.0, SIGNAL, time_s=12.0).bounds_m[10] > 10.0
+    assert predict(480.0, 0.0, SIGNAL, time_s=12.0).bounds_m[10] > 10.0
 
 
 @given(st.floats(0.0, 25.0), st.floats(0.0, 480.0), st.floats(0.0, 80.0), st.floats(1.0, 79.0))
@@ -111,14 +111,14 @@ def test_no_closed_line_is_passed_by_who_can_halt(
     limits = SpeedLimits(np.array([0.0, 300.0]), np.array([25.0, 12.0]))
     known = Knowledge((Observation(0.0, position_m, speed_m_s, 0.0),), length_m=5.0)
     fine = 0.25 * np.arange(0.0, 241.0)
-    told = BoundedByRules(History(), RoadRules(limits, (signal,))).predict(known, fine)
-    assert told is not None
-    assert (np.diff(told.positions_m) >= -1e-9).all()
-    assert (told.speeds_m_s >= 0.0).all()
-    assert (told.speeds_m_s <= max(speed_m_s, 25.0) + 1e-9).all()
-    passed = np.flatnonzero(np.diff((told.positions_m + 5.0 > 500.0).astype(int)))
+    predicted = BoundedByRules(History(), RoadRules(limits, (signal,))).predict(known, fine)
+    assert predicted is not None
+    assert (np.diff(predicted.positions_m) >= -1e-9).all()
+    assert (predicted.speeds_m_s >= 0.0).all()
+    assert (predicted.speeds_m_s <= max(speed_m_s, 25.0) + 1e-9).all()
+    passed = np.flatnonzero(np.diff((predicted.positions_m + 5.0 > 500.0).astype(int)))
     for index in passed.tolist():
-        speed, front = told.speeds_m_s[index], told.positions_m[index] + 5.0
+        speed, front = predicted.speeds_m_s[index], predicted.positions_m[index] + 5.0
         # Whoever passes while it is closed could not have halted.
         assert (
             signal.is_open(fine[index])

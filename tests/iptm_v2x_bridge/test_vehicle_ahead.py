@@ -19,10 +19,10 @@ PLAN_FRONTS_M = 100.0 + 10.0 * (PLAN_TIMES_S - 10.0) + 0.5 * (PLAN_TIMES_S - 10.
 
 @pytest.fixture
 def vehicle() -> VehicleAhead:
-    told = VehicleAhead(LENGTH_M)
-    told.note_state(10 * NS_PER_S, 100.0, 10.0)
-    told.note_plan(10 * NS_PER_S, PLAN_TIMES_S, PLAN_FRONTS_M, PLAN_SPEEDS)
-    return told
+    predicted = VehicleAhead(LENGTH_M)
+    predicted.note_state(10 * NS_PER_S, 100.0, 10.0)
+    predicted.note_plan(10 * NS_PER_S, PLAN_TIMES_S, PLAN_FRONTS_M, PLAN_SPEEDS)
+    return predicted
 
 
 def test_the_gap_is_measured_to_the_rear_bumper(vehicle: VehicleAhead) -> None:

@@ -256,10 +256,10 @@ class LeaderForecaster:
         last_s = float(preview.times_s[-1])
         if last_s <= leader.time_s:
             return PreviewQuality.STALE, f"preview ended {leader.time_s - last_s:.1f} s ago"
-        foretold_m_s = float(np.interp(leader.time_s, preview.times_s, preview.speeds_m_s))
-        if abs(foretold_m_s - leader.speed_m_s) > LARGEST_SPEED_ERROR_M_S:
+        predicted_m_s = float(np.interp(leader.time_s, preview.times_s, preview.speeds_m_s))
+        if abs(predicted_m_s - leader.speed_m_s) > LARGEST_SPEED_ERROR_M_S:
             return PreviewQuality.INVALID, (
-                f"preview is {foretold_m_s - leader.speed_m_s:+.1f} m/s off the measured speed, "
+                f"preview is {predicted_m_s - leader.speed_m_s:+.1f} m/s off the measured speed, "
                 f"more than {LARGEST_SPEED_ERROR_M_S:g} m/s"
             )
         until_s = min(last_s, preview.known_until_s)

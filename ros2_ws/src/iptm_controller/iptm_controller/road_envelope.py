@@ -2,8 +2,8 @@
 
 The cost has no term for progress, and with ageing alone it would rather stand: what makes the ego vehicle
 drive is the largest gap. So the rules of the road enter as a lead motion that exists in the controller only.
-It is that of a pace ahead by the largest gap: a driver at the limits, who halts at closed lines and whom the
-ego vehicle does not fall behind. In front of a closed line it stands behind the line. The ego vehicle has the
+It is that of a pace ahead by the largest gap: a driver at the limits, who halts at closed lines and stays
+ahead of the ego vehicle. In front of a closed line it stands behind the line. The ego vehicle has the
 same room behind it as behind a vehicle, within which the cost decides. Its own speed is limited at every
 node as well. Of a lead vehicle and the rules the nearer one counts at every instant.
 """

@@ -192,7 +192,7 @@ class EgoTicks:
         place, speed = message.pose.pose.position.x, message.twist.twist.linear.x
         if np.isfinite([place, speed]).all():
             self._states[stamp_ns] = (float(place), max(float(speed), 0.0))
-            self._tell()
+            self._pass_on()
 
     def _begin_trip(self, stamp_ns: int) -> None:
         """Forget the trip before; what was decided for the first state of this one may be here already."""
@@ -206,15 +206,15 @@ class EgoTicks:
         stamp_ns = ns_from_time(message.header.stamp)
         self._followed[stamp_ns] = decode_decision_record(message).rung is Rung.OPTIMAL
         self._newest_ns[Topic.SOLVE] = stamp_ns
-        self._tell()
+        self._pass_on()
 
     def _on_plan(self, message: JointTrajectory) -> None:
         stamp_ns, plan = decode_plan(message)
         self._plans[stamp_ns] = (plan.times_s, plan.speeds_m_s)
         self._newest_ns[Topic.PLAN] = stamp_ns
-        self._tell()
+        self._pass_on()
 
-    def _tell(self) -> None:
+    def _pass_on(self) -> None:
         """Pass on the complete ticks in order; messages of one topic arrive in order."""
         for kept in (self._states, self._followed, self._plans):
             while len(kept) > _MOST_KEPT:
