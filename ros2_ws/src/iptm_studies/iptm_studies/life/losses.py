@@ -94,15 +94,8 @@ def drawn_losses(
     Activation energies vary about the middle temperature of the storage tests and exponents about their
     length, where the measurements fix the loss.
 
-    Args:
-        cell: the cell.
-        year: year of use.
-        years: years of service.
-        draws: number of draws.
-        seed: of the generator.
-
     Returns:
-        Losses, shape (draws,).
+        Losses after years of service, shape (draws,).
     """
     random = np.random.default_rng(seed)
     variations = random.standard_normal((draws, 3)) * list(SPREAD.values())

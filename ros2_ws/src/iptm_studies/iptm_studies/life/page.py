@@ -15,13 +15,7 @@ from iptm_studies.life import table as life
 
 
 def life_page(command: str, rows: pd.DataFrame, decided: pd.DataFrame) -> str:
-    """Return the page as Markdown.
-
-    Args:
-        command: what makes it.
-        rows: the life table.
-        decided: what the strategy does on single trips.
-    """
+    """Return the page about the life table and single trips as Markdown; ``command`` makes it."""
     longest = losses.LONGEST_YEARS
     rows = rows.assign(
         loss_band=_bands(rows, "loss", 1),

@@ -101,12 +101,7 @@ def judged_runs(campaign: Campaign, store: ResultStore) -> list[Judged]:
 
 
 def campaign_page(command: str, runs: Sequence[Judged]) -> str:
-    """Return the page as Markdown.
-
-    Args:
-        command: what makes it.
-        runs: the runs in order, without the twins.
-    """
+    """Return the page about runs in order, without the twins, as Markdown; ``command`` makes it."""
     judged = [run for run in runs if run.figures]
     fallbacks = sum((Counter(run.counts) for run in judged), Counter[str]())
     return render_page(

@@ -17,13 +17,7 @@ from iptm_studies.study import Judged
 
 
 def safety_page(command: str, revision: str, findings: Findings) -> str:
-    """Return the page.
-
-    Args:
-        command: what made it.
-        revision: of the code that was driven.
-        findings: what was found.
-    """
+    """Return the page as Markdown; ``command`` makes it from the code of a revision."""
     before, about = findings.before
     braking = findings.braking
     return render_page(
