@@ -16,9 +16,9 @@ from iptm_reproduction.printed import Verdict
 from iptm_reproduction.results import Results
 from iptm_reproduction.trips import (
     PowerRegions,
+    blocks_of,
     busiest_window,
     share_while_braking,
-    thinned,
     time_to_fall_s,
 )
 
@@ -187,9 +187,8 @@ def test_busiest_window_is_found_wherever_it_lies() -> None:
 def test_helpers_of_quantities() -> None:
     times = np.arange(5.0)
     assert time_to_fall_s(times, np.array([10.0, 8.0, 6.0, 2.0, 0.0]), 0.5) == 3.0
-    shown, means = thinned(trip(battery_power_w=np.arange(12.0)), np.arange(12.0), 4)
-    assert shown.tolist() == [1.0, 4.0, 7.0, 10.0]
-    assert means.tolist() == [1.0, 4.0, 7.0, 10.0]
+    assert blocks_of(np.arange(12.0), 4).mean(axis=1).tolist() == [1.0, 4.0, 7.0, 10.0]
+    assert blocks_of(np.arange(11.0), 4).tolist()[-1] == [8.0, 9.0]
 
 
 def test_cooling_pays_after_the_time_worked_out_by_hand() -> None:

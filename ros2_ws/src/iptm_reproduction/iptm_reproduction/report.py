@@ -80,12 +80,8 @@ def build_report(store: ResultStore, campaign: Campaign, output_dir: Path) -> tu
     """Write the report from what is stored, and return its pages; nothing is computed.
 
     The pages are ``paper-reproduction.html``, one file with everything inside, and ``paper-reproduction.md``
-    with a folder of figures. Runs that are missing leave notes in them.
-
-    Args:
-        store: where the runs are.
-        campaign: studies that were compared with the store (``campaign.survey``).
-        output_dir: where the pages go.
+    with a folder of figures. The campaign was compared with the store (``campaign.survey``); missing runs
+    leave notes.
 
     Raises:
         ScenarioError: not a single run is there.

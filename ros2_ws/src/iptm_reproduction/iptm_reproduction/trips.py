@@ -104,13 +104,11 @@ def time_to_fall_s(times_s: FloatArray, values: FloatArray, share: float) -> flo
     return float(times_s[int(np.argmax(values <= target))] - times_s[0])
 
 
-def thinned(run: Trajectory, values: FloatArray, most: int) -> tuple[FloatArray, FloatArray]:
-    """Return times and means of blocks of a series, shape (n,), so that there are about `most` at most."""
-    block = max(1, len(run) // most)
-    whole = len(run) // block * block
-    times: FloatArray = run.time_s[:whole].reshape(-1, block).mean(axis=1)
-    means: FloatArray = np.asarray(values)[:whole].reshape(-1, block).mean(axis=1)
-    return times, means
+def blocks_of(values: FloatArray, most: int) -> FloatArray:
+    """Return a series, shape (n,), in about `most` blocks at most, shape (blocks, size)."""
+    size = max(1, values.size // most)
+    blocks: FloatArray = values[: values.size // size * size].reshape(-1, size)
+    return blocks
 
 
 def power_regions(results: Results, run: str, others: Sequence[str], reference: str) -> Finding:

@@ -257,9 +257,7 @@ def survey(campaign: Campaign, store: ResultStore) -> list[Case]:
 def plan_campaign(names: Iterable[str], short_s: float | None = None) -> Campaign:
     """Load studies (shipped ones by name, others by path) with those they depend on, and plan them.
 
-    Args:
-        names: of the studies.
-        short_s: length of the short trip of the small version; None for the studies as they are.
+    All drive ``short_s`` of the short trip in the small version; None for the studies as they are.
 
     Raises:
         ScenarioError: a study cannot be read or planned.

@@ -30,15 +30,7 @@ def execute(
     """Perform all missing runs of a campaign, the longest first.
 
     Each run is stored as soon as it is done, so that an interrupted campaign goes on where it stopped. A
-    run that fails is noted and does not stop the others.
-
-    Args:
-        campaign: the runs.
-        store: where results are found and put.
-        workers: number of processes.
-        display: notified of every run.
-        perform: performs a run.
-        limit_s: longest time without progress of a run.
+    run that fails, or makes no progress for ``limit_s``, is noted and does not stop the others.
 
     Returns:
         The number of runs performed; the other runs of the campaign were found in the store.

@@ -123,18 +123,12 @@ def _draw_lines(
     width: float = 1.5,
     room: float = 0.1,
 ) -> None:
-    """Draw a figure per panel along series of runs.
+    """Draw a figure per panel along series of runs, without those that are missing.
 
-    Args:
-        results: the runs; those that are missing are left out.
-        panels: where to draw.
-        figures: what to draw, one per panel.
-        lines: colour and runs of each line by name.
-        places: where the runs of a line stand on the horizontal axis.
-        levels: runs with their names whose figure is drawn as a level line, by figure.
-        ranges: printed smallest and largest change against that level, by figure.
-        width: width of level lines.
-        room: share of the vertical axis that is left free around the values; computing times begin at 0.
+    ``lines`` are colour and runs by name, ``places`` where these stand on the horizontal axis, ``levels``
+    named runs whose figure is drawn as a level line of a width, by figure, and ``ranges`` the printed
+    smallest and largest change against it. ``room`` is the share of the vertical axis that is left
+    free around the values; computing times begin at 0.
     """
     for panel, shown in zip(panels, figures, strict=True):
         seen: list[float] = []

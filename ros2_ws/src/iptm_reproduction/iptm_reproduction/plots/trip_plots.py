@@ -38,10 +38,10 @@ from iptm_reproduction.plots.style import (
 from iptm_reproduction.printed import printed_value
 from iptm_reproduction.results import Results
 from iptm_reproduction.trips import (
+    blocks_of,
     busiest_window,
     celsius,
     mean_cell_temperature_c,
-    thinned,
     traction_power_kw,
 )
 from iptm_studies.run import Run
@@ -96,7 +96,9 @@ def _mean_line(
     panel: Axes, run: Run, values: FloatArray, colour: str, name: str, width: float = LINE
 ) -> None:
     """Draw a quantity over time with few enough points: the mean of each block."""
-    times, means = thinned(run.trajectory, values, _MOST_POINTS)
+    times, means = (
+        blocks_of(series, _MOST_POINTS).mean(axis=1) for series in (run.trajectory.time_s, values)
+    )
     panel.plot(times, means, color=colour, linewidth=width, label=name)
 
 
@@ -148,15 +150,9 @@ def spacing(results: Results) -> Figure:
 
 def _lowest_line(panel: Axes, run: Run, values: FloatArray, colour: str, name: str) -> None:
     """Draw a line with few enough points: the smallest value of each block, so that no dip is lost."""
-    block = max(1, values.size // _MOST_POINTS)
-    whole = values.size // block * block
-    panel.plot(
-        run.trajectory.time_s[:whole].reshape(-1, block)[:, 0],
-        values[:whole].reshape(-1, block).min(axis=1),
-        color=colour,
-        linewidth=0.9,
-        label=name,
-    )
+    times = blocks_of(run.trajectory.time_s, _MOST_POINTS)[:, 0]
+    lowest = blocks_of(values, _MOST_POINTS).min(axis=1)
+    panel.plot(times, lowest, color=colour, linewidth=0.9, label=name)
 
 
 def optimum(results: Results) -> Figure:
@@ -227,10 +223,8 @@ def power_profiles(results: Results) -> Figure:
 
 def _band(panel: Axes, times: FloatArray, values: FloatArray, colour: str) -> None:
     """Draw range and mean per column of the picture, instead of a line that fills the page."""
-    block = max(1, times.size // _MOST_COLUMNS)
-    whole = times.size // block * block
-    centres = times[:whole].reshape(-1, block).mean(axis=1)
-    blocks = values[:whole].reshape(-1, block)
+    centres = blocks_of(times, _MOST_COLUMNS).mean(axis=1)
+    blocks = blocks_of(values, _MOST_COLUMNS)
     panel.fill_between(
         centres, blocks.min(axis=1), blocks.max(axis=1), color=colour, alpha=0.3, linewidth=0.0
     )
