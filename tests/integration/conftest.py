@@ -6,14 +6,17 @@ awaited with a timeout. Nothing here sleeps for a fixed time and hopes.
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import subprocess
 import sys
 import time
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -25,7 +28,7 @@ from iptm_controller.node import ControllerNode
 from iptm_interfaces.codecs import encode_slope
 from iptm_interfaces.diagnostics import find_status
 from iptm_interfaces.discovery import middleware_settings, reserve_domain
-from iptm_interfaces.process import joined_node
+from iptm_interfaces.process import StopRequest, joined_node
 from iptm_interfaces.suite_node import SuiteNode
 from iptm_interfaces.topics import Topic
 
@@ -90,12 +93,6 @@ class ManagedProcess:
         assert "Traceback" not in self.stderr
         return code
 
-    def assert_refused(self, message: str, timeout_s: float = STOP_TIMEOUT_S) -> None:
-        """Check that the process ends with a usage error, reported in one line."""
-        assert self.wait(timeout_s) == 2, self.stderr
-        (line,) = self.stderr.strip().splitlines()
-        assert message in line
-
 
 @dataclass
 class ProcessLauncher:
@@ -134,19 +131,8 @@ class ProcessLauncher:
     def start_node(
         self, module: str, *arguments: str, parameters: Mapping[str, object] | None = None
     ) -> ManagedProcess:
-        """Start a node of the suite by its module, e.g. `iptm_v2x_bridge.node`.
-
-        Args:
-            module: run with `python -m`.
-            arguments: further ROS arguments, e.g. `-r`, `__ns:=/car_1`.
-            parameters: parameter overrides.
-        """
-        overrides = [
-            part
-            for name, value in (parameters or {}).items()
-            for part in ("-p", f"{name}:={_yaml_scalar(value)}")
-        ]
-        return self.start_module(module, "--ros-args", *overrides, *arguments)
+        """Start a node of the suite by its module, with further ROS arguments, e.g. `-r`, `__ns:=/car_1`."""
+        return self.start_module(module, "--ros-args", *_overrides(parameters or {}), *arguments)
 
     def close(self) -> None:
         """End whatever still runs, politely first, and show all logs (kept by pytest on failure)."""
@@ -164,6 +150,14 @@ class ProcessLauncher:
             for kind, text in (("stdout", process.stdout), ("stderr", process.stderr)):
                 if text:
                     print(f"--- {process.name} {kind}\n{text}")
+
+
+def _overrides(parameters: Mapping[str, object]) -> list[str]:
+    return [
+        part
+        for name, value in parameters.items()
+        for part in ("-p", f"{name}:={_yaml_scalar(value)}")
+    ]
 
 
 def _yaml_scalar(value: object) -> str:
@@ -199,6 +193,43 @@ def launcher(ros_environment: dict[str, str], tmp_path: Path) -> Iterator[Proces
     processes = ProcessLauncher(tmp_path, ros_environment)
     yield processes
     processes.close()
+
+
+@pytest.fixture
+def refused(
+    ros_environment: dict[str, str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> Callable[..., str]:
+    """Run a program in this process; check that it ends with a usage error, and return that one line."""
+    del ros_environment
+    # What is not refused stops as soon as it runs.
+    monkeypatch.setattr(StopRequest, "install", lambda stop: setattr(stop, "number", signal.SIGINT))
+    monkeypatch.chdir(tmp_path)
+
+    def run(
+        module: str, *arguments: str | Path, parameters: Mapping[str, object] | None = None
+    ) -> str:
+        program = import_module(module)
+        overrides = ["--ros-args", *_overrides(parameters)] if parameters else []
+        command = [program.__file__, *(str(part) for part in arguments), *overrides]
+        monkeypatch.setattr(sys, "argv", command)
+        capfd.readouterr()
+        with warnings.catch_warnings():
+            # Programs leave it to the end of their process to close files.
+            warnings.simplefilter("ignore", ResourceWarning)
+            try:
+                code = program.main()
+            except SystemExit as end:
+                code = end.code
+            gc.collect()
+        error = capfd.readouterr().err
+        assert code == 2, error
+        (line,) = error.strip().splitlines()
+        return str(line)
+
+    return run
 
 
 @dataclass

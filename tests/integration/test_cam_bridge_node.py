@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import socket
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -113,17 +114,17 @@ def test_without_a_sender_the_bridge_says_what_it_waits_for(launcher: Any, ego: 
     )
 
 
-def test_a_port_in_use_is_refused(launcher: Any) -> None:
+def test_a_port_in_use_is_refused(refused: Callable[..., str]) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         port = int(taken.getsockname()[1])
-        bridge = launcher.start_node(BRIDGE, parameters={"leader_source": "cam", "cam_port": port})
-        bridge.assert_refused("cam_port")
+        line = refused(BRIDGE, parameters={"leader_source": "cam", "cam_port": port})
+    assert "cam_port" in line
 
 
-def test_a_topic_without_the_package_of_its_type_is_refused(launcher: Any) -> None:
+def test_a_topic_without_the_package_of_its_type_is_refused(refused: Callable[..., str]) -> None:
     parameters = {"leader_source": "cam", "cam_lock_step": False, "cam_topic": "/cam"}
-    launcher.start_node(BRIDGE, parameters=parameters).assert_refused("etsi_its_cam_msgs")
+    assert "etsi_its_cam_msgs" in refused(BRIDGE, parameters=parameters)
 
 
 def test_two_thousand_datagrams_a_second_do_not_drown_the_leader(launcher: Any, ego: Ego) -> None:

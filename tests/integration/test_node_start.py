@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -43,20 +45,24 @@ MISTAKES: dict[str, list[tuple[dict[str, object], str]]] = {
 
 
 @pytest.mark.parametrize("module", MISTAKES)
-def test_user_mistake_is_one_line_and_exit_code_2(launcher: Any, module: str) -> None:
-    started = [
-        (launcher.start_node(module, parameters=parameters), expected)
-        for parameters, expected in MISTAKES[module]
-    ]
-    for process, expected in started:
-        process.assert_refused(expected)
-        assert process.stderr.startswith(f"{module.partition('.')[0]}: ")
+def test_user_mistake_is_one_line_and_exit_code_2(refused: Callable[..., str], module: str) -> None:
+    for parameters, expected in MISTAKES[module]:
+        line = refused(module, parameters=parameters)
+        assert line.startswith(f"{module.partition('.')[0]}: ")
+        assert expected in line
 
 
-def test_bad_cycle_file_names_the_fault(launcher: Any) -> None:
-    path = launcher.directory / "bad.csv"
+def test_a_process_ends_with_the_code_of_a_mistake(launcher: Any) -> None:
+    process = launcher.start_node(PLANT, parameters={"rate_factor": 0.0})
+    assert process.wait() == 2
+    assert process.stderr.startswith("iptm_plant_sim: parameter rate_factor is 0.0")
+    assert len(process.stderr.splitlines()) == 1
+
+
+def test_bad_cycle_file_names_the_fault(refused: Callable[..., str], tmp_path: Path) -> None:
+    path = tmp_path / "bad.csv"
     path.write_text("time_s,speed_m_s\n0.0,0.0\n1.0,-3.0\n")
-    launcher.start_node(BRIDGE, parameters={"cycle": path}).assert_refused("bad.csv")
+    assert "bad.csv" in refused(BRIDGE, parameters={"cycle": path})
 
 
 @pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")

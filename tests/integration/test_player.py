@@ -29,6 +29,7 @@ from iptm_recording.message_types import MessageDefinition
 
 S = 10**9
 FLOAT = "std_msgs/msg/Float64"
+PLAYER = "iptm_recording.player_cli"
 Call = Callable[[str], Trigger.Response]
 READY = ("--wait-for-subscribers", "1", "--delay", "0")
 
@@ -48,7 +49,7 @@ def play(launcher: Any) -> Callable[..., Any]:
     """Start a player."""
 
     def start(played: Path, *arguments: str) -> Any:
-        return launcher.start_module("iptm_recording.player_cli", played, *arguments)
+        return launcher.start_module(PLAYER, played, *arguments)
 
     return start
 
@@ -169,7 +170,7 @@ def test_player_stops_on_request(
     assert waiting.stop(signal.SIGTERM) == 0
 
 
-def test_bags_that_cannot_be_played(play: Callable[..., Any], bag: Path, tmp_path: Path) -> None:
+def test_bags_that_cannot_be_played(refused: Callable[..., str], bag: Path, tmp_path: Path) -> None:
     whole = (bag / "bag_0.mcap").read_bytes()
     (tmp_path / "cut.mcap").write_bytes(whole[:-200])
     (tmp_path / "foreign.mcap").write_bytes(b"text" * 100)
@@ -178,7 +179,7 @@ def test_bags_that_cannot_be_played(play: Callable[..., Any], bag: Path, tmp_pat
         (tmp_path / "cut.mcap", "scripts/recover_bag"),
         (tmp_path / "foreign.mcap", "not an MCAP file"),
     ):
-        play(unsound).assert_refused(message)
+        assert message in refused(PLAYER, unsound)
 
 
 def test_a_damaged_bag_ends_the_player_with_one_sentence(
@@ -192,7 +193,10 @@ def test_a_damaged_bag_ends_the_player_with_one_sentence(
     data = bytearray(file.read_bytes())
     data[data.index(b"lz4") + 11] ^= 0xFF  # first byte of the compressed content
     file.write_bytes(data)
-    play(tmp_path / "packed", "--delay", "0").assert_refused("damaged")
+    player = play(tmp_path / "packed", "--delay", "0")
+    assert player.wait() == 2
+    (line,) = player.stderr.splitlines()
+    assert "damaged" in line
 
 
 def test_services_and_parameters_control_the_playback(
@@ -259,9 +263,9 @@ def test_a_part_in_a_loop_under_another_name_with_other_quality_of_service(
     ],
 )
 def test_mistakes_are_one_line(
-    arguments: tuple[str, ...], message: str, play: Callable[..., Any], bag: Path
+    arguments: tuple[str, ...], message: str, refused: Callable[..., str], bag: Path
 ) -> None:
-    play(bag, *READY, *arguments).assert_refused(message)
+    assert message in refused(PLAYER, bag, *READY, *arguments)
 
 
 def test_types_that_are_defined_otherwise_here_are_not_played(

@@ -183,9 +183,9 @@ def test_a_vehicle_that_dies_is_reported_and_the_one_behind_goes_on_without_it(
     ],
 )
 def test_parameters_that_make_no_string_are_refused(
-    launcher: Any, module: str, parameters: dict[str, object], complaint: str
+    refused: Callable[..., str], module: str, parameters: dict[str, object], complaint: str
 ) -> None:
-    launcher.start_node(module, parameters=parameters).assert_refused(complaint, 120.0)
+    assert complaint in refused(module, parameters=parameters)
 
 
 @pytest.mark.parametrize(

@@ -132,12 +132,12 @@ def test_the_plant_continues_from_a_saved_state_to_the_last_bit(
     [(None, "cannot be read"), ("{}", "not a state file"), ("[1", "cannot be read")],
 )
 def test_a_file_that_holds_no_state_is_refused_in_one_line(
-    launcher: Any, tmp_path: Path, content: str | None, words: str
+    refused: Callable[..., str], tmp_path: Path, content: str | None, words: str
 ) -> None:
     file = tmp_path / "state.json"
     if content is not None:
         file.write_text(content)
-    launcher.start_node(PLANT, parameters={"start_state": file}).assert_refused(words)
+    assert words in refused(PLANT, parameters={"start_state": file})
 
 
 def call(peer: Any, service: Service) -> Trigger.Response:
