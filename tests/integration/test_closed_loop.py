@@ -15,9 +15,7 @@ from pyarrow.parquet import read_table
 from tests.foreign_readers import assert_read_by_all
 
 from iptm_core.metrics import FIGURES, compute_metrics, figure_values
-from iptm_core.state import Command
-from iptm_interfaces.codecs import decode_command, ns_from_time
-from iptm_interfaces.discovery import reserve_domain
+from iptm_interfaces.codecs import ns_from_time
 from iptm_interfaces.topics import TOPICS, Topic
 from iptm_recording.bag_reader import BagReader, read_model_parameters
 from iptm_recording.trajectory_reader import read_decisions, read_trajectory
@@ -56,6 +54,7 @@ PROMISED = {
     "/controller/plan": "trajectory_msgs/msg/JointTrajectory",
     "/controller/solve": "sensor_msgs/msg/JointState",
 }
+FULL_TABLE = ("Cooling energy", "Degradation inconsistency", "solve time (ms)")
 LATCHED = "/v2x/slope"
 # Runs with `-I`-like isolation from the project: it refuses to have any of its modules loaded.
 STRANGER = """
@@ -134,30 +133,20 @@ def all_gone(processes: dict[str, int]) -> bool:
     return not any(Path(f"/proc/{pid}").exists() for pid in processes.values())
 
 
-def commands_of(bag: Path) -> list[tuple[int, Command]]:
-    with BagReader(bag) as reader:
-        return [decode_command(item.message) for item in reader.messages(["/controller/command"])]
-
-
-def test_a_run_ends_with_bag_table_and_picture_and_can_be_repeated(
-    start: Start, tmp_path: Path
-) -> None:
-    """Two runs of one scenario at the same time, in two domains; one without a picture."""
+def test_a_run_ends_with_bag_table_and_picture(start: Start, tmp_path: Path) -> None:
+    """That it can be repeated to the last bit: `test_cam_closed_loop`, `test_traffic_over_ros`."""
     options = (
         "imperfect_preview", "--cycle", "us06", "--slope", "large",
         "--duration-s", str(TICKS), "--seed", "11"
     )  # fmt: skip
-    one, other = tmp_path / "one", tmp_path / "other"
-    with reserve_domain() as domain:
-        first = start(one, *options, "--full", "--against", "reference")
-        second = start(other, *options, "--no-picture", "--domain", str(domain))
-        for runner in (first, second):
-            assert runner.wait(RUN_TIMEOUT_S) == 0, runner.stdout + runner.stderr
-    assert "Traceback" not in first.stderr
+    bag = tmp_path / "run"
+    runner = start(bag, *options, "--full", "--against", "reference")
+    assert runner.wait(RUN_TIMEOUT_S) == 0, runner.stdout + runner.stderr
+    assert "Traceback" not in runner.stderr
 
     # The bag: complete, for every reader, and it knows what it was made of.
-    assert sum(assert_read_by_all(one).values()) > TICKS * len(NODE_MODULES)
-    with BagReader(one) as reader:
+    assert sum(assert_read_by_all(bag).values()) > TICKS * len(NODE_MODULES)
+    with BagReader(bag) as reader:
         counts = {name: topic.message_count for name, topic in reader.topics.items()}
         information = reader.run_information()
     for topic, spec in TOPICS.items():
@@ -171,38 +160,28 @@ def test_a_run_ends_with_bag_table_and_picture_and_can_be_repeated(
             assert counts[name] == TICKS + 1, name
     assert (information.scenario, information.seed) == ("imperfect_preview", 11)
     assert 'cycle: "us06"' in information.extra["scenario_file"]
-    trajectory = read_trajectory(one)
+    trajectory = read_trajectory(bag)
     assert list(trajectory.time_s) == list(range(TICKS + 1))
 
     # The figures: on the terminal, in the file, and from the bag.
-    parameters, is_stored = read_model_parameters(one)
+    parameters, is_stored = read_model_parameters(bag)
     assert is_stored
-    values = figure_values(compute_metrics(trajectory, parameters, read_decisions(one)))
-    results = json.loads((one / "results.json").read_text(encoding="utf-8"))
+    values = figure_values(compute_metrics(trajectory, parameters, read_decisions(bag)))
+    results = json.loads((bag / "results.json").read_text(encoding="utf-8"))
     assert {row["key"]: row["value"] for row in results["rows"]} == {
         key: values.get(key) for key in FIGURES
     }
     assert results["good"] is True
     assert results["metrics"]["decisions"]["decisions"] == TICKS + 1
-    for text in ("Cooling energy", "Degradation inconsistency", "solve time (ms)"):
-        assert text in first.stdout
-        assert text not in second.stdout
+    for text in FULL_TABLE:
+        assert text in runner.stdout
     for text in results["summary"]["text"]:
-        assert text.partition(": ")[2][:40] in first.stdout
-    assert "strategy saved" not in second.stdout
-    assert len(read_table(one / "reference.parquet")) == TICKS + 1
-    assert "no hard limit broken, bag complete" in first.stdout
-
-    # The picture, and its absence where it was not wanted.
-    assert (one / "closed_loop.png").read_bytes().startswith(PNG)
-    assert not (other / "closed_loop.png").exists()
+        assert text.partition(": ")[2][:40] in runner.stdout
+    assert len(read_table(bag / "reference.parquet")) == TICKS + 1
+    assert "no hard limit broken, bag complete" in runner.stdout
+    assert (bag / "closed_loop.png").read_bytes().startswith(PNG)
     for name in NODE_MODULES:
-        assert (one / "logs" / f"{name}.log").is_file()
-
-    # The second run is the first one, bit by bit.
-    commands = commands_of(one)
-    assert len(commands) == TICKS + 1
-    assert commands == commands_of(other)
+        assert (bag / "logs" / f"{name}.log").is_file()
 
 
 def test_real_time_in_a_namespace_without_recording(start: Start, tmp_path: Path) -> None:
@@ -214,6 +193,8 @@ def test_real_time_in_a_namespace_without_recording(start: Start, tmp_path: Path
     assert runner.wait(RUN_TIMEOUT_S) == 0, runner.stdout + runner.stderr
     assert "not recorded" in runner.stdout
     assert "real-time" in runner.stdout
+    for text in (*FULL_TABLE, "strategy saved"):
+        assert text not in runner.stdout
     assert sorted(path.name for path in output.iterdir()) == ["logs", "results.json"]
     results = json.loads((output / "results.json").read_text(encoding="utf-8"))
     assert results["metrics"]["duration_s"] == 40.0

@@ -1,7 +1,8 @@
 """The command lines of README, docs, `--help` and docstrings work as they are written.
 
 Each runs in a folder of its own that looks like a checkout. `documented_rules` holds how, and why some are
-not executed. Those that take long are marked `slow`.
+not executed. Those that take long are marked `slow`. The first command line of a script is run by the shell;
+the module of the script gets the options of the further ones in the process of the test.
 """
 
 from __future__ import annotations
@@ -13,8 +14,10 @@ import shutil
 import signal
 import subprocess
 import sys
+import warnings
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -125,14 +128,18 @@ class Place:
         (folder / "bin" / "ros2").write_text(ROS2, encoding="utf-8")
         (folder / "bin" / "ros2").chmod(0o755)
 
+    def written(self, command: str) -> str:
+        """Return a command line with its placeholders filled in."""
+        text = command.replace(" BAG", f" bags/{EXAMPLE.name}").format(out=self.out)
+        return text.replace("--domain 42", f"--domain {self.domain}")
+
     def start(self, command: str, extra: str = "") -> subprocess.Popen[str]:
         """Start a command line with further options."""
-        text = command.removesuffix("&").replace(" BAG", f" bags/{EXAMPLE.name}")
-        text = text.replace("--domain 42", f"--domain {self.domain}")
+        text = self.written(f"{command.removesuffix('&')} {extra}")
         for output in re.findall(r"(?:scripts/record|--output) (bags/\S+)", text):
             (self.folder / output).unlink(missing_ok=True)
         return subprocess.Popen(
-            ["bash", "-c", f"{text} {extra.format(out=self.out)}"],
+            ["bash", "-c", text],
             cwd=self.folder,
             env={
                 **os.environ,
@@ -146,6 +153,20 @@ class Place:
             text=True,
             start_new_session=True,
         )
+
+    def run_here(self, module: str, command: str, capfd: pytest.CaptureFixture[str]) -> str:
+        """Run the module of a script with the options of a command line; return what it printed."""
+        program = import_module(module)
+        capfd.readouterr()
+        with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
+            warnings.simplefilter("default")
+            patch.chdir(self.folder)
+            patch.setenv("ROS_DOMAIN_ID", str(self.domain))
+            patch.setattr(sys, "argv", [str(program.__file__), *shlex.split(command)[1:]])
+            code = program.main()
+        printed = "".join(capfd.readouterr())
+        assert code == 0, f"{command}\n{printed}"
+        return printed
 
     def run(self, command: str, extra: str = "") -> str:
         """Run a command line to its end; return what it printed."""
@@ -165,6 +186,32 @@ def end_group(process: subprocess.Popen[str]) -> None:
         os.killpg(process.pid, signal.SIGKILL)
     except ProcessLookupError:
         return
+
+
+Run = Callable[[Place, str, str], str]
+
+
+@pytest.fixture(scope="module")
+def scripts_started() -> set[str]:
+    """Modules of the scripts that were run by the shell."""
+    return set()
+
+
+@pytest.fixture
+def run(scripts_started: set[str], capfd: pytest.CaptureFixture[str]) -> Run:
+    """Run a command line in a place, with further options."""
+
+    def run_command(place: Place, command: str, extra: str = "") -> str:
+        name = re.match(r"scripts/(\w+)", command)
+        text = (ROOT / name[0]).read_text("utf-8") if name else ""
+        modules = re.findall(r'^iptm_module (\S+) "\$@"$', text, re.MULTILINE)
+        if modules and modules[0] in scripts_started and not re.search(r"[*&|$]", command):
+            written = place.written(f"{command} {extra}")
+            return place.run_here(modules[0], written, capfd)
+        scripts_started.update(modules)
+        return place.run(command, extra)
+
+    return run_command
 
 
 @pytest.fixture
@@ -189,8 +236,8 @@ def test_every_command_line_is_executed_or_there_is_a_reason() -> None:
 
 
 @pytest.mark.parametrize("command", commands(Way.RUN))
-def test_command_runs(command: str, place: Place) -> None:
-    place.run(command, _rule(command).extra)
+def test_command_runs(command: str, place: Place, run: Run) -> None:
+    run(place, command, _rule(command).extra)
 
 
 def test_python_of_the_how_to_runs(place: Place) -> None:
@@ -241,8 +288,8 @@ def ring(files: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Plac
 
 
 @pytest.mark.parametrize("command", commands(Way.ASK))
-def test_command_beside_running_nodes(command: str, ring: Place) -> None:
-    printed = ring.run(command)
+def test_command_beside_running_nodes(command: str, ring: Place, run: Run) -> None:
+    printed = run(ring, command, "")
     assert printed or command.startswith("ros2 ")
 
 

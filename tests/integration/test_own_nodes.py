@@ -21,7 +21,9 @@ OPTIONS = (
 RUN_TIMEOUT_S = 180.0
 
 
-@pytest.mark.parametrize("node", ["controller", "plant", "v2x_bridge"])
+@pytest.mark.parametrize(
+    "node", ["controller", "plant", pytest.param("v2x_bridge", marks=pytest.mark.slow)]
+)
 def test_a_run_waits_for_a_node_of_the_users_and_reports_its_figures(
     launcher: Any, tmp_path: Path, wait_until: Callable[..., None], node: str
 ) -> None:

@@ -59,11 +59,11 @@ def test_the_page_of_a_run_has_every_tick_and_stays_until_ctrl_c(
 ) -> None:
     """In lock-step, in a namespace, on a terminal: the view outlives the trip, however fast that was."""
     output = tmp_path / "run"
-    trip = ["wltc", "--duration-s", "300", "--mode", "lock_step", "--namespace", "car_1"]
+    trip = ["wltc", "--duration-s", "60", "--mode", "lock_step", "--namespace", "car_1"]
     options = ["--view", "--no-picture", "--against", "none", "--output", str(output)]
     with closing(Terminal(launcher, "iptm_bringup.run_closed_loop", *trip, *options)) as runner:
         (browser,) = followed(runner, wait_until, "events")
-        wait_until(lambda: browser.has_ended and len(browser.rows) == 301, 180.0, "every tick")
+        wait_until(lambda: browser.has_ended and len(browser.rows) == 61, 180.0, "every tick")
         driven = read_trajectory(output, "car_1")
         browser.assert_rows_are_those_of(driven)
         assert [plan["time_s"][0] for plan in browser.plans] == driven.time_s.tolist()
@@ -109,11 +109,19 @@ def test_a_bag_is_shown_without_a_graph(
     assert process.stop(signal.SIGTERM) == 0
 
 
-def test_mistakes_are_one_line(refused: Callable[..., str], tmp_path: Path) -> None:
-    for arguments, message in (
-        ([str(tmp_path / "none")], "does not exist"),
-        (["--screenshot", "x.png"], "allowed: scripts/view BAG"),
-        (["--namespace", "1 car"], "1 car"),
-        ([str(BAG), "--rate", "-1"], "rate is -1; allowed"),
-    ):
-        assert message in refused("iptm_bringup.view", "--no-foxglove", *arguments)
+def test_mistakes_are_one_line(launcher: Any, tmp_path: Path) -> None:
+    """As a process: the view lowers its priority and that of its session."""
+    mistakes = {
+        (str(tmp_path / "none"),): "does not exist",
+        ("--screenshot", "x.png"): "allowed: scripts/view BAG",
+        ("--namespace", "1 car"): "1 car",
+        (str(BAG), "--rate", "-1"): "rate is -1; allowed",
+    }
+    started = [
+        (launcher.start_module("iptm_bringup.view", "--no-foxglove", *arguments), message)
+        for arguments, message in mistakes.items()
+    ]
+    for process, message in started:
+        assert process.wait() == 2
+        (line,) = process.stderr.splitlines()
+        assert message in line

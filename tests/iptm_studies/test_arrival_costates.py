@@ -75,7 +75,13 @@ def costates(law: str, climate: Climate) -> tuple[FloatArray, FloatArray]:
     )
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        name if name in {"lfp", "nmc111"} else pytest.param(name, marks=pytest.mark.slow)
+        for name in LAWS
+    ],
+)
 def test_the_price_of_a_kelvin_is_its_costate(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Over a year within 15 % of the sum of magnitudes in each climate, over months correlated by 0.99."""
     monkeypatch.setattr(
