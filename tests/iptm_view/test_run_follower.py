@@ -16,15 +16,20 @@ from tests.plant_messages import plant_messages
 from iptm_core.errors import BagError
 from iptm_core.metrics import gap_margins_m
 from iptm_core.metrics.constraints import GAP_TOLERANCE_M
-from iptm_core.state import SafetyRecord, VehicleState
+from iptm_core.state import LeaderPreview, SafetyRecord, VehicleState
 from iptm_core.trajectory import Trajectory
+from iptm_interfaces.codecs import (
+    PlanTrajectory,
+    encode_leader_preview_bytes,
+    encode_plan_bytes,
+)
 from iptm_interfaces.codecs.time import time_from_s
 from iptm_interfaces.diagnostics import TRIP_TIME, Level
 from iptm_interfaces.topics import TOPICS, Topic, topic_of
 from iptm_recording.bag_reader import BagReader, read_model_parameters
 from iptm_recording.trajectory_reader import read_decisions
 from iptm_view.page_feed import Cursor, PageFeed
-from iptm_view.page_row import PAGE_COLUMNS
+from iptm_view.page_row import PAGE_COLUMNS, plan_ahead
 from iptm_view.run_facts import RunFacts, facts_of_nodes
 from iptm_view.run_follower import RunFollower
 from iptm_view.sources import BagSource
@@ -102,6 +107,22 @@ def test_limits_plan_road_and_trip_are_those_of_the_run(
     assert {"/plant: vehicle", "/controller: optimal control"} <= {
         status["name"] for status in page["statuses"]["statuses"]
     }
+
+
+def test_the_gap_ahead_ends_with_the_preview_and_the_smallest_is_less_by_its_bounds() -> None:
+    times_s, flat = np.arange(5.0), np.full(5, 300.0)
+    plan = PlanTrajectory(times_s, 10.0 * times_s, np.full(5, 10.0), flat, flat, flat, flat)
+    known_s, bounds_m = times_s[:3], np.array([0.0, 1.0, 2.0])
+    preview = LeaderPreview(known_s, 30.0 + 10.0 * known_s, np.full(3, 10.0), bounds_m)
+    ahead = plan_ahead(
+        {
+            Topic.PLAN: encode_plan_bytes(plan, 0),
+            Topic.LEADER_PREVIEW: encode_leader_preview_bytes(preview, 0),
+        }
+    )
+    unknown = [np.nan, np.nan]
+    np.testing.assert_allclose(ahead["gap_m"], [30.0, 30.0, 30.0, *unknown])
+    np.testing.assert_allclose(ahead["smallest_gap_m"], [30.0, 29.0, 28.0, *unknown])
 
 
 def test_order_and_duplicates_within_a_tick_do_not_matter(bag: Path, page: dict[str, Any]) -> None:
