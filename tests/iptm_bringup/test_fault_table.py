@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from iptm.run import Run
 from iptm_bringup.fault_table.catalogue import (
     CALM_S,
     FIRST_S,
@@ -23,7 +24,7 @@ from iptm_bringup.fault_table.catalogue import (
 from iptm_bringup.fault_table.cli import faults_page, main, store_verdict, stored_verdicts
 from iptm_bringup.fault_table.driving import DrivenTrial, StatusReport, TripTime
 from iptm_bringup.fault_table.judge import judge_trial, verdict_of
-from iptm_core.decision_record import Rung
+from iptm_core.decision_record import DecisionRecord, DecisionSeries, Rung
 from iptm_core.errors import ScenarioError
 from iptm_core.parameters import load_parameters
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
@@ -54,7 +55,7 @@ def trip_of(**columns: object) -> Trajectory:
 
 
 @pytest.fixture
-def observe() -> Observe:
+def observe(decision_record: Callable[[int], DecisionRecord]) -> Observe:
     """Return an observed trial with one fault from 10 s to 20 s."""
     spec, parameters = SimpleNamespace(cycle="us06"), load_parameters().values
 
@@ -68,6 +69,9 @@ def observe() -> Observe:
         **columns: object,
     ) -> DrivenTrial:
         entry, run = Entry(fault, reported, ends=ends), trip_of(**columns)
+        given = rungs or {}
+        records = [replace(decision_record(0), rung=rung) for rung in given.values()]
+        decisions = DecisionSeries.from_records(list(given), records)
         # From a row on, the effective leader is not where that of the route is.
         own_m = run.leader_position_m + (np.arange(ROWS) >= apart)
         leader = SimpleNamespace(positions_at=lambda _: own_m)
@@ -76,8 +80,7 @@ def observe() -> Observe:
         )
         return DrivenTrial(
             Trial(DriveMode.LOCK_STEP, ((entry, fault),), inputs),
-            run,
-            rungs or {},
+            Run("made", {}, parameters, run, decisions),
             [StatusReport(time_s, "controller", level, text) for time_s, level, text in reports],
             [(fault.start_s, fault.end_s)],
         )

@@ -132,8 +132,8 @@ def _drive(case: Case, mode: DriveMode, folder: Path, stop: StopRequest) -> Judg
         return trial_of(case, name, str(error))
     if driven.ended:
         return trial_of(case, name, driven.ended)
-    parameters, reports = driven.trial.inputs.parameters, list(_reports(driven))
-    return judge_trial(trial_of(case, name), driven.trajectory, parameters, spec.faults, reports)
+    run, reports = driven.run, list(_reports(driven))
+    return judge_trial(trial_of(case, name), run.trajectory, run.parameters, spec.faults, reports)
 
 
 def _reports(driven: DrivenTrial) -> Iterator[Report]:

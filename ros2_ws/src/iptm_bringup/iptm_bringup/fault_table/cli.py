@@ -117,7 +117,7 @@ def _drive_cycle(
     for mode in modes:
         waiting = list(entries)
         while waiting:
-            trials = plan_trials(waiting, mode, cycle, fault_free.trajectory)
+            trials = plan_trials(waiting, mode, cycle, fault_free.run.trajectory)
             if session.options.dry_run:
                 print(*(trial.name for trial in trials), sep="\n")
                 break

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
 
+from iptm.run import Run
+from iptm.simulation import run_of_study
 from iptm_bringup.drive import Drive, DriveResult
 from iptm_bringup.environment import domain_of_run
 from iptm_bringup.fault_table.catalogue import REAL_TIME_RATE, DriveMode, Trial
@@ -21,15 +23,12 @@ from iptm_controller.measurements import Measurements
 from iptm_controller.node_parameters import ControllerNodeParameters
 from iptm_controller.node_reports import is_about_limits, situation
 from iptm_controller.node_watch import OperatorWatch
-from iptm_core.decision_record import Rung
 from iptm_core.settings import LoopMode
 from iptm_core.state import NS_PER_S
-from iptm_core.trajectory import Trajectory
 from iptm_faults.kinds import FaultPlace
 from iptm_faults.signals import Traffic
-from iptm_interfaces.assembly import assemble_run, split_trips
+from iptm_interfaces.assembly import assemble_decisions, assemble_run, split_trips
 from iptm_interfaces.codecs import (
-    decode_decision_record,
     decode_observation,
     encode_leader,
     s_from_ns,
@@ -73,8 +72,7 @@ class DrivenTrial:
 
     Attributes:
         trial: what was to be driven.
-        trajectory: what was driven, with the effective leader.
-        rungs: source of the commands, by tick.
+        run: what was driven, with the effective leader.
         reports: status reports in order.
         intervals: of each fault in the order of the trial, None if not reached; process faults do not keep
             to trip time.
@@ -82,19 +80,19 @@ class DrivenTrial:
     """
 
     trial: Trial
-    trajectory: Trajectory
-    rungs: Mapping[float, Rung]
+    run: Run
     reports: Sequence[StatusReport]
     intervals: Sequence[Interval | None]
     ended: str = ""
 
     def worst(self) -> list[StatusReport]:
         """Return the worst status of all nodes at every row, OK before the first report."""
-        rows = [NO_REPORT] * len(self.trajectory)
+        times_s = self.run.trajectory.time_s.tolist()
+        rows = [NO_REPORT] * len(times_s)
         for node in sorted({report.node for report in self.reports}):
             own = [report for report in self.reports if report.node == node]
             place, status = 0, NO_REPORT
-            for row, time_s in enumerate(self.trajectory.time_s.tolist()):
+            for row, time_s in enumerate(times_s):
                 while place < len(own) and own[place].time_s <= time_s + 1e-9:
                     status = own[place]
                     place += 1
@@ -108,23 +106,16 @@ def drive_headless(trial: Trial, on_progress: Callable[[], None] | None = None) 
     inputs = trial.inputs
     watch = OperatorWatch(inputs.parameters, ControllerNodeParameters())
     reports: list[StatusReport] = []
-    rungs: dict[float, Rung] = {}
 
     def note(tick: int, measured: Measurements, decision: Decision) -> None:
         watch.update(measured, decision)
-        rungs[float(tick)] = decision.rung
         status = situation(decision, "", watch)
         if not reports or (reports[-1].level, reports[-1].reason) != status:
             reports.append(StatusReport(float(tick), CONTROLLER, *status))
 
-    run = perform_run(inputs, on_progress, on_tick=note)
-    return DrivenTrial(
-        trial,
-        run.trajectory,
-        rungs,
-        reports,
-        [(fault.start_s, fault.end_s) for _, fault in trial.entries],
-    )
+    run = run_of_study(perform_run(inputs, on_progress, on_tick=note))
+    intervals = [(fault.start_s, fault.end_s) for _, fault in trial.entries]
+    return DrivenTrial(trial, run, reports, intervals)
 
 
 def scenario_of(trial: Trial) -> Scenario:
@@ -171,10 +162,8 @@ def _observed(trial: Trial, result: DriveResult, drive: Drive) -> DrivenTrial:
         own = trial.inputs.route.leader.state_at(s_from_ns(stamp_ns))
         leaders[stamp_ns] = encode_leader(traffic.leader(own, ego.state.position_m))
     trajectory = assemble_run({**by_stamp, Topic.LEADER: leaders}).trajectory
-    rungs = {
-        s_from_ns(stamp_ns): decode_decision_record(message).rung
-        for stamp_ns, message in heard_by_stamp(heard, (Topic.SOLVE,))[Topic.SOLVE].items()
-    }
+    decisions = assemble_decisions(heard_by_stamp(heard, (Topic.SOLVE,))[Topic.SOLVE])
+    run = Run(trial.name, {}, trial.inputs.parameters, trajectory, decisions)
     time = TripTime([stamp_ns_of(data) for data in heard[Topic.CLOCK]])
     reports = [
         StatusReport(
@@ -187,8 +176,7 @@ def _observed(trial: Trial, result: DriveResult, drive: Drive) -> DrivenTrial:
     ]
     return DrivenTrial(
         trial,
-        trajectory,
-        rungs,
+        run,
         sorted(reports, key=lambda report: report.time_s),
         list(_intervals(trial, drive, time, float(trajectory.time_s[-1]))),
         result.message + (f" ({result.last_lines[-1]})" if result.last_lines else ""),

@@ -66,7 +66,7 @@ def _judge(
         why = f"not reached: {driven.ended or 'the trip was over before'}"
         return replace(verdict, problems={NOT_REACHED: why})
     begins_s, ends_s = interval
-    run, times = driven.trajectory, driven.trajectory.time_s
+    run, times = driven.run.trajectory, driven.run.trajectory.time_s
     first = int(np.searchsorted(times, begins_s - 1e-9))
     end = min(int(np.searchsorted(times, ends_s - 1e-9)), len(run) - 1)
     if first >= len(run):
@@ -128,12 +128,14 @@ def _normal_row(
     driven: DrivenTrial, fault_free: DrivenTrial, worst: Sequence[StatusReport], end: int
 ) -> int | None:
     """Return the first row after the end of a fault with steady optimal commands and normal status."""
-    times = driven.trajectory.time_s.tolist()
-    usual = dict(zip(fault_free.trajectory.time_s.tolist(), fault_free.worst(), strict=True))
+    times = driven.run.trajectory.time_s.tolist()
+    decisions = driven.run.decisions
+    rungs = dict(zip(decisions.time_s.tolist(), decisions.rung.tolist(), strict=True))
+    usual = dict(zip(fault_free.run.trajectory.time_s.tolist(), fault_free.worst(), strict=True))
     steady = 0
     for row in range(end, len(times)):
         calm = worst[row].is_calm or usual.get(times[row], NO_REPORT).level is not Level.OK
-        good = calm and driven.rungs.get(times[row], Rung.OPTIMAL) is Rung.OPTIMAL
+        good = calm and rungs.get(times[row], Rung.OPTIMAL) == Rung.OPTIMAL
         steady = steady + 1 if good else 0
         if steady == STEADY_TICKS:
             return row - STEADY_TICKS + 1
@@ -157,8 +159,8 @@ def _missing_report(
     silent = [row for row in range(first + REPORT_DELAY_TICKS, end) if levels[row] is Level.OK]
     if reported is ReportPolicy.ALWAYS and silent:
         return f"{len(silent)} of {end - first} ticks without a report"
-    later_s = driven.trajectory.time_s[end] + LATE_REPORT_TICKS
-    since_s = min(driven.trajectory.time_s[first], begins_s) - 1e-9
+    later_s = driven.run.trajectory.time_s[end] + LATE_REPORT_TICKS
+    since_s = min(driven.run.trajectory.time_s[first], begins_s) - 1e-9
     late = [report for report in driven.reports if since_s <= report.time_s <= later_s]
     is_silent = len(silent) == max(end - first - REPORT_DELAY_TICKS, 0)
     return "no report" if is_silent and all(one.level is Level.OK for one in late) else ""
@@ -166,7 +168,7 @@ def _missing_report(
 
 def _braking_gap_m(driven: DrivenTrial, fault: Fault, first: int, last: int) -> float:
     """Return the smallest gap of a car that only brakes."""
-    seen, run, inputs = first, driven.trajectory, driven.trial.inputs
+    seen, run, inputs = first, driven.run.trajectory, driven.trial.inputs
     if fault.spec.place is FaultPlace.TRAFFIC:
         own_m = inputs.route.leader.positions_at(run.time_s)
         apart = np.flatnonzero(np.abs(run.leader_position_m - own_m)[first:] > 1e-6)
@@ -178,7 +180,7 @@ def _braking_gap_m(driven: DrivenTrial, fault: Fault, first: int, last: int) -> 
 def _limits_broken(driven: DrivenTrial, first: int, last: int) -> dict[str, str]:
     """Return the hard input limits violated by the actuated commands."""
     rows = slice(max(first - 1, 0), last + 1)
-    arrays = driven.trajectory.to_arrays()
+    arrays = driven.run.trajectory.to_arrays()
     part = Trajectory.from_arrays({name: arrays[name][rows] for name in TRAJECTORY_COLUMNS})
     return {
         check.key: f"{check.label} beyond its limit by {check.worst_excess:.3g} {check.unit}"
