@@ -208,8 +208,8 @@ def test_a_cause_is_shown_unless_the_claim_is_reproduced() -> None:
 def test_changes_and_shares() -> None:
     assert (change_text(-0.07324), change_text(None)) == ("-7.32 %", "–")
     assert relative_change(1.0, 0.0) is None
-    runs = results({PROPOSED: 8.0, REFERENCE: 10.0, OPTIMUM: 6.0}, DEGRADATION)
-    assert runs.share_of_saving(PROPOSED) == pytest.approx(0.5)
+    runs = results({PROPOSED: 9.0, REFERENCE: 10.0, OPTIMUM: 6.0}, DEGRADATION)
+    assert runs.share_of_saving(PROPOSED) == pytest.approx(0.25)
     assert runs.share_of_saving(PROPOSED, optimum=REFERENCE) is None
     assert runs.share_of_saving(VICE) is None
 
