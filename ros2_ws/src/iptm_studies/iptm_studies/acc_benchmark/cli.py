@@ -15,7 +15,6 @@ from iptm_studies.acc_benchmark.drives import (
     CARS,
     VARIANTS,
     benchmark_study,
-    case_labels,
     parameters_of,
     real_follower,
 )
@@ -24,7 +23,7 @@ from iptm_studies.acc_benchmark.scenes import LONGEST_S, SCENES, SHORTEST_S, Sce
 from iptm_studies.campaign import Campaign
 from iptm_studies.laboratory import Laboratory, Session
 from iptm_studies.store import ResultStore
-from iptm_studies.study import Label
+from iptm_studies.tables import results
 
 SHORT_SCENES = 2
 
@@ -56,9 +55,13 @@ def _work(session: Session) -> bool:
     campaign = Campaign([study.shortened(compile_code=not options.short)])
     if not session.compute(campaign):
         return True
-    keys = {tuple(state.labels.values()): state.key for state in campaign.cases}
+    by_name = {scene.name: scene for scene in scenes}
     rows = pd.DataFrame(
-        row for car in cars for scene in scenes for row in _figures(car, scene, keys, store)
+        row
+        for (car, scene), runs in results(campaign.cases).groupby(["car", "scene"], sort=False)
+        for row in _figures(
+            car, by_name[scene], dict(zip(runs.variant, runs.key, strict=True)), store
+        )
     )
     if rows.empty or set(rows.car) != set(cars):
         raise ScenarioError(
@@ -70,13 +73,10 @@ def _work(session: Session) -> bool:
 
 
 def _figures(
-    car: str, scene: Scene, keys: Mapping[tuple[Label, ...], str | None], store: ResultStore
+    car: str, scene: Scene, keys: Mapping[str, str], store: ResultStore
 ) -> Iterator[dict[str, Any]]:
     """Yield the figures of all variants of driving, if all of their runs are there."""
-    found = {
-        variant.name: store.find(keys[tuple(case_labels(scene, car, variant).values())] or "")
-        for variant in VARIANTS
-    }
+    found = {variant: store.find(key) for variant, key in keys.items()}
     runs = {variant: run.trajectory for variant, run in found.items() if run is not None}
     if len(runs) < len(VARIANTS):
         return

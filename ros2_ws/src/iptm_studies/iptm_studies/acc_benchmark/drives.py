@@ -96,14 +96,13 @@ def benchmark_study(scenes: Sequence[Scene], cars: Sequence[str], folder: Path) 
                     duration_s=float(scene.duration_s),
                     preview_mode=PreviewMode.FULL if variant.preview else PreviewMode.NONE,
                 )
-                labels = case_labels(scene, car, variant)
+                labels: dict[str, Label] = {
+                    "scene": scene.name,
+                    "car": car,
+                    "variant": variant.name,
+                }
                 cases.append(Case("/".join(map(str, labels.values())), labels, spec))
     return Study("acc_benchmark", "Behind measured lead vehicles", "", tuple(cases))
-
-
-def case_labels(scene: Scene, car: str, variant: Variant) -> dict[str, Label]:
-    """Return the labels of a run."""
-    return {"scene": scene.name, "car": car, "variant": variant.name}
 
 
 def real_follower(scene: Scene, car: str) -> Trajectory:
