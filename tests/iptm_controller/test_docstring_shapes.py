@@ -59,7 +59,8 @@ def check(documented: object, values: dict[str, Any], **sizes: int) -> None:
     stated = stated_shapes(documented)
     assert stated, f"{documented} states no shape"
     for name, dimensions in stated.items():
-        if values[name] is None:  # an optional attribute
+        # An optional attribute: None, or an empty array.
+        if values[name] is None or getattr(values[name], "size", 1) == 0:
             continue
         actual = shape_of(values[name])
         assert len(dimensions) == len(actual), f"{name}: ({', '.join(dimensions)}) is {actual}"

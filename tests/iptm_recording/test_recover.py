@@ -318,3 +318,4 @@ def test_a_chunk_that_occurs_twice_is_taken_over_once(
     report = recover(bag, tmp_path / "recovered")
     assert messages_of(tmp_path / "recovered") == messages
     assert f"chunk at byte {end} occurs before and is left out" in report.notes
+    assert not report.was_complete

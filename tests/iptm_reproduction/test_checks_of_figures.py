@@ -9,6 +9,7 @@ from tests.iptm_reproduction.made_store import made_claim
 
 from iptm_reproduction.names import (
     CELL_1,
+    CELL_N,
     COOLING,
     DEGRADATION,
     OPTIMUM,
@@ -55,6 +56,22 @@ HOTTEST = {"run": PROPOSED, "figure": "cell_n_temperature_max", "lowest": 39.0}
 LOWER = {"lower": PROPOSED, "higher": [REFERENCE, VICE], "figures": [TRACTION]}
 BETWEEN = {"run": VICE, "ends": [REFERENCE, PROPOSED], "figures": [TRACTION]}
 RANK = {"among": [PROPOSED, VICE, REFERENCE], "run": VICE, "figures": [COOLING], "place": 2}
+
+
+@pytest.mark.parametrize(
+    ("cell_n", "expected"), [(85.0, REPRODUCED), (95.0, SIGN_ONLY), (101.0, NOT)]
+)
+def test_a_bound_on_several_figures_holds_for_the_least_of_them(
+    cell_n: float, expected: Verdict
+) -> None:
+    stored = Results(
+        {
+            REFERENCE: {CELL_1: 100.0, CELL_N: 100.0},
+            PROPOSED: {CELL_1: 85.0, CELL_N: cell_n},
+        }
+    )
+    arguments = {**REDUCTION, "figures": [CELL_1, CELL_N]}
+    assert found(stored, "reduction_at_least", **arguments).verdict is expected
 
 
 @pytest.mark.parametrize(
