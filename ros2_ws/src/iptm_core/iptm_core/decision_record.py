@@ -14,7 +14,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from iptm_core.state import Columns, FloatArray
+from iptm_core.state import FloatArray
+from iptm_core.trajectory import Columns
 
 
 class SolveStatus(IntEnum):

@@ -6,12 +6,10 @@ All values are SI: metres along the road, m/s, kelvin, watts, seconds since the 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
-from typing import Any, ClassVar, TypeVar
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from iptm_core.errors import StateError
 
@@ -22,65 +20,12 @@ NS_PER_MS = 1_000_000
 
 
 FloatArray = NDArray[np.float64]
-AnyColumns = TypeVar("AnyColumns", bound="Columns")
 
 SPEED_AT_REST_M_S = -0.5
 """Measured speeds from here to 0 are those of a vehicle at rest, with an error of the measurement."""
 KNOWN_BOUND_M = 1.0
 """Largest bound at which a predicted position of the leader is treated as known: a path that the leader sends
 is, an acceleration that is expected to decay is not after two seconds."""
-
-
-@dataclass(frozen=True, eq=False)
-class Columns:
-    """Base of tables: each field is a column of shape (n,), a read-only copy of what was given.
-
-    Raises:
-        StateError: columns of different length, or missing or unknown ones.
-    """
-
-    table: ClassVar[str] = "table"
-    """Name of the table in messages."""
-    types: ClassVar[Mapping[str, type]] = {}
-    """Types of the columns other than float."""
-
-    def __post_init__(self) -> None:
-        names = self.names()
-        rows = np.size(getattr(self, names[0]))
-        for name in names:
-            kind = self.types.get(name, np.float64)
-            values: NDArray[Any] = np.array(getattr(self, name), dtype=kind)
-            if values.shape != (rows,):
-                raise StateError(
-                    f"{self.table}: {name} has shape {values.shape}; allowed: one value per row, ({rows},)"
-                )
-            values.setflags(write=False)
-            object.__setattr__(self, name, values)
-
-    def __len__(self) -> int:
-        """Number of rows."""
-        return int(np.size(getattr(self, self.names()[0])))
-
-    @classmethod
-    def names(cls) -> tuple[str, ...]:
-        """Names of the columns, in their order."""
-        return tuple(entry.name for entry in fields(cls))
-
-    def to_arrays(self) -> dict[str, NDArray[Any]]:
-        """Return the columns by name."""
-        return {name: getattr(self, name) for name in self.names()}
-
-    @classmethod
-    def from_arrays(cls: type[AnyColumns], columns: Mapping[str, ArrayLike]) -> AnyColumns:  # noqa: PYI019
-        """Build a table from columns by name."""
-        missing = [name for name in cls.names() if name not in columns]
-        unknown = [name for name in columns if name not in cls.names()]
-        if missing or unknown:
-            raise StateError(
-                f"{cls.table}: columns missing {missing}, unknown {unknown}; "
-                f"needed are exactly {', '.join(cls.names())}"
-            )
-        return cls(**columns)
 
 
 @dataclass(frozen=True)
