@@ -38,7 +38,7 @@ def prices_1_k(law: str, climate: Climate, arrival_k: FloatArray) -> FloatArray:
             parking_air_swing_k=0.5 * climate.daily_range_k,
             year_air_k=float(np.mean(monthly_k)),
             year_air_swing_k=0.5 * float(np.ptp(monthly_k)),
-            charging_target=COMMUTER.charging.target,
+            charging_target=COMMUTER.target,
             charging_c_rate_1_h=COMMUTER.charging_c_rate_1_h,
             daily_discharge=len(COMMUTER.departures) * DRAWN,
         )
@@ -56,8 +56,7 @@ def costates(law: str, climate: Climate) -> tuple[FloatArray, FloatArray]:
             COMMUTER,
             climate,
             NO_COOLING,
-            COMMUTER.charging,
-            lambda each: warmer if each == month else UNCOOLED,
+            [warmer if each == month else UNCOOLED for each in range(12)],
             PARAMETERS,
         )
 
