@@ -274,6 +274,17 @@ def test_delayed_measurements_keep_their_own_time() -> None:
     assert times == [(1.0, 1.0), (9.0, 9.0), (12.0, 12.0)]
 
 
+def test_delays_at_the_same_time_add_up() -> None:
+    sizes = (2.0, 3.0)
+    injection = FaultInjection(
+        [Fault(FaultKind.STATE_DELAYED, 2.0, 10.0, size=size) for size in sizes]
+    )
+    heard = [injection.disturb(at(second))[1] for second in range(10)]
+    last = heard[-1].state
+    assert last is not None
+    assert last.time_s == 9.0 - sum(sizes)
+
+
 def actuated(fault: Fault, accelerations_m_s2: list[float]) -> list[float]:
     """Drive a vehicle at 20 m/s by commands and return what it carried out."""
     plant = FaultyPlant([fault], PARAMETERS, np.zeros_like)
