@@ -1,7 +1,26 @@
-import sys
-from pathlib import Path
+from setuptools import find_packages, setup
 
-sys.path.append(str(Path(__file__).resolve().parents[1]))
-from iptm_setup import declare
+PACKAGE = "iptm_controller"
 
-declare("casadi", "numpy", programs={"controller": "iptm_controller.node:main"})
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
+    package_data={PACKAGE: ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+    ],
+    install_requires=["setuptools", "numpy>=1.24", "casadi>=3.6.5"],
+    extras_require={"test": ["pytest"]},
+    python_requires=">=3.10",
+    zip_safe=False,
+    maintainer="iptm maintainers",
+    maintainer_email="maintainers@iptm.example.org",
+    description="Model predictive controller of speed and battery cooling",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": ["controller = iptm_core.program:main"],
+        "iptm.programs": ["controller = iptm_controller.node:main"],
+    },
+)

@@ -1,7 +1,33 @@
-import sys
-from pathlib import Path
+from setuptools import find_packages, setup
 
-sys.path.append(str(Path(__file__).resolve().parents[1]))
-from iptm_setup import declare
+PACKAGE = "iptm_core"
 
-declare("casadi", "jinja2", "numpy", "pyyaml", "rosbags", extras={"test": ["hypothesis"]})
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
+    package_data={
+        PACKAGE: ["py.typed"],
+        f"{PACKAGE}.parameters": ["sets/*.yaml"],
+        f"{PACKAGE}.routes": ["data/*", "data/**/*"],
+    },
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+    ],
+    install_requires=[
+        "setuptools",
+        "numpy>=1.24",
+        "casadi>=3.6.5",
+        "jinja2>=3.1",
+        "PyYAML>=6.0",
+        "rosbags>=0.11",
+    ],
+    extras_require={"test": ["pytest", "hypothesis"]},
+    python_requires=">=3.10",
+    zip_safe=False,
+    maintainer="iptm maintainers",
+    maintainer_email="maintainers@iptm.example.org",
+    description="Model, parameters, routes and metrics of the power and thermal management suite",
+    license="Apache-2.0",
+)

@@ -1,14 +1,34 @@
-import sys
-from pathlib import Path
+from setuptools import find_packages, setup
 
-sys.path.append(str(Path(__file__).resolve().parents[1]))
-from iptm_setup import declare
+PACKAGE = "iptm_faults"
 
-declare(
-    "numpy",
-    programs={
-        "injector": "iptm_faults.node:main",
-        "controller_with_solver_faults": "iptm_faults.node_controller:main",
-        "plant_with_actuator_faults": "iptm_faults.node_plant:main",
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
+    package_data={PACKAGE: ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+    ],
+    install_requires=["setuptools", "numpy>=1.24"],
+    extras_require={"test": ["pytest"]},
+    python_requires=">=3.10",
+    zip_safe=False,
+    maintainer="iptm maintainers",
+    maintainer_email="maintainers@iptm.example.org",
+    description="Faults as data, and what they make of measurements, traffic, clock, vehicle and solver",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            "injector = iptm_core.program:main",
+            "controller_with_solver_faults = iptm_core.program:main",
+            "plant_with_actuator_faults = iptm_core.program:main",
+        ],
+        "iptm.programs": [
+            "injector = iptm_faults.node:main",
+            "controller_with_solver_faults = iptm_faults.node_controller:main",
+            "plant_with_actuator_faults = iptm_faults.node_plant:main",
+        ],
     },
 )

@@ -1,23 +1,49 @@
-import sys
-from pathlib import Path
+from setuptools import find_packages, setup
 
-sys.path.append(str(Path(__file__).resolve().parents[1]))
-from iptm_setup import declare
+PACKAGE = "iptm_recording"
 
-declare(
-    "mcap",
-    "numpy",
-    "pyarrow",
-    "pyyaml",
-    "rich",
-    "rosbags",
-    "zstandard",
-    programs={
-        "recorder": "iptm_recording.recorder_cli:main",
-        "player": "iptm_recording.player_cli:main",
-        "recover_bag": "iptm_recording.recover:main",
-        "bag_info": "iptm_recording.bag_info:main",
-        "export": "iptm_recording.export:main",
-        "compare_bags": "iptm_recording.compare_bags:main",
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
+    package_data={PACKAGE: ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+    ],
+    install_requires=[
+        "setuptools",
+        "numpy>=1.24",
+        "PyYAML>=6.0",
+        "zstandard>=0.20",
+        "mcap>=1.6",
+        "pyarrow>=15",
+        "rosbags>=0.11",
+        "rich>=13.0",
+    ],
+    extras_require={"test": ["pytest"]},
+    python_requires=">=3.10",
+    zip_safe=False,
+    maintainer="iptm maintainers",
+    maintainer_email="maintainers@iptm.example.org",
+    description="Records runs as rosbag2 MCAP bags, recovers, replays, compares, reads and exports them.",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            "recorder = iptm_core.program:main",
+            "player = iptm_core.program:main",
+            "recover_bag = iptm_core.program:main",
+            "bag_info = iptm_core.program:main",
+            "export = iptm_core.program:main",
+            "compare_bags = iptm_core.program:main",
+        ],
+        "iptm.programs": [
+            "recorder = iptm_recording.recorder_cli:main",
+            "player = iptm_recording.player_cli:main",
+            "recover_bag = iptm_recording.recover:main",
+            "bag_info = iptm_recording.bag_info:main",
+            "export = iptm_recording.export:main",
+            "compare_bags = iptm_recording.compare_bags:main",
+        ],
     },
 )

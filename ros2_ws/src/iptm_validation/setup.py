@@ -1,15 +1,34 @@
-import sys
-from pathlib import Path
+from setuptools import find_packages, setup
 
-sys.path.append(str(Path(__file__).resolve().parents[1]))
-from iptm_setup import declare
+PACKAGE = "iptm_validation"
 
-declare(
-    "matplotlib",
-    "numpy",
-    "pandas",
-    "pyyaml",
-    "rich",
-    "scipy",
-    programs={"validate": "iptm_validation.cli:main"},
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
+    package_data={PACKAGE: ["py.typed", "**/*.yaml", "**/*.csv.gz", "**/*.md", "**/*.j2"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+    ],
+    install_requires=[
+        "setuptools",
+        "matplotlib>=3.8",
+        "numpy>=1.24",
+        "pandas>=2.1",
+        "pyyaml>=6",
+        "rich>=13",
+        "scipy>=1.10",
+    ],
+    extras_require={"test": ["pytest"]},
+    python_requires=">=3.10",
+    zip_safe=False,
+    maintainer="iptm maintainers",
+    maintainer_email="maintainers@iptm.example.org",
+    entry_points={
+        "console_scripts": ["validate = iptm_core.program:main"],
+        "iptm.programs": ["validate = iptm_validation.cli:main"],
+    },
+    description="The models compared with measured cars, cells and drivers",
+    license="Apache-2.0",
 )

@@ -1,14 +1,33 @@
-import sys
-from pathlib import Path
+from setuptools import find_packages, setup
 
-sys.path.append(str(Path(__file__).resolve().parents[1]))
-from iptm_setup import declare
+PACKAGE = "iptm_view"
 
-declare(
-    "numpy",
-    "pyyaml",
-    "rosbags",
-    programs={"visualize": "iptm_view.visualizer_node:main"},
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
+    package_data={
+        PACKAGE: ["py.typed", "page/*", "layouts/*.json", "layouts/*.xml", "layouts/*.rviz"]
+    },
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+    ],
+    install_requires=["setuptools", "numpy>=1.24", "PyYAML>=6.0", "rosbags>=0.11"],
     # Both are loaded only where they are used; the page works without.
-    extras={"foxglove": ["foxglove-sdk>=0.30"], "screenshot": ["playwright>=1.40"]},
+    extras_require={
+        "test": ["pytest"],
+        "foxglove": ["foxglove-sdk>=0.30"],
+        "screenshot": ["playwright>=1.40"],
+    },
+    python_requires=">=3.10",
+    zip_safe=False,
+    maintainer="iptm maintainers",
+    maintainer_email="maintainers@iptm.example.org",
+    description="A live view of a run or a bag in the browser, and layouts for other viewers",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": ["visualize = iptm_core.program:main"],
+        "iptm.programs": ["visualize = iptm_view.visualizer_node:main"],
+    },
 )
