@@ -5,6 +5,7 @@ import importlib.util
 import re
 import sys
 from collections.abc import Iterable
+from fnmatch import fnmatch
 from pathlib import Path
 
 import pytest
@@ -58,12 +59,16 @@ def test_manifest_is_complete_and_setup_agrees_with_it(package: str) -> None:
     manifest, setup = manifest_of(package), setup_of(package)
     assert manifest.get("format") == "3"
     assert setup["name"] == manifest.findtext("name") == package
+    assert setup["version"] == manifest.findtext("version")
     assert len(manifest.findtext("description", "").split()) >= 5
-    assert manifest.findtext("license") == "Apache-2.0"
+    assert setup["license"] == manifest.findtext("license") == "Apache-2.0"
     assert manifest.findtext("export/build_type") == "ament_python"
     # A malformed address silently drops the package's ament hooks from a colcon build.
     (maintainer,) = manifest.findall("maintainer")
     assert re.fullmatch(r"[\w.+-]+@[\w-]+(\.[\w-]+)+", maintainer.get("email", ""))
+    assert setup["maintainer"] == maintainer.text
+    assert setup["maintainer_email"] == maintainer.get("email")
+    assert setup["extras_require"]["test"]
     installed = {(folder, name) for folder, names in setup["data_files"] for name in names}
     assert ("share/ament_index/resource_index/packages", f"resource/{package}") in installed
     assert (f"share/{package}", "package.xml") in installed
@@ -92,9 +97,20 @@ def test_everything_is_installed(package: str) -> None:
         "a folder lacks __init__.py or is not found by setup.py"
     )
 
-    data = {str(path.relative_to(package)) for path in files if path.suffix != ".py"}
-    assert set(setup["package_data"][package]) == data
-    assert "py.typed" in data
+    patterns = [
+        str(Path(*name.split("."), pattern))
+        for name, globs in setup["package_data"].items()
+        for pattern in globs
+    ]
+    # `**` in package_data also stands for no folder at all.
+    patterns += [pattern.replace("**/", "") for pattern in patterns]
+    left_out = [
+        str(path)
+        for path in files
+        if path.suffix != ".py" and not any(fnmatch(str(path), pattern) for pattern in patterns)
+    ]
+    assert left_out == [], f"package_data in {package}/setup.py does not name {left_out}"
+    assert (code / "py.typed").is_file()
 
 
 @pytest.mark.parametrize("package", PACKAGES)
