@@ -115,7 +115,7 @@ def executables() -> set[tuple[str, str]]:
     return {
         (package, line.split(" = ")[0])
         for package in PACKAGES
-        for line in setup_of(package)["entry_points"]["console_scripts"]
+        for line in setup_of(package).get("entry_points", {}).get("console_scripts", [])
     }
 
 
