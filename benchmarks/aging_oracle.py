@@ -9,7 +9,7 @@ It takes about half an hour. Losses are those of BLAST-Lite's own simulation, wh
 and deepens cycles as capacity fades. ``hourly_calendar_loss`` is what the same model makes of the same
 series of temperature and state of charge hour by hour, and ``given_cyclic_loss`` by day, both without that.
 
-``tests/iptm_core/test_aging_laws_reference.py`` compares the laws of ``iptm_core.aging_laws`` with it.
+``tests/iptm_core/test_aging_laws.py`` compares the laws of ``iptm_core.aging_laws`` with it.
 """
 
 from __future__ import annotations
