@@ -171,8 +171,10 @@ def test_the_nodes_sit_out_a_pause_and_repeat_a_trip_after_a_reset_and_from_save
     controller = {**states, "horizon": "2x1+2x5+2x30t", "compile_code": False}
     plant = {**states, "duration_s": 1e6, "command_timeout_wall_s": 120.0}
     recorder = launcher.start_module("iptm_recording.recorder_cli", tmp_path / "bag")
-    nodes = [
-        launcher.start_node(CONTROLLER, parameters=controller),
+    nodes = [launcher.start_node(CONTROLLER, parameters=controller)]
+    # A command published before this node is matched would be lost to it.
+    peer.wait_until(heard_commands.get_publisher_count, 60.0, "the publisher of commands")
+    nodes += [
         # The recorder and the node of the test are two of the peers of bridge and plant.
         launcher.start_node(BRIDGE, parameters={**LINK, "expected_peers": 2}),
         launcher.start_node(PLANT, parameters={**plant, "expected_peers": 3}),

@@ -61,6 +61,19 @@ def test_motion_and_bounds_by_hand() -> None:
     assert predicted.bounds_m.tolist() == [0.0, 2.0, 5.0, 8.0, 14.0]
 
 
+def test_late_gains_of_speed_count_more_and_the_bounded_motion_stays() -> None:
+    gains = replace(BY_HAND, coefficients=(BY_HAND.coefficients[0],) * 2)
+    times_s = np.array([100.0, 101.0, 103.0])
+    predicted = Regression(gains).predict(heard([9.0, 10.0]), times_s)
+    # 2 m/s more after 1 s, and 1.5 times as much after 3 s.
+    assert predicted.speeds_m_s.tolist() == [10.0, 12.0, 13.0]
+    assert predicted.positions_m.tolist() == [1000.0, 1011.0, 1036.0]
+    assert predicted.bounds_m.tolist() == [0.0, 2.0, 9.0]
+    # Expected losses are as they are in the drives.
+    losses = Regression(gains).predict(heard([11.0, 10.0]), times_s)
+    assert losses.speeds_m_s.tolist() == [10.0, 8.0, 8.0]
+
+
 def test_features_by_hand() -> None:
     past = np.array([[7.5, 7.0, *np.full(PAST_S - 1, 7.0)]])
     (features,) = regression_features(past)

@@ -30,6 +30,13 @@ NEAR_S, NEAR_FACTOR = 2.0, 1.5
 whatever is expected: s_min depends on it at every tick, and other drivers brake harder than those of the
 training drives."""
 
+GAIN_FACTOR = 1.5
+"""Behind `NEAR_S` expected gains of speed count by this factor. A plan for too slow a leader costs more than
+one for too fast a leader: lost ground is caught up at high power, while a gap that closes is coasted away.
+Chosen on four of the training drives: the largest of 1, 1.5, 1.7 and 2 at which none of them takes more
+energy than with a range sensor only. The bounds grow by the same distance, so the motion that they allow for
+is still that of the drives."""
+
 
 def linear_weights(values: FloatArray, nodes: Sequence[float]) -> FloatArray:
     """Return the weights of the nodes in a linear interpolation, constant outside; shape (n, nodes)."""
@@ -199,6 +206,11 @@ class Regression:
         )
         speeds, driven, bounds = (table[0] for table in self._model.at_leads(past[None]))
         leads = np.array([0.0, *self._model.leads_s])
+        gains = np.where(leads > NEAR_S, np.maximum(speeds - speeds[0], 0.0), 0.0)
+        extra = (GAIN_FACTOR - 1.0) * gains
+        speeds = speeds + extra
+        farther = np.cumsum(0.5 * (extra + np.roll(extra, 1)) * np.diff(leads, prepend=0.0))
+        driven, bounds = driven + farther, bounds + farther
         elapsed = np.maximum(times_s - last.time_s, 0.0)
         inside = np.minimum(elapsed, leads[-1])
         index = np.clip(np.searchsorted(leads, inside, side="right") - 1, 0, leads.size - 2)
