@@ -46,10 +46,16 @@ DAMAGED = st.one_of(
 )
 
 
-def judge(datagram: bytes) -> None:
+def decoding_time_s(datagram: bytes) -> float:
     began_s = time.process_time()
+    decode_datagram(datagram)
+    return time.process_time() - began_s
+
+
+def judge(datagram: bytes) -> None:
+    # A garbage collection in a large process takes as long, once; a slow datagram is slow every time.
+    assert any(decoding_time_s(datagram) < 0.25 for _ in range(3))
     read = decode_datagram(datagram)
-    assert time.process_time() - began_s < 0.25
     assert isinstance(read, Rejection | tuple)
     assert BRIDGE.receive(datagram, 10**9) in {None, *Rejection}
 
