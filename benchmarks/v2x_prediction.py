@@ -21,13 +21,8 @@ from iptm_traffic.drive import PredictionInput, TrafficDrive, opened_traffic
 from iptm_v2x_bridge.messages.cam import decode_datagram
 from iptm_v2x_bridge.prediction.extrapolation import History
 from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
-from iptm_v2x_bridge.prediction.predictor import (
-    Knowledge,
-    Predictor,
-    PredictorName,
-    ReceivedPath,
-    knowledge_of,
-)
+from iptm_v2x_bridge.prediction.predictor import Knowledge, Predictor, PredictorName, knowledge_of
+from iptm_v2x_bridge.prediction.received_path import ReceivedPath
 from iptm_v2x_bridge.prediction.regression import Regression, RegressionModel
 from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules
 from iptm_v2x_bridge.rejections import Rejection

@@ -33,15 +33,18 @@ from iptm_core.parameters import load_parameters
 from iptm_core.routes import ROUTE_CYCLES, Route, build_route
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.settings import PreviewMode, PreviewSettings
+from iptm_core.state import FloatArray
 from iptm_plant_sim.plant import Plant
 from iptm_studies.closed_loop import run_closed_loop
-from iptm_studies.measured_cycles import lead_cycles
+from iptm_studies.measured_cycles import FASTEST_M_S, lead_cycles, write_drive
+from iptm_studies.predictor_training import read_drives
 from iptm_v2x_bridge.bridge import CycleSource, TickBridge, V2xBridge
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.prediction.extrapolation import History
 from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
-from iptm_v2x_bridge.prediction.predictor import Predictor, ReceivedPath
-from iptm_v2x_bridge.prediction.regression import Regression, RegressionModel
+from iptm_v2x_bridge.prediction.predictor import Predictor
+from iptm_v2x_bridge.prediction.received_path import ReceivedPath
+from iptm_v2x_bridge.prediction.regression import GAIN_FACTOR, Regression, RegressionModel
 from iptm_v2x_bridge.radio_recording import SimulatedRadio
 from iptm_v2x_bridge.sending.sender import CamSender
 from iptm_v2x_bridge.sending.settings import Foresight, SenderSettings
@@ -63,6 +66,10 @@ CELLS = (
     (8.5, 0.0, 0.0),
 )
 """Accuracy in m, loss, and delay in s; real cars state 2.8 m and more."""
+GAINS = ", gains times "
+"""A leader "regression, gains times 1.7" is predicted with that factor in place of `GAIN_FACTOR`."""
+FIT_S = 600.0
+"""Beginning of a trip of the data set that is driven, capped at `FASTEST_M_S`."""
 KEY = ["cycle", "leader", "accuracy_m", "loss", "delay_s"]
 
 
@@ -70,8 +77,9 @@ def predictors_of(leader: str, route: Route) -> tuple[Predictor, ...]:
     """Return the predictors of a row; earlier drives are other drives of the same road."""
     if leader == PATH:
         return ReceivedPath(), History()
-    if leader == REGRESSION:
-        return (Regression(RegressionModel.load()),)
+    name, _, factor = leader.partition(GAINS)
+    if name == REGRESSION:
+        return (Regression(RegressionModel.load(), float(factor or GAIN_FACTOR)),)
     if leader == EARLIER:
         source = np.random.default_rng(1)
         drives = [other_drive(route.leader, source) for _ in range(EARLIER_DRIVES)]
@@ -80,11 +88,20 @@ def predictors_of(leader: str, route: Route) -> tuple[Predictor, ...]:
 
 
 @lru_cache(maxsize=1)
-def measured_cycles() -> dict[str, str]:
-    """Return the measured lead vehicles of the project as drive files, by name."""
+def measured_cycles(data: str = "") -> dict[str, str]:
+    """Return measured lead vehicles as drive files, by name: those of the project, and trips of a folder."""
     folder = Path(tempfile.mkdtemp(prefix="lead_vehicles_"))
     found = lead_cycles(None, folder, lambda text: print(text, file=sys.stderr), count=1000)
-    return {Path(path).stem: path for path in found}
+    trips = {
+        name: str(write_drive(folder / f"fit_{name}.csv", 1.0, np.minimum(speeds, FASTEST_M_S)))
+        for name, speeds in _beginnings(data).items()
+    }
+    return trips | {Path(path).stem: path for path in found}
+
+
+def _beginnings(data: str) -> dict[str, FloatArray]:
+    drives = read_drives([data]) if data else {}
+    return {name: speeds[: int(FIT_S)] for name, speeds in drives.items()}
 
 
 def drive(
@@ -95,10 +112,11 @@ def drive(
     delay_s: float = 0.0,
     duration_s: float | None = None,
     seed: int = 1,
+    data: str = "",
 ) -> dict[str, Any]:
     """Drive one trip and return its figures."""
     parameters = load_parameters().values
-    name = cycle if cycle in ROUTE_CYCLES else measured_cycles().get(cycle, cycle)
+    name = cycle if cycle in ROUTE_CYCLES else measured_cycles(data).get(cycle, cycle)
     route = build_route(name, initial_gap_m=parameters.gap.initial_gap_m, duration_s=duration_s)
     chosen = ControllerSettings()
     options = ControllerOptions(
@@ -124,6 +142,7 @@ def drive(
     plant = Plant(parameters, route.slope.slope_at)
     loop = run_closed_loop(route, plant, Controller(parameters, options), bridge=bridge)
     run = compute_metrics(loop.trajectory, parameters, loop.decisions)
+    beyond_m = loop.trajectory.gap_m - parameters.gap.max_gap_m
     broken = gap_margins_m(loop.trajectory, parameters) < -GAP_TOLERANCE_M
     return {
         **dict(zip(KEY, (cycle, leader, accuracy_m, loss, delay_s), strict=True)),
@@ -131,6 +150,8 @@ def drive(
         "battery_energy_kj": 1e-3 * run.battery_energy_j,
         "smallest_gap_m": run.smallest_gap_m,
         "smallest_margin_m": run.smallest_margin_m,
+        "above_s_max_s": int(np.count_nonzero(beyond_m > GAP_TOLERANCE_M)),
+        "above_s_max_m": max(float(beyond_m.max()), 0.0),
         "broken_s": int(np.count_nonzero(broken)),
         "fallback_ticks": int(np.count_nonzero(np.asarray(loop.decisions.rung) != Rung.OPTIMAL)),
     }
@@ -144,6 +165,7 @@ def measure(
     cells: int = len(CELLS),
     rows: str = "",
     finished: int = 0,
+    data: str = "",
 ) -> list[dict[str, Any]]:
     """Measure all cases.
 
@@ -155,6 +177,7 @@ def measure(
         cells: how many of the pairs of accuracy and link, the most usual ones first.
         rows: file of finished rows, which are not driven again.
         finished: 1 drives nothing and takes the finished rows only.
+        data: folder of the data set, for its trips by name (as of `scripts/validate --data`).
     """
     cases = [(trip, known, 0.0, 0.0, 0.0) for known in (FILE, SENSOR) for trip in cycle]
     cases += [(trip, who, *cell) for cell in CELLS[:cells] for who in leader for trip in cycle]
@@ -167,7 +190,7 @@ def measure(
     if finished:
         cases = [case for case in cases if case in found]
     for case in (case for case in cases if case not in found):
-        row = drive(*case, duration_s or None, seed) | {"for_s": duration_s, "seed": seed}
+        row = drive(*case, duration_s or None, seed, data) | {"for_s": duration_s, "seed": seed}
         found[case] = row
         print(json.dumps(row), file=sys.stderr, flush=True)
         if store is not None:

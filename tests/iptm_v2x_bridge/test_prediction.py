@@ -11,13 +11,8 @@ from iptm_core.routes import build_route
 from iptm_core.state import FloatArray
 from iptm_v2x_bridge.prediction.extrapolation import History
 from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
-from iptm_v2x_bridge.prediction.predictor import (
-    Knowledge,
-    Predictor,
-    PredictorName,
-    ReceivedPath,
-    monotone_spline,
-)
+from iptm_v2x_bridge.prediction.predictor import Knowledge, Predictor, PredictorName
+from iptm_v2x_bridge.prediction.received_path import ReceivedPath, monotone_spline
 from iptm_v2x_bridge.prediction.regression import Regression, RegressionModel
 from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules
 from iptm_v2x_bridge.sending.settings import path_times_s

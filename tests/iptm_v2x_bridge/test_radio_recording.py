@@ -32,7 +32,7 @@ PORT = 8947
 TICKS = 30
 
 
-def said(answer: BridgeAnswer) -> tuple[object, ...]:
+def contents_of(answer: BridgeAnswer) -> tuple[object, ...]:
     preview = answer.preview
     arrays = (preview.times_s, preview.positions_m, preview.speeds_m_s)
     return (answer.leader, answer.predictor, answer.leader_bound_m, *(a.tobytes() for a in arrays))
@@ -43,7 +43,7 @@ def ego_m(route: Route, tick: int) -> float:
 
 
 def drive(wireless: SimulatedRadio, route: Route) -> tuple[list[tuple[object, ...]], object]:
-    found = [said(wireless.answer(tick * NS, ego_m(route, tick))) for tick in range(TICKS)]
+    found = [contents_of(wireless.answer(tick * NS, ego_m(route, tick))) for tick in range(TICKS)]
     return found, wireless.bridge.report()
 
 
@@ -74,7 +74,7 @@ def test_a_recording_with_marks_is_the_drive_itself(
         if tick == 10:
             bridge.count_overflow(10)
             sent += 10
-        live.append(said(bridge.answer(tick * NS, ego_m(route, tick))))
+        live.append(contents_of(bridge.answer(tick * NS, ego_m(route, tick))))
         mark = EndOfTick(tick * NS, sent).encode()
         stream += [(START_MS * 10**6 + tick * NS, mark)] * 2  # once more, as after a lost answer
     recording = recording_with_marks(stream, "drive")

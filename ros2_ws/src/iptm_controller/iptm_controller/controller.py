@@ -43,6 +43,7 @@ from iptm_controller.production import ProductionLikeController
 from iptm_controller.road_envelope import LOOK_AHEAD_S, RoadEnvelope
 from iptm_controller.solvers.factory import build_solver
 from iptm_controller.solvers.interface import SolverBackend, SolveResult, broken
+from iptm_controller.solvers.switching_check import SwitchingCheck
 from iptm_controller.strategy import Strategy
 from iptm_controller.temperature_value import NO_VALUE, TemperatureValuation
 from iptm_controller.traction_forecast import TractionForecaster
@@ -155,10 +156,11 @@ class Controller:
             "estimator": (self._estimator, "memory"),
             "is_cooling": (self._production, "is_cooling"),
             "pace": (self._road, "pace"),
-            "solves_since_second": (self.backend, "since_second"),
         }
-        # What this strategy, horizon or solver does not need has no such attribute.
-        return {name: part for name, part in parts.items() if hasattr(*part)}
+        if isinstance(self.backend, SwitchingCheck):
+            parts["solves_since_second"] = (self.backend, "since_second")
+        # What this strategy or horizon does not need is None.
+        return {name: part for name, part in parts.items() if part[0] is not None}
 
     @property
     def memory(self) -> ControllerMemory:

@@ -62,7 +62,7 @@ class ParameterSpec:
 
     @property
     def required(self) -> bool:
-        """Whether there is no default."""
+        """Whether it has to be given."""
         return isinstance(self.default, type)
 
     @property

@@ -38,7 +38,7 @@ class Results:
     """Runs by address, the table of their figures, and why others are missing.
 
     Attributes:
-        figures: a row per run, a column per figure in its unit; NaN where there is no value.
+        figures: a row per run, a column per figure in its unit; NaN for a missing value.
         missing: why a run is not there, by address.
         cases: the runs as planned, by address.
         origin: number of different ``runs`` and of the ``cases`` that they stand for, the ``trip`` that most

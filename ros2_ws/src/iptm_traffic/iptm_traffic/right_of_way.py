@@ -70,8 +70,8 @@ class RightOfWay:
     """The rules for the ego vehicle; two `RoadRules`.
 
     Attributes:
-        ego: limits, signals, everybody that the ego vehicle has to yield to, and the end of the way.
-        leader: limits and signals with fixed times, which a leader keeps, too.
+        ego: limits, signals, all that the ego vehicle has to yield to, and the end of the way.
+        leader: limits and signals with fixed times, which a leader also keeps.
         shown: the next signals as they are: closed while red.
     """
 

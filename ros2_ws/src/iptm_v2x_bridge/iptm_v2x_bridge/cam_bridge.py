@@ -26,10 +26,10 @@ from iptm_v2x_bridge.prediction.predictor import (
     Knowledge,
     Predictor,
     PredictorName,
-    ReceivedPath,
     joined_motion,
     knowledge_of,
 )
+from iptm_v2x_bridge.prediction.received_path import ReceivedPath
 from iptm_v2x_bridge.rejections import Rejection, RejectionCounts
 from iptm_v2x_bridge.roadside.table import ROADSIDE_KINDS, RoadsideTable
 from iptm_v2x_bridge.stations.station import Station

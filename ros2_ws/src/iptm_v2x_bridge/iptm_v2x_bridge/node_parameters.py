@@ -25,7 +25,8 @@ from iptm_v2x_bridge.messages.pycrate_codec import specification
 from iptm_v2x_bridge.messages.signatures import Verifier, read_anchors
 from iptm_v2x_bridge.prediction.extrapolation import History
 from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
-from iptm_v2x_bridge.prediction.predictor import Predictor, ReceivedPath
+from iptm_v2x_bridge.prediction.predictor import Predictor
+from iptm_v2x_bridge.prediction.received_path import ReceivedPath
 from iptm_v2x_bridge.prediction.regression import Regression, RegressionModel
 from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules
 from iptm_v2x_bridge.roadside.table import RoadsideTable

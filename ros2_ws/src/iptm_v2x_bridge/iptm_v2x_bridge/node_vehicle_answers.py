@@ -98,11 +98,10 @@ class VehicleAnswers(TickAnswers[V2xBridge]):
 
     def _on_odometry(self, message: Odometry) -> None:
         stamp_ns, *state = state_of(message)
-        if all(
-            map(math.isfinite, state)
-        ):  # else the tick stays unanswered, which the report states
-            self._vehicle.note_state(stamp_ns, *state)
-            self._retry()
+        if not all(map(math.isfinite, state)):
+            return  # the tick stays unanswered; the report states what is waited for
+        self._vehicle.note_state(stamp_ns, *state)
+        self._retry()
 
     def _on_plan(self, message: JointTrajectory) -> None:
         stamp_ns, plan = decode_plan(message)

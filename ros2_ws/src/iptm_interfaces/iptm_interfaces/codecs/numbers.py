@@ -96,7 +96,8 @@ class NumberMessage:
         self.numbers = numbers
         self._build = build
         self._names = [number.name for number in numbers]
-        self._offsets = [number.offset for number in numbers if number.offset]
+        offsets = [number.offset for number in numbers]
+        self._offsets = offsets if any(offsets) else []
         self._limits = [(number.least, number.most, number) for number in numbers]
         self._readers = [attrgetter(number.place) for number in numbers if number.place]
         self._forms: dict[str, tuple[bytes, struct.Struct | None, tuple[int, ...]]] = {}

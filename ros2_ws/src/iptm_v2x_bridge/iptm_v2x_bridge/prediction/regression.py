@@ -193,8 +193,13 @@ class Regression:
 
     name = PredictorName.REGRESSION
 
-    def __init__(self, model: RegressionModel) -> None:
-        self._model = model
+    def __init__(self, model: RegressionModel, gain_factor: float = GAIN_FACTOR) -> None:
+        """Use a model.
+
+        Args:
+            gain_factor: see `GAIN_FACTOR`; 1 expects what the drives did.
+        """
+        self._model, self._gain_factor = model, gain_factor
 
     def predict(self, known: Knowledge, times_s: FloatArray) -> LeaderPreview:
         """Return the motion at all times asked for; behind the last lead time it keeps its speed."""
@@ -207,7 +212,7 @@ class Regression:
         speeds, driven, bounds = (table[0] for table in self._model.at_leads(past[None]))
         leads = np.array([0.0, *self._model.leads_s])
         gains = np.where(leads > NEAR_S, np.maximum(speeds - speeds[0], 0.0), 0.0)
-        extra = (GAIN_FACTOR - 1.0) * gains
+        extra = (self._gain_factor - 1.0) * gains
         speeds = speeds + extra
         farther = np.cumsum(0.5 * (extra + np.roll(extra, 1)) * np.diff(leads, prepend=0.0))
         driven, bounds = driven + farther, bounds + farther

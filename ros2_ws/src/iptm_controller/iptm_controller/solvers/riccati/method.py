@@ -39,7 +39,7 @@ NOWHERE = FilterPoint(math.nan, math.nan, math.inf, math.inf)
 
 
 class Termination(Enum):
-    """Why the iteration stopped; the second value is the outcome where there is no usable iterate."""
+    """Why the iteration stopped; the second value is the outcome without a usable iterate."""
 
     CONVERGED = "converged", SolveStatus.NUMERICAL_ERROR
     ITERATIONS = "bound on the iterations", SolveStatus.ITERATION_LIMIT
