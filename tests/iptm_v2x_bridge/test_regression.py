@@ -69,6 +69,9 @@ def test_late_gains_of_speed_count_more_and_the_bounded_motion_stays() -> None:
     assert predicted.speeds_m_s.tolist() == [10.0, 12.0, 13.0]
     assert predicted.positions_m.tolist() == [1000.0, 1011.0, 1036.0]
     assert predicted.bounds_m.tolist() == [0.0, 2.0, 9.0]
+    as_driven = Regression(gains, gain_factor=1.0).predict(heard([9.0, 10.0]), times_s)
+    assert as_driven.positions_m[-1] - as_driven.bounds_m[-1] == 1036.0 - 9.0
+    assert as_driven.speeds_m_s.tolist() == [10.0, 12.0, 12.0]
     # Expected losses are as they are in the drives.
     losses = Regression(gains).predict(heard([11.0, 10.0]), times_s)
     assert losses.speeds_m_s.tolist() == [10.0, 8.0, 8.0]
