@@ -345,6 +345,6 @@ class StampMatcher(Generic[K]):
         return stamp_ns, tuple(slot for slot in self._slots if slot not in values)
 
     def take_incomplete(self) -> MatchedSet[K] | None:
-        """Hand out the newest of the sets that lack least of the leading slots, for a makeshift answer."""
+        """Hand out the newest of the sets that lack least of the leading slots, for a fallback answer."""
         waiting = self.missing()
         return None if waiting is None else self._hand_out(waiting[0])

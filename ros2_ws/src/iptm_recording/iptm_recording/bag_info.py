@@ -69,7 +69,7 @@ def result_tables(path: Path, namespace: str | None = None) -> list[Table]:
     """
     # Decoding to the suite's messages needs ROS, everything else here does not.
     from iptm_interfaces.assembly import unpublished  # noqa: PLC0415
-    from iptm_recording.trajectory_reader import (  # noqa: PLC0415  # noqa: PLC0415
+    from iptm_recording.trajectory_reader import (  # noqa: PLC0415
         changes_in_words,
         leader_remark,
         read_decisions,
