@@ -20,7 +20,7 @@ from iptm_core.physics.power_thermal import electric_traction_power_w
 from iptm_core.state import FloatArray, LeaderPreview, SlopePreview, VehicleState
 
 SMOOTHING_S = 25.0
-"""Half of the window: egos of the default strategy drive the comprehensive cycle as smoothly as that."""
+"""Half of the window: the default strategy drives the comprehensive cycle as smoothly as that."""
 MEMORY_TICKS = 1200
 """Ticks of the trip so far that count."""
 

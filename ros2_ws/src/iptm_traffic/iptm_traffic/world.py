@@ -1,4 +1,4 @@
-"""The traffic as the world around the ego, headless and over ROS: SUMO advances with that of the ego."""
+"""The traffic as the world around the ego vehicle, headless and over ROS: SUMO advances with its plant."""
 
 from __future__ import annotations
 
