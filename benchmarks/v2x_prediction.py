@@ -21,7 +21,7 @@ from iptm_traffic.drive import PredictionInput, TrafficDrive, opened_traffic
 from iptm_v2x_bridge.messages.cam import decode_datagram
 from iptm_v2x_bridge.prediction.extrapolation import History
 from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
-from iptm_v2x_bridge.prediction.predictor import Knowledge, Predictor, PredictorName, knowledge_of
+from iptm_v2x_bridge.prediction.predictor import LeaderTrack, Predictor, PredictorName, leader_track
 from iptm_v2x_bridge.prediction.received_path import ReceivedPath
 from iptm_v2x_bridge.prediction.regression import Regression, RegressionModel
 from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules
@@ -45,8 +45,8 @@ SHORTEST_STAY_S = 180.0
 IN_TRAFFIC_EVERY_S = 10.0
 
 
-def knowledge_at(sender: CamSender, road: RoadLine, time_ms: int, since_ms: int = 0) -> Knowledge:
-    """Return what a receiver knows after some seconds of messages, through the bits of the wire.
+def track_at(sender: CamSender, road: RoadLine, time_ms: int, since_ms: int = 0) -> LeaderTrack:
+    """Return the leader's track after some seconds of messages, through the bits of the wire.
 
     Args:
         sender: sends them.
@@ -66,7 +66,7 @@ def knowledge_at(sender: CamSender, road: RoadLine, time_ms: int, since_ms: int 
             station.update(read[0], at_ms)
     if station is None:
         raise SystemExit("no message")
-    return knowledge_of(station, road)
+    return leader_track(station, road)
 
 
 def other_drive(motion: LeaderMotion, source: np.random.Generator) -> LeaderMotion:
@@ -162,8 +162,8 @@ def errors(
         begin_s, end_s = motion.times_s[0], motion.times_s[-1] - until_before_end_s
         # After a second of messages, between samples and points of paths.
         for time_s in np.arange(begin_s + 1.7, end_s, every_s):
-            known = knowledge_at(sender, road, round(1000.0 * time_s), round(1000.0 * begin_s))
-            predicted = predictor.predict(known, time_s + np.array(LEADS_S))
+            track = track_at(sender, road, round(1000.0 * time_s), round(1000.0 * begin_s))
+            predicted = predictor.predict(track, time_s + np.array(LEADS_S))
             if predicted is not None:
                 times = predicted.times_s  # a path may end before the last lead time
                 behind_m = predicted.positions_m - motion.positions_at(times)

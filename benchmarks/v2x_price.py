@@ -64,6 +64,8 @@ CELLS = (
     (2.8, 0.5, 1.0),
     (1.0, 0.0, 0.0),
     (8.5, 0.0, 0.0),
+    (2.8, 0.2, 0.0),
+    (2.8, 0.5, 0.0),
 )
 """Accuracy in m, loss, and delay in s; real cars state 2.8 m and more."""
 GAINS = ", gains times "
@@ -215,11 +217,12 @@ def as_table(rows: list[dict[str, Any]]) -> dict[str, str]:
     frame["cell"] = [cell(**row) for row in rows]
     frame["link"] = [
         f"{row['accuracy_m']:g} m"
-        + (f", {row['loss']:.0%} lost, {row['delay_s']:g} s late" if row["loss"] else "")
+        + (f", {row['loss']:.0%} lost" if row["loss"] else "")
+        + (f", {row['delay_s']:g} s late" if row["delay_s"] else "")
         for row in rows
     ]
     radio = ~frame["leader"].isin([FILE, SENSOR])
-    links = frame[radio].sort_values(["loss", "accuracy_m"])["link"].unique()
+    links = frame[radio].sort_values(["delay_s", "loss", "accuracy_m"])["link"].unique()
     frame.loc[~radio, "link"] = links[0]
     table = frame.pivot_table("cell", ["cycle", "leader"], "link", "first", fill_value="-")
     names = frame[["cycle", "leader"]].drop_duplicates()

@@ -10,7 +10,7 @@ from iptm_core.parameters import load_parameters
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.settings import LeaderSource
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
-from iptm_v2x_bridge.prediction.predictor import Knowledge, PredictorName
+from iptm_v2x_bridge.prediction.predictor import LeaderTrack, PredictorName
 from iptm_v2x_bridge.rules_of_the_road import given_rules
 from iptm_v2x_bridge.stations.station import Observation
 
@@ -50,7 +50,7 @@ def test_a_ego_that_keeps_the_rules_needs_to_know_them() -> None:
 
 def test_what_is_given_of_the_road_bounds_the_prediction() -> None:
     """A leader at 15 m/s, 100 m before a line that opens in 30 s."""
-    stands = Knowledge((Observation(0.0, 100.0, 15.0, 0.0),))
+    stands = LeaderTrack((Observation(0.0, 100.0, 15.0, 0.0),))
     times = np.arange(0.0, 40.0)
     given = {"signals": "204.5:80:30:40"}
     for keeps, farthest_m in ((True, 200.5), (False, np.inf)):

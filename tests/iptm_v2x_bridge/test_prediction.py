@@ -11,7 +11,7 @@ from iptm_core.routes import build_route
 from iptm_core.state import FloatArray
 from iptm_v2x_bridge.prediction.extrapolation import History
 from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
-from iptm_v2x_bridge.prediction.predictor import Knowledge, Predictor, PredictorName
+from iptm_v2x_bridge.prediction.predictor import LeaderTrack, Predictor, PredictorName
 from iptm_v2x_bridge.prediction.received_path import ReceivedPath, monotone_spline
 from iptm_v2x_bridge.prediction.regression import Regression, RegressionModel
 from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules
@@ -44,8 +44,8 @@ PREDICTORS: dict[str, Predictor] = {
 @settings(deadline=None, max_examples=25)
 @given(st.floats(0.0, 60.0), st.floats(-12.0, 12.0))
 def test_no_leader_drives_backwards(name: str, speed_m_s: float, acceleration_m_s2: float) -> None:
-    known = Knowledge((seen(speed_m_s, acceleration_m_s2),), steady_path())
-    predicted = PREDICTORS[name].predict(known, AHEAD)
+    track = LeaderTrack((seen(speed_m_s, acceleration_m_s2),), steady_path())
+    predicted = PREDICTORS[name].predict(track, AHEAD)
     assert predicted is not None
     assert (np.diff(predicted.positions_m) >= -1e-9).all()
     assert (predicted.speeds_m_s >= 0.0).all()
@@ -56,21 +56,21 @@ def test_no_leader_drives_backwards(name: str, speed_m_s: float, acceleration_m_
 
 @pytest.mark.parametrize("name", PREDICTORS)
 def test_a_steady_leader_predicted_exactly(name: str) -> None:
-    predicted = PREDICTORS[name].predict(Knowledge((seen(20.0),), steady_path()), AHEAD)
+    predicted = PREDICTORS[name].predict(LeaderTrack((seen(20.0),), steady_path()), AHEAD)
     assert predicted is not None
     np.testing.assert_allclose(predicted.positions_m, 100.0 + 20.0 * predicted.times_s, atol=0.3)
 
 
 def test_an_acceleration_dies_away() -> None:
     """Numbers by hand: 20 m/s and -2 m/s2 decaying with 4 s end at 12 m/s."""
-    predicted = History().predict(Knowledge((seen(20.0, -2.0),)), AHEAD)
+    predicted = History().predict(LeaderTrack((seen(20.0, -2.0),)), AHEAD)
     assert predicted.speeds_m_s[4] == pytest.approx(20.0 - 8.0 * (1.0 - np.exp(-1.0)))
     assert predicted.speeds_m_s[-1] == pytest.approx(12.0, abs=1e-3)
     assert predicted.positions_m[-1] - 100.0 == pytest.approx(12.0 * 60.0 + 8.0 * 4.0, abs=0.1)
 
 
 def test_a_braking_leader_halts_and_stays() -> None:
-    predicted = History().predict(Knowledge((seen(5.0, -3.0),)), AHEAD)
+    predicted = History().predict(LeaderTrack((seen(5.0, -3.0),)), AHEAD)
     assert predicted.speeds_m_s[5] == 0.0
     # The integral of 5 - 12 (1 - exp(-t/4)) up to where it reaches zero, 4 ln(12/7) s.
     assert predicted.positions_m[-1] - 100.0 == pytest.approx(20.0 - 28.0 * np.log(12.0 / 7.0))
@@ -78,7 +78,7 @@ def test_a_braking_leader_halts_and_stays() -> None:
 
 def test_untold_acceleration_is_read_off_the_last_second() -> None:
     observations = [seen(20.0 - 0.1 * k, None, 0.1 * k - 1.0) for k in range(11)]
-    predicted = History().predict(Knowledge(observations), AHEAD)
+    predicted = History().predict(LeaderTrack(observations), AHEAD)
     assert predicted.speeds_m_s[1] == pytest.approx(19.0 - 4.0 * (1.0 - np.exp(-0.25)))
 
 
@@ -88,8 +88,8 @@ def test_an_old_observation_allows_for_braking_since_then(
 ) -> None:
     """Braking of 3 m/s2 for the unheard second, beyond what 99 % of the leaders do."""
     times = np.arange(0.0, 4.0)
-    fresh = predictor.predict(Knowledge((seen(15.0, 1.0),)), times)
-    late = predictor.predict(Knowledge((seen(15.0, 1.0),), age_s=1.0), times)
+    fresh = predictor.predict(LeaderTrack((seen(15.0, 1.0),)), times)
+    late = predictor.predict(LeaderTrack((seen(15.0, 1.0),), age_s=1.0), times)
     assert late.positions_m == pytest.approx(fresh.positions_m)
     assert late.bounds_m[:2] == pytest.approx(fresh.bounds_m[:2])
     assert (late.bounds_m >= fresh.bounds_m).all()
@@ -104,8 +104,8 @@ def test_a_received_path_is_what_the_leader_does() -> None:
     for start_s in (0.0, 100.0, 200.0, 340.0):
         nodes = start_s + 1.5 * np.arange(0.0, 41.0)
         last = Observation(start_s, *(float(v[0]) for v in _at(motion, np.array([start_s]))), 0.0)
-        known = Knowledge((last,), (nodes, motion.positions_at(nodes)))
-        predicted = ReceivedPath().predict(known, start_s + AHEAD)
+        track = LeaderTrack((last,), (nodes, motion.positions_at(nodes)))
+        predicted = ReceivedPath().predict(track, start_s + AHEAD)
         assert predicted is not None
         positions, speeds = _at(motion, start_s + AHEAD)
         assert np.abs(predicted.positions_m - positions).max() < 0.5
@@ -124,8 +124,8 @@ def test_bounds_of_a_received_path_hold_between_its_points(cycle: str, phase_s: 
     for start_s in np.arange(1.0 + phase_s, motion.times_s[-1], 3.0):
         places = np.round(motion.positions_at(start_s + ahead), 2)
         last = Observation(start_s, *(float(v[0]) for v in _at(motion, np.array([start_s]))), 0.0)
-        known = Knowledge((last,), (start_s + ahead, places))
-        predicted = ReceivedPath().predict(known, start_s + near)
+        track = LeaderTrack((last,), (start_s + ahead, places))
+        predicted = ReceivedPath().predict(track, start_s + near)
         assert predicted is not None
         positions, speeds = _at(motion, start_s + near)
         kept.append(predicted.positions_m - predicted.bounds_m <= positions)
@@ -148,19 +148,19 @@ def _at(motion: object, times: FloatArray) -> tuple[FloatArray, FloatArray]:
 )
 def test_a_path_that_no_car_drives_is_not_followed(places: list[float]) -> None:
     path = (np.arange(4.0), np.array([100.0, *places]))
-    assert ReceivedPath().predict(Knowledge((seen(10.0),), path), AHEAD) is None
+    assert ReceivedPath().predict(LeaderTrack((seen(10.0),), path), AHEAD) is None
 
 
 @pytest.mark.parametrize(("behind_m", "followed"), [(0.0, True), (0.8, True), (1.2, False)])
 def test_an_older_path_counts_while_the_leader_keeps_to_it(behind_m: float, followed: bool) -> None:
     last = Observation(4.0, 180.0 - behind_m, 20.0, 0.0)
-    predicted = ReceivedPath().predict(Knowledge((last,), steady_path()), 4.0 + AHEAD)
+    predicted = ReceivedPath().predict(LeaderTrack((last,), steady_path()), 4.0 + AHEAD)
     assert (predicted is not None) == followed
 
 
 def test_a_short_path_ends_where_it_ends() -> None:
     path = (np.array([0.0, 2.0, 4.0]), np.array([100.0, 120.0, 140.0]))
-    predicted = ReceivedPath().predict(Knowledge((seen(10.0),), path), AHEAD)
+    predicted = ReceivedPath().predict(LeaderTrack((seen(10.0),), path), AHEAD)
     assert predicted is not None
     assert predicted.times_s.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
 
@@ -180,7 +180,7 @@ def test_the_cubic_never_decreases_and_meets_its_points(steps: list[float], slop
 def test_limits_ahead_slow_the_leader_down_in_time() -> None:
     limits = SpeedLimits(np.array([0.0, 500.0]), np.array([30.0, 10.0]))
     predictor = BoundedByRules(History(), RoadRules(limits))
-    predicted = predictor.predict(Knowledge((seen(20.0),)), AHEAD)
+    predicted = predictor.predict(LeaderTrack((seen(20.0),)), AHEAD)
     assert predicted is not None
     assert predictor.name is PredictorName.SPEED_LIMITS
     assert predicted.speeds_m_s[5] == pytest.approx(20.0)
@@ -193,7 +193,7 @@ def test_limits_ahead_slow_the_leader_down_in_time() -> None:
 def test_who_drives_too_fast_here_does_so_there() -> None:
     limits = SpeedLimits(np.array([0.0, 500.0]), np.array([20.0, 10.0]))
     predicted = BoundedByRules(History(), RoadRules(limits)).predict(
-        Knowledge((seen(22.0),)), AHEAD
+        LeaderTrack((seen(22.0),)), AHEAD
     )
     assert predicted is not None
     assert predicted.speeds_m_s[-1] == pytest.approx(11.0, abs=0.2)
@@ -205,11 +205,11 @@ def test_a_learnt_stop_is_expected_and_waited_for() -> None:
     speeds = np.interp(seconds, [0, 40, 50, 70, 80, 120], [10, 10, 0, 0, 10, 10])
     positions = 100.0 + np.concatenate([[0.0], np.cumsum(0.5 * (speeds[1:] + speeds[:-1]))])
     predictor = LearntProfile([(positions, speeds)] * 3)
-    predicted = predictor.predict(Knowledge((seen(10.0),)), np.arange(0.0, 101.0))
+    predicted = predictor.predict(LeaderTrack((seen(10.0),)), np.arange(0.0, 101.0))
     assert predicted is not None
     assert predicted.speeds_m_s[55:65].max() < 2.0
     assert predicted.positions_m[-1] == pytest.approx(float(positions[100]), abs=60.0)
-    assert predictor.predict(Knowledge((Observation(0.0, 9000.0, 10.0, 0.0),)), AHEAD) is None
+    assert predictor.predict(LeaderTrack((Observation(0.0, 9000.0, 10.0, 0.0),)), AHEAD) is None
 
 
 def test_nothing_is_learnt_from_no_drive() -> None:
@@ -227,7 +227,7 @@ def test_bounds_hold_on_cycles_that_they_were_not_read_off(cycle: str) -> None:
         last = Observation(
             start_s, float(motion.positions_at(start_s)), now, round((now - before) / 0.2, 1)
         )
-        predicted = History().predict(Knowledge((last,)), start_s + leads)
+        predicted = History().predict(LeaderTrack((last,)), start_s + leads)
         kept.append(
             predicted.positions_m - predicted.bounds_m <= motion.positions_at(start_s + leads)
         )

@@ -14,7 +14,7 @@ from iptm_core.errors import RouteError
 from iptm_core.routes import build_route
 from iptm_core.routes.cycles import LeaderMotion, load_cycle
 from iptm_v2x_bridge.prediction.extrapolation import History
-from iptm_v2x_bridge.prediction.predictor import Knowledge
+from iptm_v2x_bridge.prediction.predictor import LeaderTrack
 from iptm_v2x_bridge.prediction.regression import (
     FEATURES,
     NEAR_S,
@@ -39,10 +39,10 @@ BY_HAND = RegressionModel(
 )
 
 
-def heard(speeds_m_s: list[float], every_s: float = 1.0) -> Knowledge:
+def heard(speeds_m_s: list[float], every_s: float = 1.0) -> LeaderTrack:
     """A leader whose last message is at 100 s, at 1000 m."""
     count = len(speeds_m_s)
-    return Knowledge(
+    return LeaderTrack(
         tuple(
             Observation(100.0 - every_s * (count - 1 - k), 1000.0, speed, None)
             for k, speed in enumerate(speeds_m_s)
@@ -109,8 +109,8 @@ def test_at_first_a_leader_may_be_where_its_decaying_acceleration_takes_it(
     speeds_m_s: list[float],
 ) -> None:
     """Whatever is expected instead, the gap is kept to that motion as without a regression."""
-    known, times = heard(speeds_m_s), 100.0 + np.arange(0.0, NEAR_S + 0.5, 0.5)
-    predicted, decaying = Regression(SHIPPED).predict(known, times), History().predict(known, times)
+    track, times = heard(speeds_m_s), 100.0 + np.arange(0.0, NEAR_S + 0.5, 0.5)
+    predicted, decaying = Regression(SHIPPED).predict(track, times), History().predict(track, times)
     lowest_m = np.maximum(decaying.positions_m - decaying.bounds_m, 1000.0)
     assert (predicted.positions_m - predicted.bounds_m <= lowest_m + 1e-9).all()
 
@@ -142,13 +142,13 @@ def test_bounds_hold_on_a_cycle_that_was_not_trained_on() -> None:
     for now_s in np.arange(20.0, motion.times_s[-1] - 30.0):
         seconds = now_s - np.arange(12.0)[::-1]
         speeds, positions = motion.speeds_at(seconds), motion.positions_at(seconds)
-        known = Knowledge(
+        track = LeaderTrack(
             tuple(
                 Observation(float(t), float(p), float(v), None)
                 for t, p, v in zip(seconds, positions, speeds, strict=True)
             )
         )
-        predicted = Regression(SHIPPED).predict(known, now_s + leads)
+        predicted = Regression(SHIPPED).predict(track, now_s + leads)
         late.append(predicted.positions_m - predicted.bounds_m > motion.positions_at(now_s + leads))
     assert np.mean(late, axis=0).max() < 0.015
 

@@ -35,7 +35,7 @@ from iptm_v2x_bridge.messages.spatem import (
     second_of_hour,
 )
 from iptm_v2x_bridge.prediction.extrapolation import History
-from iptm_v2x_bridge.prediction.predictor import Knowledge, PredictorName
+from iptm_v2x_bridge.prediction.predictor import LeaderTrack, PredictorName
 from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules, Signal
 from iptm_v2x_bridge.rejections import Rejection
 from iptm_v2x_bridge.roadside.interpretation import stop_lines
@@ -278,12 +278,12 @@ def test_a_sign_is_cancelled_and_not_revived_by_an_old_message() -> None:
 
 def test_the_leader_is_foretold_by_what_is_heard() -> None:
     times = NOW_S + np.arange(0.0, 41.0)
-    known = Knowledge((Observation(NOW_S, 300.0, 14.0, 0.0),), length_m=5.0)
+    track = LeaderTrack((Observation(NOW_S, 300.0, 14.0, 0.0),), length_m=5.0)
     silent = BoundedByRules(History(), heard().leader)
-    assert silent.predict(known, times) is None
+    assert silent.predict(track, times) is None
     red = heard(lanes(), phases(NOW_MS, (RED, 30.0, 30.0), (GREEN, 60.0, 60.0))).leader
     bounded = BoundedByRules(History(), red)
-    stated = bounded.predict(known, times)
+    stated = bounded.predict(track, times)
     assert stated is not None
     assert bounded.name is PredictorName.SIGNALS
     assert stated.positions_m[29] + 5.0 <= LINE_M + 0.02

@@ -11,7 +11,7 @@ from iptm_core.errors import RouteError
 from iptm_core.road_ahead import SpeedLimits
 from iptm_core.state import FloatArray, LeaderPreview
 from iptm_v2x_bridge.prediction.extrapolation import History
-from iptm_v2x_bridge.prediction.predictor import Knowledge, PredictorName
+from iptm_v2x_bridge.prediction.predictor import LeaderTrack, PredictorName
 from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules, Signal
 from iptm_v2x_bridge.stations.station import Observation
 
@@ -28,9 +28,9 @@ def predict(
     limits: SpeedLimits = FREE,
     time_s: float = 0.0,
 ) -> LeaderPreview:
-    known = Knowledge((Observation(time_s, position_m, speed_m_s, 0.0),), length_m=5.0)
+    track = LeaderTrack((Observation(time_s, position_m, speed_m_s, 0.0),), length_m=5.0)
     predictor = BoundedByRules(History(), RoadRules(limits, signals))
-    predicted = predictor.predict(known, time_s + TIMES)
+    predicted = predictor.predict(track, time_s + TIMES)
     assert predicted is not None
     assert predictor.name is PredictorName.SIGNALS
     return predicted
@@ -81,7 +81,7 @@ def test_the_leader_halts_before_a_closed_line_and_drives_on_when_it_opens() -> 
     assert fronts[49] > 495.0
     assert predicted.speeds_m_s[49] == 0.0
     assert predicted.speeds_m_s[60] > 8.0
-    assert History().predict(Knowledge((Observation(0.0, 300.0, 14.0, 0.0),)), TIMES).positions_m[
+    assert History().predict(LeaderTrack((Observation(0.0, 300.0, 14.0, 0.0),)), TIMES).positions_m[
         50
     ] == pytest.approx(1000.0)
 
@@ -109,9 +109,9 @@ def test_no_closed_line_is_passed_by_who_can_halt(
 ) -> None:
     signal = Signal.cyclic(500.0, 80.0, opens_at_s, open_for_s)
     limits = SpeedLimits(np.array([0.0, 300.0]), np.array([25.0, 12.0]))
-    known = Knowledge((Observation(0.0, position_m, speed_m_s, 0.0),), length_m=5.0)
+    track = LeaderTrack((Observation(0.0, position_m, speed_m_s, 0.0),), length_m=5.0)
     fine = 0.25 * np.arange(0.0, 241.0)
-    predicted = BoundedByRules(History(), RoadRules(limits, (signal,))).predict(known, fine)
+    predicted = BoundedByRules(History(), RoadRules(limits, (signal,))).predict(track, fine)
     assert predicted is not None
     assert (np.diff(predicted.positions_m) >= -1e-9).all()
     assert (predicted.speeds_m_s >= 0.0).all()

@@ -38,7 +38,7 @@ from iptm_v2x_bridge.messages.spatem import (
 from iptm_v2x_bridge.prediction.road_rules import Signal
 
 LIMITS_WITHOUT_SIGNS = f"0:{min(LIMITS_KM_H):g}"
-"""Speed limit (km/h) assumed by an ego vehicle that knows only the kind of road."""
+"""Speed limit (km/h) assumed where only the kind of road is known."""
 SENT_PHASES = 6
 """Two cycles of green, yellow and red."""
 MAPS_EVERY_S = 1.0

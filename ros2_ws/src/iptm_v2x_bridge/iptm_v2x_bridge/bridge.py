@@ -51,7 +51,7 @@ class BridgeAnswer:
 
 
 class TickBridge(Protocol):
-    """What answers ticks, wherever it knows the leader from."""
+    """What answers ticks, whatever the source of the leader's motion."""
 
     def answer(
         self, time_ns: int, ego_position_m: float, ego_speed_m_s: float = 0.0

@@ -23,11 +23,11 @@ from iptm_v2x_bridge.messages.packets import MessageKind, open_datagram
 from iptm_v2x_bridge.messages.signatures import Verifier
 from iptm_v2x_bridge.prediction.extrapolation import AssumedBraking, History
 from iptm_v2x_bridge.prediction.predictor import (
-    Knowledge,
+    LeaderTrack,
     Predictor,
     PredictorName,
     joined_motion,
-    knowledge_of,
+    leader_track,
 )
 from iptm_v2x_bridge.prediction.received_path import ReceivedPath
 from iptm_v2x_bridge.rejections import Rejection, RejectionCounts
@@ -75,11 +75,11 @@ class CamBridge:
         Args:
             road: the ego vehicle's route; position 0 is where the ego vehicle starts.
             settings: length and step of the previews; the faults of a simulated link play no part.
-            predictors: from the best informed to one that always knows an answer.
+            predictors: from the best informed to one that always has an answer.
             start_timestamp_ms: TimestampIts at trip time 0.
             datagram_offset_bytes: length of what a receiver puts in front of every message or packet.
             roadside: takes in what roadside stations send; None refuses it.
-            verifier: verifies signatures; None believes every message.
+            verifier: verifies signatures; None accepts every message unverified.
         """
         self._road = road
         self._roadside = roadside
@@ -186,7 +186,7 @@ class CamBridge:
             same_car = heard.message.station_id == identity
             same_car |= heard.first_ms >= held.generated_ms - SAME_CAR_MS
             now_s = now_ms / 1000.0
-            braking = AssumedBraking().predict(Knowledge((held.last,)), np.array([now_s]))
+            braking = AssumedBraking().predict(LeaderTrack((held.last,)), np.array([now_s]))
             held_at_m = float(braking.positions_m[0])
             if same_car or heard.last.moved_on_m(now_s) < held_at_m:
                 return heard
@@ -249,18 +249,18 @@ class CamBridge:
         """
         times = nodes + self.start_timestamp_ms / 1000.0
         now = now_s + self.start_timestamp_ms / 1000.0
-        known = knowledge_of(station, self._road, now)
+        track = leader_track(station, self._road, now)
         if round(1000.0 * now) - station.heard_ms > SILENT_MS:
-            return AssumedBraking.name, AssumedBraking().predict(known, times)
+            return AssumedBraking.name, AssumedBraking().predict(track, times)
         if contested:
-            known = replace(known, path=None)  # its sender is ambiguous
+            track = replace(track, path=None)  # its sender is ambiguous
         for predictor in self._predictors:
-            prediction = predictor.predict(known, times)
+            prediction = predictor.predict(track, times)
             if prediction is None or not prediction.times_s.size:
                 continue
             if prediction.times_s[-1] >= now - 1e-6:
                 return predictor.name, prediction
-        return History.name, History().predict(known, times)
+        return History.name, History().predict(track, times)
 
     @property
     def leader_id(self) -> int | None:

@@ -9,7 +9,7 @@ import numpy as np
 from iptm_core.state import NS_PER_S, FloatArray, LeaderPreview, LeaderState
 from iptm_v2x_bridge.bridge import single_sample
 from iptm_v2x_bridge.prediction.extrapolation import AssumedBraking
-from iptm_v2x_bridge.prediction.predictor import Knowledge
+from iptm_v2x_bridge.prediction.predictor import LeaderTrack
 from iptm_v2x_bridge.stations.station import Observation
 
 T = TypeVar("T")
@@ -119,4 +119,4 @@ class VehicleAhead:
         last = self._states[max(self._states)]
         observed = Observation(last.time_s, last.position_m, last.speed_m_s, None)
         # Without its bounds, which are 0.
-        return AssumedBraking().predict(Knowledge((observed,)), times_s).cautious()
+        return AssumedBraking().predict(LeaderTrack((observed,)), times_s).cautious()

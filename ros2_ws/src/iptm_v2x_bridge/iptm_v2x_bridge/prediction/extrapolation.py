@@ -7,7 +7,7 @@ import numpy as np
 from iptm_core.state import FloatArray, LeaderPreview
 from iptm_v2x_bridge.prediction.predictor import (
     ErrorGrowth,
-    Knowledge,
+    LeaderTrack,
     PredictorName,
 )
 
@@ -25,11 +25,11 @@ class History:
 
     name = PredictorName.HISTORY
 
-    def predict(self, known: Knowledge, times_s: FloatArray) -> LeaderPreview:
+    def predict(self, track: LeaderTrack, times_s: FloatArray) -> LeaderPreview:
         """Return the motion at all times asked for."""
-        last = known.last
+        last = track.last
         elapsed = np.maximum(times_s - last.time_s, 0.0)
-        acceleration = present_acceleration_m_s2(known)
+        acceleration = present_acceleration_m_s2(track)
         gone = 1.0 - np.exp(-elapsed / DECAY_S)
         speeds = last.speed_m_s + acceleration * DECAY_S * gone
         moved = last.speed_m_s * elapsed + acceleration * DECAY_S * (elapsed - DECAY_S * gone)
@@ -45,17 +45,17 @@ class History:
             times_s,
             last.position_m + np.maximum.accumulate(moved),
             speeds,
-            np.maximum(GROWTH.at(elapsed), unheard_braking_m(known, elapsed, speeds))
+            np.maximum(GROWTH.at(elapsed), unheard_braking_m(track, elapsed, speeds))
             + last.bound_m,
         )
 
 
-def present_acceleration_m_s2(known: Knowledge) -> float:
+def present_acceleration_m_s2(track: LeaderTrack) -> float:
     """Return the acceleration that the leader sends, else the one of its last second."""
-    last = known.last
+    last = track.last
     if last.acceleration_m_s2 is not None:
         return last.acceleration_m_s2
-    for earlier in known.observations:
+    for earlier in track.observations:
         elapsed_s = last.time_s - earlier.time_s
         if 0.0 < elapsed_s <= SLOPE_WINDOW_S + 1e-9:
             return (last.speed_m_s - earlier.speed_m_s) / elapsed_s
@@ -67,7 +67,7 @@ ASSUMED_BRAKING_M_S2 = 3.0
 
 
 def unheard_braking_m(
-    known: Knowledge, elapsed_s: FloatArray, speeds_m_s: FloatArray
+    track: LeaderTrack, elapsed_s: FloatArray, speeds_m_s: FloatArray
 ) -> FloatArray:
     """Return how far behind the expectation a leader may be that has braked since its last message.
 
@@ -76,13 +76,13 @@ def unheard_braking_m(
     the bounds leave out, and no less to be allowed for. Up to the tick nothing is added.
 
     Args:
-        known: messages of the leader.
+        track: messages of the leader.
         elapsed_s: times since the last one, shape (n,).
         speeds_m_s: expected speeds there, shape (n,).
     """
-    lowest_m_s = max(known.last.speed_m_s - ASSUMED_BRAKING_M_S2 * known.age_s, 0.0)
-    lost_m_s = max(float(np.interp(known.age_s, elapsed_s, speeds_m_s)) - lowest_m_s, 0.0)
-    ahead = elapsed_s > known.age_s + 1e-6
+    lowest_m_s = max(track.last.speed_m_s - ASSUMED_BRAKING_M_S2 * track.age_s, 0.0)
+    lost_m_s = max(float(np.interp(track.age_s, elapsed_s, speeds_m_s)) - lowest_m_s, 0.0)
+    ahead = elapsed_s > track.age_s + 1e-6
     behind_m: FloatArray = np.where(ahead, 0.5 * lost_m_s * elapsed_s, 0.0)
     return behind_m
 
@@ -92,9 +92,9 @@ class AssumedBraking:
 
     name = PredictorName.ASSUMED_BRAKING
 
-    def predict(self, known: Knowledge, times_s: FloatArray) -> LeaderPreview:
+    def predict(self, track: LeaderTrack, times_s: FloatArray) -> LeaderPreview:
         """Return the motion at all times asked for."""
-        last = known.last
+        last = track.last
         halt_s = last.speed_m_s / ASSUMED_BRAKING_M_S2
         elapsed = np.clip(times_s - last.time_s, 0.0, halt_s)
         moved = elapsed * (last.speed_m_s - 0.5 * ASSUMED_BRAKING_M_S2 * elapsed)

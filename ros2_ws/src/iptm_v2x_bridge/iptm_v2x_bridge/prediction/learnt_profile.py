@@ -11,7 +11,7 @@ from iptm_core.state import FloatArray, LeaderPreview
 from iptm_v2x_bridge.prediction.extrapolation import DECAY_S, present_acceleration_m_s2
 from iptm_v2x_bridge.prediction.predictor import (
     ErrorGrowth,
-    Knowledge,
+    LeaderTrack,
     PredictorName,
 )
 from iptm_v2x_bridge.stations.station import CREEP_M_S
@@ -69,15 +69,15 @@ class LearntProfile:
         stands = np.bincount(cells, minlength=self._grid.size).astype(np.float64)
         return pace, stands
 
-    def predict(self, known: Knowledge, times_s: FloatArray) -> LeaderPreview | None:
+    def predict(self, track: LeaderTrack, times_s: FloatArray) -> LeaderPreview | None:
         """Return the motion; None off the part of the road that was learnt."""
-        last = known.last
+        last = track.last
         if not self._grid[0] - SPACING_M <= last.position_m <= self._grid[-1]:
             return None
         count = int(np.ceil(max(float(times_s[-1]) - last.time_s, 0.0) / _STEP_S)) + 1
         position, speed = last.position_m, last.speed_m_s
-        own_speed, acceleration = speed, present_acceleration_m_s2(known)
-        standing_s = self._remaining_stand_s(known)
+        own_speed, acceleration = speed, present_acceleration_m_s2(track)
+        standing_s = self._remaining_stand_s(track)
         positions, speeds = [position], [speed]
         for step in range(1, count + 1):
             elapsed = step * _STEP_S
@@ -104,11 +104,11 @@ class LearntProfile:
             GROWTH.at(np.maximum(times_s - last.time_s, 0.0)) + last.bound_m,
         )
 
-    def _remaining_stand_s(self, known: Knowledge) -> float:
+    def _remaining_stand_s(self, track: LeaderTrack) -> float:
         """Return for how long a standing leader usually goes on standing here."""
-        last = known.last
+        last = track.last
         if last.speed_m_s > CREEP_M_S:
             return 0.0
         cell = int(np.clip((last.position_m - self._grid[0]) / SPACING_M, 0, self._grid.size - 1))
         usual_s = float(self._stands_s[max(cell - 1, 0) : cell + 2].sum())
-        return max(usual_s - known.stood_s, 0.0)
+        return max(usual_s - track.stood_s, 0.0)

@@ -28,8 +28,8 @@ class PredictorName(TextEnum):
 
 
 @dataclass(frozen=True)
-class Knowledge:
-    """Input of a predictor: messages of the leader.
+class LeaderTrack:
+    """Input of a predictor: what has been received of the leader.
 
     Attributes:
         observations: oldest first, at least one.
@@ -83,7 +83,7 @@ class Predictor(Protocol):
         """Name on diagnostics."""
         ...
 
-    def predict(self, known: Knowledge, times_s: FloatArray) -> LeaderPreview | None:
+    def predict(self, track: LeaderTrack, times_s: FloatArray) -> LeaderPreview | None:
         """Return the motion at increasing times from the last observation on, None without a prediction.
 
         Its bounds include the error of the present position. It may end before the last of the times.
@@ -124,7 +124,7 @@ MAX_ASIDE_M = 10.0
 """A predicted path that leaves the road by more than this ends there: the leader means to turn off."""
 
 
-def knowledge_of(station: Station, road: RoadLine, now_s: float | None = None) -> Knowledge:
+def leader_track(station: Station, road: RoadLine, now_s: float | None = None) -> LeaderTrack:
     """Return the observations of a station, and its predicted path as far as it stays on the road.
 
     Args:
@@ -140,7 +140,7 @@ def knowledge_of(station: Station, road: RoadLine, now_s: float | None = None) -
         by_then = tuple(each for each in observations if each.time_s <= now_s)
         observations = by_then or observations[:1]
     age_s = 0.0 if now_s is None else max(now_s - observations[-1].time_s, 0.0)
-    return Knowledge(observations, _road_path(station, road), length_m, stood_s, age_s)
+    return LeaderTrack(observations, _road_path(station, road), length_m, stood_s, age_s)
 
 
 def _road_path(station: Station, road: RoadLine) -> tuple[FloatArray, FloatArray] | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from iptm_core.state import FloatArray, LeaderPreview
-from iptm_v2x_bridge.prediction.predictor import Knowledge, PredictorName
+from iptm_v2x_bridge.prediction.predictor import LeaderTrack, PredictorName
 
 RESOLUTION_M = 0.02
 """Resolution of the points on the wire (m), and of the speed (m/s)."""
@@ -31,12 +31,12 @@ class ReceivedPath:
 
     name = PredictorName.RECEIVED_PATH
 
-    def predict(self, known: Knowledge, times_s: FloatArray) -> LeaderPreview | None:
+    def predict(self, track: LeaderTrack, times_s: FloatArray) -> LeaderPreview | None:
         """Return the motion up to the last point of the path; None without a plausible one."""
-        last = known.last
-        if known.path is None:
+        last = track.last
+        if track.path is None:
             return None
-        path_times, path_places = known.path
+        path_times, path_places = track.path
         ahead = path_times > last.time_s + MIN_AHEAD_S
         announced_m = float(np.interp(last.time_s, path_times, path_places))
         if not ahead.any() or abs(announced_m - last.position_m) > MAX_DEVIATION_M:

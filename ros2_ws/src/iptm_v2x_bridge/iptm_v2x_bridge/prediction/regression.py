@@ -18,7 +18,7 @@ import numpy as np
 from iptm_core.errors import RouteError
 from iptm_core.state import FloatArray, LeaderPreview
 from iptm_v2x_bridge.prediction.extrapolation import History, unheard_braking_m
-from iptm_v2x_bridge.prediction.predictor import Knowledge, PredictorName
+from iptm_v2x_bridge.prediction.predictor import LeaderTrack, PredictorName
 
 PAST_S = 10
 """Seconds of the past that count."""
@@ -201,13 +201,13 @@ class Regression:
         """
         self._model, self._gain_factor = model, gain_factor
 
-    def predict(self, known: Knowledge, times_s: FloatArray) -> LeaderPreview:
+    def predict(self, track: LeaderTrack, times_s: FloatArray) -> LeaderPreview:
         """Return the motion at all times asked for; behind the last lead time it keeps its speed."""
-        last = known.last
+        last = track.last
         past = np.interp(
             last.time_s - np.arange(PAST_S + 1.0),
-            [seen.time_s for seen in known.observations],
-            [seen.speed_m_s for seen in known.observations],
+            [seen.time_s for seen in track.observations],
+            [seen.speed_m_s for seen in track.observations],
         )
         speeds, driven, bounds = (table[0] for table in self._model.at_leads(past[None]))
         leads = np.array([0.0, *self._model.leads_s])
@@ -226,12 +226,12 @@ class Regression:
         moved += speeds[-1] * beyond
         rate = (bounds[-1] - bounds[-2]) / (leads[-1] - leads[-2])
         learnt = np.interp(inside, leads, bounds) + rate * beyond
-        decaying = History().predict(replace(known, age_s=0.0), times_s)
+        decaying = History().predict(replace(track, age_s=0.0), times_s)
         lowest_m = decaying.positions_m - NEAR_FACTOR * (decaying.bounds_m - last.bound_m)
         behind = last.position_m + moved - lowest_m
         near = np.maximum.accumulate(np.where(elapsed <= NEAR_S, behind, 0.0))
         expected = np.interp(inside, leads, speeds)
-        bounds = np.maximum(np.maximum(learnt, near), unheard_braking_m(known, elapsed, expected))
+        bounds = np.maximum(np.maximum(learnt, near), unheard_braking_m(track, elapsed, expected))
         return LeaderPreview(
             times_s,
             last.position_m + moved,

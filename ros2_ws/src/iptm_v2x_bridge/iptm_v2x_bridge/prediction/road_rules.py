@@ -15,7 +15,7 @@ import numpy as np
 from iptm_core.errors import RouteError
 from iptm_core.road_ahead import BRAKING_M_S2, SpeedLimits
 from iptm_core.state import FloatArray, LeaderPreview
-from iptm_v2x_bridge.prediction.predictor import ErrorGrowth, Knowledge, Predictor, PredictorName
+from iptm_v2x_bridge.prediction.predictor import ErrorGrowth, LeaderTrack, Predictor, PredictorName
 
 Span = tuple[float, float]
 """Beginning and end, s of TimestampIts, possibly infinite."""
@@ -138,7 +138,7 @@ class BoundedByRules:
         """That of the rules which are known."""
         return PredictorName.SIGNALS if self._rules.signals else PredictorName.SPEED_LIMITS
 
-    def predict(self, known: Knowledge, times_s: FloatArray) -> LeaderPreview | None:
+    def predict(self, track: LeaderTrack, times_s: FloatArray) -> LeaderPreview | None:
         """Return the bounded motion, None while no rule is known.
 
         Speeds above a limit are taken to be the driver's habit. A leader that stands at or in the queue of a
@@ -146,15 +146,15 @@ class BoundedByRules:
         """
         if self._rules.limits is None and not self._rules.signals:
             return None
-        last = known.last
+        last = track.last
         count = math.ceil(max(float(times_s[-1]) - last.time_s, 0.0) / _STEP_S) + 1
         fine: FloatArray = last.time_s + _STEP_S * np.arange(count + 1, dtype=np.float64)
-        free = self._inner.predict(known, fine)
+        free = self._inner.predict(track, fine)
         if free is None:
             return None
-        positions, speeds = self._obey(known, free, fine)
+        positions, speeds = self._obey(track, free, fine)
         reached = fine[: len(positions)]
-        leads = np.maximum(times_s - self._known_until_s(known), 0.0)
+        leads = np.maximum(times_s - self._known_until_s(track), 0.0)
         return replace(
             free,
             times_s=times_s,
@@ -164,16 +164,16 @@ class BoundedByRules:
         )
 
     def _obey(
-        self, known: Knowledge, free: LeaderPreview, fine: FloatArray
+        self, track: LeaderTrack, free: LeaderPreview, fine: FloatArray
     ) -> tuple[list[float], list[float]]:
-        last, length_m = known.last, known.length_m
+        last, length_m = track.last, track.length_m
         limits = self._rules.limits or NO_LIMITS
         # Without signals the leader may brake as hard as the other prediction expects.
         hardest_m_s2 = HARDEST_M_S2 if self._rules.signals else math.inf
         # Someone who drives 10 % above the limit here will do so there.
         habit = max(1.0, last.speed_m_s / limits.approach_at_m_s(last.position_m))
         positions, speeds = [last.position_m], [last.speed_m_s]
-        halting_for = self._held_by(known)
+        halting_for = self._held_by(track)
         starting = False
         for time_s, free_m_s in zip(fine.tolist()[1:], free.speeds_m_s.tolist()[1:], strict=False):
             position, speed = positions[-1], speeds[-1]
@@ -199,18 +199,18 @@ class BoundedByRules:
             speeds.append(wanted if moved <= room_m else 0.0)
         return positions, speeds
 
-    def _held_by(self, known: Knowledge) -> Signal | None:
+    def _held_by(self, track: LeaderTrack) -> Signal | None:
         """Return the closed line because of which the leader stands, None if it moves or none is near."""
-        last = known.last
+        last = track.last
         if last.speed_m_s > STANDING_M_S:
             return None
-        signal = self._rules.next_after(last.position_m + known.length_m)
+        signal = self._rules.next_after(last.position_m + track.length_m)
         if signal is None or signal.is_open(last.time_s):
             return None
         return signal if signal.stop_line_m - last.position_m <= QUEUE_M else None
 
-    def _known_until_s(self, known: Knowledge) -> float:
+    def _known_until_s(self, track: LeaderTrack) -> float:
         """Return up to when the present position is known to stay."""
-        time_s = known.last.time_s
-        signal = self._held_by(known)
+        time_s = track.last.time_s
+        signal = self._held_by(track)
         return time_s if signal is None else max(time_s, signal.closed_until_s(time_s) - SLACK_S)

@@ -44,7 +44,7 @@ def _test(found: re.Match[str], raw: dict[str, FloatArray]) -> CellTest | None:
     charge_ah = raw["Ah"][start:]
     step_s = np.diff(time_s, prepend=time_s[0])
     drawn_c = 3600.0 * -np.diff(charge_ah, prepend=charge_ah[0])
-    # Where samples were left out, the charge counter knows the mean current between them.
+    # Where samples were left out, the charge counter has the mean current between them.
     thinned = step_s > _THINNED_S
     mean_a = np.where(thinned, drawn_c / np.maximum(step_s, 1e-3), current_a)
     degrees = float(found["degrees"]) * (-1.0 if found["minus"] else 1.0)
