@@ -106,6 +106,27 @@ def test_a_late_message_keeps_its_time_of_generation(
         assert answer.leader.position_m <= truth.position_m + 0.6
 
 
+def test_losses_do_not_lower_the_speed_of_the_leader(route: Route) -> None:
+    """A speed that swings with the age of the messages looks like wrong previews to the controller."""
+    lossy = {"foresight": Foresight.NONE, "loss_probability": 0.5, "link_delay_s": 1.0}
+    no_preview = PreviewSettings(preview_mode=PreviewMode.NONE)
+    lowered_m_s = []
+    for answer, without in zip(
+        answers(radio(route, **lossy), route, range(20, 80)),
+        answers(radio(route, no_preview, **lossy), route, range(20, 80)),
+        strict=True,
+    ):
+        assert answer.leader is not None
+        assert without.leader is not None
+        _, (expected_m_s,) = answer.preview.at(np.array([answer.leader.time_s]))
+        assert answer.leader.speed_m_s == pytest.approx(expected_m_s)
+        assert without.leader.position_m == answer.leader.position_m
+        lowered_m_s.append(answer.leader.speed_m_s - without.leader.speed_m_s)
+    # Without the bounds of a preview the speed itself has to be cautious.
+    assert min(lowered_m_s) >= 0.0
+    assert max(lowered_m_s) > 0.5
+
+
 def test_losses_make_the_leader_older_and_nearer(route: Route) -> None:
     """What is not heard for long is taken to be nearer, never farther."""
     wireless = radio(

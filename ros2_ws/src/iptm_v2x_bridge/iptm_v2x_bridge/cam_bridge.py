@@ -1,7 +1,7 @@
 """The bridge of received messages: datagrams in, for every tick the leader and what it will do.
 
 Where the leader is, is known from its messages alone: its position is the predicted one less its 99 %
-bound, its speed less the rate at which that grows. The preview has the expected motion and its bounds,
+bound, its speed the expected one. The preview has the expected motion and its bounds,
 without what is unknown of the present position, which moves all of it nearer. The controller keeps its
 braking reserve from where the bounds exceed what counts as known. A leader that falls silent is still
 there: it goes on leading, as one that brakes to a halt since its last message.
@@ -214,11 +214,11 @@ class CamBridge:
             # A motion that is certain is sent without bounds.
             preview = replace(preview, bounds_m=np.empty(0))
         cautious = preview.cautious()
-        state = LeaderState(
-            now_s, float(cautious.positions_m[here]), float(cautious.speeds_m_s[here])
-        )
+        position_m, speed_m_s = float(cautious.positions_m[here]), float(preview.speeds_m_s[here])
         if self._settings.preview_mode is not PreviewMode.FULL:
-            preview = LeaderPreview.empty()
+            # Without a preview its bounds, which cover a slower leader, are missing.
+            speed_m_s, preview = float(cautious.speeds_m_s[here]), LeaderPreview.empty()
+        state = LeaderState(now_s, position_m, speed_m_s)
         return BridgeAnswer(
             time_ns,
             state,
