@@ -175,9 +175,21 @@ def _time_limit() -> Iterator[None]:
     signal.signal(signal.SIGALRM, before)
 
 
+QUICK_SEEDS = (*range(9), 562, 997)
+"""The last two damage the statistics: before, 3e19 messages were reported as lost."""
+
+
 @pytest.mark.usefixtures("_time_limit")
 @pytest.mark.parametrize(
-    "seed", [*range(9), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(9, 1000))]
+    "seed",
+    [
+        *QUICK_SEEDS,
+        *(
+            pytest.param(seed, marks=pytest.mark.slow)
+            for seed in range(1000)
+            if seed not in QUICK_SEEDS
+        ),
+    ],
 )
 def test_every_reader_ends_with_the_truth_or_one_sentence(
     seed: int, originals: dict[str, Original], tmp_path: Path

@@ -85,7 +85,7 @@ class SalvageReader:
         complete: True when the file ends with its footer and nothing of it is damaged.
         damages: what was left out.
         notes: what else is not as it should be, one sentence each.
-        statistics: statistics record of the file; None if missing or invalid.
+        statistics: statistics record of the file; None if missing or damaged.
     """
 
     path: Path
@@ -148,12 +148,19 @@ class SalvageReader:
                 return True
             elif record is not None:
                 if isinstance(record, Statistics):
-                    self.statistics = record
+                    self._take_statistics(record, position)
                 if not isinstance(record, MessageIndex):
                     of_chunk = None
                 yield record
             position = end
         return False
+
+    def _take_statistics(self, statistics: Statistics, position: int) -> None:
+        """Keep the statistics if their counts add up; damaged ones rarely do, and may have no checksum."""
+        if statistics.message_count == sum(statistics.channel_message_counts.values()):
+            self.statistics = statistics
+        else:
+            self.notes.append(f"statistics at byte {position} contradict themselves")
 
     def _chunk(self, chunk: Chunk, position: int, end: int) -> list[McapRecord]:
         """Return the content of a whole chunk; nothing if it does not match its checksum or occurs before."""
