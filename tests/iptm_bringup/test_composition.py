@@ -59,6 +59,14 @@ def test_values_arrive_and_the_bridge_starts_where_the_model_does() -> None:
     assert parameters[CONTROLLER]["tolerance"] == 1e-6
 
 
+def test_the_road_of_a_plan_need_be_as_long_as_the_trip_only() -> None:
+    """The whole of US06 is 12.9 km."""
+    road = Path(__file__).parents[2] / "docs" / "examples" / "phone_drive.gpx"
+    scenario = prepare(Scenario(cycle="us06", slope=str(road), duration_s=60.0))
+    bridge = BridgeNodeParameters(**node_parameters(scenario)[BRIDGE])  # type: ignore[arg-type]
+    assert bridge.trip_route(bridge.initial_gap_m).road_line.length_m < 6000.0
+
+
 @pytest.mark.parametrize(
     ("listeners", "plant", "bridge"),
     [

@@ -39,7 +39,6 @@ from iptm_core.settings import (
     PaceSettings,
     PreviewSettings,
     RangeSensorSettings,
-    RoadSettings,
     SafetyMonitorSettings,
     SamplingSettings,
     TripSettings,
@@ -62,7 +61,7 @@ SETTINGS_OF_NODES: Mapping[str, tuple[type[Settings], ...]] = {
         SafetyMonitorSettings,
     ),
     BRIDGE: (
-        RoadSettings,
+        TripSettings,
         RoadAheadSettings,
         ModelSettings,
         PreviewSettings,

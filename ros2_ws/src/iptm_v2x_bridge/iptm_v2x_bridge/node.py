@@ -52,7 +52,7 @@ class BridgeNode(SuiteNode):
         self._options = declare_parameters(self, BridgeNodeParameters)
         self.reject_unknown_parameters()
         self.use_frame_prefix(self._options.frame_prefix)
-        route = self._options.route(self._options.initial_gap_m)
+        route = self._options.trip_route(self._options.initial_gap_m)
         answers = _ANSWERS.get(self._options.leader_source, CycleAnswers)
         self._answers: TickAnswers[Any] = answers(
             self, self._options, route, self._answer_if_matched

@@ -19,6 +19,7 @@ from iptm_core.settings import (
     RoadSettings,
     StringSettings,
     TickSettings,
+    TripSettings,
 )
 from iptm_core.state import NS_PER_S
 from iptm_v2x_bridge.messages.pycrate_codec import specification
@@ -192,7 +193,7 @@ class BridgeNodeParameters(
     PreviewSettings,
     ModelSettings,
     RoadAheadSettings,
-    RoadSettings,
+    TripSettings,
 ):
     """Parameters of the node: those of the groups, the last of the bases first, and its own."""
 
