@@ -158,13 +158,14 @@ def test_the_nodes_sit_out_a_pause_and_repeat_a_trip_after_a_reset_and_from_save
     """All nodes as processes: a trip that is paused and saved, again, and its rest from the files."""
     clocks: list[int] = []
     commands: dict[int, Command] = {}
-    statuses = {name: peer.statuses(f"/{name}") for name in ("plant", "controller", "v2x_bridge")}
 
     def note(message: Any) -> None:
         stamp_ns, command = decode_command(message)
         commands[stamp_ns] = command
 
-    heard_commands = peer.node.listen(Topic.COMMAND, note)
+    peer.node.listen(Topic.COMMAND, note)
+    # Subscribed to later than commands: a node whose status arrives is matched for its commands, too.
+    statuses = {name: peer.statuses(f"/{name}") for name in ("plant", "controller", "v2x_bridge")}
     peer.node.listen(Topic.PLANT_ODOMETRY, lambda _: None)
     peer.node.listen(Topic.CLOCK, lambda message: clocks.append(ns_from_time(message.clock)))
     states = {"state_folder": tmp_path / "states"}
@@ -173,7 +174,7 @@ def test_the_nodes_sit_out_a_pause_and_repeat_a_trip_after_a_reset_and_from_save
     recorder = launcher.start_module("iptm_recording.recorder_cli", tmp_path / "bag")
     nodes = [launcher.start_node(CONTROLLER, parameters=controller)]
     # A command published before this node is matched would be lost to it.
-    peer.wait_until(heard_commands.get_publisher_count, 60.0, "the publisher of commands")
+    peer.wait_until(lambda: bool(statuses["controller"]), 60.0, "a status of the controller")
     nodes += [
         # The recorder and the node of the test are two of the peers of bridge and plant.
         launcher.start_node(BRIDGE, parameters={**LINK, "expected_peers": 2}),
@@ -215,13 +216,15 @@ def test_the_nodes_sit_out_a_pause_and_repeat_a_trip_after_a_reset_and_from_save
 
     at = f"{saved_ns / S:g}"
     files = {name: tmp_path / "states" / f"{name}_{at}s.json" for name in ("plant", "controller")}
+    statuses["controller"].clear()
+    launcher.start_node(CONTROLLER, parameters={**controller, "start_state": files["controller"]})
+    # What the nodes before have sent last may still arrive, and does so first.
     peer.wait_until(
-        lambda: not heard_commands.get_publisher_count(), 60.0, "the end of the first trip"
+        lambda: any("waiting" in status.message for status in statuses["controller"]),
+        60.0,
+        "a status of the new controller",
     )
     commands.clear()
-    launcher.start_node(CONTROLLER, parameters={**controller, "start_state": files["controller"]})
-    # The plant does not wait until this subscriber and the new publisher of commands are matched.
-    peer.wait_until(heard_commands.get_publisher_count, 60.0, "the publisher of commands")
     link = {**LINK, "expected_peers": 1, "start_time_s": float(at)}
     launcher.start_node(BRIDGE, parameters=link)
     launcher.start_node(
