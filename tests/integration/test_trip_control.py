@@ -164,7 +164,7 @@ def test_the_nodes_sit_out_a_pause_and_repeat_a_trip_after_a_reset_and_from_save
         commands[stamp_ns] = command
 
     peer.node.listen(Topic.COMMAND, note)
-    # Subscribed to later than commands: a node whose status arrives is matched for its commands, too.
+    # Subscribed to after the commands: a node whose status arrives is matched for its commands as well.
     statuses = {name: peer.statuses(f"/{name}") for name in ("plant", "controller", "v2x_bridge")}
     peer.node.listen(Topic.PLANT_ODOMETRY, lambda _: None)
     peer.node.listen(Topic.CLOCK, lambda message: clocks.append(ns_from_time(message.clock)))
@@ -218,7 +218,7 @@ def test_the_nodes_sit_out_a_pause_and_repeat_a_trip_after_a_reset_and_from_save
     files = {name: tmp_path / "states" / f"{name}_{at}s.json" for name in ("plant", "controller")}
     statuses["controller"].clear()
     launcher.start_node(CONTROLLER, parameters={**controller, "start_state": files["controller"]})
-    # What the nodes before have sent last may still arrive, and does so first.
+    # Late messages of the previous nodes arrive before this status, and are discarded.
     peer.wait_until(
         lambda: any("waiting" in status.message for status in statuses["controller"]),
         60.0,

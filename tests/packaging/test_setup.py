@@ -88,7 +88,7 @@ def test_the_named_python_counts_for_an_environment_that_is_there(clone: Any) ->
 
 
 def test_ctrl_c_ends_the_set_up_with_one_line(clone: Any) -> None:
-    # A shell that reaps its child before it has seen the signal, goes on: the child lives a little longer.
+    # A shell that reaps its child before handling the signal carries on, so the child outlives the signal.
     interrupted = clone.fake_python.replace("mkdir -p", "kill -INT $PPID; sleep 0.3; mkdir -p")
     clone.add_program("python3", interrupted)
     code, errors = clone.setup()

@@ -1,8 +1,9 @@
 """The bridge of received messages: datagrams in, for every tick the leader and what it will do.
 
 Where the leader is, is known from its messages alone: its position is the predicted one less its 99 %
-bound, its speed the expected one. The preview has the expected motion and its bounds,
-without what is unknown of the present position, which moves all of it nearer. The controller keeps its
+bound, its speed the expected one (lowered as well where no preview is published). The preview has the
+expected motion and its bounds, without what is unknown of the present position, which moves all of it
+nearer. The controller keeps its
 braking reserve from where the bounds exceed what counts as known. A leader that falls silent is still
 there: it goes on leading, as one that brakes to a halt since its last message.
 """
@@ -216,7 +217,7 @@ class CamBridge:
         cautious = preview.cautious()
         position_m, speed_m_s = float(cautious.positions_m[here]), float(preview.speeds_m_s[here])
         if self._settings.preview_mode is not PreviewMode.FULL:
-            # Without a preview its bounds, which cover a slower leader, are missing.
+            # The bounds that would cover a slower leader are part of the preview.
             speed_m_s, preview = float(cautious.speeds_m_s[here]), LeaderPreview.empty()
         state = LeaderState(now_s, position_m, speed_m_s)
         return BridgeAnswer(

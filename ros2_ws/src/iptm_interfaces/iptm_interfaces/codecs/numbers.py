@@ -6,9 +6,8 @@ written afterwards. An encoder provides both from one definition of the numbers:
 bytes for `Publisher.publish`. Every decoder raises a `MessageError` with the topic, the value and the rule
 where a message breaks its promise.
 
-Named values are a vector of named numbers in a `sensor_msgs/JointState`: `position[]` carries them whatever
-their unit; the names carry the units. Temperatures are degrees Celsius on the wire, so kelvin values come
-back within one rounding step (6e-14 K).
+Named values are the `position[]` of a `sensor_msgs/JointState`; their names carry the units. Temperatures are
+degrees Celsius on the wire, so kelvin values come back within one rounding step (6e-14 K).
 """
 
 from __future__ import annotations
