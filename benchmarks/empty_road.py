@@ -13,6 +13,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.harness import run_benchmark
+from iptm.studies.run import perform_run
+from iptm.studies.run_spec import RunSpec
+from iptm.studies.study import planned_run
 from iptm_controller.horizon import MULTI_HORIZON
 from iptm_controller.strategy import DEFAULT_STRATEGY, strategy_by_name
 from iptm_core.decision_record import Rung
@@ -21,9 +24,6 @@ from iptm_core.parameters.model import KM_H_PER_M_S
 from iptm_core.settings import LeaderSource
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
-from iptm_studies.run import perform_run
-from iptm_studies.run_spec import RunSpec
-from iptm_studies.study import planned_run
 from iptm_v2x_bridge.rules_of_the_road import OF_THE_CYCLE, given_rules
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "empty-road.md"

@@ -3,7 +3,7 @@
     python benchmarks/parked_value.py [--laws nca,lfp]
 
 The default strategy drives the trips of a commuter under the law of each cell, month by month, and years are
-composed of them (`iptm_studies.life`). It is compared with the same controller without cooling, and with a
+composed of them (`iptm.studies.life`). It is compared with the same controller without cooling, and with a
 rule: in the last 15 minutes the compressor runs at full power until the mean of the cells is 25 degC. Savings
 count against no cooling, a kilowatt-hour is that of the compressor.
 """
@@ -16,19 +16,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import cache
 
-from iptm_controller.controller import Controller
-from iptm_core.aging_laws.cells import LAWS
-from iptm_core.aging_laws.parking import AgingSettings
-from iptm_core.parameters import load_parameters
-from iptm_core.parameters.model import CELSIUS_ZERO_K
-from iptm_core.physics.chiller import largest_useful_power_w
-from iptm_core.state import VehicleState
-from iptm_core.trajectory import Trajectory
-from iptm_studies.drives import DEFAULT, spec_of
-from iptm_studies.life.charging_stop import RuledCompressor
-from iptm_studies.life.losses import SERVICE_YEARS, losses_by_cause
-from iptm_studies.life.own_law import kelvin_price_1_k, use_in
-from iptm_studies.life.trips import (
+from iptm.studies.drives import DEFAULT, spec_of
+from iptm.studies.life.charging_stop import RuledCompressor
+from iptm.studies.life.losses import SERVICE_YEARS, losses_by_cause
+from iptm.studies.life.own_law import kelvin_price_1_k, use_in
+from iptm.studies.life.trips import (
     CITY,
     NO_COOLING,
     TripMap,
@@ -37,10 +29,18 @@ from iptm_studies.life.trips import (
     nominal_energy_j,
     trip_map,
 )
-from iptm_studies.life.usage import CLIMATES, USAGES, Climate
-from iptm_studies.life.year import year_of
-from iptm_studies.run import controller_options, perform_run
-from iptm_studies.study import planned_run
+from iptm.studies.life.usage import CLIMATES, USAGES, Climate
+from iptm.studies.life.year import year_of
+from iptm.studies.run import controller_options, perform_run
+from iptm.studies.study import planned_run
+from iptm_controller.controller import Controller
+from iptm_core.aging_laws.cells import LAWS
+from iptm_core.aging_laws.parking import AgingSettings
+from iptm_core.parameters import load_parameters
+from iptm_core.parameters.model import CELSIUS_ZERO_K
+from iptm_core.physics.chiller import largest_useful_power_w
+from iptm_core.state import VehicleState
+from iptm_core.trajectory import Trajectory
 
 NONE, RULE, OWN = "no cooling", "25 degC before arrival", "own law"
 JULY, JANUARY = 6, 0

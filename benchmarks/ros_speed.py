@@ -71,7 +71,7 @@ def drive(scenario: str, duration_s: float | None, case: str, checkout: Path) ->
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         output = Path(folder) / "run"
-        command = ["bash", "-c", _START, "bash", f"iptm_bringup.{program}", scenario, *options]
+        command = ["bash", "-c", _START, "bash", f"iptm.runner.{program}", scenario, *options]
         process = stack.enter_context(
             subprocess.Popen(  # noqa: S603 - the project's own command
                 [*command, "--output", str(output)],

@@ -21,23 +21,23 @@ from typing import Any
 import numpy as np
 
 from benchmarks.harness import run_benchmark
-from iptm_bringup.drive import Drive, DriveOutcome
-from iptm_bringup.environment import domain_of_run
-from iptm_bringup.monitor import Snapshot
-from iptm_bringup.progress import Progress
-from iptm_bringup.run_folder import RunFolder
-from iptm_bringup.runner import RunOptions, drive_processes
-from iptm_bringup.scenario import AUTOMATIC_DOMAIN, Scenario, prepare
+from iptm.faults.fault import Fault, in_order
+from iptm.faults.kinds import FaultKind, FaultPlace
+from iptm.runner.drive import Drive, DriveOutcome
+from iptm.runner.environment import domain_of_run
+from iptm.runner.monitor import Snapshot
+from iptm.runner.progress import Progress
+from iptm.runner.run_folder import RunFolder
+from iptm.runner.runner import RunOptions, drive_processes
+from iptm.runner.scenario import AUTOMATIC_DOMAIN, Scenario, prepare
 from iptm_core.errors import ScenarioError
 from iptm_core.routes.cycles import load_cycle
 from iptm_core.state import NS_PER_S
-from iptm_faults.fault import Fault, in_order
-from iptm_faults.kinds import FaultKind, FaultPlace
-from iptm_interfaces.codecs import stamp_ns_of
-from iptm_interfaces.diagnostics import Level
-from iptm_interfaces.process import StopRequest
-from iptm_interfaces.topics import Topic
-from iptm_recording.bag_reader import BagReader
+from iptm_ros.codecs import stamp_ns_of
+from iptm_ros.diagnostics import Level
+from iptm_ros.process import StopRequest
+from iptm_ros.recording.bag_reader import BagReader
+from iptm_ros.topics import Topic
 
 WARM_UP_SHARE = 0.1
 """Share of the trip after which memory counts: caches and the first plans are filled by then."""

@@ -17,6 +17,7 @@ import numpy as np
 
 from benchmarks import ros_speed
 from benchmarks.harness import machine_in_words, quantiles, run_benchmark
+from iptm.studies.closed_loop import run_closed_loop
 from iptm_controller.controller import Controller
 from iptm_controller.horizon import MULTI_HORIZON, SINGLE_HORIZON, Horizon
 from iptm_controller.options import ControllerOptions
@@ -27,7 +28,6 @@ from iptm_core.markdown import table_of
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
 from iptm_plant_sim.plant import Plant
-from iptm_studies.closed_loop import run_closed_loop
 from iptm_v2x_bridge.bridge import V2xBridge
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "solver-benchmarks.md"

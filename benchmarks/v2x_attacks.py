@@ -20,6 +20,7 @@ import numpy as np
 
 from benchmarks.harness import run_benchmark
 from benchmarks.v2x_prediction import PAGE
+from iptm.studies.closed_loop import ClosedLoopRun, run_closed_loop
 from iptm_controller.controller import Controller
 from iptm_controller.horizon import MULTI_HORIZON
 from iptm_controller.options import ControllerOptions
@@ -33,7 +34,6 @@ from iptm_core.settings import PreviewMode, PreviewSettings
 from iptm_core.state import NS_PER_S, FloatArray
 from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant
-from iptm_studies.closed_loop import ClosedLoopRun, run_closed_loop
 from iptm_v2x_bridge.bridge import BridgeAnswer, TickBridge
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.messages.cam import encode_cam

@@ -27,14 +27,14 @@ from rosgraph_msgs.msg import Clock
 
 from benchmarks.harness import run_benchmark
 from benchmarks.v2x_prediction import PAGE
-from iptm_bringup.environment import environment_of_run, process_environment
+from iptm.runner.environment import environment_of_run, process_environment
 from iptm_core.errors import ScenarioError
 from iptm_core.routes.road_line import RoadLine
-from iptm_interfaces.codecs import ns_from_time, time_from_s
-from iptm_interfaces.diagnostics import find_status, status_values
-from iptm_interfaces.discovery import reserve_domain
-from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import Topic
+from iptm_ros.codecs import ns_from_time, time_from_s
+from iptm_ros.diagnostics import find_status, status_values
+from iptm_ros.discovery import reserve_domain
+from iptm_ros.suite_node import SuiteNode
+from iptm_ros.topics import Topic
 from iptm_v2x_bridge.messages.cam import encode_cam
 from iptm_v2x_bridge.messages.mapem import IntersectionMap, Lane, encode_mapem
 from iptm_v2x_bridge.messages.packets import delta_time_ms, its_timestamp_ms
@@ -174,7 +174,7 @@ def closed_loop_beside(seconds: int) -> Iterator[None]:
         command = [
             sys.executable,
             "-m",
-            "iptm_bringup.run_closed_loop",
+            "iptm.runner.run_closed_loop",
             "real_time",
             "--no-picture",
         ]

@@ -20,6 +20,9 @@ import pandas as pd
 
 from benchmarks.harness import run_benchmark
 from benchmarks.v2x_prediction import EARLIER_DRIVES, PAGE, other_drive
+from iptm.studies.closed_loop import run_closed_loop
+from iptm.studies.measured_cycles import FASTEST_M_S, lead_cycles, write_drive
+from iptm.studies.predictor_training import read_drives
 from iptm_controller.controller import Controller
 from iptm_controller.horizon import Horizon
 from iptm_controller.options import ControllerOptions
@@ -35,9 +38,6 @@ from iptm_core.routes.road_line import RoadLine
 from iptm_core.settings import PreviewMode, PreviewSettings
 from iptm_core.state import FloatArray
 from iptm_plant_sim.plant import Plant
-from iptm_studies.closed_loop import run_closed_loop
-from iptm_studies.measured_cycles import FASTEST_M_S, lead_cycles, write_drive
-from iptm_studies.predictor_training import read_drives
 from iptm_v2x_bridge.bridge import CycleSource, TickBridge, V2xBridge
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.prediction.extrapolation import History

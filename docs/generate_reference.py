@@ -14,9 +14,11 @@ from typing import Any
 from interface_reference import TEMPLATES, services_page, topics_page
 from library_reference import library_page
 
-import iptm_bringup
-from iptm_bringup.composition import parameter_file_text
-from iptm_bringup.scenario import BRIDGE, CONTROLLER, PLANT
+import iptm.runner
+from iptm.faults.fault import Fault
+from iptm.faults.kinds import FaultKind
+from iptm.runner.composition import parameter_file_text
+from iptm.runner.scenario import BRIDGE, CONTROLLER, PLANT
 from iptm_controller.node_parameters import CHANGEABLE, ControllerNodeParameters
 from iptm_controller.production import ProductionSettings
 from iptm_controller.solvers.interface import STATUS_TEXT
@@ -25,15 +27,13 @@ from iptm_core.declaration import parameter_specs, plain
 from iptm_core.markdown import render_page
 from iptm_core.metrics import FIGURES
 from iptm_core.parameters import available_parameter_sets, describe_parameters, load_parameters
-from iptm_faults.fault import Fault
-from iptm_faults.kinds import FaultKind
-from iptm_interfaces.visual_topics import PUBLISHER
 from iptm_plant_sim.node_parameters import PlantNodeParameters
+from iptm_ros.visual_topics import PUBLISHER
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters, SenderNodeParameters
 from iptm_view.visualizer_node import VisualizerParameters
 
 DOCS = Path(__file__).resolve().parent
-CONFIG = Path(iptm_bringup.__file__).parent / "config" / "nodes"
+CONFIG = Path(iptm.runner.__file__).parent / "config" / "nodes"
 NOTICE = "<!-- Made by scripts/update_docs from the code; do not edit. -->\n\n"
 
 

@@ -10,12 +10,12 @@ from sensor_msgs.msg import JointState
 
 from iptm_core.markdown import render_page
 from iptm_core.state import Command
-from iptm_interfaces import topics
-from iptm_interfaces.codecs import encode_command
-from iptm_interfaces.qos import describe_qos
-from iptm_interfaces.services import MEANINGS
-from iptm_interfaces.topics import TOPICS, TopicSpec
-from iptm_interfaces.visual_topics import VISUAL_TOPICS
+from iptm_ros import topics
+from iptm_ros.codecs import encode_command
+from iptm_ros.qos import describe_qos
+from iptm_ros.services import MEANINGS
+from iptm_ros.topics import TOPICS, TopicSpec
+from iptm_ros.visual_topics import VISUAL_TOPICS
 
 TEMPLATES = Path(__file__).resolve().parent / "templates"
 EXAMPLE_NS = 12_500_000_000

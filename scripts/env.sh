@@ -37,8 +37,8 @@ _iptm_enter() {
     fi
 
     modules="${PYTHONPATH:-}"
-    for package in iptm iptm_view iptm_validation iptm_traffic iptm_reproduction iptm_bringup iptm_studies iptm_faults iptm_recording iptm_controller iptm_v2x_bridge \
-        iptm_plant_sim iptm_interfaces iptm_core; do
+    for package in iptm iptm_view iptm_validation iptm_traffic iptm_reproduction iptm_controller iptm_v2x_bridge \
+        iptm_plant_sim iptm_ros iptm_core; do
         entry="$root/ros2_ws/src/$package"
         case ":$modules:" in *":$entry:"*) ;; *) modules="$entry${modules:+:$modules}" ;; esac
     done
@@ -49,7 +49,7 @@ _iptm_enter() {
     export IPTM_ROOT="$root"
 
     # Nodes of this machine only, by default: a demo must not drive a neighbour's plant. The nodes of the
-    # suite take it from there (iptm_interfaces/discovery.py); for your own this is what ROS makes of it.
+    # suite take it from there (iptm_ros/discovery.py); for your own this is what ROS makes of it.
     export ROS_AUTOMATIC_DISCOVERY_RANGE="${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}"
     # One solver thread per node: the vehicle computer has two cores for three nodes.
     export OMP_NUM_THREADS="${OMP_NUM_THREADS:-1}"

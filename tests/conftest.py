@@ -22,8 +22,8 @@ from iptm_core.state import (
     VehicleState,
 )
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
-from iptm_interfaces.codecs import encode_battery, encode_leader
-from iptm_interfaces.topics import Topic
+from iptm_ros.codecs import encode_battery, encode_leader
+from iptm_ros.topics import Topic
 
 # The same examples in every run, and no deadline: a busy machine must not fail a test.
 settings.register_profile("iptm", deadline=None, derandomize=True)

@@ -7,8 +7,8 @@ from typing import Any
 from rclpy.serialization import deserialize_message
 
 from iptm_core.state import IntervalPowers, PlantObservation, SafetyRecord, VehicleState
-from iptm_interfaces.codecs import encode_observation
-from iptm_interfaces.topics import TOPICS, Topic
+from iptm_ros.codecs import encode_observation
+from iptm_ros.topics import TOPICS, Topic
 
 
 def plant_messages(

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from benchmarks.soak import ALLOWED_GROWTH_MIB, LEAST_SAMPLES, MemoryWatch, random_faults
 
-from iptm_faults.kinds import FaultKind
+from iptm.faults.kinds import FaultKind
 
 
 @pytest.mark.integration

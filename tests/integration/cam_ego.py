@@ -10,15 +10,15 @@ from rosgraph_msgs.msg import Clock
 
 from iptm_core.road_ahead import RoadAhead
 from iptm_core.state import LeaderPreview, LeaderState
-from iptm_interfaces.codecs import (
+from iptm_ros.codecs import (
     decode_leader,
     decode_leader_preview_bytes,
     decode_road_ahead,
     ns_from_time,
     time_from_s,
 )
-from iptm_interfaces.diagnostics import status_values
-from iptm_interfaces.topics import Topic
+from iptm_ros.diagnostics import status_values
+from iptm_ros.topics import Topic
 
 BRIDGE = "iptm_v2x_bridge.node"
 SENDER = "iptm_v2x_bridge.node_sender"

@@ -25,12 +25,12 @@ from tests.integration.controller_ticks import ROAD, SMALL, assert_hears
 from tests.integration.node_bench import NodeBench, node_bench
 
 from iptm_controller.node import ControllerNode
-from iptm_interfaces.codecs import encode_slope
-from iptm_interfaces.diagnostics import find_status
-from iptm_interfaces.discovery import middleware_settings, reserve_domain
-from iptm_interfaces.process import StopRequest, joined_node
-from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import Topic
+from iptm_ros.codecs import encode_slope
+from iptm_ros.diagnostics import find_status
+from iptm_ros.discovery import middleware_settings, reserve_domain
+from iptm_ros.process import StopRequest, joined_node
+from iptm_ros.suite_node import SuiteNode
+from iptm_ros.topics import Topic
 
 POLL_S = 0.01
 STOP_TIMEOUT_S = 20.0

@@ -13,7 +13,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from iptm_controller.measurements import Measurements
 from iptm_core.state import LeaderPreview, LeaderState, SlopePreview, VehicleState
-from iptm_interfaces.codecs import (
+from iptm_ros.codecs import (
     decode_command,
     decode_leader,
     decode_leader_preview,
@@ -21,8 +21,8 @@ from iptm_interfaces.codecs import (
     encode_leader,
     encode_leader_preview_bytes,
 )
-from iptm_interfaces.diagnostics import Level
-from iptm_interfaces.topics import STATE_TOPICS, Topic
+from iptm_ros.diagnostics import Level
+from iptm_ros.topics import STATE_TOPICS, Topic
 
 ROAD = SlopePreview(np.arange(0.0, 3000.0, 10.0), 0.04 * np.sin(np.arange(300) / 9.0))
 LINK = (Topic.LEADER, Topic.LEADER_PREVIEW)

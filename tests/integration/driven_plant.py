@@ -10,10 +10,10 @@ from typing import Any
 from tests.integration.node_bench import NodeBench, S, node_bench
 
 from iptm_core.state import Command, VehicleState
-from iptm_interfaces.codecs import decode_vehicle_state, encode_command, ns_from_time
-from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import STATE_TOPICS, Topic
 from iptm_plant_sim.node import PlantNode
+from iptm_ros.codecs import decode_vehicle_state, encode_command, ns_from_time
+from iptm_ros.suite_node import SuiteNode
+from iptm_ros.topics import STATE_TOPICS, Topic
 
 Script = Callable[[int], Command | None]
 

@@ -16,11 +16,11 @@ from rclpy.experimental import EventsExecutor
 from rclpy.serialization import deserialize_message, serialize_message
 from std_srvs.srv import Trigger
 
-from iptm_interfaces.codecs import ns_from_time
-from iptm_interfaces.diagnostics import Level, status_values
-from iptm_interfaces.services import Service
-from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import TOPICS, Topic
+from iptm_ros.codecs import ns_from_time
+from iptm_ros.diagnostics import Level, status_values
+from iptm_ros.services import Service
+from iptm_ros.suite_node import SuiteNode
+from iptm_ros.topics import TOPICS, Topic
 
 S = 1_000_000_000
 

@@ -12,12 +12,12 @@ from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Float64
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from iptm_interfaces.codecs import time_from_ns
-from iptm_interfaces.diagnostics import status_values
-from iptm_interfaces.topics import TOPICS, Topic
+from iptm_ros.codecs import time_from_ns
+from iptm_ros.diagnostics import status_values
+from iptm_ros.topics import TOPICS, Topic
 
 S = 10**9
-RECORDER = "iptm_recording.recorder_cli"
+RECORDER = "iptm_ros.recording.recorder_cli"
 TIMEOUT_S = 120.0
 _STATE = tuple(topic for topic in TOPICS if topic.name.startswith("PLANT"))
 _FIRST = (*_STATE, Topic.CLOCK)

@@ -13,7 +13,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from tests.integration.cam_ego import BRIDGE, SENDER, Ego, free_port
 
 from iptm_core.routes import build_route
-from iptm_interfaces.diagnostics import status_values
+from iptm_ros.diagnostics import status_values
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.datagrams import EndOfTick
 from iptm_v2x_bridge.radio_recording import SimulatedRadio

@@ -11,11 +11,11 @@ from typing import Any
 import pytest
 from tests.integration.cam_ego import SENDER, free_port
 
-from iptm_bringup.replay_check import check_node
-from iptm_interfaces.discovery import reserve_domain
-from iptm_recording.bag_reader import BagReader
-from iptm_recording.compare_bags import compare_bags
-from iptm_recording.recorded_topics import TopicSelection
+from iptm.runner.replay_check import check_node
+from iptm_ros.discovery import reserve_domain
+from iptm_ros.recording.bag_reader import BagReader
+from iptm_ros.recording.compare_bags import compare_bags
+from iptm_ros.recording.recorded_topics import TopicSelection
 
 TICKS = 15
 DRIVE = Path(__file__).resolve().parents[2] / "bags" / "example_us06_120s"
@@ -43,7 +43,7 @@ def drive(launcher: Any, tmp_path: Path) -> Drive:
         stack = ExitStack()
         domain = str(stack.enter_context(reserve_domain()))
         runner = launcher.start_module(
-            "iptm_bringup.run_closed_loop", "--cycle", DRIVE, "--duration-s", str(TICKS),
+            "iptm.runner.run_closed_loop", "--cycle", DRIVE, "--duration-s", str(TICKS),
             "--no-picture", "--domain", domain, *given, "--output", bag
         )  # fmt: skip
         sender = None

@@ -8,8 +8,8 @@ from rclpy.clock import ROSClock
 from rclpy.parameter import Parameter
 
 from iptm_core.state import NS_PER_S
-from iptm_interfaces.codecs import ns_from_time
-from iptm_interfaces.topics import STATE_TOPICS, Topic
+from iptm_ros.codecs import ns_from_time
+from iptm_ros.topics import STATE_TOPICS, Topic
 
 LISTENERS = 3
 """To the clock: the bridge, the node of the test, and its time."""

@@ -15,12 +15,12 @@ from pyarrow.parquet import read_table
 from tests.foreign_readers import assert_read_by_all
 
 from iptm_core.metrics import FIGURES, compute_metrics, figure_values
-from iptm_interfaces.codecs import ns_from_time
-from iptm_interfaces.topics import TOPICS, Topic
-from iptm_recording.bag_reader import BagReader, read_model_parameters
-from iptm_recording.trajectory_reader import read_decisions, read_trajectory
+from iptm_ros.codecs import ns_from_time
+from iptm_ros.recording.bag_reader import BagReader, read_model_parameters
+from iptm_ros.recording.trajectory_reader import read_decisions, read_trajectory
+from iptm_ros.topics import TOPICS, Topic
 
-MODULE = "iptm_bringup.run_closed_loop"
+MODULE = "iptm.runner.run_closed_loop"
 TICKS = 60
 RUN_TIMEOUT_S = 120.0
 WELL_UNDER_WAY_BYTES = 500_000  # the definitions of the types take almost 200 000
@@ -29,7 +29,7 @@ NODE_MODULES = {
     "controller": "iptm_controller.node",
     "plant": "iptm_plant_sim.node",
     "v2x_bridge": "iptm_v2x_bridge.node",
-    "recorder": "iptm_recording.recorder_cli",
+    "recorder": "iptm_ros.recording.recorder_cli",
 }
 ROOT = Path(__file__).resolve().parents[2]
 # Names and standard types as promised to the outside, written down once more on purpose.
@@ -233,7 +233,7 @@ def test_a_run_keeps_its_domain_any_ros_program_hears_it_and_it_can_be_interrupt
     stranger = launcher.start("stranger", sys.executable, *arguments, PYTHONPATH=path)
     intruder = start(tmp_path / "intruder", "demo")
     assert intruder.wait(RUN_TIMEOUT_S) == 2
-    assert f"in use by process {runner.popen.pid} (iptm_bringup.run_closed_loop" in intruder.stderr
+    assert f"in use by process {runner.popen.pid} (iptm.runner.run_closed_loop" in intruder.stderr
     assert not (tmp_path / "intruder").exists()
     assert stranger.wait(RUN_TIMEOUT_S) == 0, stranger.stderr
     report = json.loads(stranger.stdout)

@@ -29,10 +29,10 @@ from iptm_controller.node_parameters import ControllerNodeParameters
 from iptm_controller.node_reports import plan_trajectory
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.state import LeaderPreview, SlopePreview
-from iptm_interfaces.codecs import decode_decision_record, decode_plan, encode_slope
-from iptm_interfaces.diagnostics import Level
-from iptm_interfaces.suite_node import LEAST_HISTORY
-from iptm_interfaces.topics import STATE_TOPICS, Topic
+from iptm_ros.codecs import decode_decision_record, decode_plan, encode_slope
+from iptm_ros.diagnostics import Level
+from iptm_ros.suite_node import LEAST_HISTORY
+from iptm_ros.topics import STATE_TOPICS, Topic
 
 pytestmark = pytest.mark.usefixtures("ros_environment")
 

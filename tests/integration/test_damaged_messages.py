@@ -18,9 +18,9 @@ from rosgraph_msgs.msg import Clock
 from tests.integration.controller_ticks import ROAD, SMALL, tick_messages
 
 from iptm_core.state import NS_PER_S, Command
-from iptm_interfaces.codecs import encode_command, encode_slope
-from iptm_interfaces.diagnostics import status_values
-from iptm_interfaces.topics import Topic
+from iptm_ros.codecs import encode_command, encode_slope
+from iptm_ros.diagnostics import status_values
+from iptm_ros.topics import Topic
 
 PLANT = {"duration_s": 1e6, "on_lost_controller": "wait", "expected_peers": 1}
 NODES: dict[str, tuple[str, dict[str, object]]] = {

@@ -26,9 +26,9 @@ from sensor_msgs.msg import JointState
 from tests.documented_commands import ROOT, documented_commands
 from tests.integration.documented_rules import RULES, Rule, Way, rule_for
 
-from iptm_bringup.run_closed_loop import build_parser, chosen_scenario
-from iptm_interfaces.discovery import reserve_domain
-from iptm_interfaces.graph_client import GraphClient
+from iptm.runner.run_closed_loop import build_parser, chosen_scenario
+from iptm_ros.discovery import reserve_domain
+from iptm_ros.graph_client import GraphClient
 
 COMMANDS = documented_commands()
 EXAMPLE = ROOT / "bags" / "example_us06_120s"
@@ -269,8 +269,8 @@ def ring(files: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Plac
         started = [
             place.start(f"{module} {text}")
             for text in (
-                "iptm_recording.recorder_cli recorded --start-paused",
-                "iptm_recording.player_cli BAG --loop --topics controller/plan",
+                "iptm_ros.recording.recorder_cli recorded --start-paused",
+                "iptm_ros.recording.player_cli BAG --loop --topics controller/plan",
                 "iptm_v2x_bridge.node",
                 f"iptm_controller.node --ros-args {interpreted}",
                 f"iptm_controller.node --ros-args {interpreted} {car_1}",

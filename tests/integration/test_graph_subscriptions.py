@@ -10,8 +10,8 @@ from rclpy.node import Node
 from rclpy.qos import ReliabilityPolicy
 from sensor_msgs.msg import Temperature
 
-from iptm_interfaces.topics import TOPICS, Topic
-from iptm_recording.timeline import read_stamp_ns
+from iptm_ros.recording.timeline import read_stamp_ns
+from iptm_ros.topics import TOPICS, Topic
 from iptm_view.graph_subscriptions import GraphSubscriptions
 
 DEPTH = 8

@@ -11,7 +11,7 @@ import pytest
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from iptm_interfaces import call, param
+from iptm_ros import call, param
 
 Ask = Callable[..., tuple[int, str, str]]
 

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from iptm.studies.run import perform_run
+from iptm.studies.run_spec import RunSpec
+from iptm.studies.study import planned_run
 from iptm_core.decision_record import DecisionSeries, Rung
 from iptm_core.declaration import plain
 from iptm_core.parameters.model import KM_H_PER_M_S
 from iptm_core.settings import LeaderSource
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
-from iptm_recording.bag_reader import BagReader
-from iptm_recording.trajectory_reader import read_decisions, read_trajectory
-from iptm_studies.run import perform_run
-from iptm_studies.run_spec import RunSpec
-from iptm_studies.study import planned_run
+from iptm_ros.recording.bag_reader import BagReader
+from iptm_ros.recording.trajectory_reader import read_decisions, read_trajectory
 
 TICKS = 120
 RUN_TIMEOUT_S = 240.0
@@ -77,7 +77,7 @@ def test_headless_run_equals_the_run_over_ros(spec: RunSpec, launcher: Any, tmp_
     """With perfect previews, see `test_string`; with faults, `test_faults_over_ros`."""
     bag = tmp_path / "bag"
     arguments = (*options_of(spec), "--no-picture", "--output", bag)
-    runner = launcher.start_module("iptm_bringup.run_closed_loop", *arguments)
+    runner = launcher.start_module("iptm.runner.run_closed_loop", *arguments)
     headless = perform_run(planned_run(spec))
     assert runner.wait(RUN_TIMEOUT_S) == 0, runner.stdout + runner.stderr
 

@@ -17,8 +17,8 @@ from typing import Any
 
 import pytest
 
-from iptm_interfaces.discovery import PEERS_VARIABLE, PROFILE_VARIABLE, RANGE_VARIABLE
-from iptm_interfaces.topics import Topic
+from iptm_ros.discovery import PEERS_VARIABLE, PROFILE_VARIABLE, RANGE_VARIABLE
+from iptm_ros.topics import Topic
 
 NODE = "iptm_v2x_bridge.node"
 UNSET = {PROFILE_VARIABLE: "", RANGE_VARIABLE: "", PEERS_VARIABLE: ""}

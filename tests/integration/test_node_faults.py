@@ -23,9 +23,9 @@ from iptm_controller.controller import Controller
 from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements
 from iptm_controller.node import ControllerNode
-from iptm_interfaces.codecs import encode_slope
-from iptm_interfaces.diagnostics import Level
-from iptm_interfaces.topics import STATE_TOPICS, Topic
+from iptm_ros.codecs import encode_slope
+from iptm_ros.diagnostics import Level
+from iptm_ros.topics import STATE_TOPICS, Topic
 
 pytestmark = pytest.mark.usefixtures("ros_environment")
 

@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from iptm_recording.bag_info import result_tables
+from iptm_ros.recording.bag_info import result_tables
 
-MODULE = "iptm_bringup.run_closed_loop"
+MODULE = "iptm.runner.run_closed_loop"
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
 ROAD = {"cycle": "us06", "slope": "small"}
 OPTIONS = (

@@ -15,14 +15,14 @@ from tests.plant_messages import plant_messages
 
 from iptm_core.decision_record import DecisionRecord, Rung
 from iptm_core.state import VehicleState
-from iptm_interfaces.codecs import (
+from iptm_ros.codecs import (
     PlanTrajectory,
     encode_decision_record,
     encode_plan,
     time_from_s,
 )
-from iptm_interfaces.diagnostics import status_values
-from iptm_interfaces.topics import TOPICS, Topic
+from iptm_ros.diagnostics import status_values
+from iptm_ros.topics import TOPICS, Topic
 
 NS = 10**9
 TICKS = 9

@@ -20,18 +20,18 @@ from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.routes import build_route
 from iptm_core.settings import ThermalModel
 from iptm_core.state import Command, FullChannelState, VehicleState
-from iptm_interfaces.codecs import (
+from iptm_plant_sim.plant import Plant
+from iptm_plant_sim.plant_step import PlantStep
+from iptm_plant_sim.trip import Trip
+from iptm_ros.codecs import (
     decode_powers,
     decode_temperature,
     decode_vehicle_state,
     ns_from_time,
 )
-from iptm_interfaces.diagnostics import Level
-from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import Topic
-from iptm_plant_sim.plant import Plant
-from iptm_plant_sim.plant_step import PlantStep
-from iptm_plant_sim.trip import Trip
+from iptm_ros.diagnostics import Level
+from iptm_ros.suite_node import SuiteNode
+from iptm_ros.topics import Topic
 
 pytestmark = pytest.mark.usefixtures("ros_environment")
 MODULE = "iptm_plant_sim.node"

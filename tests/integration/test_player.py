@@ -23,13 +23,13 @@ from sensor_msgs.msg import Temperature
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
-from iptm_interfaces.topics import Topic
-from iptm_recording.bag_writer import BagWriter
-from iptm_recording.message_types import MessageDefinition
+from iptm_ros.recording.bag_writer import BagWriter
+from iptm_ros.recording.message_types import MessageDefinition
+from iptm_ros.topics import Topic
 
 S = 10**9
 FLOAT = "std_msgs/msg/Float64"
-PLAYER = "iptm_recording.player_cli"
+PLAYER = "iptm_ros.recording.player_cli"
 Call = Callable[[str], Trigger.Response]
 READY = ("--wait-for-subscribers", "1", "--delay", "0")
 

@@ -12,8 +12,8 @@ from tests.integration.cam_ego import BRIDGE, SENDER, Ego, free_port
 
 from iptm_core.routes import build_route
 from iptm_core.state import LeaderPreview
-from iptm_interfaces.diagnostics import status_values
-from iptm_interfaces.topics import TOPICS, Topic
+from iptm_ros.diagnostics import status_values
+from iptm_ros.topics import TOPICS, Topic
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.node_datagrams import read_recording
 from iptm_v2x_bridge.radio_recording import SimulatedRadio
@@ -22,7 +22,7 @@ TICKS = 4
 QUIET_TICKS = 2
 """Ticks after the sender has ended, so that the last numbers are those of a tick."""
 NS = 10**9
-RECORDER = "iptm_recording.recorder_cli"
+RECORDER = "iptm_ros.recording.recorder_cli"
 OWN_NUMBERS = ("rejected_", "datagrams", "messages", "station", "leader", "predictor", "preview")
 
 

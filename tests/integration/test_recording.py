@@ -18,11 +18,11 @@ from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 from tests.integration.recorded_suite import RECORDER, TICK, RecordedSuite, S
 
-from iptm_interfaces.diagnostics import status_values
-from iptm_interfaces.services import Service
-from iptm_interfaces.topics import TOPICS, Topic
-from iptm_recording.bag_reader import BagReader, read_model_parameters
-from iptm_recording.compare_bags import compare_bags
+from iptm_ros.diagnostics import status_values
+from iptm_ros.recording.bag_reader import BagReader, read_model_parameters
+from iptm_ros.recording.compare_bags import compare_bags
+from iptm_ros.services import Service
+from iptm_ros.topics import TOPICS, Topic
 
 CAR = ("-r", "__ns:=/car_9")
 STATE, CLOCK = Topic.PLANT_CELL_1_TEMPERATURE, Topic.CLOCK
@@ -84,7 +84,7 @@ def test_nothing_is_lost_and_a_replay_is_recorded_alike(
     recorder = record("second")
     wanted = str(len(counts_of(first)))
     arguments = ("--rate", "50", "--wait-for-subscribers", wanted)
-    player = launcher.start_module("iptm_recording.player_cli", first, *arguments)
+    player = launcher.start_module("iptm_ros.recording.player_cli", first, *arguments)
     assert player.wait(60.0) == 0, player.stderr
     assert "played" in player.stdout
     assert recorder.stop(signal.SIGTERM) == 0

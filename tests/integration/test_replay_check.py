@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
-from iptm_bringup.replay_check import check_node
-from iptm_bringup.replay_inputs import OUTPUTS, read_recorded
+from iptm.runner.replay_check import check_node
+from iptm.runner.replay_inputs import OUTPUTS, read_recorded
 from iptm_core.errors import BagError, ScenarioError
-from iptm_interfaces.topics import TOPICS, Topic
-from iptm_recording.bag_reader import BagReader
-from iptm_recording.bag_writer import BagWriter
+from iptm_ros.recording.bag_reader import BagReader
+from iptm_ros.recording.bag_writer import BagWriter
+from iptm_ros.topics import TOPICS, Topic
 
 BAG = Path(__file__).resolve().parents[2] / "bags" / "example_us06_120s"
 CHANGES = {"controller": "body.mass_kg=1700", "plant": "aging.pre_exponential_factor=0.0033"}
@@ -40,7 +40,7 @@ def test_the_example_bag_is_answered_as_recorded(node: str) -> None:
 def test_a_changed_physical_constant_is_found(launcher: Any, node: str) -> None:
     change = f"parameter_overrides={CHANGES[node]}"
     process = launcher.start_module(
-        "iptm_bringup.replay_check", "--check", node, BAG, "--set", change
+        "iptm.runner.replay_check", "--check", node, BAG, "--set", change
     )
     assert process.wait(240.0) == 1, process.stderr
     assert "first differs at " in process.stdout

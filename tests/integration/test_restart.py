@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from iptm_interfaces.codecs import ns_from_time
-from iptm_interfaces.topics import Topic
+from iptm_ros.codecs import ns_from_time
+from iptm_ros.topics import Topic
 
 S = 1_000_000_000
 MODULES = {

@@ -7,7 +7,7 @@ from typing import Any
 
 from rclpy.node import Node
 
-from iptm_bringup.monitor import RunMonitor
+from iptm.runner.monitor import RunMonitor
 
 
 def test_a_double_is_seen_whatever_its_topics_are_called(peer: Any) -> None:

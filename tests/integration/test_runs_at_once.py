@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from iptm_recording.trajectory_reader import read_trajectory
+from iptm_ros.recording.trajectory_reader import read_trajectory
 
-MODULE = "iptm_bringup.run_closed_loop"
+MODULE = "iptm.runner.run_closed_loop"
 TICKS = 10
 OPTIONS = ("demo", "--duration-s", str(TICKS), "--no-picture")
 RUN_TIMEOUT_S = 120.0

@@ -18,16 +18,16 @@ from iptm_controller.node import ControllerNode
 from iptm_controller.node_parameters import ControllerNodeParameters
 from iptm_core.errors import BagError, SolverSetupError
 from iptm_core.trajectory import Trajectory
-from iptm_interfaces.codecs import decode_command, encode_slope, serialized, time_from_ns
-from iptm_interfaces.diagnostics import CHANGED_SETTINGS, SETTINGS_SINCE, Level, build_status
-from iptm_interfaces.topics import TOPICS, Topic
-from iptm_recording.bag_writer import BagWriter
-from iptm_recording.trajectory_reader import (
+from iptm_ros.codecs import decode_command, encode_slope, serialized, time_from_ns
+from iptm_ros.diagnostics import CHANGED_SETTINGS, SETTINGS_SINCE, Level, build_status
+from iptm_ros.recording.bag_writer import BagWriter
+from iptm_ros.recording.trajectory_reader import (
     SettingsChange,
     changes_in_words,
     read_settings_changes,
     refuse_changed_settings,
 )
+from iptm_ros.topics import TOPICS, Topic
 
 pytestmark = pytest.mark.usefixtures("ros_environment")
 OPTIONS: dict[str, Any] = {**SMALL, "strategy": "reference"}

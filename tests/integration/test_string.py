@@ -15,22 +15,22 @@ import pytest
 from tests.foreign_readers import assert_read_by_all
 from tests.integration.page_browser import Terminal, followed
 
-from iptm_bringup.run_closed_loop import build_parser, chosen_scenario
-from iptm_bringup.run_string import main
+from iptm.runner.run_closed_loop import build_parser, chosen_scenario
+from iptm.runner.run_string import main
+from iptm.studies.vehicle_string import run_string
 from iptm_controller.controller import Controller
 from iptm_controller.options import ControllerOptions
 from iptm_core.decision_record import Rung
 from iptm_core.metrics import gap_margins_m
 from iptm_core.settings import VEHICLE_LENGTH_M
 from iptm_core.state import Command
-from iptm_interfaces.codecs import decode_command
-from iptm_interfaces.topics import TOPICS, Topic
 from iptm_plant_sim.plant import Plant
-from iptm_recording.bag_reader import BagReader
-from iptm_recording.trajectory_reader import read_decisions, read_trajectory
-from iptm_studies.vehicle_string import run_string
+from iptm_ros.codecs import decode_command
+from iptm_ros.recording.bag_reader import BagReader
+from iptm_ros.recording.trajectory_reader import read_decisions, read_trajectory
+from iptm_ros.topics import TOPICS, Topic
 
-MODULE = "iptm_bringup.run_string"
+MODULE = "iptm.runner.run_string"
 TICKS = 40
 OPTIONS = ("--cycle", "us06", "--slope", "large", "--duration-s", str(TICKS), "--no-picture")
 RUN_TIMEOUT_S = 300.0

@@ -11,10 +11,10 @@ import pytest
 pytest.importorskip("traci", reason="requirements/traffic.txt is not installed")
 pytest.importorskip("sumo", reason="requirements/traffic.txt is not installed")
 
-from iptm_bringup.replay_check import check_node
-from iptm_recording.bag_reader import BagReader
-from iptm_recording.compare_bags import compare_bags
-from iptm_recording.trajectory_reader import read_trajectory
+from iptm.runner.replay_check import check_node
+from iptm_ros.recording.bag_reader import BagReader
+from iptm_ros.recording.compare_bags import compare_bags
+from iptm_ros.recording.trajectory_reader import read_trajectory
 
 TICKS = 15
 RUN_TIMEOUT_S = 240.0

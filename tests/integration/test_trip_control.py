@@ -13,12 +13,12 @@ from tests.integration.node_bench import S
 
 from iptm_core.settings import ThermalModel
 from iptm_core.state import Command
-from iptm_interfaces.codecs import decode_command, ns_from_time
-from iptm_interfaces.diagnostics import Level
-from iptm_interfaces.services import Service
-from iptm_interfaces.topics import Topic
-from iptm_recording.bag_reader import BagReader
-from iptm_recording.trajectory_reader import read_trajectory, trip_starts_ns
+from iptm_ros.codecs import decode_command, ns_from_time
+from iptm_ros.diagnostics import Level
+from iptm_ros.recording.bag_reader import BagReader
+from iptm_ros.recording.trajectory_reader import read_trajectory, trip_starts_ns
+from iptm_ros.services import Service
+from iptm_ros.topics import Topic
 
 PAUSED = (Level.WARN, "paused by request")
 PLANT, BRIDGE, CONTROLLER = "iptm_plant_sim.node", "iptm_v2x_bridge.node", "iptm_controller.node"
@@ -171,7 +171,7 @@ def test_the_nodes_sit_out_a_pause_and_repeat_a_trip_after_a_reset_and_from_save
     states = {"state_folder": tmp_path / "states"}
     controller = {**states, "horizon": "2x1+2x5+2x30t", "compile_code": False}
     plant = {**states, "duration_s": 1e6, "command_timeout_wall_s": 120.0}
-    recorder = launcher.start_module("iptm_recording.recorder_cli", tmp_path / "bag")
+    recorder = launcher.start_module("iptm_ros.recording.recorder_cli", tmp_path / "bag")
     nodes = [launcher.start_node(CONTROLLER, parameters=controller)]
     # A command published before this node is matched would be lost to it.
     peer.wait_until(lambda: bool(statuses["controller"]), 60.0, "a status of the controller")

@@ -12,16 +12,16 @@ from tests.integration.node_bench import NodeBench, S, node_bench
 
 from iptm_core.routes import build_route
 from iptm_core.state import LeaderPreview
-from iptm_interfaces.codecs import (
+from iptm_ros.codecs import (
     decode_leader,
     decode_leader_preview,
     decode_slope,
     ns_from_time,
     time_from_s,
 )
-from iptm_interfaces.diagnostics import Level
-from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import TOPICS, Topic
+from iptm_ros.diagnostics import Level
+from iptm_ros.suite_node import SuiteNode
+from iptm_ros.topics import TOPICS, Topic
 from iptm_v2x_bridge.node import BridgeNode
 
 pytestmark = pytest.mark.usefixtures("ros_environment")

@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 from tests.integration.page_browser import Browser, Terminal, followed
 
-from iptm_recording.bag_reader import BagReader
-from iptm_recording.trajectory_reader import read_trajectory
+from iptm_ros.recording.bag_reader import BagReader
+from iptm_ros.recording.trajectory_reader import read_trajectory
 
 BAG = Path(__file__).resolve().parents[2] / "bags" / "example_us06_120s"
 
@@ -24,7 +24,7 @@ def view(launcher: Any, wait_until: Callable[..., None]) -> Callable[..., tuple[
     """Start a view and follow its page."""
 
     def start(*arguments: str) -> tuple[Any, Browser]:
-        process = launcher.start_module("iptm_bringup.view", "--against", "none", *arguments)
+        process = launcher.start_module("iptm.runner.view", "--against", "none", *arguments)
         address = re.compile(r"http://\S+")
         wait_until(lambda: address.search(process.stdout), what="address of the page")
         found = address.search(process.stdout)
@@ -39,7 +39,7 @@ def test_a_replay_drives_the_view_as_the_bag_does(
 ) -> None:
     process, browser = view("--no-foxglove")
     player = launcher.start_module(
-        "iptm_recording.player_cli", BAG, "--rate", "10", "--wait-for-subscribers", "11"
+        "iptm_ros.recording.player_cli", BAG, "--rate", "10", "--wait-for-subscribers", "11"
     )
     wait_until(lambda: browser.has_ended, 120.0, "end of the replay")
     assert player.wait() == 0
@@ -61,7 +61,7 @@ def test_the_page_of_a_run_has_every_tick_and_stays_until_ctrl_c(
     output = tmp_path / "run"
     trip = ["wltc", "--duration-s", "60", "--mode", "lock_step", "--namespace", "car_1"]
     options = ["--view", "--no-picture", "--against", "none", "--output", str(output)]
-    with closing(Terminal(launcher, "iptm_bringup.run_closed_loop", *trip, *options)) as runner:
+    with closing(Terminal(launcher, "iptm.runner.run_closed_loop", *trip, *options)) as runner:
         (browser,) = followed(runner, wait_until, "events")
         # The page has what was heard of the run first, then all of it from its bag.
         wait_until(
@@ -123,7 +123,7 @@ def test_mistakes_are_one_line(launcher: Any, tmp_path: Path) -> None:
         (str(BAG), "--rate", "-1"): "rate is -1; allowed",
     }
     started = [
-        (launcher.start_module("iptm_bringup.view", "--no-foxglove", *arguments), message)
+        (launcher.start_module("iptm.runner.view", "--no-foxglove", *arguments), message)
         for arguments, message in mistakes.items()
     ]
     for process, message in started:

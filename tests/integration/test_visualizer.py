@@ -11,11 +11,11 @@ import pytest
 from std_msgs.msg import String
 
 from iptm_core.settings import VEHICLE_LENGTH_M
-from iptm_interfaces.codecs import ns_from_time
-from iptm_interfaces.qos import LATCHED_QOS
-from iptm_interfaces.topics import Topic
-from iptm_interfaces.visual_topics import VISUAL_TOPICS
-from iptm_recording.trajectory_reader import read_trajectory
+from iptm_ros.codecs import ns_from_time
+from iptm_ros.qos import LATCHED_QOS
+from iptm_ros.recording.trajectory_reader import read_trajectory
+from iptm_ros.topics import Topic
+from iptm_ros.visual_topics import VISUAL_TOPICS
 
 BAG = Path(__file__).resolve().parents[2] / "bags" / "example_us06_120s"
 
@@ -40,7 +40,7 @@ def test_a_replay_is_drawn_as_the_bag_says(launcher: Any, peer: Any) -> None:
     assert "ego/battery_pack" in described[0].data
     assert statuses[-1].message == "waiting for a trip"
     player = launcher.start_module(
-        "iptm_recording.player_cli", BAG, "--rate", "40", "--wait-for-subscribers", "2"
+        "iptm_ros.recording.player_cli", BAG, "--rate", "40", "--wait-for-subscribers", "2"
     )
     peer.wait_until(
         lambda: (

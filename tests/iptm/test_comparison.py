@@ -9,11 +9,11 @@ import pytest
 
 import iptm
 from iptm.compare_cli import main
-from iptm_recording.trajectory_reader import read_decisions, read_trajectory
-from iptm_studies.run import perform_run
-from iptm_studies.run_spec import RunSpec
-from iptm_studies.store import ResultStore
-from iptm_studies.study import planned_run
+from iptm.studies.run import perform_run
+from iptm.studies.run_spec import RunSpec
+from iptm.studies.store import ResultStore
+from iptm.studies.study import planned_run
+from iptm_ros.recording.trajectory_reader import read_decisions, read_trajectory
 
 BAG = Path(__file__).resolve().parents[2] / "bags" / "example_us06_120s"
 

@@ -10,13 +10,13 @@ import pandas as pd
 import pytest
 
 import iptm
+from iptm.studies.run import perform_run
+from iptm.studies.run_spec import RunSpec
+from iptm.studies.study import planned_run
 from iptm_core.aging_laws.cells import LAWS
 from iptm_core.metrics import figure_values
 from iptm_core.routes import load_cycle
 from iptm_core.trajectory import TRAJECTORY_COLUMNS
-from iptm_studies.run import perform_run
-from iptm_studies.run_spec import RunSpec
-from iptm_studies.study import planned_run
 
 SHORT: dict[str, Any] = {"duration_s": 30.0, "solver": {"compile_code": False}}
 

@@ -19,13 +19,13 @@ from iptm_controller.options import ControllerOptions
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.metrics import Concern
 from iptm_core.state import LeaderPreview
-from iptm_interfaces.codecs import (
+from iptm_ros.codecs import (
     decode_decision_record,
     decode_plan,
     encode_decision_record,
     encode_plan,
 )
-from iptm_interfaces.diagnostics import Level
+from iptm_ros.diagnostics import Level
 
 HOT_K = PARAMETERS.limits.max_temperature_k + 2.0
 FULL_W = PARAMETERS.limits.max_compressor_power_w

@@ -16,10 +16,10 @@ from iptm_core.routes import build_route
 from iptm_core.routes.bag import OWN_ODOMETRY, OWN_SLOPE
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.routes.user_csv import read_user_trip
-from iptm_interfaces.codecs import decode_slope
-from iptm_interfaces.topics import TOPICS, Topic
-from iptm_recording.bag_reader import BagReader
-from iptm_recording.trajectory_reader import read_trajectory
+from iptm_ros.codecs import decode_slope
+from iptm_ros.recording.bag_reader import BagReader
+from iptm_ros.recording.trajectory_reader import read_trajectory
+from iptm_ros.topics import TOPICS, Topic
 
 ROAD = RoadLine.test_road()
 SECONDS = np.arange(0.0, 61.0, 0.5)

@@ -4,17 +4,17 @@ from typing import Any
 
 import numpy as np
 
+from iptm.studies.campaign import Campaign, plan_campaign, survey
+from iptm.studies.channel_record import ChannelRecord
+from iptm.studies.run import Run
+from iptm.studies.run_spec import RunKind
+from iptm.studies.store import ResultStore
+from iptm.studies.study import Case
+from iptm.studies.study_loading import available_studies
 from iptm_core.decision_record import DECISION_COLUMNS, DecisionSeries
 from iptm_core.settings import ThermalModel
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_reproduction.claims import Claim, make_claim
-from iptm_studies.campaign import Campaign, plan_campaign, survey
-from iptm_studies.channel_record import ChannelRecord
-from iptm_studies.run import Run
-from iptm_studies.run_spec import RunKind
-from iptm_studies.store import ResultStore
-from iptm_studies.study import Case
-from iptm_studies.study_loading import available_studies
 
 TRIP_S = 200.0
 

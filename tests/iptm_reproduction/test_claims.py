@@ -2,6 +2,7 @@
 
 import pytest
 
+from iptm.studies.study_loading import available_studies, load_study
 from iptm_reproduction.claims import claims_by_topic, number_texts, rendered
 from iptm_reproduction.names import (
     CELL_1,
@@ -27,7 +28,6 @@ from iptm_reproduction.printed import (
     printed_value,
 )
 from iptm_reproduction.results import Results
-from iptm_studies.study_loading import available_studies, load_study
 
 CLAIMS = [claim for claims in claims_by_topic().values() for claim in claims]
 # The one value of the printed table that contradicts its neighbours, see the note on it, as it should read.

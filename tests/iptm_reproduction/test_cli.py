@@ -5,12 +5,12 @@ from pathlib import Path
 import pytest
 
 import iptm_reproduction.report
+from iptm.studies.campaign import Campaign
+from iptm.studies.cli import EXIT_FAILED_RUNS
+from iptm.studies.store import ResultStore
 from iptm_core.program import EXIT_USER_ERROR
 from iptm_reproduction import cli
 from iptm_reproduction.report import build_report
-from iptm_studies.campaign import Campaign
-from iptm_studies.cli import EXIT_FAILED_RUNS
-from iptm_studies.store import ResultStore
 
 Reports = list[tuple[Path, Path, list[str]]]
 

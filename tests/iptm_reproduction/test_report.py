@@ -9,6 +9,9 @@ import pandas as pd
 import pytest
 from tests.iptm_reproduction.made_store import TRIP_S, filled, surveyed
 
+from iptm.studies.campaign import plan_campaign, survey
+from iptm.studies.store import ResultStore
+from iptm.studies.study_loading import available_studies
 from iptm_core.errors import ScenarioError, StoreError
 from iptm_reproduction.claims import Claim
 from iptm_reproduction.plots.style import MOST_BYTES
@@ -25,9 +28,6 @@ from iptm_reproduction.report import (
 )
 from iptm_reproduction.results import gather
 from iptm_reproduction.tables import SAVING, table_of
-from iptm_studies.campaign import plan_campaign, survey
-from iptm_studies.store import ResultStore
-from iptm_studies.study_loading import available_studies
 
 PICTURES = 23
 

@@ -13,7 +13,7 @@ from tests.iptm_v2x_bridge.cams import cam
 from tests.iptm_v2x_bridge.radio import ROAD, station
 
 from iptm_core.errors import MessageError, ParameterError
-from iptm_interfaces.suite_node import SuiteNode
+from iptm_ros.suite_node import SuiteNode
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.messages.cam import CamMessage, decode_cam, decode_fields, encode_cam
 from iptm_v2x_bridge.messages.packets import MessageKind, OpenedDatagram, open_datagram

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from iptm_core.trajectory import Trajectory
-from iptm_recording.trajectory_reader import read_trajectory
+from iptm_ros.recording.trajectory_reader import read_trajectory
 from iptm_view.screenshot import BROWSERS, Picture, opened_page, started_browser
 
 BAG = Path(__file__).resolve().parents[2] / "bags" / "example_us06_120s"

@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 from iptm_core.errors import ViewError
-from iptm_recording.bag_reader import BagReader
-from iptm_recording.message_types import Decoder, MessageDefinition
+from iptm_ros.recording.bag_reader import BagReader
+from iptm_ros.recording.message_types import Decoder, MessageDefinition
 from iptm_view import foxglove_server
 from iptm_view.foxglove_server import KNOWN_ORIGINS, FoxgloveServer, is_admitted
 

@@ -18,16 +18,16 @@ from iptm_core.metrics import gap_margins_m
 from iptm_core.metrics.constraints import GAP_TOLERANCE_M
 from iptm_core.state import LeaderPreview, SafetyRecord, VehicleState
 from iptm_core.trajectory import Trajectory
-from iptm_interfaces.codecs import (
+from iptm_ros.codecs import (
     PlanTrajectory,
     encode_leader_preview_bytes,
     encode_plan_bytes,
 )
-from iptm_interfaces.codecs.time import time_from_s
-from iptm_interfaces.diagnostics import TRIP_TIME, Level
-from iptm_interfaces.topics import TOPICS, Topic, topic_of
-from iptm_recording.bag_reader import BagReader, read_model_parameters
-from iptm_recording.trajectory_reader import read_decisions
+from iptm_ros.codecs.time import time_from_s
+from iptm_ros.diagnostics import TRIP_TIME, Level
+from iptm_ros.recording.bag_reader import BagReader, read_model_parameters
+from iptm_ros.recording.trajectory_reader import read_decisions
+from iptm_ros.topics import TOPICS, Topic, topic_of
 from iptm_view.page_feed import Cursor, PageFeed
 from iptm_view.page_row import PAGE_COLUMNS, plan_ahead
 from iptm_view.run_facts import RunFacts, facts_of_nodes

@@ -13,8 +13,8 @@ import yaml
 from sensor_msgs.msg import JointState
 
 import iptm_view
-from iptm_interfaces.topics import TOPICS, TopicSpec
-from iptm_interfaces.visual_topics import VISUAL_TOPICS
+from iptm_ros.topics import TOPICS, TopicSpec
+from iptm_ros.visual_topics import VISUAL_TOPICS
 
 FOLDER = Path(iptm_view.__file__).parent / "layouts"
 NUMBERS = {"float", "double"}

@@ -25,8 +25,7 @@ class Module:
     @property
     def is_node(self) -> bool:
         """True for the modules that are allowed to know ROS in a package with a pure part."""
-        parts = self.name.split(".")
-        return len(parts) > 1 and (parts[1] == "node" or parts[1].startswith("node_"))
+        return any(part == "node" or part.startswith("node_") for part in self.name.split(".")[1:])
 
 
 def _imported_names(tree: ast.AST, module: str, *, is_package: bool) -> frozenset[str]:

@@ -8,61 +8,40 @@ from tests.packaging.packages import PACKAGES, modules_of
 # Package -> the packages of this project that its modules may import.
 ALLOWED = {
     "iptm_core": set(),
-    "iptm_interfaces": {"iptm_core"},
-    "iptm_plant_sim": {"iptm_core", "iptm_interfaces"},
-    "iptm_v2x_bridge": {"iptm_core", "iptm_interfaces", "iptm_recording"},
-    "iptm_controller": {"iptm_core", "iptm_interfaces"},
-    "iptm_faults": {"iptm_core", "iptm_interfaces", "iptm_controller", "iptm_plant_sim"},
-    "iptm_recording": {"iptm_core", "iptm_interfaces"},
-    "iptm_view": {"iptm_core", "iptm_interfaces", "iptm_recording"},
-    "iptm_bringup": {
-        "iptm_core",
-        "iptm_interfaces",
-        "iptm_plant_sim",
-        "iptm_v2x_bridge",
-        "iptm_controller",
-        "iptm_faults",
-        "iptm_recording",
-        "iptm_view",
-        "iptm_studies",
-        "iptm",
-    },
+    "iptm_ros": {"iptm_core"},
+    "iptm_plant_sim": {"iptm_core", "iptm_ros"},
+    "iptm_v2x_bridge": {"iptm_core", "iptm_ros"},
+    "iptm_controller": {"iptm_core", "iptm_ros"},
+    "iptm_view": {"iptm_core", "iptm_ros"},
+    "iptm_validation": {"iptm_core"},
     "iptm": {
         "iptm_core",
-        "iptm_controller",
-        "iptm_v2x_bridge",
-        "iptm_faults",
-        "iptm_recording",
-        "iptm_studies",
-    },
-    "iptm_studies": {
-        "iptm_core",
-        "iptm_validation",
+        "iptm_ros",
         "iptm_plant_sim",
         "iptm_v2x_bridge",
         "iptm_controller",
-        "iptm_faults",
+        "iptm_view",
+        "iptm_validation",
     },
-    "iptm_reproduction": {"iptm_core", "iptm_controller", "iptm_studies"},
-    "iptm_validation": {"iptm_core"},
+    "iptm_reproduction": {"iptm_core", "iptm_controller", "iptm"},
     "iptm_traffic": {
         "iptm_core",
-        "iptm_interfaces",
+        "iptm_ros",
         "iptm_plant_sim",
         "iptm_v2x_bridge",
         "iptm_controller",
-        "iptm_studies",
+        "iptm",
     },
 }
 
-# All of these packages runs without ROS, but for the node modules of those that have one.
+# All of these run without ROS, but for the node modules of those that have one.
 PURE = {
     "iptm_core",
     "iptm_plant_sim",
     "iptm_v2x_bridge",
     "iptm_controller",
-    "iptm_faults",
-    "iptm_studies",
+    "iptm.faults",
+    "iptm.studies",
     "iptm_reproduction",
     "iptm_traffic",
     "iptm_validation",
@@ -71,9 +50,9 @@ PURE = {
 # Nodes with faults inside are the nodes themselves but for that; the table of faults shows what the
 # controller node reports in trips without it.
 MAY_KNOW_THE_NODE_OF = {
-    ("iptm_faults.node_controller", "iptm_controller"),
-    ("iptm_faults.node_plant", "iptm_plant_sim"),
-    ("iptm_bringup.fault_table.driving", "iptm_controller"),
+    ("iptm.faults.node_controller", "iptm_controller"),
+    ("iptm.faults.node_plant", "iptm_plant_sim"),
+    ("iptm.runner.fault_table.driving", "iptm_controller"),
 }
 
 ROS = {
@@ -107,13 +86,13 @@ def test_imports_follow_the_arrows(package: str) -> None:
 
 @pytest.mark.parametrize("package", sorted(PURE))
 def test_pure_parts_know_no_ros(package: str) -> None:
-    for module in modules_of(package):
-        if module.is_node:
+    for module in modules_of(package.split(".", maxsplit=1)[0]):
+        if module.is_node or not f"{module.name}.".startswith(f"{package}."):
             continue
         ros = {name for name in module.imports if is_ros(name.split(".")[0])}
         assert ros == set(), f"{module.name} must run without ROS, but imports {ros}"
         # The interfaces import rclpy and the recording uses them, so a pure part cannot use them either.
-        assert our_packages(module.imports).isdisjoint({"iptm_interfaces", "iptm_recording"}), (
+        assert our_packages(module.imports).isdisjoint({"iptm_ros"}), (
             f"{module.name} imports what needs ROS"
         )
 
@@ -124,7 +103,11 @@ def test_nodes_meet_only_in_messages(package: str) -> None:
     for module in modules_of(package):
         for name in module.imports:
             owner, _, rest = name.partition(".")
-            if owner not in PURE or not re.match(r"node(_\w+)?(\.|$)", rest):
+            if (
+                owner not in ALLOWED
+                or owner == "iptm_ros"
+                or not re.match(r"(faults\.)?node(_\w+)?(\.|$)", rest)
+            ):
                 continue
             if (module.name, owner) in MAY_KNOW_THE_NODE_OF:
                 continue

@@ -154,9 +154,7 @@ def test_manifest_names_exactly_what_is_imported(package: str) -> None:
     manifest = manifest_of(package)
     declared = {entry.text for entry in manifest.findall("exec_depend")}
     # A package that starts another one's executables needs it without importing it.
-    started = (
-        {name for name in declared if name in PACKAGES} if package == "iptm_bringup" else set()
-    )
+    started = {name for name in declared if name in PACKAGES} if package == "iptm.runner" else set()
     lacking = [
         f"{key} (imported by {imported[name]})"
         for key, name in needed.items()

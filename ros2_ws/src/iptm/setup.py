@@ -1,21 +1,39 @@
+from pathlib import Path
+
 from setuptools import find_packages, setup
 
 PACKAGE = "iptm"
+
+
+def files(folder: str, pattern: str) -> list[str]:
+    """The files of a folder, in a fixed order."""
+    return sorted(str(path) for path in Path(folder).glob(pattern))
+
 
 setup(
     name=PACKAGE,
     version="0.1.0",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={PACKAGE: ["py.typed"]},
+    package_data={PACKAGE: ["py.typed", "**/*.yaml", "**/*.json", "**/*.j2"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
+        (f"share/{PACKAGE}/launch", files("launch", "*.launch.py")),
+        # The launch files look for them here, as every ROS 2 package does.
+        (f"share/{PACKAGE}/config/nodes", files(f"{PACKAGE}/runner/config/nodes", "*.yaml")),
+        (f"share/{PACKAGE}/config", files(f"{PACKAGE}/runner/config", "*.yaml")),
+        (
+            f"share/{PACKAGE}/config/scenarios",
+            files(f"{PACKAGE}/runner/config/scenarios", "*.yaml"),
+        ),
     ],
     install_requires=[
         "setuptools",
         "matplotlib>=3.8",
         "numpy>=1.24",
         "pandas>=2.1",
+        "pyarrow>=15",
+        "PyYAML>=6.0",
         "rich>=13",
     ],
     extras_require={"test": ["pytest"]},
@@ -24,9 +42,29 @@ setup(
     maintainer="iptm maintainers",
     maintainer_email="maintainers@iptm.example.org",
     entry_points={
-        "console_scripts": ["compare = iptm_core.program:main"],
-        "iptm.programs": ["compare = iptm.compare_cli:main"],
+        "console_scripts": [
+            "compare = iptm_core.program:main",
+            "drive_file = iptm_core.program:main",
+            "run_closed_loop = iptm_core.program:main",
+            "run_string = iptm_core.program:main",
+            "view = iptm_core.program:main",
+            "studies = iptm_core.program:main",
+            "injector = iptm_core.program:main",
+            "controller_with_solver_faults = iptm_core.program:main",
+            "plant_with_actuator_faults = iptm_core.program:main",
+        ],
+        "iptm.programs": [
+            "compare = iptm.compare_cli:main",
+            "drive_file = iptm.runner.recorded_drive:main",
+            "run_closed_loop = iptm.runner.run_closed_loop:main",
+            "run_string = iptm.runner.run_string:main",
+            "view = iptm.runner.view:main",
+            "studies = iptm.studies.cli:main",
+            "injector = iptm.faults.node:main",
+            "controller_with_solver_faults = iptm.faults.node_controller:main",
+            "plant_with_actuator_faults = iptm.faults.node_plant:main",
+        ],
     },
-    description="The suite as a library for notebooks and scripts",
+    description="The suite as a library and its runner: scenarios, launch files, faults, studies",
     license="Apache-2.0",
 )

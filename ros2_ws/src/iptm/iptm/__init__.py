@@ -1,17 +1,47 @@
 """The suite as a library: simulate, load, compare and sweep; results as pandas tables and pictures."""
 
-from iptm.bags import load
-from iptm.comparison import Comparison, compare
-from iptm.own_parts import Controller, Predictor
-from iptm.run import Run
-from iptm.simulation import Sweep, simulate, sweep
-from iptm_controller.measurements import Measurements
-from iptm_controller.strategy import STRATEGIES, Strategy
-from iptm_core.aging_laws.law import AgingLaw
-from iptm_core.errors import IptmError
-from iptm_core.parameters import ModelParameters, available_parameter_sets, load_parameters
-from iptm_core.routes import ROUTE_CYCLES
-from iptm_core.state import Command, LeaderState
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from iptm.bags import load
+    from iptm.comparison import Comparison, compare
+    from iptm.own_parts import Controller, Predictor
+    from iptm.run import Run
+    from iptm.simulation import Sweep, simulate, sweep
+    from iptm_controller.measurements import Measurements
+    from iptm_controller.strategy import STRATEGIES, Strategy
+    from iptm_core.aging_laws.law import AgingLaw
+    from iptm_core.errors import IptmError
+    from iptm_core.parameters import ModelParameters, available_parameter_sets, load_parameters
+    from iptm_core.routes import ROUTE_CYCLES
+    from iptm_core.state import Command, LeaderState
+
+# Loaded when first used: a node that imports one module of this package needs neither pandas nor Matplotlib.
+_HOMES = {
+    "load": "iptm.bags",
+    "Comparison": "iptm.comparison",
+    "compare": "iptm.comparison",
+    "Controller": "iptm.own_parts",
+    "Predictor": "iptm.own_parts",
+    "Run": "iptm.run",
+    "Sweep": "iptm.simulation",
+    "simulate": "iptm.simulation",
+    "sweep": "iptm.simulation",
+    "Measurements": "iptm_controller.measurements",
+    "STRATEGIES": "iptm_controller.strategy",
+    "Strategy": "iptm_controller.strategy",
+    "AgingLaw": "iptm_core.aging_laws.law",
+    "IptmError": "iptm_core.errors",
+    "ModelParameters": "iptm_core.parameters",
+    "available_parameter_sets": "iptm_core.parameters",
+    "load_parameters": "iptm_core.parameters",
+    "ROUTE_CYCLES": "iptm_core.routes",
+    "Command": "iptm_core.state",
+    "LeaderState": "iptm_core.state",
+}
 
 __all__ = [
     "ROUTE_CYCLES",
@@ -35,3 +65,13 @@ __all__ = [
     "simulate",
     "sweep",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'iptm' has no attribute {name!r}")
+    return getattr(import_module(_HOMES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

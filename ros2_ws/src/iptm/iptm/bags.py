@@ -22,8 +22,8 @@ from iptm_core.settings import (
     TripSettings,
 )
 from iptm_core.user_input import shown
-from iptm_recording.bag_reader import BagReader, read_model_parameters
-from iptm_recording.run_information import RunInformation
+from iptm_ros.recording.bag_reader import BagReader, read_model_parameters
+from iptm_ros.recording.run_information import RunInformation
 
 _STORED = ".parquet"
 _GROUPS = (
@@ -51,7 +51,7 @@ def load(path: str | Path, namespace: str | None = None) -> Run:
         StoreError: the stored run is missing or damaged.
     """
     # The topics are loaded only here: no simulation needs them.
-    from iptm_recording.trajectory_reader import (  # noqa: PLC0415
+    from iptm_ros.recording.trajectory_reader import (  # noqa: PLC0415
         read_decisions,
         read_trajectory,
     )
@@ -60,7 +60,7 @@ def load(path: str | Path, namespace: str | None = None) -> Run:
         raise BagError(f"bag is {shown(path)}; allowed: the path of a bag")
     path = Path(path)
     if path.suffix == _STORED:
-        from iptm_studies.store import read_run  # noqa: PLC0415  as above
+        from iptm.studies.store import read_run  # noqa: PLC0415  as above
 
         return run_of_study(read_run(path))
     parameters, _ = read_model_parameters(path)

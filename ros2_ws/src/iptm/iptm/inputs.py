@@ -10,6 +10,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from iptm.faults.fault import Fault, plain_faults
+from iptm.studies.run_spec import RunSpec
+from iptm.studies.study import Case, planned_run
+from iptm.studies.study_loading import build_spec
 from iptm_controller.settings import ControllerSettings
 from iptm_controller.strategy import STRATEGIES, Strategy
 from iptm_core.aging_laws.parking import AgingSettings
@@ -20,10 +24,6 @@ from iptm_core.parameters import DEFAULT_SET, ModelParameters, load_parameters, 
 from iptm_core.routes.cycles import DrivingCycle
 from iptm_core.routes.user_csv import UserTrip, trip_from_columns
 from iptm_core.user_input import shown
-from iptm_faults.fault import Fault, plain_faults
-from iptm_studies.run_spec import RunSpec
-from iptm_studies.study import Case, planned_run
-from iptm_studies.study_loading import build_spec
 
 _BASE = "base"
 _OWN_DRIVE = "own drive"
@@ -72,7 +72,7 @@ def run_inputs(
     faults = settings.get("faults", ())
     if not isinstance(faults, (tuple, list)) or not all(isinstance(each, Fault) for each in faults):
         raise ParameterError(
-            f"faults is {shown(faults)}; allowed: a tuple of iptm_faults.fault.Fault"
+            f"faults is {shown(faults)}; allowed: a tuple of iptm.faults.fault.Fault"
         )
     spec = build_spec(given, Path())
     if isinstance(strategy, Strategy):

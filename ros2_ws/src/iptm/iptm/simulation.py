@@ -12,6 +12,8 @@ import pandas as pd
 from iptm.inputs import run_inputs, settings_of
 from iptm.own_parts import Controller, OwnController, PredictedSource, Predictor
 from iptm.run import Run
+from iptm.studies.run import Run as StudyRun
+from iptm.studies.run import perform_run
 from iptm_controller.settings import ControllerSettings
 from iptm_controller.strategy import DEFAULT_STRATEGY
 from iptm_core.aging_laws.law import AgingLaw
@@ -22,8 +24,6 @@ from iptm_core.parameters import DEFAULT_SET
 from iptm_core.routes.slope import SlopeProfile
 from iptm_core.settings import LeaderSource, TripSettings
 from iptm_core.user_input import shown
-from iptm_studies.run import Run as StudyRun
-from iptm_studies.run import perform_run
 
 _OWN = "own"
 

@@ -29,7 +29,7 @@ from iptm_core.errors import MessageError, ServiceError
 from iptm_core.road_ahead import RoadAhead
 from iptm_core.saved_state import write_state
 from iptm_core.state import NS_PER_S, LeaderPreview, LeaderState, SlopePreview, VehicleState
-from iptm_interfaces.codecs import (
+from iptm_ros.codecs import (
     decode_leader,
     decode_leader_preview_bytes,
     decode_road_ahead,
@@ -40,14 +40,14 @@ from iptm_interfaces.codecs import (
     encode_plan_bytes,
     ns_from_time,
 )
-from iptm_interfaces.command_line import node_main
-from iptm_interfaces.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
-from iptm_interfaces.node_health import Watchdog
-from iptm_interfaces.parameters import declare_parameters
-from iptm_interfaces.services import Service, state_path
-from iptm_interfaces.stamp_matcher import MatchedSet, StampMatcher, Verdict
-from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import CONTROLLER, STATE_TOPICS, TOPICS, Topic
+from iptm_ros.command_line import node_main
+from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
+from iptm_ros.node_health import Watchdog
+from iptm_ros.parameters import declare_parameters
+from iptm_ros.services import Service, state_path
+from iptm_ros.stamp_matcher import MatchedSet, StampMatcher, Verdict
+from iptm_ros.suite_node import SuiteNode
+from iptm_ros.topics import CONTROLLER, STATE_TOPICS, TOPICS, Topic
 
 CHECKS_PER_TIMEOUT = 5.0
 FLAT_ROAD = SlopePreview(np.zeros(1), np.zeros(1))

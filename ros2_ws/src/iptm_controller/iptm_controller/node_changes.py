@@ -20,8 +20,8 @@ from iptm_controller.node_parameters import CHANGEABLE, WEIGHTS, ControllerNodeP
 from iptm_core.declaration import plain
 from iptm_core.errors import IptmError, ParameterError
 from iptm_core.state import NS_PER_S
-from iptm_interfaces.diagnostics import CHANGED_SETTINGS, SETTINGS_SINCE
-from iptm_interfaces.suite_node import SuiteNode
+from iptm_ros.diagnostics import CHANGED_SETTINGS, SETTINGS_SINCE
+from iptm_ros.suite_node import SuiteNode
 
 _NUMBERS_OF_A_PROBLEM = ("strategy", *WEIGHTS)
 

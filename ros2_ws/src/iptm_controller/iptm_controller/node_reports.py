@@ -19,8 +19,8 @@ from iptm_core.metrics.constraints import (
     SPEED_TOLERANCE_M_S,
     TEMPERATURE_TOLERANCE_K,
 )
-from iptm_interfaces.codecs import PlanTrajectory
-from iptm_interfaces.diagnostics import Level
+from iptm_ros.codecs import PlanTrajectory
+from iptm_ros.diagnostics import Level
 
 _RUNG_SITUATION = {
     Rung.SHIFTED_PLAN: (Level.WARN, "no usable solution, driving on the last plan"),

@@ -9,9 +9,9 @@ from functools import partial
 from typing import Any
 
 from iptm_core.road_ahead import RoadAhead
-from iptm_interfaces.stamp_matcher import MatchedSet
-from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import STATE_TOPICS, Topic
+from iptm_ros.stamp_matcher import MatchedSet
+from iptm_ros.suite_node import SuiteNode
+from iptm_ros.topics import STATE_TOPICS, Topic
 
 SLOW_DECISION_S = 0.05
 WAITED_SHARE = 0.5

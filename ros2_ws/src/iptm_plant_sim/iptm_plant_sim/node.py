@@ -12,13 +12,13 @@ from diagnostic_msgs.msg import DiagnosticArray
 
 from iptm_core.errors import ServiceError
 from iptm_core.saved_state import write_state
-from iptm_interfaces.command_line import node_main
-from iptm_interfaces.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
-from iptm_interfaces.services import Service, state_path
-from iptm_interfaces.topics import PLANT, Topic
 from iptm_plant_sim.node_parameters import PlantNodeParameters
 from iptm_plant_sim.node_trip import TripNode
 from iptm_plant_sim.trip import CommandHold, TripPhase
+from iptm_ros.command_line import node_main
+from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
+from iptm_ros.services import Service, state_path
+from iptm_ros.topics import PLANT, Topic
 
 SOUND_BRAKES = 0.95
 """Brakes that deliver a smaller share of what is requested are reported."""

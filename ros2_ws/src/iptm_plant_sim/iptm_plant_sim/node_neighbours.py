@@ -11,11 +11,11 @@ from sensor_msgs.msg import JointState
 from iptm_core.errors import ParameterError
 from iptm_core.settings import LoopMode
 from iptm_core.state import NS_PER_S
-from iptm_interfaces.codecs import ns_from_time, stamp_ns_of
-from iptm_interfaces.node_health import VehiclePresence
-from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import PEER_TOPICS, STATE_TOPICS, Topic, topic_of
 from iptm_plant_sim.node_parameters import PlantNodeParameters
+from iptm_ros.codecs import ns_from_time, stamp_ns_of
+from iptm_ros.node_health import VehiclePresence
+from iptm_ros.suite_node import SuiteNode
+from iptm_ros.topics import PEER_TOPICS, STATE_TOPICS, Topic, topic_of
 
 
 class Neighbours:

@@ -8,10 +8,10 @@ from sensor_msgs.msg import JointState
 
 from iptm_core.settings import LoopMode
 from iptm_core.state import NS_PER_S, LeaderPreview, VehicleState
-from iptm_interfaces.codecs import decode_leader_preview_bytes, ns_from_time
-from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import TOPICS, Topic
 from iptm_plant_sim.node_parameters import PlantNodeParameters
+from iptm_ros.codecs import decode_leader_preview_bytes, ns_from_time
+from iptm_ros.suite_node import SuiteNode
+from iptm_ros.topics import TOPICS, Topic
 
 WAIT_S = 1.0
 """Lock-step: wall time for which a command waits for the measurements of its stamp."""

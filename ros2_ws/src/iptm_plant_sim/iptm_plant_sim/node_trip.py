@@ -12,7 +12,13 @@ from sensor_msgs.msg import JointState
 from iptm_core.errors import IptmError, MessageError
 from iptm_core.settings import LoopMode
 from iptm_core.state import Command
-from iptm_interfaces.codecs import (
+from iptm_plant_sim.node_neighbours import Neighbours, missing_subscribers
+from iptm_plant_sim.node_parameters import WAIT, PlantNodeParameters
+from iptm_plant_sim.node_range_sensor import NodeRangeSensor
+from iptm_plant_sim.plant_step import battery_reading
+from iptm_plant_sim.schedule import Schedule, TimeBetweenTicks
+from iptm_plant_sim.trip import CommandHold, TripPhase
+from iptm_ros.codecs import (
     decode_command,
     encode_battery,
     encode_observation,
@@ -20,17 +26,11 @@ from iptm_interfaces.codecs import (
     time_from_ns,
     time_from_s,
 )
-from iptm_interfaces.node_health import Watchdog
-from iptm_interfaces.parameters import declare_parameters
-from iptm_interfaces.process import EXIT_DEFECT
-from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import TOPICS, Topic
-from iptm_plant_sim.node_neighbours import Neighbours, missing_subscribers
-from iptm_plant_sim.node_parameters import WAIT, PlantNodeParameters
-from iptm_plant_sim.node_range_sensor import NodeRangeSensor
-from iptm_plant_sim.plant_step import battery_reading
-from iptm_plant_sim.schedule import Schedule, TimeBetweenTicks
-from iptm_plant_sim.trip import CommandHold, TripPhase
+from iptm_ros.node_health import Watchdog
+from iptm_ros.parameters import declare_parameters
+from iptm_ros.process import EXIT_DEFECT
+from iptm_ros.suite_node import SuiteNode
+from iptm_ros.topics import TOPICS, Topic
 
 EXIT_CONTROLLER_LOST = 3
 

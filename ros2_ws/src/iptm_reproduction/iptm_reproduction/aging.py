@@ -9,6 +9,8 @@ from functools import cache
 import numpy as np
 import pandas as pd
 
+from iptm.studies.run import Run
+from iptm.studies.run_spec import REPRODUCED_SET
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import CELSIUS_ZERO_K, ModelParameters
@@ -17,8 +19,6 @@ from iptm_core.physics.electrical import cell_current_a, pack_current_a, pack_re
 from iptm_core.state import FloatArray
 from iptm_reproduction.names import CELL_1, CELL_N, COOLING, REFERENCE, TOTAL
 from iptm_reproduction.printed import LARGEST_VICE_RATIO_J, VALUES
-from iptm_studies.run import Run
-from iptm_studies.run_spec import REPRODUCED_SET
 
 CURRENT_STEPS = 41
 TEMPERATURE_STEPS = 31

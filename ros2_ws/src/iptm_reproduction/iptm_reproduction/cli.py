@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from iptm_studies.cli import StudyCommands, chosen_store, run_studies, surveyed_campaign
+from iptm.studies.cli import StudyCommands, chosen_store, run_studies, surveyed_campaign
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

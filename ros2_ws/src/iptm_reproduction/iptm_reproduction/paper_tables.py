@@ -6,6 +6,7 @@ from typing import Any
 
 import pandas as pd
 
+from iptm.studies.run_spec import REPRODUCED_SET
 from iptm_controller.strategy import STRATEGIES as COST_TERMS
 from iptm_core.metrics.figures import FIGURES
 from iptm_core.parameters import describe_parameters, load_parameters
@@ -34,7 +35,6 @@ from iptm_reproduction.tables import (
     table_of,
     weight_text,
 )
-from iptm_studies.run_spec import REPRODUCED_SET
 
 _SAME = 1e-9
 _FURTHER_ROWS = (

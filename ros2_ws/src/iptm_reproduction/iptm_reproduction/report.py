@@ -15,6 +15,8 @@ import pandas as pd
 import yaml
 from markupsafe import Markup, escape
 
+from iptm.studies.campaign import Campaign
+from iptm.studies.store import ResultStore
 from iptm_core.errors import StoreError
 from iptm_reproduction import (
     aging,
@@ -30,8 +32,6 @@ from iptm_reproduction.plots import drawn
 from iptm_reproduction.printed import PAPER, Verdict
 from iptm_reproduction.results import Results, gather
 from iptm_reproduction.tables import strong
-from iptm_studies.campaign import Campaign
-from iptm_studies.store import ResultStore
 
 NAME = "paper-reproduction"
 """Name of the pages, and of the folder of their figures."""

@@ -14,6 +14,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from iptm.studies.campaign import Campaign
+from iptm.studies.run import Run
+from iptm.studies.run_spec import REPRODUCED_CYCLE
+from iptm.studies.store import ResultStore
+from iptm.studies.study import NOT_COMPUTED, SHORT_TRIP, Case
 from iptm_core.errors import ScenarioError
 from iptm_core.metrics import FIGURES, figure_values
 from iptm_core.state import FloatArray
@@ -25,11 +30,6 @@ from iptm_reproduction.names import (
     relative_change,
     studies_of,
 )
-from iptm_studies.campaign import Campaign
-from iptm_studies.run import Run
-from iptm_studies.run_spec import REPRODUCED_CYCLE
-from iptm_studies.store import ResultStore
-from iptm_studies.study import NOT_COMPUTED, SHORT_TRIP, Case
 
 COMMAND = "scripts/reproduce run"
 

@@ -15,6 +15,8 @@ import numpy as np
 import pandas as pd
 import yaml
 
+from iptm.studies.channel_record import ChannelRecord
+from iptm.studies.run import Run
 from iptm_core.metrics import cold_compressor_energies_j
 from iptm_core.metrics.figures import FIGURES
 from iptm_reproduction.names import (
@@ -31,8 +33,6 @@ from iptm_reproduction.names import (
 from iptm_reproduction.printed import Verdict, graded
 from iptm_reproduction.results import Results
 from iptm_reproduction.trips import mean_cell_temperature_c, share_while_braking
-from iptm_studies.channel_record import ChannelRecord
-from iptm_studies.run import Run
 
 SAVING = "part of the possible saving of degradation"
 LONG_STEP_PRICE = 0.01

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from iptm.studies.closed_loop import run_closed_loop
 from iptm_controller.controller import Controller
 from iptm_controller.horizon import SINGLE_HORIZON, Horizon
 from iptm_controller.options import ControllerOptions
@@ -30,7 +31,6 @@ from iptm_core.routes.route import Route
 from iptm_core.settings import PreviewSettings
 from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant
-from iptm_studies.closed_loop import run_closed_loop
 from iptm_traffic.demand import (
     BEFORE_TRIP_S,
     DemandSettings,

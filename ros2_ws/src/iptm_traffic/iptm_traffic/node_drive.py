@@ -33,12 +33,12 @@ from iptm_core.routes.piecewise import cumulative_integral
 from iptm_core.routes.route import build_route
 from iptm_core.settings import PreviewSettings
 from iptm_core.state import NS_PER_S
-from iptm_interfaces.codecs import ns_from_time
-from iptm_interfaces.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
-from iptm_interfaces.discovery import middleware_settings, reserve_domain
-from iptm_interfaces.process import StopRequest, joined_node
-from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import Topic
+from iptm_ros.codecs import ns_from_time
+from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
+from iptm_ros.discovery import middleware_settings, reserve_domain
+from iptm_ros.process import StopRequest, joined_node
+from iptm_ros.suite_node import SuiteNode
+from iptm_ros.topics import Topic
 from iptm_traffic import cli
 from iptm_traffic.drive import DRIVER_FORESIGHT_S, PredictionInput, TrafficDrive, opened_traffic
 from iptm_traffic.ego_road import EgoRoad
@@ -137,7 +137,7 @@ class TrafficNode(SuiteNode):
         super().destroy_node()
 
 
-RUN = "iptm_bringup.run_closed_loop"
+RUN = "iptm.runner.run_closed_loop"
 _PEERS_OF_THE_PLANT = 3
 """Controller or bridge, recorder, runner."""
 _BENDS_IN_LIMITS_M_S2 = 10.0

@@ -10,20 +10,20 @@ from typing import Any
 from rosgraph_msgs.msg import Clock
 
 from iptm_core.settings import LeaderSource, PreviewMode
-from iptm_interfaces.codecs import (
+from iptm_ros.codecs import (
     encode_leader,
     encode_leader_preview_bytes,
     encode_road_ahead,
     encode_slope,
     ns_from_time,
 )
-from iptm_interfaces.command_line import node_main
-from iptm_interfaces.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
-from iptm_interfaces.node_health import Watchdog
-from iptm_interfaces.parameters import declare_parameters
-from iptm_interfaces.stamp_matcher import StampGate, Verdict
-from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import BRIDGE, ROAD_FRAME, TOPICS, Topic
+from iptm_ros.command_line import node_main
+from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
+from iptm_ros.node_health import Watchdog
+from iptm_ros.parameters import declare_parameters
+from iptm_ros.stamp_matcher import StampGate, Verdict
+from iptm_ros.suite_node import SuiteNode
+from iptm_ros.topics import BRIDGE, ROAD_FRAME, TOPICS, Topic
 from iptm_v2x_bridge.bridge import BridgeAnswer, CycleSource
 from iptm_v2x_bridge.node_answers import CamAnswers, TickAnswers
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters

@@ -13,9 +13,9 @@ from rosgraph_msgs.msg import Clock
 
 from iptm_core.routes import Route
 from iptm_core.state import NS_PER_MS, LeaderPreview
-from iptm_interfaces.codecs import encode_raw_datagram, ns_from_time
-from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import Topic
+from iptm_ros.codecs import encode_raw_datagram, ns_from_time
+from iptm_ros.suite_node import SuiteNode
+from iptm_ros.topics import Topic
 from iptm_v2x_bridge.bridge import BridgeAnswer, TickBridge, single_sample
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.datagrams import EndOfTick

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from iptm_core.errors import BagError, ParameterError
-from iptm_interfaces.codecs import decode_raw_datagram
-from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import TOPICS, Topic
+from iptm_ros.codecs import decode_raw_datagram
+from iptm_ros.suite_node import SuiteNode
+from iptm_ros.topics import TOPICS, Topic
 from iptm_v2x_bridge.captures import CAPTURE_SUFFIXES, read_capture
 from iptm_v2x_bridge.datagrams import (
     MAX_KEPT,
@@ -117,7 +117,7 @@ def read_recording(
         marked = recording_with_marks(captured, str(path), start_ms)
         return marked or recording_by_time(captured, start_ms)
     # Only here: reading bags takes long to import, and most bridges never read one.
-    from iptm_recording.bag_reader import BagReader  # noqa: PLC0415
+    from iptm_ros.recording.bag_reader import BagReader  # noqa: PLC0415
 
     with BagReader(path) as reader:
         spec = TOPICS[Topic.DATAGRAMS]

@@ -13,10 +13,10 @@ from iptm_core.errors import ParameterError
 from iptm_core.routes import Route
 from iptm_core.settings import LeaderSource
 from iptm_core.state import LeaderPreview
-from iptm_interfaces.codecs import decode_plan
-from iptm_interfaces.node_health import VehiclePresence
-from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import Topic
+from iptm_ros.codecs import decode_plan
+from iptm_ros.node_health import VehiclePresence
+from iptm_ros.suite_node import SuiteNode
+from iptm_ros.topics import Topic
 from iptm_v2x_bridge.bridge import (
     BridgeAnswer,
     CycleSource,

@@ -20,10 +20,10 @@ from rclpy.signals import SignalHandlerOptions
 
 from iptm_core.errors import IptmError, ViewError
 from iptm_core.program import EXIT_OK, refused
-from iptm_interfaces.command_line import own_arguments
-from iptm_interfaces.discovery import middleware_settings
-from iptm_interfaces.process import StopRequest
-from iptm_recording.run_information import load_run_information
+from iptm_ros.command_line import own_arguments
+from iptm_ros.discovery import middleware_settings
+from iptm_ros.process import StopRequest
+from iptm_ros.recording.run_information import load_run_information
 from iptm_view.foxglove_server import FoxgloveServer
 from iptm_view.graph_subscriptions import listening_node
 from iptm_view.page_feed import PageFeed

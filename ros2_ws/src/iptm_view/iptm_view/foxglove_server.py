@@ -22,7 +22,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from iptm_core.errors import ViewError
-from iptm_recording.message_types import SCHEMA_ENCODING, message_definition
+from iptm_ros.recording.message_types import SCHEMA_ENCODING, message_definition
 
 LOCAL_NAMES = frozenset({"127.0.0.1", "localhost", "::1"})
 KNOWN_ORIGINS = frozenset({"https://app.foxglove.dev", "file://"})

@@ -16,9 +16,9 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 from rosbags.interfaces import QosReliability
 
-from iptm_interfaces.topics import TOPICS, Topic, TopicSpec
-from iptm_recording.rclpy_types import from_profile, to_profile
-from iptm_recording.recorded_topics import request_for
+from iptm_ros.recording.rclpy_types import from_profile, to_profile
+from iptm_ros.recording.recorded_topics import request_for
+from iptm_ros.topics import TOPICS, Topic, TopicSpec
 
 COUNTED_TOPICS = (Topic.PLANT_ODOMETRY, Topic.CLOCK, Topic.LEADER, Topic.LEADER_PREVIEW)
 """Topics by whose listeners plant and bridge count their peers."""

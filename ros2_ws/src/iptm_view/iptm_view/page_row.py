@@ -16,7 +16,7 @@ from iptm_core.parameters import ModelParameters
 from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.physics.car_following import minimum_gap_m
 from iptm_core.routes.road_course import heights
-from iptm_interfaces.codecs import (
+from iptm_ros.codecs import (
     decode_decision_record,
     decode_leader,
     decode_leader_preview_bytes,
@@ -28,7 +28,7 @@ from iptm_interfaces.codecs import (
     read_numbers,
     s_from_ns,
 )
-from iptm_interfaces.topics import TOPICS, Topic
+from iptm_ros.topics import TOPICS, Topic
 
 _TEMPERATURES = {
     Topic.PLANT_CELL_1_TEMPERATURE: "cell_1_temperature_c",

@@ -29,8 +29,8 @@ from iptm_core.settings import (
     SamplingSettings,
     TripSettings,
 )
-from iptm_interfaces.topics import BRIDGE, CONTROLLER, PLANT
-from iptm_recording.run_information import RunInformation, stored_model_parameters
+from iptm_ros.recording.run_information import RunInformation, stored_model_parameters
+from iptm_ros.topics import BRIDGE, CONTROLLER, PLANT
 from iptm_view.page_row import PAGE_COLUMNS
 
 NodeParameters = Mapping[str, Mapping[str, Any]]

@@ -10,10 +10,10 @@ from rclpy.serialization import deserialize_message
 
 from iptm_core.errors import MessageError
 from iptm_core.state import NS_PER_S
-from iptm_interfaces.codecs import has_leader, s_from_ns
-from iptm_interfaces.diagnostics import TRIP_TIME, Level, status_values
-from iptm_interfaces.topics import Topic
-from iptm_recording.timeline import read_stamp_ns
+from iptm_ros.codecs import has_leader, s_from_ns
+from iptm_ros.diagnostics import TRIP_TIME, Level, status_values
+from iptm_ros.recording.timeline import read_stamp_ns
+from iptm_ros.topics import Topic
 from iptm_view.page_feed import EVENTS, PLANS, ROWS, PageFeed
 from iptm_view.page_row import AHEAD_TOPICS, ROW_TOPICS, page_row, plan_ahead, road_height
 from iptm_view.run_facts import RunFacts

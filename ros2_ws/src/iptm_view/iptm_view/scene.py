@@ -18,8 +18,8 @@ from iptm_core.physics.car_following import minimum_gap_m
 from iptm_core.routes.road_course import RoadCourse, RoadPoses
 from iptm_core.settings import VEHICLE_LENGTH_M
 from iptm_core.state import NS_PER_S, FloatArray, LeaderState
-from iptm_interfaces.codecs.time import time_from_ns, time_from_s
-from iptm_interfaces.topics import MAP_FRAME
+from iptm_ros.codecs.time import time_from_ns, time_from_s
+from iptm_ros.topics import MAP_FRAME
 from iptm_view.vehicle_description import CLEARANCE_M, body_size_m
 
 EGO_LENGTH_M = -VEHICLE_LENGTH_M

@@ -20,11 +20,11 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 
 from iptm_core.errors import BagError
-from iptm_interfaces.topics import BRIDGE, CONTROLLER, PLANT, TOPICS, Topic
-from iptm_interfaces.visual_topics import VISUAL_TOPICS
-from iptm_recording.bag_reader import BagReader
-from iptm_recording.playback import Playback, PlaybackOptions
-from iptm_recording.run_information import RunInformation
+from iptm_ros.recording.bag_reader import BagReader
+from iptm_ros.recording.playback import Playback, PlaybackOptions
+from iptm_ros.recording.run_information import RunInformation
+from iptm_ros.topics import BRIDGE, CONTROLLER, PLANT, TOPICS, Topic
+from iptm_ros.visual_topics import VISUAL_TOPICS
 from iptm_view.foxglove_server import FoxgloveServer
 from iptm_view.graph_subscriptions import OF_A_TRIP, GraphSubscriptions
 from iptm_view.page_feed import END, PageFeed

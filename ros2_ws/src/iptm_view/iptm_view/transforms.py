@@ -18,8 +18,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from iptm_core.routes.road_course import RoadCourse
 from iptm_core.state import FloatArray
-from iptm_interfaces.codecs.time import time_from_ns
-from iptm_interfaces.topics import (
+from iptm_ros.codecs.time import time_from_ns
+from iptm_ros.topics import (
     EGO_FRAME,
     LEADER_FRAME,
     MAP_FRAME,

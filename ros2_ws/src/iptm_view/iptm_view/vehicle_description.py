@@ -6,7 +6,7 @@ from xml.etree import ElementTree as ET
 
 from iptm_core.parameters import ModelParameters
 from iptm_core.settings import VEHICLE_LENGTH_M
-from iptm_interfaces.topics import EGO_FRAME, PACK_FRAME, frame_in
+from iptm_ros.topics import EGO_FRAME, PACK_FRAME, frame_in
 
 Triple = tuple[float, float, float]
 

@@ -26,7 +26,7 @@ from iptm_core.routes.user_csv import USER_SUFFIXES, read_user_trip
 from iptm_core.settings import FrameSettings, ModelSettings
 from iptm_core.state import SlopePreview
 from iptm_core.user_input import is_path
-from iptm_interfaces.codecs import (
+from iptm_ros.codecs import (
     decode_leader,
     decode_leader_preview_bytes,
     decode_plan,
@@ -34,14 +34,14 @@ from iptm_interfaces.codecs import (
     decode_temperature,
     s_from_ns,
 )
-from iptm_interfaces.command_line import node_main
-from iptm_interfaces.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
-from iptm_interfaces.parameters import declare_parameters
-from iptm_interfaces.qos import LATCHED_QOS
-from iptm_interfaces.suite_node import SuiteNode
-from iptm_interfaces.topics import TOPICS, Topic
-from iptm_interfaces.visual_topics import DESCRIPTION_TOPIC, PUBLISHER, VISUAL_TOPICS
-from iptm_recording.timeline import read_stamp_ns
+from iptm_ros.command_line import node_main
+from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
+from iptm_ros.parameters import declare_parameters
+from iptm_ros.qos import LATCHED_QOS
+from iptm_ros.recording.timeline import read_stamp_ns
+from iptm_ros.suite_node import SuiteNode
+from iptm_ros.topics import TOPICS, Topic
+from iptm_ros.visual_topics import DESCRIPTION_TOPIC, PUBLISHER, VISUAL_TOPICS
 from iptm_view.graph_subscriptions import GraphSubscriptions, listening_node
 from iptm_view.scene import (
     EGO_LENGTH_M,

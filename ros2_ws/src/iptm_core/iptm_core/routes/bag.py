@@ -15,7 +15,7 @@ from iptm_core.routes.csv_table import CsvTable
 from iptm_core.state import NS_PER_S, FloatArray
 
 OWN_ODOMETRY, OWN_SLOPE = "plant/odometry", "v2x/slope"
-"""Topics of a vehicle of this suite, as `iptm_interfaces.topics` describes them."""
+"""Topics of a vehicle of this suite, as `iptm_ros.topics` describes them."""
 _TYPE = "nav_msgs/msg/Odometry"
 _ANOTHER_TRIP_NS = 10 * NS_PER_S
 """A stamp that is older by more than that begins another trip; of several the last one counts."""

@@ -9,6 +9,9 @@ from pathlib import Path
 
 from rich.console import Console
 
+from iptm.studies.cli import add_workers_option, perform_command
+from iptm.studies.store import default_store_folder
+from iptm.studies.workers import worker_count
 from iptm_core.program import EXIT_USER_ERROR
 from iptm_core.user_input import whole_number
 from iptm_reproduction.identification.evaluations import EvaluationTable, deviations, misfit
@@ -20,9 +23,6 @@ from iptm_reproduction.identification.unknowns import (
     read_unknowns,
     shipped_unknowns,
 )
-from iptm_studies.cli import add_workers_option, perform_command
-from iptm_studies.store import default_store_folder
-from iptm_studies.workers import worker_count
 
 TABLE_NAME = "identification.jsonl"
 

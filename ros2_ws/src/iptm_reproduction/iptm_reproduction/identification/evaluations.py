@@ -15,6 +15,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from iptm.studies.run import perform_run
+from iptm.studies.run_spec import RunSpec, canonical_json
+from iptm.studies.study import KEY_LENGTH, Case, planned_run
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.errors import StoreError
 from iptm_core.metrics import figure_values
@@ -26,9 +29,6 @@ from iptm_reproduction.printed import (
     printed_change,
     printed_value,
 )
-from iptm_studies.run import perform_run
-from iptm_studies.run_spec import RunSpec, canonical_json
-from iptm_studies.study import KEY_LENGTH, Case, planned_run
 
 HORIZON = "15x1"
 ABSOLUTE_TOLERANCE = CHANGE_SHARE

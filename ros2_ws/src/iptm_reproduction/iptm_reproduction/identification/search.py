@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import cma
 import numpy as np
 
+from iptm.studies.execution import clock_text
+from iptm.studies.workers import Failed, perform_all
 from iptm_core.errors import IptmError
 from iptm_core.state import FloatArray
 from iptm_reproduction.identification.evaluations import (
@@ -25,8 +27,6 @@ from iptm_reproduction.identification.evaluations import (
 )
 from iptm_reproduction.identification.unknowns import Candidate, Unknowns
 from iptm_reproduction.names import STRATEGY_NAMES
-from iptm_studies.execution import clock_text
-from iptm_studies.workers import Failed, perform_all
 
 SEED = 1
 FAILED = 1e3

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pandas as pd
 
+from iptm.studies.run_spec import REPRODUCED_CYCLE, REPRODUCED_SET
 from iptm_core.parameters.loading import _sets_folder as sets_folder
 from iptm_core.routes.comprehensive import compositions_folder
 from iptm_reproduction.identification.evaluations import EvaluationTable, deviations, misfit
 from iptm_reproduction.identification.unknowns import COMPOSITION, PARAMETERS, Candidate, Unknowns
-from iptm_studies.run_spec import REPRODUCED_CYCLE, REPRODUCED_SET
 
 EVALUATIONS_NAME = "evaluations.csv"
 MISFIT, STRATEGY_COUNT, DEVIATION = "misfit", "strategies", "deviation"

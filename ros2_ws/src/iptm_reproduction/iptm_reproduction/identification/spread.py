@@ -18,6 +18,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from iptm.studies.run_spec import REPRODUCED_CYCLE, REPRODUCED_SET
 from iptm_core.errors import StoreError
 from iptm_core.parameters import load_parameters, to_flat_dict
 from iptm_core.routes.comprehensive import load_composition
@@ -29,7 +30,6 @@ from iptm_reproduction.identification.unknowns import (
     read_unknowns,
     shipped_unknowns,
 )
-from iptm_studies.run_spec import REPRODUCED_CYCLE, REPRODUCED_SET
 
 GOOD_EXCESS = 0.5
 """Misfit above the best one up to which a candidate is a good fit: a deviation of 0.7 more in every row."""

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from iptm.studies.run import Run
 from iptm_core.metrics import gap_margins_m
 from iptm_core.parameters.model import CELSIUS_ZERO_K, KM_H_PER_M_S
 from iptm_core.state import FloatArray
@@ -44,7 +45,6 @@ from iptm_reproduction.trips import (
     mean_cell_temperature_c,
     traction_power_kw,
 )
-from iptm_studies.run import Run
 
 _MOST_POINTS = 600
 _MOST_COLUMNS = 700

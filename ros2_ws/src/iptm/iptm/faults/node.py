@@ -1,0 +1,344 @@
+"""The injector node: forwards the messages between the nodes of the loop and applies faults to them.
+
+Without a fault the bytes are forwarded unchanged; a fault changes the messages of the ticks that it hits.
+Ticks are identified by stamps and no timer is involved, so lock-step runs are repeatable.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from nav_msgs.msg import Odometry
+from rclpy.publisher import Publisher
+from rclpy.serialization import deserialize_message
+
+from iptm.faults.fault import Fault, InjectorNodeParameters, at_places
+from iptm.faults.kinds import FaultKind, FaultPlace
+from iptm.faults.node_messages import changed_state_message, with_stamp, with_stamp_of
+from iptm.faults.signals import (
+    Delay,
+    PreviewFaults,
+    Traffic,
+    faulty_leader,
+    faulty_name,
+    faulty_samples,
+    faulty_slope,
+    route_name,
+)
+from iptm_core.errors import MessageError
+from iptm_core.state import NS_PER_S, SlopePreview
+from iptm_ros.codecs import (
+    decode_leader,
+    decode_leader_preview_bytes,
+    decode_slope,
+    encode_leader,
+    encode_leader_preview_bytes,
+    encode_slope,
+    serialized,
+    stamp_ns_of,
+)
+from iptm_ros.command_line import node_main
+from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
+from iptm_ros.parameters import declare_parameters
+from iptm_ros.suite_node import SuiteNode
+from iptm_ros.topics import ROAD_FRAME, STATE_TOPICS, TOPICS, Topic
+
+MATCHING_PERIOD_S = 0.02
+FOREIGN_MESSAGES_PER_TICK = 20
+"""Foreign messages sent per tick while such a fault is active."""
+
+_REMEMBERED_TICKS = 50
+_FOREIGN_TOPICS = {
+    FaultKind.FOREIGN_CLOCK: Topic.CLOCK,
+    FaultKind.FOREIGN_LEADER: Topic.LEADER,
+    FaultKind.FOREIGN_PREVIEW: Topic.LEADER_PREVIEW,
+    FaultKind.FOREIGN_STATE: Topic.PLANT_ODOMETRY,
+}
+
+
+class InjectorNode(SuiteNode):
+    """Forwards state, leader, preview, slope and clock with the faults of the run applied."""
+
+    def __init__(self) -> None:
+        super().__init__("fault_injector")
+        self._options = declare_parameters(self, InjectorNodeParameters)
+        self.reject_unknown_parameters()
+        self._faults = self._options.listed()
+        self._traffic = Traffic(self._faults)
+        self._previews = PreviewFaults(self._faults)
+        self._of_state = at_places(self._faults, FaultPlace.STATE)
+        self._of_leader = at_places(self._faults, FaultPlace.LEADER)
+        self._of_clock = at_places(self._faults, FaultPlace.CLOCK)
+        self._foreign = at_places(self._faults, FaultPlace.STAMPS)
+        self._road = at_places(self._faults, FaultPlace.ROAD)
+        self._slope: SlopePreview | None = None
+        self._slope_hit: tuple[bool, ...] = ()
+        self._ego_positions_m: dict[int, float] = {}
+        self._waiting_leaders: dict[int, bytes] = {}
+        self._waiting_previews: dict[int, bytes] = {}
+        self._waiting_samples: dict[int, bytes] = {}
+        self._leader_ns = -1
+        self._last_odometry: bytes | None = None
+        self._delays: dict[Topic, Delay[bytes]] = {
+            topic: Delay(self._of_state, FaultKind.STATE_DELAYED) for topic in STATE_TOPICS
+        }
+        self._held_back: list[tuple[Publisher, bytes]] = []
+        self._now_ns = 0
+        self._changed = 0
+        outputs = (*STATE_TOPICS, Topic.LEADER, Topic.LEADER_PREVIEW, Topic.SLOPE, Topic.CLOCK)
+        self._outputs = {
+            topic: self._publisher(topic, faulty_name(topic.value)) for topic in outputs
+        }
+        self._newest: dict[Topic, bytes] = {}
+        self._true = {
+            topic: self.advertise(topic)
+            for topic in (Topic.LEADER, Topic.LEADER_SAMPLES, Topic.LEADER_PREVIEW)
+        }
+        self._reporter = DiagnosticsReporter.of_node(self, "faults")
+        self._matching_timer = self.every(MATCHING_PERIOD_S, self._release_if_matched)
+        self._subscribe(Topic.SLOPE, Topic.SLOPE.value, self._on_slope)
+        for topic in STATE_TOPICS:
+            self._subscribe(topic, topic.value, partial(self._on_state, topic))
+        self._subscribe(Topic.LEADER, route_name(Topic.LEADER.value), self._on_leader)
+        samples_name = route_name(Topic.LEADER_SAMPLES.value)
+        self._subscribe(Topic.LEADER_SAMPLES, samples_name, self._on_samples)
+        self._subscribe(
+            Topic.LEADER_PREVIEW, route_name(Topic.LEADER_PREVIEW.value), self._on_preview
+        )
+        self._subscribe(Topic.CLOCK, Topic.CLOCK.value, self._on_clock)
+        self.every(REPORT_PERIOD_S, self._report)
+        self._report()
+
+    def _publisher(self, topic: Topic, name: str) -> Publisher:
+        spec = TOPICS[topic]
+        return self.create_publisher(spec.message_type, name, spec.qos)
+
+    def _subscribe(self, topic: Topic, name: str, callback: Callable[[bytes], None]) -> None:
+        spec = TOPICS[topic]
+        guarded = partial(self.guard, name, callback)
+        self.create_subscription(spec.message_type, name, guarded, spec.offered_qos, raw=True)
+
+    # --- forwarding
+
+    def _send(self, publisher: Publisher, data: bytes) -> None:
+        """Publish bytes; until all subscribers are matched, keep them so that none is lost."""
+        if self._matching_timer.is_canceled():
+            publisher.publish(data)
+        else:
+            self._held_back.append((publisher, data))
+
+    def _forward(self, topic: Topic, data: bytes, *, changed: bool = False) -> None:
+        self._changed += changed
+        self._newest[topic] = data
+        self._send(self._outputs[topic], data)
+
+    def _release_if_matched(self) -> None:
+        expected = self._options.expected_peers
+        if self._true[Topic.LEADER_PREVIEW].get_subscription_count() < expected:
+            return
+        if min(publisher.get_subscription_count() for publisher in self._outputs.values()) < 1:
+            return
+        self._matching_timer.cancel()
+        for publisher, data in self._held_back:
+            publisher.publish(data)
+        self._held_back.clear()
+
+    # --- state and clock
+
+    def _on_state(self, topic: Topic, data: bytes) -> None:
+        stamp_ns = stamp_ns_of(data)
+        if topic is not Topic.PLANT_ODOMETRY:
+            self._forward_state(topic, stamp_ns, data)
+            return
+        message = deserialize_message(data, Odometry)
+        self._ego_positions_m[stamp_ns] = message.pose.pose.position.x
+        while len(self._ego_positions_m) > _REMEMBERED_TICKS:
+            del self._ego_positions_m[next(iter(self._ego_positions_m))]
+        before, self._last_odometry = self._last_odometry, data
+        for fault in self._of_state:
+            if not fault.hits(stamp_ns):
+                continue
+            if fault.kind is FaultKind.STATE_LATE:
+                self._later(fault.magnitude, partial(self._forward, topic, data, changed=True))
+                break
+            if fault.kind is FaultKind.STATE_REPEATED:
+                self._forward(topic, before or data, changed=True)
+                break
+            if fault.kind is FaultKind.STATE_BACKWARDS:
+                past_ns = stamp_ns - round(fault.magnitude * NS_PER_S)
+                self._forward(topic, with_stamp(data, past_ns), changed=True)
+                break
+        else:
+            self._forward_state(topic, stamp_ns, data)
+        if stamp_ns in self._waiting_leaders:
+            self._on_leader(self._waiting_leaders.pop(stamp_ns))
+
+    def _forward_state(self, topic: Topic, stamp_ns: int, data: bytes) -> None:
+        message = changed_state_message(self._of_state, topic, stamp_ns, data)
+        faulty = self._delays[topic].delayed(stamp_ns, message)
+        self._forward(topic, faulty, changed=faulty is not data)
+
+    def _later(self, delay_s: float, action: Callable[[], None]) -> None:
+        timer: Any = None
+
+        def once() -> None:
+            timer.cancel()
+            self.destroy_timer(timer)
+            action()
+
+        timer = self.every(max(delay_s, 1e-3), once)
+
+    def _on_clock(self, data: bytes) -> None:
+        self._now_ns = now_ns = stamp_ns_of(data)
+        self._send_foreign(now_ns)
+        hitting = [fault for fault in self._of_clock if fault.hits(now_ns)]
+        if not any(fault.kind is FaultKind.CLOCK_PAUSED for fault in hitting):
+            off_s = sum(fault.magnitude for fault in hitting)
+            faulty = with_stamp(data, now_ns + round(off_s * NS_PER_S)) if hitting else data
+            self._forward(Topic.CLOCK, faulty)
+        self._changed += bool(hitting)
+        self._report()
+
+    def _send_foreign(self, now_ns: int) -> None:
+        """Publish foreign messages: the newest ones with foreign stamps."""
+        for fault in self._foreign:
+            if not fault.hits(now_ns):
+                continue
+            topic = _FOREIGN_TOPICS[fault.kind]
+            newest = self._newest.get(topic)
+            if newest is None:
+                continue
+            first_ns = now_ns + round(fault.magnitude * NS_PER_S)
+            for number in range(FOREIGN_MESSAGES_PER_TICK):
+                foreign = with_stamp(newest, first_ns + number * NS_PER_S)
+                self._send(self._outputs[topic], foreign)
+            self._changed += 1
+
+    # --- leader, its previews, and the road
+
+    def _on_leader(self, data: bytes) -> None:
+        stamp_ns = stamp_ns_of(data)
+        self._update_slope(stamp_ns)
+        if self._traffic.is_quiet and not self._of_leader:
+            self._send(self._true[Topic.LEADER], data)
+            self._forward(Topic.LEADER, data)
+            return
+        ego_m = self._ego_positions_m.get(stamp_ns)
+        if ego_m is None:
+            self._waiting_leaders = {stamp_ns: data}
+            return
+        try:
+            own = decode_leader(deserialize_message(data, Odometry))
+        except MessageError:
+            self._forward(Topic.LEADER, data)
+            return
+        true = self._traffic.leader(own, ego_m)
+        true_data = data if true is own else with_stamp_of(encode_leader(true), data)
+        self._send(self._true[Topic.LEADER], true_data)
+        faulty = faulty_leader(self._of_leader, stamp_ns, true, ego_m)
+        if faulty is None:
+            self._changed += 1
+        else:
+            faulty_data = (
+                true_data if faulty is true else with_stamp_of(encode_leader(faulty), data)
+            )
+            self._forward(Topic.LEADER, faulty_data, changed=faulty is not true)
+        self._leader_ns = stamp_ns
+        for waiting_ns in sorted(self._waiting_samples):
+            if waiting_ns <= stamp_ns:
+                self._on_samples(self._waiting_samples.pop(waiting_ns))
+        for waiting_ns in sorted(self._waiting_previews):
+            if waiting_ns <= stamp_ns:
+                self._on_preview(self._waiting_previews.pop(waiting_ns))
+
+    def _on_samples(self, data: bytes) -> None:
+        """Forward the measurements of the range sensor: the effective leader with sensor faults."""
+        stamp_ns = stamp_ns_of(data)
+        publisher = self._true[Topic.LEADER_SAMPLES]
+        if self._traffic.is_quiet and not self._of_leader:
+            self._send(publisher, data)
+            return
+        if self._leader_ns < stamp_ns:
+            self._waiting_samples[stamp_ns] = data
+            return
+        stamp_ns, own = decode_leader_preview_bytes(data, Topic.LEADER_SAMPLES)
+        ego_m = self._ego_positions_m[stamp_ns]
+        true = own if self._traffic.is_quiet else self._traffic.sampled(own, ego_m)
+        faulty = faulty_samples(self._of_leader, true, ego_m)
+        if faulty is None:
+            return
+        if faulty is not own:
+            data = encode_leader_preview_bytes(faulty, stamp_ns, self.frame(ROAD_FRAME))
+        self._send(publisher, data)
+
+    def _on_preview(self, data: bytes) -> None:
+        stamp_ns = stamp_ns_of(data)
+        hit = self._previews.hits(stamp_ns)
+        if self._traffic.is_quiet and not hit:
+            self._send(self._true[Topic.LEADER_PREVIEW], data)
+            self._forward(Topic.LEADER_PREVIEW, data)
+            return
+        if not self._traffic.is_quiet and self._leader_ns < stamp_ns:
+            # The prediction needs the position of its leader.
+            self._waiting_previews[stamp_ns] = data
+            return
+        try:
+            stamp_ns, own = decode_leader_preview_bytes(data)
+        except MessageError:
+            self._forward(Topic.LEADER_PREVIEW, data)
+            return
+        true = self._traffic.preview(own)
+        frame = self.frame(ROAD_FRAME)
+        true_data = data if true is own else encode_leader_preview_bytes(true, stamp_ns, frame)
+        self._send(self._true[Topic.LEADER_PREVIEW], true_data)
+        faulty = self._previews.apply(stamp_ns, true)
+        if faulty is None:
+            self._changed += 1
+        elif faulty is true:
+            self._forward(Topic.LEADER_PREVIEW, true_data)
+        else:
+            faulty_data = encode_leader_preview_bytes(faulty, stamp_ns, frame)
+            self._forward(Topic.LEADER_PREVIEW, faulty_data, changed=True)
+
+    def _on_slope(self, data: bytes) -> None:
+        self._outputs[Topic.SLOPE].publish(data)
+        try:
+            spec = TOPICS[Topic.SLOPE]
+            self._slope = decode_slope(deserialize_message(data, spec.message_type))
+        except MessageError:
+            self._slope = None
+
+    def _update_slope(self, stamp_ns: int) -> None:
+        """Republish the map of the road when a road fault begins or ends at a tick."""
+        if not self._road or self._slope is None:
+            return
+        hit = tuple(fault.hits(stamp_ns) for fault in self._road)
+        if hit != (self._slope_hit or (False,) * len(hit)):
+            message = encode_slope(faulty_slope(self._road, stamp_ns, self._slope))
+            self._send(self._outputs[Topic.SLOPE], serialized(message))
+        self._slope_hit = hit
+
+    # --- diagnostics
+
+    def _report(self) -> None:
+        acting = [fault for fault in self._faults if fault.covers(self._now_ns) and _is_mine(fault)]
+        reason = ", ".join(dict.fromkeys(str(fault.kind) for fault in acting))
+        values = {"faults": len(self._faults), "changed_messages": self._changed}
+        level = Level.WARN if acting else Level.OK
+        self._reporter.report(self._now_ns, level, reason or "handing on", values)
+
+
+def _is_mine(fault: Fault) -> bool:
+    return fault.spec.place not in {FaultPlace.SOLVER, FaultPlace.PROCESS}
+
+
+def main() -> None:
+    """Run the node."""
+    sys.exit(node_main("injector", InjectorNode, InjectorNodeParameters))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,203 @@
+"""Traffic and measurements under faults, tick by tick; None if nothing arrives."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+from copy import copy
+from dataclasses import fields, replace
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from iptm.faults.events import TrafficEvent
+from iptm.faults.fault import Fault, at_places
+from iptm.faults.kinds import FaultKind, FaultPlace
+from iptm_core.state import NS_PER_S, LeaderPreview, LeaderState, SlopePreview, VehicleState
+
+Value = TypeVar("Value")
+
+
+class Delay(Generic[Value]):
+    """The last values of a signal: earlier ones are returned while faults delay it by ticks."""
+
+    def __init__(self, faults: Iterable[Fault], kind: FaultKind) -> None:
+        self._faults = tuple(fault for fault in faults if fault.kind is kind)
+        longest = round(sum(fault.magnitude for fault in self._faults))
+        self._past: deque[tuple[int, Value]] = deque(maxlen=longest + 1)
+
+    def delayed(self, time_ns: int, value: Value) -> Value:
+        """Return the value that arrives at a tick, the oldest one until there is an earlier one.
+
+        Args:
+            time_ns: the tick; one that is not later than the last begins a new trip or repeats the tick.
+        """
+        while self._past and self._past[-1][0] >= time_ns:
+            self._past.pop()
+        self._past.append((time_ns, value))
+        ticks = round(sum(fault.magnitude for fault in self._faults if fault.hits(time_ns)))
+        return self._past[max(len(self._past) - 1 - ticks, 0)][1]
+
+
+class PreviewFaults:
+    """Applies preview faults to the predictions of the leader's motion."""
+
+    def __init__(self, faults: Iterable[Fault]) -> None:
+        self._faults = at_places(faults, FaultPlace.PREVIEW)
+        self._first: dict[int, LeaderPreview] = {}
+
+    def hits(self, time_ns: int) -> bool:
+        """Return whether the prediction of a tick is changed."""
+        return any(fault.hits(time_ns) for fault in self._faults)
+
+    def apply(self, time_ns: int, preview: LeaderPreview) -> LeaderPreview | None:
+        """Return the prediction with faults applied; ticks in increasing order of time."""
+        faulty: LeaderPreview | None = preview
+        for number, fault in enumerate(self._faults):
+            if faulty is not None and fault.hits(time_ns):
+                first = self._first.setdefault(number, faulty)
+                faulty = fault.effect_on(faulty, time_ns, first=first)
+        return faulty
+
+
+def faulty_leader(
+    faults: Iterable[Fault], time_ns: int, leader: LeaderState, ego_position_m: float
+) -> LeaderState | None:
+    """Return the measured leader; the ego vehicle's position is the true one."""
+    faulty: LeaderState | None = leader
+    for fault in at_places(faults, FaultPlace.LEADER):
+        if faulty is not None and fault.hits(time_ns):
+            faulty = fault.effect_on(faulty, time_ns, ego_position_m=ego_position_m)
+    return faulty
+
+
+def faulty_samples(
+    faults: Iterable[Fault], samples: LeaderPreview, ego_position_m: float
+) -> LeaderPreview | None:
+    """Return the measurements of a range sensor in an interval, the samples themselves without faults.
+
+    Args:
+        samples: the effective leader at the instants of the interval.
+        ego_position_m: where the ego vehicle is at the first of them.
+
+    Returns:
+        The finite measurements that arrive, None for none.
+    """
+    of_leader = at_places(faults, FaultPlace.LEADER)
+    columns = (
+        values.tolist() for values in (samples.times_s, samples.positions_m, samples.speeds_m_s)
+    )
+    true = [LeaderState(*row) for row in zip(*columns, strict=True)]
+    faulty = [
+        faulty_leader(of_leader, round(one.time_s * NS_PER_S), one, ego_position_m) for one in true
+    ]
+    if faulty == true:
+        return samples
+    rows = [(one.time_s, one.position_m, one.speed_m_s) for one in faulty if one is not None]
+    rows = [row for row in rows if np.isfinite(row).all()]
+    return LeaderPreview(*np.array(rows).T) if rows else None
+
+
+def faulty_state(faults: Iterable[Fault], time_ns: int, state: VehicleState) -> VehicleState:
+    """Return the measured state of the ego vehicle; timing faults (late, repeated) are applied elsewhere."""
+    for fault in at_places(faults, FaultPlace.STATE):
+        if fault.spec.effect is not None and fault.hits(time_ns):
+            state = fault.effect_on(_two_cells(state), time_ns)
+    return state
+
+
+def faulty_slope(faults: Iterable[Fault], time_ns: int, slope: SlopePreview) -> SlopePreview:
+    """Return the map of the road with faults applied."""
+    for fault in at_places(faults, FaultPlace.ROAD):
+        if fault.hits(time_ns):
+            slope = replace(slope, slopes_rad=fault.effect_on(slope.slopes_rad, time_ns))
+    return slope
+
+
+def _two_cells(state: VehicleState) -> VehicleState:
+    """Return the measured part of a state: the first and the last cell."""
+    if type(state) is VehicleState:
+        return state
+    return VehicleState(**{item.name: getattr(state, item.name) for item in fields(VehicleState)})
+
+
+class Traffic:
+    """The leader that counts, after all events on the road.
+
+    Each event turns the leader and the previews of the event before it into its own.
+    """
+
+    def __init__(self, faults: Iterable[Fault]) -> None:
+        self._events: list[TrafficEvent] = []
+        self._starts_s: list[float] = []
+        for fault in at_places(faults, FaultPlace.TRAFFIC):
+            if fault.spec.event is not None and fault.happens():
+                self._events.append(fault.spec.event(fault))
+                self._starts_s.append(fault.start_s)
+
+    @property
+    def is_quiet(self) -> bool:
+        """Whether the traffic has no event."""
+        return not self._events
+
+    def leader(self, own: LeaderState, ego_position_m: float) -> LeaderState:
+        """Return the leader that counts.
+
+        Args:
+            own: the leader of the route; ticks in increasing order of time.
+            ego_position_m: where the ego vehicle is at the same instant.
+        """
+        for event in self._events:
+            own = event.leader(own, ego_position_m)
+        return own
+
+    def sampled(self, own: LeaderPreview, ego_position_m: float) -> LeaderPreview:
+        """Return the leader that counts at the instants of an interval; events begin with ticks.
+
+        Args:
+            own: the leader of the route at these instants, the first of which is the present tick.
+            ego_position_m: where the ego vehicle is at the first of them.
+        """
+        if not own.times_s.size:
+            return own
+        now_s = float(own.times_s[0])
+        # Copies: the next tick goes on from this one.
+        events = [
+            copy(event)
+            for event, start_s in zip(self._events, self._starts_s, strict=True)
+            if start_s <= now_s
+        ]
+        states = []
+        for row in zip(
+            *(v.tolist() for v in (own.times_s, own.positions_m, own.speeds_m_s)), strict=True
+        ):
+            state = LeaderState(*row)
+            for event in events:
+                state = event.leader(state, ego_position_m)
+            states.append(state)
+        return replace(
+            own,
+            positions_m=np.array([state.position_m for state in states]),
+            speeds_m_s=np.array([state.speed_m_s for state in states]),
+        )
+
+    def preview(self, own: LeaderPreview) -> LeaderPreview:
+        """Return what the leader that counts has predicted, from a prediction for the leader of the route."""
+        for event in self._events:
+            own = event.preview(own)
+        return own
+
+
+# True values keep their names for recorders and viewers: the plant's topics, and `v2x/leader` and
+# `v2x/leader_preview` of the effective leader. The faulty inputs of controller and bridge have their own
+# names, to which these inputs are remapped, and so have the bridge's outputs for the leader of the route.
+
+
+def faulty_name(topic: str) -> str:
+    """Return the name of a topic with faults applied, as its receiver subscribes to it."""
+    return "faults/faulty/" + topic.lstrip("/")
+
+
+def route_name(topic: str) -> str:
+    """Return the name under which the bridge publishes a topic of the route's leader."""
+    return "faults/route/" + topic.lstrip("/")

@@ -1,0 +1,193 @@
+"""Turns a scenario into the commands that start its processes; pure data, nothing is started here.
+
+The nodes are identified by module and parameter names only, as when started by hand.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import textwrap
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from iptm.faults.fault import Fault, at_places, plain_faults
+from iptm.faults.kinds import FaultPlace
+from iptm.faults.signals import faulty_name, route_name
+from iptm.runner.scenario import NODES, Scenario, names_for
+from iptm.runner.scenario_files import scenario_text
+from iptm_core.declaration import Scalar, plain
+from iptm_core.parameters import to_flat_dict
+from iptm_core.settings import LeaderSource
+from iptm_ros.recording.run_information import MODEL_KEY
+from iptm_ros.topics import BRIDGE, CONTROLLER, PLANT, STATE_TOPICS, Topic
+
+RECORDER = "recorder"
+INJECTOR = "fault_injector"
+COMMENT_WIDTH = 100
+MODULES = {
+    PLANT: "iptm_plant_sim.node",
+    BRIDGE: "iptm_v2x_bridge.node",
+    CONTROLLER: "iptm_controller.node",
+    RECORDER: "iptm_ros.recording.recorder_cli",
+    INJECTOR: "iptm.faults.node",
+}
+FAULTY_NODES = {
+    FaultPlace.SOLVER: (CONTROLLER, "iptm.faults.node_controller"),
+    FaultPlace.VEHICLE: (PLANT, "iptm.faults.node_plant"),
+}
+"""Node variants with faults inside, by the node that each replaces, and their modules."""
+
+_TOPIC_PLACES = (
+    FaultPlace.TRAFFIC,
+    FaultPlace.PREVIEW,
+    FaultPlace.LEADER,
+    FaultPlace.ROAD,
+    FaultPlace.STATE,
+    FaultPlace.CLOCK,
+    FaultPlace.STAMPS,
+)
+"""Fault places that need the injector."""
+
+_REMAPPED: Mapping[str, Mapping[str, str]] = {
+    CONTROLLER: {
+        topic.value: faulty_name(topic.value)
+        for topic in (*STATE_TOPICS, Topic.LEADER, Topic.LEADER_PREVIEW, Topic.SLOPE)
+    },
+    BRIDGE: {
+        Topic.CLOCK.value: faulty_name(Topic.CLOCK.value),
+        Topic.LEADER.value: route_name(Topic.LEADER.value),
+        Topic.LEADER_SAMPLES.value: route_name(Topic.LEADER_SAMPLES.value),
+        Topic.LEADER_PREVIEW.value: route_name(Topic.LEADER_PREVIEW.value),
+    },
+}
+"""Topics of nodes that are routed through the injector if there is one, by node and name."""
+
+
+def node_parameters(
+    scenario: Scenario, *, recorder: bool = True, to_state: int = 0, to_preview: int = 0
+) -> dict[str, dict[str, Scalar]]:
+    """Return the parameters of each node, the injector's among them if a fault acts on topics.
+
+    No message may be lost, so plant and bridge are given the number of listeners to
+    wait for: the runner and the recorder, and the controller (to the odometry and the preview) or the
+    bridge (to the clock).
+
+    Args:
+        scenario: the run.
+        recorder: whether a recorder will join.
+        to_state: number of other nodes (such as a viewer) already subscribed to state and clock.
+        to_preview: number of other nodes already subscribed to the leader and its preview.
+    """
+    # A controller of the user need not subscribe to previews; it may already subscribe to the state.
+    is_foreign = CONTROLLER in scenario.foreign
+    controller = 1 - int(is_foreign and to_state > 0)
+    # A bridge on received messages also subscribes to the odometry; in lock-step their sender to the clock.
+    # One that keeps the rules of the road without messages subscribes to both.
+    of_bridge, road = scenario.node_parameters.get(BRIDGE, {}), scenario.road
+    in_step = of_bridge.get("cam_lock_step") is not False and not of_bridge.get("recorded_packets")
+    is_cam = road.leader_source is LeaderSource.CAM
+    bridge = int(in_step if is_cam else road.keeps_rules)
+    peers: dict[str, dict[str, Scalar]] = {
+        # One of them is the runner, which does not subscribe to previews.
+        PLANT: {"expected_peers": 1 + controller + recorder + bridge + to_state},
+        BRIDGE: {
+            "initial_gap_m": scenario.vehicle.values.gap.initial_gap_m,
+            "expected_peers": 1 - is_foreign + recorder + to_preview,
+        },
+        CONTROLLER: {"trip_duration_s": scenario.trip.duration_s},
+    }
+    parameters = {
+        node: {
+            **{name: plain(getattr(scenario, name)) for name in names_for(node)},
+            **peers[node],
+            **scenario.node_parameters.get(node, {}),
+        }
+        for node in NODES
+    }
+    for place, (node, _) in FAULTY_NODES.items():
+        if inside := at_places(scenario.faults, place):
+            parameters[node]["faults"] = json.dumps(plain_faults(inside))
+    if needs_injector(scenario.faults):
+        own = json.dumps(plain_faults(at_places(scenario.faults, *_TOPIC_PLACES)))
+        # The injector sits between bridge and controller: the recorder keeps the unmodified preview.
+        listeners = int(parameters[BRIDGE]["expected_peers"]) - 1
+        parameters[INJECTOR] = {"faults": own, "expected_peers": listeners}
+        parameters[BRIDGE]["expected_peers"] = 1
+    return parameters
+
+
+def needs_injector(faults: Sequence[Fault]) -> bool:
+    """Return whether a fault acts on topics."""
+    return bool(at_places(faults, *_TOPIC_PLACES))
+
+
+def node_command(
+    node: str, parameter_file: Path, namespace: str, faults: Sequence[Fault] = ()
+) -> list[str]:
+    """Return the command that starts a node of the loop."""
+    ros_arguments = [*_remaps(namespace), "--params-file", str(parameter_file)]
+    if needs_injector(faults):
+        for name, other in _REMAPPED.get(node, {}).items():
+            ros_arguments += ["-r", f"{name}:={other}"]
+    module = MODULES[node]
+    for place, (faulty, other) in FAULTY_NODES.items():
+        if node == faulty and at_places(faults, place):
+            module = other
+    return [sys.executable, "-m", module, "--ros-args", *ros_arguments]
+
+
+def recorder_command(
+    output: Path, information: Path, compression: str, namespace: str
+) -> list[str]:
+    """Return the command that starts the recorder."""
+    options = ["--run-information", str(information), "--compression", compression]
+    command = [sys.executable, "-m", MODULES[RECORDER], str(output), "--in-existing-folder"]
+    command += options
+    return [*command, "--ros-args", *_remaps(namespace)]
+
+
+def _remaps(namespace: str) -> list[str]:
+    return [] if namespace == "/" else ["-r", f"__ns:={namespace}"]
+
+
+def parameter_file_text(
+    node: str, parameters: Mapping[str, Scalar], comments: Mapping[str, str] | None = None
+) -> str:
+    """Return a ROS 2 parameter file for a node in any namespace.
+
+    Texts are always quoted: ROS would take a bare ``1e3`` or ``on`` for a number or a truth value.
+    """
+    lines = [f"/**/{node}:", "  ros__parameters:"]
+    for name, value in parameters.items():
+        remark = (comments or {}).get(name, "")
+        lines += textwrap.wrap(
+            remark, COMMENT_WIDTH, initial_indent="    # ", subsequent_indent="    # "
+        )
+        lines.append(f"    {name}: {_scalar_text(value)}")
+    return "\n".join(lines) + "\n"
+
+
+def _scalar_text(value: Scalar) -> str:
+    text = json.dumps(value)
+    # Some readers of YAML take `1e-05` for a text; with a point it is a number to all of them.
+    is_bare = isinstance(value, float) and "." not in text
+    return text.replace("e", ".0e") if is_bare else text
+
+
+def run_information(
+    scenario: Scenario, parameters: Mapping[str, Mapping[str, Scalar]]
+) -> dict[str, Any]:
+    """Return the information about the run to be stored; the recorder adds revision and versions."""
+    return {
+        "scenario": scenario.name,
+        "run": scenario.heading,
+        "seed": scenario.seed,
+        "parameters": {
+            MODEL_KEY: to_flat_dict(scenario.vehicle.values),
+            **{node: dict(given) for node, given in parameters.items()},
+        },
+        "scenario_file": scenario_text(scenario),
+        "route": f"{scenario.trip.name}, {scenario.trip.duration_s:g} s ({scenario.trip.source})",
+    }

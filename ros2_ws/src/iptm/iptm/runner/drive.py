@@ -1,0 +1,320 @@
+"""One run from the first process to the last: start, watch and shut down without losing messages."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+from enum import Enum
+
+from rclpy.executors import Executor
+
+from iptm.runner.composition import RECORDER
+from iptm.runner.monitor import RunMonitor, Snapshot
+from iptm.runner.process_faults import ProcessFaults
+from iptm.runner.progress import Progress
+from iptm.runner.scenario import Scenario
+from iptm.runner.supervisor import ProcessEnd, Supervisor
+from iptm_core.program import EXIT_USER_ERROR
+from iptm_ros.process import StopRequest
+from iptm_ros.topics import PLANT, Topic
+
+START_TIMEOUT_S = 660.0
+"""Time for two compilations at a first start, each of which is aborted after 300 s."""
+SILENCE_TIMEOUT_S = 30.0
+"""Silence after which the plant counts as hung; it reports once a second even while it waits."""
+AFTER_KILL_S = 10.0
+"""Time for which a run continues after a fault has killed its plant."""
+IMPOSSIBLE_GAP_M = -1000.0
+"""Gap below which messages of different runs must have mixed; the simulation goes on after a collision."""
+_LAST_ANSWER_TIMEOUT_S = 2.0
+_REST_S = 0.05
+_SPIN_S = 0.001
+_SHOW_PERIOD_S = 0.2
+_QUIET_SPINS = 2
+_TIME_TOLERANCE_S = 1e-6
+_LAST_ANSWERS = (Topic.SOLVE, Topic.COMMAND, Topic.LEADER)
+
+
+class DriveOutcome(Enum):
+    """How a run ended."""
+
+    FINISHED = "finished"
+    FAILED = "failed"
+    REFUSED = "refused"
+    """A process found a mistake of the user before anything was driven."""
+    INTERRUPTED = "interrupted"
+
+
+@dataclass(frozen=True)
+class DriveResult:
+    """End of a run.
+
+    Attributes:
+        outcome: how it ended.
+        message: what happened, empty if it finished as it should.
+        last_lines: last output of the process that caused the end.
+        wall_time_s: from the first to the last clock.
+    """
+
+    outcome: DriveOutcome
+    message: str = ""
+    last_lines: tuple[str, ...] = ()
+    wall_time_s: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Drive(AbstractContextManager["Drive"]):
+    """Runs the processes of one scenario; as a context manager it ends them all.
+
+    Attributes:
+        supervisor: starts and ends the processes.
+        monitor: listens to them.
+        executor: runs the monitor.
+        progress: shows how far it is.
+        stop: set when the user requests a stop.
+        process_faults: what is done to the processes on purpose.
+        scenario: what is driven.
+    """
+
+    supervisor: Supervisor
+    monitor: RunMonitor
+    executor: Executor
+    progress: Progress
+    stop: StopRequest
+    process_faults: ProcessFaults
+    scenario: Scenario
+
+    def __exit__(self, *error: object) -> None:
+        """End the recorder last, so that the final messages of the other nodes are in the bag."""
+        self.progress.close()
+        started = self.supervisor.names
+        self.supervisor.stop(name for name in started if name != RECORDER)
+        try:
+            self._hear()
+        finally:
+            self.supervisor.stop(started)
+
+    def start(self, commands: Mapping[str, list[str]]) -> None:
+        """Start processes."""
+        for name, command in commands.items():
+            self.supervisor.start(name, command)
+        self.process_faults.note(commands)
+        self.monitor.expect(commands)
+
+    def look_around(self, duration_s: float) -> DriveResult:
+        """Give the middleware time to discover the other participants of the domain.
+
+        Returns:
+            FINISHED, unless a process ended or another run was found.
+        """
+        until_s = time.monotonic() + duration_s
+
+        def show() -> DriveResult | None:
+            self.progress.waiting("looking for listeners")
+            return self._intruded()
+
+        return self._spin_until(lambda: time.monotonic() >= until_s, show)
+
+    def run(self) -> DriveResult:
+        """Wait for the trip to begin and to end; all processes must have been started."""
+        result = self._wait_for_start()
+        if result.outcome is DriveOutcome.FINISHED:
+            result = self._wait_for_end()
+        return replace(result, wall_time_s=self._wall_time_s())
+
+    def _wait_for_start(self) -> DriveResult:
+        """Spin until the first clock; the result is FINISHED when it came."""
+        deadline_s = time.monotonic() + START_TIMEOUT_S
+
+        def show() -> DriveResult | None:
+            self.progress.waiting(self._awaited())
+            if time.monotonic() > deadline_s:
+                return DriveResult(
+                    DriveOutcome.FAILED,
+                    f"the trip did not start within {START_TIMEOUT_S:g} s: {self._awaited()}",
+                )
+            return self._intruded()
+
+        return self._spin_until(
+            lambda: self.monitor.first_clock_s is not None or self._has_ended(), show
+        )
+
+    def _intruded(self) -> DriveResult | None:
+        crowded = self.monitor.crowded_topics
+        if not crowded:
+            return None
+        return DriveResult(
+            DriveOutcome.REFUSED,
+            f"another run takes place in this ROS domain, it publishes {', '.join(crowded)}; "
+            "allowed: one run per domain (see --domain)",
+        )
+
+    def _awaited(self) -> str:
+        nodes = self.monitor.awaited_nodes
+        if nodes:
+            return f"waiting for {', '.join(nodes)}"
+        return self.monitor.plant_reason or "waiting for the plant"
+
+    def _wait_for_end(self) -> DriveResult:
+        """Spin until the plant has ended by itself."""
+
+        def show() -> DriveResult | None:
+            snapshot = self.monitor.snapshot()
+            now_s = time.monotonic()
+            if snapshot is not None and self.monitor.first_clock_s is not None:
+                contradiction = self._contradiction(snapshot)
+                if contradiction:
+                    return DriveResult(DriveOutcome.FAILED, contradiction)
+                self.progress.running(snapshot, now_s - self.monitor.first_clock_s)
+            if now_s - self.monitor.last_sign_s > SILENCE_TIMEOUT_S:
+                return DriveResult(
+                    DriveOutcome.FAILED,
+                    f"no message from the plant for {SILENCE_TIMEOUT_S:g} s{self._at()}",
+                )
+            return None
+
+        def over() -> bool:
+            if PLANT in self.scenario.foreign:
+                now_ns = self.monitor.time_ns or 0
+                return (
+                    now_ns * 1e-9 >= self.scenario.trip.duration_s - _TIME_TOLERANCE_S
+                    or PLANT in self.monitor.awaited_nodes
+                )
+            running = self.supervisor.is_running(self.process_faults.current(PLANT))
+            # Reports of the other nodes about a plant killed by a fault are still recorded.
+            silent_s = time.monotonic() - self.monitor.last_sign_s
+            killed = self.process_faults.is_excused(self.process_faults.current(PLANT))
+            return not running and not (killed and silent_s < AFTER_KILL_S)
+
+        result = self._spin_until(over, show)
+        killed = [
+            ending
+            for ending in self.supervisor.endings()
+            if ending.name == self.process_faults.current(PLANT) and ending.code != 0
+        ]
+        if result.outcome is DriveOutcome.FINISHED and killed:
+            return DriveResult(
+                DriveOutcome.FAILED, self._what_ended(killed[0]), killed[0].last_lines
+            )
+        if result.outcome is DriveOutcome.FINISHED:
+            self._await_last_answers()
+        return result
+
+    def _contradiction(self, snapshot: Snapshot) -> str:
+        """Return evidence that messages of another run are mixed in, empty if there is none."""
+        duration_s = self.scenario.trip.duration_s
+        if snapshot.time_s > duration_s + _TIME_TOLERANCE_S:
+            found = f"the clock is at {snapshot.time_s:g} s of a trip of {duration_s:g} s"
+        elif snapshot.gap_m < IMPOSSIBLE_GAP_M and not self.scenario.faults:
+            # A fault may show another leader than the one that is followed.
+            found = f"the gap is {snapshot.gap_m:.0f} m at {snapshot.time_s:g} s"
+        else:
+            return ""
+        crowded = ", ".join(self.monitor.crowded_topics)
+        others = f", which publish {crowded} as well" if crowded else ""
+        return f"{found}: nodes of another run take part in this ROS domain{others}"
+
+    def _spin_until(
+        self, condition: Callable[[], bool], show: Callable[[], DriveResult | None]
+    ) -> DriveResult:
+        """Spin, look after the processes and show progress until a condition is true."""
+        next_show_s = time.monotonic()
+        while True:
+            self._hear()
+            self.process_faults.act(
+                self.monitor.time_ns, self.monitor.clocks, self.monitor.is_doubled
+            )
+            now_s = time.monotonic()
+            if self.stop.number is not None:
+                return DriveResult(DriveOutcome.INTERRUPTED, f"stopped by {self.stop.number.name}")
+            failure = self._failure()
+            if failure is not None:
+                return failure
+            if condition():
+                return DriveResult(DriveOutcome.FINISHED)
+            if now_s >= next_show_s:
+                next_show_s = now_s + _SHOW_PERIOD_S
+                ended = show()
+                if ended is not None:
+                    return ended
+
+    def _failure(self) -> DriveResult | None:
+        """Return what went wrong, if a process ended that should not have."""
+        for ending in self.supervisor.endings():
+            started = self.monitor.time_ns is not None
+            if self.process_faults.is_excused(ending.name):
+                continue
+            if ending.name == self.process_faults.current(PLANT) and self._has_ended():
+                continue
+            if ending.code == EXIT_USER_ERROR and not started:
+                reason = ending.last_lines[-1] if ending.last_lines else ""
+                return DriveResult(DriveOutcome.REFUSED, reason or f"{ending.name} {ending.how}")
+            return DriveResult(DriveOutcome.FAILED, self._what_ended(ending), ending.last_lines)
+        return None
+
+    def _has_ended(self) -> bool:
+        """Return whether the plant ended as it does after a trip.
+
+        The runner may have received nothing of a recorded trip: the bag decides.
+        """
+        is_witnessed = self.monitor.time_ns is not None or RECORDER in self.supervisor.names
+        return is_witnessed and any(
+            ending.name == self.process_faults.current(PLANT) and ending.code == 0
+            for ending in self.supervisor.endings()
+        )
+
+    def _what_ended(self, ending: ProcessEnd) -> str:
+        reason = f" ({self.monitor.plant_reason})" if ending.name == PLANT and ending.code else ""
+        return f"{ending.name} {ending.how}{reason}{self._at()}; the other processes of this run were stopped"
+
+    def _at(self) -> str:
+        now_ns = self.monitor.time_ns
+        return (
+            " before the trip began" if now_ns is None else f" at {now_ns * 1e-9:g} s of the trip"
+        )
+
+    def _await_last_answers(self) -> None:
+        """Give bridge and controller time to answer the last state, so that every run ends alike."""
+        last_ns = self.monitor.time_ns
+        deadline_s = time.monotonic() + _LAST_ANSWER_TIMEOUT_S
+        while time.monotonic() < deadline_s:
+            newest = {topic: self.monitor.newest_stamp_ns(topic) for topic in _LAST_ANSWERS}
+            if newest[Topic.LEADER] is None:
+                del newest[Topic.LEADER]  # an empty road
+            if all(stamp_ns == last_ns for stamp_ns in newest.values()):
+                return
+            self._hear()
+
+    def _hear(self) -> None:
+        """Rest briefly, then take all messages that have arrived.
+
+        Waking at every message would double the CPU time of the runner at the cost of the nodes.
+        """
+        time.sleep(_REST_S)
+        quiet, before = 0, self.monitor.message_count
+        while quiet < _QUIET_SPINS:
+            self.executor.spin_once(timeout_sec=_SPIN_S)
+            heard = self.monitor.message_count
+            quiet, before = (quiet + 1 if heard == before else 0), heard
+
+    def _wall_time_s(self) -> float:
+        first_s, last_s = self.monitor.first_clock_s, self.monitor.last_clock_s
+        return 0.0 if first_s is None or last_s is None else last_s - first_s
+
+
+def unclean_ends(supervisor: Supervisor, process_faults: ProcessFaults) -> list[str]:
+    """Return a sentence for every process that failed although trip and faults do not explain it.
+
+    A recorder killed by a fault does not end the run, but its bag lacks the rest of the trip.
+    """
+    sentences = []
+    for ending in supervisor.endings():
+        if ending.code == 0:
+            continue
+        if not process_faults.is_excused(ending.name):
+            sentences.append(f"{ending.name} {ending.how} when it was stopped")
+        elif ending.name == RECORDER:
+            sentences.append(f"the bag is incomplete: {ending.name} {ending.how}, by a fault")
+    return sentences

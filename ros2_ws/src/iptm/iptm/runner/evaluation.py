@@ -1,0 +1,267 @@
+"""A finished run over ROS 2, from its bag if there is one, and its problems."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from enum import Enum
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from iptm.bags import load
+from iptm.run import Run
+from iptm.runner.monitor import heard_by_stamp
+from iptm.runner.scenario import Scenario
+from iptm.runner.scenario_files import scenario_text
+from iptm.runner.summary import OWN_AGING, PAPER_AGING, Summary, summarise
+from iptm_core.declaration import parameter_specs, plain
+from iptm_core.metrics import FIGURES, RunMetrics
+from iptm_core.settings import LeaderSource
+from iptm_core.trajectory import Trajectory
+from iptm_ros.assembly import assemble_decisions, assemble_run, split_trips, unpublished
+from iptm_ros.codecs import s_from_ns, stamp_ns_of
+from iptm_ros.recording.bag_reader import BagReader
+from iptm_ros.recording.run_information import RunInformation, stored_losses
+from iptm_ros.recording.trajectory_reader import leader_remark
+from iptm_ros.topics import PLANT, TICK_TOPICS, TOPICS, Topic
+
+Heard = Mapping[Topic, Sequence[bytes]]
+"""Serialised messages by topic, in order of arrival."""
+
+_OF_PLANT = (Topic.CLOCK, *(topic for topic in Topic if topic.name.startswith("PLANT_")))
+_OF_BRIDGE = (Topic.LEADER, Topic.LEADER_SAMPLES, Topic.LEADER_PREVIEW)
+_OF_CONTROLLER = (
+    Topic.COMMAND,
+    Topic.ACCELERATION_COMMAND,
+    Topic.COMPRESSOR_POWER_COMMAND,
+    Topic.SOLVE,
+)
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class RosRun(Run):
+    """A finished run over ROS 2; trajectory and decisions are those of its bag if there is one.
+
+    Attributes:
+        scenario: what was driven.
+        wall_time_s: from the first to the last clock.
+        bag_messages: messages in the bag by topic, None without a bag.
+        problems: why the run counts as failed, empty if it does not.
+        warnings: warnings of the nodes during the run.
+        information: provenance of the run: revision, versions, start time.
+        other: the same trip under another strategy, None without a comparison.
+    """
+
+    scenario: Scenario
+    wall_time_s: float
+    bag_messages: Mapping[str, int] | None
+    problems: tuple[str, ...]
+    warnings: tuple[str, ...]
+    information: RunInformation
+    other: Run | None = None
+
+    @cached_property
+    def headline(self) -> Summary:
+        """Headline figures, against the other strategy if there is one."""
+        aging = OWN_AGING if PLANT in self.scenario.foreign else PAPER_AGING
+        return summarise(self, self.other, aging)
+
+    @property
+    def speed_up(self) -> float:
+        """Trip time per wall time."""
+        return self.metrics.duration_s / self.wall_time_s if self.wall_time_s > 0.0 else math.nan
+
+
+def evaluate(
+    scenario: Scenario,
+    heard: Heard,
+    bag: Path | None,
+    information: RunInformation,
+    wall_time_s: float,
+    problems: Sequence[str] = (),
+    warnings: Sequence[str] = (),
+) -> RosRun:
+    """Compute the results of a run.
+
+    Args:
+        scenario: what was to be driven.
+        heard: serialised messages received by the runner, by topic.
+        bag: what was recorded, None if nothing was.
+        information: revision and versions, used without a bag.
+        wall_time_s: from the first to the last clock.
+        problems: problems found so far.
+        warnings: warnings of the nodes.
+
+    Raises:
+        BagError: the bag cannot be read.
+        MessageError: there is neither a bag nor a complete tick among the received messages.
+    """
+    found, notes = list(problems), list(warnings)
+    trips = split_trips((stamp_ns_of(data), None) for data in heard[Topic.PLANT_ODOMETRY])
+    if len(trips) > 1:
+        notes.append(
+            f"the trip was begun {len(trips)} times; the figures are those of the last one"
+        )
+    parameters = scenario.vehicle.values
+    namespace = scenario.namespace or None
+    counts: dict[str, int] | None = None
+    if bag is None:
+        assembled = assemble_run(heard_by_stamp(heard, (*TICK_TOPICS, Topic.PLANT_SAFETY)))
+        trajectory = assembled.trajectory
+        decisions = assemble_decisions(heard_by_stamp(heard, (Topic.SOLVE,))[Topic.SOLVE])
+        if assembled.incomplete:
+            found.append(f"the runner missed messages of {len(assembled.incomplete)} ticks")
+    else:
+        recorded = load(bag, namespace)
+        trajectory, decisions = recorded.trajectory, recorded.decisions
+        parameters = recorded.parameters
+        if parameters != scenario.vehicle.values:
+            found.append("the model parameters in the bag are not those of the scenario")
+        with BagReader(bag) as reader:
+            counts = {name: topic.message_count for name, topic in sorted(reader.topics.items())}
+            information = reader.run_information()
+        found += _missing_messages(counts, len(trajectory), scenario)
+        lost, missed = _unequal_states(trips[-1], trajectory)
+        if lost:
+            # A plant of the user need not wait for the recorder.
+            (notes if PLANT in scenario.foreign else found).append(
+                f"the bag lacks {lost} states that the runner received"
+            )
+        if missed:
+            notes.append(f"the runner missed {missed} states; the bag holds them")
+    losses = None if bag is None else stored_losses(information)
+    is_empty = scenario.road.leader_source is LeaderSource.NONE
+    notes += [
+        note
+        for note in unpublished(trajectory)
+        if not (is_empty and note.startswith(Topic.LEADER.value))
+    ]
+    notes += [remark] if (remark := leader_remark(trajectory, losses)) else []
+    fastest_m_s = float(np.fmax.reduce(trajectory.leader_speed_m_s))
+    if fastest_m_s > parameters.limits.max_speed_m_s:
+        notes.append(
+            f"the leader drives up to {fastest_m_s:.3g} m/s, the ego vehicle at most"
+            f" {parameters.limits.max_speed_m_s:.3g} m/s: it could not follow"
+        )
+    (notes if PLANT in scenario.foreign else found).extend(_unfinished(trajectory, scenario))
+    run = RosRun(
+        name=scenario.heading,
+        settings={
+            spec.name: plain(getattr(scenario, spec.name)) for spec in parameter_specs(Scenario)
+        },
+        parameters=parameters,
+        trajectory=trajectory,
+        decisions=decisions,
+        slope=scenario.trip.slope,
+        scenario=scenario,
+        wall_time_s=wall_time_s,
+        bag_messages=counts,
+        problems=tuple(found),
+        warnings=tuple(notes),
+        information=information,
+    )
+    return replace(run, problems=(*found, *_broken_limits(run.metrics)))
+
+
+def _unequal_states(heard: Iterable[int], trajectory: Trajectory) -> tuple[int, int]:
+    """Return how many states only the runner has, given by their stamps, and how many only the bag has."""
+    heard_s = set(map(s_from_ns, heard))
+    recorded_s = set(trajectory.time_s.tolist())
+    return len(heard_s - recorded_s), len(recorded_s - heard_s)
+
+
+def _missing_messages(counts: Mapping[str, int], ticks: int, scenario: Scenario) -> list[str]:
+    """Return a sentence per topic for which the bag lacks the message of a tick."""
+    # In real time the plant does not wait for answers, so only its own messages are certain.
+    complete = (*_OF_PLANT, *_OF_BRIDGE) if scenario.is_lock_step else _OF_PLANT
+    expected = dict.fromkeys(complete, ticks)
+    road = scenario.road
+    if road.keeps_rules and road.leader_source is not LeaderSource.CYCLE:
+        expected.pop(Topic.LEADER, None)  # published where a vehicle is ahead
+    if scenario.is_lock_step:
+        # The last state ends the trip, whether it is answered or not.
+        expected |= dict.fromkeys(_OF_CONTROLLER, ticks - 1)
+    expected[Topic.SLOPE] = 1
+    prefix = scenario.full_namespace.rstrip("/")
+    sentences = []
+    for topic, least in expected.items():
+        if TOPICS[topic].publisher in scenario.foreign:
+            continue  # it may publish less than that of the suite
+        name = TOPICS[topic].name
+        count = counts.get(name if name.startswith("/") else f"{prefix}/{name}", 0)
+        if count < least:
+            sentences.append(f"the bag holds {count} messages of {name}, {least} are needed")
+    return sentences
+
+
+def _unfinished(trajectory: Trajectory, scenario: Scenario) -> list[str]:
+    start_s, end_s = float(trajectory.time_s[0]), float(trajectory.time_s[-1])
+    duration_s = scenario.trip.duration_s
+    if start_s == 0.0 and end_s >= duration_s - 1e-9:
+        return []
+    return [f"the run covers {start_s:g} s to {end_s:g} s of a trip of {duration_s:g} s"]
+
+
+def _broken_limits(metrics: RunMetrics) -> list[str]:
+    return [
+        f"hard limit broken in {check.violations} rows: {check.label}, worst by "
+        f"{check.worst_excess:.3g} {check.unit} at {_time_text(check.worst_time_s)}"
+        for check in metrics.constraints
+        if check.hard and check.violations
+    ]
+
+
+def _time_text(time_s: float | None) -> str:
+    return "an unknown time" if time_s is None or math.isnan(time_s) else f"{time_s:g} s"
+
+
+def results_json(run: RosRun) -> str:
+    """Return a run as JSON text; what is unknown (NaN) becomes null."""
+    values, other, information = run.figures, run.other, run.information
+    document = {
+        "scenario": run.scenario.name,
+        "run": run.name,
+        "summary": {
+            "text": [f"{label}: {text}" for label, text in run.headline.lines],
+            **run.headline.values,
+        },
+        "scenario_file": scenario_text(run.scenario),
+        "good": not run.problems,
+        "problems": list(run.problems),
+        "warnings": list(run.warnings),
+        "rows": [
+            {"key": key, "label": figure.label, "value": values.get(key), "unit": figure.unit}
+            for key, figure in FIGURES.items()
+        ],
+        "compared_with": other and {"strategy": other.strategy, "figures": other.figures},
+        "metrics": asdict(run.metrics),
+        "wall_time_s": run.wall_time_s,
+        "speed_up": run.speed_up,
+        "bag_messages": run.bag_messages,
+        "information": {
+            "git_revision": information.git_revision,
+            "started_at_utc": information.started_at_utc,
+            **information.versions,
+        },
+    }
+    return json.dumps(_plain(document), indent=2, allow_nan=False) + "\n"
+
+
+def _plain(value: Any) -> Any:
+    """Return a value with non-finite numbers, which JSON cannot represent, replaced."""
+    if isinstance(value, Mapping):
+        return {_name(key): _plain(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def _name(key: object) -> str:
+    return key.name.lower() if isinstance(key, Enum) else str(key)

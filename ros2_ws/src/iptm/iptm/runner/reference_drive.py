@@ -1,0 +1,112 @@
+"""Drives the trip of a scenario with another strategy, without ROS, and writes every row as it is computed.
+
+The live view runs it as a process of its own: `python -m iptm.runner.reference_drive < scenario.yaml`. The
+first line of the output is a JSON object with strategy, columns and duration, the others are JSON arrays.
+Nothing is driven where the folder of the run keeps the trajectory of that strategy.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from iptm.runner.comparison import drive_other
+from iptm.runner.run_folder import REFERENCE
+from iptm.runner.scenario import prepare
+from iptm.runner.scenario_files import scenario_from
+from iptm_controller.strategy import STRATEGIES
+from iptm_core.errors import BagError, IptmError, ScenarioError
+from iptm_core.parameters.model import CELSIUS_ZERO_K
+from iptm_core.parameters.strict_yaml import parse_yaml
+from iptm_core.program import EXIT_OK, refused
+from iptm_core.trajectory import Trajectory
+from iptm_ros.recording.export import read_exported_trajectory
+
+PROGRAM = "reference_drive"
+COLUMNS = (
+    "time_s",
+    "position_m",
+    "speed_m_s",
+    "gap_m",
+    "battery_power_w",
+    "compressor_power_w",
+    "cell_1_temperature_c",
+    "cell_n_temperature_c",
+    "capacity_loss",
+)
+_NICENESS = 19
+"""Lowers the priority below that of the run and of its view."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Drive the scenario of the standard input; see the module.
+
+    Returns:
+        0, or 2 after a mistake in the scenario.
+    """
+    parser = argparse.ArgumentParser(prog=PROGRAM, description=__doc__)
+    parser.add_argument("--strategy", choices=list(STRATEGIES), default="reference")
+    parser.add_argument("--run", type=Path, metavar="FOLDER", help="of the run, where it has ended")
+    parsed = parser.parse_args(arguments)
+    try:
+        content = parse_yaml(sys.stdin.read(), "scenario", ScenarioError)
+        scenario = scenario_from(content, "scenario", "reference", Path.cwd())
+        scenario = prepare(scenario)
+        header = {
+            "strategy": parsed.strategy,
+            "columns": COLUMNS,
+            "duration_s": scenario.trip.duration_s,
+        }
+        _write(header)
+        kept = None if parsed.run is None else _kept(parsed.run, parsed.strategy)
+        if kept is None:
+            drive_other(
+                scenario,
+                parsed.strategy,
+                lambda *tick: _write_rows(Trajectory.from_ticks([tick])),
+            )
+        else:
+            _write_rows(kept)
+    except IptmError as error:
+        return refused(PROGRAM, error)
+    return EXIT_OK
+
+
+def _kept(run: Path, strategy: str) -> Trajectory | None:
+    """Return the trajectory of a strategy that a run was compared with, None where it keeps none."""
+    try:
+        trajectory, metadata = read_exported_trajectory(run / REFERENCE)
+    except BagError:
+        return None
+    return trajectory if metadata.get("strategy") == strategy else None
+
+
+def _write_rows(run: Trajectory) -> None:
+    columns = (
+        run.time_s,
+        run.position_m,
+        run.speed_m_s,
+        run.gap_m,
+        run.battery_power_w,
+        run.compressor_power_w,
+        run.cell_1_temperature_k - CELSIUS_ZERO_K,
+        run.cell_n_temperature_k - CELSIUS_ZERO_K,
+        run.cell_1_capacity_loss + run.cell_n_capacity_loss,
+    )
+    for row in np.transpose(columns).tolist():
+        _write(row)
+
+
+def _write(content: object) -> None:
+    print(json.dumps(content), flush=True)
+
+
+if __name__ == "__main__":
+    os.nice(_NICENESS)
+    sys.exit(main())

@@ -1,0 +1,182 @@
+"""Recorded inputs and parameters for the check of one node, tick by tick."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from contextlib import nullcontext, suppress
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from iptm_core.declaration import given_settings
+from iptm_core.errors import BagError
+from iptm_core.road_ahead import RoadAheadSettings
+from iptm_core.settings import LeaderSource, LoopMode
+from iptm_ros.assembly import split_trips
+from iptm_ros.recording.bag_reader import BagReader
+from iptm_ros.recording.timeline import read_stamp_ns
+from iptm_ros.recording.trajectory_reader import refuse_changed_settings, topic_name
+from iptm_ros.topics import (
+    BRIDGE,
+    CONTROLLER,
+    FIELD_ALIASES,
+    OBSERVATION_TOPICS,
+    PLANT,
+    STATE_TOPICS,
+    Topic,
+)
+
+OUTPUTS: Mapping[str, tuple[Topic, ...]] = {
+    CONTROLLER: (
+        Topic.SOLVE, Topic.PLAN, Topic.ACCELERATION_COMMAND, Topic.COMPRESSOR_POWER_COMMAND, Topic.COMMAND,
+    ),
+    BRIDGE: (
+        Topic.SLOPE, Topic.ROAD_AHEAD, Topic.LEADER, Topic.LEADER_SAMPLES, Topic.LEADER_PREVIEW,
+    ),
+    PLANT: (*OBSERVATION_TOPICS, Topic.PLANT_SAFETY, Topic.CLOCK),
+}  # fmt: skip
+"""Compared outputs of each node; its diagnostics depend on the machine and are left out."""
+
+INPUTS: Mapping[str, tuple[Topic, ...]] = {
+    CONTROLLER: (
+        Topic.SLOPE,
+        *STATE_TOPICS,
+        Topic.ROAD_AHEAD,
+        Topic.LEADER,
+        Topic.LEADER_PREVIEW,
+    ),
+    BRIDGE: (Topic.CLOCK,),
+    PLANT: (Topic.LEADER_SAMPLES, Topic.COMMAND),
+}
+"""Recorded inputs of each node; a bridge on received messages also needs the position of the ego vehicle."""
+
+_LATER = (Topic.PLANT_SAFETY, Topic.LEADER_SAMPLES, Topic.ROAD_AHEAD, Topic.LEADER)
+"""Topics that older bags lack, or those of an empty road."""
+FINAL_ANSWER = {CONTROLLER: Topic.COMMAND, BRIDGE: Topic.LEADER_PREVIEW, PLANT: Topic.CLOCK}
+_OWN_WAY: Mapping[str, Mapping[str, Any]] = {
+    # The check is the only subscriber, and its inputs are never late.
+    CONTROLLER: {"input_timeout_s": 60.0},
+    BRIDGE: {"expected_peers": 1},
+    PLANT: {"expected_peers": 1, "command_timeout_wall_s": 3600.0, "linger_s": 1.0,
+            "start_paused": False},
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """Recorded inputs and parameters of one node.
+
+    Attributes:
+        names: full names of the topics.
+        namespace: of the node.
+        parameters: of the node.
+        steps: inputs of each tick by topic, by the stamp (ns) of the final answer, in order.
+    """
+
+    names: Mapping[Topic, str]
+    namespace: str
+    parameters: Mapping[str, Any]
+    steps: Mapping[int, Mapping[Topic, bytes]]
+
+
+def read_recorded(bag: Path, node: str, namespace: str | None = None) -> Recorded:
+    """Read the inputs and the parameters of a node.
+
+    Args:
+        bag: bag folder or file.
+        node: one of `NODES`.
+        namespace: of the vehicle; needed only if the bag holds several.
+
+    Raises:
+        BagError: the bag cannot be read, lacks a topic or the parameters, or cannot be repeated.
+    """
+    with BagReader(bag) as reader:
+        text = reader.run_information().parameters
+        given = (yaml.safe_load(text) or {}).get(node)
+        if not isinstance(given, dict):
+            raise BagError(
+                f"{bag} does not hold the parameters of {node}: there is nothing to start it with"
+            )
+        given = {FIELD_ALIASES.get(name, name): value for name, value in given.items()}
+        inputs, own_way = _inputs_and_changes(node, given, bag)
+        wanted = dict.fromkeys((*inputs, *OUTPUTS[node]))
+        names = {}
+        for topic in wanted:
+            with suppress(BagError) if topic in _LATER else nullcontext():
+                names[topic] = topic_name(reader, topic, namespace)
+        topics = {name: topic for topic, name in names.items()}
+        heard: dict[Topic, dict[int, bytes]] = {topic: {} for topic in wanted}
+        answered: list[tuple[int, None]] = []
+        for raw in reader.raw_messages(list(topics)):
+            stamp_ns = 0 if topics[raw.topic] is Topic.SLOPE else read_stamp_ns(raw.data)
+            if stamp_ns is not None:
+                heard[topics[raw.topic]][stamp_ns] = raw.data
+                if topics[raw.topic] is FINAL_ANSWER[node]:
+                    answered.append((stamp_ns, None))
+    trips = len(split_trips(answered))
+    if trips > 1:
+        raise BagError(f"{bag} holds {trips} trips; allowed: one, as a check begins with the start")
+    if node == CONTROLLER:
+        refuse_changed_settings(bag, namespace)
+    if node == PLANT and given.get("mode", "lock_step") != LoopMode.LOCK_STEP.value:
+        raise BagError(
+            f"mode of {bag} is {given['mode']}; allowed: lock_step, as a plant on the wall clock"
+            " applies commands when they arrive"
+        )
+    own_topic = OUTPUTS[node][0]
+    return Recorded(
+        names=names,
+        namespace=names[own_topic].removesuffix(own_topic.value).rstrip("/") or "/",
+        parameters={**given, **own_way},
+        steps=_steps(node, inputs, heard, bag),
+    )
+
+
+def _inputs_and_changes(
+    node: str, given: Mapping[str, Any], bag: Path
+) -> tuple[tuple[Topic, ...], dict[str, Any]]:
+    """Return the inputs of a node with such parameters, and the parameters that differ in a check."""
+    inputs, own_way = INPUTS[node], dict(_OWN_WAY[node])
+    if node == BRIDGE:
+        road = given_settings(RoadAheadSettings, given)
+        is_cam = road.leader_source is LeaderSource.CAM
+        if is_cam or road.keeps_rules:
+            inputs = (Topic.PLANT_ODOMETRY, *inputs)
+        if is_cam:
+            own_way |= {"recorded_packets": str(bag.resolve()), "publish_datagrams": False}
+    return inputs, own_way
+
+
+def _steps(
+    node: str, inputs: Collection[Topic], heard: Mapping[Topic, Mapping[int, bytes]], bag: Path
+) -> dict[int, dict[Topic, bytes]]:
+    final_answer = FINAL_ANSWER[node]
+    answers = sorted(heard[final_answer])
+    if not answers:
+        raise BagError(
+            f"{bag} holds no message of {final_answer.value}: there is nothing to compare"
+        )
+
+    def inputs_at(stamp: int) -> dict[Topic, bytes]:
+        stamped = [topic for topic in inputs if topic is not Topic.SLOPE]
+        return {topic: heard[topic][stamp] for topic in stamped if stamp in heard[topic]}
+
+    if node == PLANT:
+        if answers[0] != 0:
+            raise BagError(
+                f"{bag} begins at {answers[0] * 1e-9:g} s of the trip; allowed: 0 s, where the state"
+                " of the vehicle is known"
+            )
+        # A state is the answer to what was received one tick before.
+        commands = heard[Topic.COMMAND]
+        return {0: {}} | {
+            stamp: inputs_at(before) | {Topic.COMMAND: commands.get(before, b"")}
+            for before, stamp in pairwise(answers)
+        }
+    steps = {stamp: inputs_at(stamp) for stamp in answers}
+    if Topic.SLOPE in inputs:
+        steps[answers[0]] = {Topic.SLOPE: heard[Topic.SLOPE][0], **steps[answers[0]]}
+    return steps

@@ -1,0 +1,244 @@
+"""One run with everything around it: folder, domain, processes, results, picture, exit code."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import yaml
+from rich.console import Console
+from rich.text import Text
+
+from iptm.runner.comparison import NO_COMPARISON, drive_comparison, save_comparison
+from iptm.runner.composition import (
+    RECORDER,
+    node_command,
+    node_parameters,
+    parameter_file_text,
+    recorder_command,
+    run_information,
+)
+from iptm.runner.drive import Drive, DriveOutcome, DriveResult, unclean_ends
+from iptm.runner.environment import (
+    RunDomain,
+    domain_of_run,
+    environment_of_run,
+    process_environment,
+)
+from iptm.runner.evaluation import evaluate, results_json
+from iptm.runner.monitor import RunMonitor
+from iptm.runner.process_faults import ProcessFaults
+from iptm.runner.progress import Progress, make_progress
+from iptm.runner.run_folder import RunFolder
+from iptm.runner.scenario import Scenario
+from iptm.runner.supervisor import Supervisor
+from iptm.runner.tables import print_results, save_picture
+from iptm.runner.viewer import live_view
+from iptm_core.declaration import Scalar
+from iptm_core.errors import IptmError
+from iptm_core.program import EXIT_OK, EXIT_SIGNAL, EXIT_USER_ERROR, print_error
+from iptm_ros.process import StopRequest, joined_node
+from iptm_ros.recording.run_information import collect_run_information
+from iptm_ros.topics import CONTROLLER, PLANT, Topic
+
+PROGRAM = "run_closed_loop"
+EXIT_RUN_FAILED = 1
+LOOK_AROUND_S = 2.0
+"""Time to find others in a domain that the user chose; the controller takes as long to start."""
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """Options of the user in addition to the scenario.
+
+    Attributes:
+        output: folder to create; None for a new one under ``bags/``.
+        record: whether to record a bag.
+        picture: whether to draw the run.
+        report: whether to write it as an HTML page.
+        compression: of the bag: none, lz4 or zstd.
+        against: strategy to compare with, driven without ROS after the run; "none" for no comparison.
+        view: whether to show it in the browser while it takes place.
+        full: whether to print the tables of all figures.
+    """
+
+    output: Path | None = None
+    record: bool = True
+    picture: bool = True
+    report: bool = False
+    compression: str = "none"
+    against: str = NO_COMPARISON
+    view: bool = False
+    full: bool = False
+
+
+def run(scenario: Scenario, options: RunOptions, console: Console) -> int:
+    """Drive, record and report a scenario.
+
+    Returns:
+        0 if the trip was finished, no hard limit was broken, and the bag is complete; 1 if not; 2 for a
+        mistake of the user; 128 + n after signal n.
+
+    Raises:
+        ScenarioError: the output exists, or another run has the ROS domain.
+    """
+    stop = StopRequest()
+    stop.install()
+    with ExitStack() as stack:
+        domain = stack.enter_context(domain_of_run(scenario.domain, scenario.full_namespace))
+        folder = RunFolder.of_run(options.output, scenario.name)
+        console.print(_introduction(scenario, domain.number), soft_wrap=True)
+        stay_open = None
+        if options.view:
+            bags = {scenario.namespace: folder.output if options.record else None}
+            view = live_view(scenario, domain.number, folder.logs, bags, console, options.against)
+            stay_open = stack.enter_context(view)
+        progress = make_progress(console, scenario.trip.duration_s)
+        result, drive = drive_processes(folder, scenario, options, domain, progress, stop)
+        if result.outcome is DriveOutcome.FINISHED:
+            code = _report(folder, scenario, options, drive, result.wall_time_s, console)
+        else:
+            code = _report_failure(result, folder, stop)
+        if stay_open is not None and result.outcome is not DriveOutcome.REFUSED:
+            stay_open(stop)
+        return code
+
+
+def drive_processes(
+    folder: RunFolder,
+    scenario: Scenario,
+    options: RunOptions,
+    domain: RunDomain,
+    progress: Progress,
+    stop: StopRequest,
+) -> tuple[DriveResult, Drive]:
+    """Start the processes of a scenario, watch the trip, and end them; the folder takes logs and bag."""
+    environment = environment_of_run(domain.number, folder.logs / "ros")
+    supervisor = Supervisor(environment, folder.log_path)
+    process_faults = ProcessFaults(supervisor, scenario.faults)
+
+    with (
+        process_environment(environment),  # the runner takes part in the graph itself
+        joined_node(
+            lambda context: RunMonitor(scenario.full_namespace, context, scenario.foreign),
+            domain.number,
+        ) as (monitor, executor),
+        Drive(supervisor, monitor, executor, progress, stop, process_faults, scenario) as drive,
+    ):
+        start = _ProcessStarter(folder, scenario, options)
+        drive.start(start.first())
+        # A private domain has no other participants.
+        result = drive.look_around(0.0 if domain.is_private else LOOK_AROUND_S)
+        if result.outcome is DriveOutcome.FINISHED:
+            drive.start(start.then(monitor))
+            result = drive.run()
+    return result, drive
+
+
+class _ProcessStarter:
+    """Writes the files that the processes need and gives the commands to start them."""
+
+    def __init__(self, folder: RunFolder, scenario: Scenario, options: RunOptions) -> None:
+        self._folder, self._scenario, self._options = folder, scenario, options
+
+    def first(self) -> dict[str, list[str]]:
+        """Return the commands that do not depend on the listeners; they take longest to start."""
+        parameters = self._parameters()
+        commands = self._nodes({CONTROLLER} & parameters.keys(), parameters)
+        if self._options.record:
+            text = yaml.safe_dump(run_information(self._scenario, parameters), sort_keys=False)
+            path = self._folder.write_log("run_information.yaml", text)
+            # As the user wrote it: the recorder's diagnostics name it, and they go into the bag.
+            commands[RECORDER] = recorder_command(
+                self._folder.given,
+                path,
+                self._options.compression,
+                self._scenario.full_namespace,
+            )
+        return commands
+
+    def then(self, monitor: RunMonitor) -> dict[str, list[str]]:
+        """Return the commands of the nodes that need the number of listeners."""
+        parameters = self._parameters(
+            to_state=monitor.foreign_listeners(Topic.PLANT_ODOMETRY, Topic.CLOCK),
+            to_preview=monitor.foreign_listeners(Topic.LEADER, Topic.LEADER_PREVIEW),
+        )
+        return self._nodes([node for node in parameters if node != CONTROLLER], parameters)
+
+    def _parameters(self, **listeners: int) -> dict[str, dict[str, Scalar]]:
+        """Return the parameters of the nodes that are started here."""
+        found = node_parameters(self._scenario, recorder=self._options.record, **listeners)
+        return {
+            node: values for node, values in found.items() if node not in self._scenario.foreign
+        }
+
+    def _nodes(
+        self, nodes: Iterable[str], parameters: Mapping[str, Mapping[str, Scalar]]
+    ) -> dict[str, list[str]]:
+        commands = {}
+        for node in nodes:
+            text = parameter_file_text(node, parameters[node])
+            path = self._folder.write_log(f"{node}_parameters.yaml", text)
+            namespace, faults = self._scenario.full_namespace, self._scenario.faults
+            commands[node] = node_command(node, path, namespace, faults)
+        return commands
+
+
+def _report(
+    folder: RunFolder,
+    scenario: Scenario,
+    options: RunOptions,
+    drive: Drive,
+    wall_time_s: float,
+    console: Console,
+) -> int:
+    """Evaluate a finished trip, write its files and print its tables."""
+    unclean = unclean_ends(drive.supervisor, drive.process_faults)
+    try:
+        run = evaluate(
+            scenario,
+            drive.monitor.recorded,
+            folder.output if options.record else None,
+            collect_run_information(),
+            wall_time_s,
+            unclean,
+            tuple(drive.monitor.warnings),
+        )
+        # The reference would drive the plant of the suite, not the user's.
+        if options.against != NO_COMPARISON and PLANT not in scenario.foreign:
+            with console.status(f"driving the same trip with strategy {options.against} ..."):
+                run = replace(run, other=drive_comparison(scenario, options.against))
+    except IptmError as error:
+        print_error(PROGRAM, "; ".join((str(error), *unclean)))
+        return EXIT_RUN_FAILED
+    if run.other is not None:
+        save_comparison(folder.reference, run.other, run.name)
+    folder.results.write_text(results_json(run), encoding="utf-8")
+    if options.picture:
+        save_picture(folder.picture, run)
+    if options.report:
+        run.report(folder.report, run.other)
+    print_results(run, folder, console, full=options.full)
+    return EXIT_RUN_FAILED if run.problems else EXIT_OK
+
+
+def _report_failure(result: DriveResult, folder: RunFolder, stop: StopRequest) -> int:
+    print_error(PROGRAM, result.message)
+    if result.outcome is DriveOutcome.REFUSED:
+        folder.discard()
+        return EXIT_USER_ERROR
+    lines = [*(f"    {line}" for line in result.last_lines), f"logs: {folder.logs}"]
+    print("\n".join(lines), file=sys.stderr, flush=True)
+    if result.outcome is DriveOutcome.INTERRUPTED and stop.number is not None:
+        return EXIT_SIGNAL + int(stop.number)
+    return EXIT_RUN_FAILED
+
+
+def _introduction(scenario: Scenario, domain: int) -> Text:
+    without = scenario.foreign
+    purpose = f"waiting for your own {', '.join(sorted(without))}" if without else "to watch"
+    watch = (f"\n{purpose}: export ROS_DOMAIN_ID={domain}", "dim")
+    return Text.assemble((scenario.heading, "bold"), watch)

@@ -1,0 +1,187 @@
+"""The results of a run on a terminal: a summary, and tables of everything."""
+
+from __future__ import annotations
+
+import math
+from enum import Enum
+from pathlib import Path
+
+from rich.console import Console
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from iptm.report import change_text, relative_changes
+from iptm.runner.evaluation import RosRun
+from iptm.runner.run_folder import LOGS, RunFolder
+from iptm.runner.summary import AGING_SAVED
+from iptm_core.decision_record import DecisionStatistics
+from iptm_core.metrics import (
+    FIGURES,
+    PAPER_TABLE,
+    TRIP_FIGURES,
+    ConstraintCheck,
+    RunMetrics,
+)
+from iptm_ros.recording.bag_info import decisions_table
+
+TABLES_WIDTH = 124
+"""Columns that both tables need side by side."""
+COMPARISON_WIDTH = 24
+"""Columns that a comparison adds."""
+
+
+def print_results(run: RosRun, folder: RunFolder, console: Console, *, full: bool = False) -> None:
+    """Print the result of a run, its summary last; with `full`, all figures, decisions and limits before."""
+    console.print()
+    if full:
+        print_tables(run, console)
+    for warning in run.warnings:
+        console.print(Text.assemble(("note  ", "yellow"), warning), soft_wrap=True)
+    console.print(Text(run.name, "bold"))
+    lines = Table.grid(padding=(0, 2))
+    for label, text in run.headline.lines:
+        style = "bold green" if label == AGING_SAVED else ""
+        lines.add_row(Text(label, "dim"), Text(text, style))
+    console.print(lines)
+    # In one piece, so that the path can be copied.
+    console.print(Text.assemble(("files          ", "dim"), _files(run, folder)), soft_wrap=True)
+    console.print(_verdict(run))
+
+
+def save_picture(path: Path, run: RosRun) -> None:
+    """Draw a run, as a PNG file; see `Run.plot`."""
+    lines = dict(run.headline.lines)
+    remarks = [f"{label}: {lines[label]}" for label in (AGING_SAVED, "energy") if label in lines]
+    footer = f"model {run.scenario.vehicle.name}"
+    if math.isfinite(run.speed_up):
+        mode = run.scenario.mode.replace("_", "-")
+        footer += f"; {mode} over ROS 2, {run.speed_up:.0f} × real time"
+    picture = run.plot(run.other, remarks, footer)
+    picture.savefig(path, metadata={"Software": "iptm"}, pil_kwargs={"compress_level": 9})
+
+
+def print_tables(run: RosRun, console: Console) -> None:
+    """Print all figures, how the decisions came about, and the limits that were exceeded."""
+    tables = (figures_table(run), details_table(run))
+    if console.width >= TABLES_WIDTH + COMPARISON_WIDTH * (run.other is not None):
+        console.print(_side_by_side(*tables))
+    else:
+        console.print(*tables)
+    console.print(limits_table(run.metrics))
+
+
+def _files(run: RosRun, folder: RunFolder) -> str:
+    bag = [] if run.bag_messages is None else ["bag"]
+    others = [
+        path.name
+        for path in (folder.picture, folder.report, folder.reference, folder.results)
+        if path.exists()
+    ]
+    return f"{folder.output} ({', '.join([*bag, *others, LOGS])})"
+
+
+def figures_table(run: RosRun) -> Table:
+    """Return the figures of the trip, the paper's rows first; times out of limits where there are any."""
+    table = Table(title=run.name, title_justify="left")
+    table.add_column("figure")
+    table.add_column("value", justify="right")
+    table.add_column("unit")
+    values, other = run.figures, run.other
+    others = other.figures if other else {}
+    changes = relative_changes(values, others)
+    if other:
+        table.add_column(other.strategy, justify="right")
+        table.add_column("change", justify="right")
+    paper = [key for key in TRIP_FIGURES if key in PAPER_TABLE]
+    for section in (paper, [key for key in TRIP_FIGURES if key not in PAPER_TABLE]):
+        for key in section:
+            figure = FIGURES[key]
+            if key.startswith("longest_") and not values.get(key):
+                continue
+            row = [figure.label, figure.precise_text(values.get(key)), figure.unit]
+            if other:
+                row += [figure.precise_text(others.get(key)), change_text(key, changes)]
+            table.add_row(*row)
+        table.add_section()
+    return table
+
+
+def details_table(run: RosRun) -> Table:
+    """Return how the decisions came about and how fast the run was."""
+    statistics = DecisionStatistics.of(run.decisions)
+    table = decisions_table("decisions", statistics)
+    table.add_section()
+    for label, text in _counts(statistics).items():
+        table.add_row(label, "", "", text)
+    table.add_section()
+    table.add_row("wall time (s)", "", "", f"{run.wall_time_s:.2f}")
+    table.add_row("speed-up over real time", "", "", f"{run.speed_up:.0f}")
+    return table
+
+
+def limits_table(metrics: RunMetrics) -> Table | Text:
+    """Return one row per limit that was exceeded: how often and how far."""
+    exceeded = [check for check in metrics.constraints if check.worst_time_s is not None]
+    if not exceeded:
+        return Text(f"none of {len(metrics.constraints)} limits exceeded")
+    table = Table(title="limits", title_justify="left")
+    table.add_column("limit")
+    table.add_column("kind")
+    table.add_column("rows beyond", justify="right")
+    table.add_column("worst", justify="right")
+    table.add_column("at", justify="right")
+    for check in exceeded:
+        table.add_row(*_limit_row(check))
+    return table
+
+
+def _limit_row(check: ConstraintCheck) -> tuple[str | Text, ...]:
+    style = "" if not check.violations else ("bold red" if check.hard else "yellow")
+    return (
+        check.label,
+        "hard" if check.hard else "soft",
+        Text(str(check.violations), style=style),
+        f"{check.worst_excess:.2g} {check.unit}",
+        f"{check.worst_time_s:g} s",
+    )
+
+
+def _counts(decisions: DecisionStatistics) -> dict[str, str]:
+    rows = {"decisions": decisions.decisions}
+    rows |= {
+        f"  solver: {_words(status)}": count
+        for status, count in decisions.by_status.items()
+        if count
+    }
+    rows |= {
+        f"  command: {_words(rung)}": count for rung, count in decisions.by_rung.items() if count
+    }
+    rows |= {"  without any preview": decisions.without_preview}
+    rows |= {"  changed by the limiter": decisions.limited}
+    return {
+        **{label: str(count) for label, count in rows.items()},
+        "largest gap slack (m)": _known(decisions.gap_slack_m["largest"]),
+        "largest temperature slack (K)": _known(decisions.temperature_slack_k["largest"]),
+    }
+
+
+def _verdict(run: RosRun) -> Text:
+    if run.problems:
+        return Text("\n".join(f"PROBLEM  {problem}" for problem in run.problems), "bold red")
+    bag = "not recorded" if run.bag_messages is None else "bag complete"
+    return Text(f"trip finished, no hard limit broken, {bag}", "bold green")
+
+
+def _side_by_side(left: Table, right: Table) -> Table:
+    grid = Table.grid()
+    grid.add_row(left, Padding(right, (0, 0, 0, 3)))
+    return grid
+
+
+def _known(value: float) -> str:
+    return f"{value:.3g}" if math.isfinite(value) else "unknown"
+
+
+def _words(entry: Enum) -> str:
+    return entry.name.lower().replace("_", " ")

@@ -1,0 +1,58 @@
+"""Runs of the shipped strategies by the role that they have in a comparison."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from iptm.studies.run_spec import RunSpec
+from iptm_controller.horizon import SINGLE_HORIZON
+from iptm_controller.settings import ControllerSettings
+from iptm_controller.strategy import strategy_by_name
+from iptm_core.parameters import DEFAULT_SET
+from iptm_core.parameters.model import CELSIUS_ZERO_K
+
+DEFAULT, REFERENCE, PRODUCTION = "default", "reference", "production"
+_CONTROLLER = ControllerSettings()
+STRATEGIES = {
+    DEFAULT: (_CONTROLLER.strategy, _CONTROLLER.horizon),
+    REFERENCE: ("reference", str(SINGLE_HORIZON)),
+    PRODUCTION: ("production", _CONTROLLER.horizon),
+}
+"""Strategy and grid by the role in the tables; the production-like one has no grid."""
+
+
+def climate(ambient_c: float) -> dict[str, float]:
+    """Return the parameters of a car that was parked outside: its cells have the temperature of the air."""
+    names = ("ambient_temperature_k", "initial_cell_temperature_k")
+    return {f"environment.{name}": ambient_c + CELSIUS_ZERO_K for name in names}
+
+
+def spec_of(
+    cycle: str,
+    role: str = DEFAULT,
+    car: str = DEFAULT_SET,
+    ambient_c: float | None = None,
+    overrides: Mapping[str, float] | None = None,
+    **settings: Any,
+) -> RunSpec:
+    """Return a run.
+
+    Args:
+        cycle: driving cycle.
+        role: one of `STRATEGIES`.
+        car: name of its parameter set.
+        ambient_c: temperature in degC of the air in which the car was parked; None for that of the set.
+        overrides: further parameters that differ.
+        settings: of the run, as in `RunSpec`.
+    """
+    strategy, horizon = STRATEGIES[role]
+    parked = {} if ambient_c is None else climate(ambient_c)
+    return RunSpec(
+        cycle=cycle,
+        parameter_set=car,
+        overrides=tuple({**parked, **(overrides or {})}.items()),
+        strategy=strategy_by_name(strategy),
+        horizon=horizon,
+        **settings,
+    )

@@ -1,0 +1,82 @@
+"""Pure functions between the project's dataclasses and ROS messages, checked on decoding."""
+
+from iptm_ros.codecs.cdr import serialized, stamp_ns_of
+from iptm_ros.codecs.command import (
+    decode_command,
+    decode_decision_record,
+    encode_command,
+    encode_decision_record,
+)
+from iptm_ros.codecs.datagram import decode_raw_datagram, encode_raw_datagram
+from iptm_ros.codecs.numbers import (
+    decode_vehicle_state,
+    encode_observation,
+    read_numbers,
+)
+from iptm_ros.codecs.observation import (
+    decode_leader,
+    decode_observation,
+    decode_powers,
+    decode_safety,
+    decode_temperature,
+    encode_battery,
+    encode_leader,
+)
+from iptm_ros.codecs.plan import PlanTrajectory, decode_plan, encode_plan, encode_plan_bytes
+from iptm_ros.codecs.preview import (
+    decode_leader_preview,
+    decode_leader_preview_bytes,
+    encode_leader_preview_bytes,
+)
+from iptm_ros.codecs.road import (
+    decode_road_ahead,
+    decode_slope,
+    encode_road_ahead,
+    encode_slope,
+    has_leader,
+)
+from iptm_ros.codecs.time import (
+    ns_from_s,
+    ns_from_time,
+    s_from_ns,
+    time_from_ns,
+    time_from_s,
+)
+
+__all__ = [
+    "PlanTrajectory",
+    "decode_command",
+    "decode_decision_record",
+    "decode_leader",
+    "decode_leader_preview",
+    "decode_leader_preview_bytes",
+    "decode_observation",
+    "decode_plan",
+    "decode_powers",
+    "decode_raw_datagram",
+    "decode_road_ahead",
+    "decode_safety",
+    "decode_slope",
+    "decode_temperature",
+    "decode_vehicle_state",
+    "encode_battery",
+    "encode_command",
+    "encode_decision_record",
+    "encode_leader",
+    "encode_leader_preview_bytes",
+    "encode_observation",
+    "encode_plan",
+    "encode_plan_bytes",
+    "encode_raw_datagram",
+    "encode_road_ahead",
+    "encode_slope",
+    "has_leader",
+    "ns_from_s",
+    "ns_from_time",
+    "read_numbers",
+    "s_from_ns",
+    "serialized",
+    "stamp_ns_of",
+    "time_from_ns",
+    "time_from_s",
+]

@@ -1,0 +1,121 @@
+"""The road as messages: its slope over position, and ahead the bounds by kind and place.
+
+Each bound has its speed and the end of its validity.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from iptm_core.errors import RouteError
+from iptm_core.road_ahead import RoadAhead, SpeedLimits, Stop
+from iptm_core.state import SlopePreview
+from iptm_ros.codecs.numbers import reject
+from iptm_ros.codecs.plan import all_finite, increasing
+from iptm_ros.codecs.time import ns_from_time, time_from_ns
+from iptm_ros.message_types import Float64MultiArray, JointState, MultiArrayDimension
+from iptm_ros.topics import ROAD_FRAME, TOPICS, Topic
+
+LEAD_VEHICLE, SPEED_LIMIT, STOP = TOPICS[Topic.ROAD_AHEAD].fields
+_SLOPE_LABEL = ", ".join(TOPICS[Topic.SLOPE].fields)
+_NOTHING_KNOWN = RoadAhead(has_leader=False)
+
+
+def encode_road_ahead(road: RoadAhead | None, stamp_ns: int, *, has_leader: bool) -> JointState:
+    """Return the road ahead as a message."""
+    known = road or _NOTHING_KNOWN
+    rows: list[tuple[str, float, float, float]] = []
+    if has_leader:
+        rows.append((LEAD_VEHICLE, math.nan, math.nan, math.inf))
+    if known.limits is not None:
+        places, limits = known.limits.starts_m.tolist(), known.limits.limits_m_s.tolist()
+        rows += [
+            (SPEED_LIMIT, at_m, limit, math.inf) for at_m, limit in zip(places, limits, strict=True)
+        ]
+    rows += [(STOP, stop.position_m, 0.0, stop.until_s) for stop in known.stops]
+    message = JointState(
+        name=[row[0] for row in rows],
+        position=[row[1] for row in rows],
+        velocity=[row[2] for row in rows],
+        effort=[row[3] for row in rows],
+    )
+    message.header.stamp = time_from_ns(stamp_ns)
+    message.header.frame_id = ROAD_FRAME
+    return message
+
+
+def decode_road_ahead(message: JointState) -> tuple[int, RoadAhead]:
+    """Return stamp (ns) and road ahead of a message; bounds of an unknown kind are refused.
+
+    Raises:
+        MessageError: lengths differ, a kind is unknown, or a bound is none.
+    """
+    columns = (message.position, message.velocity, message.effort)
+    count = len(message.name)
+    if any(len(column) != count for column in columns):
+        sizes = ", ".join(str(len(column)) for column in columns)
+        reject(Topic.ROAD_AHEAD, f"{count} names, but {sizes} positions, velocities and efforts")
+    limits: list[tuple[float, float]] = []
+    stops: list[Stop] = []
+    for kind, place_m, speed_m_s, until_s in zip(message.name, *columns, strict=True):
+        if kind == SPEED_LIMIT:
+            limits.append((place_m, speed_m_s))
+        elif kind == STOP and math.isfinite(place_m) and not math.isnan(until_s):
+            stops.append(Stop(place_m, until_s))
+        elif kind != LEAD_VEHICLE:
+            reject(
+                Topic.ROAD_AHEAD,
+                f"bound is {kind} at {place_m} m until {until_s} s; allowed: {LEAD_VEHICLE}, "
+                f"{SPEED_LIMIT} and {STOP} at finite places",
+            )
+    if stops and not limits:
+        reject(Topic.ROAD_AHEAD, f"{len(stops)} stops without a speed limit; allowed: with one")
+    try:
+        known = SpeedLimits(*np.array(limits).T) if limits else None
+    except RouteError as error:
+        reject(Topic.ROAD_AHEAD, str(error))
+    stops.sort(key=lambda stop: stop.position_m)
+    road = RoadAhead(LEAD_VEHICLE in message.name, known, tuple(stops))
+    return ns_from_time(message.header.stamp), road
+
+
+def has_leader(data: bytes) -> bool:
+    """Return whether a serialised road ahead states a lead vehicle, without decoding it."""
+    return LEAD_VEHICLE.encode() in data
+
+
+def encode_slope(slope: SlopePreview) -> Float64MultiArray:
+    """Return the slope over position as a 2 x N array: positions (m), then slopes (rad)."""
+    count = int(slope.positions_m.size)
+    message = Float64MultiArray()
+    message.layout.dim = [
+        MultiArrayDimension(label=_SLOPE_LABEL, size=2, stride=2 * count),
+        MultiArrayDimension(label="node", size=count, stride=count),
+    ]
+    message.data = np.concatenate((slope.positions_m, slope.slopes_rad)).tolist()
+    return message
+
+
+def decode_slope(message: Float64MultiArray) -> SlopePreview:
+    """Return the slope over position.
+
+    Raises:
+        MessageError: the layout is not 2 x N, N is 0, a value is not finite, the
+            positions do not increase, or a slope is as steep as a wall.
+    """
+    topic = Topic.SLOPE
+    sizes = [int(dimension.size) for dimension in message.layout.dim]
+    if len(sizes) != 2 or sizes[0] != 2 or sizes[1] < 1:
+        reject(topic, f"layout is {sizes}; allowed: [2, N] with N at least 1")
+    if message.layout.data_offset != 0 or len(message.data) != 2 * sizes[1]:
+        reject(topic, f"{len(message.data)} values; allowed: {2 * sizes[1]} without offset")
+    values = np.array(message.data, dtype=np.float64)
+    positions_m, slopes_rad = values[: sizes[1]], values[sizes[1] :]
+    all_finite(topic, "positions", positions_m)
+    all_finite(topic, "slopes", slopes_rad)
+    increasing(topic, "positions", positions_m)
+    if float(np.abs(slopes_rad).max()) >= math.pi / 2.0:
+        reject(topic, f"slope is {np.abs(slopes_rad).max()} rad; allowed: below pi/2")
+    return SlopePreview(positions_m, slopes_rad)

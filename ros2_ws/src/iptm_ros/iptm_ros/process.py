@@ -1,0 +1,168 @@
+"""The life of a node process: start, spin, stop, and the exit code.
+
+Errors in callbacks do not end the process; see `iptm_ros.suite_node.SuiteNode.guard`.
+
+| exit code | meaning |
+|---|---|
+| 0 | stopped by SIGINT or SIGTERM, or finished by itself |
+| 1 | a defect: an unexpected error at the start or outside of all callbacks |
+| 2 | a mistake of the user (parameter, file, argument): one line on stderr, no traceback |
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+import signal
+import sys
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import TypeVar
+
+import rclpy
+from rclpy.context import Context
+from rclpy.exceptions import NameValidationException, ParameterException
+from rclpy.executors import ExternalShutdownException
+from rclpy.experimental import EventsExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.logging import get_logger
+from rclpy.signals import SignalHandlerOptions
+
+from iptm_core.errors import IptmError
+from iptm_core.program import EXIT_OK, print_error, refused
+from iptm_ros.discovery import middleware_settings
+from iptm_ros.suite_node import SuiteNode
+
+AnyNode = TypeVar("AnyNode", bound=SuiteNode)
+
+EXIT_DEFECT = 1
+_SPIN_TIMEOUT_S = 0.1
+_USER_ERRORS = (
+    IptmError,
+    NameValidationException,
+    ParameterException,
+    rclpy_implementation.RCLError,
+    rclpy_implementation.UnknownROSArgsError,
+)
+
+
+class StopRequest:
+    """Notes SIGINT and SIGTERM instead of raising an exception in the middle of a callback.
+
+    Launchers and terminals often send the signal twice; the second one changes nothing, so the
+    clean-up can never be interrupted by it.
+
+    Attributes:
+        number: the first signal, None while there was none.
+    """
+
+    def __init__(self) -> None:
+        self.number: signal.Signals | None = None
+
+    @property
+    def is_set(self) -> bool:
+        """Whether a signal has arrived."""
+        return self.number is not None
+
+    def install(self) -> None:
+        """Take over both signals, for the rest of the life of the process."""
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._on_signal)
+
+    def _on_signal(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002
+        if self.number is None:
+            self.number = signal.Signals(number)
+
+
+def run_node(
+    factory: Callable[[], SuiteNode],
+    arguments: Sequence[str] | None = None,
+) -> int:
+    """Run one node until it is stopped, and return the exit code of the process.
+
+    Call it from the main thread, once per process: `sys.exit(run_node(BridgeNode))`.
+
+    Args:
+        factory: builds the node; an `IptmError` from here is a mistake of the user.
+        arguments: command line with the program name; None takes that of the process.
+    """
+    command = list(sys.argv if arguments is None else arguments)
+    program = Path(command[0]).stem if command else "node"
+    program = Path(command[0]).parent.name if program in {"__main__", "node"} else program
+    stop = StopRequest()
+    stop.install()
+    # As well where no script has prepared the shell: under `ros2 run` and `ros2 launch`.
+    os.environ.update(middleware_settings())
+    try:
+        rclpy.init(args=command, signal_handler_options=SignalHandlerOptions.NO)
+        node = factory()
+        node.reject_unknown_parameters()
+    except _USER_ERRORS as error:
+        rclpy.try_shutdown()
+        return refused(program, error)
+    except Exception:  # noqa: BLE001  the last line of defence of the process
+        get_logger(program).fatal("unexpected error at start:\n" + traceback.format_exc())
+        rclpy.try_shutdown()
+        return EXIT_DEFECT
+    return _spin(node, stop, program)
+
+
+@contextmanager
+def joined_node(
+    factory: Callable[[Context], AnyNode], domain: int | None = None
+) -> Iterator[tuple[AnyNode, EventsExecutor]]:
+    """Take part in a domain with a node in a context of its own; the caller spins it and handles signals.
+
+    Args:
+        factory: builds the node.
+        domain: ROS domain, None for that of the environment.
+    """
+    context = Context()
+    rclpy.init(
+        args=[],
+        context=context,
+        domain_id=domain,
+        signal_handler_options=SignalHandlerOptions.NO,
+    )
+    try:
+        node = factory(context)
+        executor = EventsExecutor(context=context)
+        executor.add_node(node)
+        try:
+            yield node, executor
+        finally:
+            executor.remove_node(node)
+            node.destroy_node()
+            executor.shutdown()
+    finally:
+        context.try_shutdown()
+
+
+def _spin(node: SuiteNode, stop: StopRequest, program: str) -> int:
+    # Modules and codecs stay: a full collection through all of them would hold up a tick by 50 ms or more.
+    gc.freeze()
+    executor = EventsExecutor()
+    executor.add_node(node)
+    code = EXIT_OK
+    try:
+        # A timeout is essential: without one this executor never runs a callback.
+        while rclpy.ok() and not node.finished:
+            if stop.is_set:
+                node.stop()
+            executor.spin_once(timeout_sec=_SPIN_TIMEOUT_S)
+        code = node.exit_code
+    except ExternalShutdownException:
+        code = node.exit_code
+    except Exception as error:  # noqa: BLE001  the last line of defence of the process
+        # The executor has logged the traceback already.
+        print_error(program, f"stopped by an unexpected {type(error).__name__}: {error}")
+        code = EXIT_DEFECT
+    finally:
+        executor.remove_node(node)
+        node.destroy_node()
+        executor.shutdown()
+        rclpy.try_shutdown()
+    return code

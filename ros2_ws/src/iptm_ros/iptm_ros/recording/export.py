@@ -1,0 +1,278 @@
+"""The command `export`: a run, or the messages of a topic, as a Parquet or CSV file for other tools."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import re
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from fnmatch import fnmatchcase
+from itertools import chain
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from iptm_core.errors import BagError, IptmError, StateError
+from iptm_core.program import refused
+from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
+from iptm_core.user_input import shown
+from iptm_ros.codecs import s_from_ns
+from iptm_ros.recording.bag_reader import BagReader
+from iptm_ros.recording.field_differences import flatten
+from iptm_ros.recording.recorded_topics import TopicRecord
+from iptm_ros.recording.timeline import StampKind, read_stamp_ns, stamp_kind
+from iptm_ros.recording.trajectory_reader import read_trajectory
+from iptm_ros.topics import TOPICS
+
+MOST_COLUMNS = 16_384
+"""What a sheet of Excel holds; a message with more scalars is a picture or a cloud and makes no table."""
+TIME_COLUMNS = ("log_time_ns", "publish_time_ns", "stamp_s")
+"""Reception, publication and, where messages have one, the header stamp, which joins with `time_s`."""
+
+# Units of fields by type and pattern; other fields are dimensionless, name their unit, or have none known.
+_UNITS: Mapping[str, Mapping[str, str]] = MappingProxyType(
+    {
+        "nav_msgs/msg/Odometry": {
+            "pose.pose.position.?": "m",
+            "twist.twist.linear.?": "m_s",
+            "twist.twist.angular.?": "rad_s",
+        },
+        "geometry_msgs/msg/AccelStamped": {"accel.linear.?": "m_s2", "accel.angular.?": "rad_s2"},
+        "sensor_msgs/msg/Temperature": {"temperature": "c", "variance": "k2"},
+        "sensor_msgs/msg/BatteryState": {
+            "voltage": "v",
+            "cell_voltage.[0-9]*": "v",
+            "current": "a",
+            "charge": "ah",
+            "*capacity": "ah",
+            "temperature": "c",
+            "cell_temperature.[0-9]*": "c",
+        },
+        "trajectory_msgs/msg/JointTrajectory": {
+            "points.*.positions.leader": "m",
+            "points.*.velocities.leader": "m_s",
+        },
+    }
+)
+_SCALAR = "std_msgs/msg/Float64"
+_JOINT_VALUE = re.compile(r"(points\.\d+\.(?:positions|velocities)\.)(\d+)")
+
+
+def message_columns(reader: BagReader, topic: TopicRecord) -> dict[str, list[Any]]:
+    """Return the messages of a topic as columns of equal length.
+
+    Fields are named by their path (`pose.pose.position.x_m`), elements of arrays by their number, named
+    values and columns of a `JointTrajectory` by their names. A message that lacks a field of others has
+    None there.
+
+    Raises:
+        BagError: the topic holds no messages, or makes too many columns; the bag is damaged.
+    """
+    kind = stamp_kind(topic.type_name, reader.definition_text(topic.type_name))
+    columns: dict[str, list[Any]] = {}
+    rows = 0
+    for item in reader.messages([topic.name]):
+        stamp_ns = None if kind is StampKind.NONE else read_stamp_ns(item.data)
+        times = (
+            item.log_time_ns,
+            item.publish_time_ns,
+            None if stamp_ns is None else s_from_ns(stamp_ns),
+        )
+        joints = getattr(item.message, "joint_names", ())
+        fields = ((_column(path, joints, topic), value) for path, value in flatten(item.message))
+        for name, value in chain(zip(TIME_COLUMNS, times, strict=True), fields):
+            column = columns.setdefault(name, [])
+            if len(column) > rows:
+                raise BagError(f"a message of {topic.name} has two fields {shown(name)}")
+            column.extend([None] * (rows - len(column)))
+            column.append(value)
+        rows += 1
+        if len(columns) > MOST_COLUMNS:
+            raise BagError(
+                f"messages of {topic.name} have {len(columns)} scalars and more;"
+                f" allowed in a table: {MOST_COLUMNS}"
+            )
+    if not rows:
+        raise BagError(f"topic {topic.name} of {reader.path} holds no messages")
+    if kind is StampKind.NONE:
+        del columns["stamp_s"]
+    for column in columns.values():
+        column.extend([None] * (rows - len(column)))
+    return columns
+
+
+def _column(path: str, joints: Sequence[str], topic: TopicRecord) -> str:
+    """Return the name of the column of a field."""
+    match = _JOINT_VALUE.fullmatch(path)
+    if match is not None and int(match[2]) < len(joints):
+        path = match[1] + joints[int(match[2])]
+    unit = _unit(path, topic)
+    return f"{path}_{unit}" if unit else path
+
+
+def _unit(path: str, topic: TopicRecord) -> str:
+    """Return the unit that is missing in the name of a field, "" if none is."""
+    if topic.type_name == _SCALAR:
+        for spec in TOPICS.values():
+            if spec.type_name == _SCALAR and topic.name.endswith(f"/{spec.name}"):
+                return spec.unit.lower().replace("/", "_").replace("^", "")
+    for pattern, unit in _UNITS.get(topic.type_name, {}).items():
+        if fnmatchcase(path, pattern):
+            return unit
+    return ""
+
+
+_METADATA_PREFIX = "iptm_"
+TRAJECTORY = "trajectory"
+
+
+def export_table(columns: Mapping[str, Sequence[Any]], metadata: Mapping[str, str]) -> pa.Table:
+    """Return a table of columns of one length with texts about it, `iptm_` in front of their names."""
+    texts = {_METADATA_PREFIX + name: text for name, text in metadata.items()}
+    table = pa.table({name: pa.array(values) for name, values in columns.items()})
+    return table.replace_schema_metadata(texts)
+
+
+def trajectory_table(bag: Path, namespace: str | None = None) -> pa.Table:
+    """Return the run of a bag tick by tick: the columns of `iptm_core.trajectory.Trajectory`, and the gap."""
+    columns = trajectory_columns(read_trajectory(bag, namespace))
+    return export_table(columns, _metadata(bag, TRAJECTORY, namespace))
+
+
+def trajectory_columns(trajectory: Trajectory) -> dict[str, list[float]]:
+    """Return the columns of a trajectory and the gap."""
+    columns = {**trajectory.to_arrays(), "gap_m": trajectory.gap_m}
+    return {name: values.tolist() for name, values in columns.items()}
+
+
+def topic_table(bag: Path, topic: str, namespace: str | None = None) -> pa.Table:
+    """Return the messages of a topic, see `message_columns`.
+
+    Raises:
+        BagError: the bag cannot be read, has no such topic, or its messages make no table.
+    """
+    name = topic
+    if namespace is not None and not topic.startswith("/"):
+        prefix = namespace.strip("/")
+        name = f"/{prefix}/{topic}" if prefix else f"/{topic}"
+    with BagReader(bag) as reader:
+        columns = message_columns(reader, reader.resolve(name))
+    return export_table(columns, _metadata(bag, topic, namespace))
+
+
+def write_parquet(path: Path, table: pa.Table) -> None:
+    """Write a Parquet file; the texts stand in the metadata of its schema."""
+    _create(path, lambda: pq.write_table(table, path))
+
+
+def read_exported_trajectory(path: Path) -> tuple[Trajectory, dict[str, str]]:
+    """Return a trajectory from a Parquet file of `write_parquet`, with the metadata."""
+    try:
+        table = pq.read_table(path)
+        columns = {name: table[name].to_numpy() for name in TRAJECTORY_COLUMNS}
+        trajectory = Trajectory.from_arrays(columns)
+    except (OSError, KeyError, pa.ArrowException, StateError) as error:
+        raise BagError(f"cannot read a trajectory from {path}: {error}") from None
+    texts = {key.decode(): text.decode() for key, text in (table.schema.metadata or {}).items()}
+    return trajectory, {key.removeprefix(_METADATA_PREFIX): texts[key] for key in texts}
+
+
+def write_csv(path: Path, table: pa.Table) -> None:
+    """Write a CSV file (RFC 4180, UTF-8, decimal points); its numbers read back exactly."""
+
+    def write() -> None:
+        with path.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow(table.column_names)
+            writer.writerows(zip(*table.to_pydict().values(), strict=True))
+
+    _create(path, write)
+
+
+# What a user can ask for by the ending of a file.
+WRITERS: Mapping[str, Callable[[Path, pa.Table], None]] = {
+    ".parquet": write_parquet,
+    ".csv": write_csv,
+}
+_ENDINGS = " or ".join(WRITERS)
+
+
+def check_output(path: Path) -> None:
+    """Refuse a file that cannot become an export, before the bag is read."""
+    if path.suffix not in WRITERS:
+        raise BagError(f"output is {shown(str(path))}; allowed: a name that ends in {_ENDINGS}")
+    try:
+        exists = path.exists() or path.is_symlink()
+    except OSError as error:
+        raise BagError(f"output {shown(str(path))}: {error.strerror}") from None
+    if exists:
+        raise BagError(f"{path} exists already; a file is never overwritten")
+
+
+def _create(path: Path, write: Callable[[], None]) -> None:
+    """Write a new file, whole or not at all."""
+    check_output(path)
+    try:
+        path.open("xb").close()
+    except OSError as error:
+        raise BagError(f"cannot write {shown(str(path))}: {error.strerror}") from None
+    try:
+        write()
+    except BaseException as error:
+        path.unlink(missing_ok=True)
+        if isinstance(error, (OSError, pa.ArrowException)):
+            raise BagError(f"cannot write {path}: {error}") from None
+        raise
+
+
+def _metadata(bag: Path, table: str, namespace: str | None) -> dict[str, str]:
+    with BagReader(bag) as reader:
+        texts = reader.run_information().to_custom_data()
+    own = {"bag": bag.absolute().name, "table": table, "namespace": namespace or ""}
+    return {name: text for name, text in {**texts, **own}.items() if text}
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
+    parser = argparse.ArgumentParser(
+        prog="export",
+        description="Write the run of a bag, one row per tick, or the messages of one topic as a Parquet"
+        " or CSV file. Column names include units; Parquet also holds the run information.",
+    )
+    parser.add_argument("bag", type=Path, help="bag folder or file")
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="FILE", help=f"new file: {_ENDINGS}"
+    )
+    parser.add_argument(
+        "--topic", help="write the messages of this topic, one row each, not the trajectory"
+    )
+    parser.add_argument("--namespace", help="vehicle to write, if the bag holds several")
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Export a bag.
+
+    Returns:
+        0 on success, 2 when the bag cannot be read or the file cannot be written.
+    """
+    given = build_parser().parse_args(arguments)
+    try:
+        check_output(given.output)
+        if given.topic is None:
+            table = trajectory_table(given.bag, given.namespace)
+        else:
+            table = topic_table(given.bag, given.topic, given.namespace)
+        WRITERS[given.output.suffix](given.output, table)
+    except IptmError as error:
+        return refused("export", error)
+    print(f"{table.num_rows} rows, {table.num_columns} columns in {given.output}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,175 @@
+"""An MCAP file of a bag, opened for reading: its messages and texts, its checksums and statistics.
+
+Own code on the records of `mcap`: the readers of rosbags give no publication times, and check neither the
+summary nor the data section against their checksums.
+"""
+
+from __future__ import annotations
+
+import mmap
+import struct
+import zlib
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import final
+
+from mcap.opcode import Opcode
+from mcap.reader import SeekingReader
+from mcap.summary import Summary
+from mcap.well_known import Profile
+
+from iptm_core.errors import BagError
+from iptm_ros.recording.message_types import SCHEMA_ENCODING, MessageDefinition
+from iptm_ros.recording.recorded_topics import TopicRecord, parse_profiles
+from iptm_ros.recording.run_information import RECORD_NAME
+from iptm_ros.recording.storage import DAMAGE, BagMessage, StorageFile
+
+MAGIC = b"\x89MCAP0\r\n"
+PREFIX = struct.Struct("<BQ")
+"""Opcode and length in front of every record."""
+DATA_END = struct.Struct("<BQI")
+FOOTER = struct.Struct("<BQQQI")
+_BLOCK_BYTES = 2**20
+
+
+def summary_start(data: bytes | mmap.mmap) -> int:
+    """Return where the summary of a whole file starts, 0 without one.
+
+    Raises:
+        ValueError: the footer is damaged, or the summary does not match its checksum.
+    """
+    at = len(data) - len(MAGIC) - FOOTER.size
+    opcode, length, start, _, checksum = FOOTER.unpack_from(data, max(0, at))
+    if opcode != Opcode.FOOTER or length != FOOTER.size - PREFIX.size or not 0 <= start <= at:
+        raise ValueError("its footer is unreadable")
+    if start and checksum and _checksum(data, start, at + FOOTER.size - 4) != checksum:
+        raise ValueError("its summary does not match its checksum")
+    return int(start)
+
+
+def check_data_section(data: bytes | mmap.mmap) -> None:
+    """Compare everything before the summary with the checksum of the file, if it has one.
+
+    Raises:
+        ValueError: they do not agree, or the end of the data section is damaged.
+    """
+    end = (summary_start(data) or len(data) - len(MAGIC) - FOOTER.size) - DATA_END.size
+    opcode, length, checksum = DATA_END.unpack_from(data, max(0, end))
+    if (opcode, length) != (Opcode.DATA_END, 4):
+        raise ValueError("the end of its data is unreadable")
+    if checksum and _checksum(data, 0, end) != checksum:
+        raise ValueError("its data do not match their checksum")
+
+
+def _checksum(data: bytes | mmap.mmap, start: int, end: int) -> int:
+    """Return the CRC-32 of a part, without a copy of all of it."""
+    checksum = 0
+    for at in range(start, end, _BLOCK_BYTES):
+        checksum = zlib.crc32(data[at : min(at + _BLOCK_BYTES, end)], checksum)
+    return checksum
+
+
+@final
+class McapStorage(StorageFile):
+    """See `StorageFile`; refuses what is not an MCAP file of ROS 2 messages, or was cut short."""
+
+    kind, magic = "an MCAP file", MAGIC
+    remedy = "save what is whole with: scripts/recover_bag {path}"
+
+    def _open(self, path: Path) -> None:
+        file = self._opened.enter_context(path.open("rb"))
+        self._content = self._opened.enter_context(
+            mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        )
+        if (
+            len(self._content) < 2 * len(MAGIC) + FOOTER.size
+            or self._content[-len(MAGIC) :] != MAGIC
+        ):
+            raise BagError(
+                f"{self.path} ends without its footer: its recording was cut short;"
+                f" repair it with: scripts/recover_bag {self.path}"
+            )
+        summary_start(self._content)
+        self._reader = SeekingReader(file, validate_crcs=True)
+        profile = self._reader.get_header().profile
+        if profile != Profile.ROS2:
+            raise BagError(f"{self.path} has the profile {profile!r}; only 'ros2' is read")
+        summary = self._reader.get_summary() or Summary()
+        self._read_statistics(summary)
+        hashes = {
+            channel.schema_id: channel.metadata.get("topic_type_hash", "")
+            for channel in summary.channels.values()
+        }
+        self.definitions = {
+            schema.name: MessageDefinition(
+                schema.name,
+                schema.data.decode(errors="replace") if schema.encoding == SCHEMA_ENCODING else "",
+                hashes.get(schema.id, ""),
+            )
+            for schema in summary.schemas.values()
+        }
+
+    def metadata_record(self, name: str) -> dict[str, str] | None:
+        """See `StorageFile`; texts have no checksum of their own, so all of the file is checked."""
+        texts: dict[str, str] | None = None
+        try:
+            check_data_section(self._content)
+            for record in self._reader.iter_metadata():
+                if record.name == name:
+                    texts = {**(texts or {}), **record.metadata}
+        except DAMAGE as error:
+            raise self.damaged(error) from None
+        return texts
+
+    def verify(self) -> None:
+        """Read everything once, texts included."""
+        self.metadata_record(RECORD_NAME)
+        super().verify()
+
+    def _read_statistics(self, summary: Summary) -> None:
+        statistics = summary.statistics
+        if statistics is None:
+            raise BagError(
+                f"{self.path} has no statistics; rewrite it with: scripts/recover_bag {self.path}"
+            )
+        self.message_count = statistics.message_count
+        if self.message_count:
+            self.start_ns, self.end_ns = statistics.message_start_time, statistics.message_end_time
+        counts = statistics.channel_message_counts
+        self.counts_topics = bool(counts)  # some writers count no topics
+        self._type_names: dict[int, str] = {}
+        topics = []
+        for channel in summary.channels.values():
+            schema = summary.schemas.get(channel.schema_id)
+            if channel.message_encoding != "cdr" or schema is None:
+                raise BagError(
+                    f"topic {channel.topic} of {self.path} is encoded as"
+                    f" {channel.message_encoding!r}; only cdr with a schema is read"
+                )
+            self._type_names[channel.id] = schema.name
+            topics.append(
+                TopicRecord(
+                    name=channel.topic,
+                    type_name=schema.name,
+                    type_hash=channel.metadata.get("topic_type_hash", ""),
+                    offered_qos=parse_profiles(channel.metadata.get("offered_qos_profiles", "")),
+                    message_count=counts.get(channel.id, 0),
+                )
+            )
+        self.topics = topics
+
+    def _read(
+        self, topics: Collection[str] | None, start_ns: int | None, end_ns: int | None
+    ) -> Iterator[BagMessage]:
+        for _, channel, message in self._reader.iter_messages(
+            topics=None if topics is None else list(topics),
+            starting_at=start_ns,
+            ending_before=end_ns,
+        ):
+            yield BagMessage(
+                topic=channel.topic,
+                type_name=self._type_names[channel.id],
+                log_time_ns=message.log_time,
+                publish_time_ns=message.publish_time,
+                data=message.data,
+            )

@@ -1,0 +1,146 @@
+"""The command `record`: its arguments, and the life of the recorder process."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+
+from iptm_core.errors import ParameterError
+from iptm_core.program import refused
+from iptm_core.user_input import whole_number
+from iptm_ros.command_line import own_arguments
+from iptm_ros.process import run_node
+from iptm_ros.recording.mcap_file import COMPRESSIONS, MOST_INDEX_BYTES, FileLimits
+from iptm_ros.recording.recorded_topics import TopicSelection, load_qos_overrides
+from iptm_ros.recording.recorder_node import DEFAULT_DEPTH, RecorderNode, RecorderOptions
+from iptm_ros.recording.run_information import collect_run_information, load_run_information
+from iptm_ros.recording.timeline import TimeSource
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line without its ROS arguments."""
+    parser = argparse.ArgumentParser(
+        prog="record",
+        description="Record a run as a rosbag2 bag (MCAP). Ends on Ctrl-C; a kill loses almost nothing:"
+        " see recover_bag. The services ~/pause, ~/resume and ~/split_bagfile (std_srvs/srv/Trigger)"
+        " control it. ROS arguments (namespace, remaps) follow after --ros-args.",
+    )
+    parser.add_argument(
+        "output",
+        type=Path,
+        nargs="?",
+        help="bag folder to create (default: bags/run_<date>_<time>); never overwritten",
+    )
+    parser.add_argument(
+        "--in-existing-folder",
+        action="store_true",
+        help="the folder exists and holds no bag yet, as that of a run with its logs",
+    )
+    parser.add_argument(
+        "--all", action="store_true", help="every topic of the graph, as it appears"
+    )
+    parser.add_argument(
+        "--topics",
+        nargs="+",
+        default=[],
+        metavar="TOPIC",
+        help="topics of the graph by name or pattern, such as '/plant/*'"
+        " (default: the topic table of the suite, in the recorder's namespace)",
+    )
+    parser.add_argument(
+        "--exclude", nargs="+", default=[], metavar="TOPIC", help="names or patterns to leave out"
+    )
+    parser.add_argument(
+        "--time",
+        choices=[source.value for source in TimeSource],
+        default=TimeSource.SIMULATED.value,
+        help="time that orders the bag: sim = of the clock in the same namespace, or of the only one on the"
+        " graph (default), wall = of reception",
+    )
+    parser.add_argument(
+        "--run-information",
+        type=Path,
+        metavar="YAML",
+        help="file with scenario, seed, parameters and further texts to store in the bag",
+    )
+    parser.add_argument(
+        "--compression",
+        choices=list(COMPRESSIONS),
+        default="none",
+        help="of the file (default: none; with compression a kill loses up to 64 KiB of messages)",
+    )
+    parser.add_argument(
+        "-b",
+        "--max-bag-size",
+        type=whole_number,
+        default=0,
+        metavar="BYTES",
+        help="size at which a file of the bag is completed and the next one begun (default: 0, none;"
+        f" a file whose index has grown to {MOST_INDEX_BYTES / 1e6:g} MB of memory always is)",
+    )
+    parser.add_argument(
+        "-d",
+        "--max-bag-duration",
+        type=whole_number,
+        default=0,
+        metavar="SECONDS",
+        help="time in the bag after which a file is completed and the next one begun (default: 0, none)",
+    )
+    parser.add_argument(
+        "--start-paused", action="store_true", help="record nothing but latched topics at first"
+    )
+    parser.add_argument(
+        "--qos-profile-overrides-path",
+        type=Path,
+        metavar="YAML",
+        help="policies by topic to ask for, in place of the strictest that all publishers offer",
+    )
+    parser.add_argument(
+        "--depth",
+        type=whole_number,
+        default=DEFAULT_DEPTH,
+        help="messages queued per topic (default: %(default)s)",
+    )
+    return parser
+
+
+def options_from(arguments: argparse.Namespace) -> RecorderOptions:
+    """Turn parsed arguments into options."""
+    now = datetime.now().astimezone()
+    root = Path(os.environ.get("IPTM_ROOT", "."))
+    information = (
+        load_run_information(arguments.run_information)
+        if arguments.run_information is not None
+        else collect_run_information()
+    )
+    return RecorderOptions(
+        output=arguments.output or root / "bags" / f"run_{now:%Y%m%d_%H%M%S}",
+        selection=TopicSelection(tuple(arguments.topics), tuple(arguments.exclude)),
+        discover=arguments.all or bool(arguments.topics),
+        time_source=TimeSource(arguments.time),
+        run_information=information,
+        compression=arguments.compression,
+        limits=FileLimits(arguments.max_bag_size, arguments.max_bag_duration),
+        depth=max(1, arguments.depth),
+        is_paused=arguments.start_paused,
+        qos=load_qos_overrides(arguments.qos_profile_overrides_path),
+        in_existing_folder=arguments.in_existing_folder,
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Record until SIGINT or SIGTERM."""
+    command = list(sys.argv if arguments is None else arguments)
+    try:
+        parsed = build_parser().parse_args(own_arguments(command))
+    except ParameterError as error:
+        return refused("record", error)
+    return run_node(lambda: RecorderNode(options_from(parsed)), ["record", *command[1:]])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

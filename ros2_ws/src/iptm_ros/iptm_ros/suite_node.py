@@ -1,0 +1,264 @@
+"""The base of every node of the suite: topics by key, callbacks that cannot end it, and an orderly end."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import deserialize_message
+from rclpy.service import Service as RclpyService
+from rclpy.subscription import Subscription
+from rclpy.timer import Timer
+from std_srvs.srv import Trigger
+
+from iptm_core.errors import IptmError, ParameterError
+from iptm_core.user_input import suggestion
+from iptm_ros.node_health import AwakeClock, NodeHealth
+from iptm_ros.services import Service
+from iptm_ros.topics import TOPICS, Topic, frame_in, topic_of
+
+_MESSAGE_BYTES = 64 * 1024
+"""Largest serialised message taken from a topic, unless it is named below."""
+_LARGER_BYTES = {
+    # The longest and finest preview that the settings of the bridge allow.
+    Topic.LEADER_PREVIEW: 18 * 2**20,
+    Topic.SLOPE: 4 * 2**20,
+    Topic.PLAN: 2**20,
+    Topic.DIAGNOSTICS: 2**20,
+}
+
+_LOG_THROTTLE_S = 5.0
+_KNOWN_DEFECTS = 20
+LEAST_HISTORY = 100
+"""Smallest queue of a subscription: a burst of foreign messages must not displace due ones."""
+_GRAPH_PERIOD_S = 1.0
+_QOS_OVERRIDES = "qos_overrides."
+_ROS_PARAMETERS = ("use_sim_time", _QOS_OVERRIDES, "start_type_description_service")
+# Topics of ROS itself, which files of parameters that were dumped may name.
+_OVERRIDABLE = (f"{_QOS_OVERRIDES}/clock.", f"{_QOS_OVERRIDES}/parameter_events.")
+
+
+class FramedPublisher(Publisher):
+    """A publisher that prefixes the frames of its messages.
+
+    Codecs use the frames of the topic table only. Serialised bytes are sent unchanged: their encoder
+    sets the right frame.
+
+    Attributes:
+        frame_prefix: of the vehicle, empty for none.
+    """
+
+    frame_prefix = ""
+
+    def publish(self, msg: Any) -> None:
+        """Publish a message, or its serialised bytes."""
+        if self.frame_prefix and not isinstance(msg, bytes):
+            header = getattr(msg, "header", None)
+            if header is not None:
+                header.frame_id = frame_in(self.frame_prefix, header.frame_id)
+            if hasattr(msg, "child_frame_id"):
+                msg.child_frame_id = frame_in(self.frame_prefix, msg.child_frame_id)
+        super().publish(msg)
+
+
+class SuiteNode(Node):
+    """A node that takes names, types and QoS from the topic table.
+
+    Run it with `iptm_ros.process.run_node`, which watches `finished`.
+
+    Messages are looked at before they are decoded, and an exception of a callback is logged, counted and
+    reported on the diagnostics instead of ending the node.
+
+    Attributes:
+        finished: the node has asked for its end.
+        exit_code: what the process shall return.
+        health: what the node survived.
+        awake: steady time without the stretches in which the process did not run.
+        frame_prefix: of the frames of this vehicle: its namespace unless set by `use_frame_prefix`.
+    """
+
+    def __init__(self, name: str, **options: Any) -> None:
+        super().__init__(name, **options)
+        self.finished = False
+        self.exit_code = 0
+        self.health = NodeHealth()
+        self.awake = AwakeClock()
+        self.frame_prefix = self.get_namespace().strip("/")
+        self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
+        # rclpy warns from 8 timers of one clock on, so those of this class have another one.
+        self._upkeep_clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self._known_defects: set[str] = set()
+        self._sole: dict[Topic, str] = {}
+        self.create_timer(AwakeClock.PERIOD_S, self.awake.tick, clock=self._upkeep_clock)
+
+    def advertise(self, topic: Topic) -> Publisher:
+        """Return a publisher for a topic of the table, whose frames are those of the vehicle."""
+        spec = TOPICS[topic]
+        publisher = self.create_publisher(
+            spec.message_type, spec.name, spec.offered_qos, publisher_class=FramedPublisher
+        )
+        publisher.frame_prefix = self.frame_prefix
+        return publisher
+
+    def use_frame_prefix(self, prefix: str) -> None:
+        """Take the prefix of frames that a user asks for; empty keeps the namespace, `/` is none."""
+        if prefix:
+            self.frame_prefix = prefix.strip("/")
+
+    def frame(self, name: str) -> str:
+        """Return the name in the graph of a frame of the topic table."""
+        return frame_in(self.frame_prefix, name)
+
+    def listen(
+        self,
+        topic: Topic,
+        callback: Callable[[Any], None],
+        *,
+        raw: bool = False,
+        qos: QoSProfile | None = None,
+        vehicle: str = "",
+    ) -> Subscription:
+        """Return a subscription to a topic of the table.
+
+        Args:
+            topic: key of the topic.
+            callback: called with the message, or with its serialised bytes if `raw`.
+            raw: leave out the conversion to a message object.
+            qos: of the subscription; if None that of the table, with a queue of `LEAST_HISTORY`. A deeper one
+                is for who must not miss a message of a publisher that does not wait for it.
+            vehicle: namespace of another vehicle whose topic is meant, from its beginning on.
+        """
+        spec = TOPICS[topic]
+        name = topic_of(vehicle, topic) if vehicle else spec.name
+        kind = None if raw else spec.message_type
+        take = partial(self._let_in, topic, kind, callback)
+        wanted = qos or _deep(spec.offered_qos if vehicle else spec.qos)
+        return self.create_subscription(spec.message_type, name, take, wanted, raw=True)
+
+    def serve(self, service: Service, action: Callable[[], str]) -> RclpyService:
+        """Return a server of a service of the table."""
+
+        def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            response.message = "an internal error was caught, see the log"
+            response.success = False
+            self.guard(service.value, act, response)
+            return response
+
+        def act(response: Trigger.Response) -> None:
+            try:
+                response.message = action()
+                response.success = True
+                self.get_logger().info(f"{service.value}: {response.message}")
+            except IptmError as error:
+                response.message = " ".join(str(error).split())
+
+        return self.create_service(Trigger, service.private_name, answer)
+
+    def _let_in(
+        self, topic: Topic, kind: type[Any] | None, callback: Callable[[Any], None], data: bytes
+    ) -> None:
+        """Decode a message as a kind, unless it is too large, and hand it over."""
+        allowed = _LARGER_BYTES.get(topic, _MESSAGE_BYTES)
+        if len(data) > allowed:
+            self.refuse(f"{topic.value}: {len(data)} bytes; allowed: up to {allowed}")
+            return
+        try:
+            message = data if kind is None else deserialize_message(data, kind)
+        except Exception as error:  # noqa: BLE001  the binding raises error types of its own
+            self.refuse(f"{topic.value}: {len(data)} bytes cannot be decoded: {error}")
+            return
+        self.guard(topic.value, callback, message)
+
+    def refuse(self, what: str) -> None:
+        """Count and log a message that is not taken; `what` names topic, value and rule."""
+        self.health.note_refusal(what)
+        self.get_logger().warning(what, throttle_duration_sec=_LOG_THROTTLE_S)
+
+    def guard(self, name: str, callback: Callable[..., None], *arguments: Any) -> None:
+        """Call a callback; exceptions are logged, counted and reported, not raised.
+
+        A message that violates its specification is refused. Anything else is a defect: the first
+        of its kind is logged with its traceback, all of them in a line.
+        """
+        try:
+            callback(*arguments)
+        except IptmError as error:
+            self.refuse(f"{name}: {error}")
+        except Exception as error:  # noqa: BLE001  the last line of defence of the node
+            *_, place = traceback.extract_tb(error.__traceback__)
+            what = f"{type(error).__name__} in {place.name}, line {place.lineno}: {error}"
+            self.health.note_defect(f"{name}: {what}")
+            if what not in self._known_defects and len(self._known_defects) < _KNOWN_DEFECTS:
+                self._known_defects.add(what)
+                self.get_logger().error(f"callback of {name} failed:\n{traceback.format_exc()}")
+            else:
+                text = f"callback of {name} failed again: {what}"
+                self.get_logger().error(text, throttle_duration_sec=_LOG_THROTTLE_S)
+
+    def every(
+        self, period_s: float, callback: Callable[[], None], clock: Clock | None = None
+    ) -> Timer:
+        """Return a timer on the steady clock, which trip time cannot stop or speed up."""
+        name = f"the timer of {getattr(callback, '__name__', 'a callback')}"
+        guarded = partial(self.guard, name, callback)
+        return self.create_timer(period_s, guarded, clock=clock or self._steady_clock)
+
+    def watch_peers(self, *topics: Topic) -> None:
+        """Look every second whether topics that one node of the graph publishes have several publishers."""
+        self._sole = {topic: TOPICS[topic].publisher for topic in topics}
+        self.every(_GRAPH_PERIOD_S, self._count_publishers, self._upkeep_clock)
+
+    def _count_publishers(self) -> None:
+        for topic, who in self._sole.items():
+            name = self.resolve_topic_name(TOPICS[topic].name)
+            self.health.note_publishers(who, int(self.count_publishers(name)))
+
+    def reject_unknown_parameters(self) -> None:
+        """Refuse overrides that no one declared: ROS ignores them, and with them every typo.
+
+        Raises:
+            ParameterError: an unknown name, with the closest known one.
+        """
+        # rclpy has no public way to list overrides without declaring them untyped.
+        overrides: dict[str, Any] = getattr(self, "_parameter_overrides", {})
+        for name in overrides:
+            if name.startswith(_QOS_OVERRIDES) and not name.startswith(_OVERRIDABLE):
+                raise ParameterError(
+                    f"parameter {name} is given to {self.get_name()}; allowed: none, as the QoS of its "
+                    "topics is fixed"
+                )
+            if self.has_parameter(name) or name.startswith(_ROS_PARAMETERS):
+                continue
+            own = [known for known in self._parameters if not known.startswith(_ROS_PARAMETERS)]
+            hint = suggestion(name, sorted(own))
+            raise ParameterError(f"parameter {name} is unknown to {self.get_name()}; {hint}")
+
+    def stop(self) -> None:
+        """Answer a request to stop (SIGINT, SIGTERM); repeated until the node has finished.
+
+        A node with work left overrides this and finishes later.
+        """
+        self.finish(self.exit_code)
+
+    def finish(self, exit_code: int = 0) -> None:
+        """Ask for the end of the process; the current callback still completes."""
+        self.exit_code = exit_code
+        self.finished = True
+
+
+def _deep(qos: QoSProfile) -> QoSProfile:
+    """Return the QoS of a subscription; where the latest message is all that counts, that of the topic."""
+    if qos.durability is DurabilityPolicy.TRANSIENT_LOCAL or qos.depth >= LEAST_HISTORY:
+        return qos
+    return QoSProfile(
+        history=qos.history,
+        depth=LEAST_HISTORY,
+        reliability=qos.reliability,
+        durability=qos.durability,
+    )

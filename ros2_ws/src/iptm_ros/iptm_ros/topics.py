@@ -1,0 +1,344 @@
+"""Every topic of the suite, as data: the one place for names, types, QoS, units and signs.
+
+Names are relative, so that a namespace moves a whole vehicle with its clock; only `/diagnostics` is
+global. Without a namespace the clock is `/clock`, to which nodes with `use_sim_time` listen. "Named
+values" are `sensor_msgs/JointState` messages of which only the stamp, `name[]` and `position[]` are
+used: a stamped vector of named float64 numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from iptm_ros.message_types import (
+    AccelStamped,
+    BatteryState,
+    Clock,
+    DiagnosticArray,
+    Float64,
+    Float64MultiArray,
+    JointState,
+    JointTrajectory,
+    Odometry,
+    Temperature,
+    UInt8MultiArray,
+    type_name,
+)
+
+if TYPE_CHECKING:
+    from rclpy.qos import QoSProfile
+
+PLANT = "plant"
+BRIDGE = "v2x_bridge"
+CONTROLLER = "controller"
+
+MAP_FRAME = "map"
+"""The world, one for all vehicles: x east, y north, z up, origin where the first one starts (REP 105)."""
+ROAD_FRAME = "odom"
+"""The road pulled straight: origin at the ego vehicle's start, x in metres travelled."""
+EGO_FRAME = "base_link"
+"""Body of the ego vehicle: origin on the road below the front bumper, x forward, y left, z up."""
+LEADER_FRAME = "leader"
+"""Body of the preceding vehicle: origin on the road below its rear bumper, axes as for the ego vehicle."""
+PACK_FRAME = "battery_pack"
+"""The battery pack, fixed in the ego vehicle: named by the battery, coolant and degradation messages."""
+
+
+class Topic(Enum):
+    """Key of a topic; the value is its name."""
+
+    CLOCK = "clock"
+    DIAGNOSTICS = "/diagnostics"
+    PLANT_ODOMETRY = "plant/odometry"
+    PLANT_ACCELERATION = "plant/acceleration"
+    PLANT_BATTERY = "plant/battery"
+    PLANT_CELL_1_TEMPERATURE = "plant/cell_1_temperature"
+    PLANT_CELL_N_TEMPERATURE = "plant/cell_n_temperature"
+    PLANT_COOLANT_INLET_TEMPERATURE = "plant/coolant_inlet_temperature"
+    PLANT_COOLANT_OUTLET_TEMPERATURE = "plant/coolant_outlet_temperature"
+    PLANT_POWERS = "plant/powers"
+    PLANT_CAPACITY_LOSS = "plant/capacity_loss"
+    PLANT_SAFETY = "plant/safety_monitor"
+    LEADER = "v2x/leader"
+    LEADER_SAMPLES = "v2x/leader_samples"
+    LEADER_PREVIEW = "v2x/leader_preview"
+    ROAD_AHEAD = "v2x/road_ahead"
+    SLOPE = "v2x/slope"
+    DATAGRAMS = "v2x/datagrams"
+    COMMAND = "controller/command"
+    ACCELERATION_COMMAND = "controller/acceleration_command"
+    COMPRESSOR_POWER_COMMAND = "controller/compressor_power_command"
+    PLAN = "controller/plan"
+    SOLVE = "controller/solve"
+    VISUAL_ROAD = "visual/road"
+    VISUAL_PLAN = "visual/plan"
+    VISUAL_LEADER_PREVIEW = "visual/leader_preview"
+    VISUAL_LEADER_BOUND = "visual/leader_bound"
+    VISUAL_SCENE = "visual/scene"
+
+
+@dataclass(frozen=True)
+class TopicSpec:
+    """What a topic promises.
+
+    Attributes:
+        topic: key; `topic.value` is the name.
+        message_type: message class.
+        publisher: node that publishes it.
+        frame: header frame, or `-`.
+        unit: unit of the content, or `see fields` for named values.
+        meaning: content and sign convention.
+        fields: names and units of named values and trajectory columns, in published order.
+        latched: whether late subscribers still get the last message.
+        kept: whether late subscribers still get the last messages of a stream.
+        rate: when it is published.
+        on_request: published only if a parameter requests it; no node waits for it.
+    """
+
+    topic: Topic
+    message_type: type[Any]
+    publisher: str
+    frame: str
+    unit: str
+    meaning: str
+    fields: Mapping[str, str] = field(default_factory=dict)
+    latched: bool = False
+    kept: bool = False
+    rate: str = "every tick (1 s)"
+    on_request: bool = False
+
+    @property
+    def name(self) -> str:
+        """Topic name as given to the node (relative unless global)."""
+        return self.topic.value
+
+    @property
+    def qos(self) -> QoSProfile:
+        """Profile requested by subscribers, and offered by the publisher unless it keeps a stream."""
+        from iptm_ros import qos  # noqa: PLC0415  readers of bags do without ROS
+
+        if self.on_request:
+            return qos.RAW_QOS
+        return qos.LATCHED_QOS if self.latched else qos.STREAM_QOS
+
+    @property
+    def offered_qos(self) -> QoSProfile:
+        """Profile offered by the publisher; who must not miss the beginning of a stream requests it, too."""
+        from iptm_ros import qos  # noqa: PLC0415  readers of bags do without ROS
+
+        return qos.KEPT_STREAM_QOS if self.kept else self.qos
+
+    @property
+    def type_name(self) -> str:
+        """Message type as ROS tools print it, e.g. `nav_msgs/msg/Odometry`."""
+        return type_name(self.message_type)
+
+
+# fmt: off
+_SPECS = (
+    TopicSpec(
+        Topic.CLOCK, Clock, PLANT, "-", "s",
+        "trip time of the state just published; last message of the plant in a tick",
+    ),
+    TopicSpec(
+        Topic.PLANT_ODOMETRY, Odometry, PLANT, f"{ROAD_FRAME} -> {EGO_FRAME}", "m, m/s",
+        "ego vehicle: pose.position.x = distance along the road, twist.linear.x = speed (never negative); "
+        "exact values of a simulation, so all covariances are 0",
+    ),
+    TopicSpec(
+        Topic.PLANT_ACCELERATION, AccelStamped, PLANT, EGO_FRAME, "m/s^2",
+        "accel.linear.x = acceleration actuated over the interval that ended at the stamp, "
+        "positive forward",
+    ),
+    TopicSpec(
+        Topic.PLANT_BATTERY, BatteryState, PLANT, PACK_FRAME, "V, A, degC",
+        "pack voltage and current (negative when discharging, as ROS defines it); "
+        "cell_voltage, cell_temperature: cell 1 and cell N of a coolant channel; all its cells where "
+        "the plant has them (thermal_model full_channel); percentage is the state of charge (0 to 1), "
+        "charge and capacity are in Ah, those of the present",
+    ),
+    TopicSpec(
+        Topic.PLANT_CELL_1_TEMPERATURE, Temperature, PLANT, PACK_FRAME, "degC",
+        "first cell of a coolant channel (the coolest)",
+    ),
+    TopicSpec(
+        Topic.PLANT_CELL_N_TEMPERATURE, Temperature, PLANT, PACK_FRAME, "degC",
+        "last cell of a coolant channel (the warmest)",
+    ),
+    TopicSpec(
+        Topic.PLANT_COOLANT_INLET_TEMPERATURE, Temperature, PLANT, PACK_FRAME, "degC",
+        "coolant entering the pack",
+    ),
+    TopicSpec(
+        Topic.PLANT_COOLANT_OUTLET_TEMPERATURE, Temperature, PLANT, PACK_FRAME, "degC",
+        "coolant leaving the pack",
+    ),
+    TopicSpec(
+        Topic.PLANT_POWERS, JointState, PLANT, PACK_FRAME, "see fields",
+        "means over the interval that ended at the stamp; traction and battery power positive "
+        "when drawn from the pack, chiller heat positive when cooling; a negative compressor power is that "
+        "of a heater",
+        {
+            "traction_power_w": "W", "compressor_power_w": "W", "auxiliary_power_w": "W",
+            "battery_power_w": "W", "chiller_heat_w": "W",
+        },
+    ),
+    TopicSpec(
+        Topic.PLANT_CAPACITY_LOSS, JointState, PLANT, PACK_FRAME, "see fields",
+        "capacity loss as a fraction of nominal capacity, growing with age",
+        {"cell_1_capacity_loss": "1", "cell_n_capacity_loss": "1"},
+    ),
+    TopicSpec(
+        Topic.PLANT_SAFETY, JointState, PLANT, EGO_FRAME, "see fields",
+        "safety monitor over the interval that ended at the stamp: how long it braked; smallest gap measured "
+        "inside the interval, NaN for none; share of the requested deceleration that the brakes deliver",
+        {"service_braking_s": "s", "smallest_gap_m": "m", "brake_share": "1"},
+    ),
+    TopicSpec(
+        Topic.LEADER, Odometry, BRIDGE, f"{ROAD_FRAME} -> {LEADER_FRAME}", "m, m/s",
+        "preceding vehicle now (range sensor), none where no vehicle is ahead: pose.position.x = rear bumper "
+        "along the road, twist.linear.x = speed; covariances are not estimated (0)",
+    ),
+    TopicSpec(
+        Topic.LEADER_SAMPLES, JointTrajectory, BRIDGE, ROAD_FRAME, "m, m/s",
+        "preceding vehicle as the range sensor measures it in the interval that begins at header.stamp, for "
+        "the safety monitor: positions [m], velocities [m/s] at header.stamp + time_from_start; no points: "
+        "a free road",
+        {"leader": "m, m/s"}, kept=True,
+    ),
+    TopicSpec(
+        Topic.LEADER_PREVIEW, JointTrajectory, BRIDGE, ROAD_FRAME, "m, m/s",
+        "predicted motion of the preceding vehicle: positions [m], velocities [m/s] at "
+        "header.stamp + time_from_start; the first point lies at the instant of generation "
+        "(time_from_start <= 0); no points: nothing received yet; leader_bound: how far the vehicle may be "
+        "behind these positions (99 % bound), and its rate; left out where the motion is known",
+        {"leader": "m, m/s", "leader_bound": "m, m/s"},
+    ),
+    TopicSpec(
+        Topic.ROAD_AHEAD, JointState, BRIDGE, ROAD_FRAME, "m, m/s, s",
+        "what the road allows the ego, vehicles apart: a bound per name[], at position[] m with velocity[] "
+        "m/s until trip time effort[] s: speed_limit from there on (the first one before it, too); stop (a "
+        "closed line), not passed by the front before; lead_vehicle: v2x/leader has a "
+        "message of this stamp. No names: nothing is known",
+        {"lead_vehicle": "-", "speed_limit": "m/s", "stop": "s"},
+    ),
+    TopicSpec(
+        Topic.SLOPE, Float64MultiArray, BRIDGE, "-", "m, rad",
+        "road slope over position, 2 x N: row 0 positions (increasing), row 1 slopes "
+        "(positive uphill)",
+        {"position_m": "m", "slope_rad": "rad"}, latched=True, rate="once at start",
+    ),
+    TopicSpec(
+        Topic.DATAGRAMS, UInt8MultiArray, BRIDGE, "-", "-",
+        "data = a datagram as it came from the radio; layout.dim[0].label = when it was received, ns of "
+        "TimestampIts; behind the datagrams of a tick the mark of its end",
+        rate="with publish_datagrams", on_request=True,
+    ),
+    TopicSpec(
+        Topic.COMMAND, JointState, CONTROLLER, EGO_FRAME, "see fields",
+        "the decision for the interval that starts at the stamp of the state it answers; last "
+        "message of the controller in a tick; a negative compressor power is that of a heater",
+        {"acceleration_m_s2": "m/s^2", "compressor_power_w": "W"},
+    ),
+    TopicSpec(
+        Topic.ACCELERATION_COMMAND, Float64, CONTROLLER, "-", "m/s^2",
+        "acceleration of the decision, as a plain scalar for plots",
+    ),
+    TopicSpec(
+        Topic.COMPRESSOR_POWER_COMMAND, Float64, CONTROLLER, "-", "W",
+        "compressor power of the decision, as a plain scalar for plots",
+    ),
+    TopicSpec(
+        Topic.PLAN, JointTrajectory, CONTROLLER, ROAD_FRAME, "see fields",
+        "predicted motion, temperatures and inputs of the ego vehicle at header.stamp + time_from_start; "
+        "the inputs of the last point repeat those of the last interval; no points: the command follows "
+        "no plan",
+        {
+            "position_m": "m", "speed_m_s": "m/s",
+            "cell_1_temperature_k": "K", "cell_n_temperature_k": "K",
+            "acceleration_m_s2": "m/s^2", "compressor_power_w": "W",
+        },
+        kept=True,
+    ),
+    TopicSpec(
+        Topic.SOLVE, JointState, CONTROLLER, EGO_FRAME, "see fields",
+        "how the decision came about: solver status, time, iterations, slacks (0 when the limits "
+        "hold), fallback rung (0 = solver), limiter (0 or 1), age of the preview; marginal cost of a "
+        "kelvin of both cells at the end of the horizon and its factors; how far ahead the preview is "
+        "trusted, and what is observed of the actuators",
+        {
+            "status_code": "1", "solve_time_s": "s", "iterations": "1",
+            "gap_slack_m": "m", "speed_slack_m_s": "m/s", "temperature_slack_k": "K",
+            "objective": "1", "fallback_rung": "1", "limiter_active": "1", "preview_age_s": "s",
+            "cell_1_marginal_cost_1_k": "1/K", "cell_n_marginal_cost_1_k": "1/K", "aging_rate_1_s": "1/s",
+            "aging_sensitivity_1_k": "1/K", "temperature_decay_time_s": "s",
+            "trusted_preview_s": "s", "command_delay_s": "s", "brake_share": "1",
+        },
+    ),
+    TopicSpec(
+        Topic.DIAGNOSTICS, DiagnosticArray, "every node", "-", "-",
+        "one DiagnosticStatus per node: level, one reason, key values; stamped by the node's clock, the trip "
+        "time is the value trip_time_s", rate="on change, else 1 Hz",
+    ),
+)
+# fmt: on
+
+FIELD_ALIASES: Mapping[str, str] = MappingProxyType(
+    {
+        "cell_1_price_1_k": "cell_1_marginal_cost_1_k",
+        "cell_n_price_1_k": "cell_n_marginal_cost_1_k",
+        "host_keeps_rules": "ego_keeps_rules",
+        "kelvin_lasts_s": "temperature_decay_time_s",
+    }
+)
+"""Former names of named values and parameters, as in older bags, with their present names."""
+
+TOPICS: Mapping[Topic, TopicSpec] = MappingProxyType({spec.topic: spec for spec in _SPECS})
+"""The table: specification of every topic of a run by its key."""
+
+
+STATE_TOPICS = (
+    Topic.PLANT_ODOMETRY,
+    Topic.PLANT_ACCELERATION,
+    Topic.PLANT_CELL_1_TEMPERATURE,
+    Topic.PLANT_CELL_N_TEMPERATURE,
+    Topic.PLANT_POWERS,
+    Topic.PLANT_CAPACITY_LOSS,
+)
+"""Topics that make up the state of vehicle and pack: a decision depends on all of them."""
+
+OBSERVATION_TOPICS = (
+    *STATE_TOPICS,
+    Topic.PLANT_BATTERY,
+    Topic.PLANT_COOLANT_INLET_TEMPERATURE,
+    Topic.PLANT_COOLANT_OUTLET_TEMPERATURE,
+)
+"""Topics that make up an observation of the plant: the state with the charge of the pack, and the coolant."""
+
+TICK_TOPICS = (*OBSERVATION_TOPICS, Topic.LEADER)
+"""Topics that make up one row of a trajectory, together with `PLANT_SAFETY`, which older recordings lack."""
+
+PEER_TOPICS = (Topic.PLANT_ODOMETRY, Topic.CLOCK)
+"""Topics by whose subscribers the plant counts its peers. Who only listens subscribes to them last, in this
+order: the first clock is the one message of a run that can be done without."""
+
+
+def topic_of(vehicle: str, topic: Topic) -> str:
+    """Return the absolute name of a topic of a vehicle: `/car_1/clock`."""
+    prefix = "/" + vehicle.strip("/")
+    return topic.value if topic.value.startswith("/") else f"{prefix.rstrip('/')}/{topic.value}"
+
+
+def frame_in(prefix: str, frame: str) -> str:
+    """Return the name of a frame of a vehicle in the graph: `car_1/odom` with prefix `car_1`.
+
+    Empty frames and `map` stay, and a name that has the prefix is kept.
+    """
+    prefix = prefix.strip("/")
+    if not prefix or frame in {"", MAP_FRAME} or frame.startswith(f"{prefix}/"):
+        return frame
+    return f"{prefix}/{frame}"

@@ -1,0 +1,53 @@
+from setuptools import find_packages, setup
+
+PACKAGE = "iptm_ros"
+
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
+    package_data={PACKAGE: ["py.typed", "data/*.xml"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+    ],
+    install_requires=[
+        "setuptools",
+        "numpy>=1.24",
+        "PyYAML>=6.0",
+        "zstandard>=0.20",
+        "mcap>=1.6",
+        "pyarrow>=15",
+        "rosbags>=0.11",
+        "rich>=13.0",
+    ],
+    extras_require={"test": ["pytest"]},
+    python_requires=">=3.10",
+    zip_safe=False,
+    maintainer="iptm maintainers",
+    maintainer_email="maintainers@iptm.example.org",
+    description="Topic table, message codecs, node support, and bags",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            "call = iptm_core.program:main",
+            "param = iptm_core.program:main",
+            "recorder = iptm_core.program:main",
+            "player = iptm_core.program:main",
+            "recover_bag = iptm_core.program:main",
+            "bag_info = iptm_core.program:main",
+            "export = iptm_core.program:main",
+            "compare_bags = iptm_core.program:main",
+        ],
+        "iptm.programs": [
+            "call = iptm_ros.call:main",
+            "param = iptm_ros.param:main",
+            "recorder = iptm_ros.recording.recorder_cli:main",
+            "player = iptm_ros.recording.player_cli:main",
+            "recover_bag = iptm_ros.recording.recover:main",
+            "bag_info = iptm_ros.recording.bag_info:main",
+            "export = iptm_ros.recording.export:main",
+            "compare_bags = iptm_ros.recording.compare_bags:main",
+        ],
+    },
+)

@@ -1,0 +1,83 @@
+"""A run compared with another strategy on the same trip."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from iptm.report import relative_changes
+from iptm.run import Run
+from iptm.runner.comparison import drive_comparison, save_comparison
+from iptm.runner.scenario import Scenario, prepare
+from iptm.studies.run import perform_run
+from iptm.studies.run_spec import RunSpec
+from iptm.studies.study import planned_run
+from iptm_controller.strategy import STRATEGIES
+from iptm_core.errors import ParameterError
+from iptm_core.metrics import FIGURES, figure_values
+from iptm_core.trajectory import TRAJECTORY_COLUMNS
+
+SCENARIO = Scenario(cycle="nycc", duration_s=60.0)
+
+
+@pytest.fixture(scope="module")
+def comparison() -> Run:
+    return drive_comparison(prepare(SCENARIO), "reference")
+
+
+def test_it_is_the_run_that_a_study_makes(comparison: Run) -> None:
+    """The same trip by another path: run specification, inputs, worker."""
+    spec = RunSpec(cycle="nycc", duration_s=60.0)
+    from_study = perform_run(planned_run(spec.with_strategy(STRATEGIES["reference"]))).metrics
+    for key in ("cooling_energy", "traction_energy", "cell_1_degradation", "smallest_gap"):
+        figure = FIGURES[key]
+        assert figure.compute(comparison.metrics) == figure.compute(from_study)
+
+
+def test_changes_by_hand(comparison: Run) -> None:
+    base = comparison.metrics
+    better = replace(
+        base,
+        cell_1_degradation=0.75 * base.cell_1_degradation,
+        cooling_energy_j=1.1 * base.cooling_energy_j,
+    )
+    changes = relative_changes(figure_values(better), comparison.figures)
+    assert changes["cell_1_degradation"] == pytest.approx(-0.25)
+    assert changes["cooling_energy"] == pytest.approx(0.1)
+
+
+def test_the_other_trajectory_is_kept_as_a_file_for_other_tools(
+    comparison: Run, tmp_path: Path
+) -> None:
+    save_comparison(tmp_path / "reference.parquet", comparison, "demo: us06")
+    table = pq.read_table(tmp_path / "reference.parquet")
+    assert table.num_rows == 61
+    for name in TRAJECTORY_COLUMNS:
+        np.testing.assert_array_equal(
+            table[name].to_numpy(), getattr(comparison.trajectory, name), err_msg=name
+        )
+    assert table.schema.metadata[b"iptm_strategy"] == b"reference"
+    assert table.schema.metadata[b"iptm_compared_with"] == b"demo: us06"
+
+
+def test_an_unknown_strategy_is_refused() -> None:
+    with pytest.raises(ParameterError, match="'ageing'; allowed: "):
+        drive_comparison(prepare(SCENARIO), "ageing")
+
+
+def test_the_plant_of_the_scenario_is_the_one_compared_with() -> None:
+    own = {
+        "plant": {"thermal_model": "full_channel", "period_s": 0.5},
+        "controller": {"period_s": 0.5},
+    }
+    scenario = Scenario(cycle="nycc", duration_s=20.0, node_parameters=own)
+    full = drive_comparison(prepare(scenario), "reference").metrics
+    usual = drive_comparison(prepare(replace(scenario, node_parameters={})), "reference").metrics
+    assert full.decisions is not None
+    assert usual.decisions is not None
+    assert (full.decisions.decisions, usual.decisions.decisions) == (40, 20)
+    assert full.degradation != usual.degradation

@@ -1,0 +1,133 @@
+"""From a scenario to commands: names of node parameters, texts that ROS reads as texts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import rclpy
+import yaml
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.utilities import remove_ros_args
+
+from iptm.runner.composition import (
+    node_parameters,
+    parameter_file_text,
+    recorder_command,
+    run_information,
+)
+from iptm.runner.scenario import Scenario, prepare
+from iptm_controller.node_parameters import ControllerNodeParameters
+from iptm_core.declaration import checked_value, parameter_specs, plain
+from iptm_plant_sim.node_parameters import PlantNodeParameters
+from iptm_ros.discovery import reserve_domain
+from iptm_ros.recording.recorder_cli import build_parser
+from iptm_ros.recording.run_information import load_run_information, stored_model_parameters
+from iptm_ros.topics import BRIDGE, CONTROLLER, PLANT
+from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
+
+NODES: dict[str, type[Any]] = {
+    PLANT: PlantNodeParameters,
+    BRIDGE: BridgeNodeParameters,
+    CONTROLLER: ControllerNodeParameters,
+}
+
+
+@pytest.mark.parametrize("node", NODES)
+def test_nodes_have_the_parameters_that_they_are_given(node: str, scenario: Scenario) -> None:
+    specs = {spec.name: spec for spec in parameter_specs(NODES[node])}
+    for name, value in node_parameters(scenario)[node].items():
+        assert plain(checked_value(specs[name], value)) == value
+        assert type(value) in {bool, int, float, str}
+
+
+def test_values_arrive_and_the_bridge_starts_where_the_model_does() -> None:
+    scenario = Scenario(
+        cycle="us06",
+        seed=9,
+        horizon="15x1",
+        parameter_overrides="gap.initial_gap_m=22",
+        node_parameters={CONTROLLER: {"tolerance": 1e-6}},
+    )
+    parameters = node_parameters(prepare(scenario))
+    assert parameters[PLANT]["cycle"] == parameters[BRIDGE]["cycle"] == "us06"
+    assert parameters[BRIDGE]["initial_gap_m"] == 22.0
+    assert parameters[BRIDGE]["seed"] == 9
+    assert parameters[CONTROLLER]["horizon"] == "15x1"
+    assert parameters[CONTROLLER]["tolerance"] == 1e-6
+
+
+def test_the_road_of_a_plan_need_be_as_long_as_the_trip_only() -> None:
+    """The whole of US06 is 12.9 km."""
+    road = Path(__file__).parents[3] / "docs" / "examples" / "phone_drive.gpx"
+    scenario = prepare(Scenario(cycle="us06", slope=str(road), duration_s=60.0))
+    bridge = BridgeNodeParameters(**node_parameters(scenario)[BRIDGE])  # type: ignore[arg-type]
+    assert bridge.trip_route(bridge.initial_gap_m).road_line.length_m < 6000.0
+
+
+@pytest.mark.parametrize(
+    ("listeners", "plant", "bridge"),
+    [
+        ({}, 3, 2),
+        ({"recorder": False}, 2, 1),
+        ({"to_state": 2, "to_preview": 1}, 5, 3),
+    ],
+)
+def test_all_listeners_are_counted(
+    scenario: Scenario, listeners: dict[str, int], plant: int, bridge: int
+) -> None:
+    parameters = node_parameters(scenario, **listeners)
+    assert parameters[PLANT]["expected_peers"] == plant
+    assert parameters[BRIDGE]["expected_peers"] == bridge
+
+
+def test_ros_reads_parameter_files_as_they_are_meant(tmp_path: Path) -> None:
+    values = {
+        "truth": True, "count": 3, "small": 1e-7, "large": 1e22, "whole": 2.0, "text": "3x1+5x5",
+        "digits": "1e3", "word": "on", "path": "a b/c: #d", "quote": "it's \"so\"", "nothing": "",
+        "unicode": "ö",
+    }  # fmt: skip
+    path = tmp_path / "parameters.yaml"
+    path.write_text(parameter_file_text("plant", values), encoding="utf-8")
+    context = Context()
+    with reserve_domain() as domain:
+        rclpy.init(args=[], context=context, domain_id=domain)
+        node = Node(
+            "plant",
+            namespace="/car_1",
+            context=context,
+            cli_args=["--ros-args", "--params-file", str(path)],
+            automatically_declare_parameters_from_overrides=True,
+            enable_rosout=False,
+        )
+        found = {name: node.get_parameter(name).value for name in values}
+        node.destroy_node()
+        context.try_shutdown()
+    assert found == values
+    assert {name: type(value) for name, value in found.items()} == {
+        name: type(value) for name, value in values.items()
+    }
+
+
+def test_the_recorder_understands_its_command() -> None:
+    command = recorder_command(Path("out"), Path("info.yaml"), "zstd", "/car_1")
+    assert command[-3:] == ["--ros-args", "-r", "__ns:=/car_1"]
+    parsed = build_parser().parse_args(remove_ros_args(command)[3:])
+    assert parsed.output == Path("out")
+    assert parsed.run_information == Path("info.yaml")
+    assert parsed.compression == "zstd"
+
+
+def test_the_bag_holds_everything_about_the_run(scenario: Scenario, tmp_path: Path) -> None:
+    described = run_information(scenario, node_parameters(scenario))
+    path = tmp_path / "information.yaml"
+    path.write_text(yaml.safe_dump(described, sort_keys=False), encoding="utf-8")
+    information = load_run_information(path)
+    assert information.scenario == "short"
+    assert information.seed == 0
+    assert stored_model_parameters(information) == scenario.vehicle.values
+    assert yaml.safe_load(information.parameters)[BRIDGE]["cycle"] == "sc03"
+    assert yaml.safe_load(information.extra["scenario_file"])["slope"] == "small"
+    assert information.versions["python"]

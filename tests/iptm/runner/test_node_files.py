@@ -1,0 +1,324 @@
+"""Parameter files and launch files agree with the packages that they start."""
+
+from __future__ import annotations
+
+import re
+import runpy
+import sys
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import pytest
+import yaml
+from tests.packaging.packages import PACKAGES, setup_of
+
+import iptm.runner
+from iptm_controller.node_parameters import ControllerNodeParameters
+from iptm_core.declaration import checked_value, parameter_specs
+from iptm_core.errors import ScenarioError
+from iptm_plant_sim.node_parameters import PlantNodeParameters
+from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
+
+CONFIG = Path(iptm.runner.__file__).parent / "config" / "nodes"
+SOURCE = Path(iptm.runner.__file__).parents[3]
+LAUNCH = SOURCE / "iptm" / "launch"
+NODES: dict[str, type[Any]] = {
+    "plant": PlantNodeParameters,
+    "v2x_bridge": BridgeNodeParameters,
+    "controller": ControllerNodeParameters,
+}
+
+needs_sources = pytest.mark.skipif(not LAUNCH.is_dir(), reason="installed without its sources")
+
+
+@needs_sources
+def test_the_aggregator_sorts_every_status_into_one_group() -> None:
+    path = CONFIG.parent / "diagnostic_aggregator.yaml"
+    parameters = yaml.safe_load(path.read_text(encoding="utf-8"))["analyzers"]["ros__parameters"]
+    groups = [entry["contains"] for entry in parameters.values() if isinstance(entry, dict)]
+    found = re.compile(r"DiagnosticsReporter\.of_node\(self, (?:\"([^\"]+)\"|NAME)\)")
+    components = {
+        match[1] or "traffic"
+        for source in SOURCE.rglob("*node*.py")
+        for match in found.finditer(source.read_text(encoding="utf-8"))
+    }
+    assert {"vehicle", "preview", "optimal control"} <= components
+    for component in components:
+        name = f"/car_1/any_node: {component}"
+        assert [any(part in name for part in parts) for parts in groups].count(True) == 1, name
+
+
+@pytest.mark.parametrize("node", NODES)
+def test_parameter_files_state_every_parameter_with_its_default(node: str) -> None:
+    content = yaml.safe_load((CONFIG / f"{node}.yaml").read_text(encoding="utf-8"))
+    assert content.keys() == {f"/**/{node}"}
+    given = content[f"/**/{node}"]["ros__parameters"]
+    assert given.keys() == {spec.name for spec in parameter_specs(NODES[node])}
+    assert NODES[node](**given) == NODES[node]()
+
+
+class Recorded:
+    """Stands for any class of `launch`: remembers what it was built with."""
+
+    made: list[Recorded] = []  # noqa: RUF012
+
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        self.arguments = arguments
+        self.named = named
+        Recorded.made.append(self)
+
+
+def recorded_class(name: str) -> type[Recorded]:
+    return type(name, (Recorded,), {})
+
+
+@pytest.fixture
+def launch_stubs(monkeypatch: pytest.MonkeyPatch) -> list[Recorded]:
+    """Stand in for the packages of a full ROS 2 installation."""
+    modules = {
+        "launch": ["LaunchContext", "LaunchDescription"],
+        "launch.actions": [
+            "DeclareLaunchArgument",
+            "EmitEvent",
+            "GroupAction",
+            "IncludeLaunchDescription",
+            "OpaqueFunction",
+            "RegisterEventHandler",
+        ],
+        "launch.event_handlers": ["OnProcessExit"],
+        "launch.events": ["matches_action"],
+        "launch.events.process": ["ShutdownProcess"],
+        "launch.conditions": ["IfCondition"],
+        "launch.launch_description_sources": ["PythonLaunchDescriptionSource"],
+        "launch.substitutions": ["LaunchConfiguration", "PythonExpression"],
+        "launch_ros": [],
+        "launch_ros.actions": ["Node"],
+        "launch_ros.parameter_descriptions": ["ParameterValue"],
+    }
+    for name, classes in modules.items():
+        module = ModuleType(name)
+        for cls in classes:
+            setattr(module, cls, recorded_class(cls))
+        monkeypatch.setitem(sys.modules, name, module)
+    package_index = ModuleType("ament_index_python.packages")
+    package_index.get_package_share_directory = (  # type: ignore[attr-defined]
+        lambda name: str(SOURCE / name / name / "runner")
+    )
+    monkeypatch.setitem(sys.modules, "ament_index_python.packages", package_index)
+    Recorded.made = []
+    return Recorded.made
+
+
+def executables() -> set[tuple[str, str]]:
+    """Return (package, executable) of every set-up script."""
+    return {
+        (package, line.split(" = ")[0])
+        for package in PACKAGES
+        for line in setup_of(package).get("entry_points", {}).get("console_scripts", [])
+    }
+
+
+def of_class(made: list[Recorded], name: str) -> list[Recorded]:
+    return [item for item in made if type(item).__name__ == name]
+
+
+@needs_sources
+def test_the_launch_file_starts_what_the_packages_install(launch_stubs: list[Recorded]) -> None:
+    module = runpy.run_path(str(LAUNCH / "closed_loop.launch.py"))
+    module["generate_launch_description"]()
+    nodes = of_class(launch_stubs, "Node")
+    started = {(node.named["package"], node.named["executable"]) for node in nodes}
+    assert len(started) == 4
+    assert started <= executables()
+
+
+@needs_sources
+def test_the_launch_file_sets_parameters_and_arguments_that_exist(
+    launch_stubs: list[Recorded],
+) -> None:
+    module = runpy.run_path(str(LAUNCH / "closed_loop.launch.py"))
+    module["generate_launch_description"]()
+    declared = {item.arguments[0] for item in of_class(launch_stubs, "DeclareLaunchArgument")}
+    used = {item.arguments[0] for item in of_class(launch_stubs, "LaunchConfiguration")}
+    # Read in functions: the one before the others are set, the other at the end.
+    assert used == declared - {"scenario", "fails_launch"}
+    for argument in of_class(launch_stubs, "DeclareLaunchArgument"):
+        choices = argument.named["choices"]
+        assert argument.named["description"]
+        assert choices is None or argument.named["default_value"] in choices
+    for node in of_class(launch_stubs, "Node"):
+        name = node.named["name"]
+        if name not in NODES:
+            continue
+        specs = {spec.name: spec for spec in parameter_specs(NODES[name])}
+        for key, value in node.named["parameters"][1].items():
+            if key == "use_sim_time":
+                continue
+            assert specs[key].kind is value.named["value_type"], key
+            if key in module["ARGUMENTS"]:
+                text, kind = module["ARGUMENTS"][key][0], value.named["value_type"]
+                default = text == "True" if kind is bool else kind(text)
+                assert checked_value(specs[key], default) == specs[key].default, key
+    for name in NODES:
+        assert Path(module["ARGUMENTS"][f"{name}_parameters"][0]).is_file()
+
+
+class Loop:
+    """A loop of the launch file, and what its event handlers do when its processes end."""
+
+    def __init__(self, made: list[Recorded], **given: str) -> None:
+        first = len(made)
+        module = runpy.run_path(str(LAUNCH / "closed_loop.launch.py"))
+        module["generate_launch_description"]()
+        own = made[first:]
+        self.nodes = of_class(own, "Node")
+        self.handlers = {
+            id(handler.named["target_action"]): handler.named["on_exit"]
+            for handler in of_class(own, "OnProcessExit")
+        }
+        configurations = {"record": "true", "fails_launch": "true", **given}
+        prepare = of_class(own, "OpaqueFunction")[1].named["function"]
+        prepare(SimpleNamespace(launch_configurations=configurations))
+
+    def end(self, place: int, code: int = 0, *, is_shutdown: bool = False) -> list[Recorded]:
+        """Return the processes that are ended after the end of one."""
+        node = self.nodes[place]
+        event = SimpleNamespace(returncode=code, process_name=f"{node.named['executable']}-1")
+        actions = self.handlers[id(node)](event, SimpleNamespace(is_shutdown=is_shutdown))
+        return [action.named["event"].named["process_matcher"].arguments[0] for action in actions]
+
+
+@needs_sources
+def test_the_end_of_a_node_ends_its_own_loop_and_that_of_the_recorder_nothing(
+    launch_stubs: list[Recorded],
+) -> None:
+    loop = Loop(launch_stubs)
+    assert not any("on_exit" in node.named for node in loop.nodes)
+    assert [node.named["executable"] for node in loop.nodes][-1] == "recorder"
+    for place, node in enumerate(loop.nodes[:-1]):
+        assert loop.end(place) == [other for other in loop.nodes if other is not node]
+    assert loop.end(3) == []
+
+
+@needs_sources
+def test_a_launch_fails_when_the_last_process_of_a_loop_has_ended(
+    launch_stubs: list[Recorded],
+) -> None:
+    for record, last in (("true", 3), ("false", 2)):
+        loop = Loop(launch_stubs, record=record)
+        assert len(loop.end(0, -9)) == 3
+        for place in range(1, last):
+            loop.end(place)
+        with pytest.raises(RuntimeError, match=r"-1 ended with exit code -9"):
+            loop.end(last)
+    with pytest.raises(RuntimeError, match="ended with exit code 2"):  # a mistake, at once
+        Loop(launch_stubs).end(1, 2)
+    interrupted = Loop(launch_stubs)
+    for place in range(4):
+        interrupted.end(place, -2, is_shutdown=True)
+
+
+@needs_sources
+def test_a_dead_vehicle_of_a_string_fails_the_launch_after_all_others(
+    launch_stubs: list[Recorded],
+) -> None:
+    """Before, the launch ended with it, and with it the other vehicles."""
+    module = runpy.run_path(str(LAUNCH / "string.launch.py"))
+    driving = SimpleNamespace(is_shutdown=False)
+    cars = [Loop(launch_stubs, fails_launch="false", record="false") for _ in range(2)]
+    end = module["StringEnd"](6)
+    for place, code in ((0, -9), (1, 0), (2, 0)):
+        cars[0].end(place, code)
+        end.on_exit(SimpleNamespace(returncode=code, process_name=f"car_1-{place}"), driving)
+    for place in range(2):
+        end.on_exit(SimpleNamespace(returncode=0, process_name="car_2"), driving)
+        cars[1].end(place)
+    with pytest.raises(RuntimeError, match="car_1-0 ended with exit code -9"):
+        end.on_exit(SimpleNamespace(returncode=0, process_name="car_2"), driving)
+
+
+@needs_sources
+def test_a_scenario_is_the_default_of_arguments_that_are_not_given(
+    launch_stubs: list[Recorded], tmp_path: Path
+) -> None:
+    module = runpy.run_path(str(LAUNCH / "closed_loop.launch.py"))
+    module["generate_launch_description"]()
+    (description,) = of_class(launch_stubs, "LaunchDescription")
+    first, second = description.arguments[0][:2]
+    assert first.arguments[0] == "scenario"
+    take = second.named["function"]
+
+    given = {"scenario": "real_time", "cycle": "us06"}
+    take(SimpleNamespace(launch_configurations=given))
+    assert (given["cycle"], given["slope"], given["mode"]) == ("us06", "small", "real_time")
+    text = Path(given["controller_parameters"]).read_text(encoding="utf-8")
+    assert yaml.safe_load(text)["/**/controller"]["ros__parameters"]["deadline_ms"] == 500
+    assert given.keys() <= module["ARGUMENTS"].keys()
+
+    clash = {"scenario": "real_time", "controller_parameters": "mine.yaml"}
+    with pytest.raises(ScenarioError, match="parameters of controller"):
+        take(SimpleNamespace(launch_configurations=clash))
+    file = tmp_path / "faulty.yaml"
+    file.write_text("faults:\n  - {kind: preview_lost, start_s: 5, duration_s: 5}\n")
+    with pytest.raises(ScenarioError, match="has faults"):
+        take(SimpleNamespace(launch_configurations={"scenario": str(file)}))
+    none = {"scenario": ""}
+    take(SimpleNamespace(launch_configurations=none))
+    assert none == {"scenario": ""}
+
+
+def start_string(made: list[Recorded], module: dict[str, Any], **given: str) -> None:
+    """Build the loops of a string with arguments."""
+    configuration: Any = sys.modules["launch.substitutions"].LaunchConfiguration
+    defaults = {name: default for name, (default, _) in module["ARGUMENTS"].items()}
+    configuration.perform = lambda self, _: {**defaults, **given}[self.arguments[0]]
+    (opaque,) = of_class(made, "OpaqueFunction")
+    opaque.named["function"](SimpleNamespace(launch_configurations=given))
+
+
+@needs_sources
+@pytest.mark.parametrize(
+    ("given", "refusal"),
+    [
+        ({"vehicles": "0"}, "vehicles is 0; allowed: 2 to 20"),
+        ({"vehicles": "abc"}, "vehicles is abc; allowed: 2 to 20"),
+        ({"vehicles": "2.5"}, "vehicles is 2.5; allowed: a whole number, 2 to 20"),
+        ({"vehicles": "100"}, "vehicles is 100; allowed: 2 to 20"),
+        ({"initial_gap_m": "far"}, "initial_gap_m is far; allowed: 1 to 500 m"),
+        ({"leader_length_m": "nan"}, "leader_length_m is nan; allowed: "),
+    ],
+)
+def test_arguments_that_make_no_string_are_refused(
+    launch_stubs: list[Recorded], given: dict[str, str], refusal: str
+) -> None:
+    module = runpy.run_path(str(LAUNCH / "string.launch.py"))
+    module["generate_launch_description"]()
+    with pytest.raises(ScenarioError, match=refusal):
+        start_string(launch_stubs, module, **given)
+
+
+@needs_sources
+def test_the_vehicles_of_a_string_follow_each_other(launch_stubs: list[Recorded]) -> None:
+    module = runpy.run_path(str(LAUNCH / "string.launch.py"))
+    module["generate_launch_description"]()
+    start_string(launch_stubs, module)
+    given = [
+        dict(item.named["launch_arguments"])
+        for item in of_class(launch_stubs, "IncludeLaunchDescription")
+    ]
+    names = ["/car_1", "/car_2", "/car_3", "/car_4", "/car_5"]
+    assert [entry["namespace"] for entry in given] == names
+    assert [entry["vehicle_ahead"] for entry in given] == ["", *names[:-1]]
+    assert [entry["vehicle_behind"] for entry in given] == [*names[1:], ""]
+    assert [entry["leader_source"] for entry in given] == ["cycle", *["vehicle"] * 4]
+    # 15 m from bumper to bumper, and 4.5 m of car.
+    starts_m = [float(entry["start_position_m"]) for entry in given]
+    assert starts_m == [0.0, -19.5, -39.0, -58.5, -78.0]
+    assert [Path(entry["bag"]).name for entry in given] == [name[1:] for name in names]
+    assert not any("clock" in entry for entry in given)  # the namespace moves it
+    # What is set for the first vehicle must not be in force for the second.
+    groups = [item.arguments[0] for item in of_class(launch_stubs, "GroupAction")]
+    assert groups == [[item] for item in of_class(launch_stubs, "IncludeLaunchDescription")]
+    known = runpy.run_path(str(LAUNCH / "closed_loop.launch.py"))["ARGUMENTS"]
+    assert all(entry.keys() <= known.keys() for entry in given)

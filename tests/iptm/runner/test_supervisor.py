@@ -1,0 +1,140 @@
+"""Processes are started, missed and ended, however unwilling they are."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from iptm.runner import supervisor as module
+from iptm.runner.supervisor import LAST_LINES, Supervisor
+
+OBEDIENT = "import time; print('ready', flush=True); time.sleep(60)"
+DEAF = (
+    "import signal, time; signal.signal({0}, signal.SIG_IGN); print('ready', flush=True);"
+    "time.sleep(60)"
+)
+STUBBORN = (
+    "import signal, time; [signal.signal(s, signal.SIG_IGN) for s in (signal.SIGINT,"
+    " signal.SIGTERM)]; print('ready', flush=True); time.sleep(60)"
+)
+
+
+def until(condition: Callable[[], object], what: str, timeout_s: float = 30.0) -> None:
+    deadline_s = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < deadline_s, f"timed out waiting for: {what}"
+        time.sleep(0.01)
+
+
+@pytest.fixture
+def processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Supervisor]:
+    for patience in ("INTERRUPT_PATIENCE_S", "TERMINATE_PATIENCE_S"):
+        monkeypatch.setattr(module, patience, 0.3)
+    supervisor = Supervisor(os.environ, lambda name: tmp_path / f"{name}.log")
+    yield supervisor
+    supervisor.stop()
+
+
+def start(processes: Supervisor, name: str, program: str) -> None:
+    processes.start(name, [sys.executable, "-c", program])
+
+
+def codes(processes: Supervisor) -> dict[str, int]:
+    return {ending.name: ending.code for ending in processes.endings()}
+
+
+def test_an_end_is_noticed_with_code_and_last_words(processes: Supervisor) -> None:
+    lines = 3 * LAST_LINES
+    start(processes, "chatty", f"[print('line', k) for k in range({lines})]; raise SystemExit(7)")
+    start(processes, "calm", OBEDIENT)
+    until(lambda: not processes.is_running("chatty"), "the end")
+    (ending,) = processes.endings()
+    assert (ending.name, ending.code, ending.how) == ("chatty", 7, "ended with exit code 7")
+    assert ending.last_lines == tuple(f"line {k}" for k in range(lines - LAST_LINES, lines))
+    assert processes.is_running("calm")
+    assert processes.names == ("chatty", "calm")
+
+
+def test_a_killed_process_is_reported_as_killed(processes: Supervisor) -> None:
+    start(processes, "victim", "import os, signal; os.kill(os.getpid(), signal.SIGKILL)")
+    until(lambda: not processes.is_running("victim"), "the end")
+    assert processes.endings()[0].how == "was killed by signal 9 (SIGKILL)"
+
+
+@pytest.mark.parametrize(
+    ("program", "number"),
+    [
+        (OBEDIENT, None),
+        (DEAF.format("signal.SIGINT"), signal.SIGTERM),
+        (STUBBORN, signal.SIGKILL),
+    ],
+)
+def test_ends_with_as_much_force_as_it_takes(
+    processes: Supervisor, program: str, number: signal.Signals | None
+) -> None:
+    start(processes, "process", program)
+    until(lambda: "ready" in processes.log_text("process"), "the process")
+    processes.stop()
+    assert not processes.is_running("process")
+    if number is not None:
+        assert codes(processes) == {"process": -number}
+
+
+def test_a_frozen_process_can_end(processes: Supervisor) -> None:
+    """As one that a fault froze in the last second of a trip: it counts as ended well."""
+    start(processes, "process", "import time; print('ready', flush=True)\n"
+          "try: time.sleep(60)\nexcept KeyboardInterrupt: pass")  # fmt: skip
+    until(lambda: "ready" in processes.log_text("process"), "the process")
+    processes.send("process", signal.SIGSTOP)
+    processes.stop()
+    assert codes(processes) == {"process": 0}
+
+
+def test_only_those_asked_for_are_ended(processes: Supervisor) -> None:
+    for name in ("one", "two"):
+        start(processes, name, OBEDIENT)
+    processes.stop(["one"])
+    assert [processes.is_running(name) for name in ("one", "two")] == [False, True]
+
+
+def test_processes_hear_nothing_of_a_terminal(processes: Supervisor) -> None:
+    """Ctrl-C goes to the whole group of the terminal; the processes must not be in it."""
+    start(processes, "process", "import os; print('group', os.getpgid(0), flush=True)")
+    until(lambda: not processes.is_running("process"), "the end")
+    assert processes.log_text("process").split() != ["group", str(os.getpgid(0))]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="a service of Linux")
+def test_processes_end_with_a_killed_runner(tmp_path: Path) -> None:
+    log = tmp_path / "child.log"
+    program = (
+        "import os, signal, sys, time; from pathlib import Path;"
+        "signal.signal(signal.SIGINT, signal.SIG_IGN);"  # as in the background of a shell
+        "from iptm.runner.supervisor import Supervisor;"
+        f"processes = Supervisor(os.environ, lambda name: Path({str(log)!r}));"
+        "processes.start('child', [sys.executable, '-c',"
+        " 'import os, time; print(os.getpid(), flush=True); time.sleep(60)']); time.sleep(60)"
+    )
+    runner = subprocess.Popen([sys.executable, "-c", program])
+    try:
+        until(lambda: log.exists() and log.read_text().strip(), "the child")
+        child = int(log.read_text())
+    finally:
+        runner.kill()
+        runner.wait()
+    until(lambda: not is_alive(child), "the end of the child")
+
+
+def is_alive(pid: int) -> bool:
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rsplit(")", 1)[1].split()[0]
+    except OSError:
+        return False
+    return state != "Z"

@@ -1,0 +1,114 @@
+"""A run that is watched: its pace, and the reference car of the live view."""
+
+from __future__ import annotations
+
+import io
+import json
+from functools import partial
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from iptm.runner import reference_drive, viewer
+from iptm.runner.comparison import drive_other
+from iptm.runner.run_closed_loop import WATCHING_RATE, build_parser, chosen_scenario
+from iptm.runner.run_folder import REFERENCE
+from iptm.runner.scenario import Scenario, prepare
+from iptm.runner.supervisor import Supervisor
+from iptm_core.parameters.model import CELSIUS_ZERO_K
+from iptm_core.settings import LoopMode
+from iptm_ros.process import StopRequest
+from iptm_ros.recording.export import export_table, write_parquet
+
+
+@pytest.mark.parametrize(
+    ("options", "mode", "rate_factor"),
+    [
+        (["demo"], LoopMode.LOCK_STEP, 1.0),
+        (["demo", "--view"], LoopMode.REAL_TIME, WATCHING_RATE),
+        (["demo", "--view", "--rate-factor", "3"], LoopMode.REAL_TIME, 3.0),
+        (["demo", "--view", "--mode", "lock_step"], LoopMode.LOCK_STEP, 1.0),
+        (["real_time", "--view"], LoopMode.REAL_TIME, 1.0),
+    ],
+)
+def test_who_watches_gets_a_pace_that_can_be_watched(
+    options: list[str], mode: LoopMode, rate_factor: float
+) -> None:
+    scenario = chosen_scenario(build_parser().parse_args(options))
+    assert (scenario.mode, scenario.rate_factor) == (mode, rate_factor)
+
+
+def test_the_reference_car_drives_the_same_trip(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO("cycle: nycc\nduration_s: 20.0\n"))
+    assert reference_drive.main(["--strategy", "reference"]) == 0
+    header, *rows = map(json.loads, capsys.readouterr().out.splitlines())
+    assert (header["strategy"], header["duration_s"]) == ("reference", 20.0)
+    columns: dict[str, Any] = dict(zip(header["columns"], np.transpose(rows), strict=True))
+    run = drive_other(prepare(Scenario(cycle="nycc", duration_s=20.0)), "reference").trajectory
+    expected = {
+        **{name: getattr(run, name) for name in columns if hasattr(run, name)},
+        "cell_1_temperature_c": run.cell_1_temperature_k - CELSIUS_ZERO_K,
+        "cell_n_temperature_c": run.cell_n_temperature_k - CELSIUS_ZERO_K,
+        "capacity_loss": run.cell_1_capacity_loss + run.cell_n_capacity_loss,
+    }
+    assert expected.keys() == columns.keys()
+    for name, values in expected.items():
+        np.testing.assert_array_equal(columns[name], values, err_msg=name)
+
+
+class RunningView:
+    def is_running(self, name: str) -> bool:
+        return name == viewer.VIEW
+
+
+def test_without_a_terminal_the_view_ends_with_the_run() -> None:
+    """A script that drives runs comes to its end, and its output names the way to see them again."""
+    console = Console(file=io.StringIO(), width=200)
+    bags = [Path("bags/my run")]
+    supervisor = cast("Supervisor", RunningView())
+    viewer._stay_open(supervisor, StopRequest(), "http://127.0.0.1:8780/", bags, console)
+    assert cast("io.StringIO", console.file).getvalue() == (
+        "the live view ends with the run (no terminal); to see it again: scripts/view 'bags/my run'\n"
+    )
+
+
+def test_a_run_that_keeps_its_reference_has_it_driven_no_second_time(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO("cycle: nycc\nduration_s: 20.0\n"))
+    run = drive_other(prepare(Scenario(cycle="nycc", duration_s=20.0)), "reference").trajectory
+    table = export_table(run.to_arrays(), {"strategy": "reference"})
+    write_parquet(tmp_path / REFERENCE, table)
+    driven: list[str] = []
+    drive = partial(_note_strategy, driven)
+    monkeypatch.setattr(reference_drive, "drive_other", drive)
+    assert reference_drive.main([f"--run={tmp_path}"]) == 0
+    header, *rows = map(json.loads, capsys.readouterr().out.splitlines())
+    columns: dict[str, Any] = dict(zip(header["columns"], np.transpose(rows), strict=True))
+    for name in ("time_s", "position_m", "battery_power_w"):
+        assert columns[name].tolist() == getattr(run, name).tolist()
+    assert driven == []
+    # Of another strategy, or with a damaged file, it is driven.
+    for strategy in ("aging", "reference"):
+        monkeypatch.setattr("sys.stdin", io.StringIO("cycle: nycc\nduration_s: 20.0\n"))
+        assert reference_drive.main([f"--run={tmp_path}", f"--strategy={strategy}"]) == 0
+        (tmp_path / REFERENCE).write_bytes(b"PAR1 damaged")
+    assert driven == ["aging", "reference"]
+
+
+def _note_strategy(driven: list[str], scenario: object, strategy: str, on_step: object) -> None:  # noqa: ARG001
+    driven.append(strategy)
+
+
+def test_a_trip_that_cannot_be_driven_is_refused(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO("cycle: nycd\n"))
+    assert reference_drive.main([]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "nycd" in line

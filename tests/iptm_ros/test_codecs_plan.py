@@ -1,0 +1,66 @@
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from iptm_core.errors import MessageError
+from iptm_ros.codecs import PlanTrajectory, decode_plan, encode_plan
+
+TIMES = 30.0 + np.array([0.0, 1.0, 2.0, 7.0, 12.0])
+PLAN = PlanTrajectory(TIMES, *(column + np.linspace(0.0, 1.0, 5) for column in range(6)))
+
+
+def test_round_trip_with_unequal_steps() -> None:
+    stamp_ns, back = decode_plan(encode_plan(PLAN, 30_000_000_000))
+    assert stamp_ns == 30_000_000_000
+    for field in dataclasses.fields(PLAN):
+        np.testing.assert_array_equal(getattr(back, field.name), getattr(PLAN, field.name))
+
+
+def test_node_times_are_relative_to_the_stamp() -> None:
+    message = encode_plan(PLAN, 30_000_000_000)
+    assert [point.time_from_start.sec for point in message.points] == [0, 1, 2, 7, 12]
+
+
+def test_empty_plan_is_possible() -> None:
+    empty = PlanTrajectory(*(np.empty(0) for _ in range(7)))
+    _, back = decode_plan(encode_plan(empty, 0))
+    assert back.times_s.size == back.compressor_powers_w.size == 0
+
+
+def test_columns_of_different_length_cannot_be_sent() -> None:
+    broken = dataclasses.replace(PLAN, accelerations_m_s2=np.zeros(4))
+    with pytest.raises(MessageError, match="controller/plan: columns have"):
+        encode_plan(broken, 0)
+
+
+def test_value_that_is_not_finite_is_named() -> None:
+    speeds = PLAN.speeds_m_s.copy()
+    speeds[2] = math.nan
+    message = encode_plan(dataclasses.replace(PLAN, speeds_m_s=speeds), 0)
+    with pytest.raises(MessageError, match=r"speed_m_s\[2\] is nan"):
+        decode_plan(message)
+
+
+def test_other_columns_are_refused() -> None:
+    message = encode_plan(PLAN, 0)
+    message.joint_names = message.joint_names[::-1]
+    with pytest.raises(MessageError, match="joint_names"):
+        decode_plan(message)
+
+
+def test_short_row_is_refused() -> None:
+    message = encode_plan(PLAN, 0)
+    message.points[3].positions = [1.0]
+    with pytest.raises(MessageError, match="point 3 has 1 values; allowed: 6"):
+        decode_plan(message)
+
+
+def test_times_must_increase() -> None:
+    message = encode_plan(PLAN, 0)
+    message.points[1].time_from_start = message.points[0].time_from_start
+    with pytest.raises(MessageError, match="times do not increase"):
+        decode_plan(message)

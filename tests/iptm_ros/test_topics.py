@@ -1,0 +1,92 @@
+from __future__ import annotations
+
+import re
+
+import pytest
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+
+from iptm_ros.qos import LATCHED_QOS, RAW_QOS, STREAM_QOS, describe_qos
+from iptm_ros.topics import (
+    TOPICS,
+    Topic,
+    TopicSpec,
+    frame_in,
+    topic_of,
+)
+from iptm_ros.visual_topics import VISUAL_TOPICS
+
+ALL = [*TOPICS.values(), *VISUAL_TOPICS.values()]
+
+
+def spec_id(spec: TopicSpec) -> str:
+    return spec.name
+
+
+def test_every_key_has_a_specification() -> None:
+    assert set(TOPICS) | set(VISUAL_TOPICS) == set(Topic)
+    assert set(TOPICS).isdisjoint(VISUAL_TOPICS)
+
+
+@pytest.mark.parametrize("spec", ALL, ids=spec_id)
+def test_names_are_relative_unless_global(spec: TopicSpec) -> None:
+    if spec.topic is Topic.DIAGNOSTICS:
+        assert spec.name.startswith("/")
+    elif spec.topic is Topic.CLOCK:
+        assert spec.name == "clock"
+    else:
+        assert re.fullmatch(r"(plant|v2x|controller|visual)/[a-z0-9_]+", spec.name)
+
+
+@pytest.mark.parametrize("spec", ALL, ids=spec_id)
+def test_types_come_from_standard_packages(spec: TopicSpec) -> None:
+    assert re.fullmatch(
+        r"(rosgraph|nav|geometry|sensor|std|trajectory|diagnostic|visualization)_msgs/msg/[A-Z]\w+",
+        spec.type_name,
+    )
+
+
+@pytest.mark.parametrize("spec", ALL, ids=spec_id)
+def test_every_specification_is_complete(spec: TopicSpec) -> None:
+    assert all((spec.unit, spec.frame, spec.meaning, spec.rate, spec.publisher))
+    if spec.message_type is JointState:
+        assert spec.fields
+
+
+@pytest.mark.parametrize("spec", ALL, ids=spec_id)
+def test_only_static_data_is_latched(spec: TopicSpec) -> None:
+    latched = dict.fromkeys((Topic.SLOPE, Topic.VISUAL_ROAD), LATCHED_QOS)
+    special = {**latched, Topic.DATAGRAMS: RAW_QOS}
+    assert spec.qos is special.get(spec.topic, STREAM_QOS)
+
+
+def test_profiles() -> None:
+    assert STREAM_QOS.reliability is ReliabilityPolicy.RELIABLE
+    assert STREAM_QOS.history is HistoryPolicy.KEEP_LAST
+    assert (STREAM_QOS.depth, LATCHED_QOS.depth) == (10, 1)
+    assert LATCHED_QOS.durability is DurabilityPolicy.TRANSIENT_LOCAL
+    assert describe_qos(STREAM_QOS) == "reliable, keep last 10"
+    assert describe_qos(LATCHED_QOS) == "reliable, keep last 1, transient-local"
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "name"), [("/", "/clock"), ("/car_1", "/car_1/clock"), ("car_1/", "/car_1/clock")]
+)
+def test_topic_of_a_vehicle(vehicle: str, name: str) -> None:
+    assert topic_of(vehicle, Topic.CLOCK) == name
+
+
+@pytest.mark.parametrize(
+    ("namespace", "frame", "expected"),
+    [
+        ("/", "odom", "odom"),
+        ("", "odom", "odom"),
+        ("/car_1", "odom", "car_1/odom"),
+        ("fleet/car_1", "base_link", "fleet/car_1/base_link"),
+        ("/car_1", "car_1/odom", "car_1/odom"),
+        ("/car_1", "map", "map"),
+        ("/car_1", "", ""),
+    ],
+)
+def test_frames_carry_the_vehicle(namespace: str, frame: str, expected: str) -> None:
+    assert frame_in(namespace, frame) == expected
