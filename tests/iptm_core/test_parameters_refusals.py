@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from iptm_core.errors import ParameterError
 from iptm_core.parameters import load_parameters
+from iptm_core.settings import ModelSettings
 
 BASE = "base: paper_calibrated\n"
 Refuse = Callable[..., str]
@@ -288,3 +289,28 @@ def test_sets_that_do_not_exist(name: Any, message: str) -> None:
     with pytest.raises(ParameterError) as caught:
         load_parameters(name)
     assert message in str(caught.value)
+
+
+def test_a_set_for_one_purpose_is_refused_unless_its_parameter_is_stated(
+    refuse: Refuse, tmp_path: Path
+) -> None:
+    """Also through a set that builds on it."""
+    text = BASE + "refused_without: {chiller.gate_power_w: cools with the compressor off}\n"
+    message = (
+        ": cools with the compressor off; allowed: with an override of chiller.gate_power_w only"
+    )
+    assert refuse(text) == message
+    assert refuse(text, {"body.mass_kg": 1500.0}) == message
+    path = tmp_path / "mine.yaml"
+    assert load_parameters(path, {"chiller.gate_power_w": 0.0}).values.chiller.gate_power_w == 0.0
+    (tmp_path / "above.yaml").write_text("base: mine.yaml\n", encoding="utf-8")
+    with pytest.raises(ParameterError, match=r"above\.yaml: cools with the compressor off"):
+        load_parameters(tmp_path / "above.yaml")
+    assert "unknown parameter" in refuse(BASE + "refused_without: {chiller.gate: cools}\n")
+
+
+@pytest.mark.parametrize("watts", ["0", "0.0", "-0.0"])
+def test_nodes_and_demos_refuse_a_chiller_that_cools_with_the_compressor_off(watts: str) -> None:
+    with pytest.raises(ParameterError, match=r"gate_power_w is 0, .*; allowed: above 0 W in nodes"):
+        ModelSettings(parameter_overrides=f"chiller.gate_power_w={watts}").model()
+    ModelSettings(parameter_overrides="chiller.gate_power_w=1").model()

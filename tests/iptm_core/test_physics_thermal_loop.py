@@ -128,6 +128,19 @@ def test_radiator_by_hand() -> None:
     assert loop.outlet_k - loop.inlet_k == pytest.approx(radiated_w / FLOW_W_K, rel=1e-9)
 
 
+def test_without_a_gate_the_chiller_takes_what_the_map_says_by_hand() -> None:
+    """Eq. (14) as printed, at 36 km/h and 35 degC: (xi_3 + xi_5 m_c) T_c,out + xi_4 T_a m_a + xi_6."""
+    values = with_all()
+    chiller = replace(values.chiller, gate_power_w=0.0)
+    loop = loop_at(replace(values, chiller=chiller), 0.0, (313.15, 313.15), 308.15)
+    slope_w_k = chiller.xi_3_w_k + chiller.xi_5_j_kg_k * values.cooling.coolant_mass_flow_kg_s
+    air_w = chiller.xi_4_j_kg_k * 35.0 * (0.07065 + 0.001683 * 36.0)
+    map_w = slope_w_k * (loop.outlet_k - 273.15) + air_w + chiller.xi_6_w
+    assert loop.cooling_rate_w == pytest.approx(map_w, rel=1e-9)
+    assert loop.cooling_rate_w > 500.0
+    assert loop_at(values, 0.0, (313.15, 313.15), 308.15).cooling_rate_w == 0.0
+
+
 @given(
     power_w=st.floats(-5000.0, 4500.0),
     cells_k=st.tuples(st.floats(263.0, 320.0), st.floats(263.0, 320.0)),

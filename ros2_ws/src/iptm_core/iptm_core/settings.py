@@ -107,8 +107,19 @@ class ModelSettings(Settings):
     )
 
     def model(self) -> ParameterSet:
-        """Load the parameters of the model."""
-        return load_parameters(self.parameter_set, parse_overrides(self.parameter_overrides))
+        """Load the parameters of the model.
+
+        Raises:
+            ParameterError: they cannot be read, or are those of a chiller without a gate.
+        """
+        model = load_parameters(self.parameter_set, parse_overrides(self.parameter_overrides))
+        if model.values.chiller.gate_power_w == 0.0:
+            raise ParameterError(
+                f"parameter set {model.name}: chiller.gate_power_w is 0, a chiller that cools with the "
+                "compressor off; allowed: above 0 W in nodes and demos, 0 for trips in memory that reproduce "
+                "the paper"
+            )
+        return model
 
 
 @dataclass(frozen=True)

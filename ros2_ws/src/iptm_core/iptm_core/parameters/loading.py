@@ -35,7 +35,7 @@ DEFAULT_SET = "paper_calibrated"
 _MAX_LAYERS = 8
 _NEUTRAL = "changes nothing: the paper's equations count"
 _TABLE_KEY = "chiller.by_ambient_temperature"
-_HEADINGS = ("description", "base")
+_HEADINGS = ("description", "base", "refused_without")
 
 
 @dataclass(frozen=True)
@@ -61,6 +61,7 @@ class _Layer:
     base: str | None
     entries: Mapping[str, Source]
     chiller_table: ChillerTable | None
+    refused_without: Mapping[str, str]
 
 
 def available_parameter_sets() -> tuple[str, ...]:
@@ -78,7 +79,8 @@ def load_parameters(
 
     Args:
         name_or_path: name of a shipped set (see ``available_parameter_sets``) or path of a YAML file.
-            A file that names a ``base`` states only what differs from it.
+            A file that names a ``base`` states only what differs from it. One that names parameters under
+            ``refused_without`` is refused, with the reason given there, unless they are overridden.
         overrides: dotted key -> value in the unit of the model, for example
             ``{"gap.max_gap_m": 80.0}``. A set with a chiller table is interpolated at the ambient
             temperature that results, so overriding that temperature moves the chiller too; a
@@ -97,6 +99,9 @@ def load_parameters(
             table = layer.chiller_table
             sources = {key: sources[key] for key in sources if key not in table.coefficients}
         sources.update(layer.entries)
+    for key, reason in (pair for layer in layers for pair in layer.refused_without.items()):
+        if key not in (overrides or {}):
+            raise ParameterError(f"{path}: {reason}; allowed: with an override of {key} only")
     if overrides is not None:
         written = StrictMapping(
             overrides, "overrides", specs, kind="parameter", error=ParameterError
@@ -233,7 +238,9 @@ def _read_layer(path: Path) -> _Layer:
             "allowed: one of the two in one file"
         )
     base = document.text("base") if "base" in document else None
-    return _Layer(document.text("description", ""), base, entries, table)
+    refused = document.section("refused_without", field_specs(), kind="parameter")
+    reasons = {key: refused.text(key) for key in refused}
+    return _Layer(document.text("description", ""), base, entries, table, reasons)
 
 
 def _read_entry(entry: object, spec: ParameterSpec, origin: str) -> Source:

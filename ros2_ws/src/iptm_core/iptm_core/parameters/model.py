@@ -195,7 +195,10 @@ class CoolingParameters:
 
 @dataclass(frozen=True)
 class ChillerParameters:
-    """Fitted chiller map (14) at one ambient temperature; temperatures in it are degrees Celsius."""
+    """Fitted chiller map (14) at one ambient temperature; temperatures in it are degrees Celsius.
+
+    A gate of 0 is none: the map as printed, which cools with the compressor off.
+    """
 
     xi_1: float = quantity("xi_1", "1", -100.0, 100.0)
     xi_2_1_w: float = quantity("xi_2", "1/W", -1.0, 1.0)
@@ -203,7 +206,7 @@ class ChillerParameters:
     xi_4_j_kg_k: float = quantity("xi_4", "J/(kg K)", -1e6, 1e6)
     xi_5_j_kg_k: float = quantity("xi_5", "J/(kg K)", -1e6, 1e6)
     xi_6_w: float = quantity("xi_6", "W", -1e6, 1e6)
-    gate_power_w: float = quantity("P_gate", "W", 1.0, 5000.0)
+    gate_power_w: float = quantity("P_gate", "W", 0.0, 5000.0)
     air_flow_at_rest_kg_s: float = quantity("m_a,0", "kg/s", 0.0, 10.0)
     air_flow_per_speed_kg_s_per_km_h: float = quantity("m_a,v", "kg/s/(km/h)", 0.0, 1.0)
 

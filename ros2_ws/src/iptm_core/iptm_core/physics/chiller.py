@@ -53,8 +53,10 @@ def air_mass_flow_kg_s(speed_m_s: Scalar, chiller: ChillerParameters) -> Scalar:
 def compressor_gate(power_w: Scalar, chiller: ChillerParameters) -> Scalar:
     """Smooth switch from 0 (compressor off) to 1 (running), ``1 - exp(-(P_cp / P_gate)^2)``.
 
-    The fitted map alone would cool with the compressor off.
+    The fitted map alone would cool with the compressor off. Without a gate (P_gate = 0) it does: 1.
     """
+    if chiller.gate_power_w == 0.0:
+        return 1.0
     relative = power_w / chiller.gate_power_w
     return 1.0 - exp(-relative * relative)
 
