@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from iptm.bags import load
+    from iptm.cached_calls import Outcome, cached_calls
     from iptm.comparison import Comparison, compare
     from iptm.own_parts import Controller, Predictor
     from iptm.run import Run
-    from iptm.simulation import Sweep, simulate, sweep
+    from iptm.simulation import simulate
+    from iptm.sweeping import Sweep, sweep
     from iptm_controller.measurements import Measurements
     from iptm_controller.strategy import STRATEGIES, Strategy
     from iptm_core.aging_laws.law import AgingLaw
@@ -22,14 +24,16 @@ if TYPE_CHECKING:
 # Loaded when first used: a node that imports one module of this package needs neither pandas nor Matplotlib.
 _HOMES = {
     "load": "iptm.bags",
+    "Outcome": "iptm.cached_calls",
+    "cached_calls": "iptm.cached_calls",
     "Comparison": "iptm.comparison",
     "compare": "iptm.comparison",
     "Controller": "iptm.own_parts",
     "Predictor": "iptm.own_parts",
     "Run": "iptm.run",
-    "Sweep": "iptm.simulation",
     "simulate": "iptm.simulation",
-    "sweep": "iptm.simulation",
+    "Sweep": "iptm.sweeping",
+    "sweep": "iptm.sweeping",
     "Measurements": "iptm_controller.measurements",
     "STRATEGIES": "iptm_controller.strategy",
     "Strategy": "iptm_controller.strategy",
@@ -54,11 +58,13 @@ __all__ = [
     "LeaderState",
     "Measurements",
     "ModelParameters",
+    "Outcome",
     "Predictor",
     "Run",
     "Strategy",
     "Sweep",
     "available_parameter_sets",
+    "cached_calls",
     "compare",
     "load",
     "load_parameters",

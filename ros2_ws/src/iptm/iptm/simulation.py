@@ -1,13 +1,10 @@
-"""Trips driven on the headless loop: one, or one for every combination of values."""
+"""A trip driven on the headless loop."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
-from itertools import product
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
-
-import pandas as pd
 
 from iptm.inputs import run_inputs, settings_of
 from iptm.own_parts import Controller, OwnController, PredictedSource, Predictor
@@ -128,67 +125,3 @@ def run_of_study(done: StudyRun, slope: SlopeProfile | None = None) -> Run:
 
 def _with_own(run: Run, what: str, settings: Mapping[str, Any]) -> Run:
     return replace(run, name=f"{run.name}, {what}", settings={**run.settings, **settings})
-
-
-@dataclass(frozen=True, eq=False)
-class Sweep:
-    """Runs of a sweep.
-
-    Attributes:
-        varied: values of what was varied, one row per run.
-        runs: in the same order.
-    """
-
-    varied: pd.DataFrame
-    runs: tuple[Run, ...]
-
-    @property
-    def table(self) -> pd.DataFrame:
-        """Figures, a row per run and a column per figure; what was varied is the index."""
-        rows = pd.DataFrame([run.summary for run in self.runs])
-        rows.index = pd.MultiIndex.from_frame(self.varied)
-        return rows
-
-
-def sweep(**arguments: Any) -> Sweep:
-    """Drive every combination of the values in lists, the last list varying fastest.
-
-    Args:
-        arguments: those of `simulate`; a list, also as a value in ``overrides`` or in a vehicle given as a
-            mapping, stands for one run per entry.
-
-    Raises:
-        IptmError: as for `simulate`, or the list is missing or empty.
-    """
-    axes = dict(_axes(arguments))
-    if not axes or not all(axes.values()):
-        raise ParameterError(
-            f"sweep: lists are {[key or name for name, key in axes]}; allowed: one or more, none empty"
-        )
-    rows: list[dict[str, Any]] = []
-    runs: list[Run] = []
-    for values in product(*axes.values()):
-        chosen = dict(zip(axes, values, strict=True))
-        single: dict[str, Any] = {**arguments}
-        for (name, key), value in chosen.items():
-            single[name] = value if key is None else {**single[name], key: value}
-        runs.append(simulate(**single))
-        rows.append({key or name: _label(value) for (name, key), value in chosen.items()})
-    return Sweep(pd.DataFrame(rows), tuple(runs))
-
-
-def _axes(arguments: Mapping[str, Any]) -> Iterator[tuple[tuple[str, str | None], list[Any]]]:
-    for name, value in arguments.items():
-        if isinstance(value, list):
-            yield (name, None), value
-        elif isinstance(value, Mapping):
-            for key, entry in value.items():
-                if isinstance(entry, list):
-                    yield (name, key), entry
-
-
-def _label(value: Any) -> Any:
-    """Return what stands for a value in the index of a table."""
-    if isinstance(value, (str, int, float)):
-        return value
-    return getattr(value, "name", None) or type(value).__name__

@@ -1,0 +1,95 @@
+"""Trips for every combination of values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from iptm.cached_calls import cached_calls
+from iptm.run import Run
+from iptm.simulation import simulate
+from iptm_core.errors import ParameterError, ScenarioError
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """Runs of a sweep.
+
+    Attributes:
+        varied: values of what was varied, one row per run.
+        runs: in the same order.
+    """
+
+    varied: pd.DataFrame
+    runs: tuple[Run, ...]
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """Figures, a row per run and a column per figure; what was varied is the index."""
+        rows = pd.DataFrame([run.summary for run in self.runs])
+        rows.index = pd.MultiIndex.from_frame(self.varied)
+        return rows
+
+
+def sweep(
+    *,
+    workers: int | None = 1,
+    executor: Executor | None = None,
+    cache: str | Path | None = None,
+    **arguments: Any,
+) -> Sweep:
+    """Drive every combination of the values in lists, the last list varying fastest.
+
+    Args:
+        workers: number of processes; 1 for this one, None for one per core.
+        executor: drives instead, such as ``client.get_executor()`` of `dask.distributed`.
+        cache: folder of finished runs; what is there is not driven again, see `cached_calls`.
+        arguments: those of `simulate`; a list, also as a value in ``overrides`` or in a vehicle given as a
+            mapping, stands for one run per entry.
+
+    Raises:
+        IptmError: as for `simulate`, or the list is missing or empty, or a run failed.
+    """
+    axes = dict(_axes(arguments))
+    if not axes or not all(axes.values()):
+        raise ParameterError(
+            f"sweep: lists are {[key or name for name, key in axes]}; allowed: one or more, none empty"
+        )
+    rows: list[dict[str, Any]] = []
+    calls: list[dict[str, Any]] = []
+    for values in product(*axes.values()):
+        chosen = dict(zip(axes, values, strict=True))
+        single: dict[str, Any] = {**arguments}
+        for (name, key), value in chosen.items():
+            single[name] = value if key is None else {**single[name], key: value}
+        calls.append(single)
+        rows.append({key or name: _label(value) for (name, key), value in chosen.items()})
+    runs: dict[int, Run] = {}
+    for outcome in cached_calls(simulate, calls, workers=workers, executor=executor, cache=cache):
+        if outcome.failure:
+            raise ScenarioError(f"sweep: {rows[outcome.index]}: {outcome.failure}")
+        runs[outcome.index] = outcome.value
+    return Sweep(pd.DataFrame(rows), tuple(runs[index] for index in range(len(calls))))
+
+
+def _axes(arguments: Mapping[str, Any]) -> Iterator[tuple[tuple[str, str | None], list[Any]]]:
+    for name, value in arguments.items():
+        if isinstance(value, list):
+            yield (name, None), value
+        elif isinstance(value, Mapping):
+            for key, entry in value.items():
+                if isinstance(entry, list):
+                    yield (name, key), entry
+
+
+def _label(value: Any) -> Any:
+    """Return what stands for a value in the index of a table."""
+    if isinstance(value, (str, int, float)):
+        return value
+    return getattr(value, "name", None) or type(value).__name__
