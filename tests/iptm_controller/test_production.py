@@ -20,10 +20,12 @@ from iptm_controller.production import (
     ProductionLikeController,
     ProductionSettings,
     cruise_control_m_s2,
+    eco_cruise_control_m_s2,
 )
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.errors import ParameterError
+from iptm_core.physics.car_following import minimum_gap_m
 from iptm_core.state import VehicleState
 
 SETTINGS = ProductionSettings()
@@ -81,6 +83,43 @@ def test_a_string_of_constant_speed_settles_at_the_equilibrium_gaps() -> None:
     assert speeds == pytest.approx([25.0] * 6, abs=0.01)
     assert -np.diff(positions) == pytest.approx([STANDSTILL_GAP_M + 40.0] * 5, abs=0.05)
     assert smallest_m > STANDSTILL_GAP_M
+
+
+def eco_acceleration(gap_m: float, speed_m_s: float, leader_m_s: float) -> float:
+    state, leader = make_state(speed_m_s=speed_m_s), make_leader(gap_m, leader_m_s)
+    return eco_cruise_control_m_s2(state, leader, PARAMETERS, SETTINGS, 1.0)
+
+
+def test_the_strong_baseline_by_hand() -> None:
+    desired_m = STANDSTILL_GAP_M + 3.5 * 20.0
+    # Twenty metres beyond it: 0.002 * 20; a lead vehicle faster by 1 m/s: 0.12 * 1.
+    assert eco_acceleration(desired_m + 20.0, 20.0, 20.0) == pytest.approx(0.04)
+    assert eco_acceleration(desired_m + 20.0, 20.0, 21.0) == pytest.approx(0.16)
+    # Five metres below s_max of 120 m: 0.05 * 15.
+    assert eco_acceleration(115.0, 15.0, 15.0) == pytest.approx(0.75)
+    assert eco_acceleration(8.0, 15.0, 10.0) == PARAMETERS.limits.min_acceleration_m_s2
+
+
+@pytest.mark.parametrize("deceleration_m_s2", [0.5, 1.0, 1.5, 2.0])
+def test_the_strong_baseline_keeps_s_min_behind_a_braking_leader(deceleration_m_s2: float) -> None:
+    """From the equilibrium at 25 m/s to standstill, commands held for 1 s within the jerk limit."""
+    limits, gap = PARAMETERS.limits, PARAMETERS.gap
+    position, speed, own = 0.0, 25.0, 0.0
+    leader_m, leader_m_s = STANDSTILL_GAP_M + 3.5 * 25.0, 25.0
+    margins = []
+    for _ in range(80):
+        state = make_state(position_m=position, speed_m_s=speed, acceleration_m_s2=own)
+        leader = make_leader(leader_m - position, leader_m_s)
+        leader = replace(leader, position_m=leader_m)
+        wanted = eco_cruise_control_m_s2(state, leader, PARAMETERS, SETTINGS, 1.0)
+        own = min(max(wanted, own - limits.max_jerk_m_s3), own + limits.max_jerk_m_s3)
+        slower = max(leader_m_s - deceleration_m_s2, 0.0)
+        leader_m, leader_m_s = leader_m + 0.5 * (leader_m_s + slower), slower
+        after = max(speed + own, 0.0)
+        position, speed = position + 0.5 * (speed + after), after
+        margins.append(leader_m - position - minimum_gap_m(speed, leader_m_s, gap, limits))
+    assert speed < 0.5
+    assert min(margins) > -0.1
 
 
 def warm(warmest_c: float) -> VehicleState:

@@ -17,6 +17,7 @@ from iptm_controller.strategy import (
     DEFAULT_STRATEGY,
     STRATEGIES,
     CostPoint,
+    DrivingRules,
     Strategy,
     strategy_by_name,
 )
@@ -72,6 +73,7 @@ def test_cost_of_an_instant_and_parameter_of_the_node(
         ("energy_aging", (0.0, 0.0, 1e-3, 5e8)),
         ("aging", (0.0, 0.0, 0.0, 1e9)),
         ("production", (0.0, 0.0, 0.0, 0.0)),
+        ("eco_acc", (0.0, 0.0, 0.0, 0.0)),
     ],
 )
 def test_weights(name: str, printed: tuple[float, ...]) -> None:
@@ -97,7 +99,7 @@ def test_a_cost_is_needed_unless_nothing_is_optimised() -> None:
     with pytest.raises(ParameterError, match="every weight is zero"):
         Strategy("mine")
     with pytest.raises(ParameterError, match="'mine' optimises nothing, but has a cost"):
-        Strategy("mine", aging_weight=1.0, is_rule_based=True)
+        Strategy("mine", aging_weight=1.0, rules=DrivingRules.PRODUCTION)
 
 
 SMALL = ControllerNodeParameters(horizon="2x1", compile_code=False)

@@ -98,7 +98,7 @@ class Controller:
         self._limiter = CommandLimiter(parameters.limits, options.tick_s)
         self._estimator = Estimator(options.noise, parameters.limits, options.tick_s)
         self._actuation = ActuationObserver(parameters.limits, options.tick_s)
-        self._production = ProductionLikeController(parameters, options.production)
+        self._production = ProductionLikeController(parameters, options.production, options.tick_s)
         self._road = RoadEnvelope(parameters, options.tick_s)
         self._hardest_m_s2 = parameters.limits.min_acceleration_m_s2
         self._last_trusted: VehicleState | None = None
@@ -185,7 +185,7 @@ class Controller:
             planned = Decision(reason=fault)
         elif self.options.strategy.is_rule_based:
             lawful = self._road.command_m_s2(state, measured.rules)
-            command = self._production.command(state, leader, lawful)
+            command = self._production.command(state, leader, lawful, self.options.strategy.rules)
             planned = Decision(self._ladder.accept_command(command), Rung.OPTIMAL)
         else:
             planned = self._plan(state, leader, measured)

@@ -1,4 +1,4 @@
-"""Driving and cooling as production cars do it: adaptive cruise control, and a thermostat with hysteresis.
+"""Driving and cooling by rules: as production cars do, and as well as can be done without optimisation.
 
 Nothing is optimised and nothing is predicted. The cruise control is the one that Milanés and Shladover
 identified on production cars (Transportation Research Part C 48, 2014, pp. 285-300) with the modes of
@@ -9,6 +9,11 @@ takes over, as in cars: the collision guard of the controller and the safety mon
 
 The thermostat runs the compressor at half power from 33 degC of the warmer cell down to 30. Makers
 publish no such thresholds: these are chosen, in the middle of the paper's limits of 25 and 40 degC.
+
+The strong baseline, `eco_acc`, has the same thermostat and a cruise control with a long time gap and gains so
+small that it smooths what the lead vehicle does. It keeps s_min by the reserve that the optimal control
+problem has for a braking leader, and s_max by closing up. Gains, time gap and margin are tuned once, on UDDS,
+SC03 and NYCC; a low-pass filter of the leader's speed was tried there too and made it worse.
 """
 
 from __future__ import annotations
@@ -16,9 +21,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from iptm_controller.strategy import DrivingRules
 from iptm_core.declaration import Settings, parameter
 from iptm_core.errors import ParameterError
 from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.car_following import braking_reserve_m, maximum_gap_m, minimum_gap_m
 from iptm_core.state import Command, LeaderState, VehicleState
 
 
@@ -104,25 +111,101 @@ def cruise_control_m_s2(
     return min(max(wanted, limits.min_acceleration_m_s2), limits.max_acceleration_m_s2)
 
 
+ECO_TIME_HEADWAY_S = 3.5
+ECO_GAP_GAIN_1_S2 = 0.002
+ECO_SPEED_GAIN_1_S = 0.12
+ECO_RESERVE_M = 4.5
+"""Part of the reserve that is kept: `braking_reserve_m` may lie up to 5 m above the exact reserve."""
+ECO_CLOSING_UP_M = 20.0
+"""Distance below s_max from which a large gap is closed."""
+ECO_CLOSING_GAINS = 0.05, 0.3
+"""In 1/s^2 for the gap and in 1/s for the difference of speeds."""
+BISECTIONS = 20
+
+
+def eco_cruise_control_m_s2(
+    state: VehicleState,
+    leader: LeaderState,
+    parameters: ModelParameters,
+    settings: ProductionSettings,
+    tick_s: float,
+) -> float:
+    """Return the acceleration of the strong baseline, within the limits of comfort.
+
+    ``k_1 (s - s_st - T v) + k_2 (v_PV - v)`` with small gains; at most what keeps the braking reserve and
+    s_min after one more tick, and near s_max at least what closes the gap.
+
+    Args:
+        leader: lead vehicle; the difference of positions is the gap s.
+        tick_s: time for which an acceleration is held.
+    """
+    limits, gap = parameters.limits, parameters.gap
+    speed = state.speed_m_s
+    gap_m = leader.position_m - state.position_m
+    approach = leader.speed_m_s - speed
+    error_m = gap_m - gap.standstill_gap_m - ECO_TIME_HEADWAY_S * speed
+    wanted = ECO_GAP_GAIN_1_S2 * error_m + ECO_SPEED_GAIN_1_S * approach
+    beyond_m = gap_m - (float(maximum_gap_m(speed, gap)) - ECO_CLOSING_UP_M)
+    if beyond_m > 0.0:
+        by_gap, by_speed = ECO_CLOSING_GAINS
+        wanted = max(wanted, by_gap * beyond_m + by_speed * approach)
+
+    def is_safe(acceleration_m_s2: float) -> bool:
+        after_m_s = max(speed + acceleration_m_s2 * tick_s, 0.0)
+        left_m = gap_m + (leader.speed_m_s - 0.5 * (speed + after_m_s)) * tick_s - ECO_RESERVE_M
+        reserve_m = braking_reserve_m(
+            left_m, after_m_s, acceleration_m_s2, leader.speed_m_s, gap, limits
+        )
+        return reserve_m >= 0.0 and left_m >= minimum_gap_m(
+            after_m_s, leader.speed_m_s, gap, limits
+        )
+
+    jerk_step = limits.max_jerk_m_s3 * tick_s
+    low = max(state.acceleration_m_s2 - jerk_step, limits.min_acceleration_m_s2)
+    high = min(state.acceleration_m_s2 + jerk_step, limits.max_acceleration_m_s2)
+    if not is_safe(low):
+        wanted = limits.min_acceleration_m_s2
+    elif not is_safe(high):
+        for _ in range(BISECTIONS):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if is_safe(middle) else (low, middle)
+        wanted = min(wanted, low)
+    wanted = min(wanted, settings.acc_set_speed_gain_1_s * (limits.max_speed_m_s - speed))
+    return min(max(wanted, limits.min_acceleration_m_s2), limits.max_acceleration_m_s2)
+
+
 class ProductionLikeController:
     """Cruise control and thermostat; only the thermostat remembers anything."""
 
-    def __init__(self, parameters: ModelParameters, settings: ProductionSettings) -> None:
+    def __init__(
+        self, parameters: ModelParameters, settings: ProductionSettings, tick_s: float = 1.0
+    ) -> None:
         self._parameters = parameters
         self._settings = settings
+        self._tick_s = tick_s
         self.is_cooling = False
 
     def command(
-        self, state: VehicleState, leader: LeaderState | None, at_most_m_s2: float = math.inf
+        self,
+        state: VehicleState,
+        leader: LeaderState | None,
+        at_most_m_s2: float = math.inf,
+        rules: DrivingRules = DrivingRules.PRODUCTION,
     ) -> Command:
         """Return the command of a tick; jerk and the rate of the compressor are left to the limiter.
 
         Args:
             at_most_m_s2: what the rules of the road allow.
+            rules: which cruise control drives.
         """
         acceleration = at_most_m_s2
         if leader is not None:
-            following = cruise_control_m_s2(state, leader, self._parameters, self._settings)
+            law = (state, leader, self._parameters, self._settings)
+            following = (
+                eco_cruise_control_m_s2(*law, self._tick_s)
+                if rules is DrivingRules.ECO_ACC
+                else cruise_control_m_s2(*law)
+            )
             acceleration = min(following, at_most_m_s2)
         return Command(acceleration, self._compressor_power_w(state))
 

@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
+from iptm_core.declaration import TextEnum
 from iptm_core.errors import ParameterError
 from iptm_core.physics.ops import Scalar
 from iptm_core.physics.power_thermal import PowerThermalRates
@@ -22,6 +23,14 @@ SPEED_WEIGHT = 0.5  # Q
 TEMPERATURE_WEIGHT = 0.1  # R
 DEFAULT_STRATEGY = "aging_cost_to_go"
 MAX_WEIGHT = 1e15
+
+
+class DrivingRules(TextEnum):
+    """Laws of `iptm_controller.production` that drive and cool in place of an optimisation."""
+
+    NONE = "none"
+    PRODUCTION = "production"
+    ECO_ACC = "eco_acc"
 
 
 @dataclass(frozen=True)
@@ -76,7 +85,7 @@ class Strategy:
         reference_temperature_k: r_T of J2.
         cost_to_go: price the cell temperatures at the end of the horizon by the aging that follows, see
             ``TemperatureValue``; there is nothing to weigh.
-        is_rule_based: drive and cool by the laws of `iptm_controller.production`, which weigh nothing.
+        rules: laws that drive and cool where nothing is weighed.
     """
 
     name: str
@@ -98,7 +107,7 @@ class Strategy:
     # fmt: on
     reference_temperature_k: float = REFERENCE_TEMPERATURE_K
     cost_to_go: bool = False
-    is_rule_based: bool = False
+    rules: DrivingRules = DrivingRules.NONE
 
     def __post_init__(self) -> None:
         for key, value in self.weights.items():
@@ -115,6 +124,11 @@ class Strategy:
             raise ParameterError(
                 f"strategy '{self.name}' has no cost term: every weight is zero; allowed: one above 0"
             )
+
+    @property
+    def is_rule_based(self) -> bool:
+        """Whether nothing is optimised."""
+        return self.rules is not DrivingRules.NONE
 
     @property
     def weights(self) -> dict[str, float]:
@@ -164,10 +178,12 @@ STRATEGIES: dict[str, Strategy] = {
         Strategy("energy_aging", energy_weight_1_j=1e-3, aging_weight=5e8),
         _AGING,
         replace(_AGING, name=DEFAULT_STRATEGY, cost_to_go=True),
-        Strategy("production", is_rule_based=True),
+        Strategy("production", rules=DrivingRules.PRODUCTION),
+        Strategy("eco_acc", rules=DrivingRules.ECO_ACC),
     )
 }
-"""By name: the six of the paper, of which it proposes ``aging``, the default, and what cars have today."""
+"""By name: the six of the paper, of which it proposes ``aging``, the default, what cars have today, and the
+best that is known here without a preview or an optimisation."""
 
 
 def strategy_by_name(name: str) -> Strategy:

@@ -47,9 +47,7 @@ SETTINGS = (*(entry.name for entry in fields(RunSpec) if entry.name not in _GROU
 _FILES = {"cycle": USER_SUFFIXES, "slope": (GPX_SUFFIX,), "parameter_set": YAML_SUFFIXES}
 _BASE = "base"
 _BEST_OF = "best_of"
-_WEIGHTS = tuple(
-    entry.name for entry in fields(Strategy) if entry.name not in {"name", "is_rule_based"}
-)
+_WEIGHTS = tuple(entry.name for entry in fields(Strategy) if entry.name not in {"name", "rules"})
 _Point = tuple[Mapping[str, Label], Mapping[str, Any]]
 """Labels and settings of one value of an axis."""
 _STUDY_KEYS = ("title", "about", "defaults", "cases")
