@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from iptm.bags import load
-    from iptm.cached_calls import Outcome, cached_calls
+    from iptm.call_cache import Outcome, cached_calls
     from iptm.comparison import Comparison, compare
     from iptm.own_parts import Controller, Predictor
     from iptm.run import Run
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 # Loaded when first used: a node that imports one module of this package needs neither pandas nor Matplotlib.
 _HOMES = {
     "load": "iptm.bags",
-    "Outcome": "iptm.cached_calls",
-    "cached_calls": "iptm.cached_calls",
+    "Outcome": "iptm.call_cache",
+    "cached_calls": "iptm.call_cache",
     "Comparison": "iptm.comparison",
     "compare": "iptm.comparison",
     "Controller": "iptm.own_parts",

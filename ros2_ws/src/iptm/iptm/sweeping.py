@@ -11,7 +11,7 @@ from typing import Any
 
 import pandas as pd
 
-from iptm.cached_calls import cached_calls
+from iptm.call_cache import cached_calls
 from iptm.run import Run
 from iptm.simulation import simulate
 from iptm_core.errors import ParameterError, ScenarioError

@@ -156,9 +156,8 @@ def eco_cruise_control_m_s2(
         reserve_m = braking_reserve_m(
             left_m, after_m_s, acceleration_m_s2, leader.speed_m_s, gap, limits
         )
-        return reserve_m >= 0.0 and left_m >= minimum_gap_m(
-            after_m_s, leader.speed_m_s, gap, limits
-        )
+        least_m = minimum_gap_m(after_m_s, leader.speed_m_s, gap, limits)
+        return bool(reserve_m >= 0.0 and left_m >= least_m)
 
     jerk_step = limits.max_jerk_m_s3 * tick_s
     low = max(state.acceleration_m_s2 - jerk_step, limits.min_acceleration_m_s2)

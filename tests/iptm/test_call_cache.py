@@ -15,7 +15,7 @@ import pytest
 from tests.iptm.called import crash, note_and_square, noted
 
 import iptm
-from iptm.cached_calls import DIED, cached_calls
+from iptm.call_cache import DIED, cached_calls
 from iptm.call_keys import call_key
 from iptm_core.errors import ParameterError
 
