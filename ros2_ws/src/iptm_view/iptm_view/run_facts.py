@@ -14,7 +14,7 @@ import yaml
 
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.declaration import Settings, parameter_specs
-from iptm_core.errors import IptmError
+from iptm_core.errors import BagError, IptmError
 from iptm_core.metrics.constraints import (
     GAP_TOLERANCE_M,
     SPEED_TOLERANCE_M_S,
@@ -22,6 +22,7 @@ from iptm_core.metrics.constraints import (
 )
 from iptm_core.parameters import ModelParameters
 from iptm_core.parameters.model import CELSIUS_ZERO_K
+from iptm_core.parameters.strict_yaml import parse_yaml
 from iptm_core.settings import (
     IntegrationSettings,
     ModelSettings,
@@ -126,8 +127,8 @@ class RunFacts:
 def facts_of_information(source: str, information: RunInformation) -> RunFacts:
     """Return what stands in a bag, or in the file that a recorder is given, about a run."""
     try:
-        nodes = yaml.safe_load(information.parameters)
-    except yaml.YAMLError:
+        nodes = parse_yaml(information.parameters, "parameters of the run", BagError)
+    except BagError:
         nodes = None
     known = {
         node: dict(given)

@@ -9,14 +9,13 @@ from tempfile import TemporaryDirectory
 from types import MappingProxyType
 from typing import Any
 
-from zstandard import ZstdDecompressor, ZstdError
-
 from iptm_core.errors import BagError
 from iptm_core.user_input import shown
 from iptm_ros.recording.mcap_storage import McapStorage
 from iptm_ros.recording.ros1_storage import Ros1Storage
 from iptm_ros.recording.sqlite_storage import SqliteStorage
 from iptm_ros.recording.storage import StorageFile
+from iptm_ros.recording.unpacking import unpack_file
 
 _OPENERS: Mapping[str, Callable[[Path, Path | None], StorageFile]] = MappingProxyType(
     {".mcap": McapStorage, ".db3": SqliteStorage, ".bag": Ros1Storage}
@@ -24,7 +23,6 @@ _OPENERS: Mapping[str, Callable[[Path, Path | None], StorageFile]] = MappingProx
 _STORAGES = ("mcap", "sqlite3")
 _PACKED = ".zstd"
 _MODES = ("", "none", "file", "message")
-_BLOCK_BYTES = 2**20
 
 
 def open_files(path: Path, metadata: Mapping[str, Any]) -> list[StorageFile]:
@@ -46,7 +44,7 @@ def open_file(path: Path) -> StorageFile:
     try:
         with TemporaryDirectory(prefix="iptm_bag_") as folder:
             plain = Path(folder) / path.stem
-            _unpack(path, plain)
+            unpack_file(path, plain)
             # An open file outlives its name: nothing stays behind, however the process ends.
             return _opener(plain)(plain, path)
     except OSError as error:
@@ -98,24 +96,9 @@ def _listed_files(folder: Path, metadata: Mapping[str, Any]) -> list[Path]:
     if not isinstance(names, list) or not names:
         raise BagError(f"{folder / 'metadata.yaml'} names no file in relative_file_paths")
     files = [folder / Path(str(name)).name for name in names]
+    if len(set(files)) < len(files):
+        raise BagError(f"{folder / 'metadata.yaml'} names a file twice in relative_file_paths")
     for file in files:
         if not file.is_file():
             raise BagError(f"{file} is missing, though metadata.yaml of its bag names it")
     return files
-
-
-def _unpack(packed: Path, plain: Path) -> None:
-    """Unpack a file."""
-    unpacking = ZstdDecompressor().decompressobj()
-    try:
-        with packed.open("rb") as source, plain.open("wb") as target:
-            while block := source.read(_BLOCK_BYTES):
-                while block:
-                    target.write(unpacking.decompress(block))
-                    block = unpacking.unused_data if unpacking.eof else b""
-                    if block:
-                        unpacking = ZstdDecompressor().decompressobj()
-    except ZstdError as error:
-        raise BagError(f"{packed} is damaged ({error})") from None
-    if not unpacking.eof:
-        raise BagError(f"{packed} is cut short: its compressed content has no end")

@@ -8,6 +8,7 @@ A file is completed and the next one begun when it has reached a limit; readers 
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
@@ -70,13 +71,17 @@ class BagWriter(AbstractContextManager["BagWriter"]):
         if compression not in COMPRESSIONS:
             allowed = ", ".join(COMPRESSIONS)
             raise BagError(f"compression is {compression!r}; allowed: {allowed}")
+        created = False
         try:
             if not in_existing_folder:
                 self.folder.mkdir(parents=True)
+                created = True
             self._file = self._next_file()
         except FileExistsError:
             raise BagError(f"{folder} exists already; a bag is never overwritten") from None
         except OSError as error:
+            if created:
+                shutil.rmtree(self.folder, ignore_errors=True)
             raise BagError(
                 f"cannot create the bag {shown(str(folder))}: {error.strerror}"
             ) from None

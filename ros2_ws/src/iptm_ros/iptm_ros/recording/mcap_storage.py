@@ -19,17 +19,27 @@ from mcap.summary import Summary
 from mcap.well_known import Profile
 
 from iptm_core.errors import BagError
+from iptm_core.user_input import shown
 from iptm_ros.recording.message_types import SCHEMA_ENCODING, MessageDefinition
 from iptm_ros.recording.recorded_topics import TopicRecord, parse_profiles
 from iptm_ros.recording.run_information import RECORD_NAME
 from iptm_ros.recording.storage import DAMAGE, BagMessage, StorageFile
+from iptm_ros.recording.unpacking import (
+    FRAME_HEAD_BYTES,
+    MOST_TEXT_BYTES,
+    UnpackingBudget,
+    check_chunk,
+)
 
 MAGIC = b"\x89MCAP0\r\n"
 PREFIX = struct.Struct("<BQ")
 """Opcode and length in front of every record."""
+CHUNK_HEAD = struct.Struct("<QQQII")
+"""Of a chunk: times, size unpacked, checksum, length of the name of its compression, which follows."""
 DATA_END = struct.Struct("<BQI")
 FOOTER = struct.Struct("<BQQQI")
 _BLOCK_BYTES = 2**20
+_SIZE_BYTES = 8
 
 
 def summary_start(data: bytes | mmap.mmap) -> int:
@@ -95,6 +105,13 @@ class McapStorage(StorageFile):
         if profile != Profile.ROS2:
             raise BagError(f"{self.path} has the profile {profile!r}; only 'ros2' is read")
         summary = self._reader.get_summary() or Summary()
+        self._check_chunks(summary)
+        for texts in summary.metadata_indexes:
+            if texts.length > MOST_TEXT_BYTES:
+                raise ValueError(
+                    f"its texts {shown(texts.name)} have {texts.length} bytes; "
+                    f"at most {MOST_TEXT_BYTES} are read"
+                )
         self._read_statistics(summary)
         hashes = {
             channel.schema_id: channel.metadata.get("topic_type_hash", "")
@@ -125,6 +142,21 @@ class McapStorage(StorageFile):
         """Read everything once, texts included."""
         self.metadata_record(RECORD_NAME)
         super().verify()
+
+    def _check_chunks(self, summary: Summary) -> None:
+        """Refuse chunks that unpack to too much, by what they state and by what they are."""
+        budget = UnpackingBudget(len(self._content))
+        for index in summary.chunk_indexes:
+            if not index.compression:
+                continue
+            start = index.chunk_start_offset + PREFIX.size
+            *_, stated, _, name_bytes = CHUNK_HEAD.unpack_from(self._content, start)
+            start += CHUNK_HEAD.size
+            compression = self._content[start : start + name_bytes].decode()
+            start += name_bytes + _SIZE_BYTES
+            packed = FRAME_HEAD_BYTES if compression == "zstd" else index.compressed_size
+            check_chunk(compression, stated, self._content[start : start + packed])
+            budget.take(stated)
 
     def _read_statistics(self, summary: Summary) -> None:
         statistics = summary.statistics

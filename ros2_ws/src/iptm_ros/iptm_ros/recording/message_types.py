@@ -216,6 +216,7 @@ class Decoder:
         store = get_typestore(Stores.EMPTY)
         try:
             store.register(get_types_from_msg(text, type_name))
-        except TypesysError as error:
+            store.get_msgdef(type_name)
+        except (TypesysError, KeyError) as error:
             raise BagError(f"definition of {type_name} cannot be understood: {error}") from None
         return store

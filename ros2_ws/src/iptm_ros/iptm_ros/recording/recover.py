@@ -10,7 +10,7 @@ import argparse
 import shutil
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -20,7 +20,9 @@ from mcap.well_known import MessageEncoding
 from zstandard import ZstdError
 
 from iptm_core.errors import BagError, IptmError
+from iptm_core.parameters.strict_yaml import MAX_BYTES
 from iptm_core.program import print_error
+from iptm_core.user_input import shown
 from iptm_ros.recording.bag_files import check_exists
 from iptm_ros.recording.bag_writer import BagWriter
 from iptm_ros.recording.message_types import (
@@ -33,9 +35,11 @@ from iptm_ros.recording.metadata import METADATA_FILE, read_metadata
 from iptm_ros.recording.recorded_topics import parse_profiles
 from iptm_ros.recording.run_information import RECORD_NAME
 from iptm_ros.recording.salvage import SalvageReader
-from iptm_ros.recording.storage import unpacked
+from iptm_ros.recording.unpacking import unpacked
 
 _UNKNOWN_TOPIC = "unknown topic"
+_MOST_TEXT = MAX_BYTES // 2
+"""Characters of all texts about a run: they fit into a `metadata.yaml` that can be read."""
 
 
 @dataclass(frozen=True)
@@ -113,12 +117,17 @@ def recover(source: Path, output: Path | None = None) -> RecoveryReport:
         stem = source.absolute().name if source.is_dir() else source.stem
         output = source.absolute().parent / f"{stem}_recovered"
     contents = [_Contents.of(path) for path in files]
-    writer = BagWriter(output, custom_data=_custom_data(folder, contents))
+    texts, too_long = _bounded_texts(_custom_data(folder, contents))
+    writer = BagWriter(output, custom_data=texts)
     copy = _Copy(writer)
-    for content in contents:
-        copy.add(content)
-    copy.notes += copy.cut_bytes()
-    writer.close()
+    try:
+        for content in contents:
+            copy.add(content)
+        copy.notes += [*copy.cut_bytes(), *too_long]
+        writer.close()
+    except BagError:
+        shutil.rmtree(writer.folder, ignore_errors=True)  # the next try finds its name free
+        raise
     if not any(writer.message_counts.values()):
         shutil.rmtree(writer.folder)
         raise BagError(f"{source} holds no complete message: there is nothing to recover")
@@ -214,6 +223,21 @@ def _custom_data(folder: Path, contents: Sequence[_Contents]) -> dict[str, str]:
         return {}
 
 
+def _bounded_texts(texts: Mapping[str, str]) -> tuple[dict[str, str], list[str]]:
+    """Return the texts that `metadata.yaml` of a bag can hold, shortest first, and notes on the others."""
+    kept: dict[str, str] = {}
+    notes = []
+    for key, text in sorted(texts.items(), key=lambda item: len(item[1])):
+        if sum(map(len, kept.values())) + len(text) > _MOST_TEXT:
+            notes.append(
+                f"text {shown(key)} about the run left out: with its {len(text)} characters all texts "
+                f"have more than {_MOST_TEXT}"
+            )
+        else:
+            kept[key] = text
+    return {key: kept[key] for key in texts if key in kept}, notes
+
+
 class _Copy:
     """Messages on their way into a new bag, file by file.
 
@@ -249,7 +273,7 @@ class _Copy:
                 topic_id = topics.get(record.channel_id)
                 try:
                     data: bytes | None = unpacked(record.data)
-                except ZstdError:
+                except (ZstdError, ValueError):
                     data = None
                 if topic_id is None or data is None:
                     orphans[record.channel_id] += 1

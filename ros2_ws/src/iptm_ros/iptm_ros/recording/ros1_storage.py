@@ -16,6 +16,7 @@ from typing import final
 from rosbags.convert.converter import STATIC_MSGTYPE_RENAMES, is_same_wireformat, migrate_bytes
 from rosbags.interfaces import Connection, ConnectionExtRosbag1, Qos, QosDurability
 from rosbags.rosbag1 import Reader
+from rosbags.rosbag1.reader import decompressors
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
@@ -26,9 +27,12 @@ from iptm_ros.recording.message_types import (
 )
 from iptm_ros.recording.recorded_topics import DEFAULT_QOS, TopicRecord
 from iptm_ros.recording.storage import BagMessage, StorageFile
+from iptm_ros.recording.unpacking import bz2_part, lz4_part
 
 _HEADER = "std_msgs/msg/Header"
 _LATCHED = DEFAULT_QOS._replace(depth=1, durability=QosDurability.TRANSIENT_LOCAL)
+
+_BOUNDED = {decompressors["bz2"]: bz2_part, decompressors["lz4"]: lz4_part}
 
 
 @final
@@ -56,6 +60,7 @@ class Ros1Storage(StorageFile):
         self._reader = Reader(path)
         self._reader.open()
         self._opened.callback(self._reader.close)
+        self._bound_chunks()
         definitions: dict[str, MessageDefinition] = {}
         self._converters: dict[int, tuple[str, Callable[[bytes], memoryview]]] = {}
         adapted: set[str] = set()
@@ -87,6 +92,13 @@ class Ros1Storage(StorageFile):
             f"{name} has other fields in ROS 1: what ROS 2 lacks is left out, what ROS 1 lacks is 0"
             for name in sorted(adapted)
         ]
+
+    def _bound_chunks(self) -> None:
+        """Let the chunks of the reader unpack to what fits into memory."""
+        for place, chunk in self._reader.chunks.items():
+            bound = _BOUNDED.get(chunk.decompressor)
+            if bound is not None:
+                self._reader.chunks[place] = chunk._replace(decompressor=bound)
 
 
 def _name(connection: Connection) -> str:

@@ -25,6 +25,7 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 
 from iptm_core.errors import BagError
 from iptm_ros.recording.mcap_storage import (
+    CHUNK_HEAD,
     DATA_END,
     MAGIC,
     PREFIX,
@@ -32,9 +33,9 @@ from iptm_ros.recording.mcap_storage import (
     summary_start,
 )
 from iptm_ros.recording.storage import DAMAGE
+from iptm_ros.recording.unpacking import MOST_TEXT_BYTES, UnpackingBudget, check_chunk
 
 _DATA_END_PREFIX = PREFIX.pack(Opcode.DATA_END, 4)
-_CHUNK_HEAD = struct.Struct("<QQQII")
 _LONGEST_COMPRESSION_NAME = 32
 _FIRST_PRIVATE_OPCODE = 0x80
 _KNOWN_OPCODES = frozenset(int(opcode) for opcode in Opcode)
@@ -95,6 +96,7 @@ class SalvageReader:
     notes: list[str] = field(init=False, default_factory=list)
     statistics: Statistics | None = field(init=False, default=None)
     _chunks: set[tuple[int, int, int]] = field(init=False, default_factory=set, repr=False)
+    _budget: UnpackingBudget = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         try:
@@ -127,6 +129,7 @@ class SalvageReader:
     def _walk(self, data: mmap.mmap) -> Generator[McapRecord, None, bool]:
         """Yield the sound records; return whether the footer was reached."""
         self._chunks.clear()
+        self._budget = UnpackingBudget(self.total_bytes)
         position = len(MAGIC)
         of_chunk: Damage | None = None  # the damaged chunk to which message indexes may belong
         while position < self.total_bytes:
@@ -165,6 +168,9 @@ class SalvageReader:
     def _chunk(self, chunk: Chunk, position: int, end: int) -> list[McapRecord]:
         """Return the content of a whole chunk; nothing if it does not match its checksum or occurs before."""
         try:
+            if chunk.compression:
+                check_chunk(chunk.compression, chunk.uncompressed_size, chunk.data)
+                self._budget.take(chunk.uncompressed_size)
             content = breakup_chunk(chunk, validate_crc=True)
         except DAMAGE as error:
             reason = f"a damaged chunk ({error or type(error).__name__})"
@@ -241,6 +247,8 @@ def _read_record(data: mmap.mmap, position: int) -> tuple[McapRecord | None, int
     end = position + PREFIX.size + length
     if end > len(data):
         raise ValueError("the file ends within a record")
+    if opcode == Opcode.METADATA and length > MOST_TEXT_BYTES:
+        raise ValueError(f"texts of {length} bytes; at most {MOST_TEXT_BYTES} are read")
     body = data[position + PREFIX.size : end]
     if opcode == Opcode.MESSAGE:
         return Message.read(ReadDataStream(BytesIO(body)), length), end
@@ -277,12 +285,12 @@ def _next_sound(data: mmap.mmap, position: int) -> int | None:
 def _is_chunk(data: mmap.mmap, position: int) -> bool:
     """Return whether the three lengths of a chunk record at a position fit together."""
     body = position + PREFIX.size
-    if body + _CHUNK_HEAD.size > len(data):
+    if body + CHUNK_HEAD.size > len(data):
         return False
     length = PREFIX.unpack_from(data, position)[1]
-    name_length = _CHUNK_HEAD.unpack_from(data, body)[-1]
-    rest = length - _CHUNK_HEAD.size - name_length - 8
+    name_length = CHUNK_HEAD.unpack_from(data, body)[-1]
+    rest = length - CHUNK_HEAD.size - name_length - 8
     if body + length > len(data) or name_length > _LONGEST_COMPRESSION_NAME or rest < 0:
         return False
-    size: int = struct.unpack_from("<Q", data, body + _CHUNK_HEAD.size + name_length)[0]
+    size: int = struct.unpack_from("<Q", data, body + CHUNK_HEAD.size + name_length)[0]
     return size == rest

@@ -16,14 +16,13 @@ from mcap.exceptions import McapError
 from rosbags.rosbag1 import ReaderError as Ros1Error
 from rosbags.serde import SerdeError
 from rosbags.typesys import TypesysError
-from zstandard import ZstdDecompressor, ZstdError
+from zstandard import ZstdError
 
 from iptm_core.errors import BagError
 from iptm_ros.recording.message_types import MessageDefinition
 from iptm_ros.recording.recorded_topics import TopicRecord
+from iptm_ros.recording.unpacking import ZSTD_MAGIC, unpacked
 
-ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
-"""Start of data packed with zstd; no CDR message begins so."""
 DAMAGE: Final = (
     McapError,
     ZstdError,
@@ -68,15 +67,6 @@ class BagMessage:
     publish_time_ns: int
     data: bytes
     message: Any = None
-
-
-def unpacked(data: bytes) -> bytes:
-    """Return the bytes of a message that rosbag2 may have packed with zstd, one by one.
-
-    Raises:
-        ZstdError: it has, and they are damaged.
-    """
-    return ZstdDecompressor().decompress(data) if data.startswith(ZSTD_MAGIC) else data
 
 
 class StorageFile(ABC):
