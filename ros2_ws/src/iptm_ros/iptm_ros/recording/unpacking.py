@@ -10,7 +10,7 @@ from bz2 import BZ2Decompressor
 from pathlib import Path
 from typing import Any
 
-from lz4.frame import LZ4FrameDecompressor
+from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped]
 from zstandard import (
     CONTENTSIZE_UNKNOWN,
     ZstdDecompressor,
