@@ -22,6 +22,10 @@ class StateError(IptmError):
     """A measured or initial state is not finite or outside its physical range."""
 
 
+class PackEmptyError(IptmError):
+    """The pack has no charge left to go on with a trip."""
+
+
 class PowerLimitError(IptmError):
     """More power is asked from the pack than its open-circuit voltage and resistance can deliver."""
 

@@ -39,7 +39,10 @@ from iptm_core.state import ChannelCells, FloatArray
 from iptm_plant_sim.integrator import (
     INTEGRALS,
     IntervalResult,
+    PowerBounds,
+    bound_symbols,
     cell_voltage_v,
+    deliverable,
     motion_symbols,
 )
 from iptm_plant_sim.motion import Motion
@@ -51,10 +54,11 @@ _SIMPSON = ca.DM([1.0, 4.0, 1.0]) / 6.0
 
 
 class ChannelIntegrator:
-    """Integrates intervals of any number of sub-steps for one parameter set."""
+    """Integrates intervals of any number of sub-steps for one parameter set; see `IntervalIntegrator`."""
 
-    def __init__(self, parameters: ModelParameters) -> None:
+    def __init__(self, parameters: ModelParameters, *, bounded: bool = False) -> None:
         self._parameters = parameters
+        self._bounded = bounded
         self._steps: dict[int, BufferedFunction] = {}
 
     def integrate(
@@ -64,6 +68,7 @@ class ChannelIntegrator:
         motion: Motion,
         slopes_rad: FloatArray,
         charge: float = math.nan,
+        bounds: PowerBounds | None = None,
     ) -> IntervalResult:
         """Integrate one interval.
 
@@ -72,6 +77,7 @@ class ChannelIntegrator:
             motion: the motion, laid out for n sub-steps.
             slopes_rad: slope at ``motion.positions_m``, shape (2 n + 1,).
             charge: state of charge at the start; NaN where nothing depends on it.
+            bounds: those of the interval, where it is bounded.
         """
         temperatures_k, capacity_losses = cells.temperatures_k, cells.capacity_losses
         totals = dict.fromkeys(INTEGRALS, 0.0)
@@ -89,6 +95,9 @@ class ChannelIntegrator:
             given["slopes_rad"][:] = slopes_rad[2 * first : 2 * (first + lengths_s.size) + 1]
             given["speeds_m_s"][:] = motion.speeds_m_s[cut].ravel()
             given["charge"][0] = charge
+            if bounds is not None:
+                given["least_traction_w"][0] = bounds.traction_w
+                given["most_battery_w"][0] = bounds.battery_w
             step()
             temperatures_k = results["temperatures_k"].copy()
             capacity_losses = results["capacity_losses"].copy()
@@ -105,18 +114,21 @@ class ChannelIntegrator:
 
     def _step(self, sub_steps: int) -> BufferedFunction:
         if sub_steps not in self._steps:
-            self._steps[sub_steps] = BufferedFunction(_build(self._parameters, sub_steps))
+            self._steps[sub_steps] = BufferedFunction(
+                _build(self._parameters, sub_steps, bounded=self._bounded)
+            )
         return self._steps[sub_steps]
 
 
 @lru_cache(maxsize=16)
-def _build(parameters: ModelParameters, n: int) -> ca.Function:
+def _build(parameters: ModelParameters, n: int, *, bounded: bool = False) -> ca.Function:
     """Return one step of all cells over n sub-steps, which also answers the fields of `IntervalResult`."""
     cooling = parameters.cooling
     channel = FullChannel.of(cooling, parameters.pack)
     count = channel.cells
     before, losses_before = ca.SX.sym("temperatures_k", count), ca.SX.sym("capacity_losses", count)
-    given = motion_symbols(n)
+    bounds = bound_symbols() if bounded else {}
+    given = motion_symbols(n) | bounds
     lengths, speeds = given["lengths_s"], given["speeds_m_s"]
     parameters = at_charge(parameters, given["charge"])
     pack, cell = parameters.pack, parameters.cell
@@ -127,6 +139,8 @@ def _build(parameters: ModelParameters, n: int) -> ca.Function:
         ca.vertcat(*(given["slopes_rad"][2 * step + stage] for step, stage in instants)),
         parameters,
     )
+    if bounds:
+        traction = maximum(traction, bounds["least_traction_w"])
     actuation = thermal_actuation(given["compressor_power_w"], parameters)
     battery = battery_power_w(
         traction, actuation.drawn_w, cooling.auxiliary_power_w, pack, parameters.powertrain
@@ -196,7 +210,7 @@ def _build(parameters: ModelParameters, n: int) -> ca.Function:
         "battery_energy_j": ca.dot(weights, battery),
         "chiller_heat_j": length * cooling_rate,
         "battery_heat_j": length * mean_of(heat) * pack.cells,
-        "charge_c": ca.dot(weights, currents),
+        "charge_c": ca.dot(weights, deliverable(currents, battery, bounds)),
         "pack_current_a": current,
         "cell_current_a": cell_current_a(current, pack),
         "coolant_inlet_k": loop.inlet_k[-1],

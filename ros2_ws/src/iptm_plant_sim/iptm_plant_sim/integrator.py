@@ -9,6 +9,7 @@ evaluated on a fixed pair of buffers.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -21,8 +22,12 @@ from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import cell_heat_w, cell_resistance_ohm
 from iptm_core.physics.charge import at_charge
 from iptm_core.physics.coolant import reduce_channel
-from iptm_core.physics.ops import Scalar, maximum
-from iptm_core.physics.power_thermal import CellPair, power_thermal_rates
+from iptm_core.physics.ops import Scalar, maximum, where
+from iptm_core.physics.power_thermal import (
+    CellPair,
+    electric_traction_power_w,
+    rates_at_traction_power,
+)
 from iptm_core.state import ChannelCells, FloatArray
 from iptm_plant_sim.motion import Motion
 
@@ -50,6 +55,8 @@ AT_END = (
     "cell_n_voltage_v",
     "pack_voltage_v",
 )
+
+_POWER_RESOLUTION_W = 1e-6
 
 
 @dataclass(frozen=True)
@@ -94,11 +101,30 @@ class IntervalResult:
         return bool(np.isfinite(self.battery_energy_j + self.charge_c + self.pack_current_a))
 
 
-class IntervalIntegrator:
-    """Integrates intervals of a fixed number of sub-steps for one parameter set."""
+@dataclass(frozen=True)
+class PowerBounds:
+    """What of the powers is possible in an interval.
 
-    def __init__(self, parameters: ModelParameters, sub_steps: int) -> None:
-        self._function = BufferedFunction(_build(parameters, sub_steps))
+    Attributes:
+        traction_w: least traction power (negative): friction brakes supply the rest.
+        battery_w: largest terminal power; an interval that asks for more is not `finite`.
+    """
+
+    traction_w: float
+    battery_w: float
+
+
+class IntervalIntegrator:
+    """Integrates intervals of a fixed number of sub-steps for one parameter set.
+
+    Args:
+        bounded: whether intervals have `PowerBounds`.
+    """
+
+    def __init__(
+        self, parameters: ModelParameters, sub_steps: int, *, bounded: bool = False
+    ) -> None:
+        self._function = BufferedFunction(_build(parameters, sub_steps, bounded=bounded))
 
     def integrate(
         self,
@@ -107,6 +133,7 @@ class IntervalIntegrator:
         motion: Motion,
         slopes_rad: FloatArray,
         charge: float = math.nan,
+        bounds: PowerBounds | None = None,
     ) -> IntervalResult:
         """Integrate one interval.
 
@@ -115,8 +142,12 @@ class IntervalIntegrator:
             motion: the motion, laid out for the same number of sub-steps n.
             slopes_rad: slope at ``motion.positions_m``, shape (2 n + 1,).
             charge: state of charge at the start; NaN where nothing depends on it.
+            bounds: those of the interval, where it is bounded.
         """
         given = self._function.arguments
+        if bounds is not None:
+            given["least_traction_w"][0] = bounds.traction_w
+            given["most_battery_w"][0] = bounds.battery_w
         for name in STATES:
             given[f"start_{name}"][0] = getattr(cells, name)
         given["compressor_power_w"][0] = compressor_power_w
@@ -130,6 +161,18 @@ class IntervalIntegrator:
             name: float(value[0]) for name, value in self._function.results.items()
         }
         return IntervalResult(**found)
+
+
+def bound_symbols() -> dict[str, ca.SX]:
+    """Return the symbols of `PowerBounds`."""
+    return {name: ca.SX.sym(name) for name in ("least_traction_w", "most_battery_w")}
+
+
+def deliverable(value: Scalar, battery_w: Scalar, bounds: Mapping[str, Scalar]) -> Scalar:
+    """Return a value that is NaN where more power is drawn from the pack than it gives."""
+    if not bounds:
+        return value
+    return where(battery_w > bounds["most_battery_w"] + _POWER_RESOLUTION_W, math.nan, value)
 
 
 def motion_symbols(n: int) -> dict[str, ca.SX]:
@@ -146,14 +189,15 @@ def motion_symbols(n: int) -> dict[str, ca.SX]:
 
 
 @lru_cache(maxsize=16)
-def _build(parameters: ModelParameters, n: int) -> ca.Function:
+def _build(parameters: ModelParameters, n: int, *, bounded: bool = False) -> ca.Function:
     """Return the function from the cells and `motion_symbols` to the fields of `IntervalResult`.
 
     Kept for the next vehicle with the same parameters, because building takes much longer than a step.
     """
-    given = motion_symbols(n)
+    bounds = bound_symbols() if bounded else {}
+    given = motion_symbols(n) | bounds
     start = {name: ca.SX.sym(f"start_{name}") for name in STATES}
-    stage = _stage(parameters)
+    stage = _stage(parameters, bounded=bounded)
 
     def derivatives(step: int, stage_index: int, cells: dict[str, Scalar]) -> dict[str, Scalar]:
         # Called with symbols, a function repeats its operations, which is faster than building them.
@@ -164,6 +208,7 @@ def _build(parameters: ModelParameters, n: int) -> ca.Function:
             given["compressor_power_w"],
             given["charge"],
             *(cells[name] for name in STATES),
+            *bounds.values(),
         )
         return dict(zip(stage.name_out(), found, strict=True))
 
@@ -191,21 +236,21 @@ def _build(parameters: ModelParameters, n: int) -> ca.Function:
     return named_function("interval", starts | given, values | at_end, cse=True)
 
 
-def _stage(parameters: ModelParameters) -> ca.Function:
+def _stage(parameters: ModelParameters, *, bounded: bool) -> ca.Function:
     """Return the function from motion and cells to the rates of STATES and INTEGRALS, and to AT_END."""
     channel = reduce_channel(parameters.cooling, parameters.pack)
     motion = ("speed_m_s", "acceleration_m_s2", "slope_rad", "compressor_power_w", "charge")
     given = {name: ca.SX.sym(name) for name in (*motion, *STATES)}
     parameters = at_charge(parameters, given["charge"])
     cells = CellPair(**{name: given[name] for name in STATES})
-    rates = power_thermal_rates(
-        given["speed_m_s"],
-        given["acceleration_m_s2"],
-        given["slope_rad"],
-        given["compressor_power_w"],
-        cells,
-        parameters,
-        channel,
+    speed, bounds = given["speed_m_s"], bound_symbols() if bounded else {}
+    traction = electric_traction_power_w(
+        speed, given["acceleration_m_s2"], given["slope_rad"], parameters
+    )
+    if bounds:
+        traction = maximum(traction, bounds["least_traction_w"])
+    rates = rates_at_traction_power(
+        traction, speed, given["compressor_power_w"], cells, parameters, channel
     )
     current = rates.cell_current_a
     voltage_1, voltage_n = (
@@ -225,7 +270,7 @@ def _stage(parameters: ModelParameters) -> ca.Function:
         "battery_energy_j": rates.battery_power_w,
         "chiller_heat_j": rates.coolant.cooling_rate_w,
         "battery_heat_j": _pack_heat_w(current, cells, parameters),
-        "charge_c": rates.pack_current_a,
+        "charge_c": deliverable(rates.pack_current_a, rates.battery_power_w, bounds),
         "pack_current_a": rates.pack_current_a,
         "cell_current_a": current,
         "coolant_inlet_k": rates.coolant.inlet_k,
@@ -234,7 +279,7 @@ def _stage(parameters: ModelParameters) -> ca.Function:
         "cell_n_voltage_v": voltage_n,
         "pack_voltage_v": 0.5 * (voltage_1 + voltage_n) * parameters.pack.cells_in_series,
     }
-    arguments = {f"at_{name}": symbol for name, symbol in given.items()}
+    arguments = {f"at_{name}": symbol for name, symbol in (given | bounds).items()}
     return named_function("stage", arguments, found)
 
 

@@ -8,10 +8,8 @@ from dataclasses import fields, replace
 
 import numpy as np
 
-from iptm_core.errors import StateError
+from iptm_core.errors import PackEmptyError, StateError
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.charge import charge_after, depends_on_charge, pack_capacity_ah
-from iptm_core.physics.power_thermal import CellPair
 from iptm_core.settings import IntegrationSettings, SafetyMonitorSettings, ThermalModel
 from iptm_core.state import (
     ChannelCells,
@@ -23,9 +21,9 @@ from iptm_core.state import (
     VehicleState,
 )
 from iptm_plant_sim.actuators import ActuatorReport, Clamp, limit_command
-from iptm_plant_sim.channel_integrator import ChannelIntegrator
-from iptm_plant_sim.integrator import IntervalIntegrator, IntervalResult
+from iptm_plant_sim.integrator import IntervalResult
 from iptm_plant_sim.motion import Motion, plan_motion
+from iptm_plant_sim.pack_integration import PackIntegration
 from iptm_plant_sim.plant_step import PlantStep
 from iptm_plant_sim.safety_monitor import MonitorMemory, SafetyMonitor
 from iptm_plant_sim.service_braking import MonitoredInterval, RangeSensor, ServiceBrakes
@@ -79,11 +77,8 @@ class Plant:
         self._memory = MonitorMemory()
         self._slope_at = slope_at
         self._step_s = step_s
-        self._depends_on_charge = depends_on_charge(parameters.charge)
-        self._integrators: dict[int, IntervalIntegrator] = {}
-        self._channel: ChannelIntegrator | None = None
-        if thermal_model is ThermalModel.FULL_CHANNEL:
-            self._channel = ChannelIntegrator(parameters)
+        self._pack = PackIntegration(parameters, thermal_model)
+        self._has_all_cells = thermal_model is ThermalModel.FULL_CHANNEL
 
     def watch(self, sensor: RangeSensor | None, memory: MonitorMemory | None = None) -> None:
         """Let the safety monitor watch the vehicle ahead from now on.
@@ -126,7 +121,7 @@ class Plant:
             cell_n_capacity_loss=loss,
             state_of_charge=self.parameters.charge.initial_charge,
         )
-        if self._channel is not None:
+        if self._has_all_cells:
             cells = ChannelCells.between(state, self.parameters.pack.cells_per_channel)
             state = FullChannelState(**vars(state), cells=cells)
         self.check(state)
@@ -135,7 +130,7 @@ class Plant:
     def check(self, state: VehicleState) -> None:
         """Raise a StateError for a state from which no sensible step can be taken."""
         values = {item.name: np.asarray(getattr(state, item.name)) for item in fields(VehicleState)}
-        if not self._depends_on_charge:
+        if not self._pack.depends_on_charge:
             del values["state_of_charge"]  # it may be unknown
         if isinstance(state, FullChannelState):
             values |= {f"cells.{name}": array for name, array in vars(state.cells).items()}
@@ -183,7 +178,7 @@ class Plant:
         motion = plan_motion(
             state.position_m, state.speed_m_s, 0.0, math.inf, 0.0, self._sub_steps(1.0)
         )
-        result = self._integrate(state, command, motion)
+        result = self._integrate(state, command, motion, within_limits=False)
         if not result.finite:
             self.check(state)
             raise StateError(f"state: the pack cannot supply it, {state}")
@@ -202,15 +197,12 @@ class Plant:
             report = replace(report, clamps=(*report.clamps, Clamp.TOP_SPEED))
         return self._step(state, report, motion, result, duration_s)
 
-    def _capacity_ah(self, state: VehicleState) -> float:
-        """Return the capacity of the pack, whose aging within an interval does not count."""
-        loss = 0.5 * (state.cell_1_capacity_loss + state.cell_n_capacity_loss)
-        return pack_capacity_ah(self.parameters, loss)
-
     def _sub_steps(self, duration_s: float) -> int:
         return max(2, math.ceil(duration_s / self._step_s - 1e-9))
 
-    def _integrate(self, state: VehicleState, command: Command, motion: Motion) -> IntervalResult:
+    def _integrate(
+        self, state: VehicleState, command: Command, motion: Motion, *, within_limits: bool = True
+    ) -> IntervalResult:
         # Friction brakes supply what the motor does not take; it costs no power.
         least_m_s2 = -self.parameters.brakes.regenerative_deceleration_m_s2
         if motion.accelerations_m_s2.min() < least_m_s2:
@@ -218,23 +210,9 @@ class Plant:
             motion = replace(motion, accelerations_m_s2=by_motor)
         slopes = np.asarray(self._slope_at(motion.positions_m), dtype=float)
         power_w = command.compressor_power_w
-        if self._channel is not None:
-            if not isinstance(state, FullChannelState):
-                raise StateError("state has two cells; allowed: a state of the full channel")
-            return self._channel.integrate(
-                state.cells, power_w, motion, slopes, state.state_of_charge
-            )
-        count = motion.lengths_s.size
-        integrator = self._integrators.get(count)
-        if integrator is None:
-            integrator = self._integrators[count] = IntervalIntegrator(self.parameters, count)
-        cells = CellPair(
-            state.cell_1_temperature_k,
-            state.cell_n_temperature_k,
-            state.cell_1_capacity_loss,
-            state.cell_n_capacity_loss,
-        )
-        return integrator.integrate(cells, power_w, motion, slopes, state.state_of_charge)
+        if within_limits:
+            return self._pack.integrate(state, power_w, motion, slopes)
+        return self._pack.unbounded(state, power_w, motion, slopes)
 
     def _drive(
         self, state: VehicleState, command: Command, duration_s: float
@@ -252,13 +230,23 @@ class Plant:
     def _give_way(
         self, state: VehicleState, report: ActuatorReport, duration_s: float
     ) -> tuple[ActuatorReport, Motion, IntervalResult]:
-        """Find the largest acceleration that the pack can supply, by bisection."""
+        """Find the largest acceleration that the pack can supply, by bisection.
+
+        Where it cannot even supply the gentlest motion, the compressor or heater is switched off first.
+        """
         high = report.actuated.acceleration_m_s2
         low = min(self.parameters.limits.min_acceleration_m_s2, high)
         actuated = replace(report.actuated, acceleration_m_s2=low)
         motion, result = self._drive(state, actuated, duration_s)
         if not result.finite:
-            raise StateError(f"state: the pack cannot supply any motion from it, {state}")
+            actuated = replace(actuated, compressor_power_w=0.0)
+            motion, result = self._drive(state, actuated, duration_s)
+        if not result.finite:
+            given_w = self._pack.limits(state, duration_s).discharge_w
+            raise PackEmptyError(
+                f"the pack is empty: at {100.0 * state.state_of_charge:.2f} % of its charge it gives "
+                f"{given_w:.0f} W, less than the auxiliaries take"
+            )
         for _ in range(_POWER_BISECTIONS):
             middle = 0.5 * (low + high)
             trial = replace(actuated, acceleration_m_s2=middle)
@@ -289,9 +277,7 @@ class Plant:
             cell_n_temperature_k=result.cell_n_temperature_k,
             cell_1_capacity_loss=result.cell_1_capacity_loss,
             cell_n_capacity_loss=result.cell_n_capacity_loss,
-            state_of_charge=charge_after(
-                state.state_of_charge, result.charge_c, self._capacity_ah(state)
-            ),
+            state_of_charge=self._pack.charge_at_end(state, result),
         )
         if result.channel is not None:
             end = FullChannelState(**vars(end), cells=result.channel)

@@ -28,6 +28,7 @@ _BELOW = (
     ("gap.standstill_gap_m", "gap.max_gap_m"),
     ("regeneration.blend_start_m_s", "regeneration.blend_end_m_s"),
     ("charge.min_charge", "charge.initial_charge"),
+    ("pack_limits.min_cell_voltage_v", "pack_limits.max_cell_voltage_v"),
 )
 """Pairs of parameters of which the first one is below the second one."""
 _CELL_TEMPERATURES = (

@@ -7,7 +7,7 @@ their sources live in the YAML files of ``sets/``. Symbols in brackets are the p
 from __future__ import annotations
 
 from dataclasses import MISSING, dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 from iptm_core.declaration import ParameterSpec
 
@@ -167,6 +167,76 @@ class ChargeParameters:
         return tuple(getattr(self, f"voltage_share_{percent}") for percent in range(0, 101, 10))
 
 
+def _rate(symbol: str, celsius: int) -> Any:
+    return quantity(f"{symbol}({celsius} degC)", "1/h", 0.0, 1000.0, neutral=1000.0)
+
+
+def _current_share(symbol: str, charge_percent: int) -> Any:
+    return quantity(f"{symbol}({charge_percent} %)", "1", 0.0, 1.0, neutral=1.0)
+
+
+@dataclass(frozen=True)
+class PackLimitParameters:
+    """Limits of cell voltage, and of currents: rates over temperature times shares over the charge.
+
+    Rates are currents over the nominal capacity, linear between -20 and 45 degC and constant outside. The
+    share of the charging current is 1 up to 70 % charge, that of the discharging current from 30 % on.
+    """
+
+    NODES_C: ClassVar[tuple[float, ...]] = (-20.0, -10.0, 0.0, 5.0, 10.0, 45.0)
+    """Temperatures of the rates in degC."""
+
+    min_cell_voltage_v: float = quantity("V_min", "V", 0.0, 10.0, neutral=0.0)
+    max_cell_voltage_v: float = quantity("V_max", "V", 0.0, 20.0, neutral=20.0)
+    charge_rate_minus_20_1_h: float = _rate("c_ch", -20)
+    charge_rate_minus_10_1_h: float = _rate("c_ch", -10)
+    charge_rate_0_1_h: float = _rate("c_ch", 0)
+    charge_rate_5_1_h: float = _rate("c_ch", 5)
+    charge_rate_10_1_h: float = _rate("c_ch", 10)
+    charge_rate_45_1_h: float = _rate("c_ch", 45)
+    discharge_rate_minus_20_1_h: float = _rate("c_dis", -20)
+    discharge_rate_minus_10_1_h: float = _rate("c_dis", -10)
+    discharge_rate_0_1_h: float = _rate("c_dis", 0)
+    discharge_rate_5_1_h: float = _rate("c_dis", 5)
+    discharge_rate_10_1_h: float = _rate("c_dis", 10)
+    discharge_rate_45_1_h: float = _rate("c_dis", 45)
+    charge_share_80: float = _current_share("w_ch", 80)
+    charge_share_90: float = _current_share("w_ch", 90)
+    charge_share_100: float = _current_share("w_ch", 100)
+    discharge_share_0: float = _current_share("w_dis", 0)
+    discharge_share_10: float = _current_share("w_dis", 10)
+    discharge_share_20: float = _current_share("w_dis", 20)
+
+    @property
+    def charge_rates_1_h(self) -> tuple[float, ...]:
+        """Largest charging currents over the nominal capacity at `NODES_C`."""
+        return self._rates("charge")
+
+    @property
+    def discharge_rates_1_h(self) -> tuple[float, ...]:
+        """Largest discharging currents over the nominal capacity at `NODES_C`."""
+        return self._rates("discharge")
+
+    @property
+    def charge_shares(self) -> tuple[float, ...]:
+        """Shares of the charging current at 80, 90 and 100 % charge."""
+        return self.charge_share_80, self.charge_share_90, self.charge_share_100
+
+    @property
+    def discharge_shares(self) -> tuple[float, ...]:
+        """Shares of the discharging current at 0, 10 and 20 % charge."""
+        return self.discharge_share_0, self.discharge_share_10, self.discharge_share_20
+
+    @property
+    def limited(self) -> bool:
+        """Whether anything but full and empty limits the pack."""
+        return self != PackLimitParameters()
+
+    def _rates(self, direction: str) -> tuple[float, ...]:
+        names = ("minus_20", "minus_10", "0", "5", "10", "45")
+        return tuple(getattr(self, f"{direction}_rate_{name}_1_h") for name in names)
+
+
 @dataclass(frozen=True)
 class AgingParameters:
     """Semi-empirical capacity loss (11), (12)."""
@@ -276,6 +346,7 @@ class ModelParameters:
     pack: PackParameters
     cell: CellParameters
     charge: ChargeParameters
+    pack_limits: PackLimitParameters
     aging: AgingParameters
     cooling: CoolingParameters
     chiller: ChillerParameters

@@ -17,6 +17,8 @@ from iptm_core.physics.ops import Scalar, asinh, exp, maximum, minimum
 
 GAS_CONSTANT_J_MOL_K = 8.314462618
 FARADAY_C_MOL = 96485.33212
+ROUNDING = 1e-9
+"""Of a state of charge: a pack that is as full or empty as it may be is not beyond."""
 
 
 @dataclass(frozen=True)
@@ -145,9 +147,11 @@ def pack_capacity_ah(parameters: ModelParameters, mean_capacity_loss: float) -> 
 def charge_after(charge: float, drawn_c: float, capacity_ah: float) -> float:
     """Return the state of charge after a charge in C has been drawn from the pack.
 
-    It is not bounded: a pack that is asked for more than it has shows in a negative charge.
+    It is bounded but for rounding by what a pack takes and gives, see ``pack_limits``.
     """
-    return charge + float(charge_rate_1_s(drawn_c, capacity_ah))
+    end = charge + float(charge_rate_1_s(drawn_c, capacity_ah))
+    within = min(max(end, 0.0), 1.0)
+    return within if abs(end - within) < ROUNDING else end
 
 
 def depends_on_charge(law: ChargeParameters) -> bool:

@@ -79,6 +79,19 @@ def pack_current_a(
     return 2.0 * power_w / (voltage + sqrt(discriminant))
 
 
+def terminal_power_w(
+    current_a: Scalar,
+    resistance_ohm: Scalar,
+    temperature_k: Scalar,
+    cell: CellParameters,
+    pack: PackParameters,
+) -> Scalar:
+    """Terminal power of a pack current (eq. 7), in W."""
+    return current_a * (
+        effective_source_voltage_v(temperature_k, cell, pack) - resistance_ohm * current_a
+    )
+
+
 def largest_power_w(
     resistance_ohm: Scalar, temperature_k: Scalar, cell: CellParameters, pack: PackParameters
 ) -> Scalar:
