@@ -17,7 +17,7 @@ import numpy as np
 
 from benchmarks import ros_speed
 from benchmarks.harness import machine_in_words, quantiles, run_benchmark
-from iptm.studies.closed_loop import run_closed_loop
+from iptm.closed_loop import run_closed_loop
 from iptm_controller.controller import Controller
 from iptm_controller.horizon import MULTI_HORIZON, SINGLE_HORIZON, Horizon
 from iptm_controller.options import ControllerOptions

@@ -20,7 +20,7 @@ import numpy as np
 
 from benchmarks.harness import run_benchmark
 from benchmarks.v2x_prediction import PAGE
-from iptm.studies.closed_loop import ClosedLoopRun, run_closed_loop
+from iptm.closed_loop import ClosedLoopRun, run_closed_loop
 from iptm_controller.controller import Controller
 from iptm_controller.horizon import MULTI_HORIZON
 from iptm_controller.options import ControllerOptions

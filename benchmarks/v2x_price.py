@@ -20,7 +20,7 @@ import pandas as pd
 
 from benchmarks.harness import run_benchmark
 from benchmarks.v2x_prediction import EARLIER_DRIVES, PAGE, other_drive
-from iptm.studies.closed_loop import run_closed_loop
+from iptm.closed_loop import run_closed_loop
 from iptm.studies.measured_cycles import FASTEST_M_S, lead_cycles, write_drive
 from iptm.studies.predictor_training import read_drives
 from iptm_controller.controller import Controller

@@ -59,7 +59,7 @@ def options_of(spec: RunSpec) -> list[str]:
         "slope": spec.slope,
         "duration-s": spec.duration_s,
         "parameter-set": spec.parameter_set,
-        "parameter-overrides": ",".join(f"{key}={value!r}" for key, value in spec.overrides),
+        "overrides": ",".join(f"{key}={value!r}" for key, value in spec.overrides),
         "strategy": spec.strategy.name,
         "horizon": spec.horizon,
         "solver": spec.solver,

@@ -167,7 +167,7 @@ def test_a_run_started_by_hand_keeps_its_parameters(
     launcher: Any, record: Callable[..., Any], tmp_path: Path
 ) -> None:
     recorder = record("bag", "--ros-args", *CAR)
-    trip = {"cycle": "nycc", "duration_s": 10.0, "parameter_overrides": "body.mass_kg=1777"}
+    trip = {"cycle": "nycc", "duration_s": 10.0, "overrides": "body.mass_kg=1777"}
     solver = {"horizon": "3x1", "solver": "ipopt", "compile_code": False}
     peers = {"expected_peers": 2}
     plant = launcher.start_node("iptm_plant_sim.node", *CAR, parameters={**trip, **peers})

@@ -38,7 +38,7 @@ def test_the_example_bag_is_answered_as_recorded(node: str) -> None:
 
 @pytest.mark.parametrize("node", CHANGES)
 def test_a_changed_physical_constant_is_found(launcher: Any, node: str) -> None:
-    change = f"parameter_overrides={CHANGES[node]}"
+    change = f"overrides={CHANGES[node]}"
     process = launcher.start_module(
         "iptm.runner.replay_check", "--check", node, BAG, "--set", change
     )

@@ -17,7 +17,7 @@ from tests.integration.page_browser import Terminal, followed
 
 from iptm.runner.run_closed_loop import build_parser, chosen_scenario
 from iptm.runner.run_string import main
-from iptm.studies.vehicle_string import run_string
+from iptm.vehicle_string import run_string
 from iptm_controller.controller import Controller
 from iptm_controller.options import ControllerOptions
 from iptm_core.decision_record import Rung

@@ -43,21 +43,21 @@ AT = CostPoint(
 
 
 @pytest.mark.parametrize(
-    ("field", "name", "parameter", "weight", "rate_1_s"),
+    ("field", "name", "weight", "rate_1_s"),
     [
-        ("speed_weight", "J1", "speed_weight", 0.5, 4.5),
-        ("temperature_weight", "J2", "temperature_weight", 0.1, 4.1),
-        ("energy_weight_1_j", "J3", "energy_weight", 1e-3, 20.0),
-        ("aging_weight", "J4", "aging_weight", 1e9, 0.5),
+        ("speed_weight", "J1", 0.5, 4.5),
+        ("temperature_weight", "J2", 0.1, 4.1),
+        ("energy_weight_1_j", "J3", 1e-3, 20.0),
+        ("aging_weight", "J4", 1e9, 0.5),
     ],
 )
 def test_cost_of_an_instant_and_parameter_of_the_node(
-    field: str, name: str, parameter: str, weight: float, rate_1_s: float
+    field: str, name: str, weight: float, rate_1_s: float
 ) -> None:
     term = COST_TERMS[field]
     assert term.name == name
     assert term.rate(weight, AT) == pytest.approx(rate_1_s)
-    given: dict[str, Any] = {"strategy": "energy_aging", parameter: weight}
+    given: dict[str, Any] = {"strategy": "energy_aging", field: weight}
     chosen = ControllerNodeParameters(**given).controller_options().strategy
     assert chosen.weights == {**strategy_by_name("energy_aging").weights, field: weight}
 
@@ -126,7 +126,7 @@ def test_every_parameter_reaches_the_controller() -> None:
         max_iterations=42,
         deadline_ms=80.0,
         tolerance=1e-4,
-        parameter_overrides="gap.max_gap_m=80, limits.max_jerk_m_s3=1.0",
+        overrides="gap.max_gap_m=80, limits.max_jerk_m_s3=1.0",
         period_s=0.5,
         max_preview_age_s=3.0,
         shifted_plan_ticks=7,
@@ -157,9 +157,9 @@ def test_all_weights_zero_is_refused() -> None:
         ({"horizon": "3by1"}, "horizon '3by1' cannot be read"),
         ({"horizon": "5x5+3x1"}, "do not shrink"),
         ({"parameter_set": "no_such_set"}, "no_such_set"),
-        ({"parameter_overrides": "body.mas_kg=1600"}, "mas_kg"),
-        ({"parameter_overrides": "body.mass_kg=-1"}, "mass_kg"),
-        ({"parameter_overrides": "body.mass_kg"}, "overrides have the entry"),
+        ({"overrides": "body.mas_kg=1600"}, "mas_kg"),
+        ({"overrides": "body.mass_kg=-1"}, "mass_kg"),
+        ({"overrides": "body.mass_kg"}, "overrides have the entry"),
     ],
 )
 def test_what_cannot_be_built_is_named(wrong: dict[str, Any], complaint: str) -> None:

@@ -312,5 +312,5 @@ def test_a_set_for_one_purpose_is_refused_unless_its_parameter_is_stated(
 @pytest.mark.parametrize("watts", ["0", "0.0", "-0.0"])
 def test_nodes_and_demos_refuse_a_chiller_that_cools_with_the_compressor_off(watts: str) -> None:
     with pytest.raises(ParameterError, match=r"gate_power_w is 0, .*; allowed: above 0 W in nodes"):
-        ModelSettings(parameter_overrides=f"chiller.gate_power_w={watts}").model()
-    ModelSettings(parameter_overrides="chiller.gate_power_w=1").model()
+        ModelSettings(overrides=f"chiller.gate_power_w={watts}").model()
+    ModelSettings(overrides="chiller.gate_power_w=1").model()

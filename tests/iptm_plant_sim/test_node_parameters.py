@@ -13,7 +13,7 @@ def test_trip_has_the_length_of_the_cycle_unless_told_otherwise() -> None:
 
 
 def test_overrides_reach_the_model() -> None:
-    trip = PlantNodeParameters(parameter_overrides="body.mass_kg=2000").build_trip()
+    trip = PlantNodeParameters(overrides="body.mass_kg=2000").build_trip()
     assert trip.parameters.body.mass_kg == 2000.0
 
 
@@ -33,10 +33,10 @@ def test_errors_are_the_projects_own() -> None:
     with pytest.raises(ParameterError):
         PlantNodeParameters(parameter_set="unheard_of").build_trip()
     with pytest.raises(ParameterError):
-        PlantNodeParameters(parameter_overrides="body.mas_kg=2000").build_trip()
+        PlantNodeParameters(overrides="body.mas_kg=2000").build_trip()
 
 
 @pytest.mark.parametrize("text", ["body.mass_kg", "body.mass_kg=heavy", "=3", "a.b=1, a.b=2"])
 def test_malformed_overrides_are_refused(text: str) -> None:
     with pytest.raises(ParameterError, match="overrides"):
-        PlantNodeParameters(parameter_overrides=text).build_trip()
+        PlantNodeParameters(overrides=text).build_trip()

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
+from iptm.channel_record import ChannelRecord
 from iptm.studies.campaign import Campaign, plan_campaign, survey
-from iptm.studies.channel_record import ChannelRecord
 from iptm.studies.run import Run
 from iptm.studies.run_spec import RunKind
 from iptm.studies.store import ResultStore

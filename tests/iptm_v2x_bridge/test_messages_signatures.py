@@ -31,8 +31,8 @@ from iptm_v2x_bridge.messages.certificate import (
 from iptm_v2x_bridge.messages.packets import MessageKind, OpenedDatagram, open_datagram
 from iptm_v2x_bridge.messages.security_envelope import read_signed_message
 from iptm_v2x_bridge.messages.signatures import Verifier, is_signed_by, read_anchors
-from iptm_v2x_bridge.node_parameters import CamSettings
 from iptm_v2x_bridge.rejections import Rejection
+from iptm_v2x_bridge.settings import CamSettings
 
 NOW_MS = 1000 * NOW_S
 WITH_CERTIFICATE = ("SALZBURG", "GOLF", "BRIDGED", "COHDA", "WARNING")

@@ -19,8 +19,8 @@ from iptm_v2x_bridge.messages.cam import CamMessage, decode_cam, decode_fields, 
 from iptm_v2x_bridge.messages.packets import MessageKind, OpenedDatagram, open_datagram
 from iptm_v2x_bridge.messages.ros_cam import bits_of, message_type
 from iptm_v2x_bridge.node_datagrams import open_source
-from iptm_v2x_bridge.node_parameters import CamSettings
 from iptm_v2x_bridge.rejections import Rejection
+from iptm_v2x_bridge.settings import CamSettings
 
 
 def boxed(value: int) -> SimpleNamespace:

@@ -254,7 +254,7 @@ def test_what_the_nodes_do_not_tell_is_left_out_and_said() -> None:
         {
             "plant": {
                 "cycle": "nycc", "slope": "none", "duration_s": 30.0, "period_s": 0.5,
-                "parameter_set": "paper_calibrated", "parameter_overrides": "gap.max_gap_m=80",
+                "parameter_set": "paper_calibrated", "overrides": "gap.max_gap_m=80",
             }
         },
     )  # fmt: skip

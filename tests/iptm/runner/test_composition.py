@@ -48,7 +48,7 @@ def test_values_arrive_and_the_bridge_starts_where_the_model_does() -> None:
         cycle="us06",
         seed=9,
         horizon="15x1",
-        parameter_overrides="gap.initial_gap_m=22",
+        overrides="gap.initial_gap_m=22",
         node_parameters={CONTROLLER: {"tolerance": 1e-6}},
     )
     parameters = node_parameters(prepare(scenario))

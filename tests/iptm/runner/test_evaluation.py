@@ -205,7 +205,7 @@ def test_a_leader_too_fast_to_follow_is_noted(scenario: Scenario, heard: Heard) 
 def test_parameters_of_another_vehicle_are_noticed(
     scenario: Scenario, heard: Heard, write_bag: Write, tmp_path: Path
 ) -> None:
-    other = dataclasses.replace(scenario, parameter_overrides="body.mass_kg=2000")
+    other = dataclasses.replace(scenario, overrides="body.mass_kg=2000")
     problems = judge(other, heard, write_bag(tmp_path / "bag")).problems
     assert "the model parameters in the bag are not those of the scenario" in problems
 

@@ -51,5 +51,8 @@ def test_an_example_is_small_and_complete(bag: Path) -> None:
         assert types[name] == spec.type_name
     # The scenario in the bag is enough to drive it again.
     content = parse_yaml(information.extra["scenario_file"], "scenario in the bag")
+    content["overrides"] = content.pop(
+        "parameter_overrides"
+    )  # as it was named when this was recorded
     again = prepare(scenario_from(content, "bag", information.scenario, bag))
     assert again.vehicle.values == read_model_parameters(bag)[0]

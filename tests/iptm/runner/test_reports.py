@@ -109,7 +109,7 @@ def test_the_heading_names_every_setting_that_is_no_default() -> None:
             cycle="sc03",
             duration_s=20.0,
             latency_s=1.0,
-            parameter_overrides="gap.max_gap_m=80",
+            overrides="gap.max_gap_m=80",
             node_parameters={"controller": {"deadline_ms": 50}},
         )
     )

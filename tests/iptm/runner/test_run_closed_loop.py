@@ -14,7 +14,7 @@ def test_options_reach_the_scenario() -> None:
     arguments = build_parser().parse_args(
         [
             "demo", "--cycle", "nycc", "--duration-s", "30", "--horizon", "15x1", "--seed", "4",
-            "--parameter-overrides", "body.mass_kg=1600", "--set", "controller.tolerance=1e-6",
+            "--overrides", "body.mass_kg=1600", "--set", "controller.tolerance=1e-6",
         ]
     )  # fmt: skip
     scenario = chosen_scenario(arguments)
@@ -62,7 +62,7 @@ def test_the_list_names_every_scenario(capsys: pytest.CaptureFixture[str]) -> No
         (["--duration", "5"], "argument --duration is unknown; did you mean --duration-s?"),
         (["--duration-s", "-5"], "option --duration-s is -5"),
         (["--horizon", "long"], "horizon 'long' cannot be read"),
-        (["--parameter-overrides", "body.mas=1"], "body.mas"),
+        (["--overrides", "body.mas=1"], "body.mas"),
         (["--set", "controller"], "option --set is 'controller'"),
         (["--output", "taken"], "taken exists already"),
     ],

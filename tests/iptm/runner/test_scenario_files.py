@@ -54,7 +54,7 @@ def test_text_of_a_scenario_reads_back(tmp_path: Path) -> None:
         name="mine",
         description="öfter mal was Neues: yes",
         cycle="us06",
-        parameter_overrides="body.mass_kg=1600.5, gap.max_gap_m=80",
+        overrides="body.mass_kg=1600.5, gap.max_gap_m=80",
         horizon="15x1",
         preview_mode=PreviewMode.NONE,
         latency_s=0.1 + 0.2,
@@ -66,9 +66,9 @@ def test_text_of_a_scenario_reads_back(tmp_path: Path) -> None:
 
 
 def test_overrides_may_be_a_mapping(tmp_path: Path) -> None:
-    path = write(tmp_path, "parameter_overrides: {body.mass_kg: 1600, gap.max_gap_m: 80.5}\n")
+    path = write(tmp_path, "overrides: {body.mass_kg: 1600, gap.max_gap_m: 80.5}\n")
     scenario = prepare(load_scenario(path))
-    assert scenario.parameter_overrides == "body.mass_kg=1600, gap.max_gap_m=80.5"
+    assert scenario.overrides == "body.mass_kg=1600, gap.max_gap_m=80.5"
     assert scenario.vehicle.values.body.mass_kg == 1600.0
     assert scenario.vehicle.values.gap.max_gap_m == 80.5
 
@@ -117,7 +117,7 @@ def test_options_come_last(tmp_path: Path) -> None:
             "preview_length_s: 5\npreview_step_s: 10",
             ("scenario mine", "preview_step_s is 10", "5 s"),
         ),
-        ("parameter_overrides: {body.mass_kg: heavy}", ("body.mass_kg is 'heavy'", "a number")),
+        ("overrides: {body.mass_kg: heavy}", ("body.mass_kg is 'heavy'", "a number")),
         ("node_parameters: 3", ("node_parameters holds 3", "a mapping")),
         ("node_parameters: {plnt: {}}", ("unknown node 'plnt'", "did you mean 'plant'?")),
         ("node_parameters: {plant: 3}", ("plant holds 3", "a mapping")),
@@ -163,8 +163,8 @@ def test_unknown_scenario_and_missing_file(tmp_path: Path) -> None:
         ({"cycle": "none.csv"}, ("cycle", "none.csv")),
         ({"horizon": "3y1"}, ("horizon", "'3y1'", "3x1+5x5")),
         ({"parameter_set": "mine"}, ("parameter_set", "mine", "paper_calibrated")),
-        ({"parameter_overrides": "body.mass=3"}, ("body.mass", "did you mean")),
-        ({"parameter_overrides": "body.mass_kg=3"}, ("body.mass_kg", "100")),
+        ({"overrides": "body.mass=3"}, ("body.mass", "did you mean")),
+        ({"overrides": "body.mass_kg=3"}, ("body.mass_kg", "100")),
         ({"namespace": "car 1"}, ("namespace", "allowed: letters")),
     ],
 )
@@ -190,7 +190,7 @@ def test_nodes_that_need_it_must_have_one_period() -> None:
 
 def test_numbers_only_python_understands_are_refused() -> None:
     with pytest.raises(ScenarioError, match=r"body\.mass_kg=1_600"):
-        prepare(Scenario(parameter_overrides="body.mass_kg=1_600"))
+        prepare(Scenario(overrides="body.mass_kg=1_600"))
 
 
 def test_a_scenario_with_a_name_no_file_can_have() -> None:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from iptm.studies.channel_record import ChannelRecord, channel_record
+from iptm.channel_record import ChannelRecord, channel_record
 from iptm.studies.run import Run, perform_run
 from iptm.studies.run_spec import RunSpec
 from iptm.studies.store import ResultStore

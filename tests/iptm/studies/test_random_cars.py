@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from iptm.faults.kinds import FaultKind
-from iptm.studies.bounds import (
+from iptm.bounds import (
     avoidable_collisions,
     avoidably_below_s_min,
     below_s_min,
     fully_cooled_k,
 )
+from iptm.faults.kinds import FaultKind
 from iptm.studies.campaign import Campaign, admit
 from iptm.studies.random_cars import draws
 from iptm.studies.random_cars.cli import PAGE, main

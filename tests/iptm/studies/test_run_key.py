@@ -121,9 +121,9 @@ def test_fingerprint_covers_the_numbers_and_not_the_nodes() -> None:
         "iptm_v2x_bridge/bridge.py",
         "iptm_controller/ocp/stage.py",
         "iptm_controller/solvers/factory.py",
-        "studies/closed_loop.py",
-        "studies/run.py",
-        "studies/whole_trip.py",
+        "iptm/closed_loop.py",
+        "iptm/studies/run.py",
+        "iptm/whole_trip.py",
     } <= names
     assert not [name for name in names if "/node" in name or "/metrics/" in name]
 

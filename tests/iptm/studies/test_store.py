@@ -14,7 +14,7 @@ import pytest
 from iptm.studies.run import Run
 from iptm.studies.store import ResultStore, content_key, default_store_folder
 from iptm.studies.study import Case
-from iptm.studies.whole_trip import WholeTripRecord, WholeTripSolve
+from iptm.whole_trip import WholeTripRecord, WholeTripSolve
 from iptm_core.errors import StoreError
 
 MakeRun = Callable[..., Run]

@@ -18,7 +18,7 @@ from iptm_controller.settings import ControllerSettings
 from iptm_controller.strategy import STRATEGIES, Strategy
 from iptm_core.aging_laws.parking import AgingSettings
 from iptm_core.charging_stop import ChargingStopSettings
-from iptm_core.declaration import parameter_specs, plain
+from iptm_core.declaration import plain
 from iptm_core.errors import ParameterError, RouteError
 from iptm_core.parameters import DEFAULT_SET, ModelParameters, load_parameters, to_flat_dict
 from iptm_core.routes.cycles import DrivingCycle
@@ -52,7 +52,9 @@ def run_inputs(
         )
     changes |= overrides or {}
     given = {
-        **{spec.name: spec.default for spec in parameter_specs(ControllerSettings)},
+        "strategy": ControllerSettings.strategy,
+        "horizon": ControllerSettings.horizon,
+        "solver": ControllerSettings.solver,
         **settings,
         "cycle": name,
         "parameter_set": parameter_set,

@@ -37,7 +37,7 @@ from iptm_core.declaration import parameter_specs, plain
 from iptm_core.errors import ScenarioError
 from iptm_core.parameters import load_parameters
 from iptm_core.program import EXIT_USER_ERROR
-from iptm_core.settings import VEHICLE_LENGTH_M, StringSettings
+from iptm_core.settings import VEHICLE_LENGTH_M, VehicleAheadSettings, VehicleSettings
 from iptm_ros.topics import BRIDGE, CONTROLLER, PLANT
 from launch import LaunchDescription
 
@@ -57,7 +57,12 @@ PARAMETERS[BRIDGE] |= {
     "leader_length_m": float,
 }
 PARAMETERS[PLANT] |= {"vehicle_ahead": str, "vehicle_behind": str, "start_position_m": float}
-NEIGHBOURS = {spec.name: spec for spec in parameter_specs(StringSettings)}
+NEIGHBOURS = {
+    spec.name: spec
+    for group in (VehicleAheadSettings, VehicleSettings)
+    for spec in parameter_specs(group)
+    if spec.name in {"vehicle_ahead", "vehicle_behind"}
+}
 
 TRUTH_VALUES = ["true", "false", "True", "False"]
 DEFAULT_GAP_M = load_parameters().values.gap.initial_gap_m

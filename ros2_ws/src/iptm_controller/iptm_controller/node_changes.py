@@ -16,14 +16,15 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 
 from iptm_controller.controller import Controller
-from iptm_controller.node_parameters import CHANGEABLE, WEIGHTS, ControllerNodeParameters
+from iptm_controller.node_parameters import CHANGEABLE, ControllerNodeParameters
+from iptm_controller.strategy import COST_TERMS
 from iptm_core.declaration import plain
 from iptm_core.errors import IptmError, ParameterError
 from iptm_core.state import NS_PER_S
 from iptm_ros.diagnostics import CHANGED_SETTINGS, SETTINGS_SINCE
 from iptm_ros.suite_node import SuiteNode
 
-_NUMBERS_OF_A_PROBLEM = ("strategy", *WEIGHTS)
+_NUMBERS_OF_A_PROBLEM = ("strategy", *COST_TERMS)
 
 
 class SettingsChanges:

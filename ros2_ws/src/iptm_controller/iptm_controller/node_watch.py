@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
 from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements, trusted_measurements
 from iptm_controller.ocp.layout import StateIndex
-from iptm_core.declaration import Settings, parameter
+from iptm_controller.settings import WarningSettings
 from iptm_core.metrics.concerns import (
     Concern,
     IneffectiveCooling,
@@ -34,38 +33,6 @@ _WARNINGS = {
 CONCERNS = frozenset(_WARNINGS.values())
 """All reasons to warn of something that has gone on for too long."""
 COLD = "cells below their lowest temperature, which forbids cooling"
-
-
-@dataclass(frozen=True)
-class WarningSettings(Settings):
-    """Times after which a situation causes a warning."""
-
-    motion_warning_s: float = parameter(
-        10.0, "warn when gap or speed are measured out of limits for longer", "s", 0.0, 3600.0
-    )
-    temperature_warning_s: float = parameter(
-        60.0, "warn when a cell is measured above its limit for longer", "s", 0.0, 36000.0
-    )
-    cooling_warning_s: float = parameter(
-        60.0,
-        "warn when the compressor is at its limit for longer and the warmest cell, above its limit, "
-        "does not get colder",
-        "s",
-        0.0,
-        36000.0,
-    )
-    plan_warning_s: float = parameter(
-        60.0, "warn when plans end out of limits for longer", "s", 0.0, 36000.0
-    )
-
-    def after_s(self, concern: Concern) -> float:
-        """Return the time after which a concern causes a warning, in s."""
-        times = {
-            Concern.HOT_CELL: self.temperature_warning_s,
-            Concern.COOLING: self.cooling_warning_s,
-            Concern.PLAN: self.plan_warning_s,
-        }
-        return times.get(concern, self.motion_warning_s)
 
 
 class OperatorWatch:

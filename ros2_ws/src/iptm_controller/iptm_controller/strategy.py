@@ -58,7 +58,6 @@ class CostTerm:
         meaning: what is weighed.
         symbol: of its weight.
         unit: of its weight; empty for none.
-        parameter: of the controller node that sets the weight.
         typical_1_s: cost per second with a weight of 1 in ordinary driving.
         rate: cost per second from the weight and the instant; linear in the weight.
     """
@@ -67,7 +66,6 @@ class CostTerm:
     meaning: str
     symbol: str
     unit: str
-    parameter: str
     typical_1_s: float
     rate: Callable[[Scalar, CostPoint], Scalar]
 
@@ -78,7 +76,7 @@ def _weight(*term: Any) -> Any:
 
 @dataclass(frozen=True)
 class Strategy:
-    """Weights of the cost terms, each a field of its own; see the parameters of the controller node.
+    """Weights of the cost terms, each a field, which is also the parameter of the controller node.
 
     Attributes:
         name: short name, as used in parameters and tables.
@@ -91,17 +89,17 @@ class Strategy:
     name: str
     # fmt: off
     speed_weight: float = _weight(
-        "J1", "deviation from the leader's recent mean speed", "Q", "1/(m/s)^2", "speed_weight", 5.0**2,
+        "J1", "deviation from the leader's recent mean speed", "Q", "1/(m/s)^2", 5.0**2,
         lambda weight, at: weight * at.speed_error_m_s * at.speed_error_m_s)
     temperature_weight: float = _weight(
-        "J2", "deviation of both cells from the reference", "R", "1/K^2", "temperature_weight", 2.0 * 5.0**2,
+        "J2", "deviation of both cells from the reference", "R", "1/K^2", 2.0 * 5.0**2,
         lambda weight, at: weight * (
             at.cell_1_error_k * at.cell_1_error_k + at.cell_n_error_k * at.cell_n_error_k))
     energy_weight_1_j: float = _weight(
-        "J3", "energy at the battery terminals", "lambda_P", "1/J", "energy_weight", 20e3,
+        "J3", "energy at the battery terminals", "lambda_P", "1/J", 20e3,
         lambda weight, at: weight * at.rates.battery_power_w)
     aging_weight: float = _weight(
-        "J4", "capacity loss of both cells", "lambda_Q", "", "aging_weight", 1e-9,
+        "J4", "capacity loss of both cells", "lambda_Q", "", 1e-9,
         lambda weight, at: weight * (
             at.rates.cell_1_capacity_loss_rate_1_s + at.rates.cell_n_capacity_loss_rate_1_s))
     # fmt: on

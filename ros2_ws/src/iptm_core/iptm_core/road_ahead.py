@@ -23,8 +23,8 @@ from iptm_core.state import FloatArray
 
 
 @dataclass(frozen=True)
-class RoadAheadSettings(Settings):
-    """Source of the lead vehicle, and the rules of the road for the ego vehicle."""
+class LeaderSourceSettings(Settings):
+    """Source of the lead vehicle."""
 
     leader_source: LeaderSource = parameter(
         LeaderSource.CYCLE,
@@ -32,6 +32,12 @@ class RoadAheadSettings(Settings):
         "vehicle_ahead, whose plans are the previews; none: the road is empty; with the latter three the "
         "cycle gives the road only",
     )
+
+
+@dataclass(frozen=True)
+class RoadRuleSettings(Settings):
+    """Rules of the road for the ego vehicle."""
+
     ego_keeps_rules: bool = parameter(
         default=False,
         description="with a leader: the ego keeps speed limits and signals where they are stricter, and "
@@ -60,6 +66,11 @@ class RoadAheadSettings(Settings):
     max_lateral_acceleration_m_s2: float = parameter(
         2.0, "where rules are kept, curves are passed with this at most", "m/s^2", 0.1, 10.0
     )
+
+
+@dataclass(frozen=True)
+class RoadAheadSettings(RoadRuleSettings, LeaderSourceSettings):
+    """What is ahead of the ego vehicle: its leader, and the rules of the road."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

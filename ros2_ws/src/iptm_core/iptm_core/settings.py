@@ -1,7 +1,7 @@
 """Settings that several parts of the suite share; each is declared here and nowhere else.
 
-Scenarios, node parameters, run specifications, launch arguments and parameter files are composed of
-these groups, by inheritance, because users write the names flat.
+The groups of a trip and the parameters of nodes are composed of them by inheritance, because parameters of
+nodes have flat names.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ class ModelSettings(Settings):
     parameter_set: str = parameter(
         DEFAULT_SET, "parameters of the vehicle: name of a shipped set, or the path of a .yaml file"
     )
-    parameter_overrides: str = parameter(
+    overrides: str = parameter(
         "", "single model parameters to change, e.g. 'body.mass_kg=1600, gap.max_gap_m=80'"
     )
 
@@ -112,7 +112,7 @@ class ModelSettings(Settings):
         Raises:
             ParameterError: they cannot be read, or are those of a chiller without a gate.
         """
-        model = load_parameters(self.parameter_set, parse_overrides(self.parameter_overrides))
+        model = load_parameters(self.parameter_set, parse_overrides(self.overrides))
         if model.values.chiller.gate_power_w == 0.0:
             raise ParameterError(
                 f"parameter set {model.name}: chiller.gate_power_w is 0, a chiller that cools with the "
@@ -150,7 +150,7 @@ class PreviewSettings(Settings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        # A run specification may leave the length open.
+        # A trip may leave the length open.
         if self.preview_length_s is not None and self.preview_step_s > self.preview_length_s:
             raise ParameterError(
                 f"preview_step_s is {self.preview_step_s} s; allowed: up to preview_length_s, "
@@ -176,7 +176,7 @@ class SamplingSettings(Settings):
     """Sampling time of the loop."""
 
     period_s: float = parameter(
-        1.0, "sampling time of the loop, trip time between two states", "s", 0.01, 10.0
+        1.0, "sampling time of the loop, trip time between two states", "s", 1e-3, 10.0
     )
 
 
@@ -266,14 +266,11 @@ class FrameSettings(Settings):
 
 
 @dataclass(frozen=True)
-class StringSettings(Settings):
-    """Neighbours of a vehicle in a string of vehicles of the same graph; they drive in lock-step."""
+class VehicleAheadSettings(Settings):
+    """The vehicle ahead in a string of vehicles of the same graph; they drive in lock-step."""
 
     vehicle_ahead: str = parameter(
         "", "namespace of the vehicle ahead in a string of vehicles, e.g. /car_1; empty for none"
-    )
-    vehicle_behind: str = parameter(
-        "", "namespace of the vehicle behind in a string of vehicles, e.g. /car_3; empty for none"
     )
 
 
@@ -287,5 +284,47 @@ class IntegrationSettings(Settings):
     )
 
     integration_step_s: float = parameter(
-        0.05, "longest integration step inside a period", "s", 1e-3, 1.0
+        0.05, "longest integration step inside a period", "s", 1e-3, 10.0
+    )
+
+
+@dataclass(frozen=True)
+class VehicleSettings(SafetyMonitorSettings, IntegrationSettings, ModelSettings):
+    """The simulated vehicle, and where it starts."""
+
+    start_position_m: float = parameter(
+        0.0, "where the front bumper is at the start, along the road", "m", -1e5, 1e5
+    )
+    vehicle_behind: str = parameter(
+        "", "namespace of the vehicle behind in a string of vehicles, e.g. /car_3; empty for none"
+    )
+
+
+class LostController(TextEnum):
+    """What the plant does in lock-step when an awaited command is lost."""
+
+    STOP = "stop"
+    """Stop the vehicle and end at standstill, unless a controller answers before."""
+    WAIT = "wait"
+    """Wait on for ever."""
+
+
+@dataclass(frozen=True)
+class LostControllerSettings(Settings):
+    """When a command counts as lost, and what happens then."""
+
+    command_timeout_s: float = parameter(
+        3.0, "real_time: age in trip time beyond which a command is lost", "s", 0.1, 60.0
+    )
+    command_timeout_wall_s: float = parameter(
+        10.0,
+        "lock_step: wall time without the awaited command after which it counts as lost",
+        "s",
+        0.1,
+        3600.0,
+    )
+    on_lost_controller: LostController = parameter(
+        LostController.STOP,
+        "lock_step, after command_timeout_wall_s: stop the vehicle and end at standstill, unless a "
+        "controller answers before; or wait on for ever",
     )

@@ -6,25 +6,24 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from iptm_core.declaration import Scalar, parameter, parameter_specs, plain
+from iptm_core.declaration import Scalar, declared, parameter, parameter_specs, plain
 from iptm_core.errors import StateError
 from iptm_core.saved_state import SavedState, from_plain, read_state, to_plain
 from iptm_core.settings import (
     FrameSettings,
-    IntegrationSettings,
-    ModelSettings,
+    LostControllerSettings,
     PaceSettings,
     SafetyMonitorSettings,
-    StringSettings,
     TickSettings,
     TripSettings,
+    VehicleAheadSettings,
+    VehicleSettings,
 )
 from iptm_core.state import NS_PER_S
 from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_step import PlantStep
 from iptm_plant_sim.trip import Trip
 
-STOP = "stop"
 WAIT = "wait"
 EXIT = "exit"
 PLANT_STATE = "plant"
@@ -32,7 +31,7 @@ _OF_A_STATE = (
     "cycle",
     "slope",
     "parameter_set",
-    "parameter_overrides",
+    "overrides",
     "period_s",
     "thermal_model",
     "integration_step_s",
@@ -42,36 +41,16 @@ _OF_A_STATE = (
 
 @dataclass(frozen=True)
 class PlantNodeParameters(
-    SafetyMonitorSettings,
-    StringSettings,
+    LostControllerSettings,
     FrameSettings,
-    IntegrationSettings,
     TickSettings,
     PaceSettings,
-    ModelSettings,
+    VehicleSettings,
     TripSettings,
 ):
     """Parameters of the node: those of the groups, the last of the bases first, and its own."""
 
-    start_position_m: float = parameter(
-        0.0, "where the front bumper is at the start, along the road", "m", -1e5, 1e5
-    )
-    command_timeout_s: float = parameter(
-        3.0, "real_time: age in trip time beyond which a command is lost", "s", 0.1, 60.0
-    )
-    command_timeout_wall_s: float = parameter(
-        10.0,
-        "lock_step: wall time without the awaited command after which it counts as lost",
-        "s",
-        0.1,
-        3600.0,
-    )
-    on_lost_controller: str = parameter(
-        STOP,
-        "lock_step, after command_timeout_wall_s: stop the vehicle and end at standstill, unless a "
-        "controller answers before; or wait on for ever",
-        choices=(STOP, WAIT),
-    )
+    vehicle_ahead: str = declared(VehicleAheadSettings, "vehicle_ahead")
     expected_peers: int = parameter(
         1,
         "subscribers of plant/odometry and of clock to wait for before the start, 0 for none",

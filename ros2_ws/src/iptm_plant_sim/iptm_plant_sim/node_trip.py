@@ -10,7 +10,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
 from iptm_core.errors import IptmError, MessageError
-from iptm_core.settings import LoopMode
+from iptm_core.settings import LoopMode, LostController
 from iptm_core.state import Command
 from iptm_plant_sim.node_neighbours import Neighbours, missing_subscribers
 from iptm_plant_sim.node_parameters import WAIT, PlantNodeParameters
@@ -267,7 +267,7 @@ class TripNode(SuiteNode):
         if self._neighbours.is_holding or self._range_sensor.is_holding:
             self._watchdog.feed()
             return
-        if self._options.on_lost_controller == WAIT:
+        if self._options.on_lost_controller is LostController.WAIT:
             self._report()
             return
         self._controller_lost = True

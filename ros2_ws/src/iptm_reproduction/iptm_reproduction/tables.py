@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from iptm.studies.channel_record import ChannelRecord
+from iptm.channel_record import ChannelRecord
 from iptm.studies.run import Run
 from iptm_core.metrics import cold_compressor_energies_j
 from iptm_core.metrics.figures import FIGURES

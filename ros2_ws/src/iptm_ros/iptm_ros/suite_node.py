@@ -226,7 +226,7 @@ class SuiteNode(Node):
             ParameterError: an unknown name, with the closest known one.
         """
         # rclpy has no public way to list overrides without declaring them untyped.
-        overrides: dict[str, Any] = getattr(self, "_parameter_overrides", {})
+        overrides: dict[str, Any] = getattr(self, "_overrides", {})
         for name in overrides:
             if name.startswith(_QOS_OVERRIDES) and not name.startswith(_OVERRIDABLE):
                 raise ParameterError(

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from iptm.studies.closed_loop import run_closed_loop
+from iptm.closed_loop import run_closed_loop
 from iptm_controller.controller import Controller
 from iptm_controller.horizon import SINGLE_HORIZON, Horizon
 from iptm_controller.options import ControllerOptions

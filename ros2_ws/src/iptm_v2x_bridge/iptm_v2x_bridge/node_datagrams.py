@@ -20,12 +20,12 @@ from iptm_v2x_bridge.datagrams import (
     SocketSource,
 )
 from iptm_v2x_bridge.messages.ros_cam import bits_of, message_type
-from iptm_v2x_bridge.node_parameters import CamSettings
 from iptm_v2x_bridge.radio_recording import (
     RadioRecording,
     recording_by_time,
     recording_with_marks,
 )
+from iptm_v2x_bridge.settings import CamSettings
 
 MAX_WAITING = 1000
 """Messages of a topic that the middleware keeps."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from iptm.closed_loop import ClosedLoopRun, run_closed_loop
 from iptm.run import Run
 from iptm.runner.scenario import Scenario
-from iptm.studies.closed_loop import ClosedLoopRun, run_closed_loop
 from iptm.studies.run_spec import HEADLESS_LEADERS
 from iptm_controller.controller import Controller
 from iptm_controller.horizon import SINGLE_HORIZON, Horizon

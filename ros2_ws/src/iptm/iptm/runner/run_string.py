@@ -23,7 +23,7 @@ from iptm.runner.string_page import report_string
 from iptm.runner.string_run import complaint, drive_string, results_in
 from iptm.runner.tables import TABLES_WIDTH
 from iptm.runner.viewer import live_view
-from iptm.studies.vehicle_string import run_string
+from iptm.vehicle_string import run_string
 from iptm_controller.horizon import SINGLE_HORIZON, Horizon
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.errors import IptmError, ScenarioError

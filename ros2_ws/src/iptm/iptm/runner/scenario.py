@@ -83,7 +83,7 @@ NODES = tuple(SETTINGS_OF_NODES)
 """Names of the nodes of the loop; extra parameters in a scenario are grouped by them."""
 
 _IN_HEADING = ("cycle", "slope", "duration_s", "strategy", "horizon", "solver", "mode")
-_NOT_CHANGES = frozenset((*_IN_HEADING, "parameter_overrides", "namespace", "domain"))
+_NOT_CHANGES = frozenset((*_IN_HEADING, "overrides", "namespace", "domain"))
 """Settings of a scenario that its heading shows otherwise, or that do not change what is driven."""
 
 _NO_PARAMETERS: Mapping[str, Mapping[str, Scalar]] = MappingProxyType({})
@@ -96,8 +96,6 @@ class Scenario(
     ClockSettings,
     PaceSettings,
     PreviewSettings,
-    AgingSettings,
-    ChargingStopSettings,
     ControllerSettings,
     ModelSettings,
     RoadAheadSettings,
@@ -165,7 +163,7 @@ class Scenario(
             for spec in parameter_specs(Scenario)
             if spec.name not in _NOT_CHANGES and getattr(self, spec.name) != spec.default
         ]
-        changes += filter(None, [self.parameter_overrides])
+        changes += filter(None, [self.overrides])
         for node, values in self.node_parameters.items():
             changes += [f"{node}.{name}={value}" for name, value in values.items()]
         if self.faults:
@@ -203,7 +201,7 @@ def prepare(scenario: Scenario) -> Scenario:
         except IptmError as error:
             raise ScenarioError(f"scenario {scenario.name}: {keys}: {error}") from None
 
-    part("parameter_set, parameter_overrides", lambda: scenario.vehicle)
+    part("parameter_set, overrides", lambda: scenario.vehicle)
     part("cycle, slope", lambda: scenario.trip)
     part("horizon", lambda: Horizon.parse(scenario.horizon))
     part("namespace", partial(_check_namespace, scenario.full_namespace))

@@ -3,7 +3,7 @@
     description: WLTC class 3b on hills, an unreliable radio link
     slope: small
     dropout_probability: 0.2
-    parameter_overrides: {body.mass_kg: 1600}
+    overrides: {body.mass_kg: 1600}
     node_parameters: {controller: {deadline_ms: 50}}
     faults: [{kind: leader_hard_stop, start_s: 120, duration_s: 10, size: 8}]
 
@@ -30,7 +30,7 @@ from iptm_core.user_input import StrictMapping, is_path, shown, suggestion
 DEFAULT_SCENARIO = "wltc"
 LONGEST_NAME = 100
 """Characters of the name of a scenario, which become a part of file names."""
-_OVERRIDES = "parameter_overrides"
+_OVERRIDES = "overrides"
 _NODE_PARAMETERS = "node_parameters"
 _FAULTS = "faults"
 _FILE_OF = {"cycle": USER_SUFFIXES, "slope": (GPX_SUFFIX,), "parameter_set": YAML_SUFFIXES}

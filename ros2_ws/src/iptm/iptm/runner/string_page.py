@@ -20,7 +20,7 @@ from iptm.picture import GREY, STYLE
 from iptm.report import relative_changes
 from iptm.run import Run
 from iptm.runner.scenario import Scenario
-from iptm.studies.vehicle_string import amplification, deviations_along
+from iptm.vehicle_string import amplification, deviations_along
 from iptm_core.decision_record import Rung
 from iptm_core.markdown import cells_of, render_page
 from iptm_core.metrics import gap_margins_m

@@ -13,14 +13,14 @@ from dataclasses import dataclass, replace
 from datetime import datetime, timezone
 from functools import cached_property
 
+from iptm.channel_record import ChannelRecord, channel_record
+from iptm.closed_loop import TickController, run_closed_loop
 from iptm.faults.injection import FaultInjection
 from iptm.faults.solver import FaultyController
 from iptm.faults.vehicle import FaultyPlant
-from iptm.studies.channel_record import ChannelRecord, channel_record
-from iptm.studies.closed_loop import TickController, run_closed_loop
 from iptm.studies.run_spec import RunKind, RunSpec
 from iptm.studies.study import Case
-from iptm.studies.whole_trip import WholeTripRecord, solve_whole_trip
+from iptm.whole_trip import WholeTripRecord, solve_whole_trip
 from iptm_controller.controller import Controller
 from iptm_controller.decision import Decision
 from iptm_controller.horizon import Horizon

@@ -16,7 +16,7 @@ from typing import Any
 from iptm.faults.fault import Fault, faults_from, in_order, plain_faults
 from iptm.faults.injection import check_empty_road, check_headless
 from iptm_controller.horizon import Horizon
-from iptm_controller.settings import ControllerSettings, SolveSettings
+from iptm_controller.settings import ControllerSettings
 from iptm_controller.strategy import Strategy, strategy_by_name
 from iptm_core.aging_laws.parking import AgingSettings
 from iptm_core.charging_stop import ChargingStopSettings
@@ -100,14 +100,14 @@ class RunSpec(RoadAheadSettings, AgingSettings, ChargingStopSettings, PreviewSet
         PreviewSettings, "preview_length_s", default=None
     )
     solver: str = declared(ControllerSettings, "solver")
-    tolerance: float = declared(SolveSettings, "tolerance", minimum=1e-16)
-    max_iterations: int = declared(SolveSettings, "max_iterations", maximum=100_000)
-    compile_code: bool = declared(SolveSettings, "compile_code")
+    tolerance: float = declared(ControllerSettings, "tolerance")
+    max_iterations: int = declared(ControllerSettings, "max_iterations")
+    compile_code: bool = declared(ControllerSettings, "compile_code")
     smoothing_factor: float = parameter(
         1.0, "factor on the widths of the smoothed kinks of the model", "", 0.01, 10.0
     )
-    tick_s: float = declared(SamplingSettings, "period_s", minimum=1e-3)
-    plant_step_s: float = declared(IntegrationSettings, "integration_step_s", maximum=10.0)
+    tick_s: float = declared(SamplingSettings, "period_s")
+    plant_step_s: float = declared(IntegrationSettings, "integration_step_s")
     thermal_model: ThermalModel = declared(IntegrationSettings, "thermal_model")
     faults: tuple[Fault, ...] = ()
 

@@ -44,7 +44,7 @@ NOT_COMPUTED = "not computed"
 KEY_FORMAT = 1
 KEY_LENGTH = 32
 _PACKAGES = (iptm_core, iptm_plant_sim, iptm_v2x_bridge, iptm_controller, iptm.faults)
-_STUDY_MODULES = ("channel_record.py", "closed_loop.py", "run.py", "whole_trip.py")
+_OWN_MODULES = ("channel_record.py", "closed_loop.py", "studies/run.py", "whole_trip.py")
 _LIBRARIES = ("casadi", "numpy")
 
 
@@ -275,8 +275,8 @@ def code_fingerprint() -> str:
 
 def source_files() -> dict[str, Path]:
     """Return the files that count, by ``package/path``."""
-    here = Path(__file__).parent
-    files = {f"{here.name}/{name}": here / name for name in _STUDY_MODULES}
+    here = Path(__file__).parents[1]
+    files = {f"{here.name}/{name}": here / name for name in _OWN_MODULES}
     for package in _PACKAGES:
         folder = Path(str(package.__file__)).parent
         for path in folder.rglob("*.py"):

@@ -11,11 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from iptm.bounds import gaps_when_braking
 from iptm.faults.fault import Fault
 from iptm.faults.kinds import FaultPlace
 from iptm.runner.fault_table.catalogue import DriveMode, Entry, ReportPolicy
 from iptm.runner.fault_table.driving import NO_REPORT, DrivenTrial, Interval, StatusReport
-from iptm.studies.bounds import gaps_when_braking
 from iptm.studies.study import Judged
 from iptm_core.decision_record import Rung
 from iptm_core.metrics.constraints import check_constraints

@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from iptm.faults.fault import Fault
-from iptm.studies.bounds import (
+from iptm.bounds import (
     BoolArray,
     avoidable_collisions,
     avoidably_below_s_min,
@@ -20,6 +19,7 @@ from iptm.studies.bounds import (
     episodes,
     fully_cooled_k,
 )
+from iptm.faults.fault import Fault
 from iptm.studies.run import Run
 from iptm.studies.run_spec import RunSpec
 from iptm.studies.study import Case, Judged

@@ -1,7 +1,7 @@
 """What stated brakes can do, computed apart from plant, monitor and controller.
 
 Many ego vehicles at once brake as hard as they can a reaction time after the lead vehicle began to, in small
-steps of time. For a vehicle in a drive, whose lead vehicle moves as it did, see `iptm.studies.bounds`.
+steps of time. For a vehicle in a drive, whose lead vehicle moves as it did, see `iptm.bounds`.
 """
 
 from __future__ import annotations

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from iptm.bounds import gaps_when_braking, seen_from
 from iptm.faults.fault import Fault, at_places
 from iptm.faults.kinds import FaultKind, FaultPlace
-from iptm.studies.bounds import gaps_when_braking, seen_from
 from iptm.studies.run import VEHICLE, WEAK_BRAKES, Report
 from iptm.studies.study import Case, Judged
 from iptm_core.parameters.model import ModelParameters

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from iptm.studies.closed_loop import ClosedLoopRun
-from iptm.studies.vehicle_string import RATIOS, amplification, deviations_along, run_string
+from iptm.closed_loop import ClosedLoopRun
+from iptm.vehicle_string import RATIOS, amplification, deviations_along, run_string
 from iptm_controller.controller import Controller
 from iptm_controller.options import ControllerOptions
 from iptm_core.decision_record import Rung

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 import pandas as pd
 
-from iptm.studies.closed_loop import ClosedLoopRun, run_closed_loop
+from iptm.closed_loop import ClosedLoopRun, run_closed_loop
 from iptm_controller.controller import Controller
 from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from iptm.studies.closed_loop import ClosedLoopRun, run_closed_loop
+from iptm.closed_loop import ClosedLoopRun, run_closed_loop
 from iptm_controller.controller import Controller
 from iptm_controller.decision import Decision
 from iptm_controller.horizon import MULTI_HORIZON, SINGLE_HORIZON, Horizon
