@@ -9,14 +9,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from datetime import datetime, timezone
 from functools import cached_property
 
 from iptm.channel_record import ChannelRecord, channel_record
-from iptm.driving import vehicle_reports
-from iptm.run import Report, Reporter
-from iptm.run import Run as LibraryRun
 from iptm.closed_loop import TickController, run_closed_loop
 from iptm.faults.injection import FaultInjection
 from iptm.faults.solver import FaultyController
@@ -34,7 +31,6 @@ from iptm_core.aging_laws.law import AgingLaw
 from iptm_core.aging_laws.parking import AgingSettings
 from iptm_core.charging_stop import ChargingStopSettings
 from iptm_core.decision_record import DecisionSeries
-from iptm_core.declaration import plain
 from iptm_core.metrics import RunMetrics, compute_metrics
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.provenance import git_revision, versions
@@ -45,7 +41,24 @@ from iptm_plant_sim.plant_step import PlantStep
 from iptm_v2x_bridge.bridge import PreviewSource
 from iptm_v2x_bridge.rules_of_the_road import road_bridge
 
+CONTROLLER, VEHICLE = "controller", "vehicle"
+NOTICED_SHARE = 0.95
+"""Brakes that deliver less of what is requested count as weak."""
+WEAK_BRAKES = "brakes deliver"
+
 _REPORTED_LIBRARIES = ("casadi", "numpy", "pyarrow")
+
+
+@dataclass(frozen=True)
+class Report:
+    """What `CONTROLLER` or `VEHICLE` reported from a trip time on, until it reported something else.
+
+    The text is the reason of a decision, or what the vehicle did of its own accord; empty where all is well.
+    """
+
+    time_s: float
+    source: str
+    text: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +137,7 @@ def perform_run(
         if on_tick is not None:
             on_tick(tick, measured, decision)
         if decision.reason != (reports[-1].text if reports else ""):
-            reports.append(Report(tick * spec.tick_s, Reporter.CONTROLLER, decision.reason))
+            reports.append(Report(tick * spec.tick_s, CONTROLLER, decision.reason))
         progress()
 
     spec, route = inputs.spec, inputs.route
@@ -176,7 +189,7 @@ def perform_run(
         decisions=decisions,
         whole_trip=whole_trip,
         channel=channel,
-        reports=(*reports, *vehicle_reports(loop.steps)),
+        reports=(*reports, *_vehicle_reports(loop.steps)),
         wall_time_s=time.perf_counter() - began,
         compiled=compiled,
         finished_at_utc=datetime.now(timezone.utc).isoformat(timespec="seconds"),
@@ -198,6 +211,21 @@ def _controller(inputs: Case, own_law: AgingLaw | None) -> tuple[TickController,
     return FaultyController(model, controller, spec.faults, lambda _: None), compiled
 
 
+def _vehicle_reports(steps: Iterable[PlantStep]) -> Iterator[Report]:
+    """Return what the safety monitor and the brakes reported, on every change."""
+    last = ""
+    for step in steps:
+        texts = []
+        if step.safety.service_braking_s > 0.0:
+            texts.append(f"service braking: {step.memory.reason}")
+        if step.safety.brake_share < NOTICED_SHARE:
+            texts.append(f"{WEAK_BRAKES} {100.0 * step.safety.brake_share:.0f} %")
+        text = ", ".join(texts)
+        if text != last:
+            yield Report(step.state.time_s, VEHICLE, text)
+        last = text
+
+
 def controller_options(spec: RunSpec, trip_duration_s: float) -> ControllerOptions:
     """Return the options of the controller of a run; with the end of the trip, as from navigation.
 
@@ -211,24 +239,4 @@ def controller_options(spec: RunSpec, trip_duration_s: float) -> ControllerOptio
         trip_duration_s=trip_duration_s,
         aging=AgingSettings.of(spec),
         charging_stop=ChargingStopSettings.of(spec),
-    )
-
-
-def run_of_study(done: Run) -> LibraryRun:
-    """Return a run of a study as one of the library."""
-    spec = done.spec
-    preview = {key: plain(value) for key, value in asdict(spec.bridge_settings()).items()}
-    return LibraryRun(
-        name=spec.describe(),
-        settings={
-            "cycle": spec.cycle,
-            "slope": spec.slope,
-            "duration_s": spec.duration_s or 0.0,
-            "strategy": spec.strategy.name,
-            "horizon": spec.horizon,
-            **preview,
-        },
-        parameters=done.parameters,
-        trajectory=done.trajectory,
-        decisions=done.decisions or DecisionSeries.from_records([], []),
     )
