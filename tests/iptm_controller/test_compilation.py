@@ -26,6 +26,7 @@ from iptm_controller.ocp.compilation import (
 from iptm_controller.solvers import ipopt_backend
 from iptm_controller.solvers.factory import build_plain_solver
 from iptm_controller.solvers.interface import SolverOptions
+from iptm_controller.solvers.riccati import machine_code
 from iptm_core.errors import SolverSetupError
 
 
@@ -84,8 +85,11 @@ def test_a_damaged_library_is_compiled_again(
 
 
 @pytest.mark.parametrize(
-    ("name", "module", "missing"),
-    [("ipopt", ipopt_backend, "nlp"), ("riccati", compilation, "starting_point")],
+    ("name", "module", "compile_name", "missing"),
+    [
+        ("ipopt", ipopt_backend, "compile_functions", "nlp"),
+        ("riccati", machine_code, "compile_sources", "iptm_checked_work_size"),
+    ],
 )
 def test_a_library_of_something_else_is_a_clear_error(
     cache: Path,
@@ -93,10 +97,11 @@ def test_a_library_of_something_else_is_a_clear_error(
     monkeypatch: pytest.MonkeyPatch,
     name: str,
     module: ModuleType,
+    compile_name: str,
     missing: str,
 ) -> None:
     foreign = compile_functions([square()], compiler)
-    monkeypatch.setattr(module, "compile_functions", lambda *_: foreign)
+    monkeypatch.setattr(module, compile_name, lambda *_: foreign)
     with pytest.raises(SolverSetupError, match=f"'{name}' cannot be set up") as caught:
         build_plain_solver(Horizon.parse("1x1"), PARAMETERS, SolverOptions(name=name))
     assert foreign.parent == cache

@@ -23,12 +23,18 @@ import struct
 import subprocess
 import tempfile
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import casadi as ca
 
-from iptm_controller.ocp.number_table import split_numbers, table_source, with_numbers
+from iptm_controller.ocp.number_table import (
+    split_numbers,
+    table_declaration,
+    table_source,
+    with_numbers,
+)
 from iptm_controller.ocp.vectorised_map import vectorise_maps
 from iptm_core.errors import SolverSetupError
 
@@ -56,6 +62,7 @@ _CPU_INFO = Path("/proc/cpuinfo")
 _OF_OTHERS = stat.S_IRWXG | stat.S_IRWXO
 _WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 _SCRATCH_PREFIX = "build_"
+_BETWEEN_FILES = "\n/* next file */\n"
 DIGEST_SIZE = hashlib.sha256().digest_size
 
 
@@ -119,15 +126,30 @@ def as_machine_code(
 
 
 def compile_functions(functions: Sequence[ca.Function], compiler: Sequence[str]) -> Path:
-    """Compile functions into one shared library, or find it in the cache.
+    """Compile functions into one shared library, or find it in the cache; see `compile_sources`."""
+    return compile_sources([_generate_source(functions)], {}, compiler)
+
+
+def compile_sources(
+    generated: Sequence[str], fixed: Mapping[str, str], compiler: Sequence[str]
+) -> Path:
+    """Compile C code into one shared library, or find it in the cache.
+
+    Args:
+        generated: C files whose numbers may differ from problem to problem.
+        fixed: further files by name, headers included.
 
     Raises:
         SolverSetupError: the compiler fails, or the cache folder cannot be written or is not private.
     """
-    source, numbers = split_numbers(_generate_source(functions))
+    text, numbers = split_numbers(_BETWEEN_FILES.join(generated))
+    declaration = table_declaration() if numbers else ""
+    parts = text.split(_BETWEEN_FILES)
+    sources = {f"ocp_{place}.c": declaration + part for place, part in enumerate(parts)}
+    sources.update(fixed)
     flags = compiler_flags()
     folder = cache_directory()
-    code = f"ocp_{_cache_key(source, compiler, flags)}"
+    code = f"ocp_{_cache_key(sources, compiler, flags)}"
     library = folder / f"{code}{_numbers_key(numbers)}.so"
     _make_private(folder)
     if _is_intact(library):
@@ -142,16 +164,31 @@ def compile_functions(functions: Sequence[ca.Function], compiler: Sequence[str])
             )
             _remove_abandoned(folder)
             with tempfile.TemporaryDirectory(prefix=_SCRATCH_PREFIX, dir=folder) as scratch:
-                c_file = Path(scratch) / "ocp.c"
-                c_file.write_text(source, encoding="ascii")
-                table = Path(scratch) / "numbers.c"
-                table.write_text(table_source(numbers), encoding="ascii")
-                built = Path(scratch) / "ocp.so"
-                _run_compiler([*compiler, *flags, str(c_file), str(table), "-o", str(built), "-lm"])
+                sources["numbers.c"] = table_source(numbers)
+                built = _build(Path(scratch), sources, [*compiler, *flags], len(generated))
                 _put(library, built.read_bytes(), Path(scratch))
     except OSError as error:
         raise _not_writable(folder, error) from error
     return library
+
+
+def _build(
+    scratch: Path, sources: Mapping[str, str], command: Sequence[str], processes: int
+) -> Path:
+    """Compile files into a library, the first ones in a process each."""
+    for name, text in sources.items():
+        (scratch / name).write_text(text, encoding="ascii")
+    files = [str(scratch / name) for name in sources if name.endswith(".c")]
+    if processes > 1:
+        alone, together = files[:processes], files[processes:]
+        objects = [f"{file}.o" for file in alone]
+        jobs = [[*command, "-c", *pair] for pair in zip(alone, objects, strict=True)]
+        with ThreadPoolExecutor(processes) as pool:
+            list(pool.map(_run_compiler, ([*job[:-1], "-o", job[-1]] for job in jobs)))
+        files = [*objects, *together]
+    built = scratch / "ocp.so"
+    _run_compiler([*command, *files, "-o", str(built), "-lm"])
+    return built
 
 
 @contextlib.contextmanager
@@ -249,20 +286,22 @@ def _run_compiler(command: list[str]) -> None:
             f"compiler {command[0]} did not finish within {COMPILE_TIMEOUT_S:g} s"
         ) from error
     if done.returncode != 0:
-        last = done.stderr.strip().splitlines()[-1:] or ["no message"]
+        lines = done.stderr.strip().splitlines()
+        errors = [line for line in lines if "error" in line] or lines[-1:] or ["no message"]
         raise SolverSetupError(
-            f"compiler {command[0]} failed with exit code {done.returncode}: {last[0]}"
+            f"compiler {command[0]} failed with exit code {done.returncode}: {errors[0]}"
         )
 
 
-def _cache_key(source: str, compiler: Sequence[str], flags: Sequence[str]) -> str:
+def _cache_key(sources: Mapping[str, str], compiler: Sequence[str], flags: Sequence[str]) -> str:
     answer = subprocess.run(  # noqa: S603 - as above
         [*compiler, "--version"], capture_output=True, text=True, timeout=30, check=False
     ).stdout
     # The further lines may name folders and the kernel, which change nothing.
     version = answer.partition("\n")[0]
     arguments = " ".join([*compiler[1:], *flags])
-    parts = (source, version, arguments, platform.machine(), ca.CasadiMeta.version())
+    code = [part for file in sources.items() for part in file]
+    parts = (*code, version, arguments, platform.machine(), ca.CasadiMeta.version())
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
 
 

@@ -40,9 +40,12 @@ def split_numbers(source: str) -> tuple[str, tuple[float, ...]]:
         return f"{_NAME}[{places.setdefault(number, len(places)) + len(_MARK_NUMBERS)}]"
 
     text = _TOKEN.sub(entry, source)
-    if not places:
-        return source, ()
-    return f"extern const double {_NAME}[] {_HIDDEN};\n{text}", tuple(places)
+    return text, tuple(places)
+
+
+def table_declaration() -> str:
+    """Return the C declaration of the table, for files that read from it."""
+    return f"extern const double {_NAME}[] {_HIDDEN};\n"
 
 
 def table_source(numbers: Sequence[float]) -> str:

@@ -26,7 +26,7 @@ _MAP = re.compile(
     r"  \}\n  return 0;\n\}\n"
 )
 _ADVANCE = re.compile(r"(arg|res)1\[(\d+)\]\+=(\d+);")
-_STRAIGHT_LINE = re.compile(
+STRAIGHT_LINE = re.compile(
     _SIGNATURE + r"(?P<variables>(?:  casadi_real a\d+(?:, a\d+)*;\n)+)"
     r"(?P<statements>(?:  (?:a\d+=|if \(res\[\d+\]!=0\) res\[\d+\]\[\d+\]=a).*;\n)+)"
     r"  return 0;\n\}\n"
@@ -39,7 +39,7 @@ _MAXIMUM = re.compile(r"casadi_fmax\((a\d+),(a\d+)\)")
 _VARIABLE = re.compile(r"\ba\d+\b")
 
 # NaN and equal numbers are left to libm.
-_PREAMBLE = f"""#include <math.h>
+PREAMBLE = f"""#include <math.h>
 typedef double lanes __attribute__((vector_size({LANES}*sizeof(double))));
 typedef long long lane_mask __attribute__((vector_size({LANES}*sizeof(long long))));
 static __attribute__((noinline)) lanes lanes_fmax(lanes x, lanes y) {{
@@ -59,13 +59,13 @@ def vectorise_maps(source: str) -> str:
         source: what ``casadi.CodeGenerator`` writes. Maps of functions that are not straight lines of scalar
             statements stay as they are, and so does everything else.
     """
-    bodies = {found["name"]: found for found in _STRAIGHT_LINE.finditer(source)}
+    bodies = {found["name"]: found for found in STRAIGHT_LINE.finditer(source)}
 
     def vectorised(found: re.Match[str]) -> str:
         body = bodies.get(found["function"])
         return found[0] if body is None else _vectorised(found, body, int(found["count"]))
 
-    return _PREAMBLE + _MAP.sub(vectorised, source)
+    return PREAMBLE + _MAP.sub(vectorised, source)
 
 
 def _vectorised(found: re.Match[str], body: re.Match[str], count: int) -> str:
@@ -100,11 +100,11 @@ def _group(found: re.Match[str], body: re.Match[str], count: int) -> str:
             f"{kind}[{slot}] ? {kind}[{slot}]+{stride}*first : {instead};"
         )
     lines += [line.replace("casadi_real", "lanes") for line in body["variables"].splitlines()]
-    lines += [_statement(line, strides, points) for line in body["statements"].splitlines()]
+    lines += [in_lanes(line, strides, points) for line in body["statements"].splitlines()]
     return "\n".join(lines) + "\n}\n\n"
 
 
-def _statement(line: str, strides: dict[str, int], points: Sequence[int]) -> str:
+def in_lanes(line: str, strides: dict[str, int], points: Sequence[int]) -> str:
     """Return a scalar statement for all lanes."""
     if _ALL_LANES.fullmatch(line):
         return line

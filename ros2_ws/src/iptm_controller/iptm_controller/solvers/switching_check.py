@@ -26,6 +26,8 @@ from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import GlobalIndex, InputIndex, StateIndex, StepIndex
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.interface import SolverBackend, SolveResult
+from iptm_controller.solvers.riccati.backend import RiccatiBackend
+from iptm_controller.solvers.riccati.machine_code import SwitchingNumbers
 from iptm_core.buffered import BufferedFunction, named_function
 from iptm_core.physics.thermal_loop import most_efficient_cooling
 from iptm_core.state import FloatArray
@@ -77,6 +79,13 @@ class SwitchingCheck:
         self._slack_prices = np.outer(lengths_s, astuple(problem.penalties))
         power_w, _ = most_efficient_cooling(USUAL_TEMPERATURE_K, problem.model)
         self._candidates = np.array([[limits.min_compressor_power_w], [power_w]]) / _POWER_SCALE_W
+        self._try_every = try_every
+        self.since_second: int | None = None
+        self._code = inner if isinstance(inner, RiccatiBackend) and inner.compiled else None
+        if self._code is not None:
+            off, on = self._candidates.ravel().tolist()
+            self._numbers = SwitchingNumbers((off, on), self._rate_1_s, try_every)
+            return
         functions, _ = as_machine_code(
             [_hamiltonians(problem, len(self._candidates) + 1)], inner.name, is_wanted=compile_code
         )
@@ -85,8 +94,6 @@ class SwitchingCheck:
         shape = (len(self._candidates) + 1, self._grid.steps)
         self._options = self._hamiltonian.arguments["powers"].reshape(shape)
         self._values = self._hamiltonian.results["hamiltonians"].reshape(shape)
-        self._try_every = try_every
-        self.since_second: int | None = None
 
     @property
     def _since_second(self) -> int:
@@ -106,6 +113,11 @@ class SwitchingCheck:
         self, data: ProblemData, guess: FloatArray, *, most_iterations: int | None = None
     ) -> SolveResult:
         """Solve one problem; see ``SolverBackend``."""
+        if self._code is not None:
+            result, self.since_second = self._code.solve_checked(
+                data, guess, most_iterations, self._numbers, self._since_second
+            )
+            return result
         began = time.perf_counter()
         first = self._inner.solve(data, guess, most_iterations=most_iterations)
         usable = first.status.usable
@@ -155,7 +167,7 @@ class SwitchingCheck:
         alike = np.abs(self._options[1:] - own) < DISTINCT_POWER_KW
         gains = np.where(alike, -np.inf, self._values[0] - self._values[1:])
         best = gains.max(axis=0)
-        expected = float(best[best > 0.0].sum())
+        expected = _total(best[best > 0.0])
         if expected > LEAST_GAIN and expected > PROMISING_SHARE * self._cost(result, table):
             chosen = best > 0.0
         elif due and not alike.all():
@@ -168,7 +180,7 @@ class SwitchingCheck:
     def _cost(self, result: SolveResult, table: FloatArray) -> float:
         """Return the magnitude of what a plan costs without its slacks."""
         slacks = table[:, layout.BLOCK - layout.SLACKS :]
-        return abs(result.objective - float(np.sum(slacks * self._slack_prices)))
+        return abs(result.objective - _total((slacks * self._slack_prices).ravel()))
 
     def _concentrated(self, own: FloatArray, values: FloatArray) -> FloatArray | None:
         """Return powers that do the work of the plan in fewer steps, the cheapest ones, at the best power.
@@ -181,8 +193,8 @@ class SwitchingCheck:
         if not running.any() or own[running].min() >= 0.95 * best:
             return None
         lengths_s = self._lengths_s
-        work = float(np.sum(own * lengths_s))
-        order = np.argsort((values[2] - values[1]) / lengths_s)
+        work = _total(own * lengths_s)
+        order = np.argsort((values[2] - values[1]) / lengths_s, kind="stable")
         done = np.cumsum(best * lengths_s[order])
         chosen = order[: int(np.searchsorted(done, work)) + 1]
         powers = np.zeros_like(own)
@@ -241,6 +253,11 @@ def _hamiltonians(problem: OptimalControlProblem, options: int) -> ca.Function:
         {"w": w, "p": p, "lam": lam, "powers": powers},
         {"hamiltonians": ca.vec(ca.horzcat(*values))},
     )
+
+
+def _total(values: FloatArray) -> float:
+    """Return a sum in the order of the values, which NumPy's own is not."""
+    return float(values.cumsum()[-1]) if values.size else 0.0
 
 
 def _is_better(second: SolveResult, first: SolveResult) -> bool:

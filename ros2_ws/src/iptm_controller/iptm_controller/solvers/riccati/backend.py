@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 
 from iptm_controller.ocp import layout
-from iptm_controller.ocp.compilation import as_machine_code
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.interface import RICCATI, SolveResult, SolverOptions
-from iptm_controller.solvers.riccati.method import RiccatiMethod
+from iptm_controller.solvers.riccati.machine_code import (
+    MachineCode,
+    Outcome,
+    SwitchingNumbers,
+    as_machine_code,
+)
+from iptm_controller.solvers.riccati.method import RiccatiMethod, Termination, result_of
 from iptm_controller.solvers.riccati.program import ITERATE, STEP, build_program
 from iptm_core.buffered import BufferedFunction
 from iptm_core.state import FloatArray
@@ -26,27 +32,83 @@ class RiccatiBackend:
 
     def __init__(self, problem: OptimalControlProblem, options: SolverOptions) -> None:
         self.options = options
-        functions, self.compiled = as_machine_code(
-            build_program(problem), RICCATI, is_wanted=options.compile_code
-        )
-        starting_point, search_direction, trial_point = functions
-        # Iterate and step exist once, in the memory of the last function.
-        last = BufferedFunction(trial_point)
-        iterate = {name: last.arguments[name] for name in (*ITERATE, "p")}
-        step = {name: last.arguments[name] for name in STEP}
-        self._method = RiccatiMethod(
-            starting_point=BufferedFunction(starting_point, iterate),
-            search_direction=BufferedFunction(search_direction, {**iterate, **step}),
-            trial_point=last,
-        )
+        self._method = as_machine_code(
+            problem, is_wanted=options.compile_code
+        ) or interpreted_method(problem)
+
+    @property
+    def compiled(self) -> bool:
+        """True if the method runs as machine code, False on CasADi's virtual machine."""
+        return isinstance(self._method, MachineCode)
 
     def solve(
         self, data: ProblemData, guess: FloatArray, *, most_iterations: int | None = None
     ) -> SolveResult:
         """Solve one problem; see ``SolverBackend``."""
-        first = guess.copy()
-        first[: layout.STATES] = data.initial_state
+        first = _beginning_at(data.initial_state, guess)
+        if isinstance(self._method, MachineCode):
+            began_s = time.perf_counter()
+            outcome = self._method.solve(first, data.parameters, self.options, most_iterations)
+            return _result(outcome, outcome.iterations, began_s)
         options = self.options
         if most_iterations is not None and most_iterations < options.max_iterations:
             options = replace(options, max_iterations=most_iterations)
         return self._method.run(first, data.parameters, options)
+
+    def solve_checked(
+        self,
+        data: ProblemData,
+        guess: FloatArray,
+        most_iterations: int | None,
+        switching: SwitchingNumbers,
+        since_second: int,
+    ) -> tuple[SolveResult, int]:
+        """Do what ``SwitchingCheck`` does, in machine code only.
+
+        Returns:
+            The result, and the solves since the last second one.
+        """
+        if not isinstance(self._method, MachineCode):
+            raise TypeError("the check in C is for the method in C")
+        began_s = time.perf_counter()
+        outcome, iterations, since_second = self._method.solve_checked(
+            _beginning_at(data.initial_state, guess),
+            data.parameters,
+            self.options,
+            most_iterations,
+            switching,
+            since_second,
+        )
+        return _result(outcome, iterations, began_s), since_second
+
+
+def interpreted_method(problem: OptimalControlProblem) -> RiccatiMethod:
+    """Return the method in Python on CasADi's virtual machine, with the results of the one in C."""
+    starting_point, search_direction, trial_point = build_program(problem)
+    # Iterate and step exist once, in the memory of the last function.
+    last = BufferedFunction(trial_point)
+    iterate = {name: last.arguments[name] for name in (*ITERATE, "p")}
+    step = {name: last.arguments[name] for name in STEP}
+    return RiccatiMethod(
+        starting_point=BufferedFunction(starting_point, iterate),
+        search_direction=BufferedFunction(search_direction, {**iterate, **step}),
+        trial_point=last,
+    )
+
+
+def _beginning_at(initial_state: FloatArray, guess: FloatArray) -> FloatArray:
+    first = guess.copy()
+    first[: layout.STATES] = initial_state
+    return first
+
+
+def _result(outcome: Outcome, iterations: int, began_s: float) -> SolveResult:
+    return result_of(
+        tuple(Termination)[outcome.termination],
+        outcome.point,
+        outcome.iterations,
+        began_s,
+        variables=outcome.variables,
+        costates=outcome.costates,
+        total_iterations=iterations,
+    )

@@ -106,18 +106,12 @@ class RiccatiMethod:
             )
             iterations += further
         variables, point = self._answer(point, termination)
-        status = termination.status(point.largest_violation)
-        reason = STATUS_TEXT[status]
-        if status is not SolveStatus.SOLVED:
-            reason += f" ({RICCATI}: {termination.value[0]}, {iterations} iterations)"
-        return SolveResult(
-            status=status,
-            reason=reason,
+        return result_of(
+            termination,
+            point,
+            iterations,
+            began_s,
             variables=variables,
-            objective=point.cost,
-            iterations=iterations,
-            time_s=time.perf_counter() - began_s,
-            infeasibility=point.largest_violation,
             costates=self._iterate["lam"].copy(),
         )
 
@@ -249,6 +243,38 @@ class RiccatiMethod:
                 return trial
             backtracking *= BACKTRACKING
         return None
+
+
+def result_of(
+    termination: Termination,
+    point: FilterPoint,
+    iterations: int,
+    began_s: float,
+    *,
+    variables: FloatArray,
+    costates: FloatArray,
+    total_iterations: int | None = None,
+) -> SolveResult:
+    """Return the result of a solve that ended at a point.
+
+    Args:
+        iterations: of this solve.
+        total_iterations: with those of another solve for the same result, None without one.
+    """
+    status = termination.status(point.largest_violation)
+    reason = STATUS_TEXT[status]
+    if status is not SolveStatus.SOLVED:
+        reason += f" ({RICCATI}: {termination.value[0]}, {iterations} iterations)"
+    return SolveResult(
+        status=status,
+        reason=reason,
+        variables=variables,
+        objective=point.cost,
+        iterations=iterations if total_iterations is None else total_iterations,
+        time_s=time.perf_counter() - began_s,
+        infeasibility=point.largest_violation,
+        costates=costates,
+    )
 
 
 def _is_finite(guess: FloatArray, parameters: FloatArray, point: FilterPoint) -> bool:

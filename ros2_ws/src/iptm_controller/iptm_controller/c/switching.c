@@ -1,0 +1,242 @@
+#include "switching.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "stages.h"
+
+/* Constants of switching_check.py. */
+static const double PROMISING_SHARE = 0.03;
+static const int SECOND_ITERATIONS = 40;
+static const double LEAST_GAIN = 1e-4;
+static const double DISTINCT_POWER = 0.35;
+static const double AT_LIMIT_K = 0.1;
+
+enum { OPTIONS = IPTM_CANDIDATES + 1, POWER = IPTM_STATES + IPTM_COMPRESSOR_POWER };
+
+/* Memory of a check, from that of the caller. */
+typedef struct {
+  double *powers, *values; /* own and candidate powers and their Hamiltonians, option after option */
+  double *ramps, *chosen, *start, *variables, *costates, *gains, *solve;
+} memory;
+
+static size_t lay_out(memory *m, const iptm_horizon *horizon, double *work) {
+  const size_t steps = (size_t)horizon->steps;
+  const size_t variables = steps * IPTM_BLOCK + IPTM_STATES;
+  double *free = work;
+  m->powers = free;
+  free += OPTIONS * steps;
+  m->values = free;
+  free += OPTIONS * steps;
+  m->ramps = free;
+  free += steps;
+  m->chosen = free;
+  free += steps;
+  m->gains = free;
+  free += steps;
+  m->start = free;
+  free += variables;
+  m->variables = free;
+  free += variables;
+  m->costates = free;
+  free += steps * IPTM_STATES;
+  m->solve = free;
+  return (size_t)(free - work);
+}
+
+size_t iptm_checked_work_size(const iptm_horizon *horizon) {
+  memory m;
+  double origin;
+  return lay_out(&m, horizon, &origin) + iptm_work_size(horizon);
+}
+
+static double clamp(double value, double low, double high) {
+  const double raised = low > value ? low : value;
+  return high < raised ? high : raised;
+}
+
+/* Largest change of the power into every step. */
+static void find_ramps(const iptm_horizon *horizon, double rate_1_s, const double *parameters,
+                       double *ramps) {
+  const double *step = parameters + IPTM_GLOBALS;
+  int kind, i;
+  for (kind = 0; kind < IPTM_KINDS; ++kind) {
+    for (i = 0; i < horizon->kind_steps[kind]; ++i) {
+      *ramps++ = rate_1_s * step[IPTM_COMPRESSOR_INTERVAL];
+      step += iptm_kind_parameters[kind];
+    }
+  }
+}
+
+/* Evaluate the Hamiltonian of every step for every option. */
+static void find_hamiltonians(const iptm_horizon *horizon, const memory *m, const double *parameters,
+                              const double *w, const double *costates) {
+  int option, kind;
+  for (option = 0; option < OPTIONS; ++option) {
+    int first = 0, offset = IPTM_GLOBALS;
+    for (kind = 0; kind < IPTM_KINDS; ++kind) {
+      const int count = horizon->kind_steps[kind];
+      const ptrdiff_t place = (ptrdiff_t)option * horizon->steps + first;
+      const double *const x = w + (ptrdiff_t)IPTM_BLOCK * first;
+      const double *const arg[] = {
+          x,
+          x + IPTM_STATES,
+          parameters + offset,
+          parameters,
+          costates + (ptrdiff_t)IPTM_STATES * first,
+          m->powers + place,
+      };
+      double *const res[] = {m->values + place};
+      iptm_hamiltonian[kind](arg, res, count);
+      first += count;
+      offset += count * iptm_kind_parameters[kind];
+    }
+  }
+}
+
+/* Magnitude of what a plan costs without its slacks. */
+static double cost_without_slacks(const iptm_horizon *horizon, const double *w, double objective) {
+  double slack_cost = 0.0;
+  int k, i;
+  for (k = 0; k < horizon->steps; ++k) {
+    const double *slacks = w + (ptrdiff_t)IPTM_BLOCK * (k + 1) - IPTM_SLACKS;
+    for (i = 0; i < IPTM_SLACKS; ++i) {
+      slack_cost += slacks[i] * horizon->soft_prices[IPTM_SLACKS * k + i];
+    }
+  }
+  return fabs(objective - slack_cost);
+}
+
+/* Find powers that do the work of the plan in fewer steps, the cheapest ones, at the best power. */
+static int concentrate(const iptm_horizon *horizon, const memory *m, double best) {
+  const int steps = horizon->steps;
+  const double *own = m->powers, *off = m->values + steps, *on = off + steps;
+  double least = INFINITY, work = 0.0, done = 0.0;
+  int k;
+  for (k = 0; k < steps; ++k) {
+    if (own[k] > 0.1 * best && own[k] < least) least = own[k];
+    work += own[k] * horizon->lengths_s[k];
+    m->gains[k] = (on[k] - off[k]) / horizon->lengths_s[k];
+    m->chosen[k] = 0.0;
+  }
+  if (least >= 0.95 * best) return 0;
+  /* One more after the work is done, as searchsorted(cumsum) + 1 counts. */
+  while (1) {
+    int cheapest = -1;
+    for (k = 0; k < steps; ++k) {
+      if (m->chosen[k] == 0.0 && (cheapest < 0 || m->gains[k] < m->gains[cheapest])) cheapest = k;
+    }
+    if (cheapest < 0) break;
+    m->chosen[cheapest] = best;
+    done += best * horizon->lengths_s[cheapest];
+    if (done >= work) break;
+  }
+  return 1;
+}
+
+/* Find the powers of a second start; returns 0 where the expected gain is too small. */
+static int find_better_powers(const iptm_horizon *horizon, const iptm_switching *switching,
+                              const memory *m, const double *parameters, const double *w,
+                              const double *costates, double objective, int due) {
+  const int steps = horizon->steps;
+  const double last = w[IPTM_LAST_COMPRESSOR_POWER];
+  double reach = 0.0, expected = 0.0, best_gain = -INFINITY, threshold, coldest = INFINITY;
+  int k, option, is_promising, all_alike = 1;
+  for (k = 0; k < steps; ++k) {
+    const double *const next = w + (ptrdiff_t)IPTM_BLOCK * (k + 1);
+    reach = k == 0 ? m->ramps[0] : reach + m->ramps[k];
+    m->powers[k] = w[(ptrdiff_t)IPTM_BLOCK * k + POWER];
+    for (option = 1; option < OPTIONS; ++option) {
+      m->powers[option * steps + k] =
+          clamp(switching->candidates[option - 1], last - reach, last + reach);
+    }
+    if (next[IPTM_CELL_1_TEMPERATURE] < coldest) coldest = next[IPTM_CELL_1_TEMPERATURE];
+  }
+  find_hamiltonians(horizon, m, parameters, w, costates);
+  if (IPTM_TEMPERATURE_OFFSET_K + coldest < parameters[IPTM_LOWEST_TEMPERATURE] + AT_LIMIT_K) {
+    /* The costates include the penalty below the limit and are not valid for less cooling. */
+    return due && concentrate(horizon, m, switching->candidates[IPTM_CANDIDATES - 1]);
+  }
+  for (k = 0; k < steps; ++k) {
+    const double own = m->powers[k];
+    double best = -INFINITY;
+    m->chosen[k] = m->powers[steps + k];
+    for (option = 1; option < OPTIONS; ++option) {
+      const int place = option * steps + k;
+      double gain = -INFINITY;
+      if (!(fabs(m->powers[place] - own) < DISTINCT_POWER)) {
+        gain = m->values[k] - m->values[place];
+        all_alike = 0;
+      }
+      if (gain > best) {
+        best = gain;
+        m->chosen[k] = m->powers[place];
+      }
+    }
+    m->gains[k] = best;
+    if (best > 0.0) expected += best;
+    if (best > best_gain) best_gain = best;
+  }
+  is_promising = expected > LEAST_GAIN &&
+                 expected > PROMISING_SHARE * cost_without_slacks(horizon, w, objective);
+  if (!is_promising && (!due || all_alike)) return 0;
+  threshold = best_gain < 0.0 ? best_gain : 0.0;
+  for (k = 0; k < steps; ++k) {
+    const int is_chosen = is_promising ? m->gains[k] > 0.0 : m->gains[k] >= threshold;
+    if (!is_chosen) m->chosen[k] = m->powers[k];
+  }
+  return 1;
+}
+
+/* Put powers into variables, as the rate limit lets the compressor follow them. */
+static void put_powers(const iptm_horizon *horizon, const memory *m, double *w) {
+  double last = w[IPTM_LAST_COMPRESSOR_POWER];
+  int k;
+  for (k = 0; k < horizon->steps; ++k) {
+    double *const block = w + (ptrdiff_t)IPTM_BLOCK * k;
+    last = clamp(m->chosen[k], last - m->ramps[k], last + m->ramps[k]);
+    block[POWER] = last;
+    block[IPTM_BLOCK + IPTM_LAST_COMPRESSOR_POWER] = last;
+  }
+}
+
+int iptm_solve_checked(const iptm_horizon *horizon, const iptm_options *options,
+                       const iptm_switching *switching, const double *parameters,
+                       const double *guess, int *since_second, double *variables, double *costates,
+                       double *work, iptm_outcome *outcome) {
+  const int steps = horizon->steps;
+  const size_t variable_count = (size_t)steps * IPTM_BLOCK + IPTM_STATES;
+  const size_t costate_count = (size_t)steps * IPTM_STATES;
+  iptm_options second_options = *options;
+  iptm_outcome second;
+  memory m;
+  int is_usable, has_second = 1, k;
+  (void)lay_out(&m, horizon, work);
+  iptm_solve(horizon, options, parameters, guess, variables, costates, m.solve, outcome);
+  is_usable = iptm_is_usable(outcome);
+  find_ramps(horizon, switching->rate_1_s, parameters, m.ramps);
+  if (is_usable) {
+    has_second = find_better_powers(horizon, switching, &m, parameters, variables, costates,
+                                    outcome->point.cost, *since_second >= switching->try_every);
+    if (second_options.max_iterations > SECOND_ITERATIONS) {
+      second_options.max_iterations = SECOND_ITERATIONS;
+    }
+  } else {
+    for (k = 0; k < steps; ++k) m.chosen[k] = switching->candidates[IPTM_CANDIDATES - 1];
+  }
+  ++*since_second;
+  if (!has_second) return outcome->iterations;
+  *since_second = 0;
+  memcpy(m.start, is_usable ? variables : guess, sizeof(double) * variable_count);
+  put_powers(horizon, &m, m.start);
+  iptm_solve(horizon, &second_options, parameters, m.start, m.variables, m.costates, m.solve,
+             &second);
+  k = outcome->iterations + second.iterations;
+  if (iptm_is_usable(&second) &&
+      (!is_usable || second.point.cost < outcome->point.cost - LEAST_GAIN)) {
+    memcpy(variables, m.variables, sizeof(double) * variable_count);
+    memcpy(costates, m.costates, sizeof(double) * costate_count);
+    *outcome = second;
+  }
+  return k;
+}

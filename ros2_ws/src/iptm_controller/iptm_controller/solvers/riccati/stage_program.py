@@ -1,0 +1,142 @@
+"""The functions of the stages as C, for the interior-point method in C (`iptm_controller/c`).
+
+They compute what those of ``program.py`` do; ``riccati.c`` joins them to a horizon. The code depends on the
+stage kinds and not on how many steps there are of each.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import casadi as ca
+
+from iptm_controller.ocp import layout
+from iptm_controller.ocp.layout import GlobalIndex, InputIndex, StateIndex, StepIndex
+from iptm_controller.ocp.problem import OptimalControlProblem
+from iptm_controller.ocp.stage import StageExpressions
+from iptm_controller.ocp.stage_code import StageMap, stage_sources
+from iptm_controller.ocp.vectorised_map import LANES
+from iptm_controller.solvers.riccati.recursion import backward_step, forward_step
+from iptm_controller.solvers.riccati.stage_system import (
+    StageSparsity,
+    StageSystem,
+    common_sparsity,
+)
+from iptm_core.buffered import named_function
+
+SOURCE_FOLDER = Path(__file__).resolve().parents[2] / "c"
+SOLVER_SOURCES = ("riccati.c", "switching.c", "clock.c")
+HEADERS = ("riccati.h", "switching.h", "stages.h", "clock.h")
+
+
+@dataclass(frozen=True)
+class StageProgram:
+    """C source of the stages of a problem.
+
+    Attributes:
+        header: content of ``stage_sizes.h``.
+        sources: C files.
+    """
+
+    header: str
+    sources: tuple[str, ...]
+
+
+def stage_program(problem: OptimalControlProblem, *, lanes: int = LANES) -> StageProgram:
+    """Return the functions of a problem's stages; see `stage_sources` for the lanes."""
+    stages = problem.stage_expressions()
+    systems = [StageSystem(stage, problem.model) for stage in stages]
+    sparsity = common_sparsity(systems)
+    maps: dict[str, list[StageMap]] = {
+        "linearise": [],
+        "evaluate": [],
+        "least_slacks": [],
+        "hamiltonian": [],
+    }
+    for index, (system, stage) in enumerate(zip(systems, stages, strict=True)):
+        strides = {
+            "x": layout.BLOCK,
+            "u": layout.BLOCK,
+            "x_next": layout.BLOCK,
+            "p": stage.step_parameters.numel(),
+            "g": 0,
+            "lam": layout.STATES,
+            "lam_next": layout.STATES,
+            "s": system.inequality_count,
+            "z": system.inequality_count,
+            "costate": layout.STATES,
+            "power": 1,
+        }
+        for name, function in (
+            ("linearise", system.linearise(sparsity, f"linearise_{index}")),
+            ("evaluate", system.evaluate(f"evaluate_{index}")),
+            ("least_slacks", system.least_soft_slacks(f"least_slacks_{index}")),
+            ("hamiltonian", _hamiltonian(stage, f"hamiltonian_{index}")),
+        ):
+            maps[name].append(StageMap(function, strides))
+    singles = [backward_step(sparsity), forward_step(sparsity)]
+    # The largest functions by themselves, each as long to compile as all the others.
+    groups = [[each] for each in maps["linearise"]]
+    groups.append([each for name, kinds in maps.items() if name != "linearise" for each in kinds])
+    sources = stage_sources(groups, singles, lanes=lanes)
+    tables = [
+        f"const iptm_stage_map iptm_{name}[] = {{{', '.join(m.function.name() for m in kinds)}}};"
+        for name, kinds in maps.items()
+    ]
+    linearise = [each.function.name() for each in maps["linearise"]]
+    tables[:0] = [
+        f"void {name}(const double *const *arg, double *const *res, int count);"
+        for name in linearise
+    ]
+    parameters = ", ".join(str(stage.step_parameters.numel()) for stage in stages)
+    tables.append(f"const int iptm_kind_parameters[] = {{{parameters}}};")
+    return StageProgram(
+        _header(systems[0].inequality_count, len(stages), sparsity),
+        (*sources[:-1], "\n".join(['#include "stages.h"', sources[-1], *tables, ""])),
+    )
+
+
+def _hamiltonian(stage: StageExpressions, name: str) -> ca.Function:
+    """Return a function of ``x, u, p, g, costate, power``; the power stands for that of the inputs."""
+    costate = ca.SX.sym("costate", layout.STATES)
+    power = ca.SX.sym("power")
+    inputs = [*ca.vertsplit(stage.inputs)]
+    inputs[InputIndex.COMPRESSOR_POWER] = power
+    symbols = [stage.state, stage.inputs, stage.step_parameters, stage.global_parameters]
+    value = stage.cost + ca.dot(costate, stage.next_state)
+    function = ca.Function(f"{name}_of_inputs", [*symbols, costate], [value], {"cse": True})
+    symbols[1] = ca.vertcat(*inputs)
+    return named_function(
+        name,
+        {
+            "x": stage.state,
+            "u": stage.inputs,
+            "p": stage.step_parameters,
+            "g": stage.global_parameters,
+            "costate": costate,
+            "power": power,
+        },
+        {"hamiltonian": function(*symbols, costate)},
+    )
+
+
+def _header(inequalities: int, kinds: int, sparsity: StageSparsity) -> str:
+    sizes = {
+        "STATES": layout.STATES,
+        "INPUTS": layout.INPUTS,
+        "SLACKS": layout.SLACKS,
+        "GLOBALS": layout.GLOBALS,
+        "INEQUALITIES": inequalities,
+        "KINDS": kinds,
+        "DYNAMICS_NONZEROS": sparsity.dynamics.nnz(),
+        "HESSIAN_NONZEROS": sparsity.hessian.nnz(),
+        "INEQUALITY_NONZEROS": sparsity.inequalities.nnz(),
+        "COMPRESSOR_POWER": int(InputIndex.COMPRESSOR_POWER),
+        "LAST_COMPRESSOR_POWER": int(StateIndex.LAST_COMPRESSOR_POWER),
+        "CELL_1_TEMPERATURE": int(StateIndex.CELL_1_TEMPERATURE),
+        "LOWEST_TEMPERATURE": int(GlobalIndex.LOWEST_TEMPERATURE),
+        "COMPRESSOR_INTERVAL": int(StepIndex.COMPRESSOR_INTERVAL),
+        "TEMPERATURE_OFFSET_K": float(layout.STATE_OFFSET[StateIndex.CELL_1_TEMPERATURE]),
+    }
+    return "".join(f"#define IPTM_{name} {value}\n" for name, value in sizes.items())

@@ -1,0 +1,185 @@
+"""The method in C: bit by bit what the readable one in Python computes, without memory of its own."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.iptm_controller.scenes import (
+    PARAMETERS,
+    SCENES,
+    Problem,
+    make_scene,
+    plain_solver,
+    problem_of,
+)
+
+from iptm_controller.horizon import Horizon
+from iptm_controller.ocp import layout
+from iptm_controller.ocp.data import ProblemData
+from iptm_controller.ocp.layout import GlobalIndex, InputIndex
+from iptm_controller.ocp.problem import OptimalControlProblem
+from iptm_controller.solvers.interface import SolveResult, SolverOptions
+from iptm_controller.solvers.riccati.backend import RiccatiBackend
+from iptm_controller.solvers.riccati.machine_code import as_machine_code
+from iptm_controller.solvers.switching_check import SwitchingCheck
+from iptm_core.decision_record import SolveStatus
+
+GRIDS = ("3x1+5x5", "7x1", "2x1+1x5+4x30t")
+
+
+@lru_cache
+def backend(grid: str, *, compiled: bool) -> RiccatiBackend:
+    problem = OptimalControlProblem(Horizon.parse(grid), PARAMETERS)
+    found = RiccatiBackend(problem, SolverOptions(compile_code=compiled))
+    if found.compiled is not compiled:
+        pytest.skip("no C compiler on this machine")
+    return found
+
+
+def problems(grid: str) -> Iterator[Problem]:
+    """Yield ordinary problems, those with a far better guess, and some that are nearly hopeless."""
+    random = np.random.default_rng(4)
+    for strategy in ("aging", "energy_aging", "reference"):
+        for scene in SCENES.values():
+            data, guess = problem_of(scene, grid, strategy)
+            yield data, guess
+            yield data, plain_solver(grid).solve(data, guess).variables
+            yield data, guess + random.normal(scale=0.5, size=guess.size)
+    far_off = make_scene(
+        gap_m=-20.0, speed_m_s=38.0, leader_speed_m_s=5.0, cell_n_temperature_k=320.0
+    )
+    yield problem_of(far_off, grid, "aging")
+
+
+def assert_equal(one: SolveResult, other: SolveResult) -> None:
+    assert (one.status, one.reason, one.iterations) == (
+        other.status,
+        other.reason,
+        other.iterations,
+    )
+    for name in ("variables", "costates"):
+        assert np.array_equal(getattr(one, name), getattr(other, name), equal_nan=True)
+    for name in ("objective", "infeasibility"):
+        assert np.array_equal(getattr(one, name), getattr(other, name), equal_nan=True)
+
+
+@pytest.mark.parametrize("grid", GRIDS)
+def test_results_are_those_of_the_method_in_python(grid: str) -> None:
+    in_c, in_python = (backend(grid, compiled=compiled) for compiled in (True, False))
+    statuses = set()
+    for data, guess in problems(grid):
+        one, other = in_c.solve(data, guess), in_python.solve(data, guess)
+        assert_equal(one, other)
+        statuses.add(one.status)
+    assert SolveStatus.SOLVED in statuses
+
+
+def test_bounds_on_the_iterations_stop_both_at_the_same_iterate() -> None:
+    in_c, in_python = (backend("3x1+5x5", compiled=compiled) for compiled in (True, False))
+    *_, far_off = problems("3x1+5x5")
+    braking = problem_of(make_scene(leader_acceleration_m_s2=-0.5), "3x1+5x5", "energy_aging")
+    statuses = set()
+    for problem in (far_off, braking):
+        for bound in (*range(70), 150):
+            one = in_c.solve(*problem, most_iterations=bound)
+            assert_equal(one, in_python.solve(*problem, most_iterations=bound))
+            statuses.add(one.status)
+    assert statuses == {SolveStatus.ITERATION_LIMIT, SolveStatus.FEASIBLE, SolveStatus.SOLVED}
+
+
+def test_numbers_that_are_not_finite_end_both_alike() -> None:
+    in_c, in_python = (backend("7x1", compiled=compiled) for compiled in (True, False))
+    data, guess = problem_of(SCENES["cruise"], "7x1")
+    for place in (0, 5, guess.size - 1):
+        broken = guess.copy()
+        broken[place] = np.nan
+        assert_equal(in_c.solve(data, broken), in_python.solve(data, broken))
+    broken_data = ProblemData(data.initial_state, data.parameters.copy())
+    broken_data.parameters[20] = np.inf
+    one = in_c.solve(broken_data, guess)
+    assert_equal(one, in_python.solve(broken_data, guess))
+    assert one.status is SolveStatus.NUMERICAL_ERROR
+
+
+def test_a_deadline_ends_the_solve() -> None:
+    problem = OptimalControlProblem(Horizon.parse("3x1+5x5"), PARAMETERS)
+    solver = RiccatiBackend(problem, SolverOptions(deadline_s=1e-9))
+    data, guess = problem_of(SCENES["cruise"], "3x1+5x5")
+    result = solver.solve(data, guess)
+    assert result.iterations == 0
+    assert "time limit" in result.reason
+    solver.options = SolverOptions(deadline_s=3600.0)
+    assert solver.solve(data, guess).status is SolveStatus.SOLVED
+
+
+def test_a_larger_bound_on_the_iterations_gets_more_memory() -> None:
+    """The filter holds one entry per iteration at most."""
+    problem = OptimalControlProblem(Horizon.parse("7x1"), PARAMETERS)
+    solver = RiccatiBackend(problem, SolverOptions(max_iterations=2))
+    *_, far_off = problems("7x1")
+    assert solver.solve(*far_off).status is not SolveStatus.SOLVED
+    solver.options = SolverOptions(max_iterations=400)
+    assert_equal(solver.solve(*far_off), backend("7x1", compiled=False).solve(*far_off))
+
+
+class InPython:
+    """The method in Python, so that the check is the one in Python, too."""
+
+    name, compiled = "riccati", False
+
+    def __init__(self, grid: str) -> None:
+        self.solve = backend(grid, compiled=False).solve
+
+
+@pytest.mark.parametrize("grid", GRIDS)
+def test_second_starts_are_those_of_the_check_in_python(grid: str) -> None:
+    problem = OptimalControlProblem(Horizon.parse(grid), PARAMETERS)
+    in_c = SwitchingCheck(backend(grid, compiled=True), problem, try_every=3)
+    in_python = SwitchingCheck(InPython(grid), problem, compile_code=False, try_every=3)
+    random = np.random.default_rng(2)
+    counts = set()
+    for data, guess in problems(grid):
+        given = replace(data, parameters=data.parameters.copy())
+        given.parameters[GlobalIndex.CELL_N_PRICE] = random.uniform(0.0, 6.0)
+        given.parameters[GlobalIndex.LOWEST_TEMPERATURE] += random.choice([0.0, 0.0, 4.0])
+        powers = guess[: -layout.STATES].reshape(-1, layout.BLOCK)
+        powers[:, layout.STATES + InputIndex.COMPRESSOR_POWER] = random.uniform(0.0, 1.5)
+        assert_equal(in_c.solve(given, guess), in_python.solve(given, guess))
+        assert in_c.since_second == in_python.since_second
+        counts.add(in_c.since_second)
+    assert {0, 1, 2} <= counts
+
+
+def test_horizons_of_the_same_stages_share_their_code(
+    cache: Path, compilations: list[list[str]]
+) -> None:
+    for grid in ("4x2", "9x2", "30x2"):
+        problem = OptimalControlProblem(Horizon.parse(grid), PARAMETERS)
+        if as_machine_code(problem, is_wanted=True) is None:
+            pytest.skip("no C compiler on this machine")
+    assert len(list(cache.glob("*.so"))) == 1
+    # The two files of the stages, and the library.
+    assert len(compilations) == 3
+
+
+def test_nothing_is_allocated(cache: Path) -> None:
+    """Seen from the symbols that the library asks others for."""
+    problem = OptimalControlProblem(Horizon.parse("2x3"), PARAMETERS)
+    if as_machine_code(problem, is_wanted=True) is None:
+        pytest.skip("no C compiler on this machine")
+    (library,) = cache.glob("*.so")
+    try:
+        listed = subprocess.run(
+            ["nm", "-D", "--undefined-only", library], capture_output=True, text=True, check=True
+        ).stdout
+    except FileNotFoundError:
+        pytest.skip("no nm on this machine")
+    names = {line.split()[-1].partition("@")[0] for line in listed.splitlines()}
+    assert {"log", "exp"} <= names
+    assert not names & {"malloc", "calloc", "realloc", "free", "printf", "exit", "abort"}
