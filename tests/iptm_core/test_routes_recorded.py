@@ -136,9 +136,8 @@ def test_a_track_that_begins_at_speed_gets_a_launch_in_front(write: Callable[...
         (lambda text: text[:-30], "cannot be read"),
         (lambda text: text.replace("<time>", "<when>").replace("</time>", "</when>"), "time"),
         (lambda text: text.replace('lat="48.0"', 'lat="x"', 1), "lat is 'x'"),
-        (lambda text: text.replace('lat="48.0"', 'lat="nan"', 1), "lat is 'nan'"),
-        (lambda text: text.replace('lat="48.0"', 'lat="49.0"', 1), "m/s from the point before"),
-        (lambda text: text.replace("07:00:05.000", "07:00:03.500"), "s after the one before"),
+        (lambda text: text.replace('lat="48.00', 'lat="49.00', 40), "m/s from the point before"),
+        (lambda text: text.replace("T07:01:", "T06:59:"), "another recording begins"),
         (lambda text: text.replace("07:00:05.000", "yesterday"), "ISO 8601"),
         (lambda _: "<gpx/>", "0 track points"),
     ],
@@ -242,12 +241,6 @@ def test_a_plan_without_times_is_a_road_for_a_cycle(write: Callable[..., Path], 
     assert float(longitude) == pytest.approx(float(expected[1]), abs=1e-6)
     with pytest.raises(RouteError, match="a road of 15000 m"):
         build_route("wltc_class3b", str(file), initial_gap_m=15.0)
-
-
-def test_a_time_that_is_missing_at_some_points_is_refused(write: Callable[..., Path]) -> None:
-    text = re.sub("<time>2026-05-04T07:00:07.000Z</time>", "", gpx(PLACES))
-    with pytest.raises(RouteError, match="track point 8: time is missing"):
-        read_user_trip(write(text))
 
 
 @pytest.mark.parametrize("times", [True, False])

@@ -200,8 +200,20 @@ def read_file(path: Path, most_bytes: int, error: type[IptmError]) -> bytes:
 
 def is_path(text: str, suffixes: tuple[str, ...]) -> bool:
     """Return whether a text (without a part after ``#``) is a path: with a folder, or one of the suffixes."""
-    lower = text.lower()
-    return "/" in text or lower.endswith(suffixes) or lower.partition("#")[0].endswith(suffixes)
+    parts = text.lower().split("#")
+    heads = ("#".join(parts[: count + 1]) for count in range(len(parts)))
+    return "/" in text or any(head.endswith(suffixes) for head in heads)
+
+
+def file_and_name(path: Path) -> tuple[Path, str]:
+    """Return a file and the name behind a ``#``, empty without; names of files may hold a ``#``, too."""
+    text = str(path)
+    places = [index for index, letter in enumerate(text) if letter == "#"]
+    for end in [len(text), *reversed(places)]:
+        if Path(text[:end]).exists():
+            return Path(text[:end]), text[end + 1 :]
+    end = places[0] if places else len(text)
+    return Path(text[:end]), text[end + 1 :]
 
 
 def number(text: str) -> float:

@@ -21,10 +21,12 @@ from iptm_core.errors import IptmError, RouteError
 from iptm_core.parameters.model import KM_H_PER_M_S
 from iptm_core.program import refused
 from iptm_core.routes import build_route
+from iptm_core.routes.can_files import CAN_SUFFIXES
 from iptm_core.routes.can_log import CAN_COLUMNS, can_log_csv
 from iptm_core.routes.road_line import RoadLine, east_north_m
+from iptm_core.routes.text_table import parse_text_table
 from iptm_core.routes.track import RecordedDrive, steps_m
-from iptm_core.routes.user_csv import USER_FILES, UserTrip, read_user_trip
+from iptm_core.routes.user_csv import USER_FILES, UserTrip, read_user_trip, trip_of_table
 from iptm_core.state import FloatArray
 
 EXAMPLE_CYCLE = "sc03"
@@ -40,11 +42,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     commands = parser.add_subparsers(dest="command", required=True)
     show = commands.add_parser("show", help="what is read out of a drive")
     show.add_argument("file", type=Path, help=USER_FILES)
-    show.add_argument("--picture", type=Path, help="draw it into this .png file")
-    can = commands.add_parser(
-        "can", help="make a drive of signals in a CAN log (MF4, BLF, ASC), and show it"
+    show.add_argument(
+        "--columns",
+        default="",
+        metavar="WHAT=NAME[UNIT],...",
+        help="which column of a table is what: speed=Vehicle_Speed[km/h]",
     )
-    can.add_argument("log", type=Path, help=".mf4, .blf or .asc file")
+    show.add_argument("--picture", type=Path, help="draw it into this .png file")
+    can = commands.add_parser("can", help="make a drive of signals in a CAN log, and show it")
+    can.add_argument("log", type=Path, help=f"{', '.join(CAN_SUFFIXES)} file")
     can.add_argument("file", type=Path, help=".csv file to write")
     can.add_argument(
         "--dbc", type=Path, help="decodes the frames; none for an MF4 file that holds signals"
@@ -55,6 +61,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         default=[],
         metavar="COLUMN=SIGNAL",
         help=f"what a signal is, repeatable; columns: {', '.join(CAN_COLUMNS)}",
+    )
+    can.add_argument(
+        "--channel", default="", help="bus or sender (0x..) of the frames, where there are several"
     )
     can.add_argument("--picture", type=Path, help="draw it into this .png file")
     example = commands.add_parser(
@@ -68,9 +77,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
             given.file.write_text(example_gpx(given.seed), encoding="utf-8")
             return 0
         if given.command == "can":
-            text = can_log_csv(given.log, given.dbc, dict(map(_named_signal, given.signal)))
+            signals = dict(map(_named_signal, given.signal))
+            text = can_log_csv(given.log, given.dbc, signals, given.channel)
+            trip = trip_of_table(given.file, parse_text_table(text, str(given.file)))
             given.file.write_text(text, encoding="utf-8")
-        trip = read_user_trip(given.file)
+        else:
+            columns = f"#{given.columns}" if given.columns else ""
+            trip = read_user_trip(Path(f"{given.file}{columns}"))
         print(description(trip))
         if given.picture is not None:
             draw(trip, given.picture)
@@ -100,7 +113,7 @@ def description(trip: UserTrip) -> str:
         source = "of the receiver" if drive.track.speeds_m_s is not None else "from the places"
         lines.append(f"{drive.track.times_s.size} points, speed {source}")
         lines.append(f"grade bounded on {drive.bounded_m:.0f} m of the road")
-    return "\n".join(lines)
+    return "\n".join([*lines, f"repaired: {'; '.join(trip.notes)}"] if trip.notes else lines)
 
 
 def draw(trip: UserTrip, path: Path) -> None:

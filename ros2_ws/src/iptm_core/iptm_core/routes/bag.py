@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+import tempfile
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,48 +12,109 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from iptm_core.errors import RouteError
-from iptm_core.routes.csv_table import CsvTable
+from iptm_core.routes.drive_table import DriveTable
 from iptm_core.state import NS_PER_S, FloatArray
+from iptm_core.user_input import read_file
 
 OWN_ODOMETRY, OWN_SLOPE = "plant/odometry", "v2x/slope"
 """Topics of a vehicle of this suite, as `iptm_ros.topics` describes them."""
 _TYPE = "nav_msgs/msg/Odometry"
-_ANOTHER_TRIP_NS = 10 * NS_PER_S
-"""A stamp that is older by more than that begins another trip; of several the last one counts."""
+_MAGICS = {b"\x89MCAP0\r\n": ".mcap", b"SQLite f": ".db3", b"#ROSBAG ": ".bag"}
+_SIDEWAYS = 0.1
 
 
-def read_bag(path: Path, name: str) -> CsvTable:
-    """Return ``time_s``, ``speed_m_s`` and, if recorded, ``slope_rad`` of a vehicle's drive.
+def read_bag(path: Path, name: str) -> DriveTable:
+    """Return times, places, speeds and, if recorded, slopes of a vehicle's drive.
+
+    A speed is negative where the twist points backwards. Of several roads on the topic the last one counts.
 
     Args:
         name: namespace of the vehicle, or a topic of its odometry; "" for the only one.
     """
-    if not (path.is_file() or (path / "metadata.yaml").is_file()):
+    storages = _storages(path)
+    if not storages:
         raise RouteError(
             f"{path}: no file, and no folder with metadata.yaml; allowed: a bag, such as scripts/recover_bag "
             "makes of one that was killed"
         )
-    try:
-        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
-            topic = _odometry(path, {each.topic: each.msgtype for each in reader.connections}, name)
-            rows = _last_trip(_messages(reader, topic))
-            columns = {"time_s": rows[:, 0], "speed_m_s": rows[:, 2]}
-            for road in _messages(reader, topic.rsplit("/", 2)[0] + f"/{OWN_SLOPE}"):
-                columns["slope_rad"] = np.interp(rows[:, 1], *np.reshape(road.data, (2, -1)))
-    except RouteError:
-        raise
-    except Exception as reason:  # the readers have error types of their own
-        cause = str(reason) or type(reason).__name__
-        raise RouteError(
-            f"{path}: cannot be read as a bag ({cause}); scripts/recover_bag saves what is whole"
-        ) from reason
+    with tempfile.TemporaryDirectory(prefix="iptm_bag_") as scratch:
+        try:
+            with _opened(path, storages, Path(scratch)) as reader:
+                topic = _odometry(
+                    path, {each.topic: each.msgtype for each in reader.connections}, name
+                )
+                rows = np.array(
+                    [_row(at_ns, message) for at_ns, message in _messages(reader, topic)],
+                    np.float64,
+                ).reshape(-1, 6)
+                slopes = None
+                for _, road in _messages(reader, topic.rsplit("/", 2)[0] + f"/{OWN_SLOPE}"):
+                    slopes = np.interp(rows[:, 2], *np.reshape(road.data, (2, -1)))
+        except RouteError:
+            raise
+        except Exception as reason:  # the readers have error types of their own
+            cause = str(reason) or type(reason).__name__
+            raise RouteError(
+                f"{path}: cannot be read as a bag ({cause}); scripts/recover_bag saves what is whole"
+            ) from reason
     source = f"{path}#{topic}"
-    if not rows.size:
+    if not len(rows):
         raise RouteError(f"{source}: 0 messages; allowed: those of 2 s or more")
-    bad = np.flatnonzero(~np.isfinite(rows).all(axis=1))
-    if bad.size:
-        raise RouteError(f"{source}, message {bad[0] + 1}: not finite; allowed: finite numbers")
-    return CsvTable(source, columns, tuple(range(1, len(rows) + 1)), "message")
+    columns = {
+        "time_s": rows[:, 1],
+        "east_m": rows[:, 2],
+        "north_m": rows[:, 3],
+        "speed_m_s": _signed(rows[:, 4], rows[:, 5]),
+    }
+    if slopes is not None:
+        columns["slope_rad"] = slopes
+    numbers = np.arange(1, len(rows) + 1)
+    return DriveTable(source, columns, numbers, "message", received_s=rows[:, 0])
+
+
+def _row(at_ns: int, message: Any) -> tuple[float, ...]:
+    """Return time of receipt, stamp, place and velocity of a message."""
+    stamp, place = message.header.stamp, message.pose.pose.position
+    speed = message.twist.twist.linear
+    at = (at_ns / NS_PER_S, (stamp.sec * NS_PER_S + stamp.nanosec) / NS_PER_S)
+    return *at, place.x, place.y, speed.x, speed.y
+
+
+def _signed(ahead: FloatArray, left: FloatArray) -> FloatArray:
+    """Return speeds with the sign of the velocity ahead, where it is one: not in a frame of the map."""
+    speeds: FloatArray = np.hypot(ahead, left)
+    sideways = np.abs(left) > _SIDEWAYS * np.abs(ahead)
+    return speeds if sideways.mean() > _SIDEWAYS else np.copysign(speeds, ahead)
+
+
+def _storages(path: Path) -> list[Path]:
+    """Return the files with messages in a bag, by their magic."""
+    files = sorted(path.iterdir()) if path.is_dir() else [path]
+    return [file for file in files if file.is_file() and _suffix(file)]
+
+
+def _suffix(file: Path) -> str:
+    with file.open("rb") as content:
+        magic = content.read(8)
+    return _MAGICS.get(
+        magic, file.suffix if file.suffix in _MAGICS.values() or file.suffix == ".zstd" else ""
+    )
+
+
+def _opened(path: Path, storages: list[Path], scratch: Path) -> AnyReader:
+    """Open a bag: as its metadata say, or file by file where they name no storage that is known."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    metadata = path / "metadata.yaml"
+    if metadata.is_file():
+        text = read_file(metadata, 10_000_000, RouteError).decode("utf-8", errors="replace")
+        if "storage_identifier: mcap" in text or "storage_identifier: sqlite3" in text:
+            return AnyReader([path], default_typestore=store)
+    links = []
+    for number, file in enumerate(storages):
+        link = scratch / f"{number}{_suffix(file)}"
+        link.symlink_to(file.resolve())
+        links.append(link)
+    return AnyReader(links, default_typestore=store)
 
 
 def _odometry(path: Path, types: Mapping[str, str], name: str) -> str:
@@ -76,24 +138,8 @@ def _odometry(path: Path, types: Mapping[str, str], name: str) -> str:
     )
 
 
-def _messages(reader: AnyReader, topic: str) -> Iterator[Any]:
+def _messages(reader: AnyReader, topic: str) -> Iterator[tuple[int, Any]]:
     connections = [each for each in reader.connections if each.topic == topic]
     if connections:  # without any, all messages would be read
-        for connection, _, data in reader.messages(connections):
-            yield reader.deserialize(data, connection.msgtype)
-
-
-def _last_trip(messages: Iterable[Any]) -> FloatArray:
-    """Return time (s, from 0), position (m) and speed (m/s) of the states of the last trip, shape (n, 3)."""
-    found: dict[int, tuple[float, float]] = {}
-    last_ns = 0
-    for message in messages:
-        stamp, speed = message.header.stamp, message.twist.twist.linear
-        at_ns = stamp.sec * NS_PER_S + stamp.nanosec
-        if at_ns < last_ns - _ANOTHER_TRIP_NS:
-            found.clear()
-        last_ns = at_ns
-        found[at_ns] = (message.pose.pose.position.x, float(np.hypot(speed.x, speed.y)))
-    first_ns = min(found, default=0)
-    rows = [((at_ns - first_ns) / NS_PER_S, *found[at_ns]) for at_ns in sorted(found)]
-    return np.array(rows, dtype=np.float64).reshape(-1, 3)
+        for connection, at_ns, data in reader.messages(connections):
+            yield at_ns, reader.deserialize(data, connection.msgtype)

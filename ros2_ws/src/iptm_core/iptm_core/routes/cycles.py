@@ -11,17 +11,14 @@ from numpy.typing import ArrayLike
 
 from iptm_core.errors import RouteError
 from iptm_core.parameters.model import KM_H_PER_M_S
-from iptm_core.routes.csv_table import parse_csv_table
 from iptm_core.routes.piecewise import (
     cumulative_integral,
     integral_at,
     read_only_nodes,
     refuse_where,
 )
+from iptm_core.routes.text_table import parse_text_table
 from iptm_core.state import FloatArray, LeaderState
-
-SPEED_COLUMNS_M_S = {"speed_m_s": 1.0, "speed_kmh": 1.0 / KM_H_PER_M_S, "speed_mph": 0.44704}
-"""Permitted speed columns of a CSV file and the m/s in one of their units."""
 
 _SOURCES = {
     "nycc": "EPA New York City Cycle, 598 s edition (40 CFR part 86, appendix I)",
@@ -98,15 +95,8 @@ def load_cycle(name: str) -> DrivingCycle:
     if name not in _SOURCES:
         raise RouteError(f"unknown driving cycle {name!r}; allowed: {', '.join(CYCLE_NAMES)}")
     file = resources.files("iptm_core.routes") / "data" / f"{name}.csv"
-    table = parse_csv_table(
-        file.read_text(encoding="utf-8"), f"{name}.csv", ("time_s", *SPEED_COLUMNS_M_S)
-    )
-    speeds = next(
-        table.columns[column] * factor
-        for column, factor in SPEED_COLUMNS_M_S.items()
-        if column in table.columns
-    )
-    return DrivingCycle(name, table.columns["time_s"], speeds, _SOURCES[name])
+    table = parse_text_table(file.read_text(encoding="utf-8"), f"{name}.csv")
+    return DrivingCycle(name, table.columns["time_s"], table.columns["speed_m_s"], _SOURCES[name])
 
 
 def smooth_cycle(

@@ -30,9 +30,9 @@ from iptm_core.routes.user_csv import (
     USER_FILES,
     USER_SUFFIXES,
     UserTrip,
+    read_gpx_road,
     read_user_trip,
 )
-from iptm_core.routes.xml_drives import read_gpx_road
 from iptm_core.user_input import is_path, nearest
 
 ROUTE_CYCLES = (*CYCLE_NAMES, "smooth", *composition_names())
@@ -53,6 +53,7 @@ class Route:
         slope: road slope over position; position 0 is where the ego vehicle starts.
         segments: stretches in driving order, covering the whole cycle without gaps.
         road_line: where the road lies on Earth; a straight test road for cycles that were driven on none.
+        notes: what was repaired in the file of the drive.
     """
 
     name: str
@@ -62,6 +63,7 @@ class Route:
     segments: tuple[RouteSegment, ...]
     source: str
     road_line: RoadLine = field(default_factory=RoadLine.test_road)
+    notes: tuple[str, ...] = ()
 
 
 def build_route(
@@ -93,7 +95,7 @@ def build_route(
         raise RouteError(f"initial gap is {initial_gap_m} m; allowed: a positive distance")
     if duration_s is not None and not (np.isfinite(duration_s) and duration_s > 0.0):
         raise RouteError(f"trip is {duration_s} s; allowed: a positive duration")
-    trace, segments, profile, line = _designed(cycle)
+    trace, segments, profile, line, notes = _designed(cycle)
     leader = LeaderMotion.from_cycle(trace, initial_gap_m)
     if is_road_file:
         line, measured = read_gpx_road(Path(slope))
@@ -117,22 +119,23 @@ def build_route(
         duration_s=float(trace.duration_s if duration_s is None else duration_s),
         segments=segments,
         source=trace.source,
+        notes=notes,
         **on_earth,
     )
 
 
 def _designed(
     cycle: str | Path | RouteComposition | UserTrip,
-) -> tuple[DrivingCycle, tuple[RouteSegment, ...], SlopeProfile, RoadLine | None]:
+) -> tuple[DrivingCycle, tuple[RouteSegment, ...], SlopeProfile, RoadLine | None, tuple[str, ...]]:
     if isinstance(cycle, str) and cycle in composition_names():
         cycle = load_composition(cycle)
     if isinstance(cycle, RouteComposition):
-        return *comprehensive_cycle(cycle), None
+        return *comprehensive_cycle(cycle), None, ()
     if isinstance(cycle, (Path, UserTrip)) or is_path(cycle, USER_SUFFIXES):
         trip = cycle if isinstance(cycle, UserTrip) else read_user_trip(Path(cycle))
         kind = "flat" if trip.slope is None else "measured"
         segment = _single_segment(trip.cycle, kind)
-        return trip.cycle, segment, trip.slope or SlopeProfile.flat(), trip.line
+        return trip.cycle, segment, trip.slope or SlopeProfile.flat(), trip.line, trip.notes
     if cycle == "smooth":
         trace = smooth_cycle(SMOOTH_ROUTE_DURATION_S)
     elif cycle in CYCLE_NAMES:
@@ -144,7 +147,7 @@ def _designed(
             f"unknown driving cycle {cycle!r}; {hint}allowed: {', '.join(ROUTE_CYCLES)}, "
             f"or the path of a drive: {USER_FILES}"
         )
-    return trace, _single_segment(trace, "flat"), SlopeProfile.flat(), None
+    return trace, _single_segment(trace, "flat"), SlopeProfile.flat(), None, ()
 
 
 def _single_segment(trace: DrivingCycle, slope_kind: str) -> tuple[RouteSegment, ...]:

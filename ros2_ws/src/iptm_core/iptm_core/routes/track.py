@@ -9,12 +9,13 @@ metres between two points, would be steeper than any road; the grade is the slop
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from iptm_core.errors import RouteError
-from iptm_core.routes.piecewise import cumulative_integral, refuse_where
-from iptm_core.routes.road_line import RoadLine, check_places, east_north_m
+from iptm_core.routes.piecewise import cumulative_integral
+from iptm_core.routes.road_line import RoadLine, east_north_m
 from iptm_core.routes.slope import ELEVATION_SPACING_M, SlopeProfile
 from iptm_core.state import FloatArray
 
@@ -64,21 +65,19 @@ MAX_RECORDED_GRADE = 0.15
 """Steeper is noise: public roads are hardly ever."""
 STANDSTILL_M_S = 0.7
 LINE_SPACING_M = 10.0
-MAX_GAP_S = 60.0
-"""A longer time without a point is a pause if the car has hardly moved, and is shortened to it."""
-MAX_SPEED_M_S = 100.0
 
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """What was recorded, untouched.
+    """What was recorded, after the repairs of `iptm_core.routes.cleaning`.
 
     Attributes:
         times_s: times from the first point on, shape (n,).
         latitudes_deg: latitudes, shape (n,).
         longitudes_deg: longitudes, shape (n,).
-        heights_m: heights above any datum, shape (n,); None if a point has none.
-        speeds_m_s: speeds of the receiver, shape (n,); None if a point has none.
+        heights_m: heights above any datum, shape (n,); None without.
+        speeds_m_s: speeds of the receiver, shape (n,); None without.
+        slopes_rad: slopes of the road, shape (n,), where they are stated instead of heights.
     """
 
     source: str
@@ -87,72 +86,7 @@ class Track:
     longitudes_deg: FloatArray
     heights_m: FloatArray | None = None
     speeds_m_s: FloatArray | None = None
-
-    def __post_init__(self) -> None:
-        steps = np.diff(self.times_s)
-        if self.times_s.size < 3:
-            raise RouteError(f"{self.source}: {self.times_s.size} points; allowed: 3 or more")
-        point = f"{self.source}, point"
-        refuse_where(
-            (steps <= 0.0) | (steps > MAX_GAP_S),
-            lambda k: (
-                f"{point} {k + 2}: {steps[k]:g} s after the one before; "
-                f"allowed: more than 0 and up to {MAX_GAP_S:g} s, or a pause at one place"
-            ),
-        )
-        check_places(self.latitudes_deg, self.longitudes_deg, point)
-        leaps = steps_m(self.latitudes_deg, self.longitudes_deg) / steps
-        refuse_where(
-            leaps > MAX_SPEED_M_S,
-            lambda k: (
-                f"{point} {k + 2}: {leaps[k]:.0f} m/s from the point before; "
-                f"allowed: up to {MAX_SPEED_M_S:g} m/s"
-            ),
-        )
-        speeds = np.zeros(0) if self.speeds_m_s is None else self.speeds_m_s
-        refuse_where(
-            (speeds < 0.0) | (speeds > MAX_SPEED_M_S),
-            lambda k: (
-                f"{point} {k + 1}: speed is {speeds[k]:g} m/s; allowed: 0 to {MAX_SPEED_M_S:g} m/s"
-            ),
-        )
-
-    @classmethod
-    def without_pauses(
-        cls,
-        source: str,
-        times_s: FloatArray,
-        latitudes_deg: FloatArray,
-        longitudes_deg: FloatArray,
-        heights_m: FloatArray | None = None,
-        speeds_m_s: FloatArray | None = None,
-    ) -> Track:
-        """Return a track whose pauses are `MAX_GAP_S` long; arguments are the attributes.
-
-        A device that stops recording while the car stands leaves a gap. In one that is longer than the
-        window of the speeds and in which the car was slower than walking, points at standstill are added.
-        """
-        steps, moved_m = np.diff(times_s), steps_m(latitudes_deg, longitudes_deg)
-        kept = np.minimum(steps, MAX_GAP_S)
-        stands = (steps > 2.0 * SPEED_WINDOW_S) & (moved_m <= STANDSTILL_M_S * kept)
-        cut = np.where(stands, steps - kept, 0.0)
-        times = times_s - np.concatenate([[0.0], np.cumsum(cut)])
-        count = np.where(stands, np.ceil(kept).astype(np.int64) - 1, 0)
-        at = np.repeat(np.arange(count.size), count)
-        inside = np.arange(at.size) - np.repeat(np.cumsum(count) - count, count) + 1.0
-
-        def filled(values: FloatArray) -> FloatArray:
-            between = values[at] + (values[at + 1] - values[at]) * inside / kept[at]
-            return np.insert(values, at + 1, between)
-
-        return cls(
-            source,
-            np.insert(times, at + 1, times[at] + inside),
-            filled(latitudes_deg),
-            filled(longitudes_deg),
-            None if heights_m is None else filled(heights_m),
-            None if speeds_m_s is None else np.insert(speeds_m_s, at + 1, 0.0),
-        )
+    slopes_rad: FloatArray | None = None
 
 
 _Heights = tuple[FloatArray, FloatArray]
@@ -214,6 +148,8 @@ def read_out(track: Track) -> RecordedDrive:
         )
     positions = np.interp(track.times_s, seconds, distances)
     slope, bounded_m, heights = _slope(track.heights_m, positions)
+    if track.slopes_rad is not None:
+        slope = SlopeProfile(*by_position(positions, track.slopes_rad))
     line = _line(distances, latitudes, (longitudes + 180.0) % 360.0 - 180.0, heights)
     return RecordedDrive(track, seconds, speeds, positions, line, slope, bounded_m)
 
@@ -246,8 +182,27 @@ def _line(
             kept.append(index)
     if len(kept) < 2:
         kept = [0, int(distances.size - 1)]
+    # A receiver may repeat a place although the car drives on.
+    kept = kept[:1] + [
+        index
+        for before, index in pairwise(kept)
+        if (latitudes[index], longitudes[index]) != (latitudes[before], longitudes[before])
+    ]
     heights_m = None if heights is None else np.interp(distances[kept], *heights)
     return RoadLine(latitudes[kept], longitudes[kept], heights_m)
+
+
+_ROAD_SPACING_M = 5.0
+
+
+def by_position(distances: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Average rows that lie within the same few metres, as at a standstill or at walking pace."""
+    bins = np.floor(distances / _ROAD_SPACING_M).astype(np.int64)
+    _, index, counts = np.unique(bins, return_inverse=True, return_counts=True)
+    return (
+        np.bincount(index, weights=distances) / counts,
+        np.bincount(index, weights=values) / counts,
+    )
 
 
 def _slope(

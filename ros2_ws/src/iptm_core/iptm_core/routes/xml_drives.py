@@ -1,26 +1,27 @@
 """Drives in XML, read with the standard library only: GPX, and SUMO's floating car data (``--fcd-output``).
 
-Where a vehicle of SUMO drives is known from a file written with ``--fcd-output.geo``, whose places are
-degrees; else the slope of its road alone.
+SUMO writes the same data as CSV and Parquet, too, and all of them compressed. Where a vehicle of SUMO drives
+is known from a file written with ``--fcd-output.geo``, whose places are degrees; else the slope of its road
+alone.
 """
 
 from __future__ import annotations
 
+import math
 from array import array
-from collections.abc import Mapping
-from datetime import datetime, timezone
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
 from iptm_core.errors import RouteError
-from iptm_core.routes.csv_table import CsvTable, finite_number
-from iptm_core.routes.road_line import RoadLine
-from iptm_core.routes.slope import SlopeProfile
-from iptm_core.routes.track import Track, read_out, road_through
+from iptm_core.routes.drive_table import DriveTable, cell_value, seconds_of
+from iptm_core.routes.road_line import MAX_LATITUDE_DEG
+from iptm_core.routes.text_table import read_content
 from iptm_core.state import FloatArray
-from iptm_core.user_input import read_file, shown, suggestion
+from iptm_core.user_input import suggestion
 
 
 class PlainXml:
@@ -36,75 +37,47 @@ class PlainXml:
 
 def read_xml(path: Path, most_bytes: int, kind: str, target: PlainXml) -> None:
     """Give the elements of a file to a target; a file of another kind is refused."""
-    content = read_file(path, most_bytes, RouteError)
+    content = read_content(path, most_bytes)
     try:
         parser = ET.XMLParser(target=target)  # noqa: S314 - entities are refused
         ET.fromstring(content, parser)  # noqa: S314
     except RouteError as reason:
         raise RouteError(f"{path}: {reason}") from None
     except (ValueError, LookupError, ET.ParseError) as reason:
-        raise RouteError(f"{path}: cannot be read ({reason}); a {kind} file is needed") from reason
+        cut = "" if content.rstrip(b"\0 \r\n\t").endswith(b">") else ", cut short?"
+        raise RouteError(
+            f"{path}: cannot be read ({reason}{cut}); a {kind} file is needed"
+        ) from reason
 
 
 MAX_GPX_BYTES = 100_000_000
 MAX_POINTS = 1_000_000
 _TRACK_POINT, _ROUTE_POINT = "trkpt", "rtept"
+_COLUMNS = ("time_s", "latitude_deg", "longitude_deg", "elevation_m", "speed_m_s")
 
 
-def read_gpx(path: Path) -> Track:
+def read_gpx(path: Path) -> DriveTable:
     """Read all points of all tracks of a file, in their order.
 
-    Of points with one time, as where laps of a device meet, the first counts. Pauses are cut (see
-    `Track.without_pauses`).
+    Speeds are in m/s where they stand in the point, in its extensions or in Garmin's extension of it.
 
     Args:
         path: the file, GPX 1.0 or 1.1; names of elements count without their namespaces.
     """
-    return _track(path, _rows(path))
-
-
-def read_gpx_road(path: Path) -> tuple[RoadLine, SlopeProfile | None]:
-    """Read the road of a recorded drive or a plan without times; no slope where a point has no height."""
-    rows = _rows(path)
-    if np.isfinite(rows[:, 0]).any():
-        drive = read_out(_track(path, rows))
-        return drive.line, drive.slope
-    return road_through(str(path), rows[:, 1], rows[:, 2], _all_or_none(rows[:, 3]))
-
-
-def _rows(path: Path) -> FloatArray:
     points = _Points()
     read_xml(path, MAX_GPX_BYTES, "GPX", points)
     if points.count < 2:
         raise RouteError(f"{path}: {points.count} track points; allowed: 2 to {MAX_POINTS}")
-    return np.array(points.values).reshape(points.count, -1)
-
-
-def _track(path: Path, rows: FloatArray) -> Track:
-    timed = np.isfinite(rows[:, 0])
-    if not timed.any():
-        raise RouteError(
-            f"{path}: time is missing at all points, so it is a road and no drive; allowed: as slope "
-            "of another cycle"
-        )
-    if not timed.all():
-        raise RouteError(
-            f"{path}, track point {int(np.argmin(timed)) + 1}: time is missing; allowed: a time at every "
-            "point, or at none"
-        )
-    rows = rows[np.concatenate([[True], np.diff(rows[:, 0]) != 0.0])]
-    return Track.without_pauses(
+    rows: FloatArray = np.array(points.values).reshape(points.count, -1)
+    columns = {name: rows[:, index] for index, name in enumerate(_COLUMNS)}
+    known = {name: values for name, values in columns.items() if np.isfinite(values).any()}
+    return DriveTable(
         str(path),
-        rows[:, 0] - rows[0, 0],
-        rows[:, 1],
-        rows[:, 2],
-        _all_or_none(rows[:, 3]),
-        _all_or_none(rows[:, 4]),
+        {"time_s": columns["time_s"], **known},
+        np.arange(1, points.count + 1),
+        "track point",
+        {"speed_m_s": ("speed", 1.0), "elevation_m": ("ele", 1.0)},
     )
-
-
-def _all_or_none(values: FloatArray) -> FloatArray | None:
-    return values if np.isfinite(values).all() else None
 
 
 class _Points(PlainXml):
@@ -119,13 +92,18 @@ class _Points(PlainXml):
         self.count = 0
         self.values = array("d")
         self._kind = _ROUTE_POINT
-        self._place: dict[str, str] | None = None
-        self._texts: dict[str, list[str]] = {}
-        self._text: list[str] | None = None
+        self._place: dict[str, str] = {}
+        self._inside: list[str] = []
+        self._texts: dict[str, str] = {}
+        self._text: list[str] = []
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         """Take the start of an element; the parser calls this."""
-        name = _name(tag)
+        name = tag.rpartition("}")[2]
+        self._text = []
+        if self._inside:
+            self._inside.append(name)
+            return
         if name == _TRACK_POINT and self._kind == _ROUTE_POINT:
             # A device that was guided stores both; what was driven counts.
             self._kind, self.count, self.values = name, 0, array("d")
@@ -133,54 +111,47 @@ class _Points(PlainXml):
             self.count += 1
             if self.count > MAX_POINTS:
                 raise RouteError(f"more than {MAX_POINTS} track points; allowed: 2 to {MAX_POINTS}")
-            self._place = attributes
-            self._texts = {}
-        elif self._place is not None:
-            self._text = self._texts[name] = []
+            self._inside, self._place, self._texts = [name], attributes, {}
 
     def data(self, text: str) -> None:
         """Take text; the parser calls this."""
-        if self._text is not None:
-            self._text.append(text)
+        self._text.append(text)
 
-    def end(self, tag: str) -> None:
+    def end(self, tag: str) -> None:  # noqa: ARG002
         """Take the end of an element; the parser calls this."""
-        self._text = None
-        if _name(tag) == self._kind and self._place is not None:
-            texts = {name: "".join(parts) for name, parts in self._texts.items()}
-            self.values.extend(_row(f"track point {self.count}", self._place, texts))
-            self._place = None
+        if not self._inside:
+            return
+        name = self._inside.pop()
+        if not self._inside:
+            self.values.extend(_row(f"track point {self.count}", self._place, self._texts))
+        elif len(self._inside) == 1 or (name == "speed" and _is_of_point(self._inside[-1])):
+            # What else extensions hold is of sensors, the wind, a photo.
+            self._texts.setdefault(name, "".join(self._text))
+        self._text = []
 
 
-def _name(tag: str) -> str:
-    return tag.rpartition("}")[2]
+def _is_of_point(element: str) -> bool:
+    return element == "extensions" or element.startswith("TrackPointExtension")
 
 
 def _row(where: str, place: Mapping[str, str], texts: Mapping[str, str]) -> tuple[float, ...]:
     """Return time, latitude, longitude, height and speed of a point; NaN for what is missing."""
     return (
-        _timestamp_s(where, texts["time"]) if "time" in texts else float("nan"),
-        finite_number(where, "lat", place.get("lat")),
-        finite_number(where, "lon", place.get("lon")),
-        finite_number(where, "ele", texts["ele"]) if "ele" in texts else float("nan"),
-        finite_number(where, "speed", texts["speed"]) if "speed" in texts else float("nan"),
+        seconds_of(where, texts.get("time", "")),
+        cell_value(where, "lat", place.get("lat")),
+        cell_value(where, "lon", place.get("lon")),
+        cell_value(where, "ele", texts.get("ele")),
+        cell_value(where, "speed", texts.get("speed")),
     )
 
 
-def _timestamp_s(where: str, text: str) -> float:
-    try:
-        moment = datetime.fromisoformat(text.strip().replace("Z", "+00:00"))
-    except ValueError:
-        raise RouteError(f"{where}: time is {shown(text)}; allowed: ISO 8601") from None
-    return (moment if moment.tzinfo else moment.replace(tzinfo=timezone.utc)).timestamp()
-
-
-FCD_SUFFIX = ".xml"
+FCD_SUFFIXES = (".xml", ".xml.gz", ".csv", ".csv.gz", ".parquet")
 MAX_FCD_BYTES = 1_000_000_000
 """Of one vehicle only its own rows are kept."""
+FCD_TIME, FCD_NAME = "timestep_time", "vehicle_id"
 _LONGEST_ID = 200
-_DEGREES_PER_M = 1e-3
-"""Places that move by less for each metre driven are degrees; by metres of a plane they move by 1."""
+_INVALID = -1e9
+"""SUMO writes -1073741824 for what is not known."""
 
 
 class _Vehicle(PlainXml):
@@ -189,7 +160,7 @@ class _Vehicle(PlainXml):
     def __init__(self, name: str) -> None:
         self.name = name
         self.names: dict[str, None] = {}
-        self.rows: list[dict[str, str]] = []
+        self.rows: list[Mapping[str, Any]] = []
         self._time = ""
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
@@ -197,25 +168,43 @@ class _Vehicle(PlainXml):
         if tag == "timestep":
             self._time = attributes.get("time", "")
         elif tag == "vehicle":
-            name = attributes.get("id", "")
-            if len(name) > _LONGEST_ID:
-                raise RouteError(
-                    f"a vehicle's id has {len(name)} characters; allowed: up to {_LONGEST_ID}"
-                )
-            self.names.setdefault(name)
-            self.name = self.name or name
-            if name == self.name:
-                self.rows.append({**attributes, "time": self._time})
+            self.take(attributes.get("id", ""), lambda: {**attributes, "time": self._time})
+
+    def take(self, name: str, row: Callable[[], Mapping[str, Any]]) -> None:
+        """Take a row of a vehicle."""
+        if len(name) > _LONGEST_ID:
+            raise RouteError(
+                f"a vehicle's id has {len(name)} characters; allowed: up to {_LONGEST_ID}"
+            )
+        self.names.setdefault(name)
+        self.name = self.name or name
+        if name == self.name:
+            self.rows.append(row())
 
 
-def read_fcd(path: Path, name: str) -> CsvTable:
-    """Return the drive of a vehicle ("" for the only one).
-
-    Columns are ``time_s`` and ``speed_m_s``, and as far as available ``latitude_deg``, ``longitude_deg`` and
-    ``elevation_m``, or ``slope_rad``.
-    """
+def read_fcd(path: Path, name: str) -> DriveTable:
+    """Return the drive of a vehicle ("" for the only one) in SUMO's XML."""
     vehicle = _Vehicle(name)
     read_xml(path, MAX_FCD_BYTES, "SUMO FCD", vehicle)
+    return _drive(path, vehicle, name)
+
+
+def read_fcd_rows(path: Path, name: str, rows: Iterable[Mapping[str, Any]]) -> DriveTable:
+    """Return the drive of a vehicle in rows of SUMO's CSV or Parquet: ``vehicle_x`` is x in its XML."""
+    vehicle = _Vehicle(name)
+    for row in rows:
+        vehicle.take(
+            str(row[FCD_NAME] or ""),
+            lambda row=row: {
+                key.partition("_")[2]: value for key, value in row.items() if value is not None
+            },  # type: ignore[misc]
+        )
+    # Steps without a vehicle have an empty name.
+    vehicle.names.pop("", None)
+    return _drive(path, vehicle, name)
+
+
+def _drive(path: Path, vehicle: _Vehicle, name: str) -> DriveTable:
     if not vehicle.rows:
         known = suggestion(name, vehicle.names) if vehicle.names else "it holds none"
         raise RouteError(f"{path}: no vehicle {name!r}; {known}")
@@ -225,23 +214,47 @@ def read_fcd(path: Path, name: str) -> CsvTable:
         )
     source = f"{path}#{vehicle.name}"
 
-    def column(key: str) -> FloatArray:
+    def column(key: str, read: Callable[[str, str], float]) -> FloatArray:
         return np.array(
             [
-                finite_number(f"{source}, row {index}", key, row.get(key))
+                read(f"{source}, row {index}", str(row.get(key, "")))
                 for index, row in enumerate(vehicle.rows, start=1)
             ]
         )
 
-    columns = {"time_s": column("time"), "speed_m_s": column("speed")}
-    first = vehicle.rows[0]
-    if {"x", "y"} <= first.keys():
-        longitudes, latitudes = column("x"), column("y")
-        distance_m = float(np.diff(columns["time_s"]) @ columns["speed_m_s"][1:])
-        if np.hypot(np.diff(longitudes), np.diff(latitudes)).sum() < _DEGREES_PER_M * distance_m:
-            columns |= {"latitude_deg": latitudes, "longitude_deg": longitudes}
-    if "latitude_deg" in columns:
-        columns |= {"elevation_m": column("z")} if "z" in first else {}
-    elif "slope" in first:
-        columns["slope_rad"] = np.radians(column("slope"))
-    return CsvTable(source, columns, tuple(range(1, len(vehicle.rows) + 1)), "row")
+    def number(key: str) -> FloatArray:
+        values = column(key, lambda where, text: cell_value(where, key, text))
+        return np.where(values < _INVALID, math.nan, values)
+
+    columns = {"time_s": column("time", seconds_of), "speed_m_s": number("speed")}
+    stated: set[str] = set().union(*vehicle.rows)
+    if "slope" in stated:
+        columns["slope_rad"] = np.radians(number("slope"))
+    if {"x", "y"} <= stated:
+        places = {"east_m": number("x"), "north_m": number("y")}
+        is_geo = _in_degrees(columns["time_s"], columns["speed_m_s"], *places.values())
+        names = ("longitude_deg", "latitude_deg") if is_geo else places
+        columns |= dict(zip(names, places.values(), strict=True))
+    if "z" in stated and ("latitude_deg" in columns or "slope" not in stated):
+        columns["elevation_m"] = number("z")
+    return DriveTable(
+        source,
+        columns,
+        np.arange(1, len(vehicle.rows) + 1),
+        "row",
+        {name: (key, 1.0) for name, key in (("speed_m_s", "speed_m_s"), ("elevation_m", "z"))},
+    )
+
+
+_DEGREES_PER_M = 1e-3
+"""Places that move by less for each metre driven are degrees; by metres of a plane they move by 1."""
+
+
+def _in_degrees(times: FloatArray, speeds: FloatArray, east: FloatArray, north: FloatArray) -> bool:
+    driven_m = float(np.nansum(np.abs(np.diff(times) * speeds[1:])))
+    moved = float(np.nansum(np.hypot(np.diff(east), np.diff(north))))
+    on_earth = (
+        np.nanmax(np.abs(east), initial=0.0) <= 180.0
+        and np.nanmax(np.abs(north), initial=0.0) <= MAX_LATITUDE_DEG
+    )
+    return bool(on_earth and moved < _DEGREES_PER_M * driven_m)

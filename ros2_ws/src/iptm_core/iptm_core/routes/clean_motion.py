@@ -1,0 +1,345 @@
+"""Speeds and places of a drive: what is not plausible costs that value; each is compared with the other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iptm_core.errors import RouteError
+from iptm_core.routes.clean_times import (
+    counted,
+    from_zero,
+    kept,
+    lengths,
+    noted,
+    plane_of,
+    with_columns,
+)
+from iptm_core.routes.contradictions import distances
+from iptm_core.routes.drive_table import DriveTable
+from iptm_core.routes.piecewise import cumulative_integral
+from iptm_core.routes.road_line import MAX_LATITUDE_DEG
+from iptm_core.state import FloatArray
+
+MAX_SPEED_M_S = 70.0
+"""252 km/h: no road car follows anything faster."""
+MAX_ACCELERATION_M_S2 = 12.0
+LONGEST_OUTLIER_S, LONGEST_LOST_FIX_S = 5.0, 60.0
+MOST_INVALID = 0.2
+_NOISE_M_S = 1.5
+_MAX_REVERSING_M_S = 3.0
+_STILL_M = 10.0
+_PLACES = ("latitude_deg", "longitude_deg", "east_m", "north_m", "position_m")
+
+
+def cleaned_motion(table: DriveTable) -> DriveTable:
+    """Return a table whose places are all known and whose speeds are plausible, NaN where they were not.
+
+    Raises:
+        RouteError: a jump that does not come back, a car that reverses, or two sources that contradict.
+    """
+    return _speeds(_speeds_against_places(_places(_marked(table))))
+
+
+def _marked(table: DriveTable) -> DriveTable:
+    """Take values for missing that only mark a quantity as not measured."""
+    columns = table.columns
+    if "latitude_deg" in columns:
+        latitudes, longitudes = columns["latitude_deg"], columns["longitude_deg"]
+        at_zero = (latitudes == 0.0) & (longitudes == 0.0)
+        no_fix = (
+            at_zero
+            if at_zero.mean() < 0.5 and np.nanmax(np.abs(latitudes)) > 1.0
+            else at_zero & False
+        )
+        no_fix = no_fix | (np.abs(latitudes) > MAX_LATITUDE_DEG) | (np.abs(longitudes) > 180.0)
+        if no_fix.mean() > MOST_INVALID:
+            raise table.refuse(int(np.argmax(no_fix)), "latitude_deg", "places of a drive on Earth")
+        table = with_columns(
+            table,
+            latitude_deg=np.where(no_fix, np.nan, latitudes),
+            longitude_deg=np.where(no_fix, np.nan, longitudes),
+        )
+    if "speed_m_s" not in columns:
+        return table
+    speeds = columns["speed_m_s"]
+    name, unit = table.names.get("speed_m_s", ("speed_m_s", 1.0))
+    below = np.unique(np.round(speeds[speeds < 0.0] / unit, 6))
+    if below.size == 1 and (below[0] == -1.0 or below[0] <= -99.0) and (speeds > 0.0).any():
+        marks = speeds < 0.0
+        note = f"{name} is {below[0]:g} at {counted(int(marks.sum()), table.counted)}: not measured"
+        return noted(with_columns(table, speed_m_s=np.where(marks, np.nan, speeds)), note)
+    return table
+
+
+def consistent(
+    kept_rows: NDArray[np.int64],
+    times: FloatArray,
+    breaks: Callable[[NDArray[np.int64]], NDArray[np.bool_]],
+    longest_s: float,
+) -> NDArray[np.int64]:
+    """Leave out the short runs of rows between breaks, shortest first, until there is none to leave out."""
+    while (broken := breaks(kept_rows)).any():
+        bounds = np.concatenate([[0], np.flatnonzero(broken) + 1, [kept_rows.size]])
+        sizes = np.diff(bounds)
+        spans = times[kept_rows[bounds[1:] - 1]] - times[kept_rows[bounds[:-1]]]
+        beside = np.minimum(
+            np.concatenate([[np.inf], sizes[:-1]]), np.concatenate([sizes[1:], [np.inf]])
+        )
+        odd = (spans <= longest_s) & (sizes < beside)
+        if not odd.any():
+            smallest = int(np.argmin(sizes))
+            if spans[smallest] > longest_s or 2 * sizes[smallest] > kept_rows.size:
+                return kept_rows
+            odd[smallest] = True
+        kept_rows = kept_rows[~np.repeat(odd, sizes)]
+    return kept_rows
+
+
+def _places(table: DriveTable) -> DriveTable:
+    """Leave out places aside of the way, and those repeated while the receiver was frozen; fill gaps."""
+    plane, times = plane_of(table), table.columns["time_s"]
+    if plane is None:
+        return table
+    known = np.flatnonzero(np.isfinite(plane).all(axis=1))
+    if known.size < 3:
+        return table
+
+    def breaks(rows: NDArray[np.int64]) -> NDArray[np.bool_]:
+        moved, steps = lengths(np.diff(plane[rows], axis=0)), np.diff(times[rows])
+        usual = _rolling_median(moved / steps)
+        free = 10.0 + 6.0 * np.minimum(steps, 2.0) ** 2 + 2.5 * np.maximum(steps - 2.0, 0.0) ** 2
+        leaps: NDArray[np.bool_] = moved > np.minimum(
+            1.5 * usual * steps + free, 100.0 * steps + 10.0
+        )
+        return leaps
+
+    frozen = _frozen(plane, known, breaks)
+    fixes = known[~frozen]
+    whole = consistent(fixes, times, breaks, LONGEST_LOST_FIX_S)
+    leaps = breaks(whole)
+    if leaps.any() or whole.size < (1.0 - MOST_INVALID) * fixes.size:
+        step = int(np.argmax(leaps))
+        row, before = int(whole[step + 1]), int(whole[step])
+        speed = lengths(plane[[row]] - plane[[before]])[0] / (times[row] - times[before])
+        raise RouteError(
+            f"{table.at(row)}: {speed:.0f} m/s from the point before; allowed: the speeds of a car, and "
+            "single places aside of its way"
+        )
+    lost = {
+        "without a place": times.size - known.size,
+        "with a frozen place": int(frozen.sum()),
+        "with a place aside of the way": fixes.size - whole.size,
+    }
+    notes = [
+        f"{counted(count, table.counted)} {what}: interpolated"
+        for what, count in lost.items()
+        if count
+    ]
+    if not notes:
+        return table
+    names = [each for each in _PLACES if each in table.columns]
+    filled: dict[str, FloatArray | None] = {}
+    for name in names:
+        values = table.columns[name][whole]
+        if name == "longitude_deg":
+            values = np.asarray(np.unwrap(values, period=360.0), np.float64)
+        filled[name] = np.interp(times, times[whole], values)
+    table = replace(with_columns(table, **filled), notes=(*table.notes, *notes))
+    first, last = whole[0], whole[-1]
+    ends = (np.arange(times.size) < first) | (np.arange(times.size) > last)
+    # Before the first fix and after the last one nothing states a place.
+    return from_zero(kept(table, ~ends)) if "speed_m_s" not in table.columns else table
+
+
+def _rolling_median(values: FloatArray, half: int = 5) -> FloatArray:
+    padded = np.pad(values, half, mode="edge") if values.size else np.zeros(2 * half + 1)
+    result: FloatArray = np.median(
+        np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1), axis=1
+    )
+    return result[: values.size]
+
+
+def _frozen(
+    plane: FloatArray,
+    known: NDArray[np.int64],
+    breaks: Callable[[NDArray[np.int64]], NDArray[np.bool_]],
+) -> NDArray[np.bool_]:
+    """Return which places only repeat the one before a leap: the receiver had no fix."""
+    same = np.concatenate([[False], (np.diff(plane[known], axis=0) == 0.0).all(axis=1)])
+    frozen = np.zeros(known.size, dtype=np.bool_)
+    for step in np.flatnonzero(breaks(known)):
+        row = int(step)
+        while same[row]:
+            frozen[row] = True
+            row -= 1
+    return frozen
+
+
+def _speeds_against_places(table: DriveTable) -> DriveTable:
+    """Compare speeds with places over the trip, and let the one that was measured count."""
+    plane, times = plane_of(table), table.columns["time_s"]
+    if (
+        plane is None
+        or "speed_m_s" not in table.columns
+        or times.size < 3
+        or not np.isfinite(plane).all()
+    ):
+        return table
+    raw = table.columns["speed_m_s"]
+    known = np.flatnonzero(np.isfinite(raw))
+    speeds = np.interp(times, times[known], raw[known])
+    found = distances(times, speeds, plane)
+    moved_m, driven_m = float(found.second.sum()), float(found.first.sum())
+    both = f"{1e-3 * driven_m:.2f} km by its speeds, {1e-3 * moved_m:.2f} km by its places"
+    if max(moved_m, driven_m) < _STILL_M:
+        return table
+    if moved_m < max(_STILL_M, 0.02 * driven_m):
+        names = _PLACES
+        return noted(
+            with_columns(table, **dict.fromkeys(names)), "its place never changes and is left out"
+        )
+    if found.agrees() or (0.8 < found.ratio < 1.25 and found.agrees(found.ratio)):
+        return _windows_apart(table, plane, speeds)
+    name, _ = table.names.get("speed_m_s", ("speed_m_s", 1.0))
+    if np.ptp(speeds) < 1e-9:
+        return noted(
+            with_columns(table, speed_m_s=None),
+            f"{name} is {speeds[0]:g} throughout: speeds are those of the places",
+        )
+    if (named := found.named_factor()) is not None:
+        factor, words = named
+        note = f"{both}: {name} is divided by {factor:.4g} ({words})"
+        return noted(with_columns(table, speed_m_s=raw / factor), note)
+    raise RouteError(
+        f"{table.source}: speeds and places contradict: {both} ({found.in_words()}); "
+        "allowed: the same within 20 %"
+    )
+
+
+def _windows_apart(table: DriveTable, plane: FloatArray, speeds: FloatArray) -> DriveTable:
+    """Take speeds for missing where places move on without them; refuse a place that leaps."""
+    times = table.columns["time_s"]
+    moved = lengths(np.diff(plane, axis=0))
+    driven = np.diff(cumulative_integral(times, np.abs(speeds)))
+    leaps = moved - driven > 50.0 + 0.5 * driven + 2.0 * MAX_ACCELERATION_M_S2 * np.minimum(
+        np.diff(times), 2.0
+    )
+    if leaps.any():
+        row = int(np.argmax(leaps)) + 1
+        raise RouteError(
+            f"{table.at(row)}: its place is {moved[row - 1]:.0f} m from that before, {driven[row - 1]:.0f} m "
+            "by its speeds: it was moved, or the clock was set; allowed: the same way"
+        )
+    found = distances(times, speeds, plane)
+    slower = found.second - found.first > 30.0 + 0.3 * found.second
+    if not slower.any():
+        return table
+    missing = np.zeros(times.size, dtype=np.bool_)
+    for first, last in found.edges[slower]:
+        missing[first : last + 1] = True
+    count = counted(int(missing.sum()), table.counted)
+    note = f"speeds of {count} contradict the places: those of the places are used"
+    return noted(
+        with_columns(table, speed_m_s=np.where(missing, np.nan, table.columns["speed_m_s"])), note
+    )
+
+
+def _limit_m_s(steps: FloatArray) -> FloatArray:
+    """Return how much a speed may change; within less than a second, noise and whole km/h count as well."""
+    result: FloatArray = np.maximum(
+        MAX_ACCELERATION_M_S2 * steps,
+        np.minimum(MAX_ACCELERATION_M_S2 * steps + _NOISE_M_S, MAX_ACCELERATION_M_S2),
+    )
+    return result
+
+
+def _speeds(table: DriveTable) -> DriveTable:
+    """Take speeds for missing that no car has or changes to; the rows of one that reverses stand."""
+    if "speed_m_s" not in table.columns:
+        return table
+    times, given = table.columns["time_s"], table.columns["speed_m_s"]
+    table = _forwards(table)
+    speeds = table.columns["speed_m_s"].copy()
+    name, unit = table.names.get("speed_m_s", ("speed_m_s", 1.0))
+    known = np.flatnonzero(np.isfinite(speeds))
+    beyond = known[(speeds[known] < 0.0) | (speeds[known] > MAX_SPEED_M_S)]
+    if beyond.size > MOST_INVALID * known.size:
+        raise table.refuse(int(beyond[0]), "speed_m_s", f"0 to {MAX_SPEED_M_S / unit:.6g}")
+    speeds[beyond] = np.nan
+    plausible = np.flatnonzero(np.isfinite(speeds))
+
+    def breaks(rows: NDArray[np.int64]) -> NDArray[np.bool_]:
+        changes: NDArray[np.bool_] = np.abs(np.diff(speeds[rows])) > _limit_m_s(
+            np.diff(times[rows])
+        )
+        return changes
+
+    whole = consistent(plausible, times, breaks, LONGEST_OUTLIER_S)
+    leaps = breaks(whole)
+    if not leaps.any():
+        # Also over a second, whatever the rate: many small steps make a large one.
+        later = np.minimum(np.searchsorted(times[whole], times[whole] + 1.0), whole.size - 1)
+        span = times[whole][later] - times[whole]
+        leaps = (
+            np.abs(speeds[whole][later] - speeds[whole])
+            > MAX_ACCELERATION_M_S2 * np.maximum(span, 1.0) + 1e-9
+        )
+    if leaps.any() or whole.size < (1.0 - MOST_INVALID) * known.size:
+        step = int(np.argmax(leaps))
+        row, before = int(whole[min(step + 1, whole.size - 1)]), int(whole[step])
+        change = (speeds[row] - speeds[before]) / max(times[row] - times[before], 1e-9)
+        raise table.refuse(
+            row,
+            "speed_m_s",
+            f"a change of at most {MAX_ACCELERATION_M_S2:g} m/s^2, this is {change:.3g} m/s^2",
+        )
+    odd = np.ones(times.size, dtype=np.bool_)
+    odd[whole] = False
+    speeds[odd] = np.nan
+    lost, missing = known.size - whole.size, int(np.count_nonzero(np.isnan(given)))
+    notes = [f"{name} not plausible at {counted(lost, table.counted)}"] if lost else []
+    notes += [f"{name} missing at {counted(missing, table.counted)}"] if missing else []
+    return replace(with_columns(table, speed_m_s=speeds), notes=(*table.notes, *notes))
+
+
+def _forwards(table: DriveTable) -> DriveTable:
+    """Make speeds of one sign: small negative ones are noise, slow reversing is standing."""
+    times, speeds = table.columns["time_s"], table.columns["speed_m_s"]
+    negative = speeds < 0.0
+    if not negative.any():
+        return table
+    name, _ = table.names.get("speed_m_s", ("speed_m_s", 1.0))
+    if not (speeds > 0.05 * np.nanmax(np.abs(speeds))).any():
+        note = f"{name} is negative throughout: its sign is turned"
+        return noted(with_columns(table, speed_m_s=np.abs(speeds)), note)
+    known = np.flatnonzero(np.isfinite(speeds) & (np.abs(speeds) <= MAX_SPEED_M_S))
+    at = times[known]
+    driven = cumulative_integral(at, speeds[known])
+    begin, end = np.clip(at - 0.5, at[0], at[-1]), np.clip(at + 0.5, at[0], at[-1])
+    means = (np.interp(end, at, driven) - np.interp(begin, at, driven)) / np.maximum(
+        end - begin, 1e-9
+    )
+    slowest = float(means.min()) if at.size > 1 else 0.0
+    if slowest < -_MAX_REVERSING_M_S:
+        row = int(known[int(np.argmin(means))])
+        raise RouteError(
+            f"{table.at(row)}, column {name}: the car reverses at up to {-slowest:.3g} m/s; allowed: "
+            f"forwards, up to {_MAX_REVERSING_M_S:g} m/s backwards count as standing"
+        )
+    back_m = float(
+        -np.minimum(np.diff(cumulative_integral(at, np.minimum(speeds[known], 0.0))), 0.0).sum()
+    )
+    count = counted(int(negative.sum()), table.counted)
+    note = (
+        f"the car reverses by {back_m:.3g} m at {count}: taken as standing"
+        if slowest < -0.3
+        else f"{name} slightly negative at {count}: read as 0"
+    )
+    implausible = speeds < -MAX_SPEED_M_S
+    return noted(
+        with_columns(table, speed_m_s=np.where(negative & ~implausible, 0.0, speeds)), note
+    )

@@ -1,0 +1,106 @@
+"""A drive as a file states it: rows of time, and columns of one quantity each, in SI units.
+
+Readers return this table and judge nothing; `iptm_core.routes.cleaning` makes a drive of it.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import datetime, timezone
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iptm_core.errors import RouteError
+from iptm_core.state import FloatArray
+from iptm_core.user_input import number, shown
+
+MISSING = frozenset({"", "-", "na", "n/a", "#n/a", "nan", "null", "none", "inf", "-inf", "invalid"})
+"""Texts, in lower case, that stand for a value that was not measured."""
+
+
+def cell_value(where: str, name: str, text: str | None) -> float:
+    """Return the number in a text, NaN for what was not measured; other texts are refused."""
+    plain = (text or "").strip()
+    if plain.lower() in MISSING:
+        return math.nan
+    try:
+        value = number(plain)
+    except ValueError:
+        raise RouteError(f"{where}: {name} is {shown(text)}; allowed: a finite number") from None
+    return value if math.isfinite(value) else math.nan
+
+
+_ISO = re.compile(
+    r"(\d{4})-?(\d\d)-?(\d\d)[T ](\d\d):?(\d\d)(?::?(\d\d)(?:[.,](\d+))?)?\s*(Z|[+-]\d\d(?::?\d\d)?)?",
+    re.IGNORECASE,
+)
+_CLOCK = re.compile(r"(?:(\d+):)?(\d{1,3}):(\d\d):(\d\d(?:[.,]\d+)?)")
+
+
+def seconds_of(where: str, text: str) -> float:
+    """Return the seconds of a moment (ISO 8601, without an offset in UTC), ``h:m:s``, or a number."""
+    plain = text.strip()
+    if (clock := _CLOCK.fullmatch(plain)) is not None:
+        days, hours, minutes, seconds = (
+            float((part or "0").replace(",", ".")) for part in clock.groups()
+        )
+        return 86400.0 * days + 3600.0 * hours + 60.0 * minutes + seconds
+    if (iso := _ISO.fullmatch(plain)) is None:
+        try:
+            return cell_value(where, "time", plain)
+        except RouteError:
+            raise RouteError(
+                f"{where}: time is {shown(text)}; allowed: ISO 8601, h:m:s, or seconds"
+            ) from None
+    year, month, day, hour, minute, second = (int(part or 0) for part in iso.groups()[:6])
+    offset = (iso.group(8) or "Z").upper().replace(":", "")
+    ahead = (
+        0 if offset == "Z" else int(offset[:3]) * 3600 + int(offset[0] + (offset[3:] or "0")) * 60
+    )
+    try:
+        # A leap second is the first one of the next minute.
+        moment = datetime(year, month, day, hour, minute, min(second, 59), tzinfo=timezone.utc)
+    except ValueError:  # as 0000-00-00T00:00:00Z of a receiver without a fix
+        return math.nan
+    whole = moment.timestamp() + max(0, second - 59) - ahead
+    return whole + float(f"0.{iso.group(7) or 0}")
+
+
+@dataclass(frozen=True, eq=False)
+class DriveTable:
+    """What a file states, untouched: NaN where it states nothing, or that a value is invalid.
+
+    Attributes:
+        source: file, and the vehicle in it.
+        columns: by quantity (those of `iptm_core.routes.column_names.UNITS`, and ``east_m`` and ``north_m``
+            in a plane) one array of shape (n,) in SI units.
+        rows: number of every row in the file, shape (n,).
+        counted: what the numbers count.
+        names: column names and SI units per unit of the file, for messages, where they differ.
+        received_s: times of receipt beside those that the sender stated, shape (n,); None without.
+        sparse: whether a row states some of the quantities only, as a frame of a bus does.
+        notes: what the reader left out.
+    """
+
+    source: str
+    columns: dict[str, FloatArray]
+    rows: NDArray[np.int64]
+    counted: str = "line"
+    names: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    received_s: FloatArray | None = None
+    sparse: bool = False
+    notes: tuple[str, ...] = ()
+
+    def at(self, row: int) -> str:
+        """Return where a row is, for messages."""
+        return f"{self.source}, {self.counted} {self.rows[row]}"
+
+    def refuse(self, row: int, quantity: str, allowed: str) -> RouteError:
+        """Return the error for a value that cannot be used."""
+        name, factor = self.names.get(quantity, (quantity, 1.0))
+        value = self.columns[quantity][row] / factor
+        return RouteError(f"{self.at(row)}, column {name}: value {value:.12g}; allowed: {allowed}")

@@ -1,0 +1,320 @@
+"""Tables of numbers as text: CSV with commas, semicolons or tabs, of programs that name quantity and unit.
+
+Titles in front of the header, a row of units behind it, decimal commas, and columns that a drive does not
+need are fine. A quantity without a unit, or a name that nearly is one of ours, is refused.
+"""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import math
+import zlib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iptm_core.errors import RouteError
+from iptm_core.routes.column_names import (
+    KNOWN_COLUMNS,
+    UNITS,
+    Meaning,
+    meaning_of,
+    meanings_of,
+    stated_unit,
+)
+from iptm_core.routes.drive_table import MISSING, DriveTable, cell_value, seconds_of
+from iptm_core.state import FloatArray
+from iptm_core.user_input import read_file, shown
+
+MAX_BYTES = 100_000_000
+"""A day at 100 Hz, or a week at 10 Hz."""
+REPAIRED = "# repaired:"
+_MOST_TITLES = 20
+_MOST_BROKEN = 0.2
+_SAME_TIME_S = 1.5
+
+
+def read_content(path: Path, most_bytes: int) -> bytes:
+    """Return the content of a file, decompressed if it is one of gzip."""
+    raw = read_file(path, most_bytes, RouteError)
+    if not raw.startswith(b"\x1f\x8b"):
+        return raw
+    try:
+        return gzip.decompress(raw)
+    except (OSError, EOFError, zlib.error) as reason:
+        raise RouteError(
+            f"{path}: cannot be decompressed ({reason}); was it cut short?"
+        ) from reason
+
+
+def text_of(raw: bytes) -> str:
+    """Decode a text: UTF-8, UTF-16 with a mark, else Latin-1: only comments and headers can differ."""
+    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return raw.decode("utf-16", errors="replace")
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return raw.decode("latin-1")
+
+
+def read_text_table(path: Path, columns: str = "") -> DriveTable:
+    """Read a table.
+
+    Args:
+        columns: which column is what, where its name does not say: ``speed=Vehicle_Speed[km/h],time=t[ms]``.
+    """
+    return parse_text_table(text_of(read_content(path, MAX_BYTES)), str(path), columns)
+
+
+def parse_text_table(text: str, source: str, columns: str = "") -> DriveTable:
+    """Parse the text of a table; see `read_text_table`."""
+    whole = text.rstrip("\0")
+    notes = [] if whole == text else [f"{len(text) - len(whole)} empty bytes at its end left out"]
+    lines = [
+        (place, line.strip(" \r\n\0"))
+        for place, line in enumerate(whole.splitlines(), start=1)
+        if line.strip(" \t\r\n\0") and not line.lstrip().startswith("#")
+    ]
+    for line in whole.splitlines():
+        if not line.startswith("#"):
+            break
+        if line.startswith(REPAIRED):  # of the log that the file was made of
+            notes += line.removeprefix(REPAIRED).strip().split("; ")
+    separator, lines = _separator(lines)
+    rows = list(_rows(lines, source, separator))
+    if not rows:
+        raise RouteError(
+            f"{source}: the file is empty; a header line with {', '.join(KNOWN_COLUMNS)} is needed"
+        )
+    start = _header_row(rows, columns)
+    header_line, header = rows[start]
+    names = [name.strip() for name in header]
+    meanings = meanings_of(names, f"{source}, line {header_line}", columns)
+    body = [
+        (line, cells)
+        for line, cells in rows[start + 1 :]
+        if [cell.strip() for cell in cells] != names
+    ]
+    if body and (units := _units_row(body[0][1], meanings)):
+        meanings, body = (
+            {index: Meaning(meanings[index].quantity, unit) for index, unit in units.items()},
+            body[1:],
+        )
+    elif body and all(cell.strip().lower() in MISSING for cell in body[0][1]):
+        body = body[1:]
+    if not body:
+        raise RouteError(f"{source}: no rows after the header; at least one is needed")
+    body, lost = _whole_rows(body, len(names), source)
+    notes += lost
+    others = [name for index, name in enumerate(names) if name and index not in meanings]
+    notes += (
+        [f"not read: {', '.join(others[:8])}{', ...' if len(others) > 8 else ''}"] if others else []
+    )
+    values = {
+        index: _column(
+            source, names[index], meaning, [(line, cells[index]) for line, cells in body]
+        )
+        for index, meaning in meanings.items()
+    }
+    numbers = np.array([line for line, _ in body])
+    return table_of(source, names, meanings, values, numbers, notes)
+
+
+def table_of(
+    source: str,
+    names: Sequence[str],
+    meanings: Mapping[int, Meaning],
+    values: Mapping[int, FloatArray],
+    numbers: NDArray[np.int64],
+    notes: Iterable[str] = (),
+    counted: str = "line",
+) -> DriveTable:
+    """Return the table of named columns, each in its unit; a quantity may be stated once."""
+    columns: dict[str, FloatArray] = {}
+    shown_as: dict[str, tuple[str, float]] = {}
+    for quantity in UNITS:
+        found = [index for index, meaning in meanings.items() if meaning.quantity == quantity]
+        if quantity == "time_s" and len(found) > 1:
+            first = meanings[found[0]].in_si(values[found[0]])
+            apart = [meanings[other].in_si(values[other]) - first for other in found[1:]]
+            if any(np.nanmax(each) - np.nanmin(each) > _SAME_TIME_S for each in apart):
+                raise RouteError(
+                    f"{source}: columns {[names[index] for index in found]} are times that differ; allowed: "
+                    "one, or --columns time=NAME"
+                )
+            found = found[:1]
+        if len(found) > 1 or (quantity == "time_s" and not found):
+            several = {
+                "speed_m_s": "speed_m_s, speed_kmh, speed_mph",
+                "slope_rad": "slope_percent, slope_rad",
+            }
+            count = "exactly" if quantity in {"time_s", "speed_m_s"} else "at most"
+            raise RouteError(
+                f"{source}: columns {[names[index] for index in found]}; allowed: {count} one of "
+                f"{several.get(quantity, quantity)}"
+            )
+        for index in found:
+            columns[quantity] = meanings[index].in_si(values[index])
+            shown_as[quantity] = names[index], meanings[index].factor
+    if not columns.keys() & {"speed_m_s", "latitude_deg", "position_m"}:
+        raise RouteError(
+            f"{source}: columns []; allowed: exactly one of speed_m_s, speed_kmh, speed_mph, or places"
+        )
+    lone = {"latitude_deg", "longitude_deg"} - columns.keys()
+    if len(lone) == 1:
+        raise RouteError(f"{source}: columns {sorted(lone)} are missing; allowed: both, or none")
+    return DriveTable(source, columns, numbers, counted, shown_as, notes=tuple(notes))
+
+
+def _separator(lines: list[tuple[int, str]]) -> tuple[str, list[tuple[int, str]]]:
+    if lines and lines[0][1].lower().startswith("sep=") and len(lines[0][1]) > 4:
+        return lines[0][1][4], lines[1:]
+    texts = [line for _, line in lines[: _MOST_TITLES + 2]]
+    for separator in ("\t", ";"):
+        if sum(separator in text for text in texts) > len(texts) // 2:
+            return separator, lines
+    return ",", lines
+
+
+def _rows(
+    lines: Iterable[tuple[int, str]], source: str, separator: str
+) -> Iterator[tuple[int, list[str]]]:
+    for place, line in lines:
+        try:
+            cells = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+        except csv.Error as reason:
+            raise RouteError(
+                f"{source}, line {place}: {reason}; plain comma-separated numbers are needed"
+            ) from reason
+        if separator != ",":
+            cells = [
+                cell.replace(",", ".") if _is_number(cell.replace(",", ".", 1)) else cell
+                for cell in cells
+            ]
+        yield place, cells
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _header_row(rows: Sequence[tuple[int, list[str]]], columns: str) -> int:
+    """Return the first row that names a known column; titles may stand in front of it."""
+    for place, (_, cells) in enumerate(rows[:_MOST_TITLES]):
+        known = sum(meaning_of(cell) is not None for cell in cells)
+        if known > 1 or (
+            columns and any(cell.strip() and cell.strip() in columns for cell in cells)
+        ):
+            return place
+        if any(_is_number(cell) for cell in cells):
+            break
+    return 0
+
+
+def _units_row(cells: Sequence[str], meanings: Mapping[int, Meaning]) -> dict[int, str]:
+    """Return the units in a row below the header, empty if the row holds none."""
+    stated = {
+        index: stated_unit(meaning.quantity, cells[index].strip("[]() ")) or meaning.unit
+        for index, meaning in meanings.items()
+        if index < len(cells) and not _is_number(cells[index])
+    }
+    return stated if len(stated) == len(meanings) and all(stated.values()) else {}
+
+
+def _whole_rows(
+    body: list[tuple[int, list[str]]], count: int, source: str
+) -> tuple[list[tuple[int, list[str]]], list[str]]:
+    """Leave out lines with fewer or more values than columns, as a logger that was killed leaves them."""
+    whole = [
+        (line, cells[:count])
+        for line, cells in body
+        if len(cells) >= count and not any(cells[count:])
+    ]
+    broken = [(line, cells) for line, cells in body if len(cells) < count or any(cells[count:])]
+    if len(broken) > max(1.0, _MOST_BROKEN * len(body)) or not whole:
+        line, cells = broken[0]
+        raise RouteError(
+            f"{source}, line {line}: {len(cells)} values; allowed: one per column, {count}"
+        )
+    notes = []
+    if (broken and broken[-1] is not body[-1]) or len(broken) > 1:
+        notes.append(
+            f"{len(broken)} lines without all values left out, the first is line {broken[0][0]}"
+        )
+    elif broken:
+        notes.append("the last line is cut: left out")
+    return whole, notes
+
+
+def _column(source: str, name: str, meaning: Meaning, cells: list[tuple[int, str]]) -> FloatArray:
+    """Return the numbers of a column in its unit, NaN for what was not measured."""
+    if not meaning.unit:
+        units = ", ".join(f"{name}[{unit}]" for unit in list(UNITS[meaning.quantity])[:4])
+        raise RouteError(
+            f"{source}: unknown column {name!r}: it states no unit; allowed: {', '.join(KNOWN_COLUMNS)}, or "
+            f"--columns {meaning.quantity.partition('_')[0]}={units}"
+        )
+    if meaning.quantity == "time_s" and any(":" in cell for _, cell in cells[:3]):
+        factor = 1.0 / meaning.factor
+        return factor * np.array(
+            [seconds_of(f"{source}, line {line}", cell) for line, cell in cells]
+        )
+    return np.array([cell_value(f"{source}, line {line}", name, cell) for line, cell in cells])
+
+
+def columns_table(given: Mapping[str, object], source: str) -> DriveTable:
+    """Return the table of columns in memory, named as in a file, each of shape (n,)."""
+    names = [str(name) for name in given]
+    arrays: dict[int, FloatArray] = {}
+    meanings = meanings_of(names, source, "")
+    for index in meanings:
+        values = given[names[index]]
+        arrays[index] = _numbers(values)
+        if arrays[index].ndim != 1 or arrays[index].size == 0:
+            raise RouteError(
+                f"{source}: {names[index]} is {shown(values)}; allowed: finite numbers, one per row"
+            )
+        if np.issubdtype(np.asarray(values).dtype, np.datetime64):
+            meanings[index] = Meaning("time_s", "s")
+        if not meanings[index].unit:
+            raise RouteError(
+                f"{source}: unknown column {names[index]!r}: it states no unit; allowed: "
+                f"{', '.join(KNOWN_COLUMNS)}"
+            )
+    sizes = {names[index]: array.size for index, array in arrays.items()}
+    if len(set(sizes.values())) > 1:
+        raise RouteError(f"{source}: columns have {sizes} rows; allowed: as many in each")
+    others = [name for index, name in enumerate(names) if index not in meanings]
+    notes = [f"not read: {', '.join(others)}"] if others else []
+    rows = np.arange(next(iter(sizes.values()), 0))
+    return table_of(source, names, meanings, arrays, rows, notes, "row")
+
+
+def _numbers(values: object) -> FloatArray:
+    """Return numbers, NaN for what is missing; moments and durations become seconds."""
+    array = np.asarray(values)
+    if array.dtype.kind in "mM":
+        unit = "timedelta64[ns]" if array.dtype.kind == "m" else "datetime64[ns]"
+        seconds = array.astype(unit).astype(np.int64) * 1e-9
+        return np.where(np.isnat(array), np.nan, seconds)
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        pass
+    try:
+        plain = [
+            "" if value is None or str(value) in {"<NA>", "NaT"} else str(value)
+            for value in array.tolist()
+        ]
+        return np.array(
+            [math.nan if text.lower() in MISSING else seconds_of("row", text) for text in plain]
+        )
+    except (TypeError, RouteError):
+        return np.full((1, 1), np.nan)
