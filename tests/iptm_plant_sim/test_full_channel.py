@@ -167,7 +167,7 @@ def test_equal_heat_settles_on_a_line() -> None:
     bent = []
     for _ in range(2500):
         step = plant.advance(state, Command(0.0, 600.0), 20.0)
-        state = step.state
+        state = replace(step.state, state_of_charge=0.9)  # 14 hours at 25 m/s empty any pack
         cells_k = cells_of(state).temperatures_k
         line = np.linspace(cells_k[0], cells_k[-1], cells_k.size)
         bent.append(float(np.max(np.abs(cells_k - line))))

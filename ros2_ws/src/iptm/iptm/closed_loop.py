@@ -13,6 +13,7 @@ from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements
 from iptm_controller.options import ControllerOptions
 from iptm_core.decision_record import DecisionRecord, DecisionSeries
+from iptm_core.errors import PackEmptyError
 from iptm_core.routes.route import Route
 from iptm_core.settings import PreviewSettings
 from iptm_core.state import NS_PER_S, FloatArray, LeaderPreview, LeaderState, VehicleState
@@ -86,11 +87,16 @@ class TickController(Protocol):
 
 @dataclass(frozen=True)
 class ClosedLoopRun:
-    """A finished trip, with all quantities of the simulated vehicle at every instant."""
+    """A finished trip, with all quantities of the simulated vehicle at every instant.
+
+    Attributes:
+        ended: why it ended before its time, empty if it did not.
+    """
 
     trajectory: Trajectory
     decisions: DecisionSeries
     steps: tuple[PlantStep, ...]
+    ended: str = ""
 
 
 def run_closed_loop(
@@ -106,7 +112,7 @@ def run_closed_loop(
     on_step: Callable[[PlantStep, LeaderState | None], None] | None = None,
     world: World | None = None,
 ) -> ClosedLoopRun:
-    """Drive a route from standstill.
+    """Drive a route from standstill, to its end or until the pack is empty.
 
     Args:
         route: leader, slope and length of the trip.
@@ -156,6 +162,7 @@ def run_closed_loop(
             on_step(step, leader_now)
 
     records: list[DecisionRecord] = []
+    ended = ""
     for tick in range(ticks):
         decision = controller.decide(measured)
         observe(step, leader_now)
@@ -163,14 +170,23 @@ def run_closed_loop(
         if on_tick is not None:
             on_tick(tick, measured, decision)
         before = step.state
-        step = plant.advance(before, decision.command, tick_s)
+        try:
+            step = plant.advance(before, decision.command, tick_s)
+        except PackEmptyError as error:
+            if not tick:
+                raise
+            ended = f"at {before.time_s:g} s: {error}"
+            records.pop()
+            break
         around.pass_interval(before, step.state)
         leader_now, measured = measure(step.state, tick + 1)
-    observe(step, leader_now)
+    else:
+        observe(step, leader_now)
     plant.watch(None)  # its sensor belongs to this trip
     trajectory = Trajectory.from_ticks(observed)
     return ClosedLoopRun(
         trajectory,
         DecisionSeries.from_records(trajectory.time_s[:-1].tolist(), records),
         tuple(step for step, _ in observed),
+        ended,
     )

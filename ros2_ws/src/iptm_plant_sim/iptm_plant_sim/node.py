@@ -13,7 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from iptm_core.errors import ServiceError
 from iptm_core.saved_state import write_state
 from iptm_plant_sim.node_parameters import PlantNodeParameters
-from iptm_plant_sim.node_trip import TripNode
+from iptm_plant_sim.node_trip import EXIT_PACK_EMPTY, TripNode
 from iptm_plant_sim.trip import CommandHold, TripPhase
 from iptm_ros.command_line import node_main
 from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
@@ -196,6 +196,8 @@ class PlantNode(TripNode):
         )
 
     def _outcome(self) -> tuple[Level, str]:
+        if self.exit_code == EXIT_PACK_EMPTY:
+            return Level.ERROR, "the pack is empty"
         if self._failure:
             return Level.ERROR, "the vehicle model failed"
         if self._controller_lost:

@@ -9,7 +9,7 @@ from rclpy.timer import Timer
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
-from iptm_core.errors import IptmError, MessageError
+from iptm_core.errors import IptmError, MessageError, PackEmptyError
 from iptm_core.settings import LoopMode, LostController
 from iptm_core.state import Command
 from iptm_plant_sim.node_neighbours import Neighbours, missing_subscribers
@@ -33,6 +33,7 @@ from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import TOPICS, Topic
 
 EXIT_CONTROLLER_LOST = 3
+EXIT_PACK_EMPTY = 4
 
 MATCHING_PERIOD_S = 0.02
 CHECKS_PER_REPEAT = 5.0
@@ -201,6 +202,12 @@ class TripNode(SuiteNode):
     def _advance(self, command: Command) -> None:
         try:
             self._trip.advance(command)
+        except PackEmptyError as error:
+            self._failure = str(error)
+            self.get_logger().warning(f"the trip ends early: {error}")
+            self._end(EXIT_PACK_EMPTY)
+            self._report()
+            return
         except IptmError as error:
             self._fail(error)
             return

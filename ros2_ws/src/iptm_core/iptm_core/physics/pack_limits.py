@@ -88,7 +88,7 @@ def current_limits_a(
         above_v = source_v - limits.min_cell_voltage_v - VOLTAGE_MARGIN_V
         charging = min(charging, max(below_v, 0.0) / ohm)
         discharging = min(discharging, max(above_v, 0.0) / ohm)
-    return -charging, discharging
+    return -max(charging, 0.0), max(discharging, 0.0)  # shares end at 0 but for rounding
 
 
 def power_limits(
