@@ -12,6 +12,7 @@ from iptm_core.declaration import Settings, TextEnum, parameter
 from iptm_core.errors import ParameterError
 from iptm_core.parameters import DEFAULT_SET, ParameterSet, load_parameters
 from iptm_core.parameters.loading import parse_overrides
+from iptm_core.road_friction import RoadFrictionSettings
 from iptm_core.routes import SLOPE_CHOICES, Route, build_route
 from iptm_core.routes.user_csv import GPX_SUFFIX, USER_FILES
 from iptm_core.state import NS_PER_S
@@ -204,6 +205,22 @@ class TickSettings(ClockSettings, SamplingSettings):
 
 
 @dataclass(frozen=True)
+class SensorAccuracySettings(Settings):
+    """Stated accuracy of the measured vehicle ahead; it is taken to be nearer and slower by it."""
+
+    gap_accuracy_m: float = parameter(
+        0.0, "by how much the gap may be measured too long; 0: exact", "m", 0.0, 50.0
+    )
+    lead_speed_accuracy_m_s: float = parameter(
+        0.0,
+        "by how much the speed of the vehicle ahead may be measured too high; 0: exact",
+        "m/s",
+        0.0,
+        10.0,
+    )
+
+
+@dataclass(frozen=True)
 class RangeSensorSettings(Settings):
     """Range sensor of the vehicle."""
 
@@ -213,7 +230,7 @@ class RangeSensorSettings(Settings):
 
 
 @dataclass(frozen=True)
-class SafetyMonitorSettings(RangeSensorSettings):
+class SafetyMonitorSettings(RoadFrictionSettings, SensorAccuracySettings, RangeSensorSettings):
     """Safety monitor of the vehicle: what it assumes, and when it brakes and releases."""
 
     safety_monitor: bool = parameter(
@@ -231,6 +248,14 @@ class SafetyMonitorSettings(RangeSensorSettings):
         "s",
         0.0,
         3.0,
+    )
+    monitor_slippery_deceleration_m_s2: float = parameter(
+        2.75,
+        "own deceleration on the most slippery road to be expected where its friction is not known; the monitor "
+        "brakes with as much before it brakes fully; 0: it relies on a dry road",
+        "m/s^2",
+        0.0,
+        12.0,
     )
     monitor_margin_m: float = parameter(
         1.0, "gap that is left when both vehicles stand", "m", 0.0, 20.0

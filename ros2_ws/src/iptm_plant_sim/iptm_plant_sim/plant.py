@@ -10,6 +10,7 @@ import numpy as np
 
 from iptm_core.errors import PackEmptyError, StateError
 from iptm_core.parameters.model import ModelParameters
+from iptm_core.road_friction import LEAST_DECELERATION_M_S2, tyre_deceleration_m_s2
 from iptm_core.settings import IntegrationSettings, SafetyMonitorSettings, ThermalModel
 from iptm_core.state import (
     ChannelCells,
@@ -46,6 +47,7 @@ class Plant:
     Attributes:
         monitor: the safety monitor; it acts only with a range sensor.
         brake_strength: share of every requested deceleration that the brakes deliver, above 0.
+        road_friction: coefficient of friction of the road, 0 for one that never limits the brakes.
     """
 
     def __init__(
@@ -73,6 +75,7 @@ class Plant:
         self.parameters = parameters
         self.monitor = SafetyMonitor(safety or SafetyMonitorSettings(), parameters.brakes)
         self.brake_strength = 1.0
+        self.road_friction = 0.0
         self._sensor: RangeSensor | None = None
         self._memory = MonitorMemory()
         self._slope_at = slope_at
@@ -156,7 +159,10 @@ class Plant:
         Raises:
             StateError: the state leads nowhere (not finite or out of range).
         """
-        brakes = ServiceBrakes(self.parameters, self.brake_strength)
+        slope_rad = float(self._slope_at(np.array([state.position_m]))[0])
+        brakes = ServiceBrakes(
+            self.parameters, self.brake_strength, self._largest_deceleration_m_s2(slope_rad)
+        )
         last_m_s2 = brakes.requested_m_s2(state.acceleration_m_s2)
         report = limit_command(
             command, state, self.parameters.limits, duration_s, last_acceleration_m_s2=last_m_s2
@@ -166,11 +172,19 @@ class Plant:
             actuated = replace(report.actuated, acceleration_m_s2=delivered)
             return self._drive_interval(state, replace(report, actuated=actuated), duration_s)
         interval = MonitoredInterval(
-            self.monitor, brakes, self._drive_interval, state, report, duration_s
+            self.monitor, brakes, self._drive_interval, state, report, duration_s, slope_rad
         )
         step = interval.drive(self._memory, self._sensor(state))
         self._memory = step.memory
         return step
+
+    def _largest_deceleration_m_s2(self, slope_rad: float) -> float:
+        """Return the largest deceleration that brakes, tyres and slope permit."""
+        force_m_s2 = self.parameters.brakes.max_deceleration_m_s2
+        if self.road_friction > 0.0:
+            force_m_s2 = min(force_m_s2, tyre_deceleration_m_s2(self.road_friction, slope_rad))
+        along_m_s2 = self.parameters.body.gravity_m_s2 * math.sin(slope_rad)
+        return max(force_m_s2 + along_m_s2, LEAST_DECELERATION_M_S2)
 
     def observe(self, state: VehicleState) -> PlantStep:
         """What can be observed in a state before any interval has been driven from it."""

@@ -5,16 +5,24 @@ S. Shammah, A. Shashua, "On a formal model of safe and scalable self-driving car
 definition 1, with the assumptions that IEEE 2846-2022 names: the vehicle ahead may brake with its hardest
 deceleration from now on; the ego vehicle continues at its present acceleration for the reaction time and
 brakes then. UN R157 has the same form. Other than in definition 1 the brakes have a delay and build up.
+
+The rule holds on the road that there is. Where its friction is known, both decelerations are those of that
+road. Where it is not, the rule is asked twice: for a dry road, and for a slippery one, on which both vehicles
+brake badly. The first one calls for full braking, the second one for what a slippery road gives.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from bisect import bisect_right
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from iptm_core.lead_track import LeadTrack, emptied, followed, samples_of
 from iptm_core.parameters.model import BrakeParameters
+from iptm_core.road_friction import RELIED_SHARE, BrakingCapability, braking_capability
 from iptm_core.settings import SafetyMonitorSettings
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState
 
@@ -24,16 +32,19 @@ LEAST_SHARE = 0.1
 JUDGED_FROM_M_S2 = 0.3
 JUDGED_FROM_M_S = 0.5
 """Smallest requested deceleration and speed at which the brake share is estimated."""
+DELIVERED_SHARE = 0.95
+"""Brakes that deliver at least this share of a request follow it."""
+SATURATED_SHARE = 1.2
+"""Brakes that deliver no more than this times what they once delivered in full have met the limit of the road;
+weak brakes fall short of gentle requests as well."""
+WAITED_S = 0.3
+"""Part of the reaction time that passes unused while a measurement is awaited: the monitor itself needs less."""
+SLIPPERY_LEAD_SHARE = 1.055
+"""Deceleration of the vehicle ahead on a slippery road, relative to the own one."""
 _RESOLUTION_S = 1e-9
-ANOTHER_LEAD_M = 3.0
-"""Position jump, beyond the motion at its speeds, from which it is another vehicle."""
-LARGEST_MEASURING_INTERVAL_S = 5.0
-"""Longest interval between two measurements from which an acceleration is estimated."""
-SILENT_S = 1.5
-"""Age of the last measurement from which the vehicle ahead is assumed to brake."""
-SILENT_DECELERATION_M_S2 = 3.0
-"""Assumed deceleration of a vehicle that is not measured any more: harder than drivers brake in ordinary
-traffic. The hardest deceleration instead would answer every dropout of the sensor with an emergency stop."""
+
+OwnMotion = Callable[[FloatArray], "tuple[FloatArray, FloatArray]"]
+"""From times since the start of an interval to positions and speeds of the ego vehicle, shape (n,) each."""
 
 
 @dataclass(frozen=True)
@@ -42,21 +53,25 @@ class MonitorMemory:
 
     Attributes:
         braking: the monitor brakes.
+        gently: it brakes with what a slippery road gives, not fully.
         since_s: trip time of its request to brake; of the last one while it does not brake.
         reason: the numbers behind that request, empty before the first one.
         requested_m_s2: acceleration that is requested at present, after delay and build-up of the brakes.
         brake_share: share of the requested deceleration that the brakes deliver, as estimated.
-        lead: latest measurement of the vehicle ahead; None for none.
-        lead_acceleration_m_s2: its acceleration between the last two measurements.
+        followed_m_s2: hardest deceleration that the brakes delivered in full.
+        road_m_s2: deceleration at which the road met its limit, 0 where it has not.
+        lead: the vehicle ahead.
     """
 
     braking: bool = False
+    gently: bool = False
     since_s: float = 0.0
     reason: str = ""
     requested_m_s2: float = 0.0
     brake_share: float = 1.0
-    lead: LeaderState | None = None
-    lead_acceleration_m_s2: float = 0.0
+    followed_m_s2: float = 0.0
+    road_m_s2: float = 0.0
+    lead: LeadTrack = field(default_factory=LeadTrack)
 
 
 def stopping_distance_m(
@@ -89,13 +104,49 @@ def stopping_distance_m(
     return distance + speed * speed / (2.0 * deceleration_m_s2)
 
 
+@dataclass(frozen=True)
+class RoadBraking:
+    """What can be counted on at a place of the road: `full` braking, and on a slippery road, None if known."""
+
+    full: BrakingCapability
+    slippery: BrakingCapability | None
+
+
 class SafetyMonitor:
-    """The rule with its parameters; pure, what changes is in `MonitorMemory`."""
+    """The rule with its parameters; pure, what changes is in `MonitorMemory`.
+
+    Attributes:
+        friction: coefficient of friction of the road as it is known, 0 for one that is not.
+    """
 
     def __init__(self, settings: SafetyMonitorSettings, brakes: BrakeParameters) -> None:
         self.settings = settings
+        self.friction = settings.road_friction
         self._brakes = brakes
         self._own_m_s2 = min(settings.monitor_own_deceleration_m_s2, brakes.max_deceleration_m_s2)
+
+    @property
+    def gentle_deceleration_m_s2(self) -> float:
+        """Deceleration of a request on a road that may be slippery."""
+        return self.settings.monitor_slippery_deceleration_m_s2 / RELIED_SHARE
+
+    def road_braking(self, slope_rad: float = 0.0, shown_m_s2: float = 0.0) -> RoadBraking:
+        """Return what can be counted on at a place.
+
+        Args:
+            slope_rad: slope there, positive uphill.
+            shown_m_s2: deceleration at which the road met its limit, 0 for none.
+        """
+        settings, lead_m_s2 = self.settings, self.settings.monitor_lead_deceleration_m_s2
+        slippery_m_s2 = min(settings.monitor_slippery_deceleration_m_s2, self._own_m_s2)
+        full = braking_capability(self._own_m_s2, lead_m_s2, self.friction, slope_rad)
+        slippery = None
+        if self.friction == 0.0 and slippery_m_s2 > 0.0:
+            lead_m_s2 = min(SLIPPERY_LEAD_SHARE * slippery_m_s2, lead_m_s2)
+            slippery = braking_capability(slippery_m_s2, lead_m_s2, 0.0, slope_rad)
+        if shown_m_s2 > 0.0 and full.own_m_s2 > shown_m_s2:
+            full = replace(full, own_m_s2=shown_m_s2)
+        return RoadBraking(full, slippery)
 
     def safe_distance_m(
         self,
@@ -104,27 +155,34 @@ class SafetyMonitor:
         lead_speed_m_s: float,
         brake_share: float = 1.0,
         further_reaction_s: float = 0.0,
+        capability: BrakingCapability | None = None,
     ) -> float:
         """Return the smallest gap from which a collision can be avoided whatever the vehicle ahead does.
 
         As the ego vehicle is not assumed to brake harder than the one ahead, the gap is smallest either now
         or when both stand.
 
+        Args:
+            capability: of both vehicles; by default that of a level road as it is known.
+
         Returns:
             Distance in m. 0 for a vehicle that stands and does not accelerate.
         """
         settings = self.settings
+        both = self.road_braking().full if capability is None else capability
         own_m = stopping_distance_m(
             speed_m_s,
             acceleration_m_s2,
-            settings.monitor_reaction_s + further_reaction_s + self._brakes.delay_s,
-            self._own_m_s2 * brake_share,
+            max(settings.monitor_reaction_s + further_reaction_s, 0.0) + self._brakes.delay_s,
+            both.own_m_s2 * brake_share,
             self._brakes.build_up_m_s3 * brake_share,
         )
         if own_m <= 0.0:
             return 0.0
-        lead_m = lead_speed_m_s * lead_speed_m_s / (2.0 * settings.monitor_lead_deceleration_m_s2)
-        return max(own_m - lead_m, 0.0) + settings.monitor_margin_m
+        slower_m_s = max(lead_speed_m_s - settings.lead_speed_accuracy_m_s, 0.0)
+        lead_m = slower_m_s * slower_m_s / (2.0 * both.lead_m_s2)
+        margin_m = settings.monitor_margin_m + settings.gap_accuracy_m
+        return max(own_m - lead_m, 0.0) + margin_m
 
     def is_unsafe(
         self,
@@ -133,10 +191,14 @@ class SafetyMonitor:
         acceleration_m_s2: float,
         lead_speed_m_s: float,
         brake_share: float,
+        road: RoadBraking,
+        waited_s: float = 0.0,
     ) -> bool:
-        """Return whether the vehicle has to brake now; arguments as for `safe_distance_m`."""
-        needed = self.safe_distance_m(speed_m_s, acceleration_m_s2, lead_speed_m_s, brake_share)
-        return gap_m < needed
+        """Return whether the vehicle has to brake now, fully or gently; see `safe_distance_m`."""
+        motion = (speed_m_s, acceleration_m_s2, lead_speed_m_s, brake_share, -waited_s)
+        return gap_m < self.safe_distance_m(*motion, road.full) or (
+            road.slippery is not None and gap_m < self.safe_distance_m(*motion, road.slippery)
+        )
 
     def judge(
         self,
@@ -144,36 +206,51 @@ class SafetyMonitor:
         time_s: float,
         ego: tuple[float, float, float],
         lead: LeaderState | None,
+        road: RoadBraking,
+        unseen_s: float = 0.0,
     ) -> MonitorMemory:
         """Decide at one instant whether to brake.
 
         Args:
             ego: position, speed and the acceleration that the vehicle has if the monitor does not brake.
             lead: the vehicle ahead now; None for a free road, on which brakes are released.
+            road: what can be counted on here.
+            unseen_s: time for which measurements of the vehicle ahead have been missing.
         """
         position_m, speed_m_s, acceleration_m_s2 = ego
-        share = memory.brake_share
         held = time_s - memory.since_s >= self.settings.monitor_hold_s - 1e-9
         if lead is None:
             return replace(memory, braking=memory.braking and not held)
         gap_m = lead.position_m - position_m
-        if memory.braking:
-            enough_m = self.safe_distance_m(
-                speed_m_s,
-                max(acceleration_m_s2, 0.0),
-                lead.speed_m_s,
-                share,
-                self.settings.monitor_release_reaction_s,
+        onset = acceleration_m_s2, -min(unseen_s, WAITED_S)
+        release = max(acceleration_m_s2, 0.0), self.settings.monitor_release_reaction_s
+
+        def distance_m(motion: tuple[float, float], capability: BrakingCapability) -> float:
+            acceleration, further_s = motion
+            share = memory.brake_share
+            return self.safe_distance_m(
+                speed_m_s, acceleration, lead.speed_m_s, share, further_s, capability
             )
-            return replace(memory, braking=not held or gap_m < enough_m)
-        if not self.is_unsafe(gap_m, speed_m_s, acceleration_m_s2, lead.speed_m_s, share):
+
+        was_full = memory.braking and not memory.gently
+        safe_m = distance_m(release if was_full else onset, road.full)
+        fully = gap_m < safe_m or (was_full and not held)
+        braking = fully or (memory.braking and not held)
+        if not fully and road.slippery is not None:
+            safe_m = distance_m(release if memory.braking else onset, road.slippery)
+            braking = braking or gap_m < safe_m
+        if memory.braking and not (fully and memory.gently):
+            return replace(memory, braking=braking, gently=braking and not fully)
+        if not braking:
             return memory
-        safe_m = self.safe_distance_m(speed_m_s, acceleration_m_s2, lead.speed_m_s, share)
         reason = (
             f"gap {gap_m:.1f} m is below the safe distance of {safe_m:.1f} m at {speed_m_s:.1f} m/s behind "
             f"{lead.speed_m_s:.1f} m/s"
         )
-        return replace(memory, braking=True, since_s=time_s, reason=reason)
+        if unseen_s:
+            reason += f", which was last measured {unseen_s:.1f} s too long ago"
+        since_s = memory.since_s if memory.braking else time_s
+        return replace(memory, braking=True, gently=not fully, since_s=since_s, reason=reason)
 
 
 def with_delivery(
@@ -183,7 +260,10 @@ def with_delivery(
     speed_m_s: float,
     duration_s: float,
 ) -> MonitorMemory:
-    """Return a memory that has learned from what the brakes made of a request.
+    """Return a memory that has learned from what brakes and road made of a request.
+
+    Weak brakes deliver a share of every request. A slippery road delivers gentle requests in full and nothing
+    beyond its limit.
 
     Args:
         requested_m_s2: acceleration requested over an interval, delay and build-up of the brakes allowed for.
@@ -191,105 +271,90 @@ def with_delivery(
     """
     if requested_m_s2 > -JUDGED_FROM_M_S2 or speed_m_s < JUDGED_FROM_M_S:
         return memory
-    seen = min(max(delivered_m_s2 / requested_m_s2, LEAST_SHARE), 1.0)
+    share, given_m_s2 = delivered_m_s2 / requested_m_s2, -delivered_m_s2
+    road_m_s2, in_full_m_s2 = memory.road_m_s2, memory.followed_m_s2
+    if share >= DELIVERED_SHARE:
+        in_full_m_s2 = max(in_full_m_s2, -requested_m_s2)
+        road_m_s2 = max(road_m_s2, -requested_m_s2) if road_m_s2 else 0.0
+    elif memory.brake_share > DELIVERED_SHARE and given_m_s2 <= SATURATED_SHARE * in_full_m_s2:
+        return replace(memory, road_m_s2=given_m_s2)
+    else:
+        road_m_s2 = in_full_m_s2 = 0.0
     gain = -math.expm1(-duration_s / SHARE_TIME_CONSTANT_S)
-    return replace(memory, brake_share=memory.brake_share + gain * (seen - memory.brake_share))
+    brake_share = memory.brake_share
+    brake_share += gain * (min(max(share, LEAST_SHARE), 1.0) - brake_share)
+    return replace(
+        memory, brake_share=brake_share, followed_m_s2=in_full_m_s2, road_m_s2=road_m_s2
+    )
 
 
 class LeadMeasurements:
-    """The vehicle ahead at any instant of an interval, from what the range sensor measured.
+    """The vehicle ahead at any instant of an interval, from what the range sensor has measured by then.
 
     At the instant of a measurement it is that; behind it, a motion that goes on with the measured
-    deceleration, and from `SILENT_S` on with at least `SILENT_DECELERATION_M_S2`. A measured acceleration is
-    not relied on.
+    deceleration, and once a measurement is missing the hardest one. A measured acceleration is not relied on.
     """
 
-    def __init__(self, memory: MonitorMemory, samples: LeaderPreview | None) -> None:
+    def __init__(
+        self, track: LeadTrack, samples: LeaderPreview | None, own: OwnMotion, start_s: float
+    ) -> None:
         """Take the measurements of an interval.
 
         Args:
-            memory: with the measurement before.
-            samples: measurements of the interval in order; none at all for a free road. None if the sensor is
-                silent.
+            track: the vehicle ahead as it was known before.
+            samples: measurements of the interval in order; none at all for an empty lane. None if the sensor
+                is silent.
+            own: motion of the ego vehicle in the interval.
+            start_s: trip time at which the interval begins.
         """
-        self._memory = memory
-        if samples is None:
-            samples = _NOTHING if memory.lead is None else _single(memory.lead)
-        self._samples = samples
-        self._last = samples.times_s.size - 1
+        self._before = track
+        self._tracks: list[LeadTrack] = []
+        self._times_s: list[float] = []
+        if samples is not None and samples.times_s.size:
+            for sample in samples_of(samples, *own(samples.times_s - start_s)):
+                track = followed(track, sample)
+                self._tracks.append(track)
+                self._times_s.append(sample.time_s)
+        elif samples is not None:
+            self._before = track = emptied(track, start_s)
+        self.track = track
 
     def bounds(self) -> tuple[float, float] | None:
-        """Return smallest position and speed measured; None unless it is measured several times."""
-        if self._last < 1:
+        """Return smallest position and speed measured; None unless all of several measurements are sound."""
+        if len(self._tracks) < 2:
             return None
-        return float(self._samples.positions_m.min()), float(self._samples.speeds_m_s.min())
+        seen = [
+            track.seen
+            for track, time_s in zip(self._tracks, self._times_s, strict=True)
+            if track.seen is not None and track.seen.time_s == time_s
+        ]
+        if len(seen) < len(self._tracks):
+            return None
+        return min(lead.position_m for lead in seen), min(lead.speed_m_s for lead in seen)
 
-    def at(self, time_s: float) -> tuple[LeaderState | None, bool]:
-        """Return the vehicle ahead at an instant, and whether it is measured then; None for a free road."""
-        if self._last < 0:
-            return None, False
-        index = int(np.searchsorted(self._samples.times_s, time_s + _RESOLUTION_S, "right")) - 1
-        index = max(index, 0)
-        known = self._state(index)
-        ahead_s = time_s - known.time_s
-        if abs(ahead_s) <= _RESOLUTION_S:
-            return known, True
-        deceleration = max(-self._acceleration_m_s2(index), 0.0)
-        lead = _slowed(known, deceleration, min(ahead_s, SILENT_S))
-        if ahead_s > SILENT_S:
-            deceleration = max(deceleration, SILENT_DECELERATION_M_S2)
-            lead = _slowed(lead, deceleration, ahead_s - SILENT_S)
-        return replace(lead, time_s=time_s), False
+    def at(
+        self, time_s: float, deceleration_m_s2: float
+    ) -> tuple[LeaderState | None, float, bool]:
+        """Return the vehicle ahead at an instant, for how long it has been unseen, and whether it is measured.
+
+        Args:
+            deceleration_m_s2: hardest one possible.
+
+        Returns:
+            None for a free lane.
+        """
+        index = bisect_right(self._times_s, time_s + _RESOLUTION_S) - 1
+        track = self._before if index < 0 else self._tracks[index]
+        if track.seen is not None and abs(time_s - track.seen.time_s) <= _RESOLUTION_S:
+            return track.seen, 0.0, True
+        return track.assumed_at(time_s, deceleration_m_s2), track.unseen_s(time_s), False
 
     def measured_after(self, time_s: float) -> tuple[FloatArray, FloatArray]:
-        """Return times and positions of the measurements after an instant, shape (n,) each."""
-        first = int(np.searchsorted(self._samples.times_s, time_s + _RESOLUTION_S, "right"))
-        return self._samples.times_s[first:], self._samples.positions_m[first:]
-
-    def noted(self, memory: MonitorMemory) -> MonitorMemory:
-        """Return a memory with the latest measurement."""
-        if self._last < 0:
-            return replace(memory, lead=None, lead_acceleration_m_s2=0.0)
-        acceleration = self._acceleration_m_s2(self._last)
-        return replace(memory, lead=self._state(self._last), lead_acceleration_m_s2=acceleration)
-
-    def _state(self, index: int) -> LeaderState:
-        samples = self._samples
-        return LeaderState(
-            float(samples.times_s[index]),
-            float(samples.positions_m[index]),
-            float(samples.speeds_m_s[index]),
-        )
-
-    def _acceleration_m_s2(self, index: int) -> float:
-        """Return the acceleration from the measurement before to another one."""
-        now = self._state(index)
-        before = self._state(index - 1) if index > 0 else self._memory.lead
-        if before is None:
-            return 0.0
-        interval_s = now.time_s - before.time_s
-        if interval_s == 0.0:
-            return self._memory.lead_acceleration_m_s2
-        if not 0.0 < interval_s <= LARGEST_MEASURING_INTERVAL_S:
-            return 0.0
-        foreseen_m = 0.5 * (before.speed_m_s + now.speed_m_s) * interval_s
-        if abs(now.position_m - before.position_m - foreseen_m) > ANOTHER_LEAD_M:
-            return 0.0
-        return (now.speed_m_s - before.speed_m_s) / interval_s
-
-
-def _slowed(lead: LeaderState, deceleration_m_s2: float, duration_s: float) -> LeaderState:
-    """Return a vehicle that has braked for a while, to standstill at most."""
-    if deceleration_m_s2 > 0.0:
-        duration_s = min(duration_s, lead.speed_m_s / deceleration_m_s2)
-    moved_m = duration_s * (lead.speed_m_s - 0.5 * deceleration_m_s2 * duration_s)
-    speed_m_s = max(lead.speed_m_s - deceleration_m_s2 * duration_s, 0.0)
-    return LeaderState(lead.time_s + duration_s, lead.position_m + moved_m, speed_m_s)
-
-
-def _single(lead: LeaderState) -> LeaderPreview:
-    times, positions, speeds = (np.array([value]) for value in vars(lead).values())
-    return LeaderPreview(times, positions, speeds)
-
-
-_NOTHING = LeaderPreview.empty()
+        """Return times and positions of the sound measurements after an instant, shape (n,) each."""
+        rows = [
+            (track.seen.time_s, track.seen.position_m)
+            for track, measured_s in zip(self._tracks, self._times_s, strict=True)
+            if track.seen is not None and track.seen.time_s == measured_s > time_s + _RESOLUTION_S
+        ]
+        times, positions = np.array(rows).reshape(-1, 2).T
+        return times, positions

@@ -15,13 +15,14 @@ from itertools import pairwise
 import numpy as np
 
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.state import Command, LeaderPreview, SafetyRecord, VehicleState
+from iptm_core.state import Command, FloatArray, LeaderPreview, SafetyRecord, VehicleState
 from iptm_plant_sim.actuators import ActuatorReport
 from iptm_plant_sim.motion import STANDSTILL_ACCELERATION_M_S2, STANDSTILL_SPEED_M_S
 from iptm_plant_sim.plant_step import PlantStep, joined
 from iptm_plant_sim.safety_monitor import (
     LeadMeasurements,
     MonitorMemory,
+    RoadBraking,
     SafetyMonitor,
     with_delivery,
 )
@@ -41,24 +42,36 @@ class ServiceBrakes:
 
     Attributes:
         strength: share of every requested deceleration that is delivered, above 0.
+        most_m_s2: largest deceleration that brakes, tyres and slope permit, above 0.
     """
 
     parameters: ModelParameters
     strength: float
+    most_m_s2: float = math.inf
 
     def delivered_m_s2(self, requested_m_s2: float) -> float:
         """Return the acceleration that follows from a requested one."""
-        return requested_m_s2 * self.strength if requested_m_s2 < 0.0 else requested_m_s2
+        if requested_m_s2 >= 0.0:
+            return requested_m_s2
+        return max(requested_m_s2 * self.strength, -self.most_m_s2)
 
     def requested_m_s2(self, delivered_m_s2: float) -> float:
         """Return the request from which an acceleration followed."""
         return delivered_m_s2 / self.strength if delivered_m_s2 < 0.0 else delivered_m_s2
 
-    def target_m_s2(self, memory: MonitorMemory, time_s: float, command_m_s2: float) -> float:
-        """Return the acceleration that is asked for at an instant."""
+    def target_m_s2(
+        self, memory: MonitorMemory, time_s: float, command_m_s2: float, gently_m_s2: float
+    ) -> float:
+        """Return the acceleration that is asked for at an instant.
+
+        Args:
+            gently_m_s2: deceleration of gentle braking, positive.
+        """
         brakes = self.parameters.brakes
         if memory.braking and time_s >= memory.since_s + brakes.delay_s - _RESOLUTION_S:
-            return -brakes.max_deceleration_m_s2
+            most_m_s2 = brakes.max_deceleration_m_s2
+            asked_m_s2 = min(gently_m_s2, most_m_s2) if memory.gently else most_m_s2
+            return min(-asked_m_s2, command_m_s2)
         return command_m_s2
 
     def ramp(self, start_m_s2: float, target_m_s2: float, duration_s: float) -> tuple[float, float]:
@@ -89,15 +102,18 @@ class MonitoredInterval:
         state: VehicleState,
         report: ActuatorReport,
         duration_s: float,
+        slope_rad: float = 0.0,
     ) -> None:
         """Set up an interval.
 
         Args:
             drive_interval: integrates a part of the interval at constant acceleration.
             report: the command after the limits of comfort; its acceleration is the requested one.
+            slope_rad: slope at its start, positive uphill.
         """
         self._monitor, self._brakes, self._drive_interval = monitor, brakes, drive_interval
         self._state, self._report, self._duration_s = state, report, duration_s
+        self._slope_rad = slope_rad
         period_s = monitor.settings.monitor_period_s
         count = max(1, math.ceil((duration_s - _RESOLUTION_S) / period_s))
         self._instants_s = [index * period_s for index in range(count)]
@@ -109,8 +125,8 @@ class MonitoredInterval:
         Args:
             samples: measurements of the vehicle ahead; see `LeadMeasurements`.
         """
-        leads = LeadMeasurements(memory, samples)
-        memory = leads.noted(memory)
+        leads = LeadMeasurements(memory.lead, samples, self._motion_at, self._state.time_s)
+        memory = replace(memory, lead=leads.track)
         calm = not memory.braking and self._is_comfort(memory.requested_m_s2)
         if calm and not self._is_ever_unsafe(memory, leads):
             step = self._piece(self._state, self._requested_m_s2, self._duration_s)
@@ -144,35 +160,41 @@ class MonitoredInterval:
 
     # --- an interval without braking, in closed form
 
-    def _motion_at(self, after_s: float) -> tuple[float, float]:
-        """Return position and speed if the command is carried out; the top speed is not looked at."""
+    def _motion_at(self, after_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return positions and speeds if the command is carried out; the top speed is not looked at."""
         state, a = self._state, self._brakes.delivered_m_s2(self._requested_m_s2)
-        if state.speed_m_s < STANDSTILL_SPEED_M_S and a < STANDSTILL_ACCELERATION_M_S2:
-            return state.position_m, 0.0
-        if state.speed_m_s + a * after_s <= 0.0 and a < 0.0:
-            after_s = state.speed_m_s / -a
-        position_m = state.position_m + after_s * (state.speed_m_s + 0.5 * a * after_s)
-        return position_m, max(state.speed_m_s + a * after_s, 0.0)
+        speed = state.speed_m_s
+        if speed < STANDSTILL_SPEED_M_S and a < STANDSTILL_ACCELERATION_M_S2:
+            still = np.zeros_like(after_s)
+            return still + state.position_m, still
+        if a < 0.0:
+            after_s = np.minimum(after_s, speed / -a)
+        positions_m = state.position_m + after_s * (speed + 0.5 * a * after_s)
+        return positions_m, np.maximum(speed + a * after_s, 0.0)
 
     def _is_ever_unsafe(self, memory: MonitorMemory, leads: LeadMeasurements) -> bool:
-        if self._is_safe_throughout(memory, leads):
+        road = self._monitor.road_braking(self._slope_rad, memory.road_m_s2)
+        if self._is_safe_throughout(memory, leads, road):
             return False
-        for after_s in self._instants_s:
-            lead, _ = leads.at(self._state.time_s + after_s)
-            if lead is None:
-                return False
-            position_m, speed_m_s = self._motion_at(after_s)
-            if self._monitor.is_unsafe(
+        start_s = self._state.time_s
+        own = zip(*(each.tolist() for each in self._motion_at(np.array(self._instants_s))))
+        for after_s, (position_m, speed_m_s) in zip(self._instants_s, own, strict=True):
+            lead, unseen_s, _ = leads.at(start_s + after_s, road.full.lead_m_s2)
+            if lead is not None and self._monitor.is_unsafe(
                 lead.position_m - position_m,
                 speed_m_s,
                 self._requested_m_s2,
                 lead.speed_m_s,
                 memory.brake_share,
+                road,
+                unseen_s,
             ):
                 return True
         return False
 
-    def _is_safe_throughout(self, memory: MonitorMemory, leads: LeadMeasurements) -> bool:
+    def _is_safe_throughout(
+        self, memory: MonitorMemory, leads: LeadMeasurements, road: RoadBraking
+    ) -> bool:
         """Return whether even the worst values of all instants together are safe.
 
         The safe distance grows with the own speed and falls with that of the vehicle ahead.
@@ -180,13 +202,14 @@ class MonitoredInterval:
         bounds = leads.bounds()
         if bounds is None:
             return False
-        position_m, speed_m_s = self._motion_at(self._duration_s)
+        positions_m, speeds_m_s = self._motion_at(np.array([self._duration_s]))
         return not self._monitor.is_unsafe(
-            bounds[0] - position_m,
-            max(speed_m_s, self._state.speed_m_s),
+            bounds[0] - float(positions_m[0]),
+            max(float(speeds_m_s[0]), self._state.speed_m_s),
             self._requested_m_s2,
             bounds[1],
             memory.brake_share,
+            road,
         )
 
     def _smallest_gap_m(self, leads: LeadMeasurements) -> float:
@@ -194,14 +217,8 @@ class MonitoredInterval:
         times_s, positions_m = leads.measured_after(self._state.time_s)
         if not times_s.size:
             return math.nan
-        state, a = self._state, self._brakes.delivered_m_s2(self._requested_m_s2)
-        speed = state.speed_m_s
-        if speed < STANDSTILL_SPEED_M_S and a < STANDSTILL_ACCELERATION_M_S2:
-            return float(positions_m.min()) - state.position_m
-        after_s = times_s - state.time_s
-        if a < 0.0:
-            after_s = np.minimum(after_s, speed / -a)
-        return float((positions_m - after_s * (speed + 0.5 * a * after_s)).min()) - state.position_m
+        own_m, _ = self._motion_at(times_s - self._state.time_s)
+        return float((positions_m - own_m).min())
 
     # --- an interval with braking, piece by piece
 
@@ -213,12 +230,15 @@ class MonitoredInterval:
         for begin_s, end_s in zip(
             self._instants_s, [*self._instants_s[1:], self._duration_s], strict=True
         ):
-            lead, measured = leads.at(start_s + begin_s)
+            road = self._monitor.road_braking(self._slope_rad, memory.road_m_s2)
+            lead, unseen_s, measured = leads.at(start_s + begin_s, road.full.lead_m_s2)
             if lead is not None and measured and begin_s > 0.0:
                 gap_m = lead.position_m - state.position_m
                 smallest_m = gap_m if math.isnan(smallest_m) else min(smallest_m, gap_m)
             ego = (state.position_m, state.speed_m_s, command_m_s2)
-            memory = self._monitor.judge(memory, start_s + begin_s, ego, lead)
+            memory = self._monitor.judge(
+                memory, start_s + begin_s, ego, lead, road, unseen_s
+            )
             for length_s, target in self._parts(memory, begin_s, end_s):
                 if memory.braking or not self._is_comfort(requested):
                     braking_s += length_s
@@ -243,7 +263,10 @@ class MonitoredInterval:
         parts = []
         for start, stop in pairwise(cuts):
             target = self._brakes.target_m_s2(
-                memory, self._state.time_s + start, self._requested_m_s2
+                memory,
+                self._state.time_s + start,
+                self._requested_m_s2,
+                self._monitor.gentle_deceleration_m_s2,
             )
             count = max(1, math.ceil((stop - start) / RAMP_STEP_S - 1e-6))
             parts += [((stop - start) / count, target)] * count

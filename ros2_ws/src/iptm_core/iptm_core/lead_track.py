@@ -1,0 +1,266 @@
+"""The vehicle ahead as one range sensor shows it: measured, repeated, lost or gone.
+
+A sensor that repeats itself, falls silent or reports an empty lane is as wrong as one that measures badly, and
+none of this shows in a single value. So consecutive measurements are compared with each other and with the own
+motion. Controller and safety monitor follow the vehicle ahead each on its own, with measurements of its own.
+
+- Frozen: two measurements with the same gap, or the same position, and the same speed, although speeds and own
+  motion say that it must have changed; within three measurements.
+- Lost: no measurement, or an empty lane where a vehicle was a moment ago. It is free once it has been empty for
+  `CONFIRMED_FREE_S`, or at once when a source reports a clear lane, see `clear_lane`.
+- From the first measurement that is missing or repeated on, the vehicle ahead is assumed to brake.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+
+from iptm_core.state import FloatArray, LeaderPreview, LeaderState
+
+CONFIRMED_FREE_S = 10.0
+"""Time for which a lane has to be empty: longer than a radar loses a target that brakes."""
+FREE_POSITION_M = 1e9
+"""Stands for no vehicle ahead where a source has seen that there is none."""
+ANOTHER_LEAD_M = 3.0
+"""Position jump, beyond the motion at its speeds, from which it is another vehicle."""
+LARGEST_MEASURING_INTERVAL_S = 5.0
+"""Longest interval between two measurements from which an acceleration is estimated."""
+IDENTICAL_M, IDENTICAL_M_S = 1e-6, 1e-9
+"""Differences up to which two values are the same: rounding of positions far down the road."""
+MOVING_M_S = 0.5
+"""A vehicle that is measured slower may stand, and its position stays."""
+FROZEN_CHANGE_M = 0.02
+"""Change that has to be missing, beyond the resolution of the sensor, before it counts as frozen."""
+RESOLUTIONS = (1.0, 0.5, 0.25, 0.2, 0.1, 0.05, 0.02, 0.01)
+"""Steps of a coarse sensor, m or m/s, that show in its digits; one that measures finely does not repeat itself."""
+RECOVERED_STEPS = 2
+"""Consecutive steps that agree with the measured speeds, after which a frozen sensor counts again."""
+LONGEST_PERIOD_S = 1.5
+"""A sensor is taken to measure at least this often."""
+_KEPT = 12
+_RESOLUTION_S = 1e-9
+
+
+class LeadStatus(Enum):
+    """What is known of the vehicle ahead."""
+
+    FREE = "free"
+    MEASURED = "measured"
+    FROZEN = "frozen"
+    LOST = "lost"
+
+
+class Sample(NamedTuple):
+    """One measurement, and the own vehicle at the same instant."""
+
+    time_s: float
+    position_m: float
+    speed_m_s: float
+    own_position_m: float
+    own_speed_m_s: float
+
+    @property
+    def lead(self) -> LeaderState:
+        """The vehicle ahead."""
+        return LeaderState(self.time_s, self.position_m, self.speed_m_s)
+
+
+@dataclass(frozen=True)
+class LeadTrack:
+    """What is carried from measurement to measurement; the default is that of a lane never looked at.
+
+    Attributes:
+        seen: newest sound measurement, None for a free lane.
+        acceleration_m_s2: between the last two of them.
+        period_s: time between measurements; the next one is missing after that.
+        frozen: whether the sensor repeats itself.
+        sound_steps: steps since then that agree with the speeds.
+        recent: newest measurements, sound or not, oldest first.
+        before: vehicle seen before another one appeared, None for none.
+        appeared_s: when that was.
+        empty_since_s: from when on the lane has been empty; NaN if it is not.
+    """
+
+    seen: LeaderState | None = None
+    acceleration_m_s2: float = 0.0
+    period_s: float = 0.0
+    frozen: bool = False
+    sound_steps: int = 0
+    recent: tuple[tuple[float, ...], ...] = ()
+    before: LeaderState | None = None
+    appeared_s: float = 0.0
+    empty_since_s: float = math.nan
+
+    def status(self, time_s: float) -> LeadStatus:
+        """Return what is known at a trip time."""
+        if self.seen is None:
+            return LeadStatus.FREE
+        if self.frozen:
+            return LeadStatus.FROZEN
+        return LeadStatus.LOST if self.unseen_s(time_s) > 0.0 else LeadStatus.MEASURED
+
+    def unseen_s(self, time_s: float) -> float:
+        """Return for how long measurements have been missing at a trip time, 0 if none is."""
+        if self.seen is None:
+            return 0.0
+        waited_s = time_s - self.seen.time_s - self.period_s
+        return waited_s if waited_s > _RESOLUTION_S else 0.0
+
+    def assumed_at(self, time_s: float, deceleration_m_s2: float) -> LeaderState | None:
+        """Return the vehicle ahead at a trip time, not before it was seen; None for a free lane.
+
+        Until the next measurement is due it keeps a measured deceleration; then it brakes.
+
+        Args:
+            deceleration_m_s2: hardest deceleration that is possible, positive.
+        """
+        if self.seen is None:
+            return None
+        unseen_s = self.unseen_s(time_s)
+        braking_m_s2 = max(-self.acceleration_m_s2, 0.0)
+        lead = slowed(self.seen, braking_m_s2, time_s - self.seen.time_s - unseen_s)
+        if unseen_s:
+            lead = slowed(lead, max(braking_m_s2, deceleration_m_s2), unseen_s)
+        return replace(lead, time_s=time_s)
+
+
+def slowed(lead: LeaderState, deceleration_m_s2: float, duration_s: float) -> LeaderState:
+    """Return a vehicle that has braked for a while, to standstill at most."""
+    if deceleration_m_s2 > 0.0:
+        duration_s = min(duration_s, lead.speed_m_s / deceleration_m_s2)
+    moved_m = duration_s * (lead.speed_m_s - 0.5 * deceleration_m_s2 * duration_s)
+    speed_m_s = max(lead.speed_m_s - deceleration_m_s2 * duration_s, 0.0)
+    return LeaderState(lead.time_s + duration_s, lead.position_m + moved_m, speed_m_s)
+
+
+def clear_lane(time_s: float) -> LeaderPreview:
+    """Return what a source reports that sees a lane without any vehicle: one at no distance that matters."""
+    return LeaderPreview(np.array([time_s]), np.array([FREE_POSITION_M]), np.array([0.0]))
+
+
+def followed(track: LeadTrack, sample: Sample) -> LeadTrack:
+    """Return a track after one more measurement; one of an instant before begins a new track."""
+    if sample.position_m >= FREE_POSITION_M:
+        return LeadTrack()
+    if track.recent and sample.time_s < track.recent[-1][0] - _RESOLUTION_S:
+        track = LeadTrack()
+    if not track.recent or track.seen is None:
+        return LeadTrack(seen=sample.lead, period_s=track.period_s, recent=(sample,))
+    last = Sample(*track.recent[-1])
+    interval_s = sample.time_s - last.time_s
+    if interval_s <= _RESOLUTION_S:  # measured again
+        return replace(track, seen=sample.lead, recent=(*track.recent[:-1], sample))
+    recent = (*track.recent[1 - _KEPT :], sample)
+    period_s = min(interval_s, LONGEST_PERIOD_S)
+    track = replace(track, recent=recent, period_s=period_s, empty_since_s=math.nan)
+    first = _frozen_since(track, sample)
+    if first is not None:
+        return _as_frozen(track, first)
+    foreseen_m = 0.5 * (last.speed_m_s + sample.speed_m_s) * interval_s
+    moved_m = sample.position_m - last.position_m
+    deviation_m = moved_m - foreseen_m
+    jumped = abs(deviation_m) > ANOTHER_LEAD_M
+    if track.frozen:
+        repeated = abs(moved_m) < IDENTICAL_M and sample.speed_m_s > MOVING_M_S
+        steps = 0 if jumped or repeated else track.sound_steps + 1
+        if steps < RECOVERED_STEPS:
+            return replace(track, sound_steps=steps)
+        track = replace(track, frozen=False, sound_steps=0, before=None)
+    if jumped:
+        return replace(
+            track,
+            seen=sample.lead,
+            acceleration_m_s2=0.0,
+            before=track.seen,
+            appeared_s=sample.time_s,
+        )
+    acceleration = 0.0
+    if interval_s <= LARGEST_MEASURING_INTERVAL_S:
+        acceleration = (sample.speed_m_s - last.speed_m_s) / interval_s
+    return replace(track, seen=sample.lead, acceleration_m_s2=acceleration)
+
+
+def emptied(track: LeadTrack, time_s: float) -> LeadTrack:
+    """Return a track after an empty lane was reported; a free one if it has been empty for long enough."""
+    if track.seen is None:
+        return track
+    if math.isnan(track.empty_since_s):
+        return replace(track, empty_since_s=time_s)
+    confirmed = time_s - track.empty_since_s >= CONFIRMED_FREE_S - _RESOLUTION_S
+    return LeadTrack() if confirmed else track
+
+
+def _frozen_since(track: LeadTrack, sample: Sample) -> Sample | None:
+    """Return the measurement that a sensor repeats with the newest one, None if it does not repeat any.
+
+    Three in a row are frozen when a change is missing that the sensor would have shown; an earlier one
+    that comes back after a large change is, too.
+    """
+    time_s, position_m, speed_m_s, own_m, own_m_s = sample
+    gap_m, run, unbroken = position_m - own_m, 0, True
+    first: Sample | None = None
+    for entry in reversed(track.recent[:-1]):
+        then_s, then_m, then_m_s, then_own_m, _ = entry
+        if abs(then_m_s - speed_m_s) > IDENTICAL_M_S:
+            unbroken = False
+            continue
+        elapsed_s = time_s - then_s
+        expected_m = 0.0
+        repeated = False
+        if abs(gap_m - then_m + then_own_m) < IDENTICAL_M and max(own_m_s, speed_m_s) > MOVING_M_S:
+            repeated, expected_m = True, abs(speed_m_s * elapsed_s - (own_m - then_own_m))
+        if abs(position_m - then_m) < IDENTICAL_M:
+            repeated = True
+            if speed_m_s > MOVING_M_S:
+                expected_m = max(expected_m, speed_m_s * elapsed_s)
+        if not repeated:
+            unbroken = False
+            continue
+        run += unbroken
+        missing_m = expected_m - (0.0 if unbroken and run >= 2 else ANOTHER_LEAD_M)
+        if missing_m > FROZEN_CHANGE_M and missing_m > FROZEN_CHANGE_M + _rounding_m(
+            track, speed_m_s, elapsed_s
+        ):
+            first = Sample(*entry)
+    return first
+
+
+def _rounding_m(track: LeadTrack, speed_m_s: float, elapsed_s: float) -> float:
+    """Return by how much the change of a gap may be off where a sensor rounds gap and speed."""
+    coarsest_m = max(resolution(position_m - own_m) for _, position_m, _, own_m, _ in track.recent)
+    return 2.0 * coarsest_m + resolution(speed_m_s) * elapsed_s
+
+
+def resolution(value: float) -> float:
+    """Return the coarsest of `RESOLUTIONS` that divides a value, 0 for none."""
+    for step in RESOLUTIONS:
+        if abs(value - step * round(value / step)) < IDENTICAL_M:
+            return step
+    return 0.0
+
+
+def _as_frozen(track: LeadTrack, first: Sample) -> LeadTrack:
+    """Return a track whose sensor repeats itself since a measurement; before that it was sound.
+
+    A vehicle that appeared with that measurement has never been there.
+    """
+    if track.frozen:
+        return replace(track, sound_steps=0)
+    seen: LeaderState | None = first.lead
+    if track.before is not None and first.time_s <= track.appeared_s + _RESOLUTION_S:
+        seen = track.before
+    return replace(track, frozen=True, sound_steps=0, seen=seen, acceleration_m_s2=0.0)
+
+
+def samples_of(
+    measured: LeaderPreview, own_positions_m: FloatArray, own_speeds_m_s: FloatArray
+) -> list[Sample]:
+    """Return measurements with the own motion at their instants; arrays of shape (n,)."""
+    columns = (measured.times_s, measured.positions_m, measured.speeds_m_s)
+    rows = zip(*(values.tolist() for values in (*columns, own_positions_m, own_speeds_m_s)))
+    return [Sample(*row) for row in rows]
