@@ -12,15 +12,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from iptm_core.errors import ParameterError
+from iptm_core.lead_track import LeadStatus, LeadTrack, clear_lane
 from iptm_core.parameters import load_parameters
 from iptm_core.physics.power_thermal import electric_traction_power_w
+from iptm_core.road_friction import BrakingCapability
 from iptm_core.saved_state import from_plain, to_plain
 from iptm_core.settings import SafetyMonitorSettings
-from iptm_core.state import Command, LeaderPreview, LeaderState, VehicleState
+from iptm_core.state import Command, FloatArray, LeaderPreview, LeaderState, VehicleState
+from iptm_plant_sim.lead_measurements import LeadMeasurements
 from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_step import PlantStep
 from iptm_plant_sim.safety_monitor import (
-    LeadMeasurements,
     MonitorMemory,
     SafetyMonitor,
     stopping_distance_m,
@@ -31,6 +33,7 @@ PARAMETERS = load_parameters().values
 BRAKES = PARAMETERS.brakes
 SETTINGS = SafetyMonitorSettings()
 MONITOR = SafetyMonitor(SETTINGS, BRAKES)
+ROAD = MONITOR.road_braking()
 SPEEDS = st.floats(0.0, 37.0)
 COAST = Command(0.0, 0.0)
 
@@ -106,8 +109,11 @@ def test_it_brakes_at_the_first_check_that_the_rule_fails_and_never_before(
     still = speed < 1e-3
     times = 0.1 * np.arange(10)
     gaps = gap + (lead_speed - (0.0 if still else speed)) * times
-    safe_m = MONITOR.safe_distance_m(0.0 if still else speed, 0.0, lead_speed)
-    failed = np.flatnonzero(gaps < safe_m)
+    motion = (0.0 if still else speed, 0.0, lead_speed, 1.0, 0.0)
+    full_m = MONITOR.safe_distance_m(*motion, ROAD.full)
+    assert ROAD.slippery is not None
+    gently_m = MONITOR.safe_distance_m(*motion, ROAD.slippery)
+    failed = np.flatnonzero(gaps < max(full_m, gently_m))
     if not failed.size:
         assert step.safety.service_braking_s == 0.0
         assert not step.memory.braking
@@ -123,9 +129,15 @@ def test_it_releases_only_behind_the_hold_and_with_further_reaction_time(
     speed: float, lead_speed: float, gap: float, since_s: float, command: float
 ) -> None:
     memory = MonitorMemory(braking=True, since_s=5.0 - since_s, requested_m_s2=-8.0)
-    judged = MONITOR.judge(memory, 5.0, (0.0, speed, command), LeaderState(5.0, gap, lead_speed))
-    enough = gap >= MONITOR.safe_distance_m(speed, max(command, 0.0), lead_speed, 1.0, 0.5)
-    assert judged.braking is not (enough and since_s >= SETTINGS.monitor_hold_s - 1e-9)
+    lead = LeaderState(5.0, gap, lead_speed)
+    judged = MONITOR.judge(memory, 5.0, (0.0, speed, command), lead, ROAD)
+    assert ROAD.slippery is not None
+    motion = (speed, max(command, 0.0), lead_speed, 1.0, 0.5)
+    held = since_s >= SETTINGS.monitor_hold_s - 1e-9
+    full_enough = gap >= MONITOR.safe_distance_m(*motion, ROAD.full)
+    enough = full_enough and gap >= MONITOR.safe_distance_m(*motion, ROAD.slippery)
+    assert judged.braking is not (enough and held)
+    assert judged.gently is (judged.braking and full_enough and held)
 
 
 # --- the vehicle under it
@@ -234,48 +246,143 @@ def test_gentle_requests_and_a_halt_say_nothing_of_the_brakes() -> None:
     assert with_delivery(memory, -2.0, 0.0, 0.0, 1.0) is memory
 
 
+# --- slippery roads
+
+
+def test_on_a_known_road_both_vehicles_brake_as_it_permits() -> None:
+    wet = SafetyMonitor(SafetyMonitorSettings(road_friction=0.35), BRAKES)
+    road = wet.road_braking()
+    assert road.slippery is None, "nothing is left to be guessed"
+    # 0.35 * 9.81 = 3.4335 m/s^2 of the tyres, of which 7/8 are relied on.
+    assert road.full == BrakingCapability(pytest.approx(3.0043, abs=1e-4), pytest.approx(3.4335))
+    down = wet.road_braking(slope_rad=-0.1)
+    tyres, along = 0.35 * 9.81 * math.cos(0.1), 9.81 * math.sin(0.1)
+    assert down.full.own_m_s2 == pytest.approx(0.875 * tyres - along)
+    assert down.full.lead_m_s2 == pytest.approx(tyres - along)
+    assert MONITOR.road_braking().full == BrakingCapability(7.0, 9.0)
+
+
+@pytest.mark.parametrize("slope_rad", [0.0, -0.08])
+@pytest.mark.parametrize("friction", [0.33, 0.5, 0.9])
+@pytest.mark.parametrize("prior", [0.0, 1.0])
+def test_behind_a_vehicle_on_the_same_road_it_stops_in_time(
+    slope_rad: float, friction: float, prior: float
+) -> None:
+    along_m_s2 = 9.81 * math.sin(slope_rad)
+    hardest_m_s2 = min(8.0, friction * 9.81 * math.cos(slope_rad)) + along_m_s2
+    for share in (0.5, 1.0):
+        for speed in (8.0, 20.0, 33.0):
+            safety = SafetyMonitorSettings(road_friction=prior * friction)
+            plant = Plant(PARAMETERS, lambda x: np.full_like(x, slope_rad), safety=safety)
+            plant.road_friction = friction
+            state = plant.initial_state(speed_m_s=speed)
+            road = plant.monitor.road_braking(slope_rad)
+            gap = max(
+                plant.monitor.safe_distance_m(speed, 0.0, speed, capability=each) + 0.5
+                for each in (road.full, road.slippery or road.full)
+            )
+            plant.watch(lead_at(gap, speed, share * hardest_m_s2))
+            while state.speed_m_s > 0.1 and state.time_s < 60.0:
+                step = plant.advance(state, COAST)
+                assert step.safety.smallest_gap_m > 0.0
+                assert step.state.acceleration_m_s2 >= -hardest_m_s2 - 1e-9, (
+                    "the road gives no more"
+                )
+                state = step.state
+            assert state.speed_m_s <= 0.1
+
+
+def test_a_road_that_gives_no_more_is_not_a_share_of_the_brakes() -> None:
+    plant, state = driving(25.0)
+    plant.road_friction = 0.32
+    plant.watch(lead_at(10.0, 25.0))
+    step = plant.advance(state, COAST)
+    assert step.memory.road_m_s2 == pytest.approx(0.32 * 9.81, abs=1e-6)
+    assert step.safety.brake_share > 0.99
+    assert plant.monitor.road_braking(0.0, step.memory.road_m_s2).full.own_m_s2 < 3.14
+    plant.road_friction = 0.0
+    step = plant.advance(step.state, COAST)
+    assert step.memory.road_m_s2 > 7.9, "a better road shows as well"
+
+
+def test_stated_accuracy_takes_the_vehicle_ahead_nearer_and_slower() -> None:
+    stated = SafetyMonitor(
+        SafetyMonitorSettings(gap_accuracy_m=5.0, lead_speed_accuracy_m_s=2.0), BRAKES
+    )
+    exact_m = MONITOR.safe_distance_m(20.0, 0.0, 18.0)
+    assert stated.safe_distance_m(20.0, 0.0, 20.0) == pytest.approx(exact_m + 5.0)
+
+
 # --- measurements
 
 
-def test_a_silent_sensor_lets_the_last_measurement_go_on_with_its_deceleration() -> None:
-    before = MonitorMemory(lead=LeaderState(0.0, 50.0, 20.0))
-    known = LeadMeasurements(
-        before, LeaderPreview(np.array([1.0]), np.array([68.0]), np.array([16.0]))
-    )
-    assert known.at(1.0) == (LeaderState(1.0, 68.0, 16.0), True)
-    lead, measured = known.at(1.5)
-    assert not measured
-    assert lead == LeaderState(1.5, 68.0 + 8.0 - 0.5, 14.0)
-    silent = LeadMeasurements(known.noted(before), None)
-    lead, _ = silent.at(20.0)
-    assert lead == LeaderState(20.0, 68.0 + 32.0, 0.0), "4 s to the halt"
-    jumped = LeaderPreview(np.array([1.0]), np.array([30.0]), np.array([10.0]))
-    assert LeadMeasurements(before, jumped).at(2.0)[0] == LeaderState(2.0, 40.0, 10.0), (
-        "another car"
-    )
-    assert LeadMeasurements(before, LeaderPreview.empty()).at(1.0) == (None, False), "a free road"
+def still(after_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    return np.zeros_like(after_s), np.zeros_like(after_s)
 
 
-def test_a_vehicle_that_is_not_measured_any_more_is_assumed_to_brake() -> None:
-    cruising = MonitorMemory(lead=LeaderState(0.0, 50.0, 20.0))
-    silent = LeadMeasurements(cruising, None)
-    assert silent.at(1.5)[0] == LeaderState(1.5, 80.0, 20.0), (
-        "one missed measurement changes nothing"
-    )
-    lead, measured = silent.at(3.5)
-    assert not measured
-    assert lead == LeaderState(3.5, 80.0 + 40.0 - 6.0, 14.0)
-    lead, _ = silent.at(60.0)
-    assert lead is not None
-    assert lead.speed_m_s == 0.0
-    assert lead.position_m == pytest.approx(80.0 + 20.0**2 / 6.0)
+def measured(*rows: tuple[float, float, float]) -> LeaderPreview:
+    return LeaderPreview(*np.array(rows, dtype=float).reshape(-1, 3).T)
+
+
+def test_a_vehicle_brakes_as_hard_as_it_can_from_the_first_measurement_that_is_missing() -> None:
+    track = LeadMeasurements(LeadTrack(), measured((0.0, 50.0, 20.0)), still, 0.0).track
+    known = LeadMeasurements(track, measured((1.0, 68.0, 16.0)), still, 1.0)
+    assert known.at(1.0, 9.0) == (LeaderState(1.0, 68.0, 16.0), 0.0, True)
+    lead, unseen_s, is_measured = known.at(1.5, 9.0)
+    assert (lead, unseen_s, is_measured) == (LeaderState(1.5, 68.0 + 8.0 - 0.5, 14.0), 0.0, False)
+    silent = LeadMeasurements(known.track, None, still, 2.0)
+    # One measurement per second: the next one is missing from 2 s on, at 82 m and 12 m/s. Then 9 m/s^2.
+    lead, unseen_s, _ = silent.at(3.0, 9.0)
+    assert lead == LeaderState(3.0, pytest.approx(82.0 + 12.0 - 4.5), pytest.approx(3.0))
+    assert unseen_s == pytest.approx(1.0)
+    lead, _, _ = silent.at(60.0, 9.0)
+    assert lead == LeaderState(60.0, pytest.approx(82.0 + 144.0 / 18.0), 0.0)
+
+
+def test_an_empty_lane_is_free_when_it_has_been_empty_for_long_or_a_source_reports_it() -> None:
+    track = LeadMeasurements(LeadTrack(), measured((0.0, 50.0, 20.0)), still, 0.0).track
+    for now_s in range(1, 11):
+        leads = LeadMeasurements(track, LeaderPreview.empty(), still, float(now_s))
+        lead, _, _ = leads.at(now_s + 0.5, 9.0)
+        assert lead is not None, f"lost at {now_s} s, not free"
+        track = leads.track
+    gone = LeadMeasurements(track, LeaderPreview.empty(), still, 11.0)
+    assert gone.at(11.0, 9.0) == (None, 0.0, False)
+    clear = LeadMeasurements(track, clear_lane(5.0), still, 5.0)
+    assert clear.at(5.0, 9.0) == (None, 0.0, False)
+    assert clear.bounds() is None
+
+
+def test_a_frozen_sensor_is_worse_than_a_silent_one_only_until_its_third_measurement() -> None:
+    plant, state = driving(20.0)
+    sound = lead_at(60.0, 20.0)
+    frozen = sound(replace(state, time_s=0.9))
+
+    def sensor(now: VehicleState) -> LeaderPreview:
+        if now.time_s < 1.0:
+            return sound(now)
+        times = now.time_s + 0.1 * np.arange(10)
+        gap_m = float(frozen.positions_m[0]) - 18.0
+        return LeaderPreview(times, np.full(10, now.position_m + gap_m), np.full(10, 20.0))
+
+    plant.watch(sensor)
+    for _ in range(2):
+        step = plant.advance(state, COAST)
+        state = step.state
+    assert step.memory.lead.status(2.0) is LeadStatus.FROZEN
+    assert step.memory.lead.seen == LeaderState(1.0, pytest.approx(80.0), 20.0)
+    while state.speed_m_s > 0.0 and state.time_s < 30.0:
+        step = plant.advance(state, COAST)
+        state = step.state
+    # It would stop 0.1 s and 20^2 / 18 m farther on, if it began to brake at once.
+    assert state.position_m < 80.0 + 2.0 + 400.0 / 18.0 - SETTINGS.monitor_margin_m
 
 
 def test_the_gap_grows_behind_a_sensor_that_falls_silent() -> None:
     plant, state = driving(20.0)
     gap = MONITOR.safe_distance_m(20.0, 0.0, 20.0) + 10.0
-    measured = lead_at(gap, 20.0)
-    plant.watch(lambda state: measured(state) if state.time_s < 1.5 else None)
+    sensor = lead_at(gap, 20.0)
+    plant.watch(lambda state: sensor(state) if state.time_s < 1.5 else None)
     braked_s = 0.0
     for _ in range(6):
         step = plant.advance(state, COAST)

@@ -1,13 +1,13 @@
 """The vehicle ahead as one range sensor shows it: measured, repeated, lost or gone.
 
-A sensor that repeats itself, falls silent or reports an empty lane is as wrong as one that measures badly, and
-none of this shows in a single value. So consecutive measurements are compared with each other and with the own
-motion. Controller and safety monitor follow the vehicle ahead each on its own, with measurements of its own.
+A sensor that repeats itself, falls silent or reports an empty lane is as wrong as one that measures badly,
+and none of this shows in a single value. So consecutive measurements are compared with each other and with
+the own motion. Controller and safety monitor follow the vehicle ahead each on its own.
 
-- Frozen: two measurements with the same gap, or the same position, and the same speed, although speeds and own
-  motion say that it must have changed; within three measurements.
-- Lost: no measurement, or an empty lane where a vehicle was a moment ago. It is free once it has been empty for
-  `CONFIRMED_FREE_S`, or at once when a source reports a clear lane, see `clear_lane`.
+- Frozen: measurements with the same speed and the same gap or position, although speeds and own motion imply
+  another one; within three measurements.
+- Lost: no measurement, or an empty lane where a vehicle was a moment ago. It is free once it has been empty
+  for `CONFIRMED_FREE_S`, or at once when a source reports a clear lane, see `clear_lane`.
 - From the first measurement that is missing or repeated on, the vehicle ahead is assumed to brake.
 """
 
@@ -37,7 +37,7 @@ MOVING_M_S = 0.5
 FROZEN_CHANGE_M = 0.02
 """Change that has to be missing, beyond the resolution of the sensor, before it counts as frozen."""
 RESOLUTIONS = (1.0, 0.5, 0.25, 0.2, 0.1, 0.05, 0.02, 0.01)
-"""Steps of a coarse sensor, m or m/s, that show in its digits; one that measures finely does not repeat itself."""
+"""Steps of a coarse sensor in m or m/s, which show in its digits; a fine one does not repeat itself."""
 RECOVERED_STEPS = 2
 """Consecutive steps that agree with the measured speeds, after which a frozen sensor counts again."""
 LONGEST_PERIOD_S = 1.5
@@ -88,7 +88,7 @@ class LeadTrack:
 
     seen: LeaderState | None = None
     acceleration_m_s2: float = 0.0
-    period_s: float = 0.0
+    period_s: float = LONGEST_PERIOD_S
     frozen: bool = False
     sound_steps: int = 0
     recent: tuple[tuple[float, ...], ...] = ()
@@ -146,9 +146,9 @@ def clear_lane(time_s: float) -> LeaderPreview:
 def followed(track: LeadTrack, sample: Sample) -> LeadTrack:
     """Return a track after one more measurement; one of an instant before begins a new track."""
     if sample.position_m >= FREE_POSITION_M:
-        return LeadTrack()
+        return LeadTrack(period_s=track.period_s)
     if track.recent and sample.time_s < track.recent[-1][0] - _RESOLUTION_S:
-        track = LeadTrack()
+        track = LeadTrack(period_s=track.period_s)
     if not track.recent or track.seen is None:
         return LeadTrack(seen=sample.lead, period_s=track.period_s, recent=(sample,))
     last = Sample(*track.recent[-1])
@@ -192,7 +192,7 @@ def emptied(track: LeadTrack, time_s: float) -> LeadTrack:
     if math.isnan(track.empty_since_s):
         return replace(track, empty_since_s=time_s)
     confirmed = time_s - track.empty_since_s >= CONFIRMED_FREE_S - _RESOLUTION_S
-    return LeadTrack() if confirmed else track
+    return LeadTrack(period_s=track.period_s) if confirmed else track
 
 
 def _frozen_since(track: LeadTrack, sample: Sample) -> Sample | None:
@@ -262,5 +262,6 @@ def samples_of(
 ) -> list[Sample]:
     """Return measurements with the own motion at their instants; arrays of shape (n,)."""
     columns = (measured.times_s, measured.positions_m, measured.speeds_m_s)
-    rows = zip(*(values.tolist() for values in (*columns, own_positions_m, own_speeds_m_s)))
+    lists = [values.tolist() for values in (*columns, own_positions_m, own_speeds_m_s)]
+    rows = zip(*lists, strict=True)
     return [Sample(*row) for row in rows]

@@ -1,9 +1,9 @@
 """How hard vehicles can brake on a road: its friction as far as it is known, and its slope.
 
 Both vehicles are on the same road. A tyre transmits at most ``mu g cos(theta)`` per mass, brakes apply what
-they can up to that, and gravity along the road adds ``g sin(theta)``, which is negative downhill (R. N. Jazar,
-Vehicle Dynamics, 2nd ed. 2014, section 1.3). What brakes showed lowers the own deceleration only: weak brakes
-and a slippery road look alike, and the vehicle ahead may have better ones.
+they can up to that, and gravity along the road adds ``g sin(theta)``, which is negative downhill (R. N.
+Jazar, Vehicle Dynamics, 2nd ed. 2014, section 1.3). What brakes showed lowers the own deceleration only: weak
+brakes and a slippery road look alike, and the vehicle ahead may have better ones.
 """
 
 from __future__ import annotations
@@ -54,7 +54,9 @@ def braking_capability(
         friction: coefficient of friction, 0 for one that is not known, which limits nothing.
         slope_rad: slope of the road, positive uphill.
     """
-    slope_rad = min(max(slope_rad, -STEEPEST_RAD), STEEPEST_RAD) if math.isfinite(slope_rad) else 0.0
+    slope_rad = (
+        min(max(slope_rad, -STEEPEST_RAD), STEEPEST_RAD) if math.isfinite(slope_rad) else 0.0
+    )
     if friction > 0.0:
         tyres_m_s2 = tyre_deceleration_m_s2(friction, slope_rad)
         own_m_s2 = min(own_m_s2, RELIED_SHARE * tyres_m_s2)

@@ -251,7 +251,7 @@ class SafetyMonitorSettings(RoadFrictionSettings, SensorAccuracySettings, RangeS
     )
     monitor_slippery_deceleration_m_s2: float = parameter(
         2.75,
-        "own deceleration on the most slippery road to be expected where its friction is not known; the monitor "
+        "own deceleration on the most slippery road to expect where the friction is not known; the monitor "
         "brakes with as much before it brakes fully; 0: it relies on a dry road",
         "m/s^2",
         0.0,

@@ -10,7 +10,11 @@ import numpy as np
 
 from iptm_core.errors import PackEmptyError, StateError
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.road_friction import LEAST_DECELERATION_M_S2, tyre_deceleration_m_s2
+from iptm_core.road_friction import (
+    GRAVITY_M_S2,
+    LEAST_DECELERATION_M_S2,
+    tyre_deceleration_m_s2,
+)
 from iptm_core.settings import IntegrationSettings, SafetyMonitorSettings, ThermalModel
 from iptm_core.state import (
     ChannelCells,
@@ -183,7 +187,7 @@ class Plant:
         force_m_s2 = self.parameters.brakes.max_deceleration_m_s2
         if self.road_friction > 0.0:
             force_m_s2 = min(force_m_s2, tyre_deceleration_m_s2(self.road_friction, slope_rad))
-        along_m_s2 = self.parameters.body.gravity_m_s2 * math.sin(slope_rad)
+        along_m_s2 = GRAVITY_M_S2 * math.sin(slope_rad)
         return max(force_m_s2 + along_m_s2, LEAST_DECELERATION_M_S2)
 
     def observe(self, state: VehicleState) -> PlantStep:

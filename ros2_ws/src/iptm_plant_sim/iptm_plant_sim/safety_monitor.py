@@ -14,17 +14,13 @@ brake badly. The first one calls for full braking, the second one for what a sli
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
-from iptm_core.lead_track import LeadTrack, emptied, followed, samples_of
+from iptm_core.lead_track import LeadTrack
 from iptm_core.parameters.model import BrakeParameters
 from iptm_core.road_friction import RELIED_SHARE, BrakingCapability, braking_capability
 from iptm_core.settings import SafetyMonitorSettings
-from iptm_core.state import FloatArray, LeaderPreview, LeaderState
+from iptm_core.state import LeaderState
 
 SHARE_TIME_CONSTANT_S = 0.3
 """Time constant of the estimated brake share, which settles within 1 s of braking."""
@@ -35,16 +31,12 @@ JUDGED_FROM_M_S = 0.5
 DELIVERED_SHARE = 0.95
 """Brakes that deliver at least this share of a request follow it."""
 SATURATED_SHARE = 1.2
-"""Brakes that deliver no more than this times what they once delivered in full have met the limit of the road;
-weak brakes fall short of gentle requests as well."""
+"""Brakes that deliver no more than this times what they once delivered in full have met the limit of the
+road; weak brakes fall short of gentle requests as well."""
 WAITED_S = 0.3
-"""Part of the reaction time that passes unused while a measurement is awaited: the monitor itself needs less."""
+"""Part of the reaction time that may pass while a measurement is awaited; the monitor itself needs less."""
 SLIPPERY_LEAD_SHARE = 1.055
 """Deceleration of the vehicle ahead on a slippery road, relative to the own one."""
-_RESOLUTION_S = 1e-9
-
-OwnMotion = Callable[[FloatArray], "tuple[FloatArray, FloatArray]"]
-"""From times since the start of an interval to positions and speeds of the ego vehicle, shape (n,) each."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +98,7 @@ def stopping_distance_m(
 
 @dataclass(frozen=True)
 class RoadBraking:
-    """What can be counted on at a place of the road: `full` braking, and on a slippery road, None if known."""
+    """What both vehicles can do at a place: at best, and if it is slippery; None where friction is known."""
 
     full: BrakingCapability
     slippery: BrakingCapability | None
@@ -283,78 +275,4 @@ def with_delivery(
     gain = -math.expm1(-duration_s / SHARE_TIME_CONSTANT_S)
     brake_share = memory.brake_share
     brake_share += gain * (min(max(share, LEAST_SHARE), 1.0) - brake_share)
-    return replace(
-        memory, brake_share=brake_share, followed_m_s2=in_full_m_s2, road_m_s2=road_m_s2
-    )
-
-
-class LeadMeasurements:
-    """The vehicle ahead at any instant of an interval, from what the range sensor has measured by then.
-
-    At the instant of a measurement it is that; behind it, a motion that goes on with the measured
-    deceleration, and once a measurement is missing the hardest one. A measured acceleration is not relied on.
-    """
-
-    def __init__(
-        self, track: LeadTrack, samples: LeaderPreview | None, own: OwnMotion, start_s: float
-    ) -> None:
-        """Take the measurements of an interval.
-
-        Args:
-            track: the vehicle ahead as it was known before.
-            samples: measurements of the interval in order; none at all for an empty lane. None if the sensor
-                is silent.
-            own: motion of the ego vehicle in the interval.
-            start_s: trip time at which the interval begins.
-        """
-        self._before = track
-        self._tracks: list[LeadTrack] = []
-        self._times_s: list[float] = []
-        if samples is not None and samples.times_s.size:
-            for sample in samples_of(samples, *own(samples.times_s - start_s)):
-                track = followed(track, sample)
-                self._tracks.append(track)
-                self._times_s.append(sample.time_s)
-        elif samples is not None:
-            self._before = track = emptied(track, start_s)
-        self.track = track
-
-    def bounds(self) -> tuple[float, float] | None:
-        """Return smallest position and speed measured; None unless all of several measurements are sound."""
-        if len(self._tracks) < 2:
-            return None
-        seen = [
-            track.seen
-            for track, time_s in zip(self._tracks, self._times_s, strict=True)
-            if track.seen is not None and track.seen.time_s == time_s
-        ]
-        if len(seen) < len(self._tracks):
-            return None
-        return min(lead.position_m for lead in seen), min(lead.speed_m_s for lead in seen)
-
-    def at(
-        self, time_s: float, deceleration_m_s2: float
-    ) -> tuple[LeaderState | None, float, bool]:
-        """Return the vehicle ahead at an instant, for how long it has been unseen, and whether it is measured.
-
-        Args:
-            deceleration_m_s2: hardest one possible.
-
-        Returns:
-            None for a free lane.
-        """
-        index = bisect_right(self._times_s, time_s + _RESOLUTION_S) - 1
-        track = self._before if index < 0 else self._tracks[index]
-        if track.seen is not None and abs(time_s - track.seen.time_s) <= _RESOLUTION_S:
-            return track.seen, 0.0, True
-        return track.assumed_at(time_s, deceleration_m_s2), track.unseen_s(time_s), False
-
-    def measured_after(self, time_s: float) -> tuple[FloatArray, FloatArray]:
-        """Return times and positions of the sound measurements after an instant, shape (n,) each."""
-        rows = [
-            (track.seen.time_s, track.seen.position_m)
-            for track, measured_s in zip(self._tracks, self._times_s, strict=True)
-            if track.seen is not None and track.seen.time_s == measured_s > time_s + _RESOLUTION_S
-        ]
-        times, positions = np.array(rows).reshape(-1, 2).T
-        return times, positions
+    return replace(memory, brake_share=brake_share, followed_m_s2=in_full_m_s2, road_m_s2=road_m_s2)

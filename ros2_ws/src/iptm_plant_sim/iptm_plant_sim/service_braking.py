@@ -17,10 +17,10 @@ import numpy as np
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import Command, FloatArray, LeaderPreview, SafetyRecord, VehicleState
 from iptm_plant_sim.actuators import ActuatorReport
+from iptm_plant_sim.lead_measurements import LeadMeasurements
 from iptm_plant_sim.motion import STANDSTILL_ACCELERATION_M_S2, STANDSTILL_SPEED_M_S
 from iptm_plant_sim.plant_step import PlantStep, joined
 from iptm_plant_sim.safety_monitor import (
-    LeadMeasurements,
     MonitorMemory,
     RoadBraking,
     SafetyMonitor,
@@ -177,8 +177,8 @@ class MonitoredInterval:
         if self._is_safe_throughout(memory, leads, road):
             return False
         start_s = self._state.time_s
-        own = zip(*(each.tolist() for each in self._motion_at(np.array(self._instants_s))))
-        for after_s, (position_m, speed_m_s) in zip(self._instants_s, own, strict=True):
+        own = (each.tolist() for each in self._motion_at(np.array(self._instants_s)))
+        for after_s, position_m, speed_m_s in zip(self._instants_s, *own, strict=True):
             lead, unseen_s, _ = leads.at(start_s + after_s, road.full.lead_m_s2)
             if lead is not None and self._monitor.is_unsafe(
                 lead.position_m - position_m,
@@ -236,9 +236,7 @@ class MonitoredInterval:
                 gap_m = lead.position_m - state.position_m
                 smallest_m = gap_m if math.isnan(smallest_m) else min(smallest_m, gap_m)
             ego = (state.position_m, state.speed_m_s, command_m_s2)
-            memory = self._monitor.judge(
-                memory, start_s + begin_s, ego, lead, road, unseen_s
-            )
+            memory = self._monitor.judge(memory, start_s + begin_s, ego, lead, road, unseen_s)
             for length_s, target in self._parts(memory, begin_s, end_s):
                 if memory.braking or not self._is_comfort(requested):
                     braking_s += length_s

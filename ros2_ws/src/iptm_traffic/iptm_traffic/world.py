@@ -138,8 +138,7 @@ class SumoWorld:
 
     def sampled(self, times_s: FloatArray) -> LeaderPreview:
         """Return the car ahead at the present tick; where it will be, SUMO has not decided yet."""
-        del times_s
-        return single_sample(self.leader_at(0))
+        return single_sample(self.leader_at(0), float(times_s[0]))
 
     @property
     def smallest_gap_m(self) -> float:

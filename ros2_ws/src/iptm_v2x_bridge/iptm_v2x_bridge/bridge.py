@@ -14,6 +14,7 @@ from typing import Protocol
 
 import numpy as np
 
+from iptm_core.lead_track import clear_lane
 from iptm_core.road_ahead import RoadAhead
 from iptm_core.routes import Route
 from iptm_core.settings import PreviewMode, PreviewSettings
@@ -179,10 +180,10 @@ def sampling_times_s(time_ns: int, interval_s: float, period_s: float) -> FloatA
     return times
 
 
-def single_sample(leader: LeaderState | None) -> LeaderPreview:
-    """Return one measurement of the leader as what a range sensor measures; none for no leader."""
+def single_sample(leader: LeaderState | None, time_s: float) -> LeaderPreview:
+    """Return one measurement of the leader as what a range sensor measures; a clear lane for no leader."""
     if leader is None:
-        return LeaderPreview.empty()
+        return clear_lane(time_s)
     return LeaderPreview(
         np.array([leader.time_s]),
         np.array([leader.position_m]),

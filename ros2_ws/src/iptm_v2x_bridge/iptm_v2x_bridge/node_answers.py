@@ -12,7 +12,7 @@ from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 
 from iptm_core.routes import Route
-from iptm_core.state import NS_PER_MS, LeaderPreview
+from iptm_core.state import NS_PER_MS, NS_PER_S, LeaderPreview
 from iptm_ros.codecs import encode_raw_datagram, ns_from_time
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import Topic
@@ -131,7 +131,7 @@ class TickAnswers(ABC, Generic[Trip]):
 
     def samples(self, answer: BridgeAnswer) -> LeaderPreview:
         """Return what a range sensor measures of the leader from the tick of an answer to the next one."""
-        return single_sample(answer.leader)
+        return single_sample(answer.leader, answer.time_ns / NS_PER_S)
 
     def is_heard(self) -> bool:
         """Return whether the other outputs have a subscriber."""

@@ -93,7 +93,8 @@ class VehicleAhead:
 
     def sampled(self, times_s: FloatArray) -> LeaderPreview:
         """Return the vehicle at the first instant; what it does then is planned, not measured."""
-        return single_sample(self.leader_at(round(float(times_s[0]) * NS_PER_S)))
+        now_s = float(times_s[0])
+        return single_sample(self.leader_at(round(now_s * NS_PER_S)), now_s)
 
     def predict(self, times_s: FloatArray) -> LeaderPreview:
         """Return the plan of a tick as a prediction, at the nodes of the plan; see `PreviewSource`.

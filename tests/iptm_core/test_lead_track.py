@@ -1,0 +1,232 @@
+"""The track of the vehicle ahead: frozen within three measurements, lost is not free, and no false alarm."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from iptm_core.lead_track import (
+    CONFIRMED_FREE_S,
+    LONGEST_PERIOD_S,
+    LeadStatus,
+    LeadTrack,
+    Sample,
+    clear_lane,
+    emptied,
+    followed,
+    resolution,
+    samples_of,
+    slowed,
+)
+from iptm_core.state import LeaderState
+
+
+def track_of(samples: Iterable[Sample]) -> LeadTrack:
+    track = LeadTrack()
+    for sample in samples:
+        track = followed(track, sample)
+    return track
+
+
+def driven(
+    seconds: float,
+    period_s: float,
+    lead: Callable[[float], tuple[float, float]],
+    own: Callable[[float], tuple[float, float]],
+) -> list[Sample]:
+    times = np.arange(0.0, seconds, period_s).tolist()
+    return [Sample(time_s, *lead(time_s), *own(time_s)) for time_s in times]
+
+
+def cruising(position_m: float, speed_m_s: float) -> Callable[[float], tuple[float, float]]:
+    return lambda time_s: (position_m + speed_m_s * time_s, speed_m_s)
+
+
+def swaying(time_s: float) -> tuple[float, float]:
+    """Return an own vehicle whose speed sways by 0.5 m/s around 20 m/s."""
+    return 20.0 * time_s + 0.5 * (1.0 - math.cos(time_s)), 20.0 + 0.5 * math.sin(time_s)
+
+
+def test_a_sound_sensor_is_followed_measurement_by_measurement() -> None:
+    samples = driven(5.0, 0.1, cruising(40.0, 18.0), swaying)
+    track = track_of(samples)
+    assert track.seen == samples[-1].lead
+    assert track.status(samples[-1].time_s) is LeadStatus.MEASURED
+    assert track.status(samples[-1].time_s + 0.1) is LeadStatus.MEASURED, "the next one is not due"
+    assert track.status(samples[-1].time_s + 0.3) is LeadStatus.LOST
+    assert track.unseen_s(samples[-1].time_s + 0.3) == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize("period_s", [0.1, 1.0])
+def test_a_gap_that_stays_while_the_own_speed_changes_is_frozen_within_three_measurements(
+    period_s: float,
+) -> None:
+    samples = driven(10.0 * period_s, period_s, cruising(40.137, 19.973), cruising(0.0, 20.0))
+    before = samples[-1]
+    track = track_of(samples)
+    frozen_after = 0
+    for number in range(1, 4):
+        time_s = before.time_s + number * period_s
+        own_m_s = 20.0 - 2.0 * number * period_s
+        own_m = before.own_position_m + 20.0 * number * period_s - (number * period_s) ** 2
+        gap_m = before.position_m - before.own_position_m
+        track = followed(track, Sample(time_s, own_m + gap_m, 19.973, own_m, own_m_s))
+        if track.frozen:
+            frozen_after = number
+            break
+    assert frozen_after in {2, 3}
+    assert track.seen is not None
+    assert track.seen.time_s <= before.time_s + 1e-9 + period_s
+    assert track.status(time_s) is LeadStatus.FROZEN
+
+
+def test_a_position_that_stays_under_a_moving_vehicle_is_frozen() -> None:
+    samples = driven(2.0, 0.1, cruising(40.0, 20.0), swaying)
+    held = samples[-1]
+    repeated = [
+        Sample(held.time_s + 0.1 * n, held.position_m, 20.0, *swaying(held.time_s + 0.1 * n))
+        for n in (1, 2)
+    ]
+    track = track_of(samples)
+    track = followed(track, repeated[0])
+    assert not track.frozen, "one repetition proves nothing"
+    track = followed(track, repeated[1])
+    assert track.frozen
+    assert track.seen == held.lead
+    lead = track.assumed_at(held.time_s + 1.1, 9.0)
+    assert lead is not None
+    assert lead.speed_m_s == pytest.approx(20.0 - 9.0 * 1.0), (
+        "it brakes from the first repetition on"
+    )
+
+
+def test_a_frozen_sensor_counts_again_when_its_measurements_move_as_they_should() -> None:
+    samples = driven(2.0, 0.1, cruising(40.0, 20.0), swaying)
+    held = samples[-1]
+    track = track_of(samples)
+    for n in range(1, 6):
+        now_s = held.time_s + 0.1 * n
+        track = followed(track, Sample(now_s, held.position_m, 20.0, *swaying(now_s)))
+    assert track.frozen
+    later = [held.time_s + 0.1 * n for n in range(6, 9)]
+    states = []
+    for now_s in later:
+        track = followed(track, Sample(now_s, 30.0 + 15.0 * now_s, 15.0, *swaying(now_s)))
+        states.append(track.frozen)
+    assert states == [True, True, False], "two steps that agree with the speed"
+
+
+def test_a_vehicle_that_appears_with_a_frozen_measurement_has_never_been_there() -> None:
+    samples = driven(3.0, 1.0, cruising(60.0, 20.0), swaying)
+    track = track_of(samples)
+    for time_s in (3.0, 4.0):
+        own_m, own_m_s = swaying(time_s)
+        track = followed(track, Sample(time_s, own_m + 15.0, 0.0, own_m, own_m_s))
+        if time_s == 3.0:
+            assert track.seen == LeaderState(3.0, own_m + 15.0, 0.0), (
+                "a vehicle that cuts in counts"
+            )
+    assert track.frozen, "standing, and yet 20 m farther on"
+    assert track.seen == samples[-1].lead
+
+
+@given(
+    st.floats(0.0, 35.0),
+    st.floats(0.0, 35.0),
+    st.sampled_from([0.0, 0.01, 0.1, 0.25, 0.5, 1.0]),
+    st.sampled_from([0.0, 0.1, 0.5]),
+    st.sampled_from([0.1, 1.0]),
+)
+def test_neither_even_driving_nor_rounding_looks_frozen(
+    own_m_s: float, lead_m_s: float, gap_step_m: float, speed_step_m_s: float, period_s: float
+) -> None:
+    def rounded(value: float, step: float) -> float:
+        return step * round(value / step) if step else value
+
+    track = LeadTrack()
+    for time_s in np.arange(0.0, 20.0 * period_s, period_s).tolist():
+        own_m = own_m_s * time_s
+        gap_m = rounded(700.0 + (lead_m_s - own_m_s) * time_s, gap_step_m)
+        speed_m_s = rounded(lead_m_s, speed_step_m_s)
+        track = followed(track, Sample(time_s, own_m + gap_m, speed_m_s, own_m, own_m_s))
+        assert not track.frozen
+
+
+def test_an_empty_lane_is_lost_until_it_is_confirmed() -> None:
+    track = track_of(driven(2.0, 1.0, cruising(40.0, 20.0), swaying))
+    for time_s in np.arange(2.0, 2.0 + CONFIRMED_FREE_S, 1.0).tolist():
+        track = emptied(track, time_s)
+        assert track.status(time_s + 0.5) is LeadStatus.LOST
+    assert emptied(track, 2.0 + CONFIRMED_FREE_S).status(20.0) is LeadStatus.FREE
+    assert emptied(LeadTrack(), 5.0).status(5.0) is LeadStatus.FREE, "a vehicle that never was"
+
+
+def test_a_measurement_interrupts_the_confirmation() -> None:
+    lead = cruising(40.0, 20.0)
+    track = track_of(driven(2.0, 1.0, lead, swaying))
+    for time_s in np.arange(2.0, 8.0, 1.0).tolist():
+        track = emptied(track, time_s)
+    track = followed(track, Sample(8.0, *lead(8.0), *swaying(8.0)))
+    assert track.status(8.0) is LeadStatus.MEASURED
+    assert emptied(track, 13.0).status(13.0) is LeadStatus.LOST
+
+
+def test_a_source_that_sees_a_clear_lane_frees_it_at_once() -> None:
+    track = track_of(driven(2.0, 1.0, cruising(40.0, 20.0), swaying))
+    (sample,) = samples_of(clear_lane(2.0), np.array([40.0]), np.array([20.0]))
+    assert followed(track, sample).status(2.0) is LeadStatus.FREE
+    assert followed(track, sample).assumed_at(3.0, 9.0) is None
+
+
+def test_what_has_been_measured_goes_on_with_its_deceleration_until_the_next_one_is_due() -> None:
+    track = track_of([Sample(0.0, 50.0, 20.0, 0.0, 20.0), Sample(1.0, 68.0, 16.0, 20.0, 20.0)])
+    assert track.acceleration_m_s2 == -4.0
+    assert track.assumed_at(1.5, 9.0) == LeaderState(1.5, 75.5, 14.0)
+    # Due at 2 s: 82 m, 12 m/s; then 9 m/s^2 for 1 s.
+    assert track.assumed_at(3.0, 9.0) == LeaderState(3.0, 89.5, 3.0)
+    faster = track_of([Sample(0.0, 50.0, 16.0, 0.0, 20.0), Sample(1.0, 68.0, 20.0, 20.0, 20.0)])
+    assert faster.assumed_at(2.0, 9.0) == LeaderState(2.0, 88.0, 20.0), (
+        "it is not relied on to go faster"
+    )
+
+
+def test_another_vehicle_and_another_trip_begin_without_a_past() -> None:
+    track = track_of([Sample(5.0, 50.0, 20.0, 0.0, 20.0), Sample(6.0, 40.0, 5.0, 20.0, 20.0)])
+    assert track.acceleration_m_s2 == 0.0
+    assert track.before == LeaderState(5.0, 50.0, 20.0)
+    again = followed(track, Sample(0.0, 15.0, 0.0, 0.0, 0.0))
+    assert again.recent == (Sample(0.0, 15.0, 0.0, 0.0, 0.0),)
+    far = track_of([Sample(0.0, 50.0, 20.0, 0.0, 20.0), Sample(6.0, 170.0, 20.0, 120.0, 20.0)])
+    assert far.period_s == LONGEST_PERIOD_S
+    assert far.acceleration_m_s2 == 0.0, "too long ago for an acceleration"
+
+
+def test_a_measurement_of_the_same_instant_replaces_the_one_before() -> None:
+    track = track_of([Sample(0.0, 50.0, 20.0, 0.0, 20.0), Sample(1.0, 70.0, 20.0, 20.0, 20.0)])
+    corrected = followed(track, Sample(1.0, 69.0, 19.0, 20.0, 20.0))
+    assert corrected.seen == LeaderState(1.0, 69.0, 19.0)
+    assert len(corrected.recent) == 2
+
+
+def test_a_vehicle_that_brakes_stands_at_the_end_of_its_way() -> None:
+    assert slowed(LeaderState(0.0, 10.0, 6.0), 3.0, 1.0) == LeaderState(1.0, 14.5, 3.0)
+    assert slowed(LeaderState(0.0, 10.0, 6.0), 3.0, 5.0) == LeaderState(2.0, 16.0, 0.0)
+    assert slowed(LeaderState(0.0, 10.0, 6.0), 0.0, 5.0) == LeaderState(5.0, 40.0, 6.0)
+
+
+def test_the_digits_of_a_coarse_sensor_show_its_resolution() -> None:
+    assert [resolution(value) for value in (12.0, 12.5, 12.25, 12.4, 12.3, 12.35, 12.34)] == [
+        1.0,
+        0.5,
+        0.25,
+        0.2,
+        0.1,
+        0.05,
+        0.02,
+    ]
+    assert resolution(12.3456789) == 0.0
