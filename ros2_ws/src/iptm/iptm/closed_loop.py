@@ -14,6 +14,7 @@ from iptm_controller.measurements import Measurements
 from iptm_controller.options import ControllerOptions
 from iptm_core.decision_record import DecisionRecord, DecisionSeries
 from iptm_core.errors import PackEmptyError
+from iptm_core.garbage import no_full_collections
 from iptm_core.routes.route import Route
 from iptm_core.settings import PreviewSettings
 from iptm_core.state import NS_PER_S, FloatArray, LeaderPreview, LeaderState, VehicleState
@@ -99,6 +100,7 @@ class ClosedLoopRun:
     ended: str = ""
 
 
+@no_full_collections()
 def run_closed_loop(
     route: Route,
     plant: Plant,

@@ -8,7 +8,6 @@ raises for bad measurements or failed solves: both are outcomes, reported in the
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 from typing import Any
 
@@ -42,7 +41,7 @@ from iptm_controller.plan import (
 from iptm_controller.production import ProductionLikeController
 from iptm_controller.road_envelope import LOOK_AHEAD_S, RoadEnvelope
 from iptm_controller.solvers.factory import build_solver
-from iptm_controller.solvers.interface import SolverBackend, SolveResult, broken
+from iptm_controller.solvers.interface import SolverBackend, SolveResult, Stopwatch, broken
 from iptm_controller.solvers.switching_check import SwitchingCheck
 from iptm_controller.strategy import Strategy
 from iptm_controller.temperature_value import NO_VALUE, TemperatureValuation
@@ -304,11 +303,11 @@ class Controller:
 
     def _solve(self, data: ProblemData, guess: FloatArray) -> SolveResult:
         """Solve a problem; a back end that raises, against its promise, has broken off."""
-        started = time.perf_counter()
+        clock = Stopwatch()
         try:
             return self.backend.solve(data, guess)
         except Exception as error:  # noqa: BLE001  whatever it is, the car must be driven on
-            return broken(guess, time.perf_counter() - started, f"{type(error).__name__}: {error}")
+            return broken(guess, clock, f"{type(error).__name__}: {error}")
 
     def _limit(
         self, command: Command, state: VehicleState | None

@@ -60,6 +60,7 @@ class Decision:
             trusted_preview_s=0.0 if forecast is None else forecast.known_s,
             command_delay_s=self.command_delay_s,
             brake_share=self.brake_share,
+            solve_wall_time_s=math.nan if result is None else result.wall_time_s,
             cell_1_marginal_cost_1_k=self.value.cell_1_marginal_cost_1_k,
             cell_n_marginal_cost_1_k=self.value.cell_n_marginal_cost_1_k,
             aging_rate_1_s=self.value.aging_rate_1_s,

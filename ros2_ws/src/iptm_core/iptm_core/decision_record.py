@@ -57,6 +57,7 @@ class DecisionRecord:
     """How one decision came about; a quantity that is not known is NaN.
 
     Attributes:
+        solve_time_s: processor time of the solver, NaN without a solve.
         iterations: of the solver, 0 without a solve.
         gap_slack_m: largest violation of a gap limit in the plan.
         objective: value of the cost, slack penalties included.
@@ -68,6 +69,7 @@ class DecisionRecord:
         trusted_preview_s: how far ahead the preview was trusted, 0 without one.
         command_delay_s: time by which commands acted late, as observed.
         brake_share: share of a commanded deceleration that the brakes delivered, as observed.
+        solve_wall_time_s: wall time of the solve; longer than its processor time where it had to wait.
     """
 
     status: SolveStatus
@@ -88,6 +90,7 @@ class DecisionRecord:
     trusted_preview_s: float = 0.0
     command_delay_s: float = 0.0
     brake_share: float = 1.0
+    solve_wall_time_s: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +122,7 @@ class DecisionSeries(Columns):
     trusted_preview_s: FloatArray
     command_delay_s: FloatArray
     brake_share: FloatArray
+    solve_wall_time_s: FloatArray
 
     @classmethod
     def from_records(
@@ -163,7 +167,7 @@ class DecisionStatistics:
         limited: decisions that the last limiter changed.
         without_preview: decisions before which no prediction of the leader had arrived.
         preview_age_s: age of the prediction in use, where there was one.
-        solve_time_s: wall time of a solve; its total is the computing time of the paper.
+        solve_time_s: processor time of a solve; its total is the computing time of the paper.
         gap_slack_m: violations of gap limits in the plans.
     """
 

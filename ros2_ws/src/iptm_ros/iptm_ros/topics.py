@@ -266,10 +266,10 @@ _SPECS = (
     ),
     TopicSpec(
         Topic.SOLVE, JointState, CONTROLLER, EGO_FRAME, "see fields",
-        "how the decision came about: solver status, time, iterations, slacks (0 when the limits "
+        "how the decision came about: solver status, processor time, iterations, slacks (0 when the limits "
         "hold), fallback rung (0 = solver), limiter (0 or 1), age of the preview; marginal cost of a "
         "kelvin of both cells at the end of the horizon and its factors; how far ahead the preview is "
-        "trusted, and what is observed of the actuators",
+        "trusted, what is observed of the actuators, and the wall time of the solve",
         {
             "status_code": "1", "solve_time_s": "s", "iterations": "1",
             "gap_slack_m": "m", "speed_slack_m_s": "m/s", "temperature_slack_k": "K",
@@ -277,6 +277,7 @@ _SPECS = (
             "cell_1_marginal_cost_1_k": "1/K", "cell_n_marginal_cost_1_k": "1/K", "aging_rate_1_s": "1/s",
             "aging_sensitivity_1_k": "1/K", "temperature_decay_time_s": "s",
             "trusted_preview_s": "s", "command_delay_s": "s", "brake_share": "1",
+            "solve_wall_time_s": "s",
         },
     ),
     TopicSpec(

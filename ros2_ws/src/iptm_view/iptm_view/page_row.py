@@ -72,7 +72,7 @@ PAGE_COLUMNS: Mapping[str, str] = MappingProxyType(
         "capacity_loss": "of both cells together, since they were new, as a fraction of nominal",
         "service_braking_s": "time for which the safety monitor braked in the interval that ended now",
         "status_code": "number of SolveStatus",
-        "solve_time_s": "wall time of the solve",
+        "solve_time_s": "processor time of the solve",
         "iterations": "of the solver",
         "fallback_rung": "number of Rung",
         "limiter_active": "1 where the last limiter changed the command",

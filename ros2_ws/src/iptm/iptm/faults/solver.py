@@ -12,7 +12,13 @@ from iptm_controller.controller import Controller
 from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements
 from iptm_controller.ocp.data import ProblemData
-from iptm_controller.solvers.interface import STATUS_TEXT, SolverBackend, SolveResult, broken
+from iptm_controller.solvers.interface import (
+    STATUS_TEXT,
+    SolverBackend,
+    SolveResult,
+    Stopwatch,
+    broken,
+)
 from iptm_core.decision_record import SolveStatus
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import NS_PER_S, FloatArray
@@ -67,8 +73,14 @@ class FaultySolver:
             spent_s = fault.magnitude if fault.kind is FaultKind.SOLVER_TIMEOUT else 0.0
             self._sleep(spent_s)
             status = _STATUS[fault.kind]
-            failed = broken(guess, spent_s, "asked for by a fault")
-            return replace(failed, status=status, reason=STATUS_TEXT[status])
+            failed = broken(guess, Stopwatch(), "asked for by a fault")
+            return replace(
+                failed,
+                status=status,
+                reason=STATUS_TEXT[status],
+                time_s=spent_s,
+                wall_time_s=spent_s,
+            )
         return self._inner.solve(data, guess, most_iterations=most_iterations)
 
 

@@ -71,7 +71,7 @@ class Snapshot:
         gap_m: to the leader, NaN while it is not known.
         cell_1_temperature_c: of the first cell.
         cell_n_temperature_c: of the last cell.
-        solve_time_s: wall time of the latest solve.
+        solve_time_s: processor time of the latest solve.
         iterations: of the latest solve.
         rung: where the latest command comes from.
     """

@@ -224,6 +224,11 @@ int iptm_solve_checked(const iptm_horizon *horizon, const iptm_options *options,
   } else {
     for (k = 0; k < steps; ++k) m.chosen[k] = switching->candidates[IPTM_CANDIDATES - 1];
   }
+  /* One cold start a tick: where the first solve needed it, the second one ends with the warm start. */
+  if (outcome->cold_starts > 0 && options->warm_start_iterations > 0 &&
+      second_options.max_iterations > options->warm_start_iterations) {
+    second_options.max_iterations = options->warm_start_iterations;
+  }
   ++*since_second;
   if (!has_second) return outcome->iterations;
   *since_second = 0;

@@ -25,6 +25,7 @@ def build_solver(
         build_plain_solver(horizon, parameters, options),
         _problem(horizon, parameters, options),
         compile_code=options.compile_code,
+        warm_iterations=options.warm_start_iterations,
     )
 
 

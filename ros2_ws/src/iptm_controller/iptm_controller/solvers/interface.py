@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -58,6 +59,9 @@ class SolveResult:
     Attributes:
         variables: last iterate in scaled units, order of the grid; may be unusable.
         objective: cost at the iterate, slack penalties included.
+        time_s: processor time of the thread that solved.
+        cold_starts: starts with a large barrier parameter, after one that trusted the guess had failed.
+        wall_time_s: what passed meanwhile; longer where something else had the processor.
         infeasibility: largest violation of a row or bound at the iterate, scaled units.
         costates: multipliers lam_1 ... lam_N of the dynamics in scaled units, shape (6 N,): the change of
             the cost with the state at the end of each step; empty if the solve broke off.
@@ -71,9 +75,28 @@ class SolveResult:
     time_s: float
     infeasibility: float
     costates: FloatArray = field(default_factory=lambda: np.empty(0))
+    wall_time_s: float = math.nan
+    cold_starts: int = 0
 
 
-def broken(guess: FloatArray, time_s: float, message: str) -> SolveResult:
+class Stopwatch:
+    """Processor time of this thread and wall time since it was made."""
+
+    def __init__(self) -> None:
+        self._processor_s, self._wall_s = time.thread_time(), time.perf_counter()
+
+    @property
+    def processor_s(self) -> float:
+        """Processor time in seconds."""
+        return time.thread_time() - self._processor_s
+
+    @property
+    def wall_s(self) -> float:
+        """Wall time in seconds."""
+        return time.perf_counter() - self._wall_s
+
+
+def broken(guess: FloatArray, clock: Stopwatch, message: str) -> SolveResult:
     """Return the result of a solve that could not start or broke off: the guess, and why."""
     return SolveResult(
         status=SolveStatus.NUMERICAL_ERROR,
@@ -81,7 +104,8 @@ def broken(guess: FloatArray, time_s: float, message: str) -> SolveResult:
         variables=guess,
         objective=math.nan,
         iterations=0,
-        time_s=time_s,
+        time_s=clock.processor_s,
+        wall_time_s=clock.wall_s,
         infeasibility=math.inf,
     )
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from typing import Any
 
 import casadi as ca
@@ -19,6 +18,7 @@ from iptm_controller.solvers.interface import (
     STATUS_TEXT,
     SolveResult,
     SolverOptions,
+    Stopwatch,
     broken,
 )
 from iptm_core.buffered import BufferedFunction
@@ -77,17 +77,17 @@ class IpoptBackend:
         """Solve one problem; see ``SolverBackend``. The bound on the iterations is that of the options."""
         del most_iterations
         solver = self._solver
-        start = time.perf_counter()
+        clock = Stopwatch()
         if not self._can_start(data, guess):
             message = "data or model are not finite at the initial iterate"
-            return broken(guess, time.perf_counter() - start, message)
+            return broken(guess, clock, message)
         self._write(solver.arguments, data, guess)
         try:
             solver()
         except RuntimeError as error:
             last_line = str(error).strip().splitlines()[-1]
-            return broken(guess, time.perf_counter() - start, last_line)
-        elapsed = time.perf_counter() - start
+            return broken(guess, clock, last_line)
+        elapsed = clock.wall_s
         stats = solver.stats()
         variables, rows = solver.results["x"].copy(), solver.results["g"]
         self._low[: layout.STATES] = self._high[: layout.STATES] = data.initial_state
@@ -109,7 +109,8 @@ class IpoptBackend:
             variables=variables,
             objective=float(solver.results["f"][0]),
             iterations=iterations,
-            time_s=elapsed,
+            time_s=clock.processor_s,
+            wall_time_s=elapsed,
             infeasibility=violation,
             costates=-multipliers[:, : layout.STATES].ravel(),
         )

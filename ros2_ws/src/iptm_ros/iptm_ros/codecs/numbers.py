@@ -231,6 +231,7 @@ _MAY_BE_UNKNOWN: Mapping[Topic, Sequence[str]] = {
         "trusted_preview_s",
         "command_delay_s",
         "brake_share",
+        "solve_wall_time_s",
     ),
 }
 

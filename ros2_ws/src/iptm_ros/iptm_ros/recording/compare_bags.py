@@ -30,7 +30,7 @@ from iptm_ros.recording.timeline import StampKind, read_stamp_ns, stamp_kind
 
 # What depends on the machine and not on the run.
 DEFAULT_EXCLUDED_TOPICS = ("/diagnostics", "/rosout", "/parameter_events")
-DEFAULT_IGNORED_FIELDS = ("solve_time_s",)
+DEFAULT_IGNORED_FIELDS = ("solve_time_s", "solve_wall_time_s")
 _EXACT = NumberTolerance()
 PIPE_WIDTH = 140
 _FIELDS_SHOWN = 8

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.problem import OptimalControlProblem
-from iptm_controller.solvers.interface import RICCATI, SolveResult, SolverOptions
+from iptm_controller.solvers.interface import RICCATI, SolveResult, SolverOptions, Stopwatch
 from iptm_controller.solvers.riccati.machine_code import (
     MachineCode,
     Outcome,
@@ -47,9 +46,9 @@ class RiccatiBackend:
         """Solve one problem; see ``SolverBackend``."""
         first = _beginning_at(data.initial_state, guess)
         if isinstance(self._method, MachineCode):
-            began_s = time.perf_counter()
+            clock = Stopwatch()
             outcome = self._method.solve(first, data.parameters, self.options, most_iterations)
-            return _result(outcome, outcome.iterations, began_s)
+            return _result(outcome, outcome.iterations, clock)
         options = self.options
         if most_iterations is not None and most_iterations < options.max_iterations:
             options = replace(options, max_iterations=most_iterations)
@@ -70,7 +69,7 @@ class RiccatiBackend:
         """
         if not isinstance(self._method, MachineCode):
             raise TypeError("the check in C is for the method in C")
-        began_s = time.perf_counter()
+        clock = Stopwatch()
         outcome, iterations, since_second = self._method.solve_checked(
             _beginning_at(data.initial_state, guess),
             data.parameters,
@@ -79,7 +78,7 @@ class RiccatiBackend:
             switching,
             since_second,
         )
-        return _result(outcome, iterations, began_s), since_second
+        return _result(outcome, iterations, clock), since_second
 
 
 def interpreted_method(problem: OptimalControlProblem) -> RiccatiMethod:
@@ -102,13 +101,14 @@ def _beginning_at(initial_state: FloatArray, guess: FloatArray) -> FloatArray:
     return first
 
 
-def _result(outcome: Outcome, iterations: int, began_s: float) -> SolveResult:
+def _result(outcome: Outcome, iterations: int, clock: Stopwatch) -> SolveResult:
     return result_of(
         tuple(Termination)[outcome.termination],
         outcome.point,
         outcome.iterations,
-        began_s,
+        clock,
         variables=outcome.variables,
         costates=outcome.costates,
+        cold_starts=outcome.cold_starts,
         total_iterations=iterations,
     )

@@ -102,6 +102,7 @@ class Outcome:
     point: FilterPoint
     termination: int
     iterations: int
+    cold_starts: int
     variables: FloatArray
     costates: FloatArray
 
@@ -171,6 +172,7 @@ class MachineCode:
             FilterPoint(ended.cost, ended.log_sum, ended.violation, ended.largest_violation),
             ended.termination,
             ended.iterations,
+            ended.cold_starts,
             self._variables.copy(),
             self._costates.copy(),
         )

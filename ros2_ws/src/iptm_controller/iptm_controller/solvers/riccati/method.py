@@ -19,6 +19,7 @@ from iptm_controller.solvers.interface import (
     STATUS_TEXT,
     SolveResult,
     SolverOptions,
+    Stopwatch,
 )
 from iptm_controller.solvers.riccati.line_search import FilterPoint, LineSearchFilter
 from iptm_controller.solvers.riccati.program import ITERATE
@@ -92,15 +93,16 @@ class RiccatiMethod:
             The optimum; if there is none, the cheapest iterate met that keeps dynamics and limits; if there
             is none either, the last one. The costates are those of the last iterate.
         """
-        began_s = time.perf_counter()
-        until_s = began_s + (options.deadline_s or math.inf)
+        clock = Stopwatch()
+        until_s = time.perf_counter() + (options.deadline_s or math.inf)
         self._best = None
         few = min(options.warm_start_iterations, options.max_iterations)
         point, termination, iterations = self._run_from(
             guess, parameters, options, few, until_s, is_cold=False
         )
         left = options.max_iterations - iterations
-        if termination in {Termination.ITERATIONS, Termination.STALLED} and left > 0:
+        goes_cold = termination in {Termination.ITERATIONS, Termination.STALLED} and left > 0
+        if goes_cold:
             point, termination, further = self._run_from(
                 guess, parameters, options, left, until_s, is_cold=True
             )
@@ -110,9 +112,10 @@ class RiccatiMethod:
             termination,
             point,
             iterations,
-            began_s,
+            clock,
             variables=variables,
             costates=self._iterate["lam"].copy(),
+            cold_starts=int(goes_cold),
         )
 
     def _run_from(
@@ -249,10 +252,11 @@ def result_of(
     termination: Termination,
     point: FilterPoint,
     iterations: int,
-    began_s: float,
+    clock: Stopwatch,
     *,
     variables: FloatArray,
     costates: FloatArray,
+    cold_starts: int,
     total_iterations: int | None = None,
 ) -> SolveResult:
     """Return the result of a solve that ended at a point.
@@ -271,9 +275,11 @@ def result_of(
         variables=variables,
         objective=point.cost,
         iterations=iterations if total_iterations is None else total_iterations,
-        time_s=time.perf_counter() - began_s,
+        time_s=clock.processor_s,
+        wall_time_s=clock.wall_s,
         infeasibility=point.largest_violation,
         costates=costates,
+        cold_starts=cold_starts,
     )
 
 
