@@ -206,7 +206,7 @@ def _refuse_what_did_not_hold(numbers: dict[str, Any]) -> None:
 def _ticks_of(drive: Drive, bag: Path) -> dict[str, Any]:
     """Return what became of the ticks, from what the runner heard and from the bag."""
     heard = drive.monitor.recorded
-    states = {stamp_ns_of(data) for data in heard[Topic.PLANT_ODOMETRY]}
+    states = {stamp_ns_of(data) for data in heard[Topic.PLANT_STATE]}
     answered = {stamp_ns_of(data) for data in heard[Topic.SOLVE]}
     reports = drive.monitor.reports
     bad = [each for each in reports if each.status.level != Level.OK.value]

@@ -20,10 +20,10 @@ from itertools import cycle
 from pathlib import Path
 from typing import Any
 
-from nav_msgs.msg import Odometry
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
 
 from benchmarks.harness import run_benchmark
 from benchmarks.v2x_prediction import PAGE
@@ -60,7 +60,7 @@ class _Ego:
         self._executor = SingleThreadedExecutor(context=context)
         self._executor.add_node(self.node)
         self._clock = self.node.advertise(Topic.CLOCK)
-        self._odometry = self.node.advertise(Topic.PLANT_ODOMETRY)
+        self._state = self.node.advertise(Topic.PLANT_STATE)
         self.values: dict[str, str] = {}
         self.leaders = 0
         self._ticked_s: dict[int, float] = {}
@@ -89,13 +89,14 @@ class _Ego:
         return reached()
 
     def has_bridge(self) -> bool:
-        return bool(self._odometry.get_subscription_count() and self.values)
+        return bool(self._state.get_subscription_count() and self.values)
 
     def tick(self, second: int) -> None:
-        message = Odometry()
+        message = JointState(
+            name=["position_m", "speed_m_s"], position=[SPEED_M_S * second, SPEED_M_S]
+        )
         message.header.stamp = time_from_s(float(second))
-        message.pose.pose.position.x = SPEED_M_S * second
-        self._odometry.publish(message)
+        self._state.publish(message)
         self._ticked_s[ns_from_time(message.header.stamp)] = time.monotonic()
         self._clock.publish(Clock(clock=time_from_s(float(second))))
 

@@ -86,7 +86,6 @@ def trajectory() -> Trajectory:
     columns["state_of_charge"] = columns["state_of_charge"].astype(np.float32).astype(float)
     for name in TRAJECTORY_COLUMNS:
         if name.endswith("temperature_k"):
-            # As they arrive: through degrees Celsius.
             columns[name] = (columns[name] + 26.0) + 273.15
         if name.endswith("capacity_loss"):
             columns[name] = np.sort(columns[name]) * 1e-9 + 0.002

@@ -7,18 +7,15 @@ imported.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from contextlib import suppress
 
 import rclpy
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import AccelStamped
-from nav_msgs.msg import Odometry
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState, Temperature
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
 
 PERIOD_S = 1
 DURATION_S = 60
@@ -26,33 +23,30 @@ MASS_KG = 1600.0
 AUXILIARY_W = 300.0
 COP = 3.0
 HEAT_CAPACITY_J_K = 4e5
-TEMPERATURES = ("cell_1", "cell_n", "coolant_inlet", "coolant_outlet")
 
 
 class OwnPlant(Node):
     """Master of time: a tick lasts until the command with its stamp has arrived."""
 
     def __init__(self) -> None:
-        super().__init__("own_plant")
-        self._odometry = self.create_publisher(Odometry, "plant/odometry", 10)
-        self._acceleration = self.create_publisher(AccelStamped, "plant/acceleration", 10)
-        self._powers = self.create_publisher(JointState, "plant/powers", 10)
-        self._loss = self.create_publisher(JointState, "plant/capacity_loss", 10)
-        self._temperatures = [
-            self.create_publisher(Temperature, f"plant/{name}_temperature", 10)
-            for name in TEMPERATURES
-        ]
+        super().__init__("plant")
+        self._state = self.create_publisher(JointState, "plant/state", 10)
         self._clock_topic = self.create_publisher(Clock, "clock", 10)
         self.create_subscription(JointState, "controller/command", self._take_command, 10)
-        self._expected_peers = self.declare_parameter("expected_peers", 1).value
-        self.create_timer(
-            0.5, self._publish_state
-        )  # starts the trip; repeats a state without answer
+        self.create_service(Trigger, "~/resume", self._begin)
+        self._timer = self.create_timer(0.5, self._publish_state, autostart=False)
         self.time_s = 0
         self.position_m = self.speed_m_s = self.acceleration_m_s2 = 0.0
-        self.temperature_degc = 36.0
+        self.temperature_k = 309.0
         self.capacity_loss = 0.0
         self.powers = self._powers_of(0.0, 0.0)
+
+    def _begin(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
+        """Begin the trip; the timer repeats a state without an answer."""
+        self._timer.reset()
+        self._publish_state()
+        answer.success = True
+        return answer
 
     def _take_command(self, command: JointState) -> None:
         if command.header.stamp != Time(sec=self.time_s):
@@ -72,7 +66,7 @@ class OwnPlant(Node):
         traction_w = force_n * mean_m_s * (1.1 if force_n > 0.0 else 0.7)
         self.powers = self._powers_of(traction_w, compressor_w)
         heat_w = 0.03 * abs(self.powers["battery_power_w"]) - self.powers["chiller_heat_w"]
-        self.temperature_degc += heat_w * PERIOD_S / HEAT_CAPACITY_J_K
+        self.temperature_k += heat_w * PERIOD_S / HEAT_CAPACITY_J_K
         self.position_m += mean_m_s * PERIOD_S
         self.speed_m_s += self.acceleration_m_s2 * PERIOD_S
         self.capacity_loss += 1e-13 * abs(self.powers["battery_power_w"]) * PERIOD_S
@@ -89,34 +83,22 @@ class OwnPlant(Node):
         }
 
     def _publish_state(self) -> None:
-        """Publish the messages of a tick, all with its stamp, the clock last."""
-        peers = (p.get_subscription_count() for p in (self._odometry, self._clock_topic))
-        if min(peers) < self._expected_peers:
-            return
+        """Publish the state of a tick, then the clock of the same time."""
         stamp = Time(sec=self.time_s)
-        odometry = Odometry()
-        odometry.header.stamp = stamp
-        odometry.pose.pose.position.x = self.position_m
-        odometry.twist.twist.linear.x = self.speed_m_s
-        self._odometry.publish(odometry)
-        acceleration = AccelStamped()
-        acceleration.header.stamp = stamp
-        acceleration.accel.linear.x = self.acceleration_m_s2
-        self._acceleration.publish(acceleration)
-        for publisher in self._temperatures:
-            temperature = Temperature(temperature=self.temperature_degc)
-            temperature.header.stamp = stamp
-            publisher.publish(temperature)
-        self._publish_values(self._powers, stamp, self.powers)
-        losses = {f"{cell}_capacity_loss": self.capacity_loss for cell in ("cell_1", "cell_n")}
-        self._publish_values(self._loss, stamp, losses)
-        self._clock_topic.publish(Clock(clock=stamp))
-
-    @staticmethod
-    def _publish_values(publisher: Publisher, stamp: Time, values: Mapping[str, float]) -> None:
+        values = {
+            "position_m": self.position_m,
+            "speed_m_s": self.speed_m_s,
+            "acceleration_m_s2": self.acceleration_m_s2,
+            "cell_1_temperature_k": self.temperature_k,
+            "cell_n_temperature_k": self.temperature_k,
+            "cell_1_capacity_loss": self.capacity_loss,
+            "cell_n_capacity_loss": self.capacity_loss,
+            **self.powers,
+        }
         message = JointState(name=list(values), position=list(values.values()))
         message.header.stamp = stamp
-        publisher.publish(message)
+        self._state.publish(message)
+        self._clock_topic.publish(Clock(clock=stamp))
 
 
 def main() -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import socket
 from typing import Any
 
-from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
 
 from iptm_core.road_ahead import RoadAhead
 from iptm_core.state import LeaderPreview, LeaderState
@@ -40,7 +40,7 @@ class Ego:
         self.roads: dict[int, RoadAhead] = {}
         self.statuses = peer.statuses("/v2x_bridge")
         self.clock = peer.node.advertise(Topic.CLOCK)
-        self.odometry = peer.node.advertise(Topic.PLANT_ODOMETRY)
+        self.state = peer.node.advertise(Topic.PLANT_STATE)
         peer.node.listen(Topic.LEADER, self._on_leader)
         peer.node.listen(Topic.LEADER_PREVIEW, self._on_preview, raw=True)
         peer.node.listen(Topic.ROAD_AHEAD, self._on_road)
@@ -60,16 +60,15 @@ class Ego:
         self.peer.wait_until(
             lambda: (
                 self.clock.get_subscription_count() == listeners_of_the_clock
-                and self.odometry.get_subscription_count() == 1
+                and self.state.get_subscription_count() == 1
             ),
             what="bridge and sender in the graph",
         )
 
     def move(self, time_s: float, position_m: float = 0.0) -> None:
-        message = Odometry()
+        message = JointState(name=["position_m", "speed_m_s"], position=[position_m, 0.0])
         message.header.stamp = time_from_s(time_s)
-        message.pose.pose.position.x = position_m
-        self.odometry.publish(message)
+        self.state.publish(message)
         self.clock.publish(Clock(clock=time_from_s(time_s)))
 
     def tick(self, time_s: float, position_m: float = 0.0) -> LeaderPreview:

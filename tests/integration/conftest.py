@@ -21,11 +21,13 @@ from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from std_srvs.srv import Trigger
 from tests.integration.controller_ticks import ROAD, SMALL, assert_hears
 from tests.integration.node_bench import NodeBench, node_bench
 
 from iptm_controller.node import ControllerNode
 from iptm_ros.codecs import encode_slope
+from iptm_ros.connections import StartSignal
 from iptm_ros.diagnostics import find_status
 from iptm_ros.discovery import middleware_settings, reserve_domain
 from iptm_ros.process import StopRequest, joined_node
@@ -248,6 +250,24 @@ class Peer:
             if time.monotonic() > deadline:
                 pytest.fail(f"timed out after {timeout_s} s waiting for: {what}")
             self.executor.spin_once(timeout_sec=POLL_S)  # type: ignore[attr-defined]
+
+    def begin(self, *names: str, timeout_s: float = 120.0) -> None:
+        """Have the plant begin as soon as nodes, given by name, and this one hear each other."""
+        own = self.node.get_fully_qualified_name()
+        signal = StartSignal(self.node, (own, *(f"/{name}" for name in names)), "/plant")
+        deadline = time.monotonic() + timeout_s
+        while not signal.give():
+            missing = (*signal.meeting.absent, *signal.meeting.missing)
+            assert time.monotonic() < deadline, f"the trip does not begin: {missing}"
+            self.executor.spin_once(timeout_sec=POLL_S)  # type: ignore[attr-defined]
+
+    def call(self, service: str) -> Trigger.Response:
+        """Call a service, given by its full name, and return the answer."""
+        client = self.node.create_client(Trigger, service)
+        self.wait_until(client.service_is_ready, 60.0, service)
+        future = client.call_async(Trigger.Request())
+        self.wait_until(future.done, 60.0, f"the answer of {service}")
+        return future.result()
 
     def statuses(self, name: str) -> list[DiagnosticStatus]:
         """Return a list that grows with every diagnostic status of a node, given by its full name."""

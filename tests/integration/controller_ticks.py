@@ -17,12 +17,12 @@ from iptm_ros.codecs import (
     decode_command,
     decode_leader,
     decode_leader_preview,
-    decode_vehicle_state,
+    decode_observation,
     encode_leader,
     encode_leader_preview_bytes,
 )
 from iptm_ros.diagnostics import Level
-from iptm_ros.topics import STATE_TOPICS, Topic
+from iptm_ros.topics import Topic
 
 ROAD = SlopePreview(np.arange(0.0, 3000.0, 10.0), 0.04 * np.sin(np.arange(300) / 9.0))
 LINK = (Topic.LEADER, Topic.LEADER_PREVIEW)
@@ -48,7 +48,7 @@ def tick_messages(
     preview = LeaderPreview(time_s + ahead, leader.position_m + moved, speeds)
     plant = plant_messages(state)
     return {
-        **{topic: plant[topic] for topic in STATE_TOPICS},
+        Topic.PLANT_STATE: plant[Topic.PLANT_STATE],
         Topic.LEADER: encode_leader(leader),
         Topic.LEADER_PREVIEW: deserialize_message(
             encode_leader_preview_bytes(preview, round(time_s * S)), JointTrajectory
@@ -59,7 +59,7 @@ def tick_messages(
 def as_measured(messages: dict[Topic, Any], road: SlopePreview = ROAD) -> Measurements:
     """What the node makes of them."""
     return Measurements(
-        decode_vehicle_state(messages),
+        decode_observation(messages[Topic.PLANT_STATE]).state,
         decode_leader(messages[Topic.LEADER]),
         decode_leader_preview(messages[Topic.LEADER_PREVIEW])[1],
         road,

@@ -85,7 +85,7 @@ RULES = (
     Rule(Way.NOT, r".*(ROS_SECURITY|--enclave).*", "DDS security, which the wheels lack"),
     Rule(
         Way.NOT,
-        r".*(leader_source:?=cam|ROS_DOMAIN_ID=42 scripts/v2x_send|expected_peers=4).*",
+        r".*(leader_source:?=cam|ROS_DOMAIN_ID=42 scripts/v2x_send|v2x_sender).*",
         "a sender or a receiver beside it",
     ),
     Rule(Way.NOT, r"scripts/benchmark .*", "minutes to hours; benchmarks are not part of a run"),

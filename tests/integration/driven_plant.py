@@ -11,9 +11,9 @@ from tests.integration.node_bench import NodeBench, S, node_bench
 
 from iptm_core.state import Command, VehicleState
 from iptm_plant_sim.node import PlantNode
-from iptm_ros.codecs import decode_vehicle_state, encode_command, ns_from_time
-from iptm_ros.suite_node import SuiteNode
-from iptm_ros.topics import STATE_TOPICS, Topic
+from iptm_ros.codecs import decode_observation, encode_command, ns_from_time
+from iptm_ros.services import Service
+from iptm_ros.topics import Topic
 
 Script = Callable[[int], Command | None]
 
@@ -26,8 +26,8 @@ def lively(tick: int) -> Command:
 class DrivenPlant:
     """A plant on a bench, and a controller that answers its clocks by a script."""
 
-    def __init__(self, bench: NodeBench, peers: SuiteNode) -> None:
-        self.bench, self.peers = bench, peers
+    def __init__(self, bench: NodeBench) -> None:
+        self.bench = bench
         self._answered = 0
 
     @property
@@ -54,9 +54,7 @@ class DrivenPlant:
 
     def state(self, stamp_ns: int) -> VehicleState:
         """The newest state with a stamp, as it arrives at other nodes."""
-        return decode_vehicle_state(
-            {topic: self.message(topic, stamp_ns) for topic in STATE_TOPICS}
-        )
+        return decode_observation(self.message(Topic.PLANT_STATE, stamp_ns)).state
 
     def message(self, topic: Topic, stamp_ns: int) -> Any:
         """The newest message of a topic with a stamp."""
@@ -72,12 +70,9 @@ class DrivenPlant:
 
 @contextmanager
 def driven_plant(**parameters: object) -> Iterator[DrivenPlant]:
-    """Start a plant, by default on nycc in hills and without a range sensor; its peers are there."""
+    """Start a plant, by default on nycc in hills and without a range sensor, and have it begin."""
     usual = {"cycle": "nycc", "slope": "large", "linger_s": 0.0, "safety_monitor": False}
-    with node_bench(PlantNode, **{**usual, **parameters}) as bench:
-        peers = SuiteNode("peers")
-        peers.advertise(Topic.COMMAND)
-        for topic in (*STATE_TOPICS, Topic.CLOCK):
-            peers.listen(topic, lambda _: None)
-        yield DrivenPlant(bench, peers)
-        peers.destroy_node()
+    with node_bench(PlantNode, **{**usual, "start_paused": True, **parameters}) as bench:
+        if "start_paused" not in parameters:
+            assert bench.call(Service.RESUME).success
+        yield DrivenPlant(bench)

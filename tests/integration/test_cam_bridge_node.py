@@ -29,7 +29,7 @@ def ego(peer: Any) -> Ego:
 def start(launcher: Any, port: int, **faults: object) -> tuple[Any, Any]:
     bridge = launcher.start_node(
         BRIDGE,
-        parameters={"leader_source": "cam", "cam_port": port, "expected_peers": 1, "cycle": "us06"},
+        parameters={"leader_source": "cam", "cam_port": port, "cycle": "us06"},
     )
     sender = launcher.start_node(SENDER, parameters={"to_port": port, "cycle": "us06", **faults})
     return bridge, sender
@@ -132,7 +132,7 @@ def test_two_thousand_datagrams_a_second_do_not_drown_the_leader(launcher: Any, 
     port = free_port()
     launcher.start_node(
         BRIDGE,
-        parameters={"leader_source": "cam", "cam_port": port, "expected_peers": 1, "cycle": "us06"},
+        parameters={"leader_source": "cam", "cam_port": port, "cycle": "us06"},
     )
     ego.wait_for(1)
     route = build_route("us06", initial_gap_m=15.0)
@@ -181,7 +181,6 @@ def test_a_ego_alone_on_the_road_is_held_by_its_rules(launcher: Any, ego: Ego) -
             "leader_source": "cam",
             "cam_port": port,
             "cam_lock_step": False,
-            "expected_peers": 1,
             "ego_keeps_rules": True,
             "speed_limits_km_h": "0:36",
             "signals": "60.0:1000.0:900.0:50.0",

@@ -32,7 +32,7 @@ from iptm_core.state import LeaderPreview, SlopePreview
 from iptm_ros.codecs import decode_decision_record, decode_plan, encode_slope
 from iptm_ros.diagnostics import Level
 from iptm_ros.suite_node import LEAST_HISTORY
-from iptm_ros.topics import STATE_TOPICS, Topic
+from iptm_ros.topics import Topic
 
 pytestmark = pytest.mark.usefixtures("ros_environment")
 
@@ -55,8 +55,8 @@ def test_answers_every_tick_as_the_pure_controller_would(fresh: NodeBench) -> No
     assert await_answer(fresh, 0) == decision.command
     for tick in range(1, 12):
         messages = tick_messages(float(tick), leader_acceleration_m_s2=0.1 * (tick - 6))
-        # The order of arrival does not matter: all at once, the link first, the odometry last.
-        first = ([], LINK, STATE_TOPICS[1:])[tick % 3]
+        # The order of arrival does not matter: the state first, last, or in between.
+        first = ([], LINK, LINK[:1])[tick % 3]
         fresh.hear(messages, *first, *(topic for topic in messages if topic not in first))
         decision = pure.decide(as_measured(messages))
         assert await_answer(fresh, tick) == decision.command
@@ -109,19 +109,18 @@ def test_what_does_not_arrive_is_named_and_done_without() -> None:
 
         nothing = LeaderPreview.empty()
         no_leader = "no measurement of the leader received"
-        tick(0, *STATE_TOPICS, leader=None, preview=nothing, fault=no_leader)
+        tick(0, Topic.PLANT_STATE, leader=None, preview=nothing, fault=no_leader)
         record = newest_record(bench)
         assert (record.rung, record.status) == (Rung.STOP, SolveStatus.NOT_POSED)
         assert math.isnan(record.objective)
         await_values(reason=no_leader, solves_not_posed="1")
 
-        absent = ", ".join(topic.value for topic in STATE_TOPICS[3:])
-        no_state = f"no {absent} received"
-        tick(1, *STATE_TOPICS[:3], Topic.LEADER, state=None, preview=nothing, fault=no_state)
+        no_state = "no plant/state received"
+        tick(1, *LINK, state=None, fault=no_state)
         await_values(reason=no_state)
 
         # Neither a missing nor a malformed preview stops the optimisation.
-        tick(2, *STATE_TOPICS, Topic.LEADER, preview=nothing)
+        tick(2, Topic.PLANT_STATE, Topic.LEADER, preview=nothing)
         await_values(rung="optimal", preview="missing", preview_age_s="nan")
         messages = tick_messages(3.0)
         messages[Topic.LEADER_PREVIEW].points[3].velocities = [-1.0]
@@ -129,12 +128,12 @@ def test_what_does_not_arrive_is_named_and_done_without() -> None:
         await_answer(bench, 3)
         await_values(rung="optimal", preview="missing")
 
-        # There is no tick to answer without a state; earlier messages of the bridge are kept.
-        bench.hear(tick_messages(4.0), *LINK)
+        # A preview alone is no tick to answer; it is kept.
+        bench.hear(tick_messages(4.0), Topic.LEADER_PREVIEW)
         reports = len(bench.reasons())
         bench.spin_until(lambda: len(bench.reasons()) >= reports + 2)
         assert len(bench.received[Topic.COMMAND]) == 4
-        bench.hear(tick_messages(4.0), *STATE_TOPICS)
+        bench.hear(tick_messages(4.0), Topic.PLANT_STATE, Topic.LEADER)
         await_answer(bench, 4)
         await_values(rung="optimal", reason="none", preview="full")
 
@@ -145,7 +144,7 @@ def test_inputs_are_waited_for_in_trip_time_too() -> None:
         bench.hear({Topic.SLOPE: encode_slope(ROAD)})
         bench.hear(tick_messages(0.0))
         for tick in range(3, 30, 3):
-            bench.hear(tick_messages(float(tick)), *STATE_TOPICS)
+            bench.hear(tick_messages(float(tick)), Topic.PLANT_STATE)
             pause_s = time.monotonic() + 0.03
             bench.spin_until(lambda pause_s=pause_s: time.monotonic() > pause_s)
         assert bench.stamps(Topic.COMMAND) == [0, 9, 18, 27]
@@ -154,11 +153,11 @@ def test_inputs_are_waited_for_in_trip_time_too() -> None:
 @pytest.mark.parametrize(
     ("topic", "field", "value", "complaint", "rung"),
     [
-        (Topic.PLANT_ODOMETRY, "twist.twist.linear.x", math.nan, "plant/odometry", Rung.STOP),
-        (Topic.PLANT_CELL_1_TEMPERATURE, "temperature", math.nan, "cell_1_temp", Rung.STOP),
-        (Topic.PLANT_POWERS, "name", ["a", "b", "c", "d", "e"], "plant/powers", Rung.STOP),
-        (Topic.PLANT_CAPACITY_LOSS, "position", [-0.1, 1e-3], "plant/capacity_loss", Rung.STOP),
-        (Topic.PLANT_CELL_N_TEMPERATURE, "temperature", 150.0, "cell_n_temp", Rung.SHIFTED_PLAN),
+        (Topic.PLANT_STATE, "position.1", math.nan, "plant/state: speed_m_s is nan", Rung.STOP),
+        (Topic.PLANT_STATE, "position.4", math.nan, "cell_1_temperature_k is nan", Rung.STOP),
+        (Topic.PLANT_STATE, "name.0", "a", "plant/state: missing position_m", Rung.STOP),
+        (Topic.PLANT_STATE, "position.6", -0.1, "cell_1_capacity_loss is -0.1", Rung.STOP),
+        (Topic.PLANT_STATE, "position.5", 423.15, "cell_n_temp", Rung.SHIFTED_PLAN),
         (Topic.LEADER, "pose.pose.position.x", math.nan, "v2x/leader", Rung.SHIFTED_PLAN),
     ],
 )
@@ -167,7 +166,11 @@ def test_malformed_messages_are_answered_and_named_and_forgotten(
 ) -> None:
     messages = tick_messages(503.0)
     *parents, name = field.split(".")
-    setattr(reduce(getattr, parents, messages[topic]), name, value)
+    holder = reduce(getattr, parents, messages[topic])
+    if name.isdecimal():
+        holder[int(name)] = value
+    else:
+        setattr(holder, name, value)
     driving.hear(messages)
     assert math.isfinite(await_answer(driving, 503).acceleration_m_s2)
     assert newest_record(driving).rung == rung
@@ -190,7 +193,7 @@ def test_a_new_trip_is_reported_for_three_ticks_and_late_messages_are_counted(
     assert_hears(driving, 8)
     answered = driving.stamps(Topic.COMMAND)
     driving.hear(tick_messages(4.0))
-    driving.spin_until(lambda: driving.values["late_messages"] == "8")
+    driving.spin_until(lambda: driving.values["late_messages"] == "3")
     assert driving.stamps(Topic.COMMAND) == answered
 
 
@@ -210,7 +213,6 @@ def test_a_limit_broken_for_long_is_a_warning_once() -> None:
 
 
 def test_a_burst_of_foreign_messages_fits_into_the_queues(fresh: NodeBench) -> None:
-    """Twenty foreign odometries overran the ten messages that a subscription kept."""
+    """Twenty foreign states overran the ten messages that a subscription kept."""
     depths = {each.topic_name: each.qos_profile.depth for each in fresh.node.subscriptions}
-    for topic in STATE_TOPICS:
-        assert depths[f"/{topic.value}"] >= LEAST_HISTORY
+    assert depths["/plant/state"] >= LEAST_HISTORY

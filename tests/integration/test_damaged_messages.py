@@ -22,11 +22,11 @@ from iptm_ros.codecs import encode_command, encode_slope
 from iptm_ros.diagnostics import status_values
 from iptm_ros.topics import Topic
 
-PLANT = {"duration_s": 1e6, "on_lost_controller": "wait", "expected_peers": 1}
+PLANT = {"duration_s": 1e6, "on_lost_controller": "wait"}
 NODES: dict[str, tuple[str, dict[str, object]]] = {
     "plant": ("iptm_plant_sim.node", PLANT),
     "controller": ("iptm_controller.node", {**SMALL, "input_timeout_s": 0.05}),
-    "v2x_bridge": ("iptm_v2x_bridge.node", {"expected_peers": 1}),
+    "v2x_bridge": ("iptm_v2x_bridge.node", {}),
 }
 ORDINARY_TICKS = 3
 BATCH = 1000

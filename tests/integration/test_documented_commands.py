@@ -275,7 +275,7 @@ def ring(files: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Plac
                 f"iptm_controller.node --ros-args {interpreted}",
                 f"iptm_controller.node --ros-args {interpreted} {car_1}",
                 f"iptm_plant_sim.node --ros-args {forever}",
-                f"iptm_plant_sim.node --ros-args -p start_paused:=true -p expected_peers:=0 {car_1}",
+                f"iptm_plant_sim.node --ros-args -p start_paused:=true {car_1}",
             )
         ]
         try:

@@ -46,7 +46,7 @@ def spinning(peer: Any) -> Iterator[None]:
 
 
 def test_services_of_a_plant_in_a_namespace(launcher: Any, ask: Ask) -> None:
-    parameters = {"cycle": "nycc", "expected_peers": 0, "start_paused": True}
+    parameters = {"cycle": "nycc", "start_paused": True}
     launcher.start_node("iptm_plant_sim.node", "-r", "__ns:=/car_1", parameters=parameters)
     assert ask(call, "plant")[:2] == (0, "pause\nreset\nresume\nsave_state\nstep\n")
     code, out, _ = ask(call, "car_1/plant", "pause")

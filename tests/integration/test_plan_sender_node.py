@@ -36,7 +36,7 @@ GAP_M = 15.0
 class VehicleAhead:
     """Publishes as plant and controller of `car_1`: it gains speed, and plans to continue."""
 
-    PUBLISHED = (Topic.CLOCK, Topic.PLANT_ODOMETRY, Topic.SOLVE, Topic.PLAN)
+    PUBLISHED = (Topic.CLOCK, Topic.PLANT_STATE, Topic.SOLVE, Topic.PLAN)
 
     def __init__(self, peer: Any, record: DecisionRecord) -> None:
         self._peer, self._record = peer, record
@@ -49,7 +49,11 @@ class VehicleAhead:
 
     def wait_for_listener(self) -> None:
         self._peer.wait_until(
-            lambda: all(p.get_subscription_count() == 1 for p in self._publishers.values()),
+            lambda: all(
+                publisher.get_subscription_count() == 1
+                for topic, publisher in self._publishers.items()
+                if topic is not Topic.CLOCK
+            ),
             what="the sender",
         )
 
@@ -57,8 +61,8 @@ class VehicleAhead:
         follows = second != NO_PLAN_AT
         place_m, speed_m_s = 0.5 * GAIN_M_S2 * second**2, GAIN_M_S2 * second
         state = VehicleState(float(second), place_m, speed_m_s, 0.0, 0.0, 298.0, 298.0, 0.0, 0.0)
-        odometry = plant_messages(state)[Topic.PLANT_ODOMETRY]
-        self._publishers[Topic.PLANT_ODOMETRY].publish(odometry)
+        message = plant_messages(state)[Topic.PLANT_STATE]
+        self._publishers[Topic.PLANT_STATE].publish(message)
         self._publishers[Topic.CLOCK].publish(Clock(clock=time_from_s(float(second))))
         times = second + PLAN_S
         flat = np.full(times.size, 298.0)
@@ -82,9 +86,7 @@ def test_the_vehicle_behind_knows_the_plan_of_the_one_ahead(
 ) -> None:
     """The one ahead has driven all of its ticks before the one behind begins."""
     port = free_port()
-    bridge = launcher.start_node(
-        BRIDGE, parameters={"leader_source": "cam", "cam_port": port, "expected_peers": 1}
-    )
+    bridge = launcher.start_node(BRIDGE, parameters={"leader_source": "cam", "cam_port": port})
     sender = launcher.start_node(
         SENDER,
         "-r",

@@ -23,13 +23,9 @@ from iptm_core.state import Command, FullChannelState, VehicleState
 from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_step import PlantStep
 from iptm_plant_sim.trip import Trip
-from iptm_ros.codecs import (
-    decode_powers,
-    decode_temperature,
-    decode_vehicle_state,
-    ns_from_time,
-)
+from iptm_ros.codecs import decode_observation, ns_from_time
 from iptm_ros.diagnostics import Level
+from iptm_ros.services import Service
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import Topic
 
@@ -49,8 +45,8 @@ def begin(plant: DrivenPlant) -> None:
 
 
 def as_seen(step: PlantStep) -> VehicleState:
-    """The state as it arrives: temperatures travel in degrees Celsius."""
-    return decode_vehicle_state(plant_messages(step.state, step.powers))
+    """The state as it arrives: of all cells the first and the last one."""
+    return decode_observation(plant_messages(step.state, step.powers)[Topic.PLANT_STATE]).state
 
 
 @pytest.mark.parametrize("thermal_model", list(ThermalModel))
@@ -67,7 +63,8 @@ def test_lock_step_follows_the_pure_plant_bit_for_bit(thermal_model: ThermalMode
         for tick in range(81):
             stamp_ns = tick * S
             assert node.state(stamp_ns) == as_seen(step), f"tick {tick}"
-            assert decode_powers(node.message(Topic.PLANT_POWERS, stamp_ns)) == step.powers
+            observed = decode_observation(node.message(Topic.PLANT_STATE, stamp_ns))
+            assert observed.powers == step.powers
             check_plots(node, stamp_ns, step)
             step = plant.advance(step.state, lively(tick))
         assert any(node.state(stamp).speed_m_s == 0.0 for stamp in node.ticks[20:])
@@ -79,7 +76,7 @@ def check_plots(node: DrivenPlant, stamp_ns: int, step: PlantStep) -> None:
         (Topic.PLANT_COOLANT_INLET_TEMPERATURE, step.coolant_inlet_temperature_k),
         (Topic.PLANT_COOLANT_OUTLET_TEMPERATURE, step.coolant_outlet_temperature_k),
     ):
-        found_k = decode_temperature(topic, node.message(topic, stamp_ns))
+        found_k = node.message(topic, stamp_ns).temperature + CELSIUS_ZERO_K
         assert found_k == pytest.approx(expected_k, abs=1e-12)
     battery = node.message(Topic.PLANT_BATTERY, stamp_ns)
     assert battery.current == pytest.approx(-step.pack_current_a, rel=1e-6)
@@ -95,15 +92,36 @@ def check_plots(node: DrivenPlant, stamp_ns: int, step: PlantStep) -> None:
     assert len(battery.cell_voltage) == len(cells_k)
 
 
-def test_waits_for_the_peers_and_names_what_they_lack() -> None:
-    with driven_plant(expected_peers=2) as plant:
-        waits = "waiting for peers on /plant/odometry, /clock"
-        plant.bench.spin_until(lambda: plant.bench.situation == (Level.WARN, waits))
+def test_the_first_state_is_offered_until_a_controller_answers_it() -> None:
+    with driven_plant(start_paused=False) as plant:
+        bench = plant.bench
+        bench.spin_until(lambda: "waiting for /controller/command" in bench.reasons())
         assert plant.ticks == []
-        for topic in (Topic.PLANT_ODOMETRY, Topic.CLOCK):
-            plant.peers.listen(topic, lambda _: None)
-        begin(plant)
-        assert plant.state(0).speed_m_s == 0.0
+        peers = SuiteNode("peers")
+        peers.advertise(Topic.COMMAND)
+        bench.spin_until(lambda: plant.ticks)
+        assert bench.situation == (Level.WARN, "waiting for the first answer of a controller")
+        before = len(plant.ticks)
+        peers.listen(Topic.CLOCK, lambda _: None)
+        bench.spin_until(lambda: len(plant.ticks) > before)  # whoever comes later gets it, too
+        assert set(plant.ticks) == {0}
+        plant.answer(1.0, Command(0.3, 0.0))
+        assert set(plant.ticks) == {0}
+        plant.answer(0.0, Command(0.3, 0.0))
+        assert plant.ticks[-1] == S
+        assert plant.state(S).acceleration_m_s2 == pytest.approx(0.3)
+        peers.destroy_node()
+
+
+def test_a_plant_that_starts_paused_publishes_nothing_before_it_is_resumed() -> None:
+    with driven_plant(start_paused=True) as plant:
+        bench = plant.bench
+        bench.spin_until(lambda: "waiting for plant/resume" in bench.reasons())
+        plant.answer(0.0, Command(0.3, 0.0))
+        assert plant.ticks == []
+        assert bench.call(Service.RESUME).message == "begins"
+        bench.spin_until(lambda: plant.ticks)
+        assert plant.ticks == [0]
 
 
 def test_only_the_command_of_the_present_tick_counts() -> None:
@@ -176,8 +194,9 @@ def test_a_controller_under_the_debugger_is_waited_for() -> None:
         plant.answer(17, Command(0.5, 0.0))
         plant.bench.spin_until(lambda: "stamps answer no state" in plant.bench.situation[1])
         plant.bench.spin_until(lambda: plant.ticks.count(2 * S) >= 3)
-        odometry = plant.bench.received[Topic.PLANT_ODOMETRY][2:]
-        assert odometry == odometry[:1] * len(odometry)
+        for received in (Topic.PLANT_STATE, Topic.PLANT_ODOMETRY):
+            repeated = plant.bench.received[received][2:]
+            assert all(str(each) == str(repeated[0]) for each in repeated)
         plant.answer(2, Command(0.5, 0.0))
         assert plant.bench.situation == RUNNING
         assert plant.ticks[-1] == 3 * S
@@ -199,8 +218,9 @@ def test_a_frozen_plant_reads_what_waits_before_it_judges() -> None:
 def test_a_second_controller_is_reported_when_both_answer() -> None:
     with driven_plant(command_timeout_wall_s=60.0) as plant:
         begin(plant)
-        second = SuiteNode("second")
-        second.advertise(Topic.COMMAND)
+        both = [SuiteNode(name) for name in ("first", "second")]
+        for node in both:
+            node.advertise(Topic.COMMAND)
         plant.bench.spin_until(lambda: plant.bench.node.count_publishers(Topic.COMMAND.value) == 2)
 
         def is_reported() -> bool:
@@ -211,7 +231,8 @@ def test_a_second_controller_is_reported_when_both_answer() -> None:
             return plant.bench.situation == reported
 
         plant.bench.spin_until(is_reported)
-        second.destroy_node()
+        for node in both:
+            node.destroy_node()
         plant.bench.spin_until(lambda: plant.bench.situation[0] is not Level.ERROR)
 
 
@@ -251,7 +272,7 @@ def test_real_time_stops_without_answers_and_recovers() -> None:
 def test_real_time_trip_ends_by_itself_with_or_without_a_controller(
     script: Script, exit_code: int
 ) -> None:
-    with driven_plant(**REAL_TIME, duration_s=10.0, expected_peers=0) as plant:
+    with driven_plant(**REAL_TIME, duration_s=10.0) as plant:
         plant.drive(script)
         assert plant.bench.node.exit_code == exit_code
         assert plant.ticks == [tick * S for tick in range(11)]
@@ -267,7 +288,7 @@ def test_shorter_period() -> None:
         assert plant.state(S).acceleration_m_s2 == pytest.approx(0.2)
 
 
-def test_real_time_without_any_peer_just_runs_and_a_second_plant_is_reported(
+def test_a_resumed_plant_needs_nobody_in_real_time_and_a_second_one_is_reported(
     launcher: Any, peer: Any
 ) -> None:
     """At once, not only when a killed process would have left the graph; both stop on a signal."""
@@ -275,10 +296,12 @@ def test_real_time_without_any_peer_just_runs_and_a_second_plant_is_reported(
     heard = {name: peer.statuses(f"/{name}") for name in names}
     ticks: list[int] = []
     peer.node.listen(Topic.CLOCK, lambda message: ticks.append(ns_from_time(message.clock)))
-    alone = {"mode": "real_time", "expected_peers": 0}
+    alone = {"mode": "real_time"}
     plants = [
         launcher.start_node(MODULE, "-r", f"__node:={name}", parameters=alone) for name in names
     ]
+    for name in names:
+        peer.call(f"/{name}/resume")
     for name in names:
         peer.wait_until(
             lambda name=name: any(

@@ -94,22 +94,6 @@ def test_nothing_is_lost_and_a_replay_is_recorded_alike(
     assert times_of(first) == times_of(tmp_path / "second")
 
 
-def test_the_recorder_is_counted_as_peer_only_when_it_hears_everybody(
-    peer: Any, record: Callable[..., Any]
-) -> None:
-    """Else the plant could start a trip whose first commands are not recorded."""
-    late = (Topic.COMMAND, Topic.PLAN, Topic.SOLVE)
-    publishers = {topic: peer.node.advertise(topic) for topic in TOPICS if topic not in late}
-    gate = publishers[Topic.CLOCK]
-    record("bag")
-    others = [p for t, p in publishers.items() if t not in (Topic.PLANT_ODOMETRY, Topic.CLOCK)]
-    peer.wait_until(lambda: all(p.get_subscription_count() for p in others), what="subscriptions")
-    assert gate.get_subscription_count() == 0
-    publishers.update((topic, peer.node.advertise(topic)) for topic in late)
-    peer.wait_until(gate.get_subscription_count, what="subscription to the clock")
-    assert all(publishers[topic].get_subscription_count() == 1 for topic in TOPICS)
-
-
 def test_topics_of_a_namespace_are_chosen_and_the_clock_with_them(
     peer: Any, record: Callable[..., Any], tmp_path: Path
 ) -> None:
@@ -169,10 +153,15 @@ def test_a_run_started_by_hand_keeps_its_parameters(
     recorder = record("bag", "--ros-args", *CAR)
     trip = {"cycle": "nycc", "duration_s": 10.0, "overrides": "body.mass_kg=1777"}
     solver = {"horizon": "3x1", "solver": "ipopt", "compile_code": False}
-    peers = {"expected_peers": 2}
-    plant = launcher.start_node("iptm_plant_sim.node", *CAR, parameters={**trip, **peers})
-    launcher.start_node("iptm_v2x_bridge.node", *CAR, parameters={"cycle": "nycc", **peers})
+    plant = launcher.start_node(
+        "iptm_plant_sim.node", *CAR, parameters={**trip, "start_paused": True}
+    )
+    launcher.start_node("iptm_v2x_bridge.node", *CAR, parameters={"cycle": "nycc"})
     launcher.start_node("iptm_controller.node", *CAR, parameters=solver)
+    launcher.start_module(
+        "iptm_ros.call", "/car_9/plant", "resume", "--timeout-s", "120",
+        "--connected", "plant,v2x_bridge,controller,recorder",
+    )  # fmt: skip
     assert plant.wait(120.0) == 0, plant.stderr
     assert recorder.stop() == 0
     with BagReader(tmp_path / "bag") as reader:

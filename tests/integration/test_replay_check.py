@@ -12,7 +12,7 @@ from iptm.runner.replay_inputs import OUTPUTS, read_recorded
 from iptm_core.errors import BagError, ScenarioError
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.bag_writer import BagWriter
-from iptm_ros.topics import TOPICS, Topic
+from iptm_ros.topics import TOPICS
 
 BAG = Path(__file__).resolve().parents[2] / "bags" / "example_us06_120s"
 CHANGES = {"controller": "body.mass_kg=1700", "plant": "aging.pre_exponential_factor=0.0033"}
@@ -26,9 +26,7 @@ def own_domain(ros_environment: dict[str, str]) -> None:
 @pytest.mark.parametrize("node", OUTPUTS)
 def test_the_example_bag_is_answered_as_recorded(node: str) -> None:
     comparison = check_node(BAG, node)
-    # The bag is older than this topic.
-    recorded = (topic for topic in OUTPUTS[node] if topic is not Topic.ROAD_AHEAD)
-    names = {f"/{TOPICS[topic].name.lstrip('/')}" for topic in recorded}
+    names = {f"/{TOPICS[topic].name.lstrip('/')}" for topic in OUTPUTS[node]}
     assert {outcome.topic.split(" ")[0] for outcome in comparison} == names
     for outcome in comparison:
         assert outcome.agrees, outcome.divergence_text() or outcome

@@ -50,7 +50,7 @@ def test_nodes_of_another_trip_in_the_domain_end_the_run_with_the_reason(
     pace = ("--mode", "real_time", "--rate-factor", "5")
     runner = launcher.start_module(MODULE, "demo", *pace, "--output", tmp_path / "run")
     wait_until(lambda: " of 120 s (" in runner.stdout, RUN_TIMEOUT_S, "the begin of the trip")
-    trip = {"mode": "real_time", "rate_factor": 200.0, "duration_s": 1800.0, "expected_peers": 1}
+    trip = {"mode": "real_time", "rate_factor": 200.0, "duration_s": 1800.0}
     launcher.start_node("iptm_plant_sim.node", parameters=trip)
     assert runner.wait(RUN_TIMEOUT_S) == 1
     assert " s of a trip of 120 s: nodes of another run take part" in runner.stderr

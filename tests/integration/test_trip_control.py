@@ -36,6 +36,7 @@ pytestmark = pytest.mark.usefixtures("ros_environment")
 def test_lock_step_pauses_steps_and_goes_on() -> None:
     with driven_plant(duration_s=60.0, start_paused=True, command_timeout_wall_s=0.5) as plant:
         bench = plant.bench
+        assert bench.call(Service.STEP).message == "leads to the first state"
         # The controller's answer is there, its timeout has long passed, and nothing moves.
         plant.drive(lively, lambda: len(plant.ticks) >= 3)
         assert set(plant.ticks) == {0}
@@ -95,7 +96,7 @@ def test_real_time_pauses_between_ticks_without_overruns() -> None:
 
 @pytest.mark.parametrize("service", [Service.STEP, Service.RESET])
 def test_a_request_that_does_not_fit_is_refused_in_a_sentence(service: Service) -> None:
-    with driven_plant(expected_peers=5) as plant:
+    with driven_plant(start_paused=False) as plant:
         answer = plant.bench.call(service)
     assert not answer.success
     assert "waiting" in answer.message
@@ -166,7 +167,7 @@ def test_the_nodes_sit_out_a_pause_and_repeat_a_trip_after_a_reset_and_from_save
     peer.node.listen(Topic.COMMAND, note)
     # Subscribed to after the commands: a node whose status arrives is matched for its commands as well.
     statuses = {name: peer.statuses(f"/{name}") for name in ("plant", "controller", "v2x_bridge")}
-    peer.node.listen(Topic.PLANT_ODOMETRY, lambda _: None)
+    peer.node.listen(Topic.PLANT_STATE, lambda _: None)
     peer.node.listen(Topic.CLOCK, lambda message: clocks.append(ns_from_time(message.clock)))
     states = {"state_folder": tmp_path / "states"}
     controller = {**states, "horizon": "2x1+2x5+2x30t", "compile_code": False}
@@ -176,10 +177,10 @@ def test_the_nodes_sit_out_a_pause_and_repeat_a_trip_after_a_reset_and_from_save
     # A command published before this node is matched would be lost to it.
     peer.wait_until(lambda: bool(statuses["controller"]), 60.0, "a status of the controller")
     nodes += [
-        # The recorder and the node of the test are two of the peers of bridge and plant.
-        launcher.start_node(BRIDGE, parameters={**LINK, "expected_peers": 2}),
-        launcher.start_node(PLANT, parameters={**plant, "expected_peers": 3}),
+        launcher.start_node(BRIDGE, parameters=LINK),
+        launcher.start_node(PLANT, parameters={**plant, "start_paused": True}),
     ]
+    peer.begin("plant", "v2x_bridge", "controller", "recorder")
     peer.wait_until(lambda: len(commands) > FIRST_TICKS, 120.0, "the trip under way")
     call(peer, Service.PAUSE)
     # Longer than the nodes wait for messages, by the plant's own count of its repeated states.
@@ -225,11 +226,12 @@ def test_the_nodes_sit_out_a_pause_and_repeat_a_trip_after_a_reset_and_from_save
         "a status of the new controller",
     )
     commands.clear()
-    link = {**LINK, "expected_peers": 1, "start_time_s": float(at)}
+    link = {**LINK, "start_time_s": float(at)}
     launcher.start_node(BRIDGE, parameters=link)
     launcher.start_node(
-        PLANT, parameters={**plant, "expected_peers": 2, "start_state": files["plant"]}
+        PLANT, parameters={**plant, "start_paused": True, "start_state": files["plant"]}
     )
+    peer.begin("plant", "v2x_bridge", "controller")
     peer.wait_until(lambda: last_ns in commands, 120.0, "the rest of the trip once more")
     for stamp_ns in range(saved_ns, last_ns + 1, S):
         assert commands[stamp_ns] == whole[stamp_ns], stamp_ns

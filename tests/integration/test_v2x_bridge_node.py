@@ -20,7 +20,6 @@ from iptm_ros.codecs import (
     time_from_s,
 )
 from iptm_ros.diagnostics import Level
-from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import TOPICS, Topic
 from iptm_v2x_bridge.node import BridgeNode
 
@@ -86,21 +85,6 @@ def test_diagnostics_count_dropouts_and_show_the_age() -> None:
         bridge.spin_until(lambda: bridge.values["dropouts"] == "2")
         assert bridge.values["preview_age_s"] == "inf"
         assert bridge.situation == (Level.WARN, "no prediction received yet")
-
-
-def test_first_answer_waits_for_all_expected_peers() -> None:
-    with bridge_bench(expected_peers=2) as bridge:
-        listeners = [SuiteNode(name) for name in ("first", "second")]
-        waits = (Level.WARN, "waiting for the expected peers")
-        for node in listeners:
-            bridge.hear(clock(0))
-            bridge.spin_until(lambda: bridge.situation == waits)
-            assert not bridge.received[Topic.LEADER_PREVIEW]
-            for topic in (Topic.LEADER, Topic.LEADER_PREVIEW):
-                node.listen(topic, lambda _: None)
-        bridge.spin_until(lambda: bridge.received[Topic.LEADER_PREVIEW])
-        for node in listeners:
-            node.destroy_node()
 
 
 def test_a_clock_is_answered_again_alike_and_a_new_trip_is_followed() -> None:

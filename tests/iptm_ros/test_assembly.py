@@ -76,9 +76,9 @@ def test_topics_are_those_of_the_same_trip() -> None:
     """A run that ended when the second trip had only been begun by one of the nodes."""
     states = [(tick * S, f"state {place}") for place, tick in enumerate((*range(31), 0, 1))]
     leaders = [(tick * S, f"leader {tick}") for tick in range(31)]
-    found = last_trip({Topic.PLANT_ODOMETRY: states, Topic.LEADER: leaders})
-    assert list(found[Topic.PLANT_ODOMETRY]) == list(found[Topic.LEADER])
-    assert found[Topic.PLANT_ODOMETRY][S] == "state 1"
+    found = last_trip({Topic.PLANT_STATE: states, Topic.LEADER: leaders})
+    assert list(found[Topic.PLANT_STATE]) == list(found[Topic.LEADER])
+    assert found[Topic.PLANT_STATE][S] == "state 1"
 
 
 def test_a_clock_that_jumps_at_one_node_begins_no_trip() -> None:
@@ -86,12 +86,12 @@ def test_a_clock_that_jumps_at_one_node_begins_no_trip() -> None:
     states = [(tick * S, "state") for tick in range(101)]
     ticks = (*range(61), *range(161, 170), *range(70, 101))
     leaders = [(tick * S, f"leader {tick}") for tick in ticks]
-    found = last_trip({Topic.PLANT_ODOMETRY: states, Topic.LEADER: leaders})
-    assert list(found[Topic.PLANT_ODOMETRY]) == [tick * S for tick in range(101)]
-    known = found[Topic.LEADER].keys() & found[Topic.PLANT_ODOMETRY].keys()
+    found = last_trip({Topic.PLANT_STATE: states, Topic.LEADER: leaders})
+    assert list(found[Topic.PLANT_STATE]) == [tick * S for tick in range(101)]
+    known = found[Topic.LEADER].keys() & found[Topic.PLANT_STATE].keys()
     assert known == {tick * S for tick in (*range(61), *range(70, 101))}
     second = [*states, (0, "again"), *((tick * S, "again") for tick in range(1, 31))]
     answers = [*leaders, *((tick * S, f"again {tick}") for tick in range(31))]
-    found = last_trip({Topic.PLANT_ODOMETRY: second, Topic.LEADER: answers})
+    found = last_trip({Topic.PLANT_STATE: second, Topic.LEADER: answers})
     assert found[Topic.LEADER][7 * S] == "again 7"
-    assert len(found[Topic.PLANT_ODOMETRY]) == 31
+    assert len(found[Topic.PLANT_STATE]) == 31

@@ -14,7 +14,6 @@ from iptm_ros.codecs import (
     encode_command,
     encode_decision_record,
 )
-from iptm_ros.topics import FIELD_ALIASES
 
 RECORD = DecisionRecord(
     status=SolveStatus.ITERATION_LIMIT,
@@ -76,15 +75,6 @@ def test_empty_message_is_refused() -> None:
 
 def test_record_of_a_decision_round_trip() -> None:
     assert decode_decision_record(encode_decision_record(5, RECORD)) == RECORD
-
-
-def test_former_names_of_older_bags_are_read() -> None:
-    record = replace(RECORD, cell_1_marginal_cost_1_k=1.5, temperature_decay_time_s=400.0)
-    message = encode_decision_record(5, record)
-    former = {present: name for name, present in FIELD_ALIASES.items()}
-    message.name = [former.get(name, name) for name in message.name]
-    assert "kelvin_lasts_s" in message.name
-    assert decode_decision_record(message) == record
 
 
 def test_failed_solve_is_a_value() -> None:

@@ -100,7 +100,7 @@ def test_clients_get_the_bytes_of_the_bag_and_can_decode_them(
     server: FoxgloveServer, bag: Path
 ) -> None:
     with BagReader(bag) as reader:
-        messages = list(reader.raw_messages(["/plant/powers", "/v2x/leader"]))[:40]
+        messages = list(reader.raw_messages(["/plant/state", "/v2x/leader"]))[:40]
     types = {message.topic: message.type_name for message in messages}
     for topic, type_name in types.items():
         server.offer(topic, type_name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from iptm.runner.composition import (
     parameter_file_text,
     recorder_command,
     run_information,
+    trip_members,
 )
 from iptm.runner.scenario import Scenario, prepare
 from iptm_controller.node_parameters import ControllerNodeParameters
@@ -67,20 +69,17 @@ def test_the_road_of_a_plan_need_be_as_long_as_the_trip_only() -> None:
     assert bridge.trip_route(bridge.initial_gap_m).road_line.length_m < 6000.0
 
 
-@pytest.mark.parametrize(
-    ("listeners", "plant", "bridge"),
-    [
-        ({}, 3, 2),
-        ({"recorder": False}, 2, 1),
-        ({"to_state": 2, "to_preview": 1}, 5, 3),
-    ],
-)
-def test_all_listeners_are_counted(
-    scenario: Scenario, listeners: dict[str, int], plant: int, bridge: int
-) -> None:
-    parameters = node_parameters(scenario, **listeners)
-    assert parameters[PLANT]["expected_peers"] == plant
-    assert parameters[BRIDGE]["expected_peers"] == bridge
+def test_the_trip_waits_for_its_own_nodes_and_those_of_its_neighbours(scenario: Scenario) -> None:
+    assert node_parameters(scenario)[PLANT]["start_paused"] is True
+    assert trip_members(scenario, recorder=True) == (
+        "/plant", "/v2x_bridge", "/controller", "/recorder"
+    )  # fmt: skip
+    own = replace(scenario, foreign=frozenset({CONTROLLER}), namespace="/car_2")
+    neighbours = {PLANT: {"vehicle_ahead": "/car_1", "vehicle_behind": ""}}
+    second = replace(own, node_parameters=neighbours)
+    assert trip_members(second, recorder=False) == (
+        "/car_2/plant", "/car_2/v2x_bridge", "/car_1/plant", "/car_1/v2x_bridge", "/car_1/controller"
+    )  # fmt: skip
 
 
 def test_ros_reads_parameter_files_as_they_are_meant(tmp_path: Path) -> None:

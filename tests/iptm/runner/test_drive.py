@@ -20,6 +20,7 @@ def drive_of(
     processes: tuple[str, ...], plant_code: int, snapshot: Snapshot | None = None
 ) -> Drive:
     """Return a drive whose plant has ended and whose monitor has heard no message."""
+    meeting = SimpleNamespace(absent=(), missing=())
     nothing: Any = SimpleNamespace(
         first_clock_s=None if snapshot is None else 0.0,
         last_clock_s=None,
@@ -29,6 +30,8 @@ def drive_of(
         message_count=0,
         plant_reason="",
         awaited_nodes=(),
+        deaf_nodes=(),
+        start_signal=SimpleNamespace(give=lambda: False, meeting=meeting),
         crowded_topics=("clock",) if snapshot else (),
         newest_stamp_ns=lambda _: None,
         snapshot=lambda: snapshot,

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
 from tests.iptm.runner.conftest import with_metrics
 
 from iptm.runner.evaluation import RosRun, evaluate, results_json
@@ -72,14 +74,14 @@ def test_of_several_messages_of_a_stamp_the_last_one_counts_with_and_without_a_b
 
 
 def test_missed_messages_are_counted(scenario: Scenario, heard: Heard) -> None:
-    del heard[Topic.PLANT_POWERS][4]
+    del heard[Topic.PLANT_STATE][4]
     del heard[Topic.LEADER][9]
     run = judge(scenario, heard, None)
     assert run.problems == ("the runner missed messages of 1 ticks",)
     assert len(run.trajectory) == 20
     assert any("v2x/leader is missing at 1 ticks" in note for note in run.warnings)
-    heard[Topic.PLANT_ODOMETRY].clear()
-    with pytest.raises(MessageError, match="no tick is complete"):
+    heard[Topic.PLANT_STATE].clear()
+    with pytest.raises(MessageError, match="no message of plant/state"):
         judge(scenario, heard, None)
 
 
@@ -87,29 +89,37 @@ def test_what_only_the_runner_missed_is_no_problem(
     scenario: Scenario, heard: Heard, write_bag: Write, tmp_path: Path
 ) -> None:
     bag = write_bag(tmp_path / "bag")
-    del heard[Topic.PLANT_ODOMETRY][5]
+    del heard[Topic.PLANT_STATE][5]
     results = judge(scenario, heard, bag)
     assert results.problems == ()
     assert any("missed 1 states" in note for note in results.warnings)
+
+
+def without_coolant(data: bytes) -> bytes:
+    """Leave a value out of a state."""
+    message = deserialize_message(data, JointState)
+    place = list(message.name).index("coolant_inlet_temperature_k")
+    message.name = [*message.name[:place], *message.name[place + 1 :]]
+    message.position = [*message.position[:place], *message.position[place + 1 :]]
+    return serialized(message)
 
 
 def test_figures_are_those_of_what_was_published_and_the_rest_is_named(
     scenario: Scenario, heard: Heard
 ) -> None:
     """As from a plant of the user's; before, one missing topic left no figure at all."""
-    for topic in (Topic.PLANT_COOLANT_INLET_TEMPERATURE, Topic.PLANT_CAPACITY_LOSS, Topic.LEADER):
-        heard[topic].clear()
+    heard[Topic.LEADER].clear()
+    heard[Topic.PLANT_STATE] = [without_coolant(data) for data in heard[Topic.PLANT_STATE]]
     results = judge(scenario, heard, None)
     values = figure_values(results.metrics)
     assert values["battery_energy"] > 0.0
     assert values["cell_1_temperature_mean"] > 20.0
-    absent = {"cell_1_degradation", "total_degradation", "smallest_gap", "smallest_margin"}
+    absent = {"smallest_gap", "smallest_margin"}
     assert not absent & values.keys()
     assert not any("gap" in key for key in values if key != "gap_violations")
     assert [note.partition(" was not")[0] for note in results.warnings] == [
-        "plant/coolant_inlet_temperature", "plant/capacity_loss", "v2x/leader",
+        "leader_position_m", "coolant_inlet_temperature_k",
     ]  # fmt: skip
-    assert json.loads(results_json(results))["summary"]["aging_ppm"] is None
     assert dict(results.headline.lines)["margin"] == "smallest gap –"
 
 
@@ -152,9 +162,9 @@ def test_a_run_that_was_not_recorded_is_judged_by_what_was_heard(
         ((Topic.COMMAND, 3), None),
         ((Topic.LEADER_PREVIEW, 4), "the bag holds 20 messages of v2x/leader_preview, 21 are"),
         ((Topic.CLOCK, 4), "the bag holds 20 messages of clock, 21 are needed"),
-        ((Topic.PLANT_SAFETY, 4), "the bag holds 20 messages of plant/safety_monitor, 21 are"),
-        ((Topic.PLANT_ODOMETRY, 0), "the run covers 1 s to 20 s of a trip of 20 s"),
-        ((Topic.PLANT_ODOMETRY, 20), "the bag lacks 1 states that the runner received"),
+        ((Topic.PLANT_BATTERY, 4), "the bag holds 20 messages of plant/battery, 21 are"),
+        ((Topic.PLANT_STATE, 0), "the run covers 1 s to 20 s of a trip of 20 s"),
+        ((Topic.PLANT_STATE, 20), "the bag lacks 1 states that the runner received"),
         ((Topic.SOLVE, 20), None),
     ],
 )
@@ -175,10 +185,9 @@ def test_an_incomplete_bag_is_a_problem(
 def test_a_bag_with_a_gap_cannot_be_judged(
     scenario: Scenario, heard: Heard, write_bag: Write, tmp_path: Path
 ) -> None:
-    for topic in (Topic.PLANT_POWERS, Topic.PLANT_BATTERY):
-        bag = write_bag(tmp_path / topic.name, (topic, 7))
-        with pytest.raises(BagError, match=f"lacks {topic.value} at 7 s"):
-            judge(scenario, heard, bag)
+    bag = write_bag(tmp_path / "bag", (Topic.PLANT_STATE, 7))
+    with pytest.raises(BagError, match="lacks plant/state at 7 s"):
+        judge(scenario, heard, bag)
 
 
 def test_a_run_that_is_too_short_is_a_problem(scenario: Scenario, heard: Heard) -> None:

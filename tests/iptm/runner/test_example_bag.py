@@ -13,13 +13,11 @@ from iptm_core.metrics import compute_metrics, figure_values
 from iptm_core.parameters.strict_yaml import parse_yaml
 from iptm_ros.recording.bag_reader import BagReader, read_model_parameters
 from iptm_ros.recording.trajectory_reader import read_decisions, read_trajectory
-from iptm_ros.topics import TOPICS, Topic
+from iptm_ros.topics import TOPICS
 
 BAGS = Path(__file__).resolve().parents[3] / "bags"
 EXAMPLES = sorted(BAGS.glob("example_*"))
 LARGEST_BYTES = 1_100_000
-LATER = (Topic.ROAD_AHEAD,)
-"""Topics that the examples are older than."""
 
 
 def test_there_is_an_example() -> None:
@@ -45,14 +43,11 @@ def test_an_example_is_small_and_complete(bag: Path) -> None:
         types = {name: topic.type_name for name, topic in reader.topics.items()}
         information = reader.run_information()
     for spec in TOPICS.values():
-        if spec.on_request or spec.topic in LATER:
+        if spec.on_request:
             continue
         name = spec.name if spec.name.startswith("/") else f"/{spec.name}"
         assert types[name] == spec.type_name
     # The scenario in the bag is enough to drive it again.
     content = parse_yaml(information.extra["scenario_file"], "scenario in the bag")
-    content["overrides"] = content.pop(
-        "parameter_overrides"
-    )  # as it was named when this was recorded
     again = prepare(scenario_from(content, "bag", information.scenario, bag))
     assert again.vehicle.values == read_model_parameters(bag)[0]

@@ -129,7 +129,7 @@ def test_the_launch_file_starts_what_the_packages_install(launch_stubs: list[Rec
     module["generate_launch_description"]()
     nodes = of_class(launch_stubs, "Node")
     started = {(node.named["package"], node.named["executable"]) for node in nodes}
-    assert len(started) == 4
+    assert len(started) == 5
     assert started <= executables()
 
 
@@ -148,12 +148,12 @@ def test_the_launch_file_sets_parameters_and_arguments_that_exist(
         assert argument.named["description"]
         assert choices is None or argument.named["default_value"] in choices
     for node in of_class(launch_stubs, "Node"):
-        name = node.named["name"]
+        name = node.named.get("name")
         if name not in NODES:
             continue
         specs = {spec.name: spec for spec in parameter_specs(NODES[name])}
         for key, value in node.named["parameters"][1].items():
-            if key == "use_sim_time":
+            if key in {"use_sim_time", "start_paused"}:
                 continue
             assert specs[key].kind is value.named["value_type"], key
             if key in module["ARGUMENTS"]:
@@ -172,7 +172,8 @@ class Loop:
         module = runpy.run_path(str(LAUNCH / "closed_loop.launch.py"))
         module["generate_launch_description"]()
         own = made[first:]
-        self.nodes = of_class(own, "Node")
+        nodes = of_class(own, "Node")
+        self.nodes = [node for node in nodes if node.named["executable"] != "call"]
         self.handlers = {
             id(handler.named["target_action"]): handler.named["on_exit"]
             for handler in of_class(own, "OnProcessExit")
@@ -236,6 +237,17 @@ def test_a_dead_vehicle_of_a_string_fails_the_launch_after_all_others(
         cars[1].end(place)
     with pytest.raises(RuntimeError, match="car_1-0 ended with exit code -9"):
         end.on_exit(SimpleNamespace(returncode=0, process_name="car_2"), driving)
+
+
+@needs_sources
+@pytest.mark.usefixtures("launch_stubs")
+def test_a_loop_that_is_not_begun_fails_the_launch() -> None:
+    module = runpy.run_path(str(LAUNCH / "closed_loop.launch.py"))
+    end = module["LoopEnd"].on_start_signal
+    driving = SimpleNamespace(is_shutdown=False)
+    end(SimpleNamespace(returncode=0, process_name="call-5"), driving)
+    with pytest.raises(RuntimeError, match="call-5 ended with exit code 2"):
+        end(SimpleNamespace(returncode=2, process_name="call-5"), driving)
 
 
 @needs_sources

@@ -184,7 +184,7 @@ def test_a_bag_that_cannot_be_exported_leaves_no_file(
     file.write_bytes(file.read_bytes()[:-100])
     for arguments, message in (
         ([str(bag)], "recover_bag"),
-        ([str(small_bag)], "no topic 'plant/odometry'"),
+        ([str(small_bag)], "no topic 'plant/state'"),
         ([str(small_bag), "--topic", "/c"], "no topic '/c'"),
     ):
         assert main([*arguments, "-o", str(tmp_path / "x.parquet")]) == 2

@@ -64,6 +64,8 @@ NEIGHBOURS = {
     if spec.name in {"vehicle_ahead", "vehicle_behind"}
 }
 
+START_TIMEOUT_S = 660.0
+"""For two compilations at a first start."""
 TRUTH_VALUES = ["true", "false", "True", "False"]
 DEFAULT_GAP_M = load_parameters().values.gap.initial_gap_m
 # Argument -> default, description.
@@ -157,6 +159,15 @@ class LoopEnd:
             for other in others
         ]
 
+    @staticmethod
+    def on_start_signal(event, context) -> None:
+        """Fail where the trip could not be begun."""
+        if event.returncode and not context.is_shutdown:
+            raise RuntimeError(
+                f"the trip did not begin: {event.process_name} ended with exit code "
+                f"{event.returncode}"
+            )
+
 
 def choices_of(name: str) -> list[str] | None:
     """Return what an argument may be, None where that is not a list."""
@@ -169,10 +180,6 @@ def choices_of(name: str) -> list[str] | None:
 def generate_launch_description() -> LaunchDescription:
     """Return the arguments and the processes."""
     record = LaunchConfiguration("record")
-    # The recorder is a listener more that plant and bridge wait for before the first message.
-    peers = ParameterValue(
-        PythonExpression(["2 if '", record, "'.lower() == 'true' else 1"]), value_type=int
-    )
     clock = LaunchConfiguration("clock")
     common = {
         "namespace": LaunchConfiguration("namespace"),
@@ -198,8 +205,8 @@ def generate_launch_description() -> LaunchDescription:
             for key, kind in PARAMETERS[name].items()
         }
         parameters["use_sim_time"] = sim_time
-        if name != CONTROLLER:
-            parameters["expected_peers"] = peers
+        if name == PLANT:
+            parameters["start_paused"] = True
         processes.append(
             Node(
                 package=package,
@@ -219,6 +226,22 @@ def generate_launch_description() -> LaunchDescription:
             **common,
         )
     )
+    namespace, recorded = LaunchConfiguration("namespace"), ["'", record, "'.lower() == 'true'"]
+    start = Node(
+        package="iptm_ros",
+        executable="call",
+        arguments=[
+            PythonExpression(["'/' + '", namespace, "'.strip('/') + '/plant'"]),
+            "resume",
+            "--connected",
+            PythonExpression(
+                ["'plant,v2x_bridge,controller' + (',recorder' if ", *recorded, " else '')"]
+            ),
+            "--timeout-s",
+            str(START_TIMEOUT_S),
+        ],
+        output="screen",
+    )
     # Not `Shutdown`, which would end the other vehicles of a launch, too.
     endings = [
         RegisterEventHandler(
@@ -226,6 +249,9 @@ def generate_launch_description() -> LaunchDescription:
         )
         for process in processes
     ]
+    endings.append(
+        RegisterEventHandler(OnProcessExit(target_action=start, on_exit=end.on_start_signal))
+    )
     scenario, *others = actions
     return LaunchDescription(
         [
@@ -235,5 +261,6 @@ def generate_launch_description() -> LaunchDescription:
             OpaqueFunction(function=end.prepare),
             *endings,
             *processes,
+            start,
         ]
     )

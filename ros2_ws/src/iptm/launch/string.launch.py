@@ -64,7 +64,7 @@ def loops(context: LaunchContext) -> list[RegisterEventHandler | GroupAction]:
         vehicle_length_m(given["leader_length_m"], "leader_length_m"),
     )
     record = context.launch_configurations.get("record", "false").lower() == "true"
-    end = StringEnd(len(vehicles) * (len(NODES) + record))
+    end = StringEnd(len(vehicles) * (len(NODES) + record + 1))  # 1: the start signal
     actions = [RegisterEventHandler(OnProcessExit(on_exit=end.on_exit))]
     for vehicle in vehicles:
         arguments = {

@@ -23,7 +23,7 @@ from iptm_controller.node_reports import (
     road_warning,
     situation,
 )
-from iptm_controller.node_ticks import TICK_INPUTS, CatchUp, CompleteTick
+from iptm_controller.node_ticks import OTHER_INPUTS, CatchUp, CompleteTick
 from iptm_controller.node_watch import OperatorWatch
 from iptm_core.errors import MessageError, ServiceError
 from iptm_core.road_ahead import RoadAhead
@@ -32,9 +32,9 @@ from iptm_core.state import NS_PER_S, LeaderPreview, LeaderState, SlopePreview, 
 from iptm_ros.codecs import (
     decode_leader,
     decode_leader_preview_bytes,
+    decode_observation,
     decode_road_ahead,
     decode_slope,
-    decode_vehicle_state,
     encode_command,
     encode_decision_record,
     encode_plan_bytes,
@@ -47,7 +47,7 @@ from iptm_ros.parameters import declare_parameters
 from iptm_ros.services import Service, state_path
 from iptm_ros.stamp_matcher import MatchedSet, StampMatcher, Verdict
 from iptm_ros.suite_node import SuiteNode
-from iptm_ros.topics import CONTROLLER, STATE_TOPICS, TOPICS, Topic
+from iptm_ros.topics import CONTROLLER, TOPICS, Topic
 
 CHECKS_PER_TIMEOUT = 5.0
 FLAT_ROAD = SlopePreview(np.zeros(1), np.zeros(1))
@@ -78,7 +78,9 @@ class ControllerNode(SuiteNode):
         self._trip_before = (self._controller.memory, self._watch)
         self._slope: SlopePreview | None = None
         self._slope_fault = ""
-        self._matcher = StampMatcher(TICK_INPUTS, STATE_TOPICS, is_complete=CompleteTick(self))
+        self._matcher = StampMatcher(
+            Topic.PLANT_STATE, OTHER_INPUTS, is_complete=CompleteTick(self)
+        )
         self._waiting_since_s: float | None = None
         self._unanswered_since_s: float | None = None
         self._held: MatchedSet[Topic] | None = None
@@ -97,9 +99,9 @@ class ControllerNode(SuiteNode):
         self.listen(road, partial(self._on_decoded, road, decode_road_ahead))
         read_preview = partial(self._on_decoded, preview, decode_leader_preview_bytes)
         self.listen(preview, read_preview, raw=True)
-        for topic in (Topic.LEADER, *STATE_TOPICS):
+        for topic in (Topic.LEADER, Topic.PLANT_STATE):
             self.listen(topic, partial(self._on_stamped, topic))
-        self.watch_peers(Topic.PLANT_ODOMETRY, Topic.LEADER, Topic.COMMAND)
+        self.watch_peers(Topic.PLANT_STATE, Topic.LEADER, Topic.COMMAND)
         self._watchdog = Watchdog(PLANT_TIMEOUT_S, lambda _: self._report()).attach(self)
         self.every(self._options.input_timeout_s / CHECKS_PER_TIMEOUT, self._check_inputs)
         self.every(REPORT_PERIOD_S, self._report)
@@ -139,15 +141,17 @@ class ControllerNode(SuiteNode):
             self.health.note_contradiction(TOPICS[topic].publisher)
         if matched is not None:
             self._on_matched(matched)
-        elif topic in STATE_TOPICS:
+            return
+        is_state = topic is Topic.PLANT_STATE
+        if is_state:
             self._watchdog.feed()
-            if stamp_ns != self._matcher.last_ns:
-                self._await_inputs()
+        if stamp_ns != self._matcher.last_ns:
+            self._await_inputs(is_state=is_state)
 
-    def _await_inputs(self) -> None:
-        """Begin or end the wait for the rest of a tick, as a part of its state has arrived."""
+    def _await_inputs(self, *, is_state: bool) -> None:
+        """Begin or end the wait for the rest of a tick, a part of which has arrived."""
         now_s = self.awake.now_s()
-        if self._unanswered_since_s is None:
+        if is_state and self._unanswered_since_s is None:
             self._unanswered_since_s = now_s
         if not self._matcher.is_waiting:
             return
@@ -304,12 +308,11 @@ def read_measurements(values: Mapping[Topic, Any], slope: SlopePreview | None) -
     road: RoadAhead | None = values.get(Topic.ROAD_AHEAD)
     state: VehicleState | None = None
     leader: LeaderState | None = None
-    missing = [topic.value for topic in STATE_TOPICS if topic not in values]
     try:
-        if missing:
-            faults.append(f"no {', '.join(missing)} received")
+        if Topic.PLANT_STATE in values:
+            state = decode_observation(values[Topic.PLANT_STATE]).state
         else:
-            state = decode_vehicle_state(values)
+            faults.append(f"no {Topic.PLANT_STATE.value} received")
     except MessageError as error:
         faults.append(str(error))
     try:

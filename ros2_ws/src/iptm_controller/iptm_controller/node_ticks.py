@@ -11,20 +11,21 @@ from typing import Any
 from iptm_core.road_ahead import RoadAhead
 from iptm_ros.stamp_matcher import MatchedSet
 from iptm_ros.suite_node import SuiteNode
-from iptm_ros.topics import STATE_TOPICS, Topic
+from iptm_ros.topics import Topic
 
 SLOW_DECISION_S = 0.05
 WAITED_SHARE = 0.5
 """A tick that is complete within this share of the time of a slow decision after it has waited for it."""
 CATCH_UP_S = 0.002
-TICK_INPUTS = (*STATE_TOPICS, Topic.LEADER_PREVIEW, Topic.ROAD_AHEAD, Topic.LEADER)
+OTHER_INPUTS = (Topic.LEADER_PREVIEW, Topic.ROAD_AHEAD, Topic.LEADER)
+"""What a decision takes besides the state."""
 
 
 class CompleteTick:
     """Determines whether all messages of a tick have arrived.
 
-    The road ahead states whether there is a leader to wait for. Bridges of earlier versions, and their bags,
-    have no such topic; then there always is.
+    The road ahead states whether there is a leader to wait for. Without such a topic, as of a bridge of the
+    user's, there always is.
     """
 
     def __init__(self, node: SuiteNode) -> None:
@@ -34,7 +35,7 @@ class CompleteTick:
 
     def __call__(self, values: Mapping[Topic, Any]) -> bool:
         """Return whether a tick with these messages can be decided."""
-        if Topic.LEADER_PREVIEW not in values or any(each not in values for each in STATE_TOPICS):
+        if not {Topic.PLANT_STATE, Topic.LEADER_PREVIEW} <= values.keys():
             return False
         road: RoadAhead | None = values.get(Topic.ROAD_AHEAD)
         if road is not None:

@@ -61,6 +61,9 @@ class PlantNode(TripNode):
     def _resume(self) -> str:
         self._refuse_in(TripPhase.FINISHED)
         self._pause_due = False
+        if self._phase is TripPhase.WAITING:
+            self._is_start_due = True
+            return "begins"
         if self._phase is not TripPhase.PAUSED:
             return "not paused"
         at = self._at()
@@ -76,6 +79,9 @@ class PlantNode(TripNode):
         return f"goes on from {at}"
 
     def _step(self) -> str:
+        if self._phase is TripPhase.WAITING and self._options.start_paused:
+            self._is_start_due = self._pause_due = True
+            return "leads to the first state"
         if self._phase is not TripPhase.PAUSED:
             raise ServiceError(f"the trip is {self._phase.value}; allowed: a step of a paused one")
         at = self._at()
@@ -155,7 +161,7 @@ class PlantNode(TripNode):
     def _situation(self) -> tuple[Level, str]:
         if self._phase is TripPhase.WAITING:
             names = ", ".join(self._awaited)
-            return Level.WARN, f"waiting for peers on {names}" if names else "waiting for peers"
+            return Level.WARN, f"waiting for {names or 'the first answer of a controller'}"
         if self._phase is TripPhase.FINISHED:
             return self._outcome()
         if self._phase is TripPhase.PAUSED:

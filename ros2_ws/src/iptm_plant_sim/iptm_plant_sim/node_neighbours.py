@@ -1,10 +1,9 @@
-"""Who has to be there before the plant begins, and what keeps a vehicle in step with its neighbours."""
+"""What keeps a vehicle of a string in step with its neighbours."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
-from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
@@ -15,7 +14,7 @@ from iptm_plant_sim.node_parameters import PlantNodeParameters
 from iptm_ros.codecs import ns_from_time, stamp_ns_of
 from iptm_ros.node_health import VehiclePresence
 from iptm_ros.suite_node import SuiteNode
-from iptm_ros.topics import PEER_TOPICS, STATE_TOPICS, Topic, topic_of
+from iptm_ros.topics import Topic, topic_of
 
 
 class Neighbours:
@@ -56,11 +55,6 @@ class Neighbours:
         """Whether the plant's command is there, but not the consent of its neighbours."""
         return self._held is not None
 
-    @property
-    def listeners(self) -> dict[Topic, int]:
-        """Subscribers that the neighbours are, by topic: to be waited for before the first state."""
-        return {Topic.PLANT_ODOMETRY: bool(self._behind), Topic.CLOCK: bool(self._ahead)}
-
     def missing(self, time_ns: int) -> tuple[str, ...]:
         """Return the topics that must advance before the state of an instant may be published."""
         found = []
@@ -99,24 +93,3 @@ class Neighbours:
         if not self.missing(ns_from_time(held.header.stamp) + self._period_ns):
             self._held = None
             self._take(held)
-
-
-def missing_subscribers(
-    publishers: Mapping[Topic, Publisher], expected_peers: int, others: Mapping[Topic, int]
-) -> tuple[str, ...]:
-    """Return the topics of the plant that not everyone expected listens to yet.
-
-    Args:
-        expected_peers: subscribers of odometry and clock to wait for; 0 does not wait.
-        others: further subscribers of these two.
-    """
-    if expected_peers == 0:
-        return ()
-    # A command depends on the whole state, so each topic needs a subscriber.
-    needed = dict.fromkeys(STATE_TOPICS, 1)
-    needed |= {topic: expected_peers + others[topic] for topic in PEER_TOPICS}
-    return tuple(
-        publishers[topic].topic_name
-        for topic, count in needed.items()
-        if publishers[topic].get_subscription_count() < count
-    )

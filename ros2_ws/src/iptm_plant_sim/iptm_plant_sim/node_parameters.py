@@ -51,15 +51,10 @@ class PlantNodeParameters(
     """Parameters of the node: those of the groups, the last of the bases first, and its own."""
 
     vehicle_ahead: str = declared(VehicleAheadSettings, "vehicle_ahead")
-    expected_peers: int = parameter(
-        1,
-        "subscribers of plant/odometry and of clock to wait for before the start, 0 for none",
-        "",
-        0,
-        100,
-    )
     start_paused: bool = parameter(
-        default=False, description="pause at the first state, until the service plant/resume"
+        default=False,
+        description="publish nothing before the service plant/resume, or plant/step, which leads to the "
+        "first state; else the trip begins when a controller answers that state",
     )
     at_end: str = parameter(
         EXIT,

@@ -12,7 +12,7 @@ from sensor_msgs.msg import JointState
 from iptm_core.errors import IptmError, MessageError, PackEmptyError
 from iptm_core.settings import LoopMode, LostController
 from iptm_core.state import Command
-from iptm_plant_sim.node_neighbours import Neighbours, missing_subscribers
+from iptm_plant_sim.node_neighbours import Neighbours
 from iptm_plant_sim.node_parameters import WAIT, PlantNodeParameters
 from iptm_plant_sim.node_range_sensor import NodeRangeSensor
 from iptm_plant_sim.plant_step import battery_reading
@@ -35,7 +35,7 @@ from iptm_ros.topics import TOPICS, Topic
 EXIT_CONTROLLER_LOST = 3
 EXIT_PACK_EMPTY = 4
 
-MATCHING_PERIOD_S = 0.02
+START_PERIOD_S = 0.02
 CHECKS_PER_REPEAT = 5.0
 STOP_TICK_WALL_S = 0.1
 """Wall time per tick of the controlled stop in lock-step: it does not wait for the controller, but is slow
@@ -51,11 +51,9 @@ PUBLISHED = (
     Topic.PLANT_COOLANT_INLET_TEMPERATURE,
     Topic.PLANT_COOLANT_OUTLET_TEMPERATURE,
     Topic.PLANT_BATTERY,
-    Topic.PLANT_POWERS,
-    Topic.PLANT_SAFETY,
-    Topic.PLANT_CAPACITY_LOSS,
     Topic.PLANT_ACCELERATION,
     Topic.PLANT_ODOMETRY,
+    Topic.PLANT_STATE,
 )
 """Topics of one state in the order that the other nodes rely on; the clock follows."""
 
@@ -72,7 +70,8 @@ class TripNode(SuiteNode):
         self.use_frame_prefix(self._options.frame_prefix)
         self._trip = self._options.build_trip()
         self._phase = TripPhase.WAITING
-        self._pause_due = self._options.start_paused
+        self._is_start_due = self._pause_due = False
+        self._offered_to: tuple[int, ...] = ()
         self._steps_due = 0
         self._controller_lost = False
         self._controller_losses = 0
@@ -92,13 +91,13 @@ class TripNode(SuiteNode):
         self._outputs = {topic: self.advertise(topic) for topic in (*PUBLISHED, Topic.CLOCK)}
         self._watchdog = Watchdog(self._options.command_timeout_wall_s, self._on_silence)
         self._watchdog.attach(self)
-        self.watch_peers(Topic.PLANT_ODOMETRY, Topic.COMMAND)
+        self.watch_peers(Topic.PLANT_STATE, Topic.COMMAND)
         self._neighbours = Neighbours(self, self._options)
         self._range_sensor = NodeRangeSensor(self, self._options)
         self._trip.watch(self._range_sensor.measure)
         measured = self._range_sensor.in_step(self._on_command, lambda: self._trip.stamp_ns)
         self._commands = self.listen(Topic.COMMAND, self._neighbours.in_step(measured))
-        self._start_timer = self.every(MATCHING_PERIOD_S, self._start_when_matched)
+        self._start_timer = self.every(START_PERIOD_S, self._look_for_start)
 
     def _report(self) -> None:
         """Report the state of the trip; called whenever it may have changed."""
@@ -110,12 +109,32 @@ class TripNode(SuiteNode):
 
     # --- start
 
-    def _start_when_matched(self) -> None:
-        """Publish the first state as soon as it would reach everyone."""
-        self._awaited = self._missing_peers()
+    def _look_for_start(self) -> None:
+        """Begin when that was asked for; else offer the first state to controllers, one of which begins.
+
+        Whoever has come since then has missed it, so that it is offered again.
+        """
+        self._awaited = self._neighbours.missing(self._trip.stamp_ns)
+        listeners = tuple(
+            self._outputs[topic].get_subscription_count()
+            for topic in (Topic.PLANT_STATE, Topic.CLOCK)
+        )
         if self._awaited:
-            self._report()
+            pass
+        elif self._is_start_due:
+            self._start()
             return
+        elif self._options.start_paused:
+            self._awaited = ("plant/resume",)
+        elif not self._commands.get_publisher_count():
+            self._awaited = (self._commands.topic_name,)
+        elif listeners != self._offered_to or self.awake.now_s() - self._published_s >= REPEAT_S:
+            self._offered_to = listeners
+            self._publish_state()
+        self._report()
+
+    def _start(self, *, is_answered: bool = False) -> None:
+        """Begin the first trip; its first state need not be published where it has been answered."""
         self._start_timer.cancel()
         if self._is_real_time:
             wall_period_s = self._options.period_s / self._options.rate_factor
@@ -124,7 +143,13 @@ class TripNode(SuiteNode):
             if self._options.clock_hz > 0.0:
                 self.every(1.0 / self._options.clock_hz, self._publish_time_between)
         self.every(KEEP_ALIVE_S / CHECKS_PER_REPEAT, self._repeat_if_unanswered)
-        self._begin()
+        if not is_answered:
+            self._begin()
+        elif self._pause_due:
+            self._hold_trip()
+        else:
+            self._phase = TripPhase.RUNNING
+            self._let_time_run()
 
     def _begin(self) -> None:
         """Begin the trip with its first state."""
@@ -141,22 +166,15 @@ class TripNode(SuiteNode):
             self._tick_timer.reset()
             self._between.begin(self._trip.stamp_ns)
 
-    def _missing_peers(self) -> tuple[str, ...]:
-        expected = self._options.expected_peers
-        missing = missing_subscribers(self._outputs, expected, self._neighbours.listeners)
-        missing += self._neighbours.missing(self._trip.stamp_ns)
-        needs_controller = expected > 0 or not self._is_real_time
-        if needs_controller and self._commands.get_publisher_count() == 0:
-            missing = (*missing, self._commands.topic_name)
-        return missing
-
     # --- commands
 
     def _on_command(self, message: JointState) -> None:
         stamp_ns, command = self._read(message)
+        answers_now = stamp_ns == self._trip.stamp_ns
+        if self._phase is TripPhase.WAITING and self._offered_to and answers_now:
+            self._start(is_answered=True)
         if self._phase is TripPhase.WAITING or self._phase is TripPhase.FINISHED:
             return
-        answers_now = stamp_ns == self._trip.stamp_ns
         if self._phase is TripPhase.PAUSED and self._hold.answers(stamp_ns):
             return  # the answer to a state that is repeated
         usable = self._is_real_time or answers_now

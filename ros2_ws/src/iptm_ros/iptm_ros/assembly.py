@@ -25,7 +25,7 @@ from iptm_ros.codecs import (
     s_from_ns,
 )
 from iptm_ros.stamp_matcher import LEAST_REACH_NS
-from iptm_ros.topics import OBSERVATION_TOPICS, TICK_TOPICS, Topic
+from iptm_ros.topics import Topic
 
 M = TypeVar("M")
 
@@ -41,14 +41,12 @@ class AssembledRun:
     """A run put together from messages.
 
     Attributes:
-        trajectory: one row per tick of which every message of the plant is there, with or without a leader;
-            NaN stands for what was never published.
-        incomplete: topics of the plant that are missing, by the stamp (ns) of each tick between the first and
-            the last complete one.
+        trajectory: one row per state, with or without a leader; NaN stands for what was never published.
+        incomplete: stamps (ns) between the first and the last state that have a leader, but no state.
     """
 
     trajectory: Trajectory
-    incomplete: Mapping[int, tuple[Topic, ...]]
+    incomplete: tuple[int, ...]
 
 
 def split_trips(stamped: Iterable[tuple[int, M]]) -> list[dict[int, M]]:
@@ -86,8 +84,8 @@ def _merge_last(found: list[dict[int, M]]) -> None:
 def last_trip(messages: Mapping[Topic, Arrivals[M]]) -> dict[Topic, dict[int, M]]:
     """Return the messages that count of the last trip that is there in every topic."""
     found = {topic: split_trips(stamped) for topic, stamped in messages.items()}
-    if Topic.PLANT_ODOMETRY in found:
-        trips = len(found[Topic.PLANT_ODOMETRY])
+    if Topic.PLANT_STATE in found:
+        trips = len(found[Topic.PLANT_STATE])
         for of_topic in found.values():
             while len(of_topic) > trips:
                 later = of_topic.pop()
@@ -99,66 +97,45 @@ def last_trip(messages: Mapping[Topic, Arrivals[M]]) -> dict[Topic, dict[int, M]
 def assemble_run(messages: Mapping[Topic, ByStamp]) -> AssembledRun:
     """Put the trajectory of a run together.
 
-    Ticks at the very start and end of which a message of the plant is missing are left out. Rows without a
-    leader have NaN in its columns. A topic without messages counts as not published.
+    Rows without a leader have NaN in its columns.
 
     Args:
-        messages: those of `TICK_TOPICS` as far as they were published, at least the plant's odometry, by
-            topic and stamp; those of `Topic.PLANT_SAFETY` if there are any.
+        messages: those of `TICK_TOPICS`, by topic and stamp; there need not be a leader.
 
     Raises:
-        MessageError: no tick is complete, or a message breaks its promise.
+        MessageError: there is no state, or a message breaks its promise.
         StateError: the rows make no trajectory.
     """
-    found = {topic: messages[topic] for topic in OBSERVATION_TOPICS if messages.get(topic)}
-    leaders = messages.get(Topic.LEADER, {})
-    stamps = sorted(set().union(*found.values()))
-    missing = {
-        stamp: tuple(topic for topic, known in found.items() if stamp not in known)
-        for stamp in stamps
-    }
-    complete = [stamp for stamp in stamps if not missing[stamp]]
-    if not complete or Topic.PLANT_ODOMETRY not in found:
-        counts = ", ".join(f"{topic.value} {len(messages.get(topic, ()))}" for topic in TICK_TOPICS)
-        raise MessageError(f"no tick is complete; messages per topic: {counts}")
-    safety = messages.get(Topic.PLANT_SAFETY, {})
-    plant = (
-        {topic: known[stamp] for topic, known in found.items()}
-        | ({Topic.PLANT_SAFETY: safety[stamp]} if stamp in safety else {})
-        for stamp in complete
-    )
-    leader = (decode_leader(leaders[stamp]) if stamp in leaders else None for stamp in complete)
+    states, leaders = messages.get(Topic.PLANT_STATE, {}), messages.get(Topic.LEADER, {})
+    stamps = sorted(states)
+    if not stamps:
+        raise MessageError(f"no message of {Topic.PLANT_STATE.value}; allowed: one or more")
+    observed = (decode_observation(states[stamp]) for stamp in stamps)
+    leader = (decode_leader(leaders[stamp]) if stamp in leaders else None for stamp in stamps)
     return AssembledRun(
-        trajectory=Trajectory.from_ticks(zip(map(decode_observation, plant), leader, strict=True)),
-        incomplete={
-            stamp: topics
-            for stamp, topics in missing.items()
-            if topics and complete[0] < stamp < complete[-1]
-        },
+        trajectory=Trajectory.from_ticks(zip(observed, leader, strict=True)),
+        incomplete=tuple(
+            stamp
+            for stamp in sorted(leaders.keys() - states.keys())
+            if stamps[0] < stamp < stamps[-1]
+        ),
     )
 
 
 def unpublished(trajectory: Trajectory) -> list[str]:
-    """Return a sentence for each topic of which a trajectory has nothing."""
+    """Return a sentence for each column that figures need and of which a trajectory has nothing."""
     rows = len(trajectory)
-    return [
-        f"{topic.value} was not published: figures that need it are missing"
-        for topic, column in _COLUMNS.items()
-        if trajectory.unknown.get(column) == rows
-    ]
+    missing = [name for name in _NEEDED if trajectory.unknown.get(name) == rows]
+    return [f"{name} was not published: figures that need it are missing" for name in missing]
 
 
-_COLUMNS = {
-    Topic.PLANT_ACCELERATION: "acceleration_m_s2",
-    Topic.PLANT_CELL_1_TEMPERATURE: "cell_1_temperature_k",
-    Topic.PLANT_CELL_N_TEMPERATURE: "cell_n_temperature_k",
-    Topic.PLANT_COOLANT_INLET_TEMPERATURE: "coolant_inlet_temperature_k",
-    Topic.PLANT_COOLANT_OUTLET_TEMPERATURE: "coolant_outlet_temperature_k",
-    Topic.PLANT_POWERS: "battery_power_w",
-    Topic.PLANT_CAPACITY_LOSS: "cell_1_capacity_loss",
-    Topic.LEADER: "leader_position_m",
-}
-"""A column of a trajectory by the topic that it comes from, for all but the odometry."""
+_NEEDED = (
+    "leader_position_m",
+    "battery_power_w",
+    "state_of_charge",
+    "coolant_inlet_temperature_k",
+    "coolant_outlet_temperature_k",
+)
 
 
 def assemble_decisions(messages: ByStamp) -> DecisionSeries:

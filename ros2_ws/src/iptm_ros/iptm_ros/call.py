@@ -11,6 +11,7 @@ from std_srvs.srv import Trigger
 from iptm_core.errors import IptmError, ServiceError
 from iptm_core.program import EXIT_INTERRUPTED, EXIT_OK, EXIT_REFUSED, refused
 from iptm_core.user_input import number, suggestion, whole_number
+from iptm_ros.connections import Meeting, full_name
 from iptm_ros.graph_client import GraphClient
 
 PROGRAM = "call"
@@ -67,6 +68,13 @@ def build_parser() -> argparse.ArgumentParser:
     )
     add_graph_options(parser)
     parser.add_argument("service", nargs="?", help="such as pause (default: list the services)")
+    parser.add_argument(
+        "--connected",
+        default="",
+        metavar="NODES",
+        help="call it as soon as these nodes of its namespace hear each other: "
+        "call plant resume --connected plant,v2x_bridge,controller,recorder",
+    )
     return parser
 
 
@@ -76,11 +84,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         0 when it was carried out, 1 when the node refused it, 2 after a mistake of the user.
     """
-    options = build_parser().parse_args(arguments)
-    return ask(PROGRAM, options, lambda client, node: _call(client, node, options.service))
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    if "--ros-args" in given:  # `ros2 launch` adds them
+        del given[given.index("--ros-args") :]
+    options = build_parser().parse_args(given)
+    return ask(PROGRAM, options, lambda client, node: _call(client, node, options))
 
 
-def _call(client: GraphClient, node: str, service: str | None) -> int:
+def _call(client: GraphClient, node: str, options: argparse.Namespace) -> int:
+    service: str | None = options.service
     offered = client.services(node, _TRIGGER, service)
     if service is None:
         if offered:
@@ -90,6 +102,14 @@ def _call(client: GraphClient, node: str, service: str | None) -> int:
         return EXIT_OK
     if service not in offered:
         raise ServiceError(f"{node} has no service {service!r}; {suggestion(service, offered)}")
+    if options.connected:
+        space = node.rpartition("/")[0]
+        names = [name.strip() for name in options.connected.split(",")]
+        full = [name if name.startswith("/") else full_name(space, name) for name in names]
+        meeting = Meeting(client.node, full)
+        if not client.wait(lambda: meeting.is_complete):
+            missing = ", ".join(meeting.absent or meeting.missing)
+            raise ServiceError(f"not connected after {client.timeout_s:g} s: {missing}")
     caller = client.node.create_client(Trigger, offered[service])
     answer = client.call(caller, Trigger.Request(), offered[service])
     print(f"{node}: {answer.message}", file=sys.stdout if answer.success else sys.stderr)

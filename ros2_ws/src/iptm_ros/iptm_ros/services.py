@@ -35,9 +35,14 @@ class Service(Enum):
     RECORDER_SPLIT = "recorder/split_bagfile"
 
     @property
+    def base_name(self) -> str:
+        """Name below the one of the node."""
+        return self.value.partition("/")[2]
+
+    @property
     def private_name(self) -> str:
         """Name with which a node offers it."""
-        return f"~/{self.value.partition('/')[2]}"
+        return f"~/{self.base_name}"
 
 
 MEANINGS: Mapping[Service, str] = MappingProxyType(
@@ -47,10 +52,11 @@ MEANINGS: Mapping[Service, str] = MappingProxyType(
             "start at the first one; the state is repeated every second, so that other nodes do not "
             "count the plant as dead"
         ),
-        Service.RESUME: "go on with a trip that is paused",
+        Service.RESUME: "begin a trip that waits for its start, or go on with one that is paused",
         Service.STEP: (
             "drive one interval of a trip that is paused: in lock-step as soon as the command has arrived "
-            "that answers the present state, in real time at once"
+            "that answers the present state, in real time at once; with start_paused the first step leads "
+            "to the first state"
         ),
         Service.RESET: (
             "begin a new trip from the start, which the other nodes follow; one that is paused stays so"

@@ -189,20 +189,13 @@ class MatchedSet(Generic[K]):
     verdict: Verdict
 
 
-@dataclass
-class _Pending(Generic[K]):
-    values: dict[K, Any]
-    led: int = 0
-    """How many of the leading slots are among them."""
-
-
 class StampMatcher(Generic[K]):
     """Collects one value per named slot for each stamp and hands out complete sets.
 
-    Stamps are compared as integer nanoseconds, never approximately. Only the leading slots, those of the
-    state of the plant, advance the trip: messages in the other slots with stray stamps are
-    collected separately and discarded first. Sets leave in the order of the trip: once a set is
-    complete, older ones are dropped, except those of a trip that a new one has just interrupted.
+    Stamps are compared as integer nanoseconds, never approximately. Only the leading slot, the state of the
+    plant, advances the trip: messages in the other slots with stray stamps are discarded first. Sets leave in
+    the order of the trip: once a set is complete, older ones are dropped, except those of a trip that a new
+    one has just interrupted.
 
     Attributes:
         gate: judges the stamps of sets; it counts the stray ones.
@@ -213,8 +206,8 @@ class StampMatcher(Generic[K]):
 
     def __init__(
         self,
-        slots: Iterable[K],
-        leading: Iterable[K] | None = None,
+        leading: K,
+        others: Iterable[K] = (),
         max_pending: int = 16,
         gate: StampGate | None = None,
         is_complete: Callable[[Mapping[K, Any]], bool] | None = None,
@@ -222,23 +215,19 @@ class StampMatcher(Generic[K]):
         """Set up a matcher.
 
         Args:
-            slots: names that make a set complete.
-            leading: the slots that advance the time of the trip, by default all.
+            leading: the slot that advances the time of the trip.
+            others: further slots.
             max_pending: incomplete sets kept; beyond it one that is least likely the next tick is given up.
             is_complete: whether the values of a stamp make a set, by default those of all slots.
         """
-        self._slots = tuple(dict.fromkeys(slots))
-        self._leading = frozenset(self._slots if leading is None else leading)
-        if not (self._slots and self._leading) or max_pending < 1:
-            raise ParameterError(
-                f"matcher has {len(self._slots)} slots, {len(self._leading)} of them leading, and room "
-                f"for {max_pending} sets; allowed: at least 1 of each"
-            )
+        if max_pending < 1:
+            raise ParameterError(f"matcher has room for {max_pending} sets; allowed: at least 1")
+        self._leading = leading
+        self._slots = tuple(dict.fromkeys((leading, *others)))
         self._max_pending = max_pending
         self.gate = gate or StampGate()
-        self._is_complete = is_complete or self._has_all
-        self._pending: dict[int, _Pending[K]] = {}
-        self._again: set[K] = set()
+        self._is_complete = is_complete or (lambda values: len(values) == len(self._slots))
+        self._pending: dict[int, dict[K, Any]] = {}
         self.counts: Counter[str] = Counter()
 
     @property
@@ -249,7 +238,7 @@ class StampMatcher(Generic[K]):
     def put(self, slot: K, stamp_ns: int, value: Any) -> MatchedSet[K] | None:
         """Add a value; return the set if this was the last one missing.
 
-        The last set is returned once more, without values, when all of its leading slots came again.
+        The last set is returned once more, without values, when its leading slot came again.
         """
         if slot not in self._slots:
             allowed = ", ".join(map(str, self._slots))
@@ -260,15 +249,11 @@ class StampMatcher(Generic[K]):
         if self.gate.is_late(stamp_ns):
             self.counts["late"] += 1
             if stamp_ns == self.gate.now_ns:
-                return self._put_again(slot, stamp_ns)
-        pending = self._pending.get(stamp_ns)
-        if pending is None:
-            pending = self._pending[stamp_ns] = _Pending({})
-        values = pending.values
+                is_again = slot == self._leading
+                return MatchedSet(stamp_ns, {}, self.gate.judge(stamp_ns)) if is_again else None
+        values = self._pending.setdefault(stamp_ns, {})
         if slot in values:
             self.counts["duplicate"] += 1
-        elif slot in self._leading:
-            pending.led += 1
         values[slot] = value
         if self._is_complete(values):
             return self._hand_out(stamp_ns)
@@ -277,18 +262,8 @@ class StampMatcher(Generic[K]):
             self.counts["abandoned"] += 1
         return None
 
-    def _has_all(self, values: Mapping[K, Any]) -> bool:
-        return len(values) == len(self._slots)
-
-    def _put_again(self, slot: K, stamp_ns: int) -> MatchedSet[K] | None:
-        self._again.add(slot)
-        if not self._leading <= self._again:
-            return None
-        self._again.clear()
-        return MatchedSet(stamp_ns, {}, self.gate.judge(stamp_ns))
-
     def _hand_out(self, stamp_ns: int) -> MatchedSet[K] | None:
-        values = self._pending.pop(stamp_ns).values
+        values = self._pending.pop(stamp_ns)
         verdict = self.gate.judge(stamp_ns)
         if verdict is Verdict.STRAY:
             return None
@@ -300,35 +275,43 @@ class StampMatcher(Generic[K]):
                 continue
             del self._pending[other]
             self.counts["abandoned"] += 1
-        self._again.clear()
         self.counts["matched"] += 1
         return MatchedSet(stamp_ns, values, verdict)
 
-    def _likelihood(self, stamp_ns: int) -> tuple[bool, int, int]:
+    def _likelihood(self, stamp_ns: int) -> tuple[bool, bool, int]:
         """Return what orders pending sets by how likely they become the next tick."""
         distance_ns = abs(stamp_ns - self.gate.expected_ns)
-        return self.gate.follows(stamp_ns), self._pending[stamp_ns].led, -distance_ns
+        return self.gate.follows(stamp_ns), self._leading in self._pending[stamp_ns], -distance_ns
 
     def _candidates(self) -> list[int]:
-        """Stamps of the pending sets with a part of the leading slots, those of the trip if there are any."""
-        led = [stamp for stamp, pending in self._pending.items() if pending.led]
-        return [stamp for stamp in led if self.gate.follows(stamp)] or led
+        """Stamps of the pending sets that may be handed out as they are, those of the trip if there are any.
+
+        They have the leading slot; or it alone is missing, in a set of the trip.
+        """
+        led = [stamp for stamp, values in self._pending.items() if self._leading in values]
+        of_trip = [stamp for stamp in led if self.gate.follows(stamp)]
+        answered = [
+            stamp
+            for stamp, values in self._pending.items()
+            if self.gate.follows(stamp) and self._is_complete({**values, self._leading: None})
+        ]
+        return of_trip or answered or led
 
     @property
     def is_waiting(self) -> bool:
-        """Whether a part of the leading slots of a set is there, but not all of the set."""
-        return any(pending.led for pending in self._pending.values())
+        """Whether a set is there that lacks something."""
+        return bool(self._candidates())
 
     @property
     def backlog_ns(self) -> int:
-        """Time from the last set to the newest one of the trip that lacks no leading slot.
+        """Time from the last set to the newest one of the trip that has the leading slot.
 
         0 while there is only one such set: then the plant may be waiting for the answer.
         """
         led = [
             stamp
-            for stamp, pending in self._pending.items()
-            if pending.led == len(self._leading) and self.gate.follows(stamp)
+            for stamp, values in self._pending.items()
+            if self._leading in values and self.gate.follows(stamp)
         ]
         if len(led) < 2:
             return 0
@@ -337,14 +320,13 @@ class StampMatcher(Generic[K]):
 
     def missing(self) -> tuple[int, tuple[K, ...]] | None:
         """Return stamp and missing slots of the set that `take_incomplete` would hand out."""
-        candidates = self._candidates()
-        if not candidates:
+        stamp_ns = max(self._candidates(), default=None)
+        if stamp_ns is None:
             return None
-        stamp_ns = max(candidates, key=lambda stamp: (self._pending[stamp].led, stamp))
-        values = self._pending[stamp_ns].values
+        values = self._pending[stamp_ns]
         return stamp_ns, tuple(slot for slot in self._slots if slot not in values)
 
     def take_incomplete(self) -> MatchedSet[K] | None:
-        """Hand out the newest of the sets that lack least of the leading slots, for a fallback answer."""
+        """Hand out the newest of the sets that may be the next tick, for a fallback answer."""
         waiting = self.missing()
         return None if waiting is None else self._hand_out(waiting[0])

@@ -19,6 +19,7 @@ from std_srvs.srv import Trigger
 
 from iptm_core.errors import IptmError, ParameterError
 from iptm_core.user_input import suggestion
+from iptm_ros.connections import LOOK_PERIOD_S, ConnectionsReport
 from iptm_ros.node_health import AwakeClock, NodeHealth
 from iptm_ros.services import Service
 from iptm_ros.topics import TOPICS, Topic, frame_in, topic_of
@@ -79,6 +80,7 @@ class SuiteNode(Node):
         finished: the node has asked for its end.
         exit_code: what the process shall return.
         health: what the node survived.
+        connections: reports which nodes hear this one, and which it hears.
         awake: steady time without the stretches in which the process did not run.
         frame_prefix: of the frames of this vehicle: its namespace unless set by `use_frame_prefix`.
     """
@@ -96,6 +98,8 @@ class SuiteNode(Node):
         self._known_defects: set[str] = set()
         self._sole: dict[Topic, str] = {}
         self.create_timer(AwakeClock.PERIOD_S, self.awake.tick, clock=self._upkeep_clock)
+        self.connections = ConnectionsReport(self)
+        self.every(LOOK_PERIOD_S, self.connections.look, self._upkeep_clock)
 
     def advertise(self, topic: Topic) -> Publisher:
         """Return a publisher for a topic of the table, whose frames are those of the vehicle."""
@@ -226,7 +230,7 @@ class SuiteNode(Node):
             ParameterError: an unknown name, with the closest known one.
         """
         # rclpy has no public way to list overrides without declaring them untyped.
-        overrides: dict[str, Any] = getattr(self, "_overrides", {})
+        overrides: dict[str, Any] = getattr(self, "_parameter_overrides", {})
         for name in overrides:
             if name.startswith(_QOS_OVERRIDES) and not name.startswith(_OVERRIDABLE):
                 raise ParameterError(

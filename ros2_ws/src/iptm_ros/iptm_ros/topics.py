@@ -53,6 +53,7 @@ class Topic(Enum):
 
     CLOCK = "clock"
     DIAGNOSTICS = "/diagnostics"
+    PLANT_STATE = "plant/state"
     PLANT_ODOMETRY = "plant/odometry"
     PLANT_ACCELERATION = "plant/acceleration"
     PLANT_BATTERY = "plant/battery"
@@ -60,9 +61,6 @@ class Topic(Enum):
     PLANT_CELL_N_TEMPERATURE = "plant/cell_n_temperature"
     PLANT_COOLANT_INLET_TEMPERATURE = "plant/coolant_inlet_temperature"
     PLANT_COOLANT_OUTLET_TEMPERATURE = "plant/coolant_outlet_temperature"
-    PLANT_POWERS = "plant/powers"
-    PLANT_CAPACITY_LOSS = "plant/capacity_loss"
-    PLANT_SAFETY = "plant/safety_monitor"
     LEADER = "v2x/leader"
     LEADER_SAMPLES = "v2x/leader_samples"
     LEADER_PREVIEW = "v2x/leader_preview"
@@ -145,9 +143,27 @@ _SPECS = (
         "trip time of the state just published; last message of the plant in a tick",
     ),
     TopicSpec(
+        Topic.PLANT_STATE, JointState, PLANT, EGO_FRAME, "see fields",
+        "the whole state at the stamp, which the nodes of the suite read and figures are computed from: "
+        "distance along the road, speed (never negative), first and last cell of a coolant channel, losses "
+        "as fractions of nominal capacity; of the interval that ended at the stamp, acceleration (positive "
+        "forward), mean powers (traction and battery positive when drawn from the pack, chiller heat when "
+        "cooling; a negative compressor power is that of a heater), how long the safety monitor braked, the "
+        "smallest gap measured inside (NaN for none), and the share of the requested deceleration that the "
+        "brakes deliver. From state_of_charge on, a plant of the user's may leave out what it does not know",
+        {
+            "position_m": "m", "speed_m_s": "m/s", "acceleration_m_s2": "m/s^2", "compressor_power_w": "W",
+            "cell_1_temperature_k": "K", "cell_n_temperature_k": "K",
+            "cell_1_capacity_loss": "1", "cell_n_capacity_loss": "1", "state_of_charge": "1",
+            "traction_power_w": "W", "auxiliary_power_w": "W", "battery_power_w": "W", "chiller_heat_w": "W",
+            "coolant_inlet_temperature_k": "K", "coolant_outlet_temperature_k": "K",
+            "service_braking_s": "s", "smallest_gap_m": "m", "brake_share": "1",
+        },
+    ),
+    TopicSpec(
         Topic.PLANT_ODOMETRY, Odometry, PLANT, f"{ROAD_FRAME} -> {EGO_FRAME}", "m, m/s",
-        "ego vehicle: pose.position.x = distance along the road, twist.linear.x = speed (never negative); "
-        "exact values of a simulation, so all covariances are 0",
+        "for other tools, as the further topics of the plant: pose.position.x = distance along the road, "
+        "twist.linear.x = speed; exact values of a simulation, so all covariances are 0",
     ),
     TopicSpec(
         Topic.PLANT_ACCELERATION, AccelStamped, PLANT, EGO_FRAME, "m/s^2",
@@ -176,27 +192,6 @@ _SPECS = (
     TopicSpec(
         Topic.PLANT_COOLANT_OUTLET_TEMPERATURE, Temperature, PLANT, PACK_FRAME, "degC",
         "coolant leaving the pack",
-    ),
-    TopicSpec(
-        Topic.PLANT_POWERS, JointState, PLANT, PACK_FRAME, "see fields",
-        "means over the interval that ended at the stamp; traction and battery power positive "
-        "when drawn from the pack, chiller heat positive when cooling; a negative compressor power is that "
-        "of a heater",
-        {
-            "traction_power_w": "W", "compressor_power_w": "W", "auxiliary_power_w": "W",
-            "battery_power_w": "W", "chiller_heat_w": "W",
-        },
-    ),
-    TopicSpec(
-        Topic.PLANT_CAPACITY_LOSS, JointState, PLANT, PACK_FRAME, "see fields",
-        "capacity loss as a fraction of nominal capacity, growing with age",
-        {"cell_1_capacity_loss": "1", "cell_n_capacity_loss": "1"},
-    ),
-    TopicSpec(
-        Topic.PLANT_SAFETY, JointState, PLANT, EGO_FRAME, "see fields",
-        "safety monitor over the interval that ended at the stamp: how long it braked; smallest gap measured "
-        "inside the interval, NaN for none; share of the requested deceleration that the brakes deliver",
-        {"service_braking_s": "s", "smallest_gap_m": "m", "brake_share": "1"},
     ),
     TopicSpec(
         Topic.LEADER, Odometry, BRIDGE, f"{ROAD_FRAME} -> {LEADER_FRAME}", "m, m/s",
@@ -288,44 +283,12 @@ _SPECS = (
 )
 # fmt: on
 
-FIELD_ALIASES: Mapping[str, str] = MappingProxyType(
-    {
-        "cell_1_price_1_k": "cell_1_marginal_cost_1_k",
-        "cell_n_price_1_k": "cell_n_marginal_cost_1_k",
-        "host_keeps_rules": "ego_keeps_rules",
-        "kelvin_lasts_s": "temperature_decay_time_s",
-    }
-)
-"""Former names of named values and parameters, as in older bags, with their present names."""
-
 TOPICS: Mapping[Topic, TopicSpec] = MappingProxyType({spec.topic: spec for spec in _SPECS})
 """The table: specification of every topic of a run by its key."""
 
 
-STATE_TOPICS = (
-    Topic.PLANT_ODOMETRY,
-    Topic.PLANT_ACCELERATION,
-    Topic.PLANT_CELL_1_TEMPERATURE,
-    Topic.PLANT_CELL_N_TEMPERATURE,
-    Topic.PLANT_POWERS,
-    Topic.PLANT_CAPACITY_LOSS,
-)
-"""Topics that make up the state of vehicle and pack: a decision depends on all of them."""
-
-OBSERVATION_TOPICS = (
-    *STATE_TOPICS,
-    Topic.PLANT_BATTERY,
-    Topic.PLANT_COOLANT_INLET_TEMPERATURE,
-    Topic.PLANT_COOLANT_OUTLET_TEMPERATURE,
-)
-"""Topics that make up an observation of the plant: the state with the charge of the pack, and the coolant."""
-
-TICK_TOPICS = (*OBSERVATION_TOPICS, Topic.LEADER)
-"""Topics that make up one row of a trajectory, together with `PLANT_SAFETY`, which older recordings lack."""
-
-PEER_TOPICS = (Topic.PLANT_ODOMETRY, Topic.CLOCK)
-"""Topics by whose subscribers the plant counts its peers. Who only listens subscribes to them last, in this
-order: the first clock is the one message of a run that can be done without."""
+TICK_TOPICS = (Topic.PLANT_STATE, Topic.LEADER)
+"""Topics that make up one row of a trajectory."""
 
 
 def topic_of(vehicle: str, topic: Topic) -> str:

@@ -18,12 +18,11 @@ from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
-from nav_msgs.msg import Odometry
 from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
 from rich.console import Console
 from rich.table import Table
-from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
 
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters import load_parameters
@@ -33,7 +32,7 @@ from iptm_core.routes.piecewise import cumulative_integral
 from iptm_core.routes.route import build_route
 from iptm_core.settings import PreviewSettings
 from iptm_core.state import NS_PER_S
-from iptm_ros.codecs import ns_from_time
+from iptm_ros.codecs import decode_motion
 from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
 from iptm_ros.discovery import middleware_settings, reserve_domain
 from iptm_ros.process import StopRequest, joined_node
@@ -55,8 +54,6 @@ from iptm_v2x_bridge.datagrams import (
 from iptm_v2x_bridge.messages.cam import specification
 
 NAME = "traffic"
-LISTENERS = 2
-"""Additional subscriptions to odometry and clock with traffic, apart from the bridge's."""
 _LOCALHOST = "127.0.0.1"
 
 
@@ -88,20 +85,11 @@ class TrafficNode(SuiteNode):
         self._reporter = DiagnosticsReporter.of_node(self, NAME)
         self.every(REPEAT_PERIOD_S, self._datagrams.repeat_end)
         self.every(REPORT_PERIOD_S, self._report)
-        self.listen(Topic.PLANT_ODOMETRY, self._on_ego)
-        # Only to be counted: the plant waits for as many peers on the clock as on the odometry, and the
-        # bridge listens to both.
-        for _ in range(LISTENERS):
-            self.listen(Topic.CLOCK, self._on_clock)
+        self.listen(Topic.PLANT_STATE, self._on_ego)
         self._report()
 
-    def _on_clock(self, message: Clock) -> None:
-        pass
-
-    def _on_ego(self, message: Odometry) -> None:
-        time_ns = ns_from_time(message.header.stamp)
-        position_m = float(message.pose.pose.position.x)
-        speed_m_s = float(message.twist.twist.linear.x)
+    def _on_ego(self, message: JointState) -> None:
+        time_ns, position_m, speed_m_s = decode_motion(message)
         ego = EgoInstant(time_ns / NS_PER_S, position_m, speed_m_s)
         before = self._ego or EgoInstant(0.0, 0.0, 0.0)
         if not (math.isfinite(position_m) and math.isfinite(speed_m_s)):
@@ -138,8 +126,6 @@ class TrafficNode(SuiteNode):
 
 
 RUN = "iptm.runner.run_closed_loop"
-_PEERS_OF_THE_PLANT = 3
-"""Controller or bridge, recorder, runner."""
 _BENDS_IN_LIMITS_M_S2 = 10.0
 """Bends that matter are in the limits of the network, which the ego vehicle has without ROS, too."""
 _SPIN_TIMEOUT_S = 0.1
@@ -188,10 +174,7 @@ def write_scenario(
         "node_parameters": {
             "v2x_bridge": dict(bridge),
             # Long timeouts: a slow SUMO is not a fault.
-            "plant": {
-                "expected_peers": _PEERS_OF_THE_PLANT + LISTENERS,
-                "command_timeout_wall_s": 10.0 * _PATIENCE_S,
-            },
+            "plant": {"command_timeout_wall_s": 10.0 * _PATIENCE_S},
             "controller": {"input_timeout_s": _PATIENCE_S},
         },
     }
@@ -240,6 +223,7 @@ def drive_over_ros(
         scenario = str(write_scenario(drive, road, bridge, folder))
         command = [sys.executable, "-m", RUN, scenario, "--domain", str(domain)]
         command += ["--parameter-set", parameter_set, "--output", str(bag)]
+        command += ["--wait-for", node.get_fully_qualified_name()]
         code = _run_during(executor, command, stop)
         if code != EXIT_OK:
             return code

@@ -31,7 +31,6 @@ from iptm_v2x_bridge.node_vehicle_answers import CycleAnswers, VehicleAnswers
 from iptm_v2x_bridge.prediction.predictor import PredictorName
 
 CLOCK_TIMEOUT_S = 5.0
-MATCHING_PERIOD_S = 0.02
 _ANSWERS: dict[LeaderSource, Callable[..., TickAnswers[Any]]] = {
     LeaderSource.VEHICLE: VehicleAnswers,
     LeaderSource.CAM: CamAnswers,
@@ -42,8 +41,7 @@ _FREE = (Level.OK, "no vehicle ahead, the rules of the road are kept")
 class BridgeNode(SuiteNode):
     """Publishes `v2x/slope` once, then the road ahead, leader, samples and preview for every `/clock`.
 
-    The clock sets the pace in lock-step and in real time alike, so the node has no timer of its own
-    but for its diagnostics and the wait for its peers. A stray clock is not answered, as the
+    The clock sets the pace in lock-step and in real time alike. A stray clock is not answered, as the
     controller would lose the trip. The same clock again gets the same answer.
     """
 
@@ -54,9 +52,7 @@ class BridgeNode(SuiteNode):
         self.use_frame_prefix(self._options.frame_prefix)
         route = self._options.trip_route(self._options.initial_gap_m)
         answers = _ANSWERS.get(self._options.leader_source, CycleAnswers)
-        self._answers: TickAnswers[Any] = answers(
-            self, self._options, route, self._answer_if_matched
-        )
+        self._answers: TickAnswers[Any] = answers(self, self._options, route, self._answer_clock)
         self._gate = StampGate()
         self._turned_away_s = -math.inf
         self._answer: BridgeAnswer | None = None
@@ -72,7 +68,6 @@ class BridgeNode(SuiteNode):
         self._watchdog = Watchdog(CLOCK_TIMEOUT_S, lambda _: self._report()).attach(self)
         self.watch_peers(Topic.CLOCK, Topic.LEADER)
         self.every(REPORT_PERIOD_S, self._report)
-        self._matching_timer = self.every(MATCHING_PERIOD_S, self._answer_if_matched)
         self.listen(Topic.CLOCK, self._on_clock)
         self._report()
 
@@ -93,29 +88,10 @@ class BridgeNode(SuiteNode):
         self._watchdog.timeout_s = max(CLOCK_TIMEOUT_S, self._gate.quiet_s)
         self._watchdog.feed()
         self._unanswered_ns = time_ns
-        if self._peers_matched():
-            self._answer_clock()
+        self._answer_clock()
         if not self._answers.missing:
             # What is missing has a moment to arrive; the timer reports what does not.
             self._report()
-
-    def _peers_matched(self) -> bool:
-        """Return whether an answer would reach everyone; once true, it stays true."""
-        if self._matching_timer.is_canceled():
-            return True
-        expected = self._options.expected_peers
-        publishers = (self._leader_publisher, self._preview_publisher)
-        if min(publisher.get_subscription_count() for publisher in publishers) < expected:
-            return False
-        if expected and not self._answers.is_heard():
-            return False
-        self._matching_timer.cancel()
-        return True
-
-    def _answer_if_matched(self) -> None:
-        """Answer the tick that came before the peers were found."""
-        if self._peers_matched() and self._unanswered_ns is not None:
-            self._answer_clock()
 
     def _answer_clock(self) -> None:
         """Publish the answer to the last tick; the same tick again gets the same answer."""
@@ -124,7 +100,10 @@ class BridgeNode(SuiteNode):
         if time_ns is None or answer is None:
             return
         self._answer, self._unanswered_ns = answer, None
-        has_leader = answer.leader is not None
+        self._publish(answer)
+
+    def _publish(self, answer: BridgeAnswer) -> None:
+        time_ns, has_leader = answer.time_ns, answer.leader is not None
         self._road_publisher.publish(encode_road_ahead(answer.road, time_ns, has_leader=has_leader))
         if answer.leader is not None:
             # The stamp is that of the clock to the nanosecond, however late the hour.
@@ -158,8 +137,7 @@ class BridgeNode(SuiteNode):
         waits = self._unanswered_ns is not None
         missing = self._answers.missing if waits else ""
         if answer is None:
-            what = "the expected peers" if waits else "the clock"
-            return Level.WARN, missing or f"waiting for {what}"
+            return Level.WARN, missing or "waiting for the clock"
         if self._watchdog.is_silent:
             if self.awake.now_s() - self._turned_away_s < CLOCK_TIMEOUT_S:
                 return Level.ERROR, "clocks arrive that do not belong to the trip, and no others"

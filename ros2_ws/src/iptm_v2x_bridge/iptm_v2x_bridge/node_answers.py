@@ -8,12 +8,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
-from nav_msgs.msg import Odometry
-from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
 
 from iptm_core.routes import Route
 from iptm_core.state import NS_PER_MS, NS_PER_S, LeaderPreview
-from iptm_ros.codecs import encode_raw_datagram, ns_from_time
+from iptm_ros.codecs import decode_motion, encode_raw_datagram
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import Topic
 from iptm_v2x_bridge.bridge import BridgeAnswer, TickBridge, single_sample
@@ -50,7 +49,6 @@ class TickAnswers(ABC, Generic[Trip]):
         retry: Callable[[], None],
         *,
         needs_ego: bool,
-        is_counted: bool = True,
     ) -> None:
         """Set up the answers.
 
@@ -60,8 +58,6 @@ class TickAnswers(ABC, Generic[Trip]):
             route: road, and the leader of the cycle.
             retry: called whenever something missing may have arrived.
             needs_ego: wait for the position of the ego vehicle.
-            is_counted: then listen to the clock once more: the plant waits for the same number of peers on
-                the clock as on the odometry.
 
         Raises:
             ParameterError: a rule of the road is not usable.
@@ -74,15 +70,10 @@ class TickAnswers(ABC, Generic[Trip]):
         self._before: tuple[Trip, TickBridge] | None = None
         self._ego: dict[int, tuple[float, float]] | None = {} if needs_ego else None
         if needs_ego:
-            node.listen(Topic.PLANT_ODOMETRY, self._on_ego)
-            if is_counted:
-                node.listen(Topic.CLOCK, self._on_clock)
+            node.listen(Topic.PLANT_STATE, self._on_ego)
 
-    def _on_clock(self, message: Clock) -> None:
-        pass
-
-    def _on_ego(self, message: Odometry) -> None:
-        stamp_ns, *state = state_of(message)
+    def _on_ego(self, message: JointState) -> None:
+        stamp_ns, *state = decode_motion(message)
         if self._ego is None or not all(map(math.isfinite, state)):
             return  # the tick stays unanswered; the report states what is waited for
         self._ego[stamp_ns] = state[0], state[1]
@@ -133,22 +124,12 @@ class TickAnswers(ABC, Generic[Trip]):
         """Return what a range sensor measures of the leader from the tick of an answer to the next one."""
         return single_sample(answer.leader, answer.time_ns / NS_PER_S)
 
-    def is_heard(self) -> bool:
-        """Return whether the other outputs have a subscriber."""
-        return True
-
     @abstractmethod
     def report(self) -> dict[str, object]:
         """Return numbers for the diagnostics."""
 
     def close(self) -> None:
         """Give back what is held."""
-
-
-def state_of(message: Odometry) -> tuple[int, float, float]:
-    """Return stamp, position (m) and speed (m/s)."""
-    position_m, speed_m_s = message.pose.pose.position.x, message.twist.twist.linear.x
-    return ns_from_time(message.header.stamp), float(position_m), float(speed_m_s)
 
 
 READ_PERIOD_S = 0.005
@@ -171,7 +152,7 @@ class CamAnswers(TickAnswers[CamBridge]):
         """Open the source of the datagrams and listen for the ego vehicle."""
         # Refused now, if at all.
         self._verifier = options.build_verifier()
-        super().__init__(node, options, route, retry, needs_ego=True, is_counted=False)
+        super().__init__(node, options, route, retry, needs_ego=True)
         options.build_heard_rules(self._given, route.road_line)
         options.build_predictors(route, self._given)
         self._datagrams = open_source(options, node)
@@ -231,10 +212,6 @@ class CamAnswers(TickAnswers[CamBridge]):
         if self._publisher is not None:
             its_ns = trip.start_timestamp_ms * NS_PER_MS + received_ns
             self._publisher.publish(encode_raw_datagram(datagram, its_ns))
-
-    def is_heard(self) -> bool:
-        """Return whether the datagrams, if published, have a subscriber."""
-        return self._publisher is None or self._publisher.get_subscription_count() > 0
 
     def report(self) -> dict[str, object]:
         """Return numbers for the diagnostics."""

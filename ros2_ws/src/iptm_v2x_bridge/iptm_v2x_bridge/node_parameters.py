@@ -42,9 +42,6 @@ class BridgeNodeParameters(
         0.0,
         1e6,
     )
-    expected_peers: int = parameter(
-        0, "subscribers of v2x/leader_preview to wait for before the first answer", "", 0, 100
-    )
 
     @property
     def earlier_ticks_ns(self) -> range:

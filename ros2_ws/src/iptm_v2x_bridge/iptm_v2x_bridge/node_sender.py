@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
@@ -16,7 +15,7 @@ from trajectory_msgs.msg import JointTrajectory
 from iptm_core.decision_record import Rung
 from iptm_core.errors import ParameterError
 from iptm_core.state import NS_PER_MS, FloatArray
-from iptm_ros.codecs import decode_decision_record, decode_plan, ns_from_time
+from iptm_ros.codecs import decode_decision_record, decode_motion, decode_plan, ns_from_time
 from iptm_ros.command_line import node_main
 from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
 from iptm_ros.parameters import declare_parameters
@@ -147,7 +146,6 @@ class SenderNode(SuiteNode):
         super().destroy_node()
 
 
-_JOIN_PERIOD_S = 0.05
 _MOST_KEPT = 5000
 _Plan = tuple[FloatArray, FloatArray]
 _NO_PLAN: _Plan = (np.empty(0), np.empty(0))
@@ -157,41 +155,27 @@ class EgoTicks:
     """Calls back once for every decision of the vehicle in the namespace of a node.
 
     The vehicle does not wait for this subscriber, hence the deep queues. A plan is awaited if the decision
-    record marks it as followed. The state is subscribed to last, after the controller: a plant that counts
-    this subscriber in its `expected_peers` then loses no tick.
+    record marks it as followed.
     """
 
     def __init__(self, node: SuiteNode, on_tick: Callable[[EgoTick], None]) -> None:
         """Listen."""
-        self._node, self._on_tick = node, on_tick
+        self._on_tick = on_tick
         self._states: dict[int, tuple[float, float]] = {}
         self._followed: dict[int, bool] = {}
         self._plans: dict[int, _Plan] = {}
-        self._newest_ns = dict.fromkeys((Topic.PLANT_ODOMETRY, Topic.SOLVE, Topic.PLAN), -1)
-        self._decisions = [
-            node.listen(Topic.SOLVE, self._on_solve, qos=RAW_QOS),
-            node.listen(Topic.PLAN, self._on_plan, qos=RAW_QOS),
-        ]
-        self._joining = node.every(_JOIN_PERIOD_S, self._join)
+        self._newest_ns = dict.fromkeys((Topic.PLANT_STATE, Topic.SOLVE, Topic.PLAN), -1)
+        node.listen(Topic.SOLVE, self._on_solve, qos=RAW_QOS)
+        node.listen(Topic.PLAN, self._on_plan, qos=RAW_QOS)
+        node.listen(Topic.PLANT_STATE, self._on_state, qos=RAW_QOS)
 
-    def _join(self) -> None:
-        if all(subscription.get_publisher_count() for subscription in self._decisions):
-            self._joining.cancel()
-            self._node.listen(Topic.PLANT_ODOMETRY, self._on_state, qos=RAW_QOS)
-            # Only to be counted: the plant waits for its peers on either topic.
-            self._node.listen(Topic.CLOCK, self._on_clock)
-
-    def _on_clock(self, message: Clock) -> None:
-        pass
-
-    def _on_state(self, message: Odometry) -> None:
-        stamp_ns = ns_from_time(message.header.stamp)
-        if stamp_ns < self._newest_ns[Topic.PLANT_ODOMETRY]:
+    def _on_state(self, message: JointState) -> None:
+        stamp_ns, place, speed = decode_motion(message)
+        if stamp_ns < self._newest_ns[Topic.PLANT_STATE]:
             self._begin_trip(stamp_ns)
-        self._newest_ns[Topic.PLANT_ODOMETRY] = stamp_ns
-        place, speed = message.pose.pose.position.x, message.twist.twist.linear.x
+        self._newest_ns[Topic.PLANT_STATE] = stamp_ns
         if np.isfinite([place, speed]).all():
-            self._states[stamp_ns] = (float(place), max(float(speed), 0.0))
+            self._states[stamp_ns] = (place, max(speed, 0.0))
             self._pass_on()
 
     def _begin_trip(self, stamp_ns: int) -> None:

@@ -6,14 +6,14 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-from nav_msgs.msg import Odometry
+from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 from iptm_core.errors import ParameterError
 from iptm_core.routes import Route
 from iptm_core.settings import LeaderSource
 from iptm_core.state import LeaderPreview
-from iptm_ros.codecs import decode_plan
+from iptm_ros.codecs import decode_motion, decode_plan
 from iptm_ros.node_health import VehiclePresence
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import Topic
@@ -26,7 +26,7 @@ from iptm_v2x_bridge.bridge import (
     V2xBridge,
     sampling_times_s,
 )
-from iptm_v2x_bridge.node_answers import KEPT, TickAnswers, state_of
+from iptm_v2x_bridge.node_answers import KEPT, TickAnswers
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
 from iptm_v2x_bridge.prediction.predictor import PredictorName
 from iptm_v2x_bridge.vehicle_ahead import VehicleAhead
@@ -64,7 +64,7 @@ class CycleAnswers(TickAnswers[V2xBridge]):
 
 
 class VehicleAnswers(TickAnswers[V2xBridge]):
-    """The leader is the vehicle ahead: its odometry is its state, its plan the preview of its motion.
+    """The leader is the vehicle ahead: its state is that of its plant, its plan the preview of its motion.
 
     A tick is answered when both of that stamp are there, so it does not matter what arrives first. The
     simulated link delays and loses plans as it does the predictions of a cycle. When the vehicle has gone
@@ -91,13 +91,13 @@ class VehicleAnswers(TickAnswers[V2xBridge]):
         super().__init__(node, options, route, retry, needs_ego=options.keeps_rules)
         self._vehicle = VehicleAhead(options.leader_length_m, KEPT)
         self._assumed = 0
-        self._states = VehiclePresence(node, name, Topic.PLANT_ODOMETRY, retry)
+        self._states = VehiclePresence(node, name, Topic.PLANT_STATE, retry)
         self._plans = VehiclePresence(node, name, Topic.PLAN, retry)
-        node.listen(Topic.PLANT_ODOMETRY, self._on_odometry, vehicle=name)
+        node.listen(Topic.PLANT_STATE, self._on_state, vehicle=name)
         node.listen(Topic.PLAN, self._on_plan, vehicle=name)
 
-    def _on_odometry(self, message: Odometry) -> None:
-        stamp_ns, *state = state_of(message)
+    def _on_state(self, message: JointState) -> None:
+        stamp_ns, *state = decode_motion(message)
         if not all(map(math.isfinite, state)):
             return  # the tick stays unanswered; the report states what is waited for
         self._vehicle.note_state(stamp_ns, *state)
@@ -115,7 +115,7 @@ class VehicleAnswers(TickAnswers[V2xBridge]):
     def _awaited(self, trip: V2xBridge, time_ns: int) -> str:  # noqa: ARG002
         vehicle = self._vehicle
         if not (vehicle.has_state(time_ns) or (self._states.is_gone and vehicle.was_heard)):
-            return f"waiting for the odometry of {self._name}"
+            return f"waiting for the state of {self._name}"
         if not (vehicle.has_plan(time_ns) or self._plans.is_gone):
             return f"waiting for the plan of {self._name}"
         return ""

@@ -102,8 +102,7 @@ class CamSettings(Settings):
     )
     publish_datagrams: bool = parameter(
         default=False,
-        description="cam: publish every datagram on v2x/datagrams, so that a bag holds the radio traffic; "
-        "with expected_peers the first answer waits for a listener",
+        description="cam: publish every datagram on v2x/datagrams, so that a bag holds the radio traffic",
     )
 
     prediction: Expectation = parameter(

@@ -1,7 +1,4 @@
-"""Subscribes to the suite's topics without being counted as one of its nodes, and at a bounded cost.
-
-Plant and bridge count the subscribers of their main topics and start when all are there. A viewer subscribes
-to those only while a trip is running, and unsubscribes when their publishers end.
+"""Subscribes to the suite's topics while they are published, at a bounded cost.
 
 Messages are taken when the viewer asks for them. For a topic of which only the newest are needed, the
 middleware drops older ones of a fast run; they are not acknowledged to the nodes.
@@ -19,9 +16,6 @@ from rosbags.interfaces import QosReliability
 from iptm_ros.recording.rclpy_types import from_profile, to_profile
 from iptm_ros.recording.recorded_topics import request_for
 from iptm_ros.topics import TOPICS, Topic, TopicSpec
-
-COUNTED_TOPICS = (Topic.PLANT_ODOMETRY, Topic.CLOCK, Topic.LEADER, Topic.LEADER_PREVIEW)
-"""Topics by whose listeners plant and bridge count their peers."""
 
 OF_A_TRIP = frozenset(TOPICS) - {Topic.DIAGNOSTICS, Topic.SLOPE}
 """Topics whose messages show that a trip is under way."""
@@ -73,11 +67,10 @@ class GraphSubscriptions:
         published = frozenset(
             topic for topic, name in self.names.items() if self._node.count_publishers(name)
         )
-        if Topic.PLANT_ODOMETRY not in published:
+        if Topic.PLANT_STATE not in published:
             self.is_running = False
         for topic, spec in self._specs.items():
-            is_open = self.is_running or topic not in COUNTED_TOPICS
-            if topic in published and topic in needed and is_open:
+            if topic in published and topic in needed:
                 is_whole = spec.latched or topic is Topic.DIAGNOSTICS or topic in whole
                 self._join(topic, is_whole=is_whole)
             else:

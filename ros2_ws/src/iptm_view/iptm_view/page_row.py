@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -20,32 +19,14 @@ from iptm_ros.codecs import (
     decode_decision_record,
     decode_leader,
     decode_leader_preview_bytes,
+    decode_observation,
     decode_plan,
-    decode_powers,
-    decode_safety,
     decode_slope,
-    decode_temperature,
-    read_numbers,
     s_from_ns,
 )
 from iptm_ros.topics import TOPICS, Topic
 
-_TEMPERATURES = {
-    Topic.PLANT_CELL_1_TEMPERATURE: "cell_1_temperature_c",
-    Topic.PLANT_CELL_N_TEMPERATURE: "cell_n_temperature_c",
-    Topic.PLANT_COOLANT_INLET_TEMPERATURE: "coolant_inlet_temperature_c",
-    Topic.PLANT_COOLANT_OUTLET_TEMPERATURE: "coolant_outlet_temperature_c",
-}
-
-ROW_TOPICS = (
-    Topic.PLANT_ODOMETRY,
-    Topic.LEADER,
-    Topic.PLANT_POWERS,
-    *_TEMPERATURES,
-    Topic.PLANT_CAPACITY_LOSS,
-    Topic.PLANT_SAFETY,
-    Topic.SOLVE,
-)
+ROW_TOPICS = (Topic.PLANT_STATE, Topic.LEADER, Topic.SOLVE)
 """Topics of which a row is made; what a foreign suite does not publish stays empty."""
 
 AHEAD_TOPICS = (Topic.PLAN, Topic.LEADER_PREVIEW)
@@ -100,14 +81,8 @@ def page_row(
             except MessageError as error:
                 faults.append(str(error))
 
-    take(Topic.PLANT_ODOMETRY, lambda m: _motion(m, ""))
-    take(Topic.LEADER, lambda m: _motion(m, "leader_"))
-    take(Topic.PLANT_POWERS, lambda m: vars(decode_powers(m)))
-    losses = Topic.PLANT_CAPACITY_LOSS
-    take(losses, lambda m: {"capacity_loss": sum(read_numbers(losses, m))})
-    take(Topic.PLANT_SAFETY, lambda m: {"service_braking_s": decode_safety(m).service_braking_s})
-    for topic, column in _TEMPERATURES.items():
-        take(topic, partial(_temperature, topic, column))
+    take(Topic.PLANT_STATE, _state)
+    take(Topic.LEADER, _leader)
     take(Topic.SOLVE, _decision)
     if "position_m" in found and "leader_position_m" in found:
         found["gap_m"] = found["leader_position_m"] - found["position_m"]
@@ -119,13 +94,27 @@ def page_row(
     return [float(found.get(name, math.nan)) for name in PAGE_COLUMNS], faults
 
 
-def _temperature(topic: Topic, column: str, message: Any) -> dict[str, float]:
-    return {column: decode_temperature(topic, message) - CELSIUS_ZERO_K}
+def _state(message: Any) -> dict[str, float]:
+    observed = decode_observation(message)
+    state = observed.state
+    kelvin = {
+        "cell_1": state.cell_1_temperature_k,
+        "cell_n": state.cell_n_temperature_k,
+        "coolant_inlet": observed.coolant_inlet_temperature_k,
+        "coolant_outlet": observed.coolant_outlet_temperature_k,
+    }
+    return {
+        **vars(state),
+        **vars(observed.powers),
+        **{f"{name}_temperature_c": value - CELSIUS_ZERO_K for name, value in kelvin.items()},
+        "capacity_loss": state.cell_1_capacity_loss + state.cell_n_capacity_loss,
+        "service_braking_s": observed.safety.service_braking_s,
+    }
 
 
-def _motion(message: Any, prefix: str) -> dict[str, float]:
-    state = decode_leader(message)
-    return {f"{prefix}position_m": state.position_m, f"{prefix}speed_m_s": state.speed_m_s}
+def _leader(message: Any) -> dict[str, float]:
+    leader = decode_leader(message)
+    return {"leader_position_m": leader.position_m, "leader_speed_m_s": leader.speed_m_s}
 
 
 def _decision(message: Any) -> dict[str, float]:

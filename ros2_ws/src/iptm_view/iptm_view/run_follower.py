@@ -49,7 +49,7 @@ class RunFollower:
         self._prefix = f"{namespace.rstrip('/')}/"
         self._feed = feed
         self._pending: dict[int, dict[Topic, bytes]] = {}
-        self._expected = _OF_EVERY_TICK - {Topic.PLANT_SAFETY}  # bags of earlier releases have none
+        self._expected = _OF_EVERY_TICK
         self._last_ns = -1
         self._statuses: dict[str, dict[str, Any]] = {}
         self._road: bytes | None = None
@@ -90,7 +90,7 @@ class RunFollower:
         ready = [
             stamp
             for stamp, found in sorted(self._pending.items())
-            if Topic.PLANT_ODOMETRY in found and (incomplete or self._is_complete(found))
+            if Topic.PLANT_STATE in found and (incomplete or self._is_complete(found))
         ]
         if not ready:
             return 0

@@ -118,7 +118,7 @@ class BagSource(AbstractContextManager["BagSource"]):
             try:
                 found[self._reader.resolve(name, spec.type_name).name] = topic
             except BagError:
-                if topic is Topic.PLANT_ODOMETRY:
+                if topic is Topic.PLANT_STATE:
                     raise
         return found
 
@@ -287,7 +287,6 @@ class GraphSource:
             self._last_heard_s = time.monotonic()
         if self._graph.is_running and not self._is_running:
             self._is_running = True
-            self._looked_s = -_LOOK_S  # the gate is open: join at once
             self._feed.put(END, {"ended": False})
         self._follower.take(topic, data)
         if self._foxglove is not None and topic in self._passed_on:

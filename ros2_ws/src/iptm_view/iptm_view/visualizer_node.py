@@ -24,14 +24,14 @@ from iptm_core.routes.road_course import RoadCourse
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.routes.user_csv import USER_SUFFIXES, read_user_trip
 from iptm_core.settings import FrameSettings, ModelSettings
-from iptm_core.state import SlopePreview
+from iptm_core.state import LeaderState, SlopePreview
 from iptm_core.user_input import is_path
 from iptm_ros.codecs import (
     decode_leader,
     decode_leader_preview_bytes,
+    decode_observation,
     decode_plan,
     decode_slope,
-    decode_temperature,
     s_from_ns,
 )
 from iptm_ros.command_line import node_main
@@ -88,7 +88,7 @@ _REPEAT_PERIOD_S = 1.0
 _DEPTH = 10
 _STAMPS_KEPT = 16
 _FLAT = SlopePreview(np.zeros(1), np.zeros(1))
-_OF_A_SCENE = (Topic.PLANT_ODOMETRY, Topic.LEADER, Topic.PLANT_CELL_N_TEMPERATURE)
+_OF_A_SCENE = (Topic.PLANT_STATE, Topic.LEADER)
 _ALONE = (Topic.PLAN, Topic.LEADER_PREVIEW, Topic.SLOPE)
 
 
@@ -194,7 +194,7 @@ class VisualizerNode(SuiteNode):
         complete = [
             stamp for stamp, found in self._by_stamp.items() if set(_OF_A_SCENE) <= set(found)
         ]
-        alone = [stamp for stamp, found in self._by_stamp.items() if Topic.PLANT_ODOMETRY in found]
+        alone = [stamp for stamp, found in self._by_stamp.items() if Topic.PLANT_STATE in found]
         stamps = complete or (alone if len(alone) >= _STAMPS_KEPT else [])
         if not stamps:
             return
@@ -235,16 +235,13 @@ class VisualizerNode(SuiteNode):
 
 def _scene(stamp_ns: int, messages: dict[Topic, bytes]) -> Scene:
     """Decode the messages of one instant."""
-    warmest = Topic.PLANT_CELL_N_TEMPERATURE
+    state = decode_observation(_message(Topic.PLANT_STATE, messages[Topic.PLANT_STATE])).state
     leader = messages.get(Topic.LEADER)
-    temperature = messages.get(warmest)
     return Scene(
         stamp_ns,
-        decode_leader(_message(Topic.PLANT_ODOMETRY, messages[Topic.PLANT_ODOMETRY])),
+        LeaderState(state.time_s, state.position_m, state.speed_m_s),
         None if leader is None else decode_leader(_message(Topic.LEADER, leader)),
-        None
-        if temperature is None
-        else decode_temperature(warmest, _message(warmest, temperature)) - CELSIUS_ZERO_K,
+        state.cell_n_temperature_k - CELSIUS_ZERO_K,
     )
 
 

@@ -219,7 +219,3 @@ class FaultSettings(Settings):
 @dataclass(frozen=True)
 class InjectorNodeParameters(FaultSettings):
     """Parameters of the injector."""
-
-    expected_peers: int = parameter(
-        0, "subscribers of v2x/leader_preview to wait for before anything is passed on", "", 0, 100
-    )

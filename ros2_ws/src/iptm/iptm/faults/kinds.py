@@ -152,12 +152,12 @@ class FaultKind(TextEnum):
     SLOPE_NAN = "slope_nan", KindSpec(FaultPlace.ROAD, "one slope of the map is not a number",
         effect=effects.nan_slope)
     STATE_LATE = "state_late", KindSpec(
-        FaultPlace.STATE, f"the odometry arrives the size later, {_WALL}", 1.0, "s", 0.0, 60.0,
+        FaultPlace.STATE, f"the state arrives the size later, {_WALL}", 1.0, "s", 0.0, 60.0,
         headless=False)
     STATE_REPEATED = "state_repeated", KindSpec(
-        FaultPlace.STATE, "instead of the odometry, the one before arrives again", headless=False)
+        FaultPlace.STATE, "instead of the state, the one before arrives again", headless=False)
     STATE_BACKWARDS = "state_backwards", KindSpec(
-        FaultPlace.STATE, "the stamp of the odometry lies the size in the past", 5.0, "s", 1e-3, 1e6,
+        FaultPlace.STATE, "the stamp of the state lies the size in the past", 5.0, "s", 1e-3, 1e6,
         headless=False)
     STATE_NAN = "state_nan", KindSpec(FaultPlace.STATE, "the speed is not a number", effect=effects.nan_speed)
     STATE_OVERHEATED = "state_overheated", KindSpec(
@@ -201,7 +201,7 @@ class FaultKind(TextEnum):
         FaultPlace.STAMPS, "20 more previews a tick, stamped from the size on", 1000.0, "s", -2e9, 2e9,
         headless=False)
     FOREIGN_STATE = "foreign_state", KindSpec(
-        FaultPlace.STAMPS, "20 more odometries a tick, stamped from the size on", 1000.0, "s", -2e9, 2e9,
+        FaultPlace.STAMPS, "20 more states a tick, stamped from the size on", 1000.0, "s", -2e9, 2e9,
         headless=False)
     SOLVER_TIMEOUT = "solver_timeout", KindSpec(
         FaultPlace.SOLVER, f"it gives up after the size, {_WALL}", 0.1, "s", 0.0, 60.0)

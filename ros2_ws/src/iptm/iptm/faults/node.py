@@ -14,6 +14,7 @@ from typing import Any
 from nav_msgs.msg import Odometry
 from rclpy.publisher import Publisher
 from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
 
 from iptm.faults.fault import Fault, InjectorNodeParameters, at_places
 from iptm.faults.kinds import FaultKind, FaultPlace
@@ -33,6 +34,7 @@ from iptm_core.state import NS_PER_S, SlopePreview
 from iptm_ros.codecs import (
     decode_leader,
     decode_leader_preview_bytes,
+    decode_motion,
     decode_slope,
     encode_leader,
     encode_leader_preview_bytes,
@@ -44,9 +46,8 @@ from iptm_ros.command_line import node_main
 from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
 from iptm_ros.parameters import declare_parameters
 from iptm_ros.suite_node import SuiteNode
-from iptm_ros.topics import ROAD_FRAME, STATE_TOPICS, TOPICS, Topic
+from iptm_ros.topics import ROAD_FRAME, TOPICS, Topic
 
-MATCHING_PERIOD_S = 0.02
 FOREIGN_MESSAGES_PER_TICK = 20
 """Foreign messages sent per tick while such a fault is active."""
 
@@ -55,7 +56,7 @@ _FOREIGN_TOPICS = {
     FaultKind.FOREIGN_CLOCK: Topic.CLOCK,
     FaultKind.FOREIGN_LEADER: Topic.LEADER,
     FaultKind.FOREIGN_PREVIEW: Topic.LEADER_PREVIEW,
-    FaultKind.FOREIGN_STATE: Topic.PLANT_ODOMETRY,
+    FaultKind.FOREIGN_STATE: Topic.PLANT_STATE,
 }
 
 
@@ -81,14 +82,13 @@ class InjectorNode(SuiteNode):
         self._waiting_previews: dict[int, bytes] = {}
         self._waiting_samples: dict[int, bytes] = {}
         self._leader_ns = -1
-        self._last_odometry: bytes | None = None
-        self._delays: dict[Topic, Delay[bytes]] = {
-            topic: Delay(self._of_state, FaultKind.STATE_DELAYED) for topic in STATE_TOPICS
-        }
-        self._held_back: list[tuple[Publisher, bytes]] = []
+        self._last_state: bytes | None = None
+        self._delay: Delay[bytes] = Delay(self._of_state, FaultKind.STATE_DELAYED)
         self._now_ns = 0
         self._changed = 0
-        outputs = (*STATE_TOPICS, Topic.LEADER, Topic.LEADER_PREVIEW, Topic.SLOPE, Topic.CLOCK)
+        outputs = (
+            Topic.PLANT_STATE, Topic.LEADER, Topic.LEADER_PREVIEW, Topic.SLOPE, Topic.CLOCK
+        )  # fmt: skip
         self._outputs = {
             topic: self._publisher(topic, faulty_name(topic.value)) for topic in outputs
         }
@@ -98,10 +98,8 @@ class InjectorNode(SuiteNode):
             for topic in (Topic.LEADER, Topic.LEADER_SAMPLES, Topic.LEADER_PREVIEW)
         }
         self._reporter = DiagnosticsReporter.of_node(self, "faults")
-        self._matching_timer = self.every(MATCHING_PERIOD_S, self._release_if_matched)
         self._subscribe(Topic.SLOPE, Topic.SLOPE.value, self._on_slope)
-        for topic in STATE_TOPICS:
-            self._subscribe(topic, topic.value, partial(self._on_state, topic))
+        self._subscribe(Topic.PLANT_STATE, Topic.PLANT_STATE.value, self._on_state)
         self._subscribe(Topic.LEADER, route_name(Topic.LEADER.value), self._on_leader)
         samples_name = route_name(Topic.LEADER_SAMPLES.value)
         self._subscribe(Topic.LEADER_SAMPLES, samples_name, self._on_samples)
@@ -123,41 +121,19 @@ class InjectorNode(SuiteNode):
 
     # --- forwarding
 
-    def _send(self, publisher: Publisher, data: bytes) -> None:
-        """Publish bytes; until all subscribers are matched, keep them so that none is lost."""
-        if self._matching_timer.is_canceled():
-            publisher.publish(data)
-        else:
-            self._held_back.append((publisher, data))
-
     def _forward(self, topic: Topic, data: bytes, *, changed: bool = False) -> None:
         self._changed += changed
         self._newest[topic] = data
-        self._send(self._outputs[topic], data)
-
-    def _release_if_matched(self) -> None:
-        expected = self._options.expected_peers
-        if self._true[Topic.LEADER_PREVIEW].get_subscription_count() < expected:
-            return
-        if min(publisher.get_subscription_count() for publisher in self._outputs.values()) < 1:
-            return
-        self._matching_timer.cancel()
-        for publisher, data in self._held_back:
-            publisher.publish(data)
-        self._held_back.clear()
+        self._outputs[topic].publish(data)
 
     # --- state and clock
 
-    def _on_state(self, topic: Topic, data: bytes) -> None:
-        stamp_ns = stamp_ns_of(data)
-        if topic is not Topic.PLANT_ODOMETRY:
-            self._forward_state(topic, stamp_ns, data)
-            return
-        message = deserialize_message(data, Odometry)
-        self._ego_positions_m[stamp_ns] = message.pose.pose.position.x
+    def _on_state(self, data: bytes) -> None:
+        stamp_ns, position_m, _ = decode_motion(deserialize_message(data, JointState))
+        self._ego_positions_m[stamp_ns] = position_m
         while len(self._ego_positions_m) > _REMEMBERED_TICKS:
             del self._ego_positions_m[next(iter(self._ego_positions_m))]
-        before, self._last_odometry = self._last_odometry, data
+        topic, before, self._last_state = Topic.PLANT_STATE, self._last_state, data
         for fault in self._of_state:
             if not fault.hits(stamp_ns):
                 continue
@@ -172,14 +148,11 @@ class InjectorNode(SuiteNode):
                 self._forward(topic, with_stamp(data, past_ns), changed=True)
                 break
         else:
-            self._forward_state(topic, stamp_ns, data)
+            changed = changed_state_message(self._of_state, stamp_ns, data)
+            faulty = self._delay.delayed(stamp_ns, changed)
+            self._forward(topic, faulty, changed=faulty is not data)
         if stamp_ns in self._waiting_leaders:
             self._on_leader(self._waiting_leaders.pop(stamp_ns))
-
-    def _forward_state(self, topic: Topic, stamp_ns: int, data: bytes) -> None:
-        message = changed_state_message(self._of_state, topic, stamp_ns, data)
-        faulty = self._delays[topic].delayed(stamp_ns, message)
-        self._forward(topic, faulty, changed=faulty is not data)
 
     def _later(self, delay_s: float, action: Callable[[], None]) -> None:
         timer: Any = None
@@ -214,7 +187,7 @@ class InjectorNode(SuiteNode):
             first_ns = now_ns + round(fault.magnitude * NS_PER_S)
             for number in range(FOREIGN_MESSAGES_PER_TICK):
                 foreign = with_stamp(newest, first_ns + number * NS_PER_S)
-                self._send(self._outputs[topic], foreign)
+                self._outputs[topic].publish(foreign)
             self._changed += 1
 
     # --- leader, its previews, and the road
@@ -223,7 +196,7 @@ class InjectorNode(SuiteNode):
         stamp_ns = stamp_ns_of(data)
         self._update_slope(stamp_ns)
         if self._traffic.is_quiet and not self._of_leader:
-            self._send(self._true[Topic.LEADER], data)
+            self._true[Topic.LEADER].publish(data)
             self._forward(Topic.LEADER, data)
             return
         ego_m = self._ego_positions_m.get(stamp_ns)
@@ -237,7 +210,7 @@ class InjectorNode(SuiteNode):
             return
         true = self._traffic.leader(own, ego_m)
         true_data = data if true is own else with_stamp_of(encode_leader(true), data)
-        self._send(self._true[Topic.LEADER], true_data)
+        self._true[Topic.LEADER].publish(true_data)
         faulty = faulty_leader(self._of_leader, stamp_ns, true, ego_m)
         if faulty is None:
             self._changed += 1
@@ -259,7 +232,7 @@ class InjectorNode(SuiteNode):
         stamp_ns = stamp_ns_of(data)
         publisher = self._true[Topic.LEADER_SAMPLES]
         if self._traffic.is_quiet and not self._of_leader:
-            self._send(publisher, data)
+            publisher.publish(data)
             return
         if self._leader_ns < stamp_ns:
             self._waiting_samples[stamp_ns] = data
@@ -272,13 +245,13 @@ class InjectorNode(SuiteNode):
             return
         if faulty is not own:
             data = encode_leader_preview_bytes(faulty, stamp_ns, self.frame(ROAD_FRAME))
-        self._send(publisher, data)
+        publisher.publish(data)
 
     def _on_preview(self, data: bytes) -> None:
         stamp_ns = stamp_ns_of(data)
         hit = self._previews.hits(stamp_ns)
         if self._traffic.is_quiet and not hit:
-            self._send(self._true[Topic.LEADER_PREVIEW], data)
+            self._true[Topic.LEADER_PREVIEW].publish(data)
             self._forward(Topic.LEADER_PREVIEW, data)
             return
         if not self._traffic.is_quiet and self._leader_ns < stamp_ns:
@@ -293,7 +266,7 @@ class InjectorNode(SuiteNode):
         true = self._traffic.preview(own)
         frame = self.frame(ROAD_FRAME)
         true_data = data if true is own else encode_leader_preview_bytes(true, stamp_ns, frame)
-        self._send(self._true[Topic.LEADER_PREVIEW], true_data)
+        self._true[Topic.LEADER_PREVIEW].publish(true_data)
         faulty = self._previews.apply(stamp_ns, true)
         if faulty is None:
             self._changed += 1
@@ -318,7 +291,7 @@ class InjectorNode(SuiteNode):
         hit = tuple(fault.hits(stamp_ns) for fault in self._road)
         if hit != (self._slope_hit or (False,) * len(hit)):
             message = encode_slope(faulty_slope(self._road, stamp_ns, self._slope))
-            self._send(self._outputs[Topic.SLOPE], serialized(message))
+            self._outputs[Topic.SLOPE].publish(serialized(message))
         self._slope_hit = hit
 
     # --- diagnostics

@@ -19,9 +19,9 @@ from iptm.runner.scenario import NODES, Scenario, names_for
 from iptm.runner.scenario_files import scenario_text
 from iptm_core.declaration import Scalar, plain
 from iptm_core.parameters import to_flat_dict
-from iptm_core.settings import LeaderSource
+from iptm_ros.connections import full_name
 from iptm_ros.recording.run_information import MODEL_KEY
-from iptm_ros.topics import BRIDGE, CONTROLLER, PLANT, STATE_TOPICS, Topic
+from iptm_ros.topics import BRIDGE, CONTROLLER, PLANT, Topic
 
 RECORDER = "recorder"
 INJECTOR = "fault_injector"
@@ -53,7 +53,7 @@ _TOPIC_PLACES = (
 _REMAPPED: Mapping[str, Mapping[str, str]] = {
     CONTROLLER: {
         topic.value: faulty_name(topic.value)
-        for topic in (*STATE_TOPICS, Topic.LEADER, Topic.LEADER_PREVIEW, Topic.SLOPE)
+        for topic in (Topic.PLANT_STATE, Topic.LEADER, Topic.LEADER_PREVIEW, Topic.SLOPE)
     },
     BRIDGE: {
         Topic.CLOCK.value: faulty_name(Topic.CLOCK.value),
@@ -65,43 +65,20 @@ _REMAPPED: Mapping[str, Mapping[str, str]] = {
 """Topics of nodes that are routed through the injector if there is one, by node and name."""
 
 
-def node_parameters(
-    scenario: Scenario, *, recorder: bool = True, to_state: int = 0, to_preview: int = 0
-) -> dict[str, dict[str, Scalar]]:
+def node_parameters(scenario: Scenario) -> dict[str, dict[str, Scalar]]:
     """Return the parameters of each node, the injector's among them if a fault acts on topics.
 
-    No message may be lost, so plant and bridge are given the number of listeners to
-    wait for: the runner and the recorder, and the controller (to the odometry and the preview) or the
-    bridge (to the clock).
-
-    Args:
-        scenario: the run.
-        recorder: whether a recorder will join.
-        to_state: number of other nodes (such as a viewer) already subscribed to state and clock.
-        to_preview: number of other nodes already subscribed to the leader and its preview.
+    The plant waits for the runner, which resumes it when all nodes hear each other.
     """
-    # A controller of the user need not subscribe to previews; it may already subscribe to the state.
-    is_foreign = CONTROLLER in scenario.foreign
-    controller = 1 - int(is_foreign and to_state > 0)
-    # A bridge on received messages also subscribes to the odometry; in lock-step their sender to the clock.
-    # One that keeps the rules of the road without messages subscribes to both.
-    of_bridge, road = scenario.node_parameters.get(BRIDGE, {}), scenario.road
-    in_step = of_bridge.get("cam_lock_step") is not False and not of_bridge.get("recorded_packets")
-    is_cam = road.leader_source is LeaderSource.CAM
-    bridge = int(in_step if is_cam else road.keeps_rules)
-    peers: dict[str, dict[str, Scalar]] = {
-        # One of them is the runner, which does not subscribe to previews.
-        PLANT: {"expected_peers": 1 + controller + recorder + bridge + to_state},
-        BRIDGE: {
-            "initial_gap_m": scenario.vehicle.values.gap.initial_gap_m,
-            "expected_peers": 1 - is_foreign + recorder + to_preview,
-        },
+    own: dict[str, dict[str, Scalar]] = {
+        PLANT: {"start_paused": True},
+        BRIDGE: {"initial_gap_m": scenario.vehicle.values.gap.initial_gap_m},
         CONTROLLER: {"trip_duration_s": scenario.trip.duration_s},
     }
     parameters = {
         node: {
             **{name: plain(getattr(scenario, name)) for name in names_for(node)},
-            **peers[node],
+            **own[node],
             **scenario.node_parameters.get(node, {}),
         }
         for node in NODES
@@ -110,12 +87,24 @@ def node_parameters(
         if inside := at_places(scenario.faults, place):
             parameters[node]["faults"] = json.dumps(plain_faults(inside))
     if needs_injector(scenario.faults):
-        own = json.dumps(plain_faults(at_places(scenario.faults, *_TOPIC_PLACES)))
-        # The injector sits between bridge and controller: the recorder keeps the unmodified preview.
-        listeners = int(parameters[BRIDGE]["expected_peers"]) - 1
-        parameters[INJECTOR] = {"faults": own, "expected_peers": listeners}
-        parameters[BRIDGE]["expected_peers"] = 1
+        on_topics = at_places(scenario.faults, *_TOPIC_PLACES)
+        parameters[INJECTOR] = {"faults": json.dumps(plain_faults(on_topics))}
     return parameters
+
+
+def trip_members(scenario: Scenario, *, recorder: bool) -> tuple[str, ...]:
+    """Return the full names of the nodes that must hear each other before the trip begins.
+
+    Those of the user are not among them, as they make no reports; those of the vehicles ahead and behind are.
+    """
+    nodes = [*(node for node in NODES if node not in scenario.foreign)]
+    nodes += [INJECTOR] * needs_injector(scenario.faults) + [RECORDER] * recorder
+    plant = scenario.node_parameters.get(PLANT, {})
+    others = [str(plant.get(key, "")).strip("/") for key in ("vehicle_ahead", "vehicle_behind")]
+    return (
+        *(full_name(scenario.full_namespace, node) for node in nodes),
+        *(full_name(f"/{other}", node) for other in others if other for node in NODES),
+    )
 
 
 def needs_injector(faults: Sequence[Fault]) -> bool:

@@ -128,6 +128,11 @@ class Drive(AbstractContextManager["Drive"]):
         """Spin until the first clock; the result is FINISHED when it came."""
         deadline_s = time.monotonic() + START_TIMEOUT_S
 
+        def begun() -> bool:
+            if not (self._is_held or self.monitor.awaited_nodes or self.monitor.deaf_nodes):
+                self.monitor.start_signal.give()
+            return self.monitor.first_clock_s is not None or self._has_ended()
+
         def show() -> DriveResult | None:
             self.progress.waiting(self._awaited())
             if time.monotonic() > deadline_s:
@@ -137,9 +142,12 @@ class Drive(AbstractContextManager["Drive"]):
                 )
             return self._intruded()
 
-        return self._spin_until(
-            lambda: self.monitor.first_clock_s is not None or self._has_ended(), show
-        )
+        return self._spin_until(begun, show)
+
+    @property
+    def _is_held(self) -> bool:
+        """Whether the user begins the trip with `plant/resume`."""
+        return bool(self.scenario.node_parameters.get(PLANT, {}).get("start_paused", False))
 
     def _intruded(self) -> DriveResult | None:
         crowded = self.monitor.crowded_topics
@@ -152,9 +160,12 @@ class Drive(AbstractContextManager["Drive"]):
         )
 
     def _awaited(self) -> str:
-        nodes = self.monitor.awaited_nodes
-        if nodes:
-            return f"waiting for {', '.join(nodes)}"
+        meeting = self.monitor.start_signal.meeting
+        absent = [name.rpartition("/")[2] for name in meeting.absent]
+        nodes = tuple(dict.fromkeys([*self.monitor.awaited_nodes, *absent]))
+        awaited = nodes or meeting.missing[:1] or self.monitor.deaf_nodes
+        if awaited:
+            return f"waiting for {', '.join(awaited)}"
         return self.monitor.plant_reason or "waiting for the plant"
 
     def _wait_for_end(self) -> DriveResult:

@@ -102,7 +102,7 @@ def evaluate(
         MessageError: there is neither a bag nor a complete tick among the received messages.
     """
     found, notes = list(problems), [*warnings, *scenario.trip.notes]
-    trips = split_trips((stamp_ns_of(data), None) for data in heard[Topic.PLANT_ODOMETRY])
+    trips = split_trips((stamp_ns_of(data), None) for data in heard[Topic.PLANT_STATE])
     if len(trips) > 1:
         notes.append(
             f"the trip was begun {len(trips)} times; the figures are those of the last one"
@@ -111,7 +111,7 @@ def evaluate(
     namespace = scenario.namespace or None
     counts: dict[str, int] | None = None
     if bag is None:
-        assembled = assemble_run(heard_by_stamp(heard, (*TICK_TOPICS, Topic.PLANT_SAFETY)))
+        assembled = assemble_run(heard_by_stamp(heard, TICK_TOPICS))
         trajectory = assembled.trajectory
         decisions = assemble_decisions(heard_by_stamp(heard, (Topic.SOLVE,))[Topic.SOLVE])
         if assembled.incomplete:
@@ -137,9 +137,7 @@ def evaluate(
     losses = None if bag is None else stored_losses(information)
     is_empty = scenario.road.leader_source is LeaderSource.NONE
     notes += [
-        note
-        for note in unpublished(trajectory)
-        if not (is_empty and note.startswith(Topic.LEADER.value))
+        note for note in unpublished(trajectory) if not (is_empty and note.startswith("leader_"))
     ]
     notes += [remark] if (remark := leader_remark(trajectory, losses)) else []
     fastest_m_s = float(np.fmax.reduce(trajectory.leader_speed_m_s))

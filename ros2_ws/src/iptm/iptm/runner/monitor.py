@@ -18,24 +18,25 @@ from rclpy.context import Context
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 
-from iptm.runner.composition import INJECTOR, RECORDER
+from iptm.runner.composition import RECORDER
 from iptm_core.decision_record import DecisionRecord, Rung
 from iptm_core.errors import MessageError
 from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_ros.assembly import last_trip
 from iptm_ros.codecs import (
     decode_decision_record,
-    decode_temperature,
+    decode_motion,
+    decode_observation,
     ns_from_s,
     ns_from_time,
     stamp_ns_of,
 )
+from iptm_ros.connections import StartSignal, full_name
 from iptm_ros.diagnostics import TRIP_TIME, Level, find_status, status_values
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import (
     BRIDGE,
     CONTROLLER,
-    PEER_TOPICS,
     PLANT,
     TICK_TOPICS,
     TOPICS,
@@ -44,21 +45,12 @@ from iptm_ros.topics import (
 
 NAME = "run_monitor"
 _RECENT_STATES = 20
-EARLY_TOPICS = (
-    *(topic for topic in TICK_TOPICS if topic not in PEER_TOPICS),
-    Topic.PLANT_SAFETY,
-    Topic.SOLVE,
-    Topic.COMMAND,
-)
+HEARD = (*TICK_TOPICS, Topic.SOLVE, Topic.COMMAND, Topic.CLOCK)
 
 _DEPTH = 10_000  # the runner may be busy for a moment, the nodes do not wait for it
-_SETTLE_S = 0.1  # time for the publishers to learn of the subscriptions made last
-_LOOK_PERIOD_S = 0.05
-# A node that was found a moment ago has no name yet; it may be one of the run.
-_NOT_FOREIGN = {PLANT, BRIDGE, CONTROLLER, RECORDER, INJECTOR, NAME, "_NODE_NAME_UNKNOWN_"}
-_NEEDED = (*PEER_TOPICS, Topic.LEADER, Topic.COMMAND)
+_NEEDED = (Topic.PLANT_STATE, Topic.CLOCK, Topic.LEADER, Topic.COMMAND)
 """Topics that a run requires, whichever node publishes them."""
-_ONLY_ONE_PUBLISHES = (Topic.CLOCK, Topic.PLANT_ODOMETRY, Topic.LEADER, Topic.COMMAND)
+_ONLY_ONE_PUBLISHES = (Topic.CLOCK, Topic.PLANT_STATE, Topic.LEADER, Topic.COMMAND)
 
 
 @dataclass(frozen=True)
@@ -114,21 +106,30 @@ class RunMonitor(SuiteNode):
             OK, once each.
         reports: every status of the nodes, in order of arrival.
         plant_reason: latest reason of the plant's diagnostics.
+        start_signal: resumes the plant.
 
     Args:
         namespace: of the run.
         context: of the node.
         foreign: nodes that the user starts; of what they publish, only `_NEEDED` is waited for.
+        members: full names of the other nodes that the trip waits for.
     """
 
     def __init__(
-        self, namespace: str, context: Context, foreign: Collection[str] = frozenset()
+        self,
+        namespace: str,
+        context: Context,
+        foreign: Collection[str] = frozenset(),
+        members: Collection[str] = (),
     ) -> None:
         super().__init__(NAME, namespace=namespace, context=context)
         self._foreign = frozenset(foreign)
-        self.recorded: dict[Topic, list[bytes]] = {
-            topic: [] for topic in (*EARLY_TOPICS, *PEER_TOPICS)
-        }
+        self.start_signal = StartSignal(
+            self,
+            (*members, self.get_fully_qualified_name()),
+            full_name(namespace, PLANT),
+        )
+        self.recorded: dict[Topic, list[bytes]] = {topic: [] for topic in HEARD}
         self.first_clock_s: float | None = None
         self.last_clock_s: float | None = None
         self.last_sign_s = time.monotonic()
@@ -137,21 +138,25 @@ class RunMonitor(SuiteNode):
         self.plant_reason = ""
         self._diagnostics_count = 0
         self._started: set[str] = set(foreign)
-        self._subscribed: set[Topic] = set()
-        self._complete_since_s: float | None = None
         self._prefix = self.get_namespace().rstrip("/")
         self.listen(Topic.DIAGNOSTICS, self._on_diagnostics)
-        self._timer = self.every(_LOOK_PERIOD_S, self._look)
+        for topic in HEARD:
+            self._subscribe(topic)
 
     @property
     def awaited_nodes(self) -> tuple[str, ...]:
         """Nodes that do not publish all of their topics yet."""
         silent = (
-            topic
-            for topic in (*EARLY_TOPICS, *PEER_TOPICS)
-            if self._is_awaited(topic) and not self._publisher_count(topic)
+            topic for topic in HEARD if self._is_awaited(topic) and not self._publisher_count(topic)
         )
         return tuple(dict.fromkeys(TOPICS[topic].publisher for topic in silent))
+
+    @property
+    def deaf_nodes(self) -> tuple[str, ...]:
+        """Nodes that do not hear those of the user yet."""
+        needed = (TOPICS[topic] for topic in _NEEDED if TOPICS[topic].publisher in self._foreign)
+        names = [self.resolve_topic_name(spec.name) for spec in needed]
+        return self.start_signal.meeting.deaf_to(names)
 
     def _is_awaited(self, topic: Topic) -> bool:
         return topic in _NEEDED or TOPICS[topic].publisher not in self._foreign
@@ -170,17 +175,8 @@ class RunMonitor(SuiteNode):
         return self.get_node_names_and_namespaces().count((node, self.get_namespace())) > 1
 
     def expect(self, nodes: Iterable[str]) -> None:
-        """Subscribe from now on to nodes that have been started, and to none before."""
+        """Take what nodes of these names publish for that of the run; before, it is that of another one."""
         self._started.update(nodes)
-
-    def foreign_listeners(self, *topics: Topic) -> int:
-        """Return how many nodes that do not belong to the run listen to each of the topics."""
-        return min(self._foreign_listeners(topic) for topic in topics)
-
-    def _foreign_listeners(self, topic: Topic) -> int:
-        name = self.resolve_topic_name(TOPICS[topic].name)
-        listeners = self.get_subscriptions_info_by_topic(name)
-        return sum(info.node_name not in _NOT_FOREIGN for info in listeners)
 
     @property
     def message_count(self) -> int:
@@ -209,21 +205,17 @@ class RunMonitor(SuiteNode):
         try:
             if now_ns is None:
                 return None
-            odometry = self._newest(Topic.PLANT_ODOMETRY)
+            state = decode_observation(self._newest(Topic.PLANT_STATE)).state
             gap_m = self._gap_m()
             solve = self._newest_solve()
-            cell_1_k, cell_n_k = (
-                decode_temperature(topic, self._newest(topic)) if self.recorded[topic] else math.nan
-                for topic in (Topic.PLANT_CELL_1_TEMPERATURE, Topic.PLANT_CELL_N_TEMPERATURE)
-            )
         except (IndexError, MessageError):
             return None
         return Snapshot(
             time_s=now_ns * 1e-9,
-            speed_m_s=odometry.twist.twist.linear.x,
+            speed_m_s=state.speed_m_s,
             gap_m=gap_m,
-            cell_1_temperature_c=cell_1_k - CELSIUS_ZERO_K,
-            cell_n_temperature_c=cell_n_k - CELSIUS_ZERO_K,
+            cell_1_temperature_c=state.cell_1_temperature_k - CELSIUS_ZERO_K,
+            cell_n_temperature_c=state.cell_n_temperature_k - CELSIUS_ZERO_K,
             solve_time_s=math.nan if solve is None else solve.solve_time_s,
             iterations=0 if solve is None else solve.iterations,
             rung=Rung.OPTIMAL if solve is None else solve.rung,
@@ -235,10 +227,10 @@ class RunMonitor(SuiteNode):
             return math.nan  # an empty road
         leader = self._newest(Topic.LEADER)
         stamp_ns = ns_from_time(leader.header.stamp)
-        for data in self.recorded[Topic.PLANT_ODOMETRY][: -1 - _RECENT_STATES : -1]:
+        for data in self.recorded[Topic.PLANT_STATE][: -1 - _RECENT_STATES : -1]:
             if stamp_ns_of(data) == stamp_ns:
-                ego = deserialize_message(data, TOPICS[Topic.PLANT_ODOMETRY].message_type)
-                return float(leader.pose.pose.position.x - ego.pose.pose.position.x)
+                ego = deserialize_message(data, TOPICS[Topic.PLANT_STATE].message_type)
+                return float(leader.pose.pose.position.x) - decode_motion(ego)[1]
         return math.nan
 
     def _newest_solve(self) -> DecisionRecord | None:
@@ -253,26 +245,7 @@ class RunMonitor(SuiteNode):
     def _publisher_count(self, topic: Topic) -> int:
         return int(self.count_publishers(TOPICS[topic].name))
 
-    def _look(self) -> None:
-        """Subscribe to what has a publisher; to the gate when all else is in place."""
-        for topic in EARLY_TOPICS:
-            is_due = topic not in self._subscribed and TOPICS[topic].publisher in self._started
-            if is_due and self._publisher_count(topic):
-                self._subscribe(topic)
-        if any(self._is_awaited(topic) and topic not in self._subscribed for topic in EARLY_TOPICS):
-            return
-        now_s = time.monotonic()
-        if self._complete_since_s is None:
-            self._complete_since_s = now_s
-        if now_s - self._complete_since_s >= _SETTLE_S and not self.crowded_topics:
-            for topic in PEER_TOPICS:
-                if topic not in self._subscribed:
-                    self._subscribe(topic)
-            if not self._foreign:
-                self._timer.cancel()
-
     def _subscribe(self, topic: Topic) -> None:
-        self._subscribed.add(topic)
         spec = TOPICS[topic]
         take = self._on_clock if topic is Topic.CLOCK else self.recorded[topic].append
         qos = QoSProfile(

@@ -27,6 +27,7 @@ from iptm.runner.supervisor import Supervisor
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters.strict_yaml import parse_yaml
 from iptm_core.program import EXIT_OK, refused
+from iptm_ros.connections import full_name
 from iptm_ros.discovery import reserve_domain
 from iptm_ros.recording.compare_bags import (
     PIPE_WIDTH,
@@ -36,7 +37,7 @@ from iptm_ros.recording.compare_bags import (
 )
 from iptm_ros.recording.field_differences import NumberTolerance
 from iptm_ros.recording.recorded_topics import TopicSelection
-from iptm_ros.topics import TOPICS, Topic
+from iptm_ros.topics import PLANT, TOPICS, Topic
 
 PROGRAM = "replay"
 EXIT_DIFFERENT = 1
@@ -44,7 +45,7 @@ TOLERANCE = NumberTolerance(absolute=1e-6, relative=1e-6)
 """Of numbers, in their units: another processor or compiler rounds otherwise, and a solver ends elsewhere
 within its tolerance."""
 FINE_TOLERANCES: Mapping[Topic, tuple[tuple[str, ...], NumberTolerance]] = {
-    Topic.PLANT_CAPACITY_LOSS: (("*_capacity_loss",), NumberTolerance(relative=1e-9)),
+    Topic.PLANT_STATE: (("*_capacity_loss",), NumberTolerance(relative=1e-9)),
     Topic.SOLVE: (("*_1_k", "*_1_s"), NumberTolerance(relative=1e-4)),
 }
 """Of fields whose numbers are small: an absolute tolerance would hide every difference."""
@@ -102,7 +103,10 @@ def check_node(
         answers = folder / "answers"
         outputs = tuple(topic for topic in OUTPUTS[node] if topic in recorded.names)
         final_answer, alive = FINAL_ANSWER[node], _alive(supervisor)
-        answer_steps(recorded.steps, outputs, final_answer, recorded.names, answers, alive, on_tick)
+        plant = full_name(recorded.namespace, PLANT) if node == PLANT else ""
+        answer_steps(
+            recorded.steps, outputs, final_answer, recorded.names, answers, alive, on_tick, plant
+        )
         once = copy_without_repeats(bag, list(recorded.names.values()), folder / "recorded")
         return [
             outcome

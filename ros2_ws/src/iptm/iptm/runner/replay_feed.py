@@ -11,6 +11,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.publisher import Publisher
 
 from iptm_core.errors import ScenarioError
+from iptm_ros.connections import StartSignal
 from iptm_ros.process import joined_node
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.bag_writer import BagWriter
@@ -35,6 +36,7 @@ def answer_steps(
     answers: Path,
     check_alive: Callable[[], None],
     on_tick: Callable[[int, int], None],
+    plant: str = "",
 ) -> None:
     """Feed a node that is starting, and record its answers in a bag.
 
@@ -46,6 +48,7 @@ def answer_steps(
         answers: bag folder to create.
         check_alive: raises when the node has ended.
         on_tick: called with the number of completed steps and the number of all steps.
+        plant: full name of the node if it is a plant, which waits to be resumed.
 
     Raises:
         ScenarioError: the node does not come up, ends, or gives no answer to a step.
@@ -56,6 +59,8 @@ def answer_steps(
     ):
         feed = _Feed(node, executor, outputs, names, writer, check_alive)
         feed.wait_for_peers({topic for inputs in steps.values() for topic in inputs})
+        if plant:
+            feed.resume(plant)
         for number, (stamp_ns, inputs) in enumerate(steps.items(), start=1):
             feed.take(stamp_ns, inputs, final_answer)
             on_tick(number, len(steps))
@@ -129,6 +134,11 @@ class _Feed:
             START_TIMEOUT_S,
             "the node does not come up",
         )
+
+    def resume(self, plant: str) -> None:
+        """Have a plant begin."""
+        signal = StartSignal(self._node, (), plant)
+        self._spin_until(signal.give, ANSWER_TIMEOUT_S, "the plant does not begin")
 
     def take(self, stamp_ns: int, inputs: Mapping[Topic, bytes], final_answer: Topic) -> None:
         """Publish the inputs of a tick, and wait for the final answer."""

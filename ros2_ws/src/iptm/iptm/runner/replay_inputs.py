@@ -22,10 +22,7 @@ from iptm_ros.recording.trajectory_reader import refuse_changed_settings, topic_
 from iptm_ros.topics import (
     BRIDGE,
     CONTROLLER,
-    FIELD_ALIASES,
-    OBSERVATION_TOPICS,
     PLANT,
-    STATE_TOPICS,
     Topic,
 )
 
@@ -36,14 +33,18 @@ OUTPUTS: Mapping[str, tuple[Topic, ...]] = {
     BRIDGE: (
         Topic.SLOPE, Topic.ROAD_AHEAD, Topic.LEADER, Topic.LEADER_SAMPLES, Topic.LEADER_PREVIEW,
     ),
-    PLANT: (*OBSERVATION_TOPICS, Topic.PLANT_SAFETY, Topic.CLOCK),
+    PLANT: (
+        Topic.PLANT_STATE, Topic.PLANT_ODOMETRY, Topic.PLANT_ACCELERATION, Topic.PLANT_BATTERY,
+        Topic.PLANT_CELL_1_TEMPERATURE, Topic.PLANT_CELL_N_TEMPERATURE,
+        Topic.PLANT_COOLANT_INLET_TEMPERATURE, Topic.PLANT_COOLANT_OUTLET_TEMPERATURE, Topic.CLOCK,
+    ),
 }  # fmt: skip
 """Compared outputs of each node; its diagnostics depend on the machine and are left out."""
 
 INPUTS: Mapping[str, tuple[Topic, ...]] = {
     CONTROLLER: (
         Topic.SLOPE,
-        *STATE_TOPICS,
+        Topic.PLANT_STATE,
         Topic.ROAD_AHEAD,
         Topic.LEADER,
         Topic.LEADER_PREVIEW,
@@ -53,16 +54,15 @@ INPUTS: Mapping[str, tuple[Topic, ...]] = {
 }
 """Recorded inputs of each node; a bridge on received messages also needs the position of the ego vehicle."""
 
-_LATER = (Topic.PLANT_SAFETY, Topic.LEADER_SAMPLES, Topic.ROAD_AHEAD, Topic.LEADER)
-"""Topics that older bags lack, or those of an empty road."""
+_NOT_ALWAYS = (Topic.LEADER,)
+"""Topics that there are none of on an empty road."""
 FINAL_ANSWER = {CONTROLLER: Topic.COMMAND, BRIDGE: Topic.LEADER_PREVIEW, PLANT: Topic.CLOCK}
 _OWN_WAY: Mapping[str, Mapping[str, Any]] = {
     # The check is the only subscriber, and its inputs are never late.
     CONTROLLER: {"input_timeout_s": 60.0},
-    BRIDGE: {"expected_peers": 1},
-    PLANT: {"expected_peers": 1, "command_timeout_wall_s": 3600.0, "linger_s": 1.0,
-            "start_paused": False},
-}  # fmt: skip
+    BRIDGE: {},
+    PLANT: {"command_timeout_wall_s": 3600.0, "linger_s": 1.0, "start_paused": True},
+}
 
 
 @dataclass(frozen=True)
@@ -100,12 +100,11 @@ def read_recorded(bag: Path, node: str, namespace: str | None = None) -> Recorde
             raise BagError(
                 f"{bag} does not hold the parameters of {node}: there is nothing to start it with"
             )
-        given = {FIELD_ALIASES.get(name, name): value for name, value in given.items()}
         inputs, own_way = _inputs_and_changes(node, given, bag)
         wanted = dict.fromkeys((*inputs, *OUTPUTS[node]))
         names = {}
         for topic in wanted:
-            with suppress(BagError) if topic in _LATER else nullcontext():
+            with suppress(BagError) if topic in _NOT_ALWAYS else nullcontext():
                 names[topic] = topic_name(reader, topic, namespace)
         topics = {name: topic for topic, name in names.items()}
         heard: dict[Topic, dict[int, bytes]] = {topic: {} for topic in wanted}
@@ -144,7 +143,7 @@ def _inputs_and_changes(
         road = given_settings(RoadAheadSettings, given)
         is_cam = road.leader_source is LeaderSource.CAM
         if is_cam or road.keeps_rules:
-            inputs = (Topic.PLANT_ODOMETRY, *inputs)
+            inputs = (Topic.PLANT_STATE, *inputs)
         if is_cam:
             own_way |= {"recorded_packets": str(bag.resolve()), "publish_datagrams": False}
     return inputs, own_way

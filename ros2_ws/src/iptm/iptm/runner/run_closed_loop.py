@@ -78,6 +78,14 @@ def build_parser() -> argparse.ArgumentParser:
         help="do not start this node, but wait for one that you start in the same ROS domain; repeatable. "
         "Figures are computed from what it publishes",
     )
+    parser.add_argument(
+        "--wait-for",
+        action="append",
+        default=[],
+        metavar="NODE",
+        help="a further node, such as /car_2/v2x_sender, that must hear the others, and they it, before the "
+        "trip begins; repeatable",
+    )
     parser.add_argument("--no-picture", action="store_true", help="do not draw a picture")
     parser.add_argument(
         "--report", action="store_true", help="write the run as one HTML page, too: report.html"
@@ -195,6 +203,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             against=parsed.against,
             view=parsed.view,
             full=parsed.full,
+            wait_for=tuple(parsed.wait_for),
         )
         return run(scenario, options, console)
     except IptmError as error:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,6 +19,7 @@ from iptm.runner.composition import (
     parameter_file_text,
     recorder_command,
     run_information,
+    trip_members,
 )
 from iptm.runner.drive import Drive, DriveOutcome, DriveResult, unclean_ends
 from iptm.runner.environment import (
@@ -37,17 +37,16 @@ from iptm.runner.scenario import Scenario
 from iptm.runner.supervisor import Supervisor
 from iptm.runner.tables import print_results, save_picture
 from iptm.runner.viewer import live_view
-from iptm_core.declaration import Scalar
 from iptm_core.errors import IptmError
 from iptm_core.program import EXIT_OK, EXIT_SIGNAL, EXIT_USER_ERROR, print_error
 from iptm_ros.process import StopRequest, joined_node
 from iptm_ros.recording.run_information import collect_run_information
-from iptm_ros.topics import CONTROLLER, PLANT, Topic
+from iptm_ros.topics import CONTROLLER, PLANT
 
 PROGRAM = "run_closed_loop"
 EXIT_RUN_FAILED = 1
 LOOK_AROUND_S = 2.0
-"""Time to find others in a domain that the user chose; the controller takes as long to start."""
+"""Time to find another run in a domain that the user chose; the controller takes as long to start."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +62,7 @@ class RunOptions:
         against: strategy to compare with, driven without ROS after the run; "none" for no comparison.
         view: whether to show it in the browser while it takes place.
         full: whether to print the tables of all figures.
+        wait_for: full names of further nodes that must hear the others before the trip begins.
     """
 
     output: Path | None = None
@@ -73,6 +73,7 @@ class RunOptions:
     against: str = NO_COMPARISON
     view: bool = False
     full: bool = False
+    wait_for: tuple[str, ...] = ()
 
 
 def run(scenario: Scenario, options: RunOptions, console: Console) -> int:
@@ -123,68 +124,45 @@ def drive_processes(
     with (
         process_environment(environment),  # the runner takes part in the graph itself
         joined_node(
-            lambda context: RunMonitor(scenario.full_namespace, context, scenario.foreign),
+            lambda context: RunMonitor(
+                scenario.full_namespace,
+                context,
+                scenario.foreign,
+                (*trip_members(scenario, recorder=options.record), *options.wait_for),
+            ),
             domain.number,
         ) as (monitor, executor),
         Drive(supervisor, monitor, executor, progress, stop, process_faults, scenario) as drive,
     ):
-        start = _ProcessStarter(folder, scenario, options)
-        drive.start(start.first())
+        commands = _commands(folder, scenario, options)
+        early = {name: commands.pop(name) for name in (CONTROLLER, RECORDER) if name in commands}
+        drive.start(early)
         # A private domain has no other participants.
         result = drive.look_around(0.0 if domain.is_private else LOOK_AROUND_S)
         if result.outcome is DriveOutcome.FINISHED:
-            drive.start(start.then(monitor))
+            drive.start(commands)
             result = drive.run()
     return result, drive
 
 
-class _ProcessStarter:
-    """Writes the files that the processes need and gives the commands to start them."""
-
-    def __init__(self, folder: RunFolder, scenario: Scenario, options: RunOptions) -> None:
-        self._folder, self._scenario, self._options = folder, scenario, options
-
-    def first(self) -> dict[str, list[str]]:
-        """Return the commands that do not depend on the listeners; they take longest to start."""
-        parameters = self._parameters()
-        commands = self._nodes({CONTROLLER} & parameters.keys(), parameters)
-        if self._options.record:
-            text = yaml.safe_dump(run_information(self._scenario, parameters), sort_keys=False)
-            path = self._folder.write_log("run_information.yaml", text)
-            # As the user wrote it: the recorder's diagnostics name it, and they go into the bag.
-            commands[RECORDER] = recorder_command(
-                self._folder.given,
-                path,
-                self._options.compression,
-                self._scenario.full_namespace,
-            )
-        return commands
-
-    def then(self, monitor: RunMonitor) -> dict[str, list[str]]:
-        """Return the commands of the nodes that need the number of listeners."""
-        parameters = self._parameters(
-            to_state=monitor.foreign_listeners(Topic.PLANT_ODOMETRY, Topic.CLOCK),
-            to_preview=monitor.foreign_listeners(Topic.LEADER, Topic.LEADER_PREVIEW),
-        )
-        return self._nodes([node for node in parameters if node != CONTROLLER], parameters)
-
-    def _parameters(self, **listeners: int) -> dict[str, dict[str, Scalar]]:
-        """Return the parameters of the nodes that are started here."""
-        found = node_parameters(self._scenario, recorder=self._options.record, **listeners)
-        return {
-            node: values for node, values in found.items() if node not in self._scenario.foreign
-        }
-
-    def _nodes(
-        self, nodes: Iterable[str], parameters: Mapping[str, Mapping[str, Scalar]]
-    ) -> dict[str, list[str]]:
-        commands = {}
-        for node in nodes:
-            text = parameter_file_text(node, parameters[node])
-            path = self._folder.write_log(f"{node}_parameters.yaml", text)
-            namespace, faults = self._scenario.full_namespace, self._scenario.faults
-            commands[node] = node_command(node, path, namespace, faults)
-        return commands
+def _commands(folder: RunFolder, scenario: Scenario, options: RunOptions) -> dict[str, list[str]]:
+    """Write the files that the processes need, and return the commands that start them."""
+    namespace = scenario.full_namespace
+    parameters = {
+        node: values
+        for node, values in node_parameters(scenario).items()
+        if node not in scenario.foreign
+    }
+    commands = {}
+    for node, values in parameters.items():
+        path = folder.write_log(f"{node}_parameters.yaml", parameter_file_text(node, values))
+        commands[node] = node_command(node, path, namespace, scenario.faults)
+    if options.record:
+        text = yaml.safe_dump(run_information(scenario, parameters), sort_keys=False)
+        path = folder.write_log("run_information.yaml", text)
+        # As the user wrote it: the recorder's diagnostics name it, and they go into the bag.
+        commands[RECORDER] = recorder_command(folder.given, path, options.compression, namespace)
+    return commands
 
 
 def _report(

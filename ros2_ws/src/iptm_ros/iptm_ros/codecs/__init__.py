@@ -8,19 +8,14 @@ from iptm_ros.codecs.command import (
     encode_decision_record,
 )
 from iptm_ros.codecs.datagram import decode_raw_datagram, encode_raw_datagram
-from iptm_ros.codecs.numbers import (
-    decode_vehicle_state,
-    encode_observation,
-    read_numbers,
-)
+from iptm_ros.codecs.numbers import read_numbers
 from iptm_ros.codecs.observation import (
     decode_leader,
+    decode_motion,
     decode_observation,
-    decode_powers,
-    decode_safety,
-    decode_temperature,
     encode_battery,
     encode_leader,
+    encode_observation,
 )
 from iptm_ros.codecs.plan import PlanTrajectory, decode_plan, encode_plan, encode_plan_bytes
 from iptm_ros.codecs.preview import (
@@ -50,15 +45,12 @@ __all__ = [
     "decode_leader",
     "decode_leader_preview",
     "decode_leader_preview_bytes",
+    "decode_motion",
     "decode_observation",
     "decode_plan",
-    "decode_powers",
     "decode_raw_datagram",
     "decode_road_ahead",
-    "decode_safety",
     "decode_slope",
-    "decode_temperature",
-    "decode_vehicle_state",
     "encode_battery",
     "encode_command",
     "encode_decision_record",

@@ -6,8 +6,7 @@ written afterwards. An encoder provides both from one definition of the numbers:
 bytes for `Publisher.publish`. Every decoder raises a `MessageError` with the topic, the value and the rule
 where a message breaks its promise.
 
-Named values are the `position[]` of a `sensor_msgs/JointState`; their names carry the units. Temperatures are
-degrees Celsius on the wire, so kelvin values come back within one rounding step (6e-14 K).
+Named values are the `position[]` of a `sensor_msgs/JointState`; their names carry the units.
 """
 
 from __future__ import annotations
@@ -15,26 +14,22 @@ from __future__ import annotations
 import math
 import struct
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import update_wrapper
 from operator import attrgetter
 from typing import Any, Generic, NoReturn, ParamSpec
 
 from iptm_core.errors import MessageError
-from iptm_core.parameters.model import CELSIUS_ZERO_K
-from iptm_core.state import SPEED_AT_REST_M_S, PlantObservation, VehicleState
+from iptm_core.state import SPEED_AT_REST_M_S
 from iptm_ros.codecs.cdr import put_stamp, serialized
-from iptm_ros.codecs.time import ns_from_s, ns_from_time, s_from_ns, time_from_ns
+from iptm_ros.codecs.time import time_from_ns
 from iptm_ros.message_types import AccelStamped, Header, JointState, Odometry, Temperature
 from iptm_ros.topics import (
     EGO_FRAME,
-    FIELD_ALIASES,
     LEADER_FRAME,
     PACK_FRAME,
-    PLANT,
     ROAD_FRAME,
-    STATE_TOPICS,
     TOPICS,
     Topic,
     frame_in,
@@ -63,8 +58,7 @@ class Number:
         least: smallest value.
         most: largest value.
         allowed: both in words.
-        offset: value less what is sent.
-        may_be_unknown: it may be NaN, infinite or, as in older bags, missing among named values.
+        may_be_unknown: it may be NaN, infinite or missing among named values.
     """
 
     name: str
@@ -72,15 +66,13 @@ class Number:
     least: float = -LARGEST
     most: float = LARGEST
     allowed: str = _FINITE
-    offset: float = 0.0
     may_be_unknown: bool = False
 
     def refuse(self, topic: Topic, value: float) -> None:
         """Refuse a value outside of the range, unless it is unknown and may be."""
         is_finite = math.isfinite(value)
         if is_finite or not self.may_be_unknown:
-            known = is_finite or self.allowed.startswith(_FINITE)
-            reject(topic, f"{self.name} is {value}; allowed: {self.allowed if known else _FINITE}")
+            reject(topic, f"{self.name} is {value}; allowed: {self.allowed}")
 
 
 class NumberMessage:
@@ -95,8 +87,6 @@ class NumberMessage:
         self.numbers = numbers
         self._build = build
         self._names = [number.name for number in numbers]
-        offsets = [number.offset for number in numbers]
-        self._offsets = offsets if any(offsets) else []
         self._limits = [(number.least, number.most, number) for number in numbers]
         self._readers = [attrgetter(number.place) for number in numbers if number.place]
         self._forms: dict[str, tuple[bytes, struct.Struct | None, tuple[int, ...]]] = {}
@@ -108,7 +98,7 @@ class NumberMessage:
         if not self._readers:
             message.position = [float(value) for value in values]
             return message
-        for number, value in zip(self.numbers, self._sent(values), strict=True):
+        for number, value in zip(self.numbers, values, strict=True):
             parent, _, name = number.place.rpartition(".")
             setattr(attrgetter(parent)(message) if parent else message, name, float(value))
         return message
@@ -119,19 +109,14 @@ class NumberMessage:
         if form is None:
             form = self._forms[prefix] = self._form(prefix)
         start, adjacent, offsets = form
-        data, sent = bytearray(start), self._sent(values)
+        data = bytearray(start)
         put_stamp(data, stamp_ns)
         if adjacent is not None:
-            adjacent.pack_into(data, offsets[0], *sent)
+            adjacent.pack_into(data, offsets[0], *values)
         else:
-            for offset, value in zip(offsets, sent, strict=True):
+            for offset, value in zip(offsets, values, strict=True):
                 struct.pack_into("<d", data, offset, value)
         return bytes(data)
-
-    def _sent(self, values: Sequence[float]) -> Sequence[float]:
-        if not self._offsets:
-            return values
-        return [float(v) - offset for v, offset in zip(values, self._offsets, strict=True)]
 
     def _form(self, prefix: str) -> tuple[bytes, struct.Struct | None, tuple[int, ...]]:
         """Find out where the numbers lie: a value of its own in each place, looked for in the bytes."""
@@ -149,14 +134,12 @@ class NumberMessage:
     def read(self, topic: Topic, message: Any) -> list[float]:
         """Return the numbers of a message.
 
-        Named values may come in another order, by former names, and with others, which are ignored.
+        Named values may come in another order and with others, which are ignored.
 
         Raises:
             MessageError: a number is missing or out of its range; names and values differ in number.
         """
         values = [read(message) for read in self._readers] or self._named(topic, message)
-        if self._offsets:
-            values = [value + offset for value, offset in zip(values, self._offsets, strict=True)]
         for value, (least, most, number) in zip(values, self._limits, strict=True):
             if not least <= value <= most:
                 number.refuse(topic, value)
@@ -168,7 +151,7 @@ class NumberMessage:
             reject(topic, f"{len(names)} names but {len(values)} values")
         if names == self._names:
             return list(values)
-        by_name = dict(zip((FIELD_ALIASES.get(n, n) for n in names), values, strict=True))
+        by_name = dict(zip(names, values, strict=True))
         missing = [
             number.name
             for number in self.numbers
@@ -207,14 +190,17 @@ def read_numbers(topic: Topic, message: Any) -> list[float]:
 
 
 _RANGES: Mapping[str, tuple[float, float, str]] = {
+    "speed_m_s": (SPEED_AT_REST_M_S, LARGEST, f"at least {SPEED_AT_REST_M_S:g} m/s"),
+    "cell_1_temperature_k": (0.0, LARGEST, f"{_FINITE}, at least 0"),
+    "cell_n_temperature_k": (0.0, LARGEST, f"{_FINITE}, at least 0"),
     "cell_1_capacity_loss": (0.0, 1.0, "0 to 1"),
     "cell_n_capacity_loss": (0.0, 1.0, "0 to 1"),
     "service_braking_s": (0.0, LARGEST, f"{_FINITE}, at least 0"),
     "brake_share": (0.0, 1.0, "0 to 1"),
 }
-"""Least and most of named values of the plant, and both in words; others are any finite numbers."""
+"""Least and most of values of the plant's state, and both in words; others are any finite numbers."""
 _MAY_BE_UNKNOWN: Mapping[Topic, Sequence[str]] = {
-    Topic.PLANT_SAFETY: ("smallest_gap_m",),
+    Topic.PLANT_STATE: tuple(TOPICS[Topic.PLANT_STATE].fields)[8:],
     Topic.SOLVE: (
         "solve_time_s",
         "gap_slack_m",
@@ -222,7 +208,6 @@ _MAY_BE_UNKNOWN: Mapping[Topic, Sequence[str]] = {
         "temperature_slack_k",
         "objective",
         "preview_age_s",
-        # Those from here on are missing in older bags.
         "cell_1_marginal_cost_1_k",
         "cell_n_marginal_cost_1_k",
         "aging_rate_1_s",
@@ -239,7 +224,7 @@ _MAY_BE_UNKNOWN: Mapping[Topic, Sequence[str]] = {
 def _named_values(topic: Topic) -> NumberMessage:
     spec = TOPICS[topic]
     names, unknown = list(spec.fields), _MAY_BE_UNKNOWN.get(topic, ())
-    ranges = _RANGES if spec.publisher == PLANT else {}
+    ranges = _RANGES if topic is Topic.PLANT_STATE else {}
 
     def build() -> JointState:
         header = Header(frame_id=spec.frame)
@@ -262,14 +247,7 @@ def _motion(body: str) -> NumberMessage:
 
 
 _TEMPERATURE = NumberMessage(
-    lambda: Temperature(header=Header(frame_id=PACK_FRAME)),
-    Number(
-        "absolute temperature",
-        "temperature",
-        least=0.0,
-        allowed=f"{_FINITE}, at least 0",
-        offset=CELSIUS_ZERO_K,
-    ),
+    lambda: Temperature(header=Header(frame_id=PACK_FRAME)), Number("temperature", "temperature")
 )
 
 LAYOUTS: Mapping[Topic, NumberMessage] = {
@@ -287,65 +265,3 @@ LAYOUTS: Mapping[Topic, NumberMessage] = {
     },
 }
 """The messages that are a stamp and some numbers, by topic."""
-
-
-def encode_observation(observation: PlantObservation, prefix: str) -> dict[Topic, bytes]:
-    """Return the bytes of what the plant observes, with the frames of a vehicle; the odometry comes last."""
-    state, safety = observation.state, observation.safety
-    numbers: dict[Topic, Sequence[float]] = {
-        Topic.PLANT_CELL_1_TEMPERATURE: (state.cell_1_temperature_k,),
-        Topic.PLANT_CELL_N_TEMPERATURE: (state.cell_n_temperature_k,),
-        Topic.PLANT_COOLANT_INLET_TEMPERATURE: (observation.coolant_inlet_temperature_k,),
-        Topic.PLANT_COOLANT_OUTLET_TEMPERATURE: (observation.coolant_outlet_temperature_k,),
-        Topic.PLANT_POWERS: tuple(vars(observation.powers).values()),
-        Topic.PLANT_SAFETY: (safety.service_braking_s, safety.smallest_gap_m, safety.brake_share),
-        Topic.PLANT_CAPACITY_LOSS: (state.cell_1_capacity_loss, state.cell_n_capacity_loss),
-        Topic.PLANT_ACCELERATION: (state.acceleration_m_s2,),
-        Topic.PLANT_ODOMETRY: (state.position_m, state.speed_m_s),
-    }
-    stamp_ns = ns_from_s(state.time_s)
-    return {topic: LAYOUTS[topic].data(stamp_ns, numbers[topic], prefix) for topic in numbers}
-
-
-def decode_vehicle_state(messages: Mapping[Topic, Any]) -> VehicleState:
-    """Put the state together from the messages of one stamp, at least those of `STATE_TOPICS`."""
-    check_stamps(STATE_TOPICS, messages)
-    return known_state(messages)
-
-
-def known_state(messages: Mapping[Topic, Any]) -> VehicleState:
-    """Return the state as far as there are messages of it, at least the odometry; the rest is NaN."""
-
-    def read(topic: Topic, count: int = 1) -> list[float]:
-        message = messages.get(topic)
-        return [math.nan] * count if message is None else read_numbers(topic, message)
-
-    position_m, speed_m_s = read(Topic.PLANT_ODOMETRY)
-    cell_1_loss, cell_n_loss = read(Topic.PLANT_CAPACITY_LOSS, 2)
-    (acceleration_m_s2,) = read(Topic.PLANT_ACCELERATION)
-    _, compressor_power_w, *_ = read(Topic.PLANT_POWERS, 5)
-    (cell_1_k,) = read(Topic.PLANT_CELL_1_TEMPERATURE)
-    (cell_n_k,) = read(Topic.PLANT_CELL_N_TEMPERATURE)
-    return VehicleState(
-        time_s=s_from_ns(ns_from_time(messages[Topic.PLANT_ODOMETRY].header.stamp)),
-        position_m=position_m,
-        speed_m_s=speed_m_s,
-        acceleration_m_s2=acceleration_m_s2,
-        compressor_power_w=compressor_power_w,
-        cell_1_temperature_k=cell_1_k,
-        cell_n_temperature_k=cell_n_k,
-        cell_1_capacity_loss=cell_1_loss,
-        cell_n_capacity_loss=cell_n_loss,
-    )
-
-
-def check_stamps(topics: Iterable[Topic], messages: Mapping[Topic, Any]) -> None:
-    """Refuse messages that do not share one stamp."""
-    first, *others = topics
-    stamp_ns = ns_from_time(messages[first].header.stamp)
-    for topic in others:
-        other_ns = ns_from_time(messages[topic].header.stamp)
-        if other_ns != stamp_ns:
-            reject(
-                topic, f"stamp is {other_ns} ns; allowed: {stamp_ns} ns, as that of {first.value}"
-            )

@@ -1,11 +1,9 @@
-"""What is observed in addition to the state of the vehicle: battery, coolant, powers, and the leader."""
+"""What is observed: the state of vehicle and pack, its parts as other tools take them, and the leader."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import replace
-from typing import Any
+from collections.abc import Sequence
 
 from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.state import (
@@ -14,18 +12,12 @@ from iptm_core.state import (
     LeaderState,
     PlantObservation,
     SafetyRecord,
+    VehicleState,
 )
-from iptm_ros.codecs.numbers import (
-    StampedNumbers,
-    check_stamps,
-    encoder,
-    known_state,
-    read_numbers,
-    reject,
-)
+from iptm_ros.codecs.numbers import LAYOUTS, StampedNumbers, encoder, read_numbers
 from iptm_ros.codecs.time import ns_from_s, ns_from_time, s_from_ns, time_from_s
-from iptm_ros.message_types import BatteryState, JointState, Odometry, Temperature
-from iptm_ros.topics import OBSERVATION_TOPICS, PACK_FRAME, Topic
+from iptm_ros.message_types import BatteryState, JointState, Odometry
+from iptm_ros.topics import PACK_FRAME, Topic
 
 
 def encode_battery(reading: BatteryReading) -> BatteryState:
@@ -61,14 +53,6 @@ def _supply_status(ros_current_a: float) -> int:
     return int(BatteryState.POWER_SUPPLY_STATUS_NOT_CHARGING)
 
 
-def _decode_charge(message: BatteryState) -> float:
-    """Return the state of charge, 0 to 1; NaN where it was not measured."""
-    charge = float(message.percentage)
-    if math.isinf(charge):
-        reject(Topic.PLANT_BATTERY, f"percentage is {charge}; allowed: a finite number")
-    return charge
-
-
 @encoder(Topic.LEADER)
 def encode_leader(state: LeaderState, stamp_ns: int | None = None) -> StampedNumbers:
     """Return the leader's position (m) and speed (m/s), at a stamp where its time is not exact enough."""
@@ -83,42 +67,71 @@ def decode_leader(message: Odometry) -> LeaderState:
     return LeaderState(s_from_ns(ns_from_time(message.header.stamp)), *numbers)
 
 
-def decode_temperature(topic: Topic, message: Temperature) -> float:
-    """Return a temperature in kelvin."""
-    return read_numbers(topic, message)[0]
+def encode_observation(observation: PlantObservation, prefix: str) -> dict[Topic, bytes]:
+    """Return the bytes of what the plant observes but for the battery, with the frames of a vehicle.
 
-
-def decode_powers(message: JointState) -> IntervalPowers:
-    """Return the mean powers of the interval that ended at the stamp (W)."""
-    return IntervalPowers(*read_numbers(Topic.PLANT_POWERS, message))
-
-
-def decode_safety(message: JointState) -> SafetyRecord:
-    """Return what the safety monitor did over the interval that ended at the stamp."""
-    return SafetyRecord(*read_numbers(Topic.PLANT_SAFETY, message))
-
-
-def decode_observation(messages: Mapping[Topic, Any]) -> PlantObservation:
-    """Put an observation of the plant together from the messages of one stamp.
-
-    Args:
-        messages: those of `OBSERVATION_TOPICS`, at least the odometry; values of missing ones are NaN.
-            Without one of `Topic.PLANT_SAFETY` no service braking is known.
+    The state has everything; the other messages repeat parts of it for other tools.
     """
-    check_stamps((topic for topic in OBSERVATION_TOPICS if topic in messages), messages)
-    state = known_state(messages)
-    if Topic.PLANT_BATTERY in messages:
-        state = replace(state, state_of_charge=_decode_charge(messages[Topic.PLANT_BATTERY]))
-    powers, safety = messages.get(Topic.PLANT_POWERS), messages.get(Topic.PLANT_SAFETY)
+    state, powers, safety = observation.state, observation.powers, observation.safety
+    inlet_k, outlet_k = (
+        observation.coolant_inlet_temperature_k,
+        observation.coolant_outlet_temperature_k,
+    )
+    numbers: dict[Topic, Sequence[float]] = {
+        Topic.PLANT_CELL_1_TEMPERATURE: (state.cell_1_temperature_k - CELSIUS_ZERO_K,),
+        Topic.PLANT_CELL_N_TEMPERATURE: (state.cell_n_temperature_k - CELSIUS_ZERO_K,),
+        Topic.PLANT_COOLANT_INLET_TEMPERATURE: (inlet_k - CELSIUS_ZERO_K,),
+        Topic.PLANT_COOLANT_OUTLET_TEMPERATURE: (outlet_k - CELSIUS_ZERO_K,),
+        Topic.PLANT_ACCELERATION: (state.acceleration_m_s2,),
+        Topic.PLANT_ODOMETRY: (state.position_m, state.speed_m_s),
+        Topic.PLANT_STATE: (
+            state.position_m,
+            state.speed_m_s,
+            state.acceleration_m_s2,
+            state.compressor_power_w,
+            state.cell_1_temperature_k,
+            state.cell_n_temperature_k,
+            state.cell_1_capacity_loss,
+            state.cell_n_capacity_loss,
+            state.state_of_charge,
+            powers.traction_power_w,
+            powers.auxiliary_power_w,
+            powers.battery_power_w,
+            powers.chiller_heat_w,
+            inlet_k,
+            outlet_k,
+            safety.service_braking_s,
+            safety.smallest_gap_m,
+            safety.brake_share,
+        ),
+    }
+    stamp_ns = ns_from_s(state.time_s)
+    return {topic: LAYOUTS[topic].data(stamp_ns, numbers[topic], prefix) for topic in numbers}
+
+
+def decode_observation(message: JointState) -> PlantObservation:
+    """Return what the plant observes; values that it does not publish are NaN, its safety record is empty."""
+    motion_and_pack = read_numbers(Topic.PLANT_STATE, message)
+    *state, charge, traction_w, auxiliary_w, battery_w, chiller_w = motion_and_pack[:13]
+    inlet_k, outlet_k, braking_s, smallest_gap_m, brake_share = motion_and_pack[13:]
+    time_s = s_from_ns(ns_from_time(message.header.stamp))
+    has_monitor = not math.isnan(braking_s)
     return PlantObservation(
-        state=state,
-        powers=IntervalPowers(*[math.nan] * 5) if powers is None else decode_powers(powers),
-        coolant_inlet_temperature_k=_temperature(Topic.PLANT_COOLANT_INLET_TEMPERATURE, messages),
-        coolant_outlet_temperature_k=_temperature(Topic.PLANT_COOLANT_OUTLET_TEMPERATURE, messages),
-        safety=SafetyRecord() if safety is None else decode_safety(safety),
+        state=VehicleState(time_s, *state, state_of_charge=charge),
+        powers=IntervalPowers(traction_w, state[3], auxiliary_w, battery_w, chiller_w),
+        coolant_inlet_temperature_k=inlet_k,
+        coolant_outlet_temperature_k=outlet_k,
+        safety=SafetyRecord(braking_s, smallest_gap_m, brake_share)
+        if has_monitor
+        else SafetyRecord(),
     )
 
 
-def _temperature(topic: Topic, messages: Mapping[Topic, Any]) -> float:
-    message = messages.get(topic)
-    return math.nan if message is None else decode_temperature(topic, message)
+def decode_motion(message: JointState) -> tuple[int, float, float]:
+    """Return stamp (ns), position (m) and speed (m/s) of a plant's state; NaN where they are missing."""
+    values = dict(zip(message.name, message.position, strict=False))
+    return (
+        ns_from_time(message.header.stamp),
+        float(values.get("position_m", math.nan)),
+        float(values.get("speed_m_s", math.nan)),
+    )

@@ -9,8 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from iptm_ros.topics import FIELD_ALIASES
-
 _ABSENT = "(absent)"
 _NAMED_VALUES = "sensor_msgs/msg/JointState"
 _CONSTANT_PREFIX = "__"
@@ -79,7 +77,7 @@ def flatten(message: Any, prefix: str = "") -> Iterator[tuple[str, object]]:
     if _is_named_values(message):
         yield from flatten(message.header, f"{prefix}header.")
         for name, value in zip(message.name, message.position, strict=True):
-            yield f"{prefix}{FIELD_ALIASES.get(name, name)}", float(value)
+            yield f"{prefix}{name}", float(value)
         for rest in ("velocity", "effort"):
             yield from _flatten_value(getattr(message, rest), f"{prefix}{rest}")
         return

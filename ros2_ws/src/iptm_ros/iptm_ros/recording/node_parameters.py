@@ -18,7 +18,7 @@ from iptm_ros.recording.run_information import MODEL_KEY
 from iptm_ros.topics import TOPICS, Topic
 
 # One topic of each node of the loop; the one that simulates the vehicle comes first.
-_KNOWN_BY = (Topic.PLANT_ODOMETRY, Topic.LEADER, Topic.COMMAND)
+_KNOWN_BY = (Topic.PLANT_STATE, Topic.LEADER, Topic.COMMAND)
 _OF_EVERY_NODE = ("use_sim_time", "qos_overrides.", "start_type_description_service")
 
 

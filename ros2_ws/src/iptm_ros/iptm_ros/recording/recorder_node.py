@@ -185,7 +185,7 @@ class RecorderNode(SuiteNode):
             self._choose_clock()
         if self._collector is not None:
             self._collector.look()
-        if now_s >= self._next_adaption_s:
+        if now_s >= self._next_adaption_s or not self._topics.has_data:
             self._next_adaption_s = now_s + _ADAPTION_PERIOD_S
             self._topics.adapt()
         if now_s >= self._next_progress_s:

@@ -123,7 +123,7 @@ _NONE_LOST = "the recorder counted no lost message"
 
 def trip_starts_ns(reader: BagReader, namespace: str | None = None) -> list[int]:
     """Return the log times at which the trips in a bag start, one entry at least."""
-    name = topic_name(reader, Topic.PLANT_ODOMETRY, namespace)
+    name = topic_name(reader, Topic.PLANT_STATE, namespace)
     raw = ((read_stamp_ns(each.data), each.log_time_ns) for each in reader.raw_messages([name]))
     trips = split_trips((stamp, at_ns) for stamp, at_ns in raw if stamp is not None)
     return [min(trip.values(), default=0) for trip in trips]
@@ -132,17 +132,14 @@ def trip_starts_ns(reader: BagReader, namespace: str | None = None) -> list[int]
 def read_trajectory(path: Path, namespace: str | None = None) -> Trajectory:
     """Read the run of a bag; of several trips the last one, see `iptm_ros.assembly`.
 
-    Incomplete ticks at the start and end are left out. If only the leader is
-    missing, the row is marked, with the reason in `leader_remark`. Unpublished quantities are NaN throughout.
+    Rows without a leader are marked, see `leader_remark`. Unpublished quantities are NaN throughout.
 
     Raises:
-        BagError: the bag cannot be read, lacks the plant's odometry or has a topic of another type, holds no
-            complete tick, lacks messages of the plant at a tick inside the run, the recording was paused
-            there, or a message breaks its promise.
+        BagError: the bag cannot be read, lacks the plant's state, has it of another type or not at every tick
+            inside the run, the recording was paused there, or a message breaks its promise.
     """
     with BagReader(path) as reader, _named_after(path):
-        needed, *others = Topic.PLANT_ODOMETRY, *TICK_TOPICS, Topic.PLANT_SAFETY
-        run = assemble_run(_messages(reader, (needed,), namespace, others))
+        run = assemble_run(_messages(reader, TICK_TOPICS[:1], namespace, TICK_TOPICS[1:]))
         pauses = stored_pauses(reader.run_information())
         losses = stored_losses(reader.run_information())
     first_s, last_s = run.trajectory.time_s[0], run.trajectory.time_s[-1]
@@ -152,11 +149,10 @@ def read_trajectory(path: Path, namespace: str | None = None) -> Trajectory:
                 f"{path} was paused after {after_s:g} s until {until_s:g} s:"
                 " it holds parts of a run, each topic of which can be read"
             )
-    for stamp_ns, topics in run.incomplete.items():
-        missing = ", ".join(topic.value for topic in topics)
+    for stamp_ns in run.incomplete:
         counted = sum(losses.values())
         raise BagError(
-            f"{path} lacks {missing} at {s_from_ns(stamp_ns):g} s: "
+            f"{path} lacks {Topic.PLANT_STATE.value} at {s_from_ns(stamp_ns):g} s: "
             + (f"the recorder counted {counted} lost messages" if counted else _NONE_LOST)
         )
     return run.trajectory
@@ -189,7 +185,7 @@ def read_decisions(path: Path, namespace: str | None = None) -> DecisionSeries:
 
 def vehicles(reader: BagReader) -> list[str]:
     """Return the namespaces of the vehicles in a bag, sorted; "/" is that of a suite without one."""
-    spec = TOPICS[Topic.PLANT_ODOMETRY]
+    spec = TOPICS[Topic.PLANT_STATE]
     return sorted(
         name.removesuffix(spec.name).rstrip("/") or "/"
         for name, topic in reader.topics.items()

@@ -38,7 +38,7 @@ from iptm_ros.codecs import (
 from iptm_ros.diagnostics import Level
 from iptm_ros.process import StopRequest
 from iptm_ros.stamp_matcher import LEAST_REACH_NS
-from iptm_ros.topics import CONTROLLER, OBSERVATION_TOPICS, TICK_TOPICS, Topic
+from iptm_ros.topics import CONTROLLER, TICK_TOPICS, Topic
 
 INPUT_TIMEOUT_S = {DriveMode.LOCK_STEP: 0.3, DriveMode.REAL_TIME: 0.05}
 """Wall time for which the controller waits for missing inputs; half a tick in real time."""
@@ -153,12 +153,11 @@ def drive_over_ros(trial: Trial, folder: Path, stop: StopRequest) -> DrivenTrial
 
 def _observed(trial: Trial, result: DriveResult, drive: Drive) -> DrivenTrial:
     heard = drive.monitor.recorded
-    by_stamp = heard_by_stamp(heard, (*TICK_TOPICS, Topic.PLANT_SAFETY))
-    complete = set.intersection(*(set(by_stamp[topic]) for topic in OBSERVATION_TOPICS))
+    by_stamp = heard_by_stamp(heard, TICK_TOPICS)
     # A missing or disconnected bridge publishes no leader, but the leader is still on the road.
     traffic, leaders = Traffic(trial.faults), {}
-    for stamp_ns in sorted(complete):
-        ego = decode_observation({topic: by_stamp[topic][stamp_ns] for topic in OBSERVATION_TOPICS})
+    for stamp_ns, state in sorted(by_stamp[Topic.PLANT_STATE].items()):
+        ego = decode_observation(state)
         own = trial.inputs.route.leader.state_at(s_from_ns(stamp_ns))
         leaders[stamp_ns] = encode_leader(traffic.leader(own, ego.state.position_m))
     trajectory = assemble_run({**by_stamp, Topic.LEADER: leaders}).trajectory

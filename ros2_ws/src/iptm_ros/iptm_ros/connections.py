@@ -1,0 +1,218 @@
+"""Which nodes hear each other, by name: what a trip waits for before it begins.
+
+A message reaches a node for sure once publisher and subscription have found each other, each on its side.
+Every node of the suite reports its side on the latched topic `~/_connections`, and who starts a trip compares
+the reports of the nodes that it names, see `StartSignal`.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from itertools import permutations
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from rclpy.node import Node
+from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
+from rclpy.task import Future
+from std_srvs.srv import Trigger
+
+from iptm_ros.qos import LATCHED_QOS
+from iptm_ros.services import Service
+
+LOOK_PERIOD_S = 0.05
+_NAME = "_connections"
+"""Hidden, as ROS calls a name that begins with an underscore: tools list it on request."""
+_PUBLISHES, _HEARS = "publishes", "hears"
+_OF_EVERY_NODE = ("/rosout", "/parameter_events")
+_UNNAMED = "_NODE_NAME_UNKNOWN_"
+"""Name of an endpoint whose node the middleware has not announced yet."""
+
+ByTopic = Mapping[str, frozenset[str]]
+"""Full names of nodes by full name of a topic."""
+
+
+@dataclass(frozen=True)
+class Connections:
+    """Nodes at the other ends of the topics of a node.
+
+    Attributes:
+        publishes: nodes that are known to receive what the node publishes.
+        hears: nodes whose messages the node is known to receive.
+    """
+
+    publishes: ByTopic = field(default_factory=dict)
+    hears: ByTopic = field(default_factory=dict)
+
+
+class ConnectionsReport:
+    """Publishes the connections of a node whenever they have changed.
+
+    Attributes:
+        present: what was reported last.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self.present = Connections()
+        self._node = node
+        self._counts: tuple[int, ...] = ()
+        self._has_reported = False
+        self._publisher = node.create_publisher(DiagnosticStatus, f"~/{_NAME}", LATCHED_QOS)
+
+    def look(self) -> None:
+        """Report what has changed; call it every `LOOK_PERIOD_S`."""
+        left_out = (self._publisher.topic_name, *_OF_EVERY_NODE)
+        publishers = [p for p in self._node.publishers if p.topic_name not in left_out]
+        subscriptions = [s for s in self._node.subscriptions if s.topic_name not in left_out]
+        counts = (
+            len(publishers),
+            *(publisher.get_subscription_count() for publisher in publishers),
+            *(subscription.get_publisher_count() for subscription in subscriptions),
+        )
+        if counts == self._counts:
+            return
+        listeners = self._node.get_subscriptions_info_by_topic
+        speakers = self._node.get_publishers_info_by_topic
+        publishes = {
+            p.topic_name: _names(
+                listeners(p.topic_name), p.get_subscription_count(), offered=p.qos_profile
+            )
+            for p in publishers
+        }
+        hears = {
+            s.topic_name: _names(
+                speakers(s.topic_name), s.get_publisher_count(), requested=s.qos_profile
+            )
+            for s in subscriptions
+        }
+        # A node may have been found whose name is still on its way: looked for again, and unknown until then.
+        self._counts = () if None in (*publishes.values(), *hears.values()) else counts
+        found = Connections(
+            {topic: names or frozenset() for topic, names in publishes.items()},
+            {topic: names or frozenset() for topic, names in hears.items()},
+        )
+        if found != self.present or not self._has_reported:
+            self._has_reported = True
+            self.present = found
+            name = self._node.get_fully_qualified_name()
+            self._publisher.publish(_encode(name, found))
+
+
+def _names(
+    infos: Iterable[Any],
+    matched: int,
+    offered: QoSProfile | None = None,
+    requested: QoSProfile | None = None,
+) -> frozenset[str] | None:
+    """Return the full names of the matched endpoints, None while they are not known."""
+    names = []
+    for info in infos:
+        pair = (offered or info.qos_profile, requested or info.qos_profile)
+        if qos_check_compatible(*pair)[0] is not QoSCompatibility.ERROR:
+            names.append(full_name(info.node_namespace, info.node_name))
+    is_known = len(names) == matched and not any(name.endswith(_UNNAMED) for name in names)
+    return frozenset(names) if is_known else None
+
+
+def full_name(namespace: str, name: str) -> str:
+    """Return the full name of a node, or of a topic relative to its namespace."""
+    return f"{namespace.rstrip('/')}/{name}"
+
+
+def _encode(name: str, present: Connections) -> DiagnosticStatus:
+    values = [
+        KeyValue(key=f"{kind} {topic}", value=" ".join(sorted(names)))
+        for kind, by_topic in ((_PUBLISHES, present.publishes), (_HEARS, present.hears))
+        for topic, names in by_topic.items()
+    ]
+    return DiagnosticStatus(level=DiagnosticStatus.OK, name=name, values=values)
+
+
+def _decode(message: DiagnosticStatus) -> Connections:
+    found: dict[str, dict[str, frozenset[str]]] = {_PUBLISHES: {}, _HEARS: {}}
+    for entry in message.values:
+        kind, _, topic = entry.key.partition(" ")
+        if kind in found:
+            found[kind][topic] = frozenset(entry.value.split())
+    return Connections(found[_PUBLISHES], found[_HEARS])
+
+
+class Meeting:
+    """Finds out whether nodes hear each other.
+
+    Args:
+        node: subscribes to the reports; it may be one of the nodes.
+        names: full names of the nodes.
+    """
+
+    def __init__(self, node: Node, names: Iterable[str]) -> None:
+        self.names = tuple(dict.fromkeys(names))
+        self._reports: dict[str, Connections] = {}
+        for name in self.names:
+            topic = full_name(name, _NAME)
+            node.create_subscription(
+                DiagnosticStatus, topic, partial(self._take, name), LATCHED_QOS
+            )
+
+    def _take(self, name: str, message: DiagnosticStatus) -> None:
+        self._reports[name] = _decode(message)
+
+    @property
+    def absent(self) -> tuple[str, ...]:
+        """Nodes that have not reported yet."""
+        return tuple(name for name in self.names if name not in self._reports)
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Connections that are not there on both sides yet, as `/plant -> /recorder: /clock`."""
+        return tuple(
+            f"{one} -> {other}: {topic}"
+            for one, other in permutations(self._reports, 2)
+            for topic, listeners in self._reports[one].publishes.items()
+            if topic in self._reports[other].hears
+            if other not in listeners or one not in self._reports[other].hears[topic]
+        )
+
+    def deaf_to(self, topics: Collection[str]) -> tuple[str, ...]:
+        """Return which nodes subscribe to topics, given by full names, that they receive from nobody yet."""
+        return tuple(
+            name
+            for name, report in self._reports.items()
+            if any(topic in topics and not speakers for topic, speakers in report.hears.items())
+        )
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether all nodes are there and hear each other."""
+        return not (self.absent or self.missing)
+
+
+class StartSignal:
+    """Resumes a plant as soon as the nodes of its trip hear each other.
+
+    Attributes:
+        meeting: the nodes.
+    """
+
+    REPEAT_S = 1.0
+    """Wall time after which an unanswered call is repeated."""
+
+    def __init__(self, node: Node, names: Iterable[str], plant: str) -> None:
+        self.meeting = Meeting(node, names)
+        self._client = node.create_client(Trigger, full_name(plant, Service.RESUME.base_name))
+        self._answer: Future | None = None
+        self._called_s = -self.REPEAT_S
+
+    def give(self) -> bool:
+        """Call the plant when it is time to; return whether it has answered. Call this repeatedly."""
+        now_s = time.monotonic()
+        if self._answer is not None and self._answer.done():
+            return True
+        is_due = now_s - self._called_s >= self.REPEAT_S and self.meeting.is_complete
+        if is_due and self._client.service_is_ready():
+            self._called_s = now_s
+            self._answer = self._client.call_async(Trigger.Request())
+        return False
