@@ -12,7 +12,7 @@ from iptm_core.road_ahead import RoadAhead
 from iptm_core.state import LeaderPreview, LeaderState
 from iptm_ros.codecs import (
     decode_leader,
-    decode_leader_preview_bytes,
+    decode_leader_preview,
     decode_road_ahead,
     ns_from_time,
     time_from_s,
@@ -42,14 +42,14 @@ class Ego:
         self.clock = peer.node.advertise(Topic.CLOCK)
         self.state = peer.node.advertise(Topic.PLANT_STATE)
         peer.node.listen(Topic.LEADER, self._on_leader)
-        peer.node.listen(Topic.LEADER_PREVIEW, self._on_preview, raw=True)
+        peer.node.listen(Topic.LEADER_PREVIEW, self._on_preview)
         peer.node.listen(Topic.ROAD_AHEAD, self._on_road)
 
     def _on_leader(self, message: Any) -> None:
         self.leaders[ns_from_time(message.header.stamp)] = decode_leader(message)
 
-    def _on_preview(self, data: bytes) -> None:
-        stamp_ns, preview = decode_leader_preview_bytes(data)
+    def _on_preview(self, message: Any) -> None:
+        stamp_ns, preview = decode_leader_preview(message)
         self.previews[stamp_ns] = preview
 
     def _on_road(self, message: Any) -> None:

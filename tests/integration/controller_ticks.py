@@ -6,10 +6,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from rclpy.serialization import deserialize_message
 from tests.integration.node_bench import NodeBench, S
 from tests.plant_messages import plant_messages
-from trajectory_msgs.msg import JointTrajectory
 
 from iptm_controller.measurements import Measurements
 from iptm_core.state import LeaderPreview, LeaderState, SlopePreview, VehicleState
@@ -19,7 +17,7 @@ from iptm_ros.codecs import (
     decode_leader_preview,
     decode_observation,
     encode_leader,
-    encode_leader_preview_bytes,
+    encode_leader_preview,
 )
 from iptm_ros.diagnostics import Level
 from iptm_ros.topics import Topic
@@ -50,9 +48,7 @@ def tick_messages(
     return {
         Topic.PLANT_STATE: plant[Topic.PLANT_STATE],
         Topic.LEADER: encode_leader(leader),
-        Topic.LEADER_PREVIEW: deserialize_message(
-            encode_leader_preview_bytes(preview, round(time_s * S)), JointTrajectory
-        ),
+        Topic.LEADER_PREVIEW: encode_leader_preview(preview, round(time_s * S)),
     }
 
 

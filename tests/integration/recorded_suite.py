@@ -6,13 +6,14 @@ import struct
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState, Temperature
+from sensor_msgs.msg import JointState, PointCloud2, Temperature
 from std_msgs.msg import Float64
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from iptm_ros.codecs import time_from_ns
+from iptm_ros.codecs.table import encode_table
 from iptm_ros.diagnostics import status_values
 from iptm_ros.topics import TOPICS, Topic
 
@@ -38,10 +39,9 @@ def message_of(topic: Topic, tick: int) -> Any:
     if isinstance(message, JointState):
         message.name = list(spec.fields)
         message.position = [tick + 0.1 * k for k in range(len(message.name))]
-    elif isinstance(message, JointTrajectory):
-        message.joint_names = list(spec.fields)
-        numbers = [float(tick)] * len(message.joint_names)
-        message.points = [JointTrajectoryPoint(positions=numbers, velocities=numbers)] * 16
+    elif isinstance(message, PointCloud2):
+        numbers = np.arange(16.0) + tick
+        message = encode_table(topic, tick * S, dict.fromkeys(spec.fields, numbers))
     elif isinstance(message, Temperature):
         message.temperature = 20.0 + tick
     elif isinstance(message, Float64):

@@ -45,12 +45,12 @@ PROMISED = {
     "/plant/coolant_outlet_temperature": "sensor_msgs/msg/Temperature",
     "/plant/state": "sensor_msgs/msg/JointState",
     "/v2x/leader": "nav_msgs/msg/Odometry",
-    "/v2x/leader_preview": "trajectory_msgs/msg/JointTrajectory",
+    "/v2x/leader_preview": "sensor_msgs/msg/PointCloud2",
     "/v2x/slope": "std_msgs/msg/Float64MultiArray",
     "/controller/command": "sensor_msgs/msg/JointState",
     "/controller/acceleration_command": "std_msgs/msg/Float64",
     "/controller/compressor_power_command": "std_msgs/msg/Float64",
-    "/controller/plan": "trajectory_msgs/msg/JointTrajectory",
+    "/controller/plan": "sensor_msgs/msg/PointCloud2",
     "/controller/solve": "sensor_msgs/msg/JointState",
 }
 FULL_TABLE = ("Cooling energy", "Degradation inconsistency", "solve time (ms)")

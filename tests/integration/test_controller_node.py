@@ -123,7 +123,7 @@ def test_what_does_not_arrive_is_named_and_done_without() -> None:
         tick(2, Topic.PLANT_STATE, Topic.LEADER, preview=nothing)
         await_values(rung="optimal", preview="missing", preview_age_s="nan")
         messages = tick_messages(3.0)
-        messages[Topic.LEADER_PREVIEW].points[3].velocities = [-1.0]
+        messages[Topic.LEADER_PREVIEW].width += 1
         bench.hear(messages)
         await_answer(bench, 3)
         await_values(rung="optimal", preview="missing")

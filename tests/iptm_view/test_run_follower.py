@@ -21,8 +21,8 @@ from iptm_core.state import LeaderPreview, SafetyRecord, VehicleState
 from iptm_core.trajectory import Trajectory
 from iptm_ros.codecs import (
     PlanTrajectory,
-    encode_leader_preview_bytes,
-    encode_plan_bytes,
+    encode_leader_preview,
+    encode_plan,
 )
 from iptm_ros.codecs.time import time_from_s
 from iptm_ros.diagnostics import TRIP_TIME, Level
@@ -116,8 +116,8 @@ def test_the_gap_ahead_ends_with_the_preview_and_the_smallest_is_less_by_its_bou
     preview = LeaderPreview(known_s, 30.0 + 10.0 * known_s, np.full(3, 10.0), bounds_m)
     ahead = plan_ahead(
         {
-            Topic.PLAN: encode_plan_bytes(plan, 0),
-            Topic.LEADER_PREVIEW: encode_leader_preview_bytes(preview, 0),
+            Topic.PLAN: bytes(serialize_message(encode_plan(plan, 0))),
+            Topic.LEADER_PREVIEW: bytes(serialize_message(encode_leader_preview(preview, 0))),
         }
     )
     unknown = [np.nan, np.nan]

@@ -31,13 +31,13 @@ from iptm_core.saved_state import write_state
 from iptm_core.state import NS_PER_S, LeaderPreview, LeaderState, SlopePreview, VehicleState
 from iptm_ros.codecs import (
     decode_leader,
-    decode_leader_preview_bytes,
+    decode_leader_preview,
     decode_observation,
     decode_road_ahead,
     decode_slope,
     encode_command,
     encode_decision_record,
-    encode_plan_bytes,
+    encode_plan,
     ns_from_time,
 )
 from iptm_ros.command_line import node_main
@@ -95,10 +95,11 @@ class ControllerNode(SuiteNode):
         self._solve_publisher = self.advertise(Topic.SOLVE)
         self._reporter = DiagnosticsReporter.of_node(self, "optimal control")
         self.listen(Topic.SLOPE, self._on_slope)
-        road, preview = Topic.ROAD_AHEAD, Topic.LEADER_PREVIEW
-        self.listen(road, partial(self._on_decoded, road, decode_road_ahead))
-        read_preview = partial(self._on_decoded, preview, decode_leader_preview_bytes)
-        self.listen(preview, read_preview, raw=True)
+        for topic, decode in (
+            (Topic.ROAD_AHEAD, decode_road_ahead),
+            (Topic.LEADER_PREVIEW, decode_leader_preview),
+        ):
+            self.listen(topic, partial(self._on_decoded, topic, decode))
         for topic in (Topic.LEADER, Topic.PLANT_STATE):
             self.listen(topic, partial(self._on_stamped, topic))
         self.watch_peers(Topic.PLANT_STATE, Topic.LEADER, Topic.COMMAND)
@@ -250,8 +251,7 @@ class ControllerNode(SuiteNode):
         self._solve_publisher.publish(
             encode_decision_record.data(prefix, stamp_ns, decision.record)
         )
-        plan = encode_plan_bytes(plan_trajectory(decision.plan), stamp_ns, prefix)
-        self._plan_publisher.publish(plan)
+        self._plan_publisher.publish(encode_plan(plan_trajectory(decision.plan), stamp_ns))
         self._acceleration_publisher.publish(Float64(data=float(command.acceleration_m_s2)))
         self._power_publisher.publish(Float64(data=float(command.compressor_power_w)))
         self._command_publisher.publish(encode_command.data(prefix, stamp_ns, command))

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import JointState, PointCloud2
 
 from iptm_core.settings import LoopMode
 from iptm_core.state import NS_PER_S, LeaderPreview, VehicleState
 from iptm_plant_sim.node_parameters import PlantNodeParameters
-from iptm_ros.codecs import decode_leader_preview_bytes, ns_from_time
+from iptm_ros.codecs import decode_leader_preview, ns_from_time
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import TOPICS, Topic
 
@@ -38,7 +38,7 @@ class NodeRangeSensor:
         self.silent_intervals = 0
         # The first message must not be missed: the publisher keeps it.
         qos = TOPICS[Topic.LEADER_SAMPLES].offered_qos
-        node.listen(Topic.LEADER_SAMPLES, self._on_samples, raw=True, qos=qos)
+        node.listen(Topic.LEADER_SAMPLES, self._on_samples, qos=qos)
         self._timer = node.every(WAIT_S, self._release) if self._waits else None
         self._cancel_timer()
 
@@ -78,8 +78,8 @@ class NodeRangeSensor:
         if self._timer is not None:
             self._timer.reset()
 
-    def _on_samples(self, data: bytes) -> None:
-        stamp_ns, samples = decode_leader_preview_bytes(data, Topic.LEADER_SAMPLES)
+    def _on_samples(self, message: PointCloud2) -> None:
+        stamp_ns, samples = decode_leader_preview(message, Topic.LEADER_SAMPLES)
         self._samples[stamp_ns] = samples
         while len(self._samples) > _KEPT:
             del self._samples[next(iter(self._samples))]

@@ -8,12 +8,12 @@ from __future__ import annotations
 from typing import Any
 
 try:
-    from builtin_interfaces.msg import Duration, Time
+    from builtin_interfaces.msg import Time
     from diagnostic_msgs.msg import DiagnosticArray
     from geometry_msgs.msg import AccelStamped
     from nav_msgs.msg import Odometry
     from rosgraph_msgs.msg import Clock
-    from sensor_msgs.msg import BatteryState, JointState, Temperature
+    from sensor_msgs.msg import BatteryState, JointState, PointCloud2, PointField, Temperature
     from std_msgs.msg import (
         Float64,
         Float64MultiArray,
@@ -22,11 +22,9 @@ try:
         MultiArrayLayout,
         UInt8MultiArray,
     )
-    from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 except ModuleNotFoundError:
     from rosbags.typesys.stores import ros2_jazzy as _rosbags
 
-    Duration = _rosbags.builtin_interfaces__msg__Duration
     Time = _rosbags.builtin_interfaces__msg__Time
     DiagnosticArray = _rosbags.diagnostic_msgs__msg__DiagnosticArray
     AccelStamped = _rosbags.geometry_msgs__msg__AccelStamped
@@ -34,6 +32,8 @@ except ModuleNotFoundError:
     Clock = _rosbags.rosgraph_msgs__msg__Clock
     BatteryState = _rosbags.sensor_msgs__msg__BatteryState
     JointState = _rosbags.sensor_msgs__msg__JointState
+    PointCloud2 = _rosbags.sensor_msgs__msg__PointCloud2
+    PointField = _rosbags.sensor_msgs__msg__PointField
     Temperature = _rosbags.sensor_msgs__msg__Temperature
     Float64 = _rosbags.std_msgs__msg__Float64
     Float64MultiArray = _rosbags.std_msgs__msg__Float64MultiArray
@@ -41,24 +41,21 @@ except ModuleNotFoundError:
     MultiArrayDimension = _rosbags.std_msgs__msg__MultiArrayDimension
     MultiArrayLayout = _rosbags.std_msgs__msg__MultiArrayLayout
     UInt8MultiArray = _rosbags.std_msgs__msg__UInt8MultiArray
-    JointTrajectory = _rosbags.trajectory_msgs__msg__JointTrajectory
-    JointTrajectoryPoint = _rosbags.trajectory_msgs__msg__JointTrajectoryPoint
 
 __all__ = [
     "AccelStamped",
     "BatteryState",
     "Clock",
     "DiagnosticArray",
-    "Duration",
     "Float64",
     "Float64MultiArray",
     "Header",
     "JointState",
-    "JointTrajectory",
-    "JointTrajectoryPoint",
     "MultiArrayDimension",
     "MultiArrayLayout",
     "Odometry",
+    "PointCloud2",
+    "PointField",
     "Temperature",
     "Time",
     "UInt8MultiArray",

@@ -3,7 +3,8 @@
 Names are relative, so that a namespace moves a whole vehicle with its clock; only `/diagnostics` is
 global. Without a namespace the clock is `/clock`, to which nodes with `use_sim_time` listen. "Named
 values" are `sensor_msgs/JointState` messages of which only the stamp, `name[]` and `position[]` are
-used: a stamped vector of named float64 numbers.
+used: a stamped vector of named float64 numbers. "Tables" are `sensor_msgs/PointCloud2` messages of one row of
+points with a float64 field per column, see `iptm_ros.codecs.table`.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ from iptm_ros.message_types import (
     Float64,
     Float64MultiArray,
     JointState,
-    JointTrajectory,
     Odometry,
+    PointCloud2,
     Temperature,
     UInt8MultiArray,
     type_name,
@@ -90,7 +91,7 @@ class TopicSpec:
         frame: header frame, or `-`.
         unit: unit of the content, or `see fields` for named values.
         meaning: content and sign convention.
-        fields: names and units of named values and trajectory columns, in published order.
+        fields: names and units of named values and columns of tables, in published order.
         latched: whether late subscribers still get the last message.
         kept: whether late subscribers still get the last messages of a stream.
         rate: when it is published.
@@ -199,19 +200,17 @@ _SPECS = (
         "along the road, twist.linear.x = speed; covariances are not estimated (0)",
     ),
     TopicSpec(
-        Topic.LEADER_SAMPLES, JointTrajectory, BRIDGE, ROAD_FRAME, "m, m/s",
+        Topic.LEADER_SAMPLES, PointCloud2, BRIDGE, ROAD_FRAME, "see fields",
         "preceding vehicle as the range sensor measures it in the interval that begins at header.stamp, for "
-        "the safety monitor: positions [m], velocities [m/s] at header.stamp + time_from_start; no points: "
-        "a free road",
-        {"leader": "m, m/s"}, kept=True,
+        "the safety monitor; no rows: a free road",
+        {"time_s": "s", "position_m": "m", "speed_m_s": "m/s"}, kept=True,
     ),
     TopicSpec(
-        Topic.LEADER_PREVIEW, JointTrajectory, BRIDGE, ROAD_FRAME, "m, m/s",
-        "predicted motion of the preceding vehicle: positions [m], velocities [m/s] at "
-        "header.stamp + time_from_start; the first point lies at the instant of generation "
-        "(time_from_start <= 0); no points: nothing received yet; leader_bound: how far the vehicle may be "
-        "behind these positions (99 % bound), and its rate; left out where the motion is known",
-        {"leader": "m, m/s", "leader_bound": "m, m/s"},
+        Topic.LEADER_PREVIEW, PointCloud2, BRIDGE, ROAD_FRAME, "see fields",
+        "predicted motion of the preceding vehicle at trip times; the first row lies at the instant of "
+        "generation, at header.stamp or before; no rows: nothing received yet; bound_m: how far the vehicle "
+        "may be behind these positions (99 % bound), left out where the motion is known",
+        {"time_s": "s", "position_m": "m", "speed_m_s": "m/s", "bound_m": "m"},
     ),
     TopicSpec(
         Topic.ROAD_AHEAD, JointState, BRIDGE, ROAD_FRAME, "m, m/s, s",
@@ -248,12 +247,11 @@ _SPECS = (
         "compressor power of the decision, as a plain scalar for plots",
     ),
     TopicSpec(
-        Topic.PLAN, JointTrajectory, CONTROLLER, ROAD_FRAME, "see fields",
-        "predicted motion, temperatures and inputs of the ego vehicle at header.stamp + time_from_start; "
-        "the inputs of the last point repeat those of the last interval; no points: the command follows "
-        "no plan",
+        Topic.PLAN, PointCloud2, CONTROLLER, ROAD_FRAME, "see fields",
+        "predicted motion, temperatures and inputs of the ego vehicle at trip times; the inputs of the last "
+        "row repeat those of the last interval; no rows: the command follows no plan",
         {
-            "position_m": "m", "speed_m_s": "m/s",
+            "time_s": "s", "position_m": "m", "speed_m_s": "m/s",
             "cell_1_temperature_k": "K", "cell_n_temperature_k": "K",
             "acceleration_m_s2": "m/s^2", "compressor_power_w": "W",
         },

@@ -12,7 +12,7 @@ from rosgraph_msgs.msg import Clock
 from iptm_core.settings import LeaderSource, PreviewMode
 from iptm_ros.codecs import (
     encode_leader,
-    encode_leader_preview_bytes,
+    encode_leader_preview,
     encode_road_ahead,
     encode_slope,
     ns_from_time,
@@ -23,7 +23,7 @@ from iptm_ros.node_health import Watchdog
 from iptm_ros.parameters import declare_parameters
 from iptm_ros.stamp_matcher import StampGate, Verdict
 from iptm_ros.suite_node import SuiteNode
-from iptm_ros.topics import BRIDGE, ROAD_FRAME, TOPICS, Topic
+from iptm_ros.topics import BRIDGE, TOPICS, Topic
 from iptm_v2x_bridge.bridge import BridgeAnswer, CycleSource
 from iptm_v2x_bridge.node_answers import CamAnswers, TickAnswers
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
@@ -109,12 +109,11 @@ class BridgeNode(SuiteNode):
             # The stamp is that of the clock to the nanosecond, however late the hour.
             leader = encode_leader.data(self.frame_prefix, answer.leader, time_ns)
             self._leader_publisher.publish(leader)
-        for publisher, motion in (
-            (self._samples_publisher, self._answers.samples(answer)),
-            (self._preview_publisher, answer.preview),
-        ):
-            data = encode_leader_preview_bytes(motion, time_ns, self.frame(ROAD_FRAME))
-            publisher.publish(data)
+        samples = self._answers.samples(answer)
+        self._samples_publisher.publish(
+            encode_leader_preview(samples, time_ns, Topic.LEADER_SAMPLES)
+        )
+        self._preview_publisher.publish(encode_leader_preview(answer.preview, time_ns))
 
     def _report(self) -> None:
         answer = self._answer

@@ -9,8 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory
+from sensor_msgs.msg import JointState, PointCloud2
 
 from iptm_core.decision_record import Rung
 from iptm_core.errors import ParameterError
@@ -192,7 +191,7 @@ class EgoTicks:
         self._newest_ns[Topic.SOLVE] = stamp_ns
         self._pass_on()
 
-    def _on_plan(self, message: JointTrajectory) -> None:
+    def _on_plan(self, message: PointCloud2) -> None:
         stamp_ns, plan = decode_plan(message)
         self._plans[stamp_ns] = (plan.times_s, plan.speeds_m_s)
         self._newest_ns[Topic.PLAN] = stamp_ns

@@ -6,8 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory
+from sensor_msgs.msg import JointState, PointCloud2
 
 from iptm_core.errors import ParameterError
 from iptm_core.routes import Route
@@ -103,7 +102,7 @@ class VehicleAnswers(TickAnswers[V2xBridge]):
         self._vehicle.note_state(stamp_ns, *state)
         self._retry()
 
-    def _on_plan(self, message: JointTrajectory) -> None:
+    def _on_plan(self, message: PointCloud2) -> None:
         stamp_ns, plan = decode_plan(message)
         self._vehicle.note_plan(stamp_ns, plan.times_s, plan.positions_m, plan.speeds_m_s)
         self._retry()

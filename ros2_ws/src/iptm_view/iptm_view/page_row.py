@@ -18,7 +18,7 @@ from iptm_core.routes.road_course import heights
 from iptm_ros.codecs import (
     decode_decision_record,
     decode_leader,
-    decode_leader_preview_bytes,
+    decode_leader_preview,
     decode_observation,
     decode_plan,
     decode_slope,
@@ -142,7 +142,9 @@ def plan_ahead(messages: Mapping[Topic, bytes]) -> dict[str, list[float]]:
         return {}
     gaps_m = smallest_m = np.full(plan.times_s.shape, math.nan)
     if Topic.LEADER_PREVIEW in messages:
-        _, preview = decode_leader_preview_bytes(messages[Topic.LEADER_PREVIEW])
+        _, preview = decode_leader_preview(
+            _message(Topic.LEADER_PREVIEW, messages[Topic.LEADER_PREVIEW])
+        )
         if preview.times_s.size:
             leader_m = np.interp(plan.times_s, preview.times_s, preview.positions_m)
             known = plan.times_s <= preview.times_s[-1]

@@ -28,7 +28,7 @@ from iptm_core.state import LeaderState, SlopePreview
 from iptm_core.user_input import is_path
 from iptm_ros.codecs import (
     decode_leader,
-    decode_leader_preview_bytes,
+    decode_leader_preview,
     decode_observation,
     decode_plan,
     decode_slope,
@@ -172,7 +172,7 @@ class VisualizerNode(SuiteNode):
 
     def _draw_preview(self, data: bytes) -> None:
         def build(*, is_bound: bool) -> Any:
-            stamp_ns, preview = decode_leader_preview_bytes(data)
+            stamp_ns, preview = decode_leader_preview(_message(Topic.LEADER_PREVIEW, data))
             # A prediction that was sent long ago begins in the past; a stamp is never before 0.
             first = int(np.searchsorted(preview.times_s, max(0.0, stamp_ns * 1e-9)))
             if is_bound and not preview.bounds_m.size:

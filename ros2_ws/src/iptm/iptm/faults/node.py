@@ -13,8 +13,8 @@ from typing import Any
 
 from nav_msgs.msg import Odometry
 from rclpy.publisher import Publisher
-from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import JointState
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import JointState, PointCloud2
 
 from iptm.faults.fault import Fault, InjectorNodeParameters, at_places
 from iptm.faults.kinds import FaultKind, FaultPlace
@@ -30,14 +30,14 @@ from iptm.faults.signals import (
     route_name,
 )
 from iptm_core.errors import MessageError
-from iptm_core.state import NS_PER_S, SlopePreview
+from iptm_core.state import NS_PER_S, LeaderPreview, SlopePreview
 from iptm_ros.codecs import (
     decode_leader,
-    decode_leader_preview_bytes,
+    decode_leader_preview,
     decode_motion,
     decode_slope,
     encode_leader,
-    encode_leader_preview_bytes,
+    encode_leader_preview,
     encode_slope,
     serialized,
     stamp_ns_of,
@@ -237,15 +237,17 @@ class InjectorNode(SuiteNode):
         if self._leader_ns < stamp_ns:
             self._waiting_samples[stamp_ns] = data
             return
-        stamp_ns, own = decode_leader_preview_bytes(data, Topic.LEADER_SAMPLES)
+        message = deserialize_message(data, PointCloud2)
+        stamp_ns, own = decode_leader_preview(message, Topic.LEADER_SAMPLES)
         ego_m = self._ego_positions_m[stamp_ns]
         true = own if self._traffic.is_quiet else self._traffic.sampled(own, ego_m)
         faulty = faulty_samples(self._of_leader, true, ego_m)
         if faulty is None:
             return
         if faulty is not own:
-            data = encode_leader_preview_bytes(faulty, stamp_ns, self.frame(ROAD_FRAME))
-        publisher.publish(data)
+            publisher.publish(encode_leader_preview(faulty, stamp_ns, Topic.LEADER_SAMPLES))
+        else:
+            publisher.publish(data)
 
     def _on_preview(self, data: bytes) -> None:
         stamp_ns = stamp_ns_of(data)
@@ -259,13 +261,12 @@ class InjectorNode(SuiteNode):
             self._waiting_previews[stamp_ns] = data
             return
         try:
-            stamp_ns, own = decode_leader_preview_bytes(data)
+            stamp_ns, own = decode_leader_preview(deserialize_message(data, PointCloud2))
         except MessageError:
             self._forward(Topic.LEADER_PREVIEW, data)
             return
         true = self._traffic.preview(own)
-        frame = self.frame(ROAD_FRAME)
-        true_data = data if true is own else encode_leader_preview_bytes(true, stamp_ns, frame)
+        true_data = data if true is own else self._encoded(true, stamp_ns)
         self._true[Topic.LEADER_PREVIEW].publish(true_data)
         faulty = self._previews.apply(stamp_ns, true)
         if faulty is None:
@@ -273,8 +274,12 @@ class InjectorNode(SuiteNode):
         elif faulty is true:
             self._forward(Topic.LEADER_PREVIEW, true_data)
         else:
-            faulty_data = encode_leader_preview_bytes(faulty, stamp_ns, frame)
-            self._forward(Topic.LEADER_PREVIEW, faulty_data, changed=True)
+            self._forward(Topic.LEADER_PREVIEW, self._encoded(faulty, stamp_ns), changed=True)
+
+    def _encoded(self, preview: LeaderPreview, stamp_ns: int) -> bytes:
+        message = encode_leader_preview(preview, stamp_ns)
+        message.header.frame_id = self.frame(ROAD_FRAME)
+        return bytes(serialize_message(message))
 
     def _on_slope(self, data: bytes) -> None:
         self._outputs[Topic.SLOPE].publish(data)

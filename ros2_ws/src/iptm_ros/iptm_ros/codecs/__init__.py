@@ -17,12 +17,8 @@ from iptm_ros.codecs.observation import (
     encode_leader,
     encode_observation,
 )
-from iptm_ros.codecs.plan import PlanTrajectory, decode_plan, encode_plan, encode_plan_bytes
-from iptm_ros.codecs.preview import (
-    decode_leader_preview,
-    decode_leader_preview_bytes,
-    encode_leader_preview_bytes,
-)
+from iptm_ros.codecs.plan import PlanTrajectory, decode_plan, encode_plan
+from iptm_ros.codecs.preview import decode_leader_preview, encode_leader_preview
 from iptm_ros.codecs.road import (
     decode_road_ahead,
     decode_slope,
@@ -44,7 +40,6 @@ __all__ = [
     "decode_decision_record",
     "decode_leader",
     "decode_leader_preview",
-    "decode_leader_preview_bytes",
     "decode_motion",
     "decode_observation",
     "decode_plan",
@@ -55,10 +50,9 @@ __all__ = [
     "encode_command",
     "encode_decision_record",
     "encode_leader",
-    "encode_leader_preview_bytes",
+    "encode_leader_preview",
     "encode_observation",
     "encode_plan",
-    "encode_plan_bytes",
     "encode_raw_datagram",
     "encode_road_ahead",
     "encode_slope",

@@ -11,10 +11,7 @@ import math
 
 from iptm_core.errors import MessageError
 from iptm_core.state import NS_PER_S
-from iptm_ros.message_types import (
-    Duration,
-    Time,
-)
+from iptm_ros.message_types import Time
 
 _MAX_STAMP_NS = 2**31 * NS_PER_S - 1
 
@@ -55,14 +52,3 @@ def ns_from_time(message: Time) -> int:
 def time_from_s(time_s: float) -> Time:
     """Return a stamp message for a trip time in seconds (see `ns_from_s`, `time_from_ns`)."""
     return time_from_ns(ns_from_s(time_s))
-
-
-def duration_from_ns(duration_ns: int) -> Duration:
-    """Return a signed duration message; its `nanosec` is never negative, as ROS requires."""
-    seconds, nanoseconds = divmod(duration_ns, NS_PER_S)
-    return Duration(sec=seconds, nanosec=nanoseconds)
-
-
-def ns_from_duration(message: Duration) -> int:
-    """Return a signed duration message as integer nanoseconds."""
-    return message.sec * NS_PER_S + message.nanosec

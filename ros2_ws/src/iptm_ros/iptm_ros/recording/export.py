@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import csv
-import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from fnmatch import fnmatchcase
@@ -52,21 +51,16 @@ _UNITS: Mapping[str, Mapping[str, str]] = MappingProxyType(
             "temperature": "c",
             "cell_temperature.[0-9]*": "c",
         },
-        "trajectory_msgs/msg/JointTrajectory": {
-            "points.*.positions.leader": "m",
-            "points.*.velocities.leader": "m_s",
-        },
     }
 )
 _SCALAR = "std_msgs/msg/Float64"
-_JOINT_VALUE = re.compile(r"(points\.\d+\.(?:positions|velocities)\.)(\d+)")
 
 
 def message_columns(reader: BagReader, topic: TopicRecord) -> dict[str, list[Any]]:
     """Return the messages of a topic as columns of equal length.
 
     Fields are named by their path (`pose.pose.position.x_m`), elements of arrays by their number, named
-    values and columns of a `JointTrajectory` by their names. A message that lacks a field of others has
+    values and columns of tables by their names (`speed_m_s.0`). A message that lacks a field of others has
     None there.
 
     Raises:
@@ -82,8 +76,7 @@ def message_columns(reader: BagReader, topic: TopicRecord) -> dict[str, list[Any
             item.publish_time_ns,
             None if stamp_ns is None else s_from_ns(stamp_ns),
         )
-        joints = getattr(item.message, "joint_names", ())
-        fields = ((_column(path, joints, topic), value) for path, value in flatten(item.message))
+        fields = ((_column(path, topic), value) for path, value in flatten(item.message))
         for name, value in chain(zip(TIME_COLUMNS, times, strict=True), fields):
             column = columns.setdefault(name, [])
             if len(column) > rows:
@@ -105,11 +98,8 @@ def message_columns(reader: BagReader, topic: TopicRecord) -> dict[str, list[Any
     return columns
 
 
-def _column(path: str, joints: Sequence[str], topic: TopicRecord) -> str:
+def _column(path: str, topic: TopicRecord) -> str:
     """Return the name of the column of a field."""
-    match = _JOINT_VALUE.fullmatch(path)
-    if match is not None and int(match[2]) < len(joints):
-        path = match[1] + joints[int(match[2])]
     unit = _unit(path, topic)
     return f"{path}_{unit}" if unit else path
 

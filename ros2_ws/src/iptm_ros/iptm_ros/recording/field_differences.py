@@ -11,6 +11,8 @@ import numpy as np
 
 _ABSENT = "(absent)"
 _NAMED_VALUES = "sensor_msgs/msg/JointState"
+_TABLE = "sensor_msgs/msg/PointCloud2"
+_FLOAT64 = 8
 _CONSTANT_PREFIX = "__"
 
 
@@ -72,8 +74,14 @@ def flatten(message: Any, prefix: str = "") -> Iterator[tuple[str, object]]:
     """Yield every scalar of a message with its dotted path.
 
     Named values (a `JointState` with one position per name) are called by their names, so that
-    their order does not matter.
+    their order does not matter. The float64 columns of a table (a `PointCloud2`) are `<column>.<row>`.
     """
+    if getattr(type(message), "__msgtype__", "") == _TABLE:
+        yield from flatten(message.header, f"{prefix}header.")
+        yield f"{prefix}rows", int(message.width) * int(message.height)
+        for name, column in _columns(message).items():
+            yield from ((f"{prefix}{name}.{row}", float(v)) for row, v in enumerate(column))
+        return
     if _is_named_values(message):
         yield from flatten(message.header, f"{prefix}header.")
         for name, value in zip(message.name, message.position, strict=True):
@@ -84,6 +92,18 @@ def flatten(message: Any, prefix: str = "") -> Iterator[tuple[str, object]]:
     for entry in fields(message):
         if not entry.name.startswith(_CONSTANT_PREFIX):
             yield from _flatten_value(getattr(message, entry.name), f"{prefix}{entry.name}")
+
+
+def _columns(message: Any) -> dict[str, Any]:
+    """Return the float64 fields of a table whose sizes fit, in the order of the fields."""
+    step, data = int(message.point_step), np.asarray(message.data, np.uint8).tobytes()
+    count = len(data) // step if step else 0
+    order = ">" if message.is_bigendian else "<"
+    return {
+        field.name: np.ndarray((count,), f"{order}f8", data, int(field.offset), (step,))
+        for field in message.fields
+        if field.datatype == _FLOAT64 and 0 <= field.offset <= step - 8
+    }
 
 
 def _flatten_value(value: Any, path: str) -> Iterator[tuple[str, object]]:
