@@ -15,11 +15,6 @@ import pytest
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import ReliabilityPolicy, qos_profile_sensor_data
-from rosbags.rosbag1 import Writer as Ros1Writer
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
-from rosbags.rosbag2 import Writer as Ros2Writer
-from rosbags.typesys import Stores, get_typestore
-from sensor_msgs.msg import Temperature
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
@@ -103,41 +98,6 @@ def test_replay_keeps_order_and_never_runs_ahead(
     assert [value for _, value in arrivals] == [float(k) for k in range(10)]
     # Nine quarters of a second at 2.5 times the speed; a late first message must not fail the test.
     assert arrivals[-1][0] - arrivals[0][0] > 0.5 * 9 * 0.25 / 2.5
-
-
-@pytest.mark.parametrize("storage", ["packed SQLite", "ROS 1"])
-def test_bags_of_other_storages_are_played(
-    storage: str, peer: Any, play: Callable[..., Any], tmp_path: Path
-) -> None:
-    """Of ROS 1 another layout of the header, too."""
-    kind = "sensor_msgs/msg/Temperature"
-    is_ros1 = storage == "ROS 1"
-    store = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_JAZZY)
-    stamp = store.types["builtin_interfaces/msg/Time"](7, 8)
-    head = store.types["std_msgs/msg/Header"](*([1] if is_ros1 else []), stamp, "pack")
-    messages = [store.types[kind](head, float(k), 0.0) for k in range(3)]
-    bag = tmp_path / ("old.bag" if is_ros1 else "packed")
-    if is_ros1:
-        with Ros1Writer(bag) as writer:
-            topic = writer.add_connection("/cell", kind, typestore=store, latching=1)
-            for k, message in enumerate(messages):
-                writer.write(topic, k, bytes(store.serialize_ros1(message, kind)))
-    else:
-        other = Ros2Writer(bag, version=9, storage_plugin=StoragePlugin.SQLITE3)
-        other.set_compression(CompressionMode.FILE, CompressionFormat.ZSTD)
-        with other:
-            topic = other.add_connection("/cell", kind, typestore=store)
-            for k, message in enumerate(messages):
-                other.write(topic, k, bytes(store.serialize_cdr(message, kind)))
-    heard: list[Temperature] = []
-    peer.node.create_subscription(Temperature, "/cell", heard.append, 10)
-    player = play(bag, "--wait-for-subscribers", "1")
-    peer.wait_until(lambda: len(heard) == 3, what="three messages")
-    assert player.wait() == 0
-    assert [message.temperature for message in heard] == [0.0, 1.0, 2.0]
-    assert {(m.header.stamp.sec, m.header.stamp.nanosec, m.header.frame_id) for m in heard} == {
-        (7, 8, "pack")
-    }
 
 
 def test_part_with_a_clock_of_its_own(peer: Any, play: Callable[..., Any], bag: Path) -> None:

@@ -27,9 +27,10 @@ from iptm_core.errors import BagError
 from iptm_ros.recording import bag_info, compare_bags
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.bag_writer import COMPRESSIONS, BagWriter
+from iptm_ros.recording.mcap_storage import BagFile
 from iptm_ros.recording.playback import Playback, PlaybackOptions
 from iptm_ros.recording.recover import recover
-from iptm_ros.recording.storage import BagMessage, StorageFile
+from iptm_ros.recording.storage import BagMessage
 from iptm_ros.recording.trajectory_reader import read_decisions, read_trajectory
 
 EXAMPLE = Path(__file__).resolve().parents[3] / "bags" / "example_us06_120s"
@@ -224,6 +225,6 @@ def test_a_chunk_hidden_from_readers_is_noticed(
     assert refusal(check_bag_info, bag, originals["none"])
     monkeypatch.setattr("iptm_ros.recording.mcap_storage.summary_start", lambda _: 0)
     monkeypatch.setattr("iptm_ros.recording.mcap_storage.check_data_section", lambda _: None)
-    monkeypatch.setattr(StorageFile, "_compare_counts", lambda *_: None)
+    monkeypatch.setattr(BagFile, "_compare_counts", lambda *_: None)
     with pytest.raises(AssertionError, match="other messages"):
         check_bag_info(bag, originals["none"])

@@ -53,7 +53,6 @@ def overview_table(reader: BagReader, information: RunInformation) -> Table:
         "versions": ", ".join(f"{name} {text}" for name, text in information.versions.items()),
         "parameters": _lines_text(information.parameters),
         **{name: _lines_text(text) for name, text in information.extra.items()},
-        "remarks": "\n".join(reader.remarks),
     }
     for name, value in rows.items():
         if value:

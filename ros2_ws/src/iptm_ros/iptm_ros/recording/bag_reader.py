@@ -1,8 +1,7 @@
 """Opens a bag, lists its topics and reads its messages, without ROS.
 
-Accepts a rosbag2 folder with MCAP or SQLite files, split or not, packed by rosbag2 (file by file or message
-by message) or not, a single file of one, and a bag of ROS 1. Whatever it was, its messages are CDR of ROS 2.
-Errors are one sentence with a remedy.
+Accepts a rosbag2 folder with MCAP files, split or not, and a single file of one. Errors are one sentence with
+a remedy; for other storages that is `rosbags-convert`.
 """
 
 from __future__ import annotations
@@ -18,11 +17,12 @@ from iptm_core.errors import BagError, MissingTopicError
 from iptm_core.parameters import ModelParameters, load_parameters
 from iptm_core.user_input import shown
 from iptm_ros.recording.bag_files import check_exists, open_files
+from iptm_ros.recording.mcap_storage import BagFile
 from iptm_ros.recording.message_types import Decoder, MessageDefinition
 from iptm_ros.recording.metadata import METADATA_FILE, read_metadata
 from iptm_ros.recording.recorded_topics import TopicRecord
 from iptm_ros.recording.run_information import RECORD_NAME, RunInformation, stored_model_parameters
-from iptm_ros.recording.storage import BagMessage, StorageFile
+from iptm_ros.recording.storage import BagMessage
 
 
 @final
@@ -67,11 +67,6 @@ class BagReader(AbstractContextManager["BagReader"]):
     def end_ns(self) -> int:
         """Latest log time, 0 for an empty bag."""
         return max((file.end_ns for file in self._files), default=0)
-
-    @property
-    def remarks(self) -> list[str]:
-        """Remarks for the user on how it was read, one sentence each."""
-        return list(dict.fromkeys(remark for file in self._files for remark in file.remarks))
 
     @property
     def duration_s(self) -> float:
@@ -194,15 +189,9 @@ class BagReader(AbstractContextManager["BagReader"]):
     def _compare_with_metadata(self) -> None:
         stated = self._metadata.get("message_count", self.message_count)
         if stated != self.message_count:
-            is_mcap = all(file.path.suffix == ".mcap" for file in self._files)
-            way_out = (
-                f"save what is whole with: scripts/recover_bag {self.path}"
-                if is_mcap
-                else f"should the files be right: ros2 bag reindex {self.path}"
-            )
             raise BagError(
                 f"{self.path / METADATA_FILE} states {shown(stated)} messages, its files hold"
-                f" {self.message_count}; {way_out}"
+                f" {self.message_count}; save what is whole with: scripts/recover_bag {self.path}"
             )
 
     def __exit__(self, *error: object) -> None:
@@ -224,9 +213,9 @@ def read_model_parameters(path: Path) -> tuple[ModelParameters, bool]:
     return (load_parameters().values, False) if stored is None else (stored, True)
 
 
-def _overlapping(files: Sequence[StorageFile]) -> Iterator[list[StorageFile]]:
+def _overlapping(files: Sequence[BagFile]) -> Iterator[list[BagFile]]:
     """Yield the files in recording order, those together whose log times overlap (a clock went back)."""
-    together: list[StorageFile] = []
+    together: list[BagFile] = []
     latest_ns = 0
     for position, file in enumerate(files):
         later = (other.start_ns for other in files[position:] if other.message_count)
@@ -238,7 +227,7 @@ def _overlapping(files: Sequence[StorageFile]) -> Iterator[list[StorageFile]]:
     yield together
 
 
-def _merge_topics(path: Path, files: Collection[StorageFile]) -> dict[str, TopicRecord]:
+def _merge_topics(path: Path, files: Collection[BagFile]) -> dict[str, TopicRecord]:
     topics: dict[str, TopicRecord] = {}
     for topic in (topic for file in files for topic in file.topics):
         before = topics.get(topic.name)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
@@ -149,31 +149,6 @@ class BagWriter(AbstractContextManager["BagWriter"]):
         except (OSError, ValueError) as error:
             raise self._failed(error) from None
 
-    @property
-    def can_rewrite(self) -> bool:
-        """Whether all messages so far are in one file that is still open."""
-        return not self._complete
-
-    def rewrite(self, messages: Iterable[tuple[int, bytes, int, int]]) -> None:
-        """Replace all messages so far; a kill meanwhile leaves either the former file or the new one.
-
-        Args:
-            messages: topic number, bytes, log time and publication time (ns) of each.
-        """
-        before = self._file
-        self._counts = dict.fromkeys(self._counts, 0)
-        try:
-            self._file = self._next_file(suffix=".new")
-            for topic_id, data, log_time_ns, publish_time_ns in messages:
-                self._counts[topic_id] += 1
-                count = self._counts[topic_id]
-                self._file.write(topic_id, data, log_time_ns, publish_time_ns, count)
-            self._file.flush()
-            before.abandon()
-            self._file.move(before.path)
-        except (OSError, ValueError) as error:
-            raise self._failed(error) from None
-
     def add_information(self, texts: Mapping[str, str]) -> None:
         """Store further texts about the run, or others in the place of those so far."""
         self._custom_data.update(texts)
@@ -203,12 +178,7 @@ class BagWriter(AbstractContextManager["BagWriter"]):
         return self._file.path
 
     def flush(self) -> None:
-        """Finish the chunk in progress, so that a kill of the process no longer loses its messages.
-
-        With compression a chunk stays open until it is full: small ones hardly compress.
-        """
-        if self._compression != "none":
-            return
+        """Finish the chunk in progress, so that a kill of the process no longer loses its messages."""
         try:
             self._file.flush()
         except (OSError, ValueError) as error:
@@ -225,9 +195,9 @@ class BagWriter(AbstractContextManager["BagWriter"]):
             raise self._failed(error) from None
         self._is_closed = True
 
-    def _next_file(self, suffix: str = "") -> McapFile:
+    def _next_file(self) -> McapFile:
         """Begin the next file, which is self-contained: it repeats all topics and the run information."""
-        path = self.folder / f"{self.folder.name}_{len(self._complete)}.mcap{suffix}"
+        path = self.folder / f"{self.folder.name}_{len(self._complete)}.mcap"
         file = McapFile(path, self._compression, self._chunk_bytes, self._limits)
         if self._custom_data:
             file.add_texts(RECORD_NAME, self._custom_data)

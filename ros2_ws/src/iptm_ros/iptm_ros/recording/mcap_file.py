@@ -156,10 +156,6 @@ class McapFile:
         self._writer.finish()
         self._file.close()
 
-    def move(self, path: Path) -> None:
-        """Give the file another name, in place of a file that has it."""
-        self.path = self.path.replace(path)
-
     def abandon(self) -> None:
         """Close a file that cannot be written any more, without what is still buffered."""
         self._file.raw.close()

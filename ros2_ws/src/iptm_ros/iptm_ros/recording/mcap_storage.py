@@ -9,7 +9,9 @@ from __future__ import annotations
 import mmap
 import struct
 import zlib
-from collections.abc import Collection, Iterator
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import final
 
@@ -23,15 +25,23 @@ from iptm_core.user_input import shown
 from iptm_ros.recording.message_types import SCHEMA_ENCODING, MessageDefinition
 from iptm_ros.recording.recorded_topics import TopicRecord, parse_profiles
 from iptm_ros.recording.run_information import RECORD_NAME
-from iptm_ros.recording.storage import DAMAGE, BagMessage, StorageFile
+from iptm_ros.recording.storage import DAMAGE, BagMessage
 from iptm_ros.recording.unpacking import (
     FRAME_HEAD_BYTES,
     MOST_TEXT_BYTES,
+    ZSTD_MAGIC,
     UnpackingBudget,
     check_chunk,
 )
 
 MAGIC = b"\x89MCAP0\r\n"
+_OTHER_MAGIC = (b"SQLite format 3\0", b"#ROSBAG V2.0\n", ZSTD_MAGIC)
+_LONGEST_MAGIC = max(map(len, _OTHER_MAGIC))
+CONVERT = (
+    "{path} is no plain MCAP bag; convert it with: "
+    "rosbags-convert --src {source} --dst DIR --dst-storage mcap"
+)
+"""Refusal of a bag of SQLite or ROS 1, or one packed by rosbag2 as a whole or message by message."""
 PREFIX = struct.Struct("<BQ")
 """Opcode and length in front of every record."""
 CHUNK_HEAD = struct.Struct("<QQQII")
@@ -80,11 +90,91 @@ def _checksum(data: bytes | mmap.mmap, start: int, end: int) -> int:
 
 
 @final
-class McapStorage(StorageFile):
-    """See `StorageFile`; refuses what is not an MCAP file of ROS 2 messages, or was cut short."""
+class BagFile:
+    """A sound MCAP file of ROS 2 messages, opened for reading.
 
-    kind, magic = "an MCAP file", MAGIC
-    remedy = "save what is whole with: scripts/recover_bag {path}"
+    Attributes:
+        path: the file.
+        definitions: message definitions by type name.
+        topics: recorded topics; one name may occur several times.
+        message_count: messages of all topics together.
+        start_ns: earliest log time, 0 without messages.
+        end_ns: latest log time, 0 without messages.
+
+    Raises:
+        BagError: it cannot be read, is of another kind, damaged, or was cut short.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._opened = ExitStack()
+        self.definitions: Mapping[str, MessageDefinition] = {}
+        self.topics: Sequence[TopicRecord] = ()
+        self.message_count = 0
+        self.start_ns = 0
+        self.end_ns = 0
+        self._counts_topics = True
+        try:
+            with path.open("rb") as file:
+                start = file.read(_LONGEST_MAGIC)
+        except OSError as error:
+            raise BagError(f"cannot read {path}: {error}") from None
+        if any(start.startswith(other) for other in _OTHER_MAGIC):
+            raise BagError(CONVERT.format(path=path, source=path))
+        if not start.startswith(MAGIC):
+            raise BagError(f"{path} is not an MCAP file: it starts with {start[: len(MAGIC)]!r}")
+        try:
+            self._open(path)
+        except BagError:
+            self.close()
+            raise
+        except DAMAGE as error:
+            self.close()
+            raise self.damaged(error) from None
+
+    def close(self) -> None:
+        """Close the file; a second call does nothing."""
+        self._opened.close()
+
+    def messages(
+        self, topics: Collection[str] | None, start_ns: int | None, end_ns: int | None
+    ) -> Iterator[BagMessage]:
+        """Yield messages in order of log time, equal times in file order.
+
+        Raises:
+            BagError: the file is damaged, or holds fewer messages than stated.
+        """
+        found: Counter[str] = Counter()
+        try:
+            for message in self._read(topics, start_ns, end_ns):
+                found[message.topic] += 1
+                if message.data.startswith(ZSTD_MAGIC):
+                    raise BagError(CONVERT.format(path=self.path, source=self.path))
+                yield message
+        except DAMAGE as error:
+            raise self.damaged(error) from None
+        from_start = start_ns is None or start_ns <= self.start_ns
+        to_end = end_ns is None or end_ns > self.end_ns
+        if from_start and to_end and self._counts_topics:
+            self._compare_counts(topics, found)
+
+    def damaged(self, error: Exception | str) -> BagError:
+        """Return the error to raise for damage, with the way out."""
+        reason = " ".join(str(error).split()) or type(error).__name__
+        return BagError(
+            f"{self.path} is damaged ({reason}); save what is whole with: scripts/recover_bag {self.path}"
+        )
+
+    def _compare_counts(self, topics: Collection[str] | None, found: Counter[str]) -> None:
+        """Compare the messages that were read with the statistics of the file."""
+        promised: Counter[str] = Counter()
+        for topic in self.topics:
+            promised[topic.name] += topic.message_count
+        for name, count in promised.items():
+            if (topics is None or name in topics) and found[name] != count:
+                raise self.damaged(
+                    f"{found[name]} messages of {name} are found, by its statistics it holds {count}"
+                )
 
     def _open(self, path: Path) -> None:
         file = self._opened.enter_context(path.open("rb"))
@@ -127,7 +217,10 @@ class McapStorage(StorageFile):
         }
 
     def metadata_record(self, name: str) -> dict[str, str] | None:
-        """See `StorageFile`; texts have no checksum of their own, so all of the file is checked."""
+        """Return the texts stored under a name (later ones count), None if there are none.
+
+        Texts have no checksum of their own, so all of the file is checked.
+        """
         texts: dict[str, str] | None = None
         try:
             check_data_section(self._content)
@@ -139,9 +232,10 @@ class McapStorage(StorageFile):
         return texts
 
     def verify(self) -> None:
-        """Read everything once, texts included."""
+        """Read everything once, texts included; errors as of `messages`."""
         self.metadata_record(RECORD_NAME)
-        super().verify()
+        for _ in self.messages(None, None, None):
+            pass
 
     def _check_chunks(self, summary: Summary) -> None:
         """Refuse chunks that unpack to too much, by what they state and by what they are."""
@@ -168,7 +262,7 @@ class McapStorage(StorageFile):
         if self.message_count:
             self.start_ns, self.end_ns = statistics.message_start_time, statistics.message_end_time
         counts = statistics.channel_message_counts
-        self.counts_topics = bool(counts)  # some writers count no topics
+        self._counts_topics = bool(counts)  # some writers count no topics
         self._type_names: dict[int, str] = {}
         topics = []
         for channel in summary.channels.values():

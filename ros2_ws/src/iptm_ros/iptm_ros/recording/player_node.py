@@ -62,8 +62,6 @@ class PlayerNode(SuiteNode):
             self._advertise_topic(topic)
         if not self._publishers_by_topic:
             raise BagError(f"no topic of {options.bag} can be published here")
-        for remark in self._reader.remarks:
-            self.get_logger().warning(remark)
         for name in options.qos.keys() - self._publishers_by_topic.keys():
             self.get_logger().warning(f"quality of service of {name} is not used: it is not played")
         self._next_clock_s = 0.0

@@ -58,8 +58,8 @@ def build_parser() -> argparse.ArgumentParser:
         "--time",
         choices=[source.value for source in TimeSource],
         default=TimeSource.SIMULATED.value,
-        help="time that orders the bag: sim = of the clock in the same namespace, or of the only one on the"
-        " graph (default), wall = of reception",
+        help="time that orders the bag: sim = of the clock in the same namespace (default), wall = of "
+        "reception",
     )
     parser.add_argument(
         "--run-information",
@@ -71,7 +71,7 @@ def build_parser() -> argparse.ArgumentParser:
         "--compression",
         choices=list(COMPRESSIONS),
         default="none",
-        help="of the file (default: none; with compression a kill loses up to 64 KiB of messages)",
+        help="of the chunks, one per tick (default: none)",
     )
     parser.add_argument(
         "-b",

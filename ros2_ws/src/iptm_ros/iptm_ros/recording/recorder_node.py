@@ -27,13 +27,15 @@ from iptm_ros.recording.recorded_topics import QosOverrides, TopicSelection
 from iptm_ros.recording.run_information import LOST_KEY, PAUSES_KEY, RunInformation
 from iptm_ros.recording.session import RecordingSession
 from iptm_ros.recording.subscriptions import TopicSubscriber
-from iptm_ros.recording.timeline import CLOCK_TYPE, ClockChoice, Timeline, TimeSource, with_clock
+from iptm_ros.recording.timeline import CLOCK_TYPE, Timeline, TimeSource, with_clock
 from iptm_ros.services import Service
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import Topic
 
 READY_LINE = "recorder ready"
 DEFAULT_DEPTH = 10_000
+CLOCK_PATIENCE_S = 1.0
+"""Time after the first message of a trip in which its clock must come."""
 _LOOK_PERIOD_S = 0.05
 _ADAPTION_PERIOD_S = 1.0
 _IDLE_BEFORE_CLOSING_S = 0.25
@@ -84,7 +86,8 @@ class RecorderNode(SuiteNode):
         self._options = options
         clock_topic = self.resolve_topic_name(Topic.CLOCK.value)
         selection = options.selection
-        self._clock_choice = ClockChoice(clock_topic, selection)
+        self._clock_topic = clock_topic
+        self._data_since_s: float | None = None
         if options.time_source is TimeSource.SIMULATED:
             selection = with_clock(selection, clock_topic)
         self._writer = BagWriter(
@@ -181,8 +184,8 @@ class RecorderNode(SuiteNode):
                 self.finish(self.exit_code)
             return
         self._topics.look()
-        if not (self._clock_choice.is_final or self._session.is_ordered_by_reception):
-            self._choose_clock()
+        if self._topics.has_data and self._session.now_ns is None:
+            self._await_clock(now_s)
         if self._collector is not None:
             self._collector.look()
         if now_s >= self._next_adaption_s or not self._topics.has_data:
@@ -193,20 +196,19 @@ class RecorderNode(SuiteNode):
             print(self._progress(), flush=True)
         self._report()
 
-    def _choose_clock(self) -> None:
-        """Look for the clock that orders the bag."""
-        choice = self._clock_choice
+    def _await_clock(self, now_s: float) -> None:
+        """Give up waiting for a clock that has not come with the messages of a trip."""
+        if self._data_since_s is None:
+            self._data_since_s = now_s
+        if now_s - self._data_since_s < CLOCK_PATIENCE_S:
+            return
+        self._session.stop_waiting()
         clocks = [name for name, types in self.get_topic_names_and_types() if CLOCK_TYPE in types]
-        published = [name for name in clocks if self.count_publishers(name)]
-        has_data = self._topics.has_data
-        warning = choice.look(time.monotonic(), published, has_data=has_data)
-        if choice.clock is not None:
-            self._session.follow(choice.clock)
-            self._topics.select(choice.clock, CLOCK_TYPE)
-        elif choice.is_final:
-            self._session.stop_waiting()
-        if warning:
-            self.get_logger().warning(warning)
+        others = sorted(name for name in clocks if self.count_publishers(name))
+        hint = f"; choose one with --ros-args -r clock:=NAME: {', '.join(others)}" if others else ""
+        self.get_logger().warning(
+            f"no clock at {self._clock_topic}: the bag is ordered by time of reception{hint}"
+        )
 
     @property
     def _lacks_clock(self) -> bool:
@@ -232,7 +234,9 @@ class RecorderNode(SuiteNode):
             "bag": str(self._options.output),
             "messages": self._session.message_count,
             "topics": len(self._session.message_counts),
-            "clock": self._clock_choice.clock or "none",
+            "clock": "none"
+            if self._session.now_ns is None or self._lacks_clock
+            else self._clock_topic,
             "subscriptions": self._topics.subscribed_count,
             "subscriptions_matched": self._topics.matched_count,
             "awaited_topics": ", ".join(self._topics.awaited_topics),

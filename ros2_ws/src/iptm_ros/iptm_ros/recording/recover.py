@@ -17,7 +17,6 @@ from pathlib import Path
 
 from mcap.records import Channel, Message, Metadata, Schema
 from mcap.well_known import MessageEncoding
-from zstandard import ZstdError
 
 from iptm_core.errors import BagError, IptmError
 from iptm_core.parameters.strict_yaml import MAX_BYTES
@@ -35,7 +34,6 @@ from iptm_ros.recording.metadata import METADATA_FILE, read_metadata
 from iptm_ros.recording.recorded_topics import parse_profiles
 from iptm_ros.recording.run_information import RECORD_NAME
 from iptm_ros.recording.salvage import SalvageReader
-from iptm_ros.recording.unpacking import unpacked
 
 _UNKNOWN_TOPIC = "unknown topic"
 _MOST_TEXT = MAX_BYTES // 2
@@ -271,14 +269,10 @@ class _Copy:
         for record in SalvageReader(content.reader.path).records():
             if isinstance(record, Message):
                 topic_id = topics.get(record.channel_id)
-                try:
-                    data: bytes | None = unpacked(record.data)
-                except (ZstdError, ValueError):
-                    data = None
-                if topic_id is None or data is None:
+                if topic_id is None:
                     orphans[record.channel_id] += 1
                 else:
-                    data = self._exact(content, record.channel_id, data)
+                    data = self._exact(content, record.channel_id, record.data)
                     self._writer.write(topic_id, data, record.log_time, record.publish_time)
                     taken[record.channel_id] += 1
         if content.reader.statistics is not None:

@@ -72,7 +72,7 @@ class RecordingSession:
         self._writer = writer
         self._clock_topic = clock_topic
         self._timeline = timeline
-        self._early: list[tuple[_Channel, bytes]] = []
+        self._early: list[tuple[_Channel, bytes, int]] = []
         self._early_bytes = 0
         self._tick_ns = 0
         self.message_count = 0
@@ -139,17 +139,16 @@ class RecordingSession:
         """Put every message taken so far into the file; call it a few times a second."""
         self._writer.flush()
 
-    def follow(self, clock_topic: str) -> None:
-        """Take simulated time from another clock, before it has begun."""
-        self._clock_topic = clock_topic
-
     def stop_waiting(self) -> None:
-        """Stay with the time of reception for good."""
+        """Take the time of reception for good, as no clock has come."""
         self._timeline.source = TimeSource.WALL
-        self._early.clear()
+        early, self._early = self._early, []
+        for channel, data, received_ns in early:
+            self._put(channel, data, (received_ns, received_ns))
 
     def close(self) -> None:
         """Close the bag; if simulated time never began, it is ordered by time of reception."""
+        self.stop_waiting()
         self._writer.close()
 
     def _take(self, channel: _Channel, data: bytes) -> None:
@@ -160,10 +159,10 @@ class RecordingSession:
             channel.offer = channel.offered_qos()
         times = self._times_ns(channel, data)
         if times is None:
-            self._write_early(channel, data)
+            self._hold(channel, data)
             return
         if self._early:
-            self._rewrite_early()
+            self._write_early()
             # Early messages came first, and one may have moved the time on.
             times = self._times_ns(channel, data) or times
         self._write(channel, data, times)
@@ -172,30 +171,27 @@ class RecordingSession:
         is_other_clock = channel.kind is StampKind.CLOCK and channel.name != self._clock_topic
         return self._timeline.times_ns(data, StampKind.NONE if is_other_clock else channel.kind)
 
-    def _write_early(self, channel: _Channel, data: bytes) -> None:
-        """Write a message by its time of reception, and keep it for the case that a clock comes."""
+    def _hold(self, channel: _Channel, data: bytes) -> None:
+        """Keep a message until simulated time begins."""
         if self.is_paused and not channel.is_latched:
             self.pauses[-1].passed_over += 1
             return
-        now_ns = time.time_ns()
-        self._put(channel, data, (now_ns, now_ns))
-        self._early.append((channel, data))
+        self._early.append((channel, data, time.time_ns()))
         self._early_bytes += len(data)
-        is_much = len(self._early) >= MAX_EARLY_MESSAGES or self._early_bytes >= MAX_EARLY_BYTES
-        if is_much or not self._writer.can_rewrite:
+        if len(self._early) >= MAX_EARLY_MESSAGES or self._early_bytes >= MAX_EARLY_BYTES:
             self.stop_waiting()
 
-    def _rewrite_early(self) -> None:
-        """Give the messages that came before the clock their simulated times."""
+    def _write_early(self) -> None:
+        """Write the messages that came before the clock."""
         early, self._early = self._early, []
         stamps = (
-            read_stamp_ns(data) for channel, data in early if channel.kind is StampKind.HEADER
+            read_stamp_ns(data) for channel, data, _ in early if channel.kind is StampKind.HEADER
         )
         self._timeline.begin_with(stamp for stamp in stamps if stamp is not None)
-        timed = ((channel, data, self._times_ns(channel, data)) for channel, data in early)
-        self._writer.rewrite(
-            (self._topic_id(channel), data, *times) for channel, data, times in timed if times
-        )
+        for channel, data, _ in early:
+            times = self._times_ns(channel, data)
+            if times is not None:
+                self._put(channel, data, times)
 
     def _write(self, channel: _Channel, data: bytes, times: tuple[int, int]) -> None:
         """Write a message; in simulated time one tick is kept in memory, the ones before in the file."""

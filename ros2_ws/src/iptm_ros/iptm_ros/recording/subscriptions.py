@@ -108,12 +108,6 @@ class TopicSubscriber:
             if not (self._is_matched(name) or self._specs[name].on_request)
         ]
 
-    def select(self, name: str, type_name: str) -> None:
-        """Take one more topic, whatever was selected."""
-        self._suite[name] = type_name
-        if name not in self._subscribed:
-            self._subscribe_to(name, [type_name])
-
     def look(self) -> None:
         """Subscribe to topics that have got a publisher; call it a few times a second."""
         for name, type_names in list(self._published()):

@@ -1,24 +1,13 @@
 """Bounds on what the packed parts of a bag unpack to: a few kilobytes can stand for gigabytes.
 
-A part (chunk or message) is held in memory, so its size is bounded. All parts together, or a packed file, may
+A chunk is held in memory, so its size is bounded. All chunks together may
 be `LARGEST_RATIO` times as large as the file that they are in, which no recording of a vehicle comes near.
 """
 
 from __future__ import annotations
 
-from bz2 import BZ2Decompressor
-from pathlib import Path
-from typing import Any
-
 from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped]
-from zstandard import (
-    CONTENTSIZE_UNKNOWN,
-    ZstdDecompressor,
-    ZstdError,
-    get_frame_parameters,
-)
-
-from iptm_core.errors import BagError
+from zstandard import CONTENTSIZE_UNKNOWN, ZstdError, get_frame_parameters
 
 MOST_PART_BYTES = 32 * 2**20
 LARGEST_RATIO = 200
@@ -31,8 +20,6 @@ ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 FRAME_HEAD_BYTES = 18
 """Longest head of a frame of zstd, which states the size of its content."""
 _LARGEST_LZ4_RATIO = 255
-_BLOCK_BYTES = 1024  # a byte of zstd stands for up to 32 kB
-_LARGEST_WINDOW_BYTES = 2**26
 
 
 class UnpackingBudget:
@@ -72,62 +59,14 @@ def check_chunk(compression: str, stated_bytes: int, data: bytes) -> None:
         lz4_part(data)
 
 
-def unpacked(data: bytes) -> bytes:
-    """Return the bytes of a message that rosbag2 may have packed with zstd, one by one.
-
-    Raises:
-        ZstdError: it has, and they are damaged.
-        ValueError: it is too large.
-    """
-    if not data.startswith(ZSTD_MAGIC):
-        return data
-    _check_frame(data)
-    return ZstdDecompressor().decompress(data)
-
-
-def bounded(unpacking: Any, data: bytes) -> bytes:
-    """Return what a decompressor with ``max_length`` makes of a part; a ValueError if that is too much."""
+def lz4_part(data: bytes) -> bytes:
+    """Return what a part packed with lz4 holds; a ValueError if that is too much."""
+    unpacking = LZ4FrameDecompressor()
     plain: bytes = unpacking.decompress(data, max_length=MOST_PART_BYTES + 1)
     check_part(len(plain))
     if not unpacking.eof:
         raise ValueError("its compressed content has no end")
     return plain
-
-
-def bz2_part(data: bytes) -> bytes:
-    """Unpack a part of a bag of ROS 1; see `bounded`."""
-    return bounded(BZ2Decompressor(), data)
-
-
-def lz4_part(data: bytes) -> bytes:
-    """Unpack a part of a bag of ROS 1; see `bounded`."""
-    return bounded(LZ4FrameDecompressor(), data)
-
-
-def unpack_file(packed: Path, plain: Path) -> None:
-    """Unpack a file that was packed with zstd as a whole.
-
-    Raises:
-        BagError: it is damaged, cut short, or unpacks to too much.
-        OSError: it cannot be read, or its content not be written.
-    """
-    budget = UnpackingBudget(packed.stat().st_size)
-    packing = ZstdDecompressor(max_window_size=_LARGEST_WINDOW_BYTES)
-    unpacking = packing.decompressobj()
-    try:
-        with packed.open("rb") as source, plain.open("wb") as target:
-            while block := source.read(_BLOCK_BYTES):
-                while block:
-                    content = unpacking.decompress(block)
-                    budget.take(len(content))
-                    target.write(content)
-                    block = unpacking.unused_data if unpacking.eof else b""
-                    if block:
-                        unpacking = packing.decompressobj()
-    except (ZstdError, ValueError) as error:
-        raise BagError(f"{packed} is damaged ({error})") from None
-    if not unpacking.eof:
-        raise BagError(f"{packed} is cut short: its compressed content has no end")
 
 
 def _check_frame(data: bytes) -> None:
