@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import sys
+import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -252,3 +253,15 @@ def test_what_killed_compilations_left_is_removed(cache: Path, compiler: str) ->
     compile_functions([square()], compiler)
     assert not old.exists()
     assert new.exists(), "another process may still be compiling there"
+
+
+def test_the_cache_keeps_what_was_used_last(
+    cache: Path, compiler: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(compilation, "LIBRARIES_KEPT", 2)
+    first, second = (compile_functions([square(factor)], compiler) for factor in (3.25, 4.25))
+    for age_s, library in ((200.0, first), (100.0, second)):
+        os.utime(library, (time.time() - age_s,) * 2)
+    assert compile_functions([square(3.25)], compiler) == first  # in use again
+    third = compile_functions([square(5.25)], compiler)
+    assert set(cache.glob("*.so")) == {first, third}

@@ -56,6 +56,8 @@ COMPILER_FLAGS = (
 COMPILE_TIMEOUT_S = 300.0
 CACHE_VARIABLE = "IPTM_CACHE_DIR"
 WHEEL_COMPILER = "ziglang"
+LIBRARIES_KEPT = 200
+"""Libraries of up to half a megabyte; the ones unused for longest are removed."""
 OLDEST_GLIBC = "2.28"
 """What the wheels of ROS need, see scripts/setup."""
 _CPU_INFO = Path("/proc/cpuinfo")
@@ -153,6 +155,7 @@ def compile_sources(
     library = folder / f"{code}{_numbers_key(numbers)}.so"
     _make_private(folder)
     if _is_intact(library):
+        _note_use(library)
         return library
     try:
         with _locked(folder / f"{code}.lock"):
@@ -165,27 +168,24 @@ def compile_sources(
             _remove_abandoned(folder)
             with tempfile.TemporaryDirectory(prefix=_SCRATCH_PREFIX, dir=folder) as scratch:
                 sources["numbers.c"] = table_source(numbers)
-                built = _build(Path(scratch), sources, [*compiler, *flags], len(generated))
+                built = _build(Path(scratch), sources, [*compiler, *flags])
                 _put(library, built.read_bytes(), Path(scratch))
+            _remove_unused(folder)
     except OSError as error:
         raise _not_writable(folder, error) from error
     return library
 
 
-def _build(
-    scratch: Path, sources: Mapping[str, str], command: Sequence[str], processes: int
-) -> Path:
-    """Compile files into a library, the first ones in a process each."""
+def _build(scratch: Path, sources: Mapping[str, str], command: Sequence[str]) -> Path:
+    """Compile files into a library, at the same time if they are more than that of a function."""
     for name, text in sources.items():
         (scratch / name).write_text(text, encoding="ascii")
     files = [str(scratch / name) for name in sources if name.endswith(".c")]
-    if processes > 1:
-        alone, together = files[:processes], files[processes:]
-        objects = [f"{file}.o" for file in alone]
-        jobs = [[*command, "-c", *pair] for pair in zip(alone, objects, strict=True)]
-        with ThreadPoolExecutor(processes) as pool:
-            list(pool.map(_run_compiler, ([*job[:-1], "-o", job[-1]] for job in jobs)))
-        files = [*objects, *together]
+    if len(files) > 2:
+        jobs = [[*command, "-c", file, "-o", f"{file}.o"] for file in files]
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            list(pool.map(_run_compiler, jobs))
+        files = [f"{file}.o" for file in files]
     built = scratch / "ocp.so"
     _run_compiler([*command, *files, "-o", str(built), "-lm"])
     return built
@@ -214,6 +214,7 @@ def _copy_is_made(library: Path, others: Iterable[Path], numbers: Sequence[float
                 folder = tempfile.TemporaryDirectory(prefix=_SCRATCH_PREFIX, dir=library.parent)
                 with folder as scratch:
                     _put(library, content, Path(scratch))
+                _remove_unused(library.parent)
                 return True
     return False
 
@@ -253,6 +254,20 @@ def _remove_abandoned(folder: Path) -> None:
         with contextlib.suppress(OSError):
             if time.time() - scratch.lstat().st_mtime > 2.0 * COMPILE_TIMEOUT_S:
                 shutil.rmtree(scratch)
+
+
+def _note_use(library: Path) -> None:
+    """Keep a library from being the one unused for longest."""
+    with contextlib.suppress(OSError):
+        os.utime(library)
+
+
+def _remove_unused(folder: Path) -> None:
+    """Remove the libraries unused for longest, so that the cache does not grow without end."""
+    with contextlib.suppress(OSError):
+        libraries = sorted(folder.glob("*.so"), key=lambda path: path.lstat().st_mtime)
+        for library in libraries[:-LIBRARIES_KEPT]:
+            library.unlink(missing_ok=True)
 
 
 def _is_intact(library: Path) -> bool:
