@@ -30,14 +30,8 @@ from iptm_controller.measurements import Measurements, trusted_measurements
 from iptm_controller.memory import ControllerMemory
 from iptm_controller.ocp.data import ProblemData, ProblemDataBuilder
 from iptm_controller.ocp.grid import ProblemGrid
-from iptm_controller.ocp.layout import StateIndex
 from iptm_controller.options import ControllerOptions
-from iptm_controller.plan import (
-    PlanShifter,
-    plan_from_variables,
-    sample_positions_m,
-    variables_from_plan,
-)
+from iptm_controller.plan_data import plan_data
 from iptm_controller.production import ProductionLikeController
 from iptm_controller.road_envelope import LOOK_AHEAD_S, RoadEnvelope
 from iptm_controller.solvers.factory import build_solver
@@ -81,7 +75,6 @@ class Controller:
         self._grid = ProblemGrid(horizon)
         self._model = parameters
         self._pose(options.strategy)
-        self._shifter = PlanShifter(horizon)
         self._forecaster = LeaderForecaster(
             horizon.motion_duration_s, options.max_preview_age_s, options.tick_s
         )
@@ -119,7 +112,10 @@ class Controller:
             self._valuation = TemperatureValuation(
                 self._model, strategy.aging_weight, duration_s, ends_s
             )
-        self._builder = ProblemDataBuilder(self._grid, strategy, self._model, self.options.tick_s)
+        builder = ProblemDataBuilder(self._grid, strategy, self._model, self.options.tick_s)
+        self._plan_data = plan_data(
+            self._grid, builder, compile_code=self.options.solver.compile_code
+        )
         self._charging: ChargingValuation | None = None
         if charges:
             energy_1_j = strategy.energy_weight_1_j, CELLS * strategy.aging_weight * price_1_j
@@ -253,9 +249,7 @@ class Controller:
         What comes of it is optimal or yet to fall back.
         """
         last = self._ladder.plan_at(state.time_s)
-        guess = (
-            self._shifter.cold_start(state) if last is None else self._shifter.shift(last, state)
-        )
+        guess = self._plan_data.expected(last, state)
         forecast = None if leader is None else self._forecaster.forecast(leader, measured.preview)
         motion, limiting = self._road.lead(state, measured.rules, forecast)
         known_s = LOOK_AHEAD_S
@@ -274,22 +268,14 @@ class Controller:
         if self._traction is not None:
             self._traction.remember(state, measured.slope)
             thermal = self._traction.samples(state, motion, known_s, measured.slope)
-        data = self._builder.build(
-            state,
-            motion,
-            measured.slope,
-            sample_positions_m(guess, self._grid.sample_times_s),
-            known_s,
-            value,
-            thermal,
-            guess.states[:, StateIndex.SPEED],
-            limiting,
-            self._road.speed_limits_m_s(measured.rules, guess.motion),
+        limits_m_s = self._road.speed_limits_m_s(measured.rules, guess.motion)
+        data, start = self._plan_data.problem(
+            state, guess, motion, limiting, measured.slope, known_s, value, thermal, limits_m_s
         )
-        result = self._solve(data, variables_from_plan(guess, self._grid, state))
+        result = self._solve(data, start)
         if not result.status.usable:
             return Decision(reason=result.reason, result=result, forecast=forecast, value=value)
-        plan = plan_from_variables(result.variables, self._grid, state)
+        plan = self._plan_data.plan(result.variables, state)
         reason = "" if forecast is None else forecast.reason
         return Decision(
             self._ladder.accept(plan),

@@ -12,7 +12,7 @@ static const double LEAST_GAIN = 1e-4;
 static const double DISTINCT_POWER = 0.35;
 static const double AT_LIMIT_K = 0.1;
 
-enum { OPTIONS = IPTM_CANDIDATES + 1, POWER = IPTM_STATES + IPTM_COMPRESSOR_POWER };
+enum { OPTIONS = IPTM_CANDIDATES + 1, POWER = IPTM_STATES + IPTM_INPUT_COMPRESSOR_POWER };
 
 /* Memory of a check, from that of the caller. */
 typedef struct {
@@ -62,7 +62,7 @@ static void find_ramps(const iptm_horizon *horizon, double rate_1_s, const doubl
   int kind, i;
   for (kind = 0; kind < IPTM_KINDS; ++kind) {
     for (i = 0; i < horizon->kind_steps[kind]; ++i) {
-      *ramps++ = rate_1_s * step[IPTM_COMPRESSOR_INTERVAL];
+      *ramps++ = rate_1_s * step[IPTM_STEP_COMPRESSOR_INTERVAL];
       step += iptm_kind_parameters[kind];
     }
   }
@@ -139,7 +139,7 @@ static int find_better_powers(const iptm_horizon *horizon, const iptm_switching 
                               const memory *m, const double *parameters, const double *w,
                               const double *costates, double objective, int due) {
   const int steps = horizon->steps;
-  const double last = w[IPTM_LAST_COMPRESSOR_POWER];
+  const double last = w[IPTM_STATE_LAST_COMPRESSOR_POWER];
   double reach = 0.0, expected = 0.0, best_gain = -INFINITY, threshold, coldest = INFINITY;
   int k, option, is_promising, all_alike = 1;
   for (k = 0; k < steps; ++k) {
@@ -150,10 +150,10 @@ static int find_better_powers(const iptm_horizon *horizon, const iptm_switching 
       m->powers[option * steps + k] =
           clamp(switching->candidates[option - 1], last - reach, last + reach);
     }
-    if (next[IPTM_CELL_1_TEMPERATURE] < coldest) coldest = next[IPTM_CELL_1_TEMPERATURE];
+    if (next[IPTM_STATE_CELL_1_TEMPERATURE] < coldest) coldest = next[IPTM_STATE_CELL_1_TEMPERATURE];
   }
   find_hamiltonians(horizon, m, parameters, w, costates);
-  if (IPTM_TEMPERATURE_OFFSET_K + coldest < parameters[IPTM_LOWEST_TEMPERATURE] + AT_LIMIT_K) {
+  if (IPTM_TEMPERATURE_OFFSET_K + coldest < parameters[IPTM_GLOBAL_LOWEST_TEMPERATURE] + AT_LIMIT_K) {
     /* The costates include the penalty below the limit and are not valid for less cooling. */
     return due && concentrate(horizon, m, switching->candidates[IPTM_CANDIDATES - 1]);
   }
@@ -190,13 +190,13 @@ static int find_better_powers(const iptm_horizon *horizon, const iptm_switching 
 
 /* Put powers into variables, as the rate limit lets the compressor follow them. */
 static void put_powers(const iptm_horizon *horizon, const memory *m, double *w) {
-  double last = w[IPTM_LAST_COMPRESSOR_POWER];
+  double last = w[IPTM_STATE_LAST_COMPRESSOR_POWER];
   int k;
   for (k = 0; k < horizon->steps; ++k) {
     double *const block = w + (ptrdiff_t)IPTM_BLOCK * k;
     last = clamp(m->chosen[k], last - m->ramps[k], last + m->ramps[k]);
     block[POWER] = last;
-    block[IPTM_BLOCK + IPTM_LAST_COMPRESSOR_POWER] = last;
+    block[IPTM_BLOCK + IPTM_STATE_LAST_COMPRESSOR_POWER] = last;
   }
 }
 

@@ -44,7 +44,12 @@ class ProblemData:
 
 
 class ProblemDataBuilder:
-    """Works out the numbers of one problem after the other."""
+    """Works out the numbers of one problem after the other.
+
+    Attributes:
+        acceleration_intervals_s: times in which the acceleration changes on the way into each step.
+        compressor_intervals_s: the same for the power of the compressor.
+    """
 
     def __init__(
         self,
@@ -70,8 +75,18 @@ class ProblemDataBuilder:
             if 1.5 * tick_s < length <= LONGEST_STEP_WITHOUT_SAMPLED_GAP_S
         ]
         self._node_times_s = grid.horizon.node_times_s
-        self._acceleration_intervals_s = _change_intervals_s(lengths, LONGEST_ACCELERATION_CHANGE_S)
-        self._compressor_intervals_s = _change_intervals_s(lengths, LONGEST_COMPRESSOR_CHANGE_S)
+        self.acceleration_intervals_s = _change_intervals_s(lengths, LONGEST_ACCELERATION_CHANGE_S)
+        self.compressor_intervals_s = _change_intervals_s(lengths, LONGEST_COMPRESSOR_CHANGE_S)
+
+    @property
+    def watches_inside(self) -> bool:
+        """Whether the gap is watched inside steps."""
+        return bool(self._watched)
+
+    @property
+    def max_speed_m_s(self) -> float:
+        """Largest speed of the vehicle."""
+        return self._limits.max_speed_m_s
 
     def build(
         self,
@@ -114,8 +129,8 @@ class ProblemDataBuilder:
             steps[:, StepIndex.LEADER_SPEED] = at_nodes_m_s
         if self._watched and expected_speeds_m_s is not None:
             self._watch_inside(steps, limiting or leader, nodes, origin_m, expected_speeds_m_s)
-        steps[:, StepIndex.ACCELERATION_INTERVAL] = self._acceleration_intervals_s
-        steps[:, StepIndex.COMPRESSOR_INTERVAL] = self._compressor_intervals_s
+        steps[:, StepIndex.ACCELERATION_INTERVAL] = self.acceleration_intervals_s
+        steps[:, StepIndex.COMPRESSOR_INTERVAL] = self.compressor_intervals_s
         steps[:, StepIndex.END_OF_PREVIEW] = 0.0
         steps[:, StepIndex.MAX_SPEED] = self._limits.max_speed_m_s
         if speed_limits_m_s is not None:
@@ -148,7 +163,7 @@ class ProblemDataBuilder:
         samples[:, SampleIndex.LEADER_SPEED] = speeds[at_samples]
         if thermal_samples is not None:
             samples[grid.motion_samples :] = thermal_samples
-        parameters = grid.parameters(self._shared(state, value), steps, samples)
+        parameters = grid.parameters(self.shared(state, value), steps, samples)
         return ProblemData(self._scaled_state(state), parameters)
 
     def _watch_inside(
@@ -187,7 +202,7 @@ class ProblemDataBuilder:
                 end[StepIndex.LEADER_POSITION] = positions[tightest]
                 end[StepIndex.LEADER_SPEED] = speeds[tightest]
 
-    def _shared(self, state: VehicleState, value: TemperatureValue) -> FloatArray:
+    def shared(self, state: VehicleState, value: TemperatureValue) -> FloatArray:
         """Return the parameters that all steps share, shape (GLOBALS,)."""
         strategy, scale = self._strategy, self._strategy.scale
         weights, reference_k = strategy.weights, strategy.reference_temperature_k

@@ -77,6 +77,8 @@ class ProblemGrid:
         stages: one kind per phase.
         sample_times_s: times of all quadrature samples from the first node on, in order; the samples of
             a thermal step are not instants and are placed at its middle.
+        step_places: place of the first parameter of every step.
+        sample_places: place of the first parameter of every sample.
         motion_samples: number of samples in which the motion is optimised; they come first.
     """
 
@@ -121,13 +123,14 @@ class ProblemGrid:
         )
         self.motion_samples = sum(kind.samples * kind.count for kind in kinds if not kind.thermal)
         own, sampled = np.arange(layout.STEP_PARAMETERS), np.arange(layout.SAMPLE_PARAMETERS)
-        starts = np.array([place.start for place in self.step_parameters])
-        self._step_slots = starts[:, None] + own
+        self.step_places = np.array([place.start for place in self.step_parameters])
+        self._step_slots = self.step_places[:, None] + own
         first_samples = [
             np.arange(place.start + layout.STEP_PARAMETERS, place.stop, layout.SAMPLE_PARAMETERS)
             for place in self.step_parameters
         ]
-        self._sample_slots = np.concatenate(first_samples)[:, None] + sampled
+        self.sample_places = np.concatenate(first_samples)
+        self._sample_slots = self.sample_places[:, None] + sampled
 
     def parameters(self, shared: FloatArray, steps: FloatArray, samples: FloatArray) -> FloatArray:
         """Pack the parameter vector.

@@ -21,6 +21,7 @@ from iptm_controller.ocp.compilation import (
     compiler_flags,
     find_compiler,
 )
+from iptm_controller.ocp.layout_header import layout_header
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.interface import RICCATI, SolverOptions
 from iptm_controller.solvers.riccati.line_search import FilterPoint
@@ -243,7 +244,11 @@ def _library(problem: OptimalControlProblem, compiler: tuple[str, ...], *_: obje
     fixed = {
         name: (SOURCE_FOLDER / name).read_text("ascii") for name in (*SOLVER_SOURCES, *HEADERS)
     }
-    path = compile_sources(program.sources, {**fixed, "stage_sizes.h": program.header}, compiler)
+    path = compile_sources(
+        program.sources,
+        {**fixed, "layout.h": layout_header(), "stage_sizes.h": program.header},
+        compiler,
+    )
     try:
         # The interpreter lock is held: a solve is shorter than it takes to get the lock again.
         library = ctypes.PyDLL(str(path))

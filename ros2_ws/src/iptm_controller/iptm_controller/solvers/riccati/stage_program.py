@@ -12,7 +12,7 @@ from pathlib import Path
 import casadi as ca
 
 from iptm_controller.ocp import layout
-from iptm_controller.ocp.layout import GlobalIndex, InputIndex, StateIndex, StepIndex
+from iptm_controller.ocp.layout import InputIndex, StateIndex
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.stage import StageExpressions
 from iptm_controller.ocp.stage_code import StageMap, stage_sources
@@ -123,20 +123,12 @@ def _hamiltonian(stage: StageExpressions, name: str) -> ca.Function:
 
 def _header(inequalities: int, kinds: int, sparsity: StageSparsity) -> str:
     sizes = {
-        "STATES": layout.STATES,
-        "INPUTS": layout.INPUTS,
-        "SLACKS": layout.SLACKS,
-        "GLOBALS": layout.GLOBALS,
         "INEQUALITIES": inequalities,
         "KINDS": kinds,
         "DYNAMICS_NONZEROS": sparsity.dynamics.nnz(),
         "HESSIAN_NONZEROS": sparsity.hessian.nnz(),
         "INEQUALITY_NONZEROS": sparsity.inequalities.nnz(),
-        "COMPRESSOR_POWER": int(InputIndex.COMPRESSOR_POWER),
-        "LAST_COMPRESSOR_POWER": int(StateIndex.LAST_COMPRESSOR_POWER),
-        "CELL_1_TEMPERATURE": int(StateIndex.CELL_1_TEMPERATURE),
-        "LOWEST_TEMPERATURE": int(GlobalIndex.LOWEST_TEMPERATURE),
-        "COMPRESSOR_INTERVAL": int(StepIndex.COMPRESSOR_INTERVAL),
         "TEMPERATURE_OFFSET_K": float(layout.STATE_OFFSET[StateIndex.CELL_1_TEMPERATURE]),
     }
-    return "".join(f"#define IPTM_{name} {value}\n" for name, value in sizes.items())
+    defines = "".join(f"#define IPTM_{name} {value}\n" for name, value in sizes.items())
+    return f'#include "layout.h"\n{defines}'

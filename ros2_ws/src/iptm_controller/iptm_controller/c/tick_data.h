@@ -1,0 +1,63 @@
+/* From the last plan and the motion ahead to the numbers of the next problem, and from its solution to a plan:
+ * plan.py and ocp/data.py in C99, the same operations in the same order.
+ *
+ * States and inputs of a plan are in physical units, node after node and step after step, in the order of
+ * ocp/layout.py. */
+#ifndef IPTM_TICK_DATA_H
+#define IPTM_TICK_DATA_H
+
+#include "layout.h"
+
+/* The grid of a horizon, see ocp/grid.py; arrays have one entry per step or sample unless stated. */
+typedef struct {
+  int steps, motion_steps, samples, motion_samples;
+  const double *nodes_s; /* steps + 1 */
+  const double *lengths_s;
+  const double *acceleration_intervals_s, *compressor_intervals_s;
+  const double *sample_times_s;
+  const int *sample_steps; /* step that a sample is in */
+  const int *step_places;  /* first parameter of a step */
+  const int *sample_places;
+  double max_speed_m_s;
+} iptm_grid;
+
+/* The ego vehicle now. */
+typedef struct {
+  double time_s, position_m, speed_m_s, cell_1_temperature_k, cell_n_temperature_k;
+  double acceleration_m_s2, compressor_power_w;
+} iptm_vehicle;
+
+/* Motion of a lead vehicle at increasing times. */
+typedef struct {
+  int nodes;
+  const double *times_s, *positions_m, *speeds_m_s;
+} iptm_motion;
+
+/* Slope at increasing positions; the ends are held. */
+typedef struct {
+  int nodes;
+  const double *positions_m, *slopes_rad;
+} iptm_slope;
+
+/* Move a plan on to a later state: states and inputs as seen from there. */
+void iptm_shift_plan(const iptm_grid *grid, double start_s, const double *states,
+                     const double *inputs, const iptm_vehicle *vehicle, double *next_states,
+                     double *next_inputs);
+
+/* Pose the problem of a tick around a plan.
+ *
+ * limiting: motion that the gap limits hold for at the nodes, may be the leader.
+ * known_s: how far ahead the motion of the leader is known.
+ * speed_limits_m_s: at the ends of the motion steps, NULL for none.
+ * thermal_samples: parameters of the thermal samples, NULL without any.
+ * variables: the plan in the units of the solver. parameters: behind those that all steps share. */
+void iptm_pose_problem(const iptm_grid *grid, const iptm_vehicle *vehicle, const double *states,
+                       const double *inputs, const iptm_motion *leader, const iptm_motion *limiting,
+                       const iptm_slope *slope, double known_s, const double *speed_limits_m_s,
+                       const double *thermal_samples, double *variables, double *parameters);
+
+/* Return a solution in physical units. */
+void iptm_read_plan(const iptm_grid *grid, double position_m, const double *variables,
+                    double *states, double *inputs);
+
+#endif

@@ -1,0 +1,303 @@
+"""From the last plan to the next problem, and from its solution to a plan: in Python, or the same in C.
+
+Both give the same numbers, to the last bit. The Python form is what a reader takes up, runs where there is no
+compiler, and poses problems on grids whose longer steps are watched inside.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from iptm_controller.ocp import layout
+from iptm_controller.ocp.compilation import cache_directory, compile_sources, find_compiler
+from iptm_controller.ocp.data import ProblemData, ProblemDataBuilder
+from iptm_controller.ocp.grid import ProblemGrid
+from iptm_controller.ocp.layout import StateIndex
+from iptm_controller.ocp.layout_header import layout_header
+from iptm_controller.plan import (
+    Plan,
+    PlanShifter,
+    plan_from_variables,
+    sample_positions_m,
+    variables_from_plan,
+)
+from iptm_controller.temperature_value import TemperatureValue
+from iptm_core.errors import SolverSetupError
+from iptm_core.state import FloatArray, LeaderPreview, SlopePreview, VehicleState
+
+_SOURCE_FOLDER = Path(__file__).resolve().parent / "c"
+_INT, _DOUBLE, _POINTER = ctypes.c_int, ctypes.c_double, ctypes.c_void_p
+
+
+class PlanData:
+    """Poses problems around plans, and reads plans from solutions."""
+
+    def __init__(self, grid: ProblemGrid, builder: ProblemDataBuilder) -> None:
+        self._grid = grid
+        self._shifter = PlanShifter(grid.horizon)
+        self.builder = builder
+
+    def expected(self, last: Plan | None, state: VehicleState) -> Plan:
+        """Return the last plan as seen from a later state; without one, speed and power are kept."""
+        if last is None:
+            return self._shifter.cold_start(state)
+        return self._shifter.shift(last, state)
+
+    def problem(
+        self,
+        state: VehicleState,
+        guess: Plan,
+        leader: LeaderPreview,
+        limiting: LeaderPreview,
+        slope: SlopePreview,
+        known_s: float,
+        value: TemperatureValue,
+        thermal_samples: FloatArray | None,
+        speed_limits_m_s: FloatArray | None,
+    ) -> tuple[ProblemData, FloatArray]:
+        """Return the problem around an expected plan, and that plan in the units of the solver.
+
+        Args:
+            leader: past and expected motion of the leader.
+            limiting: motion that the gap limits hold for.
+            known_s: how far ahead the motion is known.
+        """
+        data = self.builder.build(
+            state,
+            leader,
+            slope,
+            sample_positions_m(guess, self._grid.sample_times_s),
+            known_s,
+            value,
+            thermal_samples,
+            guess.states[:, StateIndex.SPEED],
+            limiting,
+            speed_limits_m_s,
+        )
+        return data, variables_from_plan(guess, self._grid, state)
+
+    def plan(self, variables: FloatArray, state: VehicleState) -> Plan:
+        """Return a solution in physical units."""
+        return plan_from_variables(variables, self._grid, state)
+
+
+class _Grid(ctypes.Structure):
+    _fields_ = (
+        *((name, _INT) for name in ("steps", "motion_steps", "samples", "motion_samples")),
+        *(
+            (name, _POINTER)
+            for name in (
+                "nodes_s",
+                "lengths_s",
+                "acceleration_intervals_s",
+                "compressor_intervals_s",
+                "sample_times_s",
+                "sample_steps",
+                "step_places",
+                "sample_places",
+            )
+        ),
+        ("max_speed_m_s", _DOUBLE),
+    )
+
+
+class _Vehicle(ctypes.Structure):
+    _fields_ = tuple(
+        (name, _DOUBLE)
+        for name in (
+            "time_s",
+            "position_m",
+            "speed_m_s",
+            "cell_1_temperature_k",
+            "cell_n_temperature_k",
+            "acceleration_m_s2",
+            "compressor_power_w",
+        )
+    )
+
+
+class _Motion(ctypes.Structure):
+    _fields_ = (
+        ("nodes", _INT),
+        ("times_s", _POINTER),
+        ("positions_m", _POINTER),
+        ("speeds_m_s", _POINTER),
+    )
+
+    @classmethod
+    def of(cls, preview: LeaderPreview) -> _Motion:
+        """Return the motion of a preview; it keeps the numbers that it points to."""
+        arrays = [
+            np.ascontiguousarray(each, dtype=np.float64)
+            for each in (preview.times_s, preview.positions_m, preview.speeds_m_s)
+        ]
+        motion = cls(arrays[0].size, *(each.ctypes.data for each in arrays))
+        motion.kept = arrays
+        return motion
+
+
+class _Slope(ctypes.Structure):
+    _fields_ = (("nodes", _INT), ("positions_m", _POINTER), ("slopes_rad", _POINTER))
+
+
+class PlanDataInC(PlanData):
+    """The same in C, for one thread."""
+
+    def __init__(
+        self, grid: ProblemGrid, builder: ProblemDataBuilder, library: ctypes.PyDLL
+    ) -> None:
+        super().__init__(grid, builder)
+        horizon = grid.horizon
+        nodes_s = horizon.node_times_s
+        steps = np.searchsorted(nodes_s, grid.sample_times_s, side="right") - 1
+        self._nodes_s = nodes_s
+        arrays = [
+            nodes_s,
+            horizon.step_lengths_s,
+            builder.acceleration_intervals_s,
+            builder.compressor_intervals_s,
+            grid.sample_times_s,
+            np.clip(steps, 0, grid.steps - 1).astype(np.intc),
+            grid.step_places.astype(np.intc),
+            grid.sample_places.astype(np.intc),
+        ]
+        self._kept = arrays  # the structure holds their addresses
+        self._c_grid = _Grid(
+            grid.steps,
+            horizon.motion_steps,
+            grid.sample_times_s.size,
+            grid.motion_samples,
+            *(array.ctypes.data for array in arrays),
+            builder.max_speed_m_s,
+        )
+        self._grid_pointer = ctypes.byref(self._c_grid)
+        self._shift = library.iptm_shift_plan
+        self._pose = library.iptm_pose_problem
+        self._read = library.iptm_read_plan
+
+    def expected(self, last: Plan | None, state: VehicleState) -> Plan:
+        """See ``PlanData``."""
+        if last is None or last.states.shape != (self._grid.steps + 1, layout.STATES):
+            return super().expected(last, state)
+        states, inputs = self._tables()
+        self._shift(
+            self._grid_pointer,
+            last.start_s,
+            _address(last.states),
+            _address(last.inputs),
+            ctypes.byref(_vehicle(state)),
+            _address(states),
+            _address(inputs),
+        )
+        return self._as_plan(state, states, inputs)
+
+    def problem(
+        self,
+        state: VehicleState,
+        guess: Plan,
+        leader: LeaderPreview,
+        limiting: LeaderPreview,
+        slope: SlopePreview,
+        known_s: float,
+        value: TemperatureValue,
+        thermal_samples: FloatArray | None,
+        speed_limits_m_s: FloatArray | None,
+    ) -> tuple[ProblemData, FloatArray]:
+        """See ``PlanData``."""
+        grid = self._grid
+        variables, parameters = np.empty(grid.variable_count), np.empty(grid.parameter_count)
+        parameters[: layout.GLOBALS] = self.builder.shared(state, value)
+        motion = _Motion.of(leader)
+        behind = motion if limiting is leader else _Motion.of(limiting)
+        road = [
+            np.ascontiguousarray(each, dtype=np.float64)
+            for each in (slope.positions_m, slope.slopes_rad)
+        ]
+        self._pose(
+            self._grid_pointer,
+            ctypes.byref(_vehicle(state)),
+            _address(guess.states),
+            _address(guess.inputs),
+            ctypes.byref(motion),
+            ctypes.byref(behind),
+            ctypes.byref(_Slope(road[0].size, *map(_address, road))),
+            known_s,
+            None if speed_limits_m_s is None else _address(speed_limits_m_s),
+            None if thermal_samples is None else _address(thermal_samples),
+            _address(variables),
+            _address(parameters),
+        )
+        return ProblemData(variables[: layout.STATES].copy(), parameters), variables
+
+    def plan(self, variables: FloatArray, state: VehicleState) -> Plan:
+        """See ``PlanData``."""
+        states, inputs = self._tables()
+        self._read(
+            self._grid_pointer,
+            state.position_m,
+            _address(variables),
+            _address(states),
+            _address(inputs),
+        )
+        return self._as_plan(state, states, inputs)
+
+    def _tables(self) -> tuple[FloatArray, FloatArray]:
+        steps = self._grid.steps
+        return np.empty((steps + 1, layout.STATES)), np.empty((steps, layout.INPUTS))
+
+    def _as_plan(self, state: VehicleState, states: FloatArray, inputs: FloatArray) -> Plan:
+        return Plan(state.time_s, self._nodes_s, states, inputs, self._c_grid.motion_steps)
+
+
+def plan_data(grid: ProblemGrid, builder: ProblemDataBuilder, *, compile_code: bool) -> PlanData:
+    """Return the form in C where it is wanted, the grid allows it, and there is a compiler."""
+    compiler = find_compiler() if compile_code and not builder.watches_inside else None
+    if compiler is None:
+        return PlanData(grid, builder)
+    return PlanDataInC(grid, builder, _library(compiler, cache_directory()))
+
+
+@lru_cache
+def _library(compiler: tuple[str, ...], *_: object) -> ctypes.PyDLL:
+    fixed = {name: (_SOURCE_FOLDER / name).read_text("ascii") for name in ("tick_data.h",)}
+    source = (_SOURCE_FOLDER / "tick_data.c").read_text("ascii")
+    path = compile_sources(
+        [], {"tick_data.c": source, **fixed, "layout.h": layout_header()}, compiler
+    )
+    try:
+        library = ctypes.PyDLL(str(path))
+        shift, pose, read = (
+            library.iptm_shift_plan,
+            library.iptm_pose_problem,
+            library.iptm_read_plan,
+        )
+    except (OSError, AttributeError) as error:
+        raise SolverSetupError(f"the controller cannot be set up: {error}") from error
+    shift.argtypes = [_POINTER, _DOUBLE, *[_POINTER] * 5]
+    pose.argtypes = [*[_POINTER] * 7, _DOUBLE, *[_POINTER] * 4]
+    read.argtypes = [_POINTER, _DOUBLE, *[_POINTER] * 3]
+    for function in (shift, pose, read):
+        function.restype = None
+    return library
+
+
+def _vehicle(state: VehicleState) -> _Vehicle:
+    return _Vehicle(
+        state.time_s,
+        state.position_m,
+        state.speed_m_s,
+        state.cell_1_temperature_k,
+        state.cell_n_temperature_k,
+        state.acceleration_m_s2,
+        state.compressor_power_w,
+    )
+
+
+def _address(array: FloatArray) -> Any:
+    """Return where the numbers of an array are: doubles, one after the other."""
+    return array.ctypes.data
