@@ -86,7 +86,7 @@ def _candump(path: Path, lines: list[str], notes: list[str]) -> Iterator[str]:
             f"{path}, line {broken[1]}: no frame of candump; allowed: (TIME) CHANNEL ID#DATA"
         )
     if broken[0]:
-        notes.append(f"{broken[0]} lines without a frame left out, the first is line {broken[1]}")
+        notes.append(f"lines without a frame left out: {broken[0]}, the first is line {broken[1]}")
 
 
 def _absolute(text: str) -> str:

@@ -32,6 +32,7 @@ MOST_INVALID = 0.2
 _NOISE_M_S = 1.5
 _MAX_REVERSING_M_S = 3.0
 _STILL_M = 10.0
+_MOST_IN_ONE_RUN = 0.1
 _PLACES = ("latitude_deg", "longitude_deg", "east_m", "north_m", "position_m")
 
 
@@ -80,8 +81,17 @@ def consistent(
     times: FloatArray,
     breaks: Callable[[NDArray[np.int64]], NDArray[np.bool_]],
     longest_s: float,
+    *,
+    at_ends: bool = True,
+    share: float = _MOST_IN_ONE_RUN,
 ) -> NDArray[np.int64]:
-    """Leave out the short runs of rows between breaks, shortest first, until there is none to leave out."""
+    """Leave out the short runs of rows between breaks, shortest first, until there is none to leave out.
+
+    Args:
+        at_ends: also runs with which the rows begin or end.
+        share: of the rows that may be left out as one run.
+    """
+    most = max(3.0, share * kept_rows.size)
     while (broken := breaks(kept_rows)).any():
         bounds = np.concatenate([[0], np.flatnonzero(broken) + 1, [kept_rows.size]])
         sizes = np.diff(bounds)
@@ -89,12 +99,17 @@ def consistent(
         beside = np.minimum(
             np.concatenate([[np.inf], sizes[:-1]]), np.concatenate([sizes[1:], [np.inf]])
         )
-        odd = (spans <= longest_s) & (sizes < beside)
+        short = (spans <= longest_s) & (sizes <= most)
+        inside = short.copy()
+        inside[[0, -1]] = False
+        for run in np.flatnonzero(inside & (sizes >= beside)):
+            # Those on both sides of it agree: it is the odd one, however long.
+            inside[run] = not breaks(kept_rows[[bounds[run] - 1, bounds[run + 1]]]).any()
+        odd = inside if inside.any() or not at_ends else short & (sizes < beside)
         if not odd.any():
-            smallest = int(np.argmin(sizes))
-            if spans[smallest] > longest_s or 2 * sizes[smallest] > kept_rows.size:
+            if not (short.any() and at_ends):
                 return kept_rows
-            odd[smallest] = True
+            odd[int(np.argmin(np.where(short, sizes, kept_rows.size)))] = True
         kept_rows = kept_rows[~np.repeat(odd, sizes)]
     return kept_rows
 
@@ -117,8 +132,10 @@ def _places(table: DriveTable) -> DriveTable:
         )
         return leaps
 
-    frozen = _frozen(plane, known, breaks)
-    fixes = known[~frozen]
+    # One place aside comes back at once; one after a leap from a frozen place does not.
+    aside = consistent(known, times, breaks, LONGEST_OUTLIER_S, at_ends=False)
+    frozen = _frozen(plane, aside, breaks)
+    fixes = aside[~frozen]
     whole = consistent(fixes, times, breaks, LONGEST_LOST_FIX_S)
     leaps = breaks(whole)
     if leaps.any() or whole.size < (1.0 - MOST_INVALID) * fixes.size:
@@ -132,7 +149,7 @@ def _places(table: DriveTable) -> DriveTable:
     lost = {
         "without a place": times.size - known.size,
         "with a frozen place": int(frozen.sum()),
-        "with a place aside of the way": fixes.size - whole.size,
+        "with a place aside of the way": known.size - aside.size + fixes.size - whole.size,
     }
     notes = [
         f"{counted(count, table.counted)} {what}: interpolated"
@@ -156,11 +173,12 @@ def _places(table: DriveTable) -> DriveTable:
 
 
 def _rolling_median(values: FloatArray, half: int = 5) -> FloatArray:
-    padded = np.pad(values, half, mode="edge") if values.size else np.zeros(2 * half + 1)
-    result: FloatArray = np.median(
-        np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1), axis=1
-    )
-    return result[: values.size]
+    if not values.size:
+        return values
+    padded = np.pad(values, half, constant_values=np.nan)
+    around = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1)
+    result: FloatArray = np.nanmedian(around, axis=1)
+    return result
 
 
 def _frozen(
@@ -197,11 +215,6 @@ def _speeds_against_places(table: DriveTable) -> DriveTable:
     both = f"{1e-3 * driven_m:.2f} km by its speeds, {1e-3 * moved_m:.2f} km by its places"
     if max(moved_m, driven_m) < _STILL_M:
         return table
-    if moved_m < max(_STILL_M, 0.02 * driven_m):
-        names = _PLACES
-        return noted(
-            with_columns(table, **dict.fromkeys(names)), "its place never changes and is left out"
-        )
     if found.agrees() or (0.8 < found.ratio < 1.25 and found.agrees(found.ratio)):
         return _windows_apart(table, plane, speeds)
     name, _ = table.names.get("speed_m_s", ("speed_m_s", 1.0))
@@ -214,6 +227,11 @@ def _speeds_against_places(table: DriveTable) -> DriveTable:
         factor, words = named
         note = f"{both}: {name} is divided by {factor:.4g} ({words})"
         return noted(with_columns(table, speed_m_s=raw / factor), note)
+    if moved_m < max(_STILL_M, 0.02 * driven_m):
+        names = _PLACES
+        return noted(
+            with_columns(table, **dict.fromkeys(names)), "its place never changes and is left out"
+        )
     raise RouteError(
         f"{table.source}: speeds and places contradict: {both} ({found.in_words()}); "
         "allowed: the same within 20 %"

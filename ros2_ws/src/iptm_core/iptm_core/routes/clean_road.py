@@ -92,7 +92,7 @@ def _heights(table: DriveTable) -> DriveTable:
         return found
 
     steps, breaks = partial(leaps_by, _STEP_M), partial(leaps_by, _LEAP_M)
-    whole = consistent(known, times, steps, LONGEST_LOST_FIX_S)
+    whole = consistent(known, times, steps, LONGEST_LOST_FIX_S, share=MOST_INVALID)
     leaps = steps(whole)
     if leaps.any():
         row = int(whole[int(np.argmax(leaps)) + 1])

@@ -225,11 +225,33 @@ def _without_late_rows(table: DriveTable) -> DriveTable:
     keep = _longest_order(times)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], ~keep, [0]])))
     for first, end in edges.reshape(-1, 2):
-        if end - first > _FEW_LATE_ROWS:  # no odd ones, but a clock that was set
-            keep[first:end] = True
+        if end - first > _FEW_LATE_ROWS or _lags_behind(times, int(first), int(end)):
+            keep[first:end] = True  # no odd rows, but a clock that was set
+        elif end - first == 1:
+            keep[[first, _odder(times, int(first))]] = True, False
     if np.count_nonzero(~keep) > max(_FEW_LATE_ROWS, _MOST_ROWS_LEFT_OUT * times.size):
         raise _set_back(table, times, int(np.argmax(~keep)))
     return _clock_set_back(kept(table, keep, "out of order left out"))
+
+
+def _lags_behind(times: FloatArray, first: int, end: int) -> bool:
+    """Return whether late rows of an even series lag behind for good, as those of a clock that was set do."""
+    usual_s, begin, last = usual_step_s(times), max(first - 2, 0), min(end + 2, times.size - 1)
+    back_s = float(-np.diff(times[begin : last + 1]).min())
+    even = np.mean(np.abs(np.diff(times) - usual_s) < 0.1 * usual_s) > 0.8
+    return bool(
+        even and usual_s * (last - begin) - (times[last] - times[begin]) > 0.5 * back_s + usual_s
+    )
+
+
+def _odder(times: FloatArray, row: int) -> int:
+    """Return which row of two in the wrong order, one of which is given, fits worse between those around."""
+    before = row - 1 if row and times[row] < times[row - 1] else row
+    if not 0 < before < times.size - 2:
+        return row
+    begin, end = times[before - 1], times[before + 2]
+    off = np.abs(times[before : before + 2] - begin - (end - begin) * np.array([1.0, 2.0]) / 3.0)
+    return before + int(np.argmax(off)) if end >= begin else row
 
 
 def _longest_order(times: FloatArray) -> NDArray[np.bool_]:

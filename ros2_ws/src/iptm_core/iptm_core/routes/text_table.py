@@ -244,9 +244,9 @@ def _whole_rows(
             f"{source}, line {line}: {len(cells)} values; allowed: one per column, {count}"
         )
     notes = []
-    if (broken and broken[-1] is not body[-1]) or len(broken) > 1:
+    if (broken and broken[-1][0] != body[-1][0]) or len(broken) > 1:
         notes.append(
-            f"{len(broken)} lines without all values left out, the first is line {broken[0][0]}"
+            f"lines without all values left out: {len(broken)}, the first is line {broken[0][0]}"
         )
     elif broken:
         notes.append("the last line is cut: left out")

@@ -169,7 +169,8 @@ def read_drive_table(path: Path) -> DriveTable:
 def _of_parquet(path: Path, name: str) -> DriveTable:
     import pandas as pd  # noqa: PLC0415 - and pyarrow, which no other cycle needs
 
-    read_content(path, 4)
+    if not path.is_file():
+        raise RouteError(f"{path}: no such file; allowed: the path of an existing one")
     try:
         frame = pd.read_parquet(path)
     except Exception as reason:  # pyarrow has error types of its own

@@ -257,4 +257,6 @@ def _in_degrees(times: FloatArray, speeds: FloatArray, east: FloatArray, north: 
         np.nanmax(np.abs(east), initial=0.0) <= 180.0
         and np.nanmax(np.abs(north), initial=0.0) <= MAX_LATITUDE_DEG
     )
-    return bool(on_earth and moved < _DEGREES_PER_M * driven_m)
+    # Without speeds, a vehicle of SUMO that stands does not move at all.
+    most_m = driven_m or 70.0 * float(np.ptp(times)) * bool(moved)
+    return bool(on_earth and moved < _DEGREES_PER_M * most_m)
