@@ -37,11 +37,13 @@ _iptm_enter() {
     fi
 
     modules="${PYTHONPATH:-}"
-    for package in iptm iptm_view iptm_validation iptm_traffic iptm_reproduction iptm_controller iptm_v2x_bridge \
+    for package in iptm iptm_view iptm_traffic iptm_reproduction iptm_controller iptm_v2x_bridge \
         iptm_plant_sim iptm_ros iptm_core; do
         entry="$root/ros2_ws/src/$package"
         case ":$modules:" in *":$entry:"*) ;; *) modules="$entry${modules:+:$modules}" ;; esac
     done
+    # The studies are no package of the suite: the root itself, last.
+    case ":$modules:" in *":$root:"*) ;; *) modules="$modules:$root" ;; esac
     export PYTHONPATH="$modules"
     unset PYTHONHOME
 

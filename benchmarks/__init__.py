@@ -1,1 +1,0 @@
-"""Measurements of solver and closed loop; run by ``scripts/benchmark``, never by the tests."""

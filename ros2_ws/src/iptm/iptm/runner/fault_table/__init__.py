@@ -1,1 +1,0 @@
-"""Table of injected faults: expected reports, recovery times and collision checks."""

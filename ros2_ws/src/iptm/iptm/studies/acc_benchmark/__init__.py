@@ -1,1 +1,0 @@
-"""The default strategy behind measured lead vehicles, compared with the adaptive cruise controls there."""

@@ -1,1 +1,0 @@
-"""A campaign of random legal cars, climates, cycles and grids, and what must hold in every run of it."""

@@ -1,1 +1,0 @@
-"""Excerpts of public measurements; sources and licences stand in SOURCES.md."""

@@ -1,1 +1,0 @@
-"""Fitted parameters as YAML, with the data that they were fitted to."""

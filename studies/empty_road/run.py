@@ -1,0 +1,158 @@
+"""Drives without a lead vehicle, compared with a driver with cruise control: the table of docs/empty-road.md.
+
+Energy and ageing count up to the end of the road, which all reach. Strategies are compared at
+equal distances, not at equal times: the time of arrival is given as well.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from iptm.parts import (
+    DEFAULT_STRATEGY,
+    FloatArray,
+    KM_H_PER_M_S,
+    LeaderSource,
+    MULTI_HORIZON,
+    OF_THE_CYCLE,
+    Rung,
+    Trajectory,
+    given_rules,
+    perform_run,
+    strategy_by_name,
+    table_of,
+)
+from studies.speed.harness import run_benchmark
+from iptm.studies.run_spec import RunSpec
+from iptm.studies.study import planned_run
+
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "empty-road.md"
+CRUISE = "production"
+STRATEGIES = (CRUISE, DEFAULT_STRATEGY, "reference", "reference_aging")
+LINES = ", ".join(f"{1000 * k}:80:{(31 * k) % 80}:35" for k in range(1, 12))
+"""A stop line on every kilometre, green for 35 s of 80 s, with offsets that make no progression."""
+ROADS = {
+    "WLTC at its limits": ("wltc_class3b", ""),
+    "UDDS with stop lines": ("udds", LINES),
+}
+CHECKS_PER_TICK = 20
+HALT_M_S = 0.1
+ARRIVED_M = 10.0
+"""The ego vehicle has arrived when it is this near to where it halts."""
+
+COLUMNS = {
+    "road": "{road}",
+    "strategy": "`{strategy}`",
+    "way:": "{distance_km:.2f} km",
+    "arrival:": "{arrival_s:.0f} s",
+    "stood on the way:": "{stood_s:.0f} s",
+    "battery energy:": "{battery_energy_kj:.0f} kJ",
+    "against cruise control:": "{energy_percent:+.1f} %",
+    "degradation:": "{degradation_1e7:.3f}·10⁻⁷",
+    "against cruise control :": "{degradation_percent:+.1f} %",
+    "above the limit:": "{excess_km_h:.2f} km/h",
+    "lines passed:": "{lines}",
+    "while closed:": "{lines_closed}",
+    "hardest braking:": "{braking_m_s2:.2f} m/s²",
+    "fallback:": "{fallback_ticks} ticks",
+}
+
+
+def spec_of(road: str, strategy: str, duration_s: float | None = None) -> RunSpec:
+    """Return the run of a strategy on one of `ROADS`."""
+    cycle, signals = ROADS[road]
+    return RunSpec(
+        cycle=cycle,
+        duration_s=duration_s,
+        strategy=strategy_by_name(strategy),
+        horizon=str(MULTI_HORIZON),
+        leader_source=LeaderSource.NONE,
+        speed_limits_km_h=OF_THE_CYCLE,
+        signals=signals,
+    )
+
+
+def drive(road: str, strategy: str, duration_s: float | None = None) -> dict[str, Any]:
+    """Drive a road and return the row of the table."""
+    inputs = planned_run(spec_of(road, strategy, duration_s))
+    run = perform_run(inputs)
+    trip, rules = run.trajectory, given_rules(inputs.spec.road, inputs.route)
+    if rules.limits is None or run.decisions is None:
+        raise AssertionError("a road of this benchmark has limits and is driven tick by tick")
+    times, places, speeds = _between_ticks(trip)
+    excess = speeds - rules.limits.at_m_s(places)
+    passed = [line for line in rules.signals if line.stop_line_m < places[-1]]
+    at_s = [
+        float(times[np.searchsorted(places, line.stop_line_m, side="right")]) for line in passed
+    ]
+    arrived = int(np.argmax(trip.position_m >= trip.position_m[-1] - ARRIVED_M))
+    losses = trip.cell_1_capacity_loss + trip.cell_n_capacity_loss
+    return {
+        "road": road,
+        "strategy": strategy,
+        "leaders": int(trip.has_leader.sum()),
+        "distance_km": trip.position_m[-1] / 1000.0,
+        "arrival_s": float(trip.time_s[arrived]),
+        "stood_s": int(np.count_nonzero(trip.speed_m_s[1:arrived] < HALT_M_S)),
+        "battery_energy_kj": float(
+            np.sum(trip.battery_power_w[1 : arrived + 1] * trip.intervals_s[:arrived]) / 1000.0
+        ),
+        "degradation_1e7": float(losses[arrived] - losses[0]) * 1e7,
+        "excess_km_h": max(float(excess.max()), 0.0) * KM_H_PER_M_S,
+        "lines": len(passed),
+        "lines_closed": sum(
+            not line.is_open(time_s) for line, time_s in zip(passed, at_s, strict=True)
+        ),
+        "braking_m_s2": -float(trip.acceleration_m_s2.min()),
+        "fallback_ticks": int(np.count_nonzero(np.asarray(run.decisions.rung) != Rung.OPTIMAL)),
+    }
+
+
+def _between_ticks(trip: Trajectory) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return times, positions and speeds in steps of a tick's share, the speed linear inside a tick."""
+    shares = np.arange(CHECKS_PER_TICK) / CHECKS_PER_TICK
+    steps, gains = np.diff(trip.time_s)[:, None], np.diff(trip.speed_m_s)[:, None]
+    moved = steps * shares * (trip.speed_m_s[:-1, None] + 0.5 * gains * shares)
+    return (
+        (trip.time_s[:-1, None] + steps * shares).ravel(),
+        (trip.position_m[:-1, None] + moved).ravel(),
+        (trip.speed_m_s[:-1, None] + gains * shares).ravel(),
+    )
+
+
+def measure(
+    road: tuple[str, ...] = tuple(ROADS),
+    strategy: tuple[str, ...] = STRATEGIES,
+    duration_s: float = 0.0,
+) -> dict[str, Any]:
+    """Drive all roads with all strategies.
+
+    Args:
+        road: roads.
+        strategy: strategies, production is the driver with cruise control.
+        duration_s: length of the trips in s, 0 for the times of the cycles.
+    """
+    rows = []
+    for name in road:
+        cruise = drive(name, CRUISE, duration_s or None)
+        for other in strategy:
+            row = cruise if other == CRUISE else drive(name, other, duration_s or None)
+            for key in ("battery_energy_kj", "degradation_1e7"):
+                change = f"{key.rsplit('_', 1)[0].removeprefix('battery_')}_percent"
+                row[change] = 100.0 * (row[key] / cruise[key] - 1.0)
+            rows.append(row)
+            print(f"{name}, {other}: arrives at {row['arrival_s']:.0f} s", file=sys.stderr)
+    return {"rows": rows}
+
+
+def as_table(numbers: dict[str, Any]) -> dict[str, str]:
+    """Return the numbers as a table in Markdown."""
+    return {"drives": table_of(numbers["rows"], COLUMNS)}
+
+
+if __name__ == "__main__":
+    sys.exit(run_benchmark(measure, text_of=as_table, page=PAGE))

@@ -1,0 +1,228 @@
+"""Catalogue of faults and the trials in which they are injected."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from iptm.parts import (
+    Fault,
+    FaultPlace,
+    ScenarioError,
+    StrictMapping,
+    TextEnum,
+    Trajectory,
+    faults_from,
+    in_order,
+    read_yaml,
+)
+from studies.drives import spec_of
+from iptm.studies.study import Case, planned_run
+
+FIRST_S = 60.0
+"""Earliest trip time at which a fault begins."""
+LOOK_AHEAD_S = 60.0
+"""Search window for the worst moment of the first fault; later faults use CALM_S."""
+CALM_S = 15.0
+"""Trip time between the time by which one fault must have settled and the start of the next."""
+NORMAL_WITHIN = 5
+
+REAL_TIME_RATE = 10.0
+"""Trip seconds per wall-clock second in real-time mode."""
+START_UP_S = 6.0
+"""Wall time that a started process may need before it takes part."""
+
+_OWN_KEYS = ("reported", "silent_in", "normal_within", "ends", "alone", "cycle")
+
+
+class DriveMode(TextEnum):
+    """How a trip is driven."""
+
+    HEADLESS = "headless"
+    LOCK_STEP = "lock_step"
+    REAL_TIME = "real_time"
+
+
+class ReportPolicy(TextEnum):
+    """When a fault must be reported on the diagnostics."""
+
+    ALWAYS = "always"
+    ONCE = "once"
+    NEVER = "never"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One row of the table.
+
+    Attributes:
+        fault: the fault; its start time is set by the trial.
+        reported: when it must be reported.
+        silent_in: modes in which no report is required.
+        normal_within: ticks after the end of the fault within which operation must be normal.
+        ends: whether the fault may end the run.
+        alone: whether it needs its own trial over ROS 2.
+        cycle: the only cycle it is driven on; empty for all cycles of the table.
+    """
+
+    fault: Fault
+    reported: ReportPolicy = ReportPolicy.NEVER
+    silent_in: tuple[DriveMode, ...] = ()
+    normal_within: int = NORMAL_WITHIN
+    ends: bool = False
+    alone: bool = False
+    cycle: str = ""
+
+    @property
+    def name(self) -> str:
+        """Label of the row: kind, size, target and probability."""
+        return self.fault.describe().split(" at ")[0] + (
+            f" in {100.0 * self.fault.probability:g} % of the ticks"
+            if self.fault.probability < 1.0
+            else ""
+        )
+
+    @property
+    def hits_process(self) -> bool:
+        """Whether it hits a process; then it lasts in wall time."""
+        return self.fault.spec.place is FaultPlace.PROCESS
+
+    def supports(self, mode: DriveMode) -> bool:
+        """Return whether the fault can be injected in a mode."""
+        return mode is not DriveMode.HEADLESS or self.fault.spec.headless
+
+    def settled_s(self, start_s: float) -> float:
+        """Return the trip time by which operation must be normal if the fault begins at another one."""
+        lasts_s = self.fault.duration_s
+        if self.hits_process:
+            wall_s = self.fault.magnitude if self.fault.spec.has_size else 0.0
+            lasts_s = REAL_TIME_RATE * (wall_s + START_UP_S)
+        return start_s + lasts_s + self.normal_within
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A trip with faults in sequence.
+
+    Attributes:
+        mode: how it is driven.
+        entries: rows of the table in order of start time, each with its placed fault.
+        inputs: trip and vehicle; without the faults where it is driven over ROS 2.
+    """
+
+    mode: DriveMode
+    entries: tuple[tuple[Entry, Fault], ...]
+    inputs: Case
+
+    @classmethod
+    def on(
+        cls,
+        cycle: str,
+        duration_s: float | None = None,
+        mode: DriveMode = DriveMode.HEADLESS,
+        entries: Iterable[tuple[Entry, Fault]] = (),
+    ) -> Trial:
+        """Return a trial on the beginning of a cycle, None for all of it."""
+        entries = tuple(entries)
+        faults = tuple(fault for _, fault in entries) if mode is DriveMode.HEADLESS else ()
+        spec = spec_of(cycle, duration_s=duration_s, faults=faults)
+        return cls(mode, entries, planned_run(spec))
+
+    @property
+    def cycle(self) -> str:
+        """What the leader drives."""
+        return self.inputs.spec.cycle
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """All faults of the trial."""
+        return in_order(fault for _, fault in self.entries)
+
+    @property
+    def name(self) -> str:
+        """Name for files and progress: mode, cycle, the first fault and the number of others."""
+        first, others = self.entries[0][1], len(self.entries) - 1
+        parts = [self.mode, self.cycle, first.kind, first.target, f"and_{others}" if others else ""]
+        return "_".join(str(part) for part in parts if part)
+
+
+def read_catalogue(path: Path | None = None) -> tuple[tuple[str, ...], tuple[Entry, ...]]:
+    """Return the cycles and the rows of a catalogue, by default the shipped one.
+
+    Raises:
+        ScenarioError: the file is malformed.
+    """
+    path = path or Path(__file__).parent / "catalogue.yaml"
+    written = StrictMapping(read_yaml(path, ScenarioError), path.name, ("cycles", "faults"))
+    rows = enumerate(written.entries("faults"), start=1)
+    entries = tuple(_entry(content, f"{path.name}: row {number}") for number, content in rows)
+    return tuple(str(cycle) for cycle in written.entries("cycles")), entries
+
+
+def _entry(content: Any, where: str) -> Entry:
+    row = StrictMapping(content, where)
+    (fault,) = faults_from([{key: row.content[key] for key in row if key not in _OWN_KEYS}], where)
+    modes = StrictMapping({"silent_in": row.content.get("silent_in", [])}, where)
+    return Entry(
+        fault,
+        ReportPolicy(row.choice("reported", [policy.value for policy in ReportPolicy])),
+        tuple(DriveMode(mode) for mode in modes.entries("silent_in", may_be_empty=True)),
+        int(row.number("normal_within")) if "normal_within" in row else NORMAL_WITHIN,
+        ends=bool(row.content.get("ends", False)),
+        alone=bool(row.content.get("alone", False)),
+        cycle=row.text("cycle", ""),
+    )
+
+
+def plan_trials(
+    entries: Iterable[Entry], mode: DriveMode, cycle: str, fault_free: Trajectory
+) -> list[Trial]:
+    """Return the trials of one mode and cycle: headless one per fault, over ROS 2 as few as possible.
+
+    Args:
+        entries: rows of the table; those that cannot be injected in the mode are left out.
+        mode: how they are driven.
+        cycle: what the leader drives.
+        fault_free: the run of the whole cycle; faults begin where its time headway is smallest.
+    """
+    groups: list[list[tuple[Entry, Fault]]] = []
+    was_alone = True
+    for entry in entries:
+        if not entry.supports(mode):
+            continue
+        # In lock-step, trip time may advance by an unknown amount while a process starts.
+        uncertain = entry.hits_process and mode is DriveMode.LOCK_STEP
+        alone = entry.alone or mode is DriveMode.HEADLESS or uncertain
+        start_s, follows = _closest_s(fault_free, FIRST_S, LOOK_AHEAD_S), False
+        if not alone and not was_alone:
+            before, fault = groups[-1][-1]
+            earliest_s = before.settled_s(fault.start_s) + CALM_S
+            follows = entry.settled_s(earliest_s + CALM_S) <= fault_free.time_s[-1]
+            if follows:
+                start_s = _closest_s(fault_free, earliest_s, CALM_S)
+        if not follows:
+            groups.append([])
+        groups[-1].append((entry, replace(entry.fault, start_s=start_s)))
+        was_alone = alone
+    return [Trial.on(cycle, _duration_s(group, mode, fault_free), mode, group) for group in groups]
+
+
+def _closest_s(fault_free: Trajectory, earliest_s: float, within_s: float) -> float:
+    """Return the time of the smallest time headway within a window."""
+    rows = (fault_free.time_s >= earliest_s) & (fault_free.time_s < earliest_s + within_s)
+    headway_s = fault_free.gap_m[rows] / (fault_free.speed_m_s[rows] + 1.0)
+    return float(fault_free.time_s[rows][int(np.argmin(headway_s))])
+
+
+def _duration_s(
+    entries: Sequence[tuple[Entry, Fault]], mode: DriveMode, fault_free: Trajectory
+) -> float:
+    entry, fault = entries[-1]
+    whole_s = float(fault_free.time_s[-1])
+    if mode is DriveMode.LOCK_STEP and entry.hits_process and not entry.ends:
+        return whole_s
+    return min(whole_s, float(np.ceil(entry.settled_s(fault.start_s) + CALM_S)))

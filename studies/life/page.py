@@ -1,0 +1,81 @@
+"""The page about capacity over years of use."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import pandas as pd
+from studies import drives
+from studies.life import decisions, losses, own_law, trips, usage, year
+from studies.life import table as life
+
+from iptm.parts import AGING_CELLS, CELSIUS_ZERO_K, Experiments, table_of
+
+
+def life_values(rows: pd.DataFrame, decided: pd.DataFrame) -> dict[str, Any]:
+    """Return what the template of the page about the life table and single trips shows."""
+    longest = losses.LONGEST_YEARS
+    rows = rows.assign(
+        loss_band=_bands(rows, "loss", 1),
+        saved_band=_bands(rows, "saved", 2),
+        outside=rows.outside.where(rows.outside != ""),
+        years=[f"> {longest:g}" if years >= longest else f"{years:.1f}" for years in rows.years],
+    )
+    climates = [climate.name for climate in usage.CLIMATES]
+    first = rows[rows.usage == usage.USAGES[0].name]
+    orders = {"control": life.CONTROLS, "climate": climates}
+    return {
+        "rows": rows,
+        "summary": _by_cell(
+            first,
+            "{saved:.2f}{saved_band}; {more_kwh:.0f}",
+            orders | {"control": life.CONTROLS[1:]},
+        ),
+        "decided": decided,
+        "resistance": _by_cell(
+            first.dropna(subset="resistance"),
+            "{resistance:.1f}",
+            {name: orders[name] for name in ("climate", "control")},
+        ),
+        "cells": [
+            {"name": name, "cell": cell, "tests": _tests(cell.experiments)}
+            for name, cell in AGING_CELLS.items()
+        ],
+        "decisions": decisions,
+        "drives": drives,
+        "life": life,
+        "losses": losses,
+        "own_law": own_law,
+        "trips": trips,
+        "usage": usage,
+        "year": year,
+        "zero_k": CELSIUS_ZERO_K,
+    }
+
+
+def _bands(rows: pd.DataFrame, name: str, digits: int) -> list[str]:
+    ends = zip(rows[f"{name}_low"], rows[f"{name}_high"], strict=True)
+    return ["" if pd.isna(low) else f" [{low:.{digits}f}, {high:.{digits}f}]" for low, high in ends]
+
+
+def _by_cell(rows: pd.DataFrame, text: str, orders: dict[str, Sequence[str]]) -> str:
+    """Return a table with a column per cell, and rows in the order of the product of two other columns."""
+    cells = rows.cell.unique()
+    shown = rows.assign(text=[text.format_map(row) for row in rows.to_dict("records")])
+    wide = shown.pivot(index=list(orders), columns="cell", values="text")
+    wide = wide.reindex(pd.MultiIndex.from_product(orders.values(), names=orders), columns=cells)
+    heads = {name.capitalize(): f"{{{name}}}" for name in orders}
+    return table_of(wide.reset_index(), heads, cells)
+
+
+def _tests(tests: Experiments) -> str:
+    return (
+        f"storage {_span(tests.calendar_c)} °C, about {tests.days:.0f} days; cycling "
+        f"{_span(tests.cycling_c)} °C, depth {_span(tests.depth)}, up to {tests.largest_c_rate_1_h:g}C; "
+        f"charge {_span(tests.charge)}"
+    )
+
+
+def _span(ends: tuple[float, float]) -> str:
+    return f"{ends[0]:g} to {ends[1]:g}" if ends[0] != ends[1] else f"{ends[0]:g}"

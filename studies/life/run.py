@@ -1,0 +1,66 @@
+"""The capacity that temperature control saves over years of use, and trips that end at a fast charger."""
+
+from __future__ import annotations
+
+from studies.life.charging_page import charging_values
+from studies.life.charging_stop import (
+    FIRST_CAR,
+    MINUTE_VALUES_AIR_C,
+    SHORT,
+    arrival,
+    arrival_calls,
+    evening,
+    evening_calls,
+    minute_calls,
+)
+from studies.life.decisions import decision_cases, decisions, routes_of
+from studies.life.own_law import priced_cases
+from studies.life.page import life_values
+from studies.life.table import life_table
+from studies.life.trips import START_C, trip_cases, trip_maps
+from studies.measured_cycles import TRIPS
+from studies.session import Session
+
+CHARGING_PAGE = "charging-stop.md"
+SHORT_START_C = (22.0, 36.0)
+SHORT_S = 60.0
+
+
+def run(session: Session) -> bool:
+    """Run the study; returns whether every trip was driven."""
+    short = session.short
+    start_c = SHORT_START_C if short else START_C
+    routes = routes_of(session.scratch / "drives", session.say, 1 if short else TRIPS)
+    of_years = [*trip_cases(start_c), *priced_cases(start_c)]
+    single = decision_cases(routes)
+    if short:
+        of_years, single = (
+            [case.shortened(SHORT_S) for case in part] for part in (of_years, single)
+        )
+    years, trips = session.drive(of_years), session.drive(single)
+    if session.failures:
+        return False
+    session.say("years are composed ...")
+    maps = trip_maps(years)
+    session.render(**life_values(life_table(maps), decisions(trips, routes, maps)))
+    return charging_stop(session)
+
+
+def charging_stop(session: Session) -> bool:
+    """Write the page about trips to a fast charger; returns whether every trip was driven."""
+    if session.short:
+        calls = (
+            arrival_calls([FIRST_CAR], [MINUTE_VALUES_AIR_C], **SHORT),
+            [],
+            evening_calls(**SHORT),
+        )
+    else:
+        calls = arrival_calls(), minute_calls(), evening_calls()
+    found = [
+        session.compute(function, part, [", ".join(map(str, call.values())) for call in part])
+        for function, part in zip((arrival, arrival, evening), calls, strict=True)
+    ]
+    if session.failures:
+        return False
+    session.render("charging_stop.md.j2", CHARGING_PAGE, **charging_values(*found))
+    return True

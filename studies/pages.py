@@ -1,0 +1,117 @@
+"""Result pages: rendered from templates, with a foot that states what they stand for, and a record of it.
+
+The record of a study (`RECORD`) is committed beside its page. A page is stale when the code or data of the suite
+or of the study have changed since it was made, unless the short form of the study still has the same numbers.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from datetime import datetime, timezone
+from pathlib import Path
+
+from iptm.fingerprint import SUITE, fingerprint, fingerprint_of_files
+from iptm.parts import StoreError
+
+STUDIES = Path(__file__).parent
+RECORD = "record.json"
+PAGE = "README.md"
+SHOWN_DIGITS = 12
+"""Of the digest in the foot of a page."""
+_NUMBER = re.compile(r"(?<![\w.])[-+−]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+_FOOT = re.compile(r"\n---\n\nMade by `scripts/study [^\n]*\n\Z")
+_DATA = frozenset({".py", ".j2", ".yaml", ".gz", ".csv", ".json"})
+
+
+@dataclass(frozen=True)
+class Record:
+    """What the pages of a study stand for.
+
+    Attributes:
+        made: date on which they were made (ISO 8601).
+        confirmed: date on which the short form was last found to have the same numbers.
+        code: digest of code and data.
+        pages: digests of the numbers of each page, by file name.
+        short: numbers of each page of the short form, by file name; empty where they are times of a machine.
+    """
+
+    made: str
+    confirmed: str
+    code: str
+    pages: Mapping[str, str] = field(default_factory=dict)
+    short: Mapping[str, str] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, study: str) -> Record:
+        """Read the record of a study.
+
+        Raises:
+            StoreError: there is none, or it is damaged.
+        """
+        path = STUDIES / study / RECORD
+        try:
+            return cls(**json.loads(path.read_text("utf-8")))
+        except (OSError, TypeError, ValueError) as error:
+            raise StoreError(f"{study}/{RECORD} cannot be read: {error}") from error
+
+    def write(self, study: str) -> None:
+        """Write the record, and the foot of each page of the study."""
+        folder = STUDIES / study
+        text = json.dumps(asdict(self), indent=1, ensure_ascii=False)
+        (folder / RECORD).write_text(text + "\n", "utf-8")
+        for page in self.pages:
+            body = without_foot((folder / page).read_text("utf-8"))
+            (folder / page).write_text(body + self.foot(study), "utf-8")
+
+    def foot(self, study: str) -> str:
+        """Return the foot of a page: command, dates, and the beginning of the digest of code and data."""
+        confirmed = "" if self.confirmed == self.made else f", confirmed on {self.confirmed}"
+        return (
+            f"\n---\n\nMade by `scripts/study {study}` on {self.made}{confirmed}; code and data"
+            f" `{self.code[:SHOWN_DIGITS]}`.\n"
+        )
+
+
+def code_of(study: str) -> str:
+    """Return the digest of the code and data that the numbers of a study depend on."""
+    own = (path for path in (STUDIES / study).rglob("*") if path.suffix in _DATA)
+    files = [*STUDIES.glob("*.py"), *(path for path in own if path.name != RECORD)]
+    parts = fingerprint(SUITE), fingerprint_of_files(files)
+    return hashlib.sha256("".join(parts).encode()).hexdigest()
+
+
+def numbers_of(page: str) -> str:
+    """Return all numbers of a page but those of its foot, in order."""
+    return " ".join(_NUMBER.findall(without_foot(page)))
+
+
+def digest_of(page: str) -> str:
+    """Return a digest of the numbers of a page."""
+    return hashlib.sha256(numbers_of(page).encode()).hexdigest()[:32]
+
+
+def without_foot(page: str) -> str:
+    """Return a page without its foot."""
+    return _FOOT.sub("\n", page).rstrip("\n") + "\n"
+
+
+def put(page: str, name: str, text: str) -> str:
+    """Return a page with a text between its two marks.
+
+    Raises:
+        StoreError: the page lacks the marks.
+    """
+    begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->"
+    if begin not in page or end not in page:
+        raise StoreError(f"the page has no marks {begin.strip()} and {end}; allowed: both of them")
+    head, rest = page.split(begin, 1)
+    return f"{head}{begin}\n{text.strip()}\n\n{end}{rest.split(end, 1)[1]}"
+
+
+def today() -> str:
+    """Return the date, ISO 8601."""
+    return f"{datetime.now(timezone.utc):%Y-%m-%d}"

@@ -1,0 +1,275 @@
+"""What safety trials found, driven or from the store, and what of it must hold."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from iptm.studies.campaign import Campaign
+from iptm.parts import (
+    RunMetrics,
+    StoreError,
+    TextEnum,
+    at_equal_end,
+    figure_values,
+    load_parameters,
+)
+from studies.drives import REFERENCE
+from iptm.studies.laboratory import Session
+from studies.safety.braking import braking_outcomes
+from studies.safety.judging import judge_trial, trial_of
+from studies.safety.trials import NOISE_AND_DELAY, SHIPPED, UNDISTURBED
+from iptm.studies.store import ResultStore
+from iptm.studies.study import NOT_COMPUTED, Case, Judged, Study, planned_run
+from iptm.studies.tables import results
+
+BEFORE = Path(__file__).parent / "before.json"
+"""Savings of an earlier version; the file names it."""
+ALLOWED_FALL_POINTS = {UNDISTURBED: 0.1, NOISE_AND_DELAY: 1.0, "preview errors": 3.0}
+ALLOWED_PER_HOUR = {UNDISTURBED: 0.0, NOISE_AND_DELAY: 1.0}
+ALLOWED_BELOW_M = 0.5
+ALLOWED_NOISE_BELOW_M = 0.3
+ALLOWED_ENERGY_PERCENT = 2.0
+
+Savings = Mapping[str, Mapping[str, float]]
+"""Battery ageing saved in percent, by cycle and setting."""
+
+
+class Part(TextEnum):
+    """A part of the trials."""
+
+    DRIVING = "driving"
+    BRAKING = "braking"
+    TRIALS = "trials"
+    DELAYS = "delays"
+
+
+@dataclass(frozen=True)
+class Findings:
+    """Everything that the trials found.
+
+    Attributes:
+        braking: trials of the monitor alone, see `braking_outcomes`.
+        trials: disturbed trials.
+        driving: drives without events, see `driven`.
+        delays: drives with delayed commands, see `delays_of`.
+        before: savings of an earlier version, and where they come from.
+        over_ros: disturbed trials over ROS 2.
+    """
+
+    braking: pd.DataFrame
+    trials: Sequence[Judged]
+    driving: pd.DataFrame
+    delays: pd.DataFrame
+    before: tuple[Savings, str] = ({}, "")
+    over_ros: Sequence[Judged] = ()
+
+    def broken(self) -> list[str]:
+        """Return what did not hold, one line each."""
+        avoidable = self.braking.groupby("drive", sort=False).avoidable.sum()
+        lines = [
+            f"braking lead vehicle, {name}: {count} avoidable collisions"
+            for name, count in avoidable[avoidable > 0].items()
+        ]
+        lines += [
+            f"trial {trial.name}: {trial.problem_text}"
+            for trial in (*self.trials, *self.over_ros)
+            if trial.problems
+        ]
+        return [*lines, *_driving_problems(self), *_delay_problems(self.delays)]
+
+
+def perform(
+    studies: Mapping[Part, Study],
+    braking_trials: int,
+    seed: int,
+    session: Session,
+    *,
+    whole_cycles: bool = True,
+) -> Findings | None:
+    """Drive what is missing of some parts without ROS and return everything that was found.
+
+    Args:
+        studies: by part; `Part.BRAKING` has the drives from which the monitor brakes.
+        braking_trials: number of trials with the monitor alone.
+        seed: of these trials.
+        session: where, and what of it.
+        whole_cycles: savings are compared with those of an earlier version.
+
+    Returns:
+        The findings; None if the session was only to show the runs.
+    """
+    campaign = Campaign({study.name: study for study in studies.values()}.values())
+    if not session.compute(campaign):
+        return None
+    states = {part: campaign.cases_of(studies[part]) if part in studies else [] for part in Part}
+    return Findings(
+        _braking(states[Part.BRAKING], braking_trials, seed, session),
+        [
+            _judged(state, session.store)
+            for state in states[Part.TRIALS]
+            if not (session.options.stored and state.reason == NOT_COMPUTED)
+        ],
+        driven(states[Part.DRIVING]),
+        delays_of(states[Part.DELAYS]),
+        read_before(BEFORE) if whole_cycles else ({}, ""),
+    )
+
+
+def _braking(driving: Iterable[Case], trials: int, seed: int, session: Session) -> pd.DataFrame:
+    drives = {
+        str(state.labels["cycle"]): (
+            planned_run(state.spec),
+            session.store.load(str(state.key)).trajectory,
+        )
+        for state in driving
+        if state.labels["setting"] == UNDISTURBED and state.metrics is not None
+    }
+    return braking_outcomes(
+        ResultStore(session.store.folder / "braking"),
+        drives,
+        trials,
+        seed,
+        0 if session.options.stored else session.workers,
+        lambda name: session.console.print(f"braking lead vehicle: {name}"),
+    )
+
+
+def _judged(state: Case, store: ResultStore) -> Judged:
+    if state.metrics is None:
+        return trial_of(state, failure=state.reason)
+    run, faults = store.load(str(state.key)), state.spec.faults
+    return judge_trial(trial_of(state), run.trajectory, run.parameters, faults, run.reports)
+
+
+def driven(states: Iterable[Case]) -> pd.DataFrame:
+    """Return the finished drives: a row per drive with its labels, ``metrics`` and figures."""
+    found = results(states)
+    found = found[found.metrics.notna()].reset_index(drop=True)
+    return found.join(pd.DataFrame([figure_values(metrics) for metrics in found.metrics]))
+
+
+def read_before(path: Path) -> tuple[Savings, str]:
+    """Read the savings of an earlier version, and where they come from.
+
+    Raises:
+        StoreError: the file cannot be read.
+    """
+    try:
+        content: Mapping[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        return content["savings_percent"], content["about"]
+    except (OSError, KeyError, TypeError, ValueError) as error:
+        raise StoreError(f"{path} cannot be read: {error}") from None
+
+
+def by_setting(driving: pd.DataFrame) -> pd.DataFrame:
+    """Sum up drives by what is disturbed.
+
+    Returns:
+        A row per ``behind`` (shipped cycles, measured lead vehicles) and ``setting``: number of ``drives``,
+        ``hours``, ``interventions`` and these ``per_hour``, ticks on ``fallbacks`` and ``margin_m``, the
+        smallest margin to s_min.
+    """
+    if driving.empty:
+        return pd.DataFrame(columns=["setting"])
+    disturbed = driving[driving.setting != REFERENCE]
+    found = disturbed.groupby(["behind", "setting"], sort=False).agg(
+        drives=("cycle", "size"),
+        hours=("duration", lambda seconds: seconds.sum() / 3600.0),
+        interventions=("interventions", "sum"),
+        fallbacks=("fallbacks", "sum"),
+        margin_m=("smallest_margin", "min"),
+    )
+    whole = {"interventions": int, "fallbacks": int}
+    return found.assign(per_hour=found.interventions / found.hours).astype(whole).reset_index()
+
+
+def savings_percent(driving: pd.DataFrame) -> dict[str, dict[str, float]]:
+    """Return the battery ageing saved against the undisturbed reference, by cycle and setting."""
+    found: dict[str, dict[str, float]] = {}
+    if driving.empty:
+        return found
+    for cycle, part in driving[driving.behind == SHIPPED].groupby("cycle", sort=False):
+        ageing = part.set_index("setting").total_degradation
+        if REFERENCE in ageing:
+            saved = 100.0 * (1.0 - ageing / ageing[REFERENCE])
+            found[cycle] = saved.drop(REFERENCE).to_dict()
+    return found
+
+
+def _driving_problems(findings: Findings) -> Iterator[str]:
+    sums = by_setting(findings.driving)
+    for row in sums.itertuples():
+        allowed = ALLOWED_PER_HOUR.get(row.setting, math.inf)
+        if row.interventions > allowed * row.hours:
+            yield (
+                f"{row.setting}: {row.interventions} interventions in {row.hours:.2f} h; "
+                f"allowed: {allowed:g} per hour"
+            )
+    for cycle, savings in savings_percent(findings.driving).items():
+        before = findings.before[0].get(cycle, {})
+        for name, allowed in ALLOWED_FALL_POINTS.items():
+            if name in savings and before.get(UNDISTURBED, 0.0) - savings[name] > allowed:
+                alike = (
+                    f", {before[name]:.2f} % with the same disturbance" if name in before else ""
+                )
+                yield (
+                    f"{cycle}, {name}: saving of {savings[name]:.2f} %; before {before[UNDISTURBED]:.2f} % "
+                    f"undisturbed{alike}; allowed: {allowed:g} points less than undisturbed"
+                )
+    for row in sums[sums.setting == "noise"].itertuples():
+        if row.fallbacks:
+            yield f"noise: {row.fallbacks} ticks on a fallback; allowed: none"
+        if row.margin_m < -ALLOWED_NOISE_BELOW_M:
+            yield f"noise: s_min broken by {-row.margin_m:.2f} m; allowed: {ALLOWED_NOISE_BELOW_M:g} m"
+
+
+def delays_of(states: Iterable[Case]) -> pd.DataFrame:
+    """Return the drives with delayed commands.
+
+    Returns:
+        Those of `driven` with ``energy_percent``: change of battery energy against no delay with equal ends,
+        NaN without such a drive. The beginnings of cycles end warm and in motion: both packs are cooled to
+        one temperature, and the kinetic energy is returned.
+    """
+    found = driven(states)
+    if found.empty:
+        return found
+    in_time = {
+        (row.cycle, row.period_s): row.metrics for row in found[found.ticks == 0].itertuples()
+    }
+    energy = [
+        energy_percent(row.metrics, in_time.get((row.cycle, row.period_s)))
+        for row in found.itertuples()
+    ]
+    return found.assign(energy_percent=energy)
+
+
+def energy_percent(own: RunMetrics, other: RunMetrics | None) -> float:
+    """Return the change of battery energy against another drive with equal ends, NaN without it."""
+    if other is None:
+        return math.nan
+    ends = at_equal_end(own, other, load_parameters().values)
+    return math.nan if ends is None else 100.0 * (ends[0].energy_j / ends[1].energy_j - 1.0)
+
+
+def _delay_problems(delays: pd.DataFrame) -> Iterator[str]:
+    for row in delays.itertuples():
+        where = f"{row.cycle}, {row.period_s:g} s, {row.ticks} ticks late"
+        if row.smallest_gap <= 0.0:
+            yield f"{where}: collision"
+        if row.smallest_margin < -ALLOWED_BELOW_M:
+            yield (
+                f"{where}: s_min broken by {-row.smallest_margin:.2f} m; allowed: {ALLOWED_BELOW_M:g} m"
+            )
+        if row.ticks and not abs(row.energy_percent) <= ALLOWED_ENERGY_PERCENT:
+            yield (
+                f"{where}: battery energy {row.energy_percent:+.1f} %; "
+                f"allowed: {ALLOWED_ENERGY_PERCENT:g} %"
+            )

@@ -1,0 +1,159 @@
+"""Speed of the shipped default: the closed loop without ROS, and where its time goes; then over ROS 2.
+
+Processor times equal wall times on a quiet machine. `--page 1` writes docs/solver-benchmarks.md.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from iptm.parts import (
+    Controller,
+    ControllerOptions,
+    DEFAULT_STRATEGY,
+    Horizon,
+    MULTI_HORIZON,
+    Plant,
+    SINGLE_HORIZON,
+    SolveStatus,
+    SwitchingCheck,
+    V2xBridge,
+    build_route,
+    load_parameters,
+    run_closed_loop,
+    strategy_by_name,
+    table_of,
+)
+from studies.speed import ros_speed
+from studies.speed.harness import machine_in_words, quantiles, run_benchmark
+
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "solver-benchmarks.md"
+CYCLES = ("wltc_class3b", "comprehensive")
+GRIDS = {
+    str(MULTI_HORIZON): DEFAULT_STRATEGY,
+    f"{MULTI_HORIZON}+10x30t": DEFAULT_STRATEGY,
+    str(SINGLE_HORIZON): DEFAULT_STRATEGY,
+}
+"""Strategy by prediction grid."""
+CLOCKED: dict[str, tuple[type, str]] = {
+    "decide": (Controller, "decide"),
+    "solve": (SwitchingCheck, "solve"),
+    "plant": (Plant, "advance"),
+    "bridge": (V2xBridge, "answer"),
+}
+
+
+@contextmanager
+def processor_clocks() -> Iterator[dict[str, list[float]]]:
+    """Time every call of the parts on the processor while the context is open, in seconds."""
+    times: dict[str, list[float]] = {name: [] for name in CLOCKED}
+    originals = {name: getattr(owner, method) for name, (owner, method) in CLOCKED.items()}
+
+    def clocked(call: Callable[..., Any], log: list[float]) -> Callable[..., Any]:
+        def with_clock(*arguments: Any, **named: Any) -> Any:
+            began = time.process_time()
+            answer = call(*arguments, **named)
+            log.append(time.process_time() - began)
+            return answer
+
+        return with_clock
+
+    try:
+        for name, (owner, method) in CLOCKED.items():
+            setattr(owner, method, clocked(originals[name], times[name]))
+        yield times
+    finally:
+        for name, (owner, method) in CLOCKED.items():
+            setattr(owner, method, originals[name])
+
+
+def headless(cycle: str, horizon: str, strategy: str, duration_s: float | None) -> dict[str, Any]:
+    """Drive a trip without ROS and time it."""
+    parameters = load_parameters().values
+    route = build_route(cycle, initial_gap_m=parameters.gap.initial_gap_m, duration_s=duration_s)
+    options = ControllerOptions(strategy=strategy_by_name(strategy), horizon=Horizon.parse(horizon))
+    plant, controller = Plant(parameters, route.slope.slope_at), Controller(parameters, options)
+    began_s = time.process_time()
+    with processor_clocks() as times:
+        run = run_closed_loop(route, plant, controller)
+    total_s = time.process_time() - began_s
+    spent = {name: float(np.sum(values)) for name, values in times.items()}
+    shares = {
+        "solver": spent["solve"],
+        "data and plan": spent["decide"] - spent["solve"],
+        "plant": spent["plant"],
+        "bridge": spent["bridge"],
+        "rest": total_s - spent["decide"] - spent["plant"] - spent["bridge"],
+    }
+    codes = run.decisions.status
+    return {
+        "cycle": cycle,
+        "grid": f"{strategy}, {horizon}",
+        "ticks": len(run.decisions),
+        "processor_s": total_s,
+        "share": {name: part / total_s for name, part in shares.items()},
+        "solve_ms": quantiles(1e3 * np.array(times["solve"])),
+        "iterations": quantiles(run.decisions.iterations.astype(float)),
+        "statuses": dict(Counter(SolveStatus(int(code)).name.lower() for code in codes)),
+        "fallback_ticks": int(np.count_nonzero(run.decisions.rung)),
+    }
+
+
+def measure(
+    cycle: tuple[str, ...] = CYCLES, duration_s: float | None = None, ros: int = 1
+) -> dict[str, Any]:
+    """Measure all grids on each cycle, and a recorded run over ROS 2.
+
+    Args:
+        cycle: driving cycle, repeatable.
+        duration_s: cut the trips, s.
+        ros: 0 leaves ROS 2 out.
+    """
+    return {
+        "headless": [
+            headless(name, grid, strategy, duration_s)
+            for name in cycle
+            for grid, strategy in GRIDS.items()
+        ],
+        "ros": ros_speed.measure(duration_s=duration_s) if ros else [],
+        "machine": machine_in_words(),
+    }
+
+
+def tables(numbers: dict[str, Any]) -> dict[str, str]:
+    """Return the measured part of the page."""
+    rows = [
+        {
+            **run,
+            "shares": " / ".join(f"{100 * value:.0f} %" for value in run["share"].values()),
+            "bad": run["ticks"] - run["statuses"].get("solved", 0),
+        }
+        for run in numbers["headless"]
+    ]
+    columns = {
+        "trip": "{cycle}",
+        "strategy, grid": "{grid}",
+        "ticks:": "{ticks}",
+        "processor s:": "{processor_s:.1f}",
+        "share of solver / data and plan / plant / bridge / rest:": "{shares}",
+        "solve median / p99 / max ms:": ros_speed.spread("solve_ms", ".2f"),
+        "iterations median / p99 / max:": ros_speed.spread("iterations", ".0f"),
+        "not converged:": "{bad}",
+        "fallback ticks:": "{fallback_ticks}",
+    }
+    parts = [numbers["machine"], table_of(rows, columns)]
+    if numbers["ros"]:
+        parts.append(ros_speed.as_table(numbers["ros"]))
+    return {"speed": "\n\n".join(parts)}
+
+
+if __name__ == "__main__":
+    sys.exit(run_benchmark(measure, text_of=tables, page=PAGE))
