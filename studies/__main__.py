@@ -149,13 +149,13 @@ def changes(name: str) -> list[str]:
     known = Record.of(name).short
     for page in sorted({*found, *known}):
         before, after = known.get(page, "").split(), found.get(page, "").split()
-        for line in difflib.unified_diff(before, after, "recorded", "now", lineterm="", n=2):
-            lines.append(f"{name}/{page}: {line}")
+        differing = difflib.unified_diff(before, after, "recorded", "now", lineterm="", n=2)
+        lines += [f"{name}/{page}: {line}" for line in differing]
     return lines
 
 
 def confirm(name: str) -> int:
-    """Run the short form of a study; if its numbers are those of the record, note that the page still holds."""
+    """Run the short form of a study; if its numbers are as recorded, note that the page holds."""
     record = Record.of(name)
     if not record.short:
         print(f"{name}: times of a machine cannot be confirmed; make the page anew")

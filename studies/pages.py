@@ -1,6 +1,6 @@
 """Result pages: rendered from templates, with a foot that states what they stand for, and a record of it.
 
-The record of a study (`RECORD`) is committed beside its page. A page is stale when the code or data of the suite
+The record of a study (`RECORD`) is committed beside its page. A page is stale when code or data of the suite
 or of the study have changed since it was made, unless the short form of the study still has the same numbers.
 """
 

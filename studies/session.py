@@ -14,7 +14,7 @@ import pandas as pd
 from studies.pages import PAGE, STUDIES, put, without_foot
 
 import iptm
-from iptm.parts import render_page, run_inputs
+from iptm.parts import DEFAULT_SET, LeaderSource, render_page, run_inputs
 
 RESULTS = STUDIES.parent / "results"
 SHORT_SOLVER = {"compile_code": False}
@@ -49,9 +49,11 @@ def inputs_of(call: Mapping[str, Any]) -> Any:
     Raises:
         IptmError: an argument is not usable.
     """
-    named = {name: call.get(name) for name in ("cycle", "strategy", "vehicle", "overrides")}
-    settings = {name: value for name, value in call.items() if name not in named}
-    return run_inputs(**named, settings=settings)
+    usual = {"vehicle": DEFAULT_SET, "overrides": None, "leader": LeaderSource.CYCLE.value}
+    given = {**usual, **call}
+    leader_source = given.pop("leader") or LeaderSource.NONE.value
+    named = {name: given.pop(name) for name in ("cycle", "strategy", "vehicle", "overrides")}
+    return run_inputs(**named, settings={**given, "leader_source": leader_source})
 
 
 @dataclass
@@ -99,18 +101,20 @@ class Session:
         function: Callable[..., Any],
         calls: Sequence[Mapping[str, Any]],
         names: Sequence[str],
+        workers: int | None = None,
     ) -> list[Any]:
         """Return what a function returns for each of several sets of arguments, None where it failed.
 
-        Finished calls are kept under ``results`` and not computed again, see `iptm.cached_calls`.
+        Finished calls are kept under ``results`` and not computed again, see `iptm.cached_calls`. With one
+        of the ``workers`` it is this process, whatever the options say.
         """
         cache = None if self.options.no_cache else self.options.cache or self.scratch / "cache"
         found: list[Any] = [None] * len(calls)
-        began_s, done = time.perf_counter(), 0
-        for outcome in iptm.cached_calls(
-            function, calls, workers=self.options.workers, executor=self.executor, cache=cache
-        ):
-            done += 1
+        began_s = time.perf_counter()
+        executor = None if workers else self.executor
+        count = workers or self.options.workers
+        outcomes = iptm.cached_calls(function, calls, workers=count, executor=executor, cache=cache)
+        for done, outcome in enumerate(outcomes, start=1):
             name = names[outcome.index]
             if outcome.failure:
                 self.failures[name] = outcome.failure
@@ -126,7 +130,7 @@ class Session:
         """Drive cases.
 
         Returns:
-            A row per case: its labels, ``case``, ``run`` (`iptm.Run`, None for a failed one), and ``metrics``.
+            A row per case: its labels, ``case``, ``run`` (`iptm.Run`, None if it failed), and ``metrics``.
         """
         runs = self.compute(iptm.simulate, [case.call for case in cases], [c.name for c in cases])
         return pd.DataFrame(

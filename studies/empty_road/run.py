@@ -1,4 +1,4 @@
-"""Drives without a lead vehicle, compared with a driver with cruise control: the table of docs/empty-road.md.
+"""Drives without a lead vehicle, compared with a driver with cruise control.
 
 Energy and ageing count up to the end of the road, which all reach. Strategies are compared at
 equal distances, not at equal times: the time of arrival is given as well.
@@ -6,31 +6,24 @@ equal distances, not at equal times: the time of arrival is given as well.
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from studies.session import SHORT_SOLVER, Session, inputs_of
 
+import iptm
 from iptm.parts import (
     DEFAULT_STRATEGY,
-    FloatArray,
     KM_H_PER_M_S,
-    LeaderSource,
     MULTI_HORIZON,
     OF_THE_CYCLE,
+    FloatArray,
     Rung,
     Trajectory,
     given_rules,
-    perform_run,
-    strategy_by_name,
     table_of,
 )
-from studies.speed.harness import run_benchmark
-from iptm.studies.run_spec import RunSpec
-from iptm.studies.study import planned_run
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "empty-road.md"
 CRUISE = "production"
 STRATEGIES = (CRUISE, DEFAULT_STRATEGY, "reference", "reference_aging")
 LINES = ", ".join(f"{1000 * k}:80:{(31 * k) % 80}:35" for k in range(1, 12))
@@ -40,6 +33,7 @@ ROADS = {
     "UDDS with stop lines": ("udds", LINES),
 }
 CHECKS_PER_TICK = 20
+SHORT_S = 120.0
 HALT_M_S = 0.1
 ARRIVED_M = 10.0
 """The ego vehicle has arrived when it is this near to where it halts."""
@@ -62,27 +56,23 @@ COLUMNS = {
 }
 
 
-def spec_of(road: str, strategy: str, duration_s: float | None = None) -> RunSpec:
-    """Return the run of a strategy on one of `ROADS`."""
-    cycle, signals = ROADS[road]
-    return RunSpec(
-        cycle=cycle,
-        duration_s=duration_s,
-        strategy=strategy_by_name(strategy),
-        horizon=str(MULTI_HORIZON),
-        leader_source=LeaderSource.NONE,
-        speed_limits_km_h=OF_THE_CYCLE,
-        signals=signals,
-    )
-
-
 def drive(road: str, strategy: str, duration_s: float | None = None) -> dict[str, Any]:
-    """Drive a road and return the row of the table."""
-    inputs = planned_run(spec_of(road, strategy, duration_s))
-    run = perform_run(inputs)
+    """Drive one of `ROADS` and return the row of the table."""
+    cycle, signals = ROADS[road]
+    call: dict[str, Any] = {
+        "cycle": cycle,
+        "strategy": strategy,
+        "horizon": str(MULTI_HORIZON),
+        "leader": None,
+        "speed_limits_km_h": OF_THE_CYCLE,
+        "signals": signals,
+        **({} if duration_s is None else {"duration_s": duration_s, "solver": SHORT_SOLVER}),
+    }
+    run = iptm.simulate(**call)
+    inputs = inputs_of(call)
     trip, rules = run.trajectory, given_rules(inputs.spec.road, inputs.route)
-    if rules.limits is None or run.decisions is None:
-        raise AssertionError("a road of this benchmark has limits and is driven tick by tick")
+    if rules.limits is None:
+        raise AssertionError("a road of this study has limits")
     times, places, speeds = _between_ticks(trip)
     excess = speeds - rules.limits.at_m_s(places)
     passed = [line for line in rules.signals if line.stop_line_m < places[-1]]
@@ -124,35 +114,23 @@ def _between_ticks(trip: Trajectory) -> tuple[FloatArray, FloatArray, FloatArray
     )
 
 
-def measure(
-    road: tuple[str, ...] = tuple(ROADS),
-    strategy: tuple[str, ...] = STRATEGIES,
-    duration_s: float = 0.0,
-) -> dict[str, Any]:
-    """Drive all roads with all strategies.
-
-    Args:
-        road: roads.
-        strategy: strategies, production is the driver with cruise control.
-        duration_s: length of the trips in s, 0 for the times of the cycles.
-    """
-    rows = []
-    for name in road:
-        cruise = drive(name, CRUISE, duration_s or None)
-        for other in strategy:
-            row = cruise if other == CRUISE else drive(name, other, duration_s or None)
-            for key in ("battery_energy_kj", "degradation_1e7"):
-                change = f"{key.rsplit('_', 1)[0].removeprefix('battery_')}_percent"
-                row[change] = 100.0 * (row[key] / cruise[key] - 1.0)
-            rows.append(row)
-            print(f"{name}, {other}: arrives at {row['arrival_s']:.0f} s", file=sys.stderr)
-    return {"rows": rows}
-
-
-def as_table(numbers: dict[str, Any]) -> dict[str, str]:
-    """Return the numbers as a table in Markdown."""
-    return {"drives": table_of(numbers["rows"], COLUMNS)}
-
-
-if __name__ == "__main__":
-    sys.exit(run_benchmark(measure, text_of=as_table, page=PAGE))
+def run(session: Session) -> bool:
+    """Run the study; returns whether everything was driven."""
+    roads, duration_s = list(ROADS), None
+    if session.short:
+        roads, duration_s = roads[-1:], SHORT_S
+    calls = [
+        {"road": road, "strategy": strategy, "duration_s": duration_s}
+        for road in roads
+        for strategy in STRATEGIES
+    ]
+    names = [f"{call['road']}, {call['strategy']}" for call in calls]
+    rows = [row for row in session.compute(drive, calls, names) if row is not None]
+    cruise = {row["road"]: row for row in rows if row["strategy"] == CRUISE}
+    for row in rows:
+        base = cruise[row["road"]]
+        for key in ("battery_energy_kj", "degradation_1e7"):
+            change = f"{key.rsplit('_', 1)[0].removeprefix('battery_')}_percent"
+            row[change] = 100.0 * (row[key] / base[key] - 1.0)
+    session.fill({"drives": table_of(rows, COLUMNS)})
+    return True

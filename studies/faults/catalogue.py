@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from studies.drives import trip
+from studies.session import inputs_of
 
 from iptm.parts import (
     Fault,
@@ -17,11 +19,9 @@ from iptm.parts import (
     TextEnum,
     Trajectory,
     faults_from,
-    in_order,
     read_yaml,
 )
-from studies.drives import spec_of
-from iptm.studies.study import Case, planned_run
+from iptm.runner.trial import REAL_TIME_RATE, DriveMode, Trial
 
 FIRST_S = 60.0
 """Earliest trip time at which a fault begins."""
@@ -31,20 +31,10 @@ CALM_S = 15.0
 """Trip time between the time by which one fault must have settled and the start of the next."""
 NORMAL_WITHIN = 5
 
-REAL_TIME_RATE = 10.0
-"""Trip seconds per wall-clock second in real-time mode."""
 START_UP_S = 6.0
 """Wall time that a started process may need before it takes part."""
 
 _OWN_KEYS = ("reported", "silent_in", "normal_within", "ends", "alone", "cycle")
-
-
-class DriveMode(TextEnum):
-    """How a trip is driven."""
-
-    HEADLESS = "headless"
-    LOCK_STEP = "lock_step"
-    REAL_TIME = "real_time"
 
 
 class ReportPolicy(TextEnum):
@@ -105,49 +95,23 @@ class Entry:
 
 
 @dataclass(frozen=True, eq=False)
-class Trial:
-    """A trip with faults in sequence.
+class Placed:
+    """A trial, and the rows of the table that it tries in the order of its faults."""
 
-    Attributes:
-        mode: how it is driven.
-        entries: rows of the table in order of start time, each with its placed fault.
-        inputs: trip and vehicle; without the faults where it is driven over ROS 2.
-    """
+    trial: Trial
+    entries: tuple[Entry, ...]
 
-    mode: DriveMode
-    entries: tuple[tuple[Entry, Fault], ...]
-    inputs: Case
 
-    @classmethod
-    def on(
-        cls,
-        cycle: str,
-        duration_s: float | None = None,
-        mode: DriveMode = DriveMode.HEADLESS,
-        entries: Iterable[tuple[Entry, Fault]] = (),
-    ) -> Trial:
-        """Return a trial on the beginning of a cycle, None for all of it."""
-        entries = tuple(entries)
-        faults = tuple(fault for _, fault in entries) if mode is DriveMode.HEADLESS else ()
-        spec = spec_of(cycle, duration_s=duration_s, faults=faults)
-        return cls(mode, entries, planned_run(spec))
-
-    @property
-    def cycle(self) -> str:
-        """What the leader drives."""
-        return self.inputs.spec.cycle
-
-    @property
-    def faults(self) -> tuple[Fault, ...]:
-        """All faults of the trial."""
-        return in_order(fault for _, fault in self.entries)
-
-    @property
-    def name(self) -> str:
-        """Name for files and progress: mode, cycle, the first fault and the number of others."""
-        first, others = self.entries[0][1], len(self.entries) - 1
-        parts = [self.mode, self.cycle, first.kind, first.target, f"and_{others}" if others else ""]
-        return "_".join(str(part) for part in parts if part)
+def trial_on(
+    cycle: str,
+    duration_s: float | None = None,
+    mode: DriveMode = DriveMode.HEADLESS,
+    faults: Iterable[Fault] = (),
+) -> Trial:
+    """Return a trial on the beginning of a cycle, None for all of it."""
+    placed = tuple(faults)
+    given: dict[str, Any] = {"faults": placed} if mode is DriveMode.HEADLESS and placed else {}
+    return Trial(mode, placed, inputs_of(trip(cycle, duration_s=duration_s, **given)))
 
 
 def read_catalogue(path: Path | None = None) -> tuple[tuple[str, ...], tuple[Entry, ...]]:
@@ -180,7 +144,7 @@ def _entry(content: Any, where: str) -> Entry:
 
 def plan_trials(
     entries: Iterable[Entry], mode: DriveMode, cycle: str, fault_free: Trajectory
-) -> list[Trial]:
+) -> list[Placed]:
     """Return the trials of one mode and cycle: headless one per fault, over ROS 2 as few as possible.
 
     Args:
@@ -208,7 +172,18 @@ def plan_trials(
             groups.append([])
         groups[-1].append((entry, replace(entry.fault, start_s=start_s)))
         was_alone = alone
-    return [Trial.on(cycle, _duration_s(group, mode, fault_free), mode, group) for group in groups]
+    return [
+        Placed(
+            trial_on(
+                cycle,
+                _duration_s(group, mode, fault_free),
+                mode,
+                (fault for _, fault in group),
+            ),
+            tuple(entry for entry, _ in group),
+        )
+        for group in groups
+    ]
 
 
 def _closest_s(fault_free: Trajectory, earliest_s: float, within_s: float) -> float:

@@ -10,20 +10,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from studies.faults.catalogue import Entry, ReportPolicy
+from studies.judged import Judged
 
 from iptm.parts import (
+    TRAJECTORY_COLUMNS,
     Fault,
     FaultPlace,
     Rung,
-    TRAJECTORY_COLUMNS,
     Trajectory,
     check_constraints,
     gaps_when_braking,
 )
-from studies.faults.catalogue import DriveMode, Entry, ReportPolicy
-from studies.faults.driving import NO_REPORT, DrivenTrial, Interval, StatusReport
-from iptm.studies.study import Judged
-from iptm_ros.diagnostics import Level
+from iptm.runner.trial import NO_REPORT, DriveMode, DrivenTrial, Interval, Level, StatusReport
 
 STEADY_TICKS = 3
 """Consecutive normal ticks after which operation counts as normal."""
@@ -42,7 +41,9 @@ def verdict_of(entry: Entry, mode: DriveMode, cycle: str, **problems: str) -> Ju
     return Judged(f"{entry.name}, {mode}, {cycle}", entry.name, labels, problems=problems)
 
 
-def judge_trial(driven: DrivenTrial, fault_free: DrivenTrial) -> list[Judged]:
+def judge_trial(
+    driven: DrivenTrial, entries: Sequence[Entry], fault_free: DrivenTrial
+) -> list[Judged]:
     """Judge every fault of a trial.
 
     Figures are ``normal_after``, the ticks from the end of the fault until operation was normal, and the
@@ -51,10 +52,11 @@ def judge_trial(driven: DrivenTrial, fault_free: DrivenTrial) -> list[Judged]:
 
     Args:
         driven: with the faults.
+        entries: rows of the table in their order.
         fault_free: the same trip headless and without faults; its reports are not held against the fault.
     """
-    pairs = zip(driven.trial.entries, driven.intervals, strict=True)
-    return [_judge(driven, fault_free, *pair, interval) for pair, interval in pairs]
+    rows = zip(entries, driven.trial.placed, driven.intervals, strict=True)
+    return [_judge(driven, fault_free, *row) for row in rows]
 
 
 def _judge(

@@ -72,7 +72,7 @@ class Preparation(TextEnum):
 
 
 class RuledCompressor:
-    """The suite's controller, but a rule heats the pack with full power in the last minutes, up to 30 degC."""
+    """The suite's controller, but a rule heats with full power in the last minutes, up to 30 degC."""
 
     def __init__(self, parameters: ModelParameters, end_s: float, solver: SolverOptions) -> None:
         options = ControllerOptions(solver=solver, trip_duration_s=end_s)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from studies.life.charging_page import charging_values
 from studies.life.charging_stop import (
     FIRST_CAR,
@@ -49,18 +51,16 @@ def run(session: Session) -> bool:
 def charging_stop(session: Session) -> bool:
     """Write the page about trips to a fast charger; returns whether every trip was driven."""
     if session.short:
-        calls = (
-            arrival_calls([FIRST_CAR], [MINUTE_VALUES_AIR_C], **SHORT),
-            [],
-            evening_calls(**SHORT),
-        )
+        drives = arrival_calls([FIRST_CAR], [MINUTE_VALUES_AIR_C], **SHORT)
+        minutes: list[dict[str, Any]] = []
+        evenings = evening_calls(**SHORT)
     else:
-        calls = arrival_calls(), minute_calls(), evening_calls()
-    found = [
-        session.compute(function, part, [", ".join(map(str, call.values())) for call in part])
-        for function, part in zip((arrival, arrival, evening), calls, strict=True)
-    ]
+        drives, minutes, evenings = arrival_calls(), minute_calls(), evening_calls()
+    names = [", ".join(map(str, call.values())) for call in (*drives, *minutes, *evenings)]
+    found = session.compute(arrival, [*drives, *minutes], names)
+    warm = session.compute(evening, evenings, names[len(found) :])
     if session.failures:
         return False
-    session.render("charging_stop.md.j2", CHARGING_PAGE, **charging_values(*found))
+    values = charging_values(found[: len(drives)], found[len(drives) :], warm)
+    session.render("charging_stop.md.j2", CHARGING_PAGE, **values)
     return True

@@ -97,7 +97,7 @@ def random_cases(
 ) -> list[Case]:
     """Draw trips.
 
-    A trip of the default strategy on a cold day gets a twin: the same trip of the same car at 35 degC with the
+    A trip of the default strategy on a cold day gets a twin: the same car and trip at 35 degC with the
     temperature limits removed, as reference of its traction energy.
 
     Args:

@@ -106,9 +106,7 @@ def judge(name: str, run: Run, call: Mapping[str, Any], warm_twin: Run | None = 
     """
     inputs = inputs_of(call)
     usual = inputs_of({key: value for key, value in call.items() if key != "preview"}).spec
-    informed = (
-        not inputs.spec.faults and inputs.spec.bridge_settings() == usual.bridge_settings()
-    )
+    informed = not inputs.spec.faults and inputs.spec.bridge_settings() == usual.bridge_settings()
     trip, spec = run.trajectory, inputs.spec
     amounts: dict[str, float] = {TICKS: len(trip) - 1}
     causes: dict[str, str] = {}

@@ -31,8 +31,8 @@ from iptm.parts import (
 ROLES = tuple(STRATEGIES)
 OTHERS = tuple(role for role in ROLES if role != DEFAULT)
 CYCLE, CAR = "wltc_class3b", "bmw_i3"
-CARS = (DEFAULT_SET, CAR, "chevrolet_bolt", "tesla_model_3")
-CLIMATES_C = (-10.0, 10.0, 25.0, 35.0)
+CARS: tuple[str, ...] = (DEFAULT_SET, CAR, "chevrolet_bolt", "tesla_model_3")
+CLIMATES_C: tuple[float, ...] = (-10.0, 10.0, 25.0, 35.0)
 HEADWAY = "gap.max_time_headway_s"
 GAPS = {0.0: "120 m", 3.0: "3 s"}
 """Limits of the gap by the largest time headway in s; 0 is none, the largest gap counts alone."""
@@ -113,7 +113,7 @@ SIMPLIFICATIONS: Mapping[str, tuple[str, str, Mapping[str, Any], Mapping[str, An
         {},
     ),
 }
-"""Refined law, what stands in its place, and settings of the trip with the simple and with the refined model."""
+"""Refined law, what stands in its place, and settings with the simple and with the refined model."""
 
 
 def totals(runs: Sequence[RunMetrics]) -> dict[str, float]:

@@ -6,16 +6,22 @@ safety monitor. Each outcome is compared with the best stop of the stated brakes
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from studies.session import Session, inputs_of
 
-from iptm.parts import Command, LeaderPreview, Plant, StateError, Trajectory, VehicleState
-from iptm.parts import braking_leads, emergency_stops
-from iptm.studies.store import ResultStore, content_key
-from iptm.studies.study import Case
-from iptm.studies.workers import Failed, OnProgress, perform_all
+from iptm.parts import (
+    Command,
+    LeaderPreview,
+    Plant,
+    Trajectory,
+    VehicleState,
+    braking_leads,
+    emergency_stops,
+)
 
 GENTLEST_M_S2, HARDEST_M_S2 = 2.0, 9.0
 TICK_S = 0.1
@@ -24,8 +30,16 @@ MOST_S = 60.0
 EARLIEST_S = 5.0
 
 
-def braking_trials(inputs: Case, drive: Trajectory, trials: int, seed: int) -> pd.DataFrame:
+def braking_trials(
+    call: Mapping[str, Any], drive: Trajectory, trials: int, seed: int
+) -> pd.DataFrame:
     """Drive trials from random instants of an undisturbed drive, with random decelerations.
+
+    Args:
+        call: arguments of `iptm.simulate` that the drive was made from.
+        drive: what was driven.
+        trials: number of trials.
+        seed: of all draws.
 
     Returns:
         A row per trial: ``time_s`` at which the lead vehicle begins to brake, with ``deceleration_m_s2``;
@@ -34,6 +48,7 @@ def braking_trials(inputs: Case, drive: Trajectory, trials: int, seed: int) -> p
         with the reaction of the sensor alone; ``bound_impact_m_s``, the speed difference when that
         gap closes.
     """
+    inputs = inputs_of(call)
     random = np.random.default_rng([seed, trials])
     rows = random.integers(round(EARLIEST_S / inputs.spec.tick_s), len(drive) - 1, trials)
     decelerations = random.uniform(GENTLEST_M_S2, HARDEST_M_S2, trials)
@@ -118,51 +133,32 @@ def state_at(drive: Trajectory, row: int) -> VehicleState:
     return VehicleState(**values)
 
 
-def _braking_task(
-    task: tuple[str, Case, Trajectory, int, int], on_progress: OnProgress
-) -> pd.DataFrame:
-    del on_progress
-    return braking_trials(*task[1:])
-
-
 def braking_outcomes(
-    store: ResultStore,
-    drives: Mapping[str, tuple[Case, Trajectory]],
+    session: Session,
+    drives: Mapping[str, tuple[Mapping[str, Any], Trajectory]],
     trials: int,
     seed: int,
-    workers: int,
-    on_progress: Callable[[str], None],
 ) -> pd.DataFrame:
-    """Return the trials of some drives; what is stored is not driven again.
+    """Return the trials of some drives.
 
     Args:
-        store: of the outcomes.
-        drives: undisturbed drives by name.
+        session: computes them.
+        drives: undisturbed drives by name, with the arguments that they were made from.
         trials: number of trials in all, shared alike.
         seed: of all draws.
-        workers: number of processes; 0 to drive none, so that only what is stored is returned.
-        on_progress: called with the name of each drive whose trials are done.
 
     Returns:
         The rows of `braking_trials` with the ``drive``, and ``avoidable``: a collision that the stated brakes
         would have avoided.
-
-    Raises:
-        StateError: the trials of a drive failed.
     """
     share = max(1, round(trials / len(drives))) if drives else 0
-    keys = {name: content_key(inputs.key, share, seed) for name, (inputs, _) in drives.items()}
-    stored = {name: store.find_content(key) for name, key in keys.items()}
-    found = {name: pd.DataFrame(one[1]) for name, one in stored.items() if one}
-    tasks = [(name, *drive, share, seed) for name, drive in drives.items() if name not in found]
-    for (name, *_), outcome in perform_all(_braking_task, tasks if workers else [], workers):
-        if isinstance(outcome, Failed):
-            raise StateError(f"braking lead vehicle, {name}: {outcome.cause}")
-        columns = {column: outcome[column].to_numpy() for column in outcome}
-        store.save_content(keys[name], {}, columns)
-        found[name] = outcome
-        on_progress(name)
-    rows = [found[name].assign(drive=name) for name in drives if name in found]
+    calls = [
+        {"call": call, "drive": drive, "trials": share, "seed": seed}
+        for call, drive in drives.values()
+    ]
+    names = [f"braking lead vehicle: {name}" for name in drives]
+    found = zip(drives, session.compute(braking_trials, calls, names), strict=True)
+    rows = [outcome.assign(drive=name) for name, outcome in found if outcome is not None]
     if not rows:
         return pd.DataFrame(columns=["drive", "smallest_gap_m", "avoidable"])
     table = pd.concat(rows, ignore_index=True)

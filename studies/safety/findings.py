@@ -4,30 +4,23 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from studies.drives import REFERENCE
+from studies.judged import Judged
+from studies.safety.trials import NOISE_AND_DELAY, SHIPPED, UNDISTURBED
 
-from iptm.studies.campaign import Campaign
 from iptm.parts import (
     RunMetrics,
     StoreError,
-    TextEnum,
     at_equal_end,
     figure_values,
     load_parameters,
 )
-from studies.drives import REFERENCE
-from iptm.studies.laboratory import Session
-from studies.safety.braking import braking_outcomes
-from studies.safety.judging import judge_trial, trial_of
-from studies.safety.trials import NOISE_AND_DELAY, SHIPPED, UNDISTURBED
-from iptm.studies.store import ResultStore
-from iptm.studies.study import NOT_COMPUTED, Case, Judged, Study, planned_run
-from iptm.studies.tables import results
 
 BEFORE = Path(__file__).parent / "before.json"
 """Savings of an earlier version; the file names it."""
@@ -41,15 +34,6 @@ Savings = Mapping[str, Mapping[str, float]]
 """Battery ageing saved in percent, by cycle and setting."""
 
 
-class Part(TextEnum):
-    """A part of the trials."""
-
-    DRIVING = "driving"
-    BRAKING = "braking"
-    TRIALS = "trials"
-    DELAYS = "delays"
-
-
 @dataclass(frozen=True)
 class Findings:
     """Everything that the trials found.
@@ -57,7 +41,7 @@ class Findings:
     Attributes:
         braking: trials of the monitor alone, see `braking_outcomes`.
         trials: disturbed trials.
-        driving: drives without events, see `driven`.
+        driving: drives without events, see `with_figures`.
         delays: drives with delayed commands, see `delays_of`.
         before: savings of an earlier version, and where they come from.
         over_ros: disturbed trials over ROS 2.
@@ -85,73 +69,9 @@ class Findings:
         return [*lines, *_driving_problems(self), *_delay_problems(self.delays)]
 
 
-def perform(
-    studies: Mapping[Part, Study],
-    braking_trials: int,
-    seed: int,
-    session: Session,
-    *,
-    whole_cycles: bool = True,
-) -> Findings | None:
-    """Drive what is missing of some parts without ROS and return everything that was found.
-
-    Args:
-        studies: by part; `Part.BRAKING` has the drives from which the monitor brakes.
-        braking_trials: number of trials with the monitor alone.
-        seed: of these trials.
-        session: where, and what of it.
-        whole_cycles: savings are compared with those of an earlier version.
-
-    Returns:
-        The findings; None if the session was only to show the runs.
-    """
-    campaign = Campaign({study.name: study for study in studies.values()}.values())
-    if not session.compute(campaign):
-        return None
-    states = {part: campaign.cases_of(studies[part]) if part in studies else [] for part in Part}
-    return Findings(
-        _braking(states[Part.BRAKING], braking_trials, seed, session),
-        [
-            _judged(state, session.store)
-            for state in states[Part.TRIALS]
-            if not (session.options.stored and state.reason == NOT_COMPUTED)
-        ],
-        driven(states[Part.DRIVING]),
-        delays_of(states[Part.DELAYS]),
-        read_before(BEFORE) if whole_cycles else ({}, ""),
-    )
-
-
-def _braking(driving: Iterable[Case], trials: int, seed: int, session: Session) -> pd.DataFrame:
-    drives = {
-        str(state.labels["cycle"]): (
-            planned_run(state.spec),
-            session.store.load(str(state.key)).trajectory,
-        )
-        for state in driving
-        if state.labels["setting"] == UNDISTURBED and state.metrics is not None
-    }
-    return braking_outcomes(
-        ResultStore(session.store.folder / "braking"),
-        drives,
-        trials,
-        seed,
-        0 if session.options.stored else session.workers,
-        lambda name: session.console.print(f"braking lead vehicle: {name}"),
-    )
-
-
-def _judged(state: Case, store: ResultStore) -> Judged:
-    if state.metrics is None:
-        return trial_of(state, failure=state.reason)
-    run, faults = store.load(str(state.key)), state.spec.faults
-    return judge_trial(trial_of(state), run.trajectory, run.parameters, faults, run.reports)
-
-
-def driven(states: Iterable[Case]) -> pd.DataFrame:
+def with_figures(drives: pd.DataFrame) -> pd.DataFrame:
     """Return the finished drives: a row per drive with its labels, ``metrics`` and figures."""
-    found = results(states)
-    found = found[found.metrics.notna()].reset_index(drop=True)
+    found = drives[drives.metrics.notna()].reset_index(drop=True)
     return found.join(pd.DataFrame([figure_values(metrics) for metrics in found.metrics]))
 
 
@@ -230,15 +150,15 @@ def _driving_problems(findings: Findings) -> Iterator[str]:
             yield f"noise: s_min broken by {-row.margin_m:.2f} m; allowed: {ALLOWED_NOISE_BELOW_M:g} m"
 
 
-def delays_of(states: Iterable[Case]) -> pd.DataFrame:
+def delays_of(drives: pd.DataFrame) -> pd.DataFrame:
     """Return the drives with delayed commands.
 
     Returns:
-        Those of `driven` with ``energy_percent``: change of battery energy against no delay with equal ends,
+        The rows of `with_figures`, and ``energy_percent``: change of energy against no delay with equal ends,
         NaN without such a drive. The beginnings of cycles end warm and in motion: both packs are cooled to
         one temperature, and the kinetic energy is returned.
     """
-    found = driven(states)
+    found = with_figures(drives)
     if found.empty:
         return found
     in_time = {

@@ -7,21 +7,22 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from studies.judged import Judged
+from studies.session import Case
 
 from iptm.parts import (
+    VEHICLE,
+    WEAK_BRAKES,
     Fault,
     FaultKind,
     FaultPlace,
     ModelParameters,
     Report,
     Trajectory,
-    VEHICLE,
-    WEAK_BRAKES,
     at_places,
     gaps_when_braking,
     seen_from,
 )
-from iptm.studies.study import Case, Judged
 
 REPORTED_WITHIN_TICKS = 2
 NOTICED_WITHIN_S = 1.0
@@ -42,8 +43,8 @@ _OF_THE_GAP = (FaultKind.GAP_NOISE, FaultKind.GAP_BIAS, FaultKind.LEADER_JUMPING
 
 def trial_of(case: Case, name: str = "", failure: str = "") -> Judged:
     """Return a trial that is not judged yet, or that failed, under the name of its case or another one."""
-    faults = case.spec.faults
-    what = ", ".join([Path(case.spec.cycle).stem, *(fault.describe() for fault in faults)])
+    faults = case.call["faults"]
+    what = ", ".join([Path(case.call["cycle"]).stem, *(fault.describe() for fault in faults)])
     labels = {"disturbed": case.labels["disturbed"], "brake_share": brake_share(faults)}
     problems = {"failed": failure} if failure else {}
     return Judged(name or case.name, what, labels, problems=problems)

@@ -7,37 +7,33 @@ from collections.abc import Sequence
 from typing import Any
 
 import pandas as pd
-
-from iptm.parts import FaultKind, render_page
+from studies.judged import Judged
 from studies.safety.findings import Findings, by_setting, savings_percent
 from studies.safety.judging import AVOIDABLE, SOUND_SHARE
 from studies.safety.trials import DELAYS, SETTINGS
-from iptm.studies.study import Judged
+
+from iptm.parts import FaultKind
 
 
-def safety_page(command: str, revision: str, findings: Findings) -> str:
-    """Return the page as Markdown; ``command`` makes it from the code of a revision."""
+def safety_values(findings: Findings) -> dict[str, Any]:
+    """Return what the template of the page shows."""
     before, about = findings.before
     braking = findings.braking
-    return render_page(
-        "iptm.studies.safety",
-        "page.md.j2",
-        command=command,
-        revision=revision,
-        findings=findings,
-        broken=findings.broken(),
-        braking=_braking_by_drive(braking),
-        braking_collisions=braking[braking.smallest_gap_m <= 0.0],
-        trials=_by_disturbance(findings.trials),
-        collisions=[
+    return {
+        "findings": findings,
+        "broken": findings.broken(),
+        "braking": _braking_by_drive(braking),
+        "braking_collisions": braking[braking.smallest_gap_m <= 0.0],
+        "trials": _by_disturbance(findings.trials),
+        "collisions": [
             _record(trial, "unavoidable")
             for trial in findings.trials
             if "collided_at_s" in trial.figures
         ],
-        over_ros=[{"smallest_gap_m": None, **_record(one, "✓")} for one in findings.over_ros],
-        driving=by_setting(findings.driving),
-        settings={f"{name}:": f"{{{name}}}" for name in SETTINGS},
-        savings=[
+        "over_ros": [{"smallest_gap_m": None, **_record(one, "✓")} for one in findings.over_ros],
+        "driving": by_setting(findings.driving),
+        "settings": {f"{name}:": f"{{{name}}}" for name in SETTINGS},
+        "savings": [
             dict.fromkeys(SETTINGS)
             | {
                 name: _with_before(value, before.get(cycle, {}).get(name))
@@ -46,9 +42,9 @@ def safety_page(command: str, revision: str, findings: Findings) -> str:
             | {"cycle": cycle}
             for cycle, found in savings_percent(findings.driving).items()
         ],
-        about_before=about,
-        delays=_delays_by_period(findings.delays),
-    )
+        "about_before": about,
+        "delays": _delays_by_period(findings.delays),
+    }
 
 
 def _record(trial: Judged, held: str) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Closed-loop trials of safety as studies: what is disturbed, when, and how much."""
+"""Closed-loop trials of safety: what is disturbed, when, and how much."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 from numpy.random import Generator
+from studies.drives import DEFAULT, REFERENCE, trip
+from studies.session import Case, inputs_of
 
-from iptm.parts import CYCLE_NAMES, Fault, FaultKind, WHOLE_TRIP_S, in_order
-from studies.drives import DEFAULT, REFERENCE, spec_of
-from iptm.studies.study import Case, Label, Study, planned_run
+from iptm.parts import CYCLE_NAMES, WHOLE_TRIP_S, Fault, FaultKind, in_order
 
 LONG_CYCLES = ("comprehensive",)
 UNDISTURBED = "undisturbed"
@@ -32,8 +32,8 @@ NOISE = (
 """Standard deviations of the noise of all signals together."""
 PREVIEW_ERROR_M_S = 1.5
 SEED = 1
-CYCLES = (*CYCLE_NAMES, "smooth", *LONG_CYCLES)
-PERIODS_S = (0.1, 0.2, 0.5, 1.0)
+CYCLES: tuple[str, ...] = (*CYCLE_NAMES, "smooth", *LONG_CYCLES)
+PERIODS_S: tuple[float, ...] = (0.1, 0.2, 0.5, 1.0)
 DISTURBED_S, DELAYED_S = 300.0, 600.0
 """Largest lengths of a disturbed trial, and of a drive with delayed commands."""
 SHIPPED, MEASURED = "shipped cycles", "measured lead vehicles"
@@ -42,7 +42,7 @@ SHIPPED, MEASURED = "shipped cycles", "measured lead vehicles"
 
 def _duration_s(cycle: str, longest_s: float) -> float | None:
     """Return the length of a part of a cycle, None for all of it."""
-    whole_s = planned_run(spec_of(cycle)).route.duration_s
+    whole_s = inputs_of(trip(cycle)).route.duration_s
     return longest_s if longest_s < whole_s else None
 
 
@@ -55,14 +55,14 @@ SETTINGS: Mapping[str, Mapping[str, Any]] = {
     UNDISTURBED: {},
     "noise": {"faults": lasting(*NOISE)},
     NOISE_AND_DELAY: {"faults": lasting(*NOISE, (FaultKind.COMMAND_DELAYED, 1.0))},
-    "preview errors": {"noise_std_m_s": PREVIEW_ERROR_M_S},
+    "preview errors": {"preview": {"noise_std_m_s": PREVIEW_ERROR_M_S}},
 }
 """What is disturbed on whole cycles without any event, by name."""
 
 
-def driving_study(
+def driving_cases(
     cycles: Sequence[str] = CYCLES, leads: Sequence[str] = (), longest_s: float = math.inf
-) -> Study:
+) -> list[Case]:
     """Return cycles under every one of `SETTINGS` with their references, and measured lead vehicles.
 
     Trips of hours are driven undisturbed only.
@@ -78,41 +78,41 @@ def driving_study(
         for name, settings in {**SETTINGS, REFERENCE: {}}.items():
             if cycle not in LONG_CYCLES or name in {UNDISTURBED, REFERENCE}:
                 role = REFERENCE if name == REFERENCE else DEFAULT
-                spec = spec_of(cycle, role, duration_s=duration_s, **settings)
+                call = trip(cycle, role, duration_s=duration_s, **settings)
                 labels = {"cycle": cycle, "setting": name, "behind": SHIPPED}
-                cases.append(Case(f"{cycle}_{name}", labels, spec))
+                cases.append(Case(f"{cycle}_{name}", labels, call))
     for lead in leads:
         label = Path(lead).stem
         for name in (UNDISTURBED, NOISE_AND_DELAY):
             labels = {"cycle": label, "setting": name, "behind": MEASURED}
-            cases.append(Case(f"{label}_{name}", labels, spec_of(lead, **SETTINGS[name])))
-    return Study("safety_driving", "Driving without events", "", tuple(cases))
+            cases.append(Case(f"{label}_{name}", labels, trip(lead, **SETTINGS[name])))
+    return cases
 
 
-def delay_study(
+def delay_cases(
     cycles: Sequence[str] = CYCLES,
     periods_s: Sequence[float] = PERIODS_S,
     longest_s: float = DELAYED_S,
-) -> Study:
+) -> list[Case]:
     """Return the beginning of published cycles at several periods with commands delayed by whole ticks."""
     cases = []
     for cycle in published(cycles):
         duration_s = _duration_s(cycle, longest_s)
         for period_s, ticks in product(periods_s, DELAYS):
             faults = lasting((FaultKind.COMMAND_DELAYED, float(ticks))) if ticks else ()
-            spec = spec_of(cycle, tick_s=period_s, faults=faults, duration_s=duration_s)
-            labels: dict[str, Label] = {"cycle": cycle, "period_s": period_s, "ticks": ticks}
-            cases.append(Case(f"{cycle}_{period_s:g}_s_{ticks}", labels, spec))
-    return Study("safety_delays", "Delayed commands", "", tuple(cases))
+            call = trip(cycle, tick_s=period_s, faults=faults, duration_s=duration_s)
+            labels = {"cycle": cycle, "period_s": period_s, "ticks": ticks}
+            cases.append(Case(f"{cycle}_{period_s:g}_s_{ticks}", labels, call))
+    return cases
 
 
-def disturbed_study(
+def disturbed_cases(
     trials: int,
     seed: int,
     cycles: Sequence[str] = CYCLES,
     leads: Sequence[str] = (),
     longest_s: float = DISTURBED_S,
-) -> Study:
+) -> list[Case]:
     """Return random trials: what a lead vehicle does, and one or two things that are disturbed.
 
     Args:
@@ -129,12 +129,12 @@ def disturbed_study(
         options = leads if measured else published(cycles)
         cycle = options[int(random.integers(len(options)))]
         duration_s = _duration_s(cycle, longest_s)
-        route = planned_run(spec_of(cycle, duration_s=duration_s)).route
+        route = inputs_of(trip(cycle, duration_s=duration_s)).route
         faults, names = _draw(random, route.duration_s)
-        labels: dict[str, Label] = {"cycle": Path(cycle).stem, "disturbed": names}
-        spec = spec_of(cycle, duration_s=duration_s, faults=faults)
-        cases.append(Case(f"{number:04d}", labels, spec))
-    return Study("safety_trials", "Disturbed trials", "", tuple(cases))
+        labels = {"cycle": Path(cycle).stem, "disturbed": names}
+        call = trip(cycle, duration_s=duration_s, faults=faults)
+        cases.append(Case(f"{number:04d}", labels, call))
+    return cases
 
 
 def published(cycles: Sequence[str]) -> list[str]:

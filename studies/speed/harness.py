@@ -1,4 +1,4 @@
-"""What all benchmarks share: the command line, tables, quantiles, and the machine in a line."""
+"""What measurements of speed share: a command line, quantiles, and the machine in a line."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import os
 import platform
 import re
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from datetime import datetime, timezone
+from importlib import metadata
 from pathlib import Path
 from typing import Any, get_args, get_origin
 
-import casadi as ca
 import numpy as np
 
-from iptm.parts import FloatArray, IptmError, StoreError
+from iptm.parts import FloatArray, IptmError
 
 
 def quantiles(values: FloatArray) -> dict[str, float]:
@@ -31,35 +31,22 @@ def quantiles(values: FloatArray) -> dict[str, float]:
     }
 
 
-def put(page: str, name: str, text: str) -> str:
-    """Return a page with a text between its two marks.
-
-    Raises:
-        StoreError: the page lacks the marks.
-    """
-    begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->"
-    if begin not in page or end not in page:
-        raise StoreError(f"the page has no marks {begin.strip()} and {end}; allowed: both of them")
-    head, rest = page.split(begin, 1)
-    return f"{head}{begin}\n{text.strip()}\n\n{end}{rest.split(end, 1)[1]}"
+def spread(name: str, form: str, largest: str = "max") -> str:
+    """Return the format of a cell with median, 99th percentile and largest value."""
+    return " / ".join(f"{{{name}[{key}]:{form}}}" for key in ("median", "p99", largest))
 
 
 def run_benchmark(
     measure: Callable[..., Any],
     arguments: Sequence[str] | None = None,
-    text_of: Callable[[Any], str | Mapping[str, str]] = lambda numbers: json.dumps(
-        numbers, indent=1
-    ),
-    page: Path | None = None,
+    text_of: Callable[[Any], str] = lambda numbers: json.dumps(numbers, indent=1),
 ) -> int:
-    """Measure by the command line, print the numbers and write them if asked to.
+    """Measure by the command line and print the numbers.
 
     Args:
-        measure: its parameters become the options and its docstring their help; one without a default
-            becomes a positional argument, a tuple may be repeated.
+        measure: its parameters become the options and its docstring their help; a tuple may be repeated.
         arguments: command line, None for that of the process.
-        text_of: what is printed of the numbers; for a page, texts by the names of their marks.
-        page: file that the texts are written to if asked for.
+        text_of: what is printed of the numbers.
 
     Returns:
         The exit code.
@@ -67,43 +54,20 @@ def run_benchmark(
     name = Path(inspect.getfile(measure)).stem
     parser = argparse.ArgumentParser(prog=name, description=inspect.getmodule(measure).__doc__)
     helps = dict(re.findall(r"^ +(\w+): (.+)\.$", measure.__doc__ or "", re.MULTILINE))
-    options = inspect.signature(measure, eval_str=True).parameters
-    for option, parameter in options.items():
+    for option, parameter in inspect.signature(measure, eval_str=True).parameters.items():
         kind = (get_args(parameter.annotation) or (parameter.annotation,))[0]
         repeated = get_origin(parameter.annotation) is tuple
-        if parameter.default is parameter.empty:
-            many: dict[str, Any] = {"nargs": "+"} if repeated else {}
-            parser.add_argument(option, type=kind, help=helps[option], **many)
-            continue
         usual = ", ".join(parameter.default) if repeated else parameter.default
-        parser.add_argument(
-            f"--{option.replace('_', '-')}",
-            type=kind,
-            action="append" if repeated else "store",
-            help=f"{helps[option]} ({usual})",
-        )
-    parser.add_argument("--json", type=Path, help="also write the numbers here")
-    if page is not None:
-        parser.add_argument("--page", type=int, default=0, help=f"1 writes docs/{page.name} (0)")
+        action = "append" if repeated else "store"
+        text = f"{helps[option]} ({usual})"
+        parser.add_argument(f"--{option.replace('_', '-')}", type=kind, action=action, help=text)
     given = vars(parser.parse_args(arguments))
-    path = given.pop("json")
-    writes_page = page is not None and given.pop("page")
     try:
         numbers = measure(**{key: value for key, value in given.items() if value is not None})
     except IptmError as error:
         print(f"{name}: {error}", file=sys.stderr)
         return 2
-    texts = text_of(numbers)
-    parts = {"": texts} if isinstance(texts, str) else texts
-    print("\n\n".join(parts.values()))
-    if page is not None and writes_page:
-        text = page.read_text("utf-8")
-        for name_of_part, part in parts.items():
-            text = put(text, name_of_part, part)
-        page.write_text(text, "utf-8")
-    if path is not None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(numbers, indent=1) + "\n", encoding="utf-8")
+    print(text_of(numbers))
     return 0
 
 
@@ -116,5 +80,5 @@ def machine_in_words() -> str:
     return (
         f"Measured on {datetime.now(timezone.utc):%Y-%m-%d} on {os.cpu_count()} cores of {processor}, "
         f"load average {os.getloadavg()[0]:.1f} at the end; {platform.system()} {platform.machine()}, Python "
-        f"{platform.python_version()}, CasADi {ca.CasadiMeta.version()}, NumPy {np.__version__}."
+        f"{platform.python_version()}, CasADi {metadata.version('casadi')}, NumPy {np.__version__}."
     )

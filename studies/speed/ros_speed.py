@@ -21,10 +21,11 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from iptm.parts import ScenarioError, table_of
-from studies.speed.harness import run_benchmark
+from studies.speed.harness import run_benchmark, spread
 
-ROOT = Path(__file__).resolve().parents[1]
+from iptm.parts import ScenarioError, table_of
+
+ROOT = Path(__file__).resolve().parents[2]
 CASES: dict[str, tuple[str, ...]] = {
     "recorded": (),
     "not recorded": ("--no-record",),
@@ -148,11 +149,6 @@ def measure(
         row["times_real_time"] = row["trip_s"] / row["wall_s"]
         rows.append(row)
     return rows
-
-
-def spread(name: str, form: str, largest: str = "max") -> str:
-    """Return the format of a cell with median, 99th percentile and largest value."""
-    return " / ".join(f"{{{name}[{key}]:{form}}}" for key in ("median", "p99", largest))
 
 
 def as_table(rows: list[dict[str, Any]]) -> str:

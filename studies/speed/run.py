@@ -1,28 +1,29 @@
 """Speed of the shipped default: the closed loop without ROS, and where its time goes; then over ROS 2.
 
-Processor times equal wall times on a quiet machine. `--page 1` writes docs/solver-benchmarks.md.
+Processor times equal wall times on a quiet machine.
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from studies.session import Session
+from studies.speed.harness import machine_in_words, quantiles, spread
 
 from iptm.parts import (
+    DEFAULT_STRATEGY,
+    MULTI_HORIZON,
+    SINGLE_HORIZON,
     Controller,
     ControllerOptions,
-    DEFAULT_STRATEGY,
     Horizon,
-    MULTI_HORIZON,
     Plant,
-    SINGLE_HORIZON,
     SolveStatus,
     SwitchingCheck,
     V2xBridge,
@@ -32,10 +33,9 @@ from iptm.parts import (
     strategy_by_name,
     table_of,
 )
-from studies.speed import ros_speed
-from studies.speed.harness import machine_in_words, quantiles, run_benchmark
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "solver-benchmarks.md"
+MEASURES_TIME = True
+SHORT_S = 8.0
 CYCLES = ("wltc_class3b", "comprehensive")
 GRIDS = {
     str(MULTI_HORIZON): DEFAULT_STRATEGY,
@@ -75,7 +75,9 @@ def processor_clocks() -> Iterator[dict[str, list[float]]]:
             setattr(owner, method, originals[name])
 
 
-def headless(cycle: str, horizon: str, strategy: str, duration_s: float | None) -> dict[str, Any]:
+def headless(
+    cycle: str, horizon: str, strategy: str, duration_s: float | None = None
+) -> dict[str, Any]:
     """Drive a trip without ROS and time it."""
     parameters = load_parameters().values
     route = build_route(cycle, initial_gap_m=parameters.gap.initial_gap_m, duration_s=duration_s)
@@ -107,25 +109,27 @@ def headless(cycle: str, horizon: str, strategy: str, duration_s: float | None) 
     }
 
 
-def measure(
-    cycle: tuple[str, ...] = CYCLES, duration_s: float | None = None, ros: int = 1
-) -> dict[str, Any]:
-    """Measure all grids on each cycle, and a recorded run over ROS 2.
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this study."""
+    parser.add_argument("--without-ros", action="store_true", help="leave ROS 2 out")
 
-    Args:
-        cycle: driving cycle, repeatable.
-        duration_s: cut the trips, s.
-        ros: 0 leaves ROS 2 out.
-    """
-    return {
-        "headless": [
-            headless(name, grid, strategy, duration_s)
-            for name in cycle
-            for grid, strategy in GRIDS.items()
-        ],
-        "ros": ros_speed.measure(duration_s=duration_s) if ros else [],
-        "machine": machine_in_words(),
-    }
+
+def run(session: Session) -> bool:
+    """Run the study; returns True. Nothing is kept: times are those of a quiet machine."""
+    if session.short:
+        numbers = {"headless": [headless("nycc", "2x1+1x5", DEFAULT_STRATEGY, SHORT_S)], "ros": []}
+    else:
+        trips = [
+            headless(name, grid, strategy) for name in CYCLES for grid, strategy in GRIDS.items()
+        ]
+        numbers = {"headless": trips, "ros": []}
+        if not session.options.without_ros:
+            # Needs ROS 2, which the other part does without.
+            from studies.speed import ros_speed  # noqa: PLC0415
+
+            numbers["ros"] = ros_speed.measure()
+    session.fill(tables({**numbers, "machine": machine_in_words()}))
+    return True
 
 
 def tables(numbers: dict[str, Any]) -> dict[str, str]:
@@ -144,16 +148,15 @@ def tables(numbers: dict[str, Any]) -> dict[str, str]:
         "ticks:": "{ticks}",
         "processor s:": "{processor_s:.1f}",
         "share of solver / data and plan / plant / bridge / rest:": "{shares}",
-        "solve median / p99 / max ms:": ros_speed.spread("solve_ms", ".2f"),
-        "iterations median / p99 / max:": ros_speed.spread("iterations", ".0f"),
+        "solve median / p99 / max ms:": spread("solve_ms", ".2f"),
+        "iterations median / p99 / max:": spread("iterations", ".0f"),
         "not converged:": "{bad}",
         "fallback ticks:": "{fallback_ticks}",
     }
     parts = [numbers["machine"], table_of(rows, columns)]
     if numbers["ros"]:
+        # Needs ROS 2, which the other part does without.
+        from studies.speed import ros_speed  # noqa: PLC0415
+
         parts.append(ros_speed.as_table(numbers["ros"]))
     return {"speed": "\n\n".join(parts)}
-
-
-if __name__ == "__main__":
-    sys.exit(run_benchmark(measure, text_of=tables, page=PAGE))

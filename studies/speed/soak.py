@@ -1,6 +1,6 @@
 """A long trip over ROS 2 with random faults: memory of every process, and ticks lost without a report.
 
-    scripts/benchmark soak --ticks 100000
+    python -m studies.speed.soak --ticks 100000
 
 A driving cycle is repeated until there are ticks enough, in lock-step and recorded. Random faults of topics,
 clock, stamps, solver and processes come and go. Every process is measured while the trip lasts.
@@ -19,9 +19,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-from iptm.parts import Fault, FaultKind, FaultPlace, NS_PER_S, ScenarioError, in_order, load_cycle
 from studies.speed.harness import run_benchmark
+
+from iptm.parts import NS_PER_S, Fault, FaultKind, FaultPlace, ScenarioError, in_order, load_cycle
 from iptm.runner.drive import Drive, DriveOutcome
 from iptm.runner.environment import domain_of_run
 from iptm.runner.monitor import Snapshot

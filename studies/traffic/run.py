@@ -1,26 +1,26 @@
-"""Drives all scenarios in simulated traffic with all kinds of knowledge: the table of docs/traffic.md.
+"""Drives all scenarios in simulated traffic with all kinds of knowledge.
 
 Needs requirements/traffic.txt. The wall times are those of this machine, whatever else it does.
 """
 
 from __future__ import annotations
 
-import json
+import argparse
 import os
-import sys
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
+from studies.pages import STUDIES
+from studies.session import Session
+
 from iptm.parts import KM_H_PER_M_S, load_parameters, table_of
-from studies.speed.harness import run_benchmark
 from iptm_traffic.demand import DemandSettings, TrafficScenario
-from iptm_traffic.drive import PredictionInput, TrafficDrive, TrafficResult, drive_in_traffic
+from iptm_traffic.drive import PredictionInput, TrafficDrive, drive_in_traffic
 from iptm_traffic.own_network import OwnNetwork
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
-PAGE = DOCS / "traffic.md"
-_TOWN = DOCS / "examples" / "town"
+MEASURES_TIME = True
+SHORT_S = 60.0
+_TOWN = STUDIES.parent / "docs" / "examples" / "town"
 TOWN = OwnNetwork(_TOWN / "town.netccfg", (_TOWN / "town.rou.xml",), "round_trip")
 COLUMNS = {
     "scenario": "`{scenario}`",
@@ -44,8 +44,26 @@ COLUMNS = {
 }
 
 
-def row_of(result: TrafficResult, reference: TrafficResult) -> dict[str, Any]:
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this study."""
+    add = parser.add_argument
+    add("--duration-s", type=float, default=600.0, help="length of each trip, s (600)")
+    add("--seed", type=int, default=1, help="of the traffic (1)")
+    add(
+        "--scenario",
+        action="append",
+        help="only this one, or the example of an own network; repeatable",
+    )
+    add("--know", action="append", help="only with this knowledge; repeatable")
+
+
+def row_of(drive: TrafficDrive) -> dict[str, Any]:
     """Return the figures of one drive, compared with the reference strategy in the same traffic."""
+    parameters = load_parameters().values
+    reference = drive_in_traffic(
+        replace(drive, strategy="reference", knowledge=TrafficDrive.knowledge), parameters
+    )
+    result = drive_in_traffic(drive, parameters)
     run, other, world = result.metrics, reference.metrics, result.world
     return {
         "scenario": result.drive.title,
@@ -70,67 +88,38 @@ def row_of(result: TrafficResult, reference: TrafficResult) -> dict[str, Any]:
     }
 
 
-def measure(
-    duration_s: float = 600.0,
-    seed: int = 1,
-    scenario: tuple[str, ...] = (*map(str, TrafficScenario), TOWN.net.name),
-    know: tuple[str, ...] = tuple(map(str, PredictionInput)),
-    rows_of: tuple[str, ...] = (),
-) -> dict[str, Any]:
-    """Measure all drives.
-
-    Args:
-        duration_s: length of each, s.
-        seed: of the traffic.
-        scenario: only these, or the example of an own network; may be repeated.
-        know: only with this knowledge; may be repeated.
-        rows_of: no drives, but the rows of these --json files; may be repeated.
-    """
-    parameters = load_parameters().values
-    rows: list[dict[str, Any]] = []
-    load = os.getloadavg()[0]
-    for file in rows_of:
-        measured = json.loads(Path(file).read_text("utf-8"))
-        rows += measured["rows"]
-        load = max(load, measured["load"])
+def run(session: Session) -> bool:
+    """Run the study; returns whether everything was driven."""
+    options = session.options
+    scenarios = options.scenario or [*map(str, TrafficScenario), TOWN.net.name]
+    known = [PredictionInput(name) for name in options.know or map(str, PredictionInput)]
+    duration_s = SHORT_S if session.short else options.duration_s
+    if session.short:
+        scenarios, known = scenarios[:1], known[:1]
     drives = [
-        TrafficDrive(duration_s=duration_s, own=replace(TOWN, seed=seed))
+        TrafficDrive(duration_s=duration_s, own=replace(TOWN, seed=options.seed))
         if name == TOWN.net.name
         else TrafficDrive(
             TrafficScenario(name),
             duration_s=duration_s,
-            demand=DemandSettings(traffic_seed=seed),
+            demand=DemandSettings(traffic_seed=options.seed),
         )
-        for name in scenario
+        for name in scenarios
     ]
-    for drive in () if rows_of else drives:
-        reference = drive_in_traffic(replace(drive, strategy="reference"), parameters)
-        for knowledge in map(PredictionInput, know):
-            if drive.own is not None and knowledge is PredictionInput.PATH:
-                continue
-            result = drive_in_traffic(replace(drive, knowledge=knowledge), parameters)
-            rows.append(row_of(result, reference))
-            print(rows[-1], file=sys.stderr, flush=True)
-    return {
-        "duration_s": duration_s,
-        "seed": seed,
-        "load": max(load, os.getloadavg()[0]),
-        "rows": rows,
-    }
-
-
-def as_tables(numbers: dict[str, Any]) -> dict[str, str]:
-    """Return the tables of the own network and of the corridors, as far as they were driven."""
+    calls = [
+        {"drive": replace(drive, knowledge=knowledge)}
+        for drive in drives
+        for knowledge in known
+        if drive.own is None or knowledge is not PredictionInput.PATH
+    ]
+    names = [f"{call['drive'].title}, {call['drive'].knowledge}" for call in calls]
+    rows = [row for row in session.compute(row_of, calls, names) if row is not None]
     text = (
-        f"Trips of {numbers['duration_s']:g} s, seed {numbers['seed']}; {os.cpu_count()} processors, "
-        f"with other work on them (mean load {numbers['load']:.0f})."
+        f"Trips of {duration_s:g} s, seed {options.seed}; {os.cpu_count()} processors, "
+        f"with other work on them (mean load {os.getloadavg()[0]:.0f})."
     )
     parts: dict[str, list[dict[str, Any]]] = {}
-    for row in numbers["rows"]:
-        own = row["scenario"] == TOWN.net.name
-        parts.setdefault("town" if own else "drives", []).append(row)
-    return {name: f"{text}\n\n{table_of(rows, COLUMNS)}" for name, rows in parts.items()}
-
-
-if __name__ == "__main__":
-    sys.exit(run_benchmark(measure, text_of=as_tables, page=PAGE))
+    for row in rows:
+        parts.setdefault("town" if row["scenario"] == TOWN.net.name else "drives", []).append(row)
+    session.fill({name: f"{text}\n\n{table_of(part, COLUMNS)}" for name, part in parts.items()})
+    return not session.failures

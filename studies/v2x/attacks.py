@@ -8,7 +8,6 @@ of the leader; the vehicle without radio has an exact range sensor.
 
 from __future__ import annotations
 
-import sys
 import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -19,6 +18,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from iptm.parts import (
+    MULTI_HORIZON,
+    NS_PER_S,
+    STRATEGIES,
     BridgeAnswer,
     CamBridge,
     CamSender,
@@ -29,14 +31,11 @@ from iptm.parts import (
     Foresight,
     Framing,
     Impostor,
-    MULTI_HORIZON,
-    NS_PER_S,
     Plant,
     PreviewMode,
     PreviewSettings,
     RoadLine,
     Route,
-    STRATEGIES,
     SenderSettings,
     SimulatedRadio,
     TickBridge,
@@ -50,8 +49,6 @@ from iptm.parts import (
     run_closed_loop,
     table_of,
 )
-from studies.speed.harness import run_benchmark
-from studies.v2x.prediction import PAGE
 
 ROAD = RoadLine.test_road()
 PARAMETERS = load_parameters().values
@@ -354,7 +351,3 @@ COLUMNS = {
 def as_tables(numbers: dict[str, Any]) -> dict[str, str]:
     """Return both tables in Markdown."""
     return {name: table_of(numbers[name], columns) for name, columns in COLUMNS.items()}
-
-
-if __name__ == "__main__":
-    sys.exit(run_benchmark(measure, text_of=as_tables, page=PAGE))

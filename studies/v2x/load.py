@@ -36,8 +36,6 @@ from iptm.parts import (
     encode_mapem,
     its_timestamp_ms,
 )
-from studies.speed.harness import run_benchmark
-from studies.v2x.prediction import PAGE
 from iptm.runner.environment import environment_of_run, process_environment
 from iptm_ros.codecs import ns_from_time, time_from_s
 from iptm_ros.diagnostics import find_status, status_values
@@ -296,7 +294,3 @@ def as_text(numbers: dict[str, Any]) -> dict[str, str]:
             "were dropped while others were decoded."
         )
     }
-
-
-if __name__ == "__main__":
-    sys.exit(run_benchmark(measure, text_of=as_text, page=PAGE))

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from iptm.parts import (
+    KM_H_PER_M_S,
     BoundedByRules,
     CamSender,
     History,
-    KM_H_PER_M_S,
     LeaderMotion,
     LeaderTrack,
     LearntProfile,
@@ -34,7 +32,6 @@ from iptm.parts import (
     load_parameters,
     table_of,
 )
-from studies.speed.harness import run_benchmark
 from iptm_traffic.drive import PredictionInput, TrafficDrive, opened_traffic
 
 # The bounds of the predictors were read off udds, hwfet, us06 and sc03.
@@ -43,7 +40,6 @@ LEADS_S = (1.0, 2.0, 3.0, 5.0, 10.0, 20.0, 40.0, 60.0)
 LAST_SECOND_MS = range(-1000, 1, 100)
 BEFORE_MS = range(-11_000, -1000, 1000)
 """When messages were heard, against the present: once a second, and ten times in the last one."""
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "v2x.md"
 EARLIER_DRIVES = 5
 LIMITS_KM_H = (30.0, 50.0, 70.0, 100.0, 130.0)
 LIMIT_LENGTH_M = 500.0
@@ -241,7 +237,3 @@ def as_table(numbers: dict[str, Any]) -> dict[str, str]:
         text += f"\n\nIn simulated traffic with signals, {numbers['cars']} cars:\n\n"
         text += table_of(numbers["traffic_rows"], COLUMNS)
     return {"prediction": text}
-
-
-if __name__ == "__main__":
-    sys.exit(run_benchmark(measure, text_of=as_table, page=PAGE))

@@ -2,33 +2,32 @@
 
 Each row drives the whole trip without ROS; the messages are real bits that are sent, lost, delayed and read.
 The price is the difference in degradation between a leader that only an exact range sensor sees and one that
-is known from the file; what each predictor recovers of it is counted. Finished rows are kept in a file and
-not driven again.
+is known from the file; what each predictor recovers of it is counted.
 """
 
 from __future__ import annotations
 
-import json
-import sys
-import tempfile
-from functools import lru_cache
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from studies.measured_cycles import FASTEST_M_S, lead_cycles, write_drive
+from studies.v2x.prediction import EARLIER_DRIVES, other_drive
+from studies.validation.measurements import Driver
+from studies.validation.readers.folder import files_of, read_files
 
 from iptm.parts import (
+    GAIN_FACTOR,
+    GAP_TOLERANCE_M,
     CamBridge,
     CamSender,
     Controller,
     ControllerOptions,
     ControllerSettings,
     CycleSource,
-    FloatArray,
     Foresight,
-    GAIN_FACTOR,
-    GAP_TOLERANCE_M,
     History,
     Horizon,
     LearntProfile,
@@ -36,7 +35,6 @@ from iptm.parts import (
     Predictor,
     PreviewMode,
     PreviewSettings,
-    ROUTE_CYCLES,
     ReceivedPath,
     Regression,
     RegressionModel,
@@ -52,20 +50,16 @@ from iptm.parts import (
     gap_margins_m,
     load_parameters,
     markdown_table,
-    read_drives,
     run_closed_loop,
     strategy_by_name,
 )
-from studies.speed.harness import run_benchmark
-from studies.v2x.prediction import EARLIER_DRIVES, PAGE, other_drive
-from studies.measured_cycles import FASTEST_M_S, lead_cycles, write_drive
 
 FILE, SENSOR = "file", "range sensor only"
 DECAY, PATH = "decaying acceleration", "path prediction"
 EARLIER, REGRESSION = "earlier drives", "regression"
 LEADERS = (DECAY, PATH, EARLIER, REGRESSION)
 MEASURED = ("A11", "A23", "B24", "no_ACC__handling_part22_2")
-"""Lead vehicles of the excerpts of `iptm_validation` that no predictor was fitted to: three trips of an i3 on
+"""Lead vehicles of the excerpts of the validation that no predictor was fitted to: three trips of an i3 on
 public roads and one driver on a proving ground, of 600 s at most."""
 TRIPS = ("wltc_class3b", "us06", "nycc", *MEASURED)
 CELLS = (
@@ -100,21 +94,30 @@ def predictors_of(leader: str, route: Route) -> tuple[Predictor, ...]:
     return (History(),)
 
 
-@lru_cache(maxsize=1)
-def measured_cycles(data: str = "") -> dict[str, str]:
-    """Return measured lead vehicles as drive files, by name: those of the project, and trips of a folder."""
-    folder = Path(tempfile.mkdtemp(prefix="lead_vehicles_"))
-    found = lead_cycles(None, folder, lambda text: print(text, file=sys.stderr), count=1000)
+def measured_cycles(
+    folder: Path, report: Callable[[str], None], data: Path | None
+) -> dict[str, str]:
+    """Return measured lead vehicles as drive files, by name: those of the project, and trips of a folder.
+
+    Args:
+        folder: for the drive files.
+        report: takes one line per file of measurements that was left out.
+        data: folder of the data set, None for none.
+    """
+    found = lead_cycles(None, folder, report, count=1000)
+    drives = read_files(files_of(data), report).drives if data else ()
     trips = {
-        name: str(write_drive(folder / f"fit_{name}.csv", 1.0, np.minimum(speeds, FASTEST_M_S)))
-        for name, speeds in _beginnings(data).items()
+        one.name: np.minimum(one.speed_m_s[: int(FIT_S)], FASTEST_M_S)
+        for one in drives
+        if one.driver is Driver.ROAD and one.step_s == 1.0 and np.isfinite(one.speed_m_s).all()
     }
-    return trips | {Path(path).stem: path for path in found}
-
-
-def _beginnings(data: str) -> dict[str, FloatArray]:
-    drives = read_drives([data]) if data else {}
-    return {name: speeds[: int(FIT_S)] for name, speeds in drives.items()}
+    return {
+        **{
+            name: str(write_drive(folder / f"fit_{name}.csv", 1.0, speeds))
+            for name, speeds in trips.items()
+        },
+        **{Path(path).stem: path for path in found},
+    }
 
 
 def drive(
@@ -125,12 +128,13 @@ def drive(
     delay_s: float = 0.0,
     duration_s: float | None = None,
     seed: int = 1,
-    data: str = "",
+    file: str = "",
 ) -> dict[str, Any]:
-    """Drive one trip and return its figures."""
+    """Drive one trip and return its figures; ``file`` is the drive of a cycle that is not shipped."""
     parameters = load_parameters().values
-    name = cycle if cycle in ROUTE_CYCLES else measured_cycles(data).get(cycle, cycle)
-    route = build_route(name, initial_gap_m=parameters.gap.initial_gap_m, duration_s=duration_s)
+    route = build_route(
+        file or cycle, initial_gap_m=parameters.gap.initial_gap_m, duration_s=duration_s
+    )
     chosen = ControllerSettings()
     options = ControllerOptions(
         strategy=strategy_by_name(chosen.strategy),
@@ -170,54 +174,25 @@ def drive(
     }
 
 
-def measure(
-    cycle: tuple[str, ...] = TRIPS,
-    leader: tuple[str, ...] = LEADERS,
-    duration_s: float = 0.0,
-    seed: int = 1,
-    cells: int = len(CELLS),
-    rows: str = "",
-    finished: int = 0,
-    data: str = "",
-) -> list[dict[str, Any]]:
-    """Measure all cases.
+def cases_of(
+    cycles: Sequence[str], leaders: Sequence[str] = LEADERS, cells: int = len(CELLS)
+) -> list[tuple[Any, ...]]:
+    """Return what is driven, in the order of `KEY`: the first ``cells`` pairs of accuracy and link."""
+    cases = [(trip, known, 0.0, 0.0, 0.0) for known in (FILE, SENSOR) for trip in cycles]
+    return cases + [
+        (trip, who, *cell) for cell in CELLS[:cells] for who in leaders for trip in cycles
+    ]
 
-    Args:
-        cycle: trip of the leader, a driving cycle or a measured lead vehicle; may be repeated.
-        leader: how it is predicted, in addition to file and range sensor; may be repeated.
-        duration_s: length of the trips, s; 0 for all of them.
-        seed: of loss.
-        cells: how many of the pairs of accuracy and link, the most usual ones first.
-        rows: file of finished rows, which are not driven again.
-        finished: 1 drives nothing and takes the finished rows only.
-        data: folder of the data set, for its trips by name (as of `scripts/validate --data`).
-    """
-    cases = [(trip, known, 0.0, 0.0, 0.0) for known in (FILE, SENSOR) for trip in cycle]
-    cases += [(trip, who, *cell) for cell in CELLS[:cells] for who in leader for trip in cycle]
-    store = Path(rows) if rows else None
-    found: dict[tuple[Any, ...], dict[str, Any]] = {}
-    for line in store.read_text("utf-8").splitlines() if store and store.exists() else ():
-        row = json.loads(line)
-        if (row["for_s"], row["seed"]) == (duration_s, seed):
-            found[tuple(row[name] for name in KEY)] = row
-    if finished:
-        cases = [case for case in cases if case in found]
-    for case in (case for case in cases if case not in found):
-        row = drive(*case, duration_s or None, seed, data) | {"for_s": duration_s, "seed": seed}
-        found[case] = row
-        print(json.dumps(row), file=sys.stderr, flush=True)
-        if store is not None:
-            with store.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(row) + "\n")
-    for case in cases:
-        row, exact, plain = (
-            found[case if known is None else (case[0], known, 0.0, 0.0, 0.0)]
-            for known in (None, FILE, SENSOR)
-        )
+
+def with_prices(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Add the price of not knowing to rows: ``degradation_change`` and ``recovered_percent``."""
+    found = {tuple(row[name] for name in KEY): row for row in rows}
+    for case, row in found.items():
+        exact, plain = (found[case[0], known, 0.0, 0.0, 0.0] for known in (FILE, SENSOR))
         ageing, least, most = (each["degradation_1e7"] for each in (row, exact, plain))
         row["degradation_change"] = 100.0 * (ageing / least - 1.0)
         row["recovered_percent"] = 100.0 * (most - ageing) / (most - least)
-    return [found[case] for case in cases]
+    return list(rows)
 
 
 def as_table(rows: list[dict[str, Any]]) -> dict[str, str]:
@@ -253,7 +228,3 @@ def as_table(rows: list[dict[str, Any]]) -> dict[str, str]:
 def _places(names: pd.Series[str]) -> pd.Series[int]:
     """Return the place of each name among those that came before it."""
     return names.map({name: place for place, name in enumerate(names.unique())})
-
-
-if __name__ == "__main__":
-    sys.exit(run_benchmark(measure, text_of=as_table, page=PAGE))

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from iptm.faults.fault import Fault
-from iptm.faults.kinds import FaultKind
 from iptm.runner.fault_table.catalogue import DriveMode, Entry, Trial
 from iptm.runner.fault_table.driving import DrivenTrial, drive_headless, drive_over_ros
 from iptm.runner.fault_table.judge import judge_trial
+
+from iptm.faults.fault import Fault
+from iptm.faults.kinds import FaultKind
 from iptm_core.parameters import load_parameters
 from iptm_core.trajectory import TRAJECTORY_COLUMNS
 from iptm_ros.process import StopRequest

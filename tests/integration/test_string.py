@@ -113,8 +113,7 @@ def test_a_string_is_that_of_the_loop_without_ros_and_can_be_watched(
         assert frames == {f"{name}/leader"}
         for topic in (Topic.CLOCK, Topic.PLANT_STATE, Topic.LEADER, Topic.PLAN, Topic.COMMAND):
             assert counts[f"/{name}/{TOPICS[topic].name}"] == TICKS + 1, topic
-    page = (output / "string.md").read_text(encoding="utf-8")
-    assert f"| car_{vehicles} |" in page
+    assert (output / "string.png").is_file()
     assert (output / "string.png").is_file()
 
 

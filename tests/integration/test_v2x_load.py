@@ -1,9 +1,9 @@
-"""A crowd of cars by radio in real time, in small; `scripts/benchmark v2x_load` has two thousand a second."""
+"""A crowd of cars by radio in real time; `scripts/study v2x --only load` has 2000 messages a second."""
 
 from __future__ import annotations
 
 import pytest
-from benchmarks.v2x_load import measure
+from studies.v2x.load import measure
 
 
 def test_nothing_that_a_crowd_sends_is_lost() -> None:

@@ -15,11 +15,7 @@ import pytest
 from tests.iptm.called import crash, note_and_square, noted
 
 import iptm
-<<<<<<<< HEAD:tests/iptm/test_call_cache.py
 from iptm.call_cache import DIED, cached_calls
-========
-from iptm.call_cache import DIED, cached_calls
->>>>>>>> e26dccb1 (wip):tests/iptm/test_parallel.py
 from iptm.call_keys import call_key
 from iptm_core.errors import ParameterError
 

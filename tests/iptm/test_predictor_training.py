@@ -11,7 +11,6 @@ from iptm.predictor_training import (
     LEADS_S,
     evaluate,
     main,
-    read_drives,
     samples_of,
     train,
 )

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from benchmarks.aging_oracle import PROFILES, YEARS, Profile
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.iptm_core.blast_lite import PROFILES, YEARS, Profile
 
 from iptm_core.aging_laws.cells import (
     AGING_CELLS,

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.iptm.studies.test_life import trip
-
 from iptm.studies.life.losses import SERVICE_YEARS, losses_by_cause
 from iptm.studies.life.trips import NO_COOLING
 from iptm.studies.life.usage import CLIMATES, MONTH_DAYS, USAGES, Climate
 from iptm.studies.life.year import Activity, Year, year_of
+from tests.iptm.studies.test_life import trip
+
 from iptm_core.aging_laws.cells import LAWS
 from iptm_core.aging_laws.parking import AgingSettings, ParkedAging
 from iptm_core.parameters import load_parameters

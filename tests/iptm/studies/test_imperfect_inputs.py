@@ -6,10 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import pytest
+from iptm.studies.drives import spec_of
 
 from iptm.faults.fault import WHOLE_TRIP_S, Fault
 from iptm.faults.kinds import FaultKind
-from iptm.studies.drives import spec_of
 from iptm.studies.run import Run, perform_run
 from iptm.studies.study import planned_run
 

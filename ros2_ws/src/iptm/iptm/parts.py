@@ -1,24 +1,35 @@
 """Parts of the suite that studies are made of, in one place: models, vehicle, controller, radio and judges.
 
-Studies, and tools of your own that go beyond `iptm.simulate`, import from here and need not know the packages.
+Studies, and tools of your own that go beyond `iptm.simulate`, import from here.
 """
 
-from iptm.bounds import BoolArray, avoidable_collisions, avoidably_below_s_min, below_s_min, episodes, fully_cooled_k, gaps_when_braking, seen_from
+from iptm.bounds import (
+    BoolArray,
+    avoidable_collisions,
+    avoidably_below_s_min,
+    below_s_min,
+    episodes,
+    fully_cooled_k,
+    gaps_when_braking,
+    seen_from,
+)
+from iptm.closed_loop import ClosedLoopRun, run_closed_loop
 from iptm.emergency_stop import braking_leads, emergency_stops
-from iptm.faults.fault import Fault, WHOLE_TRIP_S, at_places, faults_from, in_order
+from iptm.faults.fault import WHOLE_TRIP_S, Fault, at_places, faults_from, in_order
 from iptm.faults.kinds import FaultKind, FaultPlace
-from iptm.faults.signals import Traffic
 from iptm.inputs import run_inputs
-from iptm.predictor_training import evaluate, held_out, predicted_distance_m, quantile_regression, read_drives, train
-from iptm.studies.closed_loop import ClosedLoopRun, run_closed_loop
-from iptm.studies.run import CONTROLLER, Report, VEHICLE, WEAK_BRAKES, perform_run
+from iptm.predictor_training import (
+    evaluate,
+    held_out,
+    predicted_distance_m,
+    quantile_regression,
+    train,
+)
+from iptm.studies.run import CONTROLLER, VEHICLE, WEAK_BRAKES, Report
+from iptm.vehicle_string import run_string
 from iptm_controller.controller import Controller
-from iptm_controller.decision import Decision
-from iptm_controller.horizon import Horizon, MULTI_HORIZON, SINGLE_HORIZON
+from iptm_controller.horizon import MULTI_HORIZON, SINGLE_HORIZON, Horizon
 from iptm_controller.measurements import Measurements
-from iptm_controller.node_parameters import ControllerNodeParameters
-from iptm_controller.node_reports import is_about_limits, situation
-from iptm_controller.node_watch import OperatorWatch
 from iptm_controller.options import ControllerOptions
 from iptm_controller.production import ProductionLikeController, ProductionSettings
 from iptm_controller.settings import ControllerSettings
@@ -26,32 +37,79 @@ from iptm_controller.solvers.factory import SolverOptions
 from iptm_controller.solvers.switching_check import SwitchingCheck
 from iptm_controller.strategy import DEFAULT_STRATEGY, STRATEGIES, strategy_by_name
 from iptm_controller.temperature_value import mixing_weights
-from iptm_core.aging_laws.cells import AGING_CELLS, AgingCell, Experiments, LAWS, outside_experiments
-from iptm_core.aging_laws.law import AgingLaw, Load, Mechanism, MechanismLaw, SECONDS_PER_DAY, paper_law
+from iptm_core.aging_laws.cells import (
+    AGING_CELLS,
+    LAWS,
+    AgingCell,
+    Experiments,
+    outside_experiments,
+)
+from iptm_core.aging_laws.law import (
+    SECONDS_PER_DAY,
+    AgingLaw,
+    Load,
+    Mechanism,
+    MechanismLaw,
+    paper_law,
+)
 from iptm_core.aging_laws.parking import AgingSettings, ParkedAging
-from iptm_core.charging_stop import ChargingStopSettings, FastCharge, LIMIT_1_H, LIMIT_C, TAPER_CHARGE, TAPER_SHARE, fast_charge
+from iptm_core.charging_stop import (
+    LIMIT_1_H,
+    LIMIT_C,
+    TAPER_CHARGE,
+    TAPER_SHARE,
+    ChargingStopSettings,
+    FastCharge,
+    fast_charge,
+)
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.declaration import TextEnum, parameter_specs
-from iptm_core.errors import IptmError, MeasurementError, ParameterError, ScenarioError, StateError, StoreError
+from iptm_core.errors import IptmError, MeasurementError, ParameterError, ScenarioError, StoreError
 from iptm_core.markdown import NO_VALUE, markdown_table, render_page, table_of
-from iptm_core.metrics import RunMetrics, at_equal_end, cold_compressor_energies_j, compute_metrics, figure_values, gap_margins_m
+from iptm_core.metrics import (
+    RunMetrics,
+    at_equal_end,
+    cold_compressor_energies_j,
+    compute_metrics,
+    figure_values,
+    gap_margins_m,
+)
 from iptm_core.metrics.constraints import GAP_TOLERANCE_M, check_constraints
 from iptm_core.parameters import DEFAULT_SET, available_parameter_sets, load_parameters
 from iptm_core.parameters.flat import field_specs
-from iptm_core.parameters.model import BodyParameters, CELSIUS_ZERO_K, KM_H_PER_M_S, ModelParameters, PowertrainParameters, RegenerationParameters
+from iptm_core.parameters.model import (
+    CELSIUS_ZERO_K,
+    KM_H_PER_M_S,
+    BodyParameters,
+    ModelParameters,
+    PowertrainParameters,
+    RegenerationParameters,
+)
 from iptm_core.parameters.strict_yaml import read_yaml
 from iptm_core.physics.cell import cell_resistance_ohm
-from iptm_core.physics.charge import ChargeTable, ChargeTransfer, ResistanceLaw, ambient_temperature_rate_k_s
-from iptm_core.physics.traction import coast_down_force_n, drag_loss_w, motor_torque_nm, regenerative_torque_nm, traction_force_n, traction_power_w, warm_up_force_n
-from iptm_core.program import EXIT_SIGNAL, refused
-from iptm_core.provenance import git_revision
+from iptm_core.physics.charge import (
+    ChargeTable,
+    ChargeTransfer,
+    ResistanceLaw,
+    ambient_temperature_rate_k_s,
+)
+from iptm_core.physics.traction import (
+    coast_down_force_n,
+    drag_loss_w,
+    motor_torque_nm,
+    regenerative_torque_nm,
+    traction_force_n,
+    traction_power_w,
+    warm_up_force_n,
+)
+from iptm_core.program import refused
 from iptm_core.road_ahead import SpeedLimits
-from iptm_core.routes import ROUTE_CYCLES, Route, build_route
+from iptm_core.routes import Route, build_route
 from iptm_core.routes.cycles import CYCLE_NAMES, LeaderMotion, load_cycle
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.routes.user_csv import read_user_trip
-from iptm_core.settings import LeaderSource, LoopMode, PreviewMode, PreviewSettings
-from iptm_core.state import Command, FloatArray, LeaderPreview, LeaderState, NS_PER_S, VehicleState
+from iptm_core.settings import LeaderSource, PreviewMode, PreviewSettings
+from iptm_core.state import NS_PER_S, Command, FloatArray, LeaderPreview, LeaderState, VehicleState
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_core.user_input import StrictMapping, check_known, number, whole_number
 from iptm_plant_sim.plant import Plant
@@ -75,6 +133,30 @@ from iptm_v2x_bridge.stations.station import Station
 
 __all__ = [
     "AGING_CELLS",
+    "CELSIUS_ZERO_K",
+    "CONTROLLER",
+    "CYCLE_NAMES",
+    "DEFAULT_SET",
+    "DEFAULT_STRATEGY",
+    "GAIN_FACTOR",
+    "GAP_TOLERANCE_M",
+    "KM_H_PER_M_S",
+    "LAWS",
+    "LIMIT_1_H",
+    "LIMIT_C",
+    "MULTI_HORIZON",
+    "NO_VALUE",
+    "NS_PER_S",
+    "OF_THE_CYCLE",
+    "SECONDS_PER_DAY",
+    "SINGLE_HORIZON",
+    "STRATEGIES",
+    "TAPER_CHARGE",
+    "TAPER_SHARE",
+    "TRAJECTORY_COLUMNS",
+    "VEHICLE",
+    "WEAK_BRAKES",
+    "WHOLE_TRIP_S",
     "AgingCell",
     "AgingLaw",
     "AgingSettings",
@@ -82,9 +164,6 @@ __all__ = [
     "BoolArray",
     "BoundedByRules",
     "BridgeAnswer",
-    "CELSIUS_ZERO_K",
-    "CONTROLLER",
-    "CYCLE_NAMES",
     "CamBridge",
     "CamSender",
     "ChargeTable",
@@ -93,14 +172,9 @@ __all__ = [
     "ClosedLoopRun",
     "Command",
     "Controller",
-    "ControllerNodeParameters",
     "ControllerOptions",
     "ControllerSettings",
     "CycleSource",
-    "DEFAULT_SET",
-    "DEFAULT_STRATEGY",
-    "Decision",
-    "EXIT_SIGNAL",
     "Experiments",
     "FastCharge",
     "Fault",
@@ -109,17 +183,11 @@ __all__ = [
     "FloatArray",
     "Foresight",
     "Framing",
-    "GAIN_FACTOR",
-    "GAP_TOLERANCE_M",
     "History",
     "Horizon",
     "Impostor",
     "IntersectionMap",
     "IptmError",
-    "KM_H_PER_M_S",
-    "LAWS",
-    "LIMIT_1_H",
-    "LIMIT_C",
     "Lane",
     "LeaderMotion",
     "LeaderPreview",
@@ -128,17 +196,11 @@ __all__ = [
     "LeaderTrack",
     "LearntProfile",
     "Load",
-    "LoopMode",
-    "MULTI_HORIZON",
     "MeasurementError",
     "Measurements",
     "Mechanism",
     "MechanismLaw",
     "ModelParameters",
-    "NO_VALUE",
-    "NS_PER_S",
-    "OF_THE_CYCLE",
-    "OperatorWatch",
     "ParameterError",
     "ParkedAging",
     "Plant",
@@ -149,7 +211,6 @@ __all__ = [
     "PreviewSettings",
     "ProductionLikeController",
     "ProductionSettings",
-    "ROUTE_CYCLES",
     "ReceivedPath",
     "RegenerationParameters",
     "Regression",
@@ -162,32 +223,21 @@ __all__ = [
     "Route",
     "RunMetrics",
     "Rung",
-    "SECONDS_PER_DAY",
-    "SINGLE_HORIZON",
-    "STRATEGIES",
     "ScenarioError",
     "SenderSettings",
     "SimulatedRadio",
     "SolveStatus",
     "SolverOptions",
     "SpeedLimits",
-    "StateError",
     "Station",
     "StoreError",
     "StrictMapping",
     "SwitchingCheck",
-    "TAPER_CHARGE",
-    "TAPER_SHARE",
-    "TRAJECTORY_COLUMNS",
     "TextEnum",
     "TickBridge",
-    "Traffic",
     "Trajectory",
     "V2xBridge",
-    "VEHICLE",
     "VehicleState",
-    "WEAK_BRAKES",
-    "WHOLE_TRIP_S",
     "ambient_temperature_rate_k_s",
     "at_equal_end",
     "at_places",
@@ -220,11 +270,9 @@ __all__ = [
     "fully_cooled_k",
     "gap_margins_m",
     "gaps_when_braking",
-    "git_revision",
     "given_rules",
     "held_out",
     "in_order",
-    "is_about_limits",
     "its_timestamp_ms",
     "leader_track",
     "load_cycle",
@@ -236,10 +284,8 @@ __all__ = [
     "outside_experiments",
     "paper_law",
     "parameter_specs",
-    "perform_run",
     "predicted_distance_m",
     "quantile_regression",
-    "read_drives",
     "read_user_trip",
     "read_yaml",
     "refused",
@@ -247,8 +293,8 @@ __all__ = [
     "render_page",
     "run_closed_loop",
     "run_inputs",
+    "run_string",
     "seen_from",
-    "situation",
     "strategy_by_name",
     "table_of",
     "traction_force_n",

@@ -22,6 +22,18 @@ if TYPE_CHECKING:
     from iptm.picture import Picture
 
 
+@dataclass(frozen=True)
+class Report:
+    """What controller or vehicle (``source``) reported from a trip time on, until it reported something else.
+
+    The text is the reason of a decision, or what the vehicle did of its own accord; empty where all is well.
+    """
+
+    time_s: float
+    source: str
+    text: str
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Run:
     """A finished run.
@@ -33,6 +45,7 @@ class Run:
         trajectory: what happened, one row per tick.
         decisions: how the controller came to its commands; no rows for a controller without solver.
         slope: slope of the road, None where it is not known.
+        reports: what controller and vehicle reported while it was driven without ROS, on every change.
     """
 
     name: str
@@ -41,6 +54,7 @@ class Run:
     trajectory: Trajectory
     decisions: DecisionSeries
     slope: SlopeProfile | None = None
+    reports: tuple[Report, ...] = ()
 
     @cached_property
     def metrics(self) -> RunMetrics:

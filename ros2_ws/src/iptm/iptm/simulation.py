@@ -120,6 +120,7 @@ def run_of_study(done: StudyRun, slope: SlopeProfile | None = None) -> Run:
         trajectory=done.trajectory,
         decisions=done.decisions or DecisionSeries.from_records([], []),
         slope=slope,
+        reports=done.reports,
     )
 
 

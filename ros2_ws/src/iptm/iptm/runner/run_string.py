@@ -6,10 +6,10 @@ import argparse
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
+from rich.table import Table
 
 from iptm.bags import load
 from iptm.run import Run
@@ -19,14 +19,15 @@ from iptm.runner.run_closed_loop import chosen_scenario, parsed_options
 from iptm.runner.run_folder import LOGS, RunFolder
 from iptm.runner.runner import EXIT_RUN_FAILED
 from iptm.runner.scenario import Scenario
-from iptm.runner.string_page import report_string
 from iptm.runner.string_run import complaint, drive_string, results_in
 from iptm.runner.tables import TABLES_WIDTH
 from iptm.runner.viewer import live_view
+from iptm.string_report import save_string_picture, string_parts
 from iptm.vehicle_string import run_string
-from iptm_controller.horizon import SINGLE_HORIZON, Horizon
+from iptm_controller.horizon import SINGLE_HORIZON
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.errors import IptmError, ScenarioError
+from iptm_core.markdown import cells_of
 from iptm_core.program import EXIT_OK, EXIT_SIGNAL, EXIT_USER_ERROR, print_error, refused
 from iptm_core.settings import VEHICLE_LENGTH_M, PreviewSettings
 from iptm_core.vehicle_string import (
@@ -38,11 +39,11 @@ from iptm_core.vehicle_string import (
 from iptm_ros.process import StopRequest
 
 PROGRAM = "run_string"
-PAGE = "string.md"
+PICTURE = "string.png"
 _DESCRIPTION = """\
 Drives a string of vehicles in lock-step, each with its own nodes, clock, frames and bag: car_1 follows the
 driving cycle, every other vehicle follows the one before, whose plan of a tick is the preview of that tick.
-Ends with a table and with a page (string.md) and picture next to the bags.
+Ends with tables, and with a picture next to the bags.
 """
 _EPILOG = """\
 All other arguments are those of scripts/run_demo (see its --help) and hold for every vehicle, for example
@@ -85,20 +86,6 @@ def build_parser() -> argparse.ArgumentParser:
         default=NO_COMPARISON,
         help="drive a string of vehicles with this strategy, too, without ROS, and compare place by place "
         "(default: %(default)s; of scripts/run_string: reference)",
-    )
-    parser.add_argument(
-        "--late",
-        type=float,
-        nargs="+",
-        default=[],
-        metavar="SECONDS",
-        help="drive the string without ROS, too, with plans that arrive so late",
-    )
-    parser.add_argument(
-        "--page",
-        type=Path,
-        metavar="FILE",
-        help=f"write the page here, its picture next to it (default: {PAGE} in the output folder)",
     )
     parser.add_argument(
         "--view",
@@ -154,9 +141,16 @@ def _run(parsed: argparse.Namespace, rest: list[str], console: Console) -> int:
             runs = [load(bag, namespace) for namespace, bag in bags.items()]
             wall_time_s = max(float(each["wall_time_s"]) for each in results)
             with console.status("driving the strings to compare with ..."):
-                others, late = _headless_strings(scenario, count, length_m, parsed)
-            report_string(
-                scenario, runs, others, late, wall_time_s, parsed.page or output / PAGE, console
+                others = _headless_string(scenario, count, length_m, parsed.against)
+            save_string_picture(output / PICTURE, runs)
+            for part in string_parts(runs, others):
+                table = Table(*(head.removesuffix(":") for head in part.columns))
+                for cells in cells_of(part.rows, part.columns):
+                    table.add_row(*cells)
+                console.print(table)
+            pace = scenario.trip.duration_s / wall_time_s
+            console.print(
+                f"{count} vehicles, {wall_time_s:.1f} s: {pace:.1f} × real time", highlight=False
             )
             console.print(str(output), highlight=False, soft_wrap=True)
         else:
@@ -184,29 +178,19 @@ def _scenario(rest: list[str]) -> Scenario:
     return scenario
 
 
-def _headless_strings(
-    scenario: Scenario, count: int, length_m: float, parsed: argparse.Namespace
-) -> tuple[list[Run], dict[float, list[Run]]]:
-    """Drive the strings to compare with: of another strategy, and with plans that arrive late."""
-
-    def driven(strategy: str, horizon: Horizon, latency_s: float) -> list[Run]:
-        preview = replace(PreviewSettings.of(scenario), latency_s=latency_s)
-        string = run_string(
-            scenario.trip,
-            count,
-            plant_for(scenario),
-            lambda: controller_for(scenario, strategy, horizon),
-            preview,
-            length_m,
-        )
-        return [headless_run(scenario, strategy, each) for each in string]
-
-    is_compared = parsed.against != NO_COMPARISON
-    own = scenario.strategy, Horizon.parse(scenario.horizon)
-    return (
-        driven(parsed.against, SINGLE_HORIZON, scenario.latency_s) if is_compared else [],
-        {late_s: driven(*own, late_s) for late_s in parsed.late},
+def _headless_string(scenario: Scenario, count: int, length_m: float, strategy: str) -> list[Run]:
+    """Drive the string of another strategy to compare with; empty for none."""
+    if strategy == NO_COMPARISON:
+        return []
+    string = run_string(
+        scenario.trip,
+        count,
+        plant_for(scenario),
+        lambda: controller_for(scenario, strategy, SINGLE_HORIZON),
+        PreviewSettings.of(scenario),
+        length_m,
     )
+    return [headless_run(scenario, strategy, each) for each in string]
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ AGING_SAVED = "driving aging"
 PPM = 1e6
 OWN_AGING = "both cells, as your plant reports it"
 PAPER_AGING = (
-    "both cells: cyclic aging by the paper's law while driving, not calendar aging (docs/life.md)"
+    "both cells: cyclic aging by the paper's law while driving, not calendar aging (studies/life)"
 )
 EQUAL_TEMPERATURE_K = 0.1
 EQUAL_SPEED_M_S = 0.1

@@ -18,6 +18,7 @@ from iptm.closed_loop import TickController, run_closed_loop
 from iptm.faults.injection import FaultInjection
 from iptm.faults.solver import FaultyController
 from iptm.faults.vehicle import FaultyPlant
+from iptm.run import Report
 from iptm.studies.run_spec import RunKind, RunSpec
 from iptm.studies.study import Case
 from iptm.whole_trip import WholeTripRecord, solve_whole_trip
@@ -47,18 +48,6 @@ NOTICED_SHARE = 0.95
 WEAK_BRAKES = "brakes deliver"
 
 _REPORTED_LIBRARIES = ("casadi", "numpy", "pyarrow")
-
-
-@dataclass(frozen=True)
-class Report:
-    """What `CONTROLLER` or `VEHICLE` reported from a trip time on, until it reported something else.
-
-    The text is the reason of a decision, or what the vehicle did of its own accord; empty where all is well.
-    """
-
-    time_s: float
-    source: str
-    text: str
 
 
 @dataclass(frozen=True, eq=False)

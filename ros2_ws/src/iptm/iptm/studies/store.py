@@ -22,7 +22,8 @@ from typing import Any, TypeVar
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from iptm.studies.run import Report, Run
+from iptm.run import Report
+from iptm.studies.run import Run
 from iptm.studies.run_spec import RunSpec, canonical_json
 from iptm.studies.study import KEY_LENGTH
 from iptm_core.decision_record import DECISION_COLUMNS, DecisionSeries

@@ -1,0 +1,299 @@
+"""Trials driven without ROS and over it, and what was observed, in the same form."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import accumulate
+from pathlib import Path
+
+from iptm.faults.fault import Fault, in_order
+from iptm.faults.kinds import FaultPlace
+from iptm.faults.signals import Traffic
+from iptm.run import Run
+from iptm.runner.drive import Drive, DriveResult
+from iptm.runner.environment import domain_of_run
+from iptm.runner.monitor import heard_by_stamp
+from iptm.runner.progress import Progress
+from iptm.runner.run_folder import RunFolder
+from iptm.runner.runner import RunOptions, drive_processes
+from iptm.runner.scenario import AUTOMATIC_DOMAIN, Scenario, prepare
+from iptm.runner.scenario_files import scenario_text
+from iptm.simulation import run_of_study
+from iptm.studies.run import perform_run
+from iptm.studies.study import Case
+from iptm_controller.decision import Decision
+from iptm_controller.measurements import Measurements
+from iptm_controller.node_parameters import ControllerNodeParameters
+from iptm_controller.node_reports import is_about_limits, situation
+from iptm_controller.node_watch import OperatorWatch
+from iptm_core.declaration import TextEnum
+from iptm_core.settings import LoopMode
+from iptm_core.state import NS_PER_S
+from iptm_ros.assembly import assemble_decisions, assemble_run, split_trips
+from iptm_ros.codecs import (
+    decode_observation,
+    encode_leader,
+    s_from_ns,
+    stamp_ns_of,
+)
+from iptm_ros.diagnostics import Level
+from iptm_ros.process import StopRequest
+from iptm_ros.stamp_matcher import LEAST_REACH_NS
+from iptm_ros.topics import CONTROLLER, PLANT, TICK_TOPICS, Topic
+
+__all__ = [
+    "INPUT_TIMEOUT_S",
+    "NO_REPORT",
+    "REAL_TIME_RATE",
+    "DriveMode",
+    "DrivenTrial",
+    "Interval",
+    "Level",
+    "StatusReport",
+    "Trial",
+    "TripTime",
+    "drive_headless",
+    "drive_over_ros",
+    "scenario_of",
+]
+REAL_TIME_RATE = 10.0
+"""Trip seconds per wall-clock second in real-time mode."""
+
+
+class DriveMode(TextEnum):
+    """How a trip is driven."""
+
+    HEADLESS = "headless"
+    LOCK_STEP = "lock_step"
+    REAL_TIME = "real_time"
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A trip with faults in sequence.
+
+    Attributes:
+        mode: how it is driven.
+        placed: faults in the order of their beginning.
+        inputs: trip and vehicle; without the faults where it is driven over ROS 2.
+    """
+
+    mode: DriveMode
+    placed: tuple[Fault, ...]
+    inputs: Case
+
+    @property
+    def cycle(self) -> str:
+        """What the leader drives."""
+        return self.inputs.spec.cycle
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """All faults of the trial."""
+        return in_order(self.placed)
+
+    @property
+    def name(self) -> str:
+        """Name for files and progress: mode, cycle, the first fault and the number of others."""
+        if not self.placed:
+            return f"{self.mode}_{self.cycle}"
+        first, others = self.placed[0], len(self.placed) - 1
+        parts = [self.mode, self.cycle, first.kind, first.target, f"and_{others}" if others else ""]
+        return "_".join(str(part) for part in parts if part)
+
+
+INPUT_TIMEOUT_S = {DriveMode.LOCK_STEP: 0.3, DriveMode.REAL_TIME: 0.05}
+"""Wall time for which the controller waits for missing inputs; half a tick in real time."""
+_SEVERITY = {Level.OK: 0, Level.WARN: 1, Level.ERROR: 2, Level.STALE: 2}
+
+Interval = tuple[float, float]
+"""Start and end in trip time."""
+
+
+@dataclass(frozen=True)
+class StatusReport:
+    """Status of a node on the diagnostics, valid from a trip time until its next report."""
+
+    time_s: float
+    node: str
+    level: Level
+    reason: str
+
+    @property
+    def is_of_plant(self) -> bool:
+        """Whether it is the status of the plant."""
+        return self.node == PLANT
+
+    @property
+    def is_calm(self) -> bool:
+        """Whether the status is OK, or only reports limits that the trip still violates."""
+        return self.level is Level.OK or (self.level is Level.WARN and is_about_limits(self.reason))
+
+
+NO_REPORT = StatusReport(0.0, "", Level.OK, "")
+
+
+@dataclass(frozen=True, eq=False)
+class DrivenTrial:
+    """What was observed of a trial.
+
+    Attributes:
+        trial: what was to be driven.
+        run: what was driven, with the effective leader.
+        reports: status reports in order.
+        intervals: of each fault in the order of the trial, None if not reached; process faults do not keep
+            to trip time.
+        ended: why the trial ended early, empty if it did not.
+    """
+
+    trial: Trial
+    run: Run
+    reports: Sequence[StatusReport]
+    intervals: Sequence[Interval | None]
+    ended: str = ""
+
+    def worst(self) -> list[StatusReport]:
+        """Return the worst status of all nodes at every row, OK before the first report."""
+        times_s = self.run.trajectory.time_s.tolist()
+        rows = [NO_REPORT] * len(times_s)
+        for node in sorted({report.node for report in self.reports}):
+            own = [report for report in self.reports if report.node == node]
+            place, status = 0, NO_REPORT
+            for row, time_s in enumerate(times_s):
+                while place < len(own) and own[place].time_s <= time_s + 1e-9:
+                    status = own[place]
+                    place += 1
+                if _SEVERITY[status.level] > _SEVERITY[rows[row].level]:
+                    rows[row] = status
+        return rows
+
+
+def drive_headless(trial: Trial) -> DrivenTrial:
+    """Drive a trial without ROS, with the reports that the controller's node would make."""
+    inputs = trial.inputs
+    watch = OperatorWatch(inputs.parameters, ControllerNodeParameters())
+    reports: list[StatusReport] = []
+
+    def note(tick: int, measured: Measurements, decision: Decision) -> None:
+        watch.update(measured, decision)
+        status = situation(decision, "", watch)
+        if not reports or (reports[-1].level, reports[-1].reason) != status:
+            reports.append(StatusReport(float(tick), CONTROLLER, *status))
+
+    run = run_of_study(perform_run(inputs, on_tick=note))
+    intervals = [(fault.start_s, fault.end_s) for fault in trial.placed]
+    return DrivenTrial(trial, run, reports, intervals)
+
+
+def scenario_of(trial: Trial) -> Scenario:
+    """Return the scenario of a trial, as driven by `scripts/run_demo`."""
+    lock_step = trial.mode is DriveMode.LOCK_STEP
+    return Scenario(
+        name=trial.name,
+        description=f"Faults of the table: {len(trial.placed)} on {trial.cycle}",
+        cycle=trial.cycle,
+        duration_s=trial.inputs.route.duration_s,
+        mode=LoopMode.LOCK_STEP if lock_step else LoopMode.REAL_TIME,
+        rate_factor=1.0 if lock_step else REAL_TIME_RATE,
+        node_parameters={"controller": {"input_timeout_s": INPUT_TIMEOUT_S[trial.mode]}},
+        faults=trial.faults,
+    )
+
+
+def drive_over_ros(trial: Trial, folder: Path) -> DrivenTrial:
+    """Drive a trial with real processes.
+
+    Raises:
+        IptmError: the run cannot be set up, or no tick was received.
+    """
+    stop = StopRequest()
+    stop.install()
+    scenario = scenario_of(trial)
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / f"{trial.name}.yaml"
+    file.write_text(scenario_text(scenario), encoding="utf-8")
+    run_folder = RunFolder(folder / trial.name, numbered=True)
+    record = any(fault.target == "recorder" for fault in trial.faults)
+    options = RunOptions(record=record, picture=False)
+    with domain_of_run(AUTOMATIC_DOMAIN, environment={}) as domain:
+        driven = drive_processes(run_folder, prepare(scenario), options, domain, Progress(), stop)
+    if stop.number is not None:
+        raise KeyboardInterrupt
+    return _observed(trial, *driven)
+
+
+def _observed(trial: Trial, result: DriveResult, drive: Drive) -> DrivenTrial:
+    heard = drive.monitor.recorded
+    by_stamp = heard_by_stamp(heard, TICK_TOPICS)
+    # A missing or disconnected bridge publishes no leader, but the leader is still on the road.
+    traffic, leaders = Traffic(trial.faults), {}
+    for stamp_ns, state in sorted(by_stamp[Topic.PLANT_STATE].items()):
+        ego = decode_observation(state)
+        own = trial.inputs.route.leader.state_at(s_from_ns(stamp_ns))
+        leaders[stamp_ns] = encode_leader(traffic.leader(own, ego.state.position_m))
+    trajectory = assemble_run({**by_stamp, Topic.LEADER: leaders}).trajectory
+    decisions = assemble_decisions(heard_by_stamp(heard, (Topic.SOLVE,))[Topic.SOLVE])
+    run = Run(trial.name, {}, trial.inputs.parameters, trajectory, decisions)
+    time = TripTime([stamp_ns_of(data) for data in heard[Topic.CLOCK]])
+    reports = [
+        StatusReport(
+            time.at_s(report.about_ns, report.clocks),
+            report.node,
+            Level(report.status.level),
+            report.status.message,
+        )
+        for report in drive.monitor.reports
+    ]
+    return DrivenTrial(
+        trial,
+        run,
+        sorted(reports, key=lambda report: report.time_s),
+        list(_intervals(trial, drive, time, float(trajectory.time_s[-1]))),
+        result.message + (f" ({result.last_lines[-1]})" if result.last_lines else ""),
+    )
+
+
+def _intervals(
+    trial: Trial, drive: Drive, time: TripTime, last_s: float
+) -> Iterator[Interval | None]:
+    records = {record.fault: record for record in drive.process_faults.records}
+    for fault in trial.placed:
+        record = records.get(fault)
+        if fault.spec.place is not FaultPlace.PROCESS:
+            yield (fault.start_s, fault.end_s) if fault.start_s <= last_s else None
+        elif record is None:
+            yield None
+        else:
+            began_s, ended_s = time.at_s(record.began_ns, record.began_clocks), last_s
+            if record.ended_ns is not None:
+                ended_s = time.at_s(record.ended_ns, record.ended_clocks)
+            yield began_s, max(ended_s, began_s)
+
+
+class TripTime:
+    """Maps received messages to the time of the last trip of a run.
+
+    A restarted plant begins at 0 again, a duplicate plant publishes another time, and a node that has
+    just been started has none. Messages from before the last trip have negative times.
+    """
+
+    def __init__(self, clocks_ns: Sequence[int]) -> None:
+        """Set up from the stamps of all clocks, in the order of arrival."""
+        stamped = ((stamp, at) for at, stamp in enumerate(clocks_ns))
+        counted = frozenset(split_trips(stamped)[-1].values())
+        self._begins = min(counted, default=0)
+        self._ended_ns = max(clocks_ns[: self._begins], default=0) + NS_PER_S
+        own = (stamp if at in counted else -1 for at, stamp in enumerate(clocks_ns))
+        self._newest_ns = list(accumulate(own, max))
+
+    def at_s(self, about_ns: int, clocks: int) -> float:
+        """Return the trip time in s of a message from its stamp and the number of clocks received before."""
+        if clocks <= self._begins:
+            return (
+                min(about_ns - self._ended_ns, 0) / NS_PER_S
+                if self._begins
+                else about_ns / NS_PER_S
+            )
+        now_ns = self._newest_ns[clocks - 1]
+        return (about_ns if abs(about_ns - now_ns) <= LEAST_REACH_NS else now_ns) / NS_PER_S

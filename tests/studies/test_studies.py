@@ -1,0 +1,107 @@
+"""Every study: its short form runs, and its pages are those that its record describes."""
+
+from __future__ import annotations
+
+import ast
+import sys
+from pathlib import Path
+
+import pytest
+from studies.__main__ import NAMES, changes, main, module_of
+from studies.pages import (
+    PAGE,
+    SHOWN_DIGITS,
+    STUDIES,
+    Record,
+    code_of,
+    digest_of,
+    numbers_of,
+    without_foot,
+)
+
+from iptm_core.user_input import shown
+
+FROM_OUTSIDE = {"iptm", "studies", "numpy", "pandas", "matplotlib", "jinja2", "yaml"}
+MORE = {
+    "traffic": {"iptm_traffic"},
+    "v2x/prediction.py": {"iptm_traffic"},
+    "validation": {"scipy"},
+    # They load real nodes and listen to them.
+    "v2x/load.py": {"iptm_ros", "iptm_v2x_bridge", "rclpy", "nav_msgs", "rosgraph_msgs"},
+    "speed/soak.py": {"iptm_ros"},
+}
+"""What single studies need beyond that: extras, and ROS 2."""
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_short_form_has_the_numbers_of_the_record(name: str) -> None:
+    """Otherwise the code has changed what the page says: it has to be made anew.
+
+    ``scripts/study NAME --page`` makes it.
+    """
+    if name == "traffic":
+        pytest.importorskip("traci")
+    record = Record.of(name)
+    if getattr(module_of(name), "MEASURES_TIME", False):
+        assert not record.short
+        assert main([name, "--short", "--no-cache", "--quiet"]) == 0
+    else:
+        assert record.short
+        assert not changes(name)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_committed_numbers_are_those_of_the_committed_page(name: str) -> None:
+    record = Record.of(name)
+    assert PAGE in record.pages
+    for page, digest in record.pages.items():
+        text = (STUDIES / name / page).read_text("utf-8")
+        assert digest_of(text) == digest
+        foot = text.removeprefix(without_foot(text).rstrip("\n"))
+        assert f"`scripts/study {name}`" in foot
+        for part in (record.made, record.confirmed, record.code[:SHOWN_DIGITS]):
+            assert part in foot
+
+
+def test_a_changed_number_or_line_of_code_is_noticed() -> None:
+    page = (STUDIES / "acc" / PAGE).read_text("utf-8")
+    number = numbers_of(page).split()[-1]
+    place = without_foot(page).rindex(number)
+    assert digest_of(page[:place] + "123456" + page[place + len(number) :]) != digest_of(page)
+    assert digest_of(page.replace("confirmed", "made")) == digest_of(page)
+    source = STUDIES / "acc" / "added_by_a_test.py"
+    before = code_of("acc")
+    try:
+        source.write_text('"""A comment is no code."""\nVALUE = 1\n')
+        first = code_of("acc")
+        source.write_text("# Another one.\nVALUE = 1\n")
+        assert code_of("acc") == first != before
+    finally:
+        source.unlink()
+
+
+@pytest.mark.parametrize("path", sorted(STUDIES.rglob("*.py")), ids=lambda path: path.name)
+def test_studies_stand_on_the_library(path: Path) -> None:
+    """What they need of the suite comes through `iptm`."""
+    inside = path.relative_to(STUDIES).as_posix()
+    allowed = FROM_OUTSIDE | set(sys.stdlib_module_names)
+    for place, more in MORE.items():
+        allowed |= more if inside.startswith(place) else set()
+    roots = {
+        name.split(".")[0]
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        for name in (
+            [alias.name for alias in node.names]
+            if isinstance(node, ast.Import)
+            else [node.module or ""]
+            if isinstance(node, ast.ImportFrom)
+            else []
+        )
+    }
+    assert roots <= allowed, shown(roots - allowed)
+
+
+def test_the_command_refuses_what_it_does_not_know(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["confirm", "nothing"]) == 2
+    assert "allowed: acc" in capsys.readouterr().err
+    assert main(["acc", "--short", "--page"]) == 2
