@@ -51,7 +51,7 @@ def _of_programs() -> Iterator[tuple[Path, str]]:
             head = file.read_text(encoding="utf-8").partition("set -euo")[0]
             text = re.sub(r"^# ?", "", head, flags=re.MULTILINE)
             yield from ((file, _plain(line)) for line in _LINE.findall(text))
-    for folder in ("ros2_ws/src", "benchmarks", "docs"):
+    for folder in ("ros2_ws/src", "studies", "docs"):
         for file in sorted((ROOT / folder).rglob("*.py")):
             for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
                 if isinstance(node, ast.Constant) and isinstance(node.value, str):

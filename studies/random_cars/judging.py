@@ -242,7 +242,7 @@ def _explained_by_faults(
 def _unforeseen(run: Run, margins_m: FloatArray) -> BoolArray:
     """Return the rows below s_min that the plan of the tick before did not foresee."""
     rows: BoolArray = np.zeros(margins_m.size, dtype=bool)
-    if run.decisions is not None:
+    if len(run.decisions):
         optimal = run.decisions.rung == Rung.OPTIMAL
         no_slack = optimal & (run.decisions.gap_slack_m < SLACK_M)
         rows[1:] = no_slack & (margins_m[1:] < -UNFORESEEN_M)
@@ -257,7 +257,7 @@ def _circumstances(run: Run, rows: BoolArray) -> str:
         f"from {trip.time_s[rows][0]:g} s",
         f"cells at {warmest_k.min() - CELSIUS_ZERO_K:.0f} to {warmest_k.max() - CELSIUS_ZERO_K:.0f} °C",
     ]
-    if run.decisions is not None:
+    if len(run.decisions):
         # The decision of a row's interval was taken in the row before.
         rung, status = run.decisions.rung[rows[1:]], run.decisions.status[rows[1:]]
         pairs = zip(rung.tolist(), status.tolist(), strict=True)

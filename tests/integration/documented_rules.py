@@ -88,17 +88,15 @@ RULES = (
         r".*(leader_source:?=cam|ROS_DOMAIN_ID=42 scripts/v2x_send|v2x_sender).*",
         "a sender or a receiver beside it",
     ),
-    Rule(Way.NOT, r"scripts/benchmark .*", "minutes to hours; benchmarks are not part of a run"),
     Rule(
         Way.NOT,
-        r"scripts/(safety|faults|campaign|identify|life|real_cars|acc_benchmark|reproduce)"
-        r"( (?!.*--dry-run|list|status|tables|prune).*)?",
+        r"scripts/(identify|reproduce)( (?!.*--dry-run|list|status|tables|prune).*)?",
         "minutes to hours",
     ),
     Rule(Way.NOT, r"export .*", "sets a variable"),
     Rule(
         Way.NOT,
-        r"scripts/(validate --data|train_predictor) .*",
+        r"scripts/train_predictor .*",
         "measured data that are not part of the repository",
     ),
     Rule(
@@ -113,6 +111,12 @@ RULES = (
         r"python docs/examples/.*|scripts/(controller|v2x_bridge)|scripts/run_demo --without .*",
         "tests/integration/test_own_nodes.py",
     ),
+    Rule(
+        Way.ELSEWHERE,
+        r"(scripts/study|python -m studies\.).*",
+        "tests/studies/test_studies.py and tests/studies/test_soak.py",
+    ),
+    Rule(Way.NOT, r"dask .*|.*dask worker .*", "an extra, on several machines"),
     # Seconds.
     Rule(Way.ASK, r"(scripts/(call|param)|ros2 (service|param)) .*"),
     Rule(Way.RUN, r"source scripts/env.sh"),
@@ -128,17 +132,10 @@ RULES = (
     Rule(Way.SERVE, r"scripts/v2x_bridge .*", node="v2x_bridge"),
     Rule(Way.SERVE, r"scripts/controller .*", _INTERPRETED, node="controller"),
     Rule(Way.SERVE, r"scripts/v2x_send .*", node="v2x_sender"),
-    Rule(Way.DRIVE, r"scripts/(validate|replay --check .*)"),
-    Rule(Way.DRIVE, r"scripts/train_predictor"),
-    Rule(Way.DRIVE, r"scripts/campaign --dry-run", "--store {out}"),
+    Rule(Way.DRIVE, r"scripts/replay --check .*"),
     Rule(Way.DRIVE, r"scripts/run_demo .*--output.*", _SHORT),
     Rule(Way.PREPARE, r"scripts/run_demo (?!.*(--view|--without|--set|my_plan)).*"),
     Rule(Way.DRIVE, r"(IPTM_COMPILER=none )?scripts/run_demo.*", f"{_SHORT} --output {{out}}"),
-    Rule(
-        Way.DRIVE,
-        r"scripts/run_string.*--page docs/string.md",
-        "--duration-s 3 --against none --vehicles 2 --output {out}",
-    ),
     Rule(Way.DRIVE, r"scripts/run_string.*", "--duration-s 3 --against none --output {out}"),
 )
 

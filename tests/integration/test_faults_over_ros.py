@@ -7,15 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from iptm.runner.fault_table.catalogue import DriveMode, Entry, Trial
-from iptm.runner.fault_table.driving import DrivenTrial, drive_headless, drive_over_ros
-from iptm.runner.fault_table.judge import judge_trial
+from studies.faults.catalogue import Entry, trial_on
+from studies.faults.judge import judge_trial
 
 from iptm.faults.fault import Fault
 from iptm.faults.kinds import FaultKind
+from iptm.runner.trial import DriveMode, DrivenTrial, Trial, drive_headless, drive_over_ros
 from iptm_core.parameters import load_parameters
 from iptm_core.trajectory import TRAJECTORY_COLUMNS
-from iptm_ros.process import StopRequest
 
 TRIP_S = 120.0
 PARAMETERS = load_parameters().values
@@ -42,13 +41,12 @@ OF_TOPICS = (
 
 
 def planned(*faults: Fault, mode: DriveMode = DriveMode.LOCK_STEP) -> Trial:
-    entries = ((Entry(fault, normal_within=60), fault) for fault in faults)
-    return Trial.on("us06", TRIP_S, mode, entries)
+    return trial_on("us06", TRIP_S, mode, faults)
 
 
 @pytest.fixture
 def over_ros(tmp_path: Path) -> OverRos:
-    return lambda trial: drive_over_ros(trial, tmp_path, StopRequest())
+    return lambda trial: drive_over_ros(trial, tmp_path)
 
 
 def columns(trip: DrivenTrial, names: Sequence[str]) -> dict[str, np.ndarray]:
@@ -96,5 +94,7 @@ def test_foreign_messages_and_a_restart_are_reported_and_survived(over_ros: Over
         Fault(FaultKind.FOREIGN_LEADER, 30.0, 3.0, size=-1e6),
         Fault(FaultKind.PROCESS_RESTARTED, 50.0, target="v2x_bridge"),
     )
-    verdicts = judge_trial(over_ros(trial), drive_headless(planned(mode=DriveMode.HEADLESS)))
+    rows = [Entry(fault, normal_within=60) for fault in trial.placed]
+    free = drive_headless(planned(mode=DriveMode.HEADLESS))
+    verdicts = judge_trial(over_ros(trial), rows, free)
     assert [verdict.problem_text for verdict in verdicts] == ["", "", ""]

@@ -13,7 +13,6 @@ ALLOWED = {
     "iptm_v2x_bridge": {"iptm_core", "iptm_ros"},
     "iptm_controller": {"iptm_core", "iptm_ros"},
     "iptm_view": {"iptm_core", "iptm_ros"},
-    "iptm_validation": {"iptm_core"},
     "iptm": {
         "iptm_core",
         "iptm_ros",
@@ -21,7 +20,6 @@ ALLOWED = {
         "iptm_v2x_bridge",
         "iptm_controller",
         "iptm_view",
-        "iptm_validation",
     },
     "iptm_reproduction": {"iptm_core", "iptm_controller", "iptm"},
     "iptm_traffic": {
@@ -44,7 +42,6 @@ PURE = {
     "iptm.studies",
     "iptm_reproduction",
     "iptm_traffic",
-    "iptm_validation",
 }
 
 # Nodes with faults inside are the nodes themselves but for that; the table of faults shows what the
@@ -52,7 +49,7 @@ PURE = {
 MAY_KNOW_THE_NODE_OF = {
     ("iptm.faults.node_controller", "iptm_controller"),
     ("iptm.faults.node_plant", "iptm_plant_sim"),
-    ("iptm.runner.fault_table.driving", "iptm_controller"),
+    ("iptm.runner.trial", "iptm_controller"),
 }
 
 ROS = {

@@ -34,8 +34,8 @@ LOST = Fault(FaultKind.PREVIEW_LOST, 10.0, 10.0)
 ROWS = 60
 S = 1_000_000_000
 Observe = Callable[..., DrivenTrial]
-entries: dict[Fault, Entry] = {}
-"""Row of the table by the fault of an observed trial."""
+entries: dict[Trial, Entry] = {}
+"""Row of the table by the observed trial of its fault."""
 
 
 def trip_of(**columns: object) -> Trajectory:
@@ -76,9 +76,10 @@ def observe(decision_record: Callable[[int], DecisionRecord]) -> Observe:
         inputs = SimpleNamespace(
             spec=spec, parameters=parameters, route=SimpleNamespace(leader=leader)
         )
-        entries[fault] = entry
+        trial = Trial(DriveMode.LOCK_STEP, (fault,), inputs)
+        entries[trial] = entry
         return DrivenTrial(
-            Trial(DriveMode.LOCK_STEP, (fault,), inputs),
+            trial,
             Run("made", {}, parameters, run, decisions),
             [StatusReport(time_s, "controller", level, text) for time_s, level, text in reports],
             [(fault.start_s, fault.end_s)],
@@ -88,8 +89,7 @@ def observe(decision_record: Callable[[int], DecisionRecord]) -> Observe:
 
 
 def verdict_on(trip: DrivenTrial, observe: Observe) -> Judged:
-    rows = [entries[fault] for fault in trip.trial.placed]
-    (verdict,) = judge_trial(trip, rows, observe())
+    (verdict,) = judge_trial(trip, [entries[trip.trial]], observe())
     return verdict
 
 
@@ -146,7 +146,8 @@ def test_a_fallback_or_a_warning_that_stays_is_not_normal(observe: Observe) -> N
 
 def test_reports_of_the_fault_free_trip_do_not_count(observe: Observe) -> None:
     fault_free = observe((0.0, Level.WARN, "gap above s_max for long"))
-    (verdict,) = judge_trial(observe(*WARNED), fault_free)
+    trip = observe(*WARNED)
+    (verdict,) = judge_trial(trip, [entries[trip.trial]], fault_free)
     assert verdict.problem_text == ""
 
 

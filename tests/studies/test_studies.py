@@ -27,7 +27,7 @@ MORE = {
     "v2x/prediction.py": {"iptm_traffic"},
     "validation": {"scipy"},
     # They load real nodes and listen to them.
-    "v2x/load.py": {"iptm_ros", "iptm_v2x_bridge", "rclpy", "nav_msgs", "rosgraph_msgs"},
+    "v2x/load.py": {"iptm_ros", "iptm_v2x_bridge", "rclpy", "sensor_msgs", "rosgraph_msgs"},
     "speed/soak.py": {"iptm_ros"},
 }
 """What single studies need beyond that: extras, and ROS 2."""

@@ -35,6 +35,7 @@ setup(
         "pyarrow>=15",
         "PyYAML>=6.0",
         "rich>=13",
+        "scipy>=1.9",
     ],
     extras_require={"test": ["pytest"]},
     python_requires=">=3.10",

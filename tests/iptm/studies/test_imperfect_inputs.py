@@ -6,14 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import pytest
-from iptm.studies.drives import spec_of
 
+import iptm
 from iptm.faults.fault import WHOLE_TRIP_S, Fault
 from iptm.faults.kinds import FaultKind
-from iptm.studies.run import Run, perform_run
-from iptm.studies.study import planned_run
 
-Drive = Callable[..., Run]
+Drive = Callable[..., iptm.Run]
 
 
 def whole(kind: FaultKind, size: float | None = None) -> Fault:
@@ -71,13 +69,12 @@ DRIVES = [
 
 @pytest.fixture(scope="module")
 def drive() -> Drive:
-    runs: dict[tuple[str, float, tuple[Fault, ...]], Run] = {}
+    runs: dict[tuple[str, float, tuple[Fault, ...]], iptm.Run] = {}
 
-    def perform(cycle: str, duration_s: float, faults: tuple[Fault, ...] = ()) -> Run:
+    def perform(cycle: str, duration_s: float, faults: tuple[Fault, ...] = ()) -> iptm.Run:
         key = cycle, duration_s, faults
         if key not in runs:
-            spec = spec_of(cycle, duration_s=duration_s, faults=faults)
-            runs[key] = perform_run(planned_run(spec))
+            runs[key] = iptm.simulate(cycle, duration_s=duration_s, faults=faults)
         return runs[key]
 
     return perform

@@ -25,7 +25,8 @@ from iptm.predictor_training import (
     quantile_regression,
     train,
 )
-from iptm.studies.run import CONTROLLER, VEHICLE, WEAK_BRAKES, Report
+from iptm.run import Report
+from iptm.studies.run import CONTROLLER, VEHICLE, WEAK_BRAKES
 from iptm.vehicle_string import run_string
 from iptm_controller.controller import Controller
 from iptm_controller.horizon import MULTI_HORIZON, SINGLE_HORIZON, Horizon

@@ -1,7 +1,7 @@
 """From motion to electric power: road load, driveline, motor and regeneration, paper eqs. (1) to (3) and (5).
 
 Beyond the paper: losses that grow with speed, limits of regenerative braking and measured road loads, fitted
-to cars in ``iptm_validation``.
+to cars in ``studies/validation``.
 """
 
 from __future__ import annotations

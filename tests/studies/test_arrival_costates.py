@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from iptm.studies.life.losses import SERVICE_YEARS, losses_by_cause
-from iptm.studies.life.trips import NO_COOLING
-from iptm.studies.life.usage import CLIMATES, MONTH_DAYS, USAGES, Climate
-from iptm.studies.life.year import Activity, Year, year_of
-from tests.iptm.studies.test_life import trip
+from studies.life.losses import SERVICE_YEARS, losses_by_cause
+from studies.life.trips import NO_COOLING
+from studies.life.usage import CLIMATES, MONTH_DAYS, USAGES, Climate
+from studies.life.year import Activity, Year, year_of
+from tests.studies.test_life import trip
 
 from iptm_core.aging_laws.cells import LAWS
 from iptm_core.aging_laws.parking import AgingSettings, ParkedAging
@@ -84,7 +84,7 @@ def costates(law: str, climate: Climate) -> tuple[FloatArray, FloatArray]:
 def test_the_price_of_a_kelvin_is_its_costate(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Over a year within 15 % of the sum of magnitudes in each climate, over months correlated by 0.99."""
     monkeypatch.setattr(
-        "iptm.studies.life.year.UPPER_LIMIT_K", math.inf
+        "studies.life.year.UPPER_LIMIT_K", math.inf
     )  # a kelvin above it lasts no time
     found, expected = [], []
     for climate in CLIMATES:
