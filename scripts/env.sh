@@ -46,6 +46,8 @@ _iptm_enter() {
     case ":$modules:" in *":$root:"*) ;; *) modules="$modules:$root" ;; esac
     export PYTHONPATH="$modules"
     unset PYTHONHOME
+    # A notebook's ("!scripts/run_demo" in a cell) names a module of its own environment.
+    unset MPLBACKEND
 
     case ":$PATH:" in *":$venv/bin:"*) ;; *) export PATH="$venv/bin:$PATH" ;; esac
     export IPTM_ROOT="$root"

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import casadi as ca
 import pytest
@@ -109,15 +109,38 @@ def test_a_library_of_something_else_is_a_clear_error(
     assert missing in str(caught.value)
 
 
-def test_a_cache_that_cannot_be_written_is_named(
-    tmp_path: Path, compiler: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("is_noexec", [False, True])
+def test_a_cache_that_cannot_run_code_is_replaced(
+    tmp_path: Path,
+    compiler: tuple[str, ...],
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    is_noexec: bool,
 ) -> None:
+    """By a temporary folder, then by interpretation; both are said in one line."""
     (tmp_path / "file").write_text("in the way")
-    folder = tmp_path / "file" / "cache"
+    folder = tmp_path / ("noexec" if is_noexec else "file") / "cache"
+    spare = tmp_path / "temporary"
+    spare.mkdir()
     monkeypatch.setenv(CACHE_VARIABLE, str(folder))
-    with pytest.raises(SolverSetupError) as caught:
-        compile_functions([square()], compiler)
-    assert f"compiler cache '{cache_directory()}' cannot be written" in str(caught.value)
+    monkeypatch.setattr("tempfile.tempdir", str(spare))
+    mounted = os.statvfs
+
+    def statvfs(path: Path) -> object:
+        """Every folder but that of temporary files is on a noexec mount."""
+        flags = 0 if Path(path).is_relative_to(spare) or not is_noexec else os.ST_NOEXEC
+        return SimpleNamespace(f_flag=mounted(path).f_flag | flags)
+
+    monkeypatch.setattr(os, "statvfs", statvfs)
+    with caplog.at_level(logging.WARNING):
+        library = compile_functions([square()], compiler)
+        assert find_compiler() is not None
+    assert library.parent == spare / f"iptm_user_{os.getuid()}"
+    assert caplog.text.count("is used") == 1
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "file"))
+    solver = build_plain_solver(Horizon.parse("1x1"), PARAMETERS, SolverOptions())
+    assert not solver.compiled
+    assert "runs interpreted" in caplog.text
 
 
 def test_a_compiler_that_fails_is_quoted(

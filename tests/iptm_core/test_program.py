@@ -111,6 +111,33 @@ def test_a_reader_that_has_enough_ends_the_program(tmp_path: Path) -> None:
         assert process.stderr.read() == ""
 
 
+@pytest.mark.parametrize("redirection", ["", ">&-", ">/dev/full", "2>&- >&-"])
+def test_output_that_is_closed_full_or_not_in_utf_8(tmp_path: Path, redirection: str) -> None:
+    (tmp_path / "made_up.py").write_text(
+        "import sys\n"
+        "def main():\n"
+        "    print('\u222b dt', flush=True)\n"
+        "    sys.stdout.isatty()\n"
+        "    open('done', 'w').write(str(__doc__))\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": f"{tmp_path}:{os.environ['PYTHONPATH']}"}
+    ended = subprocess.run(
+        ["sh", "-c", f"exec {sys.executable} -OO -m iptm_core made_up {redirection}"],
+        cwd=tmp_path,
+        env={**environment, "PYTHONIOENCODING": "latin-1", "PYTHONOPTIMIZE": "2"},
+        capture_output=True,
+        check=False,
+    )
+    if "full" in redirection:
+        assert ended.returncode == program.EXIT_USER_ERROR
+        assert ended.stderr.startswith(b"made_up: output cannot be written: [Errno 28]")
+        assert ended.stderr.count(b"\n") == 1
+        return
+    assert (ended.returncode, ended.stderr) == (0, b"")
+    assert ended.stdout == (b"? dt\n" if not redirection else b"")
+    assert (tmp_path / "done").exists()
+
+
 def test_revision_of_a_work_tree_and_of_a_changed_one(tmp_path: Path) -> None:
     def git(*arguments: str) -> None:
         identity = ["-c", "user.name=a", "-c", "user.email=a@example.org"]

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import os
+import socket
 import subprocess
 import sys
 import tempfile
@@ -11,7 +12,12 @@ import pytest
 
 from iptm_core.errors import ScenarioError
 from iptm_ros import discovery
-from iptm_ros.discovery import PROFILE_VARIABLE, middleware_settings, reserve_domain
+from iptm_ros.discovery import (
+    PROFILE_VARIABLE,
+    check_nodes_can_meet,
+    middleware_settings,
+    reserve_domain,
+)
 
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 PEERS = "ROS_STATIC_PEERS"
@@ -115,3 +121,22 @@ def test_no_domain_left(monkeypatch: pytest.MonkeyPatch) -> None:
         reserve_domain(),
     ):
         pass
+
+
+def test_an_environment_in_which_nodes_cannot_meet_is_refused_at_once(tmp_path: Path) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as server:
+        server.bind(("127.0.0.1", 0))
+        alive = f"127.0.0.1:{server.getsockname()[1]}"
+        check_nodes_can_meet({"ROS_DISCOVERY_SERVER": f";{alive}", RANGE: "SUBNET"})
+        server.close()
+        refusals = (
+            ({"ROS_DISCOVERY_SERVER": alive}, "where no server is"),
+            ({RANGE: "OFF"}, "allowed: LOCALHOST, SUBNET"),
+            ({"ROS_SECURITY_ENABLE": "true"}, "ROS_SECURITY_KEYSTORE is ''"),
+        )
+        for environment, reason in refusals:
+            with pytest.raises(ScenarioError, match=reason):
+                check_nodes_can_meet(environment)
+    keys = {"ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_KEYSTORE": str(tmp_path)}
+    check_nodes_can_meet(keys)
+    check_nodes_can_meet({})

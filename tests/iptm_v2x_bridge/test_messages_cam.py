@@ -173,6 +173,16 @@ def test_a_damaged_path_condemns_its_message() -> None:
     assert decode_cam(encode_fields("CAM", fields)) is Rejection.DECODING
 
 
+@pytest.mark.parametrize(
+    ("station_type", "leads"),
+    [(0, True), (1, False), (2, False), (5, True), (12, True), (13, True), (14, True), (15, False)],
+)
+def test_whatever_may_be_ahead_on_the_road_leads(station_type: int, leads: bool) -> None:
+    """TS 102 894-2: unknown, light vehicles, animals and tractors as well; not people and roadside units."""
+    bits = encode_cam(cam(station_type=station_type))
+    assert isinstance(decode_cam(bits), CamMessage) == leads
+
+
 def test_containers_of_no_interest_do_not_disturb() -> None:
     source = random.Random(3)  # noqa: S311 - no secret
     for _ in range(200):

@@ -130,6 +130,10 @@ def test_phases_without_their_time_are_incomplete() -> None:
         changed = {**fields, "intersections": [{**state, name: unknown}]}
         bits = encode_fields(MessageKind.SPATEM, station, changed)
         assert decode_spatem(bits, NOW_MS) is Rejection.INCOMPLETE
+        # It costs its own intersection, and no other one.
+        beside = {**fields, "intersections": [{**state, name: unknown}, state]}
+        bits = encode_fields(MessageKind.SPATEM, station, beside)
+        assert decode_spatem(bits, NOW_MS) == decode_spatem(BITS[MessageKind.SPATEM], NOW_MS)
 
 
 def test_parts_outside_of_the_subset_are_left_out_and_named() -> None:

@@ -7,6 +7,8 @@ missing library, and Ctrl-C while imports are loading, then end it without a tra
 
 from __future__ import annotations
 
+import errno
+import io
 import os
 import signal
 import sys
@@ -58,6 +60,7 @@ def run(name: str, load: Callable[[], Callable[[], Any]]) -> Any:
         return refused(name, f"{error} for {sys.executable}; needed: {needed}")
     if is_interruptible:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    _make_output_safe()
     try:
         code = function()
         sys.stdout.flush()
@@ -66,7 +69,29 @@ def run(name: str, load: Callable[[], Callable[[], Any]]) -> Any:
     except BrokenPipeError:  # the reader of a pipe has closed it, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return EXIT_SIGNAL + signal.SIGPIPE
+    except OSError as error:
+        if error.errno != errno.ENOSPC:
+            raise
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return refused(name, f"output cannot be written: {error}")
     return code
+
+
+def _make_output_safe() -> None:
+    """Let output go on where it is closed, or cannot hold a letter: the drive counts, not its report."""
+    for name, descriptor in (("stdout", 1), ("stderr", 2)):
+        try:
+            os.fstat(descriptor)
+        except (
+            OSError
+        ):  # closed by the shell (>&-): files opened from now on must not take its place
+            os.dup2(os.open(os.devnull, os.O_WRONLY), descriptor)
+        stream = getattr(sys, name)
+        if stream is None:
+            stream = os.fdopen(descriptor, "w", encoding="utf-8", closefd=False)
+            setattr(sys, name, stream)
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
 
 
 def main() -> None:

@@ -11,6 +11,7 @@ elsewhere from reaching it: it listens on all interfaces, and a peer that lists 
 from __future__ import annotations
 
 import os
+import re
 import socket
 import struct
 from collections.abc import Iterator, Mapping
@@ -25,7 +26,13 @@ RANGE_VARIABLE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 PEERS_VARIABLE = "ROS_STATIC_PEERS"
 MIDDLEWARE_VARIABLE = "RMW_IMPLEMENTATION"
 FAST_DDS = "fastrtps"
+SERVER_VARIABLE = "ROS_DISCOVERY_SERVER"
+SECURITY_VARIABLES = ("ROS_SECURITY_ENABLE", "ROS_SECURITY_KEYSTORE")
+_SERVER = re.compile(r"(?:UDPv[46]:)?\[?([^\s\[\]]+?)\]?(?::(\d+))?")
+_SERVER_PORT = 11811
+_SERVER_ANSWERS_S = 0.3
 LOCALHOST = "LOCALHOST"
+OFF = "OFF"
 AS_PROFILE_SAYS = "SYSTEM_DEFAULT"
 """Range with which ROS adds nothing to the profile, see ``data/fastdds_local.xml``."""
 
@@ -34,6 +41,49 @@ _NAME = "\0iptm_ros_domain"  # the null character makes it abstract (Linux)
 _CREDENTIALS = struct.Struct("3i")  # struct ucred of unix(7): pid, uid, gid
 _LONGEST_COMMAND = 100
 _DOMAINS = range(1, 102)  # higher ones collide with the ephemeral ports of Linux
+
+
+def check_nodes_can_meet(environment: Mapping[str, str] = os.environ) -> None:
+    """Refuse an environment in which the nodes of a run cannot find each other.
+
+    Raises:
+        ScenarioError: discovery is off, its server is not there, or security is on without keys.
+    """
+    if environment.get(RANGE_VARIABLE, "").upper() == OFF:
+        raise ScenarioError(
+            f"{RANGE_VARIABLE} is {OFF}: the nodes of a run cannot find each other; allowed: LOCALHOST, "
+            "SUBNET"
+        )
+    for server in filter(None, environment.get(SERVER_VARIABLE, "").split(";")):
+        if _is_dead(server.strip()):
+            raise ScenarioError(
+                f"{SERVER_VARIABLE} is {server!r}, where no server is: the nodes of a run cannot find each "
+                "other; allowed: a running server, or no such variable"
+            )
+    enable, store = (environment.get(name, "") for name in SECURITY_VARIABLES)
+    if enable.lower() == "true" and not Path(store or "none").is_dir():
+        raise ScenarioError(
+            f"{SECURITY_VARIABLES[0]} is {enable}, {SECURITY_VARIABLES[1]} is {store!r}; allowed: the folder "
+            "of keys with it, or security off"
+        )
+
+
+def _is_dead(server: str) -> bool:
+    """Return whether a host refuses what is sent to a server; one that is silent may be alive."""
+    address = _SERVER.fullmatch(server)
+    if address is None:
+        return False
+    try:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            sender.settimeout(_SERVER_ANSWERS_S)
+            sender.connect((address[1], int(address[2] or _SERVER_PORT)))
+            sender.send(b"RTPS")
+            sender.recv(1)
+    except TimeoutError:
+        return False
+    except OSError:
+        return True
+    return False
 
 
 def middleware_settings(environment: Mapping[str, str] = os.environ) -> dict[str, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
@@ -17,11 +18,14 @@ from iptm.runner.progress import Progress
 from iptm.runner.scenario import Scenario
 from iptm.runner.supervisor import ProcessEnd, Supervisor
 from iptm_core.program import EXIT_USER_ERROR
+from iptm_ros.discovery import SERVER_VARIABLE
 from iptm_ros.process import StopRequest
 from iptm_ros.topics import PLANT, Topic
 
 START_TIMEOUT_S = 660.0
 """Time for two compilations at a first start, each of which is aborted after 300 s."""
+_SERVER_TIMEOUT_S = 5.0
+"""From then on a server of discovery that may be silent is named."""
 SILENCE_TIMEOUT_S = 30.0
 """Silence after which the plant counts as hung; it reports once a second even while it waits."""
 AFTER_KILL_S = 10.0
@@ -126,7 +130,8 @@ class Drive(AbstractContextManager["Drive"]):
 
     def _wait_for_start(self) -> DriveResult:
         """Spin until the first clock; the result is FINISHED when it came."""
-        deadline_s = time.monotonic() + START_TIMEOUT_S
+        began_s = time.monotonic()
+        deadline_s = began_s + START_TIMEOUT_S
 
         def begun() -> bool:
             if not (self._is_held or self.monitor.awaited_nodes or self.monitor.deaf_nodes):
@@ -134,7 +139,10 @@ class Drive(AbstractContextManager["Drive"]):
             return self.monitor.first_clock_s is not None or self._has_ended()
 
         def show() -> DriveResult | None:
-            self.progress.waiting(self._awaited())
+            waits = time.monotonic() - began_s > _SERVER_TIMEOUT_S and self.monitor.awaited_nodes
+            server = os.environ.get(SERVER_VARIABLE, "") if waits else ""
+            where = f" at {SERVER_VARIABLE} {server}" if server else ""
+            self.progress.waiting(self._awaited() + where)
             if time.monotonic() > deadline_s:
                 return DriveResult(
                     DriveOutcome.FAILED,

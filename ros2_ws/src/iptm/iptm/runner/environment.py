@@ -11,7 +11,7 @@ from pathlib import Path
 
 from iptm.runner.scenario import AUTOMATIC_DOMAIN, MAX_DOMAIN
 from iptm_core.errors import ScenarioError
-from iptm_ros.discovery import lock_run, middleware_settings, reserve_domain
+from iptm_ros.discovery import check_nodes_can_meet, lock_run, middleware_settings, reserve_domain
 
 DOMAIN_VARIABLE = "ROS_DOMAIN_ID"
 
@@ -42,11 +42,13 @@ def domain_of_run(
         environment: where ``ROS_DOMAIN_ID`` may be set.
 
     Raises:
-        ScenarioError: ``ROS_DOMAIN_ID`` is invalid, another run uses the domain, or none is free.
+        ScenarioError: ``ROS_DOMAIN_ID`` is invalid, another run uses the domain, none is free, or nodes
+            cannot find each other in this environment.
     """
     given = environment.get(DOMAIN_VARIABLE, "").strip() if requested == AUTOMATIC_DOMAIN else ""
     if given and not (given.isascii() and given.isdigit() and int(given) <= MAX_DOMAIN):
         raise ScenarioError(f"{DOMAIN_VARIABLE} is {given!r}; allowed: 0 to {MAX_DOMAIN}")
+    check_nodes_can_meet(environment)
     is_private = requested == AUTOMATIC_DOMAIN and not given
     with ExitStack() as stack:
         number = int(given) if given else requested

@@ -25,6 +25,7 @@ import tempfile
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from pathlib import Path
 
 import casadi as ca
@@ -71,22 +72,46 @@ DIGEST_SIZE = hashlib.sha256().digest_size
 def cache_directory() -> Path:
     """Return the folder of this user's compiled problems.
 
-    It lies in ``$IPTM_CACHE_DIR``, else in ``iptm`` in the user's cache. Code in it is loaded into the
-    process, so users who share a cache have folders of their own in it.
+    It lies in ``$IPTM_CACHE_DIR``, else in ``iptm`` in the user's cache; where that cannot be written, or
+    code in it cannot be run, in the folder of temporary files. Code in it is loaded into the process, so
+    users who share a cache have folders of their own in it.
     """
     explicit, root = os.environ.get(CACHE_VARIABLE), os.environ.get("XDG_CACHE_HOME")
     shared = (
         Path(explicit) if explicit else (Path(root) if root else Path.home() / ".cache") / "iptm"
     )
-    return shared / f"user_{os.getuid()}"
+    usual = shared / f"user_{os.getuid()}"
+    spare = Path(tempfile.gettempdir()) / f"iptm_user_{os.getuid()}"
+    if _can_run_code(usual) or not _can_run_code(spare):
+        return usual
+    _warn(f"compiler cache '{usual}' cannot be written, or code in it run: '{spare}' is used")
+    return spare
+
+
+@cache
+def _warn(text: str) -> None:
+    """Say something once."""
+    LOGGER.warning(text)
+
+
+def _can_run_code(folder: Path) -> bool:
+    """Return whether code can be written into a folder, which need not be there yet, and be run from it."""
+    there = next(place for place in (folder, *folder.parents) if place.exists())
+    is_writable = there.is_dir() and os.access(there, os.W_OK | os.X_OK)
+    return is_writable and not os.statvfs(there).f_flag & os.ST_NOEXEC
 
 
 def find_compiler() -> tuple[str, ...] | None:
-    """Return the command of a C compiler; None with a warning if there is none.
+    """Return the command of a C compiler; None with a warning if there is none, or no folder for its code.
 
     That is ``$CC``, ``cc``, ``gcc`` or ``clang``, else the one that the set-up installs as a wheel
     on machines without.
     """
+    if not _can_run_code(place := cache_directory()):
+        _warn(
+            f"no code can be run in '{place}': the problem runs interpreted, several times slower"
+        )
+        return None
     for candidate in (os.environ.get("CC", ""), "cc", "gcc", "clang"):
         program, *arguments = candidate.split() or [""]
         path = shutil.which(program)

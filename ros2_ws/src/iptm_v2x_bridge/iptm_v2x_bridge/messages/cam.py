@@ -21,14 +21,15 @@ from iptm_v2x_bridge.messages.packets import PROTOCOL_VERSION, MessageKind, open
 from iptm_v2x_bridge.rejections import Rejection
 
 PASSENGER_CAR = 5
-VEHICLE_TYPES = range(3, 12)
-"""Station types of motor vehicles: moped 3, motorcycle, car, bus, trucks, trailer, special, tram 11."""
+VEHICLE_TYPES = (0, *range(3, 15))
+"""Station types that may be ahead on the road (TS 102 894-2): unknown 0, moped 3, motorcycle, car, bus,
+trucks, trailer, special, tram 11, light vehicles of vulnerable road users 12, animal 13, agricultural 14."""
 
 ASSUMED_LENGTH_M = VEHICLE_LENGTH_M
 """Length of a car that does not state it."""
 ASSUMED_WIDTH_M = 1.8
 """Width of a vehicle that does not state it: that of a car."""
-LONGEST_M = {6: 18.75, 7: 12.0, 8: 18.75, 9: 18.75, 10: 18.75, 11: 75.0}
+LONGEST_M = {0: 18.75, 6: 18.75, 7: 12.0, 8: 18.75, 9: 18.75, 10: 18.75, 11: 75.0, 14: 18.75}
 """Length of other vehicles that do not state it, by station type: the longest bus, motor vehicle and road
 train of directive 96/53/EC (annex I), and the longest tram of BOStrab (section 34)."""
 SLOW_M_S = 3.0

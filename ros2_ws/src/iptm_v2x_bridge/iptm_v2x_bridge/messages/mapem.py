@@ -74,9 +74,8 @@ def decode_mapem(payload: bytes) -> tuple[IntersectionMap, ...] | Rejection:
         return read
     _, fields = read
     geometries = fields.get("intersections", ())
-    if not geometries or any(_has_no_place(geometry["refPoint"]) for geometry in geometries):
-        return Rejection.INCOMPLETE
-    return tuple(map(_intersection, geometries))
+    placed = (geometry for geometry in geometries if not _has_no_place(geometry["refPoint"]))
+    return tuple(map(_intersection, placed)) or Rejection.INCOMPLETE
 
 
 def _has_no_place(point: dict[str, int]) -> bool:

@@ -125,8 +125,8 @@ def decode_spatem(payload: bytes, now_ms: int) -> tuple[IntersectionPhases, ...]
     minute = fields.get("timeStamp")
     found = [_intersection(state, minute, now_ms) for state in fields["intersections"]]
     known = tuple(entry for entry in found if entry is not None)
-    # Without its time of generation a phase cannot be used.
-    return Rejection.INCOMPLETE if len(known) < len(found) else known
+    # Without its time of generation a phase cannot be used; those of other intersections can.
+    return known or Rejection.INCOMPLETE
 
 
 def _intersection(
