@@ -7,7 +7,6 @@ from typing import Any
 from tests.iptm_v2x_bridge.radio import ROAD
 
 from iptm_core.routes.road_line import step_m
-from iptm_v2x_bridge.messages.ivim import SpeedSigns, SpeedZone
 from iptm_v2x_bridge.messages.mapem import SCALE_DEG, IntersectionMap, Lane
 from iptm_v2x_bridge.messages.spatem import (
     IntersectionPhases,
@@ -67,11 +66,3 @@ def phases(
     )
     revision = more.pop("revision", 3)
     return IntersectionPhases(HERE, revision, time_ms, dict.fromkeys(groups, some), **more)
-
-
-def signs(limit_m_s: float, from_m: float, to_m: float, **more: Any) -> SpeedSigns:
-    """Return a sign whose limit holds on a part of the test road."""
-    middle = 0.5 * (from_m + to_m)
-    places = tuple(place_deg(along_m, 3.0) for along_m in (from_m, middle, to_m))
-    zone = SpeedZone(limit_m_s, more.pop("places_deg", places), *more.pop("direction", ()))
-    return SpeedSigns(more.pop("identity", (100, 5, 42)), (zone,), **more)

@@ -11,17 +11,15 @@ import subprocess
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from tests.iptm_v2x_bridge.cams import cam
-from tests.iptm_v2x_bridge.roadside import GREEN, HERE, RED, STATION, lane, lanes, phases, signs
+from tests.iptm_v2x_bridge.roadside import GREEN, HERE, RED, STATION, lane, lanes, phases
 from tests.iptm_v2x_bridge.test_messages_oracles import capture, find
 
 pytest.importorskip("pycrate_asn1dir.ITS_IS", reason="requirements/roadside.txt is not installed")
 
 from iptm_core.errors import MessageError
 from iptm_v2x_bridge.messages.cam import encode_cam
-from iptm_v2x_bridge.messages.ivim import decode_ivim, encode_ivim
 from iptm_v2x_bridge.messages.mapem import decode_mapem, encode_mapem
 from iptm_v2x_bridge.messages.packets import (
     HEADER_BYTES,
@@ -49,7 +47,6 @@ SENT_MS = resolve_minute_ms(263_000, 59_999, NOW_MS)
 DECODERS = {
     MessageKind.SPATEM: lambda bits: decode_spatem(bits, NOW_MS),
     MessageKind.MAPEM: decode_mapem,
-    MessageKind.IVIM: decode_ivim,
 }
 PLACE = (600_000_000_123, (48.0, 10.0))
 PHASES = IntersectionPhases(
@@ -68,11 +65,9 @@ PHASES = IntersectionPhases(
         2: (Phase(SignalState.DARK),),
     },
 )
-SIGNS = signs(50.0 / 3.6, 200.0, 900.0, issued_ms=700_000_000_000, valid_to_ms=800_000_000_000)
 BITS = {
     MessageKind.SPATEM: encode_spatem(STATION, [PHASES]),
     MessageKind.MAPEM: encode_mapem(STATION, [lanes()]),
-    MessageKind.IVIM: encode_ivim(STATION, SIGNS),
 }
 
 
@@ -83,12 +78,6 @@ def packet(kind: MessageKind) -> bytes:
 def test_what_is_sent_is_what_is_read() -> None:
     assert decode_spatem(BITS[MessageKind.SPATEM], NOW_MS) == (PHASES,)
     assert decode_mapem(BITS[MessageKind.MAPEM]) == (lanes(),)
-    (read,) = decode_ivim(BITS[MessageKind.IVIM])
-    assert not isinstance(read, Rejection)
-    for zone, sent in zip(read.zones, SIGNS.zones, strict=True):
-        assert zone.limit_m_s == pytest.approx(sent.limit_m_s)
-        np.testing.assert_allclose(zone.places_deg, sent.places_deg, rtol=0.0, atol=1e-7)
-    assert replace(read, zones=()) == replace(SIGNS, zones=())
 
 
 @pytest.mark.parametrize("working", [True, False])
@@ -148,36 +137,6 @@ def test_parts_outside_of_the_subset_are_left_out_and_named() -> None:
     read = decode_mapem(encode_fields(MessageKind.MAPEM, station, fields))
     assert read == (replace(lanes(), left_out=(LeftOut.COMPUTED_LANE,)),)
 
-    station, fields = decode_fields(MessageKind.IVIM, BITS[MessageKind.IVIM])  # type: ignore[misc]
-    (sign,) = fields["optional"][1][1]
-    kind, code = sign["roadSignCodes"][0]["code"]
-    for changes, reason in (
-        ({"roadSignCode": 17}, LeftOut.SIGN),
-        ({"unit": 3}, LeftOut.SIGN),
-        ({"validity": [{"durationHourMinute": {"hours": 5, "mins": 0}}]}, LeftOut.CERTAIN_HOURS),
-    ):
-        sign["roadSignCodes"] = [{"code": (kind, {**code, **changes})}]
-        (found,) = decode_ivim(encode_fields(MessageKind.IVIM, station, fields))
-        assert not isinstance(found, Rejection)
-        assert (found.zones, found.left_out) == ((), (reason,))
-    sign["roadSignCodes"], sign["relevanceZoneIds"] = [{"code": (kind, code)}], [9]
-    (found,) = decode_ivim(encode_fields(MessageKind.IVIM, station, fields))
-    assert not isinstance(found, Rejection)
-    assert found.left_out == (LeftOut.ZONE,)
-
-
-def test_the_other_catalogue_of_signs_and_miles() -> None:
-    station, fields = decode_fields(MessageKind.IVIM, BITS[MessageKind.IVIM])  # type: ignore[misc]
-    pictogram = {
-        "serviceCategoryCode": ("trafficSignPictogram", "regulatory"),
-        "pictogramCategoryCode": {"nature": 5, "serialNumber": 57},
-    }
-    code = {"pictogramCode": pictogram, "attributes": [("spe", {"speedLimitMax": 30, "unit": 1})]}
-    fields["optional"][1][1][0]["roadSignCodes"] = [{"code": ("iso14823", code)}]
-    (read,) = decode_ivim(encode_fields(MessageKind.IVIM, station, fields))
-    assert not isinstance(read, Rejection)
-    assert read.zones[0].limit_m_s == pytest.approx(30.0 * 0.44704)
-
 
 def test_what_the_wire_cannot_hold_is_refused() -> None:
     with pytest.raises(MessageError, match="MAPEM"):
@@ -214,8 +173,8 @@ def test_wireshark_reads_what_was_meant(tmp_path: Path) -> None:
     capture(file, [packet(kind) for kind in DECODERS])
     command = ["tshark", "-r", str(file), "-T", "json"]
     result = subprocess.run(command, capture_output=True, text=True, check=True)
-    spatem, mapem, ivim = (entry["_source"]["layers"] for entry in json.loads(result.stdout))
-    for layers, kind in zip((spatem, mapem, ivim), DECODERS, strict=True):
+    spatem, mapem = (entry["_source"]["layers"] for entry in json.loads(result.stdout))
+    for layers, kind in zip((spatem, mapem), DECODERS, strict=True):
         assert "_ws.malformed" not in layers
         assert find(layers, "btpb.dstport") == str(kind.port)
         assert find(layers, "its.stationID") == str(STATION)
@@ -233,6 +192,3 @@ def test_wireshark_reads_what_was_meant(tmp_path: Path) -> None:
     assert find(mapem, "dsrc.lat") == str(round(1e7 * place.latitude_deg))
     assert find(mapem, "dsrc.x") == "0"
     assert find(mapem, "dsrc.y") == "-1000"
-    assert find(ivim, "ivi.roadSignCode") == "14"
-    assert find(ivim, "ivi.value") == "50"
-    assert find(ivim, "ivi.deltaLatitude") == "0"

@@ -18,12 +18,9 @@ from tests.iptm_v2x_bridge.roadside import (
     lane,
     lanes,
     phases,
-    place_deg,
-    signs,
 )
 
 from iptm_core.road_ahead import SpeedLimits
-from iptm_v2x_bridge.messages.ivim import SpeedSigns, ZoneDirection
 from iptm_v2x_bridge.messages.mapem import IntersectionMap, Lane
 from iptm_v2x_bridge.messages.packets import its_timestamp_ms
 from iptm_v2x_bridge.messages.spatem import (
@@ -47,7 +44,7 @@ NOW_S = NOW_MS / 1000.0
 
 
 def heard(
-    *messages: IntersectionPhases | IntersectionMap | SpeedSigns,
+    *messages: IntersectionPhases | IntersectionMap,
     at_ms: int = NOW_MS,
     given: RoadRules | None = None,
 ) -> RoadsideTable:
@@ -226,54 +223,10 @@ def test_what_is_heard_of_a_line_replaces_what_is_given_of_it() -> None:
     first, second = rules.ego.signals
     assert first.cycle_s is None
     assert second is GIVEN.signals[1]
+    assert rules.ego.limits is GIVEN.limits
     assert rules.report()["next_line"] == "closed (heard)"
     rules.refresh(NOW_MS, 600.0)
     assert rules.report()["next_line"] == "open (given)"
-
-
-def limit_at(rules: RoadsideTable, position_m: float) -> float:
-    assert rules.ego.limits is not None
-    index = int(np.searchsorted(rules.ego.limits.starts_m, position_m, side="right")) - 1
-    return float(rules.ego.limits.limits_m_s[max(index, 0)])
-
-
-def test_limits_hold_in_their_zones_and_the_lowest_of_several() -> None:
-    more = signs(8.0, 500.0, 600.0, identity=(100, 5, 43))
-    rules = heard(signs(25.0, 200.0, 700.0), more, given=GIVEN)
-    found = [limit_at(rules, place) for place in (100.0, 210.0, 550.0, 650.0, 710.0, 900.0)]
-    assert found == [14.0, 25.0, 8.0, 25.0, 14.0, 20.0]
-    alone = heard(signs(25.0, 200.0, 700.0))
-    assert limit_at(alone, 300.0) == 25.0
-    assert limit_at(alone, 100.0) == limit_at(alone, 800.0) == 70.0
-
-
-@pytest.mark.parametrize(
-    ("changes", "counts"),
-    [
-        ({}, True),
-        ({"direction": (ZoneDirection.OPPOSITE,)}, False),
-        ({"direction": (ZoneDirection.BOTH,)}, True),
-        ({"places_deg": (place_deg(700.0), place_deg(200.0))}, False),
-        ({"places_deg": (place_deg(200.0), place_deg(700.0, 30.0))}, False),
-        ({"valid_from_ms": NOW_MS + 1000}, False),
-        ({"valid_to_ms": NOW_MS + 1000}, True),
-        ({"is_cancelled": True}, False),
-    ],
-)
-def test_zones_count_on_the_egos_road_for_its_direction_and_while_they_hold(
-    changes: dict[str, object], counts: bool
-) -> None:
-    rules = heard(signs(10.0, 200.0, 700.0, **changes), given=GIVEN)
-    assert (limit_at(rules, 400.0) == 10.0) is counts
-
-
-def test_a_sign_is_cancelled_and_not_revived_by_an_old_message() -> None:
-    old = signs(10.0, 200.0, 700.0, issued_ms=NOW_MS - 9000)
-    rules = heard(old, signs(10.0, 200.0, 700.0, issued_ms=NOW_MS - 5000, is_cancelled=True))
-    assert rules.ego.limits is None
-    assert rules.take(old, NOW_MS) is Rejection.OLDER
-    expired = signs(10.0, 200.0, 700.0, identity=(1, 2, 3), valid_to_ms=NOW_MS - 1)
-    assert rules.take(expired, NOW_MS) is Rejection.STALE
 
 
 def test_the_leader_is_foretold_by_what_is_heard() -> None:

@@ -21,6 +21,7 @@ setup(
         "casadi>=3.6.5",
         "jinja2>=3.1",
         "PyYAML>=6.0",
+        "pandas>=2.1",
         "rosbags>=0.11",
     ],
     extras_require={"test": ["pytest", "hypothesis"]},

@@ -16,6 +16,7 @@ setup(
         "numpy>=1.24",
         "PyYAML>=6.0",
         "zstandard>=0.20",
+        "lz4>=4",
         "mcap>=1.6",
         "pyarrow>=15",
         "rosbags>=0.11",

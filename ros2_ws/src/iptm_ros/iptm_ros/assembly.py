@@ -122,10 +122,10 @@ def assemble_run(messages: Mapping[Topic, ByStamp]) -> AssembledRun:
     )
 
 
-def unpublished(trajectory: Trajectory) -> list[str]:
+def unpublished(trajectory: Trajectory, *, has_leader: bool = True) -> list[str]:
     """Return a sentence for each column that figures need and of which a trajectory has nothing."""
-    rows = len(trajectory)
-    missing = [name for name in _NEEDED if trajectory.unknown.get(name) == rows]
+    needed = _NEEDED if has_leader else _NEEDED[1:]
+    missing = [name for name in needed if trajectory.unknown.get(name) == len(trajectory)]
     return [f"{name} was not published: figures that need it are missing" for name in missing]
 
 

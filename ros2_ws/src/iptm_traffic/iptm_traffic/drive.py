@@ -42,7 +42,6 @@ from iptm_traffic.network import CYCLE_S, Corridor, build_network
 from iptm_traffic.own_network import OwnNetwork, build_own_network
 from iptm_traffic.radio import Rehearsal, TrafficRadio, rehearse
 from iptm_traffic.right_of_way import RightOfWay
-from iptm_traffic.roadside import LIMITS_WITHOUT_SIGNS
 from iptm_traffic.simulation import TrafficSimulation
 from iptm_traffic.world import SumoWorld
 from iptm_v2x_bridge.cam_bridge import CamBridge
@@ -52,7 +51,7 @@ from iptm_v2x_bridge.prediction.received_path import ReceivedPath
 from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules
 from iptm_v2x_bridge.radio_recording import SimulatedRadio
 from iptm_v2x_bridge.roadside.table import RoadsideTable
-from iptm_v2x_bridge.rules_of_the_road import RulesOfTheRoad, read_limits
+from iptm_v2x_bridge.rules_of_the_road import RulesOfTheRoad
 
 DRIVER_FORESIGHT_S = 15.0
 """How far ahead the ego vehicle looks at lines where their plan is not sent to it."""
@@ -83,7 +82,7 @@ class TrafficDrive:
         strategy: the controller's; the reference plans on the paper's single horizon.
         demand: how much traffic there is.
         step_s: step of SUMO and period of the messages.
-        signals_by_radio: signals and speed limits come from roadside stations only.
+        signals_by_radio: signals come from roadside stations only.
         own: a network of the user's own; None for the corridor with its demand.
 
     Raises:
@@ -251,7 +250,7 @@ def _closed_loop(
     for_ego, for_leader = (own.ego, own.leader) if own else (network.rules, network.rules)
     heard = None
     if drive.signals_by_radio:
-        heard = RoadsideTable(road_line, RoadRules(read_limits(LIMITS_WITHOUT_SIGNS)))
+        heard = RoadsideTable(road_line, RoadRules(network.limits))
         for_ego, for_leader = heard.ego, heard.leader
     receiver = CamBridge(
         road_line, preview, predictors=_predictors(drive.knowledge, for_leader), roadside=heard

@@ -43,7 +43,6 @@ from iptm_traffic.drive import DRIVER_FORESIGHT_S, PredictionInput, TrafficDrive
 from iptm_traffic.ego_road import EgoRoad
 from iptm_traffic.network import CYCLE_S, MAIN_OPEN_S, Network
 from iptm_traffic.radio import TrafficRadio
-from iptm_traffic.roadside import LIMITS_WITHOUT_SIGNS
 from iptm_traffic.simulation import EgoInstant, TrafficSimulation
 from iptm_traffic.world import SumoWorld
 from iptm_v2x_bridge.datagrams import (
@@ -141,14 +140,15 @@ def bridge_parameters(drive: TrafficDrive, network: Network, port: int) -> dict[
         "speed_limits_km_h": ", ".join(
             f"{start_m:.9g}:{KM_H_PER_M_S * limit:.9g}"
             for start_m, limit in zip(limits.starts_m, limits.limits_m_s, strict=True)
-        ),
-        "signals": ", ".join(
-            f"{line.stop_line_m:.17g}:{CYCLE_S:g}:{line.begins_at_s:g}:{MAIN_OPEN_S:g}"
-            for line in network.signals
-        ),
+        )
     }
     if drive.signals_by_radio:
-        rules = {"roadside_messages": True, "speed_limits_km_h": LIMITS_WITHOUT_SIGNS}
+        rules["roadside_messages"] = True
+    else:
+        rules["signals"] = ", ".join(
+            f"{line.stop_line_m:.17g}:{CYCLE_S:g}:{line.begins_at_s:g}:{MAIN_OPEN_S:g}"
+            for line in network.signals
+        )
     return rules | {
         "leader_source": "cam",
         "cam_port": port,

@@ -1,6 +1,6 @@
-"""Roadside stations at the signals of the corridor: phases, lanes and speed signs, encoded.
+"""Roadside stations at the signals of the corridor: phases and lanes, encoded.
 
-Each covers its own intersection and the speed limit behind it. The lanes of the main road have one
+Each covers its own intersection. The lanes of the main road have one
 signal group, the cross street has another one.
 """
 
@@ -8,20 +8,16 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from iptm_core.routes.road_line import RoadLine, step_deg, step_m
 from iptm_traffic.network import (
     CLEARING_S,
     CROSS_STREET_M,
     CYCLE_S,
-    LIMITS_KM_H,
     MAIN_OPEN_S,
     YELLOW_S,
     Network,
 )
 from iptm_traffic.simulation import RADIO_RANGE_M
-from iptm_v2x_bridge.messages.ivim import SpeedSigns, SpeedZone, encode_ivim
 from iptm_v2x_bridge.messages.mapem import (
     SCALE_DEG,
     IntersectionMap,
@@ -37,58 +33,44 @@ from iptm_v2x_bridge.messages.spatem import (
 )
 from iptm_v2x_bridge.prediction.road_rules import Signal
 
-LIMITS_WITHOUT_SIGNS = f"0:{min(LIMITS_KM_H):g}"
-"""Speed limit (km/h) assumed where only the kind of road is known."""
 SENT_PHASES = 6
 """Two cycles of green, yellow and red."""
 MAPS_EVERY_S = 1.0
-"""Maps and signs are sent so often; phases at every step."""
+"""Maps are sent so often; phases at every step."""
 _MAIN_GROUP, _CROSS_GROUP = 1, 2
 _LANE_WIDTH_M = 3.2
 _CROSSING_M = 25.0
 """From the stop line to the lanes behind the intersection."""
 _LANE_NODES_M = (0.0, 50.0, 150.0)
-_ZONE_SPACING_M = 50.0
-_COUNTRY, _PROVIDER = 0, 1
 _STATION_BASE = 1_000_000
 
 
-_Station = tuple[int, float, Signal | None, list[tuple[MessageKind, bytes]]]
-"""Number, position and signal of one station, and its constant messages."""
+_Station = tuple[int, Signal, bytes]
+"""Number and signal of one station, and its map."""
 
 
 class RoadsideStations:
-    """The stations in radio range of the ego: one at the start, with a sign only, and one at each signal."""
+    """The stations in radio range of the ego, one at each signal."""
 
     def __init__(self, network: Network, road: RoadLine) -> None:
         """Set up the stations."""
         self._road = road
-        limits = network.limits
-        starts = [*limits.starts_m.tolist(), road.length_m]
         self._stations: list[_Station] = []
-        for number, signal in enumerate((None, *network.signals)):
-            sign = self._sign(
-                number, starts[number], starts[number + 1], float(limits.limits_m_s[number])
-            )
-            sent = [(MessageKind.IVIM, encode_ivim(_STATION_BASE + number, sign))]
-            if signal is not None:
-                lanes = self._lanes(number, signal.stop_line_m)
-                sent.append((MessageKind.MAPEM, encode_mapem(_STATION_BASE + number, [lanes])))
-            place_m = 0.0 if signal is None else signal.stop_line_m
-            self._stations.append((number, place_m, signal, sent))
+        for number, signal in enumerate(network.signals, start=1):
+            lanes = self._lanes(number, signal.stop_line_m)
+            self._stations.append((number, signal, encode_mapem(_STATION_BASE + number, [lanes])))
 
     def datagrams(self, time_ms: int, ego_position_m: float) -> list[bytes]:
         """Return what the ego vehicle hears of them at an instant."""
         heard: list[bytes] = []
-        for number, place_m, signal, maps in self._stations:
+        for number, signal, lanes in self._stations:
+            place_m = signal.stop_line_m
             if abs(place_m - ego_position_m) > RADIO_RANGE_M:
                 continue
-            sent: list[tuple[MessageKind, bytes]] = []
-            if signal is not None:
-                phases = [_phases(number, signal, time_ms)]
-                sent.append((MessageKind.SPATEM, encode_spatem(_STATION_BASE + number, phases)))
+            phases = [_phases(number, signal, time_ms)]
+            sent = [(MessageKind.SPATEM, encode_spatem(_STATION_BASE + number, phases))]
             if time_ms % round(1000.0 * MAPS_EVERY_S) == 0:
-                sent += maps
+                sent.append((MessageKind.MAPEM, lanes))
             latitude, longitude, _ = self._road.locate(place_m)
             place_deg = float(latitude), float(longitude)
             station_id = _STATION_BASE + number
@@ -97,15 +79,6 @@ class RoadsideStations:
                 for kind, payload in sent
             ]
         return heard
-
-    def _sign(self, number: int, from_m: float, to_m: float, limit_m_s: float) -> SpeedSigns:
-        count = math.ceil((to_m - from_m) / _ZONE_SPACING_M) + 1
-        latitudes, longitudes, _ = self._road.locate(np.linspace(from_m, to_m, count))
-        places = tuple(zip(latitudes.tolist(), longitudes.tolist(), strict=True))
-        return SpeedSigns(
-            (_COUNTRY, _PROVIDER, number + 1),
-            (SpeedZone(limit_m_s, places),),
-        )
 
     def _lanes(self, number: int, line_m: float) -> IntersectionMap:
         """Return the lanes of an intersection: the ego's road with two lanes, and one that crosses it."""

@@ -78,14 +78,6 @@ class LeftOut(TextEnum):
     """A lane described by another one."""
     REGIONAL_NODE = "regional_node"
     """A lane with a node of a regional form."""
-    SIGN = "sign"
-    """A sign that limits no speed, or not in numbers."""
-    CERTAIN_HOURS = "certain_hours"
-    """A speed limit for certain hours only."""
-    CERTAIN_VEHICLES = "certain_vehicles"
-    """A speed limit for certain vehicles or drivers only."""
-    ZONE = "zone"
-    """A zone that is not a line, or lacks a vertex."""
 
 
 class RejectionCounts:

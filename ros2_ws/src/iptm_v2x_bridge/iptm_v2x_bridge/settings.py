@@ -120,8 +120,8 @@ class CamSettings(Settings):
     )
     roadside_messages: bool = parameter(
         default=False,
-        description="cam: take signals and speed limits from the messages of roadside stations, too (SPATEM, "
-        "MAPEM, IVIM; needs requirements/roadside.txt); they override the given ones",
+        description="cam: take signals from the messages of roadside stations, too (SPATEM, MAPEM; needs "
+        "requirements/roadside.txt); they override the given ones",
     )
     leader_keeps_rules: bool = parameter(
         default=True,

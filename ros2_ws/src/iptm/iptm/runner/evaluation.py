@@ -135,10 +135,9 @@ def evaluate(
         if missed:
             notes.append(f"the runner missed {missed} states; the bag holds them")
     losses = None if bag is None else stored_losses(information)
-    is_empty = scenario.road.leader_source is LeaderSource.NONE
-    notes += [
-        note for note in unpublished(trajectory) if not (is_empty and note.startswith("leader_"))
-    ]
+    notes += unpublished(
+        trajectory, has_leader=scenario.road.leader_source is not LeaderSource.NONE
+    )
     notes += [remark] if (remark := leader_remark(trajectory, losses)) else []
     fastest_m_s = float(np.fmax.reduce(trajectory.leader_speed_m_s))
     if fastest_m_s > parameters.limits.max_speed_m_s:

@@ -87,8 +87,6 @@ class MessageKind(Enum):
     """Signal phases and timing (TS 103 301)."""
     MAPEM = (5, 2003)
     """Lanes of intersections (TS 103 301)."""
-    IVIM = (6, 2006)
-    """In-vehicle information, here speed signs (TS 103 301)."""
 
     @property
     def message_id(self) -> int:

@@ -1,7 +1,7 @@
 """Bits of the messages of roadside stations: the work of pycrate, an optional extra.
 
-Its module ITS_IS holds SPATEM, MAPEM and IVIM of TS 103 301 with what they are made of: SAE J2735 in the
-profile of ISO/TS 19091, and ISO/TS 19321. Nothing of pycrate is part of this project (LGPL-2.1).
+Its module ITS_IS holds SPATEM and MAPEM of TS 103 301 with what they are made of: SAE J2735 in the
+profile of ISO/TS 19091. Nothing of pycrate is part of this project (LGPL-2.1).
 
 Messages wait to be decoded, so that they cannot delay ticks and messages of cars: a map of 1.3 kB takes 5
 ms, a message of a car 0.06 ms. Bytes stand for the time of decoding (3 to 4 us each, measured with pycrate),
@@ -27,7 +27,7 @@ from iptm_v2x_bridge.messages.packets import (
 from iptm_v2x_bridge.rejections import Rejection
 
 HOW_TO = ".venv/bin/python -m pip install --require-hashes -r requirements/roadside.txt"
-CONTENT = {MessageKind.SPATEM: "spat", MessageKind.MAPEM: "map", MessageKind.IVIM: "ivi"}
+CONTENT = {MessageKind.SPATEM: "spat", MessageKind.MAPEM: "map"}
 _LOCK = threading.Lock()
 """Every type holds the value that it works on."""
 

@@ -32,7 +32,6 @@ SERVICES = {
     MessageKind.CAM: 36,
     MessageKind.SPATEM: 137,
     MessageKind.MAPEM: 138,
-    MessageKind.IVIM: 139,
 }
 """PSID of the services (TS 102 965)."""
 MAX_SIGNERS = 1024

@@ -1,4 +1,4 @@
-"""Messages of the roadside as seen from the road: stop lines, when they are closed, stretches of speed signs.
+"""Messages of the roadside as seen from the road: stop lines, and when they are closed.
 
 For an ego vehicle that keeps the rules a line is open only while it is certainly open: from the latest end of
 the previous phase to the earliest end of the open one; unknown times count as closed. The leader's prediction
@@ -13,12 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iptm_core.road_ahead import SpeedLimits
-from iptm_core.routes.road_line import RoadFix, RoadLine, step_deg, step_m
-from iptm_v2x_bridge.messages.ivim import SpeedSigns, SpeedZone, ZoneDirection
+from iptm_core.routes.road_line import RoadFix, RoadLine, step_deg
 from iptm_v2x_bridge.messages.mapem import IntersectionMap, Lane
 from iptm_v2x_bridge.messages.spatem import IntersectionId, IntersectionPhases, Phase
-from iptm_v2x_bridge.prediction.road_rules import NO_LIMITS, Span
+from iptm_v2x_bridge.prediction.road_rules import Span
 from iptm_v2x_bridge.stations.station import LANE_HALF_WIDTH_M, MAX_HEADING_APART_DEG
 
 SAME_LINE_M = 10.0
@@ -101,65 +99,6 @@ def is_same_way(heading_deg: float, road_heading_deg: float) -> bool:
     """Return whether a heading is that of the road."""
     apart = float(np.mod(heading_deg - road_heading_deg + 180.0, 360.0)) - 180.0
     return abs(apart) < MAX_HEADING_APART_DEG
-
-
-MAX_ASIDE_M = 10.0
-"""How far from the ego's path the line of a zone may run; it may be that of another lane or of the road."""
-SHORTEST_M = 1.0
-
-
-Stretch = tuple[float, float, float]
-"""A part of the ego vehicle's road: its beginning and end along the road (m), and the limit on it (m/s)."""
-
-
-def stretches(road: RoadLine, signs: SpeedSigns) -> tuple[Stretch, ...]:
-    """Return the zones that lie on the ego vehicle's road all along and are relevant for its direction."""
-    found = (_stretch(road, zone) for zone in signs.zones)
-    return tuple(stretch for stretch in found if stretch is not None)
-
-
-def _stretch(road: RoadLine, zone: SpeedZone) -> Stretch | None:
-    fixes = [road.project(*zone.places_deg[0])]
-    turned_deg = []
-    for before, after in zip(zone.places_deg, zone.places_deg[1:], strict=False):
-        fixes.append(road.project(*after, near_m=fixes[-1].position_m))
-        east, north = step_m(*after, before)
-        turned_deg.append(math.degrees(math.atan2(east, north)))
-    if any(abs(fix.lateral_m) > MAX_ASIDE_M for fix in fixes):
-        return None
-    ends = fixes[0].position_m, fixes[-1].position_m
-    along = all(
-        is_same_way(heading, fix.heading_deg)
-        for heading, fix in zip(turned_deg, fixes[1:], strict=True)
-    )
-    against = all(
-        is_same_way(heading + 180.0, fix.heading_deg)
-        for heading, fix in zip(turned_deg, fixes[1:], strict=True)
-    )
-    relevant = {
-        ZoneDirection.OPPOSITE: against,
-        ZoneDirection.BOTH: along or against,
-    }.get(zone.direction, along)
-    if not relevant or abs(ends[1] - ends[0]) < SHORTEST_M:
-        return None
-    return min(ends), max(ends), zone.limit_m_s
-
-
-def limits_with(given: SpeedLimits | None, heard: Sequence[Stretch]) -> SpeedLimits | None:
-    """Return the limits: the lowest received one on stretches with signs, elsewhere the given ones."""
-    if not heard:
-        return given
-    known = given or NO_LIMITS
-    before_m = min(known.starts_m[0], *(from_m for from_m, _, _ in heard)) - SHORTEST_M
-    places = {before_m, *known.starts_m.tolist()}
-    places |= {place for stretch in heard for place in stretch[:2]}
-    starts = sorted(places)
-    limits = []
-    for start in starts:
-        received = [limit_m_s for from_m, to_m, limit_m_s in heard if from_m <= start < to_m]
-        index = max(int(np.searchsorted(known.starts_m, start, side="right")) - 1, 0)
-        limits.append(min(received, default=float(known.limits_m_s[index])))
-    return SpeedLimits(np.array(starts), np.array(limits))
 
 
 EARLY_OPENING_S = 1.0

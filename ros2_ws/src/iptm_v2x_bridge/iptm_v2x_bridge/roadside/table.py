@@ -1,8 +1,8 @@
 """The messages of roadside stations, and the rules of the road as given and heard.
 
-A map holds for the whole trip, as stop lines are fixed; phases expire without new messages;
-speed signs hold until cancelled. The time of a packet is not checked: it is that of the
-station's position, which may have been surveyed long ago. Rejected messages are counted by reason.
+A map holds for the whole trip, as stop lines are fixed; phases expire without new messages. The time of a
+packet is not checked: it is that of the station's position, which may have been surveyed long ago. Rejected
+messages are counted by reason.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from iptm_core.routes.road_line import RoadLine
-from iptm_v2x_bridge.messages.ivim import SpeedSigns, decode_ivim
 from iptm_v2x_bridge.messages.mapem import IntersectionMap, decode_mapem
 from iptm_v2x_bridge.messages.packets import MessageKind, OpenedDatagram
 from iptm_v2x_bridge.messages.pycrate_codec import WaitingMessages
@@ -22,35 +21,31 @@ from iptm_v2x_bridge.rejections import LeftOut, Rejection, RejectionCounts
 from iptm_v2x_bridge.roadside.interpretation import (
     SAME_LINE_M,
     StopLine,
-    Stretch,
     joined,
     likely_closed,
-    limits_with,
     opens_too_early,
     stop_lines,
-    stretches,
     surely_closed,
 )
 from iptm_v2x_bridge.stations.plausibility import MAX_AGE_MS, MAX_AHEAD_MS
 
 PHASES_KNOWN_MS = 5000
 """Age at which phases expire; the line is then treated as one without a signal."""
-MAX_INTERSECTIONS, MAX_SIGNS = 256, 256
-"""Largest numbers kept; the farthest map, the oldest phases and the oldest sign are discarded."""
+MAX_INTERSECTIONS = 256
+"""Largest number kept; the farthest map and the oldest phases are discarded."""
 _REVISIONS = 128
-_Part = IntersectionPhases | IntersectionMap | SpeedSigns
+_Part = IntersectionPhases | IntersectionMap
 _KINDS: dict[MessageKind, Callable[[bytes, int], Sequence[_Part] | Rejection]] = {
     MessageKind.SPATEM: decode_spatem,
     MessageKind.MAPEM: lambda payload, _: decode_mapem(payload),
-    MessageKind.IVIM: lambda payload, _: decode_ivim(payload),
 }
 ROADSIDE_KINDS = tuple(_KINDS)
 
 
 class RoadsideTable:
-    """Holds maps, phases and signs by their identity, and combines given rules with those received.
+    """Holds maps and phases by their identity, and combines given rules with those received.
 
-    For a stop line or a stretch with both, messages take precedence, also after they have ceased.
+    For a stop line with both, messages take precedence, also after they have ceased.
 
     Attributes:
         accepted: messages taken in, by kind.
@@ -69,7 +64,6 @@ class RoadsideTable:
     def _clear(self) -> None:
         self._maps: dict[IntersectionId, tuple[IntersectionMap, tuple[StopLine, ...]]] = {}
         self._phases: dict[IntersectionId, IntersectionPhases] = {}
-        self._signs: dict[tuple[int, int, int], tuple[SpeedSigns, tuple[Stretch, ...]]] = {}
         self.accepted: Counter[MessageKind] = Counter()
         self.rejections = RejectionCounts()
         self.left_out: Counter[LeftOut] = Counter()
@@ -111,8 +105,6 @@ class RoadsideTable:
 
     def take(self, part: _Part, now_ms: int) -> Rejection | None:
         """Take in what has been read; return why not, None if it was accepted."""
-        if isinstance(part, SpeedSigns):
-            return self._take_signs(part, now_ms)
         if isinstance(part, IntersectionMap):
             return self._take_map(part)
         return self._take_phases(part, now_ms)
@@ -162,28 +154,6 @@ class RoadsideTable:
         away = (abs(line.position_m - self._ego_position_m) for line in lines)
         return min(away, default=float("inf"))
 
-    def _take_signs(self, message: SpeedSigns, now_ms: int) -> Rejection | None:
-        if message.issued_ms is not None and message.issued_ms > now_ms + MAX_AHEAD_MS:
-            return Rejection.FUTURE
-        if message.valid_to_ms is not None and message.valid_to_ms < now_ms:
-            return Rejection.STALE
-        known = self._signs.get(message.identity)
-        if known is not None:
-            if message == known[0]:
-                return None  # signs are repeated as long as they hold
-            if (message.issued_ms or 0) < (known[0].issued_ms or 0):
-                return Rejection.OLDER
-        self.left_out.update(message.left_out)
-        found = () if message.is_cancelled else stretches(self._road, message)
-        self._signs.pop(message.identity, None)
-        # A cancellation is kept: what it cancels may be replayed.
-        if found or known is not None:
-            self._signs[message.identity] = message, found
-        if len(self._signs) > MAX_SIGNS:
-            del self._signs[next(iter(self._signs))]
-            self.rejections.add(Rejection.TABLE_FULL)
-        return None
-
     def lines(self) -> list[StopLine]:
         """Return the stop lines of all maps, in driving order."""
         found = (line for _, lines in self._maps.values() for line in lines)
@@ -202,20 +172,10 @@ class RoadsideTable:
             return None
         return phases
 
-    def stretches(self, now_ms: int) -> list[Stretch]:
-        """Return the stretches with speed limits that hold now."""
-        return [
-            stretch
-            for signs, found in self._signs.values()
-            if (signs.valid_from_ms or 0) <= now_ms <= (signs.valid_to_ms or now_ms)
-            for stretch in found
-        ]
-
     def refresh(self, now_ms: int, ego_position_m: float) -> None:
         """Bring the rules up to date."""
         self._ego_position_m, self._now_s = ego_position_m, now_ms / 1000.0
         self.decode(now_ms)
-        limits = limits_with(self._given.limits, self.stretches(now_ms))
         lines = self.lines()
         known = {line: self.phases_of(line, now_ms) for line in lines}
         given: list[Signal] = [
@@ -229,7 +189,6 @@ class RoadsideTable:
             for line, phases in known.items()
             if phases is not None
         ]
-        self.ego.limits = self.leader.limits = limits
         self.ego.signals = _in_order([*given, *cautious])
         self.leader.signals = _in_order([*given, *likely])
         self._known = {line.position_m: phases for line, phases in known.items()}
@@ -253,7 +212,6 @@ class RoadsideTable:
             "roadside_waiting": len(self._waiting),
             "lines_heard": len(self._known),
             "lines_of_unknown_phase": sum(phases is None for phases in self._known.values()),
-            "speed_stretches_heard": len(self.stretches(round(1000.0 * self._now_s))),
             "next_line": state,
             "next_line_m": "none" if following is None else following.stop_line_m,
         }
