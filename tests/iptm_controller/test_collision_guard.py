@@ -111,11 +111,15 @@ def test_no_collision_that_the_brakes_could_avoid(
 
 
 def decide(controller: Controller, *leaders: tuple[float, float], **ego: float) -> Decision:
-    """Return the decision after ticks with these gaps and leader speeds; the ego vehicle stays as it is."""
+    """Return the decision after ticks with these gaps and leader speeds; the ego vehicle keeps its speed."""
     decision = None
     for tick, (gap_m, leader_speed_m_s) in enumerate(leaders):
         scene = make_scene(
-            gap_m=gap_m, leader_speed_m_s=leader_speed_m_s, time_s=100.0 + tick, **ego
+            gap_m=gap_m,
+            leader_speed_m_s=leader_speed_m_s,
+            time_s=100.0 + tick,
+            position_m=1000.0 + tick * ego.get("speed_m_s", 15.0),
+            **ego,
         )
         decision = controller.decide(scene)
     return decision

@@ -149,7 +149,8 @@ def test_situations_from_one_extreme_to_the_other(data: st.DataObject) -> None:
         expect_sane(controller.decide(make_scene(time_s=100.0 + tick, **values)))
     rungs = []
     for tick in range(RECOVERY_TICKS):
-        ordinary = make_scene(time_s=103.0 + tick, gap_m=50.0)
+        position_m = 1000.0 + 15.0 * (3 + tick)
+        ordinary = make_scene(time_s=103.0 + tick, gap_m=50.0, position_m=position_m)
         decision = controller.decide(ordinary)
         expect_sane(decision)
         rungs.append(decision.rung)

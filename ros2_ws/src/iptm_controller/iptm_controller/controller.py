@@ -24,7 +24,8 @@ from iptm_controller.collision_guard import EMERGENCY, CollisionGuard
 from iptm_controller.decision import NOTHING, Decision
 from iptm_controller.estimator import Estimator
 from iptm_controller.forecast import LeaderForecaster
-from iptm_controller.ladder import FallbackLadder
+from iptm_controller.ladder import FallbackLadder, safe_following
+from iptm_controller.lead_check import LeadCheck
 from iptm_controller.limiter import CommandLimiter
 from iptm_controller.measurements import Measurements, trusted_measurements
 from iptm_controller.memory import ControllerMemory
@@ -90,6 +91,7 @@ class Controller:
         self._limiter = CommandLimiter(parameters.limits, options.tick_s)
         self._estimator = Estimator(options.noise, parameters.limits, options.tick_s)
         self._actuation = ActuationObserver(parameters.limits, options.tick_s)
+        self._lead = LeadCheck(options.accuracy, options.road, parameters.limits)
         self._production = ProductionLikeController(parameters, options.production, options.tick_s)
         self._road = RoadEnvelope(parameters, options.tick_s)
         self._hardest_m_s2 = parameters.limits.min_acceleration_m_s2
@@ -144,6 +146,7 @@ class Controller:
             "powers_w": (self._traction, "powers_w"),
             "speeds_m_s": (self._traction, "speeds_m_s"),
             "powers_until_s": (self._traction, "until_s"),
+            "lead": (self._lead, "memory"),
             "leader_past": (self._forecaster, "past"),
             "fusion": (self._forecaster.fusion, "memory"),
             "trust": (self._forecaster.trust, "memory"),
@@ -171,9 +174,14 @@ class Controller:
     def decide(self, measured: Measurements) -> Decision:
         """Decide one tick."""
         trusted, leader, fault = trusted_measurements(measured, self._last_trusted)
-        state = trusted
+        state, doubt = trusted, ""
         if state is not None:
+            leader, doubt = self._lead.checked(
+                state, leader, measured.preview, is_free=measured.is_free
+            )
+            fault = fault or ("" if leader or measured.is_free else doubt)
             state, leader = self._estimator.update(state, leader)
+            leader = leader and self._lead.cautious(leader, state.speed_m_s)
             self._actuation.observe(state)
             state = self._within_comfort(self._actuation.predicted(state))
         if state is None or fault or (leader is None and not measured.is_free):
@@ -188,14 +196,14 @@ class Controller:
         if rung is not Rung.OPTIMAL:
             rung, command = self._fall_back(state, leader, measured)
         limited, limits = self._limit(command, state)
-        reasons = [planned.reason, self._actuation.reason]
+        reasons = [doubt if doubt != planned.reason else "", planned.reason, self._actuation.reason]
         if state is not None:
             self._guard.observe(leader, is_free=measured.is_free)
             if self._guard.collision_threatens(
                 limited.acceleration_m_s2,
                 state,
                 planned.forecast,
-                self._actuation.brake_share,
+                min(self._actuation.brake_share, self._lead.braking_share),
             ):
                 rung = Rung.EMERGENCY_BRAKING
                 reasons.insert(0, EMERGENCY)
@@ -227,6 +235,10 @@ class Controller:
         rung, command = self._ladder.fall_back(state, ahead, self._last_trusted)
         lawful = self._road.command_m_s2(state, measured.rules)
         slower = min(command.acceleration_m_s2, lawful)
+        lost = None if leader is not None else self._lead.lost_leader(state.time_s)
+        if lost is not None and not measured.is_free:
+            law = safe_following(state, lost, self._model, self.options.tick_s)
+            slower = min(slower, law.acceleration_m_s2)
         return rung, replace(command, acceleration_m_s2=slower)
 
     def _within_comfort(self, state: VehicleState) -> VehicleState:

@@ -15,6 +15,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from iptm_controller.lead_check import LARGEST_SPEED_ERROR_M_S
 from iptm_controller.leader_motion import (
     extrapolated_motion,
     measured_acceleration_m_s2,
@@ -25,9 +26,6 @@ from iptm_core.state import SPEED_AT_REST_M_S, LeaderPreview, LeaderState
 
 HISTORY_S = 3.0
 MAX_LEADER_SPEED_M_S = 100.0
-LARGEST_SPEED_ERROR_M_S = 6.0
-"""Beyond this difference to the measured speed a preview is that of another drive. Four times the noise that
-the study of imperfect previews assumes."""
 NEAR_S = 3.0
 """Where the trusted horizon is shorter than this, the measured motion limits the forecast up to here."""
 

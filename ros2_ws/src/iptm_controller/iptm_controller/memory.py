@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 from iptm_controller.actuation import ActuationMemory
 from iptm_controller.estimator import EstimatorMemory
+from iptm_controller.lead_check import LeadMemory
 from iptm_controller.plan import Plan
 from iptm_controller.preview_fusion import FusionMemory
 from iptm_controller.preview_trust import TrustMemory
@@ -42,6 +43,7 @@ class ControllerMemory:
         powers_w: traction powers of the trip so far.
         speeds_m_s: speeds at which they were measured.
         powers_until_s: when the newest one was measured.
+        lead: lead vehicle by range sensor and by radio, see `iptm_controller.lead_check`.
         leader_past: leader measured in the last seconds, oldest first.
         pace: of the road ahead, None where no rule has bound the vehicle.
         solves_since_second: of the check for better switching; None for one that has not solved anything.
@@ -58,6 +60,7 @@ class ControllerMemory:
     powers_w: tuple[float, ...] = ()
     speeds_m_s: tuple[float, ...] = ()
     powers_until_s: float = -math.inf
+    lead: LeadMemory = field(default_factory=LeadMemory)
     leader_past: tuple[LeaderState, ...] = ()
     fusion: FusionMemory = field(default_factory=FusionMemory)
     trust: TrustMemory = field(default_factory=TrustMemory)

@@ -14,6 +14,8 @@ from iptm_core.aging_laws.law import AgingLaw
 from iptm_core.aging_laws.parking import AgingSettings
 from iptm_core.charging_stop import ChargingStopSettings
 from iptm_core.errors import ParameterError
+from iptm_core.road_friction import RoadFrictionSettings
+from iptm_core.settings import SensorAccuracySettings
 
 
 @dataclass(frozen=True)
@@ -25,6 +27,8 @@ class ControllerOptions:
         safe_law_ticks: ticks of the safe car-following law after that.
         trip_duration_s: trip time at which the trip ends, infinite where that is not known.
         aging: ageing law of the cost, and how the car is used between trips.
+        accuracy: stated accuracy of the measured lead vehicle.
+        road: friction of the road as far as it is known.
         own_law: ageing law instead of the one named there.
         charging_stop: fast charger at the end of the trip.
 
@@ -43,6 +47,8 @@ class ControllerOptions:
     noise: NoiseSettings = field(default_factory=NoiseSettings)
     production: ProductionSettings = field(default_factory=ProductionSettings)
     aging: AgingSettings = field(default_factory=AgingSettings)
+    accuracy: SensorAccuracySettings = field(default_factory=SensorAccuracySettings)
+    road: RoadFrictionSettings = field(default_factory=RoadFrictionSettings)
     own_law: AgingLaw | None = None
     charging_stop: ChargingStopSettings = field(default_factory=ChargingStopSettings)
 

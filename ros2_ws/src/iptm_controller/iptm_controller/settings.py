@@ -22,6 +22,8 @@ from iptm_core.aging_laws.parking import AgingSettings
 from iptm_core.charging_stop import ChargingStopSettings
 from iptm_core.declaration import Settings, parameter
 from iptm_core.metrics.concerns import Concern
+from iptm_core.road_friction import RoadFrictionSettings
+from iptm_core.settings import SensorAccuracySettings
 
 _SOLVER = SolverOptions()
 FROM_STRATEGY = -1.0
@@ -87,7 +89,13 @@ class WarningSettings(Settings):
 
 @dataclass(frozen=True)
 class ControllerSettings(
-    WeightSettings, NoiseSettings, WarningSettings, AgingSettings, ChargingStopSettings
+    WeightSettings,
+    NoiseSettings,
+    SensorAccuracySettings,
+    RoadFrictionSettings,
+    WarningSettings,
+    AgingSettings,
+    ChargingStopSettings,
 ):
     """What the controller optimises, how far ahead, and what it does without a solution."""
 
@@ -178,6 +186,8 @@ class ControllerSettings(
             tick_s=tick_s,
             trip_duration_s=trip_duration_s,
             noise=NoiseSettings.of(self),
+            accuracy=SensorAccuracySettings.of(self),
+            road=RoadFrictionSettings.of(self),
             aging=AgingSettings.of(self),
             charging_stop=ChargingStopSettings.of(self),
         )

@@ -72,3 +72,10 @@ def braking_capability(
 def tyre_deceleration_m_s2(friction: float, slope_rad: float) -> float:
     """Return the largest braking force per mass that tyres transmit, ``mu g cos(theta)``, in m/s^2."""
     return friction * GRAVITY_M_S2 * math.cos(slope_rad)
+
+
+def further_gap_m(speed_m_s: float, known: BrakingCapability, dry: BrakingCapability) -> float:
+    """Return by how much two vehicles of one speed have to be farther apart than on a dry road, in m."""
+    apart = 1.0 / known.own_m_s2 - 1.0 / known.lead_m_s2
+    apart -= 1.0 / dry.own_m_s2 - 1.0 / dry.lead_m_s2
+    return max(0.5 * speed_m_s * speed_m_s * apart, 0.0)
