@@ -307,3 +307,58 @@ def test_weak_brakes_reach_their_share() -> None:
     fault = Fault(FaultKind.BRAKES_WEAK, 0.0, 100.0, size=0.7)
     hardest = PARAMETERS.limits.min_acceleration_m_s2
     assert min(actuated(fault, [-10.0] * 10)) == pytest.approx(0.7 * hardest)
+
+
+def lead_samples(second: int) -> LeaderPreview:
+    times = second + 0.5 * np.arange(2)
+    return LeaderPreview(times, 30.0 + 10.0 * times, np.full(2, 10.0))
+
+
+def test_a_frozen_range_sensor_repeats_gap_and_speed_of_its_first_tick() -> None:
+    injection = FaultInjection([Fault(FaultKind.LEADER_FROZEN, 2.0, 3.0)])
+    for second in range(6):
+        true = at(second)
+        closer = replace(
+            true, leader=replace(true.leader, position_m=30.0 + 9.0 * second, speed_m_s=9.0)
+        )
+        leader = injection.disturb(closer)[1].leader
+        samples = injection.sampled(lead_samples(second), 10.0 * second)
+        if second in {2, 3, 4}:
+            assert leader == LeaderState(float(second), 10.0 * second + 28.0, 9.0)
+            assert np.array_equal(samples.positions_m, np.full(2, 10.0 * second + 28.0))
+        else:
+            assert leader == closer.leader
+            assert np.array_equal(samples.positions_m, lead_samples(second).positions_m)
+
+
+def test_a_vanished_vehicle_leaves_an_empty_lane_and_a_lost_one_nothing() -> None:
+    for kind, samples in ((FaultKind.LEADER_VANISHED, 0), (FaultKind.LEADER_LOST, None)):
+        injection = FaultInjection([Fault(kind, 2.0, 3.0)])
+        measured = injection.sampled(lead_samples(3), 30.0)
+        assert (None if measured is None else measured.times_s.size) == samples
+        assert injection.disturb(at(3))[1].leader is None
+
+
+def test_rounding_is_that_of_the_gap_and_of_the_speed() -> None:
+    (gap,) = received(FaultKind.GAP_ROUNDED, 3, size=7.0)
+    assert gap.leader == LeaderState(3.0, 30.0 + 28.0, 10.0), "30 m in steps of 7 m"
+    (speed,) = received(FaultKind.LEADER_SPEED_ROUNDED, 3, size=4.0)
+    assert speed.leader == LeaderState(3.0, 60.0, 8.0)
+
+
+def test_a_slippery_road_and_a_steeper_one_take_what_brakes_can_do() -> None:
+    faults = [
+        Fault(FaultKind.ROAD_SLIPPERY, 0.0, 2.0, size=0.3),
+        Fault(FaultKind.ROAD_STEEPER, 1.0, 1.0, size=-0.1),
+    ]
+    plant = FaultyPlant(faults, PARAMETERS, np.zeros_like)
+    state = replace(plant.initial_state(), speed_m_s=30.0)
+    ahead = LeaderPreview(np.array([0.0]), np.array([5.0]), np.array([0.0]))
+    plant.watch(lambda now: replace(ahead, times_s=np.array([now.time_s])))
+    hardest = []
+    for _ in range(3):
+        step = plant.advance(state, Command(0.0, 0.0))
+        state = step.state
+        hardest.append(-state.acceleration_m_s2)
+    down = 9.81 * np.sin(0.1)
+    assert hardest == pytest.approx([2.943, 2.943 * np.cos(0.1) - down, 8.0])

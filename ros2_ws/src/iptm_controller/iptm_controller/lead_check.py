@@ -75,9 +75,9 @@ class LeadCheck:
         own = state.position_m, state.speed_m_s
         radio = self._radioed(state, preview)
         if radio is not None:
-            radioed = followed(radioed, Sample(*vars(radio).values(), *own))
+            radioed = followed(radioed, Sample.of(radio, *own))
         if leader is not None:
-            ranged = followed(ranged, Sample(*vars(leader).values(), *own))
+            ranged = followed(ranged, Sample.of(leader, *own))
         self.memory = LeadMemory(ranged, radioed)
         if leader is None:
             return None, ""

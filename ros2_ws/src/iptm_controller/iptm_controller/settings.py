@@ -91,8 +91,8 @@ class WarningSettings(Settings):
 class ControllerSettings(
     WeightSettings,
     NoiseSettings,
-    SensorAccuracySettings,
     RoadFrictionSettings,
+    SensorAccuracySettings,
     WarningSettings,
     AgingSettings,
     ChargingStopSettings,

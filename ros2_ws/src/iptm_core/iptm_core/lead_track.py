@@ -64,6 +64,11 @@ class Sample(NamedTuple):
     own_position_m: float
     own_speed_m_s: float
 
+    @classmethod
+    def of(cls, lead: LeaderState, own_position_m: float, own_speed_m_s: float) -> Sample:
+        """Return the measurement of a vehicle ahead."""
+        return cls(lead.time_s, lead.position_m, lead.speed_m_s, own_position_m, own_speed_m_s)
+
     @property
     def lead(self) -> LeaderState:
         """The vehicle ahead."""

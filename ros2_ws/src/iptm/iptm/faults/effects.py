@@ -32,13 +32,15 @@ class Hit:
 
     Attributes:
         ego_position_m: true position of the ego vehicle, for faults of the lead vehicle.
-        first: the first preview that the fault hit, for faults of previews.
+        first: the first preview or the first leader that the fault hit, for faults that repeat it.
+        first_ego_position_m: where the ego vehicle was then.
     """
 
     fault: Fault
     time_ns: int
     ego_position_m: float = math.nan
-    first: LeaderPreview | None = None
+    first: Any = None
+    first_ego_position_m: float = math.nan
 
     @property
     def size(self) -> float:
@@ -152,6 +154,24 @@ def jumping(hit: Hit, motion: Motion) -> Motion:
 def overlapping(hit: Hit, leader: LeaderState) -> LeaderState:
     """Measure the lead vehicle behind the front of the ego vehicle."""
     return replace(leader, position_m=hit.ego_position_m - hit.size)
+
+
+def frozen_leader(hit: Hit, leader: LeaderState) -> LeaderState:
+    """Measure the gap and the speed of the first time again."""
+    first = hit.first or leader
+    gap_m = first.position_m - hit.first_ego_position_m
+    return LeaderState(leader.time_s, hit.ego_position_m + gap_m, first.speed_m_s)
+
+
+def rounded_gap(hit: Hit, leader: LeaderState) -> LeaderState:
+    """Measure the gap in steps of the size."""
+    gap_m = hit.size * round((leader.position_m - hit.ego_position_m) / hit.size)
+    return replace(leader, position_m=hit.ego_position_m + gap_m)
+
+
+def rounded_speed(hit: Hit, leader: LeaderState) -> LeaderState:
+    """Measure the speed in steps of the size."""
+    return replace(leader, speed_m_s=hit.size * round(leader.speed_m_s / hit.size))
 
 
 def overheated(hit: Hit, state: VehicleState) -> VehicleState:

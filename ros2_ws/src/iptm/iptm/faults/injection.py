@@ -10,9 +10,8 @@ from iptm.faults.kinds import FaultKind, FaultPlace
 from iptm.faults.signals import (
     Delay,
     PreviewFaults,
+    RangeSensorFaults,
     Traffic,
-    faulty_leader,
-    faulty_samples,
     faulty_slope,
     faulty_state,
 )
@@ -54,7 +53,7 @@ class FaultInjection:
         check_headless(self._faults)
         self._traffic = Traffic(self._faults)
         self._previews = PreviewFaults(self._faults)
-        self._of_leader = at_places(self._faults, FaultPlace.LEADER)
+        self._sensor = RangeSensorFaults(self._faults)
         self._road = at_places(self._faults, FaultPlace.ROAD)
         self._slope: tuple[tuple[bool, ...], SlopePreview] | None = None
         # The controller acts on measurements of one stamp, so all are as late.
@@ -73,7 +72,7 @@ class FaultInjection:
             )
         now_ns = round(state.time_s * NS_PER_S)
         leader = self._traffic.leader(own, state.position_m)
-        faulty = faulty_leader(self._faults, now_ns, leader, state.position_m)
+        faulty = self._sensor.leader(now_ns, leader, state.position_m)
         preview = self._previews.apply(now_ns, self._traffic.preview(measured.preview))
         seen = replace(
             measured,
@@ -96,7 +95,7 @@ class FaultInjection:
             The measurements that arrive, None for none.
         """
         true = own if self._traffic.is_quiet else self._traffic.sampled(own, ego_position_m)
-        return faulty_samples(self._of_leader, true, ego_position_m)
+        return self._sensor.samples(true, ego_position_m)
 
     def _faulty_slope(self, now_ns: int, slope: SlopePreview) -> SlopePreview:
         if not self._road:

@@ -100,6 +100,12 @@ class FaultKind(TextEnum):
     BRAKES_WEAK = "brakes_weak", KindSpec(
         FaultPlace.VEHICLE, "the brakes deliver this share of each requested deceleration", 0.7, "1", 0.05,
         1.0)
+    ROAD_SLIPPERY = "road_slippery", KindSpec(
+        FaultPlace.VEHICLE, "friction of the road; brakes deliver no more than this times gravity", 0.33,
+        "1", 0.05, 1.2)
+    ROAD_STEEPER = "road_steeper", KindSpec(
+        FaultPlace.VEHICLE, "the road is steeper than on the map by the size, downhill below 0", -0.08, "rad",
+        -0.2, 0.2)
     PREVIEW_LOST = "preview_lost", KindSpec(
         FaultPlace.PREVIEW, "no preview arrives", effect=effects.lost)
     PREVIEW_FROZEN = "preview_frozen", KindSpec(
@@ -126,6 +132,11 @@ class FaultKind(TextEnum):
         "is constant speed", 0.0, "m/s^2", -5.0, 5.0, effect=effects.extrapolated_preview)
     LEADER_LOST = "leader_lost", KindSpec(FaultPlace.LEADER, "the leader is not measured",
         effect=effects.lost)
+    LEADER_VANISHED = "leader_vanished", KindSpec(
+        FaultPlace.LEADER, "the range sensor reports an empty lane", effect=effects.lost)
+    LEADER_FROZEN = "leader_frozen", KindSpec(
+        FaultPlace.LEADER, "gap and speed of the beginning again and again, with fresh stamps",
+        effect=effects.frozen_leader)
     LEADER_NAN = "leader_nan", KindSpec(FaultPlace.LEADER, "its speed is not a number",
         effect=effects.nan_speed)
     LEADER_OVERLAP = "leader_overlap", KindSpec(
@@ -140,6 +151,12 @@ class FaultKind(TextEnum):
     GAP_BIAS = "gap_bias", KindSpec(
         FaultPlace.LEADER, "the gap is measured larger by the size", 1.0, "m", -20.0, 20.0,
         effect=effects.bias("position_m"))
+    GAP_ROUNDED = "gap_rounded", KindSpec(
+        FaultPlace.LEADER, "the gap is measured in steps of the size", 1.0, "m", 0.001, 20.0,
+        effect=effects.rounded_gap)
+    LEADER_SPEED_ROUNDED = "leader_speed_rounded", KindSpec(
+        FaultPlace.LEADER, "the leader's speed is measured in steps of the size", 0.5, "m/s", 0.001, 5.0,
+        effect=effects.rounded_speed)
     LEADER_SPEED_NOISE = "leader_speed_noise", KindSpec(
         FaultPlace.LEADER, "white noise on the measured speed of the leader; the size is its standard "
         "deviation", 0.1, "m/s", 0.0, 5.0, effect=effects.noise("speed_m_s"))
@@ -166,6 +183,9 @@ class FaultKind(TextEnum):
     STATE_JUMPING = "state_jumping", KindSpec(
         FaultPlace.STATE, "the ego is measured elsewhere every tick, by up to the size", 5.0, "m", 0.1, 1e4,
         effect=effects.jumping)
+    EGO_POSITION_BIAS = "ego_position_bias", KindSpec(
+        FaultPlace.STATE, "the ego is measured farther on by the size, as by a jump of its fix", 5.0, "m",
+        -20.0, 20.0, effect=effects.bias("position_m"))
     STATE_DELAYED = "state_delayed", KindSpec(
         FaultPlace.STATE, "the state arrives the size later, with its own stamps; so does what is matched "
         "with it", 1.0, "ticks", 1.0, 20.0, whole=True)

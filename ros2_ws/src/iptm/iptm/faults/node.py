@@ -22,10 +22,9 @@ from iptm.faults.node_messages import changed_state_message, with_stamp, with_st
 from iptm.faults.signals import (
     Delay,
     PreviewFaults,
+    RangeSensorFaults,
     Traffic,
-    faulty_leader,
     faulty_name,
-    faulty_samples,
     faulty_slope,
     route_name,
 )
@@ -71,7 +70,7 @@ class InjectorNode(SuiteNode):
         self._traffic = Traffic(self._faults)
         self._previews = PreviewFaults(self._faults)
         self._of_state = at_places(self._faults, FaultPlace.STATE)
-        self._of_leader = at_places(self._faults, FaultPlace.LEADER)
+        self._sensor = RangeSensorFaults(self._faults)
         self._of_clock = at_places(self._faults, FaultPlace.CLOCK)
         self._foreign = at_places(self._faults, FaultPlace.STAMPS)
         self._road = at_places(self._faults, FaultPlace.ROAD)
@@ -195,7 +194,7 @@ class InjectorNode(SuiteNode):
     def _on_leader(self, data: bytes) -> None:
         stamp_ns = stamp_ns_of(data)
         self._update_slope(stamp_ns)
-        if self._traffic.is_quiet and not self._of_leader:
+        if self._traffic.is_quiet and self._sensor.is_sound:
             self._true[Topic.LEADER].publish(data)
             self._forward(Topic.LEADER, data)
             return
@@ -211,7 +210,7 @@ class InjectorNode(SuiteNode):
         true = self._traffic.leader(own, ego_m)
         true_data = data if true is own else with_stamp_of(encode_leader(true), data)
         self._true[Topic.LEADER].publish(true_data)
-        faulty = faulty_leader(self._of_leader, stamp_ns, true, ego_m)
+        faulty = self._sensor.leader(stamp_ns, true, ego_m)
         if faulty is None:
             self._changed += 1
         else:
@@ -231,7 +230,7 @@ class InjectorNode(SuiteNode):
         """Forward the measurements of the range sensor: the effective leader with sensor faults."""
         stamp_ns = stamp_ns_of(data)
         publisher = self._true[Topic.LEADER_SAMPLES]
-        if self._traffic.is_quiet and not self._of_leader:
+        if self._traffic.is_quiet and self._sensor.is_sound:
             publisher.publish(data)
             return
         if self._leader_ns < stamp_ns:
@@ -241,7 +240,7 @@ class InjectorNode(SuiteNode):
         stamp_ns, own = decode_leader_preview(message, Topic.LEADER_SAMPLES)
         ego_m = self._ego_positions_m[stamp_ns]
         true = own if self._traffic.is_quiet else self._traffic.sampled(own, ego_m)
-        faulty = faulty_samples(self._of_leader, true, ego_m)
+        faulty = self._sensor.samples(true, ego_m)
         if faulty is None:
             return
         if faulty is not own:

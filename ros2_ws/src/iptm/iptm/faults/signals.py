@@ -60,42 +60,72 @@ class PreviewFaults:
         return faulty
 
 
-def faulty_leader(
-    faults: Iterable[Fault], time_ns: int, leader: LeaderState, ego_position_m: float
-) -> LeaderState | None:
-    """Return the measured leader; the ego vehicle's position is the true one."""
-    faulty: LeaderState | None = leader
-    for fault in at_places(faults, FaultPlace.LEADER):
-        if faulty is not None and fault.hits(time_ns):
-            faulty = fault.effect_on(faulty, time_ns, ego_position_m=ego_position_m)
-    return faulty
+class RangeSensorFaults:
+    """Applies faults of the range sensor to the lead vehicle, at ticks and between them."""
 
+    def __init__(self, faults: Iterable[Fault]) -> None:
+        self._faults = at_places(faults, FaultPlace.LEADER)
+        self._first: dict[int, tuple[LeaderState, float]] = {}
 
-def faulty_samples(
-    faults: Iterable[Fault], samples: LeaderPreview, ego_position_m: float
-) -> LeaderPreview | None:
-    """Return the measurements of a range sensor in an interval, the samples themselves without faults.
+    @property
+    def is_sound(self) -> bool:
+        """Whether there are no faults."""
+        return not self._faults
 
-    Args:
-        samples: the effective leader at the instants of the interval.
-        ego_position_m: where the ego vehicle is at the first of them.
+    def leader(
+        self, time_ns: int, leader: LeaderState, ego_position_m: float
+    ) -> LeaderState | None:
+        """Return the leader measured at a tick; the ego vehicle's position is the true one."""
+        for number, fault in enumerate(self._faults):
+            if not fault.hits(time_ns):
+                self._first.pop(number, None)
+            else:
+                self._first.setdefault(number, (leader, ego_position_m))
+        return self._measured(time_ns, leader, ego_position_m)
 
-    Returns:
-        The finite measurements that arrive, None for none.
-    """
-    of_leader = at_places(faults, FaultPlace.LEADER)
-    columns = (
-        values.tolist() for values in (samples.times_s, samples.positions_m, samples.speeds_m_s)
-    )
-    true = [LeaderState(*row) for row in zip(*columns, strict=True)]
-    faulty = [
-        faulty_leader(of_leader, round(one.time_s * NS_PER_S), one, ego_position_m) for one in true
-    ]
-    if faulty == true:
-        return samples
-    rows = [(one.time_s, one.position_m, one.speed_m_s) for one in faulty if one is not None]
-    rows = [row for row in rows if np.isfinite(row).all()]
-    return LeaderPreview(*np.array(rows).T) if rows else None
+    def samples(self, samples: LeaderPreview, ego_position_m: float) -> LeaderPreview | None:
+        """Return the measurements of an interval, the samples themselves without faults.
+
+        Args:
+            samples: the effective leader at the instants of the interval, the first of which is a tick.
+            ego_position_m: where the ego vehicle is at the first of them.
+
+        Returns:
+            The finite measurements that arrive, None for none; an empty lane where that is reported.
+        """
+        columns = (
+            values.tolist() for values in (samples.times_s, samples.positions_m, samples.speeds_m_s)
+        )
+        true = [LeaderState(*row) for row in zip(*columns, strict=True)]
+        faulty = [self._measured(round(one.time_s * NS_PER_S), one, ego_position_m) for one in true]
+        if faulty == true:
+            return samples
+        rows = [(one.time_s, one.position_m, one.speed_m_s) for one in faulty if one is not None]
+        rows = [row for row in rows if np.isfinite(row).all()]
+        if rows:
+            return LeaderPreview(*np.array(rows).T)
+        start_ns = round(true[0].time_s * NS_PER_S)
+        vanished = any(
+            fault.kind is FaultKind.LEADER_VANISHED and fault.hits(start_ns)
+            for fault in self._faults
+        )
+        return LeaderPreview.empty() if vanished else None
+
+    def _measured(
+        self, time_ns: int, leader: LeaderState, ego_position_m: float
+    ) -> LeaderState | None:
+        faulty: LeaderState | None = leader
+        for number, fault in enumerate(self._faults):
+            if faulty is not None and fault.hits(time_ns):
+                first, first_ego_m = self._first.get(number, (faulty, ego_position_m))
+                faulty = fault.effect_on(
+                    faulty,
+                    time_ns,
+                    ego_position_m=ego_position_m,
+                    first=first,
+                    first_ego_position_m=first_ego_m,
+                )
+        return faulty
 
 
 def faulty_state(faults: Iterable[Fault], time_ns: int, state: VehicleState) -> VehicleState:
