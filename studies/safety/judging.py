@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ from studies.judged import Judged
 from studies.session import Case
 
 from iptm.parts import (
+    GRAVITY_M_S2,
     VEHICLE,
     WEAK_BRAKES,
     Fault,
@@ -22,6 +24,7 @@ from iptm.parts import (
     at_places,
     gaps_when_braking,
     seen_from,
+    tyre_deceleration_m_s2,
 )
 
 REPORTED_WITHIN_TICKS = 2
@@ -38,7 +41,14 @@ BRAKING_M_S2 = 0.3
 MOVING_M_S = 1.0
 """Below this speed the brakes hold the vehicle, whatever they deliver."""
 AVOIDABLE = "avoidable"
-_OF_THE_GAP = (FaultKind.GAP_NOISE, FaultKind.GAP_BIAS, FaultKind.LEADER_JUMPING)
+_OF_THE_GAP = (
+    FaultKind.GAP_NOISE,
+    FaultKind.GAP_BIAS,
+    FaultKind.GAP_ROUNDED,
+    FaultKind.LEADER_JUMPING,
+    FaultKind.LEADER_FROZEN,
+)
+_OF_THE_ROAD = (FaultKind.ROAD_SLIPPERY, FaultKind.ROAD_STEEPER)
 
 
 def trial_of(case: Case, name: str = "", failure: str = "") -> Judged:
@@ -109,8 +119,19 @@ def brake_share(faults: Iterable[Fault]) -> float:
     return min((f.magnitude for f in faults if f.kind is FaultKind.BRAKES_WEAK), default=1.0)
 
 
+def road_deceleration_m_s2(parameters: ModelParameters, faults: Iterable[Fault]) -> float:
+    """Return the deceleration that brakes, tyres and slope permit while faults of the road last."""
+    sizes = {kind: [f.magnitude for f in faults if f.kind is kind] for kind in _OF_THE_ROAD}
+    slope_rad = sum(sizes[FaultKind.ROAD_STEEPER])
+    force_m_s2 = parameters.brakes.max_deceleration_m_s2
+    for friction in sizes[FaultKind.ROAD_SLIPPERY]:
+        force_m_s2 = min(force_m_s2, tyre_deceleration_m_s2(friction, slope_rad))
+    # Uphill is not drawn on: the fault may end before the vehicle stands.
+    return force_m_s2 + min(GRAVITY_M_S2 * math.sin(slope_rad), 0.0)
+
+
 def _best_stop(
-    trip: Trajectory, parameters: ModelParameters, faults: Iterable[Fault], first: int
+    trip: Trajectory, parameters: ModelParameters, faults: Sequence[Fault], first: int
 ) -> float:
     """Return the largest smallest gap that the stated brakes could keep before a collision.
 
@@ -121,8 +142,9 @@ def _best_stop(
     for event in at_places(faults, FaultPlace.TRAFFIC):
         if event.start_s < trip.time_s[first]:
             start = min(start, int(np.searchsorted(trip.time_s, event.start_s - 1e-9)))
+    hardest_m_s2 = road_deceleration_m_s2(parameters, faults)
     return max(
-        float(gaps_when_braking(trip, parameters, row, last, REACTION_S).min())
+        float(gaps_when_braking(trip, parameters, row, last, REACTION_S, hardest_m_s2).min())
         for row in range(start, first)
     )
 

@@ -13,7 +13,14 @@ from numpy.random import Generator
 from studies.drives import DEFAULT, REFERENCE, trip
 from studies.session import Case, inputs_of
 
-from iptm.parts import CYCLE_NAMES, WHOLE_TRIP_S, Fault, FaultKind, in_order
+from iptm.parts import (
+    CYCLE_NAMES,
+    WHOLE_TRIP_S,
+    Fault,
+    FaultKind,
+    SafetyMonitorSettings,
+    in_order,
+)
 
 LONG_CYCLES = ("comprehensive",)
 UNDISTURBED = "undisturbed"
@@ -32,6 +39,7 @@ NOISE = (
 """Standard deviations of the noise of all signals together."""
 PREVIEW_ERROR_M_S = 1.5
 SEED = 1
+MARGIN_M = SafetyMonitorSettings.monitor_margin_m
 CYCLES: tuple[str, ...] = (*CYCLE_NAMES, "smooth", *LONG_CYCLES)
 PERIODS_S: tuple[float, ...] = (0.1, 0.2, 0.5, 1.0)
 DISTURBED_S, DELAYED_S = 300.0, 600.0
@@ -132,7 +140,7 @@ def disturbed_cases(
         route = inputs_of(trip(cycle, duration_s=duration_s)).route
         faults, names = _draw(random, route.duration_s)
         labels = {"cycle": Path(cycle).stem, "disturbed": names}
-        call = trip(cycle, duration_s=duration_s, faults=faults)
+        call = trip(cycle, duration_s=duration_s, faults=faults, **_stated(faults))
         cases.append(Case(f"{number:04d}", labels, call))
     return cases
 
@@ -165,6 +173,12 @@ def _draw(random: Generator, duration_s: float) -> tuple[tuple[Fault, ...], str]
     return in_order(drawn), ", ".join([str(event), *names])
 
 
+def _stated(faults: Sequence[Fault]) -> dict[str, Any]:
+    """Return the accuracies that cover what is drawn; within the margin of the monitor nothing is stated."""
+    gap_m = max((f.magnitude for f in faults if f.kind is FaultKind.GAP_BIAS), default=0.0)
+    return {"gap_accuracy_m": gap_m} if gap_m > MARGIN_M else {}
+
+
 def _round(number: float) -> float:
     return round(float(number), 1)
 
@@ -193,6 +207,19 @@ _DISTURBANCES: Mapping[str, tuple[_Option, ...]] = {
         ((FaultKind.EGO_SPEED_BIAS, (-0.3, 0.3)),),
         ((FaultKind.LEADER_SPEED_BIAS, (-0.3, 0.3)),),
         ((FaultKind.ACCELERATION_BIAS, (-0.3, 0.3)),),
+        ((FaultKind.GAP_BIAS, (1.0, 8.0)),),
+        ((FaultKind.EGO_POSITION_BIAS, (-5.0, 5.0)),),
+    ),
+    "range sensor": (
+        ((FaultKind.LEADER_FROZEN, None),),
+        ((FaultKind.LEADER_VANISHED, None),),
+        ((FaultKind.LEADER_LOST, None),),
+        ((FaultKind.GAP_ROUNDED, (0.1, 1.0)), (FaultKind.LEADER_SPEED_ROUNDED, (0.1, 0.5))),
+    ),
+    "road": (
+        ((FaultKind.ROAD_SLIPPERY, (0.3, 0.6)),),
+        ((FaultKind.ROAD_STEEPER, (-0.12, 0.12)),),
+        ((FaultKind.ROAD_SLIPPERY, (0.4, 0.6)), (FaultKind.ROAD_STEEPER, (-0.1, 0.0))),
     ),
     "brakes": (((FaultKind.BRAKES_WEAK, (0.6, 0.85)),), ((FaultKind.BRAKES_WEAK, (0.85, 1.0)),)),
 }

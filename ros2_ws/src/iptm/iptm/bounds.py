@@ -6,6 +6,7 @@ start too hot. Both functions return what could have been avoided within the sam
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from itertools import pairwise
 
@@ -130,12 +131,16 @@ def gaps_when_braking(
     start: int,
     last: int,
     reaction_s: float = REACTION_S,
+    hardest_m_s2: float = math.inf,
 ) -> FloatArray:
     """Return the gaps of a vehicle that applies its service brakes from a row on.
 
     From its state in that row it goes on at its acceleration for a reaction time and the delay of its brakes;
     then the deceleration builds up to the largest one and stays there until standstill. The leader moves as
     it did; between two rows its motion is the cubic of positions and speeds.
+
+    Args:
+        hardest_m_s2: deceleration that the road permits, positive; that of the brakes if it is larger.
 
     Returns:
         Gaps in m of the rows from ``start`` to ``last``: each the smallest one since the row before.
@@ -152,7 +157,7 @@ def gaps_when_braking(
     present = float(run.acceleration_m_s2[start])
     built_up = np.maximum(
         present - brakes.build_up_m_s3 * np.maximum(fine - wait_s, 0.0),
-        -max(brakes.max_deceleration_m_s2, -present),
+        -max(min(brakes.max_deceleration_m_s2, hardest_m_s2), -present),
     )
     lengths = np.diff(fine)
     gained = np.concatenate(([0.0], np.cumsum(0.5 * (built_up[1:] + built_up[:-1]) * lengths)))

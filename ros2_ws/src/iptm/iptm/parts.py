@@ -105,11 +105,12 @@ from iptm_core.physics.traction import (
 )
 from iptm_core.program import refused
 from iptm_core.road_ahead import SpeedLimits
+from iptm_core.road_friction import GRAVITY_M_S2, tyre_deceleration_m_s2
 from iptm_core.routes import Route, build_route
 from iptm_core.routes.cycles import CYCLE_NAMES, LeaderMotion, load_cycle
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.routes.user_csv import read_user_trip
-from iptm_core.settings import LeaderSource, PreviewMode, PreviewSettings
+from iptm_core.settings import LeaderSource, PreviewMode, PreviewSettings, SafetyMonitorSettings
 from iptm_core.state import NS_PER_S, Command, FloatArray, LeaderPreview, LeaderState, VehicleState
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_core.user_input import StrictMapping, check_known, number, whole_number
@@ -141,6 +142,7 @@ __all__ = [
     "DEFAULT_STRATEGY",
     "GAIN_FACTOR",
     "GAP_TOLERANCE_M",
+    "GRAVITY_M_S2",
     "KM_H_PER_M_S",
     "LAWS",
     "LIMIT_1_H",
@@ -224,6 +226,7 @@ __all__ = [
     "Route",
     "RunMetrics",
     "Rung",
+    "SafetyMonitorSettings",
     "ScenarioError",
     "SenderSettings",
     "SimulatedRadio",
@@ -301,6 +304,7 @@ __all__ = [
     "traction_force_n",
     "traction_power_w",
     "train",
+    "tyre_deceleration_m_s2",
     "warm_up_force_n",
     "whole_number",
 ]

@@ -32,10 +32,12 @@ from iptm_core.aging_laws.law import AgingLaw
 from iptm_core.aging_laws.parking import AgingSettings
 from iptm_core.charging_stop import ChargingStopSettings
 from iptm_core.decision_record import DecisionSeries
+from iptm_core.declaration import given_settings
 from iptm_core.metrics import RunMetrics, compute_metrics
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.provenance import git_revision, versions
-from iptm_core.settings import ThermalModel
+from iptm_core.road_friction import RoadFrictionSettings
+from iptm_core.settings import SafetyMonitorSettings, SensorAccuracySettings, ThermalModel
 from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_step import PlantStep
@@ -131,19 +133,20 @@ def perform_run(
 
     spec, route = inputs.spec, inputs.route
     began = time.perf_counter()
-    plant = Plant(inputs.parameters, route.slope.slope_at, spec.plant_step_s, spec.thermal_model)
+    vehicle = (
+        inputs.parameters,
+        route.slope.slope_at,
+        spec.plant_step_s,
+        spec.thermal_model,
+        given_settings(SafetyMonitorSettings, vars(spec)),
+    )
+    plant = Plant(*vehicle)
     controller, compiled = (
         _controller(inputs, own_law) if own_controller is None else (own_controller, False)
     )
     faults = None
     if spec.faults:
-        plant = FaultyPlant(
-            spec.faults,
-            inputs.parameters,
-            route.slope.slope_at,
-            spec.plant_step_s,
-            spec.thermal_model,
-        )
+        plant = FaultyPlant(spec.faults, *vehicle)
         faults = FaultInjection(spec.faults)
     source, bridge = road_bridge(
         spec.road, route, inputs.parameters, spec.bridge_settings(), leader
@@ -226,6 +229,8 @@ def controller_options(spec: RunSpec, trip_duration_s: float) -> ControllerOptio
         solver=SolverOptions(**spec.solver_settings),
         tick_s=spec.tick_s,
         trip_duration_s=trip_duration_s,
+        accuracy=SensorAccuracySettings.of(spec),
+        road=RoadFrictionSettings.of(spec),
         aging=AgingSettings.of(spec),
         charging_stop=ChargingStopSettings.of(spec),
     )

@@ -24,12 +24,14 @@ from iptm_core.declaration import declared, parameter, parameter_specs
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters import DEFAULT_SET
 from iptm_core.road_ahead import RoadAheadSettings
+from iptm_core.road_friction import RoadFrictionSettings
 from iptm_core.settings import (
     IntegrationSettings,
     LeaderSource,
     ModelSettings,
     PreviewSettings,
     SamplingSettings,
+    SensorAccuracySettings,
     ThermalModel,
     TripSettings,
 )
@@ -67,7 +69,14 @@ HEADLESS_LEADERS = (LeaderSource.CYCLE, LeaderSource.NONE)
 
 
 @dataclass(frozen=True)
-class RunSpec(RoadAheadSettings, AgingSettings, ChargingStopSettings, PreviewSettings):
+class RunSpec(
+    RoadFrictionSettings,
+    SensorAccuracySettings,
+    RoadAheadSettings,
+    AgingSettings,
+    ChargingStopSettings,
+    PreviewSettings,
+):
     """One run; what studies choose otherwise than nodes and scenarios is stated as another default.
 
     The length of the preview may be left open (None): it is then that of the horizon and a reserve for the
@@ -215,7 +224,7 @@ class RunSpec(RoadAheadSettings, AgingSettings, ChargingStopSettings, PreviewSet
         parts += [f"{key}={value:g}" for key, value in self.overrides]
         parts += [f"controller {key}={value:g}" for key, value in self.controller_overrides]
         usual = {entry.name: entry.default for entry in fields(self)}
-        for group in (PreviewSettings, RoadAheadSettings, AgingSettings, ChargingStopSettings):
+        for group in RunSpec.__bases__:
             for name in (spec.name for spec in parameter_specs(group)):
                 if getattr(self, name) != usual[name]:
                     parts.append(f"{name}={getattr(self, name)}")
