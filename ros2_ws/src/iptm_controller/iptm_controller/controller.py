@@ -35,6 +35,7 @@ from iptm_controller.options import ControllerOptions
 from iptm_controller.plan_data import plan_data
 from iptm_controller.production import ProductionLikeController
 from iptm_controller.road_envelope import LOOK_AHEAD_S, RoadEnvelope
+from iptm_controller.sender_clock import SenderClock
 from iptm_controller.solvers.factory import build_solver
 from iptm_controller.solvers.interface import SolverBackend, SolveResult, Stopwatch, broken
 from iptm_controller.solvers.switching_check import SwitchingCheck
@@ -92,6 +93,7 @@ class Controller:
         self._estimator = Estimator(options.noise, parameters.limits, options.tick_s)
         self._actuation = ActuationObserver(parameters.limits, options.tick_s)
         self._lead = LeadCheck(options.accuracy, options.road, parameters.limits)
+        self._clock = SenderClock()
         self._production = ProductionLikeController(parameters, options.production, options.tick_s)
         self._road = RoadEnvelope(parameters, options.tick_s)
         self._hardest_m_s2 = parameters.limits.min_acceleration_m_s2
@@ -147,6 +149,7 @@ class Controller:
             "speeds_m_s": (self._traction, "speeds_m_s"),
             "powers_until_s": (self._traction, "until_s"),
             "lead": (self._lead, "memory"),
+            "sender_clock": (self._clock, "memory"),
             "leader_past": (self._forecaster, "past"),
             "fusion": (self._forecaster.fusion, "memory"),
             "trust": (self._forecaster.trust, "memory"),
@@ -176,6 +179,9 @@ class Controller:
         trusted, leader, fault = trusted_measurements(measured, self._last_trusted)
         state, doubt = trusted, ""
         if state is not None:
+            preview = self._clock.by_own_clock(measured.preview, state.time_s)
+            if preview is not measured.preview:
+                measured = replace(measured, preview=preview)
             leader, doubt = self._lead.checked(
                 state, leader, measured.preview, is_free=measured.is_free
             )

@@ -14,6 +14,7 @@ from iptm_controller.lead_check import LeadMemory
 from iptm_controller.plan import Plan
 from iptm_controller.preview_fusion import FusionMemory
 from iptm_controller.preview_trust import TrustMemory
+from iptm_controller.sender_clock import ClockMemory
 from iptm_core.state import LeaderState, VehicleState
 
 
@@ -44,6 +45,7 @@ class ControllerMemory:
         speeds_m_s: speeds at which they were measured.
         powers_until_s: when the newest one was measured.
         lead: lead vehicle by range sensor and by radio, see `iptm_controller.lead_check`.
+        sender_clock: offset of the clock of who sends previews.
         leader_past: leader measured in the last seconds, oldest first.
         pace: of the road ahead, None where no rule has bound the vehicle.
         solves_since_second: of the check for better switching; None for one that has not solved anything.
@@ -61,6 +63,7 @@ class ControllerMemory:
     speeds_m_s: tuple[float, ...] = ()
     powers_until_s: float = -math.inf
     lead: LeadMemory = field(default_factory=LeadMemory)
+    sender_clock: ClockMemory = field(default_factory=ClockMemory)
     leader_past: tuple[LeaderState, ...] = ()
     fusion: FusionMemory = field(default_factory=FusionMemory)
     trust: TrustMemory = field(default_factory=TrustMemory)
