@@ -187,6 +187,7 @@ class SafetyMonitor:
         waited_s: float = 0.0,
     ) -> bool:
         """Return whether the vehicle has to brake now, fully or gently; see `safe_distance_m`."""
+        waited_s = min(waited_s, WAITED_S)
         motion = (speed_m_s, acceleration_m_s2, lead_speed_m_s, brake_share, -waited_s)
         return gap_m < self.safe_distance_m(*motion, road.full) or (
             road.slippery is not None and gap_m < self.safe_distance_m(*motion, road.slippery)
