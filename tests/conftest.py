@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 from hypothesis import settings
-from tests.plant_messages import plant_messages
 
 from iptm_controller.ocp.compilation import CACHE_VARIABLE
 from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
@@ -22,8 +21,6 @@ from iptm_core.state import (
     VehicleState,
 )
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
-from iptm_ros.codecs import encode_battery, encode_leader
-from iptm_ros.topics import Topic
 
 # The same examples in every run, and no deadline: a busy machine must not fail a test.
 settings.register_profile("iptm", deadline=None, derandomize=True)
@@ -48,12 +45,18 @@ def compile_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 
 @pytest.fixture
-def tick_messages() -> Callable[[Trajectory, int], dict[Topic, Any]]:
+def tick_messages() -> Callable[[Trajectory, int], dict[Any, Any]]:
     """Return what plant and bridge publish in one row of a trajectory, by topic."""
     return _tick_messages
 
 
-def _tick_messages(run: Trajectory, row: int) -> dict[Topic, Any]:
+def _tick_messages(run: Trajectory, row: int) -> dict[Any, Any]:
+    # The tests of the library run without ROS.
+    from tests.plant_messages import plant_messages  # noqa: PLC0415
+
+    from iptm_ros.codecs import encode_battery, encode_leader  # noqa: PLC0415
+    from iptm_ros.topics import Topic  # noqa: PLC0415
+
     values = {name: float(column[row]) for name, column in run.to_arrays().items()}
     time_s = values["time_s"]
     state = VehicleState(**{name: values[name] for name in VehicleState.__dataclass_fields__})

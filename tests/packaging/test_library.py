@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -92,6 +93,58 @@ def test_the_library_works_without_ros(library: Path, tmp_path: Path) -> None:
     )  # fmt: skip
     assert (done.returncode, done.stdout) == (0, "done\n"), done.stderr
     assert (tmp_path / "run.png").read_bytes().startswith(b"\x89PNG")
+
+
+LIBRARY_TESTS = (
+    "tests/iptm/test_simulation.py",
+    "tests/iptm_core/test_routes_user_csv.py",
+    "tests/iptm_core/test_routes_recorded.py",
+    "tests/iptm_core/test_metrics_run.py",
+    "tests/iptm_controller/test_compilation.py",
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("end", ["lowest", "newest"])
+def test_what_is_declared_is_true_at_both_ends(tmp_path: Path, end: str) -> None:
+    """The lowest and the newest versions that are declared run the library's tests; they are downloaded."""
+    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    listed = text.partition("\ndependencies = [")[2].partition("]")[0]
+    declared = re.findall(r'"([^"]+)"', listed)
+    lowest = [each.replace(">=", "==") for each in declared]
+    environment = tmp_path / "environment"
+    venv.create(environment, with_pip=True)
+    python = environment / "bin" / "python"
+    wanted = lowest if end == "lowest" else declared
+    install = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+    subprocess.run(
+        [*install, *wanted, "pytest", "hypothesis", "packaging"], check=True, env=clean()
+    )
+    paths = [str(folder) for folder in (ROOT / "ros2_ws" / "src").iterdir() if folder.is_dir()]
+    tests = [str(ROOT / name) for name in LIBRARY_TESTS]
+    for command in (
+        ["-c", TRY_IT.replace("assert iptm.__file__", "#"), ROOT / "bags" / "example_us06_120s"],
+        [
+            "-m",
+            "pytest",
+            "-q",
+            "-p",
+            "no:cacheprovider",
+            "-c",
+            str(ROOT / "pyproject.toml"),
+            *tests,
+        ],
+    ):
+        done = subprocess.run(
+            [python, *command],
+            cwd=ROOT if "-m" in command else tmp_path,
+            env={**clean(), "PYTHONPATH": os.pathsep.join(paths)},
+            capture_output=True,
+            text=True,
+            timeout=1200,
+            check=False,
+        )
+        assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
 
 
 def test_the_version_is_that_of_the_packages() -> None:

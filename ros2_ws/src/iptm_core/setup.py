@@ -18,7 +18,7 @@ setup(
     install_requires=[
         "setuptools",
         "numpy>=1.24",
-        "casadi>=3.6.5",
+        "casadi>=3.7",
         "jinja2>=3.1",
         "PyYAML>=6.0",
         "pandas>=2.1",

@@ -11,7 +11,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
-    install_requires=["setuptools", "numpy>=1.24", "casadi>=3.6.5"],
+    install_requires=["setuptools", "numpy>=1.24", "casadi>=3.7"],
     extras_require={"test": ["pytest"]},
     python_requires=">=3.10",
     zip_safe=False,
