@@ -5,6 +5,7 @@ The order of events is that of the lock-step mode of the nodes, so both give the
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
@@ -17,7 +18,14 @@ from iptm_core.errors import PackEmptyError
 from iptm_core.garbage import no_full_collections
 from iptm_core.routes.route import Route
 from iptm_core.settings import PreviewSettings
-from iptm_core.state import NS_PER_S, FloatArray, LeaderPreview, LeaderState, VehicleState
+from iptm_core.state import (
+    NS_PER_S,
+    FloatArray,
+    LeaderPreview,
+    LeaderState,
+    PackReading,
+    VehicleState,
+)
 from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_step import PlantStep
@@ -138,14 +146,22 @@ def run_closed_loop(
     answering: TickBridge = bridge or V2xBridge(source, bridge_settings)
     step = plant.observe(plant.initial_state(start_position_m))
 
-    def measure(state: VehicleState, tick: int) -> tuple[LeaderState | None, Measurements]:
+    def measure(step: PlantStep, tick: int) -> tuple[LeaderState | None, Measurements]:
+        state = step.state
         time_ns = round(tick * tick_s * NS_PER_S)
         answer = answering.answer(time_ns, state.position_m, state.speed_m_s)
-        measured = Measurements(state, answer.leader, answer.preview, slope, road=answer.road)
+        pack = PackReading(
+            step.coolant_inlet_temperature_k,
+            step.coolant_outlet_temperature_k,
+            step.powers.battery_power_w if tick else math.nan,
+        )
+        measured = Measurements(
+            state, answer.leader, answer.preview, slope, road=answer.road, pack=pack
+        )
         # The trajectory holds the true leader, not the estimated one.
         return faults.disturb(measured) if faults else (around.leader_at(time_ns), measured)
 
-    leader_now, measured = measure(step.state, 0)
+    leader_now, measured = measure(step, 0)
     tick = 0
 
     def range_sensor(state: VehicleState) -> LeaderPreview | None:
@@ -181,7 +197,7 @@ def run_closed_loop(
             records.pop()
             break
         around.pass_interval(before, step.state)
-        leader_now, measured = measure(step.state, tick + 1)
+        leader_now, measured = measure(step, tick + 1)
     else:
         observe(step, leader_now)
     plant.watch(None)  # its sensor belongs to this trip

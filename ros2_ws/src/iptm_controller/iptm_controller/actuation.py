@@ -72,6 +72,14 @@ class ActuationObserver:
         return self.memory.delay_ticks * self._tick_s
 
     @property
+    def last_command(self) -> Command | None:
+        """The newest command, None before the first."""
+        issued = self.memory.issued
+        return (
+            Command(issued[-1].acceleration_m_s2, issued[-1].compressor_power_w) if issued else None
+        )
+
+    @property
     def brake_share(self) -> float:
         """Share of a commanded deceleration that is delivered, from 0.3 to 1."""
         memory = self.memory

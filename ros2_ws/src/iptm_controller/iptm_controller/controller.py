@@ -32,7 +32,9 @@ from iptm_controller.memory import ControllerMemory
 from iptm_controller.ocp.data import ProblemData, ProblemDataBuilder
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.options import ControllerOptions
+from iptm_controller.pack_observer import PackObserver
 from iptm_controller.plan_data import plan_data
+from iptm_controller.power_authority import PowerAuthority
 from iptm_controller.production import ProductionLikeController
 from iptm_controller.road_envelope import LOOK_AHEAD_S, RoadEnvelope
 from iptm_controller.sender_clock import SenderClock
@@ -94,6 +96,9 @@ class Controller:
         self._actuation = ActuationObserver(parameters.limits, options.tick_s)
         self._lead = LeadCheck(options.accuracy, options.road, parameters.limits)
         self._clock = SenderClock()
+        self._pack = PackObserver(parameters)
+        ends_s = horizon.node_times_s[1 : horizon.motion_steps + 1]
+        self._power = PowerAuthority(self._vehicle, options.tick_s, ends_s)
         self._production = ProductionLikeController(parameters, options.production, options.tick_s)
         self._road = RoadEnvelope(parameters, options.tick_s)
         self._hardest_m_s2 = parameters.limits.min_acceleration_m_s2
@@ -154,6 +159,7 @@ class Controller:
             "fusion": (self._forecaster.fusion, "memory"),
             "trust": (self._forecaster.trust, "memory"),
             "actuation": (self._actuation, "memory"),
+            "pack": (self._pack, "memory"),
             "estimator": (self._estimator, "memory"),
             "is_cooling": (self._production, "is_cooling"),
             "pace": (self._road, "pace"),
@@ -176,7 +182,9 @@ class Controller:
 
     def decide(self, measured: Measurements) -> Decision:
         """Decide one tick."""
-        trusted, leader, fault = trusted_measurements(measured, self._last_trusted)
+        pack = self._pack.observe(measured, self._actuation.last_command)
+        measured = replace(measured, state=pack.state)
+        trusted, leader, fault = trusted_measurements(measured)
         state, doubt = trusted, ""
         if state is not None:
             preview = self._clock.by_own_clock(measured.preview, state.time_s)
@@ -190,6 +198,7 @@ class Controller:
             leader = leader and self._lead.cautious(leader, state.speed_m_s)
             self._actuation.observe(state)
             state = self._within_comfort(self._actuation.predicted(state))
+            self._power.update(state, measured.slope, pack.power_share)
         if state is None or fault or (leader is None and not measured.is_free):
             planned = Decision(reason=fault)
         elif self.options.strategy.is_rule_based:
@@ -201,8 +210,10 @@ class Controller:
         rung, command = planned.rung, planned.command
         if rung is not Rung.OPTIMAL:
             rung, command = self._fall_back(state, leader, measured)
+        command = self._power.within(command)
         limited, limits = self._limit(command, state)
-        reasons = [doubt if doubt != planned.reason else "", planned.reason, self._actuation.reason]
+        doubted = doubt if doubt != planned.reason else ""
+        reasons = [doubted, planned.reason, self._actuation.reason, pack.reason]
         if state is not None:
             self._guard.observe(leader, is_free=measured.is_free)
             if self._guard.collision_threatens(
@@ -225,6 +236,7 @@ class Controller:
             limits=limits,
             command_delay_s=self._actuation.delay_s,
             brake_share=self._actuation.brake_share,
+            pack=pack,
             noise=", ".join(filter(None, (self._estimator.noise, self._forecaster.fusion.noise))),
         )
 
@@ -286,7 +298,8 @@ class Controller:
         if self._traction is not None:
             self._traction.remember(state, measured.slope)
             thermal = self._traction.samples(state, motion, known_s, measured.slope)
-        limits_m_s = self._road.speed_limits_m_s(measured.rules, guess.motion)
+        lawful_m_s = self._road.speed_limits_m_s(measured.rules, guess.motion)
+        limits_m_s = self._power.slower(lawful_m_s)
         data, start = self._plan_data.problem(
             state, guess, motion, limiting, measured.slope, known_s, value, thermal, limits_m_s
         )

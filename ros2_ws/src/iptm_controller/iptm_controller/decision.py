@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from iptm_controller.forecast import LeaderForecast
+from iptm_controller.pack_observer import PackReport
 from iptm_controller.plan import SLACKS, Plan
 from iptm_controller.solvers.interface import SolveResult
 from iptm_controller.temperature_value import NO_VALUE, TemperatureValue
@@ -28,6 +29,7 @@ class Decision:
         forecast: the leader's motion used, None if it could not be formed.
         command_delay_s: time by which commands act late, as observed.
         brake_share: share of a commanded deceleration that is delivered, as observed.
+        pack: what was found of sensors and cooling of the pack; None where nobody looked.
         noise: which measurements and previews are noisy and filtered, empty if none is.
     """
 
@@ -42,6 +44,7 @@ class Decision:
     command_delay_s: float = 0.0
     brake_share: float = 1.0
     noise: str = ""
+    pack: PackReport | None = None
 
     @property
     def record(self) -> DecisionRecord:

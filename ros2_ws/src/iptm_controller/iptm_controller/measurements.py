@@ -14,6 +14,7 @@ from iptm_core.state import (
     SPEED_AT_REST_M_S,
     LeaderPreview,
     LeaderState,
+    PackReading,
     SlopePreview,
     VehicleState,
 )
@@ -32,7 +33,7 @@ _MOTION: dict[str, tuple[float, float]] = {
     "speed_m_s": (SPEED_AT_REST_M_S, MAX_SPEED_M_S),
     "acceleration_m_s2": (-20.0, 20.0),
 }
-_PACK: dict[str, tuple[float, float]] = {
+PACK_RANGES: dict[str, tuple[float, float]] = {
     "compressor_power_w": (-2e4, 1e5),
     "cell_1_temperature_k": (223.15, 373.15),
     "cell_n_temperature_k": (223.15, 373.15),
@@ -52,6 +53,7 @@ class Measurements:
         slope: road slope over position.
         fault: why something is not measured; empty if all is.
         road: rules of the road, None where none are known.
+        pack: coolant and power of the pack, None if not measured.
     """
 
     state: VehicleState | None
@@ -60,6 +62,7 @@ class Measurements:
     slope: SlopePreview
     fault: str = ""
     road: RoadAhead | None = None
+    pack: PackReading | None = None
 
     @property
     def rules(self) -> RoadAhead | None:
@@ -76,39 +79,37 @@ Trusted = tuple[VehicleState | None, LeaderState | None, str]
 """State and leader that may be used, and why no problem can be posed; empty if one can."""
 
 
-def trusted_measurements(measured: Measurements, last: VehicleState | None = None) -> Trusted:
+def trusted_measurements(measured: Measurements) -> Trusted:
     """Return what is plausible: the ego vehicle if its motion is, the leader if both are.
 
-    What is not plausible of the pack is replaced by the last trusted value; too high a value, or one without
-    a predecessor, by the upper end of its range, so that the cells are cooled.
-
-    Args:
-        last: the state that was trusted last, None for none.
+    What is measured of the pack is for the `PackObserver` to judge.
     """
     state, leader = measured.state, measured.leader
     if state is None:
         return None, None, measured.fault or "no measurement of the state"
-    fault = _out_of_range(state, _MOTION)
+    fault = motion_fault(state)
     if fault:
         return None, None, fault
     state = _at_rest_if_negative(state)
-    pack_fault = _out_of_range(state, _PACK)
-    if pack_fault:
-        state = _with_possible_pack(state, last)
     if measured.is_free:
-        return state, None, pack_fault or slope_fault(measured.slope)
+        return state, None, slope_fault(measured.slope)
     if leader is None:
-        fault = pack_fault or measured.fault or "no measurement of the leader"
+        fault = measured.fault or "no measurement of the leader"
         return state, None, fault
     fault = leader_fault(leader, state)
     if fault:
         return state, None, fault
     leader = _at_rest_if_negative(leader)
-    return state, leader, pack_fault or slope_fault(measured.slope)
+    return state, leader, slope_fault(measured.slope)
 
 
 def _at_rest_if_negative(vehicle: Vehicle) -> Vehicle:
     return replace(vehicle, speed_m_s=0.0) if vehicle.speed_m_s < 0.0 else vehicle
+
+
+def motion_fault(state: VehicleState) -> str:
+    """Return why a motion cannot be that of a vehicle, empty if it can."""
+    return _out_of_range(state, _MOTION)
 
 
 def _out_of_range(state: VehicleState, ranges: Mapping[str, tuple[float, float]]) -> str:
@@ -118,17 +119,6 @@ def _out_of_range(state: VehicleState, ranges: Mapping[str, tuple[float, float]]
         if not (math.isfinite(value) and low <= value <= high):
             return f"measured {name} is {value}; allowed: {low:g} to {high:g}"
     return ""
-
-
-def _with_possible_pack(state: VehicleState, last: VehicleState | None) -> VehicleState:
-    possible = {}
-    for name, (low, high) in _PACK.items():
-        value = getattr(state, name)
-        if not low <= value <= high:
-            # Too hot calls for cooling; nothing else can be read from a value that cannot be.
-            value = high if last is None or value > high else getattr(last, name)
-        possible[name] = value
-    return replace(state, **possible)
 
 
 def leader_fault(leader: LeaderState, ego: VehicleState) -> str:
@@ -148,6 +138,11 @@ def leader_fault(leader: LeaderState, ego: VehicleState) -> str:
     if not abs(gap_m) <= LARGEST_GAP_M:
         return f"measured gap is {gap_m} m; allowed: {-LARGEST_GAP_M:g} to {LARGEST_GAP_M:g} m"
     return ""
+
+
+def slope_at_rad(slope: SlopePreview, position_m: float) -> float:
+    """Return the slope of the road at a position."""
+    return float(np.interp(position_m, slope.positions_m, slope.slopes_rad))
 
 
 def slope_fault(slope: SlopePreview) -> str:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from iptm_controller.actuation import ActuationMemory
 from iptm_controller.estimator import EstimatorMemory
 from iptm_controller.lead_check import LeadMemory
+from iptm_controller.pack_observer import PackMemory
 from iptm_controller.plan import Plan
 from iptm_controller.preview_fusion import FusionMemory
 from iptm_controller.preview_trust import TrustMemory
@@ -68,6 +69,7 @@ class ControllerMemory:
     fusion: FusionMemory = field(default_factory=FusionMemory)
     trust: TrustMemory = field(default_factory=TrustMemory)
     actuation: ActuationMemory = field(default_factory=ActuationMemory)
+    pack: PackMemory = field(default_factory=PackMemory)
     estimator: EstimatorMemory = field(default_factory=EstimatorMemory)
     is_cooling: bool = False
     pace: PaceMemory | None = None

@@ -149,7 +149,9 @@ def _warnings(decision: Decision) -> list[str]:
     """Return what is wrong with the vehicle or the plan, the most important first."""
     broken, result = _limits_broken(decision), decision.result
     early = result is not None and result.status is SolveStatus.FEASIBLE
+    pack = () if decision.pack is None else decision.pack.faults
     cases = (
+        *((True, fault.value) for fault in pack),
         (decision.brake_share < WEAK_SHARE, WEAK_BRAKES),
         (decision.command_delay_s > 0.0, LATE_COMMANDS),
         (bool(broken), _BREAKS + ", ".join(broken)),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -55,6 +56,8 @@ class OperatorWatch:
 
     def update(self, measured: Measurements, decision: Decision) -> None:
         """Update with a tick; one without a plausible state or leader is ignored."""
+        if decision.pack is not None and decision.pack.faults:
+            measured = replace(measured, state=decision.pack.state)
         state, leader, _ = trusted_measurements(measured)
         if state is not None and leader is not None:
             self._watch_trip(state, leader)

@@ -159,6 +159,21 @@ class PlantObservation:
 
 
 @dataclass(frozen=True)
+class PackReading:
+    """What is measured of the pack beside its cells; what is not is NaN.
+
+    Attributes:
+        coolant_inlet_k: coolant entering the channels (T_c,in).
+        coolant_outlet_k: coolant leaving the channels (T_c,out).
+        battery_power_w: mean terminal power of the interval that ended now (P_b), positive when discharging.
+    """
+
+    coolant_inlet_k: float = math.nan
+    coolant_outlet_k: float = math.nan
+    battery_power_w: float = math.nan
+
+
+@dataclass(frozen=True)
 class BatteryReading:
     """Terminal values of the pack and of cells of a coolant channel.
 

@@ -38,7 +38,9 @@ HEIGHT_NOISE_M, HEIGHT_CORRELATION_S, HEIGHT_JITTER_M = 4.0, 90.0, 0.6
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; return its exit code."""
-    parser = argparse.ArgumentParser(prog="drive_file", description=(__doc__ or "").partition("\n")[0])
+    parser = argparse.ArgumentParser(
+        prog="drive_file", description=(__doc__ or "").partition("\n")[0]
+    )
     commands = parser.add_subparsers(dest="command", required=True)
     show = commands.add_parser("show", help="what is read out of a drive")
     show.add_argument("file", type=Path, help=USER_FILES)

@@ -1,0 +1,344 @@
+"""Cell temperatures and cooling compared with what they ought to be: each other, the coolant and a model.
+
+A model of the two cells goes along with the heat of the current and the measured coolant. A sensor that is
+silent, impossible, far from the model, or does not move while the model does, is not used: the model takes
+its place, with a margin towards the nearer limit. The sound sensor, or else the coolant at the outlet,
+corrects the model meanwhile. Two bad sensors reduce the power of the pack in steps, but stop no car.
+
+Compressor, pump and fan are judged by what they do: the heat that the coolant loses on its way round.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from enum import Enum
+
+import numpy as np
+
+from iptm_controller.measurements import (
+    PACK_RANGES,
+    Measurements,
+    motion_fault,
+    slope_at_rad,
+    slope_fault,
+)
+from iptm_controller.pack_sensor import (
+    APART_K,
+    START_S,
+    CoolingMemory,
+    SensorMemory,
+    are_alike,
+    corrected,
+    is_temperature,
+)
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.cell import (
+    cell_heat_w,
+    cell_resistance_ohm,
+    cell_temperature_rate_k_s,
+    heat_from_air_w,
+)
+from iptm_core.physics.coolant import reduce_channel
+from iptm_core.physics.electrical import (
+    cell_current_a,
+    extended_pack_current_a,
+    pack_resistance_ohm,
+)
+from iptm_core.physics.power_thermal import (
+    CellPair,
+    PowerThermalRates,
+    Smoothing,
+    electric_traction_power_w,
+    rates_at_traction_power,
+)
+from iptm_core.state import Command, PackReading, SlopePreview, VehicleState
+
+LEAST_MARGIN_K, MARGIN_K_S, LARGEST_MARGIN_K = 1.0, 0.2 / 60.0, 3.0
+REDUCTION_EVERY_S, REDUCTION, LEAST_SHARE = 30.0, 0.2, 0.3
+CONTRADICTION_K, CONTRADICTION_S = 5.0, 10.0
+LEAST_OUTLET_WEIGHT = 0.02
+"""Part of the outlet temperature that comes from the cells, below which it shows nothing about them."""
+_MOST_TICK_S = 10.0
+_MARGIN = 0.05
+_TEMPERATURES = ("cell_1_temperature_k", "cell_n_temperature_k")
+
+
+class PackFault(Enum):
+    """What is wrong with sensors or cooling of the pack; the value is the sentence of the diagnostics."""
+
+    ONE_SENSOR = "a cell temperature is not plausible, model used"
+    BOTH_SENSORS = "no cell temperature is plausible, model used and power reduced"
+    CONTRADICTION = "cell temperatures and coolant contradict each other, the warmer counts"
+    NO_EFFECT = "cooling has no effect: compressor, pump or fan"
+    NOT_FOLLOWED = "the compressor does not follow its command"
+    OTHER_VALUE = "a value of the pack is not plausible, the last one is used"
+
+
+@dataclass(frozen=True)
+class PackMemory:
+    """What is carried from tick to tick.
+
+    Attributes:
+        time_s: last tick, minus infinity before the first.
+        age_s: since the first tick.
+        contradicted_s: for how long cells and coolant have differed.
+        cooling: whether cooling follows and has an effect.
+    """
+
+    time_s: float = -math.inf
+    age_s: float = 0.0
+    cell_1: SensorMemory = field(default_factory=SensorMemory)
+    cell_n: SensorMemory = field(default_factory=SensorMemory)
+    last: VehicleState | None = None
+    contradicted_s: float = 0.0
+    cooling: CoolingMemory = field(default_factory=CoolingMemory)
+
+
+@dataclass(frozen=True)
+class PackReport:
+    """What was found at a tick.
+
+    Attributes:
+        state: measured state in which what is not plausible of the pack is replaced.
+        faults: what is wrong, the most important first.
+        reason: the same with numbers, one sentence, empty if nothing is.
+        power_share: share of its power that the pack is to give and take.
+    """
+
+    state: VehicleState | None
+    faults: tuple[PackFault, ...] = ()
+    reason: str = ""
+    power_share: float = 1.0
+
+
+class PackObserver:
+    """Judges what is measured of the pack, tick by tick."""
+
+    def __init__(self, parameters: ModelParameters) -> None:
+        self._parameters = parameters
+        self._channel = reduce_channel(parameters.cooling, parameters.pack)
+        cooling = parameters.cooling
+        self._flow_w_k = cooling.coolant_mass_flow_kg_s * cooling.coolant_specific_heat_j_kg_k
+        self.memory = PackMemory()
+
+    def observe(self, measured: Measurements, commanded: Command | None = None) -> PackReport:
+        """Judge a tick.
+
+        Args:
+            measured: the pack is judged where the motion is possible; without a reading the model
+                works out power and coolant itself.
+            commanded: command of the tick before, None if there was none.
+        """
+        state, reading = measured.state, measured.pack
+        if state is None or motion_fault(state):
+            return PackReport(state)
+        memory = self.memory
+        elapsed_s = state.time_s - memory.time_s
+        if not 0.0 < elapsed_s <= _MOST_TICK_S:
+            # The first tick, another trip or a long silence; or the same tick again, where nothing moves on.
+            before = memory.time_s, memory.cell_1.value_k, memory.cell_n.value_k
+            now = state.time_s, *_temperatures(state)
+            is_same = np.array_equal(before, now, equal_nan=True)
+            memory = memory if is_same else replace(PackMemory(), last=memory.last)
+            elapsed_s = 0.0
+        state, other = self._with_other_values(state, memory.last)
+        memory = self._predicted(memory, state, measured, elapsed_s)
+        measured_k = [getattr(state, name) for name in _TEMPERATURES]
+        sensors = [
+            sensor.judged(value_k, elapsed_s)
+            for sensor, value_k in zip((memory.cell_1, memory.cell_n), measured_k, strict=True)
+        ]
+        if memory.age_s < START_S and are_alike(sensors, measured_k):
+            sensors = [SensorMemory(value_k, value_k) for value_k in measured_k]
+        offset_k = self._coolant_offset_k(sensors, reading)
+        sensors = corrected(sensors, measured_k, offset_k, elapsed_s)
+        used_k = [self._used_k(*pair) for pair in zip(sensors, measured_k, strict=True)]
+        known = replace(state, **dict(zip(_TEMPERATURES, used_k, strict=True)))
+        sound = all(not sensor.bad_s for sensor in sensors)
+        differs = sound and abs(offset_k) > CONTRADICTION_K
+        memory = replace(
+            memory,
+            time_s=state.time_s,
+            age_s=memory.age_s + elapsed_s,
+            cell_1=sensors[0],
+            cell_n=sensors[1],
+            last=known,
+            contradicted_s=memory.contradicted_s + elapsed_s if differs else 0.0,
+        )
+        self.memory = memory = replace(
+            memory,
+            cooling=self._cooling_judged(memory.cooling, known, reading, commanded, elapsed_s),
+        )
+        if memory.contradicted_s > CONTRADICTION_S:
+            warmer_k = [max(value_k, value_k + offset_k) for value_k in used_k]
+            known = replace(known, **dict(zip(_TEMPERATURES, warmer_k, strict=True)))
+        return self._report(state if known == state else known, memory, measured_k, other)
+
+    def _with_other_values(
+        self, state: VehicleState, last: VehicleState | None
+    ) -> tuple[VehicleState, str]:
+        """Return a state whose power and ageing are possible, and what was not."""
+        usual = {
+            "compressor_power_w": 0.0,
+            "cell_1_capacity_loss": self._parameters.aging.initial_capacity_loss,
+            "cell_n_capacity_loss": self._parameters.aging.initial_capacity_loss,
+        }
+        for name, value in usual.items():
+            low, high = PACK_RANGES[name]
+            measured = getattr(state, name)
+            if not low <= measured <= high:
+                known = value if last is None else getattr(last, name)
+                state = replace(state, **{name: known})
+                return self._with_other_values(state, last)[0], f"measured {name} is {measured}"
+        return state, ""
+
+    def _predicted(
+        self,
+        memory: PackMemory,
+        state: VehicleState,
+        measured: Measurements,
+        elapsed_s: float,
+    ) -> PackMemory:
+        """Return the memory with the model at this tick; at the first one it starts as measured."""
+        reading = measured.pack
+        t_1, t_n = memory.cell_1.model_k, memory.cell_n.model_k
+        if math.isnan(t_1):
+            t_1, t_n = self._start_k(state, reading)
+            return replace(memory, cell_1=SensorMemory(t_1), cell_n=SensorMemory(t_n))
+        values, pack = self._parameters, self._parameters.pack
+        losses = state.cell_1_capacity_loss, state.cell_n_capacity_loss
+        rates = self._rates(state, (t_1, t_n), self._traction_w(state, measured.slope))
+        ohms = [
+            cell_resistance_ohm(kelvin, loss, values.cell)
+            for kelvin, loss in zip((t_1, t_n), losses, strict=True)
+        ]
+        current = rates.cell_current_a
+        inlet_k = rates.coolant.inlet_k
+        if reading is not None and math.isfinite(reading.battery_power_w):
+            ohm = pack_resistance_ohm(0.5 * sum(ohms), pack)
+            mean_k = 0.5 * (t_1 + t_n)
+            at_terminals = reading.battery_power_w, ohm, mean_k, values.cell, pack
+            current = cell_current_a(extended_pack_current_a(*at_terminals, _MARGIN), pack)
+        if reading is not None and is_temperature(reading.coolant_inlet_k):
+            inlet_k = reading.coolant_inlet_k
+        coolants_k = inlet_k, self._channel.last_cell.temperature_k(inlet_k, t_1, t_n)
+        moved = []
+        for sensor, kelvin, ohm, coolant_k in zip(
+            (memory.cell_1, memory.cell_n), (t_1, t_n), ohms, coolants_k, strict=True
+        ):
+            heat_w = cell_heat_w(current, ohm, kelvin, values.cell)
+            heat_w += heat_from_air_w(kelvin, values)
+            rate = cell_temperature_rate_k_s(heat_w, kelvin, coolant_k, values.cell, values.cooling)
+            by_k = float(rate) * elapsed_s
+            moved.append(replace(sensor, model_k=kelvin + by_k, moved_k=sensor.moved_k + abs(by_k)))
+        return replace(memory, cell_1=moved[0], cell_n=moved[1])
+
+    def _traction_w(self, state: VehicleState, slope: SlopePreview) -> float:
+        """Return the traction power of a motion, 0 on a road that cannot be."""
+        if slope_fault(slope):
+            return 0.0
+        slope_rad = slope_at_rad(slope, state.position_m)
+        motion = max(state.speed_m_s, 0.0), state.acceleration_m_s2, slope_rad
+        return float(electric_traction_power_w(*motion, self._parameters))
+
+    def _rates(
+        self, state: VehicleState, cells_k: tuple[float, float], traction_w: float
+    ) -> PowerThermalRates:
+        """Return the rates of the model at temperatures of the cells."""
+        cells = CellPair(*cells_k, state.cell_1_capacity_loss, state.cell_n_capacity_loss)
+        return rates_at_traction_power(
+            traction_w,
+            max(state.speed_m_s, 0.0),
+            state.compressor_power_w,
+            cells,
+            self._parameters,
+            self._channel,
+            Smoothing(deliverable_margin=_MARGIN),
+        )
+
+    def _start_k(self, state: VehicleState, reading: PackReading | None) -> tuple[float, float]:
+        """Return where the model starts: as measured where that is possible and the cells are alike."""
+        initial_k = self._parameters.environment.initial_cell_temperature_k
+        found = [value for value in _temperatures(state) if is_temperature(value)]
+        if not found:
+            outlet_k = math.nan if reading is None else reading.coolant_outlet_k
+            return (outlet_k, outlet_k) if is_temperature(outlet_k) else (initial_k, initial_k)
+        if len(found) == 1 or abs(found[0] - found[1]) > APART_K:
+            known_k = initial_k if reading is None else reading.coolant_outlet_k
+            if not is_temperature(known_k):
+                known_k = initial_k
+            nearest = min(found, key=lambda value: abs(value - known_k))
+            return nearest, nearest
+        return found[0], found[1]
+
+    def _coolant_offset_k(self, sensors: list[SensorMemory], reading: PackReading | None) -> float:
+        """Return by how much the cells are warmer than the model according to the coolant; 0 if unknown."""
+        outlet = self._channel.outlet
+        weight = outlet.cell_1 + outlet.cell_n
+        if reading is None or weight < LEAST_OUTLET_WEIGHT:
+            return 0.0
+        inlet_k, outlet_k = reading.coolant_inlet_k, reading.coolant_outlet_k
+        if not (is_temperature(inlet_k) and is_temperature(outlet_k)):
+            return 0.0
+        expected_k = outlet.temperature_k(inlet_k, sensors[0].model_k, sensors[1].model_k)
+        return float(outlet_k - expected_k) / weight
+
+    def _used_k(self, sensor: SensorMemory, value_k: float) -> float:
+        """Return the temperature to go on with: the measured one, or the model's with its margin."""
+        if not sensor.bad_s:
+            return value_k
+        limits = self._parameters.limits
+        margin_k = min(LEAST_MARGIN_K + MARGIN_K_S * sensor.bad_s, LARGEST_MARGIN_K)
+        middle_k = 0.5 * (limits.min_temperature_k + limits.max_temperature_k)
+        nearness = (sensor.model_k - middle_k) / (limits.max_temperature_k - middle_k)
+        return sensor.model_k + margin_k * min(max(nearness, -1.0), 1.0)
+
+    def _cooling_judged(
+        self,
+        cooling: CoolingMemory,
+        state: VehicleState,
+        reading: PackReading | None,
+        commanded: Command | None,
+        elapsed_s: float,
+    ) -> CoolingMemory:
+        """Return for how long cooling has had no effect, or has not followed."""
+        taken_w = expected_w = 0.0
+        if reading is not None:
+            taken_w = self._flow_w_k * (reading.coolant_outlet_k - reading.coolant_inlet_k)
+            rates = self._rates(state, _temperatures(state), 0.0)
+            expected_w = float(rates.coolant.cooling_rate_w)
+        asked_w = 0.0 if commanded is None else commanded.compressor_power_w
+        return cooling.after(elapsed_s, taken_w, expected_w, state.compressor_power_w, asked_w)
+
+    def _report(
+        self, state: VehicleState, memory: PackMemory, measured_k: list[float], other: str
+    ) -> PackReport:
+        sensors = {"1": memory.cell_1, "N": memory.cell_n}
+        bad = [name for name, sensor in sensors.items() if sensor.bad_s]
+        both = len(bad) == len(sensors)
+        cases = (
+            (both, PackFault.BOTH_SENSORS),
+            (len(bad) == 1, PackFault.ONE_SENSOR),
+            (memory.cooling.has_no_effect, PackFault.NO_EFFECT),
+            (memory.cooling.is_ignored, PackFault.NOT_FOLLOWED),
+            (memory.contradicted_s > CONTRADICTION_S, PackFault.CONTRADICTION),
+            (bool(other), PackFault.OTHER_VALUE),
+        )
+        faults = tuple(fault for holds, fault in cases if holds)
+        parts = [
+            f"cell {name} measured at {value_k:.1f} K, by the model {sensors[name].model_k:.1f} K"
+            for name, value_k in zip(sensors, measured_k, strict=True)
+            if name in bad
+        ]
+        told = {PackFault.ONE_SENSOR, PackFault.BOTH_SENSORS, PackFault.OTHER_VALUE}
+        parts += [other, *(fault.value for fault in faults if fault not in told)]
+        share = 1.0
+        if both:
+            steps = math.floor(min(sensor.bad_s for sensor in sensors.values()) / REDUCTION_EVERY_S)
+            share = max(1.0 - REDUCTION * steps, LEAST_SHARE)
+        return PackReport(state, faults, "; ".join(filter(None, parts)), share)
+
+
+def _temperatures(state: VehicleState) -> tuple[float, float]:
+    return state.cell_1_temperature_k, state.cell_n_temperature_k
