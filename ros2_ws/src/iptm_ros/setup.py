@@ -15,6 +15,7 @@ setup(
         "setuptools",
         "numpy>=1.24",
         "PyYAML>=6.0",
+        "lz4>=4",
         "zstandard>=0.20",
         "lz4>=4",
         "mcap>=1.6",

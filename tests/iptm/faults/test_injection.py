@@ -109,7 +109,7 @@ def test_a_jumping_preview_differs_every_tick_and_never_goes_back() -> None:
 
 @pytest.mark.parametrize(
     "kind",
-    [FaultKind.LEADER_LOST, FaultKind.LEADER_NAN, FaultKind.STATE_NAN, FaultKind.STATE_OVERHEATED],
+    [FaultKind.LEADER_LOST, FaultKind.LEADER_NAN, FaultKind.STATE_NAN],
 )
 def test_implausible_measurements_are_not_trusted(kind: FaultKind) -> None:
     (measured,) = received(kind, 4)
