@@ -25,6 +25,8 @@ from iptm_core.program import PROGRAMS
 # Import name -> (key in package.xml, name on the package index). ROS packages are their own key.
 LIBRARIES = {
     "asn1tools": ("python3-asn1tools-pip", "asn1tools"),
+    "can": ("python3-can", "python-can"),
+    "cantools": ("python3-cantools-pip", "cantools"),
     "casadi": ("casadi-pip", "casadi"),
     "cma": ("python3-cma-pip", "cma"),
     "jinja2": ("python3-jinja2", "jinja2"),

@@ -20,6 +20,7 @@ setup(
         "numpy>=1.24",
         "casadi>=3.7",
         "jinja2>=3.1",
+        "pandas>=2.1",
         "PyYAML>=6.0",
         "pandas>=2.1",
         "rosbags>=0.11",

@@ -1,0 +1,118 @@
+"""Who drives: an explicit state machine, a row per transition.
+
+| from | to | when |
+|---|---|---|
+| off | ready | nothing hinders |
+| ready | off | something hinders |
+| ready | engaged | the enable button is pressed anew, no pedal is |
+| engaged, overridden | ready | brake or cancel: in the next frame |
+| engaged | overridden | accelerator |
+| overridden | engaged | accelerator released |
+| engaged, overridden | hand-over | something hinders |
+| hand-over | off | the ramp has ended, or the driver brakes |
+
+During the hand-over a request to brake is released at a stated rate and a warning is shown; a request to
+accelerate ends at once. After it the driver has to enable again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from iptm_core.declaration import TextEnum
+
+
+class Mode(TextEnum):
+    """Who drives."""
+
+    OFF = "off"
+    READY = "ready"
+    ENGAGED = "engaged"
+    OVERRIDDEN = "overridden"
+    HAND_OVER = "hand_over"
+
+
+HAND_OVER_RATE_M_S3 = 1.0
+"""Rate at which braking is released during the hand-over."""
+ACTIVE = frozenset({Mode.ENGAGED, Mode.HAND_OVER})
+"""Modes in which requests are sent."""
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What the state machine looks at.
+
+    Attributes:
+        hindrance: why the suite cannot drive; empty for nothing.
+    """
+
+    brake: bool = False
+    accelerator: bool = False
+    enable: bool = False
+    cancel: bool = False
+    hindrance: str = ""
+
+
+@dataclass(frozen=True)
+class Engagement:
+    """The state, and what it carries.
+
+    Attributes:
+        reason: of the last change, for the driver.
+        enable_was_pressed: the button of the step before; pressing it for long enables once.
+        released_m_s2: acceleration requested during the hand-over.
+    """
+
+    mode: Mode = Mode.OFF
+    reason: str = "start"
+    enable_was_pressed: bool = True
+    released_m_s2: float = 0.0
+
+    @property
+    def is_active(self) -> bool:
+        """Whether requests are sent."""
+        return self.mode in ACTIVE
+
+    def step(self, now: Conditions, requested_m_s2: float, duration_s: float) -> Engagement:
+        """Return the state one step later.
+
+        Args:
+            requested_m_s2: acceleration that was requested last.
+            duration_s: time since the step before.
+        """
+        if self.mode in {Mode.OFF, Mode.READY}:
+            after = self._waiting(now)
+        else:
+            after = self._driving(now, requested_m_s2, duration_s)
+        return replace(after, enable_was_pressed=now.enable)
+
+    def _waiting(self, now: Conditions) -> Engagement:
+        """Return the state after off and ready."""
+        if now.hindrance:
+            return replace(self, mode=Mode.OFF, reason=now.hindrance)
+        if self.mode is Mode.OFF:
+            return replace(self, mode=Mode.READY, reason="ready")
+        pressed = now.enable and not self.enable_was_pressed
+        if pressed and not (now.brake or now.accelerator or now.cancel):
+            return replace(self, mode=Mode.ENGAGED, reason="enabled by the driver")
+        return self
+
+    def _driving(self, now: Conditions, requested_m_s2: float, duration_s: float) -> Engagement:
+        """Return the state after engaged, overridden and hand-over."""
+        if now.brake or now.cancel:
+            reason = "the driver brakes" if now.brake else "cancelled by the driver"
+            mode = Mode.OFF if self.mode is Mode.HAND_OVER else Mode.READY
+            return replace(self, mode=mode, reason=reason)
+        if self.mode is Mode.HAND_OVER:
+            eased = self.released_m_s2 + HAND_OVER_RATE_M_S3 * duration_s
+            if eased >= 0.0 or now.accelerator:
+                return replace(self, mode=Mode.OFF, released_m_s2=0.0)
+            return replace(self, released_m_s2=eased)
+        if now.hindrance:
+            braking = min(requested_m_s2, 0.0) if self.mode is Mode.ENGAGED else 0.0
+            return replace(self, mode=Mode.HAND_OVER, reason=now.hindrance, released_m_s2=braking)
+        if now.accelerator:
+            return replace(self, mode=Mode.OVERRIDDEN, reason="the driver accelerates")
+        if self.mode is Mode.OVERRIDDEN:
+            return replace(self, mode=Mode.ENGAGED, reason="accelerator released")
+        return self

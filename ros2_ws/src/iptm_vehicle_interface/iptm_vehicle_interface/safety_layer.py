@@ -1,0 +1,132 @@
+"""The last check before the bus: pure functions, each states what a request violates.
+
+It shares no code and no measurement with controller and monitor of the suite: its own process reads the bus
+itself. What a violation leads to is in `checked`: a request beyond its limits is cut, one that is too old or
+given while the driver brakes makes the car inactive.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from iptm_core.declaration import TextEnum
+from iptm_vehicle_interface.vehicle import ActuationLimits
+
+
+class Violation(TextEnum):
+    """What a request violates."""
+
+    RANGE = "acceleration outside the limits"
+    RATE = "acceleration changes too fast"
+    GAP = "gap below what braking within the limits needs"
+    AGE = "command too old"
+    DRIVER = "the driver brakes or accelerates"
+    NOT_FINITE = "not a number"
+
+
+INACTIVATING = frozenset({Violation.AGE, Violation.DRIVER, Violation.NOT_FINITE})
+
+
+@dataclass(frozen=True)
+class Request:
+    """A request as it arrives, and what is measured then.
+
+    Attributes:
+        acceleration_m_s2: wanted.
+        enabled: whether the suite wants to drive.
+        age_s: since the request was made.
+        last_m_s2: acceleration sent before.
+        since_last_s: time since then.
+        speed_m_s: of the ego vehicle; NaN where it is not known.
+        gap_m: to the vehicle ahead; NaN for none.
+        relative_speed_m_s: of the vehicle ahead less the own.
+        pedal: whether the driver has a foot on brake or accelerator.
+    """
+
+    acceleration_m_s2: float
+    enabled: bool
+    age_s: float
+    last_m_s2: float
+    since_last_s: float
+    speed_m_s: float
+    gap_m: float
+    relative_speed_m_s: float
+    pedal: bool
+
+
+@dataclass(frozen=True)
+class Passed:
+    """What may be sent."""
+
+    acceleration_m_s2: float
+    enabled: bool
+    violations: tuple[Violation, ...] = ()
+
+
+def outside_range(acceleration_m_s2: float, limits: ActuationLimits) -> bool:
+    """Return whether an acceleration is beyond what the channel may carry."""
+    return not limits.min_acceleration_m_s2 <= acceleration_m_s2 <= limits.max_acceleration_m_s2
+
+
+def too_fast(
+    acceleration_m_s2: float, last_m_s2: float, since_last_s: float, limits: ActuationLimits
+) -> bool:
+    """Return whether an acceleration lies further from the last one than the rate allows."""
+    return abs(acceleration_m_s2 - last_m_s2) > limits.max_jerk_m_s3 * since_last_s + 1e-9
+
+
+def safe_gap_m(speed_m_s: float, lead_speed_m_s: float, limits: ActuationLimits) -> float:
+    """Return the gap from which braking within the limits avoids a collision.
+
+    The vehicle ahead may brake with `lead_deceleration_m_s2` from now on; the ego vehicle goes on for the
+    reaction time, builds its braking up within the rate, and brakes as hard as the channel allows then
+    (definition 1 of responsibility-sensitive safety, arXiv:1708.06374).
+    """
+    braking = -limits.min_acceleration_m_s2
+    build_up_s = limits.reaction_s + 0.5 * braking / limits.max_jerk_m_s3
+    own_m = speed_m_s * build_up_s + speed_m_s * speed_m_s / (2.0 * braking)
+    lead_m = lead_speed_m_s * lead_speed_m_s / (2.0 * limits.lead_deceleration_m_s2)
+    return max(own_m - lead_m, 0.0) + limits.margin_m
+
+
+def too_near(speed_m_s: float, gap_m: float, relative_m_s: float, limits: ActuationLimits) -> bool:
+    """Return whether a measured gap is below the safe one; False where there is none."""
+    if math.isnan(gap_m) or math.isnan(speed_m_s):
+        return False
+    return gap_m < safe_gap_m(speed_m_s, max(speed_m_s + relative_m_s, 0.0), limits)
+
+
+def too_old(age_s: float, limits: ActuationLimits) -> bool:
+    """Return whether a command is too old to leave."""
+    return not age_s <= limits.max_command_age_s
+
+
+def checked(request: Request, limits: ActuationLimits) -> Passed:
+    """Return what may be sent of a request.
+
+    Below the safe gap the car brakes as hard as rate and range allow. Every value that is sent keeps both.
+    """
+    if not request.enabled:
+        return Passed(0.0, enabled=False)
+    wanted = request.acceleration_m_s2
+    found = []
+    if not math.isfinite(wanted):
+        found.append(Violation.NOT_FINITE)
+    if too_old(request.age_s, limits):
+        found.append(Violation.AGE)
+    if request.pedal:
+        found.append(Violation.DRIVER)
+    if INACTIVATING & {*found}:
+        return Passed(0.0, enabled=False, violations=tuple(found))
+    if outside_range(wanted, limits):
+        found.append(Violation.RANGE)
+    if too_near(request.speed_m_s, request.gap_m, request.relative_speed_m_s, limits):
+        found.append(Violation.GAP)
+        wanted = limits.min_acceleration_m_s2
+    elif too_fast(wanted, request.last_m_s2, request.since_last_s, limits):
+        found.append(Violation.RATE)
+    reach = limits.max_jerk_m_s3 * request.since_last_s
+    wanted = min(max(wanted, request.last_m_s2 - reach), request.last_m_s2 + reach)
+    wanted = min(max(wanted, limits.min_acceleration_m_s2), limits.max_acceleration_m_s2)
+    return Passed(wanted, enabled=True, violations=tuple(found))

@@ -1,0 +1,45 @@
+"""The newest value of each signal with its age: what arrives at 1 to 100 Hz, seen at one instant."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+
+from iptm_vehicle_interface.vehicle import SignalSource
+
+
+class SignalTable:
+    """Values and times of arrival; a value older than its timeout is NaN."""
+
+    def __init__(self, sources: Mapping[str, SignalSource]) -> None:
+        self._timeouts_s = {name: source.timeout_s for name, source in sources.items()}
+        self._values: dict[str, tuple[float, float]] = {}
+
+    def take(self, values: Mapping[str, float], time_s: float) -> None:
+        """Take values that arrived at one time, which is not decreasing."""
+        for name, value in values.items():
+            self._values[name] = value, time_s
+
+    def age_s(self, name: str, now_s: float) -> float:
+        """Return the age of a signal, infinite where it never arrived."""
+        entry = self._values.get(name)
+        return math.inf if entry is None else now_s - entry[1]
+
+    def value(self, name: str, now_s: float) -> float:
+        """Return a signal, NaN where it is stale, never arrived or is not offered."""
+        entry = self._values.get(name)
+        if entry is None or now_s - entry[1] > self._timeouts_s[name]:
+            return math.nan
+        return entry[0]
+
+    def is_set(self, name: str, now_s: float) -> bool:
+        """Return whether a fresh flag is 1; an unknown one is not set."""
+        return self.value(name, now_s) >= 0.5
+
+    def stale(self, names: Iterable[str], now_s: float) -> tuple[str, ...]:
+        """Return which of several signals are offered by the vehicle and not fresh."""
+        return tuple(
+            name
+            for name in names
+            if name in self._timeouts_s and math.isnan(self.value(name, now_s))
+        )

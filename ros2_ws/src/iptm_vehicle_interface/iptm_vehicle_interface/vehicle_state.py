@@ -1,0 +1,120 @@
+"""The suite's vehicle state from what a car measures: position and ageing are integrated, cells are a pair.
+
+A battery management system has the lowest and the highest cell temperature, so the first cell of a coolant
+channel is the lowest and the last one the highest. Capacity loss is not measured: it is integrated by the law
+of the parameter set (paper eq. 12) from current and temperatures.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.cell import capacity_loss_rate_1_s
+from iptm_core.physics.electrical import cell_current_a
+from iptm_core.state import LeaderState, VehicleState
+from iptm_vehicle_interface.signals import SignalTable
+
+LONGEST_STEP_S = 0.5
+"""Longer gaps between two updates are not integrated over: position and ageing would be guesses."""
+NEEDED = (
+    "speed_m_s",
+    "brake_pressed",
+    "lowest_cell_temperature_k",
+    "highest_cell_temperature_k",
+    "pack_current_a",
+)
+"""Signals without which nothing can be planned."""
+LEADER = ("gap_m", "relative_speed_m_s", "target_valid")
+
+
+class VehicleStateEstimator:
+    """Integrates position and ageing between updates; one per drive."""
+
+    def __init__(self, parameters: ModelParameters) -> None:
+        self._parameters = parameters
+        loss = parameters.aging.initial_capacity_loss
+        self._losses = loss, loss
+        self._position_m = 0.0
+        self._last: tuple[float, float] | None = None
+        self._at_tick: tuple[float, float] | None = None
+
+    def update(self, signals: SignalTable, now_s: float) -> None:
+        """Integrate to an instant; to be called at 20 Hz or more."""
+        speed = signals.value("speed_m_s", now_s)
+        if math.isnan(speed):
+            self._last = None
+            return
+        if self._last is not None:
+            step_s = now_s - self._last[0]
+            if 0.0 < step_s <= LONGEST_STEP_S:
+                self._position_m += 0.5 * (self._last[1] + speed) * step_s
+                self._age(signals, now_s, step_s)
+        self._last = now_s, speed
+
+    def _age(self, signals: SignalTable, now_s: float, step_s: float) -> None:
+        parameters = self._parameters
+        current_a = cell_current_a(signals.value("pack_current_a", now_s), parameters.pack)
+        temperatures = (
+            signals.value("lowest_cell_temperature_k", now_s),
+            signals.value("highest_cell_temperature_k", now_s),
+        )
+        if math.isnan(current_a) or any(map(math.isnan, temperatures)):
+            return
+        first, last = (
+            loss
+            + step_s
+            * float(
+                capacity_loss_rate_1_s(
+                    current_a, temperature_k, loss, parameters.aging, parameters.cell
+                )
+            )
+            for temperature_k, loss in zip(temperatures, self._losses, strict=True)
+        )
+        self._losses = first, last
+
+    def state_at_tick(self, signals: SignalTable, now_s: float) -> VehicleState | None:
+        """Return the state at a tick, None while a needed signal is stale.
+
+        The acceleration is the mean since the tick before, as the suite's plant has it.
+        """
+        self.update(signals, now_s)
+        if signals.stale(NEEDED, now_s):
+            self._at_tick = None
+            return None
+        speed = signals.value("speed_m_s", now_s)
+        acceleration = signals.value("acceleration_m_s2", now_s)
+        if self._at_tick is not None:
+            acceleration = (speed - self._at_tick[1]) / (now_s - self._at_tick[0])
+        self._at_tick = now_s, speed
+        compressor_w = signals.value("compressor_power_w", now_s)
+        return VehicleState(
+            time_s=now_s,
+            position_m=self._position_m,
+            speed_m_s=speed,
+            acceleration_m_s2=0.0 if math.isnan(acceleration) else acceleration,
+            compressor_power_w=0.0 if math.isnan(compressor_w) else compressor_w,
+            cell_1_temperature_k=signals.value("lowest_cell_temperature_k", now_s),
+            cell_n_temperature_k=signals.value("highest_cell_temperature_k", now_s),
+            cell_1_capacity_loss=self._losses[0],
+            cell_n_capacity_loss=self._losses[1],
+            state_of_charge=signals.value("state_of_charge", now_s),
+        )
+
+    def leader(self, signals: SignalTable, now_s: float) -> LeaderState | None:
+        """Return the vehicle ahead now, extrapolated over the age of the measurement; None for none."""
+        if signals.stale(LEADER, now_s) or not signals.is_set("target_valid", now_s):
+            return None
+        relative = signals.value("relative_speed_m_s", now_s)
+        speed = max(signals.value("speed_m_s", now_s) + relative, 0.0)
+        gap_m = signals.value("gap_m", now_s) + relative * signals.age_s("gap_m", now_s)
+        return LeaderState(now_s, self._position_m + gap_m, speed)
+
+
+def shifted(
+    state: VehicleState, leader: LeaderState | None, origin_s: float
+) -> tuple[VehicleState, LeaderState | None]:
+    """Return both with times since an origin, as the controller counts them."""
+    own = replace(state, time_s=state.time_s - origin_s)
+    return own, None if leader is None else replace(leader, time_s=leader.time_s - origin_s)

@@ -1,0 +1,36 @@
+from setuptools import find_packages, setup
+
+PACKAGE = "iptm_vehicle_interface"
+
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
+    package_data={PACKAGE: ["py.typed", "vehicles/*/*"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+    ],
+    install_requires=["setuptools", "cantools", "numpy>=1.24", "python-can", "rich>=13.0"],
+    extras_require={"test": ["pytest"], "udp": ["msgpack"]},
+    python_requires=">=3.10",
+    zip_safe=False,
+    maintainer="iptm maintainers",
+    maintainer_email="maintainers@iptm.example.org",
+    description="A car on a CAN bus: signals, engagement, inner loop, last safety layer, bench car",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            "bench = iptm_core.program:main",
+            "bench_car = iptm_core.program:main",
+            "drive_vehicle = iptm_core.program:main",
+            "gateway = iptm_core.program:main",
+        ],
+        "iptm.programs": [
+            "bench = iptm_vehicle_interface.bench:main",
+            "bench_car = iptm_vehicle_interface.bench_car:main",
+            "drive_vehicle = iptm_vehicle_interface.driving:main",
+            "gateway = iptm_vehicle_interface.gateway:main",
+        ],
+    },
+)

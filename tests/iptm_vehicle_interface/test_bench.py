@@ -1,0 +1,80 @@
+"""The bench car as three processes on two buses: enabled, braked, killed."""
+
+from __future__ import annotations
+
+import json
+import signal
+import time
+from pathlib import Path
+
+import pytest
+
+from iptm_vehicle_interface.bench import CAR, GATEWAY, SUITE, BenchProcesses
+from iptm_vehicle_interface.bus import BusReader, open_bus
+from iptm_vehicle_interface.frames import FrameCodec
+from iptm_vehicle_interface.vehicle import Vehicle
+
+pytestmark = pytest.mark.integration
+PATIENCE_S = 30.0
+
+
+class Commands:
+    """The commands on the car's bus, as a foreign listener sees them."""
+
+    def __init__(self, processes: BenchProcesses, vehicle: Vehicle) -> None:
+        self._reader = BusReader(open_bus(processes.car_bus))
+        self._codec, self._vehicle = FrameCodec(vehicle), vehicle
+
+    def wait_until(self, *, enabled: bool) -> None:
+        """Wait until the newest command is enabled, or is not."""
+        until_s = time.monotonic() + PATIENCE_S
+        while time.monotonic() < until_s:
+            for frame in self._reader.taken():
+                command = self._codec.command(frame.frame_id, frame.data)
+                if command and command[0] is self._vehicle.acceleration and command[2] is enabled:
+                    return
+            time.sleep(0.01)
+        raise AssertionError(f"no command with enabled={enabled} within {PATIENCE_S} s")
+
+    def close(self) -> None:
+        self._reader.close()
+
+
+def test_the_suite_drives_the_car_and_the_brake_ends_it(tmp_path: Path) -> None:
+    press = ["--press", "enable_button:4:0.3", "--press", "brake_pressed:9:0.5"]
+    with BenchProcesses(
+        tmp_path, vehicle="bench", cycle="us06", duration_s=11.0, car=press
+    ) as bench:
+        result = bench.result()
+    assert result.car["engagements"] == 1
+    assert 4.0 < result.car["active_s"] < 5.1
+    assert len(result.car["inactive_at_s"]) == 1
+    assert result.car["smallest_gap_m"] > 4.0
+    assert result.car["rejected_frames"] == 0
+    modes = [mode for _, mode, _ in result.suite["changes"]]
+    assert modes[:3] == ["ready", "engaged", "ready"]
+    assert result.suite["decisions"] >= 8
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
+@pytest.mark.parametrize("name", [SUITE, GATEWAY])
+def test_a_process_that_dies_or_hangs_leaves_the_car_inactive(
+    tmp_path: Path, vehicle: Vehicle, name: str, how: signal.Signals
+) -> None:
+    press = ["--press", "enable_button:4:0.3"]
+    with BenchProcesses(
+        tmp_path, vehicle="bench", cycle="us06", duration_s=9.0, car=press
+    ) as bench:
+        commands = Commands(bench, vehicle)
+        try:
+            commands.wait_until(enabled=True)
+            bench.running[name].send_signal(how)
+            if name == SUITE:
+                commands.wait_until(enabled=False)
+        finally:
+            commands.close()
+        bench.running[CAR].wait(PATIENCE_S)
+    car = json.loads((tmp_path / "car.json").read_text("utf-8"))
+    assert car["engagements"] == 1
+    assert len(car["inactive_at_s"]) == 1
+    assert car["smallest_gap_m"] > 0.0

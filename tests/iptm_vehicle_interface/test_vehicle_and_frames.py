@@ -1,0 +1,154 @@
+"""A vehicle from its folder, refusals of a malformed one, and frames with counter and checksum."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from iptm_core.errors import MessageError, ParameterError
+from iptm_vehicle_interface.frames import FrameCodec, FrameFault
+from iptm_vehicle_interface.signals import SignalTable
+from iptm_vehicle_interface.vehicle import VEHICLES, Vehicle, load_vehicle
+
+OTHER_DBC = """VERSION ""
+
+BS_:
+
+BU_: CAR SUITE
+
+BO_ 1168 ESP: 8 CAR
+ SG_ v_mph : 7|16@0+ (0.01,0) [0|200] "mph" SUITE
+ SG_ brake : 16|1@1+ (1,0) [0|1] "" SUITE
+
+BO_ 1200 REQUEST: 4 SUITE
+ SG_ a_req : 7|16@0- (0.001,0) [-8|8] "m/s^2" CAR
+"""
+OTHER_YAML = """description: Another car
+parameter_set: bmw_i3
+database: other.dbc
+signals:
+  speed_m_s: {message: ESP, signal: v_mph, timeout_s: 0.2}
+  brake_pressed: {message: ESP, signal: brake, timeout_s: 0.2}
+commands:
+  acceleration: {message: REQUEST, signal: a_req}
+protection: {}
+limits: {min_acceleration_m_s2: -2.0, max_acceleration_m_s2: 1.5, max_jerk_m_s3: 3.0,
+  max_command_age_s: 0.1, reaction_s: 0.5, lead_deceleration_m_s2: 7.0,
+  margin_m: 2.0, max_compressor_power_w: 0.0}
+"""
+
+
+@pytest.fixture
+def other(tmp_path: Path) -> Path:
+    (tmp_path / "other.dbc").write_text(OTHER_DBC, encoding="utf-8")
+    (tmp_path / "vehicle.yaml").write_text(OTHER_YAML, encoding="utf-8")
+    return tmp_path
+
+
+def test_a_second_vehicle_is_a_folder(other: Path) -> None:
+    """Big-endian signals in mph and no protection, without a line of code."""
+    vehicle = load_vehicle(str(other))
+    codec = FrameCodec(vehicle)
+    frame_id, data = FrameCodec(vehicle).encode("ESP", {"v_mph": 60.0, "brake": 1.0})
+    decoded = codec.decode(frame_id, data)
+    assert decoded.values["speed_m_s"] == pytest.approx(26.8224)
+    assert decoded.values["brake_pressed"] == 1.0
+    frame_id, data = codec.encode_command(vehicle.acceleration, -1.5, enabled=True)
+    assert frame_id == 1200
+    assert int.from_bytes(data[:2], "big", signed=True) == -1500
+    assert vehicle.compressor is None
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("signal: v_mph", "signal: v_kmh", r"signal is 'v_kmh'; allowed: one of ESP: brake, v_mph"),
+        (
+            "message: ESP, signal: brake",
+            "message: BCM, signal: brake",
+            r"message is 'BCM'; allowed",
+        ),
+        ("signal: a_req", "signal: a_req, enable: on", r"signal is 'a_req'|enable|one of REQUEST"),
+        ("parameter_set: bmw_i3", "parameter_set: bmw_i4", r"parameter_set is 'bmw_i4'; allowed"),
+        ("min_acceleration_m_s2: -2.0", "min_acceleration_m_s2: 2.0", r"is 2\.0; allowed: -10 to"),
+        ("  brake_pressed", "  brakes_pressed", r"unknown signal 'brakes_pressed'; did you mean"),
+        (
+            "v_mph, timeout_s: 0.2",
+            "brake, timeout_s: 0.2",
+            r"the DBC states None|the DBC states ''",
+        ),
+        ("other.dbc", "none.dbc", r"no such file; allowed: a DBC"),
+    ],
+)
+def test_a_malformed_vehicle_is_refused(other: Path, old: str, new: str, message: str) -> None:
+    path = other / "vehicle.yaml"
+    path.write_text(OTHER_YAML.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(ParameterError, match=message):
+        load_vehicle(str(other))
+
+
+def test_an_unknown_vehicle_names_the_known_ones() -> None:
+    with pytest.raises(ParameterError, match="vehicle is 'model_t'; allowed: bench"):
+        load_vehicle("model_t")
+
+
+def test_the_shipped_folder_is_all_that_a_vehicle_needs(tmp_path: Path, vehicle: Vehicle) -> None:
+    shutil.copytree(VEHICLES / "bench", tmp_path / "mine")
+    assert load_vehicle(str(tmp_path / "mine")).limits == vehicle.limits
+
+
+def test_values_survive_within_their_resolution(vehicle: Vehicle) -> None:
+    sender, receiver = FrameCodec(vehicle), FrameCodec(vehicle)
+    frame = sender.encode("SPEED", {"VehicleSpeed": 87.654, "Acceleration": -1.234})
+    values = receiver.decode(*frame).values
+    assert values["speed_m_s"] == pytest.approx(87.654 / 3.6, abs=0.005 / 3.6)
+    assert values["acceleration_m_s2"] == pytest.approx(-1.234, abs=0.005)
+    thermal = receiver.decode(*sender.encode("THERMAL", {"LowestCellTemperature": -12.3})).values
+    assert thermal["lowest_cell_temperature_k"] == pytest.approx(260.85, abs=0.05)
+
+
+def test_every_flipped_bit_of_a_protected_frame_is_noticed(vehicle: Vehicle) -> None:
+    frame_id, data = FrameCodec(vehicle).encode("SPEED", {"VehicleSpeed": 50.0})
+    used = [*range(32), *range(56, 64)]
+    for bit in used:
+        changed = bytearray(data)
+        changed[bit // 8] ^= 1 << bit % 8
+        assert FrameCodec(vehicle).decode(frame_id, bytes(changed)).fault is FrameFault.CHECKSUM
+
+
+def test_a_repeated_or_short_frame_does_not_count(vehicle: Vehicle) -> None:
+    sender, receiver = FrameCodec(vehicle), FrameCodec(vehicle)
+    frame_id, data = sender.encode("SPEED", {"VehicleSpeed": 50.0})
+    assert receiver.decode(frame_id, data).fault is None
+    assert receiver.decode(frame_id, data).fault is FrameFault.COUNTER
+    assert receiver.decode(frame_id, data[:4]).fault is FrameFault.LENGTH
+    assert receiver.decode(0x7FF, b"").message == ""
+
+
+def test_a_value_outside_of_the_range_of_the_dbc_is_missing(vehicle: Vehicle) -> None:
+    message = vehicle.database.get_message_by_name("BATTERY")
+    data = message.encode(
+        {"PackVoltage": 350.0, "PackCurrent": 20.0, "StateOfCharge": 102.3}, strict=False
+    )
+    values = FrameCodec(vehicle).decode(message.frame_id, data).values
+    assert "state_of_charge" not in values
+    assert values["pack_voltage_v"] == pytest.approx(350.0)
+
+
+def test_a_command_with_a_wrong_checksum_is_refused(vehicle: Vehicle) -> None:
+    frame_id, data = FrameCodec(vehicle).encode_command(vehicle.acceleration, 1.0, enabled=True)
+    changed = data[:1] + bytes([data[1] ^ 1]) + data[2:]
+    with pytest.raises(MessageError, match="ACC_COMMAND: wrong checksum"):
+        FrameCodec(vehicle).command(frame_id, changed)
+
+
+def test_ages_and_timeouts(vehicle: Vehicle) -> None:
+    table = SignalTable(vehicle.signals)
+    names = ("speed_m_s", "gap_m", "no_such_signal")
+    assert table.stale(names, 0.0) == ("speed_m_s", "gap_m")
+    table.take({"speed_m_s": 10.0}, 1.0)
+    assert table.value("speed_m_s", 1.09) == 10.0
+    assert table.age_s("speed_m_s", 1.05) == pytest.approx(0.05)
+    assert table.stale(names, 1.11) == ("speed_m_s", "gap_m")
