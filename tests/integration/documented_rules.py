@@ -55,7 +55,7 @@ RULES = (
     ),
     Rule(
         Way.NOT,
-        r"scripts/(replay --check( controller)?|drive_file example|traffic --fcd)",
+        r"scripts/(replay --check( controller)?|traffic --fcd)",
         "an option in a sentence",
     ),
     # What a test must not do, or what is not there.
@@ -80,7 +80,7 @@ RULES = (
         "SUMO, requirements/traffic.txt",
     ),
     Rule(Way.NOT, r"scripts/drive_file can .*", "a log of a CAN bus and requirements/can.txt"),
-    Rule(Way.NOT, r".*--screenshot .*", "a browser"),
+    Rule(Way.NOT, r"python -m tests.iptm_view.screenshot", "a browser"),
     Rule(Way.NOT, r".*(five_cars|my_bag#car_2|bags/radio).*", "a bag that takes a long run"),
     Rule(Way.NOT, r".*(ROS_SECURITY|--enclave).*", "DDS security, which the wheels lack"),
     Rule(

@@ -99,7 +99,6 @@ def test_mistakes_are_one_line(launcher: Any, tmp_path: Path) -> None:
     """As a process: the view lowers its priority and that of its session."""
     mistakes = {
         (str(tmp_path / "none"),): "does not exist",
-        ("--screenshot", "x.png"): "allowed: scripts/view BAG",
         ("--namespace", "1 car"): "1 car",
         (str(BAG), "--rate", "-1"): "rate is -1; allowed",
     }

@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.iptm_view.screenshot import BROWSERS, Picture, opened_page, started_browser
 
 from iptm_core.trajectory import Trajectory
 from iptm_ros.recording.trajectory_reader import read_trajectory
-from iptm_view.screenshot import BROWSERS, Picture, opened_page, started_browser
 
 BAG = Path(__file__).resolve().parents[2] / "bags" / "example_us06_120s"
 

@@ -12,13 +12,12 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 from matplotlib.image import imread
+from tests.iptm_view.screenshot import Picture, served_bag, take_screenshot
 
-from iptm_core.errors import ViewError
 from iptm_core.trajectory import Trajectory
 from iptm_view.page_feed import PageFeed
 from iptm_view.page_server import PageServer
 from iptm_view.run_facts import RunFacts
-from iptm_view.screenshot import Picture, served_bag, take_screenshot
 
 pytestmark = pytest.mark.integration
 CELSIUS = 273.15
@@ -222,14 +221,8 @@ def test_a_picture_of_the_middle_of_a_trip(bag: Path, visitor: Any, tmp_path: Pa
         picture = Picture(640, 480, is_dark=is_dark, at_s=30.0)
         # A browser of its own, which Playwright starts in another thread only.
         with ThreadPoolExecutor() as pool:
-            pool.submit(take_screenshot, bag, file, picture, (), "none").result()
+            pool.submit(take_screenshot, bag, file, picture, "none").result()
         pixels = imread(file)[..., :3]
         assert pixels.shape[:2] == (480, 640)
         # The margin of the page, which nothing is drawn on.
         assert (pixels[:5, :5].mean() < 0.5) == is_dark
-
-
-@pytest.mark.parametrize("size", ["1280", "1x1", "axb", "99999x800"])
-def test_a_size_that_is_none_is_refused(size: str) -> None:
-    with pytest.raises(ViewError, match=f"'{size}'.*allowed"):
-        Picture.of_text(size, is_dark=False, at_s=None)

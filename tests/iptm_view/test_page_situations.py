@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from tests.iptm_view.screenshot import Picture
 
 from iptm_core.decision_record import Rung
 from iptm_core.parameters import load_parameters
@@ -15,7 +16,6 @@ from iptm_view.page_row import PAGE_COLUMNS
 from iptm_view.page_server import PageServer
 from iptm_view.reference_car import STATE
 from iptm_view.run_facts import RunFacts
-from iptm_view.screenshot import Picture
 
 pytestmark = pytest.mark.integration
 FACTS = RunFacts("test", load_parameters().values, {"plant": {"duration_s": 100.0}})

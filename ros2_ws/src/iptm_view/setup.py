@@ -14,11 +14,10 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
     install_requires=["setuptools", "numpy>=1.24", "PyYAML>=6.0", "rosbags>=0.11"],
-    # Both are loaded only where they are used; the page works without.
+    # Loaded only where it is used; the page works without.
     extras_require={
         "test": ["pytest"],
         "foxglove": ["foxglove-sdk>=0.30"],
-        "screenshot": ["playwright>=1.40"],
     },
     python_requires=">=3.10",
     zip_safe=False,

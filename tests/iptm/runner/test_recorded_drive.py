@@ -4,18 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from iptm.runner.recorded_drive import example_gpx, main
+from iptm.runner.recorded_drive import main
 
 ROOT = Path(__file__).resolve().parents[3]
 EXAMPLE = ROOT / "docs" / "examples" / "phone_drive.gpx"
 BAG = ROOT / "bags" / "example_us06_120s"
-
-
-def test_the_example_in_the_tree_is_the_one_that_the_command_makes(tmp_path: Path) -> None:
-    made = tmp_path / "made.gpx"
-    assert main(["example", str(made), "--seed", "1"]) == 0
-    assert made.read_text() == EXAMPLE.read_text()
-    assert example_gpx(2) != example_gpx(1)
 
 
 def test_a_drive_is_described_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

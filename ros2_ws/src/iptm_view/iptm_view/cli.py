@@ -30,7 +30,6 @@ from iptm_view.page_feed import PageFeed
 from iptm_view.page_server import DEFAULT_PORT, PageServer
 from iptm_view.reference_car import NO_REFERENCE, ReferenceCar
 from iptm_view.run_facts import RunFacts
-from iptm_view.screenshot import Picture, take_screenshot
 from iptm_view.sources import NAME, BagSource, GraphSource
 
 PROGRAM = "view"
@@ -107,39 +106,29 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--no-foxglove", action="store_true", help="start no Foxglove server")
     parser.add_argument("--no-browser", action="store_true", help="open no browser on a desktop")
-    picture = parser.add_argument_group("a picture of the page instead, of a bag")
-    picture.add_argument("--screenshot", type=Path, metavar="FILE", help="PNG file to write")
-    picture.add_argument("--size", default="1280x800", help="of the window (default: %(default)s)")
-    picture.add_argument("--dark", action="store_true", help="as at night")
-    picture.add_argument(
-        "--at", type=float, metavar="S", help="at this trip time (default: at the end)"
-    )
     return parser
 
 
 def main(arguments: Sequence[str] | None = None, reference_command: Sequence[str] = ()) -> int:
-    """Show a run until a signal stops it, or take a picture of one.
+    """Show a run until a signal stops it.
 
     Args:
         arguments: command line with the program's name; None for that of the process.
         reference_command: drives the reference car, see `ReferenceCar`; empty for no such car.
 
     Returns:
-        0 when stopped or when the picture is there, 2 after a mistake of the user.
+        0 when stopped, 2 after a mistake of the user.
     """
     command = list(sys.argv if arguments is None else arguments)
     try:
         parsed = build_parser().parse_args(own_arguments(command))
         stop = StopRequest()
         stop.install()
-        if parsed.screenshot is not None:
-            _take_picture(parsed, reference_command)
-        else:
-            with _Servers(parsed, _vehicles(parsed), reference_command) as servers:
-                if parsed.bag is None:
-                    _show_graph(parsed, command, servers, stop)
-                else:
-                    _show_bag(parsed, servers, stop)
+        with _Servers(parsed, _vehicles(parsed), reference_command) as servers:
+            if parsed.bag is None:
+                _show_graph(parsed, command, servers, stop)
+            else:
+                _show_bag(parsed, servers, stop)
     except IptmError as error:
         return refused(PROGRAM, error)
     return EXIT_OK
@@ -275,10 +264,3 @@ def _ros(command: list[str]) -> Iterator[None]:
         yield
     finally:
         rclpy.try_shutdown()
-
-
-def _take_picture(parsed: argparse.Namespace, reference_command: Sequence[str]) -> None:
-    if parsed.bag is None:
-        raise ViewError("--screenshot is of a bag; allowed: scripts/view BAG --screenshot FILE")
-    picture = Picture.of_text(parsed.size, is_dark=parsed.dark, at_s=parsed.at)
-    take_screenshot(parsed.bag, parsed.screenshot, picture, reference_command, parsed.against)

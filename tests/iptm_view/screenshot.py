@@ -1,9 +1,11 @@
-"""Pictures of the page, taken in a Chromium without a window."""
+"""The page in a Chromium without a window: for tests, and for the pictures in ``docs/images``.
+
+python -m tests.iptm_view.screenshot
+"""
 
 from __future__ import annotations
 
 import importlib
-import re
 import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
@@ -11,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from iptm.runner.view import REFERENCE_COMMAND
 from iptm_core.errors import ViewError
 from iptm_view.page_feed import PageFeed
 from iptm_view.page_server import PageServer
@@ -27,7 +30,6 @@ _FLAGS = (
     "--disable-component-update",
     "--disable-sync",
 )
-_LARGEST_PIXELS = 4096
 _REFERENCE_TIMEOUT_MS = 600_000
 _PAGE_TIMEOUT_MS = 60_000
 _PHONE_WIDTH = 600
@@ -49,16 +51,13 @@ class Picture:
     is_dark: bool = False
     at_s: float | None = None
 
-    @classmethod
-    def of_text(cls, size: str, *, is_dark: bool, at_s: float | None) -> Picture:
-        """Return a picture whose size is given as text."""
-        match = re.fullmatch(r"(\d+)x(\d+)", size)
-        sides = [int(side) for side in match.groups()] if match else []
-        if not sides or not all(200 <= side <= _LARGEST_PIXELS for side in sides):
-            raise ViewError(
-                f"size is {size!r}; allowed: WIDTHxHEIGHT, each from 200 to {_LARGEST_PIXELS}"
-            )
-        return cls(sides[0], sides[1], is_dark, at_s)
+
+DOCUMENTED = {
+    "live_view.png": Picture(at_s=92.0),
+    "live_view_tablet.png": Picture(820, 1180, at_s=60.0),
+    "live_view_phone.png": Picture(390, 844, is_dark=True),
+}
+"""Pictures of the documentation by file name."""
 
 
 def find_browser() -> str:
@@ -118,13 +117,10 @@ def served_bag(
         yield server
 
 
-def take_screenshot(
-    bag: Path, file: Path, picture: Picture, reference_command: Sequence[str], strategy: str
-) -> None:
-    """Write a picture of the page of a bag."""
-    find_browser()
+def take_screenshot(bag: Path, file: Path, picture: Picture, strategy: str) -> None:
+    """Write a picture of the page of a bag, with the reference car of a strategy."""
     with (
-        served_bag(bag, reference_command, strategy) as server,
+        served_bag(bag, REFERENCE_COMMAND, strategy) as server,
         started_browser() as browser,
         opened_page(browser, picture) as page,
     ):
@@ -136,7 +132,11 @@ def take_screenshot(
         if picture.at_s is not None:
             page.evaluate("(time) => window.iptmPlayer.seek(time)", picture.at_s)
             page.wait_for_selector("body[data-player='paused']")
-        try:
-            page.screenshot(path=str(file))
-        except OSError as error:
-            raise ViewError(f"cannot write {file}: {error}") from None
+        page.screenshot(path=str(file))
+
+
+if __name__ == "__main__":
+    root = Path(__file__).resolve().parents[2]
+    for name, look in DOCUMENTED.items():
+        bag = root / "bags" / "example_us06_120s"
+        take_screenshot(bag, root / "docs" / "images" / name, look, "reference")
