@@ -23,6 +23,7 @@ PAGE = "README.md"
 SHOWN_DIGITS = 12
 """Of the digest in the foot of a page."""
 _NUMBER = re.compile(r"(?<![\w.])[-+−]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+_PART = re.compile(r"<!-- (.+) -->\n(.*?)<!-- end of \1 -->", re.DOTALL)
 _FOOT = re.compile(r"\n---\n\nMade by `scripts/study [^\n]*\n\Z")
 _DATA = frozenset({".py", ".j2", ".yaml", ".gz", ".csv", ".json"})
 
@@ -85,8 +86,13 @@ def code_of(study: str) -> str:
 
 
 def numbers_of(page: str) -> str:
-    """Return all numbers of a page but those of its foot, in order."""
-    return " ".join(_NUMBER.findall(without_foot(page)))
+    """Return all numbers of a page but those of its foot, in order.
+
+    Of a page that is written by hand around marked parts, only the numbers of these count.
+    """
+    body = without_foot(page)
+    parts = [part for _, part in _PART.findall(body)]
+    return " ".join(_NUMBER.findall("\n".join(parts) if parts else body))
 
 
 def digest_of(page: str) -> str:

@@ -7,32 +7,30 @@ from typing import Any
 import numpy as np
 import pytest
 
-from iptm.studies.run import Run, perform_run
-from iptm.studies.run_spec import RunSpec
-from iptm.studies.study import planned_run
+import iptm
+from iptm.faults.fault import faults_from
 from iptm_core.decision_record import Rung
 from iptm_core.errors import IptmError
 from iptm_core.parameters.model import KM_H_PER_M_S
-from iptm_core.settings import LeaderSource
 from iptm_v2x_bridge.rules_of_the_road import read_signals
 
 TOLERANCE_M_S = 0.02
 
 
-def driven(**settings: Any) -> Run:
+def driven(**settings: Any) -> iptm.Run:
     given: dict[str, Any] = {
         "cycle": "us06",
         "duration_s": 150.0,
         "horizon": "3x1+5x5",
-        "leader_source": LeaderSource.NONE,
+        "leader": None,
+        "strategy": "aging",
         "speed_limits_km_h": "0:50",
     }
-    return perform_run(planned_run(RunSpec(**{**given, **settings})))
+    return iptm.simulate(**{**given, **settings})
 
 
-def assert_free(run: Run) -> None:
+def assert_free(run: iptm.Run) -> None:
     assert not run.trajectory.has_leader.any()
-    assert run.decisions is not None
     assert set(run.decisions.rung) == {Rung.OPTIMAL}
 
 
@@ -89,9 +87,7 @@ def test_the_trip_ends_at_the_end_of_the_route() -> None:
 
 def test_the_cruise_control_of_the_production_car_keeps_the_rules() -> None:
     signals = "300:1000:60:900"
-    run = driven(
-        strategy=_strategy("production"), signals=signals, speed_limits_km_h="0:50, 700:30"
-    )
+    run = driven(strategy="production", signals=signals, speed_limits_km_h="0:50, 700:30")
     assert_free(run)
     trip = run.trajectory
     assert trip.position_m[trip.time_s <= 60.0].max() <= 300.0
@@ -101,12 +97,11 @@ def test_the_cruise_control_of_the_production_car_keeps_the_rules() -> None:
 
 def test_of_a_leader_and_a_stop_line_the_nearer_one_binds() -> None:
     """The leader of US06 passes the line; the ego vehicle waits there, and follows it before and after."""
-    own = {"leader_source": LeaderSource.CYCLE, "ego_keeps_rules": True, "duration_s": 120.0}
+    own = {"leader": "cycle", "ego_keeps_rules": True, "duration_s": 120.0}
     rules = {**own, "speed_limits_km_h": "0:130", "signals": "400:1000:70:900"}
     held, free = driven(**rules), driven(**{**rules, "signals": ""}).trajectory
     trip = held.trajectory
     assert trip.has_leader.all()
-    assert held.decisions is not None
     assert set(held.decisions.rung) == {Rung.OPTIMAL}
     assert trip.leader_position_m[trip.time_s == 69.0][0] > 500.0
     assert trip.position_m[trip.time_s <= 70.0].max() <= 400.0
@@ -121,7 +116,7 @@ def test_of_a_leader_and_a_stop_line_the_nearer_one_binds() -> None:
         ({"speed_limits_km_h": ""}, "speed_limits_km_h is empty and set_speed_km_h is 0"),
         ({"speed_limits_km_h": "fast"}, "allowed: <from metre>"),
         ({"signals": "12"}, "signals is '12'"),
-        ({"leader_source": "cam"}, "leader_source is cam; allowed without ROS: cycle, none"),
+        ({"leader": "cam"}, "cam"),
         ({"set_speed_km_h": -1.0}, "set_speed_km_h is -1"),
         ({"max_lateral_acceleration_m_s2": 0.0}, "max_lateral_acceleration_m_s2 is 0"),
     ],
@@ -132,14 +127,6 @@ def test_settings_that_lead_nowhere_are_refused(settings: dict[str, Any], words:
 
 
 def test_faults_of_a_leader_need_one() -> None:
-    from iptm.faults.fault import faults_from  # noqa: PLC0415
-
     faults = faults_from([{"kind": "leader_lost", "start_s": 5.0, "duration_s": 2.0}], "test")
     with pytest.raises(IptmError, match="fault is leader_lost with leader_source none"):
         driven(faults=faults)
-
-
-def _strategy(name: str) -> Any:
-    from iptm_controller.strategy import strategy_by_name  # noqa: PLC0415
-
-    return strategy_by_name(name)
