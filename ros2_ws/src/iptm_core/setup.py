@@ -22,7 +22,6 @@ setup(
         "jinja2>=3.1",
         "pandas>=2.1",
         "PyYAML>=6.0",
-        "pandas>=2.1",
         "rosbags>=0.11",
     ],
     extras_require={"test": ["pytest", "hypothesis"]},

@@ -32,6 +32,7 @@ MOST_INVALID = 0.2
 _NOISE_M_S = 1.5
 _MAX_REVERSING_M_S = 3.0
 _STILL_M = 10.0
+_TOLD_RATIO = 0.05
 _MOST_IN_ONE_RUN = 0.1
 _PLACES = ("latitude_deg", "longitude_deg", "east_m", "north_m", "position_m")
 
@@ -138,7 +139,12 @@ def _places(table: DriveTable) -> DriveTable:
     fixes = aside[~frozen]
     whole = consistent(fixes, times, breaks, LONGEST_LOST_FIX_S)
     leaps = breaks(whole)
-    if leaps.any() or whole.size < (1.0 - MOST_INVALID) * fixes.size:
+    if whole.size < (1.0 - MOST_INVALID) * fixes.size:
+        raise RouteError(
+            f"{table.source}: {known.size - whole.size} of {known.size} places are aside of the way or "
+            f"frozen; allowed: {100.0 * MOST_INVALID:g} %"
+        )
+    if leaps.any():
         step = int(np.argmax(leaps))
         row, before = int(whole[step + 1]), int(whole[step])
         speed = lengths(plane[[row]] - plane[[before]])[0] / (times[row] - times[before])
@@ -216,6 +222,8 @@ def _speeds_against_places(table: DriveTable) -> DriveTable:
     if max(moved_m, driven_m) < _STILL_M:
         return table
     if found.agrees() or (0.8 < found.ratio < 1.25 and found.agrees(found.ratio)):
+        if abs(found.ratio - 1.0) > _TOLD_RATIO:
+            table = noted(table, f"{both}: the speeds count")
         return _windows_apart(table, plane, speeds)
     name, _ = table.names.get("speed_m_s", ("speed_m_s", 1.0))
     if np.ptp(speeds) < 1e-9:
