@@ -20,14 +20,23 @@ from iptm_traffic.demand import (
     signal_offsets_s,
     write_demand,
 )
+from iptm_traffic.drive import TrafficDrive
 from iptm_traffic.ego_road import EgoRoad
-from iptm_traffic.network import BLOCK_M, EGO_START_M, Corridor
+from iptm_traffic.network import (
+    BLOCK_M,
+    BLOCKS,
+    CORRIDOR,
+    EGO_START_M,
+    LIMITS_KM_H,
+    MAIN_EDGES,
+    ONCOMING_EDGES,
+    SIGNALS,
+)
 
 
 def vehicles(folder: Path, scenario: TrafficScenario, seed: int = 1) -> dict[str, ET.Element]:
     folder.mkdir(exist_ok=True)
     file = write_demand(
-        Corridor(),
         scenario,
         DemandSettings(traffic_seed=seed),
         120.0,
@@ -46,19 +55,27 @@ def edges_of(vehicle: ET.Element) -> list[str]:
     return route.get("edges", "").split()
 
 
-def test_the_corridor_is_as_long_as_the_trip_needs(tmp_path: Path) -> None:
-    assert Corridor().blocks * BLOCK_M == pytest.approx(8800.0)
-    assert Corridor.long_enough_for(3600.0).blocks * BLOCK_M > 3600.0 * 50.0 / 3.6
-    with pytest.raises(ScenarioError, match="allowed: 8 to 200"):
-        Corridor(7)
-    files = Corridor().write(tmp_path)
-    nodes, edges = (ET.parse(file).getroot() for file in files)  # noqa: S314  written just now
+def test_the_corridor_is_that_of_its_files() -> None:
+    nodes, edges = (
+        ET.parse(CORRIDOR / f"corridor.{part}.xml").getroot()  # noqa: S314  our own
+        for part in ("nod", "edg")
+    )
     signals = [node for node in nodes if node.get("type") == "traffic_light"]
-    assert len(signals) == 7
+    assert [node.get("id") for node in signals] == list(SIGNALS)
+    assert [float(node.get("x", "0")) for node in signals] == [
+        BLOCK_M * number for number in range(1, BLOCKS)
+    ]
     heights = [float(node.get("z", "0")) for node in signals]
     assert max(heights) - min(heights) > 5.0
-    main = [edge for edge in edges if edge.get("id", "").startswith("main_")]
-    assert [round(3.6 * float(edge.get("speed", "0"))) for edge in main] == [50, 70, 50, 60] * 2
+    limits = {edge.get("id"): 3.6 * float(edge.get("speed", "0")) for edge in edges}
+    expected = np.resize(LIMITS_KM_H, BLOCKS)
+    assert [limits[name] for name in MAIN_EDGES] == pytest.approx(expected.tolist(), abs=1e-4)
+    assert [limits[name] for name in ONCOMING_EDGES[::-1]] == pytest.approx(expected, abs=1e-4)
+
+
+def test_a_trip_beyond_the_corridor_is_refused() -> None:
+    with pytest.raises(ScenarioError, match="on the corridor; allowed: 634 s at most"):
+        TrafficDrive(duration_s=700.0)
 
 
 def test_a_seed_means_one_traffic(tmp_path: Path) -> None:
@@ -72,9 +89,7 @@ def test_a_seed_means_one_traffic(tmp_path: Path) -> None:
     )
     assert same == again != other
     offsets = [
-        signal_offsets_s(
-            Corridor(), TrafficScenario.CUT_IN, DemandSettings(traffic_seed=seed), 80.0
-        )
+        signal_offsets_s(TrafficScenario.CUT_IN, DemandSettings(traffic_seed=seed), 80.0)
         for seed in (1, 1, 2)
     ]
     assert offsets[0] == offsets[1] != offsets[2]
@@ -82,7 +97,7 @@ def test_a_seed_means_one_traffic(tmp_path: Path) -> None:
 
 def test_the_scenarios_differ_in_the_leader_and_what_is_ahead_of_it(tmp_path: Path) -> None:
     following = vehicles(tmp_path, TrafficScenario.FOLLOWING)
-    assert len(edges_of(following[LEADER])) == 8
+    assert len(edges_of(following[LEADER])) == BLOCKS
     assert EGO in following  # its stand-in
     front_m = float(following[LEADER].get("departPos", "0"))
     assert front_m - 4.5 - EGO_START_M == pytest.approx(15.0)

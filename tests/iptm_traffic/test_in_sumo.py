@@ -29,23 +29,21 @@ from iptm_traffic.demand import (
     write_demand,
 )
 from iptm_traffic.drive import PredictionInput, TrafficDrive, drive_in_traffic
-from iptm_traffic.network import CYCLE_S, Corridor, Network, build_network
+from iptm_traffic.network import CYCLE_S, SIGNALS, Network, build_network
 from iptm_traffic.simulation import EgoInstant, TrafficSimulation
 from iptm_traffic.sumo_process import SumoProcess
 
 PARAMETERS = load_parameters().values
-CORRIDOR = Corridor()
 SETTINGS = DemandSettings(traffic_seed=3)
 
 
 def corridor(folder: Path) -> Network:
-    offsets = signal_offsets_s(CORRIDOR, TrafficScenario.FOLLOWING, SETTINGS, CYCLE_S)
-    return build_network(CORRIDOR, folder, offsets, BEFORE_TRIP_S)
+    offsets = signal_offsets_s(TrafficScenario.FOLLOWING, SETTINGS, CYCLE_S)
+    return build_network(folder, offsets, BEFORE_TRIP_S)
 
 
 def started(network: Network, folder: Path, step_s: float = 0.5) -> TrafficSimulation:
     demand = write_demand(
-        CORRIDOR,
         TrafficScenario.FOLLOWING,
         SETTINGS,
         600.0,
@@ -103,7 +101,7 @@ def test_the_plan_is_that_of_sumos_signals(tmp_path: Path) -> None:
             simulation.step()
             # What SUMO shows has held since the beginning of the step.
             time_s = simulation.time_s - 0.25
-            for name, signal in zip(CORRIDOR.signals, network.signals, strict=True):
+            for name, signal in zip(SIGNALS, network.signals, strict=True):
                 is_open = lights.getRedYellowGreenState(name)[links[name]] == "G"
                 assert is_open == signal.is_open(time_s), f"{name} at {time_s} s"
                 opened.add((name, is_open))

@@ -14,7 +14,7 @@ import numpy as np
 
 from iptm_core.declaration import Settings, TextEnum, parameter
 from iptm_core.settings import MAX_SEED, VEHICLE_LENGTH_M
-from iptm_traffic.network import EGO_LANE, EGO_START_M, Corridor
+from iptm_traffic.network import BLOCKS, EGO_LANE, EGO_START_M, MAIN_EDGES, ONCOMING_EDGES, SIGNALS
 
 BEFORE_TRIP_S = 120.0
 """Time for which the traffic drives before the trip begins."""
@@ -80,11 +80,11 @@ _Trip = tuple[float, str, tuple[str, ...], float, dict[str, str]]
 
 
 def signal_offsets_s(
-    corridor: Corridor, scenario: TrafficScenario, settings: DemandSettings, cycle_s: float
+    scenario: TrafficScenario, settings: DemandSettings, cycle_s: float
 ) -> tuple[float, ...]:
     """Return for each signal a trip time at which the main road turns green."""
     draws = np.random.default_rng([settings.traffic_seed, 1])
-    offsets = draws.integers(0, round(cycle_s), len(corridor.signals)).astype(float).tolist()
+    offsets = draws.integers(0, round(cycle_s), len(SIGNALS)).astype(float).tolist()
     if scenario is TrafficScenario.RED_LIGHT_QUEUE:
         # They close some seconds before the leader would arrive, and stay closed for long.
         offsets[0] = 130.0
@@ -92,7 +92,6 @@ def signal_offsets_s(
 
 
 def write_demand(
-    corridor: Corridor,
     scenario: TrafficScenario,
     settings: DemandSettings,
     duration_s: float,
@@ -105,7 +104,6 @@ def write_demand(
     """Write all vehicles and return the file.
 
     Args:
-        corridor: where they drive.
         scenario: what the leader does.
         settings: how many there are.
         duration_s: length of the trip.
@@ -117,19 +115,19 @@ def write_demand(
     draws = np.random.default_rng([settings.traffic_seed, 2])
     end_s = BEFORE_TRIP_S + duration_s
     standing_s = BEFORE_TRIP_S - step_s
-    trips = [_leader(corridor, scenario, standing_s, gap_m)]
+    trips = [_leader(scenario, standing_s, gap_m)]
     if scenario is TrafficScenario.RED_LIGHT_QUEUE:
-        trips += [_queued(corridor, number, standing_s, gap_m) for number in range(1, 6)]
+        trips += [_queued(number, standing_s, gap_m) for number in range(1, 6)]
     if with_stand_in:
-        trips.append((standing_s, EGO, corridor.main_edges, 1.0, _standing(0.0)))
+        trips.append((standing_s, EGO, MAIN_EDGES, 1.0, _standing(0.0)))
     for number, time_s in enumerate(_instants(draws, settings.main_headway_s, end_s)):
-        edges, factor = corridor.main_edges, _factor(draws)
+        edges, factor = MAIN_EDGES, _factor(draws)
         if draws.random() < settings.turning_share:
-            last = int(draws.integers(1, corridor.blocks))
+            last = int(draws.integers(1, BLOCKS))
             edges = (*edges[:last], f"south_out_{last}")
         if not _QUIET_S[0] < time_s - BEFORE_TRIP_S < _QUIET_S[1]:
             trips.append((time_s, f"{MAIN_PREFIX}_{number}", edges, factor, _MOVING))
-    for name, edges, headway_s in _other_ways(corridor, settings):
+    for name, edges, headway_s in _other_ways(settings):
         trips += [
             (time_s, f"{name}_{number}", edges, _factor(draws), _MOVING)
             for number, time_s in enumerate(_instants(draws, headway_s, end_s))
@@ -153,15 +151,15 @@ def _factor(draws: np.random.Generator) -> float:
 
 
 def _other_ways(
-    corridor: Corridor, settings: DemandSettings
+    settings: DemandSettings,
 ) -> Iterator[tuple[str, tuple[str, ...], float]]:
     """Yield name, edges and mean headway of the other ways through the corridor."""
-    yield "oncoming", corridor.oncoming_edges, settings.oncoming_headway_s
-    for number in range(1, corridor.blocks):
+    yield "oncoming", ONCOMING_EDGES, settings.oncoming_headway_s
+    for number in range(1, BLOCKS):
         for arm, opposite in (("north", "south"), ("south", "north")):
             across = (f"{arm}_in_{number}", f"{opposite}_out_{number}")
             yield f"cross_{arm}_{number}", across, settings.cross_headway_s
-        joining = (f"south_in_{number}", *corridor.main_edges[number:])
+        joining = (f"south_in_{number}", *MAIN_EDGES[number:])
         yield f"{MAIN_PREFIX}_joining_{number}", joining, 3.0 * settings.cross_headway_s
 
 
@@ -174,17 +172,17 @@ def _standing(position_m: float) -> dict[str, str]:
     return {"departLane": str(EGO_LANE), "departPos": place, "departSpeed": "0"}
 
 
-def _leader(corridor: Corridor, scenario: TrafficScenario, depart_s: float, gap_m: float) -> _Trip:
-    edges = corridor.main_edges
+def _leader(scenario: TrafficScenario, depart_s: float, gap_m: float) -> _Trip:
+    edges = MAIN_EDGES
     if scenario is TrafficScenario.TURN_OFF:
         edges = (*edges[:2], "south_out_2")
     return (depart_s, LEADER, edges, 1.0, _standing(gap_m + VEHICLE_LENGTH_M))
 
 
-def _queued(corridor: Corridor, number: int, depart_s: float, gap_m: float) -> _Trip:
+def _queued(number: int, depart_s: float, gap_m: float) -> _Trip:
     ahead_m = gap_m + VEHICLE_LENGTH_M + number * (VEHICLE_LENGTH_M + gap_m)
     name = f"{MAIN_PREFIX}_queued_{number}"
-    return (depart_s, name, corridor.main_edges, 1.0, _standing(ahead_m))
+    return (depart_s, name, MAIN_EDGES, 1.0, _standing(ahead_m))
 
 
 def ego_kind() -> ET.Element:

@@ -38,7 +38,7 @@ from iptm_traffic.demand import (
     signal_offsets_s,
     write_demand,
 )
-from iptm_traffic.network import CYCLE_S, Corridor, build_network
+from iptm_traffic.network import CYCLE_S, LONGEST_TRIP_S, build_network
 from iptm_traffic.own_network import OwnNetwork, build_own_network
 from iptm_traffic.radio import Rehearsal, TrafficRadio, rehearse
 from iptm_traffic.right_of_way import RightOfWay
@@ -110,6 +110,11 @@ class TrafficDrive:
                 f"step_s is {self.step_s:g}; allowed: 1 s divided by a whole number up to {MOST_STEPS}"
             )
         if self.own is None:
+            if self.duration_s > LONGEST_TRIP_S:
+                most = f"{LONGEST_TRIP_S:.0f} s at most"
+                raise ScenarioError(
+                    f"duration_s is {self.duration_s:g} on the corridor; allowed: {most}"
+                )
             return
         if self.knowledge is PredictionInput.PATH or self.signals_by_radio:
             raise ScenarioError(
@@ -140,13 +145,11 @@ def opened_traffic(
         if drive.own is not None:
             network = build_own_network(drive.own, drive.step_s, folder)
         else:
-            corridor = Corridor.long_enough_for(drive.duration_s)
-            offsets = signal_offsets_s(corridor, drive.scenario, drive.demand, CYCLE_S)
-            network = build_network(corridor, folder, offsets, BEFORE_TRIP_S)
+            offsets = signal_offsets_s(drive.scenario, drive.demand, CYCLE_S)
+            network = build_network(folder, offsets, BEFORE_TRIP_S)
 
             def written(*, with_stand_in: bool) -> Path:
                 return write_demand(
-                    corridor,
                     drive.scenario,
                     drive.demand,
                     drive.duration_s,

@@ -1,11 +1,7 @@
-"""The network that is driven in, and the corridor: a road with hills, bends, limits and signals for SUMO.
-
-Everything is computed from a few numbers; no map is needed. Cross streets meet the main road at each signal.
-"""
+"""The network that is driven in, and the corridor: a road with hills, bends, limits and signals for SUMO."""
 
 from __future__ import annotations
 
-import math
 import subprocess
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,141 +12,28 @@ import numpy as np
 from iptm_core.errors import ScenarioError
 from iptm_core.parameters.model import KM_H_PER_M_S
 from iptm_core.road_ahead import SpeedLimits
-from iptm_core.state import FloatArray
 from iptm_traffic.ego_road import EgoRoad
 from iptm_traffic.sumo_net import Link, SumoNet
 from iptm_traffic.sumo_process import sumo_program
 from iptm_v2x_bridge.prediction.road_rules import RoadRules, Signal
 
+CORRIDOR = Path(__file__).parent / "corridor"
+"""Folder of the corridor's nodes and edges: a road with hills, bends and cross streets, from west to east."""
 BLOCK_M = 1100.0
 """Distance between two signals; the corridor has one more block than signals."""
-MIN_BLOCKS = 8
-"""9 km without the way to the start."""
-MAX_BLOCKS = 200
-LANES = 2
+BLOCKS = 9
+SIGNALS = tuple(f"signal_{number}" for number in range(1, BLOCKS))
+"""Names of the signalised junctions, in driving order."""
+MAIN_EDGES = tuple(f"main_{number}" for number in range(BLOCKS))
+"""Names of the edges of the main road, in driving order."""
+ONCOMING_EDGES = tuple(f"oncoming_{number}" for number in reversed(range(BLOCKS)))
+"""Names of the edges of the opposite direction, in its driving order."""
 EGO_LANE = 0
 CROSS_STREET_M = 250.0
 LIMITS_KM_H = (50.0, 70.0, 50.0, 60.0)
-"""Speed limits of the blocks, over and over."""
-CROSS_LIMIT_KM_H = 50.0
-_POINT_SPACING_M = 50.0
-_BENDS = ((90.0, 2600.0), (25.0, 830.0))
-_HILLS = ((9.0, 1900.0), (3.0, 610.0))
-"""Amplitudes and wavelengths of bends (sideways) and hills (heights), m."""
-
-
-@dataclass(frozen=True)
-class Corridor:
-    """A main road from west to east with ``blocks - 1`` signals.
-
-    Attributes:
-        blocks: stretches of `BLOCK_M` between signals.
-
-    Raises:
-        ScenarioError: too few or too many blocks.
-    """
-
-    blocks: int = MIN_BLOCKS
-
-    def __post_init__(self) -> None:
-        if not MIN_BLOCKS <= self.blocks <= MAX_BLOCKS:
-            raise ScenarioError(
-                f"corridor has {self.blocks} blocks; allowed: {MIN_BLOCKS} to {MAX_BLOCKS}"
-            )
-
-    @classmethod
-    def long_enough_for(cls, duration_s: float) -> Corridor:
-        """Return a corridor that lasts a trip of some duration at the lowest of its speed limits."""
-        needed = math.ceil(duration_s * min(LIMITS_KM_H) / KM_H_PER_M_S / BLOCK_M) + 1
-        return cls(max(MIN_BLOCKS, needed))
-
-    @property
-    def signals(self) -> tuple[str, ...]:
-        """Names of the signalised junctions, in driving order."""
-        return tuple(f"signal_{number}" for number in range(1, self.blocks))
-
-    @property
-    def main_edges(self) -> tuple[str, ...]:
-        """Names of the edges of the main road, in driving order."""
-        return tuple(f"main_{number}" for number in range(self.blocks))
-
-    @property
-    def oncoming_edges(self) -> tuple[str, ...]:
-        """Names of the edges of the opposite direction, in its driving order."""
-        return tuple(f"oncoming_{number}" for number in reversed(range(self.blocks)))
-
-    def limit_m_s(self, block: int) -> float:
-        """Return the speed limit of a block."""
-        return LIMITS_KM_H[block % len(LIMITS_KM_H)] / KM_H_PER_M_S
-
-    def write(self, folder: Path) -> tuple[Path, Path]:
-        """Write nodes and edges as plain XML and return the two files."""
-        nodes, edges = ET.Element("nodes"), ET.Element("edges")
-        junctions = ("start", *self.signals, "end")
-        for number, name in enumerate(junctions):
-            x = number * BLOCK_M
-            kind = "traffic_light" if name in self.signals else "priority"
-            _node(nodes, name, (x, _y(x), _z(x)), kind)
-            if name in self.signals:
-                for side, direction in (("north", 1.0), ("south", -1.0)):
-                    place = (x, _y(x) + direction * CROSS_STREET_M, _z(x))
-                    _node(nodes, f"{side}_{number}", place, "priority")
-                    for way, ends in (
-                        ("in", (f"{side}_{number}", name)),
-                        ("out", (name, f"{side}_{number}")),
-                    ):
-                        _edge(
-                            edges,
-                            f"{side}_{way}_{number}",
-                            ends,
-                            1,
-                            CROSS_LIMIT_KM_H / KM_H_PER_M_S,
-                        )
-        for block in range(self.blocks):
-            inside = np.arange(_POINT_SPACING_M, BLOCK_M, _POINT_SPACING_M) + block * BLOCK_M
-            ends = (junctions[block], junctions[block + 1])
-            limit = self.limit_m_s(block)
-            whole = np.concatenate([[block * BLOCK_M], inside, [(block + 1) * BLOCK_M]])
-            _edge(edges, f"main_{block}", ends, LANES, limit, whole)
-            _edge(edges, f"oncoming_{block}", ends[::-1], 1, limit, whole[::-1])
-        files = (folder / "corridor.nod.xml", folder / "corridor.edg.xml")
-        for file, root in zip(files, (nodes, edges), strict=True):
-            ET.indent(root)
-            ET.ElementTree(root).write(file, encoding="unicode")
-        return files
-
-
-def _y(x: float) -> float:
-    return sum(a * (1.0 - math.cos(2.0 * math.pi * x / w)) for a, w in _BENDS)
-
-
-def _z(x: float) -> float:
-    return sum(a * math.sin(2.0 * math.pi * x / w) for a, w in _HILLS)
-
-
-def _node(parent: ET.Element, name: str, place_m: tuple[float, float, float], kind: str) -> None:
-    x, y, z = (f"{value:.3f}" for value in place_m)
-    ET.SubElement(parent, "node", id=name, x=x, y=y, z=z, type=kind)
-
-
-def _edge(
-    parent: ET.Element,
-    name: str,
-    ends: tuple[str, str],
-    lanes: int,
-    limit_m_s: float,
-    along_m: FloatArray | None = None,
-) -> None:
-    edge = ET.SubElement(
-        parent,
-        "edge",
-        {"id": name, "from": ends[0], "to": ends[1]},
-        numLanes=str(lanes),
-        speed=f"{limit_m_s:.6f}",
-    )
-    if along_m is not None:
-        points = [f"{x:.3f},{_y(x):.3f},{_z(x):.3f}" for x in along_m.tolist()]
-        edge.set("shape", " ".join(points))
+"""Speed limits of the blocks, over and over, as in the file of the edges."""
+LONGEST_TRIP_S = (BLOCKS - 1) * BLOCK_M / (min(LIMITS_KM_H) / KM_H_PER_M_S)
+"""A trip at the lowest of the limits does not reach the end of the corridor."""
 
 
 CYCLE_S = 80.0
@@ -194,13 +77,10 @@ class Network:
         return RoadRules(self.limits, self.signals)
 
 
-def build_network(
-    corridor: Corridor, folder: Path, opens_at_s: tuple[float, ...], before_trip_s: float
-) -> Network:
-    """Convert a corridor and write the programs of its signals.
+def build_network(folder: Path, opens_at_s: tuple[float, ...], before_trip_s: float) -> Network:
+    """Convert the corridor and write the programs of its signals.
 
     Args:
-        corridor: the corridor.
         folder: for SUMO's files; ``signals.add.xml`` has the programs.
         opens_at_s: for each signal, a trip time at which the main road turns green.
         before_trip_s: SUMO's time at trip time 0.
@@ -208,29 +88,29 @@ def build_network(
     Raises:
         ScenarioError: SUMO is not installed, or does not understand its input.
     """
-    nodes, edges = corridor.write(folder)
+    nodes, edges = (CORRIDOR / f"corridor.{part}.xml" for part in ("nod", "edg"))
     file = folder / "corridor.net.xml"
     options = ["-n", str(nodes), "-e", str(edges), "--precision", "6"]
     netconvert(
         [*options, "--no-turnarounds", "true", "--offset.disable-normalization", "true"], file
     )
     net = SumoNet(file)
-    way = net.way(corridor.main_edges)
+    way = net.way(MAIN_EDGES)
     road = EgoRoad.of_way(net, way, EGO_START_M)
     signals = tuple(
         Signal.cyclic(line_m, CYCLE_S, opens_s, MAIN_OPEN_S)
         for line_m, opens_s in zip(road.stop_lines_m, opens_at_s, strict=True)
     )
     programs = folder / "signals.add.xml"
-    _write_programs(file, corridor, programs, [opens_s + before_trip_s for opens_s in opens_at_s])
+    _write_programs(file, programs, [opens_s + before_trip_s for opens_s in opens_at_s])
     lanes = (way[0].from_lane, *(link.to_lane for link in way))
     starts = np.array([road.lane_starts_m[lane][0] for lane in lanes])
-    limits = np.array([corridor.limit_m_s(block) for block in range(corridor.blocks)])
+    limits = np.resize(LIMITS_KM_H, BLOCKS) / KM_H_PER_M_S
     return Network(
         net=net,
         options=("-n", str(file), "-a", str(programs)),
         way=way,
-        edges=corridor.main_edges,
+        edges=MAIN_EDGES,
         start_m=EGO_START_M,
         start_s=before_trip_s,
         instead_of="",
@@ -252,13 +132,13 @@ def netconvert(options: list[str], file: Path) -> None:
         raise ScenarioError(f"netconvert failed: {' '.join(done.stderr.split())[:500]}")
 
 
-def _write_programs(file: Path, corridor: Corridor, to: Path, opens_at_s: list[float]) -> None:
+def _write_programs(file: Path, to: Path, opens_at_s: list[float]) -> None:
     """Write the signals' programs in SUMO's time; links of the main road are open together."""
     net = ET.parse(file).getroot()  # noqa: S314  written by netconvert just now
     root = ET.Element("additional")
     cross_s = CYCLE_S - MAIN_OPEN_S - 2.0 * (YELLOW_S + CLEARING_S)
     durations = (MAIN_OPEN_S, YELLOW_S, CLEARING_S, cross_s, YELLOW_S, CLEARING_S)
-    for name, opens_s in zip(corridor.signals, opens_at_s, strict=True):
+    for name, opens_s in zip(SIGNALS, opens_at_s, strict=True):
         links = sorted(
             (int(link.get("linkIndex", "0")), link)
             for link in net.iter("connection")
