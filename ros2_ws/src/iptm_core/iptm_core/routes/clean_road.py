@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iptm_core.errors import RouteError
-from iptm_core.routes.clean_motion import (
+from iptm_core.routes.clean_places import (
     LONGEST_LOST_FIX_S,
     LONGEST_OUTLIER_S,
     MOST_INVALID,
