@@ -140,7 +140,8 @@ def stale_pages() -> Iterator[str]:
     for name in NAMES:
         record = Record.of(name)
         if record.code != code_of(name):
-            yield f"{name}: made on {record.made}, confirmed on {record.confirmed}"
+            why = f"; out of date: {record.out_of_date}" if record.out_of_date else ""
+            yield f"{name}: made on {record.made}, confirmed on {record.confirmed}{why}"
 
 
 def changes(name: str) -> list[str]:
@@ -169,7 +170,7 @@ def confirm(name: str) -> int:
         return EXIT_NOT_HELD
     code = code_of(name)
     if code != record.code:
-        replace(record, code=code, confirmed=today()).write(name)
+        replace(record, code=code, confirmed=today(), out_of_date="").write(name)
     print(f"{name}: confirmed")
     return EXIT_OK
 

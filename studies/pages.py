@@ -38,6 +38,7 @@ class Record:
         code: digest of code and data.
         pages: digests of the numbers of each page, by file name.
         short: numbers of each page of the short form, by file name; empty where they are times of a machine.
+        out_of_date: why the pages are known to be out of date, shown in their feet; empty if they are not.
     """
 
     made: str
@@ -45,6 +46,7 @@ class Record:
     code: str
     pages: Mapping[str, str] = field(default_factory=dict)
     short: Mapping[str, str] = field(default_factory=dict)
+    out_of_date: str = ""
 
     @classmethod
     def of(cls, study: str) -> Record:
@@ -71,9 +73,10 @@ class Record:
     def foot(self, study: str) -> str:
         """Return the foot of a page: command, dates, and the beginning of the digest of code and data."""
         confirmed = "" if self.confirmed == self.made else f", confirmed on {self.confirmed}"
+        warning = f" **Out of date:** {self.out_of_date}." if self.out_of_date else ""
         return (
             f"\n---\n\nMade by `scripts/study {study}` on {self.made}{confirmed}; code and data"
-            f" `{self.code[:SHOWN_DIGITS]}`.\n"
+            f" `{self.code[:SHOWN_DIGITS]}`.{warning}\n"
         )
 
 
