@@ -18,7 +18,6 @@ import iptm.runner
 from iptm.faults.fault import Fault
 from iptm.faults.kinds import FaultKind
 from iptm.runner.composition import parameter_file_text
-from iptm.runner.scenario import BRIDGE, CONTROLLER, PLANT
 from iptm_controller.node_parameters import CHANGEABLE, ControllerNodeParameters
 from iptm_controller.production import ProductionSettings
 from iptm_controller.solvers.interface import STATUS_TEXT
@@ -28,6 +27,7 @@ from iptm_core.markdown import render_page
 from iptm_core.metrics import FIGURES
 from iptm_core.parameters import available_parameter_sets, describe_parameters, load_parameters
 from iptm_plant_sim.node_parameters import PlantNodeParameters
+from iptm_ros.topics import BRIDGE, CONTROLLER, PLANT
 from iptm_ros.visual_topics import PUBLISHER
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters, SenderNodeParameters
 from iptm_view.visualizer_node import VisualizerParameters

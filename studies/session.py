@@ -14,7 +14,7 @@ import pandas as pd
 from studies.pages import PAGE, STUDIES, put, without_foot
 
 import iptm
-from iptm.parts import DEFAULT_SET, LeaderSource, render_page, run_inputs
+from iptm.parts import render_page
 
 RESULTS = STUDIES.parent / "results"
 SHORT_SOLVER = {"compile_code": False}
@@ -37,23 +37,16 @@ class Case:
 
     def shortened(self, duration_s: float) -> Case:
         """Return the beginning of the trip, with an interpreted solver."""
-        solver = {**self.call.get("solver", {}), **SHORT_SOLVER}
-        return Case(
-            self.name, self.labels, {**self.call, "duration_s": duration_s, "solver": solver}
-        )
+        return Case(self.name, self.labels, {**self.call, "duration_s": duration_s, **SHORT_SOLVER})
 
 
-def inputs_of(call: Mapping[str, Any]) -> Any:
-    """Return what `iptm.simulate` makes of its arguments: ``spec``, ``parameters`` and ``route``.
+def inputs_of(call: Mapping[str, Any]) -> iptm.Trip:
+    """Return the trip that `iptm.simulate` makes of its arguments.
 
     Raises:
         IptmError: an argument is not usable.
     """
-    usual = {"vehicle": DEFAULT_SET, "overrides": None, "leader": LeaderSource.CYCLE.value}
-    given = {**usual, **call}
-    leader_source = given.pop("leader") or LeaderSource.NONE.value
-    named = {name: given.pop(name) for name in ("cycle", "strategy", "vehicle", "overrides")}
-    return run_inputs(**named, settings={**given, "leader_source": leader_source})
+    return iptm.Trip.of(**call).checked()
 
 
 @dataclass

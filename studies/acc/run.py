@@ -134,7 +134,7 @@ def benchmark_cases(scenes: Sequence[Scene], cars: Sequence[str], folder: Path) 
                 CARS[car],
                 headway_overrides(scene, car) if variant.limited else None,
                 duration_s=float(scene.duration_s),
-                preview={"mode": "full" if variant.preview else "none"},
+                preview_mode="full" if variant.preview else "none",
             )
             cases.append(Case("/".join(labels.values()), labels, call))
     return cases

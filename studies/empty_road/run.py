@@ -18,6 +18,7 @@ from iptm.parts import (
     MULTI_HORIZON,
     OF_THE_CYCLE,
     FloatArray,
+    LeaderSource,
     Rung,
     Trajectory,
     given_rules,
@@ -63,14 +64,14 @@ def drive(road: str, strategy: str, duration_s: float | None = None) -> dict[str
         "cycle": cycle,
         "strategy": strategy,
         "horizon": str(MULTI_HORIZON),
-        "leader": None,
+        "leader_source": LeaderSource.NONE,
         "speed_limits_km_h": OF_THE_CYCLE,
         "signals": signals,
-        **({} if duration_s is None else {"duration_s": duration_s, "solver": SHORT_SOLVER}),
+        **({} if duration_s is None else {"duration_s": duration_s, **SHORT_SOLVER}),
     }
     run = iptm.simulate(**call)
     inputs = inputs_of(call)
-    trip, rules = run.trajectory, given_rules(inputs.spec.road, inputs.route)
+    trip, rules = run.trajectory, given_rules(inputs.rules, inputs.route)
     if rules.limits is None:
         raise AssertionError("a road of this study has limits")
     times, places, speeds = _between_ticks(trip)

@@ -111,7 +111,7 @@ def trial_on(
     """Return a trial on the beginning of a cycle, None for all of it."""
     placed = tuple(faults)
     given: dict[str, Any] = {"faults": placed} if mode is DriveMode.HEADLESS and placed else {}
-    return Trial(mode, placed, inputs_of(trip(cycle, duration_s=duration_s, **given)))
+    return Trial(mode, placed, inputs_of(trip(cycle, duration_s=duration_s, **given)).checked())
 
 
 def read_catalogue(path: Path | None = None) -> tuple[tuple[str, ...], tuple[Entry, ...]]:

@@ -173,13 +173,13 @@ def _missing_report(
 
 def _braking_gap_m(driven: DrivenTrial, fault: Fault, first: int, last: int) -> float:
     """Return the smallest gap of a car that only brakes."""
-    seen, run, inputs = first, driven.run.trajectory, driven.trial.inputs
+    seen, run, trip = first, driven.run.trajectory, driven.trial.inputs
     if fault.spec.place is FaultPlace.TRAFFIC:
-        own_m = inputs.route.leader.positions_at(run.time_s)
+        own_m = trip.route.leader.positions_at(run.time_s)
         apart = np.flatnonzero(np.abs(run.leader_position_m - own_m)[first:] > 1e-6)
         # A change after the judged window (a cut-in beyond the leader) does not count.
         seen += int(apart[0]) if apart.size and first + apart[0] <= last else 0
-    return float(gaps_when_braking(run, inputs.parameters, seen, last).min())
+    return float(gaps_when_braking(run, trip.parameters, seen, last).min())
 
 
 def _limits_broken(driven: DrivenTrial, first: int, last: int) -> dict[str, str]:

@@ -42,7 +42,7 @@ MINUTE_VALUES_AIR_C = 5.0
 HEATER_W = 5000.0
 LAST_S = 1200.0
 _J_PER_KWH = 3.6e6
-SHORT: Mapping[str, Any] = {"duration_s": 60.0, "solver": SHORT_SOLVER}
+SHORT: Mapping[str, Any] = {"duration_s": 60.0, **SHORT_SOLVER}
 """Settings of runs that only try the command."""
 Overrides = Mapping[str, float]
 
@@ -228,7 +228,7 @@ def _drive(
         parameters = load_parameters(parameter_set, changes).values
         gap_m, duration_s = parameters.gap.initial_gap_m, settings.get("duration_s")
         end_s = build_route(CITY, initial_gap_m=gap_m, duration_s=duration_s).duration_s
-        solver = SolverOptions(**settings.get("solver", {}))
+        solver = SolverOptions(compile_code=settings.get("compile_code", True))
         call["controller"] = RuledCompressor(parameters, end_s, solver)
     return iptm.simulate(**call)
 

@@ -127,7 +127,7 @@ def random_cases(
             call["faults"] = draw_faults(faults, inputs.route.duration_s)
         previews = np.random.default_rng([seed, number, 2])
         if previews.random() < imperfect_share:
-            call["preview"] = draw_preview(previews)
+            call |= draw_preview(previews)
         name = f"{number:04d}"
         cases.append(Case(name, {"number": number}, call))
         if with_twins and has_twin(inputs.parameters, call["strategy"]):
@@ -157,7 +157,7 @@ def warm_twin(call: Mapping[str, Any]) -> dict[str, Any]:
 def draw_preview(random: Generator) -> dict[str, Any]:
     """Return the imperfect preview settings, empty for a perfect preview."""
     return {
-        name.removeprefix("preview_"): drawn(draw, random)
+        name: drawn(draw, random)
         for name, draw in PREVIEWS.items()
         if name == "preview_mode" or random.random() < OVERRIDE_SHARE
     }
@@ -198,7 +198,7 @@ def _draw_run(random: Generator, duration_s: float | None) -> tuple[dict[str, An
         for key, draw in SOMETIMES.items():
             if random.random() < OVERRIDE_SHARE:
                 overrides[key] = drawn(draw, random)
-        call = {**settings, "overrides": overrides, "solver": SHORT_SOLVER}
+        call = {**settings, "overrides": overrides, **SHORT_SOLVER}
         try:
             return call, inputs_of(call)
         except IptmError as error:

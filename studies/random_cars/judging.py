@@ -20,6 +20,7 @@ from iptm.parts import (
     Fault,
     FloatArray,
     Horizon,
+    PreviewSettings,
     Rung,
     ScenarioError,
     SolveStatus,
@@ -31,6 +32,7 @@ from iptm.parts import (
     episodes,
     fully_cooled_k,
     gap_margins_m,
+    parameter_specs,
     read_yaml,
 )
 
@@ -88,8 +90,7 @@ REQUIREMENTS = _read_requirements()
 def trial_of(name: str, inputs: Any, failure: str = "") -> Judged:
     """Return a run that is not judged yet, or that failed."""
     problems = {"failed": failure} if failure else {}
-    spec = inputs.spec
-    return Judged(name, f"{spec.describe()}, slope {spec.slope}", problems=problems)
+    return Judged(name, inputs.heading, problems=problems)
 
 
 def judge(name: str, run: Run, call: Mapping[str, Any], warm_twin: Run | None = None) -> Judged:
@@ -105,12 +106,14 @@ def judge(name: str, run: Run, call: Mapping[str, Any], warm_twin: Run | None = 
         warm_twin: the same trip on a hot day without temperature limits, None if there is none.
     """
     inputs = inputs_of(call)
-    usual = inputs_of({key: value for key, value in call.items() if key != "preview"}).spec
-    informed = not inputs.spec.faults and inputs.spec.bridge_settings() == usual.bridge_settings()
-    trip, spec = run.trajectory, inputs.spec
+    imperfections = {spec.name for spec in parameter_specs(PreviewSettings)}
+    usual = inputs_of({key: value for key, value in call.items() if key not in imperfections})
+    own_faults = inputs.conditions.faults
+    informed = not own_faults and inputs.preview == usual.preview
+    trip = run.trajectory
     amounts: dict[str, float] = {TICKS: len(trip) - 1}
     causes: dict[str, str] = {}
-    for key, rows in _gap_rows(run, spec.horizon, informed=informed).items():
+    for key, rows in _gap_rows(run, inputs.controller.horizon, informed=informed).items():
         amounts[key] = float(np.count_nonzero(rows))
         if rows.any():
             margin_m = gap_margins_m(trip, run.parameters)[rows].min()
@@ -127,7 +130,7 @@ def judge(name: str, run: Run, call: Mapping[str, Any], warm_twin: Run | None = 
         if check.violations
     )
 
-    unexplained = ~_explained_by_faults(trip, trip.time_s, spec.faults)
+    unexplained = ~_explained_by_faults(trip, trip.time_s, own_faults)
     energy_j = cold_compressor_energies_j(trip, run.parameters) * unexplained
     amounts["cold_compressor"] = 1e-3 * float(energy_j.sum())
     if (running := energy_j > 1.0).any():
@@ -142,7 +145,7 @@ def judge(name: str, run: Run, call: Mapping[str, Any], warm_twin: Run | None = 
             + _parting(trip, warm_twin.trajectory)
         )
 
-    fallbacks, emergencies = _fallbacks(run, spec.faults)
+    fallbacks, emergencies = _fallbacks(run, own_faults)
     amounts |= {"emergency": float(emergencies), "fallback": float(fallbacks.total())}
     causes["fallback"] = _counted(fallbacks)
     _judge_heat(run, inputs, amounts, causes)
@@ -178,7 +181,7 @@ def _judge_heat(run: Run, inputs: Any, amounts: dict[str, float], causes: dict[s
     amounts["too_hot"] = amounts["too_hot_anyway"] = 0.0
     if _longest_s(trip, hot) <= REQUIREMENTS["too_hot"].limit:
         return
-    cooled_k = fully_cooled_k(trip, run.parameters, inputs.route, inputs.spec.plant_step_s)
+    cooled_k = fully_cooled_k(trip, run.parameters, inputs.route, inputs.vehicle.integration_step_s)
     helped = hot & (cooled_k <= allowed_k)
     amounts["too_hot"] = _longest_s(trip, helped)
     amounts["too_hot_anyway"] = _longest_s(trip, hot & ~helped)

@@ -66,7 +66,7 @@ SIMPLIFICATIONS: Mapping[str, tuple[str, str, Mapping[str, Any], Mapping[str, An
         "kinks smoothed over a quarter of the widths",
         "kinks smoothed over the shipped widths",
         {},
-        {"solver": {"smoothing_factor": 0.25}},
+        {"smoothing_factor": 0.25},
     ),
     "cells": (
         "the vehicle has the first and the last cell, too (idealised)",
@@ -230,7 +230,7 @@ def simplification_cases(names: Sequence[str], climates_c: Sequence[float]) -> l
     for name, ambient_c in product(names, climates_c):
         *_, simple, refined = SIMPLIFICATIONS[name]
         # A controller with which the default strategy is compared has the shipped model.
-        shipped = {key: refined[key] for key in refined if key not in {_MODEL, "solver"}}
+        shipped = {key: refined[key] for key in refined if key not in {_MODEL, "smoothing_factor"}}
         for side, role, settings in (
             ("simple", DEFAULT, simple),
             ("refined", DEFAULT, refined),

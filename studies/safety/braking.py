@@ -50,9 +50,11 @@ def braking_trials(
     """
     inputs = inputs_of(call)
     random = np.random.default_rng([seed, trials])
-    rows = random.integers(round(EARLIEST_S / inputs.spec.tick_s), len(drive) - 1, trials)
+    rows = random.integers(round(EARLIEST_S / inputs.conditions.period_s), len(drive) - 1, trials)
     decelerations = random.uniform(GENTLEST_M_S2, HARDEST_M_S2, trials)
-    plant = Plant(inputs.parameters, inputs.route.slope.slope_at, TICK_S, inputs.spec.thermal_model)
+    plant = Plant(
+        inputs.parameters, inputs.route.slope.slope_at, TICK_S, inputs.vehicle.thermal_model
+    )
     outcomes = np.array(
         [
             _drive_one(plant, drive, int(row), float(deceleration))

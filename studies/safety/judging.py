@@ -13,13 +13,12 @@ from studies.session import Case
 
 from iptm.parts import (
     GRAVITY_M_S2,
-    VEHICLE,
-    WEAK_BRAKES,
     Fault,
     FaultKind,
     FaultPlace,
     ModelParameters,
     Report,
+    Reporter,
     Trajectory,
     at_places,
     gaps_when_braking,
@@ -154,7 +153,7 @@ def _report_ticks(trip: Trajectory, since_s: float, reports: Iterable[Report]) -
     reported = (
         one.time_s
         for one in reports
-        if one.source == VEHICLE and one.text and one.time_s >= since_s - 1e-9
+        if one.source is Reporter.VEHICLE and one.text and one.time_s >= since_s - 1e-9
     )
     return (min(reported, default=np.inf) - since_s) / float(trip.intervals_s[0])
 
@@ -175,7 +174,7 @@ def _noticed_s(
     acting = (begins_s >= weak[0].start_s - 1e-9) & (trip.time_s <= weak[0].end_s)
     braking = acting & (trip.acceleration_m_s2 < -BRAKING_M_S2) & (trip.speed_m_s >= MOVING_M_S)
     braked_s = np.cumsum(np.where(braking, np.diff(trip.time_s, prepend=trip.time_s[:1]), 0.0))
-    reported_s = min((one.time_s for one in reports if WEAK_BRAKES in one.text), default=np.inf)
+    reported_s = min((one.time_s for one in reports if one.weak_brakes), default=np.inf)
     if not np.isfinite(reported_s):
         return None, float(braked_s[-1])
     row = int(np.searchsorted(trip.time_s, reported_s - 1e-9))

@@ -28,7 +28,7 @@ from studies.safety.trials import (
 from studies.session import Case, Session
 
 import iptm
-from iptm.parts import CONTROLLER, CYCLE_NAMES, VEHICLE, FaultKind, Report
+from iptm.parts import CYCLE_NAMES, FaultKind, Report, Reporter
 from iptm.runner.trial import DriveMode, DrivenTrial, Level, drive_over_ros
 
 USUAL = {"trials": 1000, "braking": 20_000, "ros": 20, "seed": 1}
@@ -134,5 +134,5 @@ def _over_ros(session: Session, cases: Sequence[Case], count: int) -> Iterator[J
 def _reports(driven: DrivenTrial) -> Iterator[Report]:
     for report in driven.reports:
         text = "" if report.level is Level.OK else report.reason
-        source = VEHICLE if report.is_of_plant else CONTROLLER
-        yield Report(report.time_s, source, text)
+        source = Reporter.VEHICLE if report.is_of_plant else Reporter.CONTROLLER
+        yield Report(report.time_s, source, text, report.is_of_weak_brakes)

@@ -63,7 +63,7 @@ SETTINGS: Mapping[str, Mapping[str, Any]] = {
     UNDISTURBED: {},
     "noise": {"faults": lasting(*NOISE)},
     NOISE_AND_DELAY: {"faults": lasting(*NOISE, (FaultKind.COMMAND_DELAYED, 1.0))},
-    "preview errors": {"preview": {"noise_std_m_s": PREVIEW_ERROR_M_S}},
+    "preview errors": {"noise_std_m_s": PREVIEW_ERROR_M_S},
 }
 """What is disturbed on whole cycles without any event, by name."""
 
@@ -108,7 +108,7 @@ def delay_cases(
         duration_s = _duration_s(cycle, longest_s)
         for period_s, ticks in product(periods_s, DELAYS):
             faults = lasting((FaultKind.COMMAND_DELAYED, float(ticks))) if ticks else ()
-            call = trip(cycle, tick_s=period_s, faults=faults, duration_s=duration_s)
+            call = trip(cycle, period_s=period_s, faults=faults, duration_s=duration_s)
             labels = {"cycle": cycle, "period_s": period_s, "ticks": ticks}
             cases.append(Case(f"{cycle}_{period_s:g}_s_{ticks}", labels, call))
     return cases

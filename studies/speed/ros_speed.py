@@ -1,4 +1,4 @@
-"""Speed of the closed loop over ROS 2: real processes, driven by run_closed_loop or run_string.
+"""Speed of the closed loop over ROS 2: real processes, driven by `iptm run`.
 
 The cases alternate, so that other work on the machine affects all of them alike; ratios are to the first.
 Processor time is that of all processes, their start included.
@@ -65,13 +65,12 @@ def _connect(case: str, url: str, stack: ExitStack) -> None:
 
 def drive(scenario: str, duration_s: float | None, case: str, checkout: Path) -> dict[str, Any]:
     """Drive once by the command of a checkout; return times and outcomes."""
-    program = "run_string" if case.startswith("string") else "run_closed_loop"
     options = ["--no-picture", "--against", "none", *CASES[case]]
     options += [] if duration_s is None else ["--duration-s", str(duration_s)]
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         output = Path(folder) / "run"
-        command = ["bash", "-c", _START, "bash", f"iptm.runner.{program}", scenario, *options]
+        command = ["bash", "-c", _START, "bash", "iptm.commands.run", scenario, *options]
         process = stack.enter_context(
             subprocess.Popen(  # noqa: S603 - the project's own command
                 [*command, "--output", str(output)],

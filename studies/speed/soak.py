@@ -21,14 +21,15 @@ from typing import Any
 import numpy as np
 from studies.speed.harness import run_benchmark
 
+import iptm
 from iptm.parts import NS_PER_S, Fault, FaultKind, FaultPlace, ScenarioError, in_order, load_cycle
 from iptm.runner.drive import Drive, DriveOutcome
 from iptm.runner.environment import domain_of_run
 from iptm.runner.monitor import Snapshot
 from iptm.runner.progress import Progress
 from iptm.runner.run_folder import RunFolder
-from iptm.runner.runner import RunOptions, drive_processes
-from iptm.runner.scenario import AUTOMATIC_DOMAIN, Scenario, prepare
+from iptm.runner.runner import RunOptions, check_over_ros, drive_processes
+from iptm.trip import AUTOMATIC_DOMAIN
 from iptm_ros.codecs import stamp_ns_of
 from iptm_ros.diagnostics import Level
 from iptm_ros.process import StopRequest
@@ -156,17 +157,17 @@ def measure(
     faults = random_faults(float(ticks), every_s, seed)
     with tempfile.TemporaryDirectory(prefix="soak_") as text:
         folder = Path(text)
-        scenario = Scenario(
+        trip = iptm.Trip.of(
+            long_cycle(cycle, ticks, folder),
             name="soak",
-            cycle=str(long_cycle(cycle, ticks, folder)),
             slope="flat",
-            node_parameters={"controller": {"input_timeout_s": 0.3}},
+            input_timeout_s=0.3,
             faults=faults,
         )
         run_folder, options = RunFolder(folder / "run"), RunOptions(picture=False)
         with domain_of_run(AUTOMATIC_DOMAIN, environment={}) as domain:
             result, drive = drive_processes(
-                run_folder, prepare(scenario), options, domain, watch, stop
+                run_folder, check_over_ros(trip), options, domain, watch, stop
             )
         found = _ticks_of(drive, run_folder.output)
     numbers = {

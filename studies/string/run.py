@@ -9,17 +9,9 @@ from studies.session import Session
 import iptm
 from iptm.parts import (
     SINGLE_HORIZON,
-    Controller,
-    ControllerOptions,
     ControllerSettings,
-    Horizon,
-    Plant,
     PreviewSettings,
-    SolverOptions,
-    build_route,
-    load_parameters,
-    run_string,
-    strategy_by_name,
+    drive_string_in_memory,
 )
 from iptm.string_report import save_string_picture, string_parts
 
@@ -38,27 +30,16 @@ def drive_string(
     duration_s: float | None = None,
 ) -> list[iptm.Run]:
     """Drive a string of equal vehicles in memory; returns the run of each, the first one first."""
-    parameters = load_parameters().values
-    gap_m = parameters.gap.initial_gap_m
-    route = build_route(CYCLE, initial_gap_m=gap_m, duration_s=duration_s)
-    options = ControllerOptions(
-        strategy=strategy_by_name(strategy),
-        horizon=Horizon.parse(horizon),
-        solver=SolverOptions(compile_code=duration_s is None),
-        trip_duration_s=route.duration_s,
+    trip = iptm.Trip.of(
+        CYCLE,
+        duration_s=duration_s,
+        strategy=strategy,
+        horizon=horizon,
+        preview_length_s=PreviewSettings.preview_length_s,
+        latency_s=latency_s,
+        compile_code=duration_s is None,
     )
-    string = run_string(
-        route,
-        vehicles,
-        Plant(parameters, route.slope.slope_at),
-        lambda: Controller(parameters, options),
-        PreviewSettings(latency_s=latency_s),
-    )
-    settings = {"strategy": strategy, "horizon": horizon}
-    return [
-        iptm.Run(strategy, settings, parameters, one.trajectory, one.decisions, route.slope)
-        for one in string
-    ]
+    return list(drive_string_in_memory(trip, vehicles))
 
 
 def run(session: Session) -> bool:

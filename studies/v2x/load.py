@@ -178,7 +178,7 @@ def closed_loop_beside(seconds: int) -> Iterator[None]:
         command = [
             sys.executable,
             "-m",
-            "iptm.runner.run_closed_loop",
+            "iptm.commands.run",
             "real_time",
             "--no-picture",
         ]

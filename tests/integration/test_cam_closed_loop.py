@@ -43,7 +43,7 @@ def drive(launcher: Any, tmp_path: Path) -> Drive:
         stack = ExitStack()
         domain = str(stack.enter_context(reserve_domain()))
         runner = launcher.start_module(
-            "iptm.runner.run_closed_loop", "--cycle", DRIVE, "--duration-s", str(TICKS),
+            "iptm.commands.run", "--cycle", DRIVE, "--duration-s", str(TICKS),
             "--no-picture", "--domain", domain, *given, "--output", bag
         )  # fmt: skip
         sender = None

@@ -20,7 +20,7 @@ from iptm_ros.recording.bag_reader import BagReader, read_model_parameters
 from iptm_ros.recording.trajectory_reader import read_decisions, read_trajectory
 from iptm_ros.topics import TOPICS, Topic
 
-MODULE = "iptm.runner.run_closed_loop"
+MODULE = "iptm.commands.run"
 TICKS = 60
 RUN_TIMEOUT_S = 120.0
 WELL_UNDER_WAY_BYTES = 500_000  # the definitions of the types take almost 200 000
@@ -158,7 +158,7 @@ def test_a_run_ends_with_bag_table_and_picture(start: Start, tmp_path: Path) -> 
             # The answer to the last state is awaited, so that every run ends alike.
             assert counts[name] == TICKS + 1, name
     assert (information.scenario, information.seed) == ("imperfect_preview", 11)
-    assert 'cycle: "us06"' in information.extra["scenario_file"]
+    assert 'cycle: "us06"' in information.extra["trip"]
     trajectory = read_trajectory(bag)
     assert list(trajectory.time_s) == list(range(TICKS + 1))
 
@@ -232,7 +232,7 @@ def test_a_run_keeps_its_domain_any_ros_program_hears_it_and_it_can_be_interrupt
     stranger = launcher.start("stranger", sys.executable, *arguments, PYTHONPATH=path)
     intruder = start(tmp_path / "intruder", "demo")
     assert intruder.wait(RUN_TIMEOUT_S) == 2
-    assert f"in use by process {runner.popen.pid} (iptm.runner.run_closed_loop" in intruder.stderr
+    assert f"in use by process {runner.popen.pid} (iptm.commands.run" in intruder.stderr
     assert not (tmp_path / "intruder").exists()
     assert stranger.wait(RUN_TIMEOUT_S) == 0, stranger.stderr
     report = json.loads(stranger.stdout)
@@ -258,6 +258,6 @@ def test_a_mistake_that_only_a_node_can_report_is_one_line(start: Start, tmp_pat
     runner = start(tmp_path / "run", "--set", "controller.tolerence=1e-4")
     assert runner.wait(RUN_TIMEOUT_S) == 2
     (line,) = runner.stderr.splitlines()
-    assert line.startswith("run_closed_loop: ")
+    assert line.startswith("iptm run: ")
     assert "did you mean 'tolerance'?" in line
     assert not (tmp_path / "run").exists()

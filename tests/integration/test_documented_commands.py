@@ -26,7 +26,7 @@ from sensor_msgs.msg import JointState
 from tests.documented_commands import ROOT, documented_commands
 from tests.integration.documented_rules import RULES, Rule, Way, rule_for
 
-from iptm.runner.run_closed_loop import build_parser, chosen_scenario
+from iptm.commands.run import build_parser, chosen_trip
 from iptm_ros.discovery import reserve_domain
 from iptm_ros.graph_client import GraphClient
 
@@ -304,8 +304,8 @@ def test_trip_of_a_command_is_prepared(
 ) -> None:
     """What its options mean is tested elsewhere; files and names that it gives are read."""
     monkeypatch.chdir(place.folder)
-    scenario = chosen_scenario(build_parser().parse_args(shlex.split(command)[1:]))
-    assert scenario.trip.duration_s > 0.0
+    trip = chosen_trip(build_parser().parse_args(shlex.split(command)[1:]))
+    assert trip.route.duration_s > 0.0
 
 
 @pytest.mark.slow

@@ -1,50 +1,43 @@
-"""The loop of the studies and the three nodes over DDS give the same numbers."""
+"""A trip in memory and its three nodes over DDS give the same numbers."""
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from iptm.studies.run import perform_run
-from iptm.studies.run_spec import RunSpec
-from iptm.studies.study import planned_run
+import iptm
 from iptm_core.decision_record import DecisionSeries, Rung
-from iptm_core.declaration import plain
 from iptm_core.parameters.model import KM_H_PER_M_S
 from iptm_core.settings import LeaderSource
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_ros.recording.bag_reader import BagReader
-from iptm_ros.recording.trajectory_reader import read_decisions, read_trajectory
 
 TICKS = 120
-RUN_TIMEOUT_S = 240.0
 # Relative to the range of each quantity over the trip. So far all trips were equal to the last bit; but
 # messages carry temperatures in degC, which may cost the last bit of a kelvin, and solvers amplify.
 TOLERANCE = 1e-9
 
-IMPERFECT = RunSpec(
-    cycle="nycc",
+IMPERFECT = iptm.Trip.of(
+    "nycc",
     slope="small",
     duration_s=float(TICKS),
+    strategy="aging",
     horizon="15x1",
-    parameter_set="textbook_cell",
-    overrides=(("body.mass_kg", 1600.0), ("gap.max_gap_m", 80.0)),
+    vehicle="textbook_cell",
+    overrides={"body.mass_kg": 1600.0, "gap.max_gap_m": 80.0},
+    controller_overrides={"body.mass_kg": 1500.0},
     latency_s=2.0,
     dropout_probability=0.3,
     dropout_burst=3,
     noise_std_m_s=1.0,
     seed=11,
 )
-
-
-EMPTY = RunSpec(
-    cycle="us06",
+EMPTY = iptm.Trip.of(
+    "us06",
     duration_s=float(TICKS),
-    horizon="3x1+5x5",
+    strategy={"base": "aging", "aging_weight": 2e9},
     leader_source=LeaderSource.NONE,
     speed_limits_km_h="0:50, 700:80",
     signals="300:100:40:30",
@@ -52,40 +45,20 @@ EMPTY = RunSpec(
 """An empty road with a line that is closed until 40 s."""
 
 
-def options_of(spec: RunSpec) -> list[str]:
-    """Options of the run over ROS 2 that mean the same."""
-    options: dict[str, object] = {
-        "cycle": spec.cycle,
-        "slope": spec.slope,
-        "duration-s": spec.duration_s,
-        "parameter-set": spec.parameter_set,
-        "overrides": ",".join(f"{key}={value!r}" for key, value in spec.overrides),
-        "strategy": spec.strategy.name,
-        "horizon": spec.horizon,
-        "solver": spec.solver,
-        **{
-            name.replace("_", "-"): plain(value)
-            for group in (spec.bridge_settings(), spec.road)
-            for name, value in asdict(group).items()
-        },
-    }
-    return [part for name, value in options.items() for part in (f"--{name}", str(value))]
-
-
-@pytest.mark.parametrize("spec", [IMPERFECT, EMPTY], ids=["imperfect", "empty"])
-def test_headless_run_equals_the_run_over_ros(spec: RunSpec, launcher: Any, tmp_path: Path) -> None:
+@pytest.mark.parametrize("trip", [IMPERFECT, EMPTY], ids=["imperfect", "empty"])
+def test_a_trip_in_memory_equals_the_trip_over_ros(trip: iptm.Trip, tmp_path: Path) -> None:
     """With perfect previews, see `test_string`; with faults, `test_faults_over_ros`."""
     bag = tmp_path / "bag"
-    arguments = (*options_of(spec), "--no-picture", "--output", bag)
-    runner = launcher.start_module("iptm.runner.run_closed_loop", *arguments)
-    headless = perform_run(planned_run(spec))
-    assert runner.wait(RUN_TIMEOUT_S) == 0, runner.stdout + runner.stderr
-
-    assert_same_trip(headless.trajectory, read_trajectory(bag))
-    assert headless.decisions is not None
-    assert_same_decisions(headless.decisions, read_decisions(bag))
-    if spec is EMPTY:
-        assert_free_road(headless.trajectory, headless.decisions, bag)
+    nodes, memory = iptm.drive(trip, over="ros", bag=bag), iptm.drive(trip)
+    assert not nodes.problems
+    assert nodes.settings == memory.settings
+    assert_same_trip(memory.trajectory, nodes.trajectory)
+    assert_same_decisions(memory.decisions, nodes.decisions)
+    loaded = iptm.load(bag)
+    assert loaded.trip == trip
+    assert loaded.frame.equals(nodes.frame)
+    if trip is EMPTY:
+        assert_free_road(memory.trajectory, memory.decisions, bag)
 
 
 def assert_free_road(run: Trajectory, decisions: DecisionSeries, bag: Path) -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from iptm_ros.recording.bag_info import result_tables
 
-MODULE = "iptm.runner.run_closed_loop"
+MODULE = "iptm.commands.run"
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
 ROAD = {"cycle": "us06", "slope": "small"}
 OPTIONS = (
@@ -55,6 +55,6 @@ def test_a_node_of_the_users_and_faults_are_refused(
     refused: Callable[..., str], tmp_path: Path
 ) -> None:
     scenario = tmp_path / "faulty.yaml"
-    scenario.write_text("faults: [{kind: preview_lost, start_s: 5, duration_s: 5}]\n")
+    scenario.write_text("conditions: {faults: [{kind: preview_lost, start_s: 5, duration_s: 5}]}\n")
     line = refused(MODULE, scenario, "--without", "plant", "--output", tmp_path / "run")
-    assert "--without is plant for a scenario with faults" in line
+    assert "--without is plant for a trip with faults" in line

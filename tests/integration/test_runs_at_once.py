@@ -11,7 +11,7 @@ import pytest
 
 from iptm_ros.recording.trajectory_reader import read_trajectory
 
-MODULE = "iptm.runner.run_closed_loop"
+MODULE = "iptm.commands.run"
 TICKS = 10
 OPTIONS = ("demo", "--duration-s", str(TICKS), "--no-picture")
 RUN_TIMEOUT_S = 120.0

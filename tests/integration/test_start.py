@@ -22,7 +22,7 @@ from iptm_ros.topics import TOPICS, Topic
 
 S = 10**9
 TICKS = 10
-RUN = "iptm.runner.run_closed_loop"
+RUN = "iptm.commands.run"
 TRIP = ("--cycle", "nycc", "--duration-s", str(TICKS), "--horizon", "3x1", "--no-picture")
 LONG = ("--cycle", "nycc", "--duration-s", "598", "--horizon", "3x1", "--no-picture")
 RUN_TIMEOUT_S = 180.0

@@ -15,22 +15,18 @@ import pytest
 from tests.foreign_readers import assert_read_by_all
 from tests.integration.page_browser import Terminal, followed
 
-from iptm.runner.run_closed_loop import build_parser, chosen_scenario
-from iptm.runner.run_string import main
-from iptm.vehicle_string import run_string
-from iptm_controller.controller import Controller
-from iptm_controller.options import ControllerOptions
+from iptm.commands.run import build_parser, chosen_trip
+from iptm.vehicle_string import drive_string_in_memory
 from iptm_core.decision_record import Rung
 from iptm_core.metrics import gap_margins_m
 from iptm_core.settings import VEHICLE_LENGTH_M
 from iptm_core.state import Command
-from iptm_plant_sim.plant import Plant
 from iptm_ros.codecs import decode_command
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.trajectory_reader import read_decisions, read_trajectory
 from iptm_ros.topics import TOPICS, Topic
 
-MODULE = "iptm.runner.run_string"
+MODULE = "iptm.commands.run"
 TICKS = 40
 OPTIONS = ("--cycle", "us06", "--slope", "large", "--duration-s", str(TICKS), "--no-picture")
 RUN_TIMEOUT_S = 300.0
@@ -81,11 +77,9 @@ def test_a_string_is_that_of_the_loop_without_ros_and_can_be_watched(
     output = tmp_path / "run"
     watched(launcher, wait_until, output, vehicles)
 
-    scenario = chosen_scenario(build_parser().parse_args(list(OPTIONS)))
-    model = scenario.vehicle.values
-    options = ControllerOptions(trip_duration_s=scenario.trip.duration_s)
-    plant = Plant(model, scenario.trip.slope.slope_at)
-    headless = run_string(scenario.trip, vehicles, plant, lambda: Controller(model, options))
+    trip = chosen_trip(build_parser().parse_args(list(OPTIONS)))
+    model = trip.parameters
+    headless = drive_string_in_memory(trip, vehicles)
     ahead = None
     for place, run in enumerate(headless):
         name = f"car_{place + 1}"
@@ -177,23 +171,3 @@ def test_parameters_that_make_no_string_are_refused(
     refused: Callable[..., str], module: str, parameters: dict[str, object], complaint: str
 ) -> None:
     assert complaint in refused(module, parameters=parameters)
-
-
-@pytest.mark.parametrize(
-    ("options", "complaint"),
-    [
-        (("--vehicles", "1"), "--vehicles is 1; allowed: 2 to 20"),
-        (("--vehicles", "abc"), "--vehicles is abc; allowed: 2 to 20"),
-        (("--mode", "real_time"), "mode is real_time; allowed in a string: lock_step"),
-        (("--no-record",), "--no-record is given for a string"),
-        (("--strategy", "agng"), "aging"),
-    ],
-)
-def test_options_that_make_no_string_are_refused(
-    options: tuple[str, ...], complaint: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    output = tmp_path / "run"
-    assert main([*options, "--output", str(output)]) == 2
-    (line,) = capsys.readouterr().err.strip().splitlines()
-    assert complaint in line
-    assert not output.exists()

@@ -61,7 +61,7 @@ def test_the_page_of_a_run_has_every_tick_and_stays_until_ctrl_c(
     output = tmp_path / "run"
     trip = ["wltc", "--duration-s", "60", "--mode", "lock_step", "--namespace", "car_1"]
     options = ["--view", "--no-picture", "--against", "none", "--output", str(output)]
-    with closing(Terminal(launcher, "iptm.runner.run_closed_loop", *trip, *options)) as runner:
+    with closing(Terminal(launcher, "iptm.commands.run", *trip, *options)) as runner:
         (browser,) = followed(runner, wait_until, "events")
         # The page has what was heard of the run first, then all of it from its bag.
         wait_until(

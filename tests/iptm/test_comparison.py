@@ -9,10 +9,6 @@ import pytest
 
 import iptm
 from iptm.compare_cli import main
-from iptm.studies.run import perform_run
-from iptm.studies.run_spec import RunSpec
-from iptm.studies.store import ResultStore
-from iptm.studies.study import planned_run
 from iptm_ros.recording.trajectory_reader import read_decisions, read_trajectory
 
 BAG = Path(__file__).resolve().parents[2] / "bags" / "example_us06_120s"
@@ -26,7 +22,7 @@ def runs() -> list[iptm.Run]:
             strategy=strategy,
             horizon="3x1",
             duration_s=20.0,
-            solver={"compile_code": False},
+            compile_code=False,
             overrides={"body.mass_kg": mass_kg},
         )
         for strategy, mass_kg in (("aging", 1500.0), ("reference", 1500.0), ("reference", 1600.0))
@@ -97,17 +93,6 @@ def test_a_bag_beside_a_simulation(bag: iptm.Run, runs: list[iptm.Run]) -> None:
 def test_a_mistake_is_one_line(mistake, message: str) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(iptm.IptmError, match=message):
         mistake()
-
-
-def test_a_stored_run_is_the_same_object(runs: list[iptm.Run], tmp_path: Path) -> None:
-    spec = RunSpec(cycle="us06", duration_s=5.0, horizon="2x1", compile_code=False)
-    done = perform_run(planned_run(spec))
-    run = iptm.load(ResultStore(tmp_path).save(done))
-    assert run.frame["position_m"].tolist() == done.trajectory.position_m.tolist()
-    assert run.settings["horizon"] == "2x1"
-    assert "horizon" in iptm.compare(run, runs[0]).differences.index
-    with pytest.raises(iptm.IptmError, match="cannot be read"):
-        iptm.load(tmp_path / "none.parquet")
 
 
 def test_a_page_holds_what_differs(runs: list[iptm.Run], tmp_path: Path) -> None:

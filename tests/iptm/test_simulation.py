@@ -10,15 +10,12 @@ import pandas as pd
 import pytest
 
 import iptm
-from iptm.studies.run import perform_run
-from iptm.studies.run_spec import RunSpec
-from iptm.studies.study import planned_run
 from iptm_core.aging_laws.cells import LAWS
 from iptm_core.metrics import figure_values
 from iptm_core.routes import load_cycle
 from iptm_core.trajectory import TRAJECTORY_COLUMNS
 
-SHORT: dict[str, Any] = {"duration_s": 30.0, "solver": {"compile_code": False}}
+SHORT: dict[str, Any] = {"duration_s": 30.0, "compile_code": False}
 
 
 @pytest.fixture(scope="module")
@@ -40,13 +37,23 @@ class Constant:
         return np.full(times_s.shape, leader.speed_m_s)
 
 
-def test_a_simulation_is_the_run_of_a_study(run: iptm.Run) -> None:
-    spec = RunSpec(
-        cycle="us06", parameter_set="paper_calibrated", duration_s=30.0, compile_code=False
-    )
-    done = perform_run(planned_run(spec))
-    for name, values in done.trajectory.to_arrays().items():
+def test_a_simulation_is_a_drive_of_its_trip(run: iptm.Run) -> None:
+    trip = iptm.Trip.of("us06", horizon="15x1", strategy="aging", **SHORT)
+    assert run.trip == trip
+    again = iptm.drive(trip)
+    for name, values in again.trajectory.to_arrays().items():
         assert np.array_equal(values, run.trajectory.to_arrays()[name], equal_nan=True), name
+
+
+def test_a_whole_trip_is_one_problem() -> None:
+    trip = iptm.Trip.of("us06", horizon="15x1", strategy="aging", duration_s=20.0)
+    whole, loop = iptm.drive_whole_trip(trip), iptm.drive(trip)
+    assert whole.name.startswith("whole trip, us06")
+    assert whole.whole_trip is not None
+    assert len(whole.decisions) == 0
+    assert whole.metrics.degradation < 1.01 * loop.metrics.degradation
+    with pytest.raises(iptm.IptmError, match="which optimises nothing"):
+        iptm.drive_whole_trip(trip.changed(strategy="production"))
 
 
 def test_the_frame_has_a_row_per_tick_and_units_in_its_names(run: iptm.Run) -> None:
@@ -108,7 +115,7 @@ def test_a_vehicle_is_welcome_in_every_form() -> None:
         {"vehicle": heavy},
         {"overrides": {"body.mass_kg": 1850.0}},
     ):
-        run = iptm.simulate("sc03", duration_s=1.0, solver={"compile_code": False}, **given)
+        run = iptm.simulate("sc03", duration_s=1.0, compile_code=False, **given)
         assert run.parameters == heavy
 
 
@@ -117,7 +124,7 @@ def test_a_strategy_is_welcome_in_every_form() -> None:
     for strategy in (aging, "aging", {"base": "aging", "aging_weight": 1e9}):
         run = iptm.simulate("us06", horizon="3x1", strategy=strategy, **SHORT)
         assert run.settings["strategy"] == "aging"
-        assert "aging_weight" not in run.settings
+        assert run.settings["aging_weight"] == -1.0
     run = iptm.simulate(
         "us06", horizon="3x1", strategy={"base": "aging", "aging_weight": 2e9}, **SHORT
     )
@@ -166,7 +173,7 @@ def test_a_sweep_drives_every_combination() -> None:
         overrides={"environment.ambient_temperature_k": [273.15, 308.15], "body.mass_kg": 1500.0},
         horizon="3x1",
         duration_s=5.0,
-        solver={"compile_code": False},
+        compile_code=False,
     )
     assert sweep.table.index.names == ["cycle", "environment.ambient_temperature_k"]
     assert sweep.table.index.tolist() == [

@@ -250,7 +250,7 @@ def test_what_the_nodes_do_not_tell_is_left_out_and_said() -> None:
     unknown = facts_of_nodes("graph", {})
     assert unknown.document()["limits"] is None
     assert "limits are left out" in unknown.document()["notes"][0]
-    assert unknown.trip_scenario() is None
+    assert unknown.trip_settings() is None
     known = facts_of_nodes(
         "graph",
         {
@@ -261,10 +261,10 @@ def test_what_the_nodes_do_not_tell_is_left_out_and_said() -> None:
         },
     )  # fmt: skip
     assert known.document()["limits"]["max_gap_m"] == 80.0
-    scenario = known.trip_scenario()
-    assert scenario is not None
-    assert "nycc" in scenario
-    assert "period_s: 0.5" in scenario
+    settings = known.trip_settings()
+    assert settings is not None
+    assert "nycc" in settings
+    assert "period_s: 0.5" in settings
     # A leader known from messages drives something else: no reference car can follow it.
     nodes = {**(known.nodes or {}), "v2x_bridge": {"leader_source": "cam"}}
-    assert facts_of_nodes("graph", nodes).trip_scenario() is None
+    assert facts_of_nodes("graph", nodes).trip_settings() is None

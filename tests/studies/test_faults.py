@@ -55,7 +55,7 @@ def trip_of(**columns: object) -> Trajectory:
 @pytest.fixture
 def observe(decision_record: Callable[[int], DecisionRecord]) -> Observe:
     """Return an observed trial with one fault from 10 s to 20 s."""
-    spec, parameters = SimpleNamespace(cycle="us06"), load_parameters().values
+    parameters = load_parameters().values
 
     def made(
         *reports: tuple[float, Level, str],
@@ -73,8 +73,9 @@ def observe(decision_record: Callable[[int], DecisionRecord]) -> Observe:
         # From a row on, the effective leader is not where that of the route is.
         own_m = run.leader_position_m + (np.arange(ROWS) >= apart)
         leader = SimpleNamespace(positions_at=lambda _: own_m)
+        road = SimpleNamespace(cycle="us06")
         inputs = SimpleNamespace(
-            spec=spec, parameters=parameters, route=SimpleNamespace(leader=leader)
+            road=road, parameters=parameters, route=SimpleNamespace(leader=leader)
         )
         trial = Trial(DriveMode.LOCK_STEP, (fault,), inputs)
         entries[trial] = entry

@@ -13,7 +13,7 @@ from studies.safety.trials import disturbed_cases
 import iptm
 from iptm.faults.fault import Fault
 from iptm.faults.kinds import FaultKind
-from iptm.parts import VEHICLE, WEAK_BRAKES, Report
+from iptm.parts import Report, Reporter
 from iptm_core.parameters import load_parameters
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 
@@ -65,7 +65,7 @@ def test_a_lead_vehicle_that_cuts_in_too_close_cannot_be_avoided() -> None:
     assert verdict.problem_text == ""
     assert verdict.figures["bound_m"] < 0.0
     weak = Fault(FaultKind.BRAKES_WEAK, size=0.8, duration_s=100.0)
-    report = Report(1.0, VEHICLE, f"{WEAK_BRAKES} 80 %")
+    report = Report(1.0, Reporter.VEHICLE, "brakes deliver 80 %", weak_brakes=True)
     assert judged(run, event, weak, report=report).problem_text == ""
 
 
@@ -76,11 +76,13 @@ def test_weak_brakes_may_touch_gently_and_have_to_be_noticed() -> None:
     braking = trip([20.0, 18.0, 16.0, 14.0, 12.0], [50.0] * 5, [20.0] * 5)
     silent = judged(braking, weak)
     assert silent.problem_text == "weak brakes not reported within 1 s of braking"
-    verdict = judged(braking, weak, report=Report(1.0, VEHICLE, f"{WEAK_BRAKES} 62 %"))
+    verdict = judged(
+        braking, weak, report=Report(1.0, Reporter.VEHICLE, "brakes deliver 62 %", weak_brakes=True)
+    )
     assert (verdict.figures["noticed_s"], verdict.problem_text) == (1.0, "")
     # In the interval in which the fault begins, the brakes are sound.
     later = Fault(FaultKind.BRAKES_WEAK, start_s=0.7, size=0.6, duration_s=100.0)
-    report = Report(2.0, VEHICLE, f"{WEAK_BRAKES} 62 %")
+    report = Report(2.0, Reporter.VEHICLE, "brakes deliver 62 %", weak_brakes=True)
     verdict = judged(braking, later, report=report)
     assert (verdict.figures["noticed_s"], verdict.problem_text) == (1.0, "")
 
@@ -88,7 +90,7 @@ def test_weak_brakes_may_touch_gently_and_have_to_be_noticed() -> None:
 def test_service_braking_has_to_be_reported_by_the_vehicle() -> None:
     braked = trip([20.0, 15.0, 10.0], [20.0] * 3, [20.0] * 3, service_braking_s=0.5)
     assert judged(braked).problem_text == "service braking not reported in time"
-    in_time = Report(2.0, VEHICLE, "service braking: gap 3 m")
+    in_time = Report(2.0, Reporter.VEHICLE, "service braking: gap 3 m")
     assert judged(braked, report=in_time).figures["report_ticks"] == 2.0
 
 
@@ -102,7 +104,7 @@ def test_draws_repeat_and_disturb_in_pairs() -> None:
 
 
 def test_the_monitor_alone_avoids_what_brakes_avoid() -> None:
-    call = call_of("nycc", duration_s=60.0, solver={"compile_code": False})
+    call = call_of("nycc", duration_s=60.0, compile_code=False)
     outcomes = braking_trials(call, iptm.simulate(**call).trajectory, 20, seed=1)
     assert outcomes.braked.any()
     assert not ((outcomes.smallest_gap_m <= 0.0) & (outcomes.bound_m > 0.0)).any()

@@ -22,10 +22,7 @@ setup(
         # The launch files look for them here, as every ROS 2 package does.
         (f"share/{PACKAGE}/config/nodes", files(f"{PACKAGE}/runner/config/nodes", "*.yaml")),
         (f"share/{PACKAGE}/config", files(f"{PACKAGE}/runner/config", "*.yaml")),
-        (
-            f"share/{PACKAGE}/config/scenarios",
-            files(f"{PACKAGE}/runner/config/scenarios", "*.yaml"),
-        ),
+        (f"share/{PACKAGE}/trips", files(f"{PACKAGE}/trips", "*.yaml")),
     ],
     install_requires=[
         "setuptools",
@@ -46,8 +43,7 @@ setup(
         "console_scripts": [
             "compare = iptm_core.program:main",
             "drive_file = iptm_core.program:main",
-            "run_closed_loop = iptm_core.program:main",
-            "run_string = iptm_core.program:main",
+            "iptm = iptm_core.program:main",
             "view = iptm_core.program:main",
             "studies = iptm_core.program:main",
             "injector = iptm_core.program:main",
@@ -57,8 +53,7 @@ setup(
         "iptm.programs": [
             "compare = iptm.compare_cli:main",
             "drive_file = iptm.runner.recorded_drive:main",
-            "run_closed_loop = iptm.runner.run_closed_loop:main",
-            "run_string = iptm.runner.run_string:main",
+            "iptm = iptm.__main__:main",
             "view = iptm.runner.view:main",
             "studies = iptm.studies.cli:main",
             "injector = iptm.faults.node:main",

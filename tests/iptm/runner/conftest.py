@@ -13,7 +13,7 @@ from rosgraph_msgs.msg import Clock
 
 from iptm.run import Run
 from iptm.runner.composition import node_parameters, run_information
-from iptm.runner.scenario import Scenario, prepare
+from iptm.trip import Trip
 from iptm_core.decision_record import DecisionRecord
 from iptm_core.metrics import RunMetrics
 from iptm_core.state import Command
@@ -37,9 +37,9 @@ def with_metrics(run: AnyRun, metrics: RunMetrics) -> AnyRun:
 
 
 @pytest.fixture
-def scenario() -> Scenario:
+def trip() -> Trip:
     """Twenty seconds of city traffic over hills."""
-    return prepare(Scenario(name="short", cycle="sc03", slope="small", duration_s=float(TICKS)))
+    return Trip.of("sc03", name="short", slope="small", duration_s=float(TICKS)).checked()
 
 
 @pytest.fixture
@@ -63,11 +63,11 @@ def heard(
 
 
 @pytest.fixture
-def write_bag(heard: Heard, scenario: Scenario) -> Callable[..., Path]:
+def write_bag(heard: Heard, trip: Trip) -> Callable[..., Path]:
     """Write the bag of the run; `drop` leaves out a message by (topic, row)."""
 
     def write(folder: Path, drop: tuple[Topic, int] | None = None) -> Path:
-        described = run_information(scenario, node_parameters(scenario))
+        described = run_information(trip, node_parameters(trip))
         information = collect_run_information(
             scenario=described["scenario"], seed=3, parameters=described["parameters"]
         )

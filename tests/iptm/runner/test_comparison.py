@@ -9,24 +9,25 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from iptm.driving import drive_in_memory
 from iptm.report import relative_changes
 from iptm.run import Run
-from iptm.runner.comparison import drive_comparison, save_comparison
-from iptm.runner.scenario import Scenario, prepare
+from iptm.runner.comparison import save_comparison
 from iptm.studies.run import perform_run
 from iptm.studies.run_spec import RunSpec
 from iptm.studies.study import planned_run
+from iptm.trip import Trip
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.errors import ParameterError
 from iptm_core.metrics import FIGURES, figure_values
 from iptm_core.trajectory import TRAJECTORY_COLUMNS
 
-SCENARIO = Scenario(cycle="nycc", duration_s=60.0)
+TRIP = Trip.of("nycc", duration_s=60.0)
 
 
 @pytest.fixture(scope="module")
 def comparison() -> Run:
-    return drive_comparison(prepare(SCENARIO), "reference")
+    return drive_in_memory(TRIP.against("reference"))
 
 
 def test_it_is_the_run_that_a_study_makes(comparison: Run) -> None:
@@ -66,18 +67,16 @@ def test_the_other_trajectory_is_kept_as_a_file_for_other_tools(
 
 def test_an_unknown_strategy_is_refused() -> None:
     with pytest.raises(ParameterError, match="'ageing'; allowed: "):
-        drive_comparison(prepare(SCENARIO), "ageing")
+        TRIP.against("ageing")
 
 
-def test_the_plant_of_the_scenario_is_the_one_compared_with() -> None:
-    own = {
-        "plant": {"thermal_model": "full_channel", "period_s": 0.5},
-        "controller": {"period_s": 0.5},
-    }
-    scenario = Scenario(cycle="nycc", duration_s=20.0, node_parameters=own)
-    full = drive_comparison(prepare(scenario), "reference").metrics
-    usual = drive_comparison(prepare(replace(scenario, node_parameters={})), "reference").metrics
-    assert full.decisions is not None
-    assert usual.decisions is not None
-    assert (full.decisions.decisions, usual.decisions.decisions) == (40, 20)
-    assert full.degradation != usual.degradation
+def test_the_plant_of_the_trip_is_the_one_compared_with() -> None:
+    trip = Trip.of("nycc", duration_s=20.0)
+    full = drive_in_memory(
+        trip.changed(thermal_model="full_channel", period_s=0.5).against("reference")
+    )
+    usual = drive_in_memory(trip.against("reference"))
+    assert (len(full.decisions), len(usual.decisions)) == (40, 20)
+    assert full.metrics.degradation != usual.metrics.degradation
+    assert full.channel is not None
+    assert usual.channel is None

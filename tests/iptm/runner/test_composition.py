@@ -1,8 +1,7 @@
-"""From a scenario to commands: names of node parameters, texts that ROS reads as texts."""
+"""From a trip to commands: names of node parameters, texts that ROS reads as texts."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ from iptm.runner.composition import (
     run_information,
     trip_members,
 )
-from iptm.runner.scenario import Scenario, prepare
+from iptm.trip import Trip
 from iptm_controller.node_parameters import ControllerNodeParameters
 from iptm_core.declaration import checked_value, parameter_specs, plain
 from iptm_plant_sim.node_parameters import PlantNodeParameters
@@ -38,22 +37,16 @@ NODES: dict[str, type[Any]] = {
 
 
 @pytest.mark.parametrize("node", NODES)
-def test_nodes_have_the_parameters_that_they_are_given(node: str, scenario: Scenario) -> None:
+def test_nodes_have_the_parameters_that_they_are_given(node: str, trip: Trip) -> None:
     specs = {spec.name: spec for spec in parameter_specs(NODES[node])}
-    for name, value in node_parameters(scenario)[node].items():
+    for name, value in node_parameters(trip)[node].items():
         assert plain(checked_value(specs[name], value)) == value
         assert type(value) in {bool, int, float, str}
 
 
 def test_values_arrive_and_the_bridge_starts_where_the_model_does() -> None:
-    scenario = Scenario(
-        cycle="us06",
-        seed=9,
-        horizon="15x1",
-        overrides="gap.initial_gap_m=22",
-        node_parameters={CONTROLLER: {"tolerance": 1e-6}},
-    )
-    parameters = node_parameters(prepare(scenario))
+    trip = Trip.of("us06", seed=9, horizon="15x1", overrides="gap.initial_gap_m=22", tolerance=1e-6)
+    parameters = node_parameters(trip)
     assert parameters[PLANT]["cycle"] == parameters[BRIDGE]["cycle"] == "us06"
     assert parameters[BRIDGE]["initial_gap_m"] == 22.0
     assert parameters[BRIDGE]["seed"] == 9
@@ -64,19 +57,19 @@ def test_values_arrive_and_the_bridge_starts_where_the_model_does() -> None:
 def test_the_road_of_a_plan_need_be_as_long_as_the_trip_only() -> None:
     """The whole of US06 is 12.9 km."""
     road = Path(__file__).parents[3] / "docs" / "examples" / "phone_drive.gpx"
-    scenario = prepare(Scenario(cycle="us06", slope=str(road), duration_s=60.0))
-    bridge = BridgeNodeParameters(**node_parameters(scenario)[BRIDGE])  # type: ignore[arg-type]
+    trip = Trip.of("us06", slope=str(road), duration_s=60.0)
+    bridge = BridgeNodeParameters(**node_parameters(trip)[BRIDGE])  # type: ignore[arg-type]
     assert bridge.trip_route(bridge.initial_gap_m).road_line.length_m < 6000.0
 
 
-def test_the_trip_waits_for_its_own_nodes_and_those_of_its_neighbours(scenario: Scenario) -> None:
-    assert node_parameters(scenario)[PLANT]["start_paused"] is True
-    assert trip_members(scenario, recorder=True) == (
+def test_the_trip_waits_for_its_own_nodes_and_those_of_its_neighbours(trip: Trip) -> None:
+    assert node_parameters(trip)[PLANT]["start_paused"] is True
+    assert trip_members(trip, recorder=True) == (
         "/plant", "/v2x_bridge", "/controller", "/recorder"
     )  # fmt: skip
-    own = replace(scenario, foreign=frozenset({CONTROLLER}), namespace="/car_2")
-    neighbours = {PLANT: {"vehicle_ahead": "/car_1", "vehicle_behind": ""}}
-    second = replace(own, node_parameters=neighbours)
+    second = trip.changed(
+        foreign=frozenset({CONTROLLER}), namespace="/car_2", vehicle_ahead="/car_1"
+    )
     assert trip_members(second, recorder=False) == (
         "/car_2/plant", "/car_2/v2x_bridge", "/car_1/plant", "/car_1/v2x_bridge", "/car_1/controller"
     )  # fmt: skip
@@ -119,14 +112,14 @@ def test_the_recorder_understands_its_command() -> None:
     assert parsed.compression == "zstd"
 
 
-def test_the_bag_holds_everything_about_the_run(scenario: Scenario, tmp_path: Path) -> None:
-    described = run_information(scenario, node_parameters(scenario))
+def test_the_bag_holds_everything_about_the_run(trip: Trip, tmp_path: Path) -> None:
+    described = run_information(trip, node_parameters(trip))
     path = tmp_path / "information.yaml"
     path.write_text(yaml.safe_dump(described, sort_keys=False), encoding="utf-8")
     information = load_run_information(path)
     assert information.scenario == "short"
     assert information.seed == 0
-    assert stored_model_parameters(information) == scenario.vehicle.values
+    assert stored_model_parameters(information) == trip.parameters
     assert yaml.safe_load(information.parameters)[BRIDGE]["cycle"] == "sc03"
-    assert yaml.safe_load(information.extra["scenario_file"])["slope"] == "small"
+    assert yaml.safe_load(information.extra["trip"])["road"]["slope"] == "small"
     assert information.versions["python"]

@@ -11,8 +11,8 @@ import pytest
 from iptm.runner.drive import Drive, DriveOutcome, unclean_ends
 from iptm.runner.monitor import Snapshot
 from iptm.runner.process_faults import ProcessFaults
-from iptm.runner.scenario import Scenario
 from iptm.runner.supervisor import ProcessEnd
+from iptm.trip import Trip
 from iptm_core.decision_record import Rung
 
 
@@ -47,8 +47,8 @@ def drive_of(
     progress: Any = SimpleNamespace(waiting=lambda _: None, running=lambda *_: None)
     stop: Any = SimpleNamespace(number=None)
     faults = ProcessFaults(supervisor, ())
-    scenario = Scenario(duration_s=120.0)
-    return Drive(supervisor, nothing, executor, progress, stop, faults, scenario)
+    trip = Trip.of(duration_s=120.0)
+    return Drive(supervisor, nothing, executor, progress, stop, faults, trip)
 
 
 def test_a_recorded_trip_of_which_the_runner_heard_nothing_is_left_to_the_bag() -> None:

@@ -13,8 +13,10 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from tests.iptm.runner.conftest import with_metrics
 
-from iptm.runner.evaluation import RosRun, evaluate, results_json
-from iptm.runner.scenario import Scenario
+from iptm.run import Run
+from iptm.runner.evaluation import evaluate, results_json
+from iptm.runner.summary import headline
+from iptm.trip import Trip
 from iptm_core.decision_record import distribution
 from iptm_core.errors import BagError, MessageError
 from iptm_core.metrics import FIGURES, compute_metrics, figure_values
@@ -29,12 +31,12 @@ Write = Callable[..., Path]
 NONE = np.array([])
 
 
-def judge(scenario: Scenario, heard: Heard, bag: Path | None) -> RosRun:
-    return evaluate(scenario, heard, bag, RunInformation(), wall_time_s=0.5)
+def judge(trip: Trip, heard: Heard, bag: Path | None) -> Run:
+    return evaluate(trip, heard, bag, RunInformation(), wall_time_s=0.5)
 
 
 def test_bag_and_messages_heard_give_the_same_run_to_the_last_bit(
-    scenario: Scenario,
+    trip: Trip,
     heard: Heard,
     trajectory: Trajectory,
     write_bag: Write,
@@ -43,8 +45,8 @@ def test_bag_and_messages_heard_give_the_same_run_to_the_last_bit(
     """Whatever the order of arrival behind the beginning of the trip."""
     mixed = {topic: [messages[0], *messages[:0:-1]] for topic, messages in heard.items()}
     for run in (
-        judge(scenario, mixed, None),
-        judge(scenario, heard, write_bag(tmp_path / "bag")),
+        judge(trip, mixed, None),
+        judge(trip, heard, write_bag(tmp_path / "bag")),
     ):
         for name, column in trajectory.to_arrays().items():
             np.testing.assert_array_equal(getattr(run.trajectory, name), column, err_msg=name)
@@ -52,7 +54,7 @@ def test_bag_and_messages_heard_give_the_same_run_to_the_last_bit(
 
 
 def test_of_several_messages_of_a_stamp_the_last_one_counts_with_and_without_a_bag(
-    scenario: Scenario,
+    trip: Trip,
     heard: Heard,
     trajectory: Trajectory,
     write_bag: Write,
@@ -66,31 +68,31 @@ def test_of_several_messages_of_a_stamp_the_last_one_counts_with_and_without_a_b
             *messages[:7], serialized(encode_leader(other)), *messages[7:]
         ]  # fmt: skip
         bag = write_bag(tmp_path / f"bag {other_m}")
-        for run in (judge(scenario, heard, None), judge(scenario, heard, bag)):
+        for run in (judge(trip, heard, None), judge(trip, heard, bag)):
             np.testing.assert_array_equal(
                 run.trajectory.leader_position_m, trajectory.leader_position_m
             )
         heard[Topic.LEADER] = messages
 
 
-def test_missed_messages_are_counted(scenario: Scenario, heard: Heard) -> None:
+def test_missed_messages_are_counted(trip: Trip, heard: Heard) -> None:
     del heard[Topic.PLANT_STATE][4]
     del heard[Topic.LEADER][9]
-    run = judge(scenario, heard, None)
+    run = judge(trip, heard, None)
     assert run.problems == ("the runner missed messages of 1 ticks",)
     assert len(run.trajectory) == 20
     assert any("v2x/leader is missing at 1 ticks" in note for note in run.warnings)
     heard[Topic.PLANT_STATE].clear()
     with pytest.raises(MessageError, match="no message of plant/state"):
-        judge(scenario, heard, None)
+        judge(trip, heard, None)
 
 
 def test_what_only_the_runner_missed_is_no_problem(
-    scenario: Scenario, heard: Heard, write_bag: Write, tmp_path: Path
+    trip: Trip, heard: Heard, write_bag: Write, tmp_path: Path
 ) -> None:
     bag = write_bag(tmp_path / "bag")
     del heard[Topic.PLANT_STATE][5]
-    results = judge(scenario, heard, bag)
+    results = judge(trip, heard, bag)
     assert results.problems == ()
     assert any("missed 1 states" in note for note in results.warnings)
 
@@ -105,12 +107,12 @@ def without_coolant(data: bytes) -> bytes:
 
 
 def test_figures_are_those_of_what_was_published_and_the_rest_is_named(
-    scenario: Scenario, heard: Heard
+    trip: Trip, heard: Heard
 ) -> None:
     """As from a plant of the user's; before, one missing topic left no figure at all."""
     heard[Topic.LEADER].clear()
     heard[Topic.PLANT_STATE] = [without_coolant(data) for data in heard[Topic.PLANT_STATE]]
-    results = judge(scenario, heard, None)
+    results = judge(trip, heard, None)
     values = figure_values(results.metrics)
     assert values["battery_energy"] > 0.0
     assert values["cell_1_temperature_mean"] > 20.0
@@ -120,37 +122,35 @@ def test_figures_are_those_of_what_was_published_and_the_rest_is_named(
     assert [note.partition(" was not")[0] for note in results.warnings] == [
         "leader_position_m", "coolant_inlet_temperature_k",
     ]  # fmt: skip
-    assert dict(results.headline.lines)["margin"] == "smallest gap –"
+    assert dict(headline(results).lines)["margin"] == "smallest gap –"
 
 
 def test_a_tick_without_a_leader_is_counted_and_the_rest_has_figures(
-    scenario: Scenario, heard: Heard, write_bag: Write, tmp_path: Path
+    trip: Trip, heard: Heard, write_bag: Write, tmp_path: Path
 ) -> None:
-    results = judge(scenario, heard, write_bag(tmp_path / "bag", (Topic.LEADER, 9)))
+    results = judge(trip, heard, write_bag(tmp_path / "bag", (Topic.LEADER, 9)))
     assert any("v2x/leader is missing at 1 ticks" in note for note in results.warnings)
     assert results.problems == ("the bag holds 20 messages of v2x/leader, 21 are needed",)
-    whole = judge(scenario, heard, None)
+    whole = judge(trip, heard, None)
     assert results.metrics.battery_energy_j == whole.metrics.battery_energy_j
     assert results.metrics.smallest_gap_m == whole.metrics.smallest_gap_m
 
 
 def test_a_good_run_has_no_problems(
-    scenario: Scenario, heard: Heard, write_bag: Write, tmp_path: Path
+    trip: Trip, heard: Heard, write_bag: Write, tmp_path: Path
 ) -> None:
-    results = judge(scenario, heard, write_bag(tmp_path / "bag"))
+    results = judge(trip, heard, write_bag(tmp_path / "bag"))
     assert results.problems == ()
     assert results.bag_messages is not None
     assert results.bag_messages["/controller/command"] == 21
     assert results.speed_up == pytest.approx(40.0)
-    expected = compute_metrics(results.trajectory, scenario.vehicle.values, results.decisions)
+    expected = compute_metrics(results.trajectory, trip.parameters, results.decisions)
     assert figure_values(results.metrics) == figure_values(expected)
     assert results.information.git_revision
 
 
-def test_a_run_that_was_not_recorded_is_judged_by_what_was_heard(
-    scenario: Scenario, heard: Heard
-) -> None:
-    results = judge(scenario, heard, None)
+def test_a_run_that_was_not_recorded_is_judged_by_what_was_heard(trip: Trip, heard: Heard) -> None:
+    results = judge(trip, heard, None)
     assert results.problems == ()
     assert results.bag_messages is None
 
@@ -169,7 +169,7 @@ def test_a_run_that_was_not_recorded_is_judged_by_what_was_heard(
     ],
 )
 def test_an_incomplete_bag_is_a_problem(
-    scenario: Scenario,
+    trip: Trip,
     heard: Heard,
     write_bag: Write,
     tmp_path: Path,
@@ -177,59 +177,57 @@ def test_an_incomplete_bag_is_a_problem(
     problem: str | None,
 ) -> None:
     """One message more or less of the slope, and the answer to the last state, do no harm."""
-    problems = judge(scenario, heard, write_bag(tmp_path / "bag", drop)).problems
+    problems = judge(trip, heard, write_bag(tmp_path / "bag", drop)).problems
     assert (problem is None) == (problems == ())
     assert problem is None or any(problem in found for found in problems)
 
 
 def test_a_bag_with_a_gap_cannot_be_judged(
-    scenario: Scenario, heard: Heard, write_bag: Write, tmp_path: Path
+    trip: Trip, heard: Heard, write_bag: Write, tmp_path: Path
 ) -> None:
     bag = write_bag(tmp_path / "bag", (Topic.PLANT_STATE, 7))
     with pytest.raises(BagError, match="lacks plant/state at 7 s"):
-        judge(scenario, heard, bag)
+        judge(trip, heard, bag)
 
 
-def test_a_run_that_is_too_short_is_a_problem(scenario: Scenario, heard: Heard) -> None:
+def test_a_run_that_is_too_short_is_a_problem(trip: Trip, heard: Heard) -> None:
     cut = {topic: messages[:-3] for topic, messages in heard.items()}
-    (problem,) = judge(scenario, cut, None).problems
+    (problem,) = judge(trip, cut, None).problems
     assert problem == "the run covers 0 s to 17 s of a trip of 20 s"
 
 
-def test_a_broken_hard_limit_is_a_problem(scenario: Scenario, heard: Heard) -> None:
+def test_a_broken_hard_limit_is_a_problem(trip: Trip, heard: Heard) -> None:
     crash = encode_leader(LeaderState(6.0, 0.05 * 36.0 - 0.5, 0.5))
     heard[Topic.LEADER][6] = serialized(crash)
-    (problem,) = judge(scenario, heard, None).problems
+    (problem,) = judge(trip, heard, None).problems
     assert problem == "hard limit broken in 1 rows: collision, worst by 0.5 m at 6 s"
 
 
-def test_a_leader_too_fast_to_follow_is_noted(scenario: Scenario, heard: Heard) -> None:
+def test_a_leader_too_fast_to_follow_is_noted(trip: Trip, heard: Heard) -> None:
     heard[Topic.LEADER][6] = serialized(encode_leader(LeaderState(6.0, 99.0, 60.0)))
-    notes = judge(scenario, heard, None).warnings
+    notes = judge(trip, heard, None).warnings
     assert any(
         "the leader drives up to 60 m/s, the ego vehicle at most 37.5" in note for note in notes
     )
 
 
 def test_parameters_of_another_vehicle_are_noticed(
-    scenario: Scenario, heard: Heard, write_bag: Write, tmp_path: Path
+    trip: Trip, heard: Heard, write_bag: Write, tmp_path: Path
 ) -> None:
-    other = dataclasses.replace(scenario, overrides="body.mass_kg=2000")
+    other = trip.changed(overrides="body.mass_kg=2000")
     problems = judge(other, heard, write_bag(tmp_path / "bag")).problems
-    assert "the model parameters in the bag are not those of the scenario" in problems
+    assert "the model parameters in the bag are not those of the trip" in problems
 
 
-def test_results_are_plain_json(
-    scenario: Scenario, heard: Heard, write_bag: Write, tmp_path: Path
-) -> None:
-    results = judge(scenario, heard, write_bag(tmp_path / "bag"))
+def test_results_are_plain_json(trip: Trip, heard: Heard, write_bag: Write, tmp_path: Path) -> None:
+    results = judge(trip, heard, write_bag(tmp_path / "bag"))
     decisions = results.metrics.decisions
     assert decisions is not None
     unknown = dataclasses.replace(
         results.metrics,
         decisions=dataclasses.replace(decisions, preview_age_s=distribution(NONE)),
     )
-    text = results_json(with_metrics(results, unknown))
+    text = results_json(with_metrics(results, unknown), trip)
     document = json.loads(text)
     assert document["good"] is True
     assert document["scenario"] == "short"

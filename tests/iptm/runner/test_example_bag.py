@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from iptm.runner.scenario import prepare
-from iptm.runner.scenario_files import scenario_from
+from iptm.trip_files import trip_from
 from iptm_core.metrics import compute_metrics, figure_values
 from iptm_core.parameters.strict_yaml import parse_yaml
 from iptm_ros.recording.bag_reader import BagReader, read_model_parameters
@@ -47,7 +46,7 @@ def test_an_example_is_small_and_complete(bag: Path) -> None:
             continue
         name = spec.name if spec.name.startswith("/") else f"/{spec.name}"
         assert types[name] == spec.type_name
-    # The scenario in the bag is enough to drive it again.
-    content = parse_yaml(information.extra["scenario_file"], "scenario in the bag")
-    again = prepare(scenario_from(content, "bag", information.scenario, bag))
-    assert again.vehicle.values == read_model_parameters(bag)[0]
+    # The trip in the bag is enough to drive it again.
+    content = parse_yaml(information.extra["trip"], "trip in the bag")
+    again = trip_from(content, "bag", information.scenario, bag).checked()
+    assert again.parameters == read_model_parameters(bag)[0]

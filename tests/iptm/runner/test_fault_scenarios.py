@@ -1,12 +1,9 @@
-"""Faults in scenario files, and the processes that they bring."""
+"""Faults in trip files, and the processes that they bring."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
-
-import pytest
 
 from iptm.faults.fault import Fault, faults_from
 from iptm.faults.kinds import FaultKind
@@ -15,9 +12,7 @@ from iptm.runner.composition import (
     node_command,
     node_parameters,
 )
-from iptm.runner.scenario import prepare
-from iptm.runner.scenario_files import load_scenario, scenario_text
-from iptm_core.errors import ScenarioError
+from iptm.trip_files import load_trip, trip_text
 from iptm_ros.topics import BRIDGE, CONTROLLER, PLANT
 
 OF_TOPICS = Fault(FaultKind.LEADER_HARD_STOP, 120.0)
@@ -26,24 +21,17 @@ OF_PROCESS = Fault(FaultKind.PROCESS_KILLED, 60.0)
 
 
 def parameters_with(*faults: Fault) -> dict[str, dict[str, object]]:
-    return node_parameters(replace(prepare(load_scenario()), faults=faults))
+    return node_parameters(load_trip().changed(faults=faults))
 
 
 def test_a_scenario_file_lists_faults_and_is_written_back(tmp_path: Path) -> None:
     path = tmp_path / "trip.yaml"
-    path.write_text("cycle: us06\nfaults:\n  - {kind: leader_hard_stop, start_s: 120, size: 4}\n")
-    scenario = load_scenario(path)
-    assert scenario.faults == (Fault(FaultKind.LEADER_HARD_STOP, 120.0, size=4.0),)
+    path.write_text("conditions:\n  faults:\n  - {kind: leader_hard_stop, start_s: 120, size: 4}\n")
+    trip = load_trip(path)
+    assert trip.conditions.faults == (Fault(FaultKind.LEADER_HARD_STOP, 120.0, size=4.0),)
     again = tmp_path / "again.yaml"
-    again.write_text(scenario_text(scenario))
-    assert load_scenario(again).faults == scenario.faults
-
-
-def test_an_unknown_fault_is_refused_with_file_and_place(tmp_path: Path) -> None:
-    path = tmp_path / "trip.yaml"
-    path.write_text("faults: [{kind: leader_hard_stopp}]\n")
-    with pytest.raises(ScenarioError, match=r"trip\.yaml: fault 1: kind is 'leader_hard_stopp'"):
-        load_scenario(path)
+    again.write_text(trip_text(trip))
+    assert load_trip(again).conditions.faults == trip.conditions.faults
 
 
 def test_faults_of_topics_bring_an_injector_between_bridge_and_controller() -> None:

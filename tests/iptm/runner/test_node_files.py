@@ -14,8 +14,9 @@ import yaml
 from tests.packaging.packages import PACKAGES, setup_of
 
 import iptm.runner
+from iptm.trip import HOME
 from iptm_controller.node_parameters import ControllerNodeParameters
-from iptm_core.declaration import checked_value, parameter_specs
+from iptm_core.declaration import checked_value, parameter_specs, plain
 from iptm_core.errors import ScenarioError
 from iptm_plant_sim.node_parameters import PlantNodeParameters
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
@@ -123,64 +124,30 @@ def of_class(made: list[Recorded], name: str) -> list[Recorded]:
     return [item for item in made if type(item).__name__ == name]
 
 
-@needs_sources
-def test_the_launch_file_starts_what_the_packages_install(launch_stubs: list[Recorded]) -> None:
-    module = runpy.run_path(str(LAUNCH / "closed_loop.launch.py"))
-    module["generate_launch_description"]()
-    nodes = of_class(launch_stubs, "Node")
-    started = {(node.named["package"], node.named["executable"]) for node in nodes}
-    assert len(started) == 5
-    assert started <= executables()
-
-
-@needs_sources
-def test_the_launch_file_sets_parameters_and_arguments_that_exist(
-    launch_stubs: list[Recorded],
-) -> None:
-    module = runpy.run_path(str(LAUNCH / "closed_loop.launch.py"))
-    module["generate_launch_description"]()
-    declared = {item.arguments[0] for item in of_class(launch_stubs, "DeclareLaunchArgument")}
-    used = {item.arguments[0] for item in of_class(launch_stubs, "LaunchConfiguration")}
-    # Read in functions: the one before the others are set, the other at the end.
-    assert used == declared - {"scenario", "fails_launch"}
-    for argument in of_class(launch_stubs, "DeclareLaunchArgument"):
-        choices = argument.named["choices"]
-        assert argument.named["description"]
-        assert choices is None or argument.named["default_value"] in choices
-    for node in of_class(launch_stubs, "Node"):
-        name = node.named.get("name")
-        if name not in NODES:
-            continue
-        specs = {spec.name: spec for spec in parameter_specs(NODES[name])}
-        for key, value in node.named["parameters"][1].items():
-            if key in {"use_sim_time", "start_paused"}:
-                continue
-            assert specs[key].kind is value.named["value_type"], key
-            if key in module["ARGUMENTS"]:
-                text, kind = module["ARGUMENTS"][key][0], value.named["value_type"]
-                default = text == "True" if kind is bool else kind(text)
-                assert checked_value(specs[key], default) == specs[key].default, key
-    for name in NODES:
-        assert Path(module["ARGUMENTS"][f"{name}_parameters"][0]).is_file()
-
-
 class Loop:
     """A loop of the launch file, and what its event handlers do when its processes end."""
 
     def __init__(self, made: list[Recorded], **given: str) -> None:
         first = len(made)
-        module = runpy.run_path(str(LAUNCH / "closed_loop.launch.py"))
-        module["generate_launch_description"]()
-        own = made[first:]
-        nodes = of_class(own, "Node")
+        self.module = runpy.run_path(str(LAUNCH / "closed_loop.launch.py"))
+        self.module["generate_launch_description"]()
+        defaults = {name: default for name, (default, _) in self.module["ARGUMENTS"].items()}
+        (opaque,) = of_class(made[first:], "OpaqueFunction")
+        configurations = {**defaults, "record": "true", **given}
+        opaque.named["function"](SimpleNamespace(launch_configurations=configurations))
+        nodes = of_class(made[first:], "Node")
         self.nodes = [node for node in nodes if node.named["executable"] != "call"]
         self.handlers = {
             id(handler.named["target_action"]): handler.named["on_exit"]
-            for handler in of_class(own, "OnProcessExit")
+            for handler in of_class(made[first:], "OnProcessExit")
         }
-        configurations = {"record": "true", "fails_launch": "true", **given}
-        prepare = of_class(own, "OpaqueFunction")[1].named["function"]
-        prepare(SimpleNamespace(launch_configurations=configurations))
+
+    def parameters(self, node: str) -> dict[str, Any]:
+        """Return what the parameter file of a node holds."""
+        (found,) = (each for each in self.nodes if each.named["name"] == node)
+        text = Path(found.named["parameters"][0]).read_text(encoding="utf-8")
+        given: dict[str, Any] = yaml.safe_load(text)[f"/**/{node}"]["ros__parameters"]
+        return given
 
     def end(self, place: int, code: int = 0, *, is_shutdown: bool = False) -> list[Recorded]:
         """Return the processes that are ended after the end of one."""
@@ -188,6 +155,39 @@ class Loop:
         event = SimpleNamespace(returncode=code, process_name=f"{node.named['executable']}-1")
         actions = self.handlers[id(node)](event, SimpleNamespace(is_shutdown=is_shutdown))
         return [action.named["event"].named["process_matcher"].arguments[0] for action in actions]
+
+
+@needs_sources
+def test_the_launch_file_starts_what_the_packages_install(launch_stubs: list[Recorded]) -> None:
+    Loop(launch_stubs)
+    nodes = of_class(launch_stubs, "Node")
+    started = {(node.named["package"], node.named["executable"]) for node in nodes}
+    assert len(started) == 5
+    assert started <= executables()
+
+
+@needs_sources
+def test_every_setting_of_a_trip_is_an_argument(launch_stubs: list[Recorded]) -> None:
+    module = Loop(launch_stubs).module
+    declared = {item.arguments[0] for item in of_class(launch_stubs, "DeclareLaunchArgument")}
+    assert set(HOME) - {"faults", "domain"} <= declared == set(module["ARGUMENTS"])
+    for argument in of_class(launch_stubs, "DeclareLaunchArgument"):
+        choices = argument.named["choices"]
+        assert argument.named["description"]
+        assert choices is None or argument.named["default_value"] in choices
+
+
+@needs_sources
+@pytest.mark.parametrize("node", NODES)
+def test_the_nodes_of_a_launch_have_the_parameters_of_its_trip(
+    node: str, launch_stubs: list[Recorded]
+) -> None:
+    specs = {spec.name: spec for spec in parameter_specs(NODES[node])}
+    given = Loop(launch_stubs, trip="real_time", cycle="us06").parameters(node)
+    expected = {"cycle": "us06", "slope": "small", "mode": "real_time", "deadline_ms": 500.0}
+    for name, value in given.items():
+        assert plain(checked_value(specs[name], value)) == value
+        assert value == expected.get(name, value)
 
 
 @needs_sources
@@ -208,7 +208,7 @@ def test_a_launch_fails_when_the_last_process_of_a_loop_has_ended(
 ) -> None:
     for record, last in (("true", 3), ("false", 2)):
         loop = Loop(launch_stubs, record=record)
-        assert len(loop.end(0, -9)) == 3
+        assert len(loop.end(0, -9)) == last
         for place in range(1, last):
             loop.end(place)
         with pytest.raises(RuntimeError, match=r"-1 ended with exit code -9"):
@@ -251,42 +251,18 @@ def test_a_loop_that_is_not_begun_fails_the_launch() -> None:
 
 
 @needs_sources
-def test_a_scenario_is_the_default_of_arguments_that_are_not_given(
-    launch_stubs: list[Recorded], tmp_path: Path
-) -> None:
-    module = runpy.run_path(str(LAUNCH / "closed_loop.launch.py"))
-    module["generate_launch_description"]()
-    (description,) = of_class(launch_stubs, "LaunchDescription")
-    first, second = description.arguments[0][:2]
-    assert first.arguments[0] == "scenario"
-    take = second.named["function"]
-
-    given = {"scenario": "real_time", "cycle": "us06"}
-    take(SimpleNamespace(launch_configurations=given))
-    assert (given["cycle"], given["slope"], given["mode"]) == ("us06", "small", "real_time")
-    text = Path(given["controller_parameters"]).read_text(encoding="utf-8")
-    assert yaml.safe_load(text)["/**/controller"]["ros__parameters"]["deadline_ms"] == 500
-    assert given.keys() <= module["ARGUMENTS"].keys()
-
-    clash = {"scenario": "real_time", "controller_parameters": "mine.yaml"}
-    with pytest.raises(ScenarioError, match="parameters of controller"):
-        take(SimpleNamespace(launch_configurations=clash))
+def test_a_launch_drives_no_faults(launch_stubs: list[Recorded], tmp_path: Path) -> None:
     file = tmp_path / "faulty.yaml"
-    file.write_text("faults:\n  - {kind: preview_lost, start_s: 5, duration_s: 5}\n")
+    file.write_text("conditions: {faults: [{kind: preview_lost, start_s: 5, duration_s: 5}]}\n")
     with pytest.raises(ScenarioError, match="has faults"):
-        take(SimpleNamespace(launch_configurations={"scenario": str(file)}))
-    none = {"scenario": ""}
-    take(SimpleNamespace(launch_configurations=none))
-    assert none == {"scenario": ""}
+        Loop(launch_stubs, trip=str(file))
 
 
 def start_string(made: list[Recorded], module: dict[str, Any], **given: str) -> None:
     """Build the loops of a string with arguments."""
-    configuration: Any = sys.modules["launch.substitutions"].LaunchConfiguration
     defaults = {name: default for name, (default, _) in module["ARGUMENTS"].items()}
-    configuration.perform = lambda self, _: {**defaults, **given}[self.arguments[0]]
     (opaque,) = of_class(made, "OpaqueFunction")
-    opaque.named["function"](SimpleNamespace(launch_configurations=given))
+    opaque.named["function"](SimpleNamespace(launch_configurations={**defaults, **given}))
 
 
 @needs_sources
@@ -297,8 +273,7 @@ def start_string(made: list[Recorded], module: dict[str, Any], **given: str) -> 
         ({"vehicles": "abc"}, "vehicles is abc; allowed: 2 to 20"),
         ({"vehicles": "2.5"}, "vehicles is 2.5; allowed: a whole number, 2 to 20"),
         ({"vehicles": "100"}, "vehicles is 100; allowed: 2 to 20"),
-        ({"initial_gap_m": "far"}, "initial_gap_m is far; allowed: 1 to 500 m"),
-        ({"leader_length_m": "nan"}, "leader_length_m is nan; allowed: "),
+        ({"leader_length_m": "nan"}, "leader.leader_length_m is 'nan'.*allowed: "),
     ],
 )
 def test_arguments_that_make_no_string_are_refused(

@@ -12,13 +12,14 @@ from matplotlib.image import imread
 from rich.console import Console
 from tests.iptm.runner.conftest import with_metrics
 
+from iptm.run import Run
 from iptm.runner import progress as progress_module
-from iptm.runner.evaluation import RosRun, evaluate
+from iptm.runner.evaluation import evaluate
 from iptm.runner.monitor import Snapshot
 from iptm.runner.progress import BarProgress, LineProgress, make_progress
 from iptm.runner.run_folder import RunFolder
-from iptm.runner.scenario import Scenario, prepare
 from iptm.runner.tables import TABLES_WIDTH, print_results, save_picture
+from iptm.trip import Trip
 from iptm_core.decision_record import DecisionSeries, Rung
 from iptm_core.metrics import FIGURES, TRIP_FIGURES, figure_values
 from iptm_core.trajectory import Trajectory
@@ -30,8 +31,8 @@ SNAPSHOT = Snapshot(60.0, 10.0, 34.56, 31.23, 33.21, 2.5e-3, 12, Rung.OPTIMAL)
 
 
 @pytest.fixture
-def results(scenario: Scenario, heard: Heard) -> RosRun:
-    return evaluate(scenario, heard, None, RunInformation(), 0.5)
+def results(trip: Trip, heard: Heard) -> Run:
+    return evaluate(trip, heard, None, RunInformation(), 0.5)
 
 
 @pytest.fixture
@@ -40,7 +41,7 @@ def folder(tmp_path: Path) -> RunFolder:
 
 
 def printed(
-    results: RosRun, folder: RunFolder, width: int = TABLES_WIDTH, *, full: bool = False
+    results: Run, folder: RunFolder, width: int = TABLES_WIDTH, *, full: bool = False
 ) -> str:
     console = Console(file=io.StringIO(), width=width)
     print_results(results, folder, console, full=full)
@@ -48,7 +49,7 @@ def printed(
 
 
 @pytest.mark.parametrize("width", [TABLES_WIDTH, 80])
-def test_tables_show_every_figure(results: RosRun, folder: RunFolder, width: int) -> None:
+def test_tables_show_every_figure(results: Run, folder: RunFolder, width: int) -> None:
     text = printed(results, folder, width, full=True)
     values = figure_values(results.metrics)
     for key in TRIP_FIGURES:
@@ -59,7 +60,7 @@ def test_tables_show_every_figure(results: RosRun, folder: RunFolder, width: int
     assert "none of 12 limits exceeded" in text
 
 
-def test_a_limit_that_was_exceeded_has_a_row(results: RosRun, folder: RunFolder) -> None:
+def test_a_limit_that_was_exceeded_has_a_row(results: Run, folder: RunFolder) -> None:
     first, *others = results.metrics.constraints
     broken = dataclasses.replace(first, worst_excess=0.5, worst_time_s=7.0, violations=3)
     metrics = dataclasses.replace(results.metrics, constraints=(broken, *others))
@@ -69,7 +70,7 @@ def test_a_limit_that_was_exceeded_has_a_row(results: RosRun, folder: RunFolder)
 
 
 @pytest.mark.parametrize("width", [TABLES_WIDTH, 80])
-def test_the_result_fits_on_the_last_screen(results: RosRun, folder: RunFolder, width: int) -> None:
+def test_the_result_fits_on_the_last_screen(results: Run, folder: RunFolder, width: int) -> None:
     """Before, 75 lines of tables followed the saving; a terminal has 24."""
     other = dataclasses.replace(results, settings={"strategy": "reference"})
     lines = printed(dataclasses.replace(results, other=other), folder, width).splitlines()
@@ -85,7 +86,7 @@ def test_the_result_fits_on_the_last_screen(results: RosRun, folder: RunFolder, 
     assert lines[-1] == "trip finished, no hard limit broken, not recorded"
 
 
-def test_problems_and_warnings_are_printed(results: RosRun, folder: RunFolder) -> None:
+def test_problems_and_warnings_are_printed(results: Run, folder: RunFolder) -> None:
     troubled = dataclasses.replace(
         results,
         problems=("the bag holds 3 messages",),
@@ -95,27 +96,6 @@ def test_problems_and_warnings_are_printed(results: RosRun, folder: RunFolder) -
     assert "PROBLEM  the bag holds 3 messages" in text
     assert "plant: too [fast]" in text
     assert "trip finished" not in text
-
-
-def test_the_heading_names_every_setting_that_is_no_default() -> None:
-    plain = prepare(Scenario(name="short", cycle="sc03", duration_s=20.0))
-    assert plain.heading.startswith(
-        "short: sc03, slope as_designed, 20 s, strategy aging_cost_to_go"
-    )
-    assert "=" not in plain.heading
-    changed = prepare(
-        Scenario(
-            name="short",
-            cycle="sc03",
-            duration_s=20.0,
-            latency_s=1.0,
-            overrides="gap.max_gap_m=80",
-            node_parameters={"controller": {"deadline_ms": 50}},
-        )
-    )
-    assert changed.heading == (
-        f"{plain.heading}, latency_s=1.0, gap.max_gap_m=80, controller.deadline_ms=50"
-    )
 
 
 def test_a_pipe_gets_plain_lines(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -156,7 +136,7 @@ def test_the_remaining_time_is_readable() -> None:
     assert "remaining 2:46 min" in console.file.getvalue()  # type: ignore[attr-defined]
 
 
-def test_the_picture_is_drawn(scenario: Scenario, results: RosRun, tmp_path: Path) -> None:
+def test_the_picture_is_drawn(trip: Trip, results: Run, tmp_path: Path) -> None:
     path = tmp_path / "run.png"
     save_picture(path, results)
     pixels = imread(path)
@@ -173,12 +153,12 @@ def test_the_picture_is_drawn(scenario: Scenario, results: RosRun, tmp_path: Pat
     assert not np.array_equal(imread(tmp_path / "compared.png")[: pixels.shape[0]], pixels)
 
     # A level road needs no panel for its grade.
-    level = prepare(dataclasses.replace(scenario, slope="flat"))
-    save_picture(path, dataclasses.replace(results, slope=level.trip.slope))
+    level = trip.changed(slope="flat")
+    save_picture(path, dataclasses.replace(results, slope=level.route.slope))
     assert imread(path).shape[0] < pixels.shape[0]
 
 
-def test_interventions_of_the_safety_monitor_are_marked(results: RosRun, tmp_path: Path) -> None:
+def test_interventions_of_the_safety_monitor_are_marked(results: Run, tmp_path: Path) -> None:
     columns = dict(results.trajectory.to_arrays())
     columns["service_braking_s"] = np.zeros_like(columns["time_s"])
     pictures = []
@@ -192,7 +172,7 @@ def test_interventions_of_the_safety_monitor_are_marked(results: RosRun, tmp_pat
     assert 0 < rows.size < 0.1 * calm.shape[0], "marks and legend of one panel"
 
 
-def test_a_run_in_which_nothing_happens_can_be_drawn(results: RosRun, tmp_path: Path) -> None:
+def test_a_run_in_which_nothing_happens_can_be_drawn(results: Run, tmp_path: Path) -> None:
     still = {
         name: np.full_like(column, column[0])
         for name, column in results.trajectory.to_arrays().items()
@@ -207,7 +187,7 @@ def test_a_run_in_which_nothing_happens_can_be_drawn(results: RosRun, tmp_path: 
     assert (tmp_path / "still.png").stat().st_size > 10_000
 
 
-def test_a_page_holds_the_run_and_needs_no_other_file(results: RosRun, tmp_path: Path) -> None:
+def test_a_page_holds_the_run_and_needs_no_other_file(results: Run, tmp_path: Path) -> None:
     path = tmp_path / "report.html"
     other = dataclasses.replace(results, settings={"strategy": "reference"})
     results.report(path, other)

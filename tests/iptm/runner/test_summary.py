@@ -8,19 +8,19 @@ from dataclasses import replace
 import pytest
 from tests.iptm.runner.conftest import with_metrics
 
+from iptm.driving import drive_in_memory
 from iptm.run import Run
-from iptm.runner.comparison import drive_comparison
-from iptm.runner.scenario import Scenario, prepare
 from iptm.runner.summary import AGING_SAVED, Summary, summarise
+from iptm.trip import Trip
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.metrics import RunMetrics
 
-SCENARIO = prepare(Scenario(cycle="nycc", duration_s=60.0))
+TRIP = Trip.of("nycc", duration_s=60.0)
 
 
 @pytest.fixture(scope="module")
 def comparison() -> Run:
-    return drive_comparison(SCENARIO, "reference")
+    return drive_in_memory(TRIP.against("reference"))
 
 
 def summary_of(metrics: RunMetrics, comparison: Run, against: Run | None) -> Summary:

@@ -12,33 +12,14 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from iptm.driving import drive_in_memory
 from iptm.runner import reference_drive, viewer
-from iptm.runner.comparison import drive_other
-from iptm.runner.run_closed_loop import WATCHING_RATE, build_parser, chosen_scenario
 from iptm.runner.run_folder import REFERENCE
-from iptm.runner.scenario import Scenario, prepare
 from iptm.runner.supervisor import Supervisor
+from iptm.trip import Trip
 from iptm_core.parameters.model import CELSIUS_ZERO_K
-from iptm_core.settings import LoopMode
 from iptm_ros.process import StopRequest
 from iptm_ros.recording.export import export_table, write_parquet
-
-
-@pytest.mark.parametrize(
-    ("options", "mode", "rate_factor"),
-    [
-        (["demo"], LoopMode.LOCK_STEP, 1.0),
-        (["demo", "--view"], LoopMode.REAL_TIME, WATCHING_RATE),
-        (["demo", "--view", "--rate-factor", "3"], LoopMode.REAL_TIME, 3.0),
-        (["demo", "--view", "--mode", "lock_step"], LoopMode.LOCK_STEP, 1.0),
-        (["real_time", "--view"], LoopMode.REAL_TIME, 1.0),
-    ],
-)
-def test_who_watches_gets_a_pace_that_can_be_watched(
-    options: list[str], mode: LoopMode, rate_factor: float
-) -> None:
-    scenario = chosen_scenario(build_parser().parse_args(options))
-    assert (scenario.mode, scenario.rate_factor) == (mode, rate_factor)
 
 
 def test_the_reference_car_drives_the_same_trip(
@@ -49,7 +30,7 @@ def test_the_reference_car_drives_the_same_trip(
     header, *rows = map(json.loads, capsys.readouterr().out.splitlines())
     assert (header["strategy"], header["duration_s"]) == ("reference", 20.0)
     columns: dict[str, Any] = dict(zip(header["columns"], np.transpose(rows), strict=True))
-    run = drive_other(prepare(Scenario(cycle="nycc", duration_s=20.0)), "reference").trajectory
+    run = drive_in_memory(Trip.of("nycc", duration_s=20.0).against("reference")).trajectory
     expected = {
         **{name: getattr(run, name) for name in columns if hasattr(run, name)},
         "cell_1_temperature_c": run.cell_1_temperature_k - CELSIUS_ZERO_K,
@@ -81,12 +62,11 @@ def test_a_run_that_keeps_its_reference_has_it_driven_no_second_time(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO("cycle: nycc\nduration_s: 20.0\n"))
-    run = drive_other(prepare(Scenario(cycle="nycc", duration_s=20.0)), "reference").trajectory
+    run = drive_in_memory(Trip.of("nycc", duration_s=20.0).against("reference")).trajectory
     table = export_table(run.to_arrays(), {"strategy": "reference"})
     write_parquet(tmp_path / REFERENCE, table)
     driven: list[str] = []
-    drive = partial(_note_strategy, driven)
-    monkeypatch.setattr(reference_drive, "drive_other", drive)
+    monkeypatch.setattr(reference_drive, "drive_in_memory", partial(_note_strategy, driven))
     assert reference_drive.main([f"--run={tmp_path}"]) == 0
     header, *rows = map(json.loads, capsys.readouterr().out.splitlines())
     columns: dict[str, Any] = dict(zip(header["columns"], np.transpose(rows), strict=True))
@@ -101,8 +81,8 @@ def test_a_run_that_keeps_its_reference_has_it_driven_no_second_time(
     assert driven == ["aging", "reference"]
 
 
-def _note_strategy(driven: list[str], scenario: object, strategy: str, on_step: object) -> None:  # noqa: ARG001
-    driven.append(strategy)
+def _note_strategy(driven: list[str], trip: Trip, on_step: object) -> None:  # noqa: ARG001
+    driven.append(trip.controller.strategy)
 
 
 def test_a_trip_that_cannot_be_driven_is_refused(

@@ -1,4 +1,4 @@
-"""The suite as a library: simulate, load, compare and sweep; results as pandas tables and pictures."""
+"""The suite as a library: a trip, driven in memory or over ROS 2, and its run as tables and pictures."""
 
 from __future__ import annotations
 
@@ -9,10 +9,15 @@ if TYPE_CHECKING:
     from iptm.bags import load
     from iptm.call_cache import Outcome, cached_calls
     from iptm.comparison import Comparison, compare
+    from iptm.driving import drive_whole_trip
+    from iptm.faults.fault import Fault
     from iptm.own_parts import Controller, Predictor
     from iptm.run import Run
     from iptm.simulation import simulate
     from iptm.sweeping import Sweep, sweep
+    from iptm.trip import Trip
+    from iptm.trip_drive import drive
+    from iptm.trip_files import load_trip, trip_text
     from iptm_controller.measurements import Measurements
     from iptm_controller.strategy import STRATEGIES, Strategy
     from iptm_core.aging_laws.law import AgingLaw
@@ -28,12 +33,18 @@ _HOMES = {
     "cached_calls": "iptm.call_cache",
     "Comparison": "iptm.comparison",
     "compare": "iptm.comparison",
+    "drive": "iptm.trip_drive",
+    "drive_whole_trip": "iptm.driving",
+    "Fault": "iptm.faults.fault",
     "Controller": "iptm.own_parts",
     "Predictor": "iptm.own_parts",
     "Run": "iptm.run",
     "simulate": "iptm.simulation",
     "Sweep": "iptm.sweeping",
     "sweep": "iptm.sweeping",
+    "Trip": "iptm.trip",
+    "load_trip": "iptm.trip_files",
+    "trip_text": "iptm.trip_files",
     "Measurements": "iptm_controller.measurements",
     "STRATEGIES": "iptm_controller.strategy",
     "Strategy": "iptm_controller.strategy",
@@ -47,6 +58,8 @@ _HOMES = {
     "LeaderState": "iptm_core.state",
 }
 
+__version__ = "0.1.0"
+
 __all__ = [
     "ROUTE_CYCLES",
     "STRATEGIES",
@@ -54,6 +67,7 @@ __all__ = [
     "Command",
     "Comparison",
     "Controller",
+    "Fault",
     "IptmError",
     "LeaderState",
     "Measurements",
@@ -63,13 +77,19 @@ __all__ = [
     "Run",
     "Strategy",
     "Sweep",
+    "Trip",
+    "__version__",
     "available_parameter_sets",
     "cached_calls",
     "compare",
+    "drive",
+    "drive_whole_trip",
     "load",
     "load_parameters",
+    "load_trip",
     "simulate",
     "sweep",
+    "trip_text",
 ]
 
 

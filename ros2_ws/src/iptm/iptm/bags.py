@@ -1,54 +1,29 @@
-"""Bags and stored runs as runs."""
+"""Bags as runs."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from iptm.run import Run
-from iptm.simulation import run_of_study
-from iptm_controller.settings import ControllerSettings
-from iptm_core.aging_laws.parking import AgingSettings
-from iptm_core.charging_stop import ChargingStopSettings
+from iptm.trip import Trip
+from iptm.trip_files import trip_from
 from iptm_core.decision_record import DecisionSeries
-from iptm_core.declaration import parameter_specs, plain
-from iptm_core.errors import BagError, MissingTopicError
+from iptm_core.errors import BagError, IptmError, MissingTopicError
 from iptm_core.parameters.strict_yaml import parse_yaml
-from iptm_core.settings import (
-    IntegrationSettings,
-    PreviewSettings,
-    SamplingSettings,
-    TripSettings,
-)
 from iptm_core.user_input import shown
 from iptm_ros.recording.bag_reader import BagReader, read_model_parameters
 from iptm_ros.recording.run_information import RunInformation
 
-_STORED = ".parquet"
-_GROUPS = (
-    TripSettings,
-    ControllerSettings,
-    AgingSettings,
-    ChargingStopSettings,
-    PreviewSettings,
-    SamplingSettings,
-    IntegrationSettings,
-)
-_DEFAULTS = {spec.name: plain(spec.default) for group in _GROUPS for spec in parameter_specs(group)}
-"""Parameters of nodes that are settings of a run; a bag names those that were set."""
-
 
 def load(path: str | Path, namespace: str | None = None) -> Run:
-    """Read the run of a bag, of several trips the last one, or a run of a study.
+    """Read the run of a bag, of several trips the last one.
 
     Args:
-        path: folder or file of a bag, or the .parquet file of a run in a store (which takes pyarrow to read).
+        path: folder or file of a bag.
         namespace: vehicle to read, if the bag holds several.
 
     Raises:
         BagError: the bag cannot be read, holds no complete run, or several vehicles and none is named.
-        StoreError: the stored run is missing or damaged.
     """
     # The topics are loaded only here: no simulation needs them.
     from iptm_ros.recording.trajectory_reader import (  # noqa: PLC0415
@@ -59,10 +34,6 @@ def load(path: str | Path, namespace: str | None = None) -> Run:
     if not isinstance(path, (str, Path)):
         raise BagError(f"bag is {shown(path)}; allowed: the path of a bag")
     path = Path(path)
-    if path.suffix == _STORED:
-        from iptm.studies.store import read_run  # noqa: PLC0415  as above
-
-        return run_of_study(read_run(path))
     parameters, _ = read_model_parameters(path)
     try:
         decisions = read_decisions(path, namespace)
@@ -70,18 +41,24 @@ def load(path: str | Path, namespace: str | None = None) -> Run:
         decisions = DecisionSeries.from_records([], [])
     with BagReader(path) as reader:
         information = reader.run_information()
+    trip = _trip(information)
     return Run(
         name=path.absolute().name,
-        settings=_settings(information),
+        settings={} if trip is None else trip.settings,
         parameters=parameters,
         trajectory=read_trajectory(path, namespace),
         decisions=decisions,
+        trip=trip,
+        information=information,
     )
 
 
-def _settings(information: RunInformation) -> dict[str, Any]:
-    """Return the choices of a run; none where its bag does not hold the parameters of the nodes."""
-    nodes = parse_yaml(information.parameters, "parameters of the run", BagError)
-    given = [node for node in nodes.values() if isinstance(node, Mapping)] if nodes else []
-    found = {name: node[name] for node in given for name in _DEFAULTS if name in node}
-    return {**_DEFAULTS, **found} if found else {}
+def _trip(information: RunInformation) -> Trip | None:
+    """Return the trip that a bag was recorded of, None where it is not stated in the form of today."""
+    try:
+        content = parse_yaml(information.extra.get("trip", ""), "trip of the run", BagError)
+        return (
+            trip_from(content, "trip of the run", information.scenario, Path()) if content else None
+        )
+    except IptmError:
+        return None

@@ -1,4 +1,4 @@
-"""The command `compare`: bags and stored runs side by side, as a table, a picture and a page."""
+"""The command `compare`: bags side by side, as a table, a picture and a page."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def build_parser() -> argparse.ArgumentParser:
         nargs="+",
         type=Path,
         metavar="RUN",
-        help="bag folder or file, or .parquet of a store",
+        help="bag folder or file",
     )
     parser.add_argument("--namespace", help="vehicle to read, in bags that hold several")
     parser.add_argument(

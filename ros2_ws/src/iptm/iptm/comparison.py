@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from iptm.picture import Picture
 
 _LONGEST_LABEL = 60
+_IN_PARAMETERS = ("parameter_set", "overrides")
+"""Settings that the parameters themselves stand for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +120,9 @@ def _differences(runs: Mapping[str, Run]) -> pd.DataFrame:
     columns = {
         label: {**run.settings, **to_flat_dict(run.parameters)} for label, run in runs.items()
     }
+    for column in columns.values():
+        for name in _IN_PARAMETERS:
+            column.pop(name, None)
     names = dict.fromkeys(name for column in columns.values() for name in column)
     rows = {
         name: [column.get(name, "") for column in columns.values()]

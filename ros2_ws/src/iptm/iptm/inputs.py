@@ -1,117 +1,78 @@
-"""What a user passes to `simulate`, as name, file or object, turned into the inputs of a run."""
+"""Objects in the place of names: a drive, a strategy and a vehicle as settings of a trip."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
-from iptm.faults.fault import Fault, plain_faults
-from iptm.studies.run_spec import RunSpec
-from iptm.studies.study import Case, planned_run
-from iptm.studies.study_loading import build_spec
-from iptm_controller.settings import ControllerSettings
-from iptm_controller.strategy import STRATEGIES, Strategy
-from iptm_core.aging_laws.parking import AgingSettings
-from iptm_core.charging_stop import ChargingStopSettings
-from iptm_core.declaration import plain
+from iptm_controller.settings import FROM_STRATEGY
+from iptm_controller.strategy import COST_TERMS, STRATEGIES, Strategy, strategy_by_name
 from iptm_core.errors import ParameterError, RouteError
 from iptm_core.parameters import DEFAULT_SET, ModelParameters, load_parameters, to_flat_dict
+from iptm_core.routes.comprehensive import RouteComposition
 from iptm_core.routes.cycles import DrivingCycle
 from iptm_core.routes.user_csv import UserTrip, trip_from_columns
-from iptm_core.user_input import shown
+from iptm_core.user_input import StrictMapping, shown
 
 _BASE = "base"
 _OWN_DRIVE = "own drive"
+_REFERENCE = "reference_temperature_k"
 
 
-def run_inputs(
-    cycle: Any, strategy: Any, vehicle: Any, overrides: Any, settings: Mapping[str, Any]
-) -> Case:
-    """Return the inputs of a run.
+def flat_settings(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return settings of a trip with objects replaced by what they stand for.
 
     Args:
-        cycle: name, path, table of columns, pair of times and speeds, or a `DrivingCycle`.
-        strategy: name, `Strategy`, or mapping of ``base`` and weights.
-        vehicle: parameter set by name or path, mapping, or `ModelParameters`.
-        overrides: single parameters that differ, by dotted key.
-        settings: further keys of a run specification.
+        given: settings by name. ``cycle`` may be a path, a table of columns, a pair of times (s) and speeds
+            (m/s) or a `DrivingCycle`; ``strategy`` a `Strategy` or a mapping of ``base`` and weights;
+            ``vehicle`` a parameter set by name or path, `ModelParameters` or a mapping of parameters, and
+            ``base`` for a set other than the default. It sets ``parameter_set`` and ``overrides``; stated
+            overrides come after it.
 
     Raises:
         IptmError: a value is not usable; the message states the value and what is allowed.
     """
-    drive, name = _drive(cycle)
-    parameter_set, changes = _vehicle(vehicle)
-    if overrides is not None and not isinstance(overrides, Mapping):
+    settings = {key: _plain(value) for key, value in given.items()}
+    if "cycle" in settings:
+        settings |= _drive(settings["cycle"])
+    if "strategy" in settings:
+        settings |= _strategy(settings["strategy"])
+    if settings.get("vehicle") is not None:
+        parameter_set, changes = _vehicle(settings.pop("vehicle"))
+        over = settings.get("overrides") or {}
+        settings["parameter_set"] = parameter_set
+        if changes and not isinstance(over, Mapping):
+            raise ParameterError(
+                f"overrides is {shown(over)} beside a vehicle with parameters; allowed: a mapping"
+            )
+        settings["overrides"] = {**changes, **over} if changes else over
+    settings.pop("vehicle", None)
+    overrides = settings.get("overrides")
+    if not isinstance(overrides, (Mapping, str, type(None))):
         raise ParameterError(
             f"overrides is {shown(overrides)}; allowed: a mapping of key and number"
         )
-    changes |= overrides or {}
-    given = {
-        "strategy": ControllerSettings.strategy,
-        "horizon": ControllerSettings.horizon,
-        "solver": ControllerSettings.solver,
-        **settings,
-        "cycle": name,
-        "parameter_set": parameter_set,
-        "overrides": {key: _number(value) for key, value in changes.items()},
-    }
-    # The solver of a run specification is a section, of which the defaults are the controller's.
-    if "solver" not in settings:
-        del given["solver"]
-    elif isinstance(given["solver"], str):
-        given["solver"] = {"name": given["solver"]}
-    if isinstance(strategy, (str, Mapping)):
-        given["strategy"] = strategy if isinstance(strategy, str) else dict(strategy)
-    elif not isinstance(strategy, Strategy):
-        raise ParameterError(
-            f"strategy is {shown(strategy)}; allowed: a name, iptm.Strategy, or a mapping of base and weights"
-        )
-    faults = settings.get("faults", ())
-    if not isinstance(faults, (tuple, list)) or not all(isinstance(each, Fault) for each in faults):
-        raise ParameterError(
-            f"faults is {shown(faults)}; allowed: a tuple of iptm.faults.fault.Fault"
-        )
-    spec = build_spec(given, Path())
-    if isinstance(strategy, Strategy):
-        spec = spec.with_strategy(strategy)
-    return planned_run(spec, drive=drive)
+    return settings
 
 
-def settings_of(spec: RunSpec) -> dict[str, Any]:
-    """Return the choices of a run by the names that scenarios use; parameters are not among them."""
-    weights = asdict(spec.strategy)
-    name = weights.pop("name")
-    return {
-        "cycle": spec.cycle,
-        "slope": spec.slope,
-        "duration_s": spec.duration_s or 0.0,
-        "strategy": name,
-        **({} if STRATEGIES.get(name) == spec.strategy else weights),
-        "horizon": spec.horizon,
-        "solver": spec.solver,
-        **asdict(AgingSettings.of(spec)),
-        **asdict(ChargingStopSettings.of(spec)),
-        **{key: plain(value) for key, value in asdict(spec.bridge_settings()).items()},
-        "period_s": spec.tick_s,
-        "integration_step_s": spec.plant_step_s,
-        "thermal_model": plain(spec.thermal_model),
-        **{f"controller: {key}": value for key, value in spec.controller_overrides},
-        **({"faults": str(plain_faults(spec.faults))} if spec.faults else {}),
-    }
+def _plain(value: Any) -> Any:
+    """Return a number of NumPy's as a plain one."""
+    return value.item() if isinstance(value, np.generic) else value
 
 
-def _drive(cycle: Any) -> tuple[UserTrip | None, str]:
-    """Return a drive that is neither a name nor a file, and the name of the cycle."""
+def _drive(cycle: Any) -> dict[str, Any]:
+    """Return the name of a cycle, and the drive itself where it is neither a name nor a file."""
     if isinstance(cycle, (str, Path)):
-        return None, str(cycle)
+        return {"cycle": str(cycle)}
+    if isinstance(cycle, (UserTrip, RouteComposition)):
+        return {"cycle": _OWN_DRIVE, "own_drive": cycle}
     if isinstance(cycle, DrivingCycle):
-        return UserTrip(cycle, None), cycle.name
-    if isinstance(cycle, pd.DataFrame):
+        return {"cycle": cycle.name, "own_drive": UserTrip(cycle, None)}
+    if hasattr(cycle, "to_numpy") and hasattr(cycle, "columns"):
         index = cycle.index.name
         cycle = cycle.reset_index() if index is not None and index not in cycle else cycle
         columns = {str(name): cycle[name].to_numpy() for name in cycle}
@@ -124,7 +85,31 @@ def _drive(cycle: Any) -> tuple[UserTrip | None, str]:
             f"cycle is {shown(cycle)}; allowed: a name, a path, a DataFrame or mapping with time_s and a"
             " speed, or times in s and speeds in m/s"
         )
-    return trip_from_columns(columns, _OWN_DRIVE), _OWN_DRIVE
+    return {"cycle": _OWN_DRIVE, "own_drive": trip_from_columns(columns, _OWN_DRIVE)}
+
+
+def _strategy(given: Any) -> dict[str, Any]:
+    """Return the settings of a strategy: the name of a shipped one, and the weights in which it differs."""
+    if isinstance(given, str):
+        return {"strategy": strategy_by_name(given).name}
+    if isinstance(given, Mapping):
+        names = (_BASE, *COST_TERMS, _REFERENCE, "cost_to_go")
+        written = StrictMapping(given, "strategy", names, error=ParameterError)
+        base = strategy_by_name(written.text(_BASE))
+        given = replace(base, **{key: given[key] for key in written if key != _BASE})
+    if not isinstance(given, Strategy):
+        raise ParameterError(
+            f"strategy is {shown(given)}; allowed: a name, iptm.Strategy, or a mapping of base and weights"
+        )
+    kind = (given.cost_to_go, given.rules)
+    alike = [each for each in STRATEGIES.values() if (each.cost_to_go, each.rules) == kind]
+    base = STRATEGIES.get(given.name, alike[-1])
+    base = base if base in alike else alike[-1]
+    stated = {
+        key: getattr(given, key) if getattr(given, key) != getattr(base, key) else FROM_STRATEGY
+        for key in (*COST_TERMS, _REFERENCE)
+    }
+    return {"strategy": base.name, **stated}
 
 
 def _vehicle(vehicle: Any) -> tuple[str, dict[str, Any]]:
@@ -150,9 +135,4 @@ def _flat(content: Mapping[Any, Any], group: str = "") -> Iterator[tuple[str, An
         if isinstance(value, Mapping):
             yield from _flat(value, f"{group}{key}.")
         else:
-            yield f"{group}{key}", value
-
-
-def _number(value: Any) -> Any:
-    """Return a number of NumPy's as a plain one; all else is left to the strict reader."""
-    return value.item() if isinstance(value, np.generic) else value
+            yield f"{group}{key}", _plain(value)

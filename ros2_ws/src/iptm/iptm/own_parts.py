@@ -55,6 +55,15 @@ class Predictor(Protocol):
         ...
 
 
+def check_part(name: str, part: object, protocol: type, method: str) -> None:
+    """Refuse what is not None and does not have the method that a part of the user's own needs."""
+    if part is not None and (isinstance(part, type) or not isinstance(part, protocol)):
+        raise ParameterError(
+            f"{name} is {shown(part)}; allowed: an object with the method {method}, see"
+            f" iptm.{name.title()}"
+        )
+
+
 class OwnController:
     """A controller of the user's own as the closed loop takes it.
 

@@ -17,7 +17,6 @@ from iptm.closed_loop import ClosedLoopRun, run_closed_loop
 from iptm.emergency_stop import braking_leads, emergency_stops
 from iptm.faults.fault import WHOLE_TRIP_S, Fault, at_places, faults_from, in_order
 from iptm.faults.kinds import FaultKind, FaultPlace
-from iptm.inputs import run_inputs
 from iptm.predictor_training import (
     evaluate,
     held_out,
@@ -25,9 +24,8 @@ from iptm.predictor_training import (
     quantile_regression,
     train,
 )
-from iptm.run import Report
-from iptm.studies.run import CONTROLLER, VEHICLE, WEAK_BRAKES
-from iptm.vehicle_string import run_string
+from iptm.run import Report, Reporter
+from iptm.vehicle_string import drive_string_in_memory
 from iptm_controller.controller import Controller
 from iptm_controller.horizon import MULTI_HORIZON, SINGLE_HORIZON, Horizon
 from iptm_controller.measurements import Measurements
@@ -136,7 +134,6 @@ from iptm_v2x_bridge.stations.station import Station
 __all__ = [
     "AGING_CELLS",
     "CELSIUS_ZERO_K",
-    "CONTROLLER",
     "CYCLE_NAMES",
     "DEFAULT_SET",
     "DEFAULT_STRATEGY",
@@ -157,8 +154,6 @@ __all__ = [
     "TAPER_CHARGE",
     "TAPER_SHARE",
     "TRAJECTORY_COLUMNS",
-    "VEHICLE",
-    "WEAK_BRAKES",
     "WHOLE_TRIP_S",
     "AgingCell",
     "AgingLaw",
@@ -220,6 +215,7 @@ __all__ = [
     "RegressionModel",
     "Rejection",
     "Report",
+    "Reporter",
     "ResistanceLaw",
     "RoadLine",
     "RoadRules",
@@ -262,6 +258,7 @@ __all__ = [
     "decode_datagram",
     "delta_time_ms",
     "drag_loss_w",
+    "drive_string_in_memory",
     "emergency_stops",
     "encode_cam",
     "encode_mapem",
@@ -296,8 +293,6 @@ __all__ = [
     "regenerative_torque_nm",
     "render_page",
     "run_closed_loop",
-    "run_inputs",
-    "run_string",
     "seen_from",
     "strategy_by_name",
     "table_of",

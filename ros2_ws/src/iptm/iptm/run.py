@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,39 +14,65 @@ import pandas as pd
 
 from iptm.report import figure_table, html_table, image, write_page
 from iptm_core.decision_record import DecisionSeries
+from iptm_core.declaration import TextEnum
 from iptm_core.metrics import FIGURES, RunMetrics, compute_metrics, figure_values
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes.slope import SlopeProfile
 from iptm_core.trajectory import Trajectory
 
 if TYPE_CHECKING:
+    from iptm.channel_record import ChannelRecord
     from iptm.picture import Picture
+    from iptm.trip import Trip
+    from iptm.whole_trip import WholeTripRecord
+    from iptm_ros.recording.run_information import RunInformation
+
+
+class Reporter(TextEnum):
+    """Who reports what was not as it should be."""
+
+    CONTROLLER = "controller"
+    """The reason of a decision."""
+    VEHICLE = "vehicle"
+    """What the vehicle did of its own accord."""
 
 
 @dataclass(frozen=True)
 class Report:
-    """What controller or vehicle (``source``) reported from a trip time on, until it reported something else.
+    """What was reported from a trip time on, until something else was; an empty text where all is well.
 
-    The text is the reason of a decision, or what the vehicle did of its own accord; empty where all is well.
+    Attributes:
+        weak_brakes: the brakes deliver noticeably less than what is requested of them.
     """
 
     time_s: float
-    source: str
+    source: Reporter
     text: str
+    weak_brakes: bool = False
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Run:
-    """A finished run.
+    """A finished run, driven in memory or over ROS 2, or read from a bag.
 
     Attributes:
         name: what was driven, in one line.
-        settings: choices by the names that scenarios use (``strategy``, ``horizon``, ``latency_s``, ...).
+        settings: settings of the trip by name (``strategy``, ``horizon``, ``latency_s``, ...); empty where
+            they are not known.
         parameters: vehicle, pack, cooling and environment.
         trajectory: what happened, one row per tick.
         decisions: how the controller came to its commands; no rows for a controller without solver.
         slope: slope of the road, None where it is not known.
-        reports: what controller and vehicle reported while it was driven without ROS, on every change.
+        trip: what was to be driven, None where it is not known.
+        channel: what all cells of a coolant channel went through; None where the plant has but two.
+        whole_trip: how a whole trip was solved; None for a closed loop.
+        reports: what was reported during the trip, on every change; in memory only.
+        wall_time_s: of the drive, NaN where it is not known.
+        problems: why the run counts as failed, empty if it does not.
+        warnings: warnings of the nodes and remarks on the figures.
+        bag_messages: messages in the bag by topic, None without a bag.
+        information: provenance of a run over ROS 2: revision, versions, start time.
+        other: the same trip under another strategy, None without a comparison.
     """
 
     name: str
@@ -54,7 +81,16 @@ class Run:
     trajectory: Trajectory
     decisions: DecisionSeries
     slope: SlopeProfile | None = None
+    trip: Trip | None = None
+    channel: ChannelRecord | None = None
+    whole_trip: WholeTripRecord | None = None
     reports: tuple[Report, ...] = ()
+    wall_time_s: float = math.nan
+    problems: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    bag_messages: Mapping[str, int] | None = None
+    information: RunInformation | None = None
+    other: Run | None = None
 
     @cached_property
     def metrics(self) -> RunMetrics:
@@ -83,6 +119,11 @@ class Run:
         driven = pd.DataFrame({**self.trajectory.to_arrays(), "gap_m": self.trajectory.gap_m})
         decided = pd.DataFrame(self.decisions.to_arrays()).set_index("time_s")
         return driven.set_index("time_s").join(decided)
+
+    @property
+    def speed_up(self) -> float:
+        """Trip time per wall time, NaN where that is not known."""
+        return self.metrics.duration_s / self.wall_time_s if self.wall_time_s > 0.0 else math.nan
 
     @property
     def strategy(self) -> str:
@@ -127,6 +168,10 @@ class Run:
         if self.settings:
             sections["Settings"] = html_table(pd.DataFrame({"settings": {**self.settings}}))
         return write_page(path, self.name, sections)
+
+    def labelled(self, what: str, settings: Mapping[str, Any]) -> Run:
+        """Return the run with an addition to its name and to its settings."""
+        return replace(self, name=f"{self.name}, {what}", settings={**self.settings, **settings})
 
     def __repr__(self) -> str:
         """Name and length."""

@@ -6,19 +6,21 @@ vehicle to the last, and give the numbers of vehicles that drive at the same tim
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 import pandas as pd
 
-from iptm.closed_loop import ClosedLoopRun, run_closed_loop
-from iptm_controller.controller import Controller
+from iptm.closed_loop import ClosedLoopRun, TickController, run_closed_loop
+from iptm.driving import controller_for, plant_for
+from iptm.run import Run
+from iptm.trip import Trip
 from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements
 from iptm_core.metrics import gap_margins_m
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes.route import Route
-from iptm_core.settings import VEHICLE_LENGTH_M, PreviewSettings
+from iptm_core.settings import VEHICLE_LENGTH_M, LeaderSource, PreviewSettings
 from iptm_core.state import NS_PER_S, FloatArray, VehicleState
 from iptm_core.trajectory import Trajectory
 from iptm_core.vehicle_string import vehicles_in_string
@@ -32,7 +34,7 @@ def run_string(
     route: Route,
     vehicles: int,
     plant: Plant,
-    make_controller: Callable[[], Controller],
+    make_controller: Callable[[], TickController],
     preview: PreviewSettings | None = None,
     length_m: float = VEHICLE_LENGTH_M,
 ) -> Iterable[ClosedLoopRun]:
@@ -134,3 +136,45 @@ def amplification(deviations: pd.DataFrame) -> pd.DataFrame:
     """
     ahead = deviations[RATIOS].shift()
     return deviations[RATIOS] / ahead.where(ahead != 0.0)
+
+
+def trips_in_string(trip: Trip, count: int) -> dict[str, Trip]:
+    """Return the trips of a string by the names of the vehicles, the first one first.
+
+    Each but the first has the vehicle ahead as its leader; all have the length ``leader_length_m``.
+    """
+    gap_m, length_m = trip.parameters.gap.initial_gap_m, trip.leader.leader_length_m
+    trips = {}
+    for vehicle in vehicles_in_string(count, gap_m, length_m, trip.conditions.namespace):
+        follows = {"leader_source": LeaderSource.VEHICLE} if vehicle.vehicle_ahead else {}
+        trips[vehicle.name] = trip.changed(
+            name=vehicle.name,
+            namespace=vehicle.namespace,
+            start_position_m=vehicle.start_position_m,
+            vehicle_ahead=vehicle.vehicle_ahead,
+            vehicle_behind=vehicle.vehicle_behind,
+            **follows,
+        )
+    return trips
+
+
+def drive_string_in_memory(trip: Trip, count: int) -> Iterator[Run]:
+    """Drive a string of equal vehicles without ROS and yield the run of each, the first one first."""
+    string = run_string(
+        trip.route,
+        count,
+        plant_for(trip),
+        lambda: controller_for(trip),
+        trip.preview,
+        trip.leader.leader_length_m,
+    )
+    for each in string:
+        yield Run(
+            name=trip.heading,
+            settings=trip.settings,
+            parameters=trip.parameters,
+            trajectory=each.trajectory,
+            decisions=each.decisions,
+            slope=trip.route.slope,
+            trip=trip,
+        )

@@ -1,11 +1,12 @@
 """The closed loop for a full ROS 2 installation: plant, V2X bridge, controller and, if wanted, the recorder.
 
     ros2 launch iptm closed_loop.launch.py cycle:=us06 slope:=large record:=true
-    ros2 launch iptm closed_loop.launch.py scenario:=real_time namespace:=car_1
+    ros2 launch iptm closed_loop.launch.py trip:=real_time namespace:=car_1
 
-The loop ends with the first of its nodes that does; it goes on without its recorder. If one of its processes
-has failed, the launch then fails with exit code 1, after a mistake in the arguments at once. Arguments go
-before the scenario; what neither names is set in the parameter files.
+Every setting of a trip is an argument; what is not given is taken from the trip. Files such as
+plant_parameters:=FILE hold further parameters of a node. The loop ends with the first of its nodes that does;
+it goes on without its recorder. If one of its processes has failed, the launch then fails with exit code 1,
+after a mistake in the arguments at once.
 """
 
 import atexit
@@ -15,111 +16,51 @@ from datetime import datetime
 from functools import partial
 from pathlib import Path
 
-from ament_index_python.packages import get_package_share_directory
 from launch.actions import (
     DeclareLaunchArgument,
     EmitEvent,
     OpaqueFunction,
     RegisterEventHandler,
 )
-from launch.conditions import IfCondition
 from launch.event_handlers import OnProcessExit
 from launch.events import matches_action
 from launch.events.process import ShutdownProcess
-from launch.substitutions import LaunchConfiguration, PythonExpression
 from launch_ros.actions import Node
-from launch_ros.parameter_descriptions import ParameterValue
 
-from iptm.runner.composition import parameter_file_text
-from iptm.runner.scenario import NODES, Scenario, names_for
-from iptm.runner.scenario_files import load_scenario, shipped_scenarios
-from iptm_core.declaration import parameter_specs, plain
+from iptm.runner.composition import node_parameters, parameter_file_text
+from iptm.runner.runner import check_over_ros
+from iptm.trip import HOME, NODES, SPECS
+from iptm.trip_files import DEFAULT_TRIP, load_trip, shipped_trips
 from iptm_core.errors import ScenarioError
-from iptm_core.parameters import load_parameters
 from iptm_core.program import EXIT_USER_ERROR
-from iptm_core.settings import VEHICLE_LENGTH_M, VehicleAheadSettings, VehicleSettings
+from iptm_ros.connections import full_name
 from iptm_ros.topics import BRIDGE, CONTROLLER, PLANT
 from launch import LaunchDescription
 
-CONFIG = Path(get_package_share_directory("iptm")) / "config" / "nodes"
 EXECUTABLES = {
     PLANT: ("iptm_plant_sim", "plant"),
     BRIDGE: ("iptm_v2x_bridge", "bridge"),
     CONTROLLER: ("iptm_controller", "controller"),
 }
-
-SPECS = {spec.name: spec for spec in parameter_specs(Scenario)}
-# Node -> parameters of it that are arguments here, with their types.
-PARAMETERS = {node: {name: SPECS[name].kind for name in names_for(node)} for node in NODES}
-PARAMETERS[BRIDGE] |= {
-    "initial_gap_m": float,
-    "vehicle_ahead": str,
-    "leader_length_m": float,
-}
-PARAMETERS[PLANT] |= {"vehicle_ahead": str, "vehicle_behind": str, "start_position_m": float}
-NEIGHBOURS = {
-    spec.name: spec
-    for group in (VehicleAheadSettings, VehicleSettings)
-    for spec in parameter_specs(group)
-    if spec.name in {"vehicle_ahead", "vehicle_behind"}
-}
-
-START_TIMEOUT_S = 660.0
-"""For two compilations at a first start."""
-TRUTH_VALUES = ["true", "false", "True", "False"]
-DEFAULT_GAP_M = load_parameters().values.gap.initial_gap_m
+OF_THE_RUNNER = ("domain", "faults")
+SETTINGS = [name for name in HOME if name not in OF_THE_RUNNER]
 # Argument -> default, description.
 ARGUMENTS = {
-    "scenario": ("", f"{', '.join(shipped_scenarios())}, or a .yaml file; empty for none"),
-    "namespace": ("", "namespace of all nodes"),
+    "trip": (DEFAULT_TRIP, f"{', '.join(shipped_trips())}, or a .yaml file"),
     "clock": ("clock", "topic of the clock; a relative name moves with the namespace"),
     "use_sim_time": ("false", "the nodes go by the stamps of messages; only their logs differ"),
     "record": ("false", "whether to record a bag"),
     "fails_launch": ("true", "whether the launch fails when a process of this loop has failed"),
     "bag": (f"bags/run_{datetime.now().astimezone():%Y%m%d_%H%M%S}", "bag folder to create"),
     **{
-        name: (str(plain(spec.default)), f"{spec.description}; {spec.allowed}")
-        for name, spec in SPECS.items()
-        if any(name in of_node for of_node in PARAMETERS.values())
+        name: ("", f"{SPECS[name].description}; {SPECS[name].allowed}; empty: as in the trip")
+        for name in SETTINGS
     },
-    "initial_gap_m": (str(DEFAULT_GAP_M), "gap at the start in m, as in the parameter set"),
-    "leader_length_m": (str(VEHICLE_LENGTH_M), "leader_source vehicle: length of the leader in m"),
-    "start_position_m": ("0.0", "where the vehicle starts along the road, in m"),
-    **{name: (str(plain(spec.default)), spec.description) for name, spec in NEIGHBOURS.items()},
-    **{
-        f"{node}_parameters": (str(CONFIG / f"{node}.yaml"), f"parameter file of {node}")
-        for node in NODES
-    },
+    **{f"{node}_parameters": ("", f"parameter file of {node}, over the trip") for node in NODES},
 }
-
-
-def take_scenario(context) -> None:
-    """Take the values of the scenario for all arguments that are not given.
-
-    Raises:
-        ScenarioError: it cannot be read, or asks for what a launch cannot do.
-    """
-    given = context.launch_configurations
-    if not given["scenario"]:
-        return
-    scenario = load_scenario(given["scenario"])
-    if scenario.faults:
-        raise ScenarioError(
-            f"scenario {scenario.name} has faults; allowed: none here, scripts/run_demo drives it"
-        )
-    for name in SPECS.keys() & ARGUMENTS.keys():
-        given.setdefault(name, str(plain(getattr(scenario, name))))
-    for node, values in scenario.node_parameters.items():
-        if f"{node}_parameters" in given:
-            raise ScenarioError(
-                f"scenario {scenario.name} sets parameters of {node}, as {node}_parameters does; "
-                "allowed: one of the two"
-            )
-        folder = tempfile.mkdtemp(prefix="iptm_launch_")
-        atexit.register(shutil.rmtree, folder, ignore_errors=True)
-        path = Path(folder) / f"{node}.yaml"
-        path.write_text(parameter_file_text(node, values), encoding="utf-8")
-        given[f"{node}_parameters"] = str(path)
+START_TIMEOUT_S = 660.0
+"""For two compilations at a first start."""
+TRUTH_VALUES = ["true", "false", "True", "False"]
 
 
 class LoopEnd:
@@ -151,7 +92,7 @@ class LoopEnd:
                 raise RuntimeError(failure)
         if self._running == 0 and self._failures and self._fails_launch:
             raise RuntimeError("; ".join(self._failures))
-        if process is self.processes[-1]:  # the recorder
+        if self.processes.index(process) == len(NODES):  # the recorder
             return []
         others = [each for each in self.processes if each is not process]
         return [
@@ -174,93 +115,88 @@ def choices_of(name: str) -> list[str] | None:
     if name in {"record", "use_sim_time", "fails_launch"}:
         return TRUTH_VALUES
     spec = SPECS.get(name)
-    return list(spec.choices) or None if spec and not spec.suffixes else None
+    return ["", *spec.choices] if spec and spec.choices and not spec.suffixes else None
 
 
-def generate_launch_description() -> LaunchDescription:
-    """Return the arguments and the processes."""
-    record = LaunchConfiguration("record")
-    clock = LaunchConfiguration("clock")
+def trip_of(given: dict[str, str]):
+    """Return the trip that arguments describe.
+
+    Raises:
+        ScenarioError: it is not sound, or asks for what a launch cannot do.
+    """
+    options = {name: given[name] for name in SETTINGS if given.get(name)}
+    trip = check_over_ros(load_trip(given["trip"], options))
+    if trip.conditions.faults:
+        raise ScenarioError(
+            f"trip {trip.name} has faults; allowed: none here, `iptm run` drives it"
+        )
+    return trip
+
+
+def loop(context, end: LoopEnd) -> list[RegisterEventHandler | Node]:
+    """Return the processes of the loop and what their ends lead to."""
+    given = context.launch_configurations
+    end.prepare(context)
+    trip, is_recorded = trip_of(given), given["record"].lower() == "true"
+    folder = Path(tempfile.mkdtemp(prefix="iptm_launch_"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
     common = {
-        "namespace": LaunchConfiguration("namespace"),
+        "namespace": given["namespace"],
         # rclpy itself subscribes to the second one with use_sim_time.
-        "remappings": [("clock", clock), ("/clock", clock)],
+        "remappings": [("clock", given["clock"]), ("/clock", given["clock"])],
         "output": "screen",
     }
-    sim_time = ParameterValue(LaunchConfiguration("use_sim_time"), value_type=bool)
-    actions = [
-        DeclareLaunchArgument(
-            name,
-            default_value=default,
-            description=description,
-            choices=choices_of(name),
-        )
-        for name, (default, description) in ARGUMENTS.items()
-    ]
-    end = LoopEnd()
-    processes = end.processes
-    for name, (package, executable) in EXECUTABLES.items():
-        parameters = {
-            key: ParameterValue(LaunchConfiguration(key), value_type=kind)
-            for key, kind in PARAMETERS[name].items()
-        }
-        parameters["use_sim_time"] = sim_time
-        if name == PLANT:
-            parameters["start_paused"] = True
-        processes.append(
+    use_sim_time = given["use_sim_time"].lower() == "true"
+    for node, parameters in node_parameters(trip).items():
+        file = folder / f"{node}.yaml"
+        file.write_text(parameter_file_text(node, parameters), encoding="utf-8")
+        files = [str(file), *filter(None, [given[f"{node}_parameters"]])]
+        package, executable = EXECUTABLES[node]
+        own = {"use_sim_time": use_sim_time}
+        end.processes.append(
             Node(
                 package=package,
                 executable=executable,
-                name=name,
-                parameters=[LaunchConfiguration(f"{name}_parameters"), parameters],
+                name=node,
+                parameters=[*files, own],
                 **common,
             )
         )
-    processes.append(
-        Node(
-            package="iptm_ros",
-            executable="recorder",
-            name="recorder",
-            arguments=[LaunchConfiguration("bag")],
-            condition=IfCondition(record),
-            **common,
-        )
-    )
-    namespace, recorded = LaunchConfiguration("namespace"), ["'", record, "'.lower() == 'true'"]
-    start = Node(
-        package="iptm_ros",
-        executable="call",
-        arguments=[
-            PythonExpression(["'/' + '", namespace, "'.strip('/') + '/plant'"]),
-            "resume",
-            "--connected",
-            PythonExpression(
-                ["'plant,v2x_bridge,controller' + (',recorder' if ", *recorded, " else '')"]
-            ),
-            "--timeout-s",
-            str(START_TIMEOUT_S),
-        ],
-        output="screen",
-    )
+    if is_recorded:
+        recorder = {"package": "iptm_ros", "executable": "recorder", "name": "recorder"}
+        end.processes.append(Node(**recorder, arguments=[given["bag"]], **common))
     # Not `Shutdown`, which would end the other vehicles of a launch, too.
     endings = [
         RegisterEventHandler(
             OnProcessExit(target_action=process, on_exit=partial(end.on_exit, process))
         )
-        for process in processes
+        for process in end.processes
     ]
+    start = Node(
+        package="iptm_ros",
+        executable="call",
+        arguments=[
+            full_name(trip.full_namespace, PLANT),
+            "resume",
+            "--connected",
+            ",".join([*NODES, *(["recorder"] if is_recorded else [])]),
+            "--timeout-s",
+            str(START_TIMEOUT_S),
+        ],
+        output="screen",
+    )
     endings.append(
         RegisterEventHandler(OnProcessExit(target_action=start, on_exit=end.on_start_signal))
     )
-    scenario, *others = actions
-    return LaunchDescription(
-        [
-            scenario,
-            OpaqueFunction(function=take_scenario),
-            *others,
-            OpaqueFunction(function=end.prepare),
-            *endings,
-            *processes,
-            start,
-        ]
-    )
+    return [*endings, *end.processes, start]
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Return the arguments and the processes."""
+    arguments = [
+        DeclareLaunchArgument(
+            name, default_value=default, description=description, choices=choices_of(name)
+        )
+        for name, (default, description) in ARGUMENTS.items()
+    ]
+    return LaunchDescription([*arguments, OpaqueFunction(function=partial(loop, end=LoopEnd()))])

@@ -21,29 +21,19 @@ from launch.actions import (
 )
 from launch.event_handlers import OnProcessExit
 from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch.substitutions import LaunchConfiguration
 
-from iptm.runner.scenario import NODES
-from iptm_core.parameters import load_parameters
-from iptm_core.settings import VEHICLE_LENGTH_M
-from iptm_core.vehicle_string import (
-    MAX_VEHICLES,
-    string_gap_m,
-    vehicle_count,
-    vehicle_length_m,
-    vehicles_in_string,
-)
+from iptm.trip import HOME, NODES
+from iptm.trip_files import DEFAULT_TRIP, load_trip
+from iptm.vehicle_string import trips_in_string
+from iptm_core.vehicle_string import MAX_VEHICLES, vehicle_count
 from launch import LaunchContext, LaunchDescription
 
 LOOP = Path(get_package_share_directory("iptm")) / "launch" / "closed_loop.launch.py"
+OF_A_PLACE = ("namespace", "vehicle_ahead", "vehicle_behind", "start_position_m", "leader_source")
+"""Settings in which the vehicles of a string differ."""
 # Argument -> default, description.
 ARGUMENTS = {
     "vehicles": ("5", f"number of vehicles, 2 to {MAX_VEHICLES}"),
-    "leader_length_m": (str(VEHICLE_LENGTH_M), "length of every vehicle in m"),
-    "initial_gap_m": (
-        str(load_parameters().values.gap.initial_gap_m),
-        "gap at the start in m, as in the parameter set",
-    ),
     "bag": (
         f"bags/string_{datetime.now().astimezone():%Y%m%d_%H%M%S}",
         "with record:=true, folder of the bag folders, one for each vehicle",
@@ -57,25 +47,17 @@ def loops(context: LaunchContext) -> list[RegisterEventHandler | GroupAction]:
     Raises:
         ScenarioError: an argument is not a number, or out of range.
     """
-    given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
-    vehicles = vehicles_in_string(
-        vehicle_count(given["vehicles"]),
-        string_gap_m(given["initial_gap_m"]),
-        vehicle_length_m(given["leader_length_m"], "leader_length_m"),
-    )
-    record = context.launch_configurations.get("record", "false").lower() == "true"
+    chosen = context.launch_configurations
+    options = {name: chosen[name] for name in HOME if chosen.get(name)}
+    trip = load_trip(chosen.get("trip", DEFAULT_TRIP), options)
+    vehicles = trips_in_string(trip, vehicle_count(chosen["vehicles"]))
+    record = chosen.get("record", "false").lower() == "true"
     end = StringEnd(len(vehicles) * (len(NODES) + record + 1))  # 1: the start signal
     actions = [RegisterEventHandler(OnProcessExit(on_exit=end.on_exit))]
-    for vehicle in vehicles:
+    for name, each in vehicles.items():
         arguments = {
-            "namespace": vehicle.namespace,
-            "vehicle_ahead": vehicle.vehicle_ahead,
-            "vehicle_behind": vehicle.vehicle_behind,
-            "start_position_m": str(vehicle.start_position_m),
-            "leader_source": "vehicle" if vehicle.vehicle_ahead else "cycle",
-            "leader_length_m": given["leader_length_m"],
-            "initial_gap_m": given["initial_gap_m"],
-            "bag": f"{given['bag']}/{vehicle.name}",
+            **{key: str(each.settings[key]) for key in OF_A_PLACE},
+            "bag": f"{chosen['bag']}/{name}",
             "fails_launch": "false",
         }
         include = IncludeLaunchDescription(

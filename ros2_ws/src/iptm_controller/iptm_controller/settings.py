@@ -105,6 +105,13 @@ class ControllerSettings(
         "prediction grid, <steps>x<seconds> parts joined by +, thermal ones with a t behind",
     )
     solver: str = parameter(_SOLVER.name, "solver back end", choices=SOLVER_NAMES)
+    reference_temperature_k: float = parameter(
+        FROM_STRATEGY,
+        "r_T, temperature that J2 measures deviations from; -1 takes that of the strategy",
+        "K",
+        -1.0,
+        400.0,
+    )
     max_iterations: int = parameter(
         _SOLVER.max_iterations, "iterations of one solve at most", "", 1, 100_000
     )
@@ -193,7 +200,7 @@ class ControllerSettings(
         )
 
     def weighted_strategy(self) -> Strategy:
-        """Return the strategy with the weights that are stated."""
-        weights = {key: getattr(self, key) for key in COST_TERMS}
-        stated = {key: value for key, value in weights.items() if value != FROM_STRATEGY}
+        """Return the strategy with what is stated of it."""
+        values = {key: getattr(self, key) for key in (*COST_TERMS, "reference_temperature_k")}
+        stated = {key: value for key, value in values.items() if value != FROM_STRATEGY}
         return replace(strategy_by_name(self.strategy), **stated)

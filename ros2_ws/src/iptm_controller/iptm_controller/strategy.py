@@ -126,7 +126,7 @@ class Strategy:
     @property
     def is_rule_based(self) -> bool:
         """Whether nothing is optimised."""
-        return self.rules is not DrivingRules.NONE
+        return self.rules != DrivingRules.NONE  # a stored strategy holds the text
 
     @property
     def weights(self) -> dict[str, float]:

@@ -43,7 +43,11 @@ class MissingTopicError(BagError):
 
 
 class ScenarioError(IptmError):
-    """A scenario or study description is malformed."""
+    """The description of a trip or study is malformed."""
+
+
+class DriveError(IptmError):
+    """A trip over ROS 2 did not come to its end."""
 
 
 class ServiceError(IptmError):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from iptm_core.errors import ScenarioError
-from iptm_core.settings import VEHICLE_LENGTHS_M
 from iptm_core.user_input import number
 
 MAX_VEHICLES = 20
@@ -37,16 +36,6 @@ def vehicle_count(text: str, name: str = "vehicles") -> int:
     if not count.is_integer():
         raise ScenarioError(f"{name} is {text}; allowed: a whole number, 2 to {MAX_VEHICLES}")
     return int(count)
-
-
-def vehicle_length_m(text: str, name: str = "vehicle_length_m") -> float:
-    """Read the length of a vehicle in m."""
-    return _in_range(name, text, VEHICLE_LENGTHS_M, " m")
-
-
-def string_gap_m(text: str, name: str = "initial_gap_m") -> float:
-    """Read the gap between vehicles at the start, in m; further limits are those of the parameter set."""
-    return _in_range(name, text, (1.0, 500.0), " m")
 
 
 def _in_range(name: str, text: str, bounds: tuple[float, float], unit: str = "") -> float:

@@ -5,7 +5,6 @@ A node of the traffic moves the ego vehicle in SUMO with its plant, and sends th
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import socket
@@ -24,6 +23,8 @@ from rich.console import Console
 from rich.table import Table
 from sensor_msgs.msg import JointState
 
+from iptm.trip import Trip
+from iptm.trip_files import trip_text
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import KM_H_PER_M_S, ModelParameters
@@ -124,7 +125,7 @@ class TrafficNode(SuiteNode):
         super().destroy_node()
 
 
-RUN = "iptm.runner.run_closed_loop"
+RUN = "iptm.commands.run"
 _BENDS_IN_LIMITS_M_S2 = 10.0
 """Bends that matter are in the limits of the network, which the ego vehicle has without ROS, too."""
 _SPIN_TIMEOUT_S = 0.1
@@ -160,27 +161,24 @@ def bridge_parameters(drive: TrafficDrive, network: Network, port: int) -> dict[
     }
 
 
-def write_scenario(
-    drive: TrafficDrive, road: Path, bridge: Mapping[str, object], folder: Path
-) -> Path:
-    """Write the scenario of the run into a folder; the file is named after the drive."""
+def trip_of(
+    drive: TrafficDrive, parameter_set: str, road: Path, bridge: Mapping[str, object]
+) -> Trip:
+    """Return the trip of a drive over ROS 2."""
     values = {"prediction": drive.knowledge, "step_s": drive.step_s, **asdict(drive.demand)}
-    content = {
-        "description": f"SUMO: {', '.join(f'{name} {value}' for name, value in values.items())}",
-        "cycle": str(road),
-        "duration_s": drive.duration_s,
-        "strategy": drive.strategy,
-        "seed": drive.demand.traffic_seed,
-        "node_parameters": {
-            "v2x_bridge": dict(bridge),
-            # Long timeouts: a slow SUMO is not a fault.
-            "plant": {"command_timeout_wall_s": 10.0 * _PATIENCE_S},
-            "controller": {"input_timeout_s": _PATIENCE_S},
-        },
-    }
-    file = folder / f"traffic_{drive.scenario}.yaml"
-    file.write_text(json.dumps(content), encoding="utf-8")
-    return file
+    return Trip.of(
+        str(road),
+        name=f"traffic_{drive.scenario}",
+        description=f"SUMO: {', '.join(f'{name} {value}' for name, value in values.items())}",
+        parameter_set=parameter_set,
+        duration_s=drive.duration_s,
+        strategy=drive.strategy,
+        seed=drive.demand.traffic_seed,
+        # Long timeouts: a slow SUMO is not a fault.
+        command_timeout_wall_s=10.0 * _PATIENCE_S,
+        input_timeout_s=_PATIENCE_S,
+        **bridge,
+    )
 
 
 def _free_port() -> int:
@@ -220,10 +218,11 @@ def drive_over_ros(
         node, executor = stack.enter_context(joined)
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="iptm_traffic_")))
         bridge = bridge_parameters(drive, simulation.network, port)
-        scenario = str(write_scenario(drive, road, bridge, folder))
-        command = [sys.executable, "-m", RUN, scenario, "--domain", str(domain)]
-        command += ["--parameter-set", parameter_set, "--output", str(bag)]
-        command += ["--wait-for", node.get_fully_qualified_name()]
+        trip = trip_of(drive, parameter_set, road, bridge)
+        file = folder / f"{trip.name}.yaml"
+        file.write_text(trip_text(trip), encoding="utf-8")
+        command = [sys.executable, "-m", RUN, str(file), "--domain", str(domain)]
+        command += ["--output", str(bag), "--wait-for", node.get_fully_qualified_name()]
         code = _run_during(executor, command, stop)
         if code != EXIT_OK:
             return code

@@ -19,32 +19,32 @@ STATE = "reference_state"
 class ReferenceCar:
     """Starts the process that drives the reference car, and passes its rows on to a feed.
 
-    The process is given ``--strategy`` and, of a bag, ``--run``. It reads the trip as a YAML scenario from
-    its standard input, and writes one JSON line with ``strategy``, ``columns`` and ``duration_s``, then one
-    JSON array per row.
+    The process is given ``--strategy`` and, of a bag, ``--run``. It reads the settings of the trip as YAML
+    from its standard input, and writes one JSON line with ``strategy``, ``columns`` and ``duration_s``, then
+    one JSON array per row.
     """
 
     def __init__(self, feed: PageFeed, command: Sequence[str], strategy: str) -> None:
         self._feed = feed
         self._command = list(command) if strategy != NO_REFERENCE else []
         self._strategy = strategy
-        self._scenario = ""
+        self._settings = ""
         self._process: subprocess.Popen[str] | None = None
 
     def start(self, facts: RunFacts) -> RunFacts:
         """Begin to drive the trip of a run, unless that has been started already."""
         if not self._command:
             return facts
-        scenario = facts.trip_scenario()
-        if scenario is None:
+        settings = facts.trip_settings()
+        if settings is None:
             return facts.with_note(
                 "no reference car: cycle and duration of the plant are not known, "
                 "or the leader does not drive the cycle"
             )
-        if scenario == self._scenario:
+        if settings == self._settings:
             return facts
         self.close()
-        self._scenario = scenario
+        self._settings = settings
         self._feed.discard(REFERENCE)
         self._feed.put(STATE, {"state": "computing", "strategy": self._strategy, "columns": []})
         self._process = subprocess.Popen(  # noqa: S603 - the project's own module
@@ -58,15 +58,15 @@ class ReferenceCar:
             stderr=subprocess.PIPE,
             text=True,
         )
-        threading.Thread(target=self._follow, args=(self._process, scenario), daemon=True).start()
+        threading.Thread(target=self._follow, args=(self._process, settings), daemon=True).start()
         return facts
 
-    def _follow(self, process: subprocess.Popen[str], scenario: str) -> None:
+    def _follow(self, process: subprocess.Popen[str], settings: str) -> None:
         if process.stdin is None or process.stdout is None or process.stderr is None:
             return
         with process.stdout, process.stderr:
             with suppress(BrokenPipeError), process.stdin:
-                process.stdin.write(scenario)
+                process.stdin.write(settings)
             header = process.stdout.readline()
             known = {"state": "computing", **json.loads(header)} if header else {"columns": []}
             self._put(process, known)

@@ -104,22 +104,20 @@ class RunFacts:
             "duration_s": (self.nodes or {}).get(PLANT, {}).get("duration_s"),
         }
 
-    def trip_scenario(self) -> str | None:
-        """Return the trip as the YAML text of a scenario, None where it or its leader is not known."""
+    def trip_settings(self) -> str | None:
+        """Return the settings of the trip as YAML text, None where it or its leader is not known."""
         nodes = self.nodes or {}
         given = {**nodes.get(BRIDGE, {}), **nodes.get(PLANT, {})}
-        content: dict[str, Any] = {}
-        own: dict[str, Any] = {}
-        for group in (group for groups in ASKED.values() for group in groups):
-            for spec in parameter_specs(group):
-                into = own if group in _OF_THE_PLANT_ALONE else content
-                if spec.name in given:
-                    into[spec.name] = given[spec.name]
+        names = [
+            spec.name
+            for groups in ASKED.values()
+            for group in groups
+            for spec in parameter_specs(group)
+        ]
+        content = {name: given[name] for name in names if name in given}
         drives_cycle = given.get(LEADER_SOURCE, FROM_CYCLE) == FROM_CYCLE
         if "cycle" not in content or "duration_s" not in content or not drives_cycle:
             return None
-        if own:
-            content["node_parameters"] = {PLANT: own}
         text: str = yaml.safe_dump(content, sort_keys=False)
         return text
 

@@ -1,4 +1,4 @@
-"""Turns a scenario into the commands that start its processes; pure data, nothing is started here.
+"""Turns a trip into the commands that start its processes; pure data, nothing is started here.
 
 The nodes are identified by module and parameter names only, as when started by hand.
 """
@@ -15,9 +15,9 @@ from typing import Any
 from iptm.faults.fault import Fault, at_places, plain_faults
 from iptm.faults.kinds import FaultPlace
 from iptm.faults.signals import faulty_name, route_name
-from iptm.runner.scenario import NODES, Scenario, names_for
-from iptm.runner.scenario_files import scenario_text
-from iptm_core.declaration import Scalar, plain
+from iptm.trip import NODES, Trip, node_settings
+from iptm.trip_files import trip_text
+from iptm_core.declaration import Scalar
 from iptm_core.parameters import to_flat_dict
 from iptm_ros.connections import full_name
 from iptm_ros.recording.run_information import MODEL_KEY
@@ -65,44 +65,37 @@ _REMAPPED: Mapping[str, Mapping[str, str]] = {
 """Topics of nodes that are routed through the injector if there is one, by node and name."""
 
 
-def node_parameters(scenario: Scenario) -> dict[str, dict[str, Scalar]]:
+def node_parameters(trip: Trip) -> dict[str, dict[str, Scalar]]:
     """Return the parameters of each node, the injector's among them if a fault acts on topics.
 
     The plant waits for the runner, which resumes it when all nodes hear each other.
     """
     own: dict[str, dict[str, Scalar]] = {
         PLANT: {"start_paused": True},
-        BRIDGE: {"initial_gap_m": scenario.vehicle.values.gap.initial_gap_m},
-        CONTROLLER: {"trip_duration_s": scenario.trip.duration_s},
+        BRIDGE: {"initial_gap_m": trip.parameters.gap.initial_gap_m},
+        CONTROLLER: {"trip_duration_s": trip.route.duration_s},
     }
-    parameters = {
-        node: {
-            **{name: plain(getattr(scenario, name)) for name in names_for(node)},
-            **own[node],
-            **scenario.node_parameters.get(node, {}),
-        }
-        for node in NODES
-    }
+    parameters = {node: {**node_settings(trip, node), **own[node]} for node in NODES}
+    faults = trip.conditions.faults
     for place, (node, _) in FAULTY_NODES.items():
-        if inside := at_places(scenario.faults, place):
+        if inside := at_places(faults, place):
             parameters[node]["faults"] = json.dumps(plain_faults(inside))
-    if needs_injector(scenario.faults):
-        on_topics = at_places(scenario.faults, *_TOPIC_PLACES)
+    if needs_injector(faults):
+        on_topics = at_places(faults, *_TOPIC_PLACES)
         parameters[INJECTOR] = {"faults": json.dumps(plain_faults(on_topics))}
     return parameters
 
 
-def trip_members(scenario: Scenario, *, recorder: bool) -> tuple[str, ...]:
+def trip_members(trip: Trip, *, recorder: bool) -> tuple[str, ...]:
     """Return the full names of the nodes that must hear each other before the trip begins.
 
     Those of the user are not among them, as they make no reports; those of the vehicles ahead and behind are.
     """
-    nodes = [*(node for node in NODES if node not in scenario.foreign)]
-    nodes += [INJECTOR] * needs_injector(scenario.faults) + [RECORDER] * recorder
-    plant = scenario.node_parameters.get(PLANT, {})
-    others = [str(plant.get(key, "")).strip("/") for key in ("vehicle_ahead", "vehicle_behind")]
+    nodes = [*(node for node in NODES if node not in trip.foreign)]
+    nodes += [INJECTOR] * needs_injector(trip.conditions.faults) + [RECORDER] * recorder
+    others = [trip.leader.vehicle_ahead.strip("/"), trip.vehicle.vehicle_behind.strip("/")]
     return (
-        *(full_name(scenario.full_namespace, node) for node in nodes),
+        *(full_name(trip.full_namespace, node) for node in nodes),
         *(full_name(f"/{other}", node) for other in others if other for node in NODES),
     )
 
@@ -165,18 +158,16 @@ def _scalar_text(value: Scalar) -> str:
     return text.replace("e", ".0e") if is_bare else text
 
 
-def run_information(
-    scenario: Scenario, parameters: Mapping[str, Mapping[str, Scalar]]
-) -> dict[str, Any]:
+def run_information(trip: Trip, parameters: Mapping[str, Mapping[str, Scalar]]) -> dict[str, Any]:
     """Return the information about the run to be stored; the recorder adds revision and versions."""
     return {
-        "scenario": scenario.name,
-        "run": scenario.heading,
-        "seed": scenario.seed,
+        "scenario": trip.name,
+        "run": f"{trip.name}: {trip.heading}",
+        "seed": trip.leader.seed,
         "parameters": {
-            MODEL_KEY: to_flat_dict(scenario.vehicle.values),
+            MODEL_KEY: to_flat_dict(trip.model.values),
             **{node: dict(given) for node, given in parameters.items()},
         },
-        "scenario_file": scenario_text(scenario),
-        "route": f"{scenario.trip.name}, {scenario.trip.duration_s:g} s ({scenario.trip.source})",
+        "trip": trip_text(trip),
+        "route": f"{trip.route.name}, {trip.route.duration_s:g} s ({trip.route.source})",
     }

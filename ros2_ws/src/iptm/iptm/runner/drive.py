@@ -15,8 +15,8 @@ from iptm.runner.composition import RECORDER
 from iptm.runner.monitor import RunMonitor, Snapshot
 from iptm.runner.process_faults import ProcessFaults
 from iptm.runner.progress import Progress
-from iptm.runner.scenario import Scenario
 from iptm.runner.supervisor import ProcessEnd, Supervisor
+from iptm.trip import Trip
 from iptm_core.program import EXIT_USER_ERROR
 from iptm_ros.discovery import SERVER_VARIABLE
 from iptm_ros.process import StopRequest
@@ -70,7 +70,7 @@ class DriveResult:
 
 @dataclass(frozen=True, eq=False)
 class Drive(AbstractContextManager["Drive"]):
-    """Runs the processes of one scenario; as a context manager it ends them all.
+    """Runs the processes of one trip; as a context manager it ends them all.
 
     Attributes:
         supervisor: starts and ends the processes.
@@ -79,7 +79,7 @@ class Drive(AbstractContextManager["Drive"]):
         progress: shows how far it is.
         stop: set when the user requests a stop.
         process_faults: what is done to the processes on purpose.
-        scenario: what is driven.
+        trip: what is driven.
     """
 
     supervisor: Supervisor
@@ -88,7 +88,7 @@ class Drive(AbstractContextManager["Drive"]):
     progress: Progress
     stop: StopRequest
     process_faults: ProcessFaults
-    scenario: Scenario
+    trip: Trip
 
     def __exit__(self, *error: object) -> None:
         """End the recorder last, so that the final messages of the other nodes are in the bag."""
@@ -155,7 +155,7 @@ class Drive(AbstractContextManager["Drive"]):
     @property
     def _is_held(self) -> bool:
         """Whether the user begins the trip with `plant/resume`."""
-        return bool(self.scenario.node_parameters.get(PLANT, {}).get("start_paused", False))
+        return self.trip.conditions.start_paused
 
     def _intruded(self) -> DriveResult | None:
         crowded = self.monitor.crowded_topics
@@ -195,10 +195,10 @@ class Drive(AbstractContextManager["Drive"]):
             return None
 
         def over() -> bool:
-            if PLANT in self.scenario.foreign:
+            if PLANT in self.trip.foreign:
                 now_ns = self.monitor.time_ns or 0
                 return (
-                    now_ns * 1e-9 >= self.scenario.trip.duration_s - _TIME_TOLERANCE_S
+                    now_ns * 1e-9 >= self.trip.route.duration_s - _TIME_TOLERANCE_S
                     or PLANT in self.monitor.awaited_nodes
                 )
             running = self.supervisor.is_running(self.process_faults.current(PLANT))
@@ -223,10 +223,10 @@ class Drive(AbstractContextManager["Drive"]):
 
     def _contradiction(self, snapshot: Snapshot) -> str:
         """Return evidence that messages of another run are mixed in, empty if there is none."""
-        duration_s = self.scenario.trip.duration_s
+        duration_s = self.trip.route.duration_s
         if snapshot.time_s > duration_s + _TIME_TOLERANCE_S:
             found = f"the clock is at {snapshot.time_s:g} s of a trip of {duration_s:g} s"
-        elif snapshot.gap_m < IMPOSSIBLE_GAP_M and not self.scenario.faults:
+        elif snapshot.gap_m < IMPOSSIBLE_GAP_M and not self.trip.conditions.faults:
             # A fault may show another leader than the one that is followed.
             found = f"the gap is {snapshot.gap_m:.0f} m at {snapshot.time_s:g} s"
         else:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from enum import Enum
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +15,9 @@ import numpy as np
 from iptm.bags import load
 from iptm.run import Run
 from iptm.runner.monitor import heard_by_stamp
-from iptm.runner.scenario import Scenario
-from iptm.runner.scenario_files import scenario_text
-from iptm.runner.summary import OWN_AGING, PAPER_AGING, Summary, summarise
-from iptm_core.declaration import parameter_specs, plain
+from iptm.runner.summary import headline
+from iptm.trip import Trip
+from iptm.trip_files import trip_text
 from iptm_core.metrics import FIGURES, RunMetrics
 from iptm_core.settings import LeaderSource
 from iptm_core.trajectory import Trajectory
@@ -43,53 +41,19 @@ _OF_CONTROLLER = (
 )
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class RosRun(Run):
-    """A finished run over ROS 2; trajectory and decisions are those of its bag if there is one.
-
-    Attributes:
-        scenario: what was driven.
-        wall_time_s: from the first to the last clock.
-        bag_messages: messages in the bag by topic, None without a bag.
-        problems: why the run counts as failed, empty if it does not.
-        warnings: warnings of the nodes during the run.
-        information: provenance of the run: revision, versions, start time.
-        other: the same trip under another strategy, None without a comparison.
-    """
-
-    scenario: Scenario
-    wall_time_s: float
-    bag_messages: Mapping[str, int] | None
-    problems: tuple[str, ...]
-    warnings: tuple[str, ...]
-    information: RunInformation
-    other: Run | None = None
-
-    @cached_property
-    def headline(self) -> Summary:
-        """Headline figures, against the other strategy if there is one."""
-        aging = OWN_AGING if PLANT in self.scenario.foreign else PAPER_AGING
-        return summarise(self, self.other, aging)
-
-    @property
-    def speed_up(self) -> float:
-        """Trip time per wall time."""
-        return self.metrics.duration_s / self.wall_time_s if self.wall_time_s > 0.0 else math.nan
-
-
 def evaluate(
-    scenario: Scenario,
+    trip: Trip,
     heard: Heard,
     bag: Path | None,
     information: RunInformation,
     wall_time_s: float,
     problems: Sequence[str] = (),
     warnings: Sequence[str] = (),
-) -> RosRun:
+) -> Run:
     """Compute the results of a run.
 
     Args:
-        scenario: what was to be driven.
+        trip: what was to be driven.
         heard: serialised messages received by the runner, by topic.
         bag: what was recorded, None if nothing was.
         information: revision and versions, used without a bag.
@@ -101,14 +65,14 @@ def evaluate(
         BagError: the bag cannot be read.
         MessageError: there is neither a bag nor a complete tick among the received messages.
     """
-    found, notes = list(problems), [*warnings, *scenario.trip.notes]
+    found, notes = list(problems), [*warnings, *trip.route.notes]
     trips = split_trips((stamp_ns_of(data), None) for data in heard[Topic.PLANT_STATE])
     if len(trips) > 1:
         notes.append(
             f"the trip was begun {len(trips)} times; the figures are those of the last one"
         )
-    parameters = scenario.vehicle.values
-    namespace = scenario.namespace or None
+    parameters = trip.model.values
+    namespace = trip.conditions.namespace or None
     counts: dict[str, int] | None = None
     if bag is None:
         assembled = assemble_run(heard_by_stamp(heard, TICK_TOPICS))
@@ -120,24 +84,22 @@ def evaluate(
         recorded = load(bag, namespace)
         trajectory, decisions = recorded.trajectory, recorded.decisions
         parameters = recorded.parameters
-        if parameters != scenario.vehicle.values:
-            found.append("the model parameters in the bag are not those of the scenario")
+        if parameters != trip.model.values:
+            found.append("the model parameters in the bag are not those of the trip")
         with BagReader(bag) as reader:
             counts = {name: topic.message_count for name, topic in sorted(reader.topics.items())}
             information = reader.run_information()
-        found += _missing_messages(counts, len(trajectory), scenario)
+        found += _missing_messages(counts, len(trajectory), trip)
         lost, missed = _unequal_states(trips[-1], trajectory)
         if lost:
             # A plant of the user need not wait for the recorder.
-            (notes if PLANT in scenario.foreign else found).append(
+            (notes if PLANT in trip.foreign else found).append(
                 f"the bag lacks {lost} states that the runner received"
             )
         if missed:
             notes.append(f"the runner missed {missed} states; the bag holds them")
     losses = None if bag is None else stored_losses(information)
-    notes += unpublished(
-        trajectory, has_leader=scenario.road.leader_source is not LeaderSource.NONE
-    )
+    notes += unpublished(trajectory, has_leader=trip.rules.leader_source is not LeaderSource.NONE)
     notes += [remark] if (remark := leader_remark(trajectory, losses)) else []
     fastest_m_s = float(np.fmax.reduce(trajectory.leader_speed_m_s))
     if fastest_m_s > parameters.limits.max_speed_m_s:
@@ -145,17 +107,15 @@ def evaluate(
             f"the leader drives up to {fastest_m_s:.3g} m/s, the ego vehicle at most"
             f" {parameters.limits.max_speed_m_s:.3g} m/s: it could not follow"
         )
-    (notes if PLANT in scenario.foreign else found).extend(_unfinished(trajectory, scenario))
-    run = RosRun(
-        name=scenario.heading,
-        settings={
-            spec.name: plain(getattr(scenario, spec.name)) for spec in parameter_specs(Scenario)
-        },
+    (notes if PLANT in trip.foreign else found).extend(_unfinished(trajectory, trip))
+    run = Run(
+        name=f"{trip.name}: {trip.heading}",
+        settings=trip.settings,
         parameters=parameters,
         trajectory=trajectory,
         decisions=decisions,
-        slope=scenario.trip.slope,
-        scenario=scenario,
+        slope=trip.route.slope,
+        trip=trip,
         wall_time_s=wall_time_s,
         bag_messages=counts,
         problems=tuple(found),
@@ -172,22 +132,22 @@ def _unequal_states(heard: Iterable[int], trajectory: Trajectory) -> tuple[int, 
     return len(heard_s - recorded_s), len(recorded_s - heard_s)
 
 
-def _missing_messages(counts: Mapping[str, int], ticks: int, scenario: Scenario) -> list[str]:
+def _missing_messages(counts: Mapping[str, int], ticks: int, trip: Trip) -> list[str]:
     """Return a sentence per topic for which the bag lacks the message of a tick."""
     # In real time the plant does not wait for answers, so only its own messages are certain.
-    complete = (*_OF_PLANT, *_OF_BRIDGE) if scenario.is_lock_step else _OF_PLANT
+    complete = (*_OF_PLANT, *_OF_BRIDGE) if trip.is_lock_step else _OF_PLANT
     expected = dict.fromkeys(complete, ticks)
-    road = scenario.road
+    road = trip.rules
     if road.keeps_rules and road.leader_source is not LeaderSource.CYCLE:
         expected.pop(Topic.LEADER, None)  # published where a vehicle is ahead
-    if scenario.is_lock_step:
+    if trip.is_lock_step:
         # The last state ends the trip, whether it is answered or not.
         expected |= dict.fromkeys(_OF_CONTROLLER, ticks - 1)
     expected[Topic.SLOPE] = 1
-    prefix = scenario.full_namespace.rstrip("/")
+    prefix = trip.full_namespace.rstrip("/")
     sentences = []
     for topic, least in expected.items():
-        if TOPICS[topic].publisher in scenario.foreign:
+        if TOPICS[topic].publisher in trip.foreign:
             continue  # it may publish less than that of the suite
         name = TOPICS[topic].name
         count = counts.get(name if name.startswith("/") else f"{prefix}/{name}", 0)
@@ -196,9 +156,9 @@ def _missing_messages(counts: Mapping[str, int], ticks: int, scenario: Scenario)
     return sentences
 
 
-def _unfinished(trajectory: Trajectory, scenario: Scenario) -> list[str]:
+def _unfinished(trajectory: Trajectory, trip: Trip) -> list[str]:
     start_s, end_s = float(trajectory.time_s[0]), float(trajectory.time_s[-1])
-    duration_s = scenario.trip.duration_s
+    duration_s = trip.route.duration_s
     if start_s == 0.0 and end_s >= duration_s - 1e-9:
         return []
     return [f"the run covers {start_s:g} s to {end_s:g} s of a trip of {duration_s:g} s"]
@@ -217,17 +177,18 @@ def _time_text(time_s: float | None) -> str:
     return "an unknown time" if time_s is None or math.isnan(time_s) else f"{time_s:g} s"
 
 
-def results_json(run: RosRun) -> str:
+def results_json(run: Run, trip: Trip) -> str:
     """Return a run as JSON text; what is unknown (NaN) becomes null."""
-    values, other, information = run.figures, run.other, run.information
+    values, other, summary = run.figures, run.other, headline(run)
+    information = run.information
     document = {
-        "scenario": run.scenario.name,
+        "scenario": trip.name,
         "run": run.name,
         "summary": {
-            "text": [f"{label}: {text}" for label, text in run.headline.lines],
-            **run.headline.values,
+            "text": [f"{label}: {text}" for label, text in summary.lines],
+            **summary.values,
         },
-        "scenario_file": scenario_text(run.scenario),
+        "trip": trip_text(trip),
         "good": not run.problems,
         "problems": list(run.problems),
         "warnings": list(run.warnings),
@@ -240,7 +201,8 @@ def results_json(run: RosRun) -> str:
         "wall_time_s": run.wall_time_s,
         "speed_up": run.speed_up,
         "bag_messages": run.bag_messages,
-        "information": {
+        "information": information
+        and {
             "git_revision": information.git_revision,
             "started_at_utc": information.started_at_utc,
             **information.versions,

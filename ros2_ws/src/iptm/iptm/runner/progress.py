@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from pathlib import Path
 
 from rich.console import Console, Group
 from rich.live import Live
@@ -32,10 +33,33 @@ class Progress:
         """Leave the terminal as it was."""
 
 
-def make_progress(console: Console, duration_s: float) -> Progress:
-    """Return what suits the console, for a trip of a length."""
+def make_progress(console: Console, duration_s: float, file: Path | None = None) -> Progress:
+    """Return what suits the console, for a trip of a length; a file takes its place."""
+    if file is not None:
+        return FileProgress(file)
     shown = BarProgress if console.is_terminal else LineProgress
     return shown(console, duration_s)
+
+
+class FileProgress(Progress):
+    """Trip time in a file that exists once the trip has begun, for a program that drives several runs."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def running(self, snapshot: Snapshot, wall_s: float) -> None:  # noqa: ARG002
+        """Write the trip time in s."""
+        new = self._path.with_suffix(".new")
+        new.write_text(f"{snapshot.time_s!r}\n", encoding="utf-8")
+        new.replace(self._path)
+
+
+def read_progress(path: Path) -> float | None:
+    """Return the trip time in s that `FileProgress` wrote, None before the trip has begun."""
+    try:
+        return float(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
 
 
 class BarProgress(Progress):

@@ -1,6 +1,6 @@
-"""Drives the trip of a scenario with another strategy, without ROS, and writes every row as it is computed.
+"""Drives a trip with another strategy, without ROS, and writes every row as it is computed.
 
-The live view runs it as a process of its own: `python -m iptm.runner.reference_drive < scenario.yaml`. The
+The live view runs it as a process of its own: `python -m iptm.runner.reference_drive < settings.yaml`. The
 first line of the output is a JSON object with strategy, columns and duration, the others are JSON arrays.
 Nothing is driven where the folder of the run keeps the trajectory of that strategy.
 """
@@ -16,16 +16,16 @@ from pathlib import Path
 
 import numpy as np
 
-from iptm.runner.comparison import drive_other
+from iptm.driving import drive_in_memory
 from iptm.runner.run_folder import REFERENCE
-from iptm.runner.scenario import prepare
-from iptm.runner.scenario_files import scenario_from
+from iptm.trip import HOME, Trip
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.errors import BagError, IptmError, ScenarioError
 from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.parameters.strict_yaml import parse_yaml
 from iptm_core.program import EXIT_OK, refused
 from iptm_core.trajectory import Trajectory
+from iptm_core.user_input import StrictMapping
 from iptm_ros.recording.export import read_exported_trajectory
 
 PROGRAM = "reference_drive"
@@ -45,32 +45,28 @@ _NICENESS = 19
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Drive the scenario of the standard input; see the module.
+    """Drive the trip of the standard input; see the module.
 
     Returns:
-        0, or 2 after a mistake in the scenario.
+        0, or 2 after a mistake in the trip.
     """
     parser = argparse.ArgumentParser(prog=PROGRAM, description=__doc__)
     parser.add_argument("--strategy", choices=list(STRATEGIES), default="reference")
     parser.add_argument("--run", type=Path, metavar="FOLDER", help="of the run, where it has ended")
     parsed = parser.parse_args(arguments)
     try:
-        content = parse_yaml(sys.stdin.read(), "scenario", ScenarioError)
-        scenario = scenario_from(content, "scenario", "reference", Path.cwd())
-        scenario = prepare(scenario)
+        content = parse_yaml(sys.stdin.read(), "trip", ScenarioError)
+        settings = StrictMapping(content or {}, "trip", HOME).content
+        trip = Trip().changed(**settings).against(parsed.strategy)
         header = {
             "strategy": parsed.strategy,
             "columns": COLUMNS,
-            "duration_s": scenario.trip.duration_s,
+            "duration_s": trip.route.duration_s,
         }
         _write(header)
         kept = None if parsed.run is None else _kept(parsed.run, parsed.strategy)
         if kept is None:
-            drive_other(
-                scenario,
-                parsed.strategy,
-                lambda *tick: _write_rows(Trajectory.from_ticks([tick])),
-            )
+            drive_in_memory(trip, on_step=lambda *tick: _write_rows(Trajectory.from_ticks([tick])))
         else:
             _write_rows(kept)
     except IptmError as error:

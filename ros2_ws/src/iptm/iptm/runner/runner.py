@@ -6,12 +6,17 @@ import sys
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import yaml
+from rclpy.exceptions import InvalidNamespaceException
+from rclpy.validate_namespace import validate_namespace
 from rich.console import Console
 from rich.text import Text
 
-from iptm.runner.comparison import NO_COMPARISON, drive_comparison, save_comparison
+from iptm.driving import drive_in_memory
+from iptm.run import Run
+from iptm.runner.comparison import NO_COMPARISON, save_comparison
 from iptm.runner.composition import (
     RECORDER,
     node_command,
@@ -33,17 +38,18 @@ from iptm.runner.monitor import RunMonitor
 from iptm.runner.process_faults import ProcessFaults
 from iptm.runner.progress import Progress, make_progress
 from iptm.runner.run_folder import RunFolder
-from iptm.runner.scenario import Scenario
 from iptm.runner.supervisor import Supervisor
 from iptm.runner.tables import print_results, save_picture
 from iptm.runner.viewer import live_view
-from iptm_core.errors import IptmError
+from iptm.trip import Trip
+from iptm.trip_files import trip_text
+from iptm_core.errors import DriveError, IptmError, ScenarioError
 from iptm_core.program import EXIT_OK, EXIT_SIGNAL, EXIT_USER_ERROR, print_error
 from iptm_ros.process import StopRequest, joined_node
 from iptm_ros.recording.run_information import collect_run_information
 from iptm_ros.topics import CONTROLLER, PLANT
 
-PROGRAM = "run_closed_loop"
+PROGRAM = "iptm run"
 EXIT_RUN_FAILED = 1
 LOOK_AROUND_S = 2.0
 """Time to find another run in a domain that the user chose; the controller takes as long to start."""
@@ -51,7 +57,7 @@ LOOK_AROUND_S = 2.0
 
 @dataclass(frozen=True)
 class RunOptions:
-    """Options of the user in addition to the scenario.
+    """Options of the user in addition to the trip.
 
     Attributes:
         output: folder to create; None for a new one under ``bags/``.
@@ -63,6 +69,7 @@ class RunOptions:
         view: whether to show it in the browser while it takes place.
         full: whether to print the tables of all figures.
         wait_for: full names of further nodes that must hear the others before the trip begins.
+        progress: file for the trip time, instead of a display of the progress.
     """
 
     output: Path | None = None
@@ -74,10 +81,11 @@ class RunOptions:
     view: bool = False
     full: bool = False
     wait_for: tuple[str, ...] = ()
+    progress: Path | None = None
 
 
-def run(scenario: Scenario, options: RunOptions, console: Console) -> int:
-    """Drive, record and report a scenario.
+def run(trip: Trip, options: RunOptions, console: Console) -> int:
+    """Drive, record and report a trip.
 
     Returns:
         0 if the trip was finished, no hard limit was broken, and the bag is complete; 1 if not; 2 for a
@@ -89,18 +97,18 @@ def run(scenario: Scenario, options: RunOptions, console: Console) -> int:
     stop = StopRequest()
     stop.install()
     with ExitStack() as stack:
-        domain = stack.enter_context(domain_of_run(scenario.domain, scenario.full_namespace))
-        folder = RunFolder.of_run(options.output, scenario.name)
-        console.print(_introduction(scenario, domain.number), soft_wrap=True)
+        domain = stack.enter_context(domain_of_run(trip.conditions.domain, trip.full_namespace))
+        folder = RunFolder.of_run(options.output, trip.name)
+        console.print(_introduction(trip, domain.number), soft_wrap=True)
         stay_open = None
         if options.view:
-            bags = {scenario.namespace: folder.output if options.record else None}
-            view = live_view(scenario, domain.number, folder.logs, bags, console, options.against)
+            bags = {trip.conditions.namespace: folder.output if options.record else None}
+            view = live_view(trip, domain.number, folder.logs, bags, console, options.against)
             stay_open = stack.enter_context(view)
-        progress = make_progress(console, scenario.trip.duration_s)
-        result, drive = drive_processes(folder, scenario, options, domain, progress, stop)
+        progress = make_progress(console, trip.route.duration_s, options.progress)
+        result, drive = drive_processes(folder, trip, options, domain, progress, stop)
         if result.outcome is DriveOutcome.FINISHED:
-            code = _report(folder, scenario, options, drive, result.wall_time_s, console)
+            code = _report(folder, trip, options, drive, result.wall_time_s, console)
         else:
             code = _report_failure(result, folder, stop)
         if stay_open is not None and result.outcome is not DriveOutcome.REFUSED:
@@ -110,31 +118,31 @@ def run(scenario: Scenario, options: RunOptions, console: Console) -> int:
 
 def drive_processes(
     folder: RunFolder,
-    scenario: Scenario,
+    trip: Trip,
     options: RunOptions,
     domain: RunDomain,
     progress: Progress,
     stop: StopRequest,
 ) -> tuple[DriveResult, Drive]:
-    """Start the processes of a scenario, watch the trip, and end them; the folder takes logs and bag."""
+    """Start the processes of a trip, watch it, and end them; the folder takes logs and bag."""
     environment = environment_of_run(domain.number, folder.logs / "ros")
     supervisor = Supervisor(environment, folder.log_path)
-    process_faults = ProcessFaults(supervisor, scenario.faults)
+    process_faults = ProcessFaults(supervisor, trip.conditions.faults)
 
     with (
         process_environment(environment),  # the runner takes part in the graph itself
         joined_node(
             lambda context: RunMonitor(
-                scenario.full_namespace,
+                trip.full_namespace,
                 context,
-                scenario.foreign,
-                (*trip_members(scenario, recorder=options.record), *options.wait_for),
+                trip.foreign,
+                (*trip_members(trip, recorder=options.record), *options.wait_for),
             ),
             domain.number,
         ) as (monitor, executor),
-        Drive(supervisor, monitor, executor, progress, stop, process_faults, scenario) as drive,
+        Drive(supervisor, monitor, executor, progress, stop, process_faults, trip) as drive,
     ):
-        commands = _commands(folder, scenario, options)
+        commands = _commands(folder, trip, options)
         early = {name: commands.pop(name) for name in (CONTROLLER, RECORDER) if name in commands}
         drive.start(early)
         # A private domain has no other participants.
@@ -145,20 +153,18 @@ def drive_processes(
     return result, drive
 
 
-def _commands(folder: RunFolder, scenario: Scenario, options: RunOptions) -> dict[str, list[str]]:
+def _commands(folder: RunFolder, trip: Trip, options: RunOptions) -> dict[str, list[str]]:
     """Write the files that the processes need, and return the commands that start them."""
-    namespace = scenario.full_namespace
+    namespace = trip.full_namespace
     parameters = {
-        node: values
-        for node, values in node_parameters(scenario).items()
-        if node not in scenario.foreign
+        node: values for node, values in node_parameters(trip).items() if node not in trip.foreign
     }
     commands = {}
     for node, values in parameters.items():
         path = folder.write_log(f"{node}_parameters.yaml", parameter_file_text(node, values))
-        commands[node] = node_command(node, path, namespace, scenario.faults)
+        commands[node] = node_command(node, path, namespace, trip.conditions.faults)
     if options.record:
-        text = yaml.safe_dump(run_information(scenario, parameters), sort_keys=False)
+        text = yaml.safe_dump(run_information(trip, parameters), sort_keys=False)
         path = folder.write_log("run_information.yaml", text)
         # As the user wrote it: the recorder's diagnostics name it, and they go into the bag.
         commands[RECORDER] = recorder_command(folder.given, path, options.compression, namespace)
@@ -167,40 +173,86 @@ def _commands(folder: RunFolder, scenario: Scenario, options: RunOptions) -> dic
 
 def _report(
     folder: RunFolder,
-    scenario: Scenario,
+    trip: Trip,
     options: RunOptions,
     drive: Drive,
     wall_time_s: float,
     console: Console,
 ) -> int:
     """Evaluate a finished trip, write its files and print its tables."""
-    unclean = unclean_ends(drive.supervisor, drive.process_faults)
     try:
-        run = evaluate(
-            scenario,
-            drive.monitor.recorded,
-            folder.output if options.record else None,
-            collect_run_information(),
-            wall_time_s,
-            unclean,
-            tuple(drive.monitor.warnings),
-        )
+        run = _evaluated(folder if options.record else None, trip, drive, wall_time_s)
         # The reference would drive the plant of the suite, not the user's.
-        if options.against != NO_COMPARISON and PLANT not in scenario.foreign:
+        if options.against != NO_COMPARISON and PLANT not in trip.foreign:
             with console.status(f"driving the same trip with strategy {options.against} ..."):
-                run = replace(run, other=drive_comparison(scenario, options.against))
+                run = replace(run, other=drive_in_memory(trip.against(options.against)))
     except IptmError as error:
+        unclean = unclean_ends(drive.supervisor, drive.process_faults)
         print_error(PROGRAM, "; ".join((str(error), *unclean)))
         return EXIT_RUN_FAILED
     if run.other is not None:
         save_comparison(folder.reference, run.other, run.name)
-    folder.results.write_text(results_json(run), encoding="utf-8")
+    folder.results.write_text(results_json(run, trip), encoding="utf-8")
     if options.picture:
         save_picture(folder.picture, run)
     if options.report:
         run.report(folder.report, run.other)
     print_results(run, folder, console, full=options.full)
     return EXIT_RUN_FAILED if run.problems else EXIT_OK
+
+
+def _evaluated(bag: RunFolder | None, trip: Trip, drive: Drive, wall_time_s: float) -> Run:
+    """Return the run of a finished trip."""
+    return evaluate(
+        trip,
+        drive.monitor.recorded,
+        None if bag is None else bag.output,
+        collect_run_information(),
+        wall_time_s,
+        unclean_ends(drive.supervisor, drive.process_faults),
+        tuple(drive.monitor.warnings),
+    )
+
+
+def drive_over_ros(trip: Trip, bag: Path | None = None) -> Run:
+    """Drive a trip with processes of its own and return the run; see `iptm.drive`.
+
+    Args:
+        trip: what is driven.
+        bag: folder to create, with bag and logs; None to keep nothing.
+
+    Raises:
+        IptmError: the trip is not sound, the folder exists, or another run has the ROS domain.
+        DriveError: the trip did not come to its end.
+    """
+    check_over_ros(trip)
+    with ExitStack() as stack:
+        domain = stack.enter_context(domain_of_run(trip.conditions.domain, trip.full_namespace))
+        if bag is None:
+            bag = Path(stack.enter_context(TemporaryDirectory())) / trip.name
+        folder, options = RunFolder(bag), RunOptions(picture=False)
+        result, drive = drive_processes(folder, trip, options, domain, Progress(), StopRequest())
+        if result.outcome is not DriveOutcome.FINISHED:
+            raise DriveError("; ".join((result.message, *result.last_lines[-1:])))
+        return _evaluated(folder, trip, drive, result.wall_time_s)
+
+
+def check_over_ros(trip: Trip) -> Trip:
+    """Return a trip that nodes can drive.
+
+    Raises:
+        IptmError: it is not sound, or only a trip in memory can be driven so.
+    """
+    trip.checked().vehicle.model()
+    trip_text(trip)
+    try:
+        validate_namespace(trip.full_namespace)
+    except InvalidNamespaceException as error:
+        reason = " ".join(str(error).split("\n")[0].split())
+        raise ScenarioError(
+            f"trip {trip.name}: namespace: {reason}; allowed: letters, digits and _, parts joined by /"
+        ) from None
+    return trip
 
 
 def _report_failure(result: DriveResult, folder: RunFolder, stop: StopRequest) -> int:
@@ -215,8 +267,8 @@ def _report_failure(result: DriveResult, folder: RunFolder, stop: StopRequest) -
     return EXIT_RUN_FAILED
 
 
-def _introduction(scenario: Scenario, domain: int) -> Text:
-    without = scenario.foreign
+def _introduction(trip: Trip, domain: int) -> Text:
+    without = trip.foreign
     purpose = f"waiting for your own {', '.join(sorted(without))}" if without else "to watch"
     watch = (f"\n{purpose}: export ROS_DOMAIN_ID={domain}", "dim")
-    return Text.assemble((scenario.heading, "bold"), watch)
+    return Text.assemble((f"{trip.name}: {trip.heading}", "bold"), watch)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -14,14 +13,14 @@ from typing import Any
 from rich.console import Console
 
 from iptm.runner.environment import environment_of_run
+from iptm.runner.progress import read_progress
 from iptm.runner.run_folder import LOGS, RESULTS
 from iptm.runner.runner import PROGRAM
 from iptm.runner.supervisor import ProcessEnd, Supervisor
+from iptm.trip import Trip
+from iptm.trip_files import trip_text
 from iptm_core.errors import ScenarioError
-from iptm_core.settings import LeaderSource
-from iptm_core.vehicle_string import VehicleInString
 from iptm_ros.process import StopRequest
-from iptm_ros.topics import BRIDGE, PLANT
 
 STOP_PATIENCE_S = 30.0
 """For as long the run of a vehicle may take to end its own processes."""
@@ -29,31 +28,12 @@ BEGIN_PATIENCE_S = 10.0
 """After the failure of a vehicle, time for the trips of the others to have begun."""
 _POLL_S = 0.2
 _SHOW_PERIOD_S = 5.0
-_WHERE = re.compile(r"^(\d+) of (\d+) s ", re.MULTILINE)
-_RUN = "iptm.runner.run_closed_loop"
-
-
-def _vehicle_options(vehicle: VehicleInString, length_m: float) -> list[str]:
-    """Return the options that make a run of one vehicle that of a vehicle in a string."""
-    settings: dict[str, object] = {
-        f"{PLANT}.start_position_m": vehicle.start_position_m,
-        f"{PLANT}.vehicle_ahead": vehicle.vehicle_ahead,
-        f"{PLANT}.vehicle_behind": vehicle.vehicle_behind,
-    }
-    if vehicle.vehicle_ahead:
-        settings |= {
-            f"{BRIDGE}.leader_source": LeaderSource.VEHICLE,
-            f"{BRIDGE}.vehicle_ahead": vehicle.vehicle_ahead,
-            f"{BRIDGE}.leader_length_m": length_m,
-        }
-    given = [f"--set={name}={value}" for name, value in settings.items() if value != ""]
-    return [f"--namespace={vehicle.namespace}", *given]
+_RUN = "iptm.commands.run"
 
 
 def drive_string(
-    vehicles: Sequence[VehicleInString],
-    arguments: Sequence[str],
-    length_m: float,
+    trips: Mapping[str, Trip],
+    options: Sequence[str],
     output: Path,
     domain: int,
     stop: StopRequest,
@@ -64,9 +44,8 @@ def drive_string(
     The failure of a vehicle is printed at once. The others go on without it once their trips have begun.
 
     Args:
-        vehicles: the first one first.
-        arguments: of `run_closed_loop`, the same for all.
-        length_m: of every vehicle.
+        trips: of the vehicles by name, the first one first.
+        options: further options of `iptm run`, the same for all.
         output: folder that exists, with one for logs in it; that of each vehicle becomes a bag in it.
         domain: ROS domain of the string.
         stop: set when the user requests a stop.
@@ -75,18 +54,28 @@ def drive_string(
     logs = output / LOGS
     environment = environment_of_run(domain, logs / "ros")
     supervisor = Supervisor(environment, lambda name: logs / f"{name}.log", STOP_PATIENCE_S)
+    places = {name: logs / f"{name}.progress" for name in trips}
     try:
-        for vehicle in vehicles:
-            own = [*_vehicle_options(vehicle, length_m), "--output", str(output / vehicle.name)]
-            command = [sys.executable, "-m", _RUN, *arguments, *own]
-            supervisor.start(vehicle.name, [*command, f"--domain={domain}"])
-        _watch(supervisor, stop, console)
+        for name, trip in trips.items():
+            file = logs / f"{name}.yaml"
+            file.write_text(trip_text(trip), encoding="utf-8")
+            own = [str(file), "--output", str(output / name), f"--domain={domain}"]
+            command = [sys.executable, "-m", _RUN, *own, *options]
+            supervisor.start(name, [*command, "--progress", str(places[name])])
+        duration_s = max(trip.route.duration_s for trip in trips.values())
+        _watch(supervisor, places, duration_s, stop, console)
     finally:
         supervisor.stop()
     return supervisor.endings()
 
 
-def _watch(supervisor: Supervisor, stop: StopRequest, console: Console) -> None:
+def _watch(
+    supervisor: Supervisor,
+    places: Mapping[str, Path],
+    duration_s: float,
+    stop: StopRequest,
+    console: Console,
+) -> None:
     reported: set[str] = set()
     shown_s = began_s = time.monotonic()
     failed_s = math.inf
@@ -102,17 +91,17 @@ def _watch(supervisor: Supervisor, stop: StopRequest, console: Console) -> None:
                 text = f"{end.name}: {_reason(end)}"
                 console.print(text, markup=False, highlight=False, soft_wrap=True)
         driving = sorted(set(supervisor.names) - {end.name for end in ends})
-        places = {name: _WHERE.findall(supervisor.log_text(name)) for name in driving}
-        waiting = [name for name, found in places.items() if not found]
+        found = {name: read_progress(places[name]) for name in driving}
+        waiting = [name for name, time_s in found.items() if time_s is None]
         if waiting and now_s - failed_s > BEGIN_PATIENCE_S:
             return  # a vehicle that waits for one that has failed waits for ever
         if now_s - shown_s >= _SHOW_PERIOD_S:
             shown_s = now_s
             text = f"starting: {', '.join(waiting)}"
             if not waiting:
-                at_s, of_s = min((int(at), int(of)) for at, of in (f[-1] for f in places.values()))
-                share, wall_s = at_s / max(of_s, 1), now_s - began_s
-                text = f"{at_s} of {of_s} s ({share:.0%}), {wall_s:.0f} s since the start"
+                at_s = min(time_s for time_s in found.values() if time_s is not None)
+                share, wall_s = at_s / duration_s, now_s - began_s
+                text = f"{at_s:.0f} of {duration_s:.0f} s ({share:.0%}), {wall_s:.0f} s since the start"
             console.print(text, highlight=False, soft_wrap=True)
         time.sleep(_POLL_S)
 

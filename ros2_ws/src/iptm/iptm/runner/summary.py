@@ -11,6 +11,7 @@ from iptm_core.decision_record import DecisionStatistics
 from iptm_core.metrics import CorrectedFigures, RunMetrics, at_equal_end, figure_values
 from iptm_core.metrics.figures import J_PER_KWH, NO_VALUE, significant
 from iptm_core.parameters.model import CELSIUS_ZERO_K
+from iptm_ros.topics import PLANT
 
 AGING_SAVED = "driving aging"
 PPM = 1e6
@@ -37,6 +38,12 @@ class Summary:
 
     values: Mapping[str, float]
     lines: Sequence[tuple[str, str]]
+
+
+def headline(run: Run) -> Summary:
+    """Return the headline of a run, against the other strategy if there is one."""
+    is_own = run.trip is not None and PLANT in run.trip.foreign
+    return summarise(run, run.other, OWN_AGING if is_own else PAPER_AGING)
 
 
 def summarise(run: Run, against: Run | None, aging_counts: str = PAPER_AGING) -> Summary:

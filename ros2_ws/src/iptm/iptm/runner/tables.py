@@ -12,9 +12,9 @@ from rich.table import Table
 from rich.text import Text
 
 from iptm.report import change_text, relative_changes
-from iptm.runner.evaluation import RosRun
+from iptm.run import Run
 from iptm.runner.run_folder import LOGS, RunFolder
-from iptm.runner.summary import AGING_SAVED
+from iptm.runner.summary import AGING_SAVED, headline
 from iptm_core.decision_record import DecisionStatistics
 from iptm_core.metrics import (
     FIGURES,
@@ -31,7 +31,7 @@ COMPARISON_WIDTH = 24
 """Columns that a comparison adds."""
 
 
-def print_results(run: RosRun, folder: RunFolder, console: Console, *, full: bool = False) -> None:
+def print_results(run: Run, folder: RunFolder, console: Console, *, full: bool = False) -> None:
     """Print the result of a run, its summary last; with `full`, all figures, decisions and limits before."""
     console.print()
     if full:
@@ -40,7 +40,7 @@ def print_results(run: RosRun, folder: RunFolder, console: Console, *, full: boo
         console.print(Text.assemble(("note  ", "yellow"), warning), soft_wrap=True)
     console.print(Text(run.name, "bold"))
     lines = Table.grid(padding=(0, 2))
-    for label, text in run.headline.lines:
+    for label, text in headline(run).lines:
         style = "bold green" if label == AGING_SAVED else ""
         lines.add_row(Text(label, "dim"), Text(text, style))
     console.print(lines)
@@ -49,19 +49,19 @@ def print_results(run: RosRun, folder: RunFolder, console: Console, *, full: boo
     console.print(_verdict(run))
 
 
-def save_picture(path: Path, run: RosRun) -> None:
+def save_picture(path: Path, run: Run) -> None:
     """Draw a run, as a PNG file; see `Run.plot`."""
-    lines = dict(run.headline.lines)
+    lines = dict(headline(run).lines)
     remarks = [f"{label}: {lines[label]}" for label in (AGING_SAVED, "energy") if label in lines]
-    footer = f"model {run.scenario.vehicle.name}"
-    if math.isfinite(run.speed_up):
-        mode = run.scenario.mode.replace("_", "-")
+    footer = "" if run.trip is None else f"model {run.trip.model.name}"
+    if run.trip is not None and math.isfinite(run.speed_up):
+        mode = run.trip.conditions.mode.replace("_", "-")
         footer += f"; {mode} over ROS 2, {run.speed_up:.0f} × real time"
     picture = run.plot(run.other, remarks, footer)
     picture.savefig(path, metadata={"Software": "iptm"}, pil_kwargs={"compress_level": 9})
 
 
-def print_tables(run: RosRun, console: Console) -> None:
+def print_tables(run: Run, console: Console) -> None:
     """Print all figures, how the decisions came about, and the limits that were exceeded."""
     tables = (figures_table(run), details_table(run))
     if console.width >= TABLES_WIDTH + COMPARISON_WIDTH * (run.other is not None):
@@ -71,7 +71,7 @@ def print_tables(run: RosRun, console: Console) -> None:
     console.print(limits_table(run.metrics))
 
 
-def _files(run: RosRun, folder: RunFolder) -> str:
+def _files(run: Run, folder: RunFolder) -> str:
     bag = [] if run.bag_messages is None else ["bag"]
     others = [
         path.name
@@ -81,7 +81,7 @@ def _files(run: RosRun, folder: RunFolder) -> str:
     return f"{folder.output} ({', '.join([*bag, *others, LOGS])})"
 
 
-def figures_table(run: RosRun) -> Table:
+def figures_table(run: Run) -> Table:
     """Return the figures of the trip, the paper's rows first; times out of limits where there are any."""
     table = Table(title=run.name, title_justify="left")
     table.add_column("figure")
@@ -107,7 +107,7 @@ def figures_table(run: RosRun) -> Table:
     return table
 
 
-def details_table(run: RosRun) -> Table:
+def details_table(run: Run) -> Table:
     """Return how the decisions came about and how fast the run was."""
     statistics = DecisionStatistics.of(run.decisions)
     table = decisions_table("decisions", statistics)
@@ -166,7 +166,7 @@ def _counts(decisions: DecisionStatistics) -> dict[str, str]:
     }
 
 
-def _verdict(run: RosRun) -> Text:
+def _verdict(run: Run) -> Text:
     if run.problems:
         return Text("\n".join(f"PROBLEM  {problem}" for problem in run.problems), "bold red")
     bag = "not recorded" if run.bag_messages is None else "bag complete"

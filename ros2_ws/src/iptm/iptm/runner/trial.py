@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
 
+from iptm.driving import drive_in_memory
 from iptm.faults.fault import Fault, in_order
 from iptm.faults.kinds import FaultPlace
 from iptm.faults.signals import Traffic
@@ -16,16 +17,12 @@ from iptm.runner.environment import domain_of_run
 from iptm.runner.monitor import heard_by_stamp
 from iptm.runner.progress import Progress
 from iptm.runner.run_folder import RunFolder
-from iptm.runner.runner import RunOptions, drive_processes
-from iptm.runner.scenario import AUTOMATIC_DOMAIN, Scenario, prepare
-from iptm.runner.scenario_files import scenario_text
-from iptm.simulation import run_of_study
-from iptm.studies.run import perform_run
-from iptm.studies.study import Case
+from iptm.runner.runner import RunOptions, check_over_ros, drive_processes
+from iptm.trip import AUTOMATIC_DOMAIN, Trip
+from iptm.trip_files import trip_text
 from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements
-from iptm_controller.node_parameters import ControllerNodeParameters
-from iptm_controller.node_reports import is_about_limits, situation
+from iptm_controller.node_reports import WEAK_BRAKES, is_about_limits, situation
 from iptm_controller.node_watch import OperatorWatch
 from iptm_core.declaration import TextEnum
 from iptm_core.settings import LoopMode
@@ -55,7 +52,7 @@ __all__ = [
     "TripTime",
     "drive_headless",
     "drive_over_ros",
-    "scenario_of",
+    "trip_of",
 ]
 REAL_TIME_RATE = 10.0
 """Trip seconds per wall-clock second in real-time mode."""
@@ -81,12 +78,12 @@ class Trial:
 
     mode: DriveMode
     placed: tuple[Fault, ...]
-    inputs: Case
+    inputs: Trip
 
     @property
     def cycle(self) -> str:
         """What the leader drives."""
-        return self.inputs.spec.cycle
+        return self.inputs.road.cycle
 
     @property
     def faults(self) -> tuple[Fault, ...]:
@@ -124,6 +121,11 @@ class StatusReport:
     def is_of_plant(self) -> bool:
         """Whether it is the status of the plant."""
         return self.node == PLANT
+
+    @property
+    def is_of_weak_brakes(self) -> bool:
+        """Whether the controller reports that the brakes deliver less than commanded."""
+        return WEAK_BRAKES in self.reason
 
     @property
     def is_calm(self) -> bool:
@@ -172,7 +174,7 @@ class DrivenTrial:
 def drive_headless(trial: Trial) -> DrivenTrial:
     """Drive a trial without ROS, with the reports that the controller's node would make."""
     inputs = trial.inputs
-    watch = OperatorWatch(inputs.parameters, ControllerNodeParameters())
+    watch = OperatorWatch(inputs.parameters, inputs.controller)
     reports: list[StatusReport] = []
 
     def note(tick: int, measured: Measurements, decision: Decision) -> None:
@@ -181,22 +183,20 @@ def drive_headless(trial: Trial) -> DrivenTrial:
         if not reports or (reports[-1].level, reports[-1].reason) != status:
             reports.append(StatusReport(float(tick), CONTROLLER, *status))
 
-    run = run_of_study(perform_run(inputs, on_tick=note))
+    run = drive_in_memory(inputs, on_tick=note)
     intervals = [(fault.start_s, fault.end_s) for fault in trial.placed]
     return DrivenTrial(trial, run, reports, intervals)
 
 
-def scenario_of(trial: Trial) -> Scenario:
-    """Return the scenario of a trial, as driven by `scripts/run_demo`."""
+def trip_of(trial: Trial) -> Trip:
+    """Return the trip of a trial over ROS 2."""
     lock_step = trial.mode is DriveMode.LOCK_STEP
-    return Scenario(
+    return trial.inputs.changed(
         name=trial.name,
         description=f"Faults of the table: {len(trial.placed)} on {trial.cycle}",
-        cycle=trial.cycle,
-        duration_s=trial.inputs.route.duration_s,
         mode=LoopMode.LOCK_STEP if lock_step else LoopMode.REAL_TIME,
         rate_factor=1.0 if lock_step else REAL_TIME_RATE,
-        node_parameters={"controller": {"input_timeout_s": INPUT_TIMEOUT_S[trial.mode]}},
+        input_timeout_s=INPUT_TIMEOUT_S[trial.mode],
         faults=trial.faults,
     )
 
@@ -209,15 +209,15 @@ def drive_over_ros(trial: Trial, folder: Path) -> DrivenTrial:
     """
     stop = StopRequest()
     stop.install()
-    scenario = scenario_of(trial)
+    trip = check_over_ros(trip_of(trial))
     folder.mkdir(parents=True, exist_ok=True)
     file = folder / f"{trial.name}.yaml"
-    file.write_text(scenario_text(scenario), encoding="utf-8")
+    file.write_text(trip_text(trip), encoding="utf-8")
     run_folder = RunFolder(folder / trial.name, numbered=True)
     record = any(fault.target == "recorder" for fault in trial.faults)
     options = RunOptions(record=record, picture=False)
     with domain_of_run(AUTOMATIC_DOMAIN, environment={}) as domain:
-        driven = drive_processes(run_folder, prepare(scenario), options, domain, Progress(), stop)
+        driven = drive_processes(run_folder, trip, options, domain, Progress(), stop)
     if stop.number is not None:
         raise KeyboardInterrupt
     return _observed(trial, *driven)

@@ -16,8 +16,8 @@ from rich.console import Console
 from iptm.runner.comparison import NO_COMPARISON
 from iptm.runner.composition import node_parameters, run_information
 from iptm.runner.environment import environment_of_run
-from iptm.runner.scenario import Scenario
 from iptm.runner.supervisor import Supervisor
+from iptm.trip import Trip
 from iptm_ros.process import StopRequest
 
 VIEW = "view"
@@ -29,7 +29,7 @@ _ADDRESS = re.compile(r"http://\S+")
 
 @contextmanager
 def live_view(
-    scenario: Scenario,
+    trip: Trip,
     domain: int,
     logs: Path,
     bags: Mapping[str, Path | None],
@@ -39,7 +39,7 @@ def live_view(
     """Show a run in the browser until the context ends; it continues where the view fails.
 
     Args:
-        scenario: what is driven.
+        trip: what is driven.
         domain: ROS domain of the run.
         logs: folder for its log and the information about the run.
         bags: of each vehicle by namespace, "" for none; read when complete, None if nothing is recorded.
@@ -52,7 +52,7 @@ def live_view(
     supervisor = Supervisor(
         environment_of_run(domain, logs / "ros"), lambda name: logs / f"{name}.log"
     )
-    known = run_information(scenario, node_parameters(scenario))
+    known = run_information(trip, node_parameters(trip))
     file = logs / "view_information.yaml"
     file.write_text(yaml.safe_dump(known, sort_keys=False), encoding="utf-8")
     recorded = [bag for bag in bags.values() if bag is not None]

@@ -8,17 +8,18 @@ fraction of a second.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime, timezone
 from functools import cached_property
 
 from iptm.channel_record import ChannelRecord, channel_record
 from iptm.closed_loop import TickController, run_closed_loop
+from iptm.driving import vehicle_reports
 from iptm.faults.injection import FaultInjection
 from iptm.faults.solver import FaultyController
 from iptm.faults.vehicle import FaultyPlant
-from iptm.run import Report
+from iptm.run import Report, Reporter
 from iptm.studies.run_spec import RunKind, RunSpec
 from iptm.studies.study import Case
 from iptm.whole_trip import WholeTripRecord, solve_whole_trip
@@ -40,14 +41,8 @@ from iptm_core.road_friction import RoadFrictionSettings
 from iptm_core.settings import SafetyMonitorSettings, SensorAccuracySettings, ThermalModel
 from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant
-from iptm_plant_sim.plant_step import PlantStep
 from iptm_v2x_bridge.bridge import PreviewSource
 from iptm_v2x_bridge.rules_of_the_road import road_bridge
-
-CONTROLLER, VEHICLE = "controller", "vehicle"
-NOTICED_SHARE = 0.95
-"""Brakes that deliver less of what is requested count as weak."""
-WEAK_BRAKES = "brakes deliver"
 
 _REPORTED_LIBRARIES = ("casadi", "numpy", "pyarrow")
 
@@ -128,7 +123,7 @@ def perform_run(
         if on_tick is not None:
             on_tick(tick, measured, decision)
         if decision.reason != (reports[-1].text if reports else ""):
-            reports.append(Report(tick * spec.tick_s, CONTROLLER, decision.reason))
+            reports.append(Report(tick * spec.tick_s, Reporter.CONTROLLER, decision.reason))
         progress()
 
     spec, route = inputs.spec, inputs.route
@@ -181,7 +176,7 @@ def perform_run(
         decisions=decisions,
         whole_trip=whole_trip,
         channel=channel,
-        reports=(*reports, *_vehicle_reports(loop.steps)),
+        reports=(*reports, *vehicle_reports(loop.steps)),
         wall_time_s=time.perf_counter() - began,
         compiled=compiled,
         finished_at_utc=datetime.now(timezone.utc).isoformat(timespec="seconds"),
@@ -201,21 +196,6 @@ def _controller(inputs: Case, own_law: AgingLaw | None) -> tuple[TickController,
     if not spec.faults:
         return controller, compiled
     return FaultyController(model, controller, spec.faults, lambda _: None), compiled
-
-
-def _vehicle_reports(steps: Iterable[PlantStep]) -> Iterator[Report]:
-    """Return what the safety monitor and the brakes reported, on every change."""
-    last = ""
-    for step in steps:
-        texts = []
-        if step.safety.service_braking_s > 0.0:
-            texts.append(f"service braking: {step.memory.reason}")
-        if step.safety.brake_share < NOTICED_SHARE:
-            texts.append(f"{WEAK_BRAKES} {100.0 * step.safety.brake_share:.0f} %")
-        text = ", ".join(texts)
-        if text != last:
-            yield Report(step.state.time_s, VEHICLE, text)
-        last = text
 
 
 def controller_options(spec: RunSpec, trip_duration_s: float) -> ControllerOptions:

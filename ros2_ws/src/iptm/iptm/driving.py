@@ -1,0 +1,212 @@
+"""Drives trips in memory."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+
+from iptm.channel_record import channel_record
+from iptm.closed_loop import TickController, run_closed_loop
+from iptm.faults.injection import FaultInjection, check_headless
+from iptm.faults.solver import FaultyController
+from iptm.faults.vehicle import FaultyPlant
+from iptm.own_parts import Controller, OwnController, PredictedSource, Predictor, check_part
+from iptm.run import Report, Reporter, Run
+from iptm.trip import Trip
+from iptm.whole_trip import solve_whole_trip
+from iptm_controller.controller import Controller as SuiteController
+from iptm_controller.decision import Decision
+from iptm_controller.measurements import Measurements
+from iptm_core.aging_laws.law import AgingLaw
+from iptm_core.decision_record import DecisionSeries
+from iptm_core.errors import ScenarioError
+from iptm_core.settings import LeaderSource, ThermalModel
+from iptm_core.state import LeaderState
+from iptm_plant_sim.plant import Plant
+from iptm_plant_sim.plant_step import PlantStep
+from iptm_v2x_bridge.rules_of_the_road import road_bridge
+
+HEADLESS_LEADERS = (LeaderSource.CYCLE, LeaderSource.NONE)
+NOTICED_SHARE = 0.95
+"""Brakes that deliver less of what is requested count as weak."""
+_OWN = "own"
+
+OnTick = Callable[[int, Measurements, Decision], None]
+OnStep = Callable[[PlantStep, LeaderState | None], None]
+
+
+def drive_in_memory(
+    trip: Trip,
+    *,
+    controller: Controller | None = None,
+    predictor: Predictor | None = None,
+    aging_law: AgingLaw | None = None,
+    on_tick: OnTick | None = None,
+    on_step: OnStep | None = None,
+) -> Run:
+    """Drive a trip without ROS.
+
+    Args:
+        trip: what is driven.
+        controller: drives instead of the controller of the suite, see `Controller`.
+        predictor: predicts the lead vehicle for the controller instead of its true future, see `Predictor`.
+        aging_law: ageing law of the controller's cost instead of the one that the trip names.
+        on_tick: called after every decision with the tick, what was measured and what was decided.
+        on_step: called with vehicle and leader, if there is one, at every instant, the last one included.
+
+    Raises:
+        IptmError: the trip cannot be driven; the message states the value and what is allowed.
+    """
+    check_part("controller", controller, Controller, "decide")
+    check_part("predictor", predictor, Predictor, "predict")
+    check_in_memory(trip)
+    began_s = time.perf_counter()
+    plant, route, conditions = plant_for(trip), trip.route, trip.conditions
+    source = None if predictor is None else PredictedSource(route, predictor)
+    around, bridge = road_bridge(trip.rules, route, trip.parameters, trip.preview, source)
+    driver: TickController = (
+        controller_for(trip, aging_law)
+        if controller is None
+        else OwnController(controller, trip.parameters.limits, conditions.period_s)
+    )
+    reports: list[Report] = []
+
+    def note(tick: int, measured: Measurements, decision: Decision) -> None:
+        if on_tick is not None:
+            on_tick(tick, measured, decision)
+        if decision.reason != (reports[-1].text if reports else ""):
+            reports.append(Report(tick * conditions.period_s, Reporter.CONTROLLER, decision.reason))
+
+    loop = run_closed_loop(
+        route,
+        plant,
+        driver,
+        on_tick=note,
+        faults=FaultInjection(conditions.faults) if conditions.faults else None,
+        bridge=bridge,
+        leader=around,
+        start_position_m=trip.vehicle.start_position_m,
+        on_step=on_step,
+    )
+    channel = None
+    if trip.vehicle.thermal_model is ThermalModel.FULL_CHANNEL:
+        two_cells = Plant(trip.parameters, route.slope.slope_at, trip.vehicle.integration_step_s)
+        channel = channel_record(loop.steps, two_cells, conditions.period_s)
+    run = Run(
+        name=trip.heading,
+        settings=trip.settings,
+        parameters=trip.parameters,
+        trajectory=loop.trajectory,
+        decisions=loop.decisions,
+        slope=route.slope,
+        trip=trip,
+        channel=channel,
+        reports=(*reports, *vehicle_reports(loop.steps)),
+        wall_time_s=time.perf_counter() - began_s,
+    )
+    return _with_own_parts(run, controller, predictor, aging_law)
+
+
+def drive_whole_trip(trip: Trip) -> Run:
+    """Solve a trip as one optimal control problem and drive the plant with its inputs.
+
+    Where it starts from is what the closed loop of the same trip drives.
+
+    Raises:
+        IptmError: the trip cannot be set up, follows rules of the road, or its strategy optimises nothing.
+    """
+    strategy = trip.controller.weighted_strategy()
+    if strategy.is_rule_based:
+        raise ScenarioError(
+            f"a whole trip with strategy '{strategy.name}', which optimises nothing; "
+            "allowed: strategies with weights"
+        )
+    if trip.rules.keeps_rules:
+        raise ScenarioError(
+            "a whole trip with rules of the road; allowed: closed loops, as it knows its leader only"
+        )
+    first = drive_in_memory(trip)
+    trajectory, record = solve_whole_trip(
+        trip.route, plant_for(trip), strategy, first.trajectory, trip.conditions.period_s
+    )
+    nothing = DecisionSeries.from_records([], [])
+    return replace(
+        first,
+        name=f"whole trip, {first.name}",
+        trajectory=trajectory,
+        decisions=nothing,
+        reports=(),
+        channel=None,
+        whole_trip=record,
+    )
+
+
+def check_in_memory(trip: Trip) -> Trip:
+    """Return a trip that can be driven in memory.
+
+    Raises:
+        ScenarioError: it cannot, or its parts do not fit together.
+    """
+    source = trip.leader.leader_source
+    if source not in HEADLESS_LEADERS:
+        raise ScenarioError(
+            f"leader_source is {source}; allowed in memory: {', '.join(HEADLESS_LEADERS)}"
+        )
+    check_headless(trip.conditions.faults)
+    return trip.checked()
+
+
+def plant_for(trip: Trip) -> Plant:
+    """Return the vehicle of a trip."""
+    slope_at, vehicle = trip.route.slope.slope_at, trip.vehicle
+    detail = vehicle.integration_step_s, vehicle.thermal_model, vehicle
+    if trip.conditions.faults:
+        return FaultyPlant(trip.conditions.faults, trip.parameters, slope_at, *detail)
+    return Plant(trip.parameters, slope_at, *detail)
+
+
+def controller_for(trip: Trip, own_law: AgingLaw | None = None) -> TickController:
+    """Return a fresh controller of a trip, its problem compiled, with another ageing law if one is given."""
+    model, faults = trip.controller_parameters, trip.conditions.faults
+    controller = SuiteController(model, replace(trip.options, own_law=own_law))
+    return FaultyController(model, controller, faults, lambda _: None) if faults else controller
+
+
+def vehicle_reports(steps: Iterable[PlantStep]) -> Iterator[Report]:
+    """Yield what the safety monitor and the brakes reported, on every change."""
+    last = ""
+    for step in steps:
+        texts, share = [], step.safety.brake_share
+        if step.safety.service_braking_s > 0.0:
+            texts.append(f"service braking: {step.memory.reason}")
+        if share < NOTICED_SHARE:
+            texts.append(f"brakes deliver {100.0 * share:.0f} %")
+        text = ", ".join(texts)
+        if text != last:
+            yield Report(step.state.time_s, Reporter.VEHICLE, text, share < NOTICED_SHARE)
+        last = text
+
+
+def _with_own_parts(
+    run: Run,
+    controller: Controller | None,
+    predictor: Predictor | None,
+    aging_law: AgingLaw | None,
+) -> Run:
+    """Return a run with the user's own parts in its name and settings."""
+    if controller is not None:
+        trip = run.trip
+        if trip is None:
+            raise AssertionError("a run that was driven has a trip")
+        # Strategy and horizon are those of the controller that did not drive.
+        planned = f", {trip.controller.horizon}, {trip.controller.strategy}"
+        run = replace(run, name=run.name.replace(planned, ""))
+        own = dict.fromkeys(("strategy", "horizon", "solver"), _OWN)
+        run = run.labelled(f"controller {type(controller).__name__}", own)
+    if aging_law is not None:
+        run = run.labelled(f"law {aging_law.name}", {"aging_law": aging_law.name})
+    if predictor is not None:
+        name = type(predictor).__name__
+        run = run.labelled(f"predictor {name}", {"predictor": name})
+    return run

@@ -1,0 +1,452 @@
+"""A trip as data: five groups of settings, each setting with one name.
+
+    trip = Trip.of("us06", slope="small", strategy="aging", latency_s=0.5)
+    trip.leader.latency_s
+
+The same names are keys of YAML files (`iptm.trip_files`), options ``--set group.name=value`` and parameters
+of the nodes (`node_settings`). `iptm.drive` drives a trip in memory or over ROS 2.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property, lru_cache
+from numbers import Real
+from typing import Any
+
+from iptm.faults.fault import Fault, in_order
+from iptm.faults.injection import check_empty_road
+from iptm.inputs import flat_settings
+from iptm_controller.horizon import SINGLE_HORIZON, Horizon
+from iptm_controller.options import ControllerOptions
+from iptm_controller.settings import FROM_STRATEGY, ControllerSettings
+from iptm_controller.strategy import COST_TERMS
+from iptm_core.declaration import (
+    ParameterSpec,
+    Scalar,
+    Settings,
+    declared,
+    parameter,
+    parameter_specs,
+    plain,
+)
+from iptm_core.errors import IptmError, ParameterError, ScenarioError
+from iptm_core.parameters import ModelParameters, ParameterSet, load_parameters
+from iptm_core.parameters.loading import parse_overrides
+from iptm_core.road_ahead import RoadAheadSettings, RoadRuleSettings
+from iptm_core.routes import Route, build_route
+from iptm_core.routes.comprehensive import RouteComposition
+from iptm_core.routes.user_csv import UserTrip
+from iptm_core.settings import (
+    FrameSettings,
+    LeaderSource,
+    LoopMode,
+    LostControllerSettings,
+    ModelSettings,
+    PaceSettings,
+    PreviewSettings,
+    RangeSensorSettings,
+    SamplingSettings,
+    TickSettings,
+    TripSettings,
+    VehicleAheadSettings,
+    VehicleSettings,
+)
+from iptm_core.user_input import check_known, shown
+from iptm_v2x_bridge.rules_of_the_road import given_rules
+from iptm_v2x_bridge.settings import LeaderSettings
+
+PLANT, BRIDGE, CONTROLLER = "plant", "v2x_bridge", "controller"
+NODE_SETTINGS: Mapping[str, tuple[type[Settings], ...]] = {
+    PLANT: (
+        TripSettings,
+        VehicleSettings,
+        PaceSettings,
+        TickSettings,
+        FrameSettings,
+        LostControllerSettings,
+        VehicleAheadSettings,
+    ),
+    BRIDGE: (
+        TripSettings,
+        RoadAheadSettings,
+        LeaderSettings,
+        ModelSettings,
+        TickSettings,
+        FrameSettings,
+        RangeSensorSettings,
+    ),
+    CONTROLLER: (ControllerSettings, ModelSettings, SamplingSettings, FrameSettings),
+}
+"""Settings that each node of the loop takes, as parameters of the same names."""
+NODES = tuple(NODE_SETTINGS)
+
+AUTOMATIC_DOMAIN = -1
+MAX_DOMAIN = 232
+SHORTEST_PREVIEW_S = 60.0
+PREVIEW_RESERVE_S = 30.0
+_FAULTS = "faults"
+_OWN = ("name", "description", "own_drive", "foreign")
+_IN_HEADING = frozenset(
+    (
+        "cycle",
+        "slope",
+        "duration_s",
+        "strategy",
+        "horizon",
+        "namespace",
+        "domain",
+        "preview_length_s",
+    )
+)
+"""Settings that the heading of a trip shows otherwise, or that do not change what is driven."""
+
+
+@dataclass(frozen=True)
+class Road(RoadRuleSettings, TripSettings):
+    """What is driven on which road, and the rules of the road."""
+
+
+@dataclass(frozen=True)
+class Leader(LeaderSettings):
+    """The lead vehicle, and what is received of its motion.
+
+    A length of the preview that is left open (None) is that of the horizon with a reserve for the age of
+    predictions, but at least a minute.
+    """
+
+    preview_length_s: float | None = declared(  # type: ignore[assignment]  # open, where wanted
+        PreviewSettings, "preview_length_s", default=None
+    )
+
+
+@dataclass(frozen=True)
+class Vehicle(VehicleSettings):
+    """The ego vehicle; ``overrides`` is sorted and may be given as a mapping."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "overrides", _overrides_text(self.overrides))
+        super().__post_init__()
+
+
+@dataclass(frozen=True)
+class Control(ControllerSettings):
+    """The controller, and where its model differs from the vehicle."""
+
+    controller_overrides: str = parameter(
+        "", "single parameters in which the model of the controller differs from the vehicle"
+    )
+
+    def __post_init__(self) -> None:
+        text = _overrides_text(self.controller_overrides)
+        object.__setattr__(self, "controller_overrides", text)
+        super().__post_init__()
+        object.__setattr__(self, "horizon", str(Horizon.parse(self.horizon)))
+
+
+@dataclass(frozen=True)
+class Conditions(LostControllerSettings, FrameSettings, TickSettings, PaceSettings):
+    """Pace and sampling of the loop, where it runs, and what goes wrong.
+
+    Attributes:
+        faults: in the order of their beginning.
+    """
+
+    namespace: str = parameter("", "namespace of all nodes, e.g. car_1; empty for none")
+    domain: int = parameter(
+        AUTOMATIC_DOMAIN,
+        "ROS domain of the run; -1 takes ROS_DOMAIN_ID, or a free one where that is not set",
+        "",
+        AUTOMATIC_DOMAIN,
+        MAX_DOMAIN,
+    )
+    start_paused: bool = parameter(
+        default=False, description="over ROS 2: begin with the service plant/resume"
+    )
+    faults: tuple[Fault, ...] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        given: Any = self.faults
+        is_list = isinstance(given, (tuple, list))
+        if not is_list or not all(isinstance(each, Fault) for each in given):
+            raise ParameterError(f"faults is {shown(given)}; allowed: a list of iptm.Fault")
+        object.__setattr__(self, _FAULTS, in_order(given))
+
+
+GROUPS: Mapping[str, type[Settings]] = {
+    "road": Road,
+    "leader": Leader,
+    "vehicle": Vehicle,
+    "controller": Control,
+    "conditions": Conditions,
+}
+SPECS: Mapping[str, ParameterSpec] = {
+    spec.name: spec for group in GROUPS.values() for spec in parameter_specs(group)
+}
+"""Declarations of all settings by name."""
+HOME: Mapping[str, str] = {
+    **{
+        spec.name: name
+        for name, group in reversed(list(GROUPS.items()))
+        for spec in parameter_specs(group)
+    },
+    _FAULTS: "conditions",
+}
+"""Group of every setting; the controller takes what it shares with the vehicle from there."""
+_SHARED = tuple(spec.name for spec in parameter_specs(Control) if HOME[spec.name] != "controller")
+
+
+@dataclass(frozen=True)
+class Trip:
+    """Everything that is chosen about a trip; `Trip.of` takes it as flat names.
+
+    Attributes:
+        name: short name, also that of the folder of a run.
+        description: one line for lists.
+        own_drive: what the leader drives where the cycle is but a name.
+        foreign: nodes of the loop that the user starts, over ROS 2.
+
+    Raises:
+        IptmError: settings of several groups contradict each other.
+    """
+
+    road: Road = field(default_factory=Road)
+    leader: Leader = field(default_factory=Leader)
+    vehicle: Vehicle = field(default_factory=Vehicle)
+    controller: Control = field(default_factory=Control)
+    conditions: Conditions = field(default_factory=Conditions)
+    name: str = "custom"
+    description: str = ""
+    own_drive: UserTrip | RouteComposition | None = field(default=None, compare=False)
+    foreign: frozenset[str] = frozenset()
+
+    def __post_init__(self) -> None:
+        shared: dict[str, Any] = {name: getattr(self.group_of(name), name) for name in _SHARED}
+        object.__setattr__(self, "controller", replace(self.controller, **shared))
+        check_empty_road(self.rules.leader_source, self.conditions.faults)
+
+    @classmethod
+    def of(cls, cycle: Any = TripSettings.cycle, **settings: Any) -> Trip:
+        """Return a trip with some settings, by their flat names; all others are defaults.
+
+        Raises:
+            IptmError: a name is unknown, or a value not allowed.
+        """
+        return cls().changed(cycle=cycle, **settings)
+
+    def changed(self, **settings: Any) -> Trip:
+        """Return this trip with other settings; None stands for a default.
+
+        Args:
+            settings: by their flat names, and objects in their place, see `iptm.inputs`.
+
+        Raises:
+            IptmError: a name is unknown, or a value not allowed.
+        """
+        groups: dict[str, dict[str, Any]] = {}
+        flat: dict[str, Any] = {"own_drive": None} if "cycle" in settings else {}
+        flat |= flat_settings(settings)
+        own: dict[str, Any] = {name: flat.pop(name) for name in _OWN if name in flat}
+        for name, value in flat.items():
+            check_known(name, HOME, "trip", error=ScenarioError)
+            group = groups.setdefault(HOME[name], {})
+            group[name] = _default_of(name) if value is None else value
+        changed: dict[str, Any] = {
+            name: replace(getattr(self, name), **each) for name, each in groups.items()
+        }
+        return replace(self, **changed, **own)
+
+    @property
+    def settings(self) -> dict[str, Scalar]:
+        """All settings by name, as files hold them; with the length of the preview, without faults."""
+        values = {name: plain(getattr(self.group_of(name), name)) for name in SPECS}
+        return values | {"preview_length_s": self.preview.preview_length_s}
+
+    def group_of(self, name: str) -> Any:
+        """Return the group of a setting."""
+        return getattr(self, HOME[name])
+
+    @cached_property
+    def model(self) -> ParameterSet:
+        """Parameters of vehicle, battery and cooling, with their sources."""
+        return _model(self.vehicle.parameter_set, self.vehicle.overrides)
+
+    @property
+    def parameters(self) -> ModelParameters:
+        """Values of `model`."""
+        return self.model.values
+
+    @cached_property
+    def controller_parameters(self) -> ModelParameters:
+        """Parameters of the controller's model."""
+        return _model(self.vehicle.parameter_set, self.controller_model_overrides).values
+
+    @property
+    def controller_model_overrides(self) -> str:
+        """Overrides of the controller's model: those of the vehicle and its own."""
+        own = parse_overrides(self.controller.controller_overrides)
+        return _overrides_text({**parse_overrides(self.vehicle.overrides), **own})
+
+    @cached_property
+    def route(self) -> Route:
+        """Leader, road and length of the trip."""
+        road, gap_m = self.road, self.parameters.gap.initial_gap_m
+        if self.own_drive is None:
+            return _route(road.cycle, road.slope, gap_m, road.duration_s)
+        duration_s = road.duration_s or None
+        return build_route(self.own_drive, road.slope, initial_gap_m=gap_m, duration_s=duration_s)
+
+    @cached_property
+    def rules(self) -> RoadAheadSettings:
+        """Lead vehicle and rules of the road."""
+        both = {**vars(self.road), "leader_source": self.leader.leader_source}
+        return RoadAheadSettings(
+            **{spec.name: both[spec.name] for spec in parameter_specs(RoadAheadSettings)}
+        )
+
+    @cached_property
+    def preview(self) -> PreviewSettings:
+        """Preview of the leader, its length included."""
+        leader = self.leader
+        length_s = leader.preview_length_s
+        if length_s is None:
+            horizon_s = Horizon.parse(self.controller.horizon).duration_s
+            needed_s = math.ceil(horizon_s + leader.latency_s + PREVIEW_RESERVE_S)
+            length_s = max(SHORTEST_PREVIEW_S, needed_s)
+        given = {spec.name: getattr(leader, spec.name) for spec in parameter_specs(PreviewSettings)}
+        return PreviewSettings(**{**given, "preview_length_s": length_s})
+
+    @property
+    def options(self) -> ControllerOptions:
+        """What the controller is to do; with the end of the trip, as from navigation."""
+        return self.controller.options(self.conditions.period_s, self.route.duration_s)
+
+    @cached_property
+    def ticks(self) -> int:
+        """Number of decisions.
+
+        Raises:
+            ScenarioError: the trip is not a whole number of ticks.
+        """
+        duration_s, tick_s = self.route.duration_s, self.conditions.period_s
+        ticks = duration_s / tick_s
+        if abs(ticks - round(ticks)) > 1e-6 or round(ticks) < 1:
+            raise ScenarioError(
+                f"trip of {duration_s:g} s with ticks of {tick_s:g} s; "
+                "allowed: a whole number of ticks, at least one"
+            )
+        return round(ticks)
+
+    @property
+    def full_namespace(self) -> str:
+        """Namespace as ROS writes it, with a leading slash; ``/`` for none."""
+        return "/" + self.conditions.namespace.strip("/")
+
+    @property
+    def is_lock_step(self) -> bool:
+        """Whether trip time waits for the controller."""
+        return self.conditions.mode is LoopMode.LOCK_STEP
+
+    @property
+    def heading(self) -> str:
+        """What is driven, in one line: drive, horizon, strategy, and every setting that is not a default."""
+        own = [f"own {node}" for node in NODES if node in self.foreign]
+        control = [self.controller.horizon, self.controller.strategy]
+        parts = [
+            f"{self.route.name}, {self.route.duration_s:g} s",
+            *([] if CONTROLLER in self.foreign else control),
+            *own,
+            *self.changes(),
+        ]
+        return ", ".join(parts)
+
+    def changes(self) -> list[str]:
+        """Return the settings that are not defaults and no part of the rest of the heading."""
+        changes = [
+            f"{name}={plain(getattr(self.group_of(name), name))}"
+            for name, spec in SPECS.items()
+            if name not in _IN_HEADING and getattr(self.group_of(name), name) != spec.default
+        ]
+        if self.leader.preview_length_s is not None:
+            changes.append(f"preview_length_s={self.leader.preview_length_s:g}")
+        return [*changes, *(fault.describe() for fault in self.conditions.faults)]
+
+    def checked(self) -> Trip:
+        """Build the parts of the trip, so that they are known to be sound, and return it.
+
+        Raises:
+            ScenarioError: a part cannot be built, or parts contradict each other.
+        """
+        for names, build in (
+            ("parameter_set, overrides", lambda: (self.model, self.controller_parameters)),
+            ("cycle, slope", lambda: self.route),
+            ("duration_s, period_s", lambda: self.ticks),
+            ("speed_limits_km_h, signals", lambda: given_rules(self.rules, self.route)),
+        ):
+            self._build(names, build)
+        return self
+
+    def _build(self, names: str, build: Callable[[], object]) -> None:
+        try:
+            build()
+        except IptmError as error:
+            raise ScenarioError(f"trip {self.name}: {names}: {error}") from None
+
+    def against(self, strategy: str) -> Trip:
+        """Return the trip to compare this one with: sound, by another strategy on the single horizon.
+
+        A leader that is heard drives the cycle.
+        """
+        source = self.leader.leader_source
+        is_heard = source in {LeaderSource.CAM, LeaderSource.VEHICLE}
+        return self.changed(
+            strategy=strategy,
+            horizon=str(SINGLE_HORIZON),
+            preview_length_s=self.preview.preview_length_s,
+            charging_minute_kwh=0.0,
+            leader_source=LeaderSource.CYCLE if is_heard else source,
+            ego_keeps_rules=self.road.ego_keeps_rules and not is_heard,
+            faults=(),
+            foreign=frozenset(),
+            reference_temperature_k=FROM_STRATEGY,
+            **dict.fromkeys(COST_TERMS, FROM_STRATEGY),
+        )
+
+
+def node_settings(trip: Trip, node: str) -> dict[str, Scalar]:
+    """Return the parameters of a node that a trip states."""
+    values = trip.settings
+    if node == CONTROLLER:
+        values["overrides"] = trip.controller_model_overrides
+    names = [spec.name for group in NODE_SETTINGS[node] for spec in parameter_specs(group)]
+    return {name: values[name] for name in names}
+
+
+def _default_of(name: str) -> Any:
+    (found,) = (entry for entry in fields(GROUPS[HOME[name]]) if entry.name == name)
+    return found.default
+
+
+def _overrides_text(given: Any) -> str:
+    """Return overrides in one line, sorted; other things than a mapping or a text are left to the check."""
+    overrides = parse_overrides(given) if isinstance(given, str) else given
+    if not isinstance(overrides, Mapping):
+        unchanged: str = given
+        return unchanged
+    for key, value in overrides.items():
+        if isinstance(value, bool) or not isinstance(value, Real):
+            raise ParameterError(f"{key} is {shown(value)}; allowed: a number")
+    return ", ".join(f"{key}={float(value)!r}" for key, value in sorted(overrides.items()))
+
+
+@lru_cache(maxsize=256)
+def _model(name: str, overrides: str) -> ParameterSet:
+    return load_parameters(name, parse_overrides(overrides))
+
+
+@lru_cache(maxsize=32)
+def _route(cycle: str, slope: str, initial_gap_m: float, duration_s: float) -> Route:
+    return build_route(cycle, slope, initial_gap_m=initial_gap_m, duration_s=duration_s or None)
