@@ -51,6 +51,7 @@ setup(
             "plant_with_actuator_faults = iptm_core.program:main",
         ],
         "iptm.programs": [
+            "codegen = iptm.codegen:main",
             "compare = iptm.compare_cli:main",
             "drive_file = iptm.runner.recorded_drive:main",
             "iptm = iptm.__main__:main",

@@ -52,7 +52,13 @@ from iptm_core.state import Command, FloatArray, LeaderState, VehicleState
 
 
 class Controller:
-    """Multi-horizon model predictive control with fallback."""
+    """Multi-horizon model predictive control with fallback.
+
+    Attributes:
+        grid: order of the flat vectors of its problems.
+        model: the parameters that they are posed with.
+        plan_data: poses them.
+    """
 
     def __init__(
         self,
@@ -76,14 +82,14 @@ class Controller:
             parameters = replace(parameters, aging=cyclic_parameters(self._parked, parameters))
         self.options = options
         self.backend = backend or build_solver(horizon, parameters, options.solver)
-        self._grid = ProblemGrid(horizon)
-        self._model = parameters
+        self.grid = ProblemGrid(horizon)
+        self.model = parameters
         self._pose(options.strategy)
         self._forecaster = LeaderForecaster(
             horizon.motion_duration_s, options.max_preview_age_s, options.tick_s
         )
         self._traction = (
-            TractionForecaster(parameters, self._grid)
+            TractionForecaster(parameters, self.grid)
             if horizon.motion_steps < horizon.steps
             else None
         )
@@ -112,18 +118,18 @@ class Controller:
         price_1_j = 0.0
         if weighs_aging and (self._parked or (charges and not strategy.energy_weight_1_j)):
             strategy = strategy.scaled(COST_SCALE)
-            price_1_j = energy_price_1_j(self.options.aging, self._model)
+            price_1_j = energy_price_1_j(self.options.aging, self.model)
         if self._parked is not None and weighs_aging:
             self._valuation = CellLawValuation(
-                self._parked, strategy, price_1_j, self._model, duration_s, ends_s
+                self._parked, strategy, price_1_j, self.model, duration_s, ends_s
             )
         elif strategy.cost_to_go:
             self._valuation = TemperatureValuation(
-                self._model, strategy.aging_weight, duration_s, ends_s
+                self.model, strategy.aging_weight, duration_s, ends_s
             )
-        builder = ProblemDataBuilder(self._grid, strategy, self._model, self.options.tick_s)
-        self._plan_data = plan_data(
-            self._grid, builder, compile_code=self.options.solver.compile_code
+        builder = ProblemDataBuilder(self.grid, strategy, self.model, self.options.tick_s)
+        self.plan_data = plan_data(
+            self.grid, builder, compile_code=self.options.solver.compile_code
         )
         self._charging: ChargingValuation | None = None
         if charges:
@@ -255,20 +261,20 @@ class Controller:
         slower = min(command.acceleration_m_s2, lawful)
         lost = None if leader is not None else self._lead.lost_leader(state.time_s)
         if lost is not None and not measured.is_free:
-            law = safe_following(state, lost, self._model, self.options.tick_s)
+            law = safe_following(state, lost, self.model, self.options.tick_s)
             slower = min(slower, law.acceleration_m_s2)
         return rung, replace(command, acceleration_m_s2=slower)
 
     def _within_comfort(self, state: VehicleState) -> VehicleState:
         """Return a state whose acceleration ordinary commands can follow; service brakes go beyond."""
-        limits = self._model.limits
+        limits = self.model.limits
         own = state.acceleration_m_s2
         clipped = min(max(own, limits.min_acceleration_m_s2), limits.max_acceleration_m_s2)
         return state if clipped == own else replace(state, acceleration_m_s2=clipped)
 
     def _further_stopping_distance_m(self, speed_m_s: float) -> float:
         """Return by how much the weak brakes lengthen an emergency stop; kept as an additional gap."""
-        stated_m = speed_m_s * speed_m_s / (2.0 * self._model.brakes.max_deceleration_m_s2)
+        stated_m = speed_m_s * speed_m_s / (2.0 * self.model.brakes.max_deceleration_m_s2)
         return stated_m * (1.0 / self._actuation.brake_share - 1.0)
 
     def _plan(
@@ -279,7 +285,7 @@ class Controller:
         What comes of it is optimal or yet to fall back.
         """
         last = self._ladder.plan_at(state.time_s)
-        guess = self._plan_data.expected(last, state)
+        guess = self.plan_data.expected(last, state)
         forecast = None if leader is None else self._forecaster.forecast(leader, measured.preview)
         motion, limiting = self._road.lead(state, measured.rules, forecast)
         known_s = LOOK_AHEAD_S
@@ -300,13 +306,13 @@ class Controller:
             thermal = self._traction.samples(state, motion, known_s, measured.slope)
         lawful_m_s = self._road.speed_limits_m_s(measured.rules, guess.motion)
         limits_m_s = self._power.slower(lawful_m_s)
-        data, start = self._plan_data.problem(
+        data, start = self.plan_data.problem(
             state, guess, motion, limiting, measured.slope, known_s, value, thermal, limits_m_s
         )
         result = self._solve(data, start)
         if not result.status.usable:
             return Decision(reason=result.reason, result=result, forecast=forecast, value=value)
-        plan = self._plan_data.plan(result.variables, state)
+        plan = self.plan_data.plan(result.variables, state)
         reason = "" if forecast is None else forecast.reason
         return Decision(
             self._ladder.accept(plan),

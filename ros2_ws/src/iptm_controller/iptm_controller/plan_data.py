@@ -7,6 +7,7 @@ compiler, and poses problems on grids whose longer steps are watched inside.
 from __future__ import annotations
 
 import ctypes
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -34,8 +35,25 @@ _SOURCE_FOLDER = Path(__file__).resolve().parent / "c"
 _INT, _DOUBLE, _POINTER = ctypes.c_int, ctypes.c_double, ctypes.c_void_p
 
 
+@dataclass(frozen=True)
+class PosedProblem:
+    """What the newest problem was posed with, see ``PlanData.problem``."""
+
+    leader: LeaderPreview
+    limiting: LeaderPreview
+    slope: SlopePreview
+    known_s: float
+
+
 class PlanData:
-    """Poses problems around plans, and reads plans from solutions."""
+    """Poses problems around plans, and reads plans from solutions.
+
+    Attributes:
+        builder: works the numbers of a problem out.
+        posed: the newest problem, None before the first one.
+    """
+
+    posed: PosedProblem | None = None
 
     def __init__(self, grid: ProblemGrid, builder: ProblemDataBuilder) -> None:
         self._grid = grid
@@ -67,6 +85,7 @@ class PlanData:
             limiting: motion that the gap limits hold for.
             known_s: how far ahead the motion is known.
         """
+        self.posed = PosedProblem(leader, limiting, slope, known_s)
         data = self.builder.build(
             state,
             leader,
@@ -209,6 +228,7 @@ class PlanDataInC(PlanData):
         speed_limits_m_s: FloatArray | None,
     ) -> tuple[ProblemData, FloatArray]:
         """See ``PlanData``."""
+        self.posed = PosedProblem(leader, limiting, slope, known_s)
         grid = self._grid
         variables, parameters = np.empty(grid.variable_count), np.empty(grid.parameter_count)
         parameters[: layout.GLOBALS] = self.builder.shared(state, value)
@@ -264,7 +284,9 @@ def plan_data(grid: ProblemGrid, builder: ProblemDataBuilder, *, compile_code: b
 
 @lru_cache
 def _library(compiler: tuple[str, ...], *_: object) -> ctypes.PyDLL:
-    fixed = {name: (_SOURCE_FOLDER / name).read_text("ascii") for name in ("tick_data.h",)}
+    fixed = {
+        name: (_SOURCE_FOLDER / name).read_text("ascii") for name in ("tick_data.h", "vehicle.h")
+    }
     source = (_SOURCE_FOLDER / "tick_data.c").read_text("ascii")
     path = compile_sources(
         [], {"tick_data.c": source, **fixed, "layout.h": layout_header()}, compiler

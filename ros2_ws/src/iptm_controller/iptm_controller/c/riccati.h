@@ -46,7 +46,7 @@ typedef struct {
   int cold_starts;
 } iptm_outcome;
 
-/* Number of doubles that a solve works on. */
+/* Number of doubles that a solve works on; IPTM_WORK_SIZE in solver_size.h is the same for static memory. */
 size_t iptm_work_size(const iptm_horizon *horizon);
 
 /* Solve one problem. The guess begins with the present state; variables and costates are the answer. */

@@ -112,36 +112,59 @@ static void average_inputs(const iptm_grid *grid, const double *inputs, double m
   }
 }
 
+/* Let position and speed follow from the inputs; temperatures are left to the caller. */
+static void roll_out(const iptm_grid *grid, const iptm_vehicle *vehicle, const double *inputs,
+                     double *states) {
+  double gained = 0.0, travelled = 0.0;
+  int k;
+  states[IPTM_STATE_POSITION] = vehicle->position_m;
+  states[IPTM_STATE_SPEED] = vehicle->speed_m_s;
+  states[IPTM_STATE_CELL_1_TEMPERATURE] = vehicle->cell_1_temperature_k;
+  states[IPTM_STATE_CELL_N_TEMPERATURE] = vehicle->cell_n_temperature_k;
+  states[IPTM_STATE_LAST_ACCELERATION] = vehicle->acceleration_m_s2;
+  states[IPTM_STATE_LAST_COMPRESSOR_POWER] = vehicle->compressor_power_w;
+  for (k = 0; k < grid->steps; ++k) {
+    const double *const input = inputs + (ptrdiff_t)IPTM_INPUTS * k;
+    const double *const now = states + (ptrdiff_t)IPTM_STATES * k;
+    double *const next = states + (ptrdiff_t)IPTM_STATES * (k + 1);
+    gained += input[IPTM_INPUT_ACCELERATION] * grid->lengths_s[k];
+    next[IPTM_STATE_SPEED] = vehicle->speed_m_s + gained;
+    travelled += 0.5 * (now[IPTM_STATE_SPEED] + next[IPTM_STATE_SPEED]) * grid->lengths_s[k];
+    next[IPTM_STATE_POSITION] = vehicle->position_m + travelled;
+    next[IPTM_STATE_LAST_ACCELERATION] = input[IPTM_INPUT_ACCELERATION];
+    next[IPTM_STATE_LAST_COMPRESSOR_POWER] = input[IPTM_INPUT_COMPRESSOR_POWER];
+  }
+}
+
+void iptm_hold(const iptm_grid *grid, const iptm_vehicle *vehicle, double *states,
+               double *inputs) {
+  int k;
+  memset(inputs, 0, sizeof(double) * IPTM_INPUTS * (size_t)grid->steps);
+  for (k = 0; k < grid->steps; ++k) {
+    double *const next = states + (ptrdiff_t)IPTM_STATES * (k + 1);
+    inputs[(ptrdiff_t)IPTM_INPUTS * k + IPTM_INPUT_COMPRESSOR_POWER] = vehicle->compressor_power_w;
+    next[IPTM_STATE_CELL_1_TEMPERATURE] = vehicle->cell_1_temperature_k;
+    next[IPTM_STATE_CELL_N_TEMPERATURE] = vehicle->cell_n_temperature_k;
+  }
+  roll_out(grid, vehicle, inputs, states);
+}
+
 void iptm_shift_plan(const iptm_grid *grid, double start_s, const double *states,
                      const double *inputs, const iptm_vehicle *vehicle, double *next_states,
                      double *next_inputs) {
   const int steps = grid->steps;
   const double moved_s = vehicle->time_s - start_s, *nodes = grid->nodes_s;
-  double gained = 0.0, travelled = 0.0;
   int k;
   average_inputs(grid, inputs, moved_s, next_inputs);
-  next_states[IPTM_STATE_POSITION] = vehicle->position_m + 0.0;
-  next_states[IPTM_STATE_SPEED] = vehicle->speed_m_s + 0.0;
-  next_states[IPTM_STATE_CELL_1_TEMPERATURE] = vehicle->cell_1_temperature_k;
-  next_states[IPTM_STATE_CELL_N_TEMPERATURE] = vehicle->cell_n_temperature_k;
-  next_states[IPTM_STATE_LAST_ACCELERATION] = vehicle->acceleration_m_s2;
-  next_states[IPTM_STATE_LAST_COMPRESSOR_POWER] = vehicle->compressor_power_w;
-  for (k = 0; k < steps; ++k) {
-    const double *const input = next_inputs + (ptrdiff_t)IPTM_INPUTS * k;
-    const double *const now = next_states + (ptrdiff_t)IPTM_STATES * k;
-    double *const next = next_states + (ptrdiff_t)IPTM_STATES * (k + 1);
-    const double time_s = least(nodes[k + 1] + moved_s, nodes[steps]);
-    gained += input[IPTM_INPUT_ACCELERATION] * grid->lengths_s[k];
-    next[IPTM_STATE_SPEED] = vehicle->speed_m_s + gained;
-    travelled += 0.5 * (now[IPTM_STATE_SPEED] + next[IPTM_STATE_SPEED]) * grid->lengths_s[k];
-    next[IPTM_STATE_POSITION] = vehicle->position_m + travelled;
+  for (k = 1; k <= steps; ++k) {
+    double *const next = next_states + (ptrdiff_t)IPTM_STATES * k;
+    const double time_s = least(nodes[k] + moved_s, nodes[steps]);
     next[IPTM_STATE_CELL_1_TEMPERATURE] = interpolate(
         time_s, nodes, states + IPTM_STATE_CELL_1_TEMPERATURE, IPTM_STATES, steps + 1);
     next[IPTM_STATE_CELL_N_TEMPERATURE] = interpolate(
         time_s, nodes, states + IPTM_STATE_CELL_N_TEMPERATURE, IPTM_STATES, steps + 1);
-    next[IPTM_STATE_LAST_ACCELERATION] = input[IPTM_INPUT_ACCELERATION];
-    next[IPTM_STATE_LAST_COMPRESSOR_POWER] = input[IPTM_INPUT_COMPRESSOR_POWER];
   }
+  roll_out(grid, vehicle, next_inputs, next_states);
 }
 
 /* Write the parameters of the steps: gap limits, intervals of the inputs and speed limits. */

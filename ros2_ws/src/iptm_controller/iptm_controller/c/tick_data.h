@@ -7,6 +7,7 @@
 #define IPTM_TICK_DATA_H
 
 #include "layout.h"
+#include "vehicle.h"
 
 /* The grid of a horizon, see ocp/grid.py; arrays have one entry per step or sample unless stated. */
 typedef struct {
@@ -21,12 +22,6 @@ typedef struct {
   double max_speed_m_s;
 } iptm_grid;
 
-/* The ego vehicle now. */
-typedef struct {
-  double time_s, position_m, speed_m_s, cell_1_temperature_k, cell_n_temperature_k;
-  double acceleration_m_s2, compressor_power_w;
-} iptm_vehicle;
-
 /* Motion of a lead vehicle at increasing times. */
 typedef struct {
   int nodes;
@@ -38,6 +33,10 @@ typedef struct {
   int nodes;
   const double *positions_m, *slopes_rad;
 } iptm_slope;
+
+/* Make the plan of a vehicle that keeps its speed and the power of its compressor. */
+void iptm_hold(const iptm_grid *grid, const iptm_vehicle *vehicle, double *states,
+               double *inputs);
 
 /* Move a plan on to a later state: states and inputs as seen from there. */
 void iptm_shift_plan(const iptm_grid *grid, double start_s, const double *states,

@@ -47,6 +47,7 @@ class ProblemDataBuilder:
     """Works out the numbers of one problem after the other.
 
     Attributes:
+        strategy: cost terms and their weights.
         acceleration_intervals_s: times in which the acceleration changes on the way into each step.
         compressor_intervals_s: the same for the power of the compressor.
     """
@@ -65,7 +66,7 @@ class ProblemDataBuilder:
                 longer, up to those whose samples are watched.
         """
         self._grid = grid
-        self._strategy = strategy
+        self.strategy = strategy
         self._model = model
         self._limits = model.limits
         lengths = grid.horizon.step_lengths_s
@@ -204,7 +205,7 @@ class ProblemDataBuilder:
 
     def shared(self, state: VehicleState, value: TemperatureValue) -> FloatArray:
         """Return the parameters that all steps share, shape (GLOBALS,)."""
-        strategy, scale = self._strategy, self._strategy.scale
+        strategy, scale = self.strategy, self.strategy.scale
         weights, reference_k = strategy.weights, strategy.reference_temperature_k
         if value.temperature_weight_1_k2_s > 0.0:  # two parabolas are one, up to a constant
             weight, further = weights["temperature_weight"], value.temperature_weight_1_k2_s

@@ -24,6 +24,9 @@ _DESCRIPTION = re.compile(
     r"|^#define casadi_[sf]\d+ .*\n",
     re.MULTILINE,
 )
+_MAXIMUM = re.compile(
+    r"^#define casadi_fmax [^\n]*\n|^casadi_real casadi_fmax\(.*?^\}\n", re.MULTILINE | re.DOTALL
+)
 _HELPER = re.compile(r"^casadi_real casadi_\w+\(", re.MULTILINE)
 _READ = re.compile(r"arg\[(\d+)\]\? arg\[\d+\]\[(\d+)\] : 0")
 _WRITE = re.compile(r"if \(res\[(\d+)\]!=0\) res\[\d+\]\[(\d+)\]=")
@@ -110,7 +113,7 @@ def stage_sources(
     helpers = source[: min(found.start() for found in bodies.values())]
     # The comment that describes the first function stays behind, and what describes arguments to CasADi.
     helpers = _DESCRIPTION.sub("", helpers[: helpers.rindex("/*")])
-    helpers = _HELPER.sub(r"static \g<0>", helpers)
+    helpers = _HELPER.sub(r"static \g<0>", _MAXIMUM.sub("", helpers))
     most_arguments = max(each.function.n_in() for each in every)
     most_results = max(each.function.n_out() for each in every)
     preamble = (

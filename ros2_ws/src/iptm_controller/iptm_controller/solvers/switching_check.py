@@ -50,6 +50,7 @@ class SwitchingCheck:
     """Wraps a back end; deterministic, because it counts solves and not seconds.
 
     Attributes:
+        numbers: what it compares.
         since_second: solves since the last one with a second start, None before the first solve.
     """
 
@@ -82,10 +83,10 @@ class SwitchingCheck:
         self._candidates = np.array([[limits.min_compressor_power_w], [power_w]]) / _POWER_SCALE_W
         self._try_every, self._warm_iterations = try_every, warm_iterations
         self.since_second: int | None = None
+        off, on = self._candidates.ravel().tolist()
+        self.numbers = SwitchingNumbers((off, on), self._rate_1_s, try_every)
         self._code = inner if isinstance(inner, RiccatiBackend) and inner.compiled else None
         if self._code is not None:
-            off, on = self._candidates.ravel().tolist()
-            self._numbers = SwitchingNumbers((off, on), self._rate_1_s, try_every)
             return
         functions, _ = as_machine_code(
             [_hamiltonians(problem, len(self._candidates) + 1)], inner.name, is_wanted=compile_code
@@ -116,7 +117,7 @@ class SwitchingCheck:
         """Solve one problem; see ``SolverBackend``."""
         if self._code is not None:
             result, self.since_second = self._code.solve_checked(
-                data, guess, most_iterations, self._numbers, self._since_second
+                data, guess, most_iterations, self.numbers, self._since_second
             )
             return result
         clock = Stopwatch()

@@ -1,0 +1,165 @@
+"""The command `codegen`: a controller and the rule of the safety monitor as C99, and recorded ticks.
+
+What is in the folder, and what is left to the caller, is said in ``controller.h`` and ``safety_monitor.h``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from iptm.closed_loop import run_closed_loop
+from iptm_controller.controller import Controller
+from iptm_controller.controller_code import SOURCE_FOLDER, controller_code, write_files
+from iptm_controller.decision import Decision
+from iptm_controller.horizon import MULTI_HORIZON, Horizon
+from iptm_controller.measurements import Measurements
+from iptm_controller.options import ControllerOptions
+from iptm_controller.plan_data import PosedProblem
+from iptm_controller.strategy import DEFAULT_STRATEGY, strategy_by_name
+from iptm_core.errors import IptmError
+from iptm_core.parameters import load_parameters
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.program import refused
+from iptm_core.routes import build_route
+from iptm_core.state import LeaderPreview
+from iptm_plant_sim import safety_monitor
+from iptm_plant_sim.plant import Plant
+
+CMAKE = """cmake_minimum_required(VERSION 3.16)
+project(iptm_controller C)
+set(CMAKE_C_STANDARD 99)
+# Results are those of the operations as they are written: no contraction to fused multiply-adds.
+add_compile_options(-O2 -ffp-contract=off)
+file(GLOB sources *.c)
+list(FILTER sources EXCLUDE REGEX "bench[.]c$")
+add_library(iptm_controller STATIC ${sources})
+target_link_libraries(iptm_controller m)
+add_executable(bench bench.c)
+target_link_libraries(bench iptm_controller)
+enable_testing()
+add_test(NAME recorded_ticks COMMAND bench ${CMAKE_CURRENT_SOURCE_DIR}/ticks.txt)
+"""
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
+    parser = argparse.ArgumentParser(
+        prog="codegen",
+        description="Write a controller as C99 into a folder: sources, a CMake file, and recorded ticks with"
+        " a program that drives the controller through them and compares its commands.",
+    )
+    parser.add_argument("folder", type=Path, help="is made; files of the same names are replaced")
+    parser.add_argument("--horizon", default=str(MULTI_HORIZON), help="default: %(default)s")
+    parser.add_argument("--strategy", default=DEFAULT_STRATEGY, help="default: %(default)s")
+    parser.add_argument("--parameter-set", help="parameters of the model; default: the paper's")
+    parser.add_argument("--cycle", default="wltc_class3b", help="of the recorded ticks")
+    parser.add_argument(
+        "--ticks", type=float, default=600.0, help="length of the record, default: %(default)g s"
+    )
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write the folder.
+
+    Returns:
+        0 on success, 2 when an argument is refused or a file cannot be written.
+    """
+    given = build_parser().parse_args(arguments)
+    try:
+        named = () if given.parameter_set is None else (given.parameter_set,)
+        parameters = load_parameters(*named).values
+        options = ControllerOptions(
+            strategy=strategy_by_name(given.strategy), horizon=Horizon.parse(given.horizon)
+        )
+        files = code_of(parameters, options)
+        files["ticks.txt"] = recorded_ticks(parameters, options, given.cycle, given.ticks)
+        write_files(given.folder, files)
+    except IptmError as error:
+        return refused("codegen", error)
+    except OSError as error:
+        return refused("codegen", f"{given.folder} cannot be written: {error}")
+    print(f"{len(files)} files in {given.folder}")
+    return 0
+
+
+def code_of(parameters: ModelParameters, options: ControllerOptions) -> dict[str, str]:
+    """Return the files of a controller, of the safety monitor and of their build, by name."""
+    files = controller_code(Controller(parameters, options))
+    folder = Path(safety_monitor.__file__).parent / "c"
+    for name in ("safety_monitor.c", "safety_monitor.h"):
+        files[name] = (folder / name).read_text("ascii")
+    files["bench.c"] = (SOURCE_FOLDER / "bench.c").read_text("ascii")
+    return files | {"CMakeLists.txt": CMAKE}
+
+
+def recorded_ticks(
+    parameters: ModelParameters, options: ControllerOptions, cycle: str, duration_s: float
+) -> str:
+    """Drive a trip and return what the controller was given and decided, as ``bench.c`` reads it."""
+    route = build_route(cycle, initial_gap_m=parameters.gap.initial_gap_m, duration_s=duration_s)
+    controller = Controller(parameters, options)
+    ticks: list[str] = []
+
+    def record(_: int, measured: Measurements, decision: Decision) -> None:
+        ticks.append(" ".join(_tick(measured, decision, controller.plan_data.posed)))
+
+    run_closed_loop(route, Plant(parameters, route.slope.slope_at), controller, on_tick=record)
+    return "\n".join([str(len(ticks)), *ticks, ""])
+
+
+def _tick(measured: Measurements, decision: Decision, posed: PosedProblem | None) -> Iterator[str]:
+    state, leader = measured.state, measured.leader
+    if state is None or leader is None or posed is None:
+        raise AssertionError("a trip behind a leader has both at every tick, and a problem")
+    value, slope = decision.value, posed.slope
+    numbers = [
+        state.time_s,
+        state.position_m,
+        state.speed_m_s,
+        state.cell_1_temperature_k,
+        state.cell_n_temperature_k,
+        state.acceleration_m_s2,
+        state.compressor_power_w,
+        state.cell_1_capacity_loss,
+        state.cell_n_capacity_loss,
+        leader.position_m,
+        leader.speed_m_s,
+        posed.known_s,
+        value.cell_1_marginal_cost_1_k,
+        value.cell_n_marginal_cost_1_k,
+        value.temperature_weight_1_k2_s,
+        value.reference_temperature_k,
+        value.thermal_energy_price_1_j,
+    ]
+    yield from map(float.hex, map(float, numbers))
+    yield from _motion(posed.leader)
+    yield from _motion(None if posed.limiting is posed.leader else posed.limiting)
+    # The slope as far as a plan looks.
+    first, last = slope.positions_m.searchsorted(
+        [state.position_m - 100.0, state.position_m + 3000.0]
+    )
+    part = slice(max(int(first) - 1, 0), int(last) + 1)
+    yield from _table(slope.positions_m[part], slope.slopes_rad[part])
+    command = decision.command
+    yield from (float(command.acceleration_m_s2).hex(), float(command.compressor_power_w).hex())
+    yield str(int(decision.rung))
+
+
+def _motion(motion: LeaderPreview | None) -> Iterator[str]:
+    if motion is None:
+        return iter(("0",))
+    return _table(motion.times_s, motion.positions_m, motion.speeds_m_s)
+
+
+def _table(*columns: Sequence[float]) -> Iterator[str]:
+    yield str(len(columns[0]))
+    for column in columns:
+        yield from (float(value).hex() for value in column)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,113 @@
+/* Drives the controller through recorded ticks and compares its commands with the recorded ones.
+ *
+ * usage: bench TICKS
+ * Ends with 0 where every command is within the tolerance, else with 1. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "controller.h"
+
+#define MOST_NODES 8192
+
+static const double ACCELERATION_TOLERANCE = 1e-12; /* m/s^2 */
+static const double POWER_TOLERANCE = 1e-9;         /* W */
+
+static iptm_memory memory;
+static iptm_scratch scratch;
+static double tables[8][MOST_NODES];
+
+static double number(FILE *file) {
+  double value = 0.0;
+  if (fscanf(file, "%lf", &value) != 1) {
+    fprintf(stderr, "bench: the file of the ticks is cut\n");
+    exit(2);
+  }
+  return value;
+}
+
+static int numbers(FILE *file, int columns, double (*into)[MOST_NODES]) {
+  const int size = (int)number(file);
+  int column, i;
+  if (size < 0 || size > MOST_NODES) {
+    fprintf(stderr, "bench: %d nodes; allowed: 0 to %d\n", size, MOST_NODES);
+    exit(2);
+  }
+  for (column = 0; column < columns; ++column) {
+    for (i = 0; i < size; ++i) into[column][i] = number(file);
+  }
+  return size;
+}
+
+int main(int count, char **arguments) {
+  FILE *file = count == 2 ? fopen(arguments[1], "r") : NULL;
+  double worst_acceleration = 0.0, worst_power = 0.0;
+  int ticks, tick, other_rungs = 0, iterations = 0;
+  if (file == NULL) {
+    fprintf(stderr, "usage: bench TICKS\n");
+    return 2;
+  }
+  ticks = (int)number(file);
+  for (tick = 0; tick < ticks; ++tick) {
+    iptm_vehicle vehicle;
+    iptm_leader leader;
+    iptm_motion motion, limiting;
+    iptm_slope slope;
+    iptm_inputs inputs = {0};
+    iptm_decision decision;
+    double acceleration, power;
+    int rung;
+    vehicle.time_s = number(file);
+    vehicle.position_m = number(file);
+    vehicle.speed_m_s = number(file);
+    vehicle.cell_1_temperature_k = number(file);
+    vehicle.cell_n_temperature_k = number(file);
+    vehicle.acceleration_m_s2 = number(file);
+    vehicle.compressor_power_w = number(file);
+    inputs.vehicle = &vehicle;
+    inputs.cell_1_capacity_loss = number(file);
+    inputs.cell_n_capacity_loss = number(file);
+    leader.position_m = number(file);
+    leader.speed_m_s = number(file);
+    inputs.leader = &leader;
+    inputs.known_s = number(file);
+    inputs.prices.cell_1_marginal_cost_1_k = number(file);
+    inputs.prices.cell_n_marginal_cost_1_k = number(file);
+    inputs.prices.temperature_weight_1_k2_s = number(file);
+    inputs.prices.reference_temperature_k = number(file);
+    inputs.prices.thermal_energy_price_1_j = number(file);
+    motion.nodes = numbers(file, 3, tables);
+    motion.times_s = tables[0];
+    motion.positions_m = tables[1];
+    motion.speeds_m_s = tables[2];
+    limiting.nodes = numbers(file, 3, tables + 3);
+    limiting.times_s = tables[3];
+    limiting.positions_m = tables[4];
+    limiting.speeds_m_s = tables[5];
+    slope.nodes = numbers(file, 2, tables + 6);
+    slope.positions_m = tables[6];
+    slope.slopes_rad = tables[7];
+    /* No nodes: a tick at which no problem was posed. */
+    inputs.motion = motion.nodes > 0 ? &motion : NULL;
+    inputs.limiting = limiting.nodes > 0 ? &limiting : inputs.motion;
+    inputs.slope = &slope;
+    acceleration = number(file);
+    power = number(file);
+    rung = (int)number(file);
+    decision = iptm_decide(&memory, &scratch, &inputs);
+    worst_acceleration =
+        fmax(worst_acceleration, fabs(decision.command.acceleration_m_s2 - acceleration));
+    worst_power = fmax(worst_power, fabs(decision.command.compressor_power_w - power));
+    other_rungs += (int)decision.rung != rung;
+    iterations += decision.iterations;
+  }
+  (void)fclose(file);
+  printf("%d ticks, %d iterations; largest difference %.3g m/s^2 and %.3g W; %d other rungs\n", ticks,
+         iterations, worst_acceleration, worst_power, other_rungs);
+  printf("memory %lu bytes, scratch %lu bytes\n", (unsigned long)sizeof(memory),
+         (unsigned long)sizeof(scratch));
+  return worst_acceleration <= ACCELERATION_TOLERANCE && worst_power <= POWER_TOLERANCE &&
+                 other_rungs == 0
+             ? 0
+             : 1;
+}

@@ -1,0 +1,169 @@
+#include "controller.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "fallback.h"
+
+/* Constants of ocp/data.py. */
+static const double COLD_COMPRESSOR_PRICE_1_KW = 100.0;
+static const double COLD_MARGIN_K = 0.05;
+static const double STEP_TOLERANCE_S = 1e-9;
+
+static double larger(double first, double second) { return second > first ? second : first; }
+static double smaller(double first, double second) { return second < first ? second : first; }
+
+/* Write the parameters that all steps share: state of the cells, prices and weights. */
+static void pose_shared(const iptm_vehicle *vehicle, const iptm_inputs *given, double *parameters) {
+  const iptm_prices *prices = &given->prices;
+  const double scale = iptm_strategy.scale, lowest_k = iptm_limits_of_model.min_temperature_k;
+  const double coldest = smaller(vehicle->cell_1_temperature_k, vehicle->cell_n_temperature_k);
+  const double share =
+      smaller(larger(1.0 - (coldest - lowest_k) / COLD_MARGIN_K, 0.0), 1.0);
+  double planned_k = lowest_k + 2.0 * COLD_MARGIN_K;
+  double weight = iptm_strategy.weights[IPTM_TEMPERATURE_WEIGHT];
+  double reference_k = iptm_strategy.reference_temperature_k;
+  int i;
+  if (share > 0.0) planned_k = smaller(planned_k, coldest - COLD_MARGIN_K);
+  /* Warmth is welcome: nothing is planned to be cooled. */
+  if (prices->cell_1_marginal_cost_1_k + prices->cell_n_marginal_cost_1_k < 0.0) planned_k = 0.0;
+  if (prices->temperature_weight_1_k2_s > 0.0) {
+    /* Two parabolas are one, up to a constant. */
+    const double further = prices->temperature_weight_1_k2_s;
+    reference_k = (weight * reference_k + further * prices->reference_temperature_k) /
+                  (weight + further);
+    weight += further;
+  }
+  parameters[IPTM_GLOBAL_CELL_1_LOSS] = given->cell_1_capacity_loss;
+  parameters[IPTM_GLOBAL_CELL_N_LOSS] = given->cell_n_capacity_loss;
+  parameters[IPTM_GLOBAL_REFERENCE_TEMPERATURE] = reference_k;
+  parameters[IPTM_GLOBAL_CELL_1_PRICE] = scale * prices->cell_1_marginal_cost_1_k;
+  parameters[IPTM_GLOBAL_CELL_N_PRICE] = scale * prices->cell_n_marginal_cost_1_k;
+  parameters[IPTM_GLOBAL_COMPRESSOR_PRICE] = COLD_COMPRESSOR_PRICE_1_KW * share;
+  parameters[IPTM_GLOBAL_LOWEST_TEMPERATURE] = planned_k;
+  parameters[IPTM_GLOBAL_THERMAL_ENERGY_PRICE] = scale * prices->thermal_energy_price_1_j;
+  for (i = 0; i < IPTM_WEIGHTS; ++i) {
+    parameters[IPTM_GLOBALS - IPTM_WEIGHTS + i] =
+        scale * (i == IPTM_TEMPERATURE_WEIGHT ? weight : iptm_strategy.weights[i]);
+  }
+}
+
+/* Whether the plan covers a trip time; past its end it only repeats its last input. */
+static int covers(const iptm_memory *memory, double time_s) {
+  const double elapsed_s = time_s - memory->start_s;
+  return memory->has_plan && 0.0 <= elapsed_s && elapsed_s < iptm_grid_of_horizon.nodes_s[IPTM_STEPS];
+}
+
+static iptm_command planned_command(const iptm_memory *memory, double time_s) {
+  const double elapsed_s = time_s - memory->start_s + STEP_TOLERANCE_S;
+  iptm_command command;
+  int step = 0;
+  while (step < IPTM_STEPS - 1 && iptm_grid_of_horizon.nodes_s[step + 1] <= elapsed_s) ++step;
+  command.acceleration_m_s2 = memory->inputs[step * IPTM_INPUTS + IPTM_INPUT_ACCELERATION];
+  command.compressor_power_w = memory->inputs[step * IPTM_INPUTS + IPTM_INPUT_COMPRESSOR_POWER];
+  return command;
+}
+
+/* Solve the problem of a tick; a usable plan is kept. */
+static int plan(iptm_memory *memory, iptm_scratch *scratch, const iptm_vehicle *vehicle,
+                const iptm_inputs *given, iptm_decision *decision) {
+  iptm_options options = iptm_solver_options;
+  if (!memory->has_solved) {
+    memory->has_solved = 1;
+    memory->since_second = iptm_switching_numbers.try_every;
+  }
+  if (covers(memory, vehicle->time_s)) {
+    iptm_shift_plan(&iptm_grid_of_horizon, memory->start_s, memory->states, memory->inputs, vehicle,
+                    scratch->states, scratch->inputs);
+  } else {
+    iptm_hold(&iptm_grid_of_horizon, vehicle, scratch->states, scratch->inputs);
+  }
+  pose_shared(vehicle, given, scratch->parameters);
+  iptm_pose_problem(&iptm_grid_of_horizon, vehicle, scratch->states, scratch->inputs,
+                    given->motion, given->limiting, given->slope, given->known_s,
+                    given->speed_limits_m_s, NULL, scratch->guess, scratch->parameters);
+  options.clock_s = given->clock_s;
+  options.until_s = given->until_s;
+  decision->iterations = iptm_solve_checked(
+      &iptm_horizon_of_solver, &options, &iptm_switching_numbers, scratch->parameters,
+      scratch->guess, &memory->since_second, scratch->variables, scratch->costates, scratch->solver,
+      &decision->outcome);
+  if (!iptm_is_usable(&decision->outcome)) return 0;
+  iptm_read_plan(&iptm_grid_of_horizon, vehicle->position_m, scratch->variables, memory->states,
+                 memory->inputs);
+  memory->start_s = vehicle->time_s;
+  memory->has_plan = 1;
+  memory->failures = 0;
+  return 1;
+}
+
+/* Choose the rung of a tick without a usable plan. */
+static iptm_rung fall_back(iptm_memory *memory, const iptm_vehicle *vehicle,
+                           const iptm_leader *leader, iptm_command *command) {
+  const iptm_limits *limits = &iptm_limits_of_model;
+  ++memory->failures;
+  if (vehicle == NULL) {
+    *command = iptm_blind_braking(limits, memory->has_trusted ? &memory->trusted : NULL);
+    return IPTM_STOP;
+  }
+  if (memory->failures <= IPTM_SHIFTED_PLAN_TICKS && covers(memory, vehicle->time_s)) {
+    *command = planned_command(memory, vehicle->time_s);
+    if (leader != NULL) {
+      const iptm_command law = iptm_safe_following(limits, vehicle, leader);
+      command->acceleration_m_s2 = smaller(command->acceleration_m_s2, law.acceleration_m_s2);
+    }
+    return IPTM_SHIFTED_PLAN;
+  }
+  if (leader != NULL && memory->failures <= IPTM_SHIFTED_PLAN_TICKS + IPTM_SAFE_LAW_TICKS) {
+    *command = iptm_safe_following(limits, vehicle, leader);
+    return IPTM_SAFE_LAW;
+  }
+  *command = iptm_controlled_stop(limits, vehicle);
+  return IPTM_STOP;
+}
+
+/* Limit a command relative to the state, or to what was last trusted or commanded. */
+static void limit(iptm_memory *memory, const iptm_vehicle *vehicle, iptm_decision *decision) {
+  if (vehicle != NULL) {
+    memory->trusted = *vehicle;
+    memory->has_trusted = 1;
+  }
+  if (!memory->has_trusted) {
+    decision->command.acceleration_m_s2 = 0.0;
+    decision->command.compressor_power_w = 0.0;
+    return;
+  }
+  decision->limits =
+      iptm_limit_command(&iptm_limits_of_model, &memory->trusted, &decision->command);
+  if (vehicle == NULL) {
+    /* The rates count from this command next time, or braking would never get beyond one step. */
+    memory->trusted.acceleration_m_s2 = decision->command.acceleration_m_s2;
+    memory->trusted.compressor_power_w = decision->command.compressor_power_w;
+  }
+}
+
+iptm_decision iptm_decide(iptm_memory *memory, iptm_scratch *scratch, const iptm_inputs *inputs) {
+  const iptm_limits *limits = &iptm_limits_of_model;
+  const iptm_vehicle *vehicle = NULL;
+  iptm_vehicle within;
+  iptm_decision decision;
+  memset(&decision, 0, sizeof(decision));
+  decision.rung = IPTM_STOP;
+  if (inputs->vehicle != NULL) {
+    /* An acceleration that ordinary commands can follow; service brakes go beyond. */
+    within = *inputs->vehicle;
+    within.acceleration_m_s2 =
+        smaller(larger(within.acceleration_m_s2, limits->min_acceleration_m_s2),
+                limits->max_acceleration_m_s2);
+    vehicle = &within;
+  }
+  if (vehicle != NULL && inputs->motion != NULL &&
+      plan(memory, scratch, vehicle, inputs, &decision)) {
+    decision.rung = IPTM_OPTIMAL;
+    decision.command = planned_command(memory, memory->start_s);
+  } else {
+    decision.rung = fall_back(memory, vehicle, inputs->leader, &decision.command);
+  }
+  limit(memory, vehicle, &decision);
+  return decision;
+}

@@ -1,0 +1,74 @@
+/* One tick of the controller: problem, solution, fallback, limiter. C99, nothing is allocated.
+ *
+ * In here: the last plan moved on, the problem of the tick, the interior-point method with its second start, the
+ * rungs of the fallback ladder and the limiter. Not in here, and to be done before: plausibility checks and noise
+ * filters of the measurements, the forecast of the leader with the trust in it, rules of the road as a lead motion,
+ * the terminal prices of the temperatures, and the observer of the actuators; after: the collision guard. */
+#ifndef IPTM_CONTROLLER_H
+#define IPTM_CONTROLLER_H
+
+#include "controller_data.h"
+#include "limiter.h"
+#include "riccati.h"
+#include "solver_size.h"
+#include "switching.h"
+#include "tick_data.h"
+
+/* Where a command comes from. */
+typedef enum {
+  IPTM_OPTIMAL = 0,
+  IPTM_SHIFTED_PLAN = 1,
+  IPTM_SAFE_LAW = 2,
+  IPTM_STOP = 3
+} iptm_rung;
+
+/* Prices of the temperatures at the end of the horizon, see temperature_value.py; all zero for none. */
+typedef struct {
+  double cell_1_marginal_cost_1_k, cell_n_marginal_cost_1_k, temperature_weight_1_k2_s;
+  double reference_temperature_k, thermal_energy_price_1_j;
+} iptm_prices;
+
+/* What is measured and known at a tick. */
+typedef struct {
+  const iptm_vehicle *vehicle; /* NULL: nothing is measured */
+  double cell_1_capacity_loss, cell_n_capacity_loss;
+  const iptm_leader *leader;    /* as measured; NULL: no leader is measured */
+  const iptm_motion *motion;    /* past and expected motion of the leader; NULL: no problem is posed */
+  const iptm_motion *limiting;  /* motion that the gap limits hold for, may be the same */
+  const iptm_slope *slope;
+  double known_s;               /* how far ahead the motion is known */
+  const double *speed_limits_m_s; /* at the ends of the steps, NULL for none */
+  iptm_prices prices;
+  double (*clock_s)(void);      /* NULL for no deadline */
+  double until_s;               /* reading of the clock at which the solver stops */
+} iptm_inputs;
+
+/* What is carried from tick to tick. All zero begins a trip. */
+typedef struct {
+  int has_plan, failures, has_trusted, has_solved, since_second;
+  double start_s; /* trip time of the plan's first node */
+  double states[(IPTM_STEPS + 1) * IPTM_STATES];
+  double inputs[IPTM_STEPS * IPTM_INPUTS];
+  iptm_vehicle trusted; /* that commands are limited against where nothing is measured */
+} iptm_memory;
+
+/* What a tick works on; its content means nothing between ticks. */
+typedef struct {
+  double states[(IPTM_STEPS + 1) * IPTM_STATES], inputs[IPTM_STEPS * IPTM_INPUTS];
+  double guess[IPTM_VARIABLES(IPTM_STEPS)], variables[IPTM_VARIABLES(IPTM_STEPS)];
+  double costates[IPTM_STEPS * IPTM_STATES], parameters[IPTM_PARAMETERS];
+  double solver[IPTM_CHECKED_WORK_SIZE(IPTM_STEPS, IPTM_MAX_ITERATIONS)];
+} iptm_scratch;
+
+typedef struct {
+  iptm_command command;
+  iptm_rung rung;
+  unsigned limits; /* bounds of the limiter that changed the command, see limiter.h */
+  int iterations;
+  iptm_outcome outcome; /* of the solver; means nothing without a problem */
+} iptm_decision;
+
+/* Decide one tick. */
+iptm_decision iptm_decide(iptm_memory *memory, iptm_scratch *scratch, const iptm_inputs *inputs);
+
+#endif
