@@ -12,19 +12,20 @@ from pathlib import Path
 
 from iptm.closed_loop import run_closed_loop
 from iptm_controller.controller import Controller
-from iptm_controller.controller_code import SOURCE_FOLDER, controller_code, write_files
+from iptm_controller.controller_code import controller_code, write_files
 from iptm_controller.decision import Decision
 from iptm_controller.horizon import MULTI_HORIZON, Horizon
 from iptm_controller.measurements import Measurements
 from iptm_controller.options import ControllerOptions
 from iptm_controller.plan_data import PosedProblem
+from iptm_controller.solvers.riccati.stage_program import SOURCE_FOLDER
 from iptm_controller.strategy import DEFAULT_STRATEGY, strategy_by_name
 from iptm_core.errors import IptmError
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.program import refused
 from iptm_core.routes import build_route
-from iptm_core.state import LeaderPreview
+from iptm_core.state import FloatArray, LeaderPreview
 from iptm_plant_sim import safety_monitor
 from iptm_plant_sim.plant import Plant
 
@@ -155,10 +156,10 @@ def _motion(motion: LeaderPreview | None) -> Iterator[str]:
     return _table(motion.times_s, motion.positions_m, motion.speeds_m_s)
 
 
-def _table(*columns: Sequence[float]) -> Iterator[str]:
+def _table(*columns: FloatArray) -> Iterator[str]:
     yield str(len(columns[0]))
     for column in columns:
-        yield from (float(value).hex() for value in column)
+        yield from (value.hex() for value in column.tolist())
 
 
 if __name__ == "__main__":

@@ -3,7 +3,8 @@
  * In here: the last plan moved on, the problem of the tick, the interior-point method with its second start, the
  * rungs of the fallback ladder and the limiter. Not in here, and to be done before: plausibility checks and noise
  * filters of the measurements, the forecast of the leader with the trust in it, rules of the road as a lead motion,
- * the terminal prices of the temperatures, and the observer of the actuators; after: the collision guard. */
+ * the terminal prices of the temperatures, the limits of pack and drive, and the observer of the actuators;
+ * after: the collision guard. */
 #ifndef IPTM_CONTROLLER_H
 #define IPTM_CONTROLLER_H
 
