@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from iptm.studies.campaign import Campaign
 from iptm.studies.run_spec import RunKind
 from iptm.studies.study import Selection
 from iptm.studies.study_loading import load_study, read_study
@@ -187,16 +186,3 @@ def test_unknown_studies(tmp_path: Path, study_file: WriteFile) -> None:
         load_study(tmp_path / "none.yaml")
     with pytest.raises(ScenarioError, match="file name is the study's name"):
         read_study(study_file(name="a b.yaml"))
-
-
-def test_the_example_of_the_documentation(study_file: WriteFile) -> None:
-    page = Path(__file__).parents[3] / "docs" / "how-to" / "studies.md"
-    example = page.read_text(encoding="utf-8").split("```yaml\n")[1].split("```")[0]
-    study = read_study(study_file(example))
-    assert [case.name for case in study.cases] == [
-        "80/reference",
-        "80/cost_to_go",
-        "150/reference",
-        "150/cost_to_go",
-    ]
-    Campaign([study])
