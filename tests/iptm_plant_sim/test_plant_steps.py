@@ -27,7 +27,7 @@ def energies_balance(step: PlantStep, parameters: ModelParameters, duration: flo
     assert step.powers.battery_power_w == pytest.approx(terminal, rel=1e-11, abs=1e-8)
     source = pack.open_circuit_voltage_v * step.charge_c / duration
     assert source == pytest.approx(
-        step.powers.battery_power_w + step.battery_heat_w, rel=1e-10, abs=1e-7
+        step.powers.battery_power_w + step.powers.battery_heat_w, rel=1e-10, abs=1e-7
     )
 
 
@@ -53,7 +53,7 @@ def test_temperature_of_the_cells_balances_heat_and_coolant(plant: Plant) -> Non
     assert step.powers.chiller_heat_w == 0.0
     assert step.coolant_inlet_temperature_k == step.coolant_outlet_temperature_k
     cells = plant.parameters.pack.cells_in_series * plant.parameters.pack.parallel
-    rise = step.battery_heat_w / (cells * plant.parameters.cell.heat_capacity_j_k)
+    rise = step.powers.battery_heat_w / (cells * plant.parameters.cell.heat_capacity_j_k)
     end = step.state
     for temperature, start in (
         (end.cell_1_temperature_k, state.cell_1_temperature_k),
@@ -137,7 +137,7 @@ def test_observation_before_the_first_interval(plant: Plant) -> None:
     assert seen.state == state
     assert seen.standstill
     assert seen.powers.compressor_power_w == 700.0
-    assert seen.powers == IntervalPowers(0.0, 700.0, 0.0, 0.0, 0.0)
+    assert seen.powers == IntervalPowers(0.0, 700.0, 0.0, 0.0, 0.0, 0.0)
     assert seen.pack_current_a > 0.0
     assert 300.0 < seen.pack_voltage_v < plant.parameters.pack.open_circuit_voltage_v
     # The electrics agree with those of a short interval from there.

@@ -43,7 +43,7 @@ def test_energy_balances_with_limits_of_regeneration(acceleration: float) -> Non
     source_v = at_charge(I3, start.state_of_charge).pack.open_circuit_voltage_v
     source_j = source_v * step.charge_c
     terminal_j = step.powers.battery_power_w
-    assert source_j == pytest.approx(terminal_j + step.battery_heat_w, rel=1e-9)
+    assert source_j == pytest.approx(terminal_j + step.powers.battery_heat_w, rel=1e-9)
 
 
 def test_friction_brakes_take_what_the_motor_does_not() -> None:

@@ -74,7 +74,7 @@ def test_bytes_are_those_of_the_message(x: list[float], time_s: float, prefix: s
         assert deserialize_message(data, type(message)) == message
         assert len(data) == length(message)
     safety = SafetyRecord(*x[10:13])
-    observed = PlantObservation(state, IntervalPowers(*x[:5]), x[5], x[6], safety)
+    observed = PlantObservation(state, IntervalPowers(*x[:6]), x[6], x[7], safety)
     for topic, data in encode_observation(observed, prefix).items():
         message = deserialize_message(data, TOPICS[topic].message_type)
         assert len(data) == length(message)

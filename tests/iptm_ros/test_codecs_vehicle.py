@@ -47,7 +47,7 @@ def test_the_state_survives_its_message_to_the_last_bit(
     state = VehicleState(
         3.0, position, speed, acceleration, power, kelvin, kelvin, loss, loss, **charged
     )
-    powers = IntervalPowers(-position, power, speed, acceleration, kelvin)
+    powers = IntervalPowers(-position, power, speed, acceleration, kelvin, power)
     safety = SafetyRecord(0.1, kelvin, loss)
     message = plant_messages(state, powers, (kelvin, kelvin + 1.0), safety)[Topic.PLANT_STATE]
     assert decode_observation(message) == PlantObservation(

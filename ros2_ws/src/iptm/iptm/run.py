@@ -113,8 +113,9 @@ class Run:
         """One row per tick, indexed by ``time_s``; units stand in the names of the columns.
 
         The columns are those of `iptm_core.trajectory.Trajectory` with the gap, then those of
-        `iptm_core.decision_record.DecisionSeries`. Row k holds the state at t_k, means over the interval
-        that ended there, and the decision made there; the last row has none (NaN).
+        `iptm_core.decision_record.DecisionSeries`. Row k holds the state at t_k and the decision made there;
+        the last row has none (NaN). Its acceleration, compressor power and other powers are means over the
+        interval that *ended* at t_k: what row k decides is done in row k + 1, and row 0 has no powers.
         """
         driven = pd.DataFrame({**self.trajectory.to_arrays(), "gap_m": self.trajectory.gap_m})
         decided = pd.DataFrame(self.decisions.to_arrays()).set_index("time_s")

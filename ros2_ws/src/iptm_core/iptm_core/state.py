@@ -114,6 +114,7 @@ class IntervalPowers:
         auxiliary_power_w: drawn by the auxiliaries of the cooling system (P_aux).
         battery_power_w: delivered by the pack (P_b), positive when discharging.
         chiller_heat_w: heat taken from the coolant (Q_co), positive when cooling.
+        battery_heat_w: heat generated in all cells, ohmic and entropic; NaN where that is not known.
     """
 
     traction_power_w: float
@@ -121,6 +122,7 @@ class IntervalPowers:
     auxiliary_power_w: float
     battery_power_w: float
     chiller_heat_w: float
+    battery_heat_w: float = math.nan
 
 
 @dataclass(frozen=True)

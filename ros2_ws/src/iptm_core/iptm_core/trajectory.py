@@ -107,6 +107,7 @@ class Trajectory(Columns):
     auxiliary_power_w: FloatArray
     battery_power_w: FloatArray
     chiller_heat_w: FloatArray
+    battery_heat_w: FloatArray
     leader_position_m: FloatArray
     leader_speed_m_s: FloatArray
     service_braking_s: FloatArray

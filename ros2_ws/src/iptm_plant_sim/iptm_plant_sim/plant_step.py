@@ -27,7 +27,6 @@ class PlantStep(PlantObservation):
     """
 
     regenerative_power_w: float
-    battery_heat_w: float
     charge_c: float
     cell_current_a: float
     pack_current_a: float
@@ -53,7 +52,7 @@ def joined(
     last = pieces[-1][0]
     means = {
         name: sum(getattr(step.powers, name) * part_s for step, part_s in pieces) / duration_s
-        for name in ("traction_power_w", "battery_power_w", "chiller_heat_w")
+        for name in ("traction_power_w", "battery_power_w", "chiller_heat_w", "battery_heat_w")
     }
     clamps = dict.fromkeys(clamp for step, _ in pieces for clamp in step.report.clamps)
     regenerated_j = sum(step.regenerative_power_w * part_s for step, part_s in pieces)
@@ -62,7 +61,6 @@ def joined(
         state=replace(last.state, time_s=end_s),
         powers=replace(last.powers, **means),
         regenerative_power_w=regenerated_j / duration_s,
-        battery_heat_w=sum(step.battery_heat_w * part_s for step, part_s in pieces) / duration_s,
         charge_c=sum(step.charge_c for step, _ in pieces),
         report=replace(report, clamps=tuple(clamps)),
     )

@@ -149,7 +149,8 @@ _SPECS = (
         "distance along the road, speed (never negative), first and last cell of a coolant channel, losses "
         "as fractions of nominal capacity; of the interval that ended at the stamp, acceleration (positive "
         "forward), mean powers (traction and battery positive when drawn from the pack, chiller heat when "
-        "cooling; a negative compressor power is that of a heater), how long the safety monitor braked, the "
+        "cooling, battery heat when made in the cells; a negative compressor power is that of a heater), how "
+        "long the safety monitor braked, the "
         "smallest gap measured inside (NaN for none), and the share of the requested deceleration that the "
         "brakes deliver. From state_of_charge on, a plant of the user's may leave out what it does not know",
         {
@@ -157,6 +158,7 @@ _SPECS = (
             "cell_1_temperature_k": "K", "cell_n_temperature_k": "K",
             "cell_1_capacity_loss": "1", "cell_n_capacity_loss": "1", "state_of_charge": "1",
             "traction_power_w": "W", "auxiliary_power_w": "W", "battery_power_w": "W", "chiller_heat_w": "W",
+            "battery_heat_w": "W",
             "coolant_inlet_temperature_k": "K", "coolant_outlet_temperature_k": "K",
             "service_braking_s": "s", "smallest_gap_m": "m", "brake_share": "1",
         },

@@ -202,6 +202,8 @@ _TRIP_FIGURES = (
            compared=True, short="Degradation"),
     Figure("mean_cop", "Mean coefficient of performance", "", 2,
            lambda run: run.mean_cop, "∫Q_co dt / ∫P_cp dt"),
+    Figure("unbalanced_heat", "Heat that the two-cell model leaves unbalanced", "kJ", 2,
+           lambda run: 1e-3 * run.unbalanced_heat_j, "∫(q - Q_co) dt - C ΔT"),
     Figure("smallest_gap", "Smallest gap", "m", 2, lambda run: run.smallest_gap_m, "min s"),
     Figure("mean_gap", "Mean gap", "m", 1, lambda run: run.mean_gap_m),
     Figure("largest_gap", "Largest gap", "m", 1, lambda run: run.largest_gap_m, "max s"),

@@ -28,6 +28,8 @@ class RunMetrics:
         battery_energy_j: integral of P_b, which is how the paper labels that row.
         peak_battery_power_w: largest P_b of an interval.
         lowest_battery_power_w: smallest P_b of an interval, negative when recuperating.
+        unbalanced_heat_j: heat made in the cells and taken from the air, less heat taken by the chiller and
+            stored at the mean of both cells. Two cells in the place of a channel do not keep it at zero.
         mean_cop: heat taken from the coolant per compressor energy over the whole run; None if the
             compressor never ran.
         cell_1_degradation: capacity lost by cell 1 during the run, as a fraction of nominal capacity.
@@ -54,6 +56,7 @@ class RunMetrics:
     mean_battery_power_w: float
     peak_battery_power_w: float
     lowest_battery_power_w: float
+    unbalanced_heat_j: float
     mean_cop: float | None
     cell_1_degradation: float
     cell_n_degradation: float
@@ -138,6 +141,7 @@ def compute_metrics(
         mean_battery_power_w=battery_j / duration_s,
         peak_battery_power_w=float(run.battery_power_w[1:].max()),
         lowest_battery_power_w=float(run.battery_power_w[1:].min()),
+        unbalanced_heat_j=_unbalanced_heat_j(run, parameters),
         mean_cop=heat_j / compressor_j if compressor_j > 0.0 else None,
         cell_1_degradation=float(losses[0][-1] - losses[0][0]),
         cell_n_degradation=float(losses[1][-1] - losses[1][0]),
@@ -160,6 +164,14 @@ def compute_metrics(
         final_charge=float(run.state_of_charge[-1]),
         decisions=None if decisions is None else DecisionStatistics.of(decisions),
     )
+
+
+def _unbalanced_heat_j(run: Trajectory, parameters: ModelParameters) -> float:
+    mean_k = 0.5 * (run.cell_1_temperature_k + run.cell_n_temperature_k)
+    stored_j = parameters.pack_heat_capacity_j_k * float(mean_k[-1] - mean_k[0])
+    warmer_k = parameters.environment.ambient_temperature_k - 0.5 * (mean_k[1:] + mean_k[:-1])
+    from_air_j = parameters.cooling.air_exchange_w_k * float(np.dot(warmer_k, run.intervals_s))
+    return _integral(run, run.battery_heat_w - run.chiller_heat_w) + from_air_j - stored_j
 
 
 def _integral(run: Trajectory, means: FloatArray) -> float:

@@ -98,6 +98,7 @@ def encode_observation(observation: PlantObservation, prefix: str) -> dict[Topic
             powers.auxiliary_power_w,
             powers.battery_power_w,
             powers.chiller_heat_w,
+            powers.battery_heat_w,
             inlet_k,
             outlet_k,
             safety.service_braking_s,
@@ -112,13 +113,13 @@ def encode_observation(observation: PlantObservation, prefix: str) -> dict[Topic
 def decode_observation(message: JointState) -> PlantObservation:
     """Return what the plant observes; values that it does not publish are NaN, its safety record is empty."""
     motion_and_pack = read_numbers(Topic.PLANT_STATE, message)
-    *state, charge, traction_w, auxiliary_w, battery_w, chiller_w = motion_and_pack[:13]
-    inlet_k, outlet_k, braking_s, smallest_gap_m, brake_share = motion_and_pack[13:]
+    *state, charge, traction_w, auxiliary_w, battery_w, chiller_w, heat_w = motion_and_pack[:14]
+    inlet_k, outlet_k, braking_s, smallest_gap_m, brake_share = motion_and_pack[14:]
     time_s = s_from_ns(ns_from_time(message.header.stamp))
     has_monitor = not math.isnan(braking_s)
     return PlantObservation(
         state=VehicleState(time_s, *state, state_of_charge=charge),
-        powers=IntervalPowers(traction_w, state[3], auxiliary_w, battery_w, chiller_w),
+        powers=IntervalPowers(traction_w, state[3], auxiliary_w, battery_w, chiller_w, heat_w),
         coolant_inlet_temperature_k=inlet_k,
         coolant_outlet_temperature_k=outlet_k,
         safety=SafetyRecord(braking_s, smallest_gap_m, brake_share)
