@@ -37,7 +37,7 @@ _iptm_enter() {
     fi
 
     modules="${PYTHONPATH:-}"
-    for package in iptm iptm_vehicle_interface iptm_view iptm_traffic iptm_reproduction iptm_controller iptm_v2x_bridge \
+    for package in iptm iptm_vehicle_interface iptm_view iptm_traffic iptm_controller iptm_v2x_bridge \
         iptm_plant_sim iptm_ros iptm_core; do
         entry="$root/ros2_ws/src/$package"
         case ":$modules:" in *":$entry:"*) ;; *) modules="$entry${modules:+:$modules}" ;; esac

@@ -88,11 +88,6 @@ RULES = (
         r".*(leader_source:?=cam|ROS_DOMAIN_ID=42 scripts/v2x_send|v2x_sender).*",
         "a sender or a receiver beside it",
     ),
-    Rule(
-        Way.NOT,
-        r"scripts/(identify|reproduce)( (?!.*--dry-run|list|status|tables|prune).*)?",
-        "minutes to hours",
-    ),
     Rule(Way.NOT, r"export .*", "sets a variable"),
     Rule(
         Way.NOT,
@@ -121,8 +116,7 @@ RULES = (
     Rule(Way.ASK, r"(scripts/(call|param)|ros2 (service|param)) .*"),
     Rule(Way.RUN, r"source scripts/env.sh"),
     Rule(Way.RUN, r"scripts/(bag_info|compare|compare_bags|recover_bag|export|drive_file) .*"),
-    Rule(Way.RUN, r"scripts/run_demo --list|scripts/reproduce list"),
-    Rule(Way.RUN, r"scripts/reproduce (.*--dry-run|status|tables|prune).*", "--store {out}"),
+    Rule(Way.RUN, r"scripts/run_demo --list"),
     # Longer.
     Rule(Way.RECORD, r"scripts/record .*", node="recorder"),
     Rule(Way.SERVE, r"scripts/replay (?!--check).*", node="player"),

@@ -22,7 +22,6 @@ ALLOWED = {
         "iptm_controller",
         "iptm_view",
     },
-    "iptm_reproduction": {"iptm_core", "iptm_controller", "iptm"},
     "iptm_traffic": {
         "iptm_core",
         "iptm_ros",
@@ -42,7 +41,6 @@ PURE = {
     "iptm_vehicle_interface",
     "iptm.faults",
     "iptm.studies",
-    "iptm_reproduction",
     "iptm_traffic",
 }
 

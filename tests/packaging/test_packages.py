@@ -28,7 +28,6 @@ LIBRARIES = {
     "can": ("python3-can", "python-can"),
     "cantools": ("python3-cantools-pip", "cantools"),
     "casadi": ("casadi-pip", "casadi"),
-    "cma": ("python3-cma-pip", "cma"),
     "jinja2": ("python3-jinja2", "jinja2"),
     "markupsafe": ("python3-jinja2", "jinja2"),  # comes with it
     "lz4": ("python3-lz4", "lz4"),

@@ -158,9 +158,8 @@ _SPECS = (
             "cell_1_temperature_k": "K", "cell_n_temperature_k": "K",
             "cell_1_capacity_loss": "1", "cell_n_capacity_loss": "1", "state_of_charge": "1",
             "traction_power_w": "W", "auxiliary_power_w": "W", "battery_power_w": "W", "chiller_heat_w": "W",
-            "battery_heat_w": "W",
             "coolant_inlet_temperature_k": "K", "coolant_outlet_temperature_k": "K",
-            "service_braking_s": "s", "smallest_gap_m": "m", "brake_share": "1",
+            "service_braking_s": "s", "smallest_gap_m": "m", "brake_share": "1", "battery_heat_w": "W",
         },
     ),
     TopicSpec(

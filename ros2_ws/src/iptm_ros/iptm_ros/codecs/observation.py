@@ -98,12 +98,12 @@ def encode_observation(observation: PlantObservation, prefix: str) -> dict[Topic
             powers.auxiliary_power_w,
             powers.battery_power_w,
             powers.chiller_heat_w,
-            powers.battery_heat_w,
             inlet_k,
             outlet_k,
             safety.service_braking_s,
             safety.smallest_gap_m,
             safety.brake_share,
+            powers.battery_heat_w,
         ),
     }
     stamp_ns = ns_from_s(state.time_s)
@@ -113,8 +113,8 @@ def encode_observation(observation: PlantObservation, prefix: str) -> dict[Topic
 def decode_observation(message: JointState) -> PlantObservation:
     """Return what the plant observes; values that it does not publish are NaN, its safety record is empty."""
     motion_and_pack = read_numbers(Topic.PLANT_STATE, message)
-    *state, charge, traction_w, auxiliary_w, battery_w, chiller_w, heat_w = motion_and_pack[:14]
-    inlet_k, outlet_k, braking_s, smallest_gap_m, brake_share = motion_and_pack[14:]
+    *state, charge, traction_w, auxiliary_w, battery_w, chiller_w = motion_and_pack[:13]
+    inlet_k, outlet_k, braking_s, smallest_gap_m, brake_share, heat_w = motion_and_pack[13:]
     time_s = s_from_ns(ns_from_time(message.header.stamp))
     has_monitor = not math.isnan(braking_s)
     return PlantObservation(

@@ -1,1 +1,0 @@
-"""Identification of what the paper omits: trip and parameters, fitted to its strategy table alone."""

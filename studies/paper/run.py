@@ -1,0 +1,107 @@
+"""The paper's studies driven again, its statements checked, and the page that says so.
+
+Every set of parameters drives the 53 runs of the paper; with ``--beyond`` the studies beyond it are driven
+with the first set, for a page of their own.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from studies.paper import checks, equations, figures, page, terms, trips
+
+import iptm
+
+HERE = Path(__file__).parent
+SETS: dict[str, tuple[trips.Settings, float]] = {
+    "gated": ({}, trips.FULL_COST_WEIGHT_1_J),
+    "as_printed": (
+        {
+            "vehicle": str(HERE / "as_printed.yaml"),
+            "overrides": {"chiller.gate_power_w": 0.0},
+        },
+        1e-5,
+    ),
+}
+"""Settings of the reproduction, and lambda_P of J1-4: with the added physics, and as printed."""
+
+
+MEASURES_TIME = True
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the option of this study."""
+    parser.add_argument("--beyond", action="store_true", help="146 more trips, for beyond.md")
+
+
+def run(session: Any) -> bool:
+    """Drive, check, and write the page; the short version drives the paper's runs for some seconds."""
+    found: dict[str, dict[str, Any]] = {}
+    weights: dict[str, trips.Settings] = {}
+    for name, given in SETS.items():
+        found[name], chosen = paper(session, name, *given)
+        weights = weights or chosen
+    plan = terms.calls(session.short)
+    done = session.compute(terms.drive, list(plan.values()), list(plan))
+    tables = {name: table(runs, timed=not session.short) for name, runs in found.items()}
+    verdicts = {name: checks.all_checks(each) for name, each in tables.items()}
+    driven = {address: run for address, run in zip(plan, done, strict=True) if run is not None}
+    session.render(**page.parts(found, tables, verdicts, terms.table(driven)))
+    page.draw(session.output / "pictures", found, tables)
+    if session.options.beyond:
+        more = {**found["gated"], **drive(session, trips.further_runs(weights))}
+        session.render("beyond.md.j2", "beyond.md", **page.beyond(table(more)))
+    return not session.failures
+
+
+def drive(session: Any, runs: Mapping[str, trips.Settings], prefix: str = "") -> dict[str, Any]:
+    """Return what `figures.drive` keeps of each run by address; equal settings are driven once."""
+    calls: list[trips.Settings] = []
+    names: list[str] = []
+    places: dict[str, int] = {}
+    for address, settings in runs.items():
+        call = trips.complete(settings, short=session.short)
+        if call not in calls:
+            calls.append(call)
+            names.append(prefix + address)
+        places[address] = calls.index(call)
+    done = session.compute(figures.drive, calls, names)
+    return {address: done[place] for address, place in places.items() if done[place] is not None}
+
+
+def paper(
+    session: Any, name: str, given: trips.Settings, full_cost_1_j: float
+) -> tuple[dict[str, Any], dict[str, trips.Settings]]:
+    """The paper's studies with some settings, and the weights of Table IV: the best of each strategy."""
+    plan = trips.paper_runs(full_cost_1_j)
+    runs = drive(session, {a: trips.merged(each, given) for a, each in plan.items()}, f"{name}: ")
+    degradation = {address: each["figures"]["total_degradation"] for address, each in runs.items()}
+    chosen = {}
+    for strategy in trips.WEIGHTED:
+        best = trips.best_weight(strategy, degradation)
+        runs[f"strategies/{strategy}"] = runs[best]
+        chosen[strategy] = plan[best]
+    return runs, chosen
+
+
+def table(runs: Mapping[str, Any], *, timed: bool = True) -> pd.DataFrame:
+    """Figures of runs, a row per address, without computing times where these mean nothing.
+
+    The shares of time at low and high power are relative to the reference of Table IV.
+    """
+    found = pd.DataFrame({address: run["figures"] for address, run in runs.items()}).T
+    if not timed:
+        found.loc[:, found.columns.str.startswith("solve_")] = float("nan")
+    reference = runs.get("strategies/reference")
+    if reference is not None:
+        bounds = figures.power_bounds_kw(reference["frame"])
+        for name in trips.NAMES:
+            address = f"strategies/{name}"
+            for key, value in figures.power_shares(runs[address]["frame"], bounds).items():
+                found.loc[address, key] = value
+    found.attrs["aging_map"] = equations.aging_map(iptm.load_parameters(trips.VEHICLE).values)
+    return found
