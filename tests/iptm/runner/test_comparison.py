@@ -9,15 +9,12 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+import iptm
 from iptm.driving import drive_in_memory
 from iptm.report import relative_changes
 from iptm.run import Run
 from iptm.runner.comparison import save_comparison
-from iptm.studies.run import perform_run
-from iptm.studies.run_spec import RunSpec
-from iptm.studies.study import planned_run
 from iptm.trip import Trip
-from iptm_controller.strategy import STRATEGIES
 from iptm_core.errors import ParameterError
 from iptm_core.metrics import FIGURES, figure_values
 from iptm_core.trajectory import TRAJECTORY_COLUMNS
@@ -31,9 +28,9 @@ def comparison() -> Run:
 
 
 def test_it_is_the_run_that_a_study_makes(comparison: Run) -> None:
-    """The same trip by another path: run specification, inputs, worker."""
-    spec = RunSpec(cycle="nycc", duration_s=60.0)
-    from_study = perform_run(planned_run(spec.with_strategy(STRATEGIES["reference"]))).metrics
+    """The same trip by another path: the arguments of the library."""
+    call = {"strategy": "reference", "horizon": "15x1", "duration_s": 60.0}
+    from_study = iptm.simulate("nycc", **call).metrics
     for key in ("cooling_energy", "traction_energy", "cell_1_degradation", "smallest_gap"):
         figure = FIGURES[key]
         assert figure.compute(comparison.metrics) == figure.compute(from_study)

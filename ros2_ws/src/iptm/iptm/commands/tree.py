@@ -39,7 +39,7 @@ COMMANDS = {
     "drive": Command(
         "iptm.runner.recorded_drive", "show a recorded drive, or read one from a CAN log"
     ),
-    "train": Command("iptm.studies.predictor_training", "train the predictor of the leader"),
+    "train": Command("iptm.predictor_training", "train the predictor of the leader"),
     "send": Command("iptm_v2x_bridge.node_sender", "send a drive as V2X messages"),
     "call": Command("iptm_ros.call", "call a service of a node"),
     "param": Command("iptm_ros.param", "read and set parameters of nodes"),

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from iptm.channel_record import ChannelRecord, channel_record
-from iptm.studies.run import Run, perform_run
-from iptm.studies.run_spec import RunSpec
-from iptm.studies.store import ResultStore
-from iptm.studies.study import planned_run
 from iptm_core.parameters import load_parameters
 from iptm_core.settings import ThermalModel
 from iptm_core.state import ChannelCells, Command, FullChannelState
@@ -95,33 +90,3 @@ def test_the_two_cell_model_gets_the_same_commands() -> None:
     assert change > 0.1
     assert 0.0 < found["two_cell_n"]["max_k"] < 1e-3 * change
     assert found["two_cell_losses"] == pytest.approx(found["capacity_losses"], rel=1e-3)
-
-
-@pytest.fixture(scope="module")
-def full_run(short_spec: RunSpec) -> Run:
-    return perform_run(planned_run(replace(short_spec, thermal_model=ThermalModel.FULL_CHANNEL)))
-
-
-def test_a_closed_loop_on_all_cells(full_run: Run, short_run: Run, store: ResultStore) -> None:
-    assert full_run.key != short_run.key
-    assert short_run.channel is None
-    record = full_run.channel
-    assert record is not None
-    assert len(record["capacity_losses"]) == 228
-    trip = full_run.trajectory
-    for cell, losses in ((0, trip.cell_1_capacity_loss), (-1, trip.cell_n_capacity_loss)):
-        assert record["capacity_losses"][cell] == pytest.approx(losses[-1] - losses[0], rel=1e-12)
-    # In these few seconds from rest the plants cannot differ by much.
-    assert trip.speed_m_s == pytest.approx(short_run.trajectory.speed_m_s, abs=1e-3)
-    store.save(full_run)
-    assert store.load(full_run.key).channel == record
-    assert store.load(full_run.key).spec == full_run.spec
-
-
-def test_a_run_can_be_repeated(
-    full_run: Run, assert_same: Callable[..., None], short_spec: RunSpec
-) -> None:
-    spec = replace(short_spec, thermal_model=ThermalModel.FULL_CHANNEL)
-    again = perform_run(planned_run(spec))
-    assert_same(again, full_run)
-    assert again.channel == full_run.channel

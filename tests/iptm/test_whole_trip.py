@@ -1,0 +1,59 @@
+"""A whole trip as one optimal control problem."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from iptm.driving import drive_in_memory, drive_whole_trip
+from iptm.run import Run
+from iptm.trip import Trip
+
+
+def trip(duration_s: float, **overrides: float) -> Trip:
+    keys = {name.replace("__", "."): value for name, value in overrides.items()}
+    return Trip.of(
+        "us06",
+        slope="small",
+        strategy="aging",
+        horizon="3x1+5x5",
+        compile_code=False,
+        duration_s=duration_s,
+        overrides=keys,
+    )
+
+
+def test_a_whole_trip_is_better_than_the_closed_loop_that_it_starts_from() -> None:
+    finished = drive_whole_trip(trip(40.0))
+    record = finished.whole_trip
+    assert record is not None
+    assert record["settled"]
+    assert record["solves"][-1]["status"] == "solved"
+    assert len(finished.trajectory) == 41
+    assert len(finished.decisions) == 0
+
+    def lost(run: Run) -> float:
+        end = run.trajectory
+        return float(end.cell_1_capacity_loss[-1] + end.cell_n_capacity_loss[-1])
+
+    assert lost(finished) < lost(drive_in_memory(trip(40.0)))
+
+
+def test_costates_are_what_a_kelvin_costs_the_rest_of_the_trip() -> None:
+    """By difference: the same trip with both cells a little warmer at its start costs that much more."""
+    step_k = 0.5
+    costs: list[float] = []
+    sums = []
+    for initial_k in (308.15, 308.15 + step_k):
+        run = drive_whole_trip(trip(60.0, environment__initial_cell_temperature_k=initial_k))
+        record = run.whole_trip
+        assert record is not None
+        costs.append(record["solves"][-1]["objective"] or 0.0)
+        assert record["costate_times_s"] == [10.0, 20.0, 30.0, 40.0, 50.0, 60.0]
+        sums.append(np.add(record["cell_1_costates_1_k"], record["cell_n_costates_1_k"]))
+    both = np.mean(sums, axis=0)
+    assert both.min() >= 0.0
+    assert both[-1] == pytest.approx(0.0, abs=1e-3), "nothing comes after the end"
+    # In this minute a kelvin is not lost: the first ten seconds are a part of what it costs in all.
+    slope_1_k = (costs[1] - costs[0]) / step_k
+    assert 0.5 * slope_1_k < both[0] < slope_1_k
