@@ -40,7 +40,6 @@ PURE = {
     "iptm_controller",
     "iptm_vehicle_interface",
     "iptm.faults",
-    "iptm.studies",
     "iptm_traffic",
 }
 

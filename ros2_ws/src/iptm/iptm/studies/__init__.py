@@ -1,1 +1,0 @@
-"""Headless closed loop and studies over the same pure parts as the nodes, without ROS."""
