@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from tests.iptm_controller.scenes import (
     FLAT,
@@ -18,11 +19,12 @@ from tests.iptm_controller.scenes import (
 from iptm_controller.collision_guard import EMERGENCY, MARGIN_M, CollisionGuard
 from iptm_controller.controller import Controller
 from iptm_controller.decision import Decision
+from iptm_controller.forecast import LeaderForecast, PreviewQuality
 from iptm_controller.measurements import Measurements
 from iptm_controller.options import ControllerOptions
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.physics.car_following import minimum_gap_m
-from iptm_core.state import LeaderState, VehicleState
+from iptm_core.state import LeaderPreview, LeaderState, VehicleState
 
 LIMITS = PARAMETERS.limits
 JERK_STEP_M_S2 = LIMITS.max_jerk_m_s3
@@ -177,3 +179,40 @@ def test_closer_than_s_min_is_no_emergency_with_a_confirmed_preview() -> None:
     gap_m = 0.8 * float(minimum_gap_m(20.0, 20.0, PARAMETERS.gap, LIMITS))
     decision = decide(make_controller(), (gap_m, 20.0), (gap_m, 20.0), speed_m_s=20.0)
     assert decision.rung is Rung.OPTIMAL
+
+
+def watching(leader_m: float, *speeds_m_s: float) -> tuple[CollisionGuard, VehicleState]:
+    """Return a guard that has measured these speeds of a leader at a place, and an ego vehicle at 10 m/s."""
+    guard = CollisionGuard(LIMITS, 1.0, 3)
+    for tick, speed_m_s in enumerate(speeds_m_s):
+        guard.observe(LeaderState(99.0 + tick, leader_m, speed_m_s))
+    state = make_scene(speed_m_s=10.0, position_m=0.0, time_s=98.0 + len(speeds_m_s)).state
+    return guard, state
+
+
+def test_weak_brakes_count_in_the_way_to_standstill() -> None:
+    guard, state = watching(55.0, 0.0)
+    threatens = [guard.collision_threatens(-1.0, state, None, share) for share in (1.0, 0.4)]
+    assert threatens == [False, True]
+
+
+def test_a_leader_that_brakes_stands_where_it_has_halted() -> None:
+    guard, state = watching(70.0, 10.0, 5.0)
+    assert guard.deceleration_m_s2 == 5.0
+    assert not guard.collision_threatens(-1.0, state, None), "it halts after 2.5 m and stays there"
+
+
+@pytest.mark.parametrize(
+    ("known_s", "predicted_m_s", "threatens"),
+    [(20.0, 10.0, True), (2.0, 0.5, True), (20.0, 0.5, False)],
+    ids=["too fast", "known for a moment", "confirmed"],
+)
+def test_a_preview_that_is_not_confirmed_counts_no_more_than_what_is_measured(
+    known_s: float, predicted_m_s: float, *, threatens: bool
+) -> None:
+    guard, state = watching(20.0, 0.5, 0.5)
+    times = state.time_s + np.arange(21.0)
+    moving = predicted_m_s * np.arange(21.0) + 2.0 * np.arange(21.0) ** 2
+    motion = LeaderPreview(times, 20.0 + moving, predicted_m_s + 4.0 * np.arange(21.0))
+    forecast = LeaderForecast(motion, motion, PreviewQuality.FULL, "", 0.0, known_s)
+    assert guard.collision_threatens(0.0, state, forecast) is threatens

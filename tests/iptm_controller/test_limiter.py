@@ -132,3 +132,12 @@ def test_actuated_values_outside_the_bounds_do_not_pull_the_command_out(
     limits = PARAMETERS.limits
     assert limited.acceleration_m_s2 <= limits.max_acceleration_m_s2
     assert limited.compressor_power_w <= limits.max_compressor_power_w
+
+
+def test_the_top_speed_is_that_of_the_end_of_a_tick() -> None:
+    limits = PARAMETERS.limits
+    limiter = CommandLimiter(limits, 0.1)
+    state = make_state(speed_m_s=limits.max_speed_m_s - 0.05, acceleration_m_s2=0.5)
+    command, reasons = limiter.limit(Command(1.0, state.compressor_power_w), state)
+    assert command.acceleration_m_s2 == pytest.approx(0.5), "0.05 m/s in 0.1 s"
+    assert reasons == ("top speed",)

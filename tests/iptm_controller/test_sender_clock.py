@@ -43,3 +43,6 @@ def test_the_offset_counts_for_later_previews_and_grows_to_what_the_fastest_one_
 def test_a_clock_that_was_never_set_is_not_put_right() -> None:
     received = preview(10.0 + LARGEST_OFFSET_S + 0.01)
     assert SenderClock().by_own_clock(received, 10.0) is received
+    clock = SenderClock()
+    clock.by_own_clock(preview(9.1), 9.0)
+    assert clock.by_own_clock(received, 10.0) is received, "whatever has shown before"

@@ -157,6 +157,15 @@ def test_neither_even_driving_nor_rounding_looks_frozen(
         assert not track.frozen
 
 
+def test_a_coarse_sensor_that_follows_evenly_does_not_look_frozen() -> None:
+    track = LeadTrack()
+    for time_s in range(12):
+        own_m = 20.1 * time_s
+        sample = Sample(float(time_s), own_m + 50.0, 20.0, own_m, 20.1)
+        track = followed(track, sample)
+        assert not track.frozen, "20.1 m/s in steps of 0.5 m/s, the gap in steps of 1 m"
+
+
 def test_an_empty_lane_is_lost_until_it_is_confirmed() -> None:
     track = track_of(driven(2.0, 1.0, cruising(40.0, 20.0), swaying))
     for time_s in np.arange(2.0, 2.0 + CONFIRMED_FREE_S, 1.0).tolist():

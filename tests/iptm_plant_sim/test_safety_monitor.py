@@ -23,6 +23,7 @@ from iptm_plant_sim.lead_measurements import LeadMeasurements
 from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_step import PlantStep
 from iptm_plant_sim.safety_monitor import (
+    WAITED_S,
     MonitorMemory,
     SafetyMonitor,
     stopping_distance_m,
@@ -221,6 +222,66 @@ def test_no_braking_of_the_vehicle_ahead_leads_to_a_collision(
             smallest = min(smallest, step.safety.smallest_gap_m)
             state = step.state
         assert smallest > 0.0
+
+
+def test_where_only_a_slippery_road_calls_for_it_the_vehicle_brakes_with_what_that_gives() -> None:
+    assert ROAD.slippery == BrakingCapability(2.75, pytest.approx(2.9, abs=2e-3))
+    plant, state = driving(20.0)
+    full_m = MONITOR.safe_distance_m(20.0, 0.0, 12.0, capability=ROAD.full)
+    gently_m = MONITOR.safe_distance_m(20.0, 0.0, 12.0, capability=ROAD.slippery)
+    assert gently_m > full_m + 15.0
+    plant.watch(lead_at(gently_m - 1.0, 12.0))
+    step = plant.advance(state, COAST)
+    assert step.memory.gently
+    # 7/8 of what it brakes with is what it relies on.
+    assert step.state.acceleration_m_s2 == pytest.approx(-2.75 / 0.875)
+
+
+def test_gentle_braking_becomes_full_at_the_distance_of_full_braking_and_without_a_new_delay() -> (
+    None
+):
+    gently = MonitorMemory(braking=True, gently=True, since_s=4.0, reason="gentle")
+    full_m = MONITOR.safe_distance_m(20.0, 0.0, 12.0)
+    for gap_m, fully in ((full_m + 0.1, False), (full_m - 0.1, True)):
+        lead = LeaderState(4.2, gap_m, 12.0)
+        judged = MONITOR.judge(gently, 4.2, (0.0, 20.0, 0.0), lead, ROAD)
+        assert judged.braking
+        assert judged.gently is not fully
+        assert judged.since_s == 4.0
+        assert ("below the safe distance" in judged.reason) is fully
+
+
+def test_the_present_acceleration_counts_when_it_begins_to_brake() -> None:
+    speeding_m = MONITOR.safe_distance_m(20.0, 1.5, 20.0)
+    lead = LeaderState(0.0, speeding_m - 0.1, 20.0)
+    assert MONITOR.judge(MonitorMemory(), 0.0, (0.0, 20.0, 1.5), lead, ROAD).braking
+    assert not MONITOR.judge(MonitorMemory(), 0.0, (0.0, 20.0, 0.0), lead, ROAD).braking
+
+
+def test_on_a_free_road_brakes_are_released_after_the_hold() -> None:
+    braking = MonitorMemory(braking=True, since_s=4.0)
+    assert MONITOR.judge(braking, 4.3, (0.0, 20.0, 0.0), None, ROAD).braking
+    assert not MONITOR.judge(braking, 4.5, (0.0, 20.0, 0.0), None, ROAD).braking
+
+
+def test_a_measurement_awaited_for_long_leaves_the_rest_of_the_reaction_time() -> None:
+    waited_m = MONITOR.safe_distance_m(20.0, 0.0, 20.0, further_reaction_s=-WAITED_S)
+    motion = (20.0, 0.0, 20.0, 1.0, ROAD)
+    for waited_s in (WAITED_S, 3.0):
+        assert MONITOR.is_unsafe(waited_m - 0.1, *motion, waited_s)
+        lead = LeaderState(9.0, waited_m - 0.1, 20.0)
+        assert MONITOR.judge(MonitorMemory(), 9.0, (0.0, 20.0, 0.0), lead, ROAD, waited_s).braking
+
+
+def test_downhill_it_brakes_earlier() -> None:
+    plant = Plant(PARAMETERS, lambda x: np.full_like(x, -0.1))
+    state = plant.initial_state(speed_m_s=20.0)
+    gap = MONITOR.safe_distance_m(20.0, 0.0, 20.0) + 1.0
+    plant.watch(lead_at(gap, 20.0))
+    assert plant.advance(state, COAST).safety.service_braking_s > 0.0
+    level, state = driving(20.0)
+    level.watch(lead_at(gap, 20.0))
+    assert level.advance(state, COAST).safety.service_braking_s == 0.0
 
 
 # --- weak brakes

@@ -48,6 +48,9 @@ OVERLAP_MS = 1000
 """A message that is older than this when it arrives is not compared with those around its generation."""
 DENSE_MS = 500
 """Between messages no farther apart than this, a station moves smoothly."""
+ORDINARY_DELAY_MS = 50
+"""Time that the fastest of some messages takes at most; what seems to take longer came from a clock that is
+behind."""
 CLOCK_LEARNING_MS = 1000
 """Time after its first message in which the clock offset of a station is learnt."""
 CLOCK_TOLERANCE_MS = 50
@@ -104,6 +107,7 @@ class Station:
         self.in_lane = False
         self._learns_clock_until_ms = heard_ms + CLOCK_LEARNING_MS
         self._clock_ahead_ms = 0
+        self._ages_ms: deque[int] = deque(maxlen=OBSERVATIONS)
         self._messages: deque[tuple[int, CamMessage]] = deque(maxlen=HISTORY)
         self.observations: deque[Observation] = deque(maxlen=OBSERVATIONS)
         self._asides: deque[tuple[float, float]] = deque(maxlen=LATERALS)
@@ -119,6 +123,7 @@ class Station:
         self.message = message
         self.generated_ms = generated_ms
         self.heard_ms = max(heard_ms, generated_ms)
+        self._ages_ms.append(heard_ms - generated_ms)
         self._messages.append((generated_ms, message))
         if heard_ms <= self._learns_clock_until_ms:
             self._clock_ahead_ms = max(self._clock_ahead_ms, generated_ms - heard_ms)
@@ -208,6 +213,21 @@ class Station:
         if now_ms <= self._learns_clock_until_ms or now_ms - self.heard_ms > CLOCK_LEARNING_MS:
             return False
         return generated_ms - now_ms > self._clock_ahead_ms + CLOCK_TOLERANCE_MS
+
+    @property
+    def clock_offset_ms(self) -> int:
+        """What its times have to be increased by to be those of the own clock, as far as it shows.
+
+        No message arrives before it was sent, so the smallest age is the delay of the fastest message less
+        the offset. A clock that is ahead shows below zero, one that is behind above an ordinary delay.
+        """
+        smallest_ms = min(self._ages_ms)
+        return smallest_ms if smallest_ms < 0 else max(smallest_ms - ORDINARY_DELAY_MS, 0)
+
+    @property
+    def clock_rest_s(self) -> float:
+        """By how much its clock may be behind on top of that, in s."""
+        return 1e-3 * min(max(min(self._ages_ms), 0), ORDINARY_DELAY_MS)
 
     def _vote(self) -> None:
         """Change lanes only after several consecutive messages in the new lane."""
