@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -372,6 +372,30 @@ def test_stated_accuracy_takes_the_vehicle_ahead_nearer_and_slower() -> None:
     )
     exact_m = MONITOR.safe_distance_m(20.0, 0.0, 18.0)
     assert stated.safe_distance_m(20.0, 0.0, 20.0) == pytest.approx(exact_m + 5.0)
+
+
+@pytest.mark.parametrize("deceleration_g", np.arange(0.05, 0.96, 0.15).round(2).tolist())
+def test_on_the_grid_of_un_r157_a_braking_vehicle_ahead_is_not_hit(deceleration_g: float) -> None:
+    """Car following of Annex 4, appendix 3: both at 12 to 128 km/h, from the own safe distance."""
+    assert smallest_gaps_m(range(12, 129, 29), deceleration_g * 9.81).min() > 0.0
+
+
+def smallest_gaps_m(speeds_km_h: Iterable[int], deceleration_m_s2: float) -> FloatArray:
+    """Return the smallest gap behind vehicles that brake to rest from some speeds, shape (n,)."""
+    gaps = []
+    for speed_km_h in speeds_km_h:
+        speed = speed_km_h / 3.6
+        plant, state = driving(speed)
+        capabilities = (ROAD.full, ROAD.slippery or ROAD.full)
+        gap = max(
+            MONITOR.safe_distance_m(speed, 0.0, speed, capability=one) for one in capabilities
+        )
+        plant.watch(lead_at(gap, speed, deceleration_m_s2))
+        while state.speed_m_s > 0.1 and state.time_s < 120.0:
+            step = plant.advance(state, COAST)
+            gap, state = min(gap, step.safety.smallest_gap_m), step.state
+        gaps.append(gap)
+    return np.array(gaps)
 
 
 # --- measurements

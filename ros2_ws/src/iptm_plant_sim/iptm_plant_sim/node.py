@@ -11,6 +11,7 @@ import sys
 from diagnostic_msgs.msg import DiagnosticArray
 
 from iptm_core.errors import ServiceError
+from iptm_core.lead_track import LeadStatus
 from iptm_core.saved_state import write_state
 from iptm_plant_sim.node_parameters import PlantNodeParameters
 from iptm_plant_sim.node_trip import EXIT_PACK_EMPTY, TripNode
@@ -187,6 +188,13 @@ class PlantNode(TripNode):
             return f"the safety monitor brakes: {step.memory.reason}"
         if step.safety.brake_share < SOUND_BRAKES:
             return f"the brakes deliver {step.safety.brake_share:.0%} of what is requested"
+        status = step.memory.lead.status(step.state.time_s)
+        if status is LeadStatus.FROZEN:
+            return "the range sensor repeats a measurement; the vehicle ahead counts as lost"
+        if status is LeadStatus.LOST and not self._range_sensor.is_silent:
+            return "the range sensor has lost the vehicle ahead, which is assumed to brake"
+        if step.memory.road_m_s2:
+            return f"the road gives no more than {step.memory.road_m_s2:.1f} m/s^2"
         if self._range_sensor.is_silent:
             return "the safety monitor lacks measurements of its range sensor"
         return ""
