@@ -198,7 +198,7 @@ class CamBridge:
         contested = leader.message.station_id in self._table.contested_since_ms
         now_s = time_ns / NS_PER_S
         # A sender's clock that is a little ahead must not put the generation into the future.
-        generated_ms = min(station.generated_ms + station.clock_offset_ms for station in stations)
+        generated_ms = min(station.generated_ms for station in stations)
         generated_ns = min((generated_ms - self.start_timestamp_ms) * NS_PER_MS, time_ns)
         # Once a second since then, so that the farthest place reached meanwhile is not forgotten.
         since = np.arange(generated_ns, max(time_ns, generated_ns + 1), NS_PER_S) / NS_PER_S

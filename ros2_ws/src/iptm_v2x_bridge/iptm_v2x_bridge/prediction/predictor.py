@@ -135,7 +135,7 @@ def leader_track(station: Station, road: RoadLine, now_s: float | None = None) -
     """
     length_m = station.message.front_to_rear_m
     stood_s = station.last.time_s - station.moved_s
-    observations = _by_own_clock(station)
+    observations = _allowing_for_its_clock(station)
     if now_s is not None:
         by_then = tuple(each for each in observations if each.time_s <= now_s)
         observations = by_then or observations[:1]
@@ -143,20 +143,13 @@ def leader_track(station: Station, road: RoadLine, now_s: float | None = None) -
     return LeaderTrack(observations, _road_path(station, road), length_m, stood_s, age_s)
 
 
-def _by_own_clock(station: Station) -> tuple[Observation, ...]:
-    """Return what a station sent with the times of the own clock.
-
-    What may be left of the offset moves a vehicle on by that time: it widens the bound of the position.
-    """
-    offset_s, rest_s = 1e-3 * station.clock_offset_ms, station.clock_rest_s
-    if not offset_s and not rest_s:
+def _allowing_for_its_clock(station: Station) -> tuple[Observation, ...]:
+    """Return what a station sent; the way that it moves while its clock is behind widens the bounds."""
+    behind_s = station.clock_behind_s
+    if not behind_s:
         return tuple(station.observations)
     return tuple(
-        replace(
-            each,
-            time_s=each.time_s + offset_s,
-            bound_m=each.bound_m + rest_s * each.speed_m_s,
-        )
+        replace(each, bound_m=each.bound_m + behind_s * each.speed_m_s)
         for each in station.observations
     )
 
@@ -165,7 +158,6 @@ def _road_path(station: Station, road: RoadLine) -> tuple[FloatArray, FloatArray
     if station.path is None or station.generated_ms - station.path[0] > MAX_PATH_AGE_MS:
         return None
     generated_ms, path, rear_m = station.path
-    generated_ms += station.clock_offset_ms
     length_m = station.message.front_to_rear_m
     times, places = [generated_ms / 1000.0], [rear_m]
     near_m = rear_m + length_m

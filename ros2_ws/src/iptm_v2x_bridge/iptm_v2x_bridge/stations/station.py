@@ -48,9 +48,8 @@ OVERLAP_MS = 1000
 """A message that is older than this when it arrives is not compared with those around its generation."""
 DENSE_MS = 500
 """Between messages no farther apart than this, a station moves smoothly."""
-ORDINARY_DELAY_MS = 50
-"""Time that the fastest of some messages takes at most; what seems to take longer came from a clock that is
-behind."""
+LARGEST_OFFSET_MS = 500
+"""Largest offset of a clock that is allowed for: clocks set by satellites are closer by far."""
 CLOCK_LEARNING_MS = 1000
 """Time after its first message in which the clock offset of a station is learnt."""
 CLOCK_TOLERANCE_MS = 50
@@ -215,19 +214,13 @@ class Station:
         return generated_ms - now_ms > self._clock_ahead_ms + CLOCK_TOLERANCE_MS
 
     @property
-    def clock_offset_ms(self) -> int:
-        """What its times have to be increased by to be those of the own clock, as far as it shows.
+    def clock_behind_s(self) -> float:
+        """By how much its clock may be behind, in s.
 
-        No message arrives before it was sent, so the smallest age is the delay of the fastest message less
-        the offset. A clock that is ahead shows below zero, one that is behind above an ordinary delay.
+        No message arrives before it was sent, so the smallest age is the delay of the fastest message and
+        what the clock is behind. A clock that is ahead makes a vehicle seem nearer, which needs no bound.
         """
-        smallest_ms = min(self._ages_ms)
-        return smallest_ms if smallest_ms < 0 else max(smallest_ms - ORDINARY_DELAY_MS, 0)
-
-    @property
-    def clock_rest_s(self) -> float:
-        """By how much its clock may be behind on top of that, in s."""
-        return 1e-3 * min(max(min(self._ages_ms), 0), ORDINARY_DELAY_MS)
+        return 1e-3 * min(max(min(self._ages_ms), 0), LARGEST_OFFSET_MS)
 
     def _vote(self) -> None:
         """Change lanes only after several consecutive messages in the new lane."""
