@@ -95,9 +95,9 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "qos.yaml").write_text("/plant/odometry: {reliability: best_effort, depth: 5}\n")
     (folder / "my.yaml").write_text("/**: {ros__parameters: {use_sim_time: false}}\n")
     blocks = re.findall(r"^```yaml\n(.*?)^```", HOW_TO.read_text("utf-8"), re.DOTALL | re.MULTILINE)
-    car, scenario = blocks
+    car, trip = blocks
     (folder / "my_car.yaml").write_text(car, encoding="utf-8")
-    (folder / "my_scenario.yaml").write_text(scenario, encoding="utf-8")
+    (folder / "my_trip.yaml").write_text(trip, encoding="utf-8")
     return folder
 
 

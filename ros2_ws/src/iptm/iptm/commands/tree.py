@@ -7,12 +7,14 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any
 
 from iptm_core.program import EXIT_OK, EXIT_USER_ERROR, print_error
 from iptm_core.user_input import suggestion
 
 PROGRAM = "iptm"
+EXACT = "--exact"
+_EXACT_MODULE = "iptm_ros.recording.compare_bags"
+COMMANDS_OF_NODES = {"send"}
 
 
 @dataclass(frozen=True)
@@ -62,11 +64,6 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def load(name: str) -> Any:
-    """Return the module of a command."""
-    return import_module(COMMANDS[name].module)
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command.
 
@@ -76,9 +73,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = list(sys.argv[1:] if arguments is None else arguments)
     if given and given[0] in COMMANDS:
         name, *rest = given
+        if name == "compare" and EXACT in rest:
+            rest.remove(EXACT)
+            name = f"{name} {EXACT}"
         sys.argv = [f"{PROGRAM} {name}", *rest]
-        code: int = load(name).main(rest)
-        return code
+        module = import_module(_EXACT_MODULE if name.endswith(EXACT) else COMMANDS[name].module)
+        # A node takes its arguments from the command line.
+        code: int | None = module.main() if COMMANDS_OF_NODES & {name} else module.main(rest)
+        return code or EXIT_OK
     if given and not given[0].startswith("-"):
         print_error(PROGRAM, f"command {given[0]!r} is unknown; {suggestion(given[0], COMMANDS)}")
         return EXIT_USER_ERROR
