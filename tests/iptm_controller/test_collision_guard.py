@@ -197,9 +197,13 @@ def test_weak_brakes_count_in_the_way_to_standstill() -> None:
 
 
 def test_a_leader_that_brakes_stands_where_it_has_halted() -> None:
-    guard, state = watching(70.0, 10.0, 5.0)
-    assert guard.deceleration_m_s2 == 5.0
-    assert not guard.collision_threatens(-1.0, state, None), "it halts after 2.5 m and stays there"
+    # Braking from -1 m/s^2 the ego vehicle stops after 31.8 m; the gap must not fall below 1 m.
+    threatens = []
+    for leader_m in (31.0, 30.0):
+        guard, state = watching(leader_m, 10.0, 5.0)
+        assert guard.deceleration_m_s2 == 5.0
+        threatens.append(guard.collision_threatens(-1.0, state, None))
+    assert threatens == [False, True], "it halts after 2.5 m and stays there"
 
 
 @pytest.mark.parametrize(
