@@ -35,9 +35,14 @@ COLUMNS = (
 )
 
 
-def drive(**settings: Any) -> dict[str, Any]:
-    """Drive a trip; returns its figures by key and the columns that tables and plots are made of."""
-    run = iptm.simulate(**settings)
+def drive(*, whole_trip: bool = False, **settings: Any) -> dict[str, Any]:
+    """Drive a trip, or solve it as one problem.
+
+    Returns:
+        Its figures by key, and the columns that tables and plots are made of.
+    """
+    trip = iptm.Trip.of(**settings)
+    run = iptm.drive_whole_trip(trip) if whole_trip else iptm.drive(trip)
     frame = run.frame[list(COLUMNS)]
     return {"figures": {**run.figures, **trip_figures(frame)}, "frame": frame}
 

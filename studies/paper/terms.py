@@ -122,9 +122,7 @@ TERMS = {
         "η_b < 1, no value printed: 0.95",
         {"overrides": {"pack.battery_efficiency": 0.95}},
     ),
-    "smoothing": Term(
-        "smoothed kinks", "a tenth of the widths", {"solver": {"smoothing_factor": 0.1}}
-    ),
+    "smoothing": Term("smoothed kinks", "a tenth of the widths", {"smoothing_factor": 0.1}),
     "step": Term(
         "motion exact, powers by quadrature in a step",
         "one Euler step of 1 to 15 s",

@@ -105,7 +105,7 @@ PREVIEWS: dict[str, Settings] = {
     "noise": {"noise_std_m_s": 1.5, "noise_correlation_s": 10.0, "seed": 1},
     "latency": {"latency_s": 3.0},
     "dropouts": {"dropout_probability": 0.5, "dropout_burst": 5, "seed": 1},
-    "none": {"mode": "none"},
+    "none": {"preview_mode": "none"},
 }
 AMBIENT = "environment.ambient_temperature_k"
 CELLS = "environment.initial_cell_temperature_k"
@@ -131,7 +131,7 @@ GRIDS = {
     "63/fine": "63x1",
 }
 WIDE = {"limits.min_temperature_k": 253.15, "limits.max_temperature_k": 353.15}
-WHOLE_TRIP = {"kind": "whole_trip", "strategy": "aging", "horizon": "3x1+5x5"}
+WHOLE_TRIP = {"whole_trip": True, "strategy": "aging", "horizon": "3x1+5x5"}
 
 
 def further_runs(chosen: dict[str, Settings]) -> dict[str, Settings]:
@@ -139,9 +139,7 @@ def further_runs(chosen: dict[str, Settings]) -> dict[str, Settings]:
     runs: dict[str, Settings] = {}
     drivers = {**CONTROLLERS, **chosen}
     for (preview, given), (name, driver) in product(PREVIEWS.items(), drivers.items()):
-        runs[f"imperfect_previews/{preview}/{name}"] = driver | (
-            {"preview": given} if given else {}
-        )
+        runs[f"imperfect_previews/{preview}/{name}"] = driver | given
     for (variation, given), (name, driver) in product(OMITTED.items(), CONTROLLERS.items()):
         runs[f"omitted_parameters/{variation}/{name}"] = driver | given
     for name, horizon in GRIDS.items():
@@ -166,14 +164,14 @@ def _cost_to_go(drivers: dict[str, Settings]) -> dict[str, Settings]:
     for cycle, (name, driver) in product(cycles, drivers.items()):
         runs[f"cost_to_go/{cycle}/{name}/perfect"] = OWN | {"cycle": cycle} | driver
     default, where = CONTROLLERS["multi_horizon_cost_to_go"], "cost_to_go/comprehensive"
-    known = {"15_s": {"length_s": 15.0}, "8_s": {"length_s": 8.0}}
+    known = {"15_s": {"preview_length_s": 15.0}, "8_s": {"preview_length_s": 8.0}}
     for name, preview in (known | {key: PREVIEWS[key] for key in ("noise", "none")}).items():
-        runs[f"{where}/multi_horizon_cost_to_go/{name}"] = OWN | default | {"preview": preview}
+        runs[f"{where}/multi_horizon_cost_to_go/{name}"] = OWN | default | preview
     thermal = {"strategy": "aging_cost_to_go", "horizon": "3x1+5x5+10x30t"}
     long = {"strategy": "aging_cost_to_go", "horizon": "3x1+12x5+8x15"}
     runs[f"{where}/long_horizon_cost_to_go/perfect"] = OWN | long
     runs[f"{where}/thermal_phase_cost_to_go/perfect"] = OWN | thermal
-    short = {"preview": {"length_s": 28.0}}
+    short = {"preview_length_s": 28.0}
     runs[f"{where}/thermal_phase_cost_to_go/28_s"] = OWN | thermal | short
     runs[f"{where}/whole_trip/perfect"] = OWN | WHOLE_TRIP
     return runs
@@ -201,5 +199,5 @@ def merged(run: Settings, given: Settings) -> Settings:
 def complete(settings: Settings, *, short: bool = False) -> Settings:
     """Settings of `iptm.simulate`; a short version drives some seconds, with an interpreted solver."""
     trip = {"cycle": "us06", "slope": "small", "duration_s": SHORT_S} if short else {}
-    solver = {"solver": {**settings.get("solver", {}), "compile_code": False}} if short else {}
+    solver = {"compile_code": False} if short else {}
     return {"cycle": CYCLE, "vehicle": VEHICLE, **settings, **trip, **solver}
