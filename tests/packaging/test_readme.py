@@ -42,6 +42,15 @@ def test_every_command_is_described() -> None:
     assert missing == set(), f"the README does not mention {missing}"
 
 
+def test_the_table_of_savings_is_the_one_of_its_study() -> None:
+    marks = re.compile(r"<!-- savings -->(.*)<!-- end of savings -->", re.DOTALL)
+    study = (ROOT / "studies" / "road_space" / "README.md").read_text(encoding="utf-8")
+    shown, made = marks.search(README), marks.search(study)
+    assert shown is not None
+    assert made is not None
+    assert shown[1] == made[1]
+
+
 def test_rosdep_skips_exactly_what_comes_with_pip() -> None:
     manifests = (ROOT / "ros2_ws" / "src").glob("*/package.xml")
     keys = {
