@@ -45,7 +45,7 @@ RULES = (
     # Parts to be filled in, or names of programs in a sentence.
     Rule(
         Way.NOT,
-        r".*(\[|\.\.\.|\bFILE\b|FIRST| \| |/play).*",
+        r".*(\[|\.\.\.|\bFILE\b|FIRST| \| |/play|\bNODES\b|COMMAND\b|FOLDER\b).*",
         "a pattern, with parts to be filled in",
     ),
     Rule(
@@ -83,11 +83,6 @@ RULES = (
     Rule(Way.NOT, r"python -m tests.iptm_view.screenshot", "a browser"),
     Rule(Way.NOT, r".*(five_cars|my_bag#car_2|bags/radio).*", "a bag that takes a long run"),
     Rule(Way.NOT, r".*(ROS_SECURITY|--enclave).*", "DDS security, which the wheels lack"),
-    Rule(
-        Way.NOT,
-        r".*(leader_source:?=cam|ROS_DOMAIN_ID=42 scripts/v2x_send|v2x_sender).*",
-        "a sender or a receiver beside it",
-    ),
     Rule(Way.NOT, r"export .*", "sets a variable"),
     Rule(
         Way.NOT,
@@ -110,6 +105,21 @@ RULES = (
         Way.ELSEWHERE,
         r"(scripts/study|python -m studies\.).*",
         "tests/studies/test_studies.py and tests/studies/test_soak.py",
+    ),
+    Rule(
+        Way.ELSEWHERE,
+        r"scripts/codegen .*|cmake .*|ecu/build/bench .*",
+        "tests/iptm/test_codegen.py",
+    ),
+    Rule(
+        Way.ELSEWHERE,
+        r"python -m iptm_vehicle_interface\..*",
+        "tests/iptm_vehicle_interface/test_bench.py, or a bus that is not there",
+    ),
+    Rule(
+        Way.ELSEWHERE,
+        r"scripts/iptm .*|source <\(scripts/iptm completion\)",
+        "tests/iptm/commands",
     ),
     Rule(Way.NOT, r"dask .*|.*dask worker .*", "an extra, on several machines"),
     # Seconds.

@@ -38,7 +38,7 @@ def drive(launcher: Any, tmp_path: Path) -> Drive:
         if recorded is not None:
             chosen["recorded_packets"] = recorded
         given = [
-            part for item in chosen.items() for part in ("--set", "v2x_bridge.{}={}".format(*item))
+            part for item in chosen.items() for part in ("--set", "leader.{}={}".format(*item))
         ]
         stack = ExitStack()
         domain = str(stack.enter_context(reserve_domain()))

@@ -136,7 +136,7 @@ def test_a_run_ends_with_bag_table_and_picture(start: Start, tmp_path: Path) -> 
     """That it can be repeated to the last bit: `test_cam_closed_loop`, `test_traffic_over_ros`."""
     options = (
         "imperfect_preview", "--cycle", "us06", "--slope", "large",
-        "--duration-s", str(TICKS), "--seed", "11"
+        "--duration-s", str(TICKS), "--set", "leader.seed=11"
     )  # fmt: skip
     bag = tmp_path / "run"
     runner = start(bag, *options, "--full", "--against", "reference")
@@ -191,7 +191,7 @@ def test_real_time_in_a_namespace_without_recording(start: Start, tmp_path: Path
     )  # fmt: skip
     assert runner.wait(RUN_TIMEOUT_S) == 0, runner.stdout + runner.stderr
     assert "not recorded" in runner.stdout
-    assert "real-time" in runner.stdout
+    assert "mode=real_time" in runner.stdout
     for text in (*FULL_TABLE, "strategy saved"):
         assert text not in runner.stdout
     assert sorted(path.name for path in output.iterdir()) == ["logs", "results.json"]

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from rosgraph_msgs.msg import Clock
+from tests.integration.conftest import wait_until
 from tests.integration.controller_ticks import ROAD, SMALL, await_answer, tick_messages
 from tests.integration.driven_plant import driven_plant
 from tests.integration.node_bench import node_bench
@@ -66,13 +67,17 @@ def test_bad_cycle_file_names_the_fault(refused: Callable[..., str], tmp_path: P
 
 
 @pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
-def test_a_cache_that_cannot_be_written_is_one_line_too(launcher: Any) -> None:
+def test_a_cache_that_cannot_be_written_is_gone_around(launcher: Any) -> None:
     (launcher.directory / "file").write_text("in the way")
     cache = launcher.directory / "file" / "cache"
     process = launcher.start_module(CONTROLLER, IPTM_CACHE_DIR=str(cache))
-    assert process.wait() == 2
-    assert f"compiler cache '{cache}/user_" in process.stderr
-    assert "cannot be written" in process.stderr.splitlines()[-1]
+    wait_until(
+        lambda: "compiler cache" in process.stderr or not process.is_running,
+        timeout_s=60.0,
+        what="the line about the cache",
+    )
+    assert process.is_running, process.stderr
+    assert f"{cache}/user_" in process.stderr
     assert "Traceback" not in process.stderr
 
 

@@ -41,7 +41,7 @@ def test_a_run_waits_for_a_node_of_the_users_and_reports_its_figures(
     results = json.loads((output / "results.json").read_text(encoding="utf-8"))
     summary = results["summary"]
     assert f"own {node}" in results["run"]
-    assert ("strategy" in results["run"]) is (node != "controller")
+    assert ("aging_cost_to_go" in results["run"]) is (node != "controller")
     assert summary["energy_kwh"] > 0.0
     assert summary["consumption_kwh_per_100_km"] > 0.0
     assert (summary["decisions"] > 0.0) is (node != "controller")

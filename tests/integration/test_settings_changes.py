@@ -53,7 +53,7 @@ def send_tick(bench: NodeBench, tick: int) -> None:
 
 
 def plan_steps(bench: NodeBench) -> int:
-    return len(bench.received[Topic.PLAN][-1].points) - 1
+    return bench.received[Topic.PLAN][-1].width - 1
 
 
 def test_weights_hold_from_the_next_tick_on(controller: NodeBench) -> None:

@@ -22,7 +22,7 @@ def driven(**settings: Any) -> iptm.Run:
         "cycle": "us06",
         "duration_s": 150.0,
         "horizon": "3x1+5x5",
-        "leader": None,
+        "leader_source": "none",
         "strategy": "aging",
         "speed_limits_km_h": "0:50",
     }
@@ -97,7 +97,7 @@ def test_the_cruise_control_of_the_production_car_keeps_the_rules() -> None:
 
 def test_of_a_leader_and_a_stop_line_the_nearer_one_binds() -> None:
     """The leader of US06 passes the line; the ego vehicle waits there, and follows it before and after."""
-    own = {"leader": "cycle", "ego_keeps_rules": True, "duration_s": 120.0}
+    own = {"leader_source": "cycle", "ego_keeps_rules": True, "duration_s": 120.0}
     rules = {**own, "speed_limits_km_h": "0:130", "signals": "400:1000:70:900"}
     held, free = driven(**rules), driven(**{**rules, "signals": ""}).trajectory
     trip = held.trajectory
@@ -116,7 +116,7 @@ def test_of_a_leader_and_a_stop_line_the_nearer_one_binds() -> None:
         ({"speed_limits_km_h": ""}, "speed_limits_km_h is empty and set_speed_km_h is 0"),
         ({"speed_limits_km_h": "fast"}, "allowed: <from metre>"),
         ({"signals": "12"}, "signals is '12'"),
-        ({"leader": "cam"}, "cam"),
+        ({"leader_source": "cam"}, "cam"),
         ({"set_speed_km_h": -1.0}, "set_speed_km_h is -1"),
         ({"max_lateral_acceleration_m_s2": 0.0}, "max_lateral_acceleration_m_s2 is 0"),
     ],

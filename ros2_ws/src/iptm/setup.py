@@ -40,6 +40,7 @@ setup(
     maintainer_email="maintainers@iptm.example.org",
     entry_points={
         "console_scripts": [
+            "codegen = iptm_core.program:main",
             "compare = iptm_core.program:main",
             "drive_file = iptm_core.program:main",
             "iptm = iptm_core.program:main",
@@ -52,7 +53,7 @@ setup(
             "codegen = iptm.codegen:main",
             "compare = iptm.compare_cli:main",
             "drive_file = iptm.runner.recorded_drive:main",
-            "iptm = iptm.__main__:main",
+            "iptm = iptm.commands.tree:main",
             "view = iptm.runner.view:main",
             "injector = iptm.faults.node:main",
             "controller_with_solver_faults = iptm.faults.node_controller:main",

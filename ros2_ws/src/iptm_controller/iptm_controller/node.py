@@ -251,7 +251,9 @@ class ControllerNode(SuiteNode):
         self._solve_publisher.publish(
             encode_decision_record.data(prefix, stamp_ns, decision.record)
         )
-        self._plan_publisher.publish(encode_plan(plan_trajectory(decision.plan), stamp_ns))
+        plan = encode_plan(plan_trajectory(decision.plan), stamp_ns)
+        plan.header.frame_id = self.frame(plan.header.frame_id)
+        self._plan_publisher.publish(plan)
         self._acceleration_publisher.publish(Float64(data=float(command.acceleration_m_s2)))
         self._power_publisher.publish(Float64(data=float(command.compressor_power_w)))
         self._command_publisher.publish(encode_command.data(prefix, stamp_ns, command))
