@@ -54,11 +54,13 @@ def tick_messages(
 
 def as_measured(messages: dict[Topic, Any], road: SlopePreview = ROAD) -> Measurements:
     """What the node makes of them."""
+    observed = decode_observation(messages[Topic.PLANT_STATE])
     return Measurements(
-        decode_observation(messages[Topic.PLANT_STATE]).state,
+        observed.state,
         decode_leader(messages[Topic.LEADER]),
         decode_leader_preview(messages[Topic.LEADER_PREVIEW])[1],
         road,
+        pack=observed.pack_reading,
     )
 
 

@@ -24,11 +24,11 @@ from tests.integration.controller_ticks import (
 from tests.integration.node_bench import NodeBench, S, node_bench
 
 from iptm_controller.controller import Controller
-from iptm_controller.node import ControllerNode
+from iptm_controller.node import ControllerNode, read_measurements
 from iptm_controller.node_parameters import ControllerNodeParameters
 from iptm_controller.node_reports import plan_trajectory
 from iptm_core.decision_record import Rung, SolveStatus
-from iptm_core.state import LeaderPreview, SlopePreview
+from iptm_core.state import LeaderPreview, PackReading, SlopePreview
 from iptm_ros.codecs import decode_decision_record, decode_plan, encode_slope
 from iptm_ros.diagnostics import Level
 from iptm_ros.suite_node import LEAST_HISTORY
@@ -77,6 +77,13 @@ def test_answers_every_tick_as_the_pure_controller_would(fresh: NodeBench) -> No
     fresh.spin_until(lambda: fresh.values["ticks_optimal"] == "12")
     assert fresh.values["preview"] == "full"
     assert fresh.values["machine_code"] == str(pure.backend.compiled).lower()
+
+
+def test_the_state_holds_what_is_measured_of_the_pack() -> None:
+    state = tick_messages(0.0)[Topic.PLANT_STATE]
+    measured = read_measurements({Topic.PLANT_STATE: state}, ROAD)
+    assert measured.pack == PackReading(300.0, 301.0, 9.5e3)
+    assert read_measurements({}, ROAD).pack is None
 
 
 def test_a_malformed_road_is_taken_as_flat_and_reported(fresh: NodeBench) -> None:

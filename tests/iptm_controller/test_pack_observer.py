@@ -13,7 +13,7 @@ from iptm_controller.measurements import Measurements
 from iptm_controller.pack_observer import PackFault, PackObserver, PackReport
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import CELSIUS_ZERO_K
-from iptm_core.state import Command, LeaderPreview, PackReading, SlopePreview, VehicleState
+from iptm_core.state import Command, LeaderPreview, SlopePreview, VehicleState
 from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_step import PlantStep
 
@@ -26,12 +26,8 @@ Lie = Callable[[VehicleState], VehicleState]
 
 
 def measured(state: VehicleState, step: PlantStep, *, coolant: bool = True) -> Measurements:
-    reading = PackReading(
-        step.coolant_inlet_temperature_k,
-        step.coolant_outlet_temperature_k,
-        step.powers.battery_power_w if state.time_s else math.nan,
-    )
-    return Measurements(state, None, LeaderPreview.empty(), FLAT, pack=reading if coolant else None)
+    reading = step.pack_reading if coolant else None
+    return Measurements(state, None, LeaderPreview.empty(), FLAT, pack=reading)
 
 
 def drive(

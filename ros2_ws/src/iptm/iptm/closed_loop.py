@@ -5,7 +5,6 @@ The order of events is that of the lock-step mode of the nodes, so both give the
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
@@ -23,7 +22,6 @@ from iptm_core.state import (
     FloatArray,
     LeaderPreview,
     LeaderState,
-    PackReading,
     VehicleState,
 )
 from iptm_core.trajectory import Trajectory
@@ -150,13 +148,8 @@ def run_closed_loop(
         state = step.state
         time_ns = round(tick * tick_s * NS_PER_S)
         answer = answering.answer(time_ns, state.position_m, state.speed_m_s)
-        pack = PackReading(
-            step.coolant_inlet_temperature_k,
-            step.coolant_outlet_temperature_k,
-            step.powers.battery_power_w if tick else math.nan,
-        )
         measured = Measurements(
-            state, answer.leader, answer.preview, slope, road=answer.road, pack=pack
+            state, answer.leader, answer.preview, slope, road=answer.road, pack=step.pack_reading
         )
         # The trajectory holds the true leader, not the estimated one.
         return faults.disturb(measured) if faults else (around.leader_at(time_ns), measured)

@@ -28,7 +28,14 @@ from iptm_controller.node_watch import OperatorWatch
 from iptm_core.errors import MessageError, ServiceError
 from iptm_core.road_ahead import RoadAhead
 from iptm_core.saved_state import write_state
-from iptm_core.state import NS_PER_S, LeaderPreview, LeaderState, SlopePreview, VehicleState
+from iptm_core.state import (
+    NS_PER_S,
+    LeaderPreview,
+    LeaderState,
+    PackReading,
+    SlopePreview,
+    VehicleState,
+)
 from iptm_ros.codecs import (
     decode_leader,
     decode_leader_preview,
@@ -310,9 +317,11 @@ def read_measurements(values: Mapping[Topic, Any], slope: SlopePreview | None) -
     road: RoadAhead | None = values.get(Topic.ROAD_AHEAD)
     state: VehicleState | None = None
     leader: LeaderState | None = None
+    pack: PackReading | None = None
     try:
         if Topic.PLANT_STATE in values:
-            state = decode_observation(values[Topic.PLANT_STATE]).state
+            observed = decode_observation(values[Topic.PLANT_STATE])
+            state, pack = observed.state, observed.pack_reading
         else:
             faults.append(f"no {Topic.PLANT_STATE.value} received")
     except MessageError as error:
@@ -325,7 +334,7 @@ def read_measurements(values: Mapping[Topic, Any], slope: SlopePreview | None) -
     except MessageError as error:
         faults.append(str(error))
     preview: LeaderPreview = values.get(Topic.LEADER_PREVIEW) or LeaderPreview.empty()
-    return Measurements(state, leader, preview, slope or FLAT_ROAD, "; ".join(faults), road)
+    return Measurements(state, leader, preview, slope or FLAT_ROAD, "; ".join(faults), road, pack)
 
 
 def main() -> None:

@@ -143,6 +143,21 @@ class SafetyRecord:
 
 
 @dataclass(frozen=True)
+class PackReading:
+    """What is measured of the pack beside its cells; what is not is NaN.
+
+    Attributes:
+        coolant_inlet_k: coolant entering the channels (T_c,in).
+        coolant_outlet_k: coolant leaving the channels (T_c,out).
+        battery_power_w: mean terminal power of the interval that ended now (P_b), positive when discharging.
+    """
+
+    coolant_inlet_k: float = math.nan
+    coolant_outlet_k: float = math.nan
+    battery_power_w: float = math.nan
+
+
+@dataclass(frozen=True)
 class PlantObservation:
     """What others learn of the plant at one instant.
 
@@ -159,20 +174,14 @@ class PlantObservation:
     coolant_outlet_temperature_k: float
     safety: SafetyRecord
 
-
-@dataclass(frozen=True)
-class PackReading:
-    """What is measured of the pack beside its cells; what is not is NaN.
-
-    Attributes:
-        coolant_inlet_k: coolant entering the channels (T_c,in).
-        coolant_outlet_k: coolant leaving the channels (T_c,out).
-        battery_power_w: mean terminal power of the interval that ended now (P_b), positive when discharging.
-    """
-
-    coolant_inlet_k: float = math.nan
-    coolant_outlet_k: float = math.nan
-    battery_power_w: float = math.nan
+    @property
+    def pack_reading(self) -> PackReading:
+        """What is measured of the pack beside its cells."""
+        return PackReading(
+            self.coolant_inlet_temperature_k,
+            self.coolant_outlet_temperature_k,
+            self.powers.battery_power_w,
+        )
 
 
 @dataclass(frozen=True)
