@@ -29,6 +29,10 @@ OF_TOPICS = (
     Fault(FaultKind.SOLVER_NOT_CONVERGED, 65.0, 4.0),
     Fault(FaultKind.STATE_JUMPING, 75.0, 5.0, size=2.0),
     Fault(FaultKind.LEADER_HARD_STOP, 85.0, 8.0, size=3.0),
+    Fault(FaultKind.CELL_N_TEMPERATURE_STUCK, 30.0, 8.0),
+    Fault(FaultKind.CELL_TEMPERATURES_OPEN, 40.0, 12.0),
+    Fault(FaultKind.PUMP_OFF, 50.0, 40.0),
+    Fault(FaultKind.COMPRESSOR_DEAD, 95.0, 10.0),
     # Together, and until the end of the trip.
     Fault(FaultKind.EGO_SPEED_NOISE, 60.0, TRIP_S, size=0.05),
     Fault(FaultKind.ACCELERATION_NOISE, 60.0, TRIP_S, size=0.02),

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
 Motion = TypeVar("Motion", LeaderState, VehicleState)
 
-_TEMPERATURES = ("cell_1_temperature_k", "cell_n_temperature_k")
+_CELL_N = "cell_n_temperature_k"
+_TEMPERATURES = ("cell_1_temperature_k", _CELL_N)
 _ERRORS = 1
 """Stream of random numbers for errors; whether a tick is hit is drawn from another one."""
 
@@ -32,7 +33,7 @@ class Hit:
 
     Attributes:
         ego_position_m: true position of the ego vehicle, for faults of the lead vehicle.
-        first: the first preview or the first leader that the fault hit, for faults that repeat it.
+        first: the first preview, leader or state that the fault hit, for faults that repeat it.
         first_ego_position_m: where the ego vehicle was then.
     """
 
@@ -174,11 +175,6 @@ def rounded_speed(hit: Hit, leader: LeaderState) -> LeaderState:
     return replace(leader, speed_m_s=hit.size * round(leader.speed_m_s / hit.size))
 
 
-def overheated(hit: Hit, state: VehicleState) -> VehicleState:
-    """Measure both cells at the temperature of the fault."""
-    return replace(state, **dict.fromkeys(_TEMPERATURES, hit.size + CELSIUS_ZERO_K))
-
-
 def noise(*names: str) -> Effect:
     """Return an effect that adds independent white Gaussian noise to attributes."""
 
@@ -199,6 +195,23 @@ def _shifted(motion: Motion, errors: dict[str, float]) -> Motion:
 
 
 temperature_noise, temperature_bias = noise(*_TEMPERATURES), bias(*_TEMPERATURES)
+cell_n_temperature_bias = bias(_CELL_N)
+
+
+def reading(*names: str) -> Effect:
+    """Return an effect that measures temperatures at the size of the fault (degC)."""
+    return lambda hit, state: replace(state, **dict.fromkeys(names, hit.size + CELSIUS_ZERO_K))
+
+
+def stuck(*names: str) -> Effect:
+    """Return an effect that measures attributes as the first time."""
+    return lambda hit, state: replace(
+        state, **{name: getattr(hit.first or state, name) for name in names}
+    )
+
+
+both_cells_read, cell_n_reads = reading(*_TEMPERATURES), reading(_CELL_N)
+both_cells_stuck, cell_n_stuck = stuck(*_TEMPERATURES), stuck(_CELL_N)
 
 
 # --- map of the road: slopes in rad

@@ -11,9 +11,9 @@ from iptm.faults.signals import (
     Delay,
     PreviewFaults,
     RangeSensorFaults,
+    StateFaults,
     Traffic,
     faulty_slope,
-    faulty_state,
 )
 from iptm_controller.measurements import Measurements
 from iptm_core.errors import ScenarioError
@@ -54,6 +54,7 @@ class FaultInjection:
         self._traffic = Traffic(self._faults)
         self._previews = PreviewFaults(self._faults)
         self._sensor = RangeSensorFaults(self._faults)
+        self._states = StateFaults(self._faults)
         self._road = at_places(self._faults, FaultPlace.ROAD)
         self._slope: tuple[tuple[bool, ...], SlopePreview] | None = None
         # The controller acts on measurements of one stamp, so all are as late.
@@ -76,7 +77,7 @@ class FaultInjection:
         preview = self._previews.apply(now_ns, self._traffic.preview(measured.preview))
         seen = replace(
             measured,
-            state=faulty_state(self._faults, now_ns, state),
+            state=self._states.apply(now_ns, state),
             leader=faulty,
             preview=LeaderPreview.empty() if preview is None else preview,
             slope=self._faulty_slope(now_ns, measured.slope),

@@ -106,6 +106,11 @@ class FaultKind(TextEnum):
     ROAD_STEEPER = "road_steeper", KindSpec(
         FaultPlace.VEHICLE, "the road is steeper than on the map by the size, downhill below 0", -0.08, "rad",
         -0.2, 0.2)
+    COMPRESSOR_DEAD = "compressor_dead", KindSpec(
+        FaultPlace.VEHICLE, "compressor and heater draw no power, whatever is commanded")
+    PUMP_OFF = "pump_off", KindSpec(
+        FaultPlace.VEHICLE, "the coolant stands: it takes no heat from the cells, and its sensors show their "
+        "mean")
     PREVIEW_LOST = "preview_lost", KindSpec(
         FaultPlace.PREVIEW, "no preview arrives", effect=effects.lost)
     PREVIEW_FROZEN = "preview_frozen", KindSpec(
@@ -179,7 +184,7 @@ class FaultKind(TextEnum):
     STATE_NAN = "state_nan", KindSpec(FaultPlace.STATE, "the speed is not a number", effect=effects.nan_speed)
     STATE_OVERHEATED = "state_overheated", KindSpec(
         FaultPlace.STATE, "both cells are measured at the size", 150.0, "degC", 100.0, 1000.0,
-        effect=effects.overheated)
+        effect=effects.both_cells_read)
     STATE_JUMPING = "state_jumping", KindSpec(
         FaultPlace.STATE, "the ego is measured elsewhere every tick, by up to the size", 5.0, "m", 0.1, 1e4,
         effect=effects.jumping)
@@ -207,6 +212,19 @@ class FaultKind(TextEnum):
     TEMPERATURE_BIAS = "temperature_bias", KindSpec(
         FaultPlace.STATE, "both cells are measured warmer by the size", 2.0, "K", -20.0, 20.0,
         effect=effects.temperature_bias)
+    CELL_N_TEMPERATURE_BIAS = "cell_n_temperature_bias", KindSpec(
+        FaultPlace.STATE, "the last cell alone is measured warmer by the size", 10.0, "K", -20.0, 20.0,
+        effect=effects.cell_n_temperature_bias)
+    CELL_N_TEMPERATURE_STUCK = "cell_n_temperature_stuck", KindSpec(
+        FaultPlace.STATE, "the last cell is measured as at the beginning", effect=effects.cell_n_stuck)
+    CELL_TEMPERATURES_STUCK = "cell_temperatures_stuck", KindSpec(
+        FaultPlace.STATE, "both cells are measured as at the beginning", effect=effects.both_cells_stuck)
+    CELL_N_TEMPERATURE_OPEN = "cell_n_temperature_open", KindSpec(
+        FaultPlace.STATE, "the last cell is measured at the size, as by an open circuit", -40.0, "degC",
+        -100.0, 0.0, effect=effects.cell_n_reads)
+    CELL_TEMPERATURES_OPEN = "cell_temperatures_open", KindSpec(
+        FaultPlace.STATE, "both cells are measured at the size, as by open circuits", -40.0, "degC", -100.0,
+        0.0, effect=effects.both_cells_read)
     CLOCK_PAUSED = "clock_paused", KindSpec(
         FaultPlace.CLOCK, "no clock reaches the bridge", headless=False)
     CLOCK_JUMP = "clock_jump", KindSpec(

@@ -23,6 +23,7 @@ from iptm.faults.signals import (
     Delay,
     PreviewFaults,
     RangeSensorFaults,
+    StateFaults,
     Traffic,
     faulty_name,
     faulty_slope,
@@ -70,6 +71,7 @@ class InjectorNode(SuiteNode):
         self._traffic = Traffic(self._faults)
         self._previews = PreviewFaults(self._faults)
         self._of_state = at_places(self._faults, FaultPlace.STATE)
+        self._states = StateFaults(self._faults)
         self._sensor = RangeSensorFaults(self._faults)
         self._of_clock = at_places(self._faults, FaultPlace.CLOCK)
         self._foreign = at_places(self._faults, FaultPlace.STAMPS)
@@ -147,7 +149,7 @@ class InjectorNode(SuiteNode):
                 self._forward(topic, with_stamp(data, past_ns), changed=True)
                 break
         else:
-            changed = changed_state_message(self._of_state, stamp_ns, data)
+            changed = changed_state_message(self._states, stamp_ns, data)
             faulty = self._delay.delayed(stamp_ns, changed)
             self._forward(topic, faulty, changed=faulty is not data)
         if stamp_ns in self._waiting_leaders:

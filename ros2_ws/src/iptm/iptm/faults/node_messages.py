@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterable
 from dataclasses import fields
 
 from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
-from iptm.faults.fault import Fault
-from iptm.faults.signals import faulty_state
+from iptm.faults.signals import StateFaults
 from iptm_core.state import NS_PER_S, VehicleState
 from iptm_ros.codecs import serialized, stamp_ns_of
 
@@ -31,15 +29,14 @@ def with_stamp(data: bytes, stamp_ns: int) -> bytes:
     return bytes(changed)
 
 
-def changed_state_message(faults: Iterable[Fault], stamp_ns: int, data: bytes) -> bytes:
+def changed_state_message(faults: StateFaults, stamp_ns: int, data: bytes) -> bytes:
     """Return a state message with faults applied; the same bytes object if they change nothing."""
-    hitting = [fault for fault in faults if fault.spec.effect is not None and fault.hits(stamp_ns)]
-    if not hitting:
+    if not faults.hits(stamp_ns):
         return data
     message = deserialize_message(data, JointState)
     places = {name: place for place, name in enumerate(message.name) if name in _OF_A_STATE}
     held = {name: message.position[place] for name, place in places.items()}
-    faulty = faulty_state(hitting, stamp_ns, VehicleState(**{**_UNKNOWN, **held}))
+    faulty = faults.apply(stamp_ns, VehicleState(**{**_UNKNOWN, **held}))
     changed = [name for name, value in held.items() if getattr(faulty, name) != value]
     for name in changed:
         message.position[places[name]] = float(getattr(faulty, name))

@@ -128,12 +128,26 @@ class RangeSensorFaults:
         return faulty
 
 
-def faulty_state(faults: Iterable[Fault], time_ns: int, state: VehicleState) -> VehicleState:
-    """Return the measured state of the ego vehicle; timing faults (late, repeated) are applied elsewhere."""
-    for fault in at_places(faults, FaultPlace.STATE):
-        if fault.spec.effect is not None and fault.hits(time_ns):
-            state = fault.effect_on(_two_cells(state), time_ns)
-    return state
+class StateFaults:
+    """Applies faults to the measured state; timing faults (late, repeated) are applied elsewhere."""
+
+    def __init__(self, faults: Iterable[Fault]) -> None:
+        own = at_places(faults, FaultPlace.STATE)
+        self._faults = tuple(fault for fault in own if fault.spec.effect is not None)
+        self._first: dict[int, VehicleState] = {}
+
+    def hits(self, time_ns: int) -> bool:
+        """Return whether the state of a tick is changed."""
+        return any(fault.hits(time_ns) for fault in self._faults)
+
+    def apply(self, time_ns: int, state: VehicleState) -> VehicleState:
+        """Return the measured state with faults applied; ticks in increasing order of time."""
+        for number, fault in enumerate(self._faults):
+            if fault.hits(time_ns):
+                state = _two_cells(state)
+                first = self._first.setdefault(number, state)
+                state = fault.effect_on(state, time_ns, first=first)
+        return state
 
 
 def faulty_slope(faults: Iterable[Fault], time_ns: int, slope: SlopePreview) -> SlopePreview:
