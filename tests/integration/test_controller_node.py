@@ -8,9 +8,11 @@ from dataclasses import replace
 from functools import reduce
 from itertools import groupby
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pytest
+from sensor_msgs.msg import PointCloud2
 from tests.integration.controller_ticks import (
     LINK,
     ROAD,
@@ -28,8 +30,9 @@ from iptm_controller.node import ControllerNode, read_measurements
 from iptm_controller.node_parameters import ControllerNodeParameters
 from iptm_controller.node_reports import plan_trajectory
 from iptm_core.decision_record import Rung, SolveStatus
+from iptm_core.settings import MOST_PREVIEW_STEPS
 from iptm_core.state import LeaderPreview, PackReading, SlopePreview
-from iptm_ros.codecs import decode_decision_record, decode_plan, encode_slope
+from iptm_ros.codecs import decode_decision_record, decode_plan, encode_leader_preview, encode_slope
 from iptm_ros.diagnostics import Level
 from iptm_ros.suite_node import LEAST_HISTORY
 from iptm_ros.topics import Topic
@@ -84,6 +87,26 @@ def test_the_state_holds_what_is_measured_of_the_pack() -> None:
     measured = read_measurements({Topic.PLANT_STATE: state}, ROAD)
     assert measured.pack == PackReading(300.0, 301.0, 9.5e3)
     assert read_measurements({}, ROAD).pack is None
+
+
+def test_a_preview_larger_than_a_car_needs_is_refused_undecoded(fresh: NodeBench) -> None:
+    longest, longer = (foreseen(MOST_PREVIEW_STEPS + more) for more in (1, 30))
+    fresh.hear({Topic.SLOPE: encode_slope(ROAD)})
+    before = int(fresh.values["refused_messages"])
+    with mock.patch("iptm_ros.suite_node.deserialize_message") as decode:
+        fresh.hear({Topic.LEADER_PREVIEW: longer})
+    decode.assert_not_called()
+    fresh.hear({**tick_messages(0.0), Topic.LEADER_PREVIEW: longest})
+    await_answer(fresh, 0)
+    fresh.spin_until(lambda: int(fresh.values["refused_messages"]) == before + 1)
+    assert fresh.values["last_refused_message"].startswith("v2x/leader_preview: 17")
+
+
+def foreseen(nodes: int) -> PointCloud2:
+    """A preview with bounds, from the present on."""
+    times_s = np.arange(float(nodes))
+    preview = LeaderPreview(times_s, 245.0 + 16.0 * times_s, np.full(nodes, 16.0), times_s)
+    return encode_leader_preview(preview, 0)
 
 
 def test_a_malformed_road_is_taken_as_flat_and_reported(fresh: NodeBench) -> None:

@@ -136,6 +136,10 @@ def test_options_come_last(tmp_path: Path) -> None:
             "leader: {preview_length_s: 5, preview_step_s: 10}",
             ("trip mine", "preview_step_s is 10", "5 s"),
         ),
+        (
+            "leader: {preview_length_s: 3600, preview_step_s: 0.5}",
+            ("trip mine", "preview_step_s is 0.5", "at most 3600 steps"),
+        ),
         ("vehicle: {overrides: {body.mass_kg: heavy}}", ("body.mass_kg is 'heavy'", "a number")),
         (
             "conditions: {faults: [{kind: leader_hard_stopp}]}",

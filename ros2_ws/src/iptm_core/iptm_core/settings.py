@@ -123,6 +123,10 @@ class ModelSettings(Settings):
         return model
 
 
+MOST_PREVIEW_STEPS = 3600
+"""Of a prediction: an hour in steps of 1 s. A message with more is refused before it is decoded."""
+
+
 @dataclass(frozen=True)
 class PreviewSettings(Settings):
     """Preview of the leader's motion that the ego vehicle receives, and its imperfections."""
@@ -152,10 +156,16 @@ class PreviewSettings(Settings):
     def __post_init__(self) -> None:
         super().__post_init__()
         # A trip may leave the length open.
-        if self.preview_length_s is not None and self.preview_step_s > self.preview_length_s:
+        if self.preview_length_s is not None:
+            self._check_steps()
+
+    def _check_steps(self) -> None:
+        length_s = self.preview_length_s
+        least_s = length_s / MOST_PREVIEW_STEPS
+        if not least_s <= self.preview_step_s <= length_s:
             raise ParameterError(
-                f"preview_step_s is {self.preview_step_s} s; allowed: up to preview_length_s, "
-                f"{self.preview_length_s:g} s"
+                f"preview_step_s is {self.preview_step_s} s; allowed: {least_s:g} s, for at most "
+                f"{MOST_PREVIEW_STEPS} steps, up to preview_length_s, {length_s:g} s"
             )
 
 

@@ -18,6 +18,7 @@ from rclpy.timer import Timer
 from std_srvs.srv import Trigger
 
 from iptm_core.errors import IptmError, ParameterError
+from iptm_core.settings import MOST_PREVIEW_STEPS
 from iptm_core.user_input import suggestion
 from iptm_ros.connections import LOOK_PERIOD_S, ConnectionsReport
 from iptm_ros.node_health import AwakeClock, NodeHealth
@@ -27,8 +28,8 @@ from iptm_ros.topics import TOPICS, Topic, frame_in, topic_of
 _MESSAGE_BYTES = 64 * 1024
 """Largest serialised message taken from a topic, unless it is named below."""
 _LARGER_BYTES = {
-    # The longest and finest preview that the settings of the bridge allow.
-    Topic.LEADER_PREVIEW: 18 * 2**20,
+    # 48 bytes a node; a preview of a minute has 3 kB.
+    Topic.LEADER_PREVIEW: 48 * (MOST_PREVIEW_STEPS + 1) + 1024,
     Topic.SLOPE: 4 * 2**20,
     Topic.PLAN: 2**20,
     Topic.DIAGNOSTICS: 2**20,
