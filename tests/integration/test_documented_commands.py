@@ -296,6 +296,9 @@ def ring(files: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Plac
 def test_command_beside_running_nodes(command: str, ring: Place, run: Run) -> None:
     printed = run(ring, command, "")
     assert printed or command.startswith("ros2 ")
+    if re.search(r"plant reset|/plant/pause", command):
+        # A change of a controller waits for a tick, so the next command may need a plant that runs.
+        run(ring, "scripts/call plant resume", "")
 
 
 @pytest.mark.parametrize("command", commands(Way.PREPARE))

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
+import socket
 import time
 from pathlib import Path
 
 import pytest
 
-from iptm_vehicle_interface.bench import CAR, GATEWAY, SUITE, BenchProcesses
-from iptm_vehicle_interface.bus import BusReader, open_bus
+from iptm_vehicle_interface.bench import CAR, GATEWAY, SUITE, BenchProcesses, free_ports
+from iptm_vehicle_interface.bus import BusReader, open_bus, send
 from iptm_vehicle_interface.frames import FrameCodec
 from iptm_vehicle_interface.vehicle import Vehicle
 
@@ -38,6 +40,25 @@ class Commands:
 
     def close(self) -> None:
         self._reader.close()
+
+
+def test_what_is_no_frame_does_not_end_the_reader(vehicle: Vehicle) -> None:
+    port = free_ports(os.getpid())
+    sender, reader = open_bus(f"udp:{port}"), BusReader(open_bus(f"udp:{port}"))
+    try:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as foreign:
+            foreign.sendto(b"RTPS, not a frame", ("127.0.0.1", port))
+        until_s = time.monotonic() + PATIENCE_S
+        frames = []
+        while not (frames and reader.unreadable) and time.monotonic() < until_s:
+            assert send(sender, *FrameCodec(vehicle).encode("SPEED", {"VehicleSpeed": 50.0}))
+            time.sleep(0.05)
+            frames += reader.taken()
+        assert reader.unreadable
+        assert frames
+    finally:
+        reader.close()
+        sender.shutdown()
 
 
 def test_the_suite_drives_the_car_and_the_brake_ends_it(tmp_path: Path) -> None:

@@ -25,8 +25,6 @@ from iptm_core.program import PROGRAMS
 # Import name -> (key in package.xml, name on the package index). ROS packages are their own key.
 LIBRARIES = {
     "asn1tools": ("python3-asn1tools-pip", "asn1tools"),
-    "can": ("python3-can", "python-can"),
-    "cantools": ("python3-cantools-pip", "cantools"),
     "casadi": ("casadi-pip", "casadi"),
     "jinja2": ("python3-jinja2", "jinja2"),
     "markupsafe": ("python3-jinja2", "jinja2"),  # comes with it

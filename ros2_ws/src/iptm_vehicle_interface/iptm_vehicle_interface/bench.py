@@ -28,7 +28,15 @@ ENABLE_AT_S = 4.0
 START_S = 60.0
 END_S = 10.0
 GATEWAY, SUITE, CAR = "gateway", "driving", "bench_car"
-FIRST_PORT, PORTS = 20_000, 20_000
+
+
+def free_ports(number: int) -> int:
+    """Return the first of two UDP ports that no DDS domain uses, another one for most numbers.
+
+    DDS takes the first ones of every 250 from 7400 on (RTPS 2.5, 9.6.2.3).
+    """
+    domain, pair = number % 150, number // 150 % 40
+    return 7400 + 250 * (50 + domain) + 160 + 2 * pair
 
 
 @dataclass(frozen=True)
@@ -45,7 +53,7 @@ class BenchProcesses:
     def __init__(
         self, folder: Path, *, vehicle: str, cycle: str, duration_s: float, car: Sequence[str] = ()
     ) -> None:
-        port = FIRST_PORT + 2 * (os.getpid() % (PORTS // 2))
+        port = free_ports(os.getpid())
         buses = f"udp:{port}", f"udp:{port + 1}"
         self.car_bus = buses[0]
         self.folder, self._vehicle = folder, vehicle

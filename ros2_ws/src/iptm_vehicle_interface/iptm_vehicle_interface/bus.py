@@ -8,9 +8,8 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Any
 
-import can
-
 from iptm_core.errors import ScenarioError
+from iptm_core.routes.can_files import library
 
 LOOPBACK_GROUP = "239.74.163.2"
 
@@ -32,6 +31,7 @@ def open_bus(address: str) -> Any:
     Raises:
         ScenarioError: there is no such bus.
     """
+    can = library("can")
     interface, _, channel = address.partition(":")
     try:
         if interface == "udp":
@@ -47,12 +47,17 @@ def open_bus(address: str) -> Any:
 
 
 class BusReader:
-    """Frames in the order of their arrival; a thread reads, so that the socket's buffer does not overflow."""
+    """Frames in the order of their arrival; a thread reads, so that the socket's buffer does not overflow.
+
+    Attributes:
+        unreadable: number of times that the bus failed or something arrived that is no frame.
+    """
 
     def __init__(self, bus: Any, capacity: int = 10_000) -> None:
         self._bus = bus
         self._frames: deque[Frame] = deque(maxlen=capacity)
         self._ended = threading.Event()
+        self.unreadable = 0
         self._thread = threading.Thread(target=self._read, name="can", daemon=True)
         self._thread.start()
 
@@ -70,8 +75,13 @@ class BusReader:
         self._bus.shutdown()
 
     def _read(self) -> None:
+        error = library("can").CanError
         while not self._ended.is_set():
-            message = self._bus.recv(0.1)
+            try:
+                message = self._bus.recv(0.1)
+            except error:
+                self.unreadable += 1
+                continue
             if message is not None and not message.is_error_frame:
                 self._frames.append(
                     Frame(message.arbitration_id, bytes(message.data), time.monotonic())
@@ -80,6 +90,7 @@ class BusReader:
 
 def send(bus: Any, frame_id: int, data: bytes) -> bool:
     """Send a frame; return whether the bus took it."""
+    can = library("can")
     message = can.Message(arbitration_id=frame_id, data=data, is_extended_id=frame_id > 0x7FF)
     try:
         bus.send(message)

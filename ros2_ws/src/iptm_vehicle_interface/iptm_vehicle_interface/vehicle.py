@@ -10,11 +10,10 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-import cantools
-
 from iptm_core.errors import ParameterError
 from iptm_core.parameters import available_parameter_sets
 from iptm_core.parameters.strict_yaml import read_yaml
+from iptm_core.routes.can_files import library
 from iptm_core.user_input import StrictMapping, shown
 
 VEHICLES = Path(__file__).parent / "vehicles"
@@ -249,8 +248,9 @@ def load_vehicle(name_or_folder: str) -> Vehicle:
 def _database(path: Path) -> Any:
     if not path.is_file():
         raise ParameterError(f"{path}: no such file; allowed: a DBC")
+    database = library("cantools").database
     try:
-        return cantools.database.load_file(path, strict=False)
+        return database.load_file(path, strict=False)
     except Exception as error:
         raise ParameterError(f"{path}: cannot be read as a DBC: {error}") from error
 

@@ -37,13 +37,15 @@ def frames_of(path: Path, notes: list[str]) -> Iterator[Any]:
 
 
 def library(name: str) -> Any:
-    """Return a library that the extra of the requirements holds."""
+    """Return a library that the extra of the requirements for CAN holds.
+
+    Raises:
+        RouteError: it is not installed.
+    """
     try:
         return import_module(name)
     except ImportError:
-        raise RouteError(
-            f"CAN logs need {name}, which is not installed; install: {_HOW_TO}"
-        ) from None
+        raise RouteError(f"CAN needs {name}, which is not installed; install: {_HOW_TO}") from None
 
 
 def _reader(can: Any, path: Path, notes: list[str]) -> Any:
