@@ -15,6 +15,7 @@ from interface_reference import TEMPLATES, services_page, topics_page
 from library_reference import library_page
 
 import iptm.runner
+from iptm.commands.tree import COMMANDS
 from iptm.faults.fault import Fault
 from iptm.faults.kinds import FaultKind
 from iptm.runner.composition import parameter_file_text
@@ -47,6 +48,19 @@ def parameters_page() -> str:
         for name in available_parameter_sets()
     }
     return render_page(TEMPLATES, "parameters.md.j2", sets=sets)
+
+
+def commands_page() -> str:
+    """The programs in scripts/ with the first line of their help, and the commands of `iptm`."""
+    scripts = []
+    for path in sorted((DOCS.parent / "scripts").iterdir()):
+        if path.is_file():
+            text = path.read_text(encoding="utf-8")
+            head = next(line for line in text.splitlines() if line.startswith("# "))
+            summary = head.removeprefix("# ").partition(": usage:")[0].removesuffix(":")
+            scripts.append({"name": path.name, "summary": summary})
+    commands = [{"name": name, "summary": each.summary} for name, each in COMMANDS.items()]
+    return render_page(TEMPLATES, "commands.md.j2", scripts=scripts, commands=commands)
 
 
 NODES = {
@@ -165,6 +179,7 @@ def faults_page() -> str:
 
 
 PAGES = {
+    DOCS / "reference" / "commands.md": commands_page,
     DOCS / "reference" / "faults.md": faults_page,
     DOCS / "reference" / "figures.md": figures_page,
     DOCS / "reference" / "library.md": partial(library_page, NOTICE),
