@@ -35,6 +35,7 @@ LABELS = {  # of a figure: label with unit, decimals
     "soft_violations": ("Soft limits broken [rows]", 0),
     "hard_violations": ("Hard limits broken [rows]", 0),
     "fallbacks": ("Ticks on a fallback", 0),
+    "interventions": ("Interventions of the safety monitor", 0),
 }
 PAPER_ROWS = (
     "cooling_energy",

@@ -12,6 +12,8 @@ from typing import Any
 Settings = dict[str, Any]
 
 CYCLE, VEHICLE = "comprehensive_identified", "paper_identified"
+DRY = {"road_friction": 0.9}
+"""The paper has no wet road; of unknown friction, its steepest descent makes the safety monitor brake."""
 OWN = {"cycle": "comprehensive", "vehicle": "paper_calibrated"}
 """Trip and set of the suite, which were there before those of the paper were identified."""
 NAMES = {
@@ -200,4 +202,4 @@ def complete(settings: Settings, *, short: bool = False) -> Settings:
     """Settings of `iptm.simulate`; a short version drives some seconds, with an interpreted solver."""
     trip = {"cycle": "us06", "slope": "small", "duration_s": SHORT_S} if short else {}
     solver = {"compile_code": False} if short else {}
-    return {"cycle": CYCLE, "vehicle": VEHICLE, **settings, **trip, **solver}
+    return {"cycle": CYCLE, "vehicle": VEHICLE, **DRY, **settings, **trip, **solver}
