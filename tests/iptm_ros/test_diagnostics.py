@@ -34,7 +34,7 @@ class Bench:
         )
 
     def report(self, level: Level, reason: str, **values: object) -> bool:
-        return self.reporter.report(5_000_000_000, level, reason, values)
+        return self.reporter.report(5_000_000_000, level, reason, lambda: values)
 
 
 def test_first_status_goes_out_at_once() -> None:
@@ -140,6 +140,6 @@ def test_reporter_of_a_node_names_it_in_full(make_node: Any) -> None:
     node = make_node("-r", "__ns:=/car_1")
     reporter = DiagnosticsReporter.of_node(node, "preview")
     for level in Level:
-        assert reporter.report(0, level, "a reason for the log", {})
+        assert reporter.report(0, level, "a reason for the log", dict)
     assert reporter._name == "/car_1/test_node: preview"
     assert reporter._hardware_id == "car_1"

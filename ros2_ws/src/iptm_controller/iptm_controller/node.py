@@ -242,7 +242,7 @@ class ControllerNode(SuiteNode):
         if self._options != before:
             self._last_ns = stamp_ns
             level, _ = self._situation()
-            self._reporter.report(stamp_ns, level, "settings have been changed", self._values())
+            self._reporter.report(stamp_ns, level, "settings have been changed", self._values)
 
     def _save_state(self) -> str:
         if self._before is None:
@@ -269,7 +269,7 @@ class ControllerNode(SuiteNode):
 
     def _report(self) -> None:
         level, reason = self._situation()
-        self._reporter.report(self._last_ns, level, reason, self._values())
+        self._reporter.report(self._last_ns, level, reason, self._values)
 
     def _values(self) -> dict[str, object]:
         values: dict[str, object] = {

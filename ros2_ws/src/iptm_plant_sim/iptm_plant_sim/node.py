@@ -130,8 +130,11 @@ class PlantNode(TripNode):
             self.health.note_contradiction(PLANT)
 
     def _report(self) -> None:
-        trip = self._trip
         level, reason = self._situation()
+        self._reporter.report(self._trip.stamp_ns, level, reason, self._values)
+
+    def _values(self) -> dict[str, object]:
+        trip = self._trip
         values: dict[str, object] = {
             "phase": self._phase.value,
             "mode": self._options.mode.value,
@@ -157,7 +160,7 @@ class PlantNode(TripNode):
         if self._schedule is not None:
             values["overruns"] = self._schedule.overruns
             values["worst_lateness_s"] = self._schedule.worst_lateness_s
-        self._reporter.report(trip.stamp_ns, level, reason, values)
+        return values
 
     def _situation(self) -> tuple[Level, str]:
         if self._phase is TripPhase.WAITING:

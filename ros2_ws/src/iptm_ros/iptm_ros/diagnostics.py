@@ -152,9 +152,16 @@ class DiagnosticsReporter:
         )
 
     def report(
-        self, trip_time_ns: int, level: Level, reason: str, values: Mapping[str, object]
+        self,
+        trip_time_ns: int,
+        level: Level,
+        reason: str,
+        values: Callable[[], Mapping[str, object]],
     ) -> bool:
-        """Publish the status if it is due; return whether it was."""
+        """Publish the status if it is due; return whether it was.
+
+        `values` is called only then: a node reports every tick, and most reports are not due.
+        """
         now_s = self._steady_time_s()
         if self._health.error:
             level, reason = Level.ERROR, self._health.error
@@ -164,8 +171,13 @@ class DiagnosticsReporter:
         if not changed and now_s - self._last_time_s < REPORT_PERIOD_S:
             return False
         time_s = f"{s_from_ns(trip_time_ns):.9g}"
-        values = {TRIP_TIME: time_s, **values, **self._health.values, PROCESS: os.getpid()}
-        status = build_status(self._name, level, reason, values, self._hardware_id)
+        all_values = {
+            TRIP_TIME: time_s,
+            **values(),
+            **self._health.values,
+            PROCESS: os.getpid(),
+        }
+        status = build_status(self._name, level, reason, all_values, self._hardware_id)
         message = DiagnosticArray(status=[status])
         message.header.stamp = self._now()
         self._publish(message)

@@ -116,7 +116,7 @@ class TrafficNode(SuiteNode):
         elif self._datagrams.failed:
             level, reason = Level.WARN, NOT_ALL_SENT
         self._reporter.report(
-            0 if ego is None else round(ego.time_s * NS_PER_S), level, reason, values
+            0 if ego is None else round(ego.time_s * NS_PER_S), level, reason, lambda: values
         )
 
     def destroy_node(self) -> None:

@@ -118,6 +118,11 @@ class BridgeNode(SuiteNode):
     def _report(self) -> None:
         answer = self._answer
         level, reason = self._situation(answer)
+        time_ns = answer.time_ns if answer else 0
+        self._reporter.report(time_ns, level, reason, self._values)
+
+    def _values(self) -> dict[str, object]:
+        answer = self._answer
         values: dict[str, object] = {
             "cycle": self._options.cycle,
             "preview_mode": self._options.preview_mode.value,
@@ -130,7 +135,7 @@ class BridgeNode(SuiteNode):
             values["preview_points"] = int(answer.preview.times_s.size)
             if answer.road is not None:
                 values["stops_ahead"] = len(answer.road.stops)
-        self._reporter.report(answer.time_ns if answer else 0, level, reason, values)
+        return values
 
     def _situation(self, answer: BridgeAnswer | None) -> tuple[Level, str]:
         waits = self._unanswered_ns is not None

@@ -137,7 +137,7 @@ class SenderNode(SuiteNode):
             reason = "waiting for a decision" if drives else "waiting for the clock"
         elif self._datagrams.failed:
             level, reason = Level.WARN, NOT_ALL_SENT
-        self._reporter.report(self._last_ns or 0, level, reason, values)
+        self._reporter.report(self._last_ns or 0, level, reason, lambda: values)
 
     def destroy_node(self) -> None:
         """Give the socket back, too."""

@@ -230,7 +230,7 @@ class VisualizerNode(SuiteNode):
         if not self._graph.is_running:
             level, reason = Level.WARN, "waiting for a trip"
         values = {"scenes": self._scenes, "transforms": self._transforms.is_available}
-        self._reporter.report(self._stamp_ns, level, reason, values)
+        self._reporter.report(self._stamp_ns, level, reason, lambda: values)
 
 
 def _scene(stamp_ns: int, messages: dict[Topic, bytes]) -> Scene:

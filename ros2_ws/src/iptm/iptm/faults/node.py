@@ -307,7 +307,7 @@ class InjectorNode(SuiteNode):
         reason = ", ".join(dict.fromkeys(str(fault.kind) for fault in acting))
         values = {"faults": len(self._faults), "changed_messages": self._changed}
         level = Level.WARN if acting else Level.OK
-        self._reporter.report(self._now_ns, level, reason or "handing on", values)
+        self._reporter.report(self._now_ns, level, reason or "handing on", lambda: values)
 
 
 def _is_mine(fault: Fault) -> bool:

@@ -250,7 +250,7 @@ class RecorderNode(SuiteNode):
             level, reason = Level.WARN, "no clock: the bag is ordered by time of reception"
         if self._topics.lost_counts:
             level, reason = Level.WARN, "messages were lost: the recorder was too slow or stopped"
-        self._diagnostics.report(self._session.now_ns or 0, level, reason, values)
+        self._diagnostics.report(self._session.now_ns or 0, level, reason, lambda: values)
 
     def _progress(self) -> str:
         now_ns = self._session.now_ns
