@@ -7,12 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from studies.drives import trip
 from studies.faults.catalogue import Entry, trial_on
 from studies.faults.judge import judge_trial
+from studies.session import inputs_of
 
 from iptm.faults.fault import Fault
 from iptm.faults.kinds import FaultKind
 from iptm.runner.trial import DriveMode, DrivenTrial, Trial, drive_headless, drive_over_ros
+from iptm_controller.pack_observer import PackFault
+from iptm_core.decision_record import Rung
 from iptm_core.parameters import load_parameters
 from iptm_core.trajectory import TRAJECTORY_COLUMNS
 
@@ -53,8 +57,8 @@ def over_ros(tmp_path: Path) -> OverRos:
     return lambda trial: drive_over_ros(trial, tmp_path)
 
 
-def columns(trip: DrivenTrial, names: Sequence[str]) -> dict[str, np.ndarray]:
-    return {name: trip.run.trajectory.to_arrays()[name] for name in names}
+def columns(driven: DrivenTrial, names: Sequence[str]) -> dict[str, np.ndarray]:
+    return {name: driven.run.trajectory.to_arrays()[name] for name in names}
 
 
 def test_faults_over_ros_are_those_without(over_ros: OverRos) -> None:
@@ -74,7 +78,7 @@ def test_the_safety_monitor_brakes_alike_with_and_without_ros(over_ros: OverRos)
     without = drive_headless(planned(surprise, mode=DriveMode.HEADLESS))
     assert with_ros.ended == ""
     for name in TRAJECTORY_COLUMNS:
-        here, there = (getattr(trip.run.trajectory, name) for trip in (without, with_ros))
+        here, there = (getattr(one.run.trajectory, name) for one in (without, with_ros))
         if name.endswith("temperature_k"):  # degrees Celsius on the wire
             np.testing.assert_allclose(there, here, rtol=0.0, atol=1e-9)
         else:
@@ -102,3 +106,28 @@ def test_foreign_messages_and_a_restart_are_reported_and_survived(over_ros: Over
     free = drive_headless(planned(mode=DriveMode.HEADLESS))
     verdicts = judge_trial(over_ros(trial), rows, free)
     assert [verdict.problem_text for verdict in verdicts] == ["", "", ""]
+
+
+@pytest.mark.parametrize(
+    ("kind", "within_s", "report"),
+    [
+        (FaultKind.CELL_N_TEMPERATURE_NAN, 10.0, PackFault.ONE_SENSOR),
+        (FaultKind.COMPRESSOR_DEAD, 60.0, PackFault.NOT_FOLLOWED),
+    ],
+)
+def test_a_trip_in_the_heat_goes_on_without_a_sensor_or_the_compressor(
+    over_ros: OverRos, kind: FaultKind, within_s: float, report: PackFault
+) -> None:
+    begins_s = 30.0
+    inputs = inputs_of(trip("us06", duration_s=TRIP_S, ambient_c=35.0)).checked()
+    driven = over_ros(Trial(DriveMode.LOCK_STEP, (Fault(kind, begins_s, TRIP_S),), inputs))
+    assert driven.ended == ""
+    warned_s = [one.time_s for one in driven.reports if report.value in one.reason]
+    assert begins_s <= warned_s[0] <= begins_s + within_s
+    run, limits = driven.run.trajectory, PARAMETERS.limits
+    assert run.time_s[-1] == TRIP_S
+    assert driven.run.decisions.rung.max() == Rung.OPTIMAL
+    usual = drive_headless(Trial(DriveMode.HEADLESS, (), inputs)).run.trajectory
+    assert run.position_m[-1] == pytest.approx(usual.position_m[-1], abs=10.0)
+    assert run.cell_1_temperature_k.min() > limits.min_temperature_k
+    assert run.cell_n_temperature_k.max() < limits.max_temperature_k

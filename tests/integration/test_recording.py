@@ -177,26 +177,38 @@ def test_messages_that_a_frozen_recorder_missed_are_counted(
     peer: Any, record: Callable[..., Any], tmp_path: Path
 ) -> None:
     """The nodes do not wait for a recorder; a publisher keeps ten messages for it."""
-    recorder = record("bag")
+    reports = peer.statuses("/recorder")
+    recorder = record("bag", "--topics", f"/{STATE.value}", "/clock")
     state, clock = peer.node.advertise(STATE), peer.node.advertise(CLOCK)
     peer.wait_until(state.get_subscription_count, 60.0, "subscription to the state")
     state.publish(Temperature())
     peer.wait_until(clock.get_subscription_count, 60.0, "subscription to the clock")
     clock.publish(Clock())
-    file = tmp_path / "bag" / "bag_0.mcap"
+    sent = 1
+
+    def accounted_for() -> bool:
+        """Whether the recorder has received, or counts as lost, all that was sent."""
+        values = status_values(reports[-1]) if reports else {}
+        found = int(values.get("messages", 0)) + int(values.get("lost_messages", 0))
+        return found == sent + 1  # with the clock
+
+    peer.wait_until(accounted_for, what="the first messages")
     recorder.send(signal.SIGSTOP)
-    sent = 6000  # more than the sockets in between hold
-    for _ in range(sent):
+    for _ in range(6000):  # more than the sockets in between hold
         state.publish(Temperature())
+        sent += 1
     recorder.send(signal.SIGCONT)
-    for _ in range(5):  # the following messages reveal the missing ones
-        size = file.stat().st_size
-        state.publish(Temperature())
-        peer.wait_until(lambda size=size: file.stat().st_size > size, what="growth of the bag")
+    deadline_s = time.monotonic() + 60.0
+    while not accounted_for():
+        assert time.monotonic() < deadline_s, (sent, reports[-1])
+        heard = len(reports)
+        state.publish(Temperature())  # the following messages reveal the missing ones
+        sent += 1
+        peer.wait_until(lambda heard=heard: len(reports) > heard, what="a report of the recorder")
     assert recorder.stop() == 0
     reported = sum(int(number) for number in re.findall(r"(\d+) of /", recorder.stderr))
     with BagReader(tmp_path / "bag") as reader:
-        assert reader.topics[f"/{STATE.value}"].message_count + reported == sent + 6
+        assert reader.topics[f"/{STATE.value}"].message_count + reported == sent
         assert reported > 0
         assert "lost_messages" in reader.run_information().extra
 

@@ -101,20 +101,21 @@ def test_numpy_scalars_are_sent_as_plain_numbers() -> None:
         ({"speed_m_s": -0.6}, "speed_m_s is -0.6; allowed: at least -0.5 m/s"),
         ({"speed_m_s": math.inf}, "speed_m_s is inf"),
         ({"acceleration_m_s2": math.nan}, "acceleration_m_s2 is nan"),
-        ({"compressor_power_w": math.nan}, "compressor_power_w is nan"),
-        ({"cell_1_temperature_k": math.nan}, "cell_1_temperature_k is nan"),
-        (
-            {"cell_n_temperature_k": -1.0},
-            "cell_n_temperature_k is -1.0; allowed: a finite number, at",
-        ),
-        ({"cell_1_capacity_loss": -1e-9}, "cell_1_capacity_loss is -1e-09; allowed: 0 to 1"),
-        ({"cell_n_capacity_loss": 1.5}, "cell_n_capacity_loss is 1.5"),
     ],
 )
 def test_broken_promise_names_topic_and_value(change: dict[str, float], reason: str) -> None:
     message = plant_messages(dataclasses.replace(STATE, **change))[Topic.PLANT_STATE]
     with pytest.raises(MessageError, match=f"plant/state: {reason}"):
         decode_observation(message)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -1.0])
+def test_values_of_the_pack_are_left_to_the_controller_to_judge(value: float) -> None:
+    names = ("compressor_power_w", "cell_1_temperature_k", "cell_n_temperature_k")
+    names += ("cell_1_capacity_loss", "cell_n_capacity_loss")
+    state = dataclasses.replace(STATE, **dict.fromkeys(names, value))
+    found = decode_observation(plant_messages(state)[Topic.PLANT_STATE]).state
+    np.testing.assert_array_equal([getattr(found, name) for name in names], value)
 
 
 def test_leader_round_trip() -> None:

@@ -62,6 +62,8 @@ def drive(solver: SolverBackend, *faults: Fault) -> Drive:
     ("kind", "size", "expected", "within_s"),
     [
         (FaultKind.CELL_N_TEMPERATURE_OPEN, None, ONE, 0.0),
+        (FaultKind.CELL_N_TEMPERATURE_NAN, None, ONE, 0.0),
+        (FaultKind.CELL_TEMPERATURES_NAN, None, BOTH, 0.0),
         (FaultKind.CELL_N_TEMPERATURE_BIAS, None, ONE, 0.0),
         (FaultKind.CELL_N_TEMPERATURE_BIAS, -10.0, ONE, 0.0),
         (FaultKind.CELL_N_TEMPERATURE_STUCK, None, ONE, 60.0),

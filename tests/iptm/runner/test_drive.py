@@ -22,7 +22,7 @@ def drive_of(
     """Return a drive whose plant has ended and whose monitor has heard no message."""
     meeting = SimpleNamespace(absent=(), missing=())
     nothing: Any = SimpleNamespace(
-        first_clock_s=None if snapshot is None else 0.0,
+        began_s=None if snapshot is None else 0.0,
         last_clock_s=None,
         last_sign_s=math.inf,
         time_ns=None,

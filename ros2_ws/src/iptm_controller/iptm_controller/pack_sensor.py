@@ -21,7 +21,7 @@ START_S = 10.0
 CORRECTION_1_S = 0.05
 EFFECT_W, EFFECT_SHARE, EFFECT_S = 300.0, 0.3, 20.0
 """Cooling of less than this share of an expected heat of at least so much, for so long, has no effect."""
-FOLLOW_W, FOLLOW_SHARE, FOLLOW_S = 30.0, 0.3, 15.0
+FOLLOW_W, FOLLOW_SHARE, FOLLOW_S = 30.0, 0.3, 8.0
 """A compressor that draws less than this share of a command of at least so much does not follow it."""
 
 
@@ -127,6 +127,8 @@ class CoolingMemory:
         if abs(asked_w) > FOLLOW_W:
             ignored = drawn_w / asked_w < FOLLOW_SHARE
             unfollowed_s = unfollowed_s + elapsed_s if ignored else 0.0
+        elif abs(drawn_w) > FOLLOW_W:
+            unfollowed_s = 0.0  # it follows late
         return CoolingMemory(without_effect_s, unfollowed_s)
 
 

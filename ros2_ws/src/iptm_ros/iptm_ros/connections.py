@@ -195,6 +195,7 @@ class StartSignal:
 
     Attributes:
         meeting: the nodes.
+        called_s: steady time of the last call, None before the first.
     """
 
     REPEAT_S = 1.0
@@ -204,15 +205,15 @@ class StartSignal:
         self.meeting = Meeting(node, names)
         self._client = node.create_client(Trigger, full_name(plant, Service.RESUME.base_name))
         self._answer: Future | None = None
-        self._called_s = -self.REPEAT_S
+        self.called_s: float | None = None
 
     def give(self) -> bool:
         """Call the plant when it is time to; return whether it has answered. Call this repeatedly."""
         now_s = time.monotonic()
         if self._answer is not None and self._answer.done():
             return True
-        is_due = now_s - self._called_s >= self.REPEAT_S and self.meeting.is_complete
-        if is_due and self._client.service_is_ready():
-            self._called_s = now_s
+        is_due = self.called_s is None or now_s - self.called_s >= self.REPEAT_S
+        if is_due and self.meeting.is_complete and self._client.service_is_ready():
+            self.called_s = now_s
             self._answer = self._client.call_async(Trigger.Request())
         return False

@@ -152,7 +152,8 @@ _SPECS = (
         "cooling, battery heat when made in the cells; a negative compressor power is that of a heater), how "
         "long the safety monitor braked, the "
         "smallest gap measured inside (NaN for none), and the share of the requested deceleration that the "
-        "brakes deliver. From state_of_charge on, a plant of the user's may leave out what it does not know",
+        "brakes deliver. From compressor_power_w on, NaN is a value that is not measured; from "
+        "state_of_charge on, it may be left out as well",
         {
             "position_m": "m", "speed_m_s": "m/s", "acceleration_m_s2": "m/s^2", "compressor_power_w": "W",
             "cell_1_temperature_k": "K", "cell_n_temperature_k": "K",

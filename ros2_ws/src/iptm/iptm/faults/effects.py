@@ -203,6 +203,11 @@ def reading(*names: str) -> Effect:
     return lambda hit, state: replace(state, **dict.fromkeys(names, hit.size + CELSIUS_ZERO_K))
 
 
+def unknown(*names: str) -> Effect:
+    """Return an effect that makes attributes NaN."""
+    return lambda _, state: replace(state, **dict.fromkeys(names, math.nan))
+
+
 def stuck(*names: str) -> Effect:
     """Return an effect that measures attributes as the first time."""
     return lambda hit, state: replace(
@@ -211,6 +216,7 @@ def stuck(*names: str) -> Effect:
 
 
 both_cells_read, cell_n_reads = reading(*_TEMPERATURES), reading(_CELL_N)
+both_cells_nan, cell_n_nan = unknown(*_TEMPERATURES), unknown(_CELL_N)
 both_cells_stuck, cell_n_stuck = stuck(*_TEMPERATURES), stuck(_CELL_N)
 
 

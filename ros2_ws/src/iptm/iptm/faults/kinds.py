@@ -219,6 +219,10 @@ class FaultKind(TextEnum):
         FaultPlace.STATE, "the last cell is measured as at the beginning", effect=effects.cell_n_stuck)
     CELL_TEMPERATURES_STUCK = "cell_temperatures_stuck", KindSpec(
         FaultPlace.STATE, "both cells are measured as at the beginning", effect=effects.both_cells_stuck)
+    CELL_N_TEMPERATURE_NAN = "cell_n_temperature_nan", KindSpec(
+        FaultPlace.STATE, "the temperature of the last cell is not a number", effect=effects.cell_n_nan)
+    CELL_TEMPERATURES_NAN = "cell_temperatures_nan", KindSpec(
+        FaultPlace.STATE, "the temperatures of both cells are not numbers", effect=effects.both_cells_nan)
     CELL_N_TEMPERATURE_OPEN = "cell_n_temperature_open", KindSpec(
         FaultPlace.STATE, "the last cell is measured at the size, as by an open circuit", -40.0, "degC",
         -100.0, 0.0, effect=effects.cell_n_reads)

@@ -59,7 +59,7 @@ class DriveResult:
         outcome: how it ended.
         message: what happened, empty if it finished as it should.
         last_lines: last output of the process that caused the end.
-        wall_time_s: from the first to the last clock.
+        wall_time_s: from the beginning of the trip to its last clock.
     """
 
     outcome: DriveOutcome
@@ -136,7 +136,7 @@ class Drive(AbstractContextManager["Drive"]):
         def begun() -> bool:
             if not (self._is_held or self.monitor.awaited_nodes or self.monitor.deaf_nodes):
                 self.monitor.start_signal.give()
-            return self.monitor.first_clock_s is not None or self._has_ended()
+            return self.monitor.began_s is not None or self._has_ended()
 
         def show() -> DriveResult | None:
             waits = time.monotonic() - began_s > _SERVER_TIMEOUT_S and self.monitor.awaited_nodes
@@ -182,11 +182,11 @@ class Drive(AbstractContextManager["Drive"]):
         def show() -> DriveResult | None:
             snapshot = self.monitor.snapshot()
             now_s = time.monotonic()
-            if snapshot is not None and self.monitor.first_clock_s is not None:
+            if snapshot is not None and self.monitor.began_s is not None:
                 contradiction = self._contradiction(snapshot)
                 if contradiction:
                     return DriveResult(DriveOutcome.FAILED, contradiction)
-                self.progress.running(snapshot, now_s - self.monitor.first_clock_s)
+                self.progress.running(snapshot, now_s - self.monitor.began_s)
             if now_s - self.monitor.last_sign_s > SILENCE_TIMEOUT_S:
                 return DriveResult(
                     DriveOutcome.FAILED,
@@ -319,8 +319,8 @@ class Drive(AbstractContextManager["Drive"]):
             quiet, before = (quiet + 1 if heard == before else 0), heard
 
     def _wall_time_s(self) -> float:
-        first_s, last_s = self.monitor.first_clock_s, self.monitor.last_clock_s
-        return 0.0 if first_s is None or last_s is None else last_s - first_s
+        began_s, last_s = self.monitor.began_s, self.monitor.last_clock_s
+        return 0.0 if began_s is None or last_s is None else last_s - began_s
 
 
 def unclean_ends(supervisor: Supervisor, process_faults: ProcessFaults) -> list[str]:

@@ -57,7 +57,7 @@ def evaluate(
         heard: serialised messages received by the runner, by topic.
         bag: what was recorded, None if nothing was.
         information: revision and versions, used without a bag.
-        wall_time_s: from the first to the last clock.
+        wall_time_s: from the beginning of the trip to its last clock.
         problems: problems found so far.
         warnings: warnings of the nodes.
 

@@ -99,7 +99,7 @@ class RunMonitor(SuiteNode):
 
     Attributes:
         recorded: bytes of the messages by topic, in order of arrival.
-        first_clock_s: steady time of the first clock, None before it.
+        began_s: steady time of the start signal, or of the first clock without one; None before that clock.
         last_clock_s: steady time of the newest clock, None before the first.
         last_sign_s: steady time of the newest clock or diagnostics of the plant, else of the start.
         warnings: reasons that the nodes gave in their diagnostics since the first clock, worse than
@@ -130,7 +130,7 @@ class RunMonitor(SuiteNode):
             full_name(namespace, PLANT),
         )
         self.recorded: dict[Topic, list[bytes]] = {topic: [] for topic in HEARD}
-        self.first_clock_s: float | None = None
+        self.began_s: float | None = None
         self.last_clock_s: float | None = None
         self.last_sign_s = time.monotonic()
         self.warnings: dict[str, None] = {}
@@ -258,8 +258,8 @@ class RunMonitor(SuiteNode):
 
     def _on_clock(self, data: bytes) -> None:
         self.last_clock_s = self.last_sign_s = time.monotonic()
-        if self.first_clock_s is None:
-            self.first_clock_s = self.last_clock_s
+        if self.began_s is None:
+            self.began_s = self.start_signal.called_s or self.last_clock_s
         self.recorded[Topic.CLOCK].append(data)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
@@ -273,7 +273,7 @@ class RunMonitor(SuiteNode):
             about_ns = ns_from_s(about_s) or self.time_ns or 0
             self.reports.append(HeardStatus(about_ns, node, status, self.clocks))
             # Before the first tick all nodes wait for inputs; not reported.
-            if self.first_clock_s is not None and status.level != Level.OK.value:
+            if self.began_s is not None and status.level != Level.OK.value:
                 self.warnings[f"{node}: {status.message}"] = None
         plant = find_status(message, f"{self._prefix}/{PLANT}")
         if plant is not None:

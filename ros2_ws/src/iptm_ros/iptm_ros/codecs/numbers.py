@@ -58,7 +58,8 @@ class Number:
         least: smallest value.
         most: largest value.
         allowed: both in words.
-        may_be_unknown: it may be NaN, infinite or missing among named values.
+        may_be_unknown: it may be NaN or infinite.
+        may_be_missing: it may be missing among named values.
     """
 
     name: str
@@ -67,6 +68,7 @@ class Number:
     most: float = LARGEST
     allowed: str = _FINITE
     may_be_unknown: bool = False
+    may_be_missing: bool = False
 
     def refuse(self, topic: Topic, value: float) -> None:
         """Refuse a value outside of the range, unless it is unknown and may be."""
@@ -155,7 +157,7 @@ class NumberMessage:
         missing = [
             number.name
             for number in self.numbers
-            if number.name not in by_name and not number.may_be_unknown
+            if number.name not in by_name and not number.may_be_missing
         ]
         if missing:
             reject(topic, f"missing {', '.join(missing)}; got {', '.join(names) or 'no names'}")
@@ -191,16 +193,14 @@ def read_numbers(topic: Topic, message: Any) -> list[float]:
 
 _RANGES: Mapping[str, tuple[float, float, str]] = {
     "speed_m_s": (SPEED_AT_REST_M_S, LARGEST, f"at least {SPEED_AT_REST_M_S:g} m/s"),
-    "cell_1_temperature_k": (0.0, LARGEST, f"{_FINITE}, at least 0"),
-    "cell_n_temperature_k": (0.0, LARGEST, f"{_FINITE}, at least 0"),
-    "cell_1_capacity_loss": (0.0, 1.0, "0 to 1"),
-    "cell_n_capacity_loss": (0.0, 1.0, "0 to 1"),
     "service_braking_s": (0.0, LARGEST, f"{_FINITE}, at least 0"),
     "brake_share": (0.0, 1.0, "0 to 1"),
 }
 """Least and most of values of the plant's state, and both in words; others are any finite numbers."""
+_OF_THE_PACK = tuple(TOPICS[Topic.PLANT_STATE].fields)[3:8]
+"""Values of the plant's state that are published but not judged here: the controller does without sensors."""
 _MAY_BE_UNKNOWN: Mapping[Topic, Sequence[str]] = {
-    Topic.PLANT_STATE: tuple(TOPICS[Topic.PLANT_STATE].fields)[8:],
+    Topic.PLANT_STATE: tuple(TOPICS[Topic.PLANT_STATE].fields)[3:],
     Topic.SOLVE: (
         "solve_time_s",
         "gap_slack_m",
@@ -224,6 +224,7 @@ _MAY_BE_UNKNOWN: Mapping[Topic, Sequence[str]] = {
 def _named_values(topic: Topic) -> NumberMessage:
     spec = TOPICS[topic]
     names, unknown = list(spec.fields), _MAY_BE_UNKNOWN.get(topic, ())
+    missing = unknown if topic is not Topic.PLANT_STATE else unknown[len(_OF_THE_PACK) :]
     ranges = _RANGES if topic is Topic.PLANT_STATE else {}
 
     def build() -> JointState:
@@ -232,7 +233,7 @@ def _named_values(topic: Topic) -> NumberMessage:
 
     def number(name: str) -> Number:
         least, most, allowed = ranges.get(name, (-LARGEST, LARGEST, _FINITE))
-        return Number(name, "", least, most, allowed, may_be_unknown=name in unknown)
+        return Number(name, "", least, most, allowed, name in unknown, name in missing)
 
     return NumberMessage(build, *map(number, names))
 
