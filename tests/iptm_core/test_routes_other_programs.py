@@ -82,7 +82,7 @@ def test_the_only_vehicle_needs_no_name(write: Callable[[str], Path]) -> None:
         ("#ledaer", lambda text: text, "did you mean 'leader'"),
         ("#leader", lambda text: text[:-30], "cannot be read"),
         ("#leader", lambda _: "<fcd-export/>", "holds none"),
-        ("#leader", lambda text: text.replace('speed="15.0"', 'speed="x"', 1), "speed is 'x'"),
+        ("#leader", lambda text: text.replace('speed="15.0"', 'speed="x"', 40), "speed is 'x'"),
         ("#leader", lambda text: text.replace('speed="15.0"', 'speed="60"', 40), "contradict"),
         ("#leader", lambda text: text.replace('="13', '="10'), "another recording begins"),
         ("#leader", lambda text: text.replace('slope="2.0"', 'slope="40"', 60), "slope_rad"),

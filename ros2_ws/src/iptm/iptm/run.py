@@ -69,7 +69,7 @@ class Run:
         reports: what was reported during the trip, on every change; in memory only.
         wall_time_s: of the drive, NaN where it is not known.
         problems: why the run counts as failed, empty if it does not.
-        warnings: warnings of the nodes and remarks on the figures.
+        warnings: what was repaired in the file of the drive, warnings of the nodes, remarks on the figures.
         bag_messages: messages in the bag by topic, None without a bag.
         information: provenance of a run over ROS 2: revision, versions, start time.
         other: the same trip under another strategy, None without a comparison.
@@ -168,6 +168,8 @@ class Run:
         }
         if self.settings:
             sections["Settings"] = html_table(pd.DataFrame({"settings": {**self.settings}}))
+        if self.warnings:
+            sections["Notes"] = html_table(pd.DataFrame({"notes": self.warnings}))
         return write_page(path, self.name, sections)
 
     def labelled(self, what: str, settings: Mapping[str, Any]) -> Run:

@@ -62,6 +62,9 @@ def read_can_log(
     """
     if Path(path.name.lower().removesuffix(".gz")).suffix not in CAN_SUFFIXES:
         raise RouteError(f"{path}: allowed: a CAN log ({', '.join(CAN_SUFFIXES)})")
+    for file in filter(None, (path, dbc)):
+        if not file.is_file():  # libraries would wait at a pipe
+            raise RouteError(f"{file}: no such file; allowed: the path of an existing one")
     unknown = [column for column in signals if column not in CAN_COLUMNS]
     if unknown or not signals:
         raise RouteError(
@@ -70,15 +73,18 @@ def read_can_log(
     return _of_channels(path, signals) if dbc is None else _of_frames(path, dbc, signals, channel)
 
 
-def _check_unit(where: object, column: str, signal: str, unit: str) -> None:
+def _check_unit(where: object, column: str, signal: str, unit: str, notes: list[str]) -> None:
     """Refuse a signal whose unit is stated and another one than that of its column."""
     quantity, stated = CAN_COLUMNS[column].quantity, stated_unit(CAN_COLUMNS[column].quantity, unit)
+    if not stated:
+        notes += [f"the unit of {signal} is {unit!r}: read as {column}"] if unit.strip() else []
+        return
     same = {
         name: math.isclose(each.factor, Meaning(quantity, stated).factor, rel_tol=1e-6)
         for name, each in CAN_COLUMNS.items()
-        if stated and each.quantity == quantity
+        if each.quantity == quantity
     }
-    if stated and not same[column]:
+    if not same[column]:
         hint = next((f"{name}={signal}" for name in same if same[name]), "signals in these units")
         raise RouteError(
             f"{where}: the unit of {signal} is {unit}, {column} is not; allowed: {hint}"
@@ -92,11 +98,11 @@ def _of_frames(path: Path, dbc: Path, signals: Mapping[str, str], channel: str) 
         database = cantools.database.load_file(dbc, strict=False)
     except Exception as reason:  # the readers have error types of their own
         raise RouteError(f"{dbc}: cannot be read as a DBC ({reason})") from reason
+    notes: list[str] = []
     sources = {column: _source(database, dbc, name) for column, name in signals.items()}
     for column, (_, signal) in sources.items():
-        _check_unit(dbc, column, signals[column], signal.unit or "")
+        _check_unit(dbc, column, signals[column], signal.unit or "", notes)
     messages = {message.frame_id: message for message, _ in sources.values()}
-    notes: list[str] = []
     found: dict[int, _Frames] = {number: [] for number in messages}
     number = 0
     for number, frame in enumerate(frames_of(path, notes), start=1):
@@ -104,6 +110,10 @@ def _of_frames(path: Path, dbc: Path, signals: Mapping[str, str], channel: str) 
             apart = frame.arbitration_id ^ wanted
             if frame.is_extended_id == message.is_extended_frame and not apart & _mask(message):
                 found[wanted].append((number, frame))
+    if not number:
+        raise RouteError(
+            f"{path}: 0 frames; allowed: a log with frames, in the format of its suffix"
+        )
     rows: list[tuple[int, float, str, float]] = []
     for wanted, message in messages.items():
         own = {column: signal for column, (of, signal) in sources.items() if of is message}
@@ -236,6 +246,7 @@ def _of_channels(path: Path, signals: Mapping[str, str]) -> DriveTable:
                     found[column] = log.get(group=places[0][0], index=places[0][1])
     except Exception as reason:
         raise RouteError(f"{path}: cannot be read as MF4 ({reason})") from reason
+    notes: list[str] = []
     for column, name in signals.items():
         bare = name.partition("@")[0]
         if column not in found and len(known.get(bare, ())) > 1:
@@ -243,7 +254,7 @@ def _of_channels(path: Path, signals: Mapping[str, str]) -> DriveTable:
             raise RouteError(f"{path}: channel {name!r} is in several groups; allowed: {several}")
         if column not in found:
             raise RouteError(f"{path}: no channel {name!r}; {suggestion(name, sorted(known))}")
-        _check_unit(path, column, name, found[column].unit or "")
+        _check_unit(path, column, name, found[column].unit or "", notes)
     ends = np.cumsum([0, *(each.timestamps.size for each in found.values())])
     times = np.concatenate([each.timestamps.astype(np.float64) for each in found.values()])
     order = np.argsort(times, kind="stable") if len(found) > 1 else np.arange(times.size)
@@ -252,4 +263,4 @@ def _of_channels(path: Path, signals: Mapping[str, str]) -> DriveTable:
         values = np.full(times.size, np.nan)
         values[begin : begin + each.samples.size] = each.samples.astype(np.float64)
         columns[column] = values[order]
-    return _table(path, columns, np.arange(1, times.size + 1), "sample", [])
+    return _table(path, columns, np.arange(1, times.size + 1), "sample", notes)

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from iptm_core.errors import RouteError
 from iptm_core.routes.clean_places import (
     LONGEST_OUTLIER_S,
-    MOST_INVALID,
     PLACES,
     cleaned_places,
     consistent,
@@ -22,8 +21,8 @@ from iptm_core.routes.clean_times import (
     plane_of,
     with_columns,
 )
-from iptm_core.routes.contradictions import distances
-from iptm_core.routes.drive_table import DriveTable
+from iptm_core.routes.contradictions import distances, factors_near, windows
+from iptm_core.routes.drive_table import MOST_INVALID, DriveTable
 from iptm_core.routes.piecewise import cumulative_integral
 from iptm_core.routes.road_line import MAX_LATITUDE_DEG
 from iptm_core.state import FloatArray
@@ -35,6 +34,11 @@ _NOISE_M_S = 1.5
 _MAX_REVERSING_M_S = 3.0
 _STILL_M = 10.0
 _TOLD_RATIO = 0.05
+_LONGEST_LAG_S = 6
+_SAME_COURSE = 0.8
+"""Cosine between two series, from which on they are of one quantity."""
+_MOVES_M_S, _SLOWEST_CHANGE_M_S2 = 5.0, 0.006
+"""No car that reaches the former changes its speed by less than the latter all the time."""
 
 
 def cleaned_motion(table: DriveTable) -> DriveTable:
@@ -43,7 +47,8 @@ def cleaned_motion(table: DriveTable) -> DriveTable:
     Raises:
         RouteError: a jump that does not come back, a car that reverses, or two sources that contradict.
     """
-    return _speeds(_speeds_against_places(cleaned_places(_marked(table))))
+    table = _speeds_against_places(cleaned_places(_marked(table)))
+    return _speeds_against_accelerations(_speeds(table))
 
 
 def _marked(table: DriveTable) -> DriveTable:
@@ -91,6 +96,8 @@ def _speeds_against_places(table: DriveTable) -> DriveTable:
     known = np.flatnonzero(np.isfinite(raw))
     speeds = np.interp(times, times[known], raw[known])
     found = distances(times, speeds, plane)
+    if abs(found.ratio - 1.0) > _TOLD_RATIO and (turned := _turned(table, speeds)) is not None:
+        return turned
     moved_m, driven_m = float(found.second.sum()), float(found.first.sum())
     both = f"{1e-3 * driven_m:.2f} km by its speeds, {1e-3 * moved_m:.2f} km by its places"
     if max(moved_m, driven_m) < _STILL_M:
@@ -99,6 +106,10 @@ def _speeds_against_places(table: DriveTable) -> DriveTable:
         if abs(found.ratio - 1.0) > _TOLD_RATIO:
             table = noted(table, f"{both}: the speeds count")
         return _windows_apart(table, plane, speeds)
+    if abs(found.ratio - 1.0) < _TOLD_RATIO and (late_s := _lag_s(times, speeds, plane)):
+        return noted(
+            table, f"speeds are {abs(late_s)} s {'behind' if late_s > 0 else 'ahead of'} the places"
+        )
     name, _ = table.names.get("speed_m_s", ("speed_m_s", 1.0))
     if np.ptp(speeds) < 1e-9:
         return noted(
@@ -118,6 +129,56 @@ def _speeds_against_places(table: DriveTable) -> DriveTable:
         f"{table.source}: speeds and places contradict: {both} ({found.in_words()}); "
         "allowed: the same within 20 %"
     )
+
+
+def _speeds_against_accelerations(table: DriveTable) -> DriveTable:
+    """Refuse speeds that change by a multiple of what the accelerations state."""
+    accelerations, speeds = (table.columns.get(each) for each in ("acceleration_m_s2", "speed_m_s"))
+    table = with_columns(table, acceleration_m_s2=None)
+    if accelerations is None or speeds is None:
+        return table
+    times, known = table.columns["time_s"], np.isfinite(speeds)
+    rows = windows(times)
+    changed = np.diff(np.interp(times, times[known], speeds[known])[rows])
+    gained = np.diff(cumulative_integral(times, np.nan_to_num(accelerations))[rows])
+    size = float(np.linalg.norm(changed) * np.linalg.norm(gained))
+    if not size or changed @ gained < _SAME_COURSE * size:
+        return noted(table, "accelerations are not those of the speeds: not read")
+    ratio = float(changed @ gained / (gained @ gained))
+    if 0.8 < ratio < 1.25:
+        return table
+    cause = "".join(f", as {units} do" for _, units in factors_near(ratio)[:1])
+    raise RouteError(
+        f"{table.source}: speeds and accelerations contradict (ratio {ratio:.3g}){cause}; allowed: the same "
+        "within 20 %"
+    )
+
+
+def _lag_s(times: FloatArray, speeds: FloatArray, plane: FloatArray) -> int:
+    """Return by how much the speeds have to be moved to fit to the places best, 0 if none fits."""
+    apart_m = {0: np.inf}
+    for lag_s in range(-_LONGEST_LAG_S, _LONGEST_LAG_S + 1):
+        found = distances(times, np.interp(times + lag_s, times, speeds), plane)
+        if found.agrees():
+            apart_m[lag_s] = float(np.abs(found.first - found.second).sum())
+    return min(apart_m, key=apart_m.__getitem__)
+
+
+def _turned(table: DriveTable, speeds: FloatArray) -> DriveTable | None:
+    """Return the table with latitudes and longitudes exchanged if its speeds fit to these only."""
+    columns = table.columns
+    if "latitude_deg" not in columns or np.abs(columns["longitude_deg"]).max() > MAX_LATITUDE_DEG:
+        return None
+    turned = with_columns(
+        table, latitude_deg=columns["longitude_deg"], longitude_deg=columns["latitude_deg"]
+    )
+    plane = plane_of(turned)
+    if plane is None:
+        return None
+    found = distances(columns["time_s"], speeds, plane)
+    if not found.agrees() or abs(found.ratio - 1.0) > 0.02:
+        return None
+    return noted(turned, "latitudes and longitudes are exchanged, by the speeds")
 
 
 def _windows_apart(table: DriveTable, plane: FloatArray, speeds: FloatArray) -> DriveTable:
@@ -169,6 +230,12 @@ def _speeds(table: DriveTable) -> DriveTable:
     beyond = known[(speeds[known] < 0.0) | (speeds[known] > MAX_SPEED_M_S)]
     if beyond.size > MOST_INVALID * known.size:
         raise table.refuse(int(beyond[0]), "speed_m_s", f"0 to {MAX_SPEED_M_S / unit:.6g}")
+    near = np.abs(np.diff(speeds[known])) <= _limit_m_s(np.diff(times[known]))
+    fast = speeds[known] > MAX_SPEED_M_S
+    if (near & (fast[1:] != fast[:-1])).any():
+        # It is driven up to: no odd value, but another unit.
+        row = int(known[int(np.argmax(fast))])
+        raise table.refuse(row, "speed_m_s", f"0 to {MAX_SPEED_M_S / unit:.6g}")
     speeds[beyond] = np.nan
     plausible = np.flatnonzero(np.isfinite(speeds))
 
@@ -197,13 +264,25 @@ def _speeds(table: DriveTable) -> DriveTable:
             "speed_m_s",
             f"a change of at most {MAX_ACCELERATION_M_S2:g} m/s^2, this is {change:.3g} m/s^2",
         )
+    _refuse_times_in_ms(table, times[whole], speeds[whole])
     odd = np.ones(times.size, dtype=np.bool_)
     odd[whole] = False
     speeds[odd] = np.nan
-    lost, missing = known.size - whole.size, int(np.count_nonzero(np.isnan(given)))
+    lost, missing = known.size - whole.size, int(np.count_nonzero(~np.isfinite(given)))
     notes = [f"{name} not plausible at {counted(lost, table.counted)}"] if lost else []
     notes += [f"{name} missing at {counted(missing, table.counted)}"] if missing else []
     return replace(with_columns(table, speed_m_s=speeds), notes=(*table.notes, *notes))
+
+
+def _refuse_times_in_ms(table: DriveTable, times: FloatArray, speeds: FloatArray) -> None:
+    if speeds.size < 2 or np.ptp(speeds) < _MOVES_M_S:
+        return
+    most = float(np.abs(np.diff(speeds) / np.diff(times)).max())
+    if most < _SLOWEST_CHANGE_M_S2:
+        raise RouteError(
+            f"{table.source}: speeds change by at most {most:.2g} m/s^2: are the times in ms? "
+            "allowed: times in s"
+        )
 
 
 def _forwards(table: DriveTable) -> DriveTable:

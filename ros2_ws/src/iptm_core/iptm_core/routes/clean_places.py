@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from iptm_core.errors import RouteError
 from iptm_core.routes.clean_times import counted, from_zero, kept, lengths, plane_of, with_columns
-from iptm_core.routes.drive_table import DriveTable
+from iptm_core.routes.drive_table import MOST_INVALID, DriveTable
 from iptm_core.state import FloatArray
 
 LONGEST_OUTLIER_S, LONGEST_LOST_FIX_S = 5.0, 60.0
-MOST_INVALID = 0.2
 PLACES = ("latitude_deg", "longitude_deg", "east_m", "north_m", "position_m")
 _MOST_IN_ONE_RUN = 0.1
 

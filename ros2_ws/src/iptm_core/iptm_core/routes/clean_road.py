@@ -11,12 +11,11 @@ from iptm_core.errors import RouteError
 from iptm_core.routes.clean_places import (
     LONGEST_LOST_FIX_S,
     LONGEST_OUTLIER_S,
-    MOST_INVALID,
     consistent,
 )
 from iptm_core.routes.clean_times import counted, lengths, noted, plane_of, with_columns
 from iptm_core.routes.contradictions import summed, windows
-from iptm_core.routes.drive_table import DriveTable
+from iptm_core.routes.drive_table import MOST_INVALID, DriveTable
 from iptm_core.routes.piecewise import cumulative_integral
 from iptm_core.routes.slope import MAX_GRADE
 from iptm_core.state import FloatArray
@@ -102,26 +101,30 @@ def _heights(table: DriveTable) -> DriveTable:
     whole = smaller if not breaks(smaller).any() else whole
     usable = np.zeros(times.size, dtype=np.bool_)
     usable[whole] = True
+    if whole.size < (1.0 - MOST_INVALID) * known.size:
+        row = int(known[int(np.argmin(usable[known]))])
+        raise table.refuse(row, "elevation_m", f"heights of a road; {known.size - whole.size} leap")
     return _filled(table, "elevation_m", usable)
 
 
 def _heights_against_slopes(table: DriveTable) -> DriveTable:
-    """Compare heights with slopes where both are stated, and keep the heights."""
+    """Compare heights with slopes where both are stated; in a plane the slopes count, else the heights."""
     columns = table.columns
     if not {"elevation_m", "slope_rad"} <= columns.keys():
         return table
     rows, way = windows(columns["time_s"]), _way(table)
     climbed = np.diff(cumulative_integral(way, np.sin(columns["slope_rad"]))[rows])
     found = summed(climbed, np.diff(columns["elevation_m"][rows]), rows)
+    chosen = with_columns(table, **{"elevation_m" if "east_m" in columns else "slope_rad": None})
     if np.abs(found.first).sum() < _LEVEL_M and np.abs(found.second).sum() < _LEVEL_M:
-        return with_columns(table, slope_rad=None)
+        return chosen
     if np.ptp(columns["elevation_m"]) == 0.0:
         return noted(
             with_columns(table, elevation_m=None), "its height never changes: the slope counts"
         )
     named = found.named_factor()
     if found.agrees() and named is None:
-        return with_columns(table, slope_rad=None)
+        return chosen
     cause = f", as {named[1]} do" if named else ""
     climbs = f"{climbed.sum():.0f} m and {found.second.sum():.0f} m of climb"
     raise RouteError(

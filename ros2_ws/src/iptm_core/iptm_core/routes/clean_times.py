@@ -21,7 +21,19 @@ MAX_CLOCK_STEP_S = 10.0
 """A clock that is set back by more is told from another recording by nothing."""
 _FEW_LATE_ROWS = 2
 _LONGEST_JUMP_S = 5.0
-_DAY_S = 86400.0
+_DAY_S, _WEEK_S = 86400.0, 604800.0
+_LONGEST_PAUSE_S = 100.0 * _WEEK_S
+_PERIODS = {
+    3600.0: "a change of summer time",
+    0.5 * _DAY_S: "noon, by a clock of 12 hours",
+    _WEEK_S: "the end of a week",
+    1024.0 * _WEEK_S: "a rollover of 1024 weeks",
+    2.0**32 * 1e-3: "the largest number of ms",
+    2.0**32 * 1e-6: "the largest number of us",
+}
+"""After which clocks begin again, besides days."""
+_SHORTEST_USUAL_STEP_S = 5e-5
+_MOST_PER_TIME = 10
 _APART = {"place": 5.0, "speed": 2.0}
 """Metres or m/s between rows that turn back at once, for them to be of two senders."""
 _SHARE_OF_ANOTHER_SENDER = 0.05
@@ -42,16 +54,22 @@ def in_order(table: DriveTable) -> DriveTable:
         )
     table = kept(table, timed, "without a time left out")
     if (usual_s := usual_step_s(table.columns["time_s"])) > MAX_STEP_S:
-        ms = "; are they in ms?" if usual_s >= 100.0 else ""
-        raise RouteError(
-            f"{table.source}: rows are {usual_s:g} s apart{ms}; allowed: times in s, steps of up to "
-            f"{MAX_STEP_S:g} s"
-        )
-    table = _last_trip(_by_receipt(_past_midnight(table)))
+        raise _of_other_times(table, usual_s, "ms" if usual_s >= 100.0 else "")
+    table = _last_trip(_by_receipt(_unwrapped(_oldest_first(table))))
     table = _without_copies(table)
     _refuse_two_senders(table)
     table = _merged(_without_late_rows(table))
+    if 0.0 < (usual_s := usual_step_s(table.columns["time_s"])) < _SHORTEST_USUAL_STEP_S:
+        raise _of_other_times(table, usual_s, "days")
     return from_zero(table)
+
+
+def _of_other_times(table: DriveTable, usual_s: float, unit: str) -> RouteError:
+    hint = f"; are they in {unit}?" if unit else ""
+    return RouteError(
+        f"{table.source}: rows are {usual_s:.6g} s apart{hint}; allowed: times in s, steps of up to "
+        f"{MAX_STEP_S:g} s"
+    )
 
 
 def kept(table: DriveTable, keep: NDArray[np.bool_], note: str = "") -> DriveTable:
@@ -120,13 +138,52 @@ def usual_step_s(times: FloatArray) -> float:
     return float(np.median(forward)) if forward.size else 0.0
 
 
-def _past_midnight(table: DriveTable) -> DriveTable:
+def _in_rows(table: DriveTable, order: NDArray[np.int64]) -> DriveTable:
+    columns = {name: values[order] for name, values in table.columns.items()}
+    return replace(table, columns=columns, rows=table.rows[order])
+
+
+def _oldest_first(table: DriveTable) -> DriveTable:
+    """Turn rows, or parts, around that stand in the order from new to old."""
     times = table.columns["time_s"]
-    wraps = np.diff(times) < -0.5 * _DAY_S
-    if not wraps.any() or times.min() < 0.0 or times.max() > _DAY_S:
+    steps, usual_s = np.diff(times), usual_step_s(times)
+    if table.received_s is not None or not (steps < 0.0).any():
         return table
-    days = np.concatenate([[0.0], np.cumsum(wraps)])
-    return noted(with_columns(table, time_s=times + _DAY_S * days), "times go on past midnight")
+    if not (steps > 0.0).any():
+        turned = _in_rows(table, np.arange(times.size)[::-1])
+        return noted(turned, f"{table.counted}s are in the order from new to old: turned around")
+    order = np.argsort(times, kind="stable")
+    parts = np.flatnonzero(steps < -MAX_CLOCK_STEP_S).size + 1
+    # Parts of one drive follow each other without a gap.
+    seams = np.flatnonzero(np.diff(order) != 1)
+    gaps = np.diff(times[order])[seams]
+    if 1 < parts == seams.size + 1 and (gaps > 0.0).all() and (gaps <= 3.0 * usual_s).all():
+        return noted(
+            _in_rows(table, order), f"{parts} parts are not in the order of their times: sorted"
+        )
+    return table
+
+
+def _unwrapped(table: DriveTable) -> DriveTable:
+    """Let times go on where the clock begins again."""
+    times = table.columns["time_s"]
+    steps, usual_s = np.diff(times), usual_step_s(times)
+    shifts, notes = np.zeros(times.size), []
+    midnights = steps < -0.5 * _DAY_S
+    if midnights.any() and times.min() >= 0.0 and times.max() <= _DAY_S:
+        is_noon = np.abs(steps + 0.5 * _DAY_S) < 3.0 * usual_s
+        shifts[1:] += _DAY_S * np.cumsum(midnights & ~is_noon)
+        notes += ["times go on past midnight"] if (midnights & ~is_noon).any() else []
+    for period_s, words in _PERIODS.items():
+        back = np.abs(steps + period_s - usual_s) <= 2.0 * usual_s
+        # An hour ahead may be a pause; twenty years are none.
+        ahead = (period_s > _LONGEST_PAUSE_S) & (np.abs(steps - period_s) <= 3.0 * usual_s)
+        if (back | ahead).any():
+            shifts[1:] += period_s * np.cumsum(back.astype(np.int64) - ahead)
+            notes.append(f"times go on past {words}")
+    if not notes:
+        return table
+    return replace(with_columns(table, time_s=times + shifts), notes=(*table.notes, *notes))
 
 
 def _by_receipt(table: DriveTable) -> DriveTable:
@@ -290,9 +347,7 @@ def _clock_set_back(table: DriveTable) -> DriveTable:
             raise _set_back(table, times, row)
         if jumps.any() and came_ahead:
             order = np.argsort(times, kind="stable")
-            columns = {name: values[order] for name, values in table.columns.items()}
-            table = replace(table, columns=columns, rows=table.rows[order])
-            times = times[order]
+            table, times = _in_rows(table, order), times[order]
             notes.append(f"{counted(end - row, table.counted)} written late and sorted")
         else:
             times[row:] += by_s + usual_s
@@ -318,6 +373,11 @@ def _merged(table: DriveTable) -> DriveTable:
     count = int(group[-1]) + 1
     if count == times.size:
         return table
+    if count < 3 and times.size > _MOST_PER_TIME:
+        raise RouteError(
+            f"{table.source}: {times.size} {table.counted}s have {count} different times, such as "
+            f"{times[0]:.12g} s; allowed: times that increase"
+        )
     first = np.flatnonzero(np.diff(group, prepend=-1))
     merged: dict[str, FloatArray] = {}
     for name, values in table.columns.items():

@@ -11,9 +11,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from iptm_core.errors import RouteError
-from iptm_core.routes.clean_motion import cleaned_motion
+from iptm_core.routes.clean_motion import MAX_ACCELERATION_M_S2, cleaned_motion
 from iptm_core.routes.clean_road import cleaned_road
 from iptm_core.routes.clean_times import (
     MAX_STEP_S,
@@ -32,6 +33,9 @@ from iptm_core.routes.track import SPEED_WINDOW_S, STANDSTILL_M_S, local_line
 from iptm_core.state import FloatArray
 
 _TOLD_GAP_S = 10.0
+_DRIVES_M_S = 5.0
+_Which = NDArray[np.bool_]
+"""Which steps, shape (n,)."""
 
 
 def clean(table: DriveTable) -> DriveTable:
@@ -69,6 +73,29 @@ def _united(table: DriveTable) -> DriveTable:
     return with_columns(table, time_s=table.columns["time_s"] - table.columns["time_s"][0])
 
 
+def _kinds_of_steps(
+    table: DriveTable, steps: FloatArray
+) -> tuple[_Which, _Which, _Which, FloatArray]:
+    """Return which steps are pauses, of a clock set ahead, and filled up; and how long they become."""
+    plane, speeds = plane_of(table), table.columns.get("speed_m_s")
+    reach, none = np.minimum(steps, MAX_STEP_S), np.zeros(steps.size, dtype=np.bool_)
+    if plane is None or not np.isfinite(plane).all():
+        if speeds is None:
+            return none, none, none, reach
+        slow = np.nan_to_num(speeds, nan=np.inf) <= STANDSTILL_M_S
+        return (steps > MAX_STEP_S) & slow[1:] & slow[:-1], none, none, reach
+    long = steps > 2.0 * SPEED_WINDOW_S
+    moved = lengths(np.diff(plane, axis=0))
+    stands = long & (moved <= STANDSTILL_M_S * reach)
+    before, after = _speeds_beside(speeds, moved / steps)
+    # It cannot have braked to standstill on so short a way.
+    braking_m = 0.5 * (before**2 + after**2) / MAX_ACCELERATION_M_S2
+    set_ahead = stands & (np.minimum(before, after) > _DRIVES_M_S) & (moved < braking_m)
+    reach = np.where(set_ahead, 2.0 * moved / np.maximum(before + after, 1e-9), reach)
+    filled_up = long & ~stands & (steps <= MAX_STEP_S) if speeds is None else none
+    return stands & ~set_ahead, set_ahead, filled_up, reach
+
+
 def _without_pauses(table: DriveTable) -> DriveTable:
     """Shorten pauses to `MAX_STEP_S`, and add rows at standstill to those longer than the window of speeds.
 
@@ -76,40 +103,38 @@ def _without_pauses(table: DriveTable) -> DriveTable:
     walking; without places, it stands before and after.
     """
     times, columns = table.columns["time_s"], table.columns
-    steps, plane = np.diff(times), plane_of(table)
-    reach = np.minimum(steps, MAX_STEP_S)
-    if plane is not None and np.isfinite(plane).all():
-        moved = lengths(np.diff(plane, axis=0))
-        stands = (steps > 2.0 * SPEED_WINDOW_S) & (moved <= STANDSTILL_M_S * reach)
-    elif "speed_m_s" in columns:
-        speeds = np.nan_to_num(columns["speed_m_s"], nan=np.inf)
-        stands = (steps > MAX_STEP_S) & (np.maximum(speeds[1:], speeds[:-1]) <= STANDSTILL_M_S)
-    else:
-        stands = np.zeros(steps.size, dtype=np.bool_)
-    gone_on = (steps > MAX_STEP_S) & ~stands
+    steps = np.diff(times)
+    stands, set_ahead, filled_up, reach = _kinds_of_steps(table, steps)
+    gone_on = (steps > MAX_STEP_S) & ~stands & ~set_ahead
     if gone_on.any():
         row = int(np.argmax(gone_on)) + 1
         raise RouteError(
             f"{table.at(row)}, column time_s: value {times[row]:.12g}, {steps[row - 1]:g} s after the one "
             f"before; allowed: more than 0 and up to {MAX_STEP_S:g} s, or a pause at one place"
         )
-    long = (steps > max(_TOLD_GAP_S, 10.0 * usual_step_s(times))) & ~stands
+    long = (steps > max(_TOLD_GAP_S, 10.0 * usual_step_s(times))) & ~stands & ~set_ahead
     if long.any():
         row = int(np.argmax(np.where(long, steps, 0.0)))
         what = f"{counted(int(long.sum()), 'gap')} of up to {steps[row]:.3g} s while driving"
         table = noted(
             table, f"{what}, at {table.counted} {table.rows[row + 1]}: evenly interpolated"
         )
-    if not stands.any():
+    for row in np.flatnonzero(set_ahead).tolist():
+        where = f"{table.counted} {table.rows[row + 1]}"
+        by_s = steps[row] - reach[row]
+        table = noted(
+            table, f"clock set ahead by {by_s:.3g} s at {where}: the times after it are moved"
+        )
+    if not (stands | set_ahead | filled_up).any():
         return table
     pause_s = float(steps[stands].sum())
-    table = noted(
-        table,
-        f"{counted(int(stands.sum()), 'pause')} of {pause_s:.4g} s"
-        + (f", {float(reach[stands].sum()):.4g} s kept" if pause_s > reach[stands].sum() else ""),
-    )
-    moved_times = times - np.concatenate([[0.0], np.cumsum(np.where(stands, steps - reach, 0.0))])
-    count = np.where(stands, np.ceil(reach).astype(np.int64) - 1, 0)
+    if pause_s:
+        kept_s = float(reach[stands].sum())
+        told = f", {kept_s:.4g} s kept" if pause_s > kept_s else ""
+        table = noted(table, f"{counted(int(stands.sum()), 'pause')} of {pause_s:.4g} s{told}")
+    removed = np.where(stands | set_ahead, steps - reach, 0.0)
+    moved_times = times - np.concatenate([[0.0], np.cumsum(removed)])
+    count = np.where(stands | filled_up, np.ceil(reach).astype(np.int64) - 1, 0)
     at = np.repeat(np.arange(count.size), count)
     inside = np.arange(at.size) - np.repeat(np.cumsum(count) - count, count) + 1.0
     filled: dict[str, FloatArray | None] = {
@@ -126,6 +151,14 @@ def _without_pauses(table: DriveTable) -> DriveTable:
         rows=np.insert(table.rows, at + 1, table.rows[at]),
         received_s=None,
     )
+
+
+def _speeds_beside(speeds: FloatArray | None, rates: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the speeds before and after each step: as stated, or of the steps beside it."""
+    if speeds is not None:
+        known = np.nan_to_num(speeds)
+        return known[:-1], known[1:]
+    return np.concatenate([[0.0], rates[:-1]]), np.concatenate([rates[1:], [0.0]])
 
 
 def _speeds_filled(table: DriveTable) -> DriveTable:

@@ -47,7 +47,7 @@ FRACTION = "fraction"
 UNITS: Mapping[str, Mapping[str, float]] = {
     "time_s": {
         "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6,
-        "ns": 1e-9, "min": 60.0, "minutes": 60.0, "h": 3600.0,
+        "ns": 1e-9, "min": 60.0, "minutes": 60.0, "h": 3600.0, "days": 86400.0,
     },
     "speed_m_s": {
         "m/s": 1.0, "mps": 1.0, "m/sec": 1.0, "km/h": 1.0 / 3.6, "kmh": 1.0 / 3.6, "kph": 1.0 / 3.6,
@@ -57,7 +57,9 @@ UNITS: Mapping[str, Mapping[str, float]] = {
     "acceleration_m_s2": {
         "m/s2": 1.0, "m/s^2": 1.0, "m/s/s": 1.0, "m/s²": 1.0, "mps2": 1.0, "g": 9.80665,
     },
-    "latitude_deg": {"deg": 1.0, "°": 1.0, "degree": 1.0, "degrees": 1.0, "rad": 180.0 / math.pi},
+    "latitude_deg": {
+        "deg": 1.0, "°": 1.0, "degree": 1.0, "degrees": 1.0, "rad": 180.0 / math.pi, "e7": 1e-7,
+    },
     "elevation_m": {"m": 1.0, "meter": 1.0, "meters": 1.0, "ft": 0.3048, "feet": 0.3048, "km": 1e3},
     "slope_rad": {
         "percent": 1e-2, "%": 1e-2, FRACTION: 1.0, "rad": 1.0, "deg": math.pi / 180.0,

@@ -19,6 +19,7 @@ FACTORS = {
     1.609344: "mph and km/h",
     3.28084: "ft and m",
     57.29578: "degrees and rad",
+    1.745329: "degrees and percent",
     100.0: "percent and fraction",
     1000.0: "a thousandth and one",
 }
@@ -73,17 +74,22 @@ class Comparison:
         return bool(np.count_nonzero(self.apart(ratio)) <= _MOST_APART * self.first.size)
 
     def named_factor(self) -> tuple[float, str] | None:
-        """Return the ratio of units by which the sources differ, and these units; None if there is none."""
-        for value, units in FACTORS.items():
-            for factor in (value, 1.0 / value):
-                tolerance = _NEAR_NONE if value > _ALONE else _CLOSE
-                if abs(self.ratio / factor - 1.0) < tolerance and self.agrees(factor):
-                    return factor, units
-        return None
+        """Return a factor by which the sources differ, and its units; None if there is none."""
+        return next((found for found in factors_near(self.ratio) if self.agrees(found[0])), None)
 
     def in_words(self) -> str:
         """Return ratio and correlation."""
         return f"ratio {self.ratio:.3g}, correlation {self.correlation:.2f}"
+
+
+def factors_near(ratio: float) -> list[tuple[float, str]]:
+    """Return the factors between units that a ratio may be, and these units."""
+    found = []
+    for value, units in FACTORS.items():
+        tolerance = _NEAR_NONE if value > _ALONE else _CLOSE
+        near = [each for each in (value, 1.0 / value) if abs(ratio / each - 1.0) < tolerance]
+        found += [(factor, units) for factor in near]
+    return found
 
 
 def windows(times: FloatArray) -> NDArray[np.int64]:

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
 
@@ -18,13 +19,17 @@ from iptm_core.errors import RouteError
 from iptm_core.state import FloatArray
 from iptm_core.user_input import number, shown
 
-MISSING = frozenset({"", "-", "na", "n/a", "#n/a", "nan", "null", "none", "inf", "-inf", "invalid"})
+MOST_INVALID = 0.2
+"""Share of the rows that may have to be repaired."""
+MISSING = frozenset(
+    {"", "-", "--", "na", "n/a", "#n/a", "nan", "null", "none", "inf", "-inf", "invalid"}
+)
 """Texts, in lower case, that stand for a value that was not measured."""
 
 
 def cell_value(where: str, name: str, text: str | None) -> float:
     """Return the number in a text, NaN for what was not measured; other texts are refused."""
-    plain = (text or "").strip()
+    plain = (text or "").strip().replace("\N{MINUS SIGN}", "-")
     if plain.lower() in MISSING:
         return math.nan
     try:
@@ -38,12 +43,24 @@ _ISO = re.compile(
     r"(\d{4})-?(\d\d)-?(\d\d)[T ](\d\d):?(\d\d)(?::?(\d\d)(?:[.,](\d+))?)?\s*(Z|[+-]\d\d(?::?\d\d)?)?",
     re.IGNORECASE,
 )
-_CLOCK = re.compile(r"(?:(\d+):)?(\d{1,3}):(\d\d):(\d\d(?:[.,]\d+)?)")
+_CLOCK = re.compile(r"(?:(?:(\d+):)?(\d{1,3}):)?(\d{1,3}):(\d\d(?:[.,]\d+)?)")
+_DAY_AND_MONTH = re.compile(r"(\d{1,2})([./-])(\d{1,2})[./-](\d{4}),?[T ]+")
+_HALF_DAY = re.compile(r"(.*[ T]|)(\d{1,2})(:[\d:.,]+)\s*([ap])\.?m\.?", re.IGNORECASE)
 
 
-def seconds_of(where: str, text: str) -> float:
-    """Return the seconds of a moment (ISO 8601, without an offset in UTC), ``h:m:s``, or a number."""
-    plain = text.strip()
+def seconds_of(where: str, name: str, text: str | None) -> float:
+    """Return the seconds of a moment (without an offset in UTC), ``h:m:s``, ``m:s``, or a number.
+
+    A moment is one of ISO 8601, or ``d.m.y`` or ``m/d/y`` with the time of the day, which may be am or pm.
+    """
+    plain = (text or "").strip()
+    if (half := _HALF_DAY.fullmatch(plain)) is not None:
+        hour = int(half[2]) % 12 + (12 if half[4].lower() == "p" else 0)
+        plain = f"{half[1]}{hour:02d}{half[3]}"
+    if (date := _DAY_AND_MONTH.match(plain)) is not None:
+        first, second = int(date[1]), int(date[3])
+        day, month = (second, first) if date[2] == "/" and first <= 12 else (first, second)
+        plain = f"{date[4]}-{month:02d}-{day:02d}T{plain[date.end() :].zfill(8)}"
     if (clock := _CLOCK.fullmatch(plain)) is not None:
         days, hours, minutes, seconds = (
             float((part or "0").replace(",", ".")) for part in clock.groups()
@@ -51,10 +68,10 @@ def seconds_of(where: str, text: str) -> float:
         return 86400.0 * days + 3600.0 * hours + 60.0 * minutes + seconds
     if (iso := _ISO.fullmatch(plain)) is None:
         try:
-            return cell_value(where, "time", plain)
+            return cell_value(where, name, plain)
         except RouteError:
             raise RouteError(
-                f"{where}: time is {shown(text)}; allowed: ISO 8601, h:m:s, or seconds"
+                f"{where}: {name} is {shown(text)}; allowed: ISO 8601, d.m.y h:m:s, h:m:s, or seconds"
             ) from None
     year, month, day, hour, minute, second = (int(part or 0) for part in iso.groups()[:6])
     offset = (iso.group(8) or "Z").upper().replace(":", "")
@@ -68,6 +85,41 @@ def seconds_of(where: str, text: str) -> float:
         return math.nan
     whole = moment.timestamp() + max(0, second - 59) - ahead
     return whole + float(f"0.{iso.group(7) or 0}")
+
+
+class Cells:
+    """Reads the texts of a file. One that cannot be read costs its value; many are refused."""
+
+    def __init__(self, source: str) -> None:
+        self._source = source
+        self._first: dict[str, str] = {}
+        self._count: Counter[str] = Counter()
+
+    def read(
+        self, where: str, name: str, text: str | None, by: Callable[..., float] = cell_value
+    ) -> float:
+        """Return the value of a text, NaN if it has none."""
+        try:
+            return by(where, name, text)
+        except RouteError as reason:
+            self._first.setdefault(name, str(reason))
+            self._count[name] += 1
+            return math.nan
+
+    def notes(self, rows: int, counted: str) -> list[str]:
+        """Return what could not be read of so many rows.
+
+        Raises:
+            RouteError: it is more than single values.
+        """
+        for name, count in self._count.items():
+            if count > MOST_INVALID * rows:
+                raise RouteError(f"{self._source}, {self._first[name]}")
+        return [
+            f"{name} not readable at {count} {counted}{'' if count == 1 else 's'}, as in "
+            f"{self._first[name].partition(';')[0]}"
+            for name, count in self._count.items()
+        ]
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import csv
 import gzip
+import io
 import math
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +27,14 @@ from iptm_core.routes.column_names import (
     meanings_of,
     stated_unit,
 )
-from iptm_core.routes.drive_table import MISSING, DriveTable, cell_value, seconds_of
+from iptm_core.routes.drive_table import (
+    MISSING,
+    MOST_INVALID,
+    Cells,
+    DriveTable,
+    cell_value,
+    seconds_of,
+)
 from iptm_core.state import FloatArray
 from iptm_core.user_input import read_file, shown
 
@@ -33,7 +42,7 @@ MAX_BYTES = 100_000_000
 """A day at 100 Hz, or a week at 10 Hz."""
 REPAIRED = "# repaired:"
 _MOST_TITLES = 20
-_MOST_BROKEN = 0.2
+_MOST_PER_SECOND = 20
 _SAME_TIME_S = 1.5
 
 
@@ -43,17 +52,23 @@ def read_content(path: Path, most_bytes: int) -> bytes:
     if not raw.startswith(b"\x1f\x8b"):
         return raw
     try:
-        return gzip.decompress(raw)
+        with gzip.open(io.BytesIO(raw)) as packed:
+            content = packed.read(most_bytes + 1)
     except (OSError, EOFError, zlib.error) as reason:
         raise RouteError(
             f"{path}: cannot be decompressed ({reason}); was it cut short?"
         ) from reason
+    if len(content) > most_bytes:
+        raise RouteError(f"{path}: more than {most_bytes} bytes; at most {most_bytes} are read")
+    return content
 
 
 def text_of(raw: bytes) -> str:
-    """Decode a text: UTF-8, UTF-16 with a mark, else Latin-1: only comments and headers can differ."""
+    """Decode a text: UTF-8, UTF-16, else Latin-1: only comments and headers can differ."""
     if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
         return raw.decode("utf-16", errors="replace")
+    if raw[1:8:2] == bytes(4) or raw[:8:2] == bytes(4):
+        return raw.decode("utf-16-le" if raw[0] else "utf-16-be", errors="replace")
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -91,6 +106,11 @@ def parse_text_table(text: str, source: str, columns: str = "") -> DriveTable:
         )
     start = _header_row(rows, columns)
     header_line, header = rows[start]
+    if all(map(_is_number, header)):
+        raise RouteError(
+            f"{source}, line {header_line}: {shown(','.join(header))} are numbers; allowed: a header as "
+            f"{','.join(KNOWN_COLUMNS[:2])}"
+        )
     names = [name.strip() for name in header]
     meanings = meanings_of(names, f"{source}, line {header_line}", columns)
     body = [
@@ -113,12 +133,14 @@ def parse_text_table(text: str, source: str, columns: str = "") -> DriveTable:
     notes += (
         [f"not read: {', '.join(others[:8])}{', ...' if len(others) > 8 else ''}"] if others else []
     )
+    texts = Cells(source)
     values = {
         index: _column(
-            source, names[index], meaning, [(line, cells[index]) for line, cells in body]
+            source, names[index], meaning, [(line, cells[index]) for line, cells in body], texts
         )
         for index, meaning in meanings.items()
     }
+    notes += texts.notes(len(body), "line")
     numbers = np.array([line for line, _ in body])
     return table_of(source, names, meanings, values, numbers, notes)
 
@@ -154,7 +176,7 @@ def table_of(
             count = "exactly" if quantity in {"time_s", "speed_m_s"} else "at most"
             raise RouteError(
                 f"{source}: columns {[names[index] for index in found]}; allowed: {count} one of "
-                f"{several.get(quantity, quantity)}"
+                f"{several.get(quantity, quantity)}, or --columns {quantity.partition('_')[0]}=NAME[UNIT]"
             )
         for index in found:
             columns[quantity] = meanings[index].in_si(values[index])
@@ -173,9 +195,11 @@ def _separator(lines: list[tuple[int, str]]) -> tuple[str, list[tuple[int, str]]
     if lines and lines[0][1].lower().startswith("sep=") and len(lines[0][1]) > 4:
         return lines[0][1][4], lines[1:]
     texts = [line for _, line in lines[: _MOST_TITLES + 2]]
-    for separator in ("\t", ";"):
+    for separator in ("\t", ";", "|"):
         if sum(separator in text for text in texts) > len(texts) // 2:
             return separator, lines
+    if len(texts) > 1 and not any("," in text for text in texts):
+        return " ", [(place, " ".join(line.split())) for place, line in lines]
     return ",", lines
 
 
@@ -189,12 +213,14 @@ def _rows(
             raise RouteError(
                 f"{source}, line {place}: {reason}; plain comma-separated numbers are needed"
             ) from reason
-        if separator != ",":
-            cells = [
-                cell.replace(",", ".") if _is_number(cell.replace(",", ".", 1)) else cell
-                for cell in cells
-            ]
-        yield place, cells
+        yield place, cells if separator == "," else [_with_decimal_point(cell) for cell in cells]
+
+
+def _with_decimal_point(text: str) -> str:
+    """Return a number with a decimal comma as others are written; its thousands may be marked."""
+    whole = text.replace(".", "") if 0 <= text.find(".") < text.find(",") else text
+    plain = whole.replace(",", ".", 1)
+    return plain if _is_number(plain) else text
 
 
 def _is_number(text: str) -> bool:
@@ -238,7 +264,7 @@ def _whole_rows(
         if len(cells) >= count and not any(cells[count:])
     ]
     broken = [(line, cells) for line, cells in body if len(cells) < count or any(cells[count:])]
-    if len(broken) > max(1.0, _MOST_BROKEN * len(body)) or not whole:
+    if len(broken) > max(1.0, MOST_INVALID * len(body)) or not whole:
         line, cells = broken[0]
         raise RouteError(
             f"{source}, line {line}: {len(cells)} values; allowed: one per column, {count}"
@@ -253,7 +279,9 @@ def _whole_rows(
     return whole, notes
 
 
-def _column(source: str, name: str, meaning: Meaning, cells: list[tuple[int, str]]) -> FloatArray:
+def _column(
+    source: str, name: str, meaning: Meaning, cells: list[tuple[int, str]], texts: Cells
+) -> FloatArray:
     """Return the numbers of a column in its unit, NaN for what was not measured."""
     if not meaning.unit:
         units = ", ".join(f"{name}[{unit}]" for unit in list(UNITS[meaning.quantity])[:4])
@@ -261,12 +289,14 @@ def _column(source: str, name: str, meaning: Meaning, cells: list[tuple[int, str
             f"{source}: unknown column {name!r}: it states no unit; allowed: {', '.join(KNOWN_COLUMNS)}, or "
             f"--columns {meaning.quantity.partition('_')[0]}={units}"
         )
-    if meaning.quantity == "time_s" and any(":" in cell for _, cell in cells[:3]):
-        factor = 1.0 / meaning.factor
-        return factor * np.array(
-            [seconds_of(f"{source}, line {line}", cell) for line, cell in cells]
+    is_moment = meaning.quantity == "time_s" and any(":" in cell for _, cell in cells[:3])
+    if is_moment and len({cell for _, cell in cells}) * _MOST_PER_SECOND < len(cells):
+        raise RouteError(
+            f"{source}: {name} is {shown(cells[0][1])}, and equal in most rows; allowed: h:m:s, with "
+            "fractions of a second"
         )
-    return np.array([cell_value(f"{source}, line {line}", name, cell) for line, cell in cells])
+    by, factor = (seconds_of, 1.0 / meaning.factor) if is_moment else (cell_value, 1.0)
+    return factor * np.array([texts.read(f"line {line}", name, cell, by) for line, cell in cells])
 
 
 def columns_table(given: Mapping[str, object], source: str) -> DriveTable:
@@ -281,7 +311,7 @@ def columns_table(given: Mapping[str, object], source: str) -> DriveTable:
             raise RouteError(
                 f"{source}: {names[index]} is {shown(values)}; allowed: finite numbers, one per row"
             )
-        if np.issubdtype(np.asarray(values).dtype, np.datetime64):
+        if _are_moments(values):
             meanings[index] = Meaning("time_s", "s")
         if not meanings[index].unit:
             raise RouteError(
@@ -297,9 +327,18 @@ def columns_table(given: Mapping[str, object], source: str) -> DriveTable:
     return table_of(source, names, meanings, arrays, rows, notes, "row")
 
 
-def _numbers(values: object) -> FloatArray:
+def _are_moments(values: Any) -> bool:
+    return getattr(getattr(values, "dtype", None), "kind", "") == "M"
+
+
+def _numbers(values: Any) -> FloatArray:
     """Return numbers, NaN for what is missing; moments and durations become seconds."""
-    array = np.asarray(values)
+    if isinstance(values, np.ma.MaskedArray):
+        values = np.ma.filled(np.ma.asarray(values, np.float64), np.nan)
+    # Moments with a time zone are objects for numpy.
+    array = np.asarray(values, "datetime64[ns]") if _are_moments(values) else np.asarray(values)
+    if array.dtype.kind in "bc":
+        return np.full((1, 1), np.nan)
     if array.dtype.kind in "mM":
         unit = "timedelta64[ns]" if array.dtype.kind == "m" else "datetime64[ns]"
         seconds = array.astype(unit).astype(np.int64) * 1e-9
@@ -314,7 +353,10 @@ def _numbers(values: object) -> FloatArray:
             for value in array.tolist()
         ]
         return np.array(
-            [math.nan if text.lower() in MISSING else seconds_of("row", text) for text in plain]
+            [
+                math.nan if text.lower() in MISSING else seconds_of("row", "time", text)
+                for text in plain
+            ]
         )
     except (TypeError, RouteError):
         return np.full((1, 1), np.nan)

@@ -15,6 +15,8 @@ what it states is cleaned in one way (see `iptm_core.routes.cleaning`).
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -156,11 +158,12 @@ def read_drive_table(path: Path) -> DriveTable:
 
         return read_bag(file, name)
     raw = read_content(file, MAX_FCD_BYTES)
-    if raw.startswith(FCD_TIME.encode()):
-        lines = text_of(raw).splitlines()
-        keys = lines[0].split(";")
-        rows = (dict(zip(keys, line.split(";"), strict=False)) for line in lines[1:] if line)
-        return read_fcd_rows(file, name, rows)
+    head = raw.partition(b"\n")[0]
+    if FCD_TIME.encode() in head and FCD_NAME.encode() in head:
+        separator = ";" if b";" in head else ","
+        return read_fcd_rows(
+            file, name, csv.DictReader(io.StringIO(text_of(raw)), delimiter=separator)
+        )
     if len(raw) > MAX_TEXT_BYTES:
         raise RouteError(f"{file}: {len(raw)} bytes; at most {MAX_TEXT_BYTES} are read")
     return parse_text_table(text_of(raw), str(file), name)

@@ -17,7 +17,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from iptm_core.errors import RouteError
-from iptm_core.routes.drive_table import DriveTable, cell_value, seconds_of
+from iptm_core.routes.drive_table import Cells, DriveTable, cell_value, seconds_of
 from iptm_core.routes.road_line import MAX_LATITUDE_DEG
 from iptm_core.routes.text_table import read_content
 from iptm_core.state import FloatArray
@@ -64,7 +64,7 @@ def read_gpx(path: Path) -> DriveTable:
     Args:
         path: the file, GPX 1.0 or 1.1; names of elements count without their namespaces.
     """
-    points = _Points()
+    points = _Points(str(path))
     read_xml(path, MAX_GPX_BYTES, "GPX", points)
     if points.count < 2:
         raise RouteError(f"{path}: {points.count} track points; allowed: 2 to {MAX_POINTS}")
@@ -77,6 +77,7 @@ def read_gpx(path: Path) -> DriveTable:
         np.arange(1, points.count + 1),
         "track point",
         {"speed_m_s": ("speed", 1.0), "elevation_m": ("ele", 1.0)},
+        notes=tuple(points.texts.notes(points.count, "track point")),
     )
 
 
@@ -86,15 +87,17 @@ class _Points(PlainXml):
     Attributes:
         count: points so far.
         values: time, latitude, longitude, height and speed of each, one after the other.
+        texts: reads them.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, source: str) -> None:
         self.count = 0
         self.values = array("d")
+        self.texts = Cells(source)
         self._kind = _ROUTE_POINT
         self._place: dict[str, str] = {}
         self._inside: list[str] = []
-        self._texts: dict[str, str] = {}
+        self._stated: dict[str, str] = {}
         self._text: list[str] = []
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
@@ -111,7 +114,7 @@ class _Points(PlainXml):
             self.count += 1
             if self.count > MAX_POINTS:
                 raise RouteError(f"more than {MAX_POINTS} track points; allowed: 2 to {MAX_POINTS}")
-            self._inside, self._place, self._texts = [name], attributes, {}
+            self._inside, self._place, self._stated = [name], attributes, {}
 
     def data(self, text: str) -> None:
         """Take text; the parser calls this."""
@@ -123,26 +126,21 @@ class _Points(PlainXml):
             return
         name = self._inside.pop()
         if not self._inside:
-            self.values.extend(_row(f"track point {self.count}", self._place, self._texts))
+            self._take(f"track point {self.count}")
         elif len(self._inside) == 1 or (name == "speed" and _is_of_point(self._inside[-1])):
             # What else extensions hold is of sensors, the wind, a photo.
-            self._texts.setdefault(name, "".join(self._text))
+            self._stated.setdefault(name, "".join(self._text))
         self._text = []
+
+    def _take(self, where: str) -> None:
+        for name in ("time", "lat", "lon", "ele", "speed"):
+            text = (self._place if name in {"lat", "lon"} else self._stated).get(name)
+            by = seconds_of if name == "time" else cell_value
+            self.values.append(self.texts.read(where, name, text, by))
 
 
 def _is_of_point(element: str) -> bool:
     return element == "extensions" or element.startswith("TrackPointExtension")
-
-
-def _row(where: str, place: Mapping[str, str], texts: Mapping[str, str]) -> tuple[float, ...]:
-    """Return time, latitude, longitude, height and speed of a point; NaN for what is missing."""
-    return (
-        seconds_of(where, texts.get("time", "")),
-        cell_value(where, "lat", place.get("lat")),
-        cell_value(where, "lon", place.get("lon")),
-        cell_value(where, "ele", texts.get("ele")),
-        cell_value(where, "speed", texts.get("speed")),
-    )
 
 
 FCD_SUFFIXES = (".xml", ".xml.gz", ".csv", ".csv.gz", ".parquet")
@@ -161,13 +159,13 @@ class _Vehicle(PlainXml):
         self.name = name
         self.names: dict[str, None] = {}
         self.rows: list[Mapping[str, Any]] = []
-        self._time = ""
+        self._time: str | None = None
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         """Take an element; the parser calls this."""
         if tag == "timestep":
             self._time = attributes.get("time", "")
-        elif tag == "vehicle":
+        elif tag == "vehicle" and self._time is not None:
             self.take(attributes.get("id", ""), lambda: {**attributes, "time": self._time})
 
     def take(self, name: str, row: Callable[[], Mapping[str, Any]]) -> None:
@@ -206,7 +204,8 @@ def read_fcd_rows(path: Path, name: str, rows: Iterable[Mapping[str, Any]]) -> D
 
 def _drive(path: Path, vehicle: _Vehicle, name: str) -> DriveTable:
     if not vehicle.rows:
-        known = suggestion(name, vehicle.names) if vehicle.names else "it holds none"
+        none = "it holds none; allowed: the output of --fcd-output"
+        known = suggestion(name, vehicle.names) if vehicle.names else none
         raise RouteError(f"{path}: no vehicle {name!r}; {known}")
     if not name and len(vehicle.names) > 1:
         raise RouteError(
@@ -214,16 +213,16 @@ def _drive(path: Path, vehicle: _Vehicle, name: str) -> DriveTable:
         )
     source = f"{path}#{vehicle.name}"
 
-    def column(key: str, read: Callable[[str, str], float]) -> FloatArray:
+    texts = Cells(source)
+
+    def column(key: str, by: Callable[..., float] = cell_value) -> FloatArray:
+        rows = enumerate(vehicle.rows, start=1)
         return np.array(
-            [
-                read(f"{source}, row {index}", str(row.get(key, "")))
-                for index, row in enumerate(vehicle.rows, start=1)
-            ]
+            [texts.read(f"row {at}", key, str(row.get(key, "")), by) for at, row in rows]
         )
 
     def number(key: str) -> FloatArray:
-        values = column(key, lambda where, text: cell_value(where, key, text))
+        values = column(key)
         return np.where(values < _INVALID, math.nan, values)
 
     columns = {"time_s": column("time", seconds_of), "speed_m_s": number("speed")}
@@ -235,7 +234,7 @@ def _drive(path: Path, vehicle: _Vehicle, name: str) -> DriveTable:
         is_geo = _in_degrees(columns["time_s"], columns["speed_m_s"], *places.values())
         names = ("longitude_deg", "latitude_deg") if is_geo else places
         columns |= dict(zip(names, places.values(), strict=True))
-    if "z" in stated and ("latitude_deg" in columns or "slope" not in stated):
+    if "z" in stated:
         columns["elevation_m"] = number("z")
     return DriveTable(
         source,
@@ -243,6 +242,7 @@ def _drive(path: Path, vehicle: _Vehicle, name: str) -> DriveTable:
         np.arange(1, len(vehicle.rows) + 1),
         "row",
         {name: (key, 1.0) for name, key in (("speed_m_s", "speed_m_s"), ("elevation_m", "z"))},
+        notes=tuple(texts.notes(len(vehicle.rows), "row")),
     )
 
 
