@@ -109,17 +109,17 @@ def test_a_library_of_something_else_is_a_clear_error(
     assert missing in str(caught.value)
 
 
-@pytest.mark.parametrize("is_noexec", [False, True])
+@pytest.mark.parametrize("place", ["file", "noexec", "/proc/none"])
 def test_a_cache_that_cannot_run_code_is_replaced(
     tmp_path: Path,
     compiler: tuple[str, ...],
     monkeypatch: pytest.MonkeyPatch,
     caplog: pytest.LogCaptureFixture,
-    is_noexec: bool,
+    place: str,
 ) -> None:
     """By a temporary folder, then by interpretation; both are said in one line."""
     (tmp_path / "file").write_text("in the way")
-    folder = tmp_path / ("noexec" if is_noexec else "file") / "cache"
+    folder, is_noexec = tmp_path / place / "cache", place == "noexec"
     spare = tmp_path / "temporary"
     spare.mkdir()
     monkeypatch.setenv(CACHE_VARIABLE, str(folder))

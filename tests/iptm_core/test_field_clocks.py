@@ -46,6 +46,7 @@ def clock(form: str, begin: str, zone: str = "UTC") -> list[str]:
 # fmt: off
 CLOCKS = {
     "d.m.y": (clock("%d.%m.%Y %H:%M:%S", "2026-05-04T07:30"), ""),
+    "d-Mon-y": (clock("%d-%b-%Y %H:%M:%S.000", "2026-05-04T07:30"), ""),
     "m/d/y with am and pm": (clock("%m/%d/%Y %I:%M:%S %p", "2026-05-04T11:59"), ""),
     "am and pm": (clock("%I:%M:%S %p", "2026-05-04T11:59"), ""),
     "12 hours": (clock("%I:%M:%S", "2026-05-04T12:59"), "noon"),
@@ -210,6 +211,14 @@ def test_speeds_beyond_those_of_cars_that_are_driven_up_to(tmp_path: Path) -> No
     fast = Driven.at(10.0)
     with pytest.raises(RouteError, match=r"value 7[0-9.]*; allowed: 0 to 70"):
         read_user_trip(write_csv(tmp_path / "a.csv", fast.but(speeds=3.6 * fast.speeds)))
+
+
+def test_speeds_that_drop_to_0_at_single_rows(tmp_path: Path) -> None:
+    out = np.random.default_rng(1).random(121) < 0.08
+    drive = DRIVE.but(speeds=np.where(out, 0.0, DRIVE.speeds))
+    trip = read_user_trip(write_csv(tmp_path / "a.csv", drive))
+    assert trip.cycle.distance_m == pytest.approx(LENGTH_M, rel=0.02)
+    assert "speed_m_s not plausible at" in "; ".join(trip.notes)
 
 
 @pytest.mark.parametrize("name", ["a.csv.gz", "a.gpx.gz", "a.xml.gz"])

@@ -92,7 +92,7 @@ def test_the_grade_is_bounded_and_the_raw_data_are_kept(write: Callable[..., Pat
     trip = read_user_trip(write(gpx(PLACES, heights)))
     assert np.tan(trip.slope.slopes_rad).max() == pytest.approx(MAX_RECORDED_GRADE)
     assert 100.0 < trip.drive.bounded_m < 400.0
-    np.testing.assert_array_equal(trip.drive.track.heights_m, heights)
+    np.testing.assert_array_equal(trip.drive.raw.columns["elevation_m"], heights)
 
 
 def test_the_receivers_own_speed_is_preferred(write: Callable[..., Path]) -> None:

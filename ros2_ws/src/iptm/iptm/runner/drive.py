@@ -26,6 +26,8 @@ START_TIMEOUT_S = 660.0
 """Time for two compilations at a first start, each of which is aborted after 300 s."""
 _SERVER_TIMEOUT_S = 5.0
 """From then on a server of discovery that may be silent is named."""
+_NO_PLANT_TIMEOUT_S = 60.0
+"""The plant compiles nothing: one that is not found by then is not found through that server."""
 SILENCE_TIMEOUT_S = 30.0
 """Silence after which the plant counts as hung; it reports once a second even while it waits."""
 AFTER_KILL_S = 10.0
@@ -139,10 +141,16 @@ class Drive(AbstractContextManager["Drive"]):
             return self.monitor.began_s is not None or self._has_ended()
 
         def show() -> DriveResult | None:
-            waits = time.monotonic() - began_s > _SERVER_TIMEOUT_S and self.monitor.awaited_nodes
-            server = os.environ.get(SERVER_VARIABLE, "") if waits else ""
-            where = f" at {SERVER_VARIABLE} {server}" if server else ""
-            self.progress.waiting(self._awaited() + where)
+            awaited, waited_s = self.monitor.awaited_nodes, time.monotonic() - began_s
+            server = os.environ.get(SERVER_VARIABLE, "") if awaited else ""
+            named = f"{SERVER_VARIABLE} {server}" if server and waited_s > _SERVER_TIMEOUT_S else ""
+            self.progress.waiting(self._awaited() + (f" at {named}" if named else ""))
+            if named and PLANT in awaited and waited_s > _NO_PLANT_TIMEOUT_S:
+                return DriveResult(
+                    DriveOutcome.FAILED,
+                    f"{named}: the plant was not found within {_NO_PLANT_TIMEOUT_S:g} s; allowed: a running "
+                    "server, or no such variable",
+                )
             if time.monotonic() > deadline_s:
                 return DriveResult(
                     DriveOutcome.FAILED,

@@ -95,8 +95,8 @@ def description(trip: UserTrip) -> str:
         grades = 100.0 * np.tan(trip.slope.slopes_rad)
         lines.append(f"grade {grades.min():.1f} to {grades.max():.1f} %")
     if drive is not None:
-        source = "of the receiver" if drive.track.speeds_m_s is not None else "from the places"
-        lines.append(f"{drive.track.times_s.size} points, speed {source}")
+        source = "of the receiver" if "speed_m_s" in drive.raw.columns else "from the places"
+        lines.append(f"{drive.raw.rows.size} points, speed {source}")
         lines.append(f"grade bounded on {drive.bounded_m:.0f} m of the road")
     return "\n".join([*lines, f"repaired: {'; '.join(trip.notes)}"] if trip.notes else lines)
 
@@ -112,21 +112,21 @@ def draw(trip: UserTrip, path: Path) -> None:
     speed, height, grade = figure.subplots(3, 1)
     drive = trip.drive
     if drive is not None:
-        track = drive.track
-        raw = track.speeds_m_s
-        moments = track.times_s if raw is not None else track.times_s[1:]
+        columns = drive.raw.columns
+        raw, times = columns.get("speed_m_s"), columns["time_s"]
+        moments = times if raw is not None else times[1:]
         raw = (
             raw
             if raw is not None
-            else steps_m(track.latitudes_deg, track.longitudes_deg) / np.diff(track.times_s)
+            else steps_m(columns["latitude_deg"], columns["longitude_deg"]) / np.diff(times)
         )
         # A launch ramp in front of the trip moves it.
-        shift_s = trip.cycle.duration_s - np.floor(track.times_s[-1])
+        shift_s = trip.cycle.duration_s - np.floor(times[-1])
         speed.plot(
             moments + max(shift_s, 0.0), KM_H_PER_M_S * raw, color="0.75", lw=0.8, label="recorded"
         )
-        if track.heights_m is not None:
-            height.plot(drive.point_positions_m, track.heights_m, color="0.75", lw=0.8)
+        if "elevation_m" in columns:
+            height.plot(drive.point_positions_m, columns["elevation_m"], color="0.75", lw=0.8)
     speed.plot(trip.cycle.times_s, KM_H_PER_M_S * trip.cycle.speeds_m_s, color="C0", label="driven")
     speed.set(xlabel="time [s]", ylabel="speed [km/h]")
     speed.legend(loc="upper right", frameon=False)
@@ -145,9 +145,9 @@ def draw(trip: UserTrip, path: Path) -> None:
 
 def _level(drive: RecordedDrive | None, positions: FloatArray, climbed: FloatArray) -> float:
     """Return the height at which the integrated grade fits the recorded heights best, 0 without any."""
-    if drive is None or drive.track.heights_m is None:
+    heights = None if drive is None else drive.raw.columns.get("elevation_m")
+    if drive is None or heights is None:
         return 0.0
-    heights = drive.track.heights_m
     return float(np.mean(heights - np.interp(drive.point_positions_m, positions, climbed)))
 
 

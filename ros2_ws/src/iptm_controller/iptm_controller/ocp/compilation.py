@@ -97,8 +97,11 @@ def _warn(text: str) -> None:
 def _can_run_code(folder: Path) -> bool:
     """Return whether code can be written into a folder, which need not be there yet, and be run from it."""
     there = next(place for place in (folder, *folder.parents) if place.exists())
-    is_writable = there.is_dir() and os.access(there, os.W_OK | os.X_OK)
-    return is_writable and not os.statvfs(there).f_flag & os.ST_NOEXEC
+    try:  # permissions alone do not state it: /proc is one of those that refuse root
+        Path(tempfile.mkdtemp(prefix=_SCRATCH_PREFIX, dir=there)).rmdir()
+    except OSError:
+        return False
+    return not os.statvfs(there).f_flag & os.ST_NOEXEC
 
 
 def find_compiler() -> tuple[str, ...] | None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,15 +12,8 @@ from iptm_core.routes.clean_places import (
     cleaned_places,
     consistent,
 )
-from iptm_core.routes.clean_times import (
-    counted,
-    lengths,
-    noted,
-    plane_of,
-    with_columns,
-)
 from iptm_core.routes.contradictions import distances, factors_near, windows
-from iptm_core.routes.drive_table import MOST_INVALID, DriveTable
+from iptm_core.routes.drive_table import MOST_INVALID, DriveTable, lengths
 from iptm_core.routes.piecewise import cumulative_integral
 from iptm_core.routes.road_line import MAX_LATITUDE_DEG
 from iptm_core.state import FloatArray
@@ -65,26 +56,25 @@ def _marked(table: DriveTable) -> DriveTable:
         no_fix = no_fix | (np.abs(latitudes) > MAX_LATITUDE_DEG) | (np.abs(longitudes) > 180.0)
         if no_fix.mean() > MOST_INVALID:
             raise table.refuse(int(np.argmax(no_fix)), "latitude_deg", "places of a drive on Earth")
-        table = with_columns(
-            table,
+        table = table.having(
             latitude_deg=np.where(no_fix, np.nan, latitudes),
             longitude_deg=np.where(no_fix, np.nan, longitudes),
         )
     if "speed_m_s" not in columns:
         return table
     speeds = columns["speed_m_s"]
-    name, unit = table.names.get("speed_m_s", ("speed_m_s", 1.0))
+    name, unit = table.named("speed_m_s")
     below = np.unique(np.round(speeds[speeds < 0.0] / unit, 6))
     if below.size == 1 and (below[0] == -1.0 or below[0] <= -99.0) and (speeds > 0.0).any():
         marks = speeds < 0.0
-        note = f"{name} is {below[0]:g} at {counted(int(marks.sum()), table.counted)}: not measured"
-        return noted(with_columns(table, speed_m_s=np.where(marks, np.nan, speeds)), note)
+        note = f"{name} is {below[0]:g} at {table.count(int(marks.sum()))}: not measured"
+        return table.having(speed_m_s=np.where(marks, np.nan, speeds)).noted(note)
     return table
 
 
 def _speeds_against_places(table: DriveTable) -> DriveTable:
     """Compare speeds with places over the trip, and let the one that was measured count."""
-    plane, times = plane_of(table), table.columns["time_s"]
+    plane, times = table.plane(), table.columns["time_s"]
     if (
         plane is None
         or "speed_m_s" not in table.columns
@@ -104,27 +94,24 @@ def _speeds_against_places(table: DriveTable) -> DriveTable:
         return table
     if found.agrees() or (0.8 < found.ratio < 1.25 and found.agrees(found.ratio)):
         if abs(found.ratio - 1.0) > _TOLD_RATIO:
-            table = noted(table, f"{both}: the speeds count")
+            table = table.noted(f"{both}: the speeds count")
         return _windows_apart(table, plane, speeds)
     if abs(found.ratio - 1.0) < _TOLD_RATIO and (late_s := _lag_s(times, speeds, plane)):
-        return noted(
-            table, f"speeds are {abs(late_s)} s {'behind' if late_s > 0 else 'ahead of'} the places"
+        return table.noted(
+            f"speeds are {abs(late_s)} s {'behind' if late_s > 0 else 'ahead of'} the places"
         )
-    name, _ = table.names.get("speed_m_s", ("speed_m_s", 1.0))
+    name, _ = table.named("speed_m_s")
     if np.ptp(speeds) < 1e-9:
-        return noted(
-            with_columns(table, speed_m_s=None),
-            f"{name} is {speeds[0]:g} throughout: speeds are those of the places",
+        return table.having(speed_m_s=None).noted(
+            f"{name} is {speeds[0]:g} throughout: speeds are those of the places"
         )
     if (named := found.named_factor()) is not None:
         factor, words = named
         note = f"{both}: {name} is divided by {factor:.4g} ({words})"
-        return noted(with_columns(table, speed_m_s=raw / factor), note)
+        return table.having(speed_m_s=raw / factor).noted(note)
     if moved_m < max(_STILL_M, 0.02 * driven_m):
         names = PLACES
-        return noted(
-            with_columns(table, **dict.fromkeys(names)), "its place never changes and is left out"
-        )
+        return table.having(**dict.fromkeys(names)).noted("its place never changes and is left out")
     raise RouteError(
         f"{table.source}: speeds and places contradict: {both} ({found.in_words()}); "
         "allowed: the same within 20 %"
@@ -134,7 +121,7 @@ def _speeds_against_places(table: DriveTable) -> DriveTable:
 def _speeds_against_accelerations(table: DriveTable) -> DriveTable:
     """Refuse speeds that change by a multiple of what the accelerations state."""
     accelerations, speeds = (table.columns.get(each) for each in ("acceleration_m_s2", "speed_m_s"))
-    table = with_columns(table, acceleration_m_s2=None)
+    table = table.having(acceleration_m_s2=None)
     if accelerations is None or speeds is None:
         return table
     times, known = table.columns["time_s"], np.isfinite(speeds)
@@ -143,7 +130,7 @@ def _speeds_against_accelerations(table: DriveTable) -> DriveTable:
     gained = np.diff(cumulative_integral(times, np.nan_to_num(accelerations))[rows])
     size = float(np.linalg.norm(changed) * np.linalg.norm(gained))
     if not size or changed @ gained < _SAME_COURSE * size:
-        return noted(table, "accelerations are not those of the speeds: not read")
+        return table.noted("accelerations are not those of the speeds: not read")
     ratio = float(changed @ gained / (gained @ gained))
     if 0.8 < ratio < 1.25:
         return table
@@ -169,16 +156,16 @@ def _turned(table: DriveTable, speeds: FloatArray) -> DriveTable | None:
     columns = table.columns
     if "latitude_deg" not in columns or np.abs(columns["longitude_deg"]).max() > MAX_LATITUDE_DEG:
         return None
-    turned = with_columns(
-        table, latitude_deg=columns["longitude_deg"], longitude_deg=columns["latitude_deg"]
+    turned = table.having(
+        latitude_deg=columns["longitude_deg"], longitude_deg=columns["latitude_deg"]
     )
-    plane = plane_of(turned)
+    plane = turned.plane()
     if plane is None:
         return None
     found = distances(columns["time_s"], speeds, plane)
     if not found.agrees() or abs(found.ratio - 1.0) > 0.02:
         return None
-    return noted(turned, "latitudes and longitudes are exchanged, by the speeds")
+    return turned.noted("latitudes and longitudes are exchanged, by the speeds")
 
 
 def _windows_apart(table: DriveTable, plane: FloatArray, speeds: FloatArray) -> DriveTable:
@@ -202,11 +189,9 @@ def _windows_apart(table: DriveTable, plane: FloatArray, speeds: FloatArray) -> 
     missing = np.zeros(times.size, dtype=np.bool_)
     for first, last in found.edges[slower]:
         missing[first : last + 1] = True
-    count = counted(int(missing.sum()), table.counted)
+    count = table.count(int(missing.sum()))
     note = f"speeds of {count} contradict the places: those of the places are used"
-    return noted(
-        with_columns(table, speed_m_s=np.where(missing, np.nan, table.columns["speed_m_s"])), note
-    )
+    return table.having(speed_m_s=np.where(missing, np.nan, table.columns["speed_m_s"])).noted(note)
 
 
 def _limit_m_s(steps: FloatArray) -> FloatArray:
@@ -225,7 +210,7 @@ def _speeds(table: DriveTable) -> DriveTable:
     times, given = table.columns["time_s"], table.columns["speed_m_s"]
     table = _forwards(table)
     speeds = table.columns["speed_m_s"].copy()
-    name, unit = table.names.get("speed_m_s", ("speed_m_s", 1.0))
+    name, unit = table.named("speed_m_s")
     known = np.flatnonzero(np.isfinite(speeds))
     beyond = known[(speeds[known] < 0.0) | (speeds[known] > MAX_SPEED_M_S)]
     if beyond.size > MOST_INVALID * known.size:
@@ -237,6 +222,7 @@ def _speeds(table: DriveTable) -> DriveTable:
         row = int(known[int(np.argmax(fast))])
         raise table.refuse(row, "speed_m_s", f"0 to {MAX_SPEED_M_S / unit:.6g}")
     speeds[beyond] = np.nan
+    speeds[_dropouts(times, speeds)] = np.nan
     plausible = np.flatnonzero(np.isfinite(speeds))
 
     def breaks(rows: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -269,9 +255,26 @@ def _speeds(table: DriveTable) -> DriveTable:
     odd[whole] = False
     speeds[odd] = np.nan
     lost, missing = known.size - whole.size, int(np.count_nonzero(~np.isfinite(given)))
-    notes = [f"{name} not plausible at {counted(lost, table.counted)}"] if lost else []
-    notes += [f"{name} missing at {counted(missing, table.counted)}"] if missing else []
-    return replace(with_columns(table, speed_m_s=speeds), notes=(*table.notes, *notes))
+    notes = [f"{name} not plausible at {table.count(lost)}"] if lost else []
+    notes += [f"{name} missing at {table.count(missing)}"] if missing else []
+    return table.having(speed_m_s=speeds).noted(*notes)
+
+
+def _dropouts(times: FloatArray, speeds: FloatArray) -> NDArray[np.int64]:
+    """Return the rows that are 0 for seconds at most, between speeds from which one leaps."""
+    rows = np.flatnonzero(np.isfinite(speeds))
+    leaps = np.abs(np.diff(speeds[rows])) > _limit_m_s(np.diff(times[rows]))
+    is_zero = np.concatenate([[False], speeds[rows] == 0.0, [False]])
+    edges = np.flatnonzero(np.diff(is_zero)).reshape(-1, 2)
+    found = []
+    for first, end in edges.tolist():
+        if not 0 < first < end < rows.size:
+            continue
+        beside = speeds[rows[[first - 1, end]]]
+        is_leap = (leaps[first - 1] or leaps[end - 1]) and beside.min() > _MOVES_M_S
+        if is_leap and times[rows[end - 1]] - times[rows[first]] <= LONGEST_OUTLIER_S:
+            found.append(rows[first:end])
+    return np.concatenate([np.zeros(0, np.int64), *found])
 
 
 def _refuse_times_in_ms(table: DriveTable, times: FloatArray, speeds: FloatArray) -> None:
@@ -291,10 +294,10 @@ def _forwards(table: DriveTable) -> DriveTable:
     negative = speeds < 0.0
     if not negative.any():
         return table
-    name, _ = table.names.get("speed_m_s", ("speed_m_s", 1.0))
+    name, _ = table.named("speed_m_s")
     if not (speeds > 0.05 * np.nanmax(np.abs(speeds))).any():
         note = f"{name} is negative throughout: its sign is turned"
-        return noted(with_columns(table, speed_m_s=np.abs(speeds)), note)
+        return table.having(speed_m_s=np.abs(speeds)).noted(note)
     known = np.flatnonzero(np.isfinite(speeds) & (np.abs(speeds) <= MAX_SPEED_M_S))
     at = times[known]
     driven = cumulative_integral(at, speeds[known])
@@ -312,13 +315,11 @@ def _forwards(table: DriveTable) -> DriveTable:
     back_m = float(
         -np.minimum(np.diff(cumulative_integral(at, np.minimum(speeds[known], 0.0))), 0.0).sum()
     )
-    count = counted(int(negative.sum()), table.counted)
+    count = table.count(int(negative.sum()))
     note = (
         f"the car reverses by {back_m:.3g} m at {count}: taken as standing"
         if slowest < -0.3
         else f"{name} slightly negative at {count}: read as 0"
     )
     implausible = speeds < -MAX_SPEED_M_S
-    return noted(
-        with_columns(table, speed_m_s=np.where(negative & ~implausible, 0.0, speeds)), note
-    )
+    return table.having(speed_m_s=np.where(negative & ~implausible, 0.0, speeds)).noted(note)

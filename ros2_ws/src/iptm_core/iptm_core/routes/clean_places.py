@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from iptm_core.errors import RouteError
-from iptm_core.routes.clean_times import counted, from_zero, kept, lengths, plane_of, with_columns
-from iptm_core.routes.drive_table import MOST_INVALID, DriveTable
+from iptm_core.routes.drive_table import MOST_INVALID, DriveTable, lengths
 from iptm_core.state import FloatArray
 
 LONGEST_OUTLIER_S, LONGEST_LOST_FIX_S = 5.0, 60.0
@@ -58,7 +56,7 @@ def consistent(
 
 def cleaned_places(table: DriveTable) -> DriveTable:
     """Leave out places aside of the way, and those repeated while the receiver was frozen; fill gaps."""
-    plane, times = plane_of(table), table.columns["time_s"]
+    plane, times = table.plane(), table.columns["time_s"]
     if plane is None:
         return table
     known = np.flatnonzero(np.isfinite(plane).all(axis=1))
@@ -98,11 +96,7 @@ def cleaned_places(table: DriveTable) -> DriveTable:
         "with a frozen place": int(frozen.sum()),
         "with a place aside of the way": known.size - aside.size + fixes.size - whole.size,
     }
-    notes = [
-        f"{counted(count, table.counted)} {what}: interpolated"
-        for what, count in lost.items()
-        if count
-    ]
+    notes = [f"{table.count(count)} {what}: interpolated" for what, count in lost.items() if count]
     if not notes:
         return table
     names = [each for each in PLACES if each in table.columns]
@@ -112,11 +106,11 @@ def cleaned_places(table: DriveTable) -> DriveTable:
         if name == "longitude_deg":
             values = np.asarray(np.unwrap(values, period=360.0), np.float64)
         filled[name] = np.interp(times, times[whole], values)
-    table = replace(with_columns(table, **filled), notes=(*table.notes, *notes))
+    table = table.having(**filled).noted(*notes)
     first, last = whole[0], whole[-1]
     ends = (np.arange(times.size) < first) | (np.arange(times.size) > last)
     # Before the first fix and after the last one nothing states a place.
-    return from_zero(kept(table, ~ends)) if "speed_m_s" not in table.columns else table
+    return table.kept(~ends).from_zero() if "speed_m_s" not in table.columns else table
 
 
 def _rolling_median(values: FloatArray, half: int = 5) -> FloatArray:

@@ -13,9 +13,8 @@ from iptm_core.routes.clean_places import (
     LONGEST_OUTLIER_S,
     consistent,
 )
-from iptm_core.routes.clean_times import counted, lengths, noted, plane_of, with_columns
 from iptm_core.routes.contradictions import summed, windows
-from iptm_core.routes.drive_table import MOST_INVALID, DriveTable
+from iptm_core.routes.drive_table import MOST_INVALID, DriveTable, lengths
 from iptm_core.routes.piecewise import cumulative_integral
 from iptm_core.routes.slope import MAX_GRADE
 from iptm_core.state import FloatArray
@@ -35,7 +34,7 @@ def cleaned_road(table: DriveTable) -> DriveTable:
 
 def _way(table: DriveTable) -> FloatArray:
     """Return the distance driven at every row."""
-    plane, speeds = plane_of(table), table.columns.get("speed_m_s")
+    plane, speeds = table.plane(), table.columns.get("speed_m_s")
     if speeds is not None:
         return cumulative_integral(table.columns["time_s"], speeds)
     if plane is None:
@@ -50,7 +49,7 @@ def _slopes(table: DriveTable) -> DriveTable:
         return table
     known = np.isfinite(slopes)
     steep = known & (np.abs(slopes) > np.arctan(MAX_GRADE))
-    name, unit = table.names.get("slope_rad", ("slope_rad", 1.0))
+    name, unit = table.named("slope_rad")
     if np.count_nonzero(steep) > MOST_INVALID * np.count_nonzero(known):
         row, limit = int(np.argmax(steep)), np.arctan(MAX_GRADE)
         if name == "slope_rad":
@@ -71,9 +70,9 @@ def _filled(table: DriveTable, name: str, usable: NDArray[np.bool_]) -> DriveTab
     way, values = _way(table), table.columns[name]
     stretch = float(np.diff(way[usable]).max()) if np.count_nonzero(usable) > 1 else 0.0
     filled = np.where(usable, values, np.interp(way, way[usable], values[usable]))
-    what, rows = table.names.get(name, (name, 1.0))[0], counted(lost, table.counted)
+    what, rows = table.named(name)[0], table.count(lost)
     note = f"{what} missing or not plausible at {rows}: interpolated (up to {stretch:.0f} m)"
-    return noted(with_columns(table, **{name: filled}), note)
+    return table.having(**{name: filled}).noted(note)
 
 
 def _heights(table: DriveTable) -> DriveTable:
@@ -115,13 +114,11 @@ def _heights_against_slopes(table: DriveTable) -> DriveTable:
     rows, way = windows(columns["time_s"]), _way(table)
     climbed = np.diff(cumulative_integral(way, np.sin(columns["slope_rad"]))[rows])
     found = summed(climbed, np.diff(columns["elevation_m"][rows]), rows)
-    chosen = with_columns(table, **{"elevation_m" if "east_m" in columns else "slope_rad": None})
+    chosen = table.having(**{"elevation_m" if "east_m" in columns else "slope_rad": None})
     if np.abs(found.first).sum() < _LEVEL_M and np.abs(found.second).sum() < _LEVEL_M:
         return chosen
     if np.ptp(columns["elevation_m"]) == 0.0:
-        return noted(
-            with_columns(table, elevation_m=None), "its height never changes: the slope counts"
-        )
+        return table.having(elevation_m=None).noted("its height never changes: the slope counts")
     named = found.named_factor()
     if found.agrees() and named is None:
         return chosen

@@ -14,21 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iptm_core.errors import RouteError
+from iptm_core.routes.clean_clocks import usual_step_s
 from iptm_core.routes.clean_motion import MAX_ACCELERATION_M_S2, cleaned_motion
 from iptm_core.routes.clean_road import cleaned_road
-from iptm_core.routes.clean_times import (
-    MAX_STEP_S,
-    counted,
-    from_zero,
-    in_order,
-    kept,
-    lengths,
-    noted,
-    plane_of,
-    usual_step_s,
-    with_columns,
-)
-from iptm_core.routes.drive_table import DriveTable
+from iptm_core.routes.clean_times import MAX_STEP_S, in_order
+from iptm_core.routes.drive_table import DriveTable, counted, lengths
 from iptm_core.routes.track import SPEED_WINDOW_S, STANDSTILL_M_S, local_line
 from iptm_core.state import FloatArray
 
@@ -53,11 +43,11 @@ def clean(table: DriveTable) -> DriveTable:
 def _united(table: DriveTable) -> DriveTable:
     """Give the rows of a sparse table all quantities; those of the speed, or else of the place, count."""
     empty = {name: None for name in table.columns if not np.isfinite(table.columns[name]).any()}
-    gone = ", ".join(table.names.get(name, (name, 1.0))[0] for name in empty)
-    table = with_columns(table, **empty)
+    gone = ", ".join(table.named(name)[0] for name in empty)
+    table = table.having(**empty)
     if "latitude_deg" not in table.columns or "longitude_deg" not in table.columns:
-        table = with_columns(table, latitude_deg=None, longitude_deg=None)
-    table = noted(table, f"{gone} without a value") if gone else table
+        table = table.having(latitude_deg=None, longitude_deg=None)
+    table = table.noted(f"{gone} without a value") if gone else table
     if not table.sparse:
         return table
     times = table.columns["time_s"]
@@ -66,18 +56,18 @@ def _united(table: DriveTable) -> DriveTable:
     for name in table.columns:
         known = np.flatnonzero(np.isfinite(table.columns[name]))
         if name != main:
-            table = with_columns(
-                table, **{name: np.interp(times, times[known], table.columns[name][known])}
+            table = table.having(
+                **{name: np.interp(times, times[known], table.columns[name][known])}
             )
-    table = kept(table, keep)
-    return with_columns(table, time_s=table.columns["time_s"] - table.columns["time_s"][0])
+    table = table.kept(keep)
+    return table.having(time_s=table.columns["time_s"] - table.columns["time_s"][0])
 
 
 def _kinds_of_steps(
     table: DriveTable, steps: FloatArray
 ) -> tuple[_Which, _Which, _Which, FloatArray]:
     """Return which steps are pauses, of a clock set ahead, and filled up; and how long they become."""
-    plane, speeds = plane_of(table), table.columns.get("speed_m_s")
+    plane, speeds = table.plane(), table.columns.get("speed_m_s")
     reach, none = np.minimum(steps, MAX_STEP_S), np.zeros(steps.size, dtype=np.bool_)
     if plane is None or not np.isfinite(plane).all():
         if speeds is None:
@@ -116,14 +106,14 @@ def _without_pauses(table: DriveTable) -> DriveTable:
     if long.any():
         row = int(np.argmax(np.where(long, steps, 0.0)))
         what = f"{counted(int(long.sum()), 'gap')} of up to {steps[row]:.3g} s while driving"
-        table = noted(
-            table, f"{what}, at {table.counted} {table.rows[row + 1]}: evenly interpolated"
+        table = table.noted(
+            f"{what}, at {table.counted} {table.rows[row + 1]}: evenly interpolated"
         )
     for row in np.flatnonzero(set_ahead).tolist():
         where = f"{table.counted} {table.rows[row + 1]}"
         by_s = steps[row] - reach[row]
-        table = noted(
-            table, f"clock set ahead by {by_s:.3g} s at {where}: the times after it are moved"
+        table = table.noted(
+            f"clock set ahead by {by_s:.3g} s at {where}: the times after it are moved"
         )
     if not (stands | set_ahead | filled_up).any():
         return table
@@ -131,7 +121,7 @@ def _without_pauses(table: DriveTable) -> DriveTable:
     if pause_s:
         kept_s = float(reach[stands].sum())
         told = f", {kept_s:.4g} s kept" if pause_s > kept_s else ""
-        table = noted(table, f"{counted(int(stands.sum()), 'pause')} of {pause_s:.4g} s{told}")
+        table = table.noted(f"{counted(int(stands.sum()), 'pause')} of {pause_s:.4g} s{told}")
     removed = np.where(stands | set_ahead, steps - reach, 0.0)
     moved_times = times - np.concatenate([[0.0], np.cumsum(removed)])
     count = np.where(stands | filled_up, np.ceil(reach).astype(np.int64) - 1, 0)
@@ -147,7 +137,7 @@ def _without_pauses(table: DriveTable) -> DriveTable:
     if "speed_m_s" in columns:
         filled["speed_m_s"] = np.insert(columns["speed_m_s"], at + 1, 0.0)
     return replace(
-        with_columns(table, **filled),
+        table.having(**filled),
         rows=np.insert(table.rows, at + 1, table.rows[at]),
         received_s=None,
     )
@@ -163,7 +153,7 @@ def _speeds_beside(speeds: FloatArray | None, rates: FloatArray) -> tuple[FloatA
 
 def _speeds_filled(table: DriveTable) -> DriveTable:
     """Fill speeds that are missing from places, else from the rows beside them."""
-    times, plane = table.columns["time_s"], plane_of(table)
+    times, plane = table.columns["time_s"], table.plane()
     has_places = plane is not None and bool(np.isfinite(plane).all())
     speeds = table.columns.get("speed_m_s")
     if speeds is None:
@@ -173,7 +163,7 @@ def _speeds_filled(table: DriveTable) -> DriveTable:
             )
         if "latitude_deg" in table.columns:
             return table
-        return with_columns(table, speed_m_s=_speeds_of(plane, times, times))
+        return table.having(speed_m_s=_speeds_of(plane, times, times))
     missing = np.isnan(speeds)
     if not missing.any():
         return table
@@ -181,16 +171,16 @@ def _speeds_filled(table: DriveTable) -> DriveTable:
     if plane is not None and has_places:
         speeds = speeds.copy()
         speeds[missing] = _speeds_of(plane, times, times[missing])
-        return with_columns(table, speed_m_s=speeds)
+        return table.having(speed_m_s=speeds)
     gaps = np.diff(times[known])
     if gaps.size and gaps.max() > MAX_STEP_S:
         row = int(known[int(np.argmax(gaps)) + 1])
         raise RouteError(
             f"{table.at(row)}: no speed for {gaps.max():g} s; allowed: up to {MAX_STEP_S:g} s"
         )
-    table = with_columns(table, speed_m_s=np.interp(times, times[known], speeds[known]))
+    table = table.having(speed_m_s=np.interp(times, times[known], speeds[known]))
     inside = (np.arange(times.size) >= known[0]) & (np.arange(times.size) <= known[-1])
-    return from_zero(kept(table, inside))
+    return table.kept(inside).from_zero()
 
 
 def _speeds_of(plane: FloatArray, times: FloatArray, at: FloatArray) -> FloatArray:

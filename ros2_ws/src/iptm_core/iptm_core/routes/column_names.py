@@ -82,8 +82,8 @@ _WORDS = {
 _BESIDES = frozenset(
     re.findall(
         r"\w+",
-        "cyc cycle vehicle veh target test actual measured gps gnss obd ego utc local unix epoch of road"
-        " schedule drive timestep stamp relative",
+        "cyc cycle vehicle veh target test actual measured gps gnss obd device ego utc local unix epoch of"
+        " road schedule drive timestep stamp relative",
     )
 )
 """Words that leave the meaning of a header as it is."""

@@ -9,13 +9,14 @@ import math
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime, timezone
 
 import numpy as np
 from numpy.typing import NDArray
 
 from iptm_core.errors import RouteError
+from iptm_core.routes.road_line import east_north_m
 from iptm_core.state import FloatArray
 from iptm_core.user_input import number, shown
 
@@ -44,7 +45,8 @@ _ISO = re.compile(
     re.IGNORECASE,
 )
 _CLOCK = re.compile(r"(?:(?:(\d+):)?(\d{1,3}):)?(\d{1,3}):(\d\d(?:[.,]\d+)?)")
-_DAY_AND_MONTH = re.compile(r"(\d{1,2})([./-])(\d{1,2})[./-](\d{4}),?[T ]+")
+_DAY_AND_MONTH = re.compile(r"(\d{1,2})([./-])(\d{1,2}|[A-Za-z]{3})[./-](\d{4}),?[T ]+")
+_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _HALF_DAY = re.compile(r"(.*[ T]|)(\d{1,2})(:[\d:.,]+)\s*([ap])\.?m\.?", re.IGNORECASE)
 
 
@@ -58,7 +60,9 @@ def seconds_of(where: str, name: str, text: str | None) -> float:
         hour = int(half[2]) % 12 + (12 if half[4].lower() == "p" else 0)
         plain = f"{half[1]}{hour:02d}{half[3]}"
     if (date := _DAY_AND_MONTH.match(plain)) is not None:
-        first, second = int(date[1]), int(date[3])
+        name = date[3].lower()
+        first = int(date[1])
+        second = int(name) if name.isdigit() else 1 + _MONTHS.index(name) if name in _MONTHS else 0
         day, month = (second, first) if date[2] == "/" and first <= 12 else (first, second)
         plain = f"{date[4]}-{month:02d}-{day:02d}T{plain[date.end() :].zfill(8)}"
     if (clock := _CLOCK.fullmatch(plain)) is not None:
@@ -87,6 +91,17 @@ def seconds_of(where: str, name: str, text: str | None) -> float:
     return whole + float(f"0.{iso.group(7) or 0}")
 
 
+def counted(count: int, what: str) -> str:
+    """Return a count with its noun."""
+    return f"{count} {what}{'' if count == 1 else 's'}"
+
+
+def lengths(vectors: FloatArray) -> FloatArray:
+    """Return the lengths of vectors, shape (n, 2)."""
+    result: FloatArray = np.hypot(vectors[:, 0], vectors[:, 1])
+    return result
+
+
 class Cells:
     """Reads the texts of a file. One that cannot be read costs its value; many are refused."""
 
@@ -106,7 +121,7 @@ class Cells:
             self._count[name] += 1
             return math.nan
 
-    def notes(self, rows: int, counted: str) -> list[str]:
+    def notes(self, rows: int, row: str) -> list[str]:
         """Return what could not be read of so many rows.
 
         Raises:
@@ -116,7 +131,7 @@ class Cells:
             if count > MOST_INVALID * rows:
                 raise RouteError(f"{self._source}, {self._first[name]}")
         return [
-            f"{name} not readable at {count} {counted}{'' if count == 1 else 's'}, as in "
+            f"{name} not readable at {counted(count, row)}, as in "
             f"{self._first[name].partition(';')[0]}"
             for name, count in self._count.items()
         ]
@@ -147,12 +162,67 @@ class DriveTable:
     sparse: bool = False
     notes: tuple[str, ...] = ()
 
+    def having(self, **columns: FloatArray | None) -> DriveTable:
+        """Return the table with other columns; None removes one."""
+        merged = {**self.columns, **columns}
+        kept = {name: each for name, each in merged.items() if each is not None}
+        return replace(self, columns=kept)
+
+    def noted(self, *notes: str) -> DriveTable:
+        """Return the table with more notes."""
+        return replace(self, notes=(*self.notes, *notes))
+
+    def in_rows(self, which: NDArray[np.int64] | NDArray[np.bool_]) -> DriveTable:
+        """Return some of the rows, or all in another order."""
+        received = None if self.received_s is None else self.received_s[which]
+        columns = {name: values[which] for name, values in self.columns.items()}
+        return replace(self, columns=columns, rows=self.rows[which], received_s=received)
+
+    def kept(self, keep: NDArray[np.bool_], note: str = "") -> DriveTable:
+        """Return the rows that are kept; the others are counted in a note, if there is one."""
+        lost = int(np.count_nonzero(~keep))
+        if not lost:
+            return self
+        return self.in_rows(keep).noted(*([f"{self.count(lost)} {note}"] if note else []))
+
+    def from_zero(self) -> DriveTable:
+        """Return the table with times that begin at 0."""
+        times = self.columns["time_s"]
+        return self.having(time_s=times - times[0])
+
+    def plane(self) -> FloatArray | None:
+        """Return places in a plane, shape (n, 2), NaN where there is none; None without any."""
+        columns = self.columns
+        if "latitude_deg" in columns:
+            latitudes = columns["latitude_deg"]
+            longitudes = columns["longitude_deg"]
+            known = np.flatnonzero(np.isfinite(latitudes) & np.isfinite(longitudes))
+            if not known.size:
+                return None
+            origin = (latitudes[known[0]], longitudes[known[0]])
+            # Across the date line the nearer way counts.
+            nearer = (longitudes - origin[1] + 180.0) % 360.0 - 180.0 + origin[1]
+            return np.column_stack(east_north_m(latitudes, nearer, origin))
+        if "east_m" in columns:
+            return np.column_stack([columns["east_m"], columns["north_m"]])
+        if "position_m" in columns:
+            return np.column_stack([columns["position_m"], np.zeros(self.rows.size)])
+        return None
+
+    def named(self, quantity: str) -> tuple[str, float]:
+        """Return the name of a quantity in the file, and the SI units in one of its unit."""
+        return self.names.get(quantity, (quantity, 1.0))
+
+    def count(self, rows: int) -> str:
+        """Return a number of rows with its noun."""
+        return counted(rows, self.counted)
+
     def at(self, row: int) -> str:
         """Return where a row is, for messages."""
         return f"{self.source}, {self.counted} {self.rows[row]}"
 
     def refuse(self, row: int, quantity: str, allowed: str) -> RouteError:
         """Return the error for a value that cannot be used."""
-        name, factor = self.names.get(quantity, (quantity, 1.0))
+        name, factor = self.named(quantity)
         value = self.columns[quantity][row] / factor
         return RouteError(f"{self.at(row)}, column {name}: value {value:.12g}; allowed: {allowed}")

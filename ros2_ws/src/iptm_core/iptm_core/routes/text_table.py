@@ -9,14 +9,11 @@ from __future__ import annotations
 import csv
 import gzip
 import io
-import math
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from iptm_core.errors import RouteError
 from iptm_core.routes.column_names import (
@@ -35,6 +32,7 @@ from iptm_core.routes.drive_table import (
     cell_value,
     seconds_of,
 )
+from iptm_core.routes.named_columns import table_of
 from iptm_core.state import FloatArray
 from iptm_core.user_input import read_file, shown
 
@@ -43,7 +41,6 @@ MAX_BYTES = 100_000_000
 REPAIRED = "# repaired:"
 _MOST_TITLES = 20
 _MOST_PER_SECOND = 20
-_SAME_TIME_S = 1.5
 
 
 def read_content(path: Path, most_bytes: int) -> bytes:
@@ -143,52 +140,6 @@ def parse_text_table(text: str, source: str, columns: str = "") -> DriveTable:
     notes += texts.notes(len(body), "line")
     numbers = np.array([line for line, _ in body])
     return table_of(source, names, meanings, values, numbers, notes)
-
-
-def table_of(
-    source: str,
-    names: Sequence[str],
-    meanings: Mapping[int, Meaning],
-    values: Mapping[int, FloatArray],
-    numbers: NDArray[np.int64],
-    notes: Iterable[str] = (),
-    counted: str = "line",
-) -> DriveTable:
-    """Return the table of named columns, each in its unit; a quantity may be stated once."""
-    columns: dict[str, FloatArray] = {}
-    shown_as: dict[str, tuple[str, float]] = {}
-    for quantity in UNITS:
-        found = [index for index, meaning in meanings.items() if meaning.quantity == quantity]
-        if quantity == "time_s" and len(found) > 1:
-            first = meanings[found[0]].in_si(values[found[0]])
-            apart = [meanings[other].in_si(values[other]) - first for other in found[1:]]
-            if any(np.nanmax(each) - np.nanmin(each) > _SAME_TIME_S for each in apart):
-                raise RouteError(
-                    f"{source}: columns {[names[index] for index in found]} are times that differ; allowed: "
-                    "one, or --columns time=NAME"
-                )
-            found = found[:1]
-        if len(found) > 1 or (quantity == "time_s" and not found):
-            several = {
-                "speed_m_s": "speed_m_s, speed_kmh, speed_mph",
-                "slope_rad": "slope_percent, slope_rad",
-            }
-            count = "exactly" if quantity in {"time_s", "speed_m_s"} else "at most"
-            raise RouteError(
-                f"{source}: columns {[names[index] for index in found]}; allowed: {count} one of "
-                f"{several.get(quantity, quantity)}, or --columns {quantity.partition('_')[0]}=NAME[UNIT]"
-            )
-        for index in found:
-            columns[quantity] = meanings[index].in_si(values[index])
-            shown_as[quantity] = names[index], meanings[index].factor
-    if not columns.keys() & {"speed_m_s", "latitude_deg", "position_m"}:
-        raise RouteError(
-            f"{source}: columns []; allowed: exactly one of speed_m_s, speed_kmh, speed_mph, or places"
-        )
-    lone = {"latitude_deg", "longitude_deg"} - columns.keys()
-    if len(lone) == 1:
-        raise RouteError(f"{source}: columns {sorted(lone)} are missing; allowed: both, or none")
-    return DriveTable(source, columns, numbers, counted, shown_as, notes=tuple(notes))
 
 
 def _separator(lines: list[tuple[int, str]]) -> tuple[str, list[tuple[int, str]]]:
@@ -297,66 +248,3 @@ def _column(
         )
     by, factor = (seconds_of, 1.0 / meaning.factor) if is_moment else (cell_value, 1.0)
     return factor * np.array([texts.read(f"line {line}", name, cell, by) for line, cell in cells])
-
-
-def columns_table(given: Mapping[str, object], source: str) -> DriveTable:
-    """Return the table of columns in memory, named as in a file, each of shape (n,)."""
-    names = [str(name) for name in given]
-    arrays: dict[int, FloatArray] = {}
-    meanings = meanings_of(names, source, "")
-    for index in meanings:
-        values = given[names[index]]
-        arrays[index] = _numbers(values)
-        if arrays[index].ndim != 1 or arrays[index].size == 0:
-            raise RouteError(
-                f"{source}: {names[index]} is {shown(values)}; allowed: finite numbers, one per row"
-            )
-        if _are_moments(values):
-            meanings[index] = Meaning("time_s", "s")
-        if not meanings[index].unit:
-            raise RouteError(
-                f"{source}: unknown column {names[index]!r}: it states no unit; allowed: "
-                f"{', '.join(KNOWN_COLUMNS)}"
-            )
-    sizes = {names[index]: array.size for index, array in arrays.items()}
-    if len(set(sizes.values())) > 1:
-        raise RouteError(f"{source}: columns have {sizes} rows; allowed: as many in each")
-    others = [name for index, name in enumerate(names) if index not in meanings]
-    notes = [f"not read: {', '.join(others)}"] if others else []
-    rows = np.arange(next(iter(sizes.values()), 0))
-    return table_of(source, names, meanings, arrays, rows, notes, "row")
-
-
-def _are_moments(values: Any) -> bool:
-    return getattr(getattr(values, "dtype", None), "kind", "") == "M"
-
-
-def _numbers(values: Any) -> FloatArray:
-    """Return numbers, NaN for what is missing; moments and durations become seconds."""
-    if isinstance(values, np.ma.MaskedArray):
-        values = np.ma.filled(np.ma.asarray(values, np.float64), np.nan)
-    # Moments with a time zone are objects for numpy.
-    array = np.asarray(values, "datetime64[ns]") if _are_moments(values) else np.asarray(values)
-    if array.dtype.kind in "bc":
-        return np.full((1, 1), np.nan)
-    if array.dtype.kind in "mM":
-        unit = "timedelta64[ns]" if array.dtype.kind == "m" else "datetime64[ns]"
-        seconds = array.astype(unit).astype(np.int64) * 1e-9
-        return np.where(np.isnat(array), np.nan, seconds)
-    try:
-        return np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        pass
-    try:
-        plain = [
-            "" if value is None or str(value) in {"<NA>", "NaT"} else str(value)
-            for value in array.tolist()
-        ]
-        return np.array(
-            [
-                math.nan if text.lower() in MISSING else seconds_of("row", "time", text)
-                for text in plain
-            ]
-        )
-    except (TypeError, RouteError):
-        return np.full((1, 1), np.nan)

@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from iptm_core.errors import RouteError
+from iptm_core.routes.drive_table import DriveTable
 from iptm_core.routes.piecewise import cumulative_integral
 from iptm_core.routes.road_line import RoadLine, east_north_m
 from iptm_core.routes.slope import ELEVATION_SPACING_M, SlopeProfile
@@ -67,28 +68,6 @@ STANDSTILL_M_S = 0.7
 LINE_SPACING_M = 10.0
 
 
-@dataclass(frozen=True, eq=False)
-class Track:
-    """What was recorded, after the repairs of `iptm_core.routes.cleaning`.
-
-    Attributes:
-        times_s: times from the first point on, shape (n,).
-        latitudes_deg: latitudes, shape (n,).
-        longitudes_deg: longitudes, shape (n,).
-        heights_m: heights above any datum, shape (n,); None without.
-        speeds_m_s: speeds of the receiver, shape (n,); None without.
-        slopes_rad: slopes of the road, shape (n,), where they are stated instead of heights.
-    """
-
-    source: str
-    times_s: FloatArray
-    latitudes_deg: FloatArray
-    longitudes_deg: FloatArray
-    heights_m: FloatArray | None = None
-    speeds_m_s: FloatArray | None = None
-    slopes_rad: FloatArray | None = None
-
-
 _Heights = tuple[FloatArray, FloatArray]
 """Positions along the road, and the smoothed heights there."""
 
@@ -105,6 +84,7 @@ class RecordedDrive:
     """A trip read out of a track.
 
     Attributes:
+        raw: what was recorded, after the repairs of `iptm_core.routes.cleaning`.
         times_s: whole seconds, shape (m,).
         speeds_m_s: smoothed speeds, shape (m,).
         point_positions_m: position of every raw point along the road, shape (n,).
@@ -112,7 +92,7 @@ class RecordedDrive:
         bounded_m: length of the road on which the grade had to be bounded.
     """
 
-    track: Track
+    raw: DriveTable
     times_s: FloatArray
     speeds_m_s: FloatArray
     point_positions_m: FloatArray
@@ -121,20 +101,23 @@ class RecordedDrive:
     bounded_m: float
 
 
-def read_out(track: Track) -> RecordedDrive:
+def read_out(raw: DriveTable) -> RecordedDrive:
     """Return the trip in a track; one that hardly moves or lasts less than two seconds is refused."""
-    seconds = np.arange(np.floor(track.times_s[-1]) + 1.0)
+    columns = raw.columns
+    times, speeds_m_s = columns["time_s"], columns.get("speed_m_s")
+    places = columns["latitude_deg"], columns["longitude_deg"]
+    seconds = np.arange(np.floor(times[-1]) + 1.0)
     if seconds.size < 3:
-        raise RouteError(f"{track.source}: it lasts {track.times_s[-1]:g} s; allowed: 2 s or more")
-    origin = (float(track.latitudes_deg[0]), float(track.longitudes_deg[0]))
+        raise RouteError(f"{raw.source}: it lasts {times[-1]:g} s; allowed: 2 s or more")
+    origin = (float(places[0][0]), float(places[1][0]))
     # Degrees are as good as metres to smooth; the slopes become speeds by the scale of the latitude.
     scale_east, _ = east_north_m(origin[0], origin[1] + 1e-3, origin)
     _, scale_north = east_north_m(origin[0] + 1e-3, origin[1], origin)
-    latitudes, north_rate = local_line(track.times_s, track.latitudes_deg, seconds, SPEED_WINDOW_S)
-    unwrapped: FloatArray = np.unwrap(track.longitudes_deg, period=360.0).astype(np.float64)
-    longitudes, east_rate = local_line(track.times_s, unwrapped, seconds, SPEED_WINDOW_S)
-    if track.speeds_m_s is not None:
-        speeds = np.interp(seconds, track.times_s, track.speeds_m_s)
+    latitudes, north_rate = local_line(times, places[0], seconds, SPEED_WINDOW_S)
+    unwrapped: FloatArray = np.unwrap(places[1], period=360.0).astype(np.float64)
+    longitudes, east_rate = local_line(times, unwrapped, seconds, SPEED_WINDOW_S)
+    if speeds_m_s is not None:
+        speeds = np.interp(seconds, times, speeds_m_s)
     else:
         narrower = np.cos(np.radians(latitudes)) / np.cos(np.radians(origin[0]))
         speeds = np.hypot(
@@ -144,14 +127,14 @@ def read_out(track: Track) -> RecordedDrive:
     distances = cumulative_integral(seconds, speeds)
     if distances[-1] < LINE_SPACING_M:
         raise RouteError(
-            f"{track.source}: it covers {distances[-1]:.1f} m; allowed: {LINE_SPACING_M:g} m or more"
+            f"{raw.source}: it covers {distances[-1]:.1f} m; allowed: {LINE_SPACING_M:g} m or more"
         )
-    positions = np.interp(track.times_s, seconds, distances)
-    slope, bounded_m, heights = _slope(track.heights_m, positions)
-    if track.slopes_rad is not None:
-        slope = SlopeProfile(*by_position(positions, track.slopes_rad))
+    positions = np.interp(times, seconds, distances)
+    slope, bounded_m, heights = _slope(columns.get("elevation_m"), positions)
+    if "slope_rad" in columns:
+        slope = SlopeProfile(*by_position(positions, columns["slope_rad"]))
     line = _line(distances, latitudes, (longitudes + 180.0) % 360.0 - 180.0, heights)
-    return RecordedDrive(track, seconds, speeds, positions, line, slope, bounded_m)
+    return RecordedDrive(raw, seconds, speeds, positions, line, slope, bounded_m)
 
 
 def road_through(

@@ -27,12 +27,13 @@ from iptm_core.errors import RouteError
 from iptm_core.routes.cleaning import clean
 from iptm_core.routes.cycles import DrivingCycle
 from iptm_core.routes.drive_table import DriveTable
+from iptm_core.routes.named_columns import columns_table
 from iptm_core.routes.piecewise import cumulative_integral, integral_at
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.routes.slope import SlopeProfile
 from iptm_core.routes.text_table import MAX_BYTES as MAX_TEXT_BYTES
-from iptm_core.routes.text_table import columns_table, parse_text_table, read_content, text_of
-from iptm_core.routes.track import RecordedDrive, Track, by_position, read_out, road_through
+from iptm_core.routes.text_table import parse_text_table, read_content, text_of
+from iptm_core.routes.track import RecordedDrive, by_position, read_out, road_through
 from iptm_core.routes.xml_drives import (
     FCD_NAME,
     FCD_TIME,
@@ -125,7 +126,7 @@ def read_gpx_road(path: Path) -> tuple[RoadLine, SlopeProfile | None]:
     """Read the road of a recorded drive or a plan without times; no slope where no point has a height."""
     table = read_gpx(path)
     if np.isfinite(table.columns["time_s"]).any():
-        drive = read_out(_track(clean(table)))
+        drive = read_out(clean(table))
         return drive.line, drive.slope
     known = np.isfinite(table.columns["latitude_deg"]) & np.isfinite(table.columns["longitude_deg"])
     places = {name: values[known] for name, values in table.columns.items()}
@@ -201,26 +202,13 @@ def _launched(path: Path, times: FloatArray, speeds: FloatArray) -> tuple[Drivin
 
 def _recorded_trip(path: Path, cleaned: DriveTable) -> UserTrip:
     """Return the trip of a recorded drive; its road is extended backwards by the launch ramp."""
-    drive = read_out(_track(cleaned))
+    drive = read_out(cleaned)
     cycle, launch_m = _launched(path, drive.times_s, drive.speeds_m_s)
     slope = drive.slope
     if slope is not None:
         slope = SlopeProfile(slope.positions_m + launch_m, slope.slopes_rad)
     line = drive.line if launch_m == 0.0 else drive.line.extended_backwards(launch_m)
     return UserTrip(cycle, slope, line, drive, cleaned.notes)
-
-
-def _track(drive: DriveTable) -> Track:
-    columns = drive.columns
-    return Track(
-        source=drive.source,
-        times_s=columns["time_s"],
-        latitudes_deg=columns["latitude_deg"],
-        longitudes_deg=columns["longitude_deg"],
-        heights_m=columns.get("elevation_m"),
-        speeds_m_s=columns.get("speed_m_s"),
-        slopes_rad=columns.get("slope_rad"),
-    )
 
 
 def _resample(source: str, times: FloatArray, speeds: FloatArray) -> tuple[FloatArray, FloatArray]:
