@@ -25,7 +25,7 @@ from iptm_controller.solvers.interface import STATUS_TEXT
 from iptm_controller.strategy import COST_TERMS, DEFAULT_STRATEGY, STRATEGIES
 from iptm_core.declaration import parameter_specs, plain
 from iptm_core.markdown import render_page
-from iptm_core.metrics import FIGURES
+from iptm_core.metrics import FIGURES, SAVINGS
 from iptm_core.parameters import available_parameter_sets, describe_parameters, load_parameters
 from iptm_plant_sim.node_parameters import PlantNodeParameters
 from iptm_ros.topics import BRIDGE, CONTROLLER, PLANT
@@ -147,8 +147,10 @@ def figures_page() -> str:
             "label": figure.label,
             "symbol": figure.symbol or "-",
             "unit": figure.unit or "1",
+            "better": figure.better,
+            "definition": figure.definition,
         }
-        for key, figure in FIGURES.items()
+        for key, figure in {**SAVINGS, **FIGURES}.items()
     ]
     return render_page(TEMPLATES, "figures.md.j2", figures=figures)
 

@@ -33,6 +33,11 @@ COLUMNS = (
     "leader_speed_m_s",
     "gap_m",
 )
+PRINTED_PPM = {
+    **dict.fromkeys(("cell_1_degradation", "cell_n_degradation", "total_degradation"), 10.0),
+    "inconsistency": 0.1,
+}
+"""Units in which the paper prints capacity losses, in ppm: 1e-5 and 1e-7."""
 
 
 def drive(*, whole_trip: bool = False, **settings: Any) -> dict[str, Any]:
@@ -44,7 +49,8 @@ def drive(*, whole_trip: bool = False, **settings: Any) -> dict[str, Any]:
     trip = iptm.Trip.of(**settings)
     run = iptm.drive_whole_trip(trip) if whole_trip else iptm.drive(trip)
     frame = run.frame[list(COLUMNS)]
-    return {"figures": {**run.figures, **trip_figures(frame)}, "frame": frame}
+    printed = {key: run.figures[key] / unit for key, unit in PRINTED_PPM.items()}
+    return {"figures": {**run.figures, **printed, **trip_figures(frame)}, "frame": frame}
 
 
 def mean_cell_c(frame: pd.DataFrame) -> pd.Series:

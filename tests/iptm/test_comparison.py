@@ -37,6 +37,8 @@ def bag() -> iptm.Run:
 def test_the_table_has_changes_against_the_first(runs: list[iptm.Run]) -> None:
     table = iptm.compare(runs[0], runs[1]).table
     assert table.columns.tolist() == ["aging", "reference", "reference: change [%]"]
+    assert table.loc["aging_saved [%]"].isna().all(), "20 s are too short to judge"
+    assert np.isfinite(table.loc["aging_saved_as_driven [%]", "reference"])
     own, other, change = table.loc["battery_energy [kJ]"]
     assert (own, other) == (runs[0].figures["battery_energy"], runs[1].figures["battery_energy"])
     assert change == pytest.approx(100.0 * (other / own - 1.0))
@@ -98,7 +100,8 @@ def test_a_mistake_is_one_line(mistake, message: str) -> None:  # type: ignore[n
 def test_a_page_holds_what_differs(runs: list[iptm.Run], tmp_path: Path) -> None:
     path = iptm.compare(one=runs[0], two=runs[1]).report(tmp_path / "page.html")
     text = path.read_text(encoding="utf-8")
-    for part in ("<th>strategy</th>", "<td>reference</td>", "two: change", "Battery energy"):
+    parts = ("<th>strategy</th>", "<td>reference</td>", "two: change", "Battery energy")
+    for part in (*parts, "ageing: too short to judge", "per distance driven; motion and heat"):
         assert part in text
     with pytest.raises(iptm.IptmError, match=r"page\.html exists already; allowed: a new file"):
         runs[0].report(path)
@@ -111,6 +114,7 @@ def test_the_command_prints_draws_and_writes(
     files = ["--picture", str(picture), "--report", str(page)]
     assert main([str(BAG), str(BAG), *files]) == 0
     out = capsys.readouterr().out
+    assert "too short to judge (ageing as driven 0.0 % saved" in out
     assert "Battery energy per distance [kWh/100 km]" in out
     assert "the settings do not differ" in out
     assert picture.read_bytes().startswith(b"\x89PNG")

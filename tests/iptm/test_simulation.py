@@ -184,6 +184,28 @@ def test_a_sweep_drives_every_combination() -> None:
     assert sweep.runs[3].parameters.body.mass_kg == 1500.0
 
 
+def test_ranges_and_arrays_are_swept_and_savings_refer_to_the_run_named() -> None:
+    sweep = iptm.sweep(
+        cycle="us06",
+        overrides={"body.mass_kg": np.linspace(1500.0, 1600.0, 2)},
+        strategy=["production", "reference"],
+        horizon="3x1",
+        duration_s=5.0,
+        compile_code=False,
+    )
+    masses = [1500.0, 1500.0, 1600.0, 1600.0]
+    assert sweep.varied["body.mass_kg"].tolist() == masses
+    savings = sweep.savings(strategy="reference")
+    as_driven = savings["energy_saved_as_driven [%]"].tolist()
+    assert as_driven[1] == as_driven[3] == 0.0
+    energies = [run.metrics.battery_energy_j / run.metrics.distance_m for run in sweep.runs]
+    assert as_driven[2] == pytest.approx(100.0 * (1.0 - energies[2] / energies[3]))
+    assert savings["aging_saved [%]"].isna().all()
+    assert set(savings["judgement"]) == {"too short to judge"}
+    with pytest.raises(iptm.IptmError, match="no run has "):
+        sweep.savings(strategy="aging")
+
+
 class Broken:
     def __init__(self, answer: Any) -> None:
         self.answer = answer

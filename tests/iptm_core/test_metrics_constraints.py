@@ -55,7 +55,9 @@ def test_broken_limits_are_counted_with_the_worst_excess(
     check = _check(make_run(**columns), key)
     assert check.violations == 2
     assert check.worst_excess == pytest.approx(worst)
-    assert check.worst_time_s == make_run(**columns).time_s[3]
+    times_s = make_run(**columns).time_s
+    assert (check.first_time_s, check.worst_time_s) == (times_s[2], times_s[3])
+    assert f"2 ticks, first at {times_s[2]:g} s, worst by" in check.text
 
 
 # key, column, values exactly at the limit, direction that breaks it in the last row

@@ -12,6 +12,7 @@ from tests.iptm_core.made_runs import PARAMETERS, make_run
 from iptm_core.errors import StateError
 from iptm_core.metrics import (
     FIGURES,
+    SAVINGS,
     TRIP_FIGURES,
     RunMetrics,
     compute_metrics,
@@ -146,14 +147,14 @@ def test_rows_reproduce_the_printed_table() -> None:
         "traction_energy": 166888.65,
         "total_energy_printed": 173381.07,
         "battery_energy": 1.1 * 173381.07,
-        "cell_1_degradation": 1.1156,
-        "cell_n_degradation": 1.1803,
-        "total_degradation": 2.2959,
-        "inconsistency": 6.47,
+        "cell_1_degradation": 11.156,
+        "cell_n_degradation": 11.803,
+        "total_degradation": 22.959,
+        "inconsistency": 0.647,
     }
     assert {key: values[key] for key in by_hand} == pytest.approx(by_hand)
     units = [FIGURES[key].unit for key in ("cooling_energy", "cell_1_degradation", "inconsistency")]
-    assert units == ["kJ", "10⁻⁵", "10⁻⁷"]
+    assert units == ["kJ", "ppm", "ppm"]
     printed = {
         "cooling_energy": -19.34,
         "traction_energy": -6.78,
@@ -174,17 +175,25 @@ def test_a_figure_that_does_not_exist_is_left_out() -> None:
     assert values["cell_1_temperature_mean"] == pytest.approx(30.0)
 
 
-def test_figures_are_printed_with_their_unit() -> None:
+def test_figures_are_printed_with_three_digits() -> None:
     degradation, cop = FIGURES["cell_1_degradation"], FIGURES["mean_cop"]
-    assert degradation.with_unit(1.23456) == "1.2346·10⁻⁵"
-    assert FIGURES["cooling_energy"].with_unit(12345.678) == "12 345.68 kJ"
-    assert cop.with_unit(2.5) == "2.50"
-    assert cop.text(None) == cop.precise_text(math.nan) == "–"
+    assert cop.precise_text(None) == cop.precise_text(math.nan) == "–"
     assert degradation.precise_text(0.0062207) == "0.00622"
     assert degradation.precise_text(35.0) == "35.0"
     assert FIGURES["smallest_margin"].precise_text(1.2e-6) == "0"
     assert FIGURES["fallbacks"].precise_text(12.0) == "12"
     assert FIGURES["battery_energy"].precise_text(123456.7) == "123457"
+
+
+def test_every_figure_has_a_sentence_of_its_own() -> None:
+    figures = {**SAVINGS, **FIGURES}
+    about = [figure.definition for figure in figures.values()]
+    assert all(text.endswith(".") and text[0].isupper() for text in about)
+    assert len(set(about)) == len(about)
+    assert {"aging_saved", "energy_saved"} <= set(SAVINGS)
+    losses = [figure for key, figure in FIGURES.items() if key.endswith("degradation")]
+    assert {figure.unit for figure in losses} == {"ppm"}
+    assert FIGURES["total_degradation"].about.endswith("Less is better.")
 
 
 def test_gap_violations_count_collisions_and_short_gaps() -> None:

@@ -150,6 +150,15 @@ def test_statistics_count_every_decision_once() -> None:
     assert (found.limited, found.without_preview) == (1, 1)
 
 
+def test_a_tick_without_a_decision_is_a_fallback() -> None:
+    """The last instant of a trip needs none."""
+    times_s = np.arange(7.0)
+    found = DecisionStatistics.of(SERIES, times_s)
+    assert (found.undecided, found.fallbacks) == (1, 3)
+    nothing = DecisionStatistics.of(DecisionSeries.from_records([], []), times_s)
+    assert nothing.undecided == 0, "a controller that reports no decisions"
+
+
 def test_what_is_not_known_does_not_count() -> None:
     found = DecisionStatistics.of(SERIES)
     assert found.solve_time_s["total"] == pytest.approx(0.010)

@@ -132,17 +132,29 @@ def test_the_saving_is_shown_as_far_as_the_reference_car_has_come(
     feed.put(STATE, {**state, "columns": columns, "duration_s": 100.0})
     for time_s in range(41):
         feed.append("reference", [float(time_s), 20.0 * time_s, 14400.0, 1e-3 + 1e-8 * time_s])
-    page.wait_for_selector("#saved:text-is('50.0')")
-    note = "after 40 s, against a car with strategy reference; reference car: 40 % computed"
+    driven = {"as_driven": "as driven 50.0 % saved"}
+    judged = {"percent": 31.25, "text": "31.3 % saved", **driven}
+    short = {"percent": None, "text": "too short to judge", **driven}
+    for time_s, share in ((10.0, short), (40.0, judged)):
+        feed.append("savings", {"time_s": time_s, "aging": share, "energy": share})
+    page.wait_for_selector("#saved:text-is('31.3 %')")
+    note = (
+        "after 40 s, against a car with strategy reference; as driven 50.0 % saved;"
+        " reference car: 40 % computed"
+    )
     assert page.inner_text("#saved-note") == note
     # 7.2 kW at 20 m/s are 10 kWh per 100 km.
     assert page.inner_text("#figure-energy") == "10.0"
-    assert page.inner_text("#figures .note >> nth=0") == "reference 20.0 (−50.0 %)"
+    energy = "reference 20.0; 31.3 % saved, as driven 50.0 % saved"
+    assert page.inner_text("#figures .note >> nth=0") == energy
     sizes = page.evaluate(
         "[...document.querySelectorAll('dd, .value')].map((n) => parseFloat(getComputedStyle(n).fontSize))"
     )
     saved = page.evaluate("parseFloat(getComputedStyle(document.getElementById('saved')).fontSize)")
     assert saved == max(sizes) > 1.5 * sorted(set(sizes))[-2]
+    page.evaluate("window.iptmPlayer.seek(20)")
+    page.wait_for_selector("#saved:text-is('too short to judge')")
+    assert page.get_attribute("#saving", "data-level") == "none"
     feed.put(STATE, {**state, "state": "failed", "columns": columns, "reason": "no such cycle"})
     page.wait_for_selector("#saved-note:text-is('no reference car: no such cycle')")
 

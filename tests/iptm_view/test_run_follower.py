@@ -159,6 +159,27 @@ def test_a_fast_run_costs_no_more_than_it_shows(bag: Path) -> None:
     assert follower.show(2) == 0
 
 
+@pytest.mark.parametrize("lost_s", [{40, 41}, set(range(30, 60)), set(range(100, 121))])
+def test_a_tick_without_a_command_counts(bag: Path, page: dict[str, Any], lost_s: set[int]) -> None:
+    """The plant stops for want of commands; its rows are those of the bag, with a gap in the decisions."""
+    feed = PageFeed()
+    follower = RunFollower(feed, RunFacts("test"))
+    controller = {Topic.SOLVE, Topic.COMMAND, Topic.PLAN}
+    with BagReader(bag) as reader:
+        for raw in reader.raw_messages():
+            spec = SPECS[raw.topic]
+            lost = spec.topic in controller and raw.log_time_ns // 10**9 in lost_s
+            if not lost:
+                follower.take(spec.topic, raw.data)
+            follower.show()
+    follower.show(incomplete=True)
+    rows = documents(feed)["rows"]
+    undecided = {int(time_s) for time_s in rows["time_s"][np.isnan(rows["fallback_rung"])]}
+    assert undecided == lost_s
+    for name in ("time_s", "battery_power_w", "gap_m"):
+        np.testing.assert_array_equal(rows[name], page["rows"][name], err_msg=name)
+
+
 def test_the_same_trip_again_begins_a_new_page(bag: Path) -> None:
     feed = PageFeed()
     follower = RunFollower(feed, RunFacts("test"))

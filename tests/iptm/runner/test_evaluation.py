@@ -200,7 +200,7 @@ def test_a_broken_hard_limit_is_a_problem(trip: Trip, heard: Heard) -> None:
     crash = encode_leader(LeaderState(6.0, 0.05 * 36.0 - 0.5, 0.5))
     heard[Topic.LEADER][6] = serialized(crash)
     (problem,) = judge(trip, heard, None).problems
-    assert problem == "hard limit broken in 1 rows: collision, worst by 0.5 m at 6 s"
+    assert problem == "collision (hard limit): 1 tick, first at 6 s, worst by 0.5 m at 6 s"
 
 
 def test_a_leader_too_fast_to_follow_is_noted(trip: Trip, heard: Heard) -> None:

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from iptm.call_cache import Outcome, cached_calls
     from iptm.comparison import Comparison, compare
     from iptm.driving import drive_whole_trip
+    from iptm.explanation import Explanation
     from iptm.faults.fault import Fault
     from iptm.own_parts import Controller, Predictor
     from iptm.run import Run
@@ -35,6 +36,7 @@ _HOMES = {
     "compare": "iptm.comparison",
     "drive": "iptm.trip_drive",
     "drive_whole_trip": "iptm.driving",
+    "Explanation": "iptm.explanation",
     "Fault": "iptm.faults.fault",
     "Controller": "iptm.own_parts",
     "Predictor": "iptm.own_parts",
@@ -67,6 +69,7 @@ __all__ = [
     "Command",
     "Comparison",
     "Controller",
+    "Explanation",
     "Fault",
     "IptmError",
     "LeaderState",

@@ -14,7 +14,7 @@ from rich.text import Text
 
 from iptm.bags import load
 from iptm.comparison import Comparison, compare
-from iptm.report import figure_table
+from iptm.report import figure_table, outcome_lines
 from iptm_core.errors import IptmError, StoreError
 from iptm_core.program import refused
 
@@ -71,6 +71,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _print(comparison: Comparison) -> None:
     console = Console(width=None if sys.stdout.isatty() else PIPE_WIDTH)
+    for line in comparison.headlines:
+        console.print(Text(line, "bold"), soft_wrap=True)
+    for label, run in comparison.runs.items():
+        for line in outcome_lines(run.metrics):
+            console.print(Text(f"{label}: {line}"), soft_wrap=True)
     console.print(
         _table(
             "figure", figure_table({label: run.metrics for label, run in comparison.runs.items()})

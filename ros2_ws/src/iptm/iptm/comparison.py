@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from iptm.report import figure_table, html_table, image, write_page
+from iptm.report import figures_html, html_table, image, outcome_html, saving_html, write_page
 from iptm.run import Run, figure_title
 from iptm_core.errors import ScenarioError
-from iptm_core.metrics import FIGURES
+from iptm_core.metrics import FIGURES, SAVINGS, Saving
 from iptm_core.parameters import to_flat_dict
 from iptm_core.user_input import shown
 
@@ -37,16 +37,33 @@ class Comparison:
 
     @property
     def table(self) -> pd.DataFrame:
-        """Figures, a row each; a column per run, and behind each but the first its change in percent."""
+        """What was saved and all figures, a row each; a column per run.
+
+        Behind each run but the first stands its change in percent. What cannot be judged is NaN.
+        """
         first, *others = self.runs
         values = {label: run.figures for label, run in self.runs.items()}
-        table = pd.DataFrame(values, index=list(FIGURES)).dropna(how="all")
-        compared = [FIGURES[key].compared for key in table.index]
+        for label, found in self.savings.items():
+            values[label] = {**found.values, **values[label]}
+        table = pd.DataFrame(values, index=[*SAVINGS, *FIGURES])
+        table = table[table.notna().any(axis=1) | table.index.isin(list(SAVINGS))]
+        compared = [key in FIGURES and FIGURES[key].compared for key in table.index]
         for place, label in enumerate(others):
             change = 100.0 * (table[label] / table[first].where(table[first] != 0.0) - 1.0)
             table.insert(2 + 2 * place, f"{label}: change [%]", change.where(compared))
         table.index = pd.Index([figure_title(key) for key in table.index], name="figure")
         return table
+
+    @property
+    def savings(self) -> dict[str, Saving]:
+        """What each run but the first saved against the first one, by label."""
+        first, *others = self.runs
+        return {label: self.runs[label].saving(self.runs[first]) for label in others}
+
+    @property
+    def headlines(self) -> list[str]:
+        """What each run but the first saved, a line each."""
+        return [f"{label}: {found.headline}" for label, found in self.savings.items()]
 
     @property
     def differences(self) -> pd.DataFrame:
@@ -57,25 +74,27 @@ class Comparison:
         """Draw the runs over each other; see `Run.plot`."""
         from iptm.picture import overlay_picture  # noqa: PLC0415  matplotlib takes a moment to load
 
-        return overlay_picture({label: run.trajectory for label, run in self.runs.items()})
+        runs = {label: run.trajectory for label, run in self.runs.items()}
+        return overlay_picture(runs, "\n".join(self.headlines))
 
     def report(self, path: str | Path) -> Path:
-        """Write table, picture and differences as one HTML page that needs no other file.
+        """Write savings, picture, table and differences as one HTML page that needs no other file.
 
         Raises:
             StoreError: the file exists, or cannot be written.
         """
-        listed = "".join(
-            f"<li>{escape(label)}: {escape(run.name)}</li>" for label, run in self.runs.items()
+        first, differences = next(iter(self.runs)), self.differences
+        saved = {label: saving_html(first, found) for label, found in self.savings.items()}
+        results = "".join(
+            f"<h3>{escape(label)}</h3>{saved.get(label, '')}{outcome_html(run.metrics)}"
+            f"<small>{escape(run.name)}</small>"
+            for label, run in self.runs.items()
         )
-        differences = self.differences
         sections = {
-            "Runs": f"<ul>{listed}</ul>",
-            "What differs": html_table(differences) if len(differences) else "<p>no setting</p>",
+            "Results": results,
             "Over time": image(self.plot().png()),
-            "Figures": html_table(
-                figure_table({label: run.metrics for label, run in self.runs.items()})
-            ),
+            "Figures": figures_html({label: run.metrics for label, run in self.runs.items()}),
+            "What differs": html_table(differences) if len(differences) else "<p>no setting</p>",
         }
         return write_page(path, "Runs side by side", sections)
 

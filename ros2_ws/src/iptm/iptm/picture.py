@@ -12,6 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
+from iptm_core.metrics.trip_figures import PPM
 from iptm_core.parameters.model import CELSIUS_ZERO_K, KM_H_PER_M_S
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
@@ -49,7 +50,6 @@ STYLE: Any = {
     "legend.handlelength": 1.6,
     "legend.columnspacing": 1.4,
 }
-PPM = 1e6
 
 
 class Picture(Figure):
@@ -69,7 +69,7 @@ class Picture(Figure):
             super().savefig(*args, **options)
 
 
-def overlay_picture(runs: Mapping[str, Trajectory]) -> Picture:
+def overlay_picture(runs: Mapping[str, Trajectory], headline: str = "") -> Picture:
     """Draw several runs over each other, by the labels of the legend, in the order of drawing."""
 
     def draw(panel: tuple[str, str, Callable[[Trajectory], FloatArray]], axes: Axes) -> None:
@@ -81,7 +81,7 @@ def overlay_picture(runs: Mapping[str, Trajectory]) -> Picture:
         if legend is not None and panel is not _OVERLAID[0]:
             legend.remove()
 
-    return drawn(dict.fromkeys(_OVERLAID, 1.0), draw, "", "")
+    return drawn(dict.fromkeys(_OVERLAID, 1.0), draw, headline, "")
 
 
 _Panel = TypeVar("_Panel")

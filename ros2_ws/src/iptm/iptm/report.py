@@ -11,13 +11,15 @@ from typing import Any
 import pandas as pd
 
 from iptm_core.errors import StoreError
-from iptm_core.metrics import FIGURES, TRIP_FIGURES, RunMetrics, figure_values
+from iptm_core.metrics import FIGURES, TRIP_FIGURES, RunMetrics, Saving, figure_values
 
 _STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; max-width: 78rem; margin: 2rem auto; padding: 0 1rem; }
 img { max-width: 100%; } h1 { font-size: 1.35rem; } h2 { font-size: 1.1rem; margin-top: 2rem; }
 table { border-collapse: collapse; } th, td { padding: .15rem .7rem; border-bottom: 1px solid #ddd; }
 td { text-align: right; font-variant-numeric: tabular-nums; } th { text-align: left; font-weight: 600; }
+th small { display: block; font-weight: 400; color: #666; max-width: 34rem; }
+.saved { font-size: 1.6rem; margin: .4rem 0 0; } .saved + small { color: #666; }
 """
 _PAGE = """\
 <!doctype html>
@@ -46,6 +48,45 @@ def figure_table(runs: Mapping[str, RunMetrics]) -> pd.DataFrame:
             changes = relative_changes(of_run, first)
             columns[f"{label}: change"] = [change_text(key, changes) for key in shown]
     return pd.DataFrame(columns, index=[FIGURES[key].title for key in shown])
+
+
+def figures_html(runs: Mapping[str, RunMetrics]) -> str:
+    """Return the table of `figure_table` with the definition of each figure under its label."""
+    table = figure_table(runs).map(escape)
+    about = {figure.title: figure.about for figure in FIGURES.values()}
+    table.index = pd.Index(
+        [f"{escape(title)}<small>{escape(about[title])}</small>" for title in table.index]
+    )
+    table.columns = pd.Index([escape(str(name)) for name in table.columns])
+    text: Any = table.to_html(border=0, escape=False)
+    return str(text)
+
+
+def saving_html(name: str, saving: Saving) -> str:
+    """Return what a run saved against another one: the headline large, the figures as driven small."""
+    shares = (("ageing", saving.aging), ("energy per distance", saving.energy))
+    return "".join(
+        f'<p class="saved">{escape(f"{what}: {share.text}")}</p>'
+        f"<small>against {escape(name)}, with equal ends; {escape(share.as_driven)}</small>"
+        for what, share in shares
+    )
+
+
+def outcome_lines(metrics: RunMetrics) -> list[str]:
+    """Return what went wrong in a run: limits that were broken, and ticks on a fallback."""
+    lines = [check.text for check in metrics.broken_limits] or ["no limit broken"]
+    decisions = metrics.decisions
+    if decisions is not None and decisions.fallbacks:
+        lines.append(
+            f"{decisions.fallbacks} ticks on a fallback, "
+            f"{decisions.undecided} of them stopped for want of commands"
+        )
+    return lines
+
+
+def outcome_html(metrics: RunMetrics) -> str:
+    """Return the lines of `outcome_lines` as a list."""
+    return f"<ul>{''.join(f'<li>{escape(line)}</li>' for line in outcome_lines(metrics))}</ul>"
 
 
 def relative_changes(own: Mapping[str, float], first: Mapping[str, float]) -> dict[str, float]:

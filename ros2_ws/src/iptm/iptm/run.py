@@ -7,21 +7,32 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from iptm.report import figure_table, html_table, image, write_page
+from iptm.report import figures_html, html_table, image, outcome_html, saving_html, write_page
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.declaration import TextEnum
-from iptm_core.metrics import FIGURES, RunMetrics, compute_metrics, figure_values
+from iptm_core.errors import ScenarioError
+from iptm_core.metrics import (
+    FIGURES,
+    SAVINGS,
+    RunMetrics,
+    Saving,
+    compute_metrics,
+    figure_values,
+    judge_saving,
+)
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes.slope import SlopeProfile
 from iptm_core.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from iptm.channel_record import ChannelRecord
+    from iptm.explanation import Explanation
     from iptm.picture import Picture
     from iptm.trip import Trip
     from iptm.whole_trip import WholeTripRecord
@@ -104,9 +115,44 @@ class Run:
 
     @property
     def summary(self) -> pd.Series:
-        """Figures as a Series; the index holds keys and units, such as ``consumption [kWh/100 km]``."""
-        values = {figure_title(key): value for key, value in self.figures.items()}
-        return pd.Series(values, name=self.name, dtype=float)
+        """Figures as a Series; the index holds keys and units, such as ``consumption [kWh/100 km]``.
+
+        Of a run with an ``other``, what it saved against that stands first, NaN where it cannot be judged.
+        """
+        values = {} if self.other is None else self.saving(self.other).values
+        titled = {figure_title(key): value for key, value in {**values, **self.figures}.items()}
+        return pd.Series(titled, name=self.name, dtype=float)
+
+    @property
+    def broken_limits(self) -> pd.DataFrame:
+        """Limits that were broken, a row each: kind, rows, first time (s), worst value and its time (s)."""
+        rows = {
+            check.label: {
+                "kind": "hard" if check.hard else "soft",
+                "rows": check.violations,
+                "first_s": check.first_time_s,
+                "worst": check.worst_excess,
+                "unit": check.unit,
+                "worst_s": check.worst_time_s,
+            }
+            for check in self.metrics.broken_limits
+        }
+        columns = ["kind", "rows", "first_s", "worst", "unit", "worst_s"]
+        return pd.DataFrame.from_dict(rows, orient="index", columns=columns)
+
+    def saving(self, other: Run | None = None) -> Saving:
+        """Judge what this run saved against another run of the same trip.
+
+        Args:
+            other: the other run; None for that of the attribute ``other``.
+
+        Raises:
+            ScenarioError: neither is given.
+        """
+        against = other or self.other
+        if against is None:
+            raise ScenarioError("saving: other is None; allowed: a run of the same trip")
+        return judge_saving(self.metrics, against.metrics, self.parameters, against.parameters)
 
     @property
     def frame(self) -> pd.DataFrame:
@@ -131,6 +177,25 @@ class Run:
         """Strategy of the controller, the name of the run where that is not known."""
         return str(self.settings.get("strategy", self.name))
 
+    def explain(self, other: Run | None = None) -> Explanation:
+        """Explain where the saving against another run of the same trip comes from; drives it twice more.
+
+        Args:
+            other: see `saving`.
+
+        Returns:
+            A table of percentage points that add up to the saving with equal ends, and a sentence.
+
+        Raises:
+            ScenarioError: the trip is not known, has faults, or the runs differ in vehicle or length.
+        """
+        from iptm.explanation import explain  # noqa: PLC0415  the model takes a moment to load
+
+        against = other or self.other
+        if against is None:
+            raise ScenarioError("explain: other is None; allowed: a run of the same trip")
+        return explain(self, against)
+
     def plot(
         self, against: Run | None = None, remarks: Sequence[str] = (), footer: str = ""
     ) -> Picture:
@@ -138,7 +203,7 @@ class Run:
 
         Args:
             against: run whose curves are drawn behind those of this one.
-            remarks: lines of the heading, below the name.
+            remarks: lines of the heading, below the name; none for what was saved against the other run.
             footer: text below the picture.
 
         Returns:
@@ -148,23 +213,39 @@ class Run:
         from iptm.run_picture import HEADING_COLUMNS, run_picture  # noqa: PLC0415
 
         behind = None if against is None else (against.strategy, against.trajectory)
+        if against is not None and not remarks:
+            remarks = [f"{self.saving(against).headline}, against {against.strategy}"]
         headline = "\n".join([textwrap.fill(self.name, HEADING_COLUMNS), *remarks])
         driven = self.trajectory, self.parameters, self.decisions, self.slope
         return run_picture(*driven, behind, headline, footer)
 
-    def report(self, path: str | Path, against: Run | None = None) -> Path:
-        """Write figures, settings and picture as one HTML page that needs no other file.
+    def report(
+        self, path: str | Path, against: Run | None = None, *, explained: bool = False
+    ) -> Path:
+        """Write result, picture, figures and settings as one HTML page that needs no other file.
 
         Args:
             path: new file.
-            against: see `plot`.
+            against: see `plot`; None for that of the attribute ``other``.
+            explained: whether to add where the saving comes from, which drives the trip twice more.
 
         Raises:
             StoreError: the file exists, or cannot be written.
+            ScenarioError: it cannot be explained, see `explain`.
         """
-        sections = {
+        against = against or self.other
+        saved = "" if against is None else saving_html(against.strategy, self.saving(against))
+        runs = {"value": self.metrics}
+        if against is not None:
+            runs = {against.strategy: against.metrics, self.strategy: self.metrics}
+        sections = {"Result": saved + outcome_html(self.metrics)}
+        if explained:
+            why = self.explain(against)
+            table = html_table(why.table.map("{:+.1f}".format))
+            sections["Why, in percentage points"] = f"<p>{escape(why.sentence)}</p>{table}"
+        sections |= {
             "Over time": image(self.plot(against).png()),
-            "Figures": html_table(figure_table({"value": self.metrics})),
+            "Figures": figures_html(runs),
         }
         if self.settings:
             sections["Settings"] = html_table(pd.DataFrame({"settings": {**self.settings}}))
@@ -183,4 +264,5 @@ class Run:
 
 def figure_title(key: str) -> str:
     """Return key and unit of a figure, ``1`` for a pure number."""
-    return f"{key} [{FIGURES[key].unit or 1}]"
+    figure = FIGURES[key] if key in FIGURES else SAVINGS[key]
+    return f"{key} [{figure.unit or 1}]"

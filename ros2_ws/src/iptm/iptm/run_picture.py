@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -14,7 +15,6 @@ from iptm.picture import (
     GREEN,
     GREY,
     ORANGE,
-    PPM,
     PURPLE,
     RED,
     SKY,
@@ -24,14 +24,17 @@ from iptm.picture import (
     mean_temperature_c,
     titled,
 )
+from iptm.report import outcome_lines
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.metrics import compute_metrics, gap_margins_m
+from iptm_core.metrics.trip_figures import PPM
 from iptm_core.parameters.model import CELSIUS_ZERO_K, KM_H_PER_M_S, ModelParameters
 from iptm_core.routes.slope import SlopeProfile
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
 
 HEADING_COLUMNS = 130
+FOOTER_COLUMNS = 170
 # Spans below which a curve is drawn as flat.
 _LEAST_TEMPERATURE_SPAN_K = 2.0
 _LEAST_COOLING_KW = 0.5
@@ -74,11 +77,10 @@ def run_picture(
         slope: of the road, None where it is not known.
         against: strategy and trajectory of the run whose curves are drawn behind it, None for none.
         headline: lines above the panels.
-        footer: what stands below the panels, before the count of broken limits.
+        footer: what stands below the panels, before the limits that were broken.
     """
     metrics = compute_metrics(trajectory, parameters, decisions)
-    hard, soft = metrics.hard_violations, metrics.soft_violations
-    limits = f"limits broken: hard {hard}, soft {soft} rows"
+    outcome = "; ".join(filter(None, [footer, *outcome_lines(metrics)]))
     shown = _Shown(trajectory, parameters, decisions, slope or SlopeProfile.flat(), against)
     panels: dict[_Draw, float] = {
         _speed: 1.25,
@@ -94,7 +96,7 @@ def run_picture(
         panels,
         lambda draw, axes: draw(axes, shown),
         headline,
-        "; ".join(filter(None, [footer, limits])),
+        textwrap.fill(outcome, FOOTER_COLUMNS),
     )
 
 

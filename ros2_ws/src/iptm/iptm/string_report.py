@@ -75,13 +75,15 @@ def _savings(runs: Sequence[Run], others: Sequence[Run]) -> Part:
     rows["name"] = [f"car_{place + 1}" for place in rows.index]
     for name, string in (("own_m_s2", runs), ("other_m_s2", others)):
         rows[name] = _deviations(string).acceleration_m_s2[1:].to_numpy()
-    rows["aging_saved"] = -rows.total_degradation
+    savings = [own.saving(other) for own, other in zip(runs, others, strict=True)]
+    rows["aging_saved"] = [found.aging.text for found in savings]
+    rows["as_driven"] = [found.aging.as_driven for found in savings]
     return Part(
         "What each vehicle saves",
         f"Against a string that drives by `{others[0].strategy}`, each vehicle against the one in its place.",
         {
             "": "{name}",
-            "aging saved while driving:": "{aging_saved:.1f} %",
+            "aging saved while driving, equal ends:": "{aging_saved} ({as_driven})",
             "cooling energy:": "{cooling_energy:+.1f} %",
             "traction energy:": "{traction_energy:+.1f} %",
             "acceleration, rms (m/s²):": "{own_m_s2:.3f}",

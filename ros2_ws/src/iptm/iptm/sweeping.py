@@ -9,10 +9,11 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from iptm.call_cache import cached_calls
-from iptm.run import Run
+from iptm.run import Run, figure_title
 from iptm.simulation import simulate
 from iptm_core.errors import ParameterError, ScenarioError
 
@@ -29,6 +30,36 @@ class Sweep:
     varied: pd.DataFrame
     runs: tuple[Run, ...]
 
+    def savings(self, **base: Any) -> pd.DataFrame:
+        """What each run saved against the one with other values, such as ``strategy="reference"``.
+
+        Args:
+            base: values of the run to compare with, by name; all others are those of each run.
+
+        Returns:
+            A row per run: percentages, NaN where they cannot be judged, and the judgement of the ageing.
+
+        Raises:
+            ScenarioError: a name was not varied, or no run has such values.
+        """
+        rows = []
+        for place, run in enumerate(self.runs):
+            wanted = {**self.varied.iloc[place].to_dict(), **base}
+            unknown = [name for name in base if name not in self.varied]
+            same = [
+                other
+                for other, values in enumerate(self.varied.to_dict("records"))
+                if values == wanted
+            ]
+            if unknown or not same:
+                raise ScenarioError(
+                    f"savings: no run has {wanted}; allowed: values of {', '.join(self.varied)}"
+                )
+            found = run.saving(self.runs[same[0]])
+            titled = {figure_title(key): value for key, value in found.values.items()}
+            rows.append({**titled, "judgement": str(found.aging.judgement)})
+        return pd.DataFrame(rows, index=pd.MultiIndex.from_frame(self.varied))
+
     @property
     def table(self) -> pd.DataFrame:
         """Figures, a row per run and a column per figure; what was varied is the index."""
@@ -44,14 +75,14 @@ def sweep(
     cache: str | Path | None = None,
     **arguments: Any,
 ) -> Sweep:
-    """Drive every combination of the values in lists, the last list varying fastest.
+    """Drive every combination of the values in lists, ranges and arrays, the last one varying fastest.
 
     Args:
         workers: number of processes; 1 for this one, None for one per core.
         executor: drives instead, such as ``client.get_executor()`` of `dask.distributed`.
         cache: folder of finished runs; what is there is not driven again, see `cached_calls`.
-        arguments: those of `simulate`; a list, also as a value in ``overrides`` or in a vehicle given as a
-            mapping, stands for one run per entry.
+        arguments: those of `simulate`; a list, a range or an array of one dimension, also as a value in
+            ``overrides`` or in a vehicle given as a mapping, stands for one run per entry.
 
     Raises:
         IptmError: as for `simulate`, or the list is missing or empty, or a run failed.
@@ -80,12 +111,20 @@ def sweep(
 
 def _axes(arguments: Mapping[str, Any]) -> Iterator[tuple[tuple[str, str | None], list[Any]]]:
     for name, value in arguments.items():
-        if isinstance(value, list):
-            yield (name, None), value
+        if _is_series(value):
+            yield (name, None), _listed(value)
         elif isinstance(value, Mapping):
             for key, entry in value.items():
-                if isinstance(entry, list):
-                    yield (name, key), entry
+                if _is_series(entry):
+                    yield (name, key), _listed(entry)
+
+
+def _is_series(value: Any) -> bool:
+    return isinstance(value, list | range) or (isinstance(value, np.ndarray) and value.ndim == 1)
+
+
+def _listed(values: Any) -> list[Any]:
+    return values.tolist() if isinstance(values, np.ndarray) else list(values)
 
 
 def _label(value: Any) -> Any:

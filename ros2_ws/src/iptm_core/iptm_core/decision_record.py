@@ -164,6 +164,7 @@ class DecisionStatistics:
     """How the decisions of a run came about, in numbers.
 
     Attributes:
+        undecided: ticks of the trip without a decision: the vehicle stopped for want of commands.
         limited: decisions that the last limiter changed.
         without_preview: decisions before which no prediction of the leader had arrived.
         preview_age_s: age of the prediction in use, where there was one.
@@ -182,11 +183,19 @@ class DecisionStatistics:
     gap_slack_m: Distribution
     speed_slack_m_s: Distribution
     temperature_slack_k: Distribution
+    undecided: int = 0
 
     @classmethod
-    def of(cls, series: DecisionSeries) -> DecisionStatistics:
-        """Count and rank the decisions of a run."""
+    def of(cls, series: DecisionSeries, times_s: FloatArray | None = None) -> DecisionStatistics:
+        """Count and rank the decisions of a run.
+
+        Args:
+            series: the decisions.
+            times_s: instants of the trip, the last of which needs no decision; None counts no missing one.
+        """
+        due = () if times_s is None or not len(series) else times_s[:-1]
         return cls(
+            undecided=int(np.count_nonzero(~np.isin(due, series.time_s))),
             decisions=len(series),
             by_status={
                 status: int(np.count_nonzero(series.status == status)) for status in SolveStatus
@@ -204,8 +213,8 @@ class DecisionStatistics:
 
     @property
     def fallbacks(self) -> int:
-        """Decisions that did not come from a fresh solution."""
-        return self.decisions - self.by_rung[Rung.OPTIMAL]
+        """Ticks of which the command did not come from a fresh solution, or for which there was none."""
+        return self.decisions - self.by_rung[Rung.OPTIMAL] + self.undecided
 
     @property
     def failed_solves(self) -> int:

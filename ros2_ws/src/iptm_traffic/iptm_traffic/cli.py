@@ -17,8 +17,8 @@ from iptm_controller.settings import ControllerSettings
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.declaration import parameter_specs
 from iptm_core.errors import IptmError, ScenarioError
-from iptm_core.metrics import FIGURES, TRIP_FIGURES, figure_values
-from iptm_core.parameters import DEFAULT_SET, load_parameters
+from iptm_core.metrics import FIGURES, TRIP_FIGURES, figure_values, judge_saving
+from iptm_core.parameters import DEFAULT_SET, ModelParameters, load_parameters
 from iptm_core.program import EXIT_OK, refused
 from iptm_core.user_input import number
 from iptm_traffic.demand import DemandSettings, TrafficScenario
@@ -223,15 +223,10 @@ def results_table(result: TrafficResult, other: TrafficResult | None) -> Table:
     return table
 
 
-def headline(result: TrafficResult, other: TrafficResult) -> str:
+def headline(result: TrafficResult, other: TrafficResult, parameters: ModelParameters) -> str:
     """Return one line on what a drive saves against another one."""
-    saved = 1.0 - result.metrics.degradation / other.metrics.degradation
-    energy = result.metrics.battery_energy_j / other.metrics.battery_energy_j - 1.0
-    change = "saved" if saved >= 0.0 else "lost"
-    return (
-        f"against the {other.drive.strategy} in the same traffic: {100.0 * abs(saved):.1f} % of battery "
-        f"aging {change}, battery energy {100.0 * energy:+.1f} %"
-    )
+    found = judge_saving(result.metrics, other.metrics, parameters)
+    return f"against the {other.drive.strategy} in the same traffic: {found.headline}"
 
 
 def verdict(world: SumoWorld) -> list[str]:
@@ -295,7 +290,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except IptmError as error:
         return refused(PROGRAM, error)
     if other is not None:
-        console.print(headline(result, other), style="bold green")
+        console.print(headline(result, other, parameters), style="bold green")
     console.print(results_table(result, other))
     return judged(result.world, console)
 

@@ -26,7 +26,7 @@ from iptm_ros.process import StopRequest
 from iptm_ros.recording.run_information import load_run_information
 from iptm_view.foxglove_server import FoxgloveServer
 from iptm_view.graph_subscriptions import listening_node
-from iptm_view.page_feed import PageFeed
+from iptm_view.judged_feed import JudgedFeed
 from iptm_view.page_server import DEFAULT_PORT, PageServer
 from iptm_view.reference_car import NO_REFERENCE, ReferenceCar
 from iptm_view.run_facts import RunFacts
@@ -154,7 +154,7 @@ class _Servers(AbstractContextManager["_Servers"]):
         vehicles: Sequence[str],
         reference_command: Sequence[str],
     ) -> None:
-        self.feeds = {vehicle: PageFeed() for vehicle in vehicles}
+        self.feeds = {vehicle: JudgedFeed() for vehicle in vehicles}
         self.feed = self.feeds[vehicles[0]]
         self.foxglove, self._note = _start_foxglove(parsed)
         # The trip that a reference would drive is that behind the driving cycle.
@@ -175,6 +175,7 @@ class _Servers(AbstractContextManager["_Servers"]):
 
     def complete(self, facts: RunFacts) -> RunFacts:
         """Add the facts of this view to those of a run, and start the reference car once."""
+        self.feed.parameters = facts.parameters
         if self.foxglove is not None:
             facts = replace(facts, foxglove=self.foxglove.url)
         if self._note:

@@ -18,8 +18,14 @@ from typing import Any
 CAPACITY = 20_000
 """Entries kept of each stream; at one a second of trip time longer than the longest cycle."""
 
-ROWS, PLANS, EVENTS, REFERENCE = STREAMS = ("rows", "plans", "events", "reference")
-"""Rows of the trip, plans of the controller, changes of the diagnostics, rows of the reference car."""
+ROWS, PLANS, EVENTS, REFERENCE, SAVINGS = STREAMS = (
+    "rows",
+    "plans",
+    "events",
+    "reference",
+    "savings",
+)
+"""Rows of the trip, plans, changes of the diagnostics, rows of the reference car, and what was saved."""
 END = "end"
 
 

@@ -15,6 +15,7 @@ import yaml
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.declaration import Settings, parameter_specs
 from iptm_core.errors import BagError, IptmError
+from iptm_core.metrics import FIGURES, SAVINGS
 from iptm_core.metrics.constraints import (
     GAP_TOLERANCE_M,
     SPEED_TOLERANCE_M_S,
@@ -101,6 +102,7 @@ class RunFacts:
             "notes": list(self.notes),
             "foxglove": self.foxglove,
             "waiting": self.waiting,
+            "definitions": {key: figure.about for key, figure in {**SAVINGS, **FIGURES}.items()},
             "duration_s": (self.nodes or {}).get(PLANT, {}).get("duration_s"),
         }
 

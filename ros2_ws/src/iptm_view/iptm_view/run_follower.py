@@ -27,6 +27,8 @@ PAGE_TOPICS = (*JOINED_TOPICS, Topic.SLOPE, Topic.DIAGNOSTICS)
 # Not the plan: a fallback has none. The command is the controller's last message in a tick.
 _OF_EVERY_TICK = frozenset((*ROW_TOPICS, Topic.LEADER_PREVIEW, Topic.COMMAND))
 _STAMPS_KEPT = 64
+_STAMPS_WAITING = 16
+"""Ticks that wait for missing messages; with more of them the messages will not come."""
 _SET_BACK_NS = 10 * NS_PER_S
 _LEVELS = {level.value: level.name for level in Level}
 
@@ -59,7 +61,7 @@ class RunFollower:
         self.show_facts(facts)
 
     def expect(self, topics: Iterable[Topic]) -> None:
-        """Set the published topics; a tick is complete when it has all of them."""
+        """Set the published topics; a tick is complete when it has all of them, or newer ones are."""
         self._expected = _OF_EVERY_TICK.intersection(topics)
 
     def _is_complete(self, found: Mapping[Topic, bytes]) -> bool:
@@ -87,10 +89,15 @@ class RunFollower:
             most: largest number of ticks, the newest ones; None for all.
             incomplete: show ticks of which messages are missing, too; for the end of a run.
         """
+        complete = [stamp for stamp, found in self._pending.items() if self._is_complete(found)]
+        # A tick that others have overtaken lacks what will not come, such as a lost command: it counts, too.
+        overtaken_ns = max(complete, default=-1)
+        if incomplete or len(self._pending) > _STAMPS_WAITING:
+            overtaken_ns = max(self._pending, default=-1)
         ready = [
             stamp
             for stamp, found in sorted(self._pending.items())
-            if Topic.PLANT_STATE in found and (incomplete or self._is_complete(found))
+            if Topic.PLANT_STATE in found and stamp <= overtaken_ns
         ]
         if not ready:
             return 0

@@ -165,16 +165,7 @@ def _unfinished(trajectory: Trajectory, trip: Trip) -> list[str]:
 
 
 def _broken_limits(metrics: RunMetrics) -> list[str]:
-    return [
-        f"hard limit broken in {check.violations} rows: {check.label}, worst by "
-        f"{check.worst_excess:.3g} {check.unit} at {_time_text(check.worst_time_s)}"
-        for check in metrics.constraints
-        if check.hard and check.violations
-    ]
-
-
-def _time_text(time_s: float | None) -> str:
-    return "an unknown time" if time_s is None or math.isnan(time_s) else f"{time_s:g} s"
+    return [check.text for check in metrics.broken_limits if check.hard]
 
 
 def results_json(run: Run, trip: Trip) -> str:
@@ -186,6 +177,7 @@ def results_json(run: Run, trip: Trip) -> str:
         "run": run.name,
         "summary": {
             "text": [f"{label}: {text}" for label, text in summary.lines],
+            "judgement": summary.judgement,
             **summary.values,
         },
         "trip": trip_text(trip),

@@ -39,6 +39,9 @@ COLUMNS = (
     "cell_1_temperature_c",
     "cell_n_temperature_c",
     "capacity_loss",
+    "cell_1_capacity_loss",
+    "cell_n_capacity_loss",
+    "state_of_charge",
 )
 _NICENESS = 19
 """Lowers the priority below that of the run and of its view."""
@@ -94,6 +97,9 @@ def _write_rows(run: Trajectory) -> None:
         run.cell_1_temperature_k - CELSIUS_ZERO_K,
         run.cell_n_temperature_k - CELSIUS_ZERO_K,
         run.cell_1_capacity_loss + run.cell_n_capacity_loss,
+        run.cell_1_capacity_loss,
+        run.cell_n_capacity_loss,
+        run.state_of_charge,
     )
     for row in np.transpose(columns).tolist():
         _write(row)

@@ -8,23 +8,18 @@ from dataclasses import dataclass
 
 from iptm.run import Run
 from iptm_core.decision_record import DecisionStatistics
-from iptm_core.metrics import CorrectedFigures, RunMetrics, at_equal_end, figure_values
-from iptm_core.metrics.figures import J_PER_KWH, NO_VALUE, significant
+from iptm_core.metrics import Judgement, RunMetrics, Saving, figure_values, judge_saving
+from iptm_core.metrics.figure import NO_VALUE, significant
+from iptm_core.metrics.saving import saved_text
+from iptm_core.metrics.trip_figures import J_PER_KWH, PPM
 from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_ros.topics import PLANT
 
 AGING_SAVED = "driving aging"
-PPM = 1e6
 OWN_AGING = "both cells, as your plant reports it"
 PAPER_AGING = (
     "both cells: cyclic aging by the paper's law while driving, not calendar aging (studies/life)"
 )
-EQUAL_TEMPERATURE_K = 0.1
-EQUAL_SPEED_M_S = 0.1
-EQUAL_DISTANCE = 1e-3
-"""Differences between the ends of two runs up to which nothing is corrected; of distances, relative."""
-Ends = tuple[CorrectedFigures, CorrectedFigures]
-"""Figures of a run and of the one that it is compared with, corrected for their ends."""
 
 
 @dataclass(frozen=True)
@@ -34,10 +29,12 @@ class Summary:
     Attributes:
         values: figures by name, with units in the names.
         lines: label and text of each line.
+        judgement: of the saving of ageing, empty without another run.
     """
 
     values: Mapping[str, float]
     lines: Sequence[tuple[str, str]]
+    judgement: str = ""
 
 
 def headline(run: Run) -> Summary:
@@ -48,41 +45,29 @@ def headline(run: Run) -> Summary:
 
 def summarise(run: Run, against: Run | None, aging_counts: str = PAPER_AGING) -> Summary:
     """Return the headline of a run."""
-    metrics, decisions = run.metrics, DecisionStatistics.of(run.decisions)
+    metrics = run.metrics
+    decisions = DecisionStatistics.of(run.decisions, run.trajectory.time_s)
     values = {**_of_run(metrics), **_of_decisions(decisions)}
     lines: list[tuple[str, str]] = []
-    ends: Ends | None = None
+    found: Saving | None = None
     other: dict[str, float] | None = None
     name = ""
     if against is not None:
         name, other = against.strategy, _of_run(against.metrics)
         values |= {f"{name}_{key}": value for key, value in other.items()}
-        values["aging_saved_percent"] = _saved_percent(values["aging_ppm"], other["aging_ppm"])
-        values["consumption_saved_percent"] = _saved_percent(
-            values["consumption_kwh_per_100_km"], other["consumption_kwh_per_100_km"]
-        )
-        if not ends_are_equal(metrics, against.metrics):
-            ends = at_equal_end(metrics, against.metrics, run.parameters)
-        if ends is not None:
-            values |= _corrected(ends)
-        lines.append((AGING_SAVED, _saved_text(values, name, ends)))
+        found = judge_saving(metrics, against.metrics, run.parameters, against.parameters)
+        values |= {f"{key}_percent": value for key, value in found.values.items()}
+        values |= _at_equal_ends(found)
+        lines.append((AGING_SAVED, f"{found.aging.text} against the {name} strategy{_ends(found)}"))
+        lines.append(("energy", f"{found.energy.text}{_ends_of_energy(found, name)}"))
+        lines.append(("as driven", _as_driven_text(found)))
     lines.append(("capacity lost", f"{_aging_text(values, other, name)}, {aging_counts}"))
-    lines.append(("energy", _energy_text(values, other, name)))
+    lines.append(("energy used", _energy_text(values, other, name)))
     lines.append(("at the end", _end_text(values, other, name)))
-    if ends is not None:
-        lines.append(("equal ends", _corrected_text(values, ends, name)))
     lines.append(("margin", _margin_text(values, metrics)))
+    lines.extend(("limit broken", check.text) for check in metrics.broken_limits)
     lines.append(("solver", _solver_text(values, decisions)))
-    return Summary(values, lines)
-
-
-def ends_are_equal(own: RunMetrics, other: RunMetrics) -> bool:
-    """Return whether two runs end alike, so that nothing needs to be corrected."""
-    return (
-        abs(own.final_temperature_k - other.final_temperature_k) <= EQUAL_TEMPERATURE_K
-        and abs(own.final_speed_m_s - other.final_speed_m_s) <= EQUAL_SPEED_M_S
-        and abs(own.distance_m - other.distance_m) <= EQUAL_DISTANCE * other.distance_m
-    )
+    return Summary(values, lines, "" if found is None else str(found.aging.judgement))
 
 
 def _of_run(metrics: RunMetrics) -> dict[str, float]:
@@ -108,38 +93,37 @@ def _of_decisions(decisions: DecisionStatistics) -> dict[str, float]:
         "solve_longest_ms": 1e3 * decisions.solve_time_s["largest"],
         "decisions": float(decisions.decisions),
         "fallbacks": float(decisions.fallbacks),
+        "undecided": float(decisions.undecided),
     }
 
 
-def _corrected(ends: Ends) -> dict[str, float]:
-    own, other = ends
-    per_100_km = 1e5 / J_PER_KWH
+def _at_equal_ends(found: Saving) -> dict[str, float]:
+    if found.ends is None:
+        return {}
+    own = found.ends[0]
     return {
-        "corrected_aging_ppm": PPM * own.capacity_loss,
-        "corrected_aging_saved_percent": _saved_percent(own.capacity_loss, other.capacity_loss),
-        "corrected_consumption_kwh_per_100_km": per_100_km * own.energy_per_distance_j_m,
-        "corrected_consumption_saved_percent": _saved_percent(
-            own.energy_per_distance_j_m, other.energy_per_distance_j_m
-        ),
+        "equal_ends_aging_ppm": PPM * own.capacity_loss,
+        "equal_ends_consumption_kwh_per_100_km": 1e5 / J_PER_KWH * own.energy_per_distance_j_m,
     }
 
 
-def _saved_percent(own: float, other: float) -> float:
-    return 100.0 * (1.0 - own / other) if other else math.nan
+def _ends(found: Saving) -> str:
+    if found.ends is None or found.aging.judgement is not Judgement.JUDGED:
+        return ""
+    cooled = significant(found.ends[0].temperature_k - CELSIUS_ZERO_K)
+    return f", with equal ends (both packs cooled to {cooled} °C, motion given back)"
 
 
-def _percent(saved: float) -> str:
-    """Return a saving in words, such as ``49.8 % saved``."""
-    if not math.isfinite(saved):
-        return NO_VALUE
-    return f"{significant(abs(saved), 0.05)} % {'saved' if saved >= 0.0 else 'lost'}"
+def _ends_of_energy(found: Saving, name: str) -> str:
+    if found.ends is None or found.energy.judgement is not Judgement.JUDGED:
+        return ""
+    own, other = (significant(end.energy_per_distance_j_m * 1e5 / J_PER_KWH) for end in found.ends)
+    return f" with equal ends, {own} kWh/100 km ({name} {other})"
 
 
-def _saved_text(values: Mapping[str, float], name: str, ends: Ends | None) -> str:
-    text = f"{_percent(values['aging_saved_percent'])} against the {name} strategy"
-    if ends is None:
-        return text
-    return f"{text}, {_percent(values['corrected_aging_saved_percent'])} with equal ends"
+def _as_driven_text(found: Saving) -> str:
+    parts = ((found.aging.as_driven_percent, "ageing"), (found.energy.as_driven_percent, "energy"))
+    return ", ".join(f"{name} {saved_text(percent)}" for percent, name in parts)
 
 
 def _aging_text(values: Mapping[str, float], other: Mapping[str, float] | None, name: str) -> str:
@@ -153,8 +137,7 @@ def _energy_text(values: Mapping[str, float], other: Mapping[str, float] | None,
         text += f", {significant(values['cooling_energy_kwh'])} kWh of it for cooling"
     text += f"; {significant(values['consumption_kwh_per_100_km'])} kWh/100 km"
     if other:
-        reference = significant(other["consumption_kwh_per_100_km"])
-        text += f" ({name} {reference}, {_percent(values['consumption_saved_percent'])})"
+        text += f" ({name} {significant(other['consumption_kwh_per_100_km'])})"
     return text
 
 
@@ -168,16 +151,6 @@ def _end_text(values: Mapping[str, float], other: Mapping[str, float] | None, na
     return end(values) + (f" ({name} {end(other)})" if other else "")
 
 
-def _corrected_text(values: Mapping[str, float], ends: Ends, name: str) -> str:
-    cooled = significant(ends[0].temperature_k - CELSIUS_ZERO_K)
-    other = significant(ends[1].energy_per_distance_j_m * 1e5 / J_PER_KWH)
-    return (
-        f"both packs cooled to {cooled} °C, kinetic energy returned: "
-        f"{significant(values['corrected_consumption_kwh_per_100_km'])} kWh/100 km "
-        f"({name} {other}, {_percent(values['corrected_consumption_saved_percent'])})"
-    )
-
-
 def _margin_text(values: Mapping[str, float], metrics: RunMetrics) -> str:
     gap = f"smallest gap {significant(values['smallest_gap_m'])} m"
     margin_m = values["smallest_margin_m"]
@@ -186,16 +159,17 @@ def _margin_text(values: Mapping[str, float], metrics: RunMetrics) -> str:
     above = "above" if margin_m >= 0.0 else "below"
     at_s = metrics.smallest_margin_time_s
     margin = f"{abs(margin_m):.2f} m {above} s_min at {at_s:g} s"
-    soft = metrics.soft_violations
-    return f"{margin}, {gap}; " + (
-        f"soft limits broken in {soft} rows" if soft else "no soft limit broken"
-    )
+    return f"{margin}, {gap}" + ("" if metrics.broken_limits else "; no limit broken")
 
 
 def _solver_text(values: Mapping[str, float], decisions: DecisionStatistics) -> str:
     if not decisions.decisions:
         return "no decisions reported"
-    failed = f", {decisions.fallbacks} on a fallback" if decisions.fallbacks else ", no fallback"
+    failed = (
+        f", {decisions.fallbacks} ticks on a fallback" if decisions.fallbacks else ", no fallback"
+    )
+    if decisions.undecided:
+        failed += f", {decisions.undecided} of them stopped for want of commands"
     return (
         f"{significant(values['solve_median_ms'])} ms median, {significant(values['solve_longest_ms'])} ms "
         f"longest; {decisions.decisions} decisions{failed}"

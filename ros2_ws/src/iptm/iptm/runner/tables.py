@@ -52,7 +52,11 @@ def print_results(run: Run, folder: RunFolder, console: Console, *, full: bool =
 def save_picture(path: Path, run: Run) -> None:
     """Draw a run, as a PNG file; see `Run.plot`."""
     lines = dict(headline(run).lines)
-    remarks = [f"{label}: {lines[label]}" for label in (AGING_SAVED, "energy") if label in lines]
+    remarks = [
+        f"{label}: {lines[label]}"
+        for label in (AGING_SAVED, "energy", "as driven")
+        if label in lines
+    ]
     footer = "" if run.trip is None else f"model {run.trip.model.name}"
     if run.trip is not None and math.isfinite(run.speed_up):
         mode = run.trip.conditions.mode.replace("_", "-")
@@ -109,7 +113,7 @@ def figures_table(run: Run) -> Table:
 
 def details_table(run: Run) -> Table:
     """Return how the decisions came about and how fast the run was."""
-    statistics = DecisionStatistics.of(run.decisions)
+    statistics = DecisionStatistics.of(run.decisions, run.trajectory.time_s)
     table = decisions_table("decisions", statistics)
     table.add_section()
     for label, text in _counts(statistics).items():
@@ -157,6 +161,7 @@ def _counts(decisions: DecisionStatistics) -> dict[str, str]:
     rows |= {
         f"  command: {_words(rung)}": count for rung, count in decisions.by_rung.items() if count
     }
+    rows |= {"  none: stopped for want of commands": decisions.undecided}
     rows |= {"  without any preview": decisions.without_preview}
     rows |= {"  changed by the limiter": decisions.limited}
     return {

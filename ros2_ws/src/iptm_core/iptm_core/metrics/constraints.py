@@ -2,7 +2,7 @@
 
 The bounds and rates of the two inputs are hard: no command may ever break them. Speed, spacing and
 temperatures are soft: the controller pays for breaking them but may have to. A collision, which no
-soft limit may be traded for, is a hard violation.
+soft limit may be traded for, is a hard violation, and so is a charge that no pack can hold.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ class ConstraintCheck:
         violations: number of rows where the excess is larger than ``tolerance``.
         worst_excess: largest amount by which the limit was exceeded, 0 if it never was.
         worst_time_s: when that happened; None if the limit was never exceeded.
+        first_time_s: when it was first exceeded by more than ``tolerance``; None if it never was.
     """
 
     key: str
@@ -47,6 +48,20 @@ class ConstraintCheck:
     worst_excess: float
     worst_time_s: float | None
     tolerance: float
+    first_time_s: float | None = None
+
+    @property
+    def text(self) -> str:
+        """One line about a broken limit: which, how far, how often and when first."""
+        kind = "hard" if self.hard else "soft"
+        plural = "" if self.violations == 1 else "s"
+        amount = (
+            ""
+            if self.worst_time_s is None
+            else (f", worst by {self.worst_excess:.3g} {self.unit} at {self.worst_time_s:g} s")
+        )
+        since = "" if self.first_time_s is None else f", first at {self.first_time_s:g} s"
+        return f"{self.label} ({kind} limit): {self.violations} tick{plural}{since}{amount}"
 
 
 def check_constraints(
@@ -88,6 +103,7 @@ def check_constraints(
         )
     )
     largest_m = maximum_gap_m(run.speed_m_s, gap)
+    impossible = _outside(run.state_of_charge, 0.0, 1.0)
     low_charge = parameters.charge.min_charge - run.state_of_charge
     m_s2, watt, kelvin = ACCELERATION_TOLERANCE_M_S2, POWER_TOLERANCE_W, TEMPERATURE_TOLERANCE_K
     # fmt: off
@@ -97,6 +113,7 @@ def check_constraints(
         ("compressor_power", "compressor power", "W", compressor, watt),
         ("compressor_power_step", "change of compressor power in one interval", "W", ramp, watt),
         ("collision", "collision", "m", -run.closest_m, 0.0),
+        ("charge", "charge outside of 0 to 100 %", "1", impossible, CHARGE_TOLERANCE),
     )
     soft: tuple[_Row, ...] = (
         ("speed", "speed", "m/s", speed, SPEED_TOLERANCE_M_S),
@@ -157,13 +174,15 @@ def _check(run: Trajectory, row: _Row, *, hard: bool) -> ConstraintCheck:
     key, label, unit, excess, tolerance = row
     worst = int(np.nanargmax(excess))
     exceeded = bool(excess[worst] > 0.0)
+    beyond = np.flatnonzero(excess > tolerance)
     return ConstraintCheck(
         key=key,
         label=label,
         unit=unit,
         hard=hard,
-        violations=int(np.count_nonzero(excess > tolerance)),
+        violations=int(beyond.size),
         worst_excess=float(excess[worst]) if exceeded else 0.0,
         worst_time_s=float(run.time_s[worst]) if exceeded else None,
         tolerance=tolerance,
+        first_time_s=float(run.time_s[beyond[0]]) if beyond.size else None,
     )

@@ -22,10 +22,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
-from iptm_core.metrics.run_metrics import RunMetrics
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import cell_heat_w, cell_resistance_ohm, heat_from_air_w
 from iptm_core.physics.charge import at_charge
@@ -36,8 +36,48 @@ from iptm_core.physics.power_thermal import CellPair, power_thermal_rates
 POWER_STEP_W = 10.0
 
 
+class TripEnd(Protocol):
+    """Figures of a run that its comparison with another one needs; `RunMetrics` has them."""
+
+    @property
+    def duration_s(self) -> float:
+        """From the first to the last row."""
+
+    @property
+    def distance_m(self) -> float:
+        """Distance driven."""
+
+    @property
+    def battery_energy_j(self) -> float:
+        """Energy taken from the pack."""
+
+    @property
+    def degradation(self) -> float:
+        """Capacity lost by both cells together."""
+
+    @property
+    def hard_violations(self) -> int:
+        """Rows that break a hard limit."""
+
+    @property
+    def final_kinetic_energy_j(self) -> float:
+        """Energy of the motion at the end."""
+
+    @property
+    def final_temperature_k(self) -> float:
+        """Mean of both cells at the end."""
+
+    @property
+    def final_cell_losses(self) -> tuple[float, float]:
+        """Capacity losses of both cells at the end."""
+
+    @property
+    def final_charge(self) -> float:
+        """State of charge at the end."""
+
+
 def cool_down(
-    run: RunMetrics, temperature_k: float, parameters: ModelParameters
+    run: TripEnd, temperature_k: float, parameters: ModelParameters
 ) -> tuple[float, float] | None:
     """Return what cooling the pack down at standstill takes; None where it cannot be.
 
@@ -99,16 +139,27 @@ class CorrectedFigures:
 
 
 def at_equal_end(
-    own: RunMetrics, other: RunMetrics, parameters: ModelParameters
+    own: TripEnd,
+    other: TripEnd,
+    parameters: ModelParameters,
+    of_other: ModelParameters | None = None,
 ) -> tuple[CorrectedFigures, CorrectedFigures] | None:
-    """Return the figures of two runs corrected for their ends; None where they cannot be."""
+    """Return the figures of two runs corrected for their ends; None where they cannot be.
+
+    Args:
+        own: figures of a run.
+        other: figures of the other one.
+        parameters: of the vehicle.
+        of_other: of the vehicle of the other run; None for the same.
+    """
     temperature_k = min(own.final_temperature_k, other.final_temperature_k)
-    first, second = (_corrected(run, temperature_k, parameters) for run in (own, other))
+    first = _corrected(own, temperature_k, parameters)
+    second = _corrected(other, temperature_k, of_other or parameters)
     return None if first is None or second is None else (first, second)
 
 
 def _corrected(
-    run: RunMetrics, temperature_k: float, parameters: ModelParameters
+    run: TripEnd, temperature_k: float, parameters: ModelParameters
 ) -> CorrectedFigures | None:
     cooling = cool_down(run, temperature_k, parameters)
     if cooling is None:

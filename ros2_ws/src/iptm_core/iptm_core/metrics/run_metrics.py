@@ -99,6 +99,11 @@ class RunMetrics:
         return sum(check.violations for check in self.constraints if not check.hard)
 
     @property
+    def broken_limits(self) -> tuple[ConstraintCheck, ...]:
+        """Limits that were broken by more than their tolerance, hard ones first."""
+        return tuple(check for check in self.constraints if check.violations)
+
+    @property
     def gap_violations(self) -> int:
         """Rows with a gap below its lower limit, or with a collision."""
         return sum(
@@ -162,7 +167,7 @@ def compute_metrics(
         * float(run.cell_1_temperature_k[-1] + run.cell_n_temperature_k[-1]),
         final_cell_losses=(float(losses[0][-1]), float(losses[1][-1])),
         final_charge=float(run.state_of_charge[-1]),
-        decisions=None if decisions is None else DecisionStatistics.of(decisions),
+        decisions=None if decisions is None else DecisionStatistics.of(decisions, run.time_s),
     )
 
 

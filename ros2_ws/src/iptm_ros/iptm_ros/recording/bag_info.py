@@ -92,17 +92,18 @@ def result_tables(path: Path, namespace: str | None = None) -> list[Table]:
     notes += unpublished(trajectory)
     notes += [remark] if remark else []
     notes += changes_in_words(read_settings_changes(path, namespace))
-    caption = "; ".join(notes) or None
     title = f"{path.name}: results" + (f" of {run}" if run else "")
-    table = Table("figure", title=title, title_justify="left", caption=caption)
+    table = Table("figure", title=title, title_justify="left")
     table.add_column("value", justify="right")
     table.add_column("unit")
-    for key, value in figure_values(compute_metrics(trajectory, parameters, decisions)).items():
+    metrics = compute_metrics(trajectory, parameters, decisions)
+    table.caption = "; ".join([*notes, *(check.text for check in metrics.broken_limits)]) or None
+    for key, value in figure_values(metrics).items():
         figure = FIGURES[key]
         table.add_row(figure.label, figure.precise_text(value), figure.unit)
     if decisions is None:
         return [table]
-    statistics = DecisionStatistics.of(decisions)
+    statistics = DecisionStatistics.of(decisions, trajectory.time_s)
     title = f"{path.name}: {statistics.decisions} decisions"
     return [table, decisions_table(title, statistics)]
 

@@ -178,20 +178,21 @@ function describe(panel, values) {
 function drawHeadline() {
   const time = readingTime();
   const { state, strategy, duration_s: duration, reason } = run.referenceState;
-  const saved = run.agingSaved(time);
-  element("saved").textContent = shown(saved, 1);
-  element("saving").dataset.level = saved !== null && saved < 0 ? "bad" : "good";
+  const saving = run.savingAt(time);
+  const saved = saving?.aging.percent ?? null;
+  element("saved").textContent = saved === null ? (saving?.aging.text ?? "–") : `${shown(saved, 1)} %`;
+  element("saving").dataset.level = saved === null ? "none" : saved < 0 ? "bad" : "good";
+  element("saving").title = run.facts.definitions?.aging_saved ?? "";
   const done = run.reference.lastTime ?? 0;
   const percent = duration ? Math.floor((100 * done) / duration) : 0;
-  const until = run.comparedUntil(time);
-  const isWhole = run.end.ended && until === player.last;
+  const isWhole = run.end.ended && saving?.time_s === player.last;
   const computing = state === "computing" ? `; reference car: ${percent} % computed` : "";
   element("saved-note").textContent = {
     none: "no reference car",
     failed: `no reference car: ${reason}`,
-  }[state] ?? (saved === null
+  }[state] ?? (saving === null
     ? `reference car (strategy ${strategy}): ${percent} % computed`
-    : `after ${shown(until, 0)} s${isWhole ? ", the whole trip" : ""}, against a car with strategy ${strategy}${computing}`);
+    : `after ${shown(saving.time_s, 0)} s${isWhole ? ", the whole trip" : ""}, against a car with strategy ${strategy}; ${saving.aging.as_driven}${computing}`);
   const progress = element("reference-progress");
   progress.hidden = state !== "computing";
   progress.value = duration ? done / duration : 0;
@@ -201,6 +202,7 @@ function drawHeadline() {
     figure.node.textContent = `${isRough ? "≈ " : ""}${shown(value, figure.digits)}`;
     figure.note.textContent = note;
     figure.box.dataset.level = isBad ? "bad" : "";
+    figure.box.title = run.facts.definitions?.[figure.key] ?? "";
   }
 }
 

@@ -4,6 +4,7 @@ import { difference } from "./run.js";
 
 const KM_H = 3.6;
 const KW = 1e-3;
+const PPM = 1e6;
 
 function scaled(value, factor) {
   return value === null || value === undefined ? null : factor * value;
@@ -14,27 +15,22 @@ export function shown(value, digits) {
   return value === null || value === undefined || !Number.isFinite(value) ? "–" : value.toFixed(digits);
 }
 
-function against(own, other, digits) {
-  if (own === null || other === null) return "";
-  const change = other ? ` (${own >= other ? "+" : "−"}${Math.abs(100 * (own / other - 1)).toFixed(1)} %)` : "";
-  return `reference ${other.toFixed(digits)}${change}`;
-}
-
 function consumption(kind, digits) {
   return (run, time) => {
     const own = run.consumption(run.rows, kind, time);
-    const until = run.comparedUntil(time);
-    const other = run.consumption(run.reference, kind, until);
-    return [own, against(run.consumption(run.rows, kind, until), other, digits)];
+    const other = run.consumption(run.reference, kind, run.comparedUntil(time));
+    const reference = other === null ? "" : `reference ${other.toFixed(digits)}`;
+    const saving = kind === "battery" ? run.savingAt(time)?.energy : null;
+    return [own, saving ? `${reference}; ${saving.text}, ${saving.as_driven}` : reference];
   };
 }
 
 /** Figures of the trip up to the cursor, in addition to the saving: [value, note, whether it is bad]. */
 export const FIGURES = [
-  { id: "energy", label: "energy from the battery", unit: "kWh/100 km", digits: 1, isSum: true, of: consumption("battery", 1) },
-  { id: "cooling", label: "of which the compressor", unit: "kWh/100 km", digits: 2, isSum: true, of: consumption("compressor", 2) },
+  { id: "energy", key: "consumption", label: "energy from the battery", unit: "kWh/100 km", digits: 1, isSum: true, of: consumption("battery", 1) },
+  { id: "cooling", key: "cooling_energy", label: "of which the compressor", unit: "kWh/100 km", digits: 2, isSum: true, of: consumption("compressor", 2) },
   {
-    id: "margin", label: "smallest distance above s_min", unit: "m", digits: 2,
+    id: "margin", key: "smallest_margin", label: "smallest distance above s_min", unit: "m", digits: 2,
     of: (run, time) => {
       const least = run.rows.at("least_margin_m", time);
       const isBroken = least !== null && run.facts.limits && least < -run.facts.limits.gap_tolerance_m;
@@ -73,11 +69,11 @@ function reference(column, factor) {
  */
 export const PANELS = [
   {
-    id: "aging", title: "Cyclic aging, both cells", unit: "10⁻⁵ of capacity", digits: 4,
-    axis: { low: 0, span: 1e-3 },
+    id: "aging", title: "Cyclic aging, both cells", unit: "ppm of nominal capacity", digits: 3,
+    axis: { low: 0, span: 1e-2 },
     lines: [
-      { ...reference("", 1e5), of: (run) => run.referenceLoss() },
-      { label: "this car", color: "red", width: 2.2, column: "capacity_loss", of: (run) => run.ownLoss(), factor: 1e5 },
+      { ...reference("", PPM), of: (run) => run.referenceLoss() },
+      { label: "this car", color: "red", width: 2.2, column: "capacity_loss", of: (run) => run.ownLoss(), factor: PPM },
     ],
   },
   {

@@ -82,6 +82,7 @@ export class Run {
     this.reference = new Table(this.referenceState.columns);
     this.plans = [];
     this.changes = [];
+    this.savings = [];
     this.end = {};
     this.events = [];
   }
@@ -148,6 +149,11 @@ export class Run {
       const held = rungs.map((rung) => rung === Number(number));
       found.push(...spans(held, times).map((span) => ({ ...span, level, text: `intervention: ${name}` })));
     }
+    // The newest row may still wait for its decision.
+    const undecided = rungs.map((rung, k) => rung === null && k < rungs.length - 1);
+    if (rungs.some((rung) => rung !== null)) {
+      found.push(...spans(undecided, times).map((span) => ({ ...span, level: "bad", text: "no command in time: vehicle stops" })));
+    }
     const braked = this.rows.column("service_braking_s").map((lasted) => lasted > 0);
     found.push(...spans(braked, times).map((span) => ({ ...span, level: "bad", text: "intervention: safety monitor brakes" })));
     for (const { time_s: time, level, name, reason } of this.changes) {
@@ -176,13 +182,10 @@ export class Run {
     return { xs: this.reference.times, ys: values.map((value) => value - values[0]) };
   }
 
-  /** Battery aging that this car has saved against the reference car, in percent; null where not known. */
-  agingSaved(time) {
-    const until = this.comparedUntil(time);
-    if (until === null) return null;
-    const own = this.ownLoss().ys[this.rows.indexAt(until)];
-    const other = this.referenceLoss().ys[this.reference.indexAt(until)];
-    return own === undefined || own === null || !other ? null : 100 * (1 - own / other);
+  /** What this car has saved against the reference car, as judged last before a time; null where not known. */
+  savingAt(time) {
+    if (time === null) return null;
+    return this.savings[lowerIndex(this.savings.map((entry) => entry.time_s), time + SAME_INSTANT_S) - 1] ?? null;
   }
 
   /** Energy per distance since the start of a table, in kWh per 100 km; null on the first metres. */

@@ -55,6 +55,7 @@ const HANDLERS = {
   },
   plans: (plans) => run.plans.push(...plans),
   events: (changes) => run.addChanges(changes),
+  savings: (entries) => run.savings.push(...entries),
   reference: (rows) => run.reference.add(rows),
   reference_state: (state) => run.set("referenceState", state),
   road: (road) => { run.road = road; },

@@ -1,0 +1,105 @@
+"""What one run saved against another one: the number to quote, worked out by hand, or why there is none."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.iptm_core.made_runs import make_run
+
+from iptm_core.metrics import Judgement, RunMetrics, Saving, compute_metrics, judge_saving
+from iptm_core.metrics.equal_end import cool_down
+from iptm_core.metrics.saving import LARGEST_CORRECTION_POINTS, SHORTEST_TRIP_S, saved_text
+from iptm_core.parameters import load_parameters
+
+PARAMETERS = load_parameters().values
+OTHER = replace(
+    compute_metrics(make_run(), PARAMETERS),
+    duration_s=SHORTEST_TRIP_S,
+    distance_m=5000.0,
+    battery_energy_j=4e6,
+    cell_1_degradation=4e-6,
+    cell_n_degradation=6e-6,
+    final_cell_losses=(1e-3, 1e-3),
+    final_charge=0.5,
+)
+
+
+def judged(other: RunMetrics = OTHER, **own: Any) -> Saving:
+    return judge_saving(replace(other, **own), other, PARAMETERS)
+
+
+def test_runs_with_the_same_end_are_compared_as_driven() -> None:
+    found = judged(battery_energy_j=3e6, cell_1_degradation=2e-6)
+    assert found.aging.judgement is found.energy.judgement is Judgement.JUDGED
+    assert found.aging.percent == found.aging.as_driven_percent == pytest.approx(20.0)
+    assert found.energy.percent == pytest.approx(25.0)
+    assert found.headline == (
+        "ageing: 20.0 % saved (as driven 20.0 % saved); energy: 25.0 % saved (as driven 25.0 % saved)"
+    )
+    lost = judged(cell_n_degradation=7e-6)
+    assert lost.aging.text == "10.0 % lost"
+
+
+def test_the_warmer_pack_pays_for_its_cooling() -> None:
+    """The headline is the corrected number, which a second computation of the parts confirms."""
+    warmer_k = OTHER.final_temperature_k + 0.2
+    found = judged(final_temperature_k=warmer_k, cell_1_degradation=2e-6)
+    own = replace(OTHER, final_temperature_k=warmer_k)
+    price = cool_down(own, OTHER.final_temperature_k, PARAMETERS)
+    assert price is not None
+    assert price[0] > 0.0
+    assert found.aging.percent == pytest.approx(100.0 * (1.0 - (8e-6 + price[1]) / 1e-5))
+    assert found.energy.percent == pytest.approx(-100.0 * price[0] / 4e6)
+    assert found.aging.percent < found.aging.as_driven_percent
+
+
+@pytest.mark.parametrize(
+    ("own", "judgement"),
+    [
+        ({"duration_s": SHORTEST_TRIP_S - 1.0}, Judgement.TOO_SHORT),
+        ({"distance_m": 4000.0}, Judgement.OTHER_TRIP),
+        ({"duration_s": 2.0 * SHORTEST_TRIP_S}, Judgement.OTHER_TRIP),
+        ({"final_temperature_k": math.nan}, Judgement.UNKNOWN),
+    ],
+)
+def test_what_cannot_be_judged_has_a_word_and_no_number(
+    own: dict[str, float], judgement: Judgement
+) -> None:
+    found = judged(**own)
+    for share in (found.aging, found.energy):
+        assert share.judgement is judgement
+        assert math.isnan(share.percent)
+        assert share.text == str(judgement)
+    assert math.isnan(found.values["aging_saved"])
+    assert math.isfinite(found.values["aging_saved_as_driven"])
+
+
+def test_a_trip_whose_ends_decide_is_too_short() -> None:
+    """Five kelvin left in the pack change a trip of 4 MJ by more than a few points; the ageing by less."""
+    found = judged(final_temperature_k=OTHER.final_temperature_k + 5.0)
+    correction = found.energy.as_driven_percent - found.energy.equal_ends_percent
+    assert correction > LARGEST_CORRECTION_POINTS
+    assert found.energy.judgement is Judgement.TOO_SHORT
+    assert found.headline.endswith("energy: too short to judge (as driven 0.0 % saved)")
+
+
+@pytest.mark.parametrize("charges", [[0.02, 0.01, 0.0, -0.01], [0.99, 1.0, 1.0, 1.1]])
+def test_an_empty_or_overfull_pack_breaks_a_hard_limit_and_saves_nothing(
+    charges: list[float],
+) -> None:
+    empty = compute_metrics(make_run(state_of_charge=np.array(charges)), PARAMETERS)
+    (check,) = (check for check in empty.broken_limits if check.hard)
+    assert check.text.startswith("charge outside of 0 to 100 % (hard limit): 1 tick, first at 3 s")
+    assert judged(constraints=empty.constraints).aging.judgement is Judgement.LIMIT_BROKEN
+    other = replace(OTHER, constraints=empty.constraints)
+    assert judge_saving(OTHER, other, PARAMETERS).energy.judgement is Judgement.LIMIT_BROKEN
+
+
+def test_savings_in_words() -> None:
+    assert saved_text(49.84) == "49.8 % saved"
+    assert saved_text(-150.2) == "150 % lost"
+    assert saved_text(math.nan) == "–"
