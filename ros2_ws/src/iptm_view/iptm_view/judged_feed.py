@@ -154,8 +154,8 @@ class JudgedFeed(PageFeed):
     def _show(self, stamp_ns: int, own: SoFar, other: SoFar, parameters: ModelParameters) -> None:
         body = parameters.body
         mass_kg = body.rotational_inertia_factor * body.mass_kg
-        moving = (replace(car, moving_mass_kg=mass_kg) for car in (own, other))
-        found = judge_saving(*moving, parameters)
+        own, other = (replace(car, moving_mass_kg=mass_kg) for car in (own, other))
+        found = judge_saving(own, other, parameters)
         shares = {"aging": _shown(found.aging), "energy": _shown(found.energy)}
         super().append_text(SAVINGS, json.dumps({"time_s": stamp_ns / NS_PER_S, **shares}))
 

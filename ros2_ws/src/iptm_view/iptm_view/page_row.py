@@ -110,6 +110,7 @@ def _state(message: Any) -> dict[str, float]:
         **vars(state),
         **vars(observed.powers),
         **{f"{name}_temperature_c": value - CELSIUS_ZERO_K for name, value in kelvin.items()},
+        "state_of_charge": float(np.float32(state.state_of_charge)),  # as trajectories hold it
         "capacity_loss": state.cell_1_capacity_loss + state.cell_n_capacity_loss,
         "service_braking_s": observed.safety.service_braking_s,
     }

@@ -89,15 +89,15 @@ class RunFollower:
             most: largest number of ticks, the newest ones; None for all.
             incomplete: show ticks of which messages are missing, too; for the end of a run.
         """
-        complete = [stamp for stamp, found in self._pending.items() if self._is_complete(found)]
+        stamps = sorted(self._pending)
         # A tick that others have overtaken lacks what will not come, such as a lost command: it counts, too.
-        overtaken_ns = max(complete, default=-1)
-        if incomplete or len(self._pending) > _STAMPS_WAITING:
-            overtaken_ns = max(self._pending, default=-1)
+        complete = [stamp for stamp in stamps if self._is_complete(self._pending[stamp])]
+        given_up = stamps if incomplete else stamps[:-_STAMPS_WAITING]
+        overtaken_ns = max([*complete, *given_up], default=-1)
         ready = [
             stamp
-            for stamp, found in sorted(self._pending.items())
-            if Topic.PLANT_STATE in found and stamp <= overtaken_ns
+            for stamp in stamps
+            if Topic.PLANT_STATE in self._pending[stamp] and stamp <= overtaken_ns
         ]
         if not ready:
             return 0
