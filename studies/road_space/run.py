@@ -1,31 +1,50 @@
 """What is saved at equal road space: against a car of today, and against a strong baseline without V2X.
 
-A long distance saves by itself, and perfect foresight is no radio. So each saving stands beside the distance
-that it takes and the preview that it needs.
+Each saving stands beside the road that it takes and the preview that it needs, see `studies.savings`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from studies.acc.scenes import LONGEST_S, SCENES, SHORTEST_S, measured_scenes
+from studies.measured_cycles import LONGEST_TRIP_S, TRIPS, trip_cycles
+from studies.savings import (
+    BASELINE,
+    BASES,
+    CAR_LENGTH_M,
+    COLUMNS,
+    MOVING_M_S,
+    PREVIEWS,
+    PRODUCTION,
+    road_taken,
+    savings,
+)
 from studies.session import Case, Session
 
 import iptm
-from iptm.parts import CYCLE_NAMES, DEFAULT_SET, at_equal_end, gap_margins_m, load_parameters
+from iptm.parts import CYCLE_NAMES, gap_margins_m
 
 CYCLES = ("wltc_class3b", "us06", "hwfet")
 TUNED_ON = ("udds", "sc03", "nycc")
 """Of the strong baseline; not in the table of savings."""
-PRODUCTION, BASELINE, DEFAULT, REFERENCE = "production", "eco_acc", "default", "reference"
+DEFAULT, REFERENCE = "default", "reference"
 HEADWAY = "gap.max_time_headway_s"
-MOVING_M_S = 5.0
-"""Headways count above this speed."""
-CAR_LENGTH_M = 4.5
+EQUAL_ROAD_S = 3.0
+"""Largest headway with which the default, given a preview, takes the road of `production`."""
+FRONT = (
+    (PRODUCTION, False, "1.6 s"),
+    (DEFAULT, True, f"at most {EQUAL_ROAD_S:g} s"),
+    (BASELINE, False, "3.5 s"),
+    (DEFAULT, False, f"at most {EQUAL_ROAD_S:g} s"),
+    (DEFAULT, True, "120 m"),
+)
+"""Control, preview and distance of the rows of the front table, in order."""
 BELOW_S_MIN_M = 0.05
 SHORT_S = 60.0
 
@@ -38,7 +57,7 @@ def drives() -> list[tuple[str, bool, str, Mapping[str, Any]]]:
         (PRODUCTION, False, "1.6 s", {"strategy": PRODUCTION, **none}),
         (BASELINE, False, "3.5 s", {"strategy": BASELINE, **none}),
     ]
-    for preview, headway_s in product((False, True), (2.0, 3.0)):
+    for preview, headway_s in product((False, True), (2.0, EQUAL_ROAD_S)):
         settings = {"overrides": {HEADWAY: headway_s}, **({} if preview else none)}
         rows.append((DEFAULT, preview, f"at most {headway_s:g} s", settings))
     return [
@@ -49,88 +68,84 @@ def drives() -> list[tuple[str, bool, str, Mapping[str, Any]]]:
     ]
 
 
-def road_space(run: iptm.Run) -> dict[str, float]:
-    """Return mean gap in m, median headway in s, and vehicles per hour and lane at that speed and gap."""
-    frame = run.frame
-    moving = frame[frame.speed_m_s > MOVING_M_S]
-    spacing_m = frame.gap_m.mean() + CAR_LENGTH_M
-    return {
-        "gap_m": frame.gap_m.mean(),
-        "headway_s": float(np.median(moving.gap_m / moving.speed_m_s)) if len(moving) else np.nan,
-        "vehicles_h": 3600.0 * frame.speed_m_s.mean() / spacing_m,
-    }
-
-
-def saved(run: iptm.Run, base: iptm.Run) -> tuple[float, float]:
-    """Return ageing and energy per distance saved in percent, both runs brought to one end."""
-    figures = at_equal_end(run.metrics, base.metrics, load_parameters(DEFAULT_SET).values)
-    if figures is None:
-        return np.nan, np.nan
-    own, other = figures
-    ageing = 1.0 - own.capacity_loss / other.capacity_loss
-    energy = 1.0 - own.energy_per_distance_j_m / other.energy_per_distance_j_m
-    return 100.0 * ageing, 100.0 * energy
-
-
 def following(run: iptm.Run) -> dict[str, float]:
     """Return how a run kept its distance: smallest margin above s_min, seconds below it, smallest gap."""
-    margins_m = gap_margins_m(run.trajectory, load_parameters(DEFAULT_SET).values)
+    margins_m = gap_margins_m(run.trajectory, run.parameters)
     return {
         "margin_m": float(np.min(margins_m)),
         "below_s": int(np.sum(margins_m < -BELOW_S_MIN_M)),
-        "smallest_gap_m": float(run.frame.gap_m.min()),
+        "smallest_gap_m": float(run.trajectory.gap_m.min()),
         "interventions": float(run.metrics.interventions),
     }
 
 
 def run(session: Session) -> bool:
-    """Run the study; returns whether the strong baseline touched no lead vehicle."""
+    """Run the study; returns whether the strong baseline kept its distance.
+
+    That is: it touched no lead vehicle, and was below s_min for no longer than the default.
+    """
     cycles = CYCLES[:1] if session.short else CYCLES
-    chosen = drives()
     cases = [
         Case(
             f"{cycle}/{number}",
-            {"cycle": cycle, "strategy": name, "preview": preview, "distance": distance},
+            {"cycle": cycle, "strategy": name, "perfect": preview, "distance": distance},
             {"cycle": cycle, **settings},
         )
         for cycle in cycles
-        for number, (name, preview, distance, settings) in enumerate(chosen)
+        for number, (name, preview, distance, settings) in enumerate(drives())
     ]
     leaders = _leader_cases(session)
     if session.short:
         cases = [case.shortened(SHORT_S) for case in cases]
         leaders = [case.shortened(SHORT_S) for case in leaders]
     driven = session.drive([*cases, *leaders])
-    table = [
+    table = pd.DataFrame(
         row
         for _, group in driven[: len(cases)].groupby("cycle", sort=False)
         for row in _rows(group)
-    ]
+    )
     kept = _kept(driven[len(cases) :])
+    of_place = table.groupby(["strategy", "perfect", "distance"], sort=False)
+    front = [of_place.get_group(place) for place in FRONT]
     session.render(
-        savings=_savings(table),
+        columns=COLUMNS,
+        table=table,
+        front=pd.concat(front, ignore_index=True),
+        equal=front[1],
         kept=kept,
-        leaders=len({case.labels["cycle"] for case in leaders}),
         tuned_on=", ".join(TUNED_ON),
+        trip_s=LONGEST_TRIP_S,
         car_length_m=CAR_LENGTH_M,
         moving_m_s=MOVING_M_S,
     )
-    return bool((kept.smallest_gap_m > 0.0).all())
+    below_s = kept.groupby("strategy").below_s.sum()
+    touched = (kept.smallest_gap_m <= 0.0).any()
+    return bool(not touched and below_s[BASELINE] <= below_s[DEFAULT])
 
 
 def _leader_cases(session: Session) -> list[Case]:
-    """Return the trips behind every cycle and the measured leaders, of both controls without preview."""
+    """Return the trips behind all cycles and measured leaders, of three controls without a preview."""
     extent = (1, SHORTEST_S) if session.short else (SCENES, LONGEST_S)
-    scenes = measured_scenes(None, session.say, *extent)
-    trips = {name: {"cycle": name} for name in CYCLE_NAMES if not session.short} | {
-        scene.name: {
-            "cycle": scene.write(session.scratch / "leads"),
-            "duration_s": float(scene.duration_s),
-        }
-        for scene in scenes
-    }
-    none = {"preview_mode": "none"}
-    strategies = {
+    published = () if session.short else CYCLE_NAMES
+    routes = trip_cycles(
+        None, session.scratch / "trips", session.say, 1 if session.short else TRIPS
+    )
+    trips: list[tuple[str, str, dict[str, Any]]] = [
+        *(("published cycle", name, {"cycle": name}) for name in published),
+        *(("trip of an i3", Path(route).stem, {"cycle": route}) for route in routes),
+        *(
+            (
+                "OpenACC leader",
+                scene.name,
+                {
+                    "cycle": scene.write(session.scratch / "leads"),
+                    "duration_s": float(scene.duration_s),
+                },
+            )
+            for scene in measured_scenes(None, session.say, *extent)
+        ),
+    ]
+    strategies: dict[str, dict[str, str]] = {
         BASELINE: {"strategy": BASELINE},
         PRODUCTION: {"strategy": PRODUCTION},
         DEFAULT: {},
@@ -138,14 +153,10 @@ def _leader_cases(session: Session) -> list[Case]:
     return [
         Case(
             f"{leader}/{strategy}",
-            {
-                "cycle": leader,
-                "strategy": strategy,
-                "kind": "cycle" if leader in CYCLE_NAMES else "measured",
-            },
-            {**trip, **settings, **none},
+            {"cycle": leader, "strategy": strategy, "kind": kind},
+            {**trip, **settings, "preview_mode": "none"},
         )
-        for leader, trip in trips.items()
+        for kind, leader, trip in trips
         for strategy, settings in strategies.items()
     ]
 
@@ -154,55 +165,24 @@ def _rows(group: pd.DataFrame) -> list[dict[str, Any]]:
     """Return the rows of a cycle."""
     if group.run.isna().any():
         return []
-    production, baseline = group.run.iloc[0], group.run.iloc[1]
-    rows = []
-    for each in group.itertuples():
-        against = saved(each.run, production), saved(each.run, baseline)
-        rows.append(
-            {
-                "cycle": each.cycle,
-                "strategy": each.strategy,
-                "preview": "60 s, perfect" if each.preview else "none",
-                "distance": each.distance,
-                **road_space(each.run),
-                **following(each.run),
-                "against_production": against[0],
-                "against_baseline": against[1],
-            }
-        )
-    return rows
-
-
-def _savings(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return the front table as Markdown."""
-    heads = (
-        "cycle",
-        "control",
-        "distance",
-        "preview",
-        "mean gap",
-        "headway",
-        "vehicles/(h lane)",
-        "ageing saved",
-        "energy saved",
-        "against `eco_acc`",
-    )
-    lines = [f"| {' | '.join(heads)} |", "|---|---|---|---|---:|---:|---:|---:|---:|---:|"]
-    for row in rows:
-        ageing, energy = row["against_production"]
-        own, less = row["against_baseline"]
-        is_base = row["strategy"] == PRODUCTION
-        base = "0, by definition" if is_base else f"{ageing:.1f} %"
-        lines.append(
-            f"| {row['cycle']} | `{row['strategy']}` | {row['distance']} | {row['preview']} "
-            f"| {row['gap_m']:.1f} m | {row['headway_s']:.2f} s | {row['vehicles_h']:.0f} | {base} "
-            f"| {'0' if is_base else f'{energy:.1f} %'} | {own:.1f} / {less:.1f} % |"
-        )
-    return "\n".join(lines)
+    by_strategy = group.drop_duplicates("strategy").set_index("strategy").run
+    bases = {name: [by_strategy[name].metrics] for name in BASES}
+    return [
+        {
+            "cycle": each.cycle,
+            "strategy": each.strategy,
+            "perfect": each.perfect,
+            "preview": PREVIEWS[each.perfect],
+            "distance": each.distance,
+            **road_taken([each.run.trajectory]),
+            **savings([each.metrics], bases, each.run.parameters),
+        }
+        for each in group.itertuples()
+    ]
 
 
 def _kept(driven: pd.DataFrame) -> pd.DataFrame:
-    """Return how each control kept its distance behind cycles and behind measured leaders."""
+    """Return how each control kept its distance behind each kind of lead vehicle."""
     found = [
         {"strategy": each.strategy, "kind": each.kind, **following(each.run)}
         for each in driven.itertuples()
