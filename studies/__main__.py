@@ -23,6 +23,7 @@ PROGRAM = "study"
 NAMES = tuple(sorted(path.parent.name for path in STUDIES.glob(f"*/{PAGE}")))
 ALL, STALE, CONFIRM = "all", "stale", "confirm"
 EXIT_OK, EXIT_NOT_HELD = 0, 1
+TIMES_OUT_OF_DATE = "the code has changed since these times were measured"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -156,10 +157,15 @@ def changes(name: str) -> list[str]:
 
 
 def confirm(name: str) -> int:
-    """Run the short form of a study; if its numbers are as recorded, note that the page holds."""
-    record = Record.of(name)
+    """Run the short form of a study; if its numbers are as recorded, note that the page holds.
+
+    A page with times of a machine gets a note in its foot if the code has changed since.
+    """
+    record, code = Record.of(name), code_of(name)
     if not record.short:
         print(f"{name}: times of a machine cannot be confirmed; make the page anew")
+        if code != record.code and not record.out_of_date:
+            replace(record, out_of_date=TIMES_OUT_OF_DATE).write(name)
         return EXIT_OK
     differing = changes(name)
     if differing:
@@ -168,7 +174,6 @@ def confirm(name: str) -> int:
             f"{name}: the short form has changed; make the page anew: scripts/study {name} --page"
         )
         return EXIT_NOT_HELD
-    code = code_of(name)
     if code != record.code:
         replace(record, code=code, confirmed=today(), out_of_date="").write(name)
     print(f"{name}: confirmed")

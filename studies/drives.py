@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from studies.savings import BASELINE, PRODUCTION
+
 from iptm.parts import (
     CELSIUS_ZERO_K,
     DEFAULT_SET,
@@ -12,14 +14,15 @@ from iptm.parts import (
     ControllerSettings,
 )
 
-DEFAULT, REFERENCE, PRODUCTION = "default", "reference", "production"
+DEFAULT, REFERENCE = "default", "reference"
 _CONTROLLER = ControllerSettings()
 STRATEGIES = {
     DEFAULT: (_CONTROLLER.strategy, _CONTROLLER.horizon),
     REFERENCE: ("reference", str(SINGLE_HORIZON)),
-    PRODUCTION: ("production", _CONTROLLER.horizon),
+    PRODUCTION: (PRODUCTION, _CONTROLLER.horizon),
+    BASELINE: (BASELINE, _CONTROLLER.horizon),
 }
-"""Strategy and grid by the role in the tables; the production-like one has no grid."""
+"""Strategy and grid by the role in the tables; those of `BASES` have no grid."""
 
 
 def climate(ambient_c: float) -> dict[str, float]:

@@ -69,10 +69,11 @@ def saved(
 
     Returns:
         ``ageing``, capacity lost by both cells, and ``energy`` of the battery per distance; NaN where a
-        pair has no common end.
+        pair has no common end at the lower limit of the temperature or above.
     """
     ends = [at_equal_end(*pair, parameters) for pair in zip(own, base, strict=True)]
-    pairs = [end for end in ends if end is not None]
+    coldest_k = parameters.limits.min_temperature_k
+    pairs = [end for end in ends if end is not None and end[0].temperature_k >= coldest_k]
     if len(pairs) < len(ends):
         return {"ageing": math.nan, "energy": math.nan}
     lost, used_j = (

@@ -1,4 +1,4 @@
-"""The default strategy behind measured lead vehicles, compared with the adaptive cruise controls there."""
+"""What is saved behind measured lead vehicles at the headway of the cars that followed them there."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ import numpy as np
 import pandas as pd
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from studies.acc.figures import figures_of, spread
-from studies.acc.scenes import LONGEST_S, RUN_IN_S, SCENES, SHORTEST_S, Scene, measured_scenes
-from studies.drives import DEFAULT, PRODUCTION, climate, trip
+from studies.acc.figures import REAL, figures_of, spread
+from studies.acc.scenes import RUN_IN_S, SHORTEST_S, Scene, long_scenes
+from studies.drives import DEFAULT, climate, trip
+from studies.savings import BASELINE, BASES, COLUMNS, PREVIEWS, PRODUCTION, road_taken
 from studies.session import Case, Session
 
 import iptm
@@ -31,30 +32,18 @@ from iptm.parts import (
     load_parameters,
 )
 
-SHORT_SCENES = 2
+LONG_SCENES, SHORT_SCENES = 6, 1
+LONG_S = 1200
 PICTURE = "spread.png"
-REAL = "real follower"
 WIDTH_INCH, DPI = 9.0, 90
 _PANELS = {
     "headway_s": "time headway, s",
     "jerk_m_s3": "jerk (rms), m/s³",
-    "energy_saving": "energy saved, %",
-    "aging_saving": "ageing saved, %",
+    "real_energy": "energy saved, %",
+    "real_ageing": "ageing saved, %",
 }
-_SAVINGS = ["energy_saving", "aging_saving"]
-_DIGITS = {
-    "gap_m": 1,
-    "headway_s": 2,
-    "below_percent": 0,
-    "above_percent": 0,
-    "jerk_m_s3": 2,
-    "consumption_kwh_100_km": 1,
-    "energy_saving": 1,
-    "aging_saving": 1,
-    "end_gap_m": 1,
-    "end_kinetic_kj": 0,
-}
-"""Decimals of the figures of which median and quartiles are shown."""
+_SAVINGS = ["real_energy", "real_ageing"]
+"""Of which the tables have the quartiles, too."""
 
 
 SMALL_INITIAL_GAP_M = 8.0
@@ -62,6 +51,13 @@ SMALL_INITIAL_GAP_M = 8.0
 SHORTEST_HEADWAY_S, LONGEST_HEADWAY_S = 0.3, 1.5
 ROOM_S = 0.3
 """Time headway between the lower and the upper limit of the gap at the mean speed."""
+FIRST_MORE_S = 0.2
+"""Largest headway beyond the real follower's median with which the search for it begins."""
+ROUNDS = 3
+CLOSE_S = 0.1
+"""Difference of the median headways at which the search ends."""
+EQUAL_S = 0.2
+"""Difference that counts as equal: in the median over the scenes."""
 FOLLOWED_EXACTLY = {
     "limits.min_acceleration_m_s2": -8.0,
     "limits.max_acceleration_m_s2": 12.0,
@@ -70,13 +66,16 @@ FOLLOWED_EXACTLY = {
 """The real follower is not held to the limits of comfort."""
 
 
-CARS: Mapping[str, float] = {DEFAULT_SET: 35.0, "bmw_i3": 25.0}
-"""Temperature of the air and of the cells at the start in degC, by parameter set."""
+CARS = (DEFAULT_SET, "bmw_i3")
+CLIMATES_C = (35.0, 25.0)
+"""Temperature of the air and of the cells at the start."""
 
 
-def parameters_of(car: str, overrides: Mapping[str, float] | None = None) -> ModelParameters:
-    """Return the parameters of a car in its climate, some of them replaced."""
-    return load_parameters(car, {**climate(CARS[car]), **(overrides or {})}).values
+def parameters_of(
+    car: str, ambient_c: float, overrides: Mapping[str, float] | None = None
+) -> ModelParameters:
+    """Return the parameters of a car in a climate, some of them replaced."""
+    return load_parameters(car, {**climate(ambient_c), **(overrides or {})}).values
 
 
 @dataclass(frozen=True)
@@ -84,33 +83,38 @@ class Variant:
     """A variant of driving behind the lead vehicles.
 
     Attributes:
-        name: for labels and tables.
         role: of the controller, one of `STRATEGIES`.
-        preview: whether the lead vehicle's future is known.
-        limited: whether the time headway is at most what the real follower's 95th percentile is.
+        distance: for tables.
+        perfect: whether the lead vehicle's future is known.
     """
 
-    name: str
     role: str
-    preview: bool
-    limited: bool
+    distance: str
+    perfect: bool
+
+    @property
+    def name(self) -> str:
+        """For labels and the picture."""
+        return f"{self.role}, {self.distance}, preview {PREVIEWS[self.perfect]}"
 
 
+EQUAL = "real headway"
+EQUAL_HEADWAY = Variant(DEFAULT, EQUAL, perfect=True)
 VARIANTS = (
-    Variant("120 m, no V2X", DEFAULT, preview=False, limited=False),
-    Variant("120 m, perfect preview", DEFAULT, preview=True, limited=False),
-    Variant("real headway, no V2X", DEFAULT, preview=False, limited=True),
-    Variant("real headway, perfect preview", DEFAULT, preview=True, limited=True),
-    Variant("production strategy, no V2X", PRODUCTION, preview=False, limited=False),
+    Variant(PRODUCTION, "1.6 s", perfect=False),
+    EQUAL_HEADWAY,
+    Variant(BASELINE, "3.5 s", perfect=False),
+    Variant(DEFAULT, EQUAL, perfect=False),
+    Variant(DEFAULT, "120 m", perfect=False),
+    Variant(DEFAULT, "120 m", perfect=True),
 )
 
 
-def headway_overrides(scene: Scene, car: str) -> dict[str, float]:
-    """Return gap limits with no larger time headway than the real follower's 95th percentile.
+def headway_overrides(scene: Scene, car: str, largest_s: float) -> dict[str, float]:
+    """Return gap limits with a largest time headway.
 
     Where the lower limit would be above the upper one at the mean speed, its time headway is cut.
     """
-    largest_s = scene.largest_headway_s
     standstill_m = load_parameters(car).values.gap.standstill_gap_m
     room_s = largest_s - standstill_m / scene.mean_speed_m_s - ROOM_S
     return {
@@ -120,33 +124,78 @@ def headway_overrides(scene: Scene, car: str) -> dict[str, float]:
     }
 
 
-def benchmark_cases(scenes: Sequence[Scene], cars: Sequence[str], folder: Path) -> list[Case]:
-    """Return all trips; the drives of the lead vehicles are written to a folder."""
-    cases = []
-    for scene in scenes:
-        cycle = scene.write(folder)
-        for car, variant in product(cars, VARIANTS):
-            labels = {"scene": scene.name, "car": car, "variant": variant.name}
-            call = trip(
-                cycle,
-                variant.role,
-                car,
-                CARS[car],
-                headway_overrides(scene, car) if variant.limited else None,
-                duration_s=float(scene.duration_s),
-                preview_mode="full" if variant.preview else "none",
-            )
-            cases.append(Case("/".join(labels.values()), labels, call))
-    return cases
+@dataclass(frozen=True)
+class Setting:
+    """A scene, a car and a climate."""
+
+    scene: Scene
+    car: str
+    ambient_c: float
+
+    @property
+    def labels(self) -> dict[str, Any]:
+        """What tables group it by."""
+        return {"scene": self.scene.name, "car": self.car, "ambient_c": self.ambient_c}
+
+    def case(self, variant: Variant, folder: Path, largest_s: float) -> Case:
+        """Return a trip; the drive of the lead vehicle is written to a folder."""
+        labels = {**self.labels, "variant": variant.name}
+        limits = headway_overrides(self.scene, self.car, largest_s)
+        call = trip(
+            self.scene.write(folder),
+            variant.role,
+            self.car,
+            self.ambient_c,
+            limits if variant.distance == EQUAL else None,
+            duration_s=float(self.scene.duration_s),
+            preview_mode="full" if variant.perfect else "none",
+        )
+        name = f"{self.scene.name}/{self.car}/{self.ambient_c:g}/{variant.name}/{largest_s:.2f}"
+        return Case(name, labels, call)
+
+    def headway_s(self) -> float:
+        """Return the real follower's median time headway."""
+        return float(np.median(self.scene.headways_s))
 
 
-def real_follower(scene: Scene, car: str) -> Trajectory:
+def equal_headways(session: Session, settings: Sequence[Setting], rounds: int) -> list[float]:
+    """Return the largest headways with which the default, given a preview, has the real median headway.
+
+    Each is moved by what the trip before it was off, until it is off by `CLOSE_S` or all rounds are driven;
+    the nearest of the trips counts.
+    """
+    limits_s = [setting.headway_s() + FIRST_MORE_S for setting in settings]
+    best = [(np.inf, limit_s) for limit_s in limits_s]
+    for _ in range(rounds):
+        open_ones = [place for place, (off_s, _) in enumerate(best) if off_s > CLOSE_S]
+        cases = [
+            settings[place].case(EQUAL_HEADWAY, session.scratch / "leads", limits_s[place])
+            for place in open_ones
+        ]
+        for place, run in zip(open_ones, _driven(session, cases), strict=True):
+            if run is None:
+                continue
+            begin = settings[place].scene.run_in_s
+            off_s = road_taken([run.trajectory], begin)["headway_s"] - settings[place].headway_s()
+            best[place] = min(best[place], (abs(off_s), limits_s[place]))
+            limits_s[place] = max(limits_s[place] - off_s, SHORTEST_HEADWAY_S + ROOM_S)
+    return [limit_s for _, limit_s in best]
+
+
+def _driven(session: Session, cases: Sequence[Case]) -> list[iptm.Run | None]:
+    """Return the runs of cases; in the short form with an interpreted solver."""
+    if session.short:
+        cases = [case.shortened(case.call["duration_s"]) for case in cases]
+    return list(session.drive(cases).run) if cases else []
+
+
+def real_follower(scene: Scene, car: str, ambient_c: float) -> Trajectory:
     """Return what the real follower's motion costs in a car, by the models of the benchmark.
 
     The speeds are followed exactly; the compressor, which was not measured, follows the thermostat of the
     strategy `production`.
     """
-    parameters = parameters_of(car, FOLLOWED_EXACTLY)
+    parameters = parameters_of(car, ambient_c, FOLLOWED_EXACTLY)
     plant = Plant(parameters, lambda positions: 0.0 * positions)
     thermostat = ProductionLikeController(parameters, ProductionSettings())
     step = plant.observe(plant.initial_state())
@@ -175,94 +224,115 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="folder with OpenACC files (default: the excerpts of the project)",
     )
-    parser.add_argument("--car", choices=list(CARS), help="drive this car only (default: both)")
 
 
 def run(session: Session) -> bool:
-    """Run the study; returns whether no lead vehicle was touched.
+    """Run the study; returns whether the real headway was met, and no lead vehicle touched.
 
     Raises:
-        ScenarioError: a car has no scene with all of its trips.
+        ScenarioError: a car and a climate have no scene with all of their trips.
     """
-    options = session.options
-    extent = (SHORT_SCENES, SHORTEST_S) if session.short else (SCENES, LONGEST_S)
-    scenes = measured_scenes(options.measured, session.say, *extent)
-    chosen = options.car or (list(CARS)[-1] if session.short else None)
-    cars = [chosen] if chosen else list(CARS)
-    cases = benchmark_cases(scenes, cars, session.scratch / "leads")
-    if session.short:
-        cases = [case.shortened(case.call["duration_s"]) for case in cases]
-    by_name = {scene.name: scene for scene in scenes}
+    cars, climates_c = (CARS[-1:], CLIMATES_C[:1]) if session.short else (CARS, CLIMATES_C)
+    count, seconds = (SHORT_SCENES, SHORTEST_S) if session.short else (LONG_SCENES, LONG_S)
+    scenes, pairs = long_scenes(session.options.measured, session.say, count, seconds)
+    settings = [Setting(scene, car, c) for car, c, scene in product(cars, climates_c, scenes)]
+    limits_s = equal_headways(session, settings, 1 if session.short else ROUNDS)
+    cases = [
+        setting.case(variant, session.scratch / "leads", limit_s)
+        for setting, limit_s in zip(settings, limits_s, strict=True)
+        for variant in VARIANTS
+    ]
+    runs = _driven(session, cases)
     rows = pd.DataFrame(
         row
-        for (car, scene), driven in session.drive(cases).groupby(["car", "scene"], sort=False)
-        for row in _figures(car, by_name[scene], dict(zip(driven.variant, driven.run, strict=True)))
+        for place, setting in enumerate(settings)
+        for row in _figures(setting, runs[place * len(VARIANTS) : (place + 1) * len(VARIANTS)])
     )
-    if rows.empty or set(rows.car) != set(cars):
+    groups = list(product(cars, climates_c))
+    if rows.empty or set(zip(rows.car, rows.ambient_c, strict=True)) != {*groups}:
         raise ScenarioError("trips are missing; allowed: all of one scene per car at least")
     if not session.short:
-        draw_picture(session.output, cars, rows)
-    real = rows[rows.variant == REAL]
+        draw_picture(session.output, rows)
+    tables = [
+        (car, ambient_c, _by_variant(rows[(rows.car == car) & (rows.ambient_c == ambient_c)]))
+        for car, ambient_c in groups
+    ]
+    equal = rows[rows.variant == EQUAL_HEADWAY.name]
+    off_s = float(equal.off_headway_s.median())
     session.render(
         picture=PICTURE,
-        counts=sorted(set(real.groupby("car").size())),
+        columns=COLUMNS,
+        scenes=len(scenes),
+        pairs=pairs,
         collisions=int(rows.collided.sum()),
-        longest_s=LONGEST_S,
+        minutes=seconds / 60.0,
         run_in_s=RUN_IN_S,
-        cars=[
-            (car, CARS[car], load_parameters(car).description, _by_variant(rows[rows.car == car]))
-            for car in cars
-        ],
+        off_s=off_s,
+        equal_s=EQUAL_S,
+        descriptions={car: load_parameters(car).description for car in cars},
+        tables=tables,
+        equal=pd.DataFrame(
+            {"car": car, "ambient_c": ambient_c, **table[table.name == EQUAL_HEADWAY.name].iloc[0]}
+            for car, ambient_c, table in tables
+        ),
     )
-    return not rows.collided.any()
+    return not rows.collided.any() and (session.short or off_s <= EQUAL_S)
 
 
-def _figures(
-    car: str, scene: Scene, runs: Mapping[str, iptm.Run | None]
-) -> Iterator[dict[str, Any]]:
+def _figures(setting: Setting, driven: Sequence[iptm.Run | None]) -> Iterator[dict[str, Any]]:
     """Yield the figures of all variants of driving, if all of their trips are there."""
-    found = {variant: one.trajectory for variant, one in runs.items() if one is not None}
+    found = {
+        variant: one.trajectory
+        for variant, one in zip(VARIANTS, driven, strict=True)
+        if one is not None
+    }
     if len(found) < len(VARIANTS):
         return
-    real = real_follower(scene, car)
-    for variant, driven in ({REAL: real} | found).items():
-        labels = {"car": car, "variant": variant}
-        yield labels | figures_of(driven, real, scene, parameters_of(car))
+    real = real_follower(setting.scene, setting.car, setting.ambient_c)
+    parameters = parameters_of(setting.car, setting.ambient_c)
+    bases = {variant.role: run for variant, run in found.items() if variant.role in BASES}
+    shown = {REAL: (REAL, "measured", "none", real)} | {
+        variant.name: (f"`{variant.role}`", variant.distance, PREVIEWS[variant.perfect], run)
+        for variant, run in found.items()
+    }
+    for name, (control, distance, preview, run) in shown.items():
+        labels = {"variant": name, "control": control, "distance": distance, "preview": preview}
+        yield setting.labels | labels | figures_of(run, setting.scene, parameters, real, bases)
 
 
 def _by_variant(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return one row of texts and numbers per variant of driving."""
-    variants = rows.groupby("variant", sort=False)
-    found = pd.DataFrame(
-        {name: variants[name].agg(spread, digits) for name, digits in _DIGITS.items()}
-    )
-    found.loc[REAL, _SAVINGS] = "0"
+    """Return a row per variant of driving: medians, sums of what counts, and savings with their quartiles."""
+    variants = rows.groupby(["variant", "control", "distance", "preview"], sort=False)
+    found = variants.median(numeric_only=True)
+    for name in _SAVINGS:
+        found[f"{name}_spread"] = variants[name].agg(spread, 1)
     found["collisions"] = variants.collided.sum()
     found["smallest_gap_m"] = variants.smallest_gap_m.min()
     found["emergencies"] = variants.emergency_s.agg(lambda seconds: (seconds > 0.0).sum())
-    return found.reset_index()
+    return found.reset_index().rename(columns={"variant": "name"})
 
 
-def draw_picture(folder: Path, cars: Sequence[str], rows: pd.DataFrame) -> None:
+def draw_picture(folder: Path, rows: pd.DataFrame) -> None:
     """Draw the spread over the lead vehicles as boxes from quartile to quartile, below a folder."""
-    figure = Figure(figsize=(WIDTH_INCH, 3.2 * len(cars)), dpi=DPI, layout="constrained")
+    groups = rows.groupby(["car", "ambient_c"], sort=False)
+    figure = Figure(figsize=(WIDTH_INCH, 2.6 * groups.ngroups), dpi=DPI, layout="constrained")
     FigureCanvasAgg(figure)
-    axes = figure.subplots(len(cars), len(_PANELS), squeeze=False, sharey="row")
-    for line, car in zip(axes, cars, strict=True):
-        variants = rows[rows.car == car].groupby("variant", sort=False)
+    axes = figure.subplots(groups.ngroups, len(_PANELS), squeeze=False, sharey="row")
+    for line, ((car, ambient_c), part) in zip(axes, groups, strict=True):
+        variants = part.groupby("variant", sort=False)
         for axis, (name, label) in zip(line, _PANELS.items(), strict=True):
             is_saving = name in _SAVINGS
             values = [
-                [] if is_saving and variant == REAL else part[name].dropna().tolist()
-                for variant, part in variants
+                [] if is_saving and variant == REAL else one[name].dropna().tolist()
+                for variant, one in variants
             ]
             if is_saving:
                 axis.axvline(0.0, color="0.6", linewidth=0.8)
             axis.boxplot(values, orientation="horizontal", showfliers=False, widths=0.6)
             axis.set_xlabel(label)
             axis.grid(axis="x", alpha=0.3)
-        line[0].set_yticks(np.arange(1, variants.ngroups + 1), list(variants.groups))
+        line[0].set_yticks(np.arange(1, variants.ngroups + 1), list(variants.groups), fontsize=7)
         line[0].invert_yaxis()
-        line[0].set_title(f"{car}, {CARS[car]:g} °C", loc="left", fontsize="medium")
+        line[0].set_title(f"{car}, {ambient_c:g} °C", loc="left", fontsize="medium")
     folder.mkdir(parents=True, exist_ok=True)
     figure.savefig(folder / PICTURE, metadata={"Software": None})

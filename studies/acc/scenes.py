@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from studies.measured_cycles import evenly, longest_known, write_drive
+from studies.savings import MOVING_M_S
 from studies.validation.measurements import Drive, Driver
 from studies.validation.readers.folder import excerpts, files_of, read_files
 
@@ -17,13 +18,13 @@ SCENES = 40
 SHORTEST_S, LONGEST_S = 60, 150
 AFTERWARDS_S = 30
 """What the lead vehicle does after the scene is part of its drive, as far as it was measured."""
+JOINT = (0.3, 0.3, 3.0)
+"""Largest differences between two like instants: speeds of both in m/s, gap in m."""
 RUN_IN_S = 40
 RUN_IN_M_S2 = 1.0
 STANDING_M_S = 0.5
 STANDING_BEFORE_S = 5
 SLOWEST_MEAN_M_S = 3.0
-HEADWAY_FROM_M_S = 5.0
-"""Time headways count above this speed."""
 HEADWAY_PERCENTILE = 95.0
 
 
@@ -50,11 +51,16 @@ class Scene:
     gap_m: FloatArray
 
     @property
+    def headways_s(self) -> FloatArray:
+        """Time headways of the real follower above `MOVING_M_S` in the measured seconds."""
+        moving = self.speed_m_s > MOVING_M_S
+        moving[: self.run_in_s] = False
+        return self.gap_m[moving] / self.speed_m_s[moving]
+
+    @property
     def largest_headway_s(self) -> float:
         """95th percentile of the real follower's time headway."""
-        moving = self.speed_m_s > HEADWAY_FROM_M_S
-        moving[: self.run_in_s] = False
-        return float(np.percentile(self.gap_m[moving] / self.speed_m_s[moving], HEADWAY_PERCENTILE))
+        return float(np.percentile(self.headways_s, HEADWAY_PERCENTILE))
 
     @property
     def mean_speed_m_s(self) -> float:
@@ -64,6 +70,86 @@ class Scene:
     def write(self, folder: Path) -> str:
         """Write the drive of the lead vehicle; returns the path as a cycle of a run."""
         return str(write_drive(folder / f"{self.name}.csv", 1.0, self.leader_speed_m_s))
+
+    @property
+    def states(self) -> FloatArray:
+        """Both speeds and the gap in the measured seconds, shape (n, 3)."""
+        part = slice(self.run_in_s, self.duration_s + 1)
+        return np.column_stack(
+            (self.leader_speed_m_s[part], self.speed_m_s[part], self.gap_m[part])
+        )
+
+
+def joined(scenes: Sequence[Scene], seconds: int) -> tuple[Scene, int]:
+    """Return a long scene of several measured ones, and how many of them it has.
+
+    The last instant of one and the first of the next are alike: both speeds and the gap differ by no more
+    than `JOINT`. What is left out at the ends of both is as short as possible. Scenes that cannot be joined
+    are left out, and where all are used up they follow once more.
+
+    Args:
+        scenes: measured scenes, the first of which gives the run-in and the name.
+        seconds: length of the measured seconds.
+
+    Raises:
+        MeasurementError: they cannot be joined to that length.
+    """
+    first = scenes[0]
+    states, used = first.states, {first.name}
+    for other in [*scenes[1:], *scenes, *scenes]:
+        if len(states) >= seconds + AFTERWARDS_S:
+            break
+        after, begin = _joint(states, other.states)
+        if after:
+            states = np.concatenate([states[:after], other.states[begin:]])
+            used.add(other.name)
+    if len(states) < seconds + AFTERWARDS_S:
+        raise MeasurementError(
+            f"scenes from {first.name} on make {len(states)} s; allowed: at least "
+            f"{seconds + AFTERWARDS_S} s"
+        )
+    leader, speed, gap = states[: seconds + AFTERWARDS_S].T
+    run_in = first.run_in_s
+    scene = Scene(
+        first.name,
+        run_in,
+        run_in + seconds - 1,
+        np.append(first.leader_speed_m_s[:run_in], leader),
+        np.append(first.speed_m_s[:run_in], speed[:seconds]),
+        np.append(first.gap_m[:run_in], gap[:seconds]),
+    )
+    return scene, len(used)
+
+
+def _joint(states: FloatArray, others: FloatArray) -> tuple[int, int]:
+    """Return how many of the states are left, and where the others begin; zeros without a joint."""
+    best = len(states) + len(others), 0, 0
+    for begin, other in enumerate(others):
+        alike = np.flatnonzero(np.all(np.abs(states - other) <= JOINT, axis=1))
+        if alike.size:
+            after = int(alike[-1])
+            best = min(best, (len(states) - after + begin, after, begin))
+    return best[1:]
+
+
+def long_scenes(
+    source: Path | None, report: Callable[[str], None], count: int, seconds: int
+) -> tuple[list[Scene], int]:
+    """Return scenes that are long enough for cooling to pay, and of how many measured ones they are made.
+
+    Args:
+        source: folder with measurements; None for the excerpts of the project.
+        report: takes one line per file that was left out.
+        count: number of scenes; measured ones that follow each other by name are joined.
+        seconds: length of the measured seconds.
+
+    Raises:
+        MeasurementError: there are too few in the folder.
+    """
+    measured = _chosen(_all_scenes(source, report), SCENES, source)
+    groups = np.array_split(np.arange(len(measured)), count)
+    found = [joined([measured[place] for place in group], seconds) for group in groups]
+    return [scene for scene, _ in found], sum(used for _, used in found)
 
 
 def measured_scenes(
@@ -86,14 +172,23 @@ def measured_scenes(
     Raises:
         MeasurementError: there are fewer scenes in the folder.
     """
+    return _chosen(_all_scenes(source, report, longest_s), count, source)
+
+
+def _all_scenes(
+    source: Path | None, report: Callable[[str], None], longest_s: int | None = None
+) -> list[Scene]:
     drives = read_files(files_of(source or excerpts()), report).drives
-    scenes = [
+    return [
         scene
         for item in drives
         if item.driver is Driver.ADAPTIVE_CRUISE_CONTROL and item.gap_m is not None
         for scene in [_scene(item, longest_s)]
         if scene is not None
     ]
+
+
+def _chosen(scenes: list[Scene], count: int, source: Path | None) -> list[Scene]:
     if len(scenes) < count:
         raise MeasurementError(
             f"{source or excerpts()} has {len(scenes)} scenes with an adaptive cruise control;"
@@ -102,7 +197,7 @@ def measured_scenes(
     return evenly(scenes, count)
 
 
-def _scene(following: Drive, longest_s: int) -> Scene | None:
+def _scene(following: Drive, longest_s: int | None) -> Scene | None:
     """Return the beginning of the longest part that is known, None if it is of no use."""
     columns = np.array([following.leader_speed_m_s, following.speed_m_s, following.gap_m])
     per_second = round(1.0 / following.step_s)
@@ -113,7 +208,7 @@ def _scene(following: Drive, longest_s: int) -> Scene | None:
     begin = max(departure - STANDING_BEFORE_S, 0)
     leader, speed = np.maximum(leader[begin:], 0.0), np.maximum(speed[begin:], 0.0)
     gap = gap[begin:]
-    length = min(leader.size, longest_s)
+    length = min(leader.size, longest_s or leader.size)
     usable = (
         length >= SHORTEST_S
         and speed[:length].mean() >= SLOWEST_MEAN_M_S

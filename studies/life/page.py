@@ -7,13 +7,20 @@ from typing import Any
 
 import pandas as pd
 from studies import drives
+from studies.drives import DEFAULT
 from studies.life import decisions, losses, own_law, trips, usage, year
 from studies.life import table as life
+from studies.savings import BASELINE, COLUMNS
 
 from iptm.parts import AGING_CELLS, CELSIUS_ZERO_K, Experiments, table_of
 
+FLEET = {"cell": "fleet of 22,700 cars", "Rome": 2.3, "Phoenix": 2.7, "hot": 0.4}
+"""Capacity lost in percent a year in all and in hot regions, and the difference (Geotab 2026)."""
+SHOWN = (BASELINE, trips.EQUAL_ROAD, DEFAULT)
+"""Controls of the short statement."""
 
-def life_values(rows: pd.DataFrame, decided: pd.DataFrame) -> dict[str, Any]:
+
+def life_values(rows: pd.DataFrame, decided: pd.DataFrame, roads: pd.DataFrame) -> dict[str, Any]:
     """Return what the template of the page about the life table and single trips shows."""
     longest = losses.LONGEST_YEARS
     rows = rows.assign(
@@ -23,15 +30,21 @@ def life_values(rows: pd.DataFrame, decided: pd.DataFrame) -> dict[str, Any]:
         years=[f"> {longest:g}" if years >= longest else f"{years:.1f}" for years in rows.years],
     )
     climates = [climate.name for climate in usage.CLIMATES]
+    rows["mark"] = rows.outside.map(lambda text: " outside" if isinstance(text, str) else "")
     first = rows[rows.usage == usage.USAGES[0].name]
     orders = {"control": life.CONTROLS, "climate": climates}
     return {
         "rows": rows,
         "summary": _by_cell(
             first,
-            "{saved:.2f}{saved_band}; {more_kwh:.0f}",
+            "{saved:.2f}{saved_band}; {more_kwh:.0f}{mark}",
             orders | {"control": life.CONTROLS[1:]},
         ),
+        "roads": roads,
+        "road_columns": COLUMNS[:5],
+        "inside": _inside(rows),
+        "parked": _parked_shares(first),
+        "fleet": _beside_the_fleet(first),
         "decided": decided,
         "resistance": _by_cell(
             first.dropna(subset="resistance"),
@@ -52,6 +65,43 @@ def life_values(rows: pd.DataFrame, decided: pd.DataFrame) -> dict[str, Any]:
         "year": year,
         "zero_k": CELSIUS_ZERO_K,
     }
+
+
+def _inside(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return a row per case of which no part is outside the experiments, with what some controls save."""
+    cases = []
+    for labels, part in rows[rows.cell != own_law.PAPER].groupby(
+        ["cell", "usage", "climate"], sort=False
+    ):
+        by = part.set_index("control")
+        if by.loc[[trips.THERMOSTAT, *SHOWN], "outside"].isna().all():
+            names = dict(zip(("cell", "usage", "climate"), labels, strict=True))
+            saved = {name: by.saved[name] for name in SHOWN}
+            cases.append({**names, "loss": by.loss[trips.THERMOSTAT], **saved})
+    return pd.DataFrame(cases, columns=["cell", "usage", "climate", "loss", *SHOWN])
+
+
+def _parked_shares(rows: pd.DataFrame) -> pd.Series:
+    """Return the part of the loss with a thermostat that is lost parked, in percent."""
+    shown = rows[(rows.control == trips.THERMOSTAT) & (rows.cell != own_law.PAPER)]
+    return 100.0 * shown[str(losses.Cause.CALENDAR_PARKED)] / shown.loss
+
+
+def _beside_the_fleet(rows: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return what each cell loses in percent a year with a thermostat, by climate, and the fleet first."""
+    found: list[dict[str, Any]] = [{**FLEET, "Oslo": None, "outside": ""}]
+    for cell, part in rows[rows.control == trips.THERMOSTAT].groupby("cell", sort=False):
+        yearly = part.set_index("climate").loss / losses.SERVICE_YEARS
+        outside = part.set_index("climate").outside.dropna()
+        found.append(
+            {
+                "cell": cell,
+                **yearly,
+                "hot": yearly["Phoenix"] - yearly["Rome"],
+                "outside": ", ".join(outside.index),
+            }
+        )
+    return found
 
 
 def _bands(rows: pd.DataFrame, name: str, digits: int) -> list[str]:

@@ -19,7 +19,7 @@ from studies.life.decisions import decision_cases, decisions, routes_of
 from studies.life.own_law import priced_cases
 from studies.life.page import life_values
 from studies.life.table import life_table
-from studies.life.trips import START_C, trip_cases, trip_maps
+from studies.life.trips import START_C, roads, trip_cases, trip_maps
 from studies.measured_cycles import TRIPS
 from studies.session import Session
 
@@ -44,7 +44,8 @@ def run(session: Session) -> bool:
         return False
     session.say("years are composed ...")
     maps = trip_maps(years)
-    session.render(**life_values(life_table(maps), decisions(trips, routes, maps)))
+    decided = decisions(trips, routes, maps)
+    session.render(**life_values(life_table(maps), decided, roads(years)))
     return charging_stop(session)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import pandas as pd
 from studies.drives import DEFAULT
 from studies.life.losses import (
+    END_OF_LIFE,
     SERVICE_YEARS,
     band,
     drawn_losses,
@@ -16,7 +17,7 @@ from studies.life.losses import (
     years_to_end,
 )
 from studies.life.own_law import PAPER, priced_trips, trip_at, uses_of
-from studies.life.trips import DRIVEN_CONTROLS, NO_COOLING, TripMap
+from studies.life.trips import DRIVEN_CONTROLS, THERMOSTAT, TripMap
 from studies.life.usage import CLIMATES, USAGES
 from studies.life.year import Year, year_of
 
@@ -26,6 +27,8 @@ OWN_LAW = "own law"
 MANAGED = "own law, managed"
 CONTROLS = (*DRIVEN_CONTROLS, OWN_LAW, MANAGED)
 RESISTANCE_YEARS = 1.0
+OUTSIDE_LOSS = "loss"
+"""Where more than `END_OF_LIFE` is lost: a law is not extrapolated to where no test of its cell was."""
 
 
 def life_table(trips: Mapping[tuple[str, str], TripMap]) -> pd.DataFrame:
@@ -38,11 +41,11 @@ def life_table(trips: Mapping[tuple[str, str], TripMap]) -> pd.DataFrame:
         trips: by cycle and control.
 
     Returns:
-        ``loss`` and its parts by cause, ``saved`` against no cooling below 40 degC, ``years`` until 80 %
+        ``loss`` and its parts by cause, ``saved`` against the thermostat, ``years`` until 80 %
         of the capacity is left, ``resistance`` (growth in percent after `RESISTANCE_YEARS`, missing
         without a law of it), ``outside`` (quantities outside the experiments behind the law),
-        ``cooling_kwh`` of compressor and fan in a year from pack and grid, ``more_kwh`` beyond that
-        without cooling; changes in percent of the ``range``, by the part of that from the pack, and of
+        ``cooling_kwh`` of compressor and fan in a year from pack and grid, ``more_kwh`` beyond that of
+        the thermostat; changes in percent of the ``range``, by the part of that from the pack, and of
         the ``consumption`` from the pack.
     """
     rows: list[dict[str, Any]] = []
@@ -71,13 +74,13 @@ def life_table(trips: Mapping[tuple[str, str], TripMap]) -> pd.DataFrame:
 def _rows(name: str, years: Mapping[str, Year]) -> Iterator[dict[str, Any]]:
     cell = AGING_CELLS.get(name)
     law = cell.law if cell else paper_law(load_parameters().values)
-    least = years[NO_COOLING]
-    without = sum(losses_by_cause(law, least, SERVICE_YEARS).values())
+    base = years[THERMOSTAT]
+    without = sum(losses_by_cause(law, base, SERVICE_YEARS).values())
     drawn = {control: drawn_losses(cell, year) for control, year in years.items() if cell}
     for control, year in years.items():
         causes = losses_by_cause(law, year, SERVICE_YEARS)
         loss = sum(causes.values())
-        more_kwh = year.compressor_kwh - least.compressor_kwh
+        more_kwh = year.compressor_kwh - base.compressor_kwh
         row = {
             "cell": name,
             "control": control,
@@ -85,20 +88,19 @@ def _rows(name: str, years: Mapping[str, Year]) -> Iterator[dict[str, Any]]:
             **{str(cause): 100.0 * lost for cause, lost in causes.items()},
             "saved": 100.0 * (without - loss),
             "years": years_to_end(law, year),
-            "outside": ", ".join(flags(cell, year)) if cell else "",
+            "outside": ", ".join([*flags(cell, year), *([OUTSIDE_LOSS] * (loss > END_OF_LIFE))])
+            if cell
+            else "",
             "cooling_kwh": year.compressor_kwh + year.grid_compressor_kwh,
-            "more_kwh": more_kwh + year.grid_compressor_kwh - least.grid_compressor_kwh,
-            "range": 100.0 * (least.driving_kwh / (least.driving_kwh + more_kwh) - 1.0),
+            "more_kwh": more_kwh + year.grid_compressor_kwh - base.grid_compressor_kwh,
+            "range": 100.0 * (base.driving_kwh / (base.driving_kwh + more_kwh) - 1.0),
             "consumption": 100.0
-            * (
-                (year.driving_kwh / year.distance_km) / (least.driving_kwh / least.distance_km)
-                - 1.0
-            ),
+            * ((year.driving_kwh / year.distance_km) / (base.driving_kwh / base.distance_km) - 1.0),
         }
         if drawn:
             for of, losses in (
                 ("loss", drawn[control]),
-                ("saved", drawn[NO_COOLING] - drawn[control]),
+                ("saved", drawn[THERMOSTAT] - drawn[control]),
             ):
                 low, high = band(losses)
                 row |= {f"{of}_low": 100.0 * low, f"{of}_high": 100.0 * high}

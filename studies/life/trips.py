@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from studies.drives import DEFAULT, PRODUCTION, REFERENCE, trip
+from studies.drives import DEFAULT, REFERENCE, trip
+from studies.savings import BASELINE, PREVIEWS, PRODUCTION, road_taken
 from studies.session import Case
 
 from iptm.parts import (
@@ -23,15 +24,34 @@ from iptm.parts import (
 )
 
 CITY, MOTORWAY = "wltc_class3b", "hwfet"
-NO_COOLING, THERMOSTAT = "none", "thermostat"
-_DRIVEN: Mapping[str, tuple[str, Mapping[str, float]]] = {
-    NO_COOLING: (PRODUCTION, {"limits.max_compressor_power_w": 1.0}),
-    THERMOSTAT: (PRODUCTION, {}),
-    REFERENCE: (REFERENCE, {}),
-    DEFAULT: (DEFAULT, {}),
+THERMOSTAT, NO_COOLING, EQUAL_ROAD = "thermostat", "none", "default, 3 s"
+
+
+@dataclass(frozen=True)
+class Control:
+    """A control of trips.
+
+    Attributes:
+        role: of the controller.
+        distance: for tables.
+        overrides: further parameters.
+    """
+
+    role: str
+    distance: str
+    overrides: Mapping[str, float] = field(default_factory=dict)
+
+
+CONTROLS: Mapping[str, Control] = {
+    THERMOSTAT: Control(PRODUCTION, "1.6 s"),
+    NO_COOLING: Control(PRODUCTION, "1.6 s", {"limits.max_compressor_power_w": 1.0}),
+    BASELINE: Control(BASELINE, "3.5 s"),
+    REFERENCE: Control(REFERENCE, "120 m"),
+    EQUAL_ROAD: Control(DEFAULT, "at most 3 s", {"gap.max_time_headway_s": 3.0}),
+    DEFAULT: Control(DEFAULT, "120 m"),
 }
-"""Role of the controller and further parameters by control."""
-DRIVEN_CONTROLS = tuple(_DRIVEN)
+"""The first is the one with which all others are compared."""
+DRIVEN_CONTROLS = tuple(CONTROLS)
 START_C = (22.0, 28.0, 34.0, 40.0)
 """Temperatures at which the pack begins a trip."""
 SAMPLE_S = 300.0
@@ -47,10 +67,10 @@ def trip_case(
     name: str = "",
 ) -> Case:
     """Return a trip under a control, of the default with another ageing law under a name of its own."""
-    role, overrides = _DRIVEN[control]
+    driven = CONTROLS[control]
     start = {"environment.initial_cell_temperature_k": start_c + CELSIUS_ZERO_K}
     settings = asdict(aging or AgingSettings())
-    call = trip(cycle, role, overrides={**overrides, **start}, **settings)
+    call = trip(cycle, driven.role, overrides={**driven.overrides, **start}, **settings)
     control = name or control
     labels = {"cycle": cycle, "control": control, "start_c": start_c}
     return Case(f"{Path(cycle).stem}_{control}_{start_c:g}", labels, call)
@@ -61,7 +81,7 @@ def trip_cases(start_c: Sequence[float] = START_C) -> list[Case]:
     return [
         trip_case(cycle, control, celsius)
         for cycle in (CITY, MOTORWAY)
-        for control in _DRIVEN
+        for control in CONTROLS
         for celsius in start_c
     ]
 
@@ -153,6 +173,21 @@ def trip_maps(driven: pd.DataFrame) -> Mapping[tuple[str, str], TripMap]:
     """Return the trips by cycle and control."""
     energy_j = nominal_energy_j(load_parameters().values)
     return {label: trip_map(runs, energy_j) for label, runs in trajectories(driven).items()}
+
+
+def roads(driven: pd.DataFrame) -> pd.DataFrame:
+    """Return a row per cycle and control: distance, preview, and the road that it takes."""
+    return pd.DataFrame(
+        {
+            "cycle": cycle,
+            "control": control,
+            "distance": CONTROLS[control].distance,
+            "preview": PREVIEWS[CONTROLS[control].role in (DEFAULT, REFERENCE)],
+            **road_taken(runs),
+        }
+        for (cycle, control), runs in trajectories(driven).items()
+        if control in CONTROLS
+    )
 
 
 def mean_cell_k(run: Trajectory) -> FloatArray:

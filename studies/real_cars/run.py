@@ -15,21 +15,20 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from studies.drives import DEFAULT, PRODUCTION, STRATEGIES, trip
+from studies.drives import DEFAULT, STRATEGIES, trip
 from studies.measured_cycles import trip_cycles
+from studies.savings import COLUMNS, PREVIEWS, PRODUCTION, road_taken, savings
 from studies.session import Case, Session
 
 from iptm.parts import (
     DEFAULT_SET,
     ModelParameters,
     RunMetrics,
-    at_equal_end,
     load_parameters,
     table_of,
 )
 
 ROLES = tuple(STRATEGIES)
-OTHERS = tuple(role for role in ROLES if role != DEFAULT)
 CYCLE, CAR = "wltc_class3b", "bmw_i3"
 CARS: tuple[str, ...] = (DEFAULT_SET, CAR, "chevrolet_bolt", "tesla_model_3")
 CLIMATES_C: tuple[float, ...] = (-10.0, 10.0, 25.0, 35.0)
@@ -133,35 +132,15 @@ def totals(runs: Sequence[RunMetrics]) -> dict[str, float]:
     }
 
 
-def saving(
-    own: Sequence[RunMetrics], others: Sequence[RunMetrics], parameters: ModelParameters
-) -> dict[str, float]:
-    """Return what runs save against others of the same trips, in percent of those.
+def as_driven(own: Sequence[RunMetrics], others: Sequence[RunMetrics]) -> dict[str, float]:
+    """Return what runs save against others of the same trips, in percent, whatever their ends.
 
     Args:
         own: the runs.
-        others: those they are compared with, in the same order of trips.
-        parameters: of the vehicle.
-
-    Returns:
-        The savings of `totals`, and ``equal_end``: that of ageing with both packs at the temperature of
-        the cooler one, NaN where that is below the lower limit of the temperature.
+        others: those with which they are compared, in the same order of trips.
     """
     mine, theirs = totals(own), totals(others)
-    found = {name: _percent(value, theirs[name]) for name, value in mine.items()}
-    ends = [at_equal_end(*pair, parameters) for pair in zip(own, others, strict=True)]
-    warm = [
-        end
-        for end in ends
-        if end is not None and end[0].temperature_k >= parameters.limits.min_temperature_k
-    ]
-    found["equal_end"] = math.nan
-    if len(warm) == len(ends):
-        found["equal_end"] = _percent(
-            sum(mine.capacity_loss for mine, _ in warm),
-            sum(theirs.capacity_loss for _, theirs in warm),
-        )
-    return found
+    return {name: _percent(value, theirs[name]) for name, value in mine.items()}
 
 
 def _percent(own: float, other: float) -> float:
@@ -190,10 +169,10 @@ def savings_on(found: pd.DataFrame, trips: Sequence[str]) -> pd.DataFrame:
     """Return the savings on some trips.
 
     Returns:
-        A row per ``car``, ``ambient_c`` and limit of the ``gap``, with the ``consumption`` of the
-        default strategy, its savings by what it is compared with (``reference_aging`` and so on, see
-        `saving`), and of the saving in ageing on single trips ``_least``, ``_median`` and ``_most``.
-        Rows that lack a trip are left out.
+        A row per ``car``, ``ambient_c`` and limit of the ``distance``, with the ``consumption`` of the
+        default strategy, the road that it takes, its savings by what it is compared with (`savings`;
+        with ``_driven`` `as_driven`), and of the saving in ageing on single trips ``_least``, ``_median``
+        and ``_most``. Rows that lack a trip are left out.
     """
     found = found.dropna(subset="metrics")
     found = found[found.trip.isin([Path(cycle).stem for cycle in trips])]
@@ -201,26 +180,32 @@ def savings_on(found: pd.DataFrame, trips: Sequence[str]) -> pd.DataFrame:
     for (car, ambient_c), part in found.groupby(["car", "ambient_c"], sort=False):
         for headway_s, gap in GAPS.items():
             limit_s = part.role.map({DEFAULT: headway_s}).fillna(0.0)
-            runs = part[part.headway_s == limit_s].groupby("role").metrics.agg(list)
+            runs = part[part.headway_s == limit_s].groupby("role").run.agg(list)
             if all(len(runs.get(role, ())) == len(trips) for role in ROLES):
-                labels = {"car": car, "ambient_c": ambient_c, "gap": gap}
+                labels = {"car": car, "ambient_c": ambient_c, "distance": gap}
                 rows.append(labels | _savings(runs, load_parameters(car).values))
     return pd.DataFrame(rows)
 
 
-def _savings(runs: pd.Series, parameters: ModelParameters) -> dict[str, float]:
-    own = runs[DEFAULT]
-    found = {"consumption": totals(own)["consumption"]}
-    for role in OTHERS:
-        of_all = saving(own, runs[role], parameters)
-        pairs = zip(own, runs[role], strict=True)
-        of_each = [saving([mine], [other], parameters)["aging"] for mine, other in pairs]
+def _savings(runs: pd.Series, parameters: ModelParameters) -> dict[str, Any]:
+    metrics = {role: [run.metrics for run in runs[role]] for role in ROLES}
+    own = metrics.pop(DEFAULT)
+    found: dict[str, Any] = {
+        "preview": PREVIEWS[True],
+        "consumption": totals(own)["consumption"],
+        **road_taken([run.trajectory for run in runs[DEFAULT]]),
+        **savings(own, metrics, parameters),
+    }
+    for role, others in metrics.items():
+        of_all = as_driven(own, others)
+        pairs = zip(own, others, strict=True)
+        of_each = [as_driven([mine], [other])["aging"] for mine, other in pairs]
         of_all |= {
             "least": min(of_each),
             "median": float(np.median(of_each)),
             "most": max(of_each),
         }
-        found |= {f"{role}_{name}": value for name, value in of_all.items()}
+        found |= {f"{role}_driven_{name}": value for name, value in of_all.items()}
     return found
 
 
@@ -305,6 +290,7 @@ def run(session: Session) -> bool:
     lost = losses(simplifications)
     sets = {car: load_parameters(car) for car in cars}
     session.render(
+        columns=COLUMNS,
         cars=[
             {"car": car, "about": one.description, "mass_kg": one.values.body.mass_kg}
             for car, one in sets.items()

@@ -37,9 +37,10 @@ DEFAULT, REFERENCE = "default", "reference"
 HEADWAY = "gap.max_time_headway_s"
 EQUAL_ROAD_S = 3.0
 """Largest headway with which the default, given a preview, takes the road of `production`."""
+SHORTER_S = 2.0
 FRONT = (
-    (PRODUCTION, False, "1.6 s"),
     (DEFAULT, True, f"at most {EQUAL_ROAD_S:g} s"),
+    (PRODUCTION, False, "1.6 s"),
     (BASELINE, False, "3.5 s"),
     (DEFAULT, False, f"at most {EQUAL_ROAD_S:g} s"),
     (DEFAULT, True, "120 m"),
@@ -57,7 +58,7 @@ def drives() -> list[tuple[str, bool, str, Mapping[str, Any]]]:
         (PRODUCTION, False, "1.6 s", {"strategy": PRODUCTION, **none}),
         (BASELINE, False, "3.5 s", {"strategy": BASELINE, **none}),
     ]
-    for preview, headway_s in product((False, True), (2.0, EQUAL_ROAD_S)):
+    for preview, headway_s in product((False, True), (SHORTER_S, EQUAL_ROAD_S)):
         settings = {"overrides": {HEADWAY: headway_s}, **({} if preview else none)}
         rows.append((DEFAULT, preview, f"at most {headway_s:g} s", settings))
     return [
@@ -111,7 +112,9 @@ def run(session: Session) -> bool:
         columns=COLUMNS,
         table=table,
         front=pd.concat(front, ignore_index=True),
-        equal=front[1],
+        equal=front[0],
+        shorter=of_place.get_group((DEFAULT, True, f"at most {SHORTER_S:g} s")),
+        blind=front[3],
         kept=kept,
         tuned_on=", ".join(TUNED_ON),
         trip_s=LONGEST_TRIP_S,

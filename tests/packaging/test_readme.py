@@ -10,7 +10,6 @@ from tests.packaging.packages import ROOT
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 INSTALLATION = (ROOT / "docs" / "how-to" / "installation.md").read_text(encoding="utf-8")
-STUDY = ROOT / "studies" / "road_space" / "README.md"
 MOST_LINES = 120
 
 
@@ -43,21 +42,44 @@ def test_the_readme_is_short() -> None:
     assert README.count("\n") <= MOST_LINES
 
 
-def test_the_savings_are_rows_of_their_study_with_both_bases() -> None:
-    """A saving of a cycle stands beside the cars that it is compared with, with its headway and preview."""
-    shown, made = savings(README), savings(STUDY.read_text(encoding="utf-8"))
-    assert shown[0] == made[0]
-    assert "headway" in shown[0]
-    assert set(shown) <= set(made)
-    for cycle in {row[0] for row in made[2:]}:
-        controls = {row[1] for row in shown if row[0] == cycle}
-        assert {"`production`", "`eco_acc`", "`default`"} <= controls, cycle
+PARTS = re.compile(r"<!-- (\w+) -->\n(.*?)<!-- end of \1 -->", re.DOTALL)
 
 
-def savings(page: str) -> list[tuple[str, ...]]:
-    """Return the rows of the table of savings, its heading first."""
-    (table,) = re.findall(r"<!-- savings -->(.*)<!-- end of savings -->", page, re.DOTALL)
-    return [tuple(map(str.strip, row.strip("|").split("|"))) for row in table.split("\n") if row]
+def test_figures_are_those_of_the_pages_that_a_command_made() -> None:
+    """A part between marks is that of the page of the study by that name, and no saving stands elsewhere."""
+    shown = dict(PARTS.findall(README))
+    assert {"road_space", "acc", "life"} <= set(shown)
+    for study, text in shown.items():
+        page = (ROOT / "studies" / study / "README.md").read_text(encoding="utf-8")
+        assert dict(PARTS.findall(page))[study] == text
+        assert f"](studies/{study}/README.md)" in README
+    assert re.findall(r"\d[\d.]* ?%|\d+\.\d+", PARTS.sub("", without_installation(README))) == []
+
+
+def without_installation(readme: str) -> str:
+    """Return the README without versions and sizes of what is installed."""
+    head, rest = readme.split("## Installation", 1)
+    return head.replace("1.2 GB", "").replace("3.10 to 3.13", "") + rest.split("## License", 1)[1]
+
+
+def test_savings_stand_beside_their_road_their_preview_and_both_bases() -> None:
+    """The first is at the road of a car of today."""
+    head, _, *rows = (
+        [cell.strip() for cell in line.strip("|").split("|")]
+        for line in dict(PARTS.findall(README))["road_space"].splitlines()
+        if line.startswith("|")
+    )
+    for column in ("preview", "headway, mean / median", "vehicles/(h lane)", "against `eco_acc`"):
+        assert column in head
+    by_control = {(row[0], row[1], row[2]): row for row in rows}
+    for cycle in {row[0] for row in rows}:
+        first, today = (
+            by_control[cycle, control, distance]
+            for control, distance in (("`default`", rows[0][2]), ("`production`", "1.6 s"))
+        )
+        place = head.index("vehicles/(h lane)")
+        assert float(first[place]) > 0.95 * float(today[place])
+        assert (cycle, "`eco_acc`", "3.5 s") in by_control
 
 
 def test_rosdep_skips_exactly_what_comes_with_pip() -> None:

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from studies.acc.figures import figures_of
 from studies.acc.run import headway_overrides, parameters_of, real_follower
-from studies.acc.scenes import Scene, measured_scenes
+from studies.acc.scenes import JOINT, Scene, joined, measured_scenes
 
 from iptm_core.errors import MeasurementError
 from iptm_core.parameters import DEFAULT_SET
 
-CAR = DEFAULT_SET
+CAR, AMBIENT_C = DEFAULT_SET, 35.0
 
 
 def made_scene(gap_m: float = 20.0) -> Scene:
@@ -46,7 +47,7 @@ def test_too_few_scenes_are_refused() -> None:
 
 
 def test_the_real_follower_is_driven_exactly(scenes: list[Scene]) -> None:
-    run = real_follower(scenes[0], CAR)
+    run = real_follower(scenes[0], CAR, AMBIENT_C)
     assert run.speed_m_s == pytest.approx(scenes[0].speed_m_s, abs=1e-6)
     assert run.gap_m == pytest.approx(scenes[0].gap_m)
 
@@ -54,24 +55,40 @@ def test_the_real_follower_is_driven_exactly(scenes: list[Scene]) -> None:
 def test_figures_by_hand() -> None:
     """20 m at 10 m/s are 2 s; behind the same lead vehicle, 15 m are always shorter."""
     scene, nearer = made_scene(20.0), made_scene(15.0)
-    real, run = real_follower(scene, CAR), real_follower(nearer, CAR)
-    parameters = parameters_of(CAR)
-    own = figures_of(real, real, scene, parameters)
+    real, run = (real_follower(one, CAR, AMBIENT_C) for one in (scene, nearer))
+    parameters = parameters_of(CAR, AMBIENT_C)
+    own = figures_of(real, scene, parameters, real, {"base": run})
     assert own["headway_s"] == pytest.approx(2.0)
     assert own["jerk_m_s3"] == pytest.approx(0.0, abs=1e-9)
-    assert own["energy_saving"] == own["aging_saving"] == own["end_kinetic_kj"] == 0.0
+    assert own["real_energy"] == own["real_ageing"] == own["off_headway_s"] == 0.0
     assert math.isnan(own["below_percent"])
-    figures = figures_of(run, real, scene, parameters)
-    assert (figures["below_percent"], figures["above_percent"]) == (100.0, 0.0)
+    figures = figures_of(run, scene, parameters, real, {"base": run})
+    assert figures["below_percent"] == 100.0
     assert figures["headway_s"] == pytest.approx(1.5)
-    assert figures["end_gap_m"] == pytest.approx(-5.0)
-    assert figures["energy_saving"] == pytest.approx(0.0, abs=1e-9)
+    assert figures["off_headway_s"] == pytest.approx(0.5)
+    assert figures["real_energy"] == pytest.approx(0.0, abs=1e-9)
+    assert figures["base_energy"] == figures["base_ageing"] == 0.0
     assert not figures["collided"]
+
+
+def test_scenes_are_joined_where_both_are_alike() -> None:
+    """30 s at 10 m/s from 20 m, then 30 s of another one from 22 m; one from 30 m cannot follow."""
+    scene, other, far = (
+        replace(made_scene(gap_m), name=str(gap_m)) for gap_m in (20.0, 22.0, 30.0)
+    )
+    found, used = joined([scene, far, other], 25)
+    assert used == 2
+    assert found.run_in_s == 20
+    assert len(found.states) == 25
+    assert np.all(np.abs(np.diff(found.states, axis=0)) <= JOINT)
+    assert set(found.gap_m) <= {20.0, 22.0}
+    with pytest.raises(MeasurementError, match="allowed: at least"):
+        joined([scene, far], 200)
 
 
 def test_the_limits_of_the_gap_leave_room() -> None:
     """At 10 m/s, 5 m take 0.5 s of 2 s, and 0.3 s are left between the limits."""
-    limits = headway_overrides(made_scene(20.0), CAR)
+    limits = headway_overrides(made_scene(20.0), CAR, 2.0)
     assert limits["gap.max_time_headway_s"] == 2.0
     assert limits["gap.time_headway_s"] == pytest.approx(1.2)
-    assert headway_overrides(made_scene(40.0), CAR)["gap.time_headway_s"] == 1.5
+    assert headway_overrides(made_scene(40.0), CAR, 4.0)["gap.time_headway_s"] == 1.5

@@ -24,7 +24,7 @@ from studies.life.own_law import (
     trip_at_price,
     uses_of,
 )
-from studies.life.table import CONTROLS, MANAGED, OWN_LAW, life_table
+from studies.life.table import CONTROLS, MANAGED, OUTSIDE_LOSS, OWN_LAW, life_table
 from studies.life.trips import (
     CITY,
     DRIVEN_CONTROLS,
@@ -212,17 +212,18 @@ def test_the_table_has_all_cells_and_controls(rows: pd.DataFrame) -> None:
     by = rows.set_index(["cell", "control"])
     assert set(by.index) == expected
     for cell in AGING_CELLS:
-        none, default, own, managed = (
-            by.loc[cell, control] for control in (NO_COOLING, DEFAULT, OWN_LAW, MANAGED)
+        base, default, own, managed = (
+            by.loc[cell, control] for control in (THERMOSTAT, DEFAULT, OWN_LAW, MANAGED)
         )
-        assert none.saved == 0.0
+        assert base.saved == 0.0
         assert 0.0 < default.saved_low < default.saved < default.saved_high
         stored_lower = losses_at_rest(cell, 0.6) < losses_at_rest(cell, 0.8)
         assert stored_lower == (cell != "NMC622")  # its calendar ageing is largest in the middle
         assert (managed.saved > default.saved) == stored_lower
-        assert default.years >= none.years
+        assert default.years >= base.years
         assert own.saved > 0.0
         assert own.range < 0.0
+        assert (OUTSIDE_LOSS in base.outside) == (base.loss > 20.0)
     assert by.loc[PAPER, DEFAULT][str(Cause.CALENDAR_PARKED)] == 0.0
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from studies.measured_cycles import FASTEST_M_S, trip_cycles, write_drive
-from studies.real_cars.run import saving, totals
+from studies.real_cars.run import as_driven, totals
+from studies.savings import road_taken, saved
 from tests.iptm_core.made_runs import PARAMETERS, make_run
 
 from iptm_core.errors import MeasurementError
@@ -70,17 +72,35 @@ def test_savings_by_hand() -> None:
     """Two trips: 2 x 9 kW against 2 x 10 kW and 12 kW for 2 s, losses 3e-6 against 4e-6."""
     own = [made(9e3, 1e-6), made(9e3, 2e-6)]
     others = [made(10e3, 1e-6), made(12e3, 3e-6)]
-    found = saving(own, others, PARAMETERS)
-    assert found["aging"] == found["equal_end"] == pytest.approx(25.0)
+    found = as_driven(own, others)
+    at_one_end = saved(own, others, PARAMETERS)
+    assert found["aging"] == pytest.approx(25.0)
+    assert at_one_end["ageing"] == pytest.approx(25.0)
     assert found["traction"] == pytest.approx(100.0 * (1.0 - 18.0 / 22.0))
     assert found["consumption"] == pytest.approx(found["traction"])
+    assert at_one_end["energy"] == pytest.approx(found["consumption"])
     assert found["cooling"] == pytest.approx(0.0)
     assert totals(own)["consumption"] == pytest.approx(36e3 / 3.6e6 / 0.002)
 
 
 def test_a_warmer_end_costs_and_a_cold_one_is_not_corrected() -> None:
     reference = [made(10e3, 2e-6)]
-    warmer = saving([made(10e3, end_k=304.15)], reference, PARAMETERS)
-    assert warmer["equal_end"] < warmer["aging"] == pytest.approx(50.0)
-    cold = saving([made(10e3, end_k=290.0)], reference, PARAMETERS)
-    assert math.isnan(cold["equal_end"])
+    warmer = [made(10e3, end_k=304.15)]
+    assert saved(warmer, reference, PARAMETERS)["ageing"] < 50.0
+    assert as_driven(warmer, reference)["aging"] == pytest.approx(50.0)
+    cold = saved([made(10e3, end_k=290.0)], reference, PARAMETERS)
+    assert math.isnan(cold["ageing"])
+    assert math.isnan(cold["energy"])
+
+
+def test_the_road_that_a_vehicle_takes_by_hand() -> None:
+    """20 m at 10 m/s for three of four rows, 8 m at 4 m/s in the last: headways of 2 s."""
+    run = make_run(4, speed_m_s=np.array([10.0, 10.0, 10.0, 4.0]), position_m=np.zeros(4))
+    run = replace(run, leader_position_m=np.array([20.0, 20.0, 20.0, 8.0]))
+    assert road_taken([run]) == {
+        "gap_m": pytest.approx(17.0),
+        "mean_headway_s": pytest.approx(2.0),
+        "headway_s": pytest.approx(2.0),
+        "vehicles_h": pytest.approx(3600.0 * 8.5 / 21.5),
+    }
+    assert road_taken([run], begin=3)["gap_m"] == pytest.approx(8.0)

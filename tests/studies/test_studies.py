@@ -16,6 +16,7 @@ from studies.pages import (
     code_of,
     digest_of,
     numbers_of,
+    used_by,
     without_foot,
 )
 
@@ -44,6 +45,8 @@ def test_the_short_form_has_the_numbers_of_the_record(name: str) -> None:
     record = Record.of(name)
     if getattr(module_of(name), "MEASURES_TIME", False):
         assert not record.short
+        # `scripts/study confirm` notes it in the foot of the page, or the page is made anew.
+        assert record.code == code_of(name) or record.out_of_date
         assert main([name, "--short", "--no-cache", "--quiet"]) == 0
     else:
         assert record.short
@@ -80,6 +83,17 @@ def test_a_changed_number_or_line_of_code_is_noticed() -> None:
         assert code_of("acc") == first != before
     finally:
         source.unlink()
+
+
+def test_what_a_study_imports_counts() -> None:
+    """Modules and measurements of other studies, through others, too, and packages of the suite."""
+    files, packages = used_by("road_space")
+    assert {STUDIES / "acc" / "scenes.py", STUDIES / "savings.py"} <= files
+    assert STUDIES / "validation" / "data" / "openacc_5hz.csv.gz" in files
+    assert STUDIES / "life" / "run.py" not in files
+    assert "iptm_traffic" not in packages
+    assert "iptm_controller" in packages
+    assert "iptm_traffic" in used_by("traffic")[1]
 
 
 @pytest.mark.parametrize("path", sorted(STUDIES.rglob("*.py")), ids=lambda path: path.name)
