@@ -268,6 +268,8 @@ def run(session: Session) -> bool:
         minutes=seconds / 60.0,
         run_in_s=RUN_IN_S,
         off_s=off_s,
+        production_s=_headway_s(rows, PRODUCTION),
+        baseline_s=_headway_s(rows, BASELINE),
         equal_s=EQUAL_S,
         descriptions={car: load_parameters(car).description for car in cars},
         tables=tables,
@@ -277,6 +279,11 @@ def run(session: Session) -> bool:
         ),
     )
     return not rows.collided.any() and (session.short or off_s <= EQUAL_S)
+
+
+def _headway_s(rows: pd.DataFrame, role: str) -> float:
+    """Return the median of the median headways of a base."""
+    return float(rows.headway_s[rows.control == f"`{role}`"].median())
 
 
 def _figures(setting: Setting, driven: Sequence[iptm.Run | None]) -> Iterator[dict[str, Any]]:

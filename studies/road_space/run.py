@@ -43,7 +43,6 @@ FRONT = (
     (PRODUCTION, False, "1.6 s"),
     (BASELINE, False, "3.5 s"),
     (DEFAULT, False, f"at most {EQUAL_ROAD_S:g} s"),
-    (DEFAULT, True, "120 m"),
 )
 """Control, preview and distance of the rows of the front table, in order."""
 BELOW_S_MIN_M = 0.05
@@ -115,6 +114,7 @@ def run(session: Session) -> bool:
         equal=front[0],
         shorter=of_place.get_group((DEFAULT, True, f"at most {SHORTER_S:g} s")),
         blind=front[3],
+        far=of_place.get_group((DEFAULT, True, "120 m")),
         kept=kept,
         tuned_on=", ".join(TUNED_ON),
         trip_s=LONGEST_TRIP_S,
