@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from studies.drives import climate, trip
-from studies.life.trips import CITY, compressor_j
 from studies.session import SHORT_SOLVER
 
 import iptm
@@ -32,6 +31,8 @@ from iptm.parts import (
     load_parameters,
     mixing_weights,
 )
+from iptm.service_life.trip_map import compressor_j
+from iptm.service_life.usage import CITY
 
 AIR_C = (-10.0, 0.0, 5.0, 35.0)
 """Temperatures of the air on the way to the charger, and of the pack at the start."""

@@ -9,18 +9,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from studies.drives import DEFAULT
-from studies.life.losses import SERVICE_YEARS
 from studies.life.own_law import PAPER, priced_trips, trip_at, use_in
-from studies.life.trips import (
-    CITY,
-    TripMap,
-    compressor_j,
-    mean_cell_k,
-    nominal_energy_j,
-    trajectories,
-    trip_case,
-)
-from studies.life.usage import CLIMATES
+from studies.life.trips import trajectories, trip_case
 from studies.measured_cycles import TRIPS, trip_cycles
 from studies.session import Case
 
@@ -34,6 +24,9 @@ from iptm.parts import (
     Trajectory,
     load_parameters,
 )
+from iptm.service_life.losses import SERVICE_YEARS
+from iptm.service_life.trip_map import TripMap, compressor_j, mean_cell_k, nominal_energy_j
+from iptm.service_life.usage import CITY, CLIMATES
 
 COMPREHENSIVE = "comprehensive"
 MEASURED = "measured trips"

@@ -12,13 +12,14 @@ from dataclasses import replace
 
 import numpy as np
 from studies.drives import DEFAULT
-from studies.life.losses import SERVICE_YEARS
-from studies.life.trips import CITY, MOTORWAY, START_C, TripMap, heat_capacity_j_k, trip_case
-from studies.life.usage import HOUR_S, Climate, Usage
-from studies.life.year import FREE_COOLING_W_K, PARKED_TIME_CONSTANT_S, Activity, Year
+from studies.life.trips import trip_case
 from studies.session import Case
 
 from iptm.parts import CELSIUS_ZERO_K, LAWS, AgingSettings, ParkedAging, load_parameters
+from iptm.service_life.losses import SERVICE_YEARS
+from iptm.service_life.trip_map import START_C, TripMap, heat_capacity_j_k
+from iptm.service_life.usage import CITY, HOUR_S, MOTORWAY, Climate, Usage
+from iptm.service_life.year import FREE_COOLING_W_K, PARKED_TIME_CONSTANT_S, Activity, Year
 
 PAPER = "paper"
 """The law of the paper, among the names of the cells."""

@@ -8,11 +8,12 @@ from typing import Any
 import pandas as pd
 from studies import drives
 from studies.drives import DEFAULT
-from studies.life import decisions, losses, own_law, trips, usage, year
+from studies.life import decisions, own_law, trips
 from studies.life import table as life
 from studies.savings import BASELINE, COLUMNS
 
 from iptm.parts import AGING_CELLS, CELSIUS_ZERO_K, Experiments, table_of
+from iptm.service_life import losses, usage, year
 
 FLEET = {"cell": "fleet of 22,700 cars", "Rome": 2.3, "Phoenix": 2.7, "hot": 0.4}
 """Capacity lost in percent a year in all and in hot regions, and the difference (Geotab 2026)."""

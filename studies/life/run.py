@@ -19,9 +19,11 @@ from studies.life.decisions import decision_cases, decisions, routes_of
 from studies.life.own_law import priced_cases
 from studies.life.page import life_values
 from studies.life.table import life_table
-from studies.life.trips import START_C, roads, trip_cases, trip_maps
+from studies.life.trips import roads, trip_cases, trip_maps
 from studies.measured_cycles import TRIPS
 from studies.session import Session
+
+from iptm.service_life.trip_map import START_C
 
 CHARGING_PAGE = "charging-stop.md"
 SHORT_START_C = (22.0, 36.0)

@@ -7,7 +7,11 @@ from typing import Any
 
 import pandas as pd
 from studies.drives import DEFAULT
-from studies.life.losses import (
+from studies.life.own_law import PAPER, priced_trips, trip_at, uses_of
+from studies.life.trips import DRIVEN_CONTROLS, THERMOSTAT
+
+from iptm.parts import AGING_CELLS, load_parameters, paper_law
+from iptm.service_life.losses import (
     END_OF_LIFE,
     SERVICE_YEARS,
     band,
@@ -16,12 +20,9 @@ from studies.life.losses import (
     losses_by_cause,
     years_to_end,
 )
-from studies.life.own_law import PAPER, priced_trips, trip_at, uses_of
-from studies.life.trips import DRIVEN_CONTROLS, THERMOSTAT, TripMap
-from studies.life.usage import CLIMATES, USAGES
-from studies.life.year import Year, year_of
-
-from iptm.parts import AGING_CELLS, load_parameters, paper_law
+from iptm.service_life.trip_map import TripMap
+from iptm.service_life.usage import CLIMATES, USAGES
+from iptm.service_life.year import Year, year_of
 
 OWN_LAW = "own law"
 MANAGED = "own law, managed"

@@ -7,12 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from studies.life.losses import SERVICE_YEARS, losses_by_cause
-from studies.life.trips import NO_COOLING
-from studies.life.usage import CLIMATES, MONTH_DAYS, USAGES, Climate
-from studies.life.year import Activity, Year, year_of
 from tests.studies.test_life import trip
 
+from iptm.service_life.losses import SERVICE_YEARS, losses_by_cause
+from iptm.service_life.usage import CLIMATES, MONTH_DAYS, USAGES, Climate
+from iptm.service_life.year import NO_COOLING, Activity, Year, year_of
 from iptm_core.aging_laws.cells import LAWS
 from iptm_core.aging_laws.parking import AgingSettings, ParkedAging
 from iptm_core.parameters import load_parameters

@@ -9,14 +9,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from studies.drives import DEFAULT
-from studies.life.losses import (
-    Cause,
-    band,
-    drawn_losses,
-    flags,
-    losses_by_cause,
-    years_to_end,
-)
 from studies.life.own_law import (
     PAPER,
     PARKED_H,
@@ -25,18 +17,20 @@ from studies.life.own_law import (
     uses_of,
 )
 from studies.life.table import CONTROLS, MANAGED, OUTSIDE_LOSS, OWN_LAW, life_table
-from studies.life.trips import (
-    CITY,
-    DRIVEN_CONTROLS,
-    MOTORWAY,
-    NO_COOLING,
-    THERMOSTAT,
-    TripMap,
-)
-from studies.life.usage import CLIMATES, USAGES, Climate, Usage
-from studies.life.year import Activity, Year, year_of
+from studies.life.trips import DRIVEN_CONTROLS, THERMOSTAT
 from studies.pages import STUDIES
 
+from iptm.service_life.losses import (
+    Cause,
+    band,
+    drawn_losses,
+    flags,
+    losses_by_cause,
+    years_to_end,
+)
+from iptm.service_life.trip_map import TripMap
+from iptm.service_life.usage import CITY, CLIMATES, MOTORWAY, USAGES, Climate, Usage
+from iptm.service_life.year import NO_COOLING, Activity, Year, year_of
 from iptm_core.aging_laws.cells import AGING_CELLS, NCA
 from iptm_core.aging_laws.law import Load
 from iptm_core.parameters import load_parameters

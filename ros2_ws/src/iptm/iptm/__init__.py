@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from iptm.faults.fault import Fault
     from iptm.own_parts import Controller, Predictor
     from iptm.run import Run
+    from iptm.service_life.life import Life, life
+    from iptm.service_life.usage import Climate, Usage
     from iptm.simulation import simulate
     from iptm.sweeping import Sweep, sweep
     from iptm.trip import Trip
@@ -41,6 +43,10 @@ _HOMES = {
     "Controller": "iptm.own_parts",
     "Predictor": "iptm.own_parts",
     "Run": "iptm.run",
+    "Life": "iptm.service_life.life",
+    "life": "iptm.service_life.life",
+    "Climate": "iptm.service_life.usage",
+    "Usage": "iptm.service_life.usage",
     "simulate": "iptm.simulation",
     "Sweep": "iptm.sweeping",
     "sweep": "iptm.sweeping",
@@ -66,6 +72,7 @@ __all__ = [
     "ROUTE_CYCLES",
     "STRATEGIES",
     "AgingLaw",
+    "Climate",
     "Command",
     "Comparison",
     "Controller",
@@ -73,6 +80,7 @@ __all__ = [
     "Fault",
     "IptmError",
     "LeaderState",
+    "Life",
     "Measurements",
     "ModelParameters",
     "Outcome",
@@ -81,12 +89,14 @@ __all__ = [
     "Strategy",
     "Sweep",
     "Trip",
+    "Usage",
     "__version__",
     "available_parameter_sets",
     "cached_calls",
     "compare",
     "drive",
     "drive_whole_trip",
+    "life",
     "load",
     "load_parameters",
     "load_trip",

@@ -104,7 +104,7 @@ def drive_in_memory(
         channel=channel,
         reports=(*reports, *vehicle_reports(loop.steps)),
         wall_time_s=time.perf_counter() - began_s,
-        warnings=route.notes,
+        warnings=trip.notes,
     )
     return _with_own_parts(run, controller, predictor, aging_law)
 

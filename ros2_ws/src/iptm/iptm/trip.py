@@ -35,6 +35,7 @@ from iptm_core.declaration import (
 from iptm_core.errors import IptmError, ParameterError, ScenarioError
 from iptm_core.parameters import ModelParameters, ParameterSet, load_parameters
 from iptm_core.parameters.loading import parse_overrides
+from iptm_core.parameters.notes import belonging_notes
 from iptm_core.road_ahead import RoadAheadSettings, RoadRuleSettings
 from iptm_core.routes import Route, build_route
 from iptm_core.routes.comprehensive import RouteComposition
@@ -289,6 +290,11 @@ class Trip:
         """Overrides of the controller's model: those of the vehicle and its own."""
         own = parse_overrides(self.controller.controller_overrides)
         return _overrides_text({**parse_overrides(self.vehicle.overrides), **own})
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was repaired in the drive, and parameters that were changed without their neighbours."""
+        return (*self.route.notes, *belonging_notes(self.model))
 
     @cached_property
     def route(self) -> Route:

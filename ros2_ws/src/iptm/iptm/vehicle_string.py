@@ -177,5 +177,5 @@ def drive_string_in_memory(trip: Trip, count: int) -> Iterator[Run]:
             decisions=each.decisions,
             slope=trip.route.slope,
             trip=trip,
-            warnings=trip.route.notes,
+            warnings=trip.notes,
         )

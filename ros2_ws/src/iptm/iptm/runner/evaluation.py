@@ -65,7 +65,7 @@ def evaluate(
         BagError: the bag cannot be read.
         MessageError: there is neither a bag nor a complete tick among the received messages.
     """
-    found, notes = list(problems), [*warnings, *trip.route.notes]
+    found, notes = list(problems), [*warnings, *trip.notes]
     trips = split_trips((stamp_ns_of(data), None) for data in heard[Topic.PLANT_STATE])
     if len(trips) > 1:
         notes.append(

@@ -8,18 +8,17 @@ from enum import IntEnum
 from functools import partial
 
 import numpy as np
-from studies.life.trips import NO_COOLING, TripMap, heat_capacity_j_k, nominal_energy_j
-from studies.life.usage import DAY_S, FAST_C_RATE_1_H, HOUR_S, MONTH_DAYS, Climate, Usage
 
-from iptm.parts import (
-    CELSIUS_ZERO_K,
-    FloatArray,
-    Load,
-    ModelParameters,
-    ProductionSettings,
-    cell_resistance_ohm,
-)
+from iptm.service_life.trip_map import TripMap, heat_capacity_j_k, nominal_energy_j
+from iptm.service_life.usage import DAY_S, FAST_C_RATE_1_H, HOUR_S, MONTH_DAYS, Climate, Usage
+from iptm_controller.production import ProductionSettings
+from iptm_core.aging_laws.law import Load
+from iptm_core.parameters.model import CELSIUS_ZERO_K, ModelParameters
+from iptm_core.physics.cell import cell_resistance_ohm
+from iptm_core.state import FloatArray
 
+NO_COOLING = "none"
+"""Control of trips without cooling below the upper limit."""
 PARKED_TIME_CONSTANT_S = 10.0 * HOUR_S
 """Of a parked pack towards the air: chosen, insulated packs of 60 to 80 kWh need that order of time."""
 FREE_COOLING_W_K = 100.0

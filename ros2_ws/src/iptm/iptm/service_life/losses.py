@@ -5,19 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from studies.life.year import Activity, Year
 
-from iptm.parts import (
-    CELSIUS_ZERO_K,
-    SECONDS_PER_DAY,
-    AgingCell,
-    AgingLaw,
-    FloatArray,
-    Mechanism,
-    MechanismLaw,
-    TextEnum,
-    outside_experiments,
-)
+from iptm.service_life.year import Activity, Year
+from iptm_core.aging_laws.cells import AgingCell, outside_experiments
+from iptm_core.aging_laws.law import SECONDS_PER_DAY, AgingLaw, Mechanism, MechanismLaw
+from iptm_core.declaration import TextEnum
+from iptm_core.parameters.model import CELSIUS_ZERO_K
+from iptm_core.state import FloatArray
 
 SERVICE_YEARS = 8.0
 END_OF_LIFE = 0.2

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from studies.life.trips import CITY, MOTORWAY
 
+CITY, MOTORWAY = "wltc_class3b", "hwfet"
 DAY_S = 86400.0
 HOUR_S = 3600.0
 MONTH_DAYS = (31.0, 28.25, 31.0, 30.0, 31.0, 30.0, 31.0, 31.0, 30.0, 31.0, 30.0, 31.0)
@@ -47,7 +47,7 @@ class Usage:
     Attributes:
         name: for tables.
         about: in words.
-        cycle: driving cycle of every trip.
+        cycle: driving cycle of every trip, where no other is given.
         departures: hour of the day and number of trips in a row, for each drive of a day.
         days_a_week: driving days.
         charging_c_rate_1_h: power of the charger at night over the nominal energy of the pack.
