@@ -83,7 +83,7 @@ def costates(law: str, climate: Climate) -> tuple[FloatArray, FloatArray]:
 def test_the_price_of_a_kelvin_is_its_costate(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Over a year within 15 % of the sum of magnitudes in each climate, over months correlated by 0.99."""
     monkeypatch.setattr(
-        "studies.life.year.UPPER_LIMIT_K", math.inf
+        "iptm.service_life.year.UPPER_LIMIT_K", math.inf
     )  # a kelvin above it lasts no time
     found, expected = [], []
     for climate in CLIMATES:

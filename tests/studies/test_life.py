@@ -154,7 +154,7 @@ def test_causes_add_up_and_bands_hold_the_loss() -> None:
 
 def test_without_spread_a_draw_is_the_law(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
-        "studies.life.losses.SPREAD", dict.fromkeys(("rate", "energy", "exponent"), 0.0)
+        "iptm.service_life.losses.SPREAD", dict.fromkeys(("rate", "energy", "exponent"), 0.0)
     )
     year = commuting()
     for cell in AGING_CELLS.values():
