@@ -1,4 +1,4 @@
-"""The bench car as three processes on two buses: enabled, braked, killed."""
+"""The bench car with the nodes over ROS 2: enabled, braked, killed, stopped, recorded."""
 
 from __future__ import annotations
 
@@ -11,9 +11,20 @@ from pathlib import Path
 
 import pytest
 
-from iptm_vehicle_interface.bench import CAR, GATEWAY, SUITE, BenchProcesses, free_ports
 from iptm_vehicle_interface.bus import BusReader, open_bus, send
+from iptm_vehicle_interface.drive_record import replayed
+from iptm_vehicle_interface.driving import Driver
 from iptm_vehicle_interface.frames import FrameCodec
+from iptm_vehicle_interface.node_bench import (
+    BRIDGE,
+    CAR,
+    CONTROLLER,
+    GATEWAY,
+    VEHICLE,
+    BenchOptions,
+    BenchProcesses,
+    free_ports,
+)
 from iptm_vehicle_interface.vehicle import Vehicle
 
 pytestmark = pytest.mark.integration
@@ -61,36 +72,50 @@ def test_what_is_no_frame_does_not_end_the_reader(vehicle: Vehicle) -> None:
         sender.shutdown()
 
 
-def test_the_suite_drives_the_car_and_the_brake_ends_it(tmp_path: Path) -> None:
-    press = ["--press", "enable_button:4:0.3", "--press", "brake_pressed:9:0.5"]
-    with BenchProcesses(
-        tmp_path, vehicle="bench", cycle="us06", duration_s=11.0, car=press
-    ) as bench:
+def test_the_suite_drives_the_car_and_the_brake_ends_it(tmp_path: Path, vehicle: Vehicle) -> None:
+    """The record of the drive, replayed through the interface, gives every sent frame again."""
+    events = ("enable_button:5:0.3", "enable_button:8:0.3", "brake_pressed:13:0.5")
+    options = BenchOptions(
+        duration_s=15.0,
+        car=[part for event in events for part in ("--press", event)],
+        node={
+            "record": str(tmp_path / "record"),
+            "capacity_loss_file": str(tmp_path / "losses.json"),
+        },
+    )
+    with BenchProcesses(tmp_path, options) as bench:
         result = bench.result()
     assert result.car["engagements"] == 1
-    assert 4.0 < result.car["active_s"] < 5.1
+    assert 4.0 < result.car["active_s"] < 8.5
     assert len(result.car["inactive_at_s"]) == 1
     assert result.car["smallest_gap_m"] > 4.0
     assert result.car["rejected_frames"] == 0
     modes = [mode for _, mode, _ in result.suite["changes"]]
     assert modes[:3] == ["ready", "engaged", "ready"]
     assert result.suite["decisions"] >= 8
+    assert result.suite["fallbacks"] == 0
+    losses = json.loads((tmp_path / "losses.json").read_text("utf-8"))
+    assert Driver(vehicle).estimator.capacity_losses < tuple(losses)
+    frames = list(replayed(tmp_path / "record", Driver(vehicle)))
+    assert len(frames) > 500
+    assert all(recorded == computed for _, recorded, computed in frames)
 
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
-@pytest.mark.parametrize("name", [SUITE, GATEWAY])
+@pytest.mark.parametrize("name", [VEHICLE, GATEWAY, CONTROLLER, BRIDGE])
 def test_a_process_that_dies_or_hangs_leaves_the_car_inactive(
     tmp_path: Path, vehicle: Vehicle, name: str, how: signal.Signals
 ) -> None:
-    press = ["--press", "enable_button:4:0.3"]
-    with BenchProcesses(
-        tmp_path, vehicle="bench", cycle="us06", duration_s=9.0, car=press
-    ) as bench:
+    """Of vehicle interface and gateway at once, of the others when there was no decision for a while."""
+    options = BenchOptions(
+        duration_s=14.0, car=["--press", "enable_button:5:0.3", "--press", "enable_button:8:0.3"]
+    )
+    with BenchProcesses(tmp_path, options) as bench:
         commands = Commands(bench, vehicle)
         try:
             commands.wait_until(enabled=True)
             bench.running[name].send_signal(how)
-            if name == SUITE:
+            if name != GATEWAY:
                 commands.wait_until(enabled=False)
         finally:
             commands.close()

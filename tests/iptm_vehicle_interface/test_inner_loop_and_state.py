@@ -53,7 +53,8 @@ def test_a_leader_that_brakes_between_two_decisions_is_met_at_once() -> None:
 
 
 def test_a_decision_without_a_plan_is_its_command() -> None:
-    target = followed(5.0, None, Command(-1.0, 300.0), 20.0, None)
+    nothing = (np.empty(0), np.empty(0), np.empty(0))
+    target = followed(5.0, nothing, Command(-1.0, 300.0), 20.0, None)
     assert target.compressor_power_w == 300.0
     assert wanted_acceleration_m_s2(target, 5.5, 19.5, None, -1.0, STEP_S) == pytest.approx(-1.0)
 
@@ -74,8 +75,9 @@ def test_position_and_ageing_are_integrated(vehicle: Vehicle) -> None:
             )
         if tick % 2 == 0:
             estimator.update(table, now_s)
-    state = estimator.state_at_tick(table, 60.0)
-    assert state is not None
+    observed = estimator.at_tick(table, 60.0, 60.0)
+    assert observed is not None
+    state = observed.state
     assert state.position_m == pytest.approx(1200.0, abs=1e-6)
     current_a = float(cell_current_a(30.0, parameters.pack))
     for loss, temperature_k in (
@@ -100,5 +102,27 @@ def test_without_a_fresh_signal_there_is_no_state(vehicle: Vehicle) -> None:
     parameters = load_parameters(vehicle.parameter_set).values
     estimator, table = VehicleStateEstimator(parameters), SignalTable(vehicle.signals)
     table.take({"speed_m_s": 20.0, "brake_pressed": 0.0, "pack_current_a": 10.0}, 0.0)
-    assert estimator.state_at_tick(table, 0.05) is None
+    assert estimator.at_tick(table, 0.05, 0.05) is None
     assert estimator.leader(table, 0.05) is None
+
+
+def test_what_is_measured_after_a_tick_is_taken_back_to_it(vehicle: Vehicle) -> None:
+    """Braking with 2 m/s^2 from 20 m/s, seen 15 ms after the tick; 350 V and 40 A since the one before."""
+    parameters = load_parameters(vehicle.parameter_set).values
+    estimator, table = VehicleStateEstimator(parameters), SignalTable(vehicle.signals)
+    for step in range(102):
+        now_s = 9.0 + 0.01 * step
+        speed = 20.0 - 2.0 * (now_s - 9.0)
+        table.take({"speed_m_s": speed, "acceleration_m_s2": -2.0, "brake_pressed": 0.0}, now_s)
+        table.take({"pack_voltage_v": 350.0, "pack_current_a": 40.0, "state_of_charge": 0.8}, now_s)
+        table.take({"lowest_cell_temperature_k": 300.0, "highest_cell_temperature_k": 305.0}, now_s)
+        estimator.update(table, now_s)
+    observed = estimator.at_tick(table, 10.0, 10.015)
+    assert observed is not None
+    assert observed.state.time_s == 10.0
+    assert observed.state.speed_m_s == pytest.approx(18.0 - 2.0 * 0.01 + 2.0 * 0.015)
+    assert observed.state.position_m == pytest.approx(19.0, abs=0.02)
+    assert observed.powers.battery_power_w == pytest.approx(14000.0)
+    battery = estimator.battery(table, observed)
+    assert battery.pack_current_a == 40.0
+    assert 0.0 < battery.charge_ah < battery.capacity_ah < battery.design_capacity_ah

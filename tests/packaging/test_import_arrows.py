@@ -12,7 +12,7 @@ ALLOWED = {
     "iptm_plant_sim": {"iptm_core", "iptm_ros"},
     "iptm_v2x_bridge": {"iptm_core", "iptm_ros"},
     "iptm_controller": {"iptm_core", "iptm_ros"},
-    "iptm_vehicle_interface": {"iptm_core", "iptm_controller", "iptm_plant_sim"},
+    "iptm_vehicle_interface": {"iptm_core", "iptm_ros", "iptm_controller", "iptm_plant_sim"},
     "iptm_view": {"iptm_core", "iptm_ros"},
     "iptm": {
         "iptm_core",

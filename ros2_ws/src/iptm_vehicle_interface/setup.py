@@ -23,14 +23,14 @@ setup(
         "console_scripts": [
             "bench = iptm_core.program:main",
             "bench_car = iptm_core.program:main",
-            "drive_vehicle = iptm_core.program:main",
             "gateway = iptm_core.program:main",
+            "vehicle_interface = iptm_core.program:main",
         ],
         "iptm.programs": [
-            "bench = iptm_vehicle_interface.bench:main",
+            "bench = iptm_vehicle_interface.node_bench:main",
             "bench_car = iptm_vehicle_interface.bench_car:main",
-            "drive_vehicle = iptm_vehicle_interface.driving:main",
             "gateway = iptm_vehicle_interface.gateway:main",
+            "vehicle_interface = iptm_vehicle_interface.node:main",
         ],
     },
 )

@@ -36,7 +36,7 @@ from iptm_core.errors import IptmError, ParameterError, ScenarioError
 from iptm_core.parameters import ModelParameters, ParameterSet, load_parameters
 from iptm_core.parameters.loading import parse_overrides
 from iptm_core.parameters.notes import belonging_notes
-from iptm_core.road_ahead import RoadAheadSettings, RoadRuleSettings
+from iptm_core.road_ahead import LeaderSourceSettings, RoadAheadSettings, RoadRuleSettings
 from iptm_core.routes import Route, build_route
 from iptm_core.routes.comprehensive import RouteComposition
 from iptm_core.routes.user_csv import UserTrip
@@ -69,6 +69,7 @@ NODE_SETTINGS: Mapping[str, tuple[type[Settings], ...]] = {
         FrameSettings,
         LostControllerSettings,
         VehicleAheadSettings,
+        LeaderSourceSettings,
     ),
     BRIDGE: (
         TripSettings,
@@ -407,7 +408,7 @@ class Trip:
         A leader that is heard drives the cycle.
         """
         source = self.leader.leader_source
-        is_heard = source in {LeaderSource.CAM, LeaderSource.VEHICLE}
+        is_heard = source not in {LeaderSource.CYCLE, LeaderSource.NONE}
         return self.changed(
             strategy=strategy,
             horizon=str(SINGLE_HORIZON),

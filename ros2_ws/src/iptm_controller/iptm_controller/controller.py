@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from iptm_controller.actuation import ActuationObserver
+from iptm_controller.actuation import ActuationMemory, ActuationObserver
 from iptm_controller.cell_law import (
     CELLS,
     COST_SCALE,
@@ -202,6 +202,8 @@ class Controller:
             fault = fault or ("" if leader or measured.is_free else doubt)
             state, leader = self._estimator.update(state, leader)
             leader = leader and self._lead.cautious(leader, state.speed_m_s)
+            if not measured.is_followed:
+                self._actuation.memory = ActuationMemory()
             self._actuation.observe(state)
             state = self._within_comfort(self._actuation.predicted(state))
             self._power.update(state, measured.slope, pack.power_share)

@@ -28,7 +28,7 @@ MAX_SPEED_M_S = 100.0
 STEEPEST_RAD = 1.5
 
 _MOTION: dict[str, tuple[float, float]] = {
-    "time_s": (0.0, 1e9),
+    "time_s": (0.0, float(2**31)),
     "position_m": (-1e9, 1e9),
     "speed_m_s": (SPEED_AT_REST_M_S, MAX_SPEED_M_S),
     "acceleration_m_s2": (-20.0, 20.0),
@@ -54,6 +54,7 @@ class Measurements:
         fault: why something is not measured; empty if all is.
         road: rules of the road, None where none are known.
         pack: coolant and power of the pack, None if not measured.
+        is_followed: whether the commands are followed; False while a driver drives.
     """
 
     state: VehicleState | None
@@ -63,6 +64,7 @@ class Measurements:
     fault: str = ""
     road: RoadAhead | None = None
     pack: PackReading | None = None
+    is_followed: bool = True
 
     @property
     def rules(self) -> RoadAhead | None:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray
 
 from iptm_controller.decision import Decision
@@ -46,6 +48,7 @@ from iptm_ros.codecs import (
     encode_decision_record,
     encode_plan,
     ns_from_time,
+    read_numbers,
 )
 from iptm_ros.command_line import node_main
 from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
@@ -57,6 +60,8 @@ from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import CONTROLLER, TOPICS, Topic
 
 CHECKS_PER_TIMEOUT = 5.0
+ENGAGED_MODE = 2.0
+"""Mode of `vehicle/engagement` in which the commands of the controller are followed."""
 FLAT_ROAD = SlopePreview(np.zeros(1), np.zeros(1))
 PLANT_TIMEOUT_S = 5.0
 """Wall time without any part of a state after which the plant is reported as stopped."""
@@ -93,6 +98,7 @@ class ControllerNode(SuiteNode):
         self._held: MatchedSet[Topic] | None = None
         self._counts = DecisionCounts()
         self._catch_up = CatchUp(self, self._answer)
+        self._is_followed = True
         self._last: Decision | None = None
         self._last_ns = 0
         self._command_publisher = self.advertise(Topic.COMMAND)
@@ -107,6 +113,7 @@ class ControllerNode(SuiteNode):
             (Topic.LEADER_PREVIEW, decode_leader_preview),
         ):
             self.listen(topic, partial(self._on_decoded, topic, decode))
+        self.listen(Topic.ENGAGEMENT, self._on_engagement)
         for topic in (Topic.LEADER, Topic.PLANT_STATE):
             self.listen(topic, partial(self._on_stamped, topic))
         self.watch_peers(Topic.PLANT_STATE, Topic.LEADER, Topic.COMMAND)
@@ -129,6 +136,10 @@ class ControllerNode(SuiteNode):
 
     def _on_stamped(self, topic: Topic, message: Any) -> None:
         self._put(topic, ns_from_time(message.header.stamp), message)
+
+    def _on_engagement(self, message: JointState) -> None:
+        """Note whether a car follows the commands, or its driver drives."""
+        self._is_followed = read_numbers(Topic.ENGAGEMENT, message)[0] == ENGAGED_MODE
 
     def _on_decoded(
         self, topic: Topic, decode: Callable[[Any], tuple[int, Any]], message: Any
@@ -225,6 +236,7 @@ class ControllerNode(SuiteNode):
         started_s = time.monotonic()
         self._take_changes_over(matched.stamp_ns)
         measured = read_measurements(matched.values, self._slope)
+        measured = replace(measured, is_followed=self._is_followed)
         self._before = (matched.stamp_ns, self._controller.memory)
         decision = self._controller.decide(measured)
         self._last, self._last_ns = decision, matched.stamp_ns

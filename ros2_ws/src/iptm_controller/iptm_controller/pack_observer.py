@@ -304,7 +304,10 @@ class PackObserver:
     ) -> CoolingMemory:
         """Return for how long cooling has had no effect, or has not followed."""
         taken_w = expected_w = 0.0
-        if reading is not None:
+        # A car without sensors of the coolant shows no effect, and lacks none.
+        if reading is not None and math.isfinite(
+            reading.coolant_outlet_k - reading.coolant_inlet_k
+        ):
             taken_w = self._flow_w_k * (reading.coolant_outlet_k - reading.coolant_inlet_k)
             rates = self._rates(state, _temperatures(state), 0.0)
             expected_w = float(rates.coolant.cooling_rate_w)

@@ -55,6 +55,20 @@ class LeadStatus(Enum):
     LOST = "lost"
 
 
+class RangeTrack(NamedTuple):
+    """A vehicle ahead as a range sensor measures it, from the front bumper of the own one.
+
+    Attributes:
+        gap_m: to its rear bumper.
+        left_m: to the left of the own axis.
+        relative_speed_m_s: its speed less the own one.
+    """
+
+    gap_m: float
+    left_m: float
+    relative_speed_m_s: float
+
+
 class Sample(NamedTuple):
     """One measurement, and the own vehicle at the same instant."""
 

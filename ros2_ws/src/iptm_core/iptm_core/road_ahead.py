@@ -29,8 +29,9 @@ class LeaderSourceSettings(Settings):
     leader_source: LeaderSource = parameter(
         LeaderSource.CYCLE,
         "cycle: the leader drives the cycle; cam: it is observed by the messages that arrive; vehicle: it is "
-        "vehicle_ahead, whose plans are the previews; none: the road is empty; with the latter three the "
-        "cycle gives the road only",
+        "vehicle_ahead, whose plans are the previews; range_sensor: it is measured, alone or together with "
+        "its messages (range_sensor_and_cam), in a simulation by the plant, whose leader drives the cycle; "
+        "none: the road is empty; with cam, vehicle and none the cycle gives the road only",
     )
 
 

@@ -49,6 +49,10 @@ class LeaderSource(TextEnum):
     """Cooperative awareness messages that arrive at a UDP port."""
     VEHICLE = "vehicle"
     """The odometry and the plans of another vehicle of the graph."""
+    RANGE_SENSOR = "range_sensor"
+    """The tracks of a range sensor; nothing is known of the future of the vehicle ahead."""
+    RANGE_SENSOR_AND_CAM = "range_sensor_and_cam"
+    """Gap and speed by the range sensor, the future by messages, each checked by the other."""
     NONE = "none"
     """No lead vehicle: the ego vehicle drives the road of the cycle at its limits."""
 

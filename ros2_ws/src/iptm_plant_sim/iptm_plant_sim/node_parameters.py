@@ -8,9 +8,12 @@ from typing import Any
 
 from iptm_core.declaration import Scalar, declared, parameter, parameter_specs, plain
 from iptm_core.errors import StateError
+from iptm_core.road_ahead import LeaderSourceSettings
+from iptm_core.routes.cycles import LeaderMotion
 from iptm_core.saved_state import SavedState, from_plain, read_state, to_plain
 from iptm_core.settings import (
     FrameSettings,
+    LeaderSource,
     LostControllerSettings,
     PaceSettings,
     SafetyMonitorSettings,
@@ -51,6 +54,7 @@ class PlantNodeParameters(
     """Parameters of the node: those of the groups, the last of the bases first, and its own."""
 
     vehicle_ahead: str = declared(VehicleAheadSettings, "vehicle_ahead")
+    leader_source: LeaderSource = declared(LeaderSourceSettings, "leader_source")
     start_paused: bool = parameter(
         default=False,
         description="publish nothing before the service plant/resume, or plant/step, which leads to the "
@@ -81,6 +85,13 @@ class PlantNodeParameters(
         trip = Trip(plant, route.duration_s, self.period_s, *self._start(plant))
         trip.warm_up()
         return trip
+
+    def lead_motion(self) -> LeaderMotion | None:
+        """Return the motion of the vehicle ahead where the plant plays the range sensor, else None."""
+        measured = {LeaderSource.RANGE_SENSOR, LeaderSource.RANGE_SENSOR_AND_CAM}
+        if self.leader_source not in measured:
+            return None
+        return self.trip_route(self.model().values.gap.initial_gap_m).leader
 
     def build_plant(self, *arguments: Any) -> Plant:
         """Return the vehicle; the arguments are those of ``Plant``."""

@@ -6,16 +6,36 @@ from collections.abc import Callable
 
 from sensor_msgs.msg import JointState, PointCloud2
 
+from iptm_core.lead_track import RangeTrack
 from iptm_core.settings import LoopMode
 from iptm_core.state import NS_PER_S, LeaderPreview, VehicleState
 from iptm_plant_sim.node_parameters import PlantNodeParameters
-from iptm_ros.codecs import decode_leader_preview, ns_from_time
+from iptm_ros.codecs import decode_leader_preview, encode_tracks, ns_from_time
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import TOPICS, Topic
 
+RANGE_M = 250.0
+"""How far the sensor of the simulated vehicle sees."""
 WAIT_S = 1.0
 """Lock-step: wall time for which a command waits for the measurements of its stamp."""
 _KEPT = 16
+
+
+class PlayedRangeSensor:
+    """What the sensor of the simulated vehicle measures, published where the trip asks for it."""
+
+    def __init__(self, node: SuiteNode, options: PlantNodeParameters) -> None:
+        self._lead = options.lead_motion()
+        self._publisher = node.advertise(Topic.RANGE_TRACKS) if self._lead else None
+
+    def publish(self, own: VehicleState, stamp_ns: int) -> None:
+        """Publish the vehicle ahead at a state of the own one, if it is in range."""
+        if self._lead is None or self._publisher is None:
+            return
+        ahead = self._lead.state_at(own.time_s)
+        gap_m = ahead.position_m - own.position_m
+        track = RangeTrack(gap_m, 0.0, ahead.speed_m_s - own.speed_m_s)
+        self._publisher.publish(encode_tracks((track,) if gap_m <= RANGE_M else (), stamp_ns))
 
 
 class NodeRangeSensor:

@@ -14,7 +14,7 @@ from iptm_core.settings import LoopMode, LostController
 from iptm_core.state import Command
 from iptm_plant_sim.node_neighbours import Neighbours
 from iptm_plant_sim.node_parameters import WAIT, PlantNodeParameters
-from iptm_plant_sim.node_range_sensor import NodeRangeSensor
+from iptm_plant_sim.node_range_sensor import NodeRangeSensor, PlayedRangeSensor
 from iptm_plant_sim.plant_step import battery_reading
 from iptm_plant_sim.schedule import Schedule, TimeBetweenTicks
 from iptm_plant_sim.trip import CommandHold, TripPhase
@@ -88,6 +88,7 @@ class TripNode(SuiteNode):
         self._stop_timer: Timer | None = None
         self._end_timer: Timer | None = None
         self._tick_timer: Timer | None = None
+        self._played_sensor = PlayedRangeSensor(self, self._options)
         self._outputs = {topic: self.advertise(topic) for topic in (*PUBLISHED, Topic.CLOCK)}
         self._watchdog = Watchdog(self._options.command_timeout_wall_s, self._on_silence)
         self._watchdog.attach(self)
@@ -251,6 +252,7 @@ class TripNode(SuiteNode):
         found[Topic.PLANT_BATTERY] = encode_battery(battery_reading(step, self._trip.parameters))
         for topic in PUBLISHED:
             self._outputs[topic].publish(found[topic])
+        self._played_sensor.publish(step.state, self._trip.stamp_ns)
         self._outputs[Topic.CLOCK].publish(Clock(clock=time_from_s(step.state.time_s)))
         self._published_s = self.awake.now_s()
 

@@ -36,6 +36,14 @@ RAW_QOS = QoSProfile(
 )
 """What comes in bursts and must not be lost: reliable, keep last 5000, volatile."""
 
+SENSOR_QOS = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=100,
+    reliability=ReliabilityPolicy.BEST_EFFORT,
+    durability=DurabilityPolicy.VOLATILE,
+)
+"""Requested of sensors of any origin: best effort, which reliable publishers meet as well, keep last 100."""
+
 
 def describe_qos(profile: QoSProfile) -> str:
     """Return a profile in words, for tables and error texts, e.g. `reliable, keep last 10`."""

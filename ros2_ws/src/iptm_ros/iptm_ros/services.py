@@ -26,6 +26,8 @@ class Service(Enum):
     RESET = "plant/reset"
     SAVE_PLANT = "plant/save_state"
     SAVE_CONTROLLER = "controller/save_state"
+    ENABLE = "vehicle_interface/enable"
+    CANCEL = "vehicle_interface/cancel"
     PLAYER_PAUSE = "player/pause"
     PLAYER_RESUME = "player/resume"
     PLAYER_TOGGLE_PAUSED = "player/toggle_paused"
@@ -68,6 +70,8 @@ MEANINGS: Mapping[Service, str] = MappingProxyType(
             "write the state of the controller before its newest decision into a file of `state_folder`, "
             "to start from with `start_state`"
         ),
+        Service.ENABLE: "as the enable button of the car: let the suite drive",
+        Service.CANCEL: "as the cancel button of the car: the suite stops driving",
         Service.PLAYER_PAUSE: "hold the playback",
         Service.PLAYER_RESUME: "go on with a playback that is paused",
         Service.PLAYER_TOGGLE_PAUSED: "hold the playback, or go on",

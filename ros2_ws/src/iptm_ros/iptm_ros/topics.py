@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 PLANT = "plant"
 BRIDGE = "v2x_bridge"
 CONTROLLER = "controller"
+VEHICLE = "vehicle_interface"
+"""In a car it takes the place of the plant."""
 
 MAP_FRAME = "map"
 """The world, one for all vehicles: x east, y north, z up, origin where the first one starts (REP 105)."""
@@ -62,6 +64,8 @@ class Topic(Enum):
     PLANT_CELL_N_TEMPERATURE = "plant/cell_n_temperature"
     PLANT_COOLANT_INLET_TEMPERATURE = "plant/coolant_inlet_temperature"
     PLANT_COOLANT_OUTLET_TEMPERATURE = "plant/coolant_outlet_temperature"
+    RANGE_TRACKS = "sensor/tracks"
+    ENGAGEMENT = "vehicle/engagement"
     LEADER = "v2x/leader"
     LEADER_SAMPLES = "v2x/leader_samples"
     LEADER_PREVIEW = "v2x/leader_preview"
@@ -195,6 +199,23 @@ _SPECS = (
     TopicSpec(
         Topic.PLANT_COOLANT_OUTLET_TEMPERATURE, Temperature, PLANT, PACK_FRAME, "degC",
         "coolant leaving the pack",
+    ),
+    TopicSpec(
+        Topic.RANGE_TRACKS, PointCloud2, PLANT, EGO_FRAME, "m, m/s",
+        "vehicles ahead as a range sensor (radar, camera) measures them, from any node: a point per vehicle "
+        "with the fields x and y (float32 or float64, from the front bumper, y to the left) and vx (its "
+        "speed less the own); further fields are ignored; no points: nothing in range",
+        {"x": "m", "y": "m", "vx": "m/s"}, rate="as the sensor measures", on_request=True,
+    ),
+    TopicSpec(
+        Topic.ENGAGEMENT, JointState, VEHICLE, EGO_FRAME, "see fields",
+        "who drives a car: mode 0 off, 1 ready, 2 engaged, 3 overridden, 4 hand-over; pedals, buttons and "
+        "the fault flag of the vehicle, 0 or 1 (NaN: not known); acceleration requested at present",
+        {
+            "mode": "1", "brake_pressed": "1", "accelerator_pressed": "1", "enable_button": "1",
+            "cancel_button": "1", "vehicle_fault": "1", "requested_acceleration_m_s2": "m/s^2",
+        },
+        rate="on change, else every tick", on_request=True,
     ),
     TopicSpec(
         Topic.LEADER, Odometry, BRIDGE, f"{ROAD_FRAME} -> {LEADER_FRAME}", "m, m/s",

@@ -27,6 +27,7 @@ from iptm_ros.topics import BRIDGE, TOPICS, Topic
 from iptm_v2x_bridge.bridge import BridgeAnswer, CycleSource
 from iptm_v2x_bridge.node_answers import CamAnswers, TickAnswers
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
+from iptm_v2x_bridge.node_range_answers import JoinedAnswers, RangeSensorAnswers
 from iptm_v2x_bridge.node_vehicle_answers import CycleAnswers, VehicleAnswers
 from iptm_v2x_bridge.prediction.predictor import PredictorName
 
@@ -34,6 +35,8 @@ CLOCK_TIMEOUT_S = 5.0
 _ANSWERS: dict[LeaderSource, Callable[..., TickAnswers[Any]]] = {
     LeaderSource.VEHICLE: VehicleAnswers,
     LeaderSource.CAM: CamAnswers,
+    LeaderSource.RANGE_SENSOR: RangeSensorAnswers,
+    LeaderSource.RANGE_SENSOR_AND_CAM: JoinedAnswers,
 }
 _FREE = (Level.OK, "no vehicle ahead, the rules of the road are kept")
 
@@ -151,12 +154,17 @@ class BridgeNode(SuiteNode):
         if answer.leader is None:
             return _FREE if answer.road is not None else (Level.WARN, "no leader is known")
         if answer.contested:
-            return Level.WARN, "stations with the identity of the leader contradict each other"
+            return (
+                Level.WARN,
+                "what is received of the leader contradicts itself or the range sensor",
+            )
         if answer.predictor == PredictorName.ASSUMED_BRAKING:
             return Level.WARN, "the leader is not heard any more and taken to brake to a halt"
         return self._preview_situation(answer)
 
     def _preview_situation(self, answer: BridgeAnswer) -> tuple[Level, str]:
+        if self._options.leader_source is LeaderSource.RANGE_SENSOR:
+            return Level.OK, "leader by the range sensor, no preview"
         if self._options.preview_mode is PreviewMode.NONE:
             return Level.OK, "leader only, no preview by choice"
         if answer.preview.times_s.size == 0:

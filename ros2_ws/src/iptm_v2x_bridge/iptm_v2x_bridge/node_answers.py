@@ -184,8 +184,12 @@ class CamAnswers(TickAnswers[CamBridge]):
             roadside=heard,
             verifier=self._verifier,
         )
-        ruled = self._with_rules(bridge, heard.ego if heard else None, start_ms)
-        return bridge, ruled
+        joined = self._joined(bridge)
+        return bridge, self._with_rules(joined, heard.ego if heard else None, start_ms)
+
+    def _joined(self, bridge: CamBridge) -> TickBridge:
+        """Return the bridge of what is heard, together with what else there is."""
+        return bridge
 
     def _awaited(self, trip: CamBridge, time_ns: int) -> str:
         self._read(trip, time_ns)

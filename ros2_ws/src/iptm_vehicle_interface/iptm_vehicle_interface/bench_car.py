@@ -16,9 +16,10 @@ import sys
 import time
 from collections import deque
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 
@@ -30,7 +31,7 @@ from iptm_core.program import EXIT_OK, refused
 from iptm_core.routes import build_route
 from iptm_core.state import Command, LeaderState, VehicleState
 from iptm_plant_sim.plant import Plant
-from iptm_vehicle_interface.bus import BusReader, open_bus, send
+from iptm_vehicle_interface.bus import BusReader, go_first, log_line, open_bus, send
 from iptm_vehicle_interface.frames import FrameCodec
 from iptm_vehicle_interface.vehicle import Vehicle, load_vehicle
 
@@ -81,6 +82,8 @@ class CarLog:
     battery_energy_j: float = 0.0
     capacity_loss: float = 0.0
     energy_active_j: float = 0.0
+    began_s: float = math.nan
+    """On the monotonic clock of the machine, which other processes share."""
 
 
 class BenchCar:
@@ -90,7 +93,7 @@ class BenchCar:
         self,
         vehicle: Vehicle,
         cycle: str,
-        events: Sequence[tuple[str, float, float]] = (),
+        events: Sequence[tuple[str, float, float, float]] = (),
         seed: int = 0,
         faults: BusFaults | None = None,
     ) -> None:
@@ -98,7 +101,8 @@ class BenchCar:
 
         Args:
             cycle: what the lead vehicle drives.
-            events: name of a pedal or button (`SIGNALS`), when it is pressed, and for how long, in s.
+            events: name of a pedal or button (`SIGNALS`), when it is pressed, for how long, and after
+                which time again, in s; infinite for once.
         """
         limits = vehicle.limits
         channel = {
@@ -138,8 +142,10 @@ class BenchCar:
     def pressed(self, name: str) -> bool:
         """Return whether the driver presses a pedal or button now."""
         return any(
-            event == name and begin_s <= self.time_s < begin_s + for_s
-            for event, begin_s, for_s in self._events
+            event == name
+            and self.time_s - begin_s >= 0.0
+            and (self.time_s - begin_s) % every_s < for_s
+            for event, begin_s, for_s, every_s in self._events
         )
 
     def leader(self) -> LeaderState:
@@ -285,8 +291,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--press",
         action="append",
         default=[],
-        metavar="NAME:AT:FOR",
-        help="pedal or button, time and duration in s, such as enable_button:2:0.2",
+        metavar="NAME:AT:FOR[:EVERY]",
+        help="pedal or button, time and duration in s, such as enable_button:2:0.2, and after which time "
+        "again",
     )
     parser.add_argument("--lost", type=float, default=0.0, help="share of frames that are lost")
     parser.add_argument("--late-s", type=float, default=0.0, help="frames are late by up to this")
@@ -300,6 +307,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--log", type=Path, metavar="FILE", help="JSON of the result, also on a signal"
     )
+    parser.add_argument(
+        "--frames", type=Path, metavar="FILE", help="candump log of what the car receives and sends"
+    )
     options = parser.parse_args(arguments)
     try:
         silent = (
@@ -308,8 +318,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             else (math.inf, math.inf)
         )
         events = [
-            (name, float(at), float(for_))
-            for name, at, for_ in (text.split(":") for text in options.press)
+            (name, float(at), float(for_), float(every[0]) if every else math.inf)
+            for name, at, for_, *every in (text.split(":") for text in options.press)
         ]
     except ValueError:
         return refused(
@@ -330,7 +340,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     ended: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda received, _: ended.append(received))
-    _drive(car, bus, options.duration_s, ended)
+    with ExitStack() as stack:
+        log = stack.enter_context(options.frames.open("w")) if options.frames else None
+        _drive(car, bus, options.duration_s, ended, log)
     text = json.dumps(vars(car.log))
     if options.log:
         options.log.write_text(text, "utf-8")
@@ -338,21 +350,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return EXIT_OK
 
 
-def _drive(car: BenchCar, bus: Any, duration_s: float, ended: Sequence[int]) -> None:
+def _drive(
+    car: BenchCar, bus: Any, duration_s: float, ended: Sequence[int], log: TextIO | None
+) -> None:
     """Run in real time; late frames leave when they are due."""
+    go_first()
     reader = BusReader(bus)
     waiting: list[tuple[float, int, bytes]] = []
-    start_s = time.monotonic()
+    start_s = car.log.began_s = time.monotonic()
     print("bench_car: ready", flush=True)
     while not ended and car.time_s < duration_s:
         for frame in reader.taken():
             car.receive(frame.frame_id, frame.data)
+            if log is not None:
+                log.write(log_line(car.time_s, frame.frame_id, frame.data, "R"))
         car.advance()
         waiting += [
             (car.time_s + late_s, frame_id, data) for late_s, frame_id, data in car.frames()
         ]
         for each in [entry for entry in waiting if entry[0] <= car.time_s]:
             send(bus, each[1], each[2])
+            if log is not None:
+                log.write(log_line(car.time_s, each[1], each[2], "T"))
             waiting.remove(each)
         time.sleep(max(start_s + car.time_s - time.monotonic(), 0.0))
     reader.close()

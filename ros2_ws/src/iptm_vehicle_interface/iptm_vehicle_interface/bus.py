@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 from iptm_core.errors import ScenarioError
 from iptm_core.routes.can_files import library
 
+_PRIORITY = -10
 LOOPBACK_GROUP = "239.74.163.2"
 
 
 @dataclass(frozen=True)
 class Frame:
-    """A frame and its time of arrival on the monotonic clock."""
+    """A frame and its time of arrival."""
 
     frame_id: int
     data: bytes
@@ -53,8 +57,13 @@ class BusReader:
         unreadable: number of times that the bus failed or something arrived that is no frame.
     """
 
-    def __init__(self, bus: Any, capacity: int = 10_000) -> None:
-        self._bus = bus
+    def __init__(
+        self,
+        bus: Any,
+        clock_s: Callable[[], float] = time.monotonic,
+        capacity: int = 10_000,
+    ) -> None:
+        self._bus, self._clock_s = bus, clock_s
         self._frames: deque[Frame] = deque(maxlen=capacity)
         self._ended = threading.Event()
         self.unreadable = 0
@@ -84,8 +93,20 @@ class BusReader:
                 continue
             if message is not None and not message.is_error_frame:
                 self._frames.append(
-                    Frame(message.arbitration_id, bytes(message.data), time.monotonic())
+                    Frame(message.arbitration_id, bytes(message.data), self._clock_s())
                 )
+
+
+def go_first() -> None:
+    """Run before other processes of this machine, where the user may ask for that."""
+    with suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, 0, _PRIORITY)
+
+
+def log_line(time_s: float, frame_id: int, data: bytes, direction: str) -> str:
+    """Return a frame as a line of a candump log: received (R) or sent (T)."""
+    identifier = f"{frame_id:08X}" if frame_id > 0x7FF else f"{frame_id:03X}"
+    return f"({time_s:.6f}) car {identifier}#{data.hex().upper()} {direction}\n"
 
 
 def send(bus: Any, frame_id: int, data: bytes) -> bool:

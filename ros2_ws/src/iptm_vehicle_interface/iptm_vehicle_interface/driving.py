@@ -1,35 +1,21 @@
-"""The suite in a car, without ROS: signals, decisions, the inner loop, and commands to the gateway.
+"""The suite's side of a car's bus without ROS: signals in, decisions in, commands to the gateway out.
 
-Ticks begin at multiples of the period on the system's clock. A decision has what was measured at its tick, is
-computed in a thread of its own, and is followed from its tick on; while it is computed the last one is.
+Time is passed in, on the clock of the system. The same frames, steps and decisions in the same order give the
+same commands, bit by bit: see `drive_record`.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
-import signal
-import sys
-import threading
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from iptm_controller.controller import Controller
-from iptm_controller.decision import Decision
-from iptm_controller.measurements import Measurements
-from iptm_controller.options import ControllerOptions
-from iptm_controller.strategy import strategy_by_name
-from iptm_core.errors import IptmError
 from iptm_core.parameters import load_parameters
-from iptm_core.program import EXIT_OK, refused
-from iptm_core.state import LeaderPreview, LeaderState, SlopePreview, VehicleState
-from iptm_vehicle_interface.bus import BusReader, Frame, open_bus, send
+from iptm_core.state import Command, FloatArray, LeaderState, PlantObservation
+from iptm_vehicle_interface.bus import Frame
 from iptm_vehicle_interface.engagement import Conditions, Engagement, Mode
 from iptm_vehicle_interface.frames import FrameCodec
 from iptm_vehicle_interface.inner_loop import (
@@ -39,19 +25,16 @@ from iptm_vehicle_interface.inner_loop import (
     wanted_acceleration_m_s2,
 )
 from iptm_vehicle_interface.signals import SignalTable
-from iptm_vehicle_interface.vehicle import Vehicle, load_vehicle
-from iptm_vehicle_interface.vehicle_state import (
-    LEADER,
-    NEEDED,
-    VehicleStateEstimator,
-    shifted,
-)
+from iptm_vehicle_interface.vehicle import Vehicle
+from iptm_vehicle_interface.vehicle_state import LEADER, NEEDED, VehicleStateEstimator
 
 LOOP_S = 0.02
-NO_SLOPE = SlopePreview(np.zeros(1), np.zeros(1))
+PRESSED_S = 0.3
+"""For how long a request of a service counts as a pressed button."""
+_KEPT_TICKS = 16
 
 
-def controller_limits(vehicle: Vehicle, jerk_m_s3: float) -> dict[str, float]:
+def controller_limits(vehicle: Vehicle, jerk_m_s3: float = 1.0) -> dict[str, float]:
     """Return what the controller has to plan with in a vehicle, as overrides of its parameters."""
     own = load_parameters(vehicle.parameter_set).values.limits
     limits = vehicle.limits
@@ -78,9 +61,9 @@ class DriveLog:
     """What the suite's side saw.
 
     Attributes:
-        late_s: how late each step of the inner loop began.
-        decisions: number of decisions, and of those by a fallback.
-        changes: time, state and reason of each change of the engagement.
+        late_s: by how much longer than the period of the loop each step came after the one before.
+        decisions: number of decisions, and of those without a plan.
+        changes: time since the first frame, state and reason of each change of the engagement.
         faults: frames that did not count, by reason.
     """
 
@@ -104,44 +87,73 @@ class DriveLog:
 
 
 class Driver:
-    """The suite's side of the bus; time is passed in, frames go in and out, decisions are made elsewhere."""
+    """What the suite's side remembers; frames go in and out, decisions are made elsewhere."""
 
-    def __init__(self, vehicle: Vehicle, tick_s: float = 1.0) -> None:
-        self.vehicle, self.tick_s = vehicle, tick_s
+    def __init__(
+        self, vehicle: Vehicle, capacity_losses: tuple[float, float] | None = None
+    ) -> None:
+        """Set up a drive.
+
+        Args:
+            capacity_losses: of the first and the last cell at the start; None for those of a new pack.
+        """
+        self.vehicle = vehicle
         self._codec = FrameCodec(vehicle)
         self.signals = SignalTable(vehicle.signals)
-        parameters = load_parameters(vehicle.parameter_set).values
-        self.estimator = VehicleStateEstimator(parameters)
+        self.parameters = load_parameters(vehicle.parameter_set).values
+        self.estimator = VehicleStateEstimator(self.parameters, capacity_losses)
         self.engagement = Engagement()
         self.log = DriveLog()
+        self.requested_m_s2 = 0.0
         self._followed: Followed | None = None
-        self._requested_m_s2, self._last_s = 0.0, -math.inf
+        self._ticks: dict[int, tuple[float, LeaderState | None]] = {}
+        self._pressed_until_s = {"enable_button": -math.inf, "cancel_button": -math.inf}
+        self._last_s = -math.inf
         self._start_s = math.nan
 
-    def receive(self, frame: Frame) -> None:
-        """Take a frame of the car."""
+    def receive(self, frame: Frame) -> str:
+        """Take a frame of the car; return the name of its message, empty for one that does not count."""
         decoded = self._codec.decode(frame.frame_id, frame.data)
         if decoded.fault is not None:
             key = f"{decoded.message}: {decoded.fault.value}"
             self.log.faults[key] = self.log.faults.get(key, 0) + 1
+            return ""
         if math.isnan(self._start_s) and decoded.values:
             self._start_s = frame.time_s
         self.signals.take(decoded.values, frame.time_s)
+        return decoded.message
 
-    def measured(self, now_s: float) -> tuple[VehicleState | None, LeaderState | None]:
-        """Return the state and the vehicle ahead at a tick."""
-        state = self.estimator.state_at_tick(self.signals, now_s)
-        return state, self.estimator.leader(self.signals, now_s)
+    def press(self, button: str, now_s: float) -> None:
+        """Press ``enable_button`` or ``cancel_button`` for a moment."""
+        self._pressed_until_s[button] = now_s + PRESSED_S
 
-    def follow(
-        self, decision: Decision, made_s: float, speed_m_s: float, leader: LeaderState | None
-    ) -> None:
-        """Follow a decision from now on."""
+    def is_pressed(self, name: str, now_s: float) -> bool:
+        """Return whether a pedal or button is pressed, by the driver or a request."""
+        return self.signals.is_set(name, now_s) or now_s < self._pressed_until_s.get(name, 0.0)
+
+    def measured(self, tick_s: float, now_s: float) -> PlantObservation | None:
+        """Return what is known at a tick that has just begun; None while a needed signal is stale."""
+        observed = self.estimator.at_tick(self.signals, tick_s, now_s)
+        if observed is not None:
+            leader = self.estimator.leader(self.signals, now_s)
+            self._ticks[_key(tick_s)] = observed.state.speed_m_s, leader
+            while len(self._ticks) > _KEPT_TICKS:
+                del self._ticks[next(iter(self._ticks))]
+        return observed
+
+    def follow(self, tick_s: float, plan: Sequence[FloatArray], command: Command) -> bool:
+        """Follow the decision on a tick from now on; return whether it is newer than the present one.
+
+        Args:
+            plan: see `inner_loop.followed`.
+        """
+        known = self._ticks.get(_key(tick_s))
+        if known is None or (self._followed and tick_s <= self._followed.made_s):
+            return False
         self.log.decisions += 1
-        self.log.fallbacks += decision.plan is None
-        self._followed = followed(
-            made_s, decision.plan, decision.command, speed_m_s, leader, self.tick_s
-        )
+        self.log.fallbacks += plan[0].size == 0
+        self._followed = followed(tick_s, plan, command, *known)
+        return True
 
     def hindrance(self, now_s: float) -> str:
         """Return why the suite cannot drive, empty for nothing."""
@@ -165,22 +177,22 @@ class Driver:
         conditions = Conditions(
             brake=signals.is_set("brake_pressed", now_s),
             accelerator=signals.is_set("accelerator_pressed", now_s),
-            enable=signals.is_set("enable_button", now_s),
-            cancel=signals.is_set("cancel_button", now_s),
+            enable=self.is_pressed("enable_button", now_s),
+            cancel=self.is_pressed("cancel_button", now_s),
             hindrance=self.hindrance(now_s),
         )
         before = self.engagement
-        self.engagement = before.step(conditions, self._requested_m_s2, since_s)
+        self.engagement = before.step(conditions, self.requested_m_s2, since_s)
         if self.engagement.mode is not before.mode:
             since_start_s = now_s - self._start_s
             self.log.changes.append(
                 (since_start_s, self.engagement.mode.value, self.engagement.reason)
             )
-        self._requested_m_s2 = self._wanted(now_s, since_s)
+        self.requested_m_s2 = self._wanted(now_s, since_s)
         acceleration = self.vehicle.acceleration
         frames = [
             self._codec.encode_command(
-                acceleration, self._requested_m_s2, enabled=self.engagement.is_active
+                acceleration, self.requested_m_s2, enabled=self.engagement.is_active
             )
         ]
         if self.vehicle.compressor is not None and self._followed is not None:
@@ -202,113 +214,17 @@ class Driver:
         leader = self.estimator.leader(self.signals, now_s)
         limits = self.vehicle.limits
         wanted = wanted_acceleration_m_s2(
-            self._followed, now_s, speed, leader, self._requested_m_s2, since_s
+            self._followed,
+            now_s,
+            speed,
+            leader,
+            self.requested_m_s2,
+            since_s,
+            limits.reaction_s,
         )
         return min(max(wanted, limits.min_acceleration_m_s2), limits.max_acceleration_m_s2)
 
 
-class Decisions:
-    """Decides in a thread of its own, one tick after the other; a tick that comes too early is left out."""
-
-    def __init__(self, controller: Controller) -> None:
-        self._controller = controller
-        self._origin_s = math.nan
-        self._lock = threading.Lock()
-        self._done: tuple[Decision, float, float, LeaderState | None] | None = None
-        self._thread: threading.Thread | None = None
-
-    @property
-    def is_busy(self) -> bool:
-        """Whether a decision is being made."""
-        return self._thread is not None and self._thread.is_alive()
-
-    def ask(self, state: VehicleState, leader: LeaderState | None) -> None:
-        """Begin to decide a tick."""
-        if self.is_busy:
-            return
-        if math.isnan(self._origin_s):
-            self._origin_s = state.time_s
-        self._thread = threading.Thread(target=self._decide, args=(state, leader), daemon=True)
-        self._thread.start()
-
-    def taken(self) -> tuple[Decision, float, float, LeaderState | None] | None:
-        """Return a decision once it is made, with its tick, the speed then and the vehicle ahead then."""
-        with self._lock:
-            done, self._done = self._done, None
-        return done
-
-    def _decide(self, state: VehicleState, leader: LeaderState | None) -> None:
-        own, ahead = shifted(state, leader, self._origin_s)
-        decision = self._controller.decide(
-            Measurements(own, ahead, LeaderPreview.empty(), NO_SLOPE)
-        )
-        with self._lock:
-            self._done = decision, state.time_s, state.speed_m_s, leader
-
-
-def drive(
-    driver: Driver, decisions: Decisions, bus: Any, duration_s: float, ended: Sequence[int]
-) -> None:
-    """Drive in real time until the duration is over or a signal has come."""
-    reader = BusReader(bus)
-    start_s = next_s = time.monotonic()
-    # Ticks begin at multiples of the period on the system's clock.
-    offset_s = time.time() - start_s
-    tick = math.floor((start_s + offset_s) / driver.tick_s)
-    while not ended and time.monotonic() - start_s < duration_s:
-        time.sleep(max(next_s - time.monotonic(), 0.0))
-        now_s = time.monotonic()
-        driver.log.late_s.append(now_s - next_s)
-        next_s = max(next_s + LOOP_S, now_s)
-        for frame in reader.taken():
-            driver.receive(frame)
-        if math.floor((now_s + offset_s) / driver.tick_s) > tick:
-            tick = math.floor((now_s + offset_s) / driver.tick_s)
-            state, leader = driver.measured(now_s)
-            if state is not None and leader is not None:
-                decisions.ask(state, leader)
-        done = decisions.taken()
-        if done is not None:
-            driver.follow(*done)
-        for frame_id, data in driver.step(now_s):
-            send(bus, frame_id, data)
-    reader.close()
-
-
-def build_controller(vehicle: Vehicle, strategy: str) -> Controller:
-    """Return a controller that plans with what the vehicle offers."""
-    overrides = controller_limits(vehicle, jerk_m_s3=1.0)
-    parameters = load_parameters(vehicle.parameter_set, overrides).values
-    return Controller(parameters, ControllerOptions(strategy=strategy_by_name(strategy)))
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Drive a car on a bus; prints what was seen as JSON at the end."""
-    parser = argparse.ArgumentParser("drive_vehicle", description=__doc__)
-    parser.add_argument("--vehicle", default="bench", help="name or folder of the vehicle")
-    parser.add_argument("--bus", required=True, metavar="BUS", help="bus of the gateway")
-    parser.add_argument("--strategy", default="aging_cost_to_go", help="strategy of the controller")
-    parser.add_argument("--duration-s", type=float, default=math.inf, help="for how long")
-    parser.add_argument("--log", type=Path, metavar="FILE", help="JSON of the result")
-    options = parser.parse_args(arguments)
-    try:
-        vehicle = load_vehicle(options.vehicle)
-        controller = build_controller(vehicle, options.strategy)
-        bus = open_bus(options.bus)
-    except IptmError as error:
-        return refused("drive_vehicle", error)
-    ended: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda received, _: ended.append(received))
-    driver = Driver(vehicle)
-    print("drive_vehicle: ready", flush=True)
-    drive(driver, Decisions(controller), bus, options.duration_s, ended)
-    text = json.dumps(driver.log.summary())
-    if options.log:
-        options.log.write_text(text, "utf-8")
-    print(text, flush=True)
-    return EXIT_OK
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+def _key(tick_s: float) -> int:
+    """Return a tick in milliseconds: stamps are rounded on their way."""
+    return round(1e3 * tick_s)

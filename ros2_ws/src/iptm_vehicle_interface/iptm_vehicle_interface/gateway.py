@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 from iptm_core.errors import IptmError, MessageError
 from iptm_core.program import EXIT_OK, refused
-from iptm_vehicle_interface.bus import BusReader, open_bus, send
+from iptm_vehicle_interface.bus import BusReader, go_first, open_bus, send
 from iptm_vehicle_interface.frames import FrameCodec
 from iptm_vehicle_interface.safety_layer import Passed, Request, checked
 from iptm_vehicle_interface.signals import SignalTable
@@ -144,6 +144,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     ended: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda received, _: ended.append(received))
+    go_first()
     of_car, of_suite = BusReader(car), BusReader(suite)
     print("gateway: ready", flush=True)
     next_s = time.monotonic()

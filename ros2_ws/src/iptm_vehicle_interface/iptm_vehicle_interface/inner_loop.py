@@ -8,12 +8,11 @@ it was at the decision is met before the next one.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from iptm_controller.ocp.layout import InputIndex
-from iptm_controller.plan import Plan
 from iptm_core.state import Command, FloatArray, LeaderState
 
 LARGEST_JERK_M_S3 = 2.0
@@ -51,40 +50,33 @@ class Followed:
 
 def followed(
     made_s: float,
-    plan: Plan | None,
+    plan: Sequence[FloatArray],
     command: Command,
     speed_m_s: float,
     leader: LeaderState | None,
-    tick_s: float = 1.0,
 ) -> Followed:
     """Return what is followed from a decision on: its plan, or its command where there is none.
 
     Args:
         made_s: time of the decision, on the clock of the inner loop.
-        plan: its times are relative to the decision.
+        plan: times of the nodes on the same clock, speeds there, and accelerations from there on, shape (n,)
+            each, of which the last is not used; n = 0 for no plan.
+        command: what the limiter made of the first step.
+        speed_m_s: at the decision.
+        leader: vehicle ahead at the decision; None for none.
     """
-    nodes: FloatArray
-    times: FloatArray
-    speeds: FloatArray
-    accelerations: FloatArray
-    if plan is None:
-        times = np.array([0.0, LONGEST_FOLLOWED_S])
-        accelerations = np.full(2, command.acceleration_m_s2)
-        nodes = np.array([0.0, tick_s])
-        speeds = speed_m_s + command.acceleration_m_s2 * nodes
-    else:
-        steps = slice(plan.motion_steps)
-        nodes, _, speeds = plan.motion
-        nodes = nodes - plan.start_s
-        times = 0.5 * (nodes[1:] + nodes[:-1])
-        accelerations = plan.inputs[steps, InputIndex.ACCELERATION].copy()
-        # What the limiter made of the first step holds.
-        accelerations[0] = command.acceleration_m_s2
+    nodes, speeds, accelerations = plan
+    if nodes.size < 2:
+        nodes = made_s + np.array([0.0, LONGEST_FOLLOWED_S])
+        speeds = speed_m_s + command.acceleration_m_s2 * (nodes - made_s)
+        accelerations = np.zeros(2)
+    held = accelerations[:-1].copy()
+    held[0] = command.acceleration_m_s2
     return Followed(
         made_s,
-        made_s + times,
-        accelerations,
-        made_s + nodes,
+        0.5 * (nodes[1:] + nodes[:-1]),
+        held,
+        nodes,
         np.maximum(speeds, 0.0),
         leader,
         command.compressor_power_w,
@@ -98,6 +90,7 @@ def wanted_acceleration_m_s2(
     leader: LeaderState | None,
     last_m_s2: float,
     since_last_s: float,
+    reaction_s: float = 0.0,
 ) -> float:
     """Return the acceleration of an instant, within the jerk that passengers accept.
 
@@ -105,8 +98,9 @@ def wanted_acceleration_m_s2(
         leader: vehicle ahead now; None for none.
         last_m_s2: acceleration requested before.
         since_last_s: time since then.
+        reaction_s: time until the vehicle follows a request, by which the plan is asked for earlier.
     """
-    planned = float(np.interp(now_s, target.times_s, target.accelerations_m_s2))
+    planned = float(np.interp(now_s + reaction_s, target.times_s, target.accelerations_m_s2))
     planned_speed = float(np.interp(now_s, target.node_times_s, target.speeds_m_s))
     wanted = planned + SPEED_GAIN_1_S * (planned_speed - speed_m_s)
     if leader is not None and target.leader is not None:

@@ -142,6 +142,11 @@ def _inputs_and_changes(
     if node == BRIDGE:
         road = given_settings(RoadAheadSettings, given)
         is_cam = road.leader_source is LeaderSource.CAM
+        if road.leader_source in {LeaderSource.RANGE_SENSOR, LeaderSource.RANGE_SENSOR_AND_CAM}:
+            raise BagError(
+                f"{bag} has leader_source {road.leader_source.value}, whose measurements are not joined "
+                "by stamp; allowed: bags of the other sources"
+            )
         if is_cam or road.keeps_rules:
             inputs = (Topic.PLANT_STATE, *inputs)
         if is_cam:

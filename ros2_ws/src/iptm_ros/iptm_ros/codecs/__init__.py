@@ -33,6 +33,7 @@ from iptm_ros.codecs.time import (
     time_from_ns,
     time_from_s,
 )
+from iptm_ros.codecs.tracks import decode_tracks, encode_tracks
 
 __all__ = [
     "PlanTrajectory",
@@ -46,6 +47,7 @@ __all__ = [
     "decode_raw_datagram",
     "decode_road_ahead",
     "decode_slope",
+    "decode_tracks",
     "encode_battery",
     "encode_command",
     "encode_decision_record",
@@ -56,6 +58,7 @@ __all__ = [
     "encode_raw_datagram",
     "encode_road_ahead",
     "encode_slope",
+    "encode_tracks",
     "has_leader",
     "ns_from_s",
     "ns_from_time",

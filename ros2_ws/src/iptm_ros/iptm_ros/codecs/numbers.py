@@ -201,6 +201,7 @@ _OF_THE_PACK = tuple(TOPICS[Topic.PLANT_STATE].fields)[3:8]
 """Values of the plant's state that are published but not judged here: the controller does without sensors."""
 _MAY_BE_UNKNOWN: Mapping[Topic, Sequence[str]] = {
     Topic.PLANT_STATE: tuple(TOPICS[Topic.PLANT_STATE].fields)[3:],
+    Topic.ENGAGEMENT: tuple(TOPICS[Topic.ENGAGEMENT].fields)[1:],
     Topic.SOLVE: (
         "solve_time_s",
         "gap_slack_m",

@@ -1,0 +1,136 @@
+"""The lead vehicle by the range sensor, alone or joined with what its messages state.
+
+Alone, the sensor gives gap and speed, and nothing is known of the future. Joined, gap and speed are those of
+the sensor and the future is that of the messages, moved to the measured place, as long as both agree on where
+the vehicle is. Where they do not, the nearer one leads.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+
+from iptm_core.declaration import TextEnum
+from iptm_core.lead_track import ANOTHER_LEAD_M, RangeTrack
+from iptm_core.state import NS_PER_S, LeaderPreview, LeaderState
+from iptm_v2x_bridge.bridge import BridgeAnswer, TickBridge
+
+LANE_HALF_WIDTH_M = 1.8
+"""A track farther to the side is in another lane; the road is taken as straight up to it."""
+LONGEST_AGE_NS = NS_PER_S // 2
+"""Older measurements are those of a silent sensor."""
+SAME_SPEED_M_S = 3.0
+"""Difference of speeds up to which sensor and messages may mean the same vehicle."""
+_KEPT = 64
+
+
+class Join(TextEnum):
+    """What sensor and messages state together."""
+
+    NEITHER = "neither"
+    SENSOR = "sensor alone"
+    MESSAGES = "messages alone"
+    AGREED = "agreed"
+    SENSOR_NEARER = "contradiction, sensor nearer"
+    MESSAGES_NEARER = "contradiction, messages nearer"
+
+
+class RangeSensorBridge:
+    """Answers ticks from tracks, and from the bridge of messages where there is one; a `TickBridge`.
+
+    Attributes:
+        counts: ticks by what sensor and messages state together.
+    """
+
+    def __init__(
+        self, messages: TickBridge | None = None, before: RangeSensorBridge | None = None
+    ) -> None:
+        """Set up a bridge.
+
+        Args:
+            messages: the bridge of what is heard; None for the sensor alone.
+            before: the bridge of the trip before, which may hold measurements of this one already.
+        """
+        self._messages = messages
+        self._measured: dict[int, tuple[RangeTrack, ...]] = (
+            {} if before is None else before.measurements
+        )
+        self.counts: Counter[Join] = Counter()
+
+    def take(self, stamp_ns: int, tracks: tuple[RangeTrack, ...]) -> None:
+        """Take in the tracks of one instant."""
+        self._measured[stamp_ns] = tracks
+        while len(self._measured) > _KEPT:
+            del self._measured[next(iter(self._measured))]
+
+    @property
+    def measurements(self) -> dict[int, tuple[RangeTrack, ...]]:
+        """Tracks of the last few instants, by ns of their time."""
+        return dict(self._measured)
+
+    def has_measured(self, time_ns: int) -> bool:
+        """Return whether there is a measurement at an instant or soon after."""
+        return any(0 <= ns - time_ns <= LONGEST_AGE_NS for ns in self._measured)
+
+    def measured(
+        self, time_ns: int, ego_position_m: float, ego_speed_m_s: float
+    ) -> LeaderState | None:
+        """Return the nearest vehicle of the own lane at an instant; None for none, or a silent sensor."""
+        nearest_ns = min(self._measured, key=lambda ns: abs(time_ns - ns), default=None)
+        if nearest_ns is None or abs(time_ns - nearest_ns) > LONGEST_AGE_NS:
+            return None
+        ahead = [
+            track
+            for track in self._measured[nearest_ns]
+            if track.gap_m >= 0.0 and abs(track.left_m) <= LANE_HALF_WIDTH_M
+        ]
+        if not ahead:
+            return None
+        track = min(ahead)
+        gap_m = track.gap_m + track.relative_speed_m_s * (time_ns - nearest_ns) / NS_PER_S
+        speed_m_s = max(ego_speed_m_s + track.relative_speed_m_s, 0.0)
+        return LeaderState(time_ns / NS_PER_S, ego_position_m + gap_m, speed_m_s)
+
+    def answer(
+        self, time_ns: int, ego_position_m: float, ego_speed_m_s: float = 0.0
+    ) -> BridgeAnswer:
+        """Return the answer to one tick; see `TickBridge.answer`."""
+        sensor = self.measured(time_ns, ego_position_m, ego_speed_m_s)
+        alone = BridgeAnswer(time_ns, sensor, LeaderPreview.empty(), lost=False)
+        heard = alone
+        if self._messages is not None:
+            heard = self._messages.answer(time_ns, ego_position_m, ego_speed_m_s)
+        join = self._join(sensor, None if self._messages is None else heard)
+        self.counts[join] += 1
+        if join is Join.AGREED and sensor is not None:
+            return _moved(heard, sensor)
+        if join is Join.MESSAGES_NEARER:
+            return replace(heard, contested=True)
+        if join is Join.SENSOR_NEARER:
+            return replace(alone, contested=True)
+        return heard if join is Join.MESSAGES else alone
+
+    @staticmethod
+    def _join(sensor: LeaderState | None, heard: BridgeAnswer | None) -> Join:
+        leader = None if heard is None else heard.leader
+        if leader is None or heard is None:
+            return Join.NEITHER if sensor is None else Join.SENSOR
+        if sensor is None:
+            return Join.MESSAGES
+        ahead_m = leader.position_m + heard.leader_bound_m - sensor.position_m
+        same_place = abs(ahead_m) <= ANOTHER_LEAD_M + heard.leader_bound_m
+        if same_place and abs(leader.speed_m_s - sensor.speed_m_s) <= SAME_SPEED_M_S:
+            return Join.AGREED
+        nearer = sensor.position_m <= leader.position_m
+        return Join.SENSOR_NEARER if nearer else Join.MESSAGES_NEARER
+
+
+def _moved(heard: BridgeAnswer, sensor: LeaderState) -> BridgeAnswer:
+    """Return the answer of the messages with the vehicle where the sensor measures it."""
+    preview = heard.preview
+    if preview.times_s.size:
+        here_m = float(preview.at(np.array([sensor.time_s]))[0][0])
+        preview = preview.nearer_by(here_m - sensor.position_m)
+    return replace(heard, leader=sensor, preview=preview, leader_bound_m=0.0)

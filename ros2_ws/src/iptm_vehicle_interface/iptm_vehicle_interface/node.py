@@ -1,0 +1,282 @@
+"""A car as a node: takes the place of the plant on its topics, and follows the plans on its bus.
+
+Stamps are those of the clock of the system, and ticks begin at multiples of the period. In `shadow` nothing
+is sent.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState, PointCloud2
+
+from iptm_core.errors import ParameterError
+from iptm_core.lead_track import RangeTrack
+from iptm_core.state import Command, FloatArray, PlantObservation
+from iptm_ros.codecs import (
+    decode_command,
+    decode_plan,
+    encode_battery,
+    encode_observation,
+    encode_tracks,
+    ns_from_s,
+    s_from_ns,
+    time_from_s,
+)
+from iptm_ros.codecs.numbers import LAYOUTS
+from iptm_ros.command_line import node_main
+from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
+from iptm_ros.parameters import declare_parameters
+from iptm_ros.services import Service
+from iptm_ros.suite_node import SuiteNode
+from iptm_ros.topics import VEHICLE, Topic
+from iptm_vehicle_interface.bus import BusReader, go_first, open_bus, send
+from iptm_vehicle_interface.drive_record import DriveRecorder, whole_microseconds
+from iptm_vehicle_interface.driving import LOOP_S, Driver
+from iptm_vehicle_interface.engagement import Mode
+from iptm_vehicle_interface.node_parameters import VehicleNodeParameters
+from iptm_vehicle_interface.vehicle import load_vehicle
+from iptm_vehicle_interface.vehicle_state import LEADER
+
+PUBLISHED = (
+    Topic.PLANT_CELL_1_TEMPERATURE,
+    Topic.PLANT_CELL_N_TEMPERATURE,
+    Topic.PLANT_BATTERY,
+    Topic.PLANT_ACCELERATION,
+    Topic.PLANT_ODOMETRY,
+    Topic.PLANT_STATE,
+)
+"""Topics of one state; the clock follows, which the bridge answers."""
+SLEWED_S = 1e-4
+"""By how much the clock of the loop follows the system's in a step; a jump of the latter is spread."""
+SAVED_EVERY_S = 10.0
+_MODES = {mode: float(place) for place, mode in enumerate(Mode)}
+_LEVELS = {
+    Mode.OFF: Level.WARN,
+    Mode.READY: Level.OK,
+    Mode.ENGAGED: Level.OK,
+    Mode.OVERRIDDEN: Level.OK,
+    Mode.HAND_OVER: Level.ERROR,
+}
+_FLAGS = ("brake_pressed", "accelerator_pressed", "enable_button", "cancel_button", "vehicle_fault")
+
+
+class _SystemClock:
+    """Time of the system that never jumps: the monotonic clock, led towards it."""
+
+    def __init__(self) -> None:
+        self._offset_s = time.time() - time.monotonic()
+
+    @property
+    def behind_s(self) -> float:
+        """How far the clock of the system is ahead of this one."""
+        return time.time() - time.monotonic() - self._offset_s
+
+    def follow(self) -> None:
+        """Move a little towards the clock of the system."""
+        self._offset_s += min(max(self.behind_s, -SLEWED_S), SLEWED_S)
+
+    def now_s(self) -> float:
+        """Return the time in whole microseconds."""
+        return whole_microseconds(time.monotonic() + self._offset_s)
+
+
+class VehicleNode(SuiteNode):
+    """Publishes what the car measures, and sends what follows the controller's plans.
+
+    Subscribes to `controller/command` and `controller/plan`; the services ~/enable and ~/cancel act as the
+    buttons of the car.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(VEHICLE)
+        self._options = declare_parameters(self, VehicleNodeParameters)
+        self.reject_unknown_parameters()
+        self.use_frame_prefix(self._options.frame_prefix)
+        self._vehicle = load_vehicle(self._options.vehicle)
+        self._losses_file = Path(self._options.capacity_loss_file)
+        self._driver = Driver(self._vehicle, self._saved_losses())
+        self._time = _SystemClock()
+        self._record = DriveRecorder(Path(self._options.record)) if self._options.record else None
+        go_first()
+        self._bus = open_bus(self._options.bus)
+        self._reader = BusReader(self._bus, self._time.now_s)
+        radar = self._vehicle.signals.get("gap_m")
+        self._radar = radar.message if radar else ""
+        self._outputs = {topic: self.advertise(topic) for topic in (*PUBLISHED, Topic.CLOCK)}
+        self._tracks = self.advertise(Topic.RANGE_TRACKS) if self._radar else None
+        self._engagement = self.advertise(Topic.ENGAGEMENT)
+        self._reporter = DiagnosticsReporter.of_node(self, "vehicle")
+        self._plans: dict[int, tuple[FloatArray, ...]] = {}
+        self._commands: dict[int, Command] = {}
+        self._tick_ns = 0
+        self._period_ns = ns_from_s(self._options.period_s)
+        self._saved_s = -math.inf
+        self._reported: tuple[float, ...] = ()
+        self._stepped_s = time.monotonic()
+        self.listen(Topic.PLAN, self._on_plan)
+        self.listen(Topic.COMMAND, self._on_command)
+        self.watch_peers(Topic.PLANT_STATE, Topic.COMMAND)
+        self.serve(Service.ENABLE, lambda: self._press("enable_button"))
+        self.serve(Service.CANCEL, lambda: self._press("cancel_button"))
+        self.every(LOOP_S, self._step)
+        self.every(REPORT_PERIOD_S, self._report)
+        self.get_logger().info(f"{self._vehicle.name}: ready")
+
+    # --- decisions
+
+    def _on_plan(self, message: PointCloud2) -> None:
+        stamp_ns, plan = decode_plan(message)
+        self._plans = {stamp_ns: (plan.times_s, plan.speeds_m_s, plan.accelerations_m_s2)}
+        self._decide(stamp_ns)
+
+    def _on_command(self, message: JointState) -> None:
+        stamp_ns, command = decode_command(message)
+        self._commands = {stamp_ns: command}
+        self._decide(stamp_ns)
+
+    def _decide(self, stamp_ns: int) -> None:
+        """Follow a decision once its plan and its command are there."""
+        plan, command = self._plans.get(stamp_ns), self._commands.get(stamp_ns)
+        if plan is None or command is None:
+            return
+        tick_s = s_from_ns(stamp_ns)
+        if self._driver.follow(tick_s, plan, command) and self._record:
+            self._record.decided(tick_s, plan, command)
+
+    def _press(self, button: str) -> str:
+        now_s = self._time.now_s()
+        self._driver.press(button, now_s)
+        if self._record:
+            self._record.pressed(button, now_s)
+        return f"pressed, {self._driver.engagement.mode.value} before"
+
+    # --- the loop
+
+    def _step(self) -> None:
+        before_s, self._stepped_s = self._stepped_s, time.monotonic()
+        self._driver.log.late_s.append(max(self._stepped_s - before_s - LOOP_S, 0.0))
+        now_s = self._time.now_s()
+        for frame in self._reader.taken():
+            if self._record:
+                self._record.received(frame)
+            message = self._driver.receive(frame)
+            if self._tracks is not None and message == self._radar:
+                self._tracks.publish(
+                    encode_tracks(self._seen(frame.time_s), ns_from_s(frame.time_s))
+                )
+        tick_ns = ns_from_s(now_s) // self._period_ns * self._period_ns
+        if tick_ns > self._tick_ns:
+            self._tick_ns = tick_ns
+            self._tick(s_from_ns(tick_ns), now_s)
+        sent = self._driver.step(now_s)
+        if not self._options.shadow:
+            for frame_id, data in sent:
+                send(self._bus, frame_id, data)
+        if self._record:
+            self._record.stepped(now_s, sent)
+        self._publish_engagement(now_s)
+
+    def _seen(self, now_s: float) -> tuple[RangeTrack, ...]:
+        signals = self._driver.signals
+        if signals.stale(LEADER, now_s) or not signals.is_set("target_valid", now_s):
+            return ()
+        gap_m, relative, _ = (signals.value(name, now_s) for name in LEADER)
+        return (RangeTrack(gap_m, 0.0, relative),)
+
+    def _tick(self, tick_s: float, now_s: float) -> None:
+        self._time.follow()
+        if self._record:
+            self._record.ticked(tick_s, now_s)
+        observed = self._driver.measured(tick_s, now_s)
+        if observed is not None:
+            self._publish(observed)
+        if self._options.capacity_loss_file and now_s - self._saved_s >= SAVED_EVERY_S:
+            self._saved_s = now_s
+            self._save_losses()
+
+    def _publish(self, observed: PlantObservation) -> None:
+        found: dict[Topic, Any] = dict(encode_observation(observed, self.frame_prefix))
+        battery = self._driver.estimator.battery(self._driver.signals, observed)
+        found[Topic.PLANT_BATTERY] = encode_battery(battery)
+        for topic in PUBLISHED:
+            self._outputs[topic].publish(found[topic])
+        self._outputs[Topic.CLOCK].publish(Clock(clock=time_from_s(observed.state.time_s)))
+
+    def _publish_engagement(self, now_s: float) -> None:
+        """Publish who drives when it has changed, else with every tick."""
+        driver, signals = self._driver, self._driver.signals
+        flags = (signals.value(name, now_s) for name in _FLAGS)
+        values = (_MODES[driver.engagement.mode], *flags)
+        shown = (*(-1.0 if math.isnan(value) else value for value in values), float(self._tick_ns))
+        if shown != self._reported:
+            self._reported = shown
+            numbers = (*values, driver.requested_m_s2)
+            self._engagement.publish(
+                LAYOUTS[Topic.ENGAGEMENT].data(ns_from_s(now_s), numbers, self.frame_prefix)
+            )
+
+    # --- reports
+
+    def _report(self) -> None:
+        driver, engagement = self._driver, self._driver.engagement
+        late_s = driver.log.late_s
+        values: dict[str, object] = {
+            "vehicle": self._vehicle.name,
+            "mode": engagement.mode.value,
+            "shadow": self._options.shadow,
+            "decisions": driver.log.decisions,
+            "decisions_without_plan": driver.log.fallbacks,
+            "requested_acceleration_m_s2": driver.requested_m_s2,
+            "cell_1_capacity_loss": driver.estimator.capacity_losses[0],
+            "cell_n_capacity_loss": driver.estimator.capacity_losses[1],
+            "late_max_s": max(late_s[-int(REPORT_PERIOD_S / LOOP_S) :], default=0.0),
+            "clock_behind_s": self._time.behind_s,
+            "unreadable_frames": self._reader.unreadable,
+            **{f"rejected {name}": count for name, count in driver.log.faults.items()},
+        }
+        level = Level.OK if self._options.shadow else _LEVELS[engagement.mode]
+        self._reporter.report(self._tick_ns, level, engagement.reason, values)
+
+    def _saved_losses(self) -> tuple[float, float] | None:
+        if not (self._options.capacity_loss_file and self._losses_file.is_file()):
+            return None
+        try:
+            first, last = map(float, json.loads(self._losses_file.read_text("utf-8")))
+        except (ValueError, TypeError):
+            raise ParameterError(
+                f"{self._losses_file} holds no capacity losses; allowed: two numbers as JSON"
+            ) from None
+        return first, last
+
+    def _save_losses(self) -> None:
+        # Replaced in one step: a power cut leaves the old file or the new one.
+        scratch = self._losses_file.with_suffix(".new")
+        scratch.write_text(json.dumps(self._driver.estimator.capacity_losses), "utf-8")
+        scratch.replace(self._losses_file)
+
+    def destroy_node(self) -> None:
+        """Give the bus back, and complete the files."""
+        self._reader.close()
+        if self._record:
+            self._record.close()
+        if self._options.capacity_loss_file:
+            self._save_losses()
+        if self._options.log:
+            Path(self._options.log).write_text(json.dumps(self._driver.log.summary()), "utf-8")
+        super().destroy_node()
+
+
+def main() -> None:
+    """Run the node."""
+    sys.exit(node_main(VEHICLE, VehicleNode, VehicleNodeParameters))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,153 @@
+"""Real-time drives on the bench car: whole cycles, killed and stopped processes, and faults of the bus."""
+
+from __future__ import annotations
+
+import json
+import math
+import random
+import signal
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from iptm_vehicle_interface.bus import BusReader, open_bus
+from iptm_vehicle_interface.frames import FrameCodec
+from iptm_vehicle_interface.node_bench import (
+    BRIDGE,
+    CAR,
+    CONTROLLER,
+    ENABLE,
+    GATEWAY,
+    VEHICLE,
+    BenchOptions,
+    BenchProcesses,
+    BenchResult,
+)
+from iptm_vehicle_interface.vehicle import load_vehicle
+
+VICTIMS = (VEHICLE, GATEWAY, CONTROLLER, BRIDGE)
+HOWS = (signal.SIGKILL, signal.SIGSTOP)
+SETTLED_S = 1.0
+LONGEST_WAIT_S = 60.0
+STOPPED_S = 6.0
+"""For how long a process stands: longer than a decision is followed."""
+OFTEN = ("--press", "enable_button:4:0.3:2")
+Json = dict[str, Any]
+
+
+def kept(path: Path, make: Callable[[], Any]) -> Any:
+    """Return what a file holds, which is made first where it is not there: drives in real time are long."""
+    if not path.is_file():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(make()), "utf-8")
+    return json.loads(path.read_text("utf-8"))
+
+
+def drive(folder: Path, cycle: str, strategy: str, duration_s: float) -> Json:
+    """Drive a cycle with recorder and raw frames; return what car and suite saw."""
+    folder.mkdir(parents=True, exist_ok=True)
+    options = BenchOptions(
+        cycle=cycle,
+        duration_s=duration_s,
+        car=[*ENABLE, "--frames", str(folder / "car_frames.log")],
+        controller={"strategy": strategy},
+        node={"record": str(folder / "record")},
+        bag=str(folder / "bag"),
+    )
+    return _driven(folder, options)
+
+
+def faulty(folder: Path, car: Sequence[str], duration_s: float, vehicle: str = "bench") -> Json:
+    """Drive the beginning of US06 with a fault of the bus."""
+    folder.mkdir(parents=True, exist_ok=True)
+    options = BenchOptions(cycle="us06", vehicle=vehicle, duration_s=duration_s, car=car)
+    return _driven(folder, options)
+
+
+def _driven(folder: Path, options: BenchOptions) -> Json:
+    with BenchProcesses(folder, options) as bench:
+        result: BenchResult = bench.result()
+    return vars(result)
+
+
+@dataclass
+class _Listener:
+    """Whether the newest command on the car's bus is enabled, and since when."""
+
+    def __init__(self, address: str) -> None:
+        self._vehicle = load_vehicle("bench")
+        self._codec = FrameCodec(self._vehicle)
+        self._reader = BusReader(open_bus(address))
+        self._enabled, self._since_s, self._heard_s = False, time.monotonic(), -math.inf
+
+    def enabled_s(self) -> float:
+        """Return for how long the car has been driven by the suite, 0 while it is not."""
+        for frame in self._reader.taken():
+            command = self._codec.command(frame.frame_id, frame.data)
+            if command is None or command[0] is not self._vehicle.acceleration:
+                continue
+            if command[2] is not self._enabled or frame.time_s - self._heard_s > 0.5:
+                self._enabled, self._since_s = command[2], frame.time_s
+            self._heard_s = frame.time_s
+        now_s = time.monotonic()
+        is_heard = now_s - self._heard_s < 0.1
+        return now_s - self._since_s if self._enabled and is_heard else 0.0
+
+    def close(self) -> None:
+        self._reader.close()
+
+
+def kills(folder: Path, number: int, cycle: str, seed: int) -> list[Json]:
+    """Kill or stop each process at random instants while engaged.
+
+    Returns:
+        An entry per event: process, signal, time to inactive by the car's clock, and of the whole drive the
+        number of engagements and the smallest gap.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    draws = random.Random(seed)  # noqa: S311 - no secret
+    plan = [(name, how) for name in VICTIMS for how in HOWS] * math.ceil(number / 8)
+    draws.shuffle(plan)
+    events: list[Json] = []
+    with BenchProcesses(folder, BenchOptions(cycle=cycle, duration_s=1e5, car=OFTEN)) as bench:
+        listener = _Listener(bench.car_bus)
+        try:
+            for name, how in plan[:number]:
+                engaged = _wait(lambda: listener.enabled_s() > SETTLED_S)
+                time.sleep(draws.uniform(0.0, 1.0))
+                if not (engaged and listener.enabled_s()):
+                    events.append({"process": name, "signal": how.name, "at_s": math.nan})
+                    continue
+                at_s = time.monotonic()
+                bench.running[name].send_signal(how)
+                _wait(lambda: listener.enabled_s() == 0.0)
+                if how is signal.SIGSTOP:
+                    time.sleep(max(at_s + STOPPED_S - time.monotonic(), 0.0))
+                    bench.running[name].send_signal(signal.SIGCONT)
+                else:
+                    bench.running[name].wait()
+                    bench.start(name)
+                events.append({"process": name, "signal": how.name, "at_s": at_s})
+            _wait(lambda: listener.enabled_s() > SETTLED_S)
+        finally:
+            listener.close()
+        bench.running[CAR].terminate()
+        car = bench.result().car
+    inactive = [car["began_s"] + at_s for at_s in car["inactive_at_s"]]
+    for event in events:
+        later = [at_s for at_s in inactive if at_s >= event["at_s"] - 0.02]
+        event["inactive_after_s"] = min(later, default=math.nan) - event["at_s"]
+        event["smallest_gap_m"] = car["smallest_gap_m"]
+    engagements = car["engagements"]
+    return [{**event, "engagements": engagements} for event in events]
+
+
+def _wait(condition: Callable[[], bool]) -> bool:
+    until_s = time.monotonic() + LONGEST_WAIT_S
+    while time.monotonic() < until_s:
+        if condition():
+            return True
+        time.sleep(0.02)
+    return False
