@@ -35,7 +35,7 @@ def test_names_are_relative_unless_global(spec: TopicSpec) -> None:
     elif spec.topic is Topic.CLOCK:
         assert spec.name == "clock"
     else:
-        assert re.fullmatch(r"(plant|v2x|controller|visual)/[a-z0-9_]+", spec.name)
+        assert re.fullmatch(r"(plant|v2x|controller|visual|sensor|vehicle)/[a-z0-9_]+", spec.name)
 
 
 @pytest.mark.parametrize("spec", ALL, ids=spec_id)
@@ -56,7 +56,8 @@ def test_every_specification_is_complete(spec: TopicSpec) -> None:
 @pytest.mark.parametrize("spec", ALL, ids=spec_id)
 def test_only_static_data_is_latched(spec: TopicSpec) -> None:
     latched = dict.fromkeys((Topic.SLOPE, Topic.VISUAL_ROAD), LATCHED_QOS)
-    special = {**latched, Topic.DATAGRAMS: RAW_QOS}
+    bursts = dict.fromkeys((Topic.DATAGRAMS, Topic.RANGE_TRACKS, Topic.ENGAGEMENT), RAW_QOS)
+    special = {**latched, **bursts}
     assert spec.qos is special.get(spec.topic, STREAM_QOS)
 
 

@@ -98,6 +98,12 @@ def build_parser() -> argparse.ArgumentParser:
         help="drive the same trip with this strategy in memory, too, and compare (default: none)",
     )
     add("--vehicles", metavar="N", help="drive a string of vehicles, each following the one ahead")
+    add(
+        "--vehicle",
+        metavar="NAME",
+        help="drive a car on a bus in real time instead of the simulated plant: bench, or a folder with "
+        "vehicle.yaml (needs requirements/can.txt; more options: iptm bench --help)",
+    )
     add("--progress", type=Path, help=argparse.SUPPRESS)
     add("--over", choices=["ros", "memory"], default="ros", help="(default: %(default)s)")
     return parser
@@ -205,6 +211,8 @@ def _run(parsed: argparse.Namespace) -> int:
         raise ScenarioError(
             f"--without is {parsed.without[0]} for a trip with faults; allowed: without faults"
         )
+    if parsed.vehicle is not None:
+        return _run_vehicle(trip, parsed)
     if parsed.over == "memory":
         return _run_in_memory(trip, parsed, console)
     from iptm.runner.runner import RunOptions, check_over_ros, run  # noqa: PLC0415
@@ -228,6 +236,24 @@ def _run(parsed: argparse.Namespace) -> int:
         count = vehicle_count(parsed.vehicles, "--vehicles")
         return run_string(trip, count, options, console)
     return run(check_over_ros(trip), options, console)
+
+
+def _run_vehicle(trip: Trip, parsed: argparse.Namespace) -> int:
+    """Drive a car on a bus: cycle, length and strategy are those of the trip."""
+    from importlib import import_module  # noqa: PLC0415
+
+    for name in ("view", "without", "report", "vehicles", "full"):
+        if getattr(parsed, name):
+            raise ScenarioError(f"--{name} is given with --vehicle; allowed: --output")
+    given = [
+        f"--vehicle={parsed.vehicle}",
+        f"--cycle={trip.road.cycle}",
+        f"--duration-s={trip.route.duration_s}",
+        f"--strategy={trip.controller.strategy}",
+        *([f"--output={parsed.output}"] if parsed.output else []),
+    ]
+    code: int = import_module("iptm_vehicle_interface.node_bench").main(given)
+    return code
 
 
 def _run_in_memory(trip: Trip, parsed: argparse.Namespace, console: Console) -> int:

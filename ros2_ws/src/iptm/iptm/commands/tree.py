@@ -27,6 +27,8 @@ class Command:
 
 COMMANDS = {
     "run": Command("iptm.commands.run", "drive a trip, record it and report it"),
+    "bench": Command("iptm_vehicle_interface.node_bench", "drive a car on a CAN bus in real time"),
+    "meter": Command("iptm.meter", "energy, temperatures and ageing of a recorded or a live drive"),
     "traffic": Command("iptm_traffic.cli", "drive through simulated traffic (SUMO)"),
     "view": Command("iptm.runner.view", "show a run in the browser, live or from its bag"),
     "info": Command("iptm_ros.recording.bag_info", "list what a bag holds"),

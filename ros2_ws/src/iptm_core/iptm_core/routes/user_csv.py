@@ -77,6 +77,7 @@ class UserTrip:
         slope: slope of its road (position 0 is the start of the trip), None if not in the file.
         drive: what was read out of a recorded drive, None for a plain table.
         notes: what was repaired, or left out.
+        launch_s: length of the launch ramp in front of the drive.
     """
 
     cycle: DrivingCycle
@@ -84,6 +85,7 @@ class UserTrip:
     line: RoadLine | None = None
     drive: RecordedDrive | None = None
     notes: tuple[str, ...] = ()
+    launch_s: float = 0.0
 
 
 def read_user_trip(path: Path) -> UserTrip:
@@ -117,9 +119,10 @@ def trip_of_table(path: Path, table: DriveTable) -> UserTrip:
             f"{table.source}: the trip lasts {times[-1]:g} s in {times.size} rows; "
             "at least 2 s are needed"
         )
-    cycle, launch_m = _launched(path, times, speeds)
+    cycle, launch_s = _launched(path, times, speeds)
+    launch_m = 0.5 * launch_s * float(speeds[0])
     slope = _road(drive, launch_m + cumulative_integral(times, speeds))
-    return UserTrip(cycle, slope, notes=drive.notes)
+    return UserTrip(cycle, slope, notes=drive.notes, launch_s=launch_s)
 
 
 def read_gpx_road(path: Path) -> tuple[RoadLine, SlopeProfile | None]:
@@ -185,9 +188,8 @@ def _of_parquet(path: Path, name: str) -> DriveTable:
 
 
 def _launched(path: Path, times: FloatArray, speeds: FloatArray) -> tuple[DrivingCycle, float]:
-    """Return the cycle of a trace, and the length of the launch ramp in front of it."""
+    """Return the cycle of a trace, and how long the launch ramp in front of it lasts."""
     launch_s = float(np.ceil(speeds[0] / LAUNCH_ACCELERATION_M_S2))
-    launch_m = 0.5 * launch_s * float(speeds[0])
     if launch_s > 0.0:
         times = np.concatenate([[0.0], times + launch_s])
         speeds = np.concatenate([[0.0], speeds])
@@ -197,18 +199,19 @@ def _launched(path: Path, times: FloatArray, speeds: FloatArray) -> tuple[Drivin
     if launch_s:
         source += f", after a launch of {launch_s:g} s"
     name = file.stem + mark + vehicle
-    return DrivingCycle(name, *_resample(str(path), times, speeds), source), launch_m
+    return DrivingCycle(name, *_resample(str(path), times, speeds), source), launch_s
 
 
 def _recorded_trip(path: Path, cleaned: DriveTable) -> UserTrip:
     """Return the trip of a recorded drive; its road is extended backwards by the launch ramp."""
     drive = read_out(cleaned)
-    cycle, launch_m = _launched(path, drive.times_s, drive.speeds_m_s)
+    cycle, launch_s = _launched(path, drive.times_s, drive.speeds_m_s)
+    launch_m = 0.5 * launch_s * float(drive.speeds_m_s[0])
     slope = drive.slope
     if slope is not None:
         slope = SlopeProfile(slope.positions_m + launch_m, slope.slopes_rad)
     line = drive.line if launch_m == 0.0 else drive.line.extended_backwards(launch_m)
-    return UserTrip(cycle, slope, line, drive, cleaned.notes)
+    return UserTrip(cycle, slope, line, drive, cleaned.notes, launch_s)
 
 
 def _resample(source: str, times: FloatArray, speeds: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -1,0 +1,104 @@
+"""The meter of drives that somebody else drives: by hand, against the plant, from files, and of a topic."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from iptm.drive_meter import DriveMeter
+from iptm.meter import main
+from iptm_core.parameters import load_parameters
+from iptm_core.routes import build_route
+from iptm_core.state import Command
+from iptm_plant_sim.plant import Plant
+
+PARAMETERS = load_parameters("bmw_i3").values
+
+
+def test_a_steady_drive_by_hand() -> None:
+    """Ten minutes at 20 m/s: road load by eq. (2), losses of motor and driveline by eqs. (3) and (5)."""
+    meter = DriveMeter(PARAMETERS)
+    for tick in range(601):
+        meter.take(float(tick), 20.0, 500.0)
+    body, powertrain = PARAMETERS.body, PARAMETERS.powertrain
+    rolling = body.mass_kg * body.gravity_m_s2 * body.rolling_resistance
+    drag = 0.5 * body.air_density_kg_m3 * body.drag_coefficient * body.frontal_area_m2 * 20.0**2
+    ratio = powertrain.transmission_ratio * powertrain.final_drive_ratio / powertrain.wheel_radius_m
+    torque = (rolling + drag) / ratio / powertrain.driveline_efficiency
+    turning = 20.0 * ratio
+    motor = torque * turning + powertrain.motor_loss_w_per_nm2 * torque**2
+    motor += powertrain.drag_loss_w_s2_rad2 * turning**2
+    reading = meter.reading
+    assert reading.state.position_m == pytest.approx(12000.0)
+    assert reading.traction_energy_j == pytest.approx(600.0 * motor, rel=1e-6)
+    others_w = PARAMETERS.cooling.auxiliary_power_w + 500.0
+    expected = 600.0 * (motor + others_w) + reading.cooling_energy_j
+    assert reading.battery_energy_j == pytest.approx(expected, rel=1e-6)
+    assert reading.recovered_energy_j == 0.0
+    assert reading.capacity_loss > 0.0
+
+
+def test_the_meter_of_the_speeds_of_the_plant_has_the_energy_of_the_plant() -> None:
+    """US06 driven by the plant with its thermostat as it is metered; 50 Hz and noise change little."""
+    cycle = build_route("us06", duration_s=300.0).leader
+    times = np.arange(0.0, 300.5)
+    speeds = np.asarray(cycle.speeds_at(times))
+    plant = Plant(PARAMETERS, lambda positions: 0.0 * positions)
+    state, energy_j = plant.initial_state(), 0.0
+    meter = DriveMeter(PARAMETERS)
+    meter.take(0.0, 0.0)
+    for time_s, wanted in zip(times[1:], speeds[1:], strict=True):
+        compressor_w = meter.reading.state.compressor_power_w
+        step = plant.advance(state, Command(wanted - state.speed_m_s, compressor_w), 1.0)
+        state, energy_j = step.state, energy_j + step.powers.battery_power_w
+        meter.take(float(time_s), state.speed_m_s)
+    assert meter.reading.battery_energy_j == pytest.approx(energy_j, rel=0.01)
+    assert meter.reading.state.cell_n_temperature_k == pytest.approx(
+        state.cell_n_temperature_k, abs=0.2
+    )
+    fine = DriveMeter(PARAMETERS)
+    random = np.random.default_rng(0)
+    for time_s in np.arange(0.0, 300.001, 0.02):
+        fine.take(float(time_s), float(np.interp(time_s, times, speeds) + random.normal(0.0, 0.02)))
+    assert fine.reading.battery_energy_j == pytest.approx(energy_j, rel=0.05)
+
+
+def test_a_gap_is_left_out_and_said() -> None:
+    meter = DriveMeter(PARAMETERS)
+    for time_s in (0.0, 1.0, 2.0, 60.0, 61.0):
+        meter.take(time_s, 10.0)
+    assert meter.reading.driven_s == pytest.approx(3.0)
+    assert meter.reading.left_out_s == pytest.approx(58.0)
+    assert meter.reading.state.position_m == pytest.approx(30.0)
+
+
+def test_a_drive_that_begins_at_speed_has_no_launch_in_its_energy(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "steady.csv"
+    path.write_text("time_s,speed_m_s\n" + "".join(f"{t},20.0\n" for t in range(121)), "utf-8")
+    assert main([str(path), "--parameter-set", "bmw_i3", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["steady.csv"]
+    meter = DriveMeter(PARAMETERS)
+    for tick in range(121):
+        meter.take(float(tick), 20.0)
+    assert found["duration_s"] == pytest.approx(120.0)
+    assert found["battery_energy_kwh"] == pytest.approx(
+        meter.reading.battery_energy_j / 3.6e6, rel=1e-6
+    )
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [[], ["a.csv", "--topic", "/odom"], ["none.csv"], ["a.log", "--signal", "speed_kmh"]],
+)
+def test_what_cannot_be_metered_is_refused(
+    arguments: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(arguments) == 2
+    assert "allowed" in capsys.readouterr().err
+    assert not math.isnan(DriveMeter(PARAMETERS).reading.battery_energy_j)
