@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from iptm_core.errors import MessageError
 from iptm_vehicle_interface.bus import BusReader, open_bus
 from iptm_vehicle_interface.frames import FrameCodec
 from iptm_vehicle_interface.node_bench import (
@@ -85,7 +86,10 @@ class _Listener:
     def enabled_s(self) -> float:
         """Return for how long the car has been driven by the suite, 0 while it is not."""
         for frame in self._reader.taken():
-            command = self._codec.command(frame.frame_id, frame.data)
+            try:
+                command = self._codec.command(frame.frame_id, frame.data)
+            except MessageError:  # the first counter of a gateway that was started again
+                continue
             if command is None or command[0] is not self._vehicle.acceleration:
                 continue
             if command[2] is not self._enabled or frame.time_s - self._heard_s > 0.5:
@@ -99,7 +103,9 @@ class _Listener:
         self._reader.close()
 
 
-def kills(folder: Path, number: int, cycle: str, seed: int) -> list[Json]:
+def kills(
+    folder: Path, number: int, cycle: str, seed: int, longest_s: float = math.inf
+) -> list[Json]:
     """Kill or stop each process at random instants while engaged.
 
     Returns:
@@ -114,7 +120,10 @@ def kills(folder: Path, number: int, cycle: str, seed: int) -> list[Json]:
     with BenchProcesses(folder, BenchOptions(cycle=cycle, duration_s=1e5, car=OFTEN)) as bench:
         listener = _Listener(bench.car_bus)
         try:
+            until_s = time.monotonic() + longest_s
             for name, how in plan[:number]:
+                if time.monotonic() > until_s:
+                    break
                 engaged = _wait(lambda: listener.enabled_s() > SETTLED_S)
                 time.sleep(draws.uniform(0.0, 1.0))
                 if not (engaged and listener.enabled_s()):

@@ -44,7 +44,7 @@ def test_a_steady_drive_by_hand() -> None:
 
 def test_the_meter_of_the_speeds_of_the_plant_has_the_energy_of_the_plant() -> None:
     """US06 driven by the plant with its thermostat as it is metered; 50 Hz and noise change little."""
-    cycle = build_route("us06", duration_s=300.0).leader
+    cycle = build_route("us06", initial_gap_m=15.0, duration_s=300.0).leader
     times = np.arange(0.0, 300.5)
     speeds = np.asarray(cycle.speeds_at(times))
     plant = Plant(PARAMETERS, lambda positions: 0.0 * positions)

@@ -20,14 +20,13 @@ from rich.table import Table
 
 from iptm.drive_meter import DriveMeter, MeterReading
 from iptm_core.errors import IptmError, ScenarioError
-from iptm_core.parameters import load_parameters
+from iptm_core.parameters import DEFAULT_SET, load_parameters
 from iptm_core.parameters.loading import parse_overrides
 from iptm_core.parameters.model import CELSIUS_ZERO_K, ModelParameters
 from iptm_core.program import EXIT_OK, refused
 from iptm_core.routes.can_log import CAN_COLUMNS, read_can_log
 from iptm_core.routes.user_csv import USER_FILES, UserTrip, read_drive_table, trip_of_table
-from iptm_core.settings import DEFAULT_SET
-from iptm_core.state import VehicleState
+from iptm_core.state import FloatArray, VehicleState
 
 PROGRAM = "iptm meter"
 J_PER_KWH = 3.6e6
@@ -160,11 +159,10 @@ def _following(given: argparse.Namespace) -> dict[str, float]:
     driven = run.trajectory
     tick_s = float(driven.time_s[1] - driven.time_s[0])
     loss = driven.cell_1_capacity_loss + driven.cell_n_capacity_loss
-    sums = {
-        name: tick_s * float(np.sum(getattr(driven, name)[1:]))
-        for name in ("battery_power_w", "traction_power_w", "compressor_power_w")
-    }
-    back_w = np.maximum(-driven.battery_power_w[1:], 0.0)
+
+    def energy_j(power_w: FloatArray) -> float:
+        return tick_s * float(np.sum(power_w[1:]))
+
     end = VehicleState(
         float(driven.time_s[-1]),
         float(driven.position_m[-1] - driven.position_m[0]),
@@ -180,8 +178,10 @@ def _following(given: argparse.Namespace) -> dict[str, float]:
         MeterReading(
             end,
             float(driven.time_s[-1] - driven.time_s[0]),
-            *sums.values(),
-            tick_s * float(back_w.sum()),
+            energy_j(driven.battery_power_w),
+            energy_j(driven.traction_power_w),
+            energy_j(driven.compressor_power_w),
+            energy_j(np.maximum(-driven.battery_power_w, 0.0)),
             0.5 * float(loss[-1] - loss[0]),
         )
     )

@@ -82,13 +82,13 @@ class DriveRecorder:
         self._decisions.write(json.dumps([self._order, kind, time_s, value]) + "\n")
 
 
-def recorded_frames(folder: Path) -> list[tuple[Frame, bool]]:
-    """Return the frames of a record, and whether each is one of the car.
+def read_frames(path: Path) -> list[tuple[Frame, bool]]:
+    """Return the frames of a log with directions, and whether each was received.
 
     Raises:
-        RouteError: there is no record, or a line of it is malformed.
+        RouteError: there is no log, or a line of it is malformed.
     """
-    path, found = folder / FRAMES, []
+    found = []
     try:
         lines = path.read_text("ascii").splitlines()
     except OSError as error:
@@ -115,7 +115,7 @@ def replayed(folder: Path, driver: Driver) -> Iterator[tuple[float, bytes, bytes
     Raises:
         RouteError: the record is malformed.
     """
-    frames, taken = recorded_frames(folder), 0
+    frames, taken = read_frames(folder / FRAMES), 0
     path = folder / DECISIONS
     for number, line in enumerate(path.read_text("ascii").splitlines(), start=1):
         try:

@@ -225,11 +225,15 @@ class VehicleNode(SuiteNode):
     # --- reports
 
     def _report(self) -> None:
-        driver, engagement = self._driver, self._driver.engagement
-        late_s = driver.log.late_s
-        values: dict[str, object] = {
+        engagement = self._driver.engagement
+        level = Level.OK if self._options.shadow else _LEVELS[engagement.mode]
+        self._reporter.report(self._tick_ns, level, engagement.reason, self._values)
+
+    def _values(self) -> dict[str, object]:
+        driver, late_s = self._driver, self._driver.log.late_s
+        return {
             "vehicle": self._vehicle.name,
-            "mode": engagement.mode.value,
+            "mode": driver.engagement.mode.value,
             "shadow": self._options.shadow,
             "decisions": driver.log.decisions,
             "decisions_without_plan": driver.log.fallbacks,
@@ -241,8 +245,6 @@ class VehicleNode(SuiteNode):
             "unreadable_frames": self._reader.unreadable,
             **{f"rejected {name}": count for name, count in driver.log.faults.items()},
         }
-        level = Level.OK if self._options.shadow else _LEVELS[engagement.mode]
-        self._reporter.report(self._tick_ns, level, engagement.reason, values)
 
     def _saved_losses(self) -> tuple[float, float] | None:
         if not (self._options.capacity_loss_file and self._losses_file.is_file()):
