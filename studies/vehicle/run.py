@@ -1,0 +1,323 @@
+"""The vehicle interface in real time on the bench car, killed, disturbed and judged, and what it costs.
+
+Drives in real time are kept under results/vehicle and not driven again. A busy machine shows in them: it
+should do little else meanwhile.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from studies.acc.scenes import LONGEST_S, SCENES, SHORTEST_S, measured_scenes
+from studies.safety.braking import braking_trials
+from studies.session import Case, Session
+from studies.vehicle.bench import OFTEN, drive, faulty, kept, kills
+from studies.vehicle.meter import i3_trips, public_log
+from studies.vehicle.opendbc_judge import CARS, build, judged
+
+import iptm
+from iptm_vehicle_interface.drive_record import replayed
+from iptm_vehicle_interface.driving import Driver, controller_limits
+from iptm_vehicle_interface.vehicle import load_vehicle
+
+MEASURES_TIME = True
+CYCLES = {"us06": 600.0, "wltc_class3b": 1800.0}
+STRATEGIES = ("aging_cost_to_go", "reference")
+FAULT_AT_S, FAULT_DRIVE_S = 25.0, 45.0
+FAULTS: Mapping[str, list[str]] = {
+    "none": [],
+    "10 % of frames lost": ["--lost", "0.1"],
+    "frames up to 50 ms late": ["--late-s", "0.05"],
+    "2 % of checksums wrong": ["--bad-checksum", "0.02"],
+    "all checksums wrong": ["--bad-checksum", "1"],
+    "radar frozen": ["--frozen-from-s", f"{FAULT_AT_S}"],
+    **{
+        f"silent for {length_s:g} s": ["--silent", f"{FAULT_AT_S}:{FAULT_AT_S + length_s}"]
+        for length_s in (0.2, 0.5, 1.0, 2.0, 5.0)
+    },
+    "driver brakes": ["--press", f"brake_pressed:{FAULT_AT_S}:1"],
+    "driver accelerates": ["--press", f"accelerator_pressed:{FAULT_AT_S}:2"],
+    "the vehicle reports a fault": ["--press", f"vehicle_fault:{FAULT_AT_S}:1"],
+}
+KILLS, KILL_CYCLE, KILL_SEED = 200, "wltc_class3b", 39
+HEADWAYS_S = (1.5, 2.0, 2.5, 3.0)
+AUTHORITY_M_S2 = 3.5
+BRAKING_TRIALS, BRAKING_SEED = 200, 39
+SHORT_S = 60.0
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the folders of what is no part of the project."""
+    add = parser.add_argument
+    add("--opendbc", type=Path, metavar="DIR", help="unpacked package opendbc, for the judge")
+    add("--i3", type=Path, metavar="FILE", help="recorded trips of the BMW i3, compact form")
+    add("--log", type=Path, metavar="DIR", help="folder of brz_candump.log.gz and brz.dbc")
+
+
+def run(session: Session) -> bool:
+    """Run the study; returns whether no car came too near and no frame was blocked."""
+    values: dict[str, Any] = dict.fromkeys(
+        ("drives", "kills", "faults", "judge", "replay", "i3", "log")
+    )
+    values |= _leaders(session)
+    if not session.short:
+        values["drives"] = _drives(session)
+        values["kills"] = _kills(session)
+        values["faults"] = _faults(session)
+        values["replay"] = _replay(session)
+    options = session.options
+    if options.opendbc:
+        values["judge"] = _judge(session, options.opendbc)
+    if options.i3:
+        values["i3"] = _i3(options.i3)
+    if options.log:
+        values["log"] = public_log(session, options.log)
+    session.render(authority_m_s2=AUTHORITY_M_S2, trials=BRAKING_TRIALS, **values)
+    return bool((values["leaders"].collisions == 0).all())
+
+
+# --- in real time
+
+
+def _drive_folder(session: Session, cycle: str, strategy: str) -> Path:
+    return session.scratch / "drives" / f"{cycle}_{strategy}"
+
+
+def _drives(session: Session) -> pd.DataFrame:
+    """Compare drives in real time with the same ones in lock-step, with the same limits and no preview."""
+    limits = controller_limits(load_vehicle("bench"))
+    cases = [
+        Case(
+            f"{cycle}/{strategy}",
+            {"cycle": cycle, "strategy": strategy},
+            {
+                "cycle": cycle,
+                "strategy": strategy,
+                "preview_mode": "none",
+                "overrides": limits,
+                "duration_s": duration_s,
+            },
+        )
+        for cycle, duration_s in CYCLES.items()
+        for strategy in STRATEGIES
+    ]
+    rows = []
+    for _, each in session.drive(cases).iterrows():
+        folder = _drive_folder(session, each.cycle, each.strategy)
+        duration_s = CYCLES[each.cycle]
+        found = kept(
+            folder / "result.json",
+            lambda folder=folder, each=each, duration_s=duration_s: drive(
+                folder, each.cycle, each.strategy, duration_s
+            ),
+        )
+        car, suite, trajectory = found["car"], found["suite"], each.run.trajectory
+        losses = trajectory.cell_1_capacity_loss + trajectory.cell_n_capacity_loss
+        rows.append(
+            {
+                "cycle": each.cycle,
+                "strategy": each.strategy,
+                "energy_kwh": car["battery_energy_j"] / 3.6e6,
+                "step_energy_kwh": _energy_j(each.run) / 3.6e6,
+                "loss_ppm": 1e6 * car["capacity_loss"],
+                "step_loss_ppm": 1e6 * float(losses[-1] - losses[0]),
+                "distance_km": car["distance_m"] / 1000.0,
+                "step_distance_km": float(trajectory.position_m[-1]) / 1000.0,
+                "engaged": 100.0 * car["active_s"] / duration_s,
+                "hand_overs": sum(mode == "hand_over" for _, mode, _ in suite["changes"][:-2]),
+                "oldest_ms": 1e3 * car["oldest_command_s"],
+                "jerk": car["largest_jerk_m_s3"],
+                "gap_m": car["smallest_gap_m"],
+                "late_p99_ms": 1e3 * suite["late_p99_s"],
+                "late_max_ms": 1e3 * suite["late_max_s"],
+                "fallbacks": suite["fallbacks"],
+            }
+        )
+    return _with_savings(pd.DataFrame(rows))
+
+
+def _energy_j(run: iptm.Run) -> float:
+    """Return the energy from the battery of a trip in memory."""
+    trajectory = run.trajectory
+    return float(np.sum(trajectory.battery_power_w[1:] * trajectory.intervals_s))
+
+
+def _with_savings(table: pd.DataFrame) -> pd.DataFrame:
+    """Add what the first strategy saves against the second, per distance, in real time and in lock-step."""
+    for kind, prefix in (("real", ""), ("step", "step_")):
+        for name in ("energy_kwh", "loss_ppm"):
+            per_km = table[f"{prefix}{name}"] / table[f"{prefix}distance_km"]
+            base = (
+                per_km.where(table.strategy == STRATEGIES[1]).groupby(table.cycle).transform("max")
+            )
+            table[f"{kind}_{name.partition('_')[0]}_saving"] = 100.0 * (1.0 - per_km / base)
+    return table
+
+
+def _kills(session: Session) -> pd.DataFrame:
+    folder = session.scratch / "kills"
+    events = pd.DataFrame(
+        kept(folder / "kills.json", lambda: kills(folder, KILLS, KILL_CYCLE, KILL_SEED))
+    )
+    rows = []
+    for (process, how), group in events.groupby(["process", "signal"]):
+        times = group.inactive_after_s
+        rows.append(
+            {
+                "process": process,
+                "signal": how,
+                "events": len(group),
+                "median_ms": 1e3 * times.median(),
+                "max_ms": 1e3 * times.max(),
+                "missed": int(times.isna().sum()),
+                "engagements": int(group.engagements.iloc[0]),
+                "gap_m": group.smallest_gap_m.iloc[0],
+                "all": len(events),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def _faults(session: Session) -> pd.DataFrame:
+    rows = []
+    for number, (name, options) in enumerate(FAULTS.items()):
+        folder = session.scratch / "faults" / f"{number}"
+        found = kept(
+            folder / "result.json",
+            lambda folder=folder, options=options: faulty(
+                folder, [*OFTEN, *options], FAULT_DRIVE_S
+            ),
+        )
+        rows.append({"fault": name, **_reaction(found)})
+    return pd.DataFrame(rows)
+
+
+def _reaction(found: Mapping[str, Any]) -> dict[str, Any]:
+    """Return how the suite reacted to a fault of a drive."""
+    car, suite = found["car"], found["suite"]
+    changes = [
+        (time_s, mode, reason)
+        for time_s, mode, reason in suite["changes"]
+        if FAULT_AT_S - 0.5 <= time_s < FAULT_DRIVE_S - 0.5
+    ]
+    inactive = [at_s for at_s in car["inactive_at_s"] if at_s >= FAULT_AT_S]
+    return {
+        "reaction": "; ".join(dict.fromkeys(f"{mode}: {why}" for _, mode, why in changes))
+        or ("goes on" if car["active_s"] else "never engaged"),
+        "inactive_ms": 1e3 * (inactive[0] - FAULT_AT_S) if inactive else math.nan,
+        "engaged_s": car["active_s"],
+        "engagements": car["engagements"],
+        "gap_m": car["smallest_gap_m"],
+        "oldest_ms": 1e3 * car["oldest_command_s"],
+        "rejected": sum(suite["faults"].values()),
+    }
+
+
+def _replay(session: Session) -> pd.DataFrame:
+    rows = []
+    for cycle in CYCLES:
+        folder = _drive_folder(session, cycle, STRATEGIES[0]) / "record"
+        pairs = [was == now for _, was, now in replayed(folder, Driver(load_vehicle("bench")))]
+        rows.append({"cycle": cycle, "frames": len(pairs), "different": pairs.count(False)})
+    return pd.DataFrame(rows)
+
+
+def _judge(session: Session, package: Path) -> pd.DataFrame:
+    """Pass the requests of all drives through opendbc's safety code."""
+    library, rows = build(package), []
+    logs = sorted((session.scratch / "drives").glob("*/car_frames.log"))
+    for car in CARS:
+        counts = sum(
+            (judged(library, car, log) for log in logs), start=judged(library, car, logs[0])
+        )
+        counts -= judged(library, car, logs[0])
+        rows.append({"car": car.name, **{key.replace(" ", "_"): n for key, n in counts.items()}})
+    return pd.DataFrame(rows).fillna(0)
+
+
+def _i3(path: Path) -> dict[str, float]:
+    trips = i3_trips(path)
+    error = trips.error.abs()
+    return {
+        "trips": len(trips),
+        "all": 100.0 * error.median(),
+        "held_out": 100.0 * error[~trips.fitted].median(),
+        "held_out_trips": int((~trips.fitted).sum()),
+        "p90": 100.0 * float(np.percentile(error, 90)),
+        "mean": 100.0 * trips.error.mean(),
+    }
+
+
+# --- with the authority of the channel, without a bus
+
+
+def _leaders(session: Session) -> dict[str, Any]:
+    """Drive behind measured leaders, and behind ones that brake, with the authority of the channel."""
+    extent = (1, SHORTEST_S) if session.short else (SCENES, LONGEST_S)
+    scenes = measured_scenes(None, session.say, *extent)
+    limits = controller_limits(load_vehicle("bench"))
+    headways = HEADWAYS_S[:1] if session.short else HEADWAYS_S
+    base = {
+        "preview_mode": "none",
+        "strategy": STRATEGIES[0],
+        "monitor_own_deceleration_m_s2": AUTHORITY_M_S2,
+    }
+    trips = {
+        scene.name: {
+            "cycle": scene.write(session.scratch / "leads"),
+            "duration_s": float(scene.duration_s),
+        }
+        for scene in scenes
+    }
+    trips["us06"] = {"cycle": "us06"}
+    cases = [
+        Case(
+            f"{name}/{headway_s}",
+            {"leader": name, "headway_s": headway_s},
+            {**base, **trip, "overrides": {**limits, "gap.time_headway_s": headway_s}},
+        )
+        for headway_s in headways
+        for name, trip in trips.items()
+    ]
+    if session.short:
+        cases = [case.shortened(SHORT_S) for case in cases]
+    driven = session.drive(cases)
+    calls = {case.name: case.call for case in cases}
+    rows = []
+    for headway_s, group in driven.groupby("headway_s"):
+        measured, us06 = group[group.leader != "us06"], group[group.leader == "us06"].iloc[0]
+        trials = braking_trials(
+            calls[us06.case],
+            us06.run.trajectory,
+            3 if session.short else BRAKING_TRIALS,
+            BRAKING_SEED,
+        )
+        hit = trials.impact_m_s > 0.0
+        rows.append(
+            {
+                "headway_s": headway_s,
+                "leaders": len(measured),
+                "collisions": sum(run.frame.gap_m.min() <= 0.0 for run in measured.run),
+                "gap_m": min(run.frame.gap_m.min() for run in measured.run),
+                "interventions": sum(metrics.interventions for metrics in measured.metrics),
+                "hit": int(hit.sum()),
+                "avoidable": int((hit & (trials.bound_impact_m_s <= 0.0)).sum()),
+                "unavoidable": int((trials.bound_impact_m_s > 0.0).sum()),
+                "energy": _energy_j(us06.run) / float(us06.run.trajectory.position_m[-1]),
+            }
+        )
+    table = pd.DataFrame(rows)
+    table["cost"] = 100.0 * (table.energy / table.energy.iloc[0] - 1.0)
+    return {"leaders": table}
+
+
+def dump(table: pd.DataFrame) -> str:
+    """Return a table as JSON, to look into."""
+    return json.dumps(table.to_dict("records"), indent=1, default=str)
