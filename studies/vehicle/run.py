@@ -7,9 +7,9 @@ should do little else meanwhile.
 from __future__ import annotations
 
 import argparse
-import json
 import math
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -114,9 +114,7 @@ def _drives(session: Session) -> pd.DataFrame:
         duration_s = CYCLES[each.cycle]
         found = kept(
             folder / "result.json",
-            lambda folder=folder, each=each, duration_s=duration_s: drive(
-                folder, each.cycle, each.strategy, duration_s
-            ),
+            partial(drive, folder, each.cycle, each.strategy, duration_s),
         )
         car, suite, trajectory = found["car"], found["suite"], each.run.trajectory
         losses = trajectory.cell_1_capacity_loss + trajectory.cell_n_capacity_loss
@@ -191,9 +189,7 @@ def _faults(session: Session) -> pd.DataFrame:
         folder = session.scratch / "faults" / f"{number}"
         found = kept(
             folder / "result.json",
-            lambda folder=folder, options=options: faulty(
-                folder, [*OFTEN, *options], FAULT_DRIVE_S
-            ),
+            partial(faulty, folder, [*OFTEN, *options], FAULT_DRIVE_S),
         )
         rows.append({"fault": name, **_reaction(found)})
     return pd.DataFrame(rows)
@@ -316,8 +312,3 @@ def _leaders(session: Session) -> dict[str, Any]:
     table = pd.DataFrame(rows)
     table["cost"] = 100.0 * (table.energy / table.energy.iloc[0] - 1.0)
     return {"leaders": table}
-
-
-def dump(table: pd.DataFrame) -> str:
-    """Return a table as JSON, to look into."""
-    return json.dumps(table.to_dict("records"), indent=1, default=str)

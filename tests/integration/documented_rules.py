@@ -113,7 +113,7 @@ RULES = (
     ),
     Rule(
         Way.ELSEWHERE,
-        r"python -m iptm_vehicle_interface\..*",
+        r"python -m iptm_vehicle_interface\..*|scripts/run_demo --vehicle .*|python -m can\..*",
         "tests/iptm_vehicle_interface/test_bench.py, or a bus that is not there",
     ),
     Rule(
