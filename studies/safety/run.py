@@ -15,6 +15,7 @@ from studies.safety.braking import braking_outcomes
 from studies.safety.findings import BEFORE, Findings, delays_of, read_before, with_figures
 from studies.safety.judging import judge_trial, trial_of
 from studies.safety.page import safety_values
+from studies.safety.r157 import outcomes
 from studies.safety.trials import (
     CYCLES,
     DELAYED_S,
@@ -31,10 +32,12 @@ import iptm
 from iptm.parts import CYCLE_NAMES, FaultKind, Report, Reporter
 from iptm.runner.trial import DriveMode, DrivenTrial, Level, drive_over_ros
 
-USUAL = {"trials": 1000, "braking": 20_000, "ros": 20, "seed": 1}
+USUAL = {"trials": 400, "braking": 8000, "ros": 8, "seed": 1}
 """Options: numbers of trials, and the seed of all draws."""
 SHORT = {"trials": 2, "braking": 4, "ros": 0, "seed": 1}
 SHORT_S = 40.0
+R157_STRIDE, R157_SHORT_STRIDE = 2, 24
+"""Every so many distances and sideways speeds of the grids of UN R157."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -69,6 +72,8 @@ def run(session: Session) -> bool:
         session.drive,
         (driving, disturbed, delay_cases(cycles, periods_s, min(DELAYED_S, longest_s))),
     )
+    stride = R157_SHORT_STRIDE if session.short else R157_STRIDE
+    (r157,) = session.compute(outcomes, [{"stride": stride}], ["grids of UN R157"])
     findings = Findings(
         _braking(session, driving, drives, braking, seed),
         _judged(disturbed, disturbed_runs, session),
@@ -76,6 +81,7 @@ def run(session: Session) -> bool:
         delays_of(delays),
         ({}, "") if session.short else read_before(BEFORE),
         tuple(_over_ros(session, disturbed, ros)),
+        r157,
     )
     broken = findings.broken()
     for line in broken:

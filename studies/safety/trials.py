@@ -42,7 +42,7 @@ SEED = 1
 MARGIN_M = SafetyMonitorSettings.monitor_margin_m
 CYCLES: tuple[str, ...] = (*CYCLE_NAMES, "smooth", *LONG_CYCLES)
 PERIODS_S: tuple[float, ...] = (0.1, 0.2, 0.5, 1.0)
-DISTURBED_S, DELAYED_S = 300.0, 600.0
+DISTURBED_S, DELAYED_S = 300.0, 300.0
 """Largest lengths of a disturbed trial, and of a drive with delayed commands."""
 SHIPPED, MEASURED = "shipped cycles", "measured lead vehicles"
 """What is driven behind."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from itertools import product
 
 import numpy as np
 import pytest
@@ -239,3 +240,52 @@ def test_the_digits_of_a_coarse_sensor_show_its_resolution() -> None:
         0.02,
     ]
     assert resolution(12.3456789) == 0.0
+
+
+def behind_ghost(ticks: int, speed_m_s: float, gap_m: float) -> tuple[list[Sample], Sample]:
+    """Return a drive of 2 s with a ghost behind it, and the end of the drive.
+
+    The ghost has a speed, and is once a second as far ahead of the own vehicle as before.
+    """
+    drive = driven(1.95, 0.1, cruising(40.0, 19.0), cruising(0.0, 25.0))
+    ghosts = []
+    for tick, n in product(range(ticks), range(10)):
+        now_s = 2.0 + tick + 0.1 * n
+        position_m = 25.0 * (2.0 + tick) + gap_m + speed_m_s * 0.1 * n
+        ghosts.append(Sample(now_s, position_m, speed_m_s, 25.0 * now_s, 25.0))
+    return drive + ghosts, drive[-1]
+
+
+@pytest.mark.parametrize("ghost_m_s", [0.0, 5.0])
+def test_what_moves_on_with_the_own_vehicle_is_a_ghost_and_hides_the_vehicle_seen_before(
+    ghost_m_s: float,
+) -> None:
+    samples, last = behind_ghost(3, ghost_m_s, 12.0)
+    track = track_of(samples)
+    assert (track.status(samples[-1].time_s), track.seen) == (LeadStatus.FROZEN, last.lead)
+    hidden_s = samples[-1].time_s - last.time_s - track.period_s
+    lead = track.assumed_at(samples[-1].time_s, 9.0)
+    assert lead is not None
+    assert lead.speed_m_s == pytest.approx(19.0 - 3.0 * hidden_s), "it is not assumed to brake hard"
+    later = track.assumed_at(last.time_s + track.period_s + 4.0, 9.0)
+    assert later is not None
+    assert later.speed_m_s == pytest.approx(19.0 - 3.0 * 3.0 - 9.0 * 1.0), "but it is after 3 s"
+
+
+@pytest.mark.parametrize(("nearer_m", "counts_after"), [(0.0, 3), (-100.0, 13)])
+def test_behind_a_ghost_the_hidden_vehicle_counts_at_once_and_another_one_later(
+    nearer_m: float, counts_after: int
+) -> None:
+    samples, _ = behind_ghost(2, 0.0, 12.0)
+    track = track_of(samples)
+    for n in range(1, 14):
+        now_s = samples[-1].time_s + 0.1 * n
+        position_m, speed_m_s = cruising(40.0 - nearer_m, 19.0)(now_s)
+        track = followed(track, Sample(now_s, position_m, speed_m_s, 25.0 * now_s, 25.0))
+        assert track.frozen is (n < counts_after), n
+
+
+def test_the_same_vehicle_in_a_wrong_place_is_no_ghost() -> None:
+    samples, _ = behind_ghost(2, 19.0, 45.0)
+    track = track_of(samples[:-9])
+    assert (track.frozen, track.ghost) == (True, False)

@@ -6,6 +6,8 @@ the own motion. Controller and safety monitor follow the vehicle ahead each on i
 
 - Frozen: measurements with the same speed and the same gap or position, although speeds and own motion imply
   another one; within three measurements.
+- Ghost: a vehicle that appears, and a moment later is farther on although it drives as before: it goes with
+  the own vehicle. The vehicle seen before it is hidden, but not known to brake hard.
 - Lost: no measurement, or an empty lane where a vehicle was a moment ago. It is free once it has been empty
   for `CONFIRMED_FREE_S`, or at once when a source reports a clear lane, see `clear_lane`.
 - From the first measurement that is missing or repeated on, the vehicle ahead is assumed to brake.
@@ -28,6 +30,8 @@ FREE_POSITION_M = 1e9
 """Stands for no vehicle ahead where a source has seen that there is none."""
 ANOTHER_LEAD_M = 3.0
 """Position jump, beyond the motion at its speeds, from which it is another vehicle."""
+ANOTHER_LEAD_M_S, ANOTHER_LEAD_M_S2 = 3.0, 12.0
+"""Change of speed, beyond that of the second one for the time between, from which it is another vehicle."""
 LARGEST_MEASURING_INTERVAL_S = 5.0
 """Longest interval between two measurements from which an acceleration is estimated."""
 IDENTICAL_M, IDENTICAL_M_S = 1e-6, 1e-9
@@ -40,6 +44,13 @@ RESOLUTIONS = (1.0, 0.5, 0.25, 0.2, 0.1, 0.05, 0.02, 0.01)
 """Steps of a coarse sensor in m or m/s, which show in its digits; a fine one does not repeat itself."""
 RECOVERED_STEPS = 2
 """Consecutive steps that agree with the measured speeds, after which a frozen sensor counts again."""
+GHOST_S = 3.0
+"""Time after its appearance in which a vehicle shows that it is a ghost, and for which the vehicle that it
+hides is not assumed to brake hard."""
+GHOST_CONFIRMED_S = 1.2
+"""Time for which what appears in place of a ghost has to move as measured before it counts."""
+HIDDEN_DECELERATION_M_S2 = 3.0
+"""Deceleration assumed of a vehicle that a ghost hides, above that of ordinary driving."""
 LONGEST_PERIOD_S = 1.5
 """A sensor is taken to measure at least this often."""
 _KEPT = 12
@@ -98,6 +109,7 @@ class LeadTrack:
         acceleration_m_s2: between the last two of them.
         period_s: time between measurements; the next one is missing after that.
         frozen: whether the sensor repeats itself.
+        ghost: whether that was a vehicle which appeared and has never been there.
         sound_steps: steps since then that agree with the speeds.
         recent: newest measurements, sound or not, oldest first.
         before: vehicle seen before another one appeared, None for none.
@@ -109,6 +121,7 @@ class LeadTrack:
     acceleration_m_s2: float = 0.0
     period_s: float = LONGEST_PERIOD_S
     frozen: bool = False
+    ghost: bool = False
     sound_steps: int = 0
     recent: tuple[tuple[float, ...], ...] = ()
     before: LeaderState | None = None
@@ -143,6 +156,11 @@ class LeadTrack:
         unseen_s = self.unseen_s(time_s)
         braking_m_s2 = max(-self.acceleration_m_s2, 0.0)
         lead = slowed(self.seen, braking_m_s2, time_s - self.seen.time_s - unseen_s)
+        if self.ghost:
+            hidden_s = min(unseen_s, GHOST_S)
+            hidden_m_s2 = min(HIDDEN_DECELERATION_M_S2, deceleration_m_s2)
+            lead = slowed(lead, max(braking_m_s2, hidden_m_s2), hidden_s)
+            unseen_s -= hidden_s
         if unseen_s:
             lead = slowed(lead, max(braking_m_s2, deceleration_m_s2), unseen_s)
         return replace(lead, time_s=time_s)
@@ -180,17 +198,28 @@ def followed(track: LeadTrack, sample: Sample) -> LeadTrack:
     first = _frozen_since(track, sample)
     if first is not None:
         return _as_frozen(track, first)
+    return _stepped(track, last, sample)
+
+
+def _stepped(track: LeadTrack, last: Sample, sample: Sample) -> LeadTrack:
+    """Return a track after a measurement that repeats no other one."""
+    interval_s = sample.time_s - last.time_s
     foreseen_m = 0.5 * (last.speed_m_s + sample.speed_m_s) * interval_s
     moved_m = sample.position_m - last.position_m
-    deviation_m = moved_m - foreseen_m
-    jumped = abs(deviation_m) > ANOTHER_LEAD_M
+    farther_m = moved_m - foreseen_m
+    faster_m_s = abs(sample.speed_m_s - last.speed_m_s)
+    jumped = abs(farther_m) > ANOTHER_LEAD_M
+    jumped |= faster_m_s > ANOTHER_LEAD_M_S + ANOTHER_LEAD_M_S2 * interval_s
     if track.frozen:
         repeated = abs(moved_m) < IDENTICAL_M and sample.speed_m_s > MOVING_M_S
         steps = 0 if jumped or repeated else track.sound_steps + 1
-        if steps < RECOVERED_STEPS:
+        if steps < _needed_steps(track, sample, interval_s):
             return replace(track, sound_steps=steps)
-        track = replace(track, frozen=False, sound_steps=0, before=None)
+        track = replace(track, frozen=False, ghost=False, sound_steps=0, before=None)
     if jumped:
+        is_new = track.before is not None and sample.time_s - track.appeared_s <= GHOST_S
+        if is_new and faster_m_s <= IDENTICAL_M_S and farther_m > 0.0:
+            return _without_newest(track, sample.speed_m_s)
         return replace(
             track,
             seen=sample.lead,
@@ -270,10 +299,36 @@ def _as_frozen(track: LeadTrack, first: Sample) -> LeadTrack:
     """
     if track.frozen:
         return replace(track, sound_steps=0)
-    seen: LeaderState | None = first.lead
     if track.before is not None and first.time_s <= track.appeared_s + _RESOLUTION_S:
-        seen = track.before
-    return replace(track, frozen=True, sound_steps=0, seen=seen, acceleration_m_s2=0.0)
+        return _without_newest(track, first.speed_m_s)
+    return replace(track, frozen=True, sound_steps=0, seen=first.lead, acceleration_m_s2=0.0)
+
+
+def _without_newest(track: LeadTrack, speed_m_s: float) -> LeadTrack:
+    """Return a track whose newest vehicle, with its speed, has never been there: the one before counts.
+
+    At another speed it was a ghost; at the same one it was that vehicle, measured in a wrong place.
+    """
+    seen = track.before
+    ghost = seen is not None and abs(speed_m_s - seen.speed_m_s) > ANOTHER_LEAD_M_S
+    frozen = replace(track, frozen=True, ghost=ghost, sound_steps=0, seen=seen)
+    return replace(frozen, acceleration_m_s2=0.0)
+
+
+def _needed_steps(track: LeadTrack, sample: Sample, interval_s: float) -> int:
+    """Return the steps that have to agree before a frozen sensor counts again.
+
+    In place of a ghost, more than for the vehicle that it has hidden.
+    """
+    seen = track.seen
+    if not track.ghost or seen is None:
+        return RECOVERED_STEPS
+    elapsed_s = sample.time_s - seen.time_s
+    nearest_m = slowed(seen, HIDDEN_DECELERATION_M_S2, elapsed_s).position_m - ANOTHER_LEAD_M
+    farthest_m = slowed(seen, -HIDDEN_DECELERATION_M_S2, elapsed_s).position_m + ANOTHER_LEAD_M
+    if nearest_m <= sample.position_m <= farthest_m:
+        return RECOVERED_STEPS
+    return max(RECOVERED_STEPS, math.ceil(GHOST_CONFIRMED_S / interval_s))
 
 
 def samples_of(
