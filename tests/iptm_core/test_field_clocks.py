@@ -189,6 +189,21 @@ def test_both_clocks_of_a_bag_are_set_ahead(tmp_path: Path) -> None:
     assert trip.cycle.duration_s == 120.0
 
 
+@pytest.mark.parametrize("factor", [1000.0, 0.001])
+def test_places_in_another_unit(tmp_path: Path, factor: float) -> None:
+    two = Driven.at(2.0)
+    trip = read_user_trip(write_bag(tmp_path / "bag", two.but(along_m=factor * two.along_m)))
+    is_the_drive(trip, f"places are multiplied by {1.0 / factor:g}")
+
+
+def test_places_without_a_way_are_refused_soon(tmp_path: Path) -> None:
+    fast = Driven.at(50.0)
+    there = 500.0 * np.random.default_rng(1).standard_normal(fast.times_s.size)
+    path = write_gpx(tmp_path / "a.gpx", fast.but(east_m=there), with_speed=False)
+    with pytest.raises(RouteError, match=r"aside of the way|two senders"):
+        read_user_trip(path)
+
+
 def test_heights_most_of_which_leap_are_refused(tmp_path: Path) -> None:
     rows = np.arange(121)
     heights = DRIVE.heights_m + np.where(rows % 2, 47.0, 0.0)

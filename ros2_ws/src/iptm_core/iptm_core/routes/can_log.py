@@ -254,6 +254,10 @@ def _of_channels(path: Path, signals: Mapping[str, str]) -> DriveTable:
             raise RouteError(f"{path}: channel {name!r} is in several groups; allowed: {several}")
         if column not in found:
             raise RouteError(f"{path}: no channel {name!r}; {suggestion(name, sorted(known))}")
+        if found[column].samples.dtype.kind not in "biuf":
+            raise RouteError(
+                f"{path}: channel {name!r} holds no numbers; allowed: {column} as numbers"
+            )
         _check_unit(path, column, name, found[column].unit or "", notes)
     ends = np.cumsum([0, *(each.timestamps.size for each in found.values())])
     times = np.concatenate([each.timestamps.astype(np.float64) for each in found.values()])

@@ -38,7 +38,7 @@ def cleaned_motion(table: DriveTable) -> DriveTable:
     Raises:
         RouteError: a jump that does not come back, a car that reverses, or two sources that contradict.
     """
-    table = _speeds_against_places(cleaned_places(_marked(table)))
+    table = _speeds_against_places(cleaned_places(_scaled_places(_marked(table))))
     return _speeds_against_accelerations(_speeds(table))
 
 
@@ -70,6 +70,21 @@ def _marked(table: DriveTable) -> DriveTable:
         note = f"{name} is {below[0]:g} at {table.count(int(marks.sum()))}: not measured"
         return table.having(speed_m_s=np.where(marks, np.nan, speeds)).noted(note)
     return table
+
+
+def _scaled_places(table: DriveTable) -> DriveTable:
+    """Scale places in a plane of which only a thousandth, or a thousand, fits to speeds of a car."""
+    plane, speeds, times = table.plane(), table.columns.get("speed_m_s"), table.columns["time_s"]
+    if plane is None or speeds is None or "latitude_deg" in table.columns or times.size < 3:
+        return table
+    known = np.isfinite(speeds) & np.isfinite(plane).all(axis=1)
+    if known.sum() < 3 or not _MOVES_M_S <= np.abs(speeds[known]).max() <= MAX_SPEED_M_S:
+        return table
+    named = distances(times[known], speeds[known], plane[known]).named_factor()
+    if named is None or 0.01 < named[0] < 100.0:
+        return table
+    scaled = {name: table.columns[name] * named[0] for name in PLACES if name in table.columns}
+    return table.having(**scaled).noted(f"places are multiplied by {named[0]:g}, by the speeds")
 
 
 def _speeds_against_places(table: DriveTable) -> DriveTable:

@@ -14,6 +14,8 @@ from iptm_core.state import FloatArray
 LONGEST_OUTLIER_S, LONGEST_LOST_FIX_S = 5.0, 60.0
 PLACES = ("latitude_deg", "longitude_deg", "east_m", "north_m", "position_m")
 _MOST_IN_ONE_RUN = 0.1
+_MOST_ROUNDS = 100
+"""Each of them leaves out all runs that are clearly odd; what needs more has no way in it."""
 
 
 def consistent(
@@ -32,7 +34,9 @@ def consistent(
         share: of the rows that may be left out as one run.
     """
     most = max(3.0, share * kept_rows.size)
-    while (broken := breaks(kept_rows)).any():
+    for _ in range(_MOST_ROUNDS):
+        if not (broken := breaks(kept_rows)).any():
+            break
         bounds = np.concatenate([[0], np.flatnonzero(broken) + 1, [kept_rows.size]])
         sizes = np.diff(bounds)
         spans = times[kept_rows[bounds[1:] - 1]] - times[kept_rows[bounds[:-1]]]
