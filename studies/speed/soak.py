@@ -29,7 +29,7 @@ from iptm.runner.monitor import Snapshot
 from iptm.runner.progress import Progress
 from iptm.runner.run_folder import RunFolder
 from iptm.runner.runner import RunOptions, check_over_ros, drive_processes
-from iptm.trip import AUTOMATIC_DOMAIN
+from iptm.trip_settings import AUTOMATIC_DOMAIN
 from iptm_ros.codecs import stamp_ns_of
 from iptm_ros.diagnostics import Level
 from iptm_ros.process import StopRequest

@@ -10,7 +10,7 @@ import yaml
 
 from iptm.faults.fault import Fault
 from iptm.faults.kinds import FaultKind
-from iptm.trip import GROUPS, SPECS, Trip
+from iptm.trip import Trip
 from iptm.trip_files import (
     DEFAULT_TRIP,
     assigned,
@@ -19,6 +19,7 @@ from iptm.trip_files import (
     trip_from,
     trip_text,
 )
+from iptm.trip_settings import GROUPS, SPECS
 from iptm_core.errors import ScenarioError
 from iptm_core.settings import PreviewMode
 

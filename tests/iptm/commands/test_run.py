@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 
 from iptm.commands.run import WATCHING_RATE, build_parser, chosen_trip, main
-from iptm.trip import HOME, Trip
+from iptm.trip import Trip
 from iptm.trip_files import shipped_trips
+from iptm.trip_settings import HOME
 from iptm_core.settings import LoopMode
 
 

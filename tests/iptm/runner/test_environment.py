@@ -14,7 +14,7 @@ from iptm.runner.environment import (
     environment_of_run,
     process_environment,
 )
-from iptm.trip import AUTOMATIC_DOMAIN
+from iptm.trip_settings import AUTOMATIC_DOMAIN
 from iptm_core.errors import ScenarioError
 from iptm_ros.discovery import PROFILE_VARIABLE, middleware_settings
 

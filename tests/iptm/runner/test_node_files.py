@@ -14,7 +14,7 @@ import yaml
 from tests.packaging.packages import PACKAGES, setup_of
 
 import iptm.runner
-from iptm.trip import HOME
+from iptm.trip_settings import HOME
 from iptm_controller.node_parameters import ControllerNodeParameters
 from iptm_core.declaration import checked_value, parameter_specs, plain
 from iptm_core.errors import ScenarioError

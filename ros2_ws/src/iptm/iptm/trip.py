@@ -10,89 +10,50 @@ of the nodes (`node_settings`). `iptm.drive` drives a trip in memory or over ROS
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from numbers import Real
 from typing import Any
 
-from iptm.faults.fault import Fault, in_order
 from iptm.faults.injection import check_empty_road
 from iptm.inputs import flat_settings
+from iptm.trip_settings import (
+    CONTROLLER,
+    HOME,
+    NODE_SETTINGS,
+    NODES,
+    SHARED,
+    SPECS,
+    Conditions,
+    Control,
+    Leader,
+    Road,
+    Vehicle,
+    default_of,
+    overrides_text,
+)
 from iptm_controller.horizon import SINGLE_HORIZON, Horizon
 from iptm_controller.options import ControllerOptions
-from iptm_controller.settings import FROM_STRATEGY, ControllerSettings
+from iptm_controller.settings import FROM_STRATEGY
 from iptm_controller.strategy import COST_TERMS
-from iptm_core.declaration import (
-    ParameterSpec,
-    Scalar,
-    Settings,
-    declared,
-    parameter,
-    parameter_specs,
-    plain,
-)
-from iptm_core.errors import IptmError, ParameterError, ScenarioError
+from iptm_core.declaration import Scalar, parameter_specs, plain
+from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters import ModelParameters, ParameterSet, load_parameters
 from iptm_core.parameters.loading import parse_overrides
 from iptm_core.parameters.notes import belonging_notes
-from iptm_core.road_ahead import LeaderSourceSettings, RoadAheadSettings, RoadRuleSettings
+from iptm_core.road_ahead import RoadAheadSettings
 from iptm_core.routes import Route, build_route
 from iptm_core.routes.comprehensive import RouteComposition
 from iptm_core.routes.user_csv import UserTrip
-from iptm_core.settings import (
-    FrameSettings,
-    LeaderSource,
-    LoopMode,
-    LostControllerSettings,
-    ModelSettings,
-    PaceSettings,
-    PreviewSettings,
-    RangeSensorSettings,
-    SamplingSettings,
-    TickSettings,
-    TripSettings,
-    VehicleAheadSettings,
-    VehicleSettings,
-)
-from iptm_core.user_input import check_known, shown
+from iptm_core.settings import LeaderSource, LoopMode, PreviewSettings, TripSettings
+from iptm_core.user_input import check_known
 from iptm_v2x_bridge.rules_of_the_road import given_rules
-from iptm_v2x_bridge.settings import LeaderSettings
 
-PLANT, BRIDGE, CONTROLLER = "plant", "v2x_bridge", "controller"
-NODE_SETTINGS: Mapping[str, tuple[type[Settings], ...]] = {
-    PLANT: (
-        TripSettings,
-        VehicleSettings,
-        PaceSettings,
-        TickSettings,
-        FrameSettings,
-        LostControllerSettings,
-        VehicleAheadSettings,
-        LeaderSourceSettings,
-    ),
-    BRIDGE: (
-        TripSettings,
-        RoadAheadSettings,
-        LeaderSettings,
-        ModelSettings,
-        TickSettings,
-        FrameSettings,
-        RangeSensorSettings,
-    ),
-    CONTROLLER: (ControllerSettings, ModelSettings, SamplingSettings, FrameSettings),
-}
-"""Settings that each node of the loop takes, as parameters of the same names."""
-NODES = tuple(NODE_SETTINGS)
-
-AUTOMATIC_DOMAIN = -1
-MAX_DOMAIN = 232
 SHORTEST_PREVIEW_S = 60.0
 PREVIEW_RESERVE_S = 30.0
-_FAULTS = "faults"
 _OWN = ("name", "description", "own_drive", "foreign")
 _IN_HEADING = frozenset(
-    (
+    [
         "cycle",
         "slope",
         "duration_s",
@@ -101,104 +62,9 @@ _IN_HEADING = frozenset(
         "namespace",
         "domain",
         "preview_length_s",
-    )
+    ]
 )
 """Settings that the heading of a trip shows otherwise, or that do not change what is driven."""
-
-
-@dataclass(frozen=True)
-class Road(RoadRuleSettings, TripSettings):
-    """What is driven on which road, and the rules of the road."""
-
-
-@dataclass(frozen=True)
-class Leader(LeaderSettings):
-    """The lead vehicle, and what is received of its motion.
-
-    A length of the preview that is left open (None) is that of the horizon with a reserve for the age of
-    predictions, but at least a minute.
-    """
-
-    preview_length_s: float | None = declared(  # type: ignore[assignment]  # open, where wanted
-        PreviewSettings, "preview_length_s", default=None
-    )
-
-
-@dataclass(frozen=True)
-class Vehicle(VehicleSettings):
-    """The ego vehicle; ``overrides`` is sorted and may be given as a mapping."""
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "overrides", _overrides_text(self.overrides))
-        super().__post_init__()
-
-
-@dataclass(frozen=True)
-class Control(ControllerSettings):
-    """The controller, and where its model differs from the vehicle."""
-
-    controller_overrides: str = parameter(
-        "", "single parameters in which the model of the controller differs from the vehicle"
-    )
-
-    def __post_init__(self) -> None:
-        text = _overrides_text(self.controller_overrides)
-        object.__setattr__(self, "controller_overrides", text)
-        super().__post_init__()
-        object.__setattr__(self, "horizon", str(Horizon.parse(self.horizon)))
-
-
-@dataclass(frozen=True)
-class Conditions(LostControllerSettings, FrameSettings, TickSettings, PaceSettings):
-    """Pace and sampling of the loop, where it runs, and what goes wrong.
-
-    Attributes:
-        faults: in the order of their beginning.
-    """
-
-    namespace: str = parameter("", "namespace of all nodes, e.g. car_1; empty for none")
-    domain: int = parameter(
-        AUTOMATIC_DOMAIN,
-        "ROS domain of the run; -1 takes ROS_DOMAIN_ID, or a free one where that is not set",
-        "",
-        AUTOMATIC_DOMAIN,
-        MAX_DOMAIN,
-    )
-    start_paused: bool = parameter(
-        default=False, description="over ROS 2: begin with the service plant/resume"
-    )
-    faults: tuple[Fault, ...] = ()
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        given: Any = self.faults
-        is_list = isinstance(given, (tuple, list))
-        if not is_list or not all(isinstance(each, Fault) for each in given):
-            raise ParameterError(f"faults is {shown(given)}; allowed: a list of iptm.Fault")
-        object.__setattr__(self, _FAULTS, in_order(given))
-
-
-GROUPS: Mapping[str, type[Settings]] = {
-    "road": Road,
-    "leader": Leader,
-    "vehicle": Vehicle,
-    "controller": Control,
-    "conditions": Conditions,
-}
-SPECS: Mapping[str, ParameterSpec] = {
-    spec.name: spec for group in GROUPS.values() for spec in parameter_specs(group)
-}
-"""Declarations of all settings by name."""
-HOME: Mapping[str, str] = {
-    **{
-        spec.name: name
-        for name, group in reversed(list(GROUPS.items()))
-        for spec in parameter_specs(group)
-    },
-    _FAULTS: "conditions",
-}
-"""Group of every setting; the controller takes what it shares with the vehicle from there."""
-_SHARED = tuple(spec.name for spec in parameter_specs(Control) if HOME[spec.name] != "controller")
 
 
 @dataclass(frozen=True)
@@ -226,7 +92,7 @@ class Trip:
     foreign: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
-        shared: dict[str, Any] = {name: getattr(self.group_of(name), name) for name in _SHARED}
+        shared: dict[str, Any] = {name: getattr(self.group_of(name), name) for name in SHARED}
         object.__setattr__(self, "controller", replace(self.controller, **shared))
         check_empty_road(self.rules.leader_source, self.conditions.faults)
 
@@ -255,7 +121,7 @@ class Trip:
         for name, value in flat.items():
             check_known(name, HOME, "trip", error=ScenarioError)
             group = groups.setdefault(HOME[name], {})
-            group[name] = _default_of(name) if value is None else value
+            group[name] = default_of(name) if value is None else value
         changed: dict[str, Any] = {
             name: replace(getattr(self, name), **each) for name, each in groups.items()
         }
@@ -290,7 +156,7 @@ class Trip:
     def controller_model_overrides(self) -> str:
         """Overrides of the controller's model: those of the vehicle and its own."""
         own = parse_overrides(self.controller.controller_overrides)
-        return _overrides_text({**parse_overrides(self.vehicle.overrides), **own})
+        return overrides_text({**parse_overrides(self.vehicle.overrides), **own})
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -430,23 +296,6 @@ def node_settings(trip: Trip, node: str) -> dict[str, Scalar]:
         values["overrides"] = trip.controller_model_overrides
     names = [spec.name for group in NODE_SETTINGS[node] for spec in parameter_specs(group)]
     return {name: values[name] for name in names}
-
-
-def _default_of(name: str) -> Any:
-    (found,) = (entry for entry in fields(GROUPS[HOME[name]]) if entry.name == name)
-    return found.default
-
-
-def _overrides_text(given: Any) -> str:
-    """Return overrides in one line, sorted; other things than a mapping or a text are left to the check."""
-    overrides = parse_overrides(given) if isinstance(given, str) else given
-    if not isinstance(overrides, Mapping):
-        unchanged: str = given
-        return unchanged
-    for key, value in overrides.items():
-        if isinstance(value, bool) or not isinstance(value, Real):
-            raise ParameterError(f"{key} is {shown(value)}; allowed: a number")
-    return ", ".join(f"{key}={float(value)!r}" for key, value in sorted(overrides.items()))
 
 
 @lru_cache(maxsize=256)

@@ -20,7 +20,8 @@ from pathlib import Path
 from typing import Any
 
 from iptm.faults.fault import faults_from, plain_faults
-from iptm.trip import GROUPS, HOME, SPECS, Trip
+from iptm.trip import Trip
+from iptm.trip_settings import GROUPS, HOME, SPECS
 from iptm_core.declaration import Scalar, checked_value, plain
 from iptm_core.errors import ParameterError, ScenarioError
 from iptm_core.parameters.strict_yaml import YAML_SUFFIXES, parse_yaml, read_yaml

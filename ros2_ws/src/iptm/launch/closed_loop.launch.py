@@ -29,8 +29,8 @@ from launch_ros.actions import Node
 
 from iptm.runner.composition import node_parameters, parameter_file_text
 from iptm.runner.runner import check_over_ros
-from iptm.trip import HOME, NODES, SPECS
 from iptm.trip_files import DEFAULT_TRIP, load_trip, shipped_trips
+from iptm.trip_settings import HOME, NODES, SPECS
 from iptm_core.errors import ScenarioError
 from iptm_core.program import EXIT_USER_ERROR
 from iptm_ros.connections import full_name

@@ -28,7 +28,7 @@ complete -F _iptm iptm scripts/iptm
 
 def main(arguments: Sequence[str] | None = None) -> int:  # noqa: ARG001
     """Print the script; returns 0."""
-    from iptm.trip import HOME  # noqa: PLC0415  takes a moment
+    from iptm.trip_settings import HOME  # noqa: PLC0415  takes a moment
 
     options = [name for action in build_parser()._actions for name in action.option_strings]  # noqa: SLF001
     settings = [f"{group}.{name}=" for name, group in HOME.items()]

@@ -140,7 +140,7 @@ def parsed_options(
     """
     parsed, unknown = parser.parse_known_args(arguments)
     if unknown:
-        from iptm.trip import HOME  # noqa: PLC0415  only for the hint
+        from iptm.trip_settings import HOME  # noqa: PLC0415  only for the hint
 
         name = unknown[0].partition("=")[0]
         setting = name.removeprefix("--").replace("-", "_")
@@ -284,7 +284,7 @@ def _list_trips(console: Console) -> None:
 
 
 def _list_settings(group: str) -> None:
-    from iptm.trip import GROUPS, HOME, SPECS  # noqa: PLC0415
+    from iptm.trip_settings import GROUPS, HOME, SPECS  # noqa: PLC0415
     from iptm_core.declaration import plain  # noqa: PLC0415
     from iptm_core.user_input import check_known  # noqa: PLC0415
 

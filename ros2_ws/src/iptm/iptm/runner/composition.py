@@ -15,8 +15,9 @@ from typing import Any
 from iptm.faults.fault import Fault, at_places, plain_faults
 from iptm.faults.kinds import FaultPlace
 from iptm.faults.signals import faulty_name, route_name
-from iptm.trip import NODES, Trip, node_settings
+from iptm.trip import Trip, node_settings
 from iptm.trip_files import trip_text
+from iptm.trip_settings import NODES
 from iptm_core.declaration import Scalar
 from iptm_core.parameters import to_flat_dict
 from iptm_ros.connections import full_name

@@ -9,7 +9,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from iptm.trip import AUTOMATIC_DOMAIN, MAX_DOMAIN
+from iptm.trip_settings import AUTOMATIC_DOMAIN, MAX_DOMAIN
 from iptm_core.errors import ScenarioError
 from iptm_ros.discovery import check_nodes_can_meet, lock_run, middleware_settings, reserve_domain
 

@@ -18,7 +18,8 @@ import numpy as np
 
 from iptm.driving import drive_in_memory
 from iptm.runner.run_folder import REFERENCE
-from iptm.trip import HOME, Trip
+from iptm.trip import Trip
+from iptm.trip_settings import HOME
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.errors import BagError, IptmError, ScenarioError
 from iptm_core.parameters.model import CELSIUS_ZERO_K

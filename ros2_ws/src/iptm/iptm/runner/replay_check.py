@@ -23,7 +23,7 @@ from iptm.runner.environment import environment_of_run, process_environment
 from iptm.runner.replay_feed import answer_steps, copy_without_repeats
 from iptm.runner.replay_inputs import FINAL_ANSWER, OUTPUTS, read_recorded
 from iptm.runner.supervisor import Supervisor
-from iptm.trip import NODES
+from iptm.trip_settings import NODES
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters.strict_yaml import parse_yaml
 from iptm_core.program import EXIT_OK, refused

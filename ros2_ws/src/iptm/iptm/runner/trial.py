@@ -18,8 +18,9 @@ from iptm.runner.monitor import heard_by_stamp
 from iptm.runner.progress import Progress
 from iptm.runner.run_folder import RunFolder
 from iptm.runner.runner import RunOptions, check_over_ros, drive_processes
-from iptm.trip import AUTOMATIC_DOMAIN, Trip
+from iptm.trip import Trip
 from iptm.trip_files import trip_text
+from iptm.trip_settings import AUTOMATIC_DOMAIN
 from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements
 from iptm_controller.node_reports import WEAK_BRAKES, is_about_limits, situation
