@@ -19,6 +19,7 @@ from studies.life.charging_stop import (
 from iptm.parts import (
     AGING_CELLS,
     CELSIUS_ZERO_K,
+    J_PER_KWH,
     LIMIT_1_H,
     LIMIT_C,
     TAPER_CHARGE,
@@ -90,7 +91,7 @@ def _compared(trips: Rows, bases: Mapping[tuple[str, float], Mapping[str, Any]])
             minutes = float(each[charge].minutes[0])
             row[f"{name}_min"] = minutes
             row[f"{name}_saved_min"] = float(base[charge].minutes[0]) - minutes
-        rows.append({**row, "heater_kwh": each["heated"].heater_j[0] / 3.6e6})
+        rows.append({**row, "heater_kwh": each["heated"].heater_j[0] / J_PER_KWH})
     return pd.DataFrame(rows)
 
 

@@ -13,6 +13,7 @@ from studies.session import SHORT_SOLVER
 import iptm
 from iptm.parts import (
     CELSIUS_ZERO_K,
+    J_PER_KWH,
     LIMIT_C,
     AgingCell,
     ChargingStopSettings,
@@ -42,7 +43,6 @@ MINUTE_VALUES_KWH = (0.05, 0.1, 0.25, 0.5, 1.0)
 MINUTE_VALUES_AIR_C = 5.0
 HEATER_W = 5000.0
 LAST_S = 1200.0
-_J_PER_KWH = 3.6e6
 SHORT: Mapping[str, Any] = {"duration_s": 60.0, **SHORT_SOLVER}
 """Settings of runs that only try the command."""
 Overrides = Mapping[str, float]
@@ -151,7 +151,7 @@ def arrival(
         "air_c": air_c,
         "preparation": preparation,
         "arrival_c": arrival_k - CELSIUS_ZERO_K,
-        "battery_kwh": run.metrics.battery_energy_j / _J_PER_KWH,
+        "battery_kwh": run.metrics.battery_energy_j / J_PER_KWH,
         "minute_kwh": value_kwh,
         "charge": own_heat,
         "heated": heated,
@@ -195,8 +195,8 @@ def evening(place: str, cooling: str, **settings: Any) -> dict[str, Any]:
         "place": place,
         "cooling": cooling,
         "arrival_c": _arrival_k(run) - CELSIUS_ZERO_K,
-        "thermal_kwh": compressor_j(run.trajectory) / _J_PER_KWH,
-        "removed_kwh": float(removed_j) / _J_PER_KWH,
+        "thermal_kwh": compressor_j(run.trajectory) / J_PER_KWH,
+        "removed_kwh": float(removed_j) / J_PER_KWH,
     }
 
 

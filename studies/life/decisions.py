@@ -17,6 +17,7 @@ from studies.session import Case
 from iptm.parts import (
     AGING_CELLS,
     CELSIUS_ZERO_K,
+    J_PER_KWH,
     LAWS,
     AgingSettings,
     Load,
@@ -33,7 +34,6 @@ MEASURED = "measured trips"
 START_C = 35.0
 TRIPS_A_YEAR = 2.0 * 5.0 / 7.0 * 365.25
 _JULY = 6
-_J_PER_KWH = 3.6e6
 
 
 def routes_of(
@@ -96,7 +96,7 @@ def decisions(
                 "route": route,
                 "cell": cell,
                 "end_c": float(np.mean([mean_cell_k(run)[-1] for run in own])) - CELSIUS_ZERO_K,
-                "cooling_kwh": float(np.mean([compressor_j(run) for run in own])) / _J_PER_KWH,
+                "cooling_kwh": float(np.mean([compressor_j(run) for run in own])) / J_PER_KWH,
             }
             if cell != PAPER:
                 saved = [

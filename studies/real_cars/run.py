@@ -22,6 +22,7 @@ from studies.session import Case, Session
 
 from iptm.parts import (
     DEFAULT_SET,
+    J_PER_KWH,
     ModelParameters,
     RunMetrics,
     load_parameters,
@@ -128,7 +129,7 @@ def totals(runs: Sequence[RunMetrics]) -> dict[str, float]:
         "aging": math.fsum(run.degradation for run in runs),
         "cooling": math.fsum(run.cooling_energy_j for run in runs),
         "traction": math.fsum(run.traction_energy_j for run in runs),
-        "consumption": battery_j / 3.6e6 / (distance_m / 1e5),
+        "consumption": battery_j / J_PER_KWH / (distance_m / 1e5),
     }
 
 

@@ -21,6 +21,7 @@ from studies.validation.measurements import Trip
 from studies.validation.outcome import Comparison, Curve, Figure, Outcome, rms
 
 from iptm.parts import (
+    J_PER_KWH,
     BodyParameters,
     FloatArray,
     RegenerationParameters,
@@ -229,7 +230,6 @@ def fit_vehicle_on(trips: Sequence[Trip], drivetrain: I3Drivetrain) -> I3Vehicle
     return vehicle_of(least_squares(residuals, np.ones(len(FREE)), bounds=bounds).x)
 
 
-J_PER_KWH = 3.6e6
 SEASONS = ((False, "summer"), (True, "winter"))
 ENERGY_BARS = {"summer": 4.0, "winter": 1.5}
 SPEED_MEDIAN_BARS = {"summer": 5.0, "winter": 4.0}

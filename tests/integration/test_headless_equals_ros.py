@@ -9,9 +9,9 @@ import pytest
 
 import iptm
 from iptm_core.decision_record import DecisionSeries, Rung
-from iptm_core.parameters.model import KM_H_PER_M_S
 from iptm_core.settings import LeaderSource
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
+from iptm_core.units import KM_H_PER_M_S
 from iptm_ros.recording.bag_reader import BagReader
 
 TICKS = 120

@@ -16,10 +16,10 @@ from tests.plant_messages import plant_messages
 
 from iptm_core.errors import IptmError
 from iptm_core.parameters import load_parameters
-from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.routes import build_route
 from iptm_core.settings import ThermalModel
 from iptm_core.state import Command, FullChannelState, VehicleState
+from iptm_core.units import CELSIUS_ZERO_K
 from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_step import PlantStep
 from iptm_plant_sim.trip import Trip

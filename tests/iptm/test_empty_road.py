@@ -11,7 +11,7 @@ import iptm
 from iptm.faults.fault import faults_from
 from iptm_core.decision_record import Rung
 from iptm_core.errors import IptmError
-from iptm_core.parameters.model import KM_H_PER_M_S
+from iptm_core.units import KM_H_PER_M_S
 from iptm_v2x_bridge.rules_of_the_road import read_signals
 
 TOLERANCE_M_S = 0.02

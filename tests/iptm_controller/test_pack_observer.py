@@ -12,8 +12,8 @@ import pytest
 from iptm_controller.measurements import Measurements
 from iptm_controller.pack_observer import PackFault, PackObserver, PackReport
 from iptm_core.parameters import load_parameters
-from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.state import Command, LeaderPreview, SlopePreview, VehicleState
+from iptm_core.units import CELSIUS_ZERO_K
 from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_step import PlantStep
 

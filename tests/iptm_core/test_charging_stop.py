@@ -12,8 +12,9 @@ import pytest
 from iptm_core.charging_stop import ChargingStopSettings, fast_charge
 from iptm_core.errors import ParameterError
 from iptm_core.parameters import load_parameters
-from iptm_core.parameters.model import CELSIUS_ZERO_K, ModelParameters
+from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import cell_resistance_ohm
+from iptm_core.units import CELSIUS_ZERO_K
 
 PAPER = load_parameters().values
 STOP = ChargingStopSettings()

@@ -20,8 +20,8 @@ from iptm_core.metrics import (
 )
 from iptm_core.metrics.equal_end import cool_down
 from iptm_core.parameters import load_parameters
-from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.trajectory import Trajectory
+from iptm_core.units import CELSIUS_ZERO_K
 
 
 def _metrics(run: Trajectory) -> RunMetrics:

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from iptm_core.parameters import load_parameters
-from iptm_core.parameters.model import CELSIUS_ZERO_K, ModelParameters
+from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.charge import at_charge, pack_capacity_ah
 from iptm_core.physics.electrical import pack_current_a, pack_resistance_ohm, terminal_power_w
 from iptm_core.physics.pack_limits import (
@@ -17,6 +17,7 @@ from iptm_core.physics.pack_limits import (
     power_limits,
 )
 from iptm_core.physics.power_thermal import CellPair
+from iptm_core.units import CELSIUS_ZERO_K
 
 I3 = load_parameters("bmw_i3").values
 LOSS = 1e-3

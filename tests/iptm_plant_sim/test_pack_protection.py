@@ -7,9 +7,10 @@ import pytest
 
 from iptm_core.errors import PackEmptyError
 from iptm_core.parameters import available_parameter_sets, load_parameters
-from iptm_core.parameters.model import CELSIUS_ZERO_K, ModelParameters
+from iptm_core.parameters.model import ModelParameters
 from iptm_core.settings import ThermalModel
 from iptm_core.state import Command
+from iptm_core.units import CELSIUS_ZERO_K
 from iptm_plant_sim.actuators import Clamp
 from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_step import PlantStep

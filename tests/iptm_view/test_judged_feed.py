@@ -14,8 +14,8 @@ from iptm.runner.reference_drive import COLUMNS
 from iptm_core.metrics import FIGURES, Saving, compute_metrics, judge_saving
 from iptm_core.metrics.saving import SHORTEST_TRIP_S
 from iptm_core.parameters import load_parameters
-from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.trajectory import Trajectory
+from iptm_core.units import CELSIUS_ZERO_K
 from iptm_view.judged_feed import EVERY_S, JudgedFeed
 from iptm_view.page_feed import END, REFERENCE, ROWS, Cursor
 from iptm_view.page_row import PAGE_COLUMNS

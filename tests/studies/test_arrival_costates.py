@@ -15,8 +15,8 @@ from iptm.service_life.year import NO_COOLING, Activity, Year, year_of
 from iptm_core.aging_laws.cells import LAWS
 from iptm_core.aging_laws.parking import AgingSettings, ParkedAging
 from iptm_core.parameters import load_parameters
-from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.state import FloatArray
+from iptm_core.units import CELSIUS_ZERO_K
 
 COMMUTER = USAGES[0]
 PARAMETERS = load_parameters().values

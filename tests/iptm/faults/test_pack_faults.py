@@ -20,10 +20,10 @@ from iptm_controller.solvers.factory import build_solver
 from iptm_controller.solvers.interface import SolverBackend
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.parameters import load_parameters
-from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.routes import build_route
 from iptm_core.settings import ThermalModel
 from iptm_core.state import Command
+from iptm_core.units import CELSIUS_ZERO_K
 from iptm_plant_sim.plant_step import PlantStep
 
 HOT = load_parameters(

@@ -22,14 +22,14 @@ from iptm.drive_meter import DriveMeter, MeterReading
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters import DEFAULT_SET, load_parameters
 from iptm_core.parameters.loading import parse_overrides
-from iptm_core.parameters.model import CELSIUS_ZERO_K, ModelParameters
+from iptm_core.parameters.model import ModelParameters
 from iptm_core.program import EXIT_OK, refused
 from iptm_core.routes.can_log import CAN_COLUMNS, read_can_log
 from iptm_core.routes.user_csv import USER_FILES, UserTrip, read_drive_table, trip_of_table
 from iptm_core.state import FloatArray, VehicleState
+from iptm_core.units import CELSIUS_ZERO_K, J_PER_KWH
 
 PROGRAM = "iptm meter"
-J_PER_KWH = 3.6e6
 
 
 def build_parser() -> argparse.ArgumentParser:

@@ -43,14 +43,7 @@ from iptm_core.aging_laws.cells import (
     Experiments,
     outside_experiments,
 )
-from iptm_core.aging_laws.law import (
-    SECONDS_PER_DAY,
-    AgingLaw,
-    Load,
-    Mechanism,
-    MechanismLaw,
-    paper_law,
-)
+from iptm_core.aging_laws.law import AgingLaw, Load, Mechanism, MechanismLaw, paper_law
 from iptm_core.aging_laws.parking import AgingSettings, ParkedAging
 from iptm_core.charging_stop import (
     LIMIT_1_H,
@@ -77,8 +70,6 @@ from iptm_core.metrics.constraints import GAP_TOLERANCE_M, check_constraints
 from iptm_core.parameters import DEFAULT_SET, available_parameter_sets, load_parameters
 from iptm_core.parameters.flat import field_specs
 from iptm_core.parameters.model import (
-    CELSIUS_ZERO_K,
-    KM_H_PER_M_S,
     BodyParameters,
     ModelParameters,
     PowertrainParameters,
@@ -111,6 +102,7 @@ from iptm_core.routes.user_csv import read_user_trip
 from iptm_core.settings import LeaderSource, PreviewMode, PreviewSettings, SafetyMonitorSettings
 from iptm_core.state import NS_PER_S, Command, FloatArray, LeaderPreview, LeaderState, VehicleState
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
+from iptm_core.units import CELSIUS_ZERO_K, J_PER_KWH, KM_H_PER_M_S, SECONDS_PER_DAY
 from iptm_core.user_input import StrictMapping, check_known, number, whole_number
 from iptm_plant_sim.plant import Plant
 from iptm_v2x_bridge.bridge import BridgeAnswer, CycleSource, TickBridge, V2xBridge
@@ -140,6 +132,7 @@ __all__ = [
     "GAIN_FACTOR",
     "GAP_TOLERANCE_M",
     "GRAVITY_M_S2",
+    "J_PER_KWH",
     "KM_H_PER_M_S",
     "LAWS",
     "LIMIT_1_H",

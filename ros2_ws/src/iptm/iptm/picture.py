@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from iptm_core.metrics.trip_figures import PPM
-from iptm_core.parameters.model import CELSIUS_ZERO_K, KM_H_PER_M_S
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
+from iptm_core.units import CELSIUS_ZERO_K, KM_H_PER_M_S
 
 # Colours of Okabe and Ito, distinguishable for colour-blind readers.
 BLUE, ORANGE, GREEN, RED, PURPLE, SKY = (

@@ -28,10 +28,11 @@ from iptm.report import outcome_lines
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.metrics import compute_metrics, gap_margins_m
 from iptm_core.metrics.trip_figures import PPM
-from iptm_core.parameters.model import CELSIUS_ZERO_K, KM_H_PER_M_S, ModelParameters
+from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes.slope import SlopeProfile
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
+from iptm_core.units import CELSIUS_ZERO_K, KM_H_PER_M_S
 
 HEADING_COLUMNS = 130
 FOOTER_COLUMNS = 170

@@ -19,7 +19,7 @@ from iptm.run import Run
 from iptm.vehicle_string import amplification, deviations_along
 from iptm_core.decision_record import Rung
 from iptm_core.metrics import gap_margins_m
-from iptm_core.parameters.model import KM_H_PER_M_S
+from iptm_core.units import KM_H_PER_M_S
 
 _SIZE_INCHES = (12.0, 8.0)
 _DOTS_PER_INCH = 100

@@ -52,18 +52,7 @@ from iptm_v2x_bridge.rules_of_the_road import given_rules
 SHORTEST_PREVIEW_S = 60.0
 PREVIEW_RESERVE_S = 30.0
 _OWN = ("name", "description", "own_drive", "foreign")
-_IN_HEADING = frozenset(
-    [
-        "cycle",
-        "slope",
-        "duration_s",
-        "strategy",
-        "horizon",
-        "namespace",
-        "domain",
-        "preview_length_s",
-    ]
-)
+_IN_HEADING = ("cycle", "slope", "duration_s", "strategy", "horizon", "namespace", "domain")
 """Settings that the heading of a trip shows otherwise, or that do not change what is driven."""
 
 
@@ -241,7 +230,8 @@ class Trip:
         changes = [
             f"{name}={plain(getattr(self.group_of(name), name))}"
             for name, spec in SPECS.items()
-            if name not in _IN_HEADING and getattr(self.group_of(name), name) != spec.default
+            if name not in (*_IN_HEADING, "preview_length_s")
+            and getattr(self.group_of(name), name) != spec.default
         ]
         if self.leader.preview_length_s is not None:
             changes.append(f"preview_length_s={self.leader.preview_length_s:g}")

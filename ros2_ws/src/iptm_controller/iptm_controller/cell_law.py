@@ -21,13 +21,13 @@ from iptm_core.aging_laws.parking import END_OF_LIFE_LOSS, AgingSettings, Parked
 from iptm_core.parameters.model import AgingParameters, ModelParameters
 from iptm_core.physics.thermal_loop import cooling_supply
 from iptm_core.state import FloatArray, LeaderPreview, VehicleState
+from iptm_core.units import J_PER_KWH
 
 CELLS = 2.0
 """The cost counts the loss of the first and of the last cell."""
 COST_SCALE = 0.02
 """Scale of the cost that makes it of order one: a kelvin costs two orders of magnitude more than under the
 paper's law. No optimum moves."""
-_J_PER_KWH = 3.6e6
 _WH_PER_KWH = 1000.0
 _TABLE_K: FloatArray = np.linspace(233.0, 353.0, 241, dtype=np.float64)
 _LEAST_CURVATURE_1_K = 1e-3
@@ -61,7 +61,7 @@ def energy_price_1_j(use: AgingSettings, model: ModelParameters) -> float:
     pack = model.pack
     pack_wh = pack.open_circuit_voltage_v * model.cell.nominal_capacity_ah * pack.parallel
     battery_eur = use.battery_eur_kwh * pack_wh / _WH_PER_KWH
-    return use.electricity_eur_kwh / _J_PER_KWH * END_OF_LIFE_LOSS / battery_eur
+    return use.electricity_eur_kwh / J_PER_KWH * END_OF_LIFE_LOSS / battery_eur
 
 
 class CellLawValuation:

@@ -26,6 +26,7 @@ from iptm_core.physics.chiller import chiller_line, largest_useful_power_w
 from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.thermal_loop import solve_coolant_loop, thermal_actuation
 from iptm_core.state import FloatArray, VehicleState
+from iptm_core.units import J_PER_KWH
 
 STEP_S = 60.0
 GRID_K = 0.25
@@ -40,7 +41,6 @@ HEATING_SHARES = (0.25, 0.5, 0.75, 1.0)
 LARGEST_PRICE_RATIO = 1.5
 """Largest price of a kelvin, relative to its heating energy: the heater runs at full power from 1 on, and
 a higher price would make wasting energy in the pack pay."""
-_J_PER_KWH = 3.6e6
 
 
 class ChargingValuation:
@@ -110,7 +110,7 @@ class ChargingValuation:
         kelvin = self._grid_k
         drawn_w, warming_k_s = _actions(kelvin, model)
         minutes = fast_charge(kelvin, stop, model).minutes
-        left = [minutes * stop.charging_minute_kwh * _J_PER_KWH]
+        left = [minutes * stop.charging_minute_kwh * J_PER_KWH]
         for _ in range(steps):
             after = kelvin + STEP_S * warming_k_s
             costs = STEP_S * drawn_w[:, np.newaxis] + np.interp(after, kelvin, left[-1])

@@ -16,11 +16,12 @@ import numpy as np
 
 from iptm_core.declaration import Settings, parameter
 from iptm_core.errors import ParameterError
-from iptm_core.parameters.model import CELSIUS_ZERO_K, ModelParameters
+from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import cell_heat_w, cell_resistance_ohm, heat_from_air_w
 from iptm_core.physics.charge import at_charge
 from iptm_core.physics.electrical import pack_current_a, pack_resistance_ohm
 from iptm_core.state import FloatArray
+from iptm_core.units import CELSIUS_ZERO_K, SECONDS_PER_HOUR
 
 LIMIT_C = (-30.0, -20.0, -10.0, 0.0, 10.0, 15.0, 20.0, 25.0, 30.0)
 LIMIT_1_H = (0.02, 0.05, 0.15, 0.35, 0.8, 1.15, 1.5, 1.9, 2.2)
@@ -29,7 +30,6 @@ TAPER_CHARGE = (0.5, 0.8, 1.0)
 TAPER_SHARE = (1.0, 0.3, 0.1)
 """Share of that C-rate at states of charge, linear between and constant outside; assumed."""
 _STEP = 0.005
-_SECONDS_PER_HOUR = 3600.0
 
 
 @dataclass(frozen=True)
@@ -141,11 +141,11 @@ def fast_charge(
 
     for middle in middles.tolist():
         c_rate, warming_k_s, _ = rates(middle, kelvin)
-        half_s = 0.5 * step / c_rate * _SECONDS_PER_HOUR
+        half_s = 0.5 * step / c_rate * SECONDS_PER_HOUR
         between = np.minimum(kelvin + half_s * warming_k_s, limits.max_temperature_k)
         between = np.where(kelvin > limits.max_temperature_k, kelvin, between)
         c_rate, warming_k_s, heated = rates(middle, between)
-        step_s = step / c_rate * _SECONDS_PER_HOUR
+        step_s = step / c_rate * SECONDS_PER_HOUR
         warmer = np.minimum(kelvin + step_s * warming_k_s, limits.max_temperature_k)
         kelvin = np.where(kelvin > limits.max_temperature_k, kelvin, warmer)
         heater_j = heater_j + heated * heater_w * step_s

@@ -15,11 +15,11 @@ import numpy as np
 
 from iptm_core.declaration import Settings, parameter
 from iptm_core.errors import ParameterError, RouteError
-from iptm_core.parameters.model import KM_H_PER_M_S
 from iptm_core.routes.cycles import LeaderMotion
 from iptm_core.routes.road_line import RoadLine, east_north_m
 from iptm_core.settings import LeaderSource
 from iptm_core.state import FloatArray
+from iptm_core.units import KM_H_PER_M_S
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from iptm_core.errors import ScenarioError
-from iptm_core.parameters.model import KM_H_PER_M_S
 from iptm_core.road_ahead import SpeedLimits
+from iptm_core.units import KM_H_PER_M_S
 from iptm_traffic.ego_road import EgoRoad
 from iptm_traffic.sumo_net import Link, SumoNet
 from iptm_traffic.sumo_process import sumo_program

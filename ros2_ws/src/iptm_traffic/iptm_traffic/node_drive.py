@@ -27,12 +27,13 @@ from iptm.trip import Trip
 from iptm.trip_files import trip_text
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters import load_parameters
-from iptm_core.parameters.model import KM_H_PER_M_S, ModelParameters
+from iptm_core.parameters.model import ModelParameters
 from iptm_core.program import EXIT_OK, refused
 from iptm_core.routes.piecewise import cumulative_integral
 from iptm_core.routes.route import build_route
 from iptm_core.settings import PreviewSettings
 from iptm_core.state import NS_PER_S
+from iptm_core.units import KM_H_PER_M_S
 from iptm_ros.codecs import decode_motion
 from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
 from iptm_ros.discovery import middleware_settings, reserve_domain

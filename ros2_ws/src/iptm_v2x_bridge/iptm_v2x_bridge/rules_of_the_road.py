@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from iptm_core.errors import ParameterError, RouteError
-from iptm_core.parameters.model import KM_H_PER_M_S, ModelParameters
+from iptm_core.parameters.model import ModelParameters
 from iptm_core.road_ahead import (
     HARDEST_M_S2,
     Drive,
@@ -28,6 +28,7 @@ from iptm_core.road_ahead import (
 from iptm_core.routes import Route
 from iptm_core.settings import LeaderSource, PreviewSettings
 from iptm_core.state import NS_PER_S, FloatArray
+from iptm_core.units import KM_H_PER_M_S
 from iptm_v2x_bridge.bridge import (
     BridgeAnswer,
     CycleSource,

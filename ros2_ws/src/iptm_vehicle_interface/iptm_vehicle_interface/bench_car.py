@@ -30,6 +30,7 @@ from iptm_core.parameters.model import ModelParameters
 from iptm_core.program import EXIT_OK, refused
 from iptm_core.routes import build_route
 from iptm_core.state import Command, LeaderState, VehicleState
+from iptm_core.units import CELSIUS_ZERO_K
 from iptm_plant_sim.plant import Plant
 from iptm_vehicle_interface.bus import BusReader, go_first, log_line, open_bus, send
 from iptm_vehicle_interface.frames import FrameCodec
@@ -259,8 +260,8 @@ class BenchCar:
                 "StateOfCharge": 100.0 * min(max(state.state_of_charge, 0.0), 1.0),
             }
         return {
-            "LowestCellTemperature": state.cell_1_temperature_k - 273.15,
-            "HighestCellTemperature": state.cell_n_temperature_k - 273.15,
+            "LowestCellTemperature": state.cell_1_temperature_k - CELSIUS_ZERO_K,
+            "HighestCellTemperature": state.cell_n_temperature_k - CELSIUS_ZERO_K,
             "CompressorPower": max(state.compressor_power_w, 0.0),
         }
 

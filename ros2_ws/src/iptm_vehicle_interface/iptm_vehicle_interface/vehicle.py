@@ -14,6 +14,7 @@ from iptm_core.errors import ParameterError
 from iptm_core.parameters import available_parameter_sets
 from iptm_core.parameters.strict_yaml import read_yaml
 from iptm_core.routes.can_files import library
+from iptm_core.units import CELSIUS_ZERO_K
 from iptm_core.user_input import StrictMapping, shown
 
 VEHICLES = Path(__file__).parent / "vehicles"
@@ -26,8 +27,8 @@ UNITS: Mapping[str, tuple[str, float, float]] = {
     "m/s^2": ("m/s^2", 1.0, 0.0),
     "m": ("m", 1.0, 0.0),
     "K": ("K", 1.0, 0.0),
-    "degC": ("K", 1.0, 273.15),
-    "°C": ("K", 1.0, 273.15),
+    "degC": ("K", 1.0, CELSIUS_ZERO_K),
+    "°C": ("K", 1.0, CELSIUS_ZERO_K),
     "V": ("V", 1.0, 0.0),
     "A": ("A", 1.0, 0.0),
     "W": ("W", 1.0, 0.0),

@@ -11,8 +11,8 @@ from typing import Any
 
 from iptm_core.metrics import SavedShare, judge_saving
 from iptm_core.parameters import ModelParameters
-from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.state import NS_PER_S
+from iptm_core.units import CELSIUS_ZERO_K
 from iptm_view.page_feed import END, REFERENCE, ROWS, SAVINGS, PageFeed
 from iptm_view.page_row import PAGE_COLUMNS
 from iptm_view.reference_car import STATE

@@ -22,7 +22,6 @@ from iptm_core.metrics.constraints import (
     TEMPERATURE_TOLERANCE_K,
 )
 from iptm_core.parameters import ModelParameters
-from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.parameters.strict_yaml import parse_yaml
 from iptm_core.settings import (
     IntegrationSettings,
@@ -31,6 +30,7 @@ from iptm_core.settings import (
     SamplingSettings,
     TripSettings,
 )
+from iptm_core.units import CELSIUS_ZERO_K
 from iptm_ros.recording.run_information import RunInformation, stored_model_parameters
 from iptm_ros.topics import BRIDGE, CONTROLLER, PLANT
 from iptm_view.page_row import PAGE_COLUMNS

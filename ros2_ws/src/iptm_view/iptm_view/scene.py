@@ -13,11 +13,11 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from iptm_core.parameters import ModelParameters
-from iptm_core.parameters.model import KM_H_PER_M_S
 from iptm_core.physics.car_following import minimum_gap_m
 from iptm_core.routes.road_course import RoadCourse, RoadPoses
 from iptm_core.settings import VEHICLE_LENGTH_M
 from iptm_core.state import NS_PER_S, FloatArray, LeaderState
+from iptm_core.units import KM_H_PER_M_S
 from iptm_ros.codecs.time import time_from_ns, time_from_s
 from iptm_ros.topics import MAP_FRAME
 from iptm_view.vehicle_description import CLEARANCE_M, body_size_m

@@ -19,12 +19,12 @@ from std_msgs.msg import String
 
 from iptm_core.declaration import parameter
 from iptm_core.errors import ParameterError
-from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.routes.road_course import RoadCourse
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.routes.user_csv import USER_SUFFIXES, read_user_trip
 from iptm_core.settings import FrameSettings, ModelSettings
 from iptm_core.state import LeaderState, SlopePreview
+from iptm_core.units import CELSIUS_ZERO_K
 from iptm_core.user_input import is_path
 from iptm_ros.codecs import (
     decode_leader,

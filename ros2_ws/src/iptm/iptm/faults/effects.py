@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.state import NS_PER_S, FloatArray, LeaderPreview, LeaderState, VehicleState
+from iptm_core.units import CELSIUS_ZERO_K
 
 if TYPE_CHECKING:
     from iptm.faults.fault import Fault

@@ -21,7 +21,7 @@ from rclpy.serialization import deserialize_message
 from iptm.runner.composition import RECORDER
 from iptm_core.decision_record import DecisionRecord, Rung
 from iptm_core.errors import MessageError
-from iptm_core.parameters.model import CELSIUS_ZERO_K
+from iptm_core.units import CELSIUS_ZERO_K
 from iptm_ros.assembly import last_trip
 from iptm_ros.codecs import (
     decode_decision_record,

@@ -14,7 +14,7 @@ from rich.text import Text
 
 from iptm.runner.monitor import Snapshot
 from iptm_core.decision_record import Rung
-from iptm_core.parameters.model import KM_H_PER_M_S
+from iptm_core.units import KM_H_PER_M_S
 
 LINE_PERIOD_S = 5.0
 _BAR_WIDTH = 60

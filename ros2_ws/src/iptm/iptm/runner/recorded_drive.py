@@ -17,7 +17,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from iptm_core.errors import IptmError, RouteError
-from iptm_core.parameters.model import KM_H_PER_M_S
 from iptm_core.program import refused
 from iptm_core.routes.can_files import CAN_SUFFIXES
 from iptm_core.routes.can_log import CAN_COLUMNS, can_log_csv
@@ -25,6 +24,7 @@ from iptm_core.routes.text_table import parse_text_table
 from iptm_core.routes.track import RecordedDrive, steps_m
 from iptm_core.routes.user_csv import USER_FILES, UserTrip, read_user_trip, trip_of_table
 from iptm_core.state import FloatArray
+from iptm_core.units import KM_H_PER_M_S
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

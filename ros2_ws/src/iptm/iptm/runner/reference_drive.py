@@ -22,10 +22,10 @@ from iptm.trip import Trip
 from iptm.trip_settings import HOME
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.errors import BagError, IptmError, ScenarioError
-from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.parameters.strict_yaml import parse_yaml
 from iptm_core.program import EXIT_OK, refused
 from iptm_core.trajectory import Trajectory
+from iptm_core.units import CELSIUS_ZERO_K
 from iptm_core.user_input import StrictMapping
 from iptm_ros.recording.export import read_exported_trajectory
 

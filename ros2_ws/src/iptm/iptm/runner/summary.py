@@ -11,8 +11,8 @@ from iptm_core.decision_record import DecisionStatistics
 from iptm_core.metrics import Judgement, RunMetrics, Saving, figure_values, judge_saving
 from iptm_core.metrics.figure import NO_VALUE, significant
 from iptm_core.metrics.saving import saved_text
-from iptm_core.metrics.trip_figures import J_PER_KWH, PPM
-from iptm_core.parameters.model import CELSIUS_ZERO_K
+from iptm_core.metrics.trip_figures import PPM
+from iptm_core.units import CELSIUS_ZERO_K, J_PER_KWH
 from iptm_ros.topics import PLANT
 
 AGING_SAVED = "driving aging"

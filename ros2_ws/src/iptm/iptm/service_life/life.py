@@ -24,8 +24,8 @@ from iptm.service_life.year import year_of
 from iptm_core.aging_laws.cells import AGING_CELLS, AgingCell
 from iptm_core.errors import ScenarioError
 from iptm_core.parameters.loading import parse_overrides
-from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.trajectory import Trajectory
+from iptm_core.units import CELSIUS_ZERO_K
 from iptm_core.user_input import check_known, shown
 
 _PERCENT = 100.0

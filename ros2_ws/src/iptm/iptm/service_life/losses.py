@@ -8,10 +8,10 @@ import numpy as np
 
 from iptm.service_life.year import Activity, Year
 from iptm_core.aging_laws.cells import AgingCell, outside_experiments
-from iptm_core.aging_laws.law import SECONDS_PER_DAY, AgingLaw, Mechanism, MechanismLaw
+from iptm_core.aging_laws.law import AgingLaw, Mechanism, MechanismLaw
 from iptm_core.declaration import TextEnum
-from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.state import FloatArray
+from iptm_core.units import CELSIUS_ZERO_K, SECONDS_PER_DAY
 
 SERVICE_YEARS = 8.0
 END_OF_LIFE = 0.2

@@ -13,9 +13,10 @@ from iptm.service_life.trip_map import TripMap, heat_capacity_j_k, nominal_energ
 from iptm.service_life.usage import DAY_S, FAST_C_RATE_1_H, HOUR_S, MONTH_DAYS, Climate, Usage
 from iptm_controller.production import ProductionSettings
 from iptm_core.aging_laws.law import Load
-from iptm_core.parameters.model import CELSIUS_ZERO_K, ModelParameters
+from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import cell_resistance_ohm
 from iptm_core.state import FloatArray
+from iptm_core.units import CELSIUS_ZERO_K, J_PER_KWH
 
 NO_COOLING = "none"
 """Control of trips without cooling below the upper limit."""
@@ -32,7 +33,6 @@ COOLING_COP = 2.4
 UPPER_LIMIT_K = 40.0 + CELSIUS_ZERO_K
 _STEP_S = 600.0
 _DAYS_TO_SETTLE = 4
-_J_PER_KWH = 3.6e6
 
 
 class Activity(IntEnum):
@@ -226,8 +226,8 @@ def _year(parts: Sequence[tuple[float, _Day]], energy_j: float) -> Year:
         table[:, 0],
         table[:, 1],
         Load(*table[:, 2:].T),
-        total("compressor_j") / _J_PER_KWH,
-        total("grid_compressor_j") / _J_PER_KWH,
-        total("drawn") * energy_j / _J_PER_KWH,
+        total("compressor_j") / J_PER_KWH,
+        total("grid_compressor_j") / J_PER_KWH,
+        total("drawn") * energy_j / J_PER_KWH,
         total("distance_m") / 1000.0,
     )

@@ -16,9 +16,6 @@ from iptm_core.parameters.model import AgingParameters, CellParameters, ModelPar
 from iptm_core.physics.cell import capacity_loss_rate_1_s
 from iptm_core.physics.ops import Scalar, absolute
 
-SECONDS_PER_DAY = 86400.0
-SECONDS_PER_HOUR = 3600.0
-
 
 class Mechanism(TextEnum):
     """What a part of the capacity is lost to."""

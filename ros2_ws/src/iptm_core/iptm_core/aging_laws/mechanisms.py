@@ -10,9 +10,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
-from iptm_core.aging_laws.law import SECONDS_PER_DAY, SECONDS_PER_HOUR, Load, Mechanism
+from iptm_core.aging_laws.law import Load, Mechanism
 from iptm_core.physics.charge import ChargeTable
 from iptm_core.physics.ops import Scalar, absolute, exp, maximum, sqrt, where
+from iptm_core.units import SECONDS_PER_DAY, SECONDS_PER_HOUR
 
 _CHARGES_PER_CYCLE = 2.0
 

@@ -19,17 +19,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from iptm_core.aging_laws.cells import LAWS
-from iptm_core.aging_laws.law import (
-    SECONDS_PER_DAY,
-    SECONDS_PER_HOUR,
-    AgingLaw,
-    Load,
-    Mechanism,
-    MechanismLaw,
-)
+from iptm_core.aging_laws.law import AgingLaw, Load, Mechanism, MechanismLaw
 from iptm_core.declaration import Settings, parameter
 from iptm_core.physics.ops import Scalar
 from iptm_core.state import FloatArray
+from iptm_core.units import SECONDS_PER_DAY, SECONDS_PER_HOUR
 
 PAPER_LAW = "paper"
 FROM_SET = 0.0

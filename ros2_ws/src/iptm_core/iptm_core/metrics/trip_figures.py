@@ -7,9 +7,8 @@ from operator import attrgetter
 
 from iptm_core.metrics.concerns import Concern
 from iptm_core.metrics.figure import Better, Figure
-from iptm_core.parameters.model import CELSIUS_ZERO_K, KM_H_PER_M_S
+from iptm_core.units import CELSIUS_ZERO_K, J_PER_KWH, KM_H_PER_M_S
 
-J_PER_KWH = 3.6e6
 PPM = 1e6
 _LEAST_DISTANCE_M = 1.0
 

@@ -10,9 +10,7 @@ from dataclasses import MISSING, dataclass, field
 from typing import Any, ClassVar
 
 from iptm_core.declaration import ParameterSpec
-
-CELSIUS_ZERO_K = 273.15
-KM_H_PER_M_S = 3.6
+from iptm_core.units import CELSIUS_ZERO_K, KM_H_PER_M_S
 
 #: (unit written, unit of the model) -> (factor, offset added after dividing); value / factor + offset
 _CONVERSIONS: dict[tuple[str, str], tuple[float, float]] = {

@@ -14,6 +14,7 @@ from iptm_core.parameters.model import (
 )
 from iptm_core.physics.charge import exponential_growth, heat_from_surroundings_w
 from iptm_core.physics.ops import Scalar, absolute, exp
+from iptm_core.units import SECONDS_PER_HOUR
 
 
 def cell_resistance_ohm(
@@ -71,9 +72,6 @@ def heat_from_air_w(temperature_k: Scalar, parameters: ModelParameters) -> Scala
         return 0.0
     ambient_k = parameters.environment.ambient_temperature_k
     return heat_from_surroundings_w(temperature_k, ambient_k, exchange_w_k / parameters.pack.cells)
-
-
-SECONDS_PER_HOUR = 3600.0
 
 
 def capacity_loss_rate_1_s(

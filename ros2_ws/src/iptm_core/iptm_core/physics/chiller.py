@@ -14,14 +14,13 @@ import math
 from dataclasses import dataclass
 
 from iptm_core.parameters.model import (
-    CELSIUS_ZERO_K,
-    KM_H_PER_M_S,
     ChillerParameters,
     CoolingParameters,
     EnvironmentParameters,
     LimitParameters,
 )
 from iptm_core.physics.ops import Scalar, exp, maximum
+from iptm_core.units import CELSIUS_ZERO_K, KM_H_PER_M_S
 
 
 @dataclass(frozen=True)

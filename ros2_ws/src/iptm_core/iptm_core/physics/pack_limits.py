@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from iptm_core.parameters.model import CELSIUS_ZERO_K, ModelParameters, PackLimitParameters
+from iptm_core.parameters.model import ModelParameters, PackLimitParameters
 from iptm_core.physics.cell import cell_resistance_ohm
 from iptm_core.physics.charge import ChargeTable, at_charge, pack_capacity_ah
 from iptm_core.physics.electrical import (
@@ -23,12 +23,12 @@ from iptm_core.physics.electrical import (
 )
 from iptm_core.physics.power_thermal import CellPair
 from iptm_core.physics.thermal_loop import thermal_actuation
+from iptm_core.units import CELSIUS_ZERO_K, SECONDS_PER_HOUR
 
 VOLTAGE_MARGIN_V = 1e-3
 """Kept from the limits of cell voltage, as temperature and charge change within an interval."""
 _CHARGE_NODES = (0.7, 0.8, 0.9, 1.0)
 _DISCHARGE_NODES = (0.0, 0.1, 0.2, 0.3)
-_SECONDS_PER_HOUR = 3600.0
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ def power_limits(
     t_1, t_n = cells.cell_1_temperature_k, cells.cell_n_temperature_k
     loss_1, loss_n = cells.cell_1_capacity_loss, cells.cell_n_capacity_loss
     least_a, most_a = current_limits_a(cells, charge, parameters)
-    content_as = _SECONDS_PER_HOUR * pack_capacity_ah(parameters, 0.5 * (loss_1 + loss_n))
+    content_as = SECONDS_PER_HOUR * pack_capacity_ah(parameters, 0.5 * (loss_1 + loss_n))
     least_a = max(least_a, -(1.0 - charge) * content_as / duration_s)
     most_a = min(most_a, charge * content_as / duration_s)
     mean_ohm = pack_resistance_ohm(

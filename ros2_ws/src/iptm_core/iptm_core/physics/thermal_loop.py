@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iptm_core.parameters.model import CELSIUS_ZERO_K, CoolingParameters, ModelParameters
+from iptm_core.parameters.model import CoolingParameters, ModelParameters
 from iptm_core.physics.chiller import (
     ChillerLine,
     chiller_line,
@@ -26,6 +26,7 @@ from iptm_core.physics.chiller import (
 from iptm_core.physics.coolant import ChannelWeights, reduce_channel
 from iptm_core.physics.ops import Scalar, exp, maximum
 from iptm_core.state import FloatArray
+from iptm_core.units import CELSIUS_ZERO_K
 
 
 @dataclass(frozen=True)

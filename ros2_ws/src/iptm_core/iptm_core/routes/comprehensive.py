@@ -20,10 +20,10 @@ import numpy as np
 
 from iptm_core.declaration import Settings, parameter
 from iptm_core.errors import ParameterError, RouteError
-from iptm_core.parameters.model import KM_H_PER_M_S
 from iptm_core.parameters.strict_yaml import read_yaml
 from iptm_core.routes.cycles import CYCLE_NAMES, DrivingCycle, load_cycle, smooth_cycle
 from iptm_core.routes.slope import MAIN_WAVELENGTH_M, PEAK_GRADES, Hills, SlopeProfile
+from iptm_core.units import KM_H_PER_M_S
 from iptm_core.user_input import StrictMapping, check_known
 
 SMOOTH = "smooth"

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from iptm_core.errors import RouteError
-from iptm_core.parameters.model import KM_H_PER_M_S
 from iptm_core.routes.piecewise import (
     cumulative_integral,
     integral_at,
@@ -19,6 +18,7 @@ from iptm_core.routes.piecewise import (
 )
 from iptm_core.routes.text_table import parse_text_table
 from iptm_core.state import FloatArray, LeaderState
+from iptm_core.units import KM_H_PER_M_S
 
 _SOURCES = {
     "nycc": "EPA New York City Cycle, 598 s edition (40 CFR part 86, appendix I)",

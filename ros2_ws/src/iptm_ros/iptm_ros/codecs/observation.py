@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from iptm_core.parameters.model import CELSIUS_ZERO_K
 from iptm_core.state import (
     BatteryReading,
     IntervalPowers,
@@ -14,6 +13,7 @@ from iptm_core.state import (
     SafetyRecord,
     VehicleState,
 )
+from iptm_core.units import CELSIUS_ZERO_K
 from iptm_ros.codecs.numbers import LAYOUTS, StampedNumbers, encoder, read_numbers
 from iptm_ros.codecs.time import ns_from_s, ns_from_time, s_from_ns, time_from_s
 from iptm_ros.message_types import BatteryState, JointState, Odometry
