@@ -21,6 +21,8 @@ from iptm_controller.ocp.layout import InputIndex
 from iptm_controller.options import ControllerOptions
 from iptm_controller.solvers.interface import STATUS_TEXT, SolveResult
 from iptm_controller.strategy import STRATEGIES
+from iptm_core.aging_laws.cells import LAWS
+from iptm_core.aging_laws.law import AgingLaw
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.saved_state import from_plain, to_plain
 from iptm_core.state import LeaderPreview, LeaderState, SlopePreview, VehicleState
@@ -241,3 +243,15 @@ def test_it_goes_on_from_a_saved_memory(controller: Controller) -> None:
     for tick in range(30, 35):
         measured = noisy(tick)
         assert other.decide(measured).command == controller.decide(measured).command
+
+
+@pytest.mark.parametrize("law", [None, LAWS["nmc622"]])
+@pytest.mark.parametrize("strategy", STRATEGIES)
+def test_every_controller_has_a_memory(
+    controller: Controller, law: AgingLaw | None, strategy: str
+) -> None:
+    options = replace(controller.options, own_law=law, strategy=STRATEGIES[strategy])
+    other = Controller(PARAMETERS, options, controller.backend)
+    memory = replace(ControllerMemory(), failures=2, lost_ticks=1, is_cooling=True)
+    other.memory = memory
+    assert to_plain(other.memory) == to_plain(memory)

@@ -10,6 +10,7 @@ from sensor_msgs.msg import BatteryState
 from iptm.drive_meter import DriveMeter
 from iptm_core.program import EXIT_OK
 from iptm_core.state import NS_PER_S
+from iptm_core.units import J_PER_KWH
 from iptm_ros.codecs import encode_battery, ns_from_time
 from iptm_ros.process import StopRequest, joined_node
 from iptm_ros.qos import SENSOR_QOS, STREAM_QOS
@@ -65,5 +66,5 @@ def _line(meter: DriveMeter) -> str:
     reading = meter.reading
     return (
         f"{reading.driven_s:.0f} s, {reading.state.position_m / 1000.0:.2f} km, "
-        f"{reading.battery_energy_j / 3.6e6:.3f} kWh, capacity loss {1e6 * reading.capacity_loss:.3g} ppm"
+        f"{reading.battery_energy_j / J_PER_KWH:.3f} kWh, capacity loss {1e6 * reading.capacity_loss:.3g} ppm"
     )

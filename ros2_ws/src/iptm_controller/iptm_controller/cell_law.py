@@ -15,8 +15,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from iptm_controller.options import ControllerOptions
 from iptm_controller.strategy import Strategy
-from iptm_controller.temperature_value import TemperatureValue, mixing_weights
+from iptm_controller.temperature_value import (
+    TemperatureValuation,
+    TemperatureValue,
+    mixing_weights,
+)
 from iptm_core.aging_laws.parking import END_OF_LIFE_LOSS, AgingSettings, ParkedAging
 from iptm_core.parameters.model import AgingParameters, ModelParameters
 from iptm_core.physics.thermal_loop import cooling_supply
@@ -132,3 +137,27 @@ class CellLawValuation:
         demand = np.where(end_k > lowest_k, np.interp(end_k, _TABLE_K, self._prices_1_k), 0.0)
         enough = np.flatnonzero(demand <= supply)
         return float(supply[enough[0]]) if enough.size else float(demand[-1])
+
+
+def valuation_of(
+    strategy: Strategy,
+    options: ControllerOptions,
+    aging: ParkedAging | None,
+    model: ModelParameters,
+) -> tuple[Strategy, float, TemperatureValuation | CellLawValuation | None]:
+    """Return the strategy as the problem weighs it, the price of a joule in it, and what prices temperatures.
+
+    Args:
+        aging: law of the cell, None for that of the paper.
+    """
+    times_s = options.horizon.duration_s, options.trip_duration_s
+    weighs_aging, price_1_j = strategy.aging_weight > 0.0, 0.0
+    if weighs_aging and (aging or (options.charges and not strategy.energy_weight_1_j)):
+        strategy = strategy.scaled(COST_SCALE)
+        price_1_j = energy_price_1_j(options.aging, model)
+    if aging is not None and weighs_aging:
+        return strategy, price_1_j, CellLawValuation(aging, strategy, price_1_j, model, *times_s)
+    if strategy.cost_to_go:
+        by_law_of_paper = TemperatureValuation(model, strategy.aging_weight, *times_s)
+        return strategy, price_1_j, by_law_of_paper
+    return strategy, price_1_j, None

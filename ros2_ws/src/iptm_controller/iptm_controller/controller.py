@@ -9,16 +9,9 @@ raises for bad measurements or failed solves: both are outcomes, reported in the
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 from iptm_controller.actuation import ActuationMemory, ActuationObserver
-from iptm_controller.cell_law import (
-    CELLS,
-    COST_SCALE,
-    CellLawValuation,
-    cyclic_parameters,
-    energy_price_1_j,
-)
+from iptm_controller.cell_law import CELLS, cyclic_parameters, valuation_of
 from iptm_controller.charging_value import ChargingValuation
 from iptm_controller.collision_guard import EMERGENCY, CollisionGuard
 from iptm_controller.decision import NOTHING, Decision
@@ -112,30 +105,19 @@ class Controller:
 
     def _pose(self, strategy: Strategy) -> None:
         """Set up what depends on the cost terms and their weights, which are numbers of a problem."""
-        duration_s, ends_s = self.options.horizon.duration_s, self.options.trip_duration_s
-        self._valuation: TemperatureValuation | CellLawValuation | None = None
-        charges, weighs_aging = self.options.charges, strategy.aging_weight > 0.0
-        price_1_j = 0.0
-        if weighs_aging and (self._parked or (charges and not strategy.energy_weight_1_j)):
-            strategy = strategy.scaled(COST_SCALE)
-            price_1_j = energy_price_1_j(self.options.aging, self.model)
-        if self._parked is not None and weighs_aging:
-            self._valuation = CellLawValuation(
-                self._parked, strategy, price_1_j, self.model, duration_s, ends_s
-            )
-        elif strategy.cost_to_go:
-            self._valuation = TemperatureValuation(
-                self.model, strategy.aging_weight, duration_s, ends_s
-            )
+        strategy, price_1_j, self._valuation = valuation_of(
+            strategy, self.options, self._parked, self.model
+        )
         builder = ProblemDataBuilder(self.grid, strategy, self.model, self.options.tick_s)
         self.plan_data = plan_data(
             self.grid, builder, compile_code=self.options.solver.compile_code
         )
         self._charging: ChargingValuation | None = None
-        if charges:
+        if self.options.charges:
             energy_1_j = strategy.energy_weight_1_j, CELLS * strategy.aging_weight * price_1_j
+            times_s = self.options.horizon.duration_s, self.options.trip_duration_s
             self._charging = ChargingValuation(
-                self.options.charging_stop, self._vehicle, *energy_1_j, duration_s, ends_s
+                self.options.charging_stop, self._vehicle, *energy_1_j, *times_s
             )
 
     def use_strategy(self, strategy: Strategy) -> None:
@@ -145,46 +127,56 @@ class Controller:
         self._pose(strategy)
         self.memory = memory
 
-    def _carried(self) -> dict[str, tuple[Any, str]]:
-        """Return owner and attribute of each part of the memory, by its field."""
-        parts = {
-            "last_trusted": (self, "_last_trusted"),
-            "last_plan": (self._ladder, "last_plan"),
-            "failures": (self._ladder, "failures"),
-            "leader": (self._guard, "leader"),
-            "leader_deceleration_m_s2": (self._guard, "deceleration_m_s2"),
-            "lost_ticks": (self._guard, "lost_ticks"),
-            "trip_start": (self._valuation, "start"),
-            "foreseen_1_s": (self._valuation, "foreseen_1_s"),
-            "powers_w": (self._traction, "powers_w"),
-            "speeds_m_s": (self._traction, "speeds_m_s"),
-            "powers_until_s": (self._traction, "until_s"),
-            "lead": (self._lead, "memory"),
-            "sender_clock": (self._clock, "memory"),
-            "leader_past": (self._forecaster, "past"),
-            "fusion": (self._forecaster.fusion, "memory"),
-            "trust": (self._forecaster.trust, "memory"),
-            "actuation": (self._actuation, "memory"),
-            "pack": (self._pack, "memory"),
-            "estimator": (self._estimator, "memory"),
-            "is_cooling": (self._production, "is_cooling"),
-            "pace": (self._road, "pace"),
-        }
-        if isinstance(self.backend, SwitchingCheck):
-            parts["solves_since_second"] = (self.backend, "since_second")
-        # What this strategy or horizon does not need is None.
-        return {name: part for name, part in parts.items() if part[0] is not None}
-
     @property
     def memory(self) -> ControllerMemory:
-        """What is carried from tick to tick."""
-        carried = self._carried().items()
-        return ControllerMemory(**{name: getattr(*part) for name, part in carried})
+        """What is carried from tick to tick; defaults for what this strategy or solver does not need."""
+        memory = ControllerMemory(
+            last_trusted=self._last_trusted,
+            last_plan=self._ladder.last_plan,
+            failures=self._ladder.failures,
+            leader=self._guard.leader,
+            leader_deceleration_m_s2=self._guard.deceleration_m_s2,
+            lost_ticks=self._guard.lost_ticks,
+            lead=self._lead.memory,
+            sender_clock=self._clock.memory,
+            leader_past=self._forecaster.past,
+            fusion=self._forecaster.fusion.memory,
+            trust=self._forecaster.trust.memory,
+            actuation=self._actuation.memory,
+            pack=self._pack.memory,
+            estimator=self._estimator.memory,
+            is_cooling=self._production.is_cooling,
+            pace=self._road.pace,
+        )
+        if isinstance(trip := self._valuation, TemperatureValuation):
+            memory = replace(memory, trip_start=trip.start, foreseen_1_s=trip.foreseen_1_s)
+        if (past := self._traction) is not None:
+            memory = replace(memory, powers_w=past.powers_w, speeds_m_s=past.speeds_m_s)
+            memory = replace(memory, powers_until_s=past.until_s)
+        if isinstance(self.backend, SwitchingCheck):
+            memory = replace(memory, solves_since_second=self.backend.since_second)
+        return memory
 
     @memory.setter
     def memory(self, memory: ControllerMemory) -> None:
-        for name, part in self._carried().items():
-            setattr(*part, getattr(memory, name))
+        self._last_trusted, guard = memory.last_trusted, self._guard
+        self._ladder.last_plan, self._ladder.failures = memory.last_plan, memory.failures
+        guard.leader, guard.lost_ticks = memory.leader, memory.lost_ticks
+        guard.deceleration_m_s2 = memory.leader_deceleration_m_s2
+        self._lead.memory, self._clock.memory = memory.lead, memory.sender_clock
+        self._forecaster.past = memory.leader_past
+        self._forecaster.fusion.memory = memory.fusion
+        self._forecaster.trust.memory = memory.trust
+        self._actuation.memory, self._pack.memory = memory.actuation, memory.pack
+        self._estimator.memory = memory.estimator
+        self._production.is_cooling, self._road.pace = memory.is_cooling, memory.pace
+        if isinstance(trip := self._valuation, TemperatureValuation):
+            trip.start, trip.foreseen_1_s = memory.trip_start, memory.foreseen_1_s
+        if (past := self._traction) is not None:
+            past.powers_w, past.speeds_m_s = memory.powers_w, memory.speeds_m_s
+            past.until_s = memory.powers_until_s
+        if isinstance(self.backend, SwitchingCheck):
+            self.backend.since_second = memory.solves_since_second
 
     def decide(self, measured: Measurements) -> Decision:
         """Decide one tick."""

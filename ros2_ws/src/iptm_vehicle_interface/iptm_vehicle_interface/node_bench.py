@@ -24,6 +24,7 @@ from rich.table import Table
 
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.program import EXIT_OK, EXIT_REFUSED, refused
+from iptm_core.units import J_PER_KWH
 from iptm_ros.discovery import reserve_domain
 from iptm_vehicle_interface.driving import controller_limits
 from iptm_vehicle_interface.vehicle import load_vehicle
@@ -254,7 +255,7 @@ def table_of(result: BenchResult) -> Table:
         "largest jerk while active": f"{car['largest_jerk_m_s3']:.2f} m/s³ (over 0.1 s)",
         "oldest command seen by the car": f"{1e3 * car['oldest_command_s']:.0f} ms",
         "frames that the car rejected": f"{car['rejected_frames']}",
-        "energy from the battery": f"{car['battery_energy_j'] / 3.6e6:.3f} kWh",
+        "energy from the battery": f"{car['battery_energy_j'] / J_PER_KWH:.3f} kWh",
         "decisions": f"{suite.get('decisions', 0)}, {suite.get('fallbacks', 0)} by a fallback",
         "inner loop late, p99 / largest": " / ".join(
             f"{1e3 * suite.get(name, 0.0):.1f} ms" for name in ("late_p99_s", "late_max_s")
