@@ -27,6 +27,8 @@ VERDICTS = {
 }
 CHANGE_SHARE, CHANGE_FLOOR = 0.25, 1.0
 """A change counts as the printed one within a quarter of it, or one percentage point."""
+ABSOLUTE_SHARE = 0.1
+"""A figure counts as the printed one within a tenth of it."""
 LEVEL_STEP = 5e-4
 """Relative change from one run to the next that still counts as level."""
 HELD_BACK_SEED = 36
@@ -156,6 +158,11 @@ def compared(
     """Whether a number has the sign of the printed one and lies within a share of it, at least the floor."""
     same_sign = found * printed > 0.0
     return graded(same_sign and abs(found - printed) <= max(floor, share * abs(printed)), same_sign)
+
+
+def absolute(found: float, printed: float) -> str:
+    """Whether a figure itself is the printed one."""
+    return graded(abs(found - printed) <= ABSOLUTE_SHARE * abs(printed))
 
 
 def percent(value: float) -> str:

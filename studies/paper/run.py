@@ -35,25 +35,23 @@ MEASURES_TIME = True
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the option of this study."""
-    parser.add_argument("--beyond", action="store_true", help="146 more trips, for beyond.md")
+    parser.add_argument("--beyond", action="store_true", help="48 more trips, for beyond.md")
 
 
 def run(session: Any) -> bool:
     """Drive, check, and write the page; the short version drives the paper's runs for some seconds."""
-    found: dict[str, dict[str, Any]] = {}
-    weights: dict[str, trips.Settings] = {}
-    for name, given in SETS.items():
-        found[name], chosen = paper(session, name, *given)
-        weights = weights or chosen
+    found = {name: paper(session, name, *given) for name, given in SETS.items()}
     plan = terms.calls(session.short)
     done = session.compute(terms.drive, list(plan.values()), list(plan))
     tables = {name: table(runs, timed=not session.short) for name, runs in found.items()}
     verdicts = {name: checks.all_checks(each) for name, each in tables.items()}
     driven = {address: run for address, run in zip(plan, done, strict=True) if run is not None}
-    session.render(**page.parts(found, tables, verdicts, terms.table(driven)))
+    regeneration = page.regeneration(table(drive(session, trips.regeneration_runs())))
+    parts = page.parts(found, tables, verdicts, terms.table(driven))
+    session.render(**parts, regeneration=regeneration)
     page.draw(session.output / "pictures", found, tables)
     if session.options.beyond:
-        more = {**found["gated"], **drive(session, trips.further_runs(weights))}
+        more = {**found["gated"], **drive(session, trips.further_runs())}
         session.render("beyond.md.j2", "beyond.md", **page.beyond(table(more)))
     return not session.failures
 
@@ -73,19 +71,14 @@ def drive(session: Any, runs: Mapping[str, trips.Settings], prefix: str = "") ->
     return {address: done[place] for address, place in places.items() if done[place] is not None}
 
 
-def paper(
-    session: Any, name: str, given: trips.Settings, full_cost_1_j: float
-) -> tuple[dict[str, Any], dict[str, trips.Settings]]:
-    """The paper's studies with some settings, and the weights of Table IV: the best of each strategy."""
+def paper(session: Any, name: str, given: trips.Settings, full_cost_1_j: float) -> dict[str, Any]:
+    """The paper's studies with some settings; the weights of its Table IV are the best of each strategy."""
     plan = trips.paper_runs(full_cost_1_j)
     runs = drive(session, {a: trips.merged(each, given) for a, each in plan.items()}, f"{name}: ")
     degradation = {address: each["figures"]["total_degradation"] for address, each in runs.items()}
-    chosen = {}
     for strategy in trips.WEIGHTED:
-        best = trips.best_weight(strategy, degradation)
-        runs[f"strategies/{strategy}"] = runs[best]
-        chosen[strategy] = plan[best]
-    return runs, chosen
+        runs[f"strategies/{strategy}"] = runs[trips.best_weight(strategy, degradation)]
+    return runs
 
 
 def table(runs: Mapping[str, Any], *, timed: bool = True) -> pd.DataFrame:

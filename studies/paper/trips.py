@@ -104,92 +104,59 @@ def best_weight(name: str, degradation: dict[str, float]) -> str:
 
 PREVIEWS: dict[str, Settings] = {
     "perfect": {},
+    "15_s": {"preview_length_s": 15.0},
+    "8_s": {"preview_length_s": 8.0},
     "noise": {"noise_std_m_s": 1.5, "noise_correlation_s": 10.0, "seed": 1},
-    "latency": {"latency_s": 3.0},
-    "dropouts": {"dropout_probability": 0.5, "dropout_burst": 5, "seed": 1},
     "none": {"preview_mode": "none"},
 }
-AMBIENT = "environment.ambient_temperature_k"
 CELLS = "environment.initial_cell_temperature_k"
 OMITTED: dict[str, Settings] = {
-    "as_chosen": {},
     "s_max_80_m": {"overrides": {"gap.max_gap_m": 80.0}},
     "s_max_150_m": {"overrides": {"gap.max_gap_m": 150.0}},
     "t_init_30_degc": {"overrides": {CELLS: 303.15}},
     "t_init_38_degc": {"overrides": {CELLS: 311.15}},
     "eta_b_0.95": {"overrides": {"pack.battery_efficiency": 0.95}},
     "textbook_cell": {"vehicle": "textbook_cell"},
-    "published_chiller_26_degc": {"vehicle": "published_chiller", "overrides": {AMBIENT: 299.15}},
-    "published_chiller_30.5_degc": {"vehicle": "published_chiller", "overrides": {AMBIENT: 303.65}},
-    "published_chiller_35_degc": {"vehicle": "published_chiller"},
-    "published_chiller_39.5_degc": {"vehicle": "published_chiller", "overrides": {AMBIENT: 312.65}},
+    "published_chiller": {"vehicle": "published_chiller"},
 }
-GRIDS = {
-    "28/3+5": "3x1+5x5",
-    "28/fine": "28x1",
-    "30/5+5": "5x1+5x5",
-    "30/fine": "30x1",
-    "63/3+12": "3x1+12x5",
-    "63/fine": "63x1",
-}
-WIDE = {"limits.min_temperature_k": 253.15, "limits.max_temperature_k": 353.15}
+
+
+def regeneration_runs() -> dict[str, Settings]:
+    """WLTC with the printed regenerative efficiency and with a measured one."""
+    return {
+        f"regeneration/{share:g}/{name}": OWN
+        | {"cycle": "wltc_class3b", "overrides": {"powertrain.regenerative_efficiency": share}}
+        | CONTROLLERS[name]
+        for share, name in product((0.3, 0.7), ("reference", "multi_horizon_cost_to_go"))
+    }
+
+
 WHOLE_TRIP = {"whole_trip": True, "strategy": "aging", "horizon": "3x1+5x5"}
 
 
-def further_runs(chosen: dict[str, Settings]) -> dict[str, Settings]:
-    """The studies beyond the paper; ``chosen`` are the weights of Table IV by strategy."""
-    runs: dict[str, Settings] = {}
-    drivers = {**CONTROLLERS, **chosen}
-    for (preview, given), (name, driver) in product(PREVIEWS.items(), drivers.items()):
-        runs[f"imperfect_previews/{preview}/{name}"] = driver | given
-    for (variation, given), (name, driver) in product(OMITTED.items(), CONTROLLERS.items()):
+def further_runs() -> dict[str, Settings]:
+    """The studies beyond the paper."""
+    compared = {name: driver for name, driver in CONTROLLERS.items() if name != "aging"}
+    runs: dict[str, Settings] = {"whole_trip/aging": WHOLE_TRIP}
+    for (variation, given), (name, driver) in product(OMITTED.items(), compared.items()):
         runs[f"omitted_parameters/{variation}/{name}"] = driver | given
-    for name, horizon in GRIDS.items():
-        runs[f"discretisation/{name}"] = {"strategy": "aging", "horizon": horizon}
-    for energy_1_j, ratios in {1e-5: (1e11, 1e12, 1e13, 1e14), 1e-3: (1e11, 1e12, 1e13)}.items():
-        for ratio in ratios:
-            settings = weighted("reference_energy_aging", energy_1_j, ratio * energy_1_j)
-            runs[f"weighting_scale/{energy_1_j:g}/{ratio:g}"] = settings
-    runs["whole_trip/aging"] = WHOLE_TRIP
-    for name in ("reference", "aging", "multi_horizon"):
-        runs[f"first_composition/{name}"] = OWN | CONTROLLERS[name]
-    without_single = {name: driver for name, driver in CONTROLLERS.items() if name != "aging"}
-    for plant, (name, driver) in product(("full_channel", "two_cell"), without_single.items()):
+    for plant, (name, driver) in product(("full_channel", "two_cell"), compared.items()):
         model = {"thermal_model": plant} if plant == "full_channel" else {}
         runs[f"full_channel/{plant}/{name}"] = driver | model
-    return runs | _cost_to_go(without_single) | _cold_days()
-
-
-def _cost_to_go(drivers: dict[str, Settings]) -> dict[str, Settings]:
-    cycles = ("comprehensive", "wltc_class3b", "us06", "udds", "hwfet")
-    runs: dict[str, Settings] = {}
-    for cycle, (name, driver) in product(cycles, drivers.items()):
+    for cycle, (name, driver) in product(
+        ("comprehensive", "wltc_class3b", "us06", "udds", "hwfet"), compared.items()
+    ):
         runs[f"cost_to_go/{cycle}/{name}/perfect"] = OWN | {"cycle": cycle} | driver
     default, where = CONTROLLERS["multi_horizon_cost_to_go"], "cost_to_go/comprehensive"
-    known = {"15_s": {"preview_length_s": 15.0}, "8_s": {"preview_length_s": 8.0}}
-    for name, preview in (known | {key: PREVIEWS[key] for key in ("noise", "none")}).items():
+    for name, preview in PREVIEWS.items():
         runs[f"{where}/multi_horizon_cost_to_go/{name}"] = OWN | default | preview
-    thermal = {"strategy": "aging_cost_to_go", "horizon": "3x1+5x5+10x30t"}
-    long = {"strategy": "aging_cost_to_go", "horizon": "3x1+12x5+8x15"}
-    runs[f"{where}/long_horizon_cost_to_go/perfect"] = OWN | long
-    runs[f"{where}/thermal_phase_cost_to_go/perfect"] = OWN | thermal
-    short = {"preview_length_s": 28.0}
-    runs[f"{where}/thermal_phase_cost_to_go/28_s"] = OWN | thermal | short
-    runs[f"{where}/whole_trip/perfect"] = OWN | WHOLE_TRIP
-    return runs
-
-
-def _cold_days() -> dict[str, Settings]:
-    days = {"without_limits": {AMBIENT: 308.15, CELLS: 308.15, **WIDE}}
-    days |= {f"{c:g}_degc": {AMBIENT: c + 273.15, CELLS: c + 273.15} for c in range(-20, 21, 10)}
-    return {
-        f"cold_days/{cycle}/{slope}/{day}": OWN
-        | CONTROLLERS["multi_horizon_cost_to_go"]
-        | {"cycle": cycle, "slope": slope, "overrides": overrides}
-        for cycle, slope, (day, overrides) in product(
-            ("wltc_class3b", "us06", "udds"), ("flat", "large"), days.items()
-        )
-    }
+    for name, horizon in {
+        "long_horizon": "3x1+12x5+8x15",
+        "thermal_phase": "3x1+5x5+10x30t",
+    }.items():
+        run = OWN | {"strategy": "aging_cost_to_go", "horizon": horizon}
+        runs[f"{where}/{name}_cost_to_go/perfect"] = run
+    return runs | {f"{where}/whole_trip/perfect": OWN | WHOLE_TRIP}
 
 
 def merged(run: Settings, given: Settings) -> Settings:

@@ -14,7 +14,8 @@ from studies.paper import checks, equations, run, terms, trips
 import iptm
 
 NO_GATE = {"chiller.gate_power_w": 0.0}
-AS_PRINTED = str(Path(run.__file__).with_name("as_printed.yaml"))
+STUDY = Path(run.__file__).parent
+AS_PRINTED = str(STUDY / "as_printed.yaml")
 
 
 def made(**figures: list[float]) -> pd.DataFrame:
@@ -89,6 +90,13 @@ def test_the_other_reading_takes_the_other_figures() -> None:
     )
     assert checks.check(row, figures).verdict == "✓"
     assert checks.check(row, figures, checks.AS_LABELLED).verdict == "≈"
+
+
+@pytest.mark.parametrize(
+    ("found", "expected"), [(161.2, "✓"), (161.0, "✗"), (196.9, "✓"), (-179.0, "✗")]
+)
+def test_a_figure_itself_is_met_within_a_tenth(found: float, expected: str) -> None:
+    assert checks.absolute(found, 179.034) == expected
 
 
 def test_statements_name_runs_and_checks_that_exist() -> None:
