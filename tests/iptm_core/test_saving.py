@@ -84,7 +84,8 @@ def test_a_trip_whose_ends_decide_is_too_short() -> None:
     correction = found.energy.as_driven_percent - found.energy.equal_ends_percent
     assert correction > LARGEST_CORRECTION_POINTS
     assert found.energy.judgement is Judgement.TOO_SHORT
-    assert found.headline.endswith("energy: too short to judge (as driven 0.0 % saved)")
+    behind = f"as driven 0.0 % saved, equal ends change it by {-correction:.0f} points"
+    assert found.headline.endswith(f"energy: too short to judge ({behind})")
 
 
 @pytest.mark.parametrize("charges", [[0.02, 0.01, 0.0, -0.01], [0.99, 1.0, 1.0, 1.1]])

@@ -157,9 +157,14 @@ class Trip:
         """Leader, road and length of the trip."""
         road, gap_m = self.road, self.parameters.gap.initial_gap_m
         if self.own_drive is None:
-            return _route(road.cycle, road.slope, gap_m, road.duration_s)
-        duration_s = road.duration_s or None
-        return build_route(self.own_drive, road.slope, initial_gap_m=gap_m, duration_s=duration_s)
+            return _route(road.cycle, road.slope, gap_m, road.duration_s, road.smooth_s)
+        return build_route(
+            self.own_drive,
+            road.slope,
+            initial_gap_m=gap_m,
+            duration_s=road.duration_s or None,
+            smooth_s=road.smooth_s,
+        )
 
     @cached_property
     def rules(self) -> RoadAheadSettings:
@@ -294,5 +299,13 @@ def _model(name: str, overrides: str) -> ParameterSet:
 
 
 @lru_cache(maxsize=32)
-def _route(cycle: str, slope: str, initial_gap_m: float, duration_s: float) -> Route:
-    return build_route(cycle, slope, initial_gap_m=initial_gap_m, duration_s=duration_s or None)
+def _route(
+    cycle: str, slope: str, initial_gap_m: float, duration_s: float, smooth_s: float
+) -> Route:
+    return build_route(
+        cycle,
+        slope,
+        initial_gap_m=initial_gap_m,
+        duration_s=duration_s or None,
+        smooth_s=smooth_s,
+    )

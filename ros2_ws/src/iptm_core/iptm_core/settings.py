@@ -82,10 +82,22 @@ class RoadSettings(Settings):
         suffixes=(GPX_SUFFIX,),
     )
 
+    smooth_s: float = parameter(
+        0.0,
+        "width of the window over which the speeds of the leader's drive are averaged, 0 for none",
+        "s",
+        0.0,
+        60.0,
+    )
+
     def route(self, initial_gap_m: float, duration_s: float = 0.0) -> Route:
         """Build the route; a duration of 0 s is the whole cycle."""
         return build_route(
-            self.cycle, self.slope, initial_gap_m=initial_gap_m, duration_s=duration_s or None
+            self.cycle,
+            self.slope,
+            initial_gap_m=initial_gap_m,
+            duration_s=duration_s or None,
+            smooth_s=self.smooth_s,
         )
 
 

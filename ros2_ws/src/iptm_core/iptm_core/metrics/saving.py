@@ -60,7 +60,11 @@ class SavedShare:
     @property
     def as_driven(self) -> str:
         """What stands behind the headline."""
-        return f"as driven {saved_text(self.as_driven_percent)}"
+        text = f"as driven {saved_text(self.as_driven_percent)}"
+        change = self.equal_ends_percent - self.as_driven_percent
+        if self.judgement is Judgement.TOO_SHORT and abs(change) > LARGEST_CORRECTION_POINTS:
+            text += f", equal ends change it by {change:+.0f} points"
+        return text
 
 
 @dataclass(frozen=True)

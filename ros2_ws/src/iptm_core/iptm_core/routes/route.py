@@ -25,6 +25,7 @@ from iptm_core.routes.cycles import (
 )
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.routes.slope import PEAK_GRADES, SlopeProfile
+from iptm_core.routes.smoothing import NOTED_NOISE_M_S, smoothed, speed_noise_m_s
 from iptm_core.routes.user_csv import (
     GPX_SUFFIX,
     USER_FILES,
@@ -72,6 +73,7 @@ def build_route(
     *,
     initial_gap_m: float,
     duration_s: float | None = None,
+    smooth_s: float = 0.0,
 ) -> Route:
     """Build a route from a driving cycle and a choice of slope.
 
@@ -85,6 +87,7 @@ def build_route(
             or without times.
         duration_s: length of the trip; None takes the whole cycle. A shorter trip leaves the motion
             of the leader as it is; in a longer one it stands still at the end.
+        smooth_s: width of the window over which the speeds are averaged, 0 for none.
     """
     is_road_file = is_path(slope, (GPX_SUFFIX,))
     if slope not in SLOPE_CHOICES and not is_road_file:
@@ -96,6 +99,15 @@ def build_route(
     if duration_s is not None and not (np.isfinite(duration_s) and duration_s > 0.0):
         raise RouteError(f"trip is {duration_s} s; allowed: a positive duration")
     trace, segments, profile, line, notes = _designed(cycle)
+    noise_m_s = speed_noise_m_s(trace)
+    if smooth_s > 0.0:
+        trace = smoothed(trace, smooth_s)
+    elif noise_m_s > NOTED_NOISE_M_S:
+        noise = (
+            f"speeds have noise of {noise_m_s:.2f} m/s (standard deviation), and a control that follows them "
+            "pays for it: a part of what is saved is the noise; smooth_s takes it out"
+        )
+        notes = (*notes, noise)
     leader = LeaderMotion.from_cycle(trace, initial_gap_m)
     if is_road_file:
         line, measured = read_gpx_road(Path(slope))
