@@ -1,10 +1,11 @@
-"""Bags as runs."""
+"""Bags and saved runs as runs."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from iptm.run import Run
+from iptm.run_file import SUFFIX, load_run
 from iptm.trip import Trip
 from iptm.trip_files import trip_from
 from iptm_core.decision_record import DecisionSeries
@@ -16,14 +17,15 @@ from iptm_ros.recording.run_information import RunInformation
 
 
 def load(path: str | Path, namespace: str | None = None) -> Run:
-    """Read the run of a bag, of several trips the last one.
+    """Read the run of a bag, of several trips the last one, or a run that `Run.save` wrote.
 
     Args:
-        path: folder or file of a bag.
+        path: folder or file of a bag, or a file that ends in ``.npz``.
         namespace: vehicle to read, if the bag holds several.
 
     Raises:
         BagError: the bag cannot be read, holds no complete run, or several vehicles and none is named.
+        StoreError: the file of a run cannot be read.
     """
     # The topics are loaded only here: no simulation needs them.
     from iptm_ros.recording.trajectory_reader import (  # noqa: PLC0415
@@ -34,6 +36,8 @@ def load(path: str | Path, namespace: str | None = None) -> Run:
     if not isinstance(path, (str, Path)):
         raise BagError(f"bag is {shown(path)}; allowed: the path of a bag")
     path = Path(path)
+    if path.suffix == SUFFIX:
+        return load_run(path)
     parameters, _ = read_model_parameters(path)
     try:
         decisions = read_decisions(path, namespace)

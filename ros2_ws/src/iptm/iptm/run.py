@@ -253,6 +253,22 @@ class Run:
             sections["Notes"] = html_table(pd.DataFrame({"notes": self.warnings}))
         return write_page(path, self.name, sections)
 
+    def save(self, path: str | Path) -> Path:
+        """Write the run to a new file that `iptm.load` reads back.
+
+        Trajectory, decisions, parameters, settings and trip are kept; reports, the cells of a full channel
+        and the ``other`` run are not, nor is the trip of a drive that was given as data.
+
+        Args:
+            path: new file, ending in ``.npz``: arrays that numpy reads, too.
+
+        Raises:
+            StoreError: the file exists, has another ending, or cannot be written.
+        """
+        from iptm.run_file import save_run  # noqa: PLC0415  it imports this module
+
+        return save_run(self, path)
+
     def labelled(self, what: str, settings: Mapping[str, Any]) -> Run:
         """Return the run with an addition to its name and to its settings."""
         return replace(self, name=f"{self.name}, {what}", settings={**self.settings, **settings})
