@@ -41,6 +41,7 @@ def save_run(run: Run, path: str | Path) -> Path:
         "trip_name": "" if run.trip is None else run.trip.name,
     }
     arrays: dict[str, Any] = {
+        _ABOUT: np.array(json.dumps(about)),
         **{_TRAJECTORY + name: each for name, each in run.trajectory.to_arrays().items()},
         **{_DECISIONS + name: each for name, each in run.decisions.to_arrays().items()},
         **(
@@ -51,7 +52,7 @@ def save_run(run: Run, path: str | Path) -> Path:
     }
     try:
         with path.open("xb") as file:
-            np.savez_compressed(file, **{_ABOUT: np.array(json.dumps(about))}, **arrays)
+            np.savez_compressed(file, **arrays)
     except FileExistsError:
         raise StoreError(f"{path} exists already; allowed: a new file") from None
     except OSError as error:
