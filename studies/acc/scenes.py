@@ -25,7 +25,6 @@ RUN_IN_M_S2 = 1.0
 STANDING_M_S = 0.5
 STANDING_BEFORE_S = 5
 SLOWEST_MEAN_M_S = 3.0
-HEADWAY_PERCENTILE = 95.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,11 +55,6 @@ class Scene:
         moving = self.speed_m_s > MOVING_M_S
         moving[: self.run_in_s] = False
         return self.gap_m[moving] / self.speed_m_s[moving]
-
-    @property
-    def largest_headway_s(self) -> float:
-        """95th percentile of the real follower's time headway."""
-        return float(np.percentile(self.headways_s, HEADWAY_PERCENTILE))
 
     @property
     def mean_speed_m_s(self) -> float:

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from studies.acc.figures import figures_of
-from studies.acc.run import headway_overrides, parameters_of, real_follower
+from studies.acc.run import real_follower
 from studies.acc.scenes import JOINT, Scene, joined, measured_scenes
+from studies.acc.variants import headway_overrides, parameters_of
 
 from iptm_core.errors import MeasurementError
 from iptm_core.parameters import DEFAULT_SET
