@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
+import pandas as pd
 import pytest
 from studies.acc.figures import figures_of
 from studies.acc.run import real_follower
 from studies.acc.scenes import JOINT, Scene, joined, measured_scenes
-from studies.acc.variants import headway_overrides, parameters_of
+from studies.acc.variants import Setting, equal_headways, headway_overrides, parameters_of
+from studies.session import Case, Session
 
 from iptm_core.errors import MeasurementError
 from iptm_core.parameters import DEFAULT_SET
@@ -93,3 +99,27 @@ def test_the_limits_of_the_gap_leave_room() -> None:
     assert limits["gap.max_time_headway_s"] == 2.0
     assert limits["gap.time_headway_s"] == pytest.approx(1.2)
     assert headway_overrides(made_scene(40.0), CAR, 4.0)["gap.time_headway_s"] == 1.5
+
+
+def test_the_search_for_the_real_headway_follows_what_was_driven(tmp_path: Path) -> None:
+    """With 0.5 s less than the limit, 2.5 s make the real 2 s; where nothing helps, the first one is kept."""
+
+    class Driver:
+        short, scratch = False, tmp_path
+
+        def __init__(self, headway_s: Callable[[float], float]) -> None:
+            self.headway_s, self.limits_s = headway_s, list[float]()
+
+        def drive(self, cases: Sequence[Case]) -> pd.DataFrame:
+            self.limits_s += [case.call["overrides"]["gap.max_time_headway_s"] for case in cases]
+            headway_s = self.headway_s(self.limits_s[-1])
+            speed = np.full(51, 10.0)
+            trajectory = SimpleNamespace(speed_m_s=speed, gap_m=headway_s * speed)
+            return pd.DataFrame({"run": [SimpleNamespace(trajectory=trajectory)]})
+
+    settings = [Setting(made_scene(20.0), CAR, AMBIENT_C)]
+    less, same = Driver(lambda limit_s: limit_s - 0.5), Driver(lambda _: 1.5)
+    assert equal_headways(cast("Session", less), settings, 3) == [pytest.approx(2.5)]
+    assert less.limits_s == [pytest.approx(2.2), pytest.approx(2.5)]
+    assert equal_headways(cast("Session", same), settings, 3) == [pytest.approx(2.2)]
+    assert len(same.limits_s) == 3
