@@ -249,7 +249,8 @@ def test_a_pack_that_air_cools_is_worth_less_on_arrival() -> None:
 def test_interpolated_trips_end_like_those_with_the_law_itself() -> None:
     """On the page, within 1.5 K of WLTC driven under the law of each cell."""
     page = (STUDIES / "life" / "README.md").read_text(encoding="utf-8")
-    rows = [line.split("|")[1:-1] for line in page.splitlines() if line.startswith(f"| {CITY} |")]
+    part = page.split("## Decisions under each law")[1].split("\n## ")[0]
+    rows = [line.split("|")[1:-1] for line in part.splitlines() if line.startswith(f"| {CITY} |")]
     ends = {row[1].strip(): (float(row[2]), row[3].strip()) for row in rows}
     assert set(ends) == {PAPER, *AGING_CELLS}
     for cell in AGING_CELLS:
