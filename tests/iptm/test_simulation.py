@@ -266,3 +266,12 @@ def test_a_mistake_is_one_line(arguments: dict[str, Any], message: str) -> None:
 def test_a_sweep_needs_lists(arguments: dict[str, Any]) -> None:
     with pytest.raises(iptm.IptmError, match="allowed: one or more, none empty"):
         iptm.sweep(**arguments)
+
+
+def test_what_was_repaired_in_a_drive_is_in_the_warnings_of_its_run(tmp_path: Path) -> None:
+    times = np.arange(0.0, 31.0)
+    speeds = np.minimum(times, 10.0)
+    drive = pd.DataFrame({"time_s": times, "speed_m_s": np.where(times == 20.0, np.nan, speeds)})
+    run = iptm.simulate(drive, horizon="3x1", **SHORT)
+    assert "speed_m_s missing at 1 row" in run.warnings
+    assert "speed_m_s missing at 1 row" in run.report(tmp_path / "run.html").read_text()
