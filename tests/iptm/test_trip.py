@@ -10,7 +10,8 @@ import pytest
 import yaml
 
 import iptm
-from iptm.trip import Trip, node_settings
+from iptm.runner.composition import node_settings
+from iptm.trip import Trip
 from iptm.trip_settings import GROUPS, HOME, NODE_SETTINGS, SPECS
 from iptm_controller.strategy import STRATEGIES, Strategy
 from iptm_core.declaration import parameter_specs

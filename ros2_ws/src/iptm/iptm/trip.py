@@ -4,7 +4,7 @@
     trip.leader.latency_s
 
 The same names are keys of YAML files (`iptm.trip_files`), options ``--set group.name=value`` and parameters
-of the nodes (`node_settings`). `iptm.drive` drives a trip in memory or over ROS 2.
+of the nodes (`iptm.trip_settings`). `iptm.drive` drives a trip in memory or over ROS 2.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ from iptm.inputs import flat_settings
 from iptm.trip_settings import (
     CONTROLLER,
     HOME,
-    NODE_SETTINGS,
     NODES,
     SHARED,
     SPECS,
@@ -282,15 +281,6 @@ class Trip:
             reference_temperature_k=FROM_STRATEGY,
             **dict.fromkeys(COST_TERMS, FROM_STRATEGY),
         )
-
-
-def node_settings(trip: Trip, node: str) -> dict[str, Scalar]:
-    """Return the parameters of a node that a trip states."""
-    values = trip.settings
-    if node == CONTROLLER:
-        values["overrides"] = trip.controller_model_overrides
-    names = [spec.name for group in NODE_SETTINGS[node] for spec in parameter_specs(group)]
-    return {name: values[name] for name in names}
 
 
 @lru_cache(maxsize=256)

@@ -15,10 +15,10 @@ from typing import Any
 from iptm.faults.fault import Fault, at_places, plain_faults
 from iptm.faults.kinds import FaultPlace
 from iptm.faults.signals import faulty_name, route_name
-from iptm.trip import Trip, node_settings
+from iptm.trip import Trip
 from iptm.trip_files import trip_text
-from iptm.trip_settings import NODES
-from iptm_core.declaration import Scalar
+from iptm.trip_settings import NODE_SETTINGS, NODES
+from iptm_core.declaration import Scalar, parameter_specs
 from iptm_core.parameters import to_flat_dict
 from iptm_ros.connections import full_name
 from iptm_ros.recording.run_information import MODEL_KEY
@@ -172,3 +172,12 @@ def run_information(trip: Trip, parameters: Mapping[str, Mapping[str, Scalar]]) 
         "trip": trip_text(trip),
         "route": f"{trip.route.name}, {trip.route.duration_s:g} s ({trip.route.source})",
     }
+
+
+def node_settings(trip: Trip, node: str) -> dict[str, Scalar]:
+    """Return the parameters of a node that a trip states."""
+    values = trip.settings
+    if node == CONTROLLER:
+        values["overrides"] = trip.controller_model_overrides
+    names = [spec.name for group in NODE_SETTINGS[node] for spec in parameter_specs(group)]
+    return {name: values[name] for name in names}
