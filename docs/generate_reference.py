@@ -1,6 +1,6 @@
 """Writes docs/reference/*.md and the parameter files of the nodes from the code.
 
-Run it through ``scripts/update_docs``; a test fails when the committed pages are out of date.
+Run it through ``scripts/dev docs``; a test fails when the committed pages are out of date.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from iptm_view.visualizer_node import VisualizerParameters
 
 DOCS = Path(__file__).resolve().parent
 CONFIG = Path(iptm.runner.__file__).parent / "config" / "nodes"
-NOTICE = "<!-- Made by scripts/update_docs from the code; do not edit. -->\n\n"
+NOTICE = "<!-- Made by scripts/dev docs from the code; do not edit. -->\n\n"
 
 
 def parameters_page() -> str:
@@ -104,7 +104,7 @@ def node_file(node: str) -> str:
     parameters, about = NODES[node]
     specs = parameter_specs(parameters)
     header = (
-        f"# {about}\n# Made by scripts/update_docs from the code. These are the defaults; "
+        f"# {about}\n# Made by scripts/dev docs from the code. These are the defaults; "
         "`ros2 param describe` and `--help`\n# of the node show the permitted ranges.\n"
     )
     return header + parameter_file_text(
@@ -209,7 +209,7 @@ def main() -> int:
             path.parent.mkdir(exist_ok=True)
             path.write_text(text, encoding="utf-8")
     if stale:
-        print(f"out of date: {', '.join(stale)}; run scripts/update_docs", file=sys.stderr)
+        print(f"out of date: {', '.join(stale)}; run scripts/dev docs", file=sys.stderr)
     return 1 if stale else 0
 
 

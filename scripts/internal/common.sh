@@ -1,6 +1,6 @@
 # Shared by the commands in scripts/; sourced, never run. Needs bash.
 #
-# Gives: iptm_say, iptm_die, iptm_help, iptm_ready, iptm_prepare, iptm_module.
+# Gives: iptm_say, iptm_die, iptm_help, iptm_ready, iptm_prepare, iptm_module, iptm_start.
 # shellcheck shell=bash disable=SC2119,SC2120
 
 IPTM_ROOT="$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd -P)"
@@ -51,9 +51,14 @@ iptm_module() {
         fi
         echo
     fi
+    iptm_start "$module" "$@"
+}
+
+# iptm_start MODULE ARGUMENTS...: the same without the script's own text.
+iptm_start() {
     iptm_prepare
     # Ctrl-C is held back until iptm_core can take it: Python itself would answer with a traceback.
     local -a start=()
     ! env --block-signal=INT true 2> /dev/null || start=(env --block-signal=INT)
-    exec "${start[@]}" "$IPTM_ROOT/.venv/bin/python" -m iptm_core "$module" "$@"
+    exec "${start[@]}" "$IPTM_ROOT/.venv/bin/python" -m iptm_core "$@"
 }

@@ -45,7 +45,7 @@ RULES = (
     # Parts to be filled in, or names of programs in a sentence.
     Rule(
         Way.NOT,
-        r".*(\[|\.\.\.|\bFILE\b|FIRST| \| |/play|\bNODES\b|COMMAND\b|FOLDER\b).*",
+        r".*(\[|\.\.\.|\bFILE\b|FIRST| \| |/play|\b(NODES|COMMAND|FOLDER)\b).*",
         "a pattern, with parts to be filled in",
     ),
     Rule(
@@ -55,7 +55,7 @@ RULES = (
     ),
     Rule(
         Way.NOT,
-        r"scripts/(replay --check( controller)?|traffic --fcd)",
+        r"scripts/iptm (check controller|traffic --fcd|compare --exact|(?!view|visualize)\w+)",
         "an option in a sentence",
     ),
     # What a test must not do, or what is not there.
@@ -66,7 +66,7 @@ RULES = (
     ),
     Rule(
         Way.NOT,
-        r".*pip install .*|scripts/update_locks.*",
+        r".*pip install .*|scripts/dev (locks|example_bag).*",
         "changes the environment, over the network",
     ),
     Rule(
@@ -76,19 +76,12 @@ RULES = (
     ),
     Rule(
         Way.NOT,
-        r"scripts/traffic.*|scripts/view bags/traffic|.*main_7",
+        r"scripts/iptm traffic.*|scripts/iptm view bags/traffic|.*main_7",
         "SUMO, requirements/traffic.txt",
     ),
-    Rule(Way.NOT, r"scripts/drive_file can .*", "a log of a CAN bus and requirements/can.txt"),
     Rule(Way.NOT, r"python -m tests.iptm_view.screenshot", "a browser"),
-    Rule(Way.NOT, r".*(five_cars|my_bag#car_2|bags/radio).*", "a bag that takes a long run"),
     Rule(Way.NOT, r".*(ROS_SECURITY|--enclave).*", "DDS security, which the wheels lack"),
     Rule(Way.NOT, r"export .*", "sets a variable"),
-    Rule(
-        Way.NOT,
-        r"scripts/train_predictor .*",
-        "measured data that are not part of the repository",
-    ),
     Rule(
         Way.NOT,
         r".*start_state:=.*",
@@ -108,7 +101,7 @@ RULES = (
     ),
     Rule(
         Way.ELSEWHERE,
-        r"scripts/codegen .*|cmake .*|ecu/build/bench .*",
+        r"scripts/iptm codegen .*|cmake .*|ecu/build/bench .*",
         "tests/iptm/test_codegen.py",
     ),
     Rule(
@@ -116,31 +109,35 @@ RULES = (
         r"python -m iptm_vehicle_interface\..*|scripts/run_demo --vehicle .*|python -m can\..*",
         "tests/iptm_vehicle_interface/test_bench.py, or a bus that is not there",
     ),
-    Rule(
-        Way.ELSEWHERE,
-        r"scripts/iptm .*|source <\(scripts/iptm completion\)",
-        "tests/iptm/commands",
-    ),
+    Rule(Way.ELSEWHERE, r"source <\(scripts/iptm completion\)", "tests/iptm/commands"),
+    Rule(Way.ELSEWHERE, r"scripts/iptm meter .*", "tests/iptm/test_meter.py"),
+    Rule(Way.ELSEWHERE, r"scripts/dev (build|docs).*", "tests/packaging"),
     Rule(Way.NOT, r"dask .*|.*dask worker .*", "an extra, on several machines"),
     # Seconds.
-    Rule(Way.ASK, r"(scripts/(call|param)|ros2 (service|param)) .*"),
+    Rule(Way.ASK, r"(scripts/iptm (call|param)|ros2 (service|param)) .*"),
     Rule(Way.RUN, r"source scripts/env.sh"),
-    Rule(Way.RUN, r"scripts/(bag_info|compare|compare_bags|recover_bag|export|drive_file) .*"),
+    Rule(Way.RUN, r"scripts/iptm ((info|compare|recover|export|drive) .*|--help)"),
     Rule(Way.RUN, r"scripts/run_demo --list"),
     # Longer.
-    Rule(Way.RECORD, r"scripts/record .*", node="recorder"),
-    Rule(Way.SERVE, r"scripts/replay (?!--check).*", node="player"),
-    Rule(Way.SERVE, r"scripts/view.*", "--no-browser"),
-    Rule(Way.SERVE, r"scripts/visualize.*", node="visualizer"),
+    Rule(Way.RECORD, r"scripts/iptm record .*", node="recorder"),
+    Rule(Way.SERVE, r"scripts/iptm replay .*", node="player"),
+    Rule(Way.SERVE, r"scripts/iptm view.*", "--no-browser"),
+    Rule(Way.SERVE, r"scripts/iptm visualize.*", node="visualizer"),
     Rule(Way.SERVE, r"scripts/plant .*", node="plant"),
     Rule(Way.SERVE, r"scripts/v2x_bridge .*", node="v2x_bridge"),
     Rule(Way.SERVE, r"scripts/controller .*", _INTERPRETED, node="controller"),
-    Rule(Way.SERVE, r"scripts/v2x_send .*", node="v2x_sender"),
-    Rule(Way.DRIVE, r"scripts/replay --check .*"),
+    Rule(Way.SERVE, r"scripts/iptm send .*", node="v2x_sender"),
+    Rule(Way.DRIVE, r"scripts/iptm check .*"),
+    Rule(
+        Way.DRIVE, r"scripts/iptm run --vehicles .*", "--duration-s 3 --against none --output {out}"
+    ),
     Rule(Way.DRIVE, r"scripts/run_demo .*--output.*", _SHORT),
     Rule(Way.PREPARE, r"scripts/run_demo (?!.*(--view|--without|--set|my_plan)).*"),
-    Rule(Way.DRIVE, r"(IPTM_COMPILER=none )?scripts/run_demo.*", f"{_SHORT} --output {{out}}"),
-    Rule(Way.DRIVE, r"scripts/run_string.*", "--duration-s 3 --against none --output {out}"),
+    Rule(
+        Way.DRIVE,
+        r"(IPTM_COMPILER=none )?scripts/(run_demo|iptm run).*",
+        f"{_SHORT} --output {{out}}",
+    ),
 )
 
 

@@ -1,8 +1,8 @@
 """The command lines of README, docs, `--help` and docstrings work as they are written.
 
 Each runs in a folder of its own that looks like a checkout. `documented_rules` holds how, and why some are
-not executed. Those that take long are marked `slow`. The first command line of a script is run by the shell;
-the module of the script gets the options of the further ones in the process of the test.
+not executed. Those that take long are marked `slow`. The first command line of `scripts/iptm` is run by the
+shell, further ones in the process of the test.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ import time
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
-from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -27,6 +26,7 @@ from tests.documented_commands import ROOT, documented_commands
 from tests.integration.documented_rules import RULES, Rule, Way, rule_for
 
 from iptm.commands.run import build_parser, chosen_trip
+from iptm.commands.tree import main
 from iptm_ros.discovery import reserve_domain
 from iptm_ros.graph_client import GraphClient
 
@@ -137,7 +137,7 @@ class Place:
     def start(self, command: str, extra: str = "") -> subprocess.Popen[str]:
         """Start a command line with further options."""
         text = self.written(f"{command.removesuffix('&')} {extra}")
-        for output in re.findall(r"(?:scripts/record|--output) (bags/\S+)", text):
+        for output in re.findall(r"(?:scripts/iptm record|--output) (bags/\S+)", text):
             (self.folder / output).unlink(missing_ok=True)
         return subprocess.Popen(
             ["bash", "-c", text],
@@ -155,21 +155,21 @@ class Place:
             start_new_session=True,
         )
 
-    def run_here(self, module: str, command: str, capfd: pytest.CaptureFixture[str]) -> str:
-        """Run the module of a script with the options of a command line; return what it printed."""
-        program = import_module(module)
+    def run_here(self, command: str, capfd: pytest.CaptureFixture[str]) -> str:
+        """Run a command of `iptm` in this process; return what it printed."""
+        arguments = shlex.split(command)[1:]
         capfd.readouterr()
         with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
             warnings.simplefilter("default")
             patch.chdir(self.folder)
             patch.setenv("ROS_DOMAIN_ID", str(self.domain))
-            patch.setattr(sys, "argv", [str(program.__file__), *shlex.split(command)[1:]])
-            code, printed = program.main(), "".join(capfd.readouterr())
+            patch.setattr(sys, "argv", sys.argv)
+            code, printed = main(arguments), "".join(capfd.readouterr())
             deadline_s = time.monotonic() + TIMEOUT_S
             # The controller refuses a change while it compiles that of an earlier command.
             while "another change" in printed and time.monotonic() < deadline_s:
                 time.sleep(0.2)
-                code, printed = program.main(), "".join(capfd.readouterr())
+                code, printed = main(arguments), "".join(capfd.readouterr())
         assert code == 0, f"{command}\n{printed}"
         return printed
 
@@ -197,23 +197,20 @@ Run = Callable[[Place, str, str], str]
 
 
 @pytest.fixture(scope="module")
-def scripts_started() -> set[str]:
-    """Modules of the scripts that were run by the shell."""
-    return set()
+def shell_runs() -> list[str]:
+    """Command lines of `scripts/iptm` that were run by the shell."""
+    return []
 
 
 @pytest.fixture
-def run(scripts_started: set[str], capfd: pytest.CaptureFixture[str]) -> Run:
+def run(shell_runs: list[str], capfd: pytest.CaptureFixture[str]) -> Run:
     """Run a command line in a place, with further options."""
 
     def run_command(place: Place, command: str, extra: str = "") -> str:
-        name = re.match(r"scripts/(\w+)", command)
-        text = (ROOT / name[0]).read_text("utf-8") if name else ""
-        modules = re.findall(r'^iptm_module (\S+) "\$@"$', text, re.MULTILINE)
-        if modules and modules[0] in scripts_started and not re.search(r"[*&|$]", command):
-            written = place.written(f"{command} {extra}")
-            return place.run_here(modules[0], written, capfd)
-        scripts_started.update(modules)
+        is_iptm = command.startswith("scripts/iptm ")
+        if is_iptm and shell_runs and not re.search(r"[*&|$]|--help", command):
+            return place.run_here(place.written(f"{command} {extra}"), capfd)
+        shell_runs.extend([command] if is_iptm else [])
         return place.run(command, extra)
 
     return run_command
@@ -249,7 +246,7 @@ def test_python_of_the_how_to_runs(place: Place) -> None:
     """The snippet that reads exported tables, behind the commands that export them."""
     page = HOW_TO.read_text(encoding="utf-8")
     (snippet,) = re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
-    exports = re.findall(r"^scripts/export .*parquet", page, re.MULTILINE)
+    exports = re.findall(r"^scripts/iptm export .*parquet", page, re.MULTILINE)
     (place.folder / "snippet.py").write_text(
         f"{snippet}\nprint(both.num_rows, len(parameters) > 0)"
     )
@@ -298,7 +295,7 @@ def test_command_beside_running_nodes(command: str, ring: Place, run: Run) -> No
     assert printed or command.startswith("ros2 ")
     if re.search(r"plant reset|/plant/pause", command):
         # A change of a controller waits for a tick, so the next command may need a plant that runs.
-        run(ring, "scripts/call plant resume", "")
+        run(ring, "scripts/iptm call plant resume", "")
 
 
 @pytest.mark.parametrize("command", commands(Way.PREPARE))

@@ -1,4 +1,4 @@
-"""`scripts/call` and `scripts/param` beside running nodes: found by name, answered, refused, timed out."""
+"""`iptm call` and `iptm param` beside running nodes: found by name, answered, refused, timed out."""
 
 from __future__ import annotations
 

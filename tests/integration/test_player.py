@@ -136,7 +136,7 @@ def test_bags_that_cannot_be_played(refused: Callable[..., str], bag: Path, tmp_
     (tmp_path / "foreign.mcap").write_bytes(b"text" * 100)
     for unsound, message in (
         (tmp_path / "none", "does not exist"),
-        (tmp_path / "cut.mcap", "scripts/recover_bag"),
+        (tmp_path / "cut.mcap", "scripts/iptm recover"),
         (tmp_path / "foreign.mcap", "not an MCAP file"),
     ):
         assert message in refused(PLAYER, unsound)

@@ -76,7 +76,7 @@ def test_the_page_of_a_run_has_every_tick_and_stays_until_ctrl_c(
         assert browser.documents["facts"]["title"].startswith("cycle wltc_class3b, strategy")
         assert browser.documents["road"]["height_m"][0] == 0.0
         wait_until(lambda: "until Ctrl-C" in runner.text, 60.0, "the end of the report")
-        assert f"scripts/view {output}" in runner.text.replace("\n", "")
+        assert f"scripts/iptm view {output}" in runner.text.replace("\n", "")
         assert runner.popen.poll() is None
         runner.popen.send_signal(signal.SIGINT)
         assert runner.popen.wait(60.0) == 0

@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from iptm.codegen import code_of, main
+from iptm.codegen import code_of
+from iptm.commands.drives import codegen as main
 from iptm_controller.ladder import controlled_stop, safe_following
 from iptm_controller.limiter import CommandLimiter
 from iptm_controller.ocp.compilation import find_compiler

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import iptm
-from iptm.compare_cli import main
+from iptm.commands.bags import compare as main
 from iptm_ros.recording.trajectory_reader import read_decisions, read_trajectory
 
 BAG = Path(__file__).resolve().parents[2] / "bags" / "example_us06_120s"

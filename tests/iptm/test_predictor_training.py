@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from iptm.commands.drives import train as train_command
 from iptm.predictor_training import (
     LEADS_S,
     evaluate,
-    main,
     samples_of,
     train,
 )
@@ -45,7 +45,7 @@ def test_what_is_regular_is_learnt() -> None:
 def test_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "own.json"
     cycles = ["udds", "hwfet", "us06"]
-    assert main([*cycles, "--output", str(path), "--source", "EPA, public domain"]) == 0
+    assert train_command([*cycles, "--output", str(path), "--source", "EPA, public domain"]) == 0
     out = capsys.readouterr().out
     assert "trained on 2 drives" in out
     assert "tried on 1 others" in out
@@ -58,7 +58,7 @@ def test_mistakes_are_reported_in_one_line(
     source: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main([source]) == 2
+    assert train_command([source]) == 2
     captured = capsys.readouterr()
-    assert captured.err.startswith("train_predictor: ")
+    assert captured.err.startswith("iptm train: ")
     assert captured.err.count("\n") == 1

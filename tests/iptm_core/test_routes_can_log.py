@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from iptm.runner.recorded_drive import main
+from iptm.commands.drives import drive as main
 from iptm_core.errors import RouteError
 from iptm_core.routes import build_route
 from iptm_core.routes.can_log import can_log_csv

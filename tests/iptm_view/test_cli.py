@@ -19,4 +19,7 @@ def test_malformed_ros_arguments_are_one_line(
 def test_a_bag_is_shown_of_one_vehicle(capsys: pytest.CaptureFixture[str]) -> None:
     command = ["view", "--no-foxglove", "a_bag", "--namespace", "car_1", "--namespace", "/car_2"]
     assert main(command) == 2
-    assert capsys.readouterr().err == "view: --namespace is car_1, car_2; allowed: one with a bag\n"
+    assert (
+        capsys.readouterr().err
+        == "iptm view: --namespace is car_1, car_2; allowed: one with a bag\n"
+    )

@@ -28,7 +28,7 @@ def test_workspace_builds_and_executables_run() -> None:
     ready = subprocess.run([ROOT / "scripts" / "setup", "--dev", "--check"], check=False)
     if ready.returncode != 0:
         pytest.skip("needs the environment that scripts/test makes")
-    printed = run("scripts/colcon_build")
+    printed = run("scripts/dev", "build")
     for package, name in (
         ("iptm_plant_sim", "plant"),
         ("iptm_v2x_bridge", "bridge"),

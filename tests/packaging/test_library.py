@@ -16,6 +16,8 @@ import pytest
 from packaging.requirements import Requirement
 from tests.packaging.packages import ROOT, manifest_of
 
+import iptm
+
 TRY_IT = """
 import importlib.util, sys
 import iptm
@@ -87,11 +89,24 @@ def clean() -> dict[str, str]:
 
 
 def test_the_library_works_without_ros(library: Path, tmp_path: Path) -> None:
+    """So do the snippet of the README, which writes a picture, and the command `iptm`."""
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    (snippet,) = re.findall(r"^```python\n(.*?)^```", readme, re.DOTALL | re.MULTILINE)
+    code = TRY_IT.replace('print("done")', f'{snippet}\nprint("done")')
     done = subprocess.run(
-        [library / "bin" / "python", "-c", TRY_IT, ROOT / "bags" / "example_us06_120s"],
+        [library / "bin" / "python", "-c", code, ROOT / "bags" / "example_us06_120s"],
         cwd=tmp_path, env=clean(), capture_output=True, text=True, timeout=300, check=False
     )  # fmt: skip
-    assert (done.returncode, done.stdout) == (0, "done\n"), done.stderr
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.endswith("\ndone\n")
+    (command,) = library.rglob("bin/iptm")
+    for arguments, expected in ((["info", ROOT / "bags" / "example_us06_120s"], 0), (["call"], 2)):
+        called = subprocess.run(
+            [library / "bin" / "python", command, *arguments],
+            cwd=tmp_path, env=clean(), capture_output=True, text=True, timeout=300, check=False
+        )  # fmt: skip
+        assert called.returncode == expected, called.stderr
+    assert "needed: ROS 2" in called.stderr
     assert (tmp_path / "run.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -153,5 +168,8 @@ def test_what_is_declared_is_true_at_both_ends(tmp_path: Path, end: str) -> None
 
 
 def test_the_version_is_that_of_the_packages() -> None:
+    version = manifest_of("iptm").findtext("version")
     text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
-    assert f'\nversion = "{manifest_of("iptm").findtext("version")}"\n' in text
+    assert f'\nversion = "{version}"\n' in text
+    assert iptm.__version__ == version
+    assert f"\n## [{version}] - " in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")

@@ -45,7 +45,7 @@ def test_named_requirements_are_pinned_with_hashes(lock: str) -> None:
                 names.add(re.split(r"[\[=<>~!; ]", text)[0].lower())
         return names
 
-    assert named(FOLDER / f"{lock}.in") <= locked, "run scripts/update_locks"
+    assert named(FOLDER / f"{lock}.in") <= locked, "run scripts/dev locks"
 
 
 def test_locks_agree_on_versions() -> None:

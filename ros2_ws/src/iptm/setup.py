@@ -12,7 +12,7 @@ def files(folder: str, pattern: str) -> list[str]:
 
 setup(
     name=PACKAGE,
-    version="0.1.0",
+    version="0.2.0",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
     package_data={PACKAGE: ["py.typed", "**/*.yaml", "**/*.json", "**/*.j2"]},
     data_files=[
@@ -40,21 +40,13 @@ setup(
     maintainer_email="maintainers@iptm.example.org",
     entry_points={
         "console_scripts": [
-            "codegen = iptm_core.program:main",
-            "compare = iptm_core.program:main",
-            "drive_file = iptm_core.program:main",
             "iptm = iptm_core.program:main",
-            "view = iptm_core.program:main",
             "injector = iptm_core.program:main",
             "controller_with_solver_faults = iptm_core.program:main",
             "plant_with_actuator_faults = iptm_core.program:main",
         ],
         "iptm.programs": [
-            "codegen = iptm.codegen:main",
-            "compare = iptm.compare_cli:main",
-            "drive_file = iptm.runner.recorded_drive:main",
             "iptm = iptm.commands.tree:main",
-            "view = iptm.runner.view:main",
             "injector = iptm.faults.node:main",
             "controller_with_solver_faults = iptm.faults.node_controller:main",
             "plant_with_actuator_faults = iptm.faults.node_plant:main",

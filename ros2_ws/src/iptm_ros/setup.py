@@ -4,7 +4,7 @@ PACKAGE = "iptm_ros"
 
 setup(
     name=PACKAGE,
-    version="0.1.0",
+    version="0.2.0",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
     package_data={PACKAGE: ["py.typed", "data/*.xml"]},
     data_files=[
@@ -32,23 +32,13 @@ setup(
     entry_points={
         "console_scripts": [
             "call = iptm_core.program:main",
-            "param = iptm_core.program:main",
             "recorder = iptm_core.program:main",
             "player = iptm_core.program:main",
-            "recover_bag = iptm_core.program:main",
-            "bag_info = iptm_core.program:main",
-            "export = iptm_core.program:main",
-            "compare_bags = iptm_core.program:main",
         ],
         "iptm.programs": [
             "call = iptm_ros.call:main",
-            "param = iptm_ros.param:main",
             "recorder = iptm_ros.recording.recorder_cli:main",
             "player = iptm_ros.recording.player_cli:main",
-            "recover_bag = iptm_ros.recording.recover:main",
-            "bag_info = iptm_ros.recording.bag_info:main",
-            "export = iptm_ros.recording.export:main",
-            "compare_bags = iptm_ros.recording.compare_bags:main",
         ],
     },
 )

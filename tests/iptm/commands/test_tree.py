@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from importlib.util import find_spec
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -13,10 +13,31 @@ import iptm
 from iptm.commands.tree import COMMANDS, main
 
 BAG = Path(__file__).parents[3] / "bags" / "example_us06_120s"
+MOST_LINES = 60
+"""A screen and a half of 40 lines."""
+HEAVY = {"pandas", "matplotlib", "scipy", "casadi", "pyarrow", "rosbags", "iptm_ros.suite_node"}
+HEAVIER = {"bench", "meter", "traffic", "visualize"}
+"""Commands whose help needs what they compute with."""
 
 
-def test_every_command_has_its_module() -> None:
-    assert [name for name, each in COMMANDS.items() if find_spec(each.module) is None] == []
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_has_its_function(name: str) -> None:
+    module, _, function = COMMANDS[name].function.partition(":")
+    assert callable(getattr(import_module(module), function))
+
+
+@pytest.mark.parametrize("name", sorted(COMMANDS.keys() - HEAVIER - {"completion"}))
+def test_help_of_a_command_is_short_and_loads_nothing_heavy(name: str) -> None:
+    code = (
+        "import contextlib, sys; from iptm.commands.tree import main\n"
+        f"with contextlib.suppress(SystemExit): main([{name!r}, '--help'])\n"
+        "print(*sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    *shown, loaded = done.stdout.splitlines()
+    assert shown[0].startswith(f"usage: iptm {name} ")
+    assert len(shown) <= MOST_LINES
+    assert HEAVY & set(loaded.split()) == set()
 
 
 def test_help_lists_every_command(capsys: pytest.CaptureFixture[str]) -> None:
@@ -27,33 +48,41 @@ def test_help_lists_every_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().out == f"iptm {iptm.__version__}\n"
 
 
-def test_help_and_the_options_of_run_load_nothing_heavy() -> None:
-    code = (
-        "import sys; from iptm.commands import run, tree; run.build_parser(); tree.build_parser();"
-        "print([name for name in ('pandas', 'matplotlib', 'casadi', 'rclpy') if name in sys.modules])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "[]\n"
-
-
 def test_an_unknown_command_is_refused_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["comapre"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line == "iptm: command 'comapre' is unknown; did you mean 'compare'?"
 
 
-def test_bags_are_compared_by_figures_or_message_by_message(
-    capsys: pytest.CaptureFixture[str],
+def test_a_command_without_its_libraries_is_refused_in_one_line(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(sys, "argv", sys.argv)
+    for name in ("iptm_ros.call", "std_srvs.srv"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    monkeypatch.setitem(sys.modules, "std_srvs", None)
+    assert main(["call"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("iptm call: ")
+    assert "needed: ROS 2" in line
+
+
+def test_bags_are_compared_by_figures_or_message_by_message(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "argv", sys.argv)
     assert main(["compare", str(BAG), str(BAG)]) == 0
     assert "the settings do not differ" in capsys.readouterr().out
     assert main(["compare", "--exact", str(BAG), str(BAG)]) == 0
     assert "/plant/state" in capsys.readouterr().out
+    assert main(["compare", str(BAG), str(BAG), "--absolute", "1"]) == 2
+    assert "without --exact" in capsys.readouterr().err
 
 
 def test_the_completion_names_commands_options_and_settings(
-    capsys: pytest.CaptureFixture[str],
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(sys, "argv", sys.argv)
     assert main(["completion"]) == 0
     text = capsys.readouterr().out
     for word in ("recover", "--duration-s", "leader.latency_s=", "conditions.faults="):

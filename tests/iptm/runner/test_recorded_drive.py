@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from iptm.runner.recorded_drive import main
+from iptm.commands.drives import drive as main
 
 ROOT = Path(__file__).resolve().parents[3]
 EXAMPLE = ROOT / "docs" / "examples" / "phone_drive.gpx"

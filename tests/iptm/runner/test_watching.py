@@ -54,7 +54,7 @@ def test_without_a_terminal_the_view_ends_with_the_run() -> None:
     supervisor = cast("Supervisor", RunningView())
     viewer._stay_open(supervisor, StopRequest(), "http://127.0.0.1:8780/", bags, console)
     assert cast("io.StringIO", console.file).getvalue() == (
-        "the live view ends with the run (no terminal); to see it again: scripts/view 'bags/my run'\n"
+        "the live view ends with the run (no terminal); to see it again: scripts/iptm view 'bags/my run'\n"
     )
 
 

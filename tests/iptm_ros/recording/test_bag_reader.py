@@ -61,7 +61,7 @@ def test_folder_that_is_no_bag(tmp_path: Path) -> None:
 
 def test_killed_recording_names_the_way_out(small_bag: Path) -> None:
     (small_bag / "metadata.yaml").unlink()
-    with pytest.raises(BagError, match=r"cut short; repair it with: scripts/recover_bag"):
+    with pytest.raises(BagError, match=r"cut short; repair it with: scripts/iptm recover"):
         BagReader(small_bag)
 
 
@@ -71,7 +71,7 @@ def test_every_truncation_is_noticed(small_bag: Path) -> None:
     for length in range(8, len(whole), 97):
         file.write_bytes(whole[:length])
         for path in (small_bag, file):
-            with pytest.raises(BagError, match="recover_bag"):
+            with pytest.raises(BagError, match="iptm recover"):
                 BagReader(path)
 
 
@@ -109,7 +109,7 @@ def test_damage_inside_the_file_is_noticed_while_reading(small_bag: Path) -> Non
     data = bytearray(file.read_bytes())
     data[data.index(b"\x00\x00\x00\x00\x00\x00\x08\x40")] ^= 0x01  # the number 3.0
     file.write_bytes(bytes(data))
-    with BagReader(small_bag) as reader, pytest.raises(BagError, match=r"damaged.*recover_bag"):
+    with BagReader(small_bag) as reader, pytest.raises(BagError, match=r"damaged.*iptm recover"):
         list(reader.messages())
 
 
@@ -263,7 +263,7 @@ def test_a_damaged_compressed_chunk_is_one_sentence(
         file.write_bytes(whole[: start + offset] + b"\x5a\xa5" + whole[start + offset + 2 :])
         with (
             BagReader(tmp_path / "bag") as reader,
-            pytest.raises(BagError, match=r"damaged.*recover_bag"),
+            pytest.raises(BagError, match=r"damaged.*iptm recover"),
         ):
             list(reader.raw_messages())
 

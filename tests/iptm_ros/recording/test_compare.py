@@ -7,10 +7,11 @@ from typing import Any
 
 import pytest
 
+from iptm.commands.bags import compare
 from iptm_core.errors import BagError
 from iptm_core.trajectory import Trajectory
 from iptm_ros.recording.bag_writer import BagWriter
-from iptm_ros.recording.compare_bags import TopicComparison, compare_bags, main
+from iptm_ros.recording.compare_bags import TopicComparison, compare_bags
 from iptm_ros.recording.field_differences import NumberTolerance, differences, flatten
 from iptm_ros.recording.message_types import standard_typestore
 from iptm_ros.recording.recorded_topics import TopicSelection
@@ -162,14 +163,16 @@ def test_command(
 ) -> None:
     first = str(write_run(tmp_path / "a", trajectory))
     second = str(write_run(tmp_path / "b", changed(trajectory, "speed_m_s", 5, 1.0)))
-    assert main([first, first]) == 0
+    assert compare(["--exact", first, first]) == 0
     assert "the bags agree" in capsys.readouterr().out
-    assert main([first, second]) == 1
+    assert compare(["--exact", first, second]) == 1
     text = capsys.readouterr().out
     assert "/plant/odometry first differs at 5 s:" in text
     assert "twist.twist.linear.x" in text
-    assert main([first, second, "--exclude", "plant/odometry", "plant/state"]) == 0
-    assert main([first, second, "--ignore", "twist.*", "speed_m_s", "solve_time_s"]) == 0
-    assert main([first, second, "--absolute", "1.1"]) == 0
-    assert main([first, str(tmp_path / "none")]) == 2
+    assert compare(["--exact", first, second, "--exclude", "plant/odometry", "plant/state"]) == 0
+    assert (
+        compare(["--exact", first, second, "--ignore", "twist.*", "speed_m_s", "solve_time_s"]) == 0
+    )
+    assert compare(["--exact", first, second, "--absolute", "1.1"]) == 0
+    assert compare(["--exact", first, str(tmp_path / "none")]) == 2
     assert "does not exist" in capsys.readouterr().err

@@ -1,7 +1,7 @@
 """Bags damaged as disks, networks and people damage files, given to every reader: no loss without a report.
 
 Every reader ends by itself, with one sentence or with the truth: a bag that passes as sound holds the very
-messages of the original, and what `recover_bag` leaves out it reports exactly. The long version
+messages of the original, and what `iptm recover` leaves out it reports exactly. The long version
 (`scripts/test -m slow`) tries 1,000 bags.
 """
 
@@ -23,8 +23,8 @@ import pytest
 from mcap.reader import make_reader
 from tests.iptm_ros.recording.bag_damage import CORRUPTIONS
 
+from iptm.commands import bags
 from iptm_core.errors import BagError
-from iptm_ros.recording import bag_info, compare_bags
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.bag_writer import COMPRESSIONS, BagWriter
 from iptm_ros.recording.mcap_storage import BagFile
@@ -92,7 +92,7 @@ def columns_of(bag: Path) -> list[dict[str, Any]]:
 
 
 def check_bag_info(bag: Path, original: Original) -> None:
-    command(bag_info.main, bag)
+    command(bags.info, bag)
     with BagReader(bag) as reader:
         assert list(reader.raw_messages()) == original.messages, "other messages, exit code 0"
         assert reader.custom_data == original.custom_data, "other texts, exit code 0"
@@ -103,7 +103,12 @@ def check_file(bag: Path, original: Original) -> None:
 
 
 def check_comparison(bag: Path, original: Original) -> None:
-    if command(compare_bags.main, original.folder, bag, Path("--exclude"), Path("/none")) == 0:
+    if (
+        command(
+            bags.compare, Path("--exact"), original.folder, bag, Path("--exclude"), Path("/none")
+        )
+        == 0
+    ):
         with BagReader(bag) as reader:
             assert sorted(m.data for m in reader.raw_messages()) == sorted(
                 m.data for m in original.messages

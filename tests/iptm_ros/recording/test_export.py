@@ -14,12 +14,13 @@ import yaml
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Float64
 
+from iptm.commands.bags import export as main
 from iptm_core.errors import BagError
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_ros.codecs import serialized
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.bag_writer import BagWriter
-from iptm_ros.recording.export import main, read_exported_trajectory
+from iptm_ros.recording.export import read_exported_trajectory
 from iptm_ros.recording.run_information import RunInformation
 from iptm_ros.recording.trajectory_reader import read_trajectory
 
@@ -183,7 +184,7 @@ def test_a_bag_that_cannot_be_exported_leaves_no_file(
     file = bag / "bag_0.mcap"
     file.write_bytes(file.read_bytes()[:-100])
     for arguments, message in (
-        ([str(bag)], "recover_bag"),
+        ([str(bag)], "iptm recover"),
         ([str(small_bag)], "no topic 'plant/state'"),
         ([str(small_bag), "--topic", "/c"], "no topic '/c'"),
     ):

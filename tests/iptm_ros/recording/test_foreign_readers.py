@@ -71,7 +71,7 @@ def old_bag(tmp_path: Path) -> Path:
 def test_a_bag_with_surplus_bytes_is_refused_with_the_remedy(old_bag: Path) -> None:
     with (
         BagReader(old_bag) as reader,
-        pytest.raises(BagError, match=r"bytes follow its end; scripts/recover_bag removes them"),
+        pytest.raises(BagError, match=r"bytes follow its end; scripts/iptm recover removes them"),
     ):
         list(reader.messages())
 

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.records import ChunkIndex, Message
 
+from iptm.commands import bags
 from iptm_core.errors import BagError
-from iptm_ros.recording import recover as recover_module
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.bag_writer import BagWriter
 from iptm_ros.recording.recover import recover
@@ -254,9 +254,9 @@ def test_command(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     source = cut(tmp_path / "bag", content["none"][0][:3000])
-    assert recover_module.main([str(source), "-o", str(tmp_path / "out")]) == 0
+    assert bags.recover([str(source), "-o", str(tmp_path / "out")]) == 0
     assert "bytes dropped" in capsys.readouterr().out
-    assert recover_module.main([str(source), "-o", str(tmp_path / "out")]) == 1
+    assert bags.recover([str(source), "-o", str(tmp_path / "out")]) == 1
     assert "exists already" in capsys.readouterr().err
 
 

@@ -141,7 +141,7 @@ def test_a_kill_around_a_change_of_files(left: float, split_bag: Path) -> None:
     last = split_bag / "split_5.mcap"
     whole = last.read_bytes()
     last.write_bytes(whole[: left if isinstance(left, int) else int(left * len(whole))])
-    with pytest.raises(BagError, match="recover_bag"):
+    with pytest.raises(BagError, match="iptm recover"):
         BagReader(split_bag)
     report = recover(split_bag)
     assert report.message_count >= 119

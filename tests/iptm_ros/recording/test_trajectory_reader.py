@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from iptm.commands.bags import info as bag_info
 from iptm_core.errors import BagError
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
-from iptm_ros.recording.bag_info import main as bag_info
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.bag_writer import BagWriter
 from iptm_ros.recording.trajectory_reader import (
@@ -168,12 +168,10 @@ def test_broken_promise_names_bag_and_topic(
     trajectory: Trajectory, write_run: WriteRun, tmp_path: Path
 ) -> None:
     columns = trajectory.to_arrays()
-    loss = columns["cell_1_capacity_loss"].copy()
-    loss[7] = 1.5
-    bag = write_run(
-        tmp_path / "bag", Trajectory.from_arrays({**columns, "cell_1_capacity_loss": loss})
-    )
-    with pytest.raises(BagError, match=r"bag: plant/state: .*1\.5"):
+    speed = columns["speed_m_s"].copy()
+    speed[7] = -1.5
+    bag = write_run(tmp_path / "bag", Trajectory.from_arrays({**columns, "speed_m_s": speed}))
+    with pytest.raises(BagError, match=r"bag: plant/state: .*-1\.5"):
         read_trajectory(bag)
 
 

@@ -28,12 +28,12 @@ MEMORY_MB = 200
 _WITH_PEAK = """
 import re, sys
 from pathlib import Path
-from iptm_ros.recording.bag_info import main
-code = main(sys.argv[1:])
+from iptm.commands.bags import info
+code = info(sys.argv[1:])
 print(re.search(r"VmHWM:\\s+(\\d+) kB", Path("/proc/self/status").read_text())[1])
 sys.exit(code)
 """
-"""The program `bag_info`, which prints the most memory that it took in kB."""
+"""The command `iptm info`, which prints the most memory that it took in kB."""
 _TWICE = bytes(2 * MOST_PART_BYTES)
 
 
@@ -175,7 +175,7 @@ def test_a_full_disk_leaves_no_folder_behind(small_bag: Path, tmp_path: Path) ->
     script = (
         "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000));"
         "import signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN);"
-        "from iptm_ros.recording.recover import main; sys.exit(main(sys.argv[1:]))"
+        "from iptm.commands.bags import recover; sys.exit(recover(sys.argv[1:]))"
     )
     output = tmp_path / "out"
     arguments = [str(small_bag), "-o", str(output)]

@@ -66,7 +66,7 @@ _HOMES = {
     "LeaderState": "iptm_core.state",
 }
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "ROUTE_CYCLES",

@@ -1,13 +1,11 @@
-"""The command `codegen`: a controller and the rule of the safety monitor as C99, and recorded ticks.
+"""A controller and the rule of the safety monitor as C99, and recorded ticks.
 
 What is in the folder, and what is left to the caller, is said in ``controller.h`` and ``safety_monitor.h``.
 """
 
 from __future__ import annotations
 
-import argparse
-import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 from iptm.closed_loop import run_closed_loop
@@ -20,10 +18,8 @@ from iptm_controller.options import ControllerOptions
 from iptm_controller.plan_data import PosedProblem
 from iptm_controller.solvers.riccati.stage_program import SOURCE_FOLDER
 from iptm_controller.strategy import DEFAULT_STRATEGY, strategy_by_name
-from iptm_core.errors import IptmError
-from iptm_core.parameters import load_parameters
+from iptm_core.parameters import DEFAULT_SET, load_parameters
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.program import refused
 from iptm_core.routes import build_route
 from iptm_core.state import FloatArray, LeaderPreview
 from iptm_plant_sim import safety_monitor
@@ -45,46 +41,38 @@ add_test(NAME recorded_ticks COMMAND bench ${CMAKE_CURRENT_SOURCE_DIR}/ticks.txt
 """
 
 
-def build_parser() -> argparse.ArgumentParser:
-    """Return the parser of the command line."""
-    parser = argparse.ArgumentParser(
-        prog="codegen",
-        description="Write a controller as C99 into a folder: sources, a CMake file, and recorded ticks with"
-        " a program that drives the controller through them and compares its commands.",
-    )
-    parser.add_argument("folder", type=Path, help="is made; files of the same names are replaced")
-    parser.add_argument("--horizon", default=str(MULTI_HORIZON), help="default: %(default)s")
-    parser.add_argument("--strategy", default=DEFAULT_STRATEGY, help="default: %(default)s")
-    parser.add_argument("--parameter-set", help="parameters of the model; default: the paper's")
-    parser.add_argument("--cycle", default="wltc_class3b", help="of the recorded ticks")
-    parser.add_argument(
-        "--ticks", type=float, default=600.0, help="length of the record, default: %(default)g s"
-    )
-    return parser
+def write_controller(
+    folder: Path,
+    *,
+    strategy: str | None,
+    horizon: str | None,
+    parameter_set: str | None,
+    cycle: str,
+    duration_s: float,
+) -> int:
+    """Write controller, safety monitor and recorded ticks into a folder; return the number of files.
 
+    Args:
+        folder: is made; files of the same names are replaced.
+        strategy: of the controller; None for the default.
+        horizon: of the controller; None for the default.
+        parameter_set: of the model; None for the default.
+        cycle: of the recorded ticks.
+        duration_s: of the recorded ticks.
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Write the folder.
-
-    Returns:
-        0 on success, 2 when an argument is refused or a file cannot be written.
+    Raises:
+        IptmError: an argument is refused.
+        OSError: a file cannot be written.
     """
-    given = build_parser().parse_args(arguments)
-    try:
-        named = () if given.parameter_set is None else (given.parameter_set,)
-        parameters = load_parameters(*named).values
-        options = ControllerOptions(
-            strategy=strategy_by_name(given.strategy), horizon=Horizon.parse(given.horizon)
-        )
-        files = code_of(parameters, options)
-        files["ticks.txt"] = recorded_ticks(parameters, options, given.cycle, given.ticks)
-        write_files(given.folder, files)
-    except IptmError as error:
-        return refused("codegen", error)
-    except OSError as error:
-        return refused("codegen", f"{given.folder} cannot be written: {error}")
-    print(f"{len(files)} files in {given.folder}")
-    return 0
+    parameters = load_parameters(parameter_set or DEFAULT_SET).values
+    options = ControllerOptions(
+        strategy=strategy_by_name(strategy or DEFAULT_STRATEGY),
+        horizon=MULTI_HORIZON if horizon is None else Horizon.parse(horizon),
+    )
+    files = code_of(parameters, options)
+    files["ticks.txt"] = recorded_ticks(parameters, options, cycle, duration_s)
+    write_files(folder, files)
+    return len(files)
 
 
 def code_of(parameters: ModelParameters, options: ControllerOptions) -> dict[str, str]:
@@ -160,7 +148,3 @@ def _table(*columns: FloatArray) -> Iterator[str]:
     yield str(len(columns[0]))
     for column in columns:
         yield from (value.hex() for value in column.tolist())
-
-
-if __name__ == "__main__":
-    sys.exit(main())

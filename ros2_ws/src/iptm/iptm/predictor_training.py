@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from iptm_core.errors import IptmError, MeasurementError
+from iptm_core.errors import MeasurementError
 from iptm_core.markdown import table_of
-from iptm_core.program import EXIT_OK, refused
 from iptm_core.routes import build_route
 from iptm_core.state import FloatArray
 from iptm_v2x_bridge.prediction.regression import (
@@ -24,7 +21,6 @@ from iptm_v2x_bridge.prediction.regression import (
     regression_features,
 )
 
-PROGRAM = "train_predictor"
 LEADS_S = (1, 2, 3, 4, 5, 7, 10, 15, 20, 30, 40, 60)
 TABLE_LEADS_S = (1, 2, 5, 10, 20, 40, 60)
 BOUND_SPEEDS_M_S = (0.0, 2.0, 6.0, 12.0, 20.0, 30.0)
@@ -194,25 +190,17 @@ def evaluate(model: RegressionModel, drives: Drives) -> list[dict[str, float]]:
     return rows
 
 
-def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(PROGRAM, description=__doc__)
-    parser.add_argument(
-        "sources",
-        nargs="+",
-        metavar="DRIVES",
-        help="cycles, recorded drives, and folders of CSV drives",
-    )
-    parser.add_argument(
-        "--output", type=Path, metavar="FILE", help="write the model there, for regression_model"
-    )
-    parser.add_argument("--source", default="", help="source and licence, to be noted in the model")
-    return parser.parse_args(arguments)
+def train_and_try(sources: Sequence[str], output: Path | None, source: str) -> None:
+    """Train on two thirds of the drives, print the errors on the others, and write the model.
 
-
-def _run(options: argparse.Namespace) -> None:
-    drives = read_drives(options.sources)
+    Args:
+        sources: cycles, recorded drives, and folders of CSV drives.
+        output: file of the model; None for none.
+        source: source and licence, noted in the model.
+    """
+    drives = read_drives(sources)
     others = held_out(list(drives))
-    model = train({name: drives[name] for name in drives if name not in others}, options.source)
+    model = train({name: drives[name] for name in drives if name not in others}, source)
     tried = {name: drives[name] for name in drives if name in others}
     print(f"trained on {len(drives) - len(tried)} drives")
     if tried:
@@ -225,22 +213,6 @@ def _run(options: argparse.Namespace) -> None:
         }
         print(f"tried on {len(tried)} others:\n")
         print(table_of(evaluate(model, tried), columns))
-    if options.output is not None:
-        options.output.write_text(model.as_json(), encoding="utf-8")
-        print(f"model: {options.output}")
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; exit code 2 if something was refused."""
-    options = _options(arguments)
-    try:
-        _run(options)
-    except IptmError as error:
-        return refused(PROGRAM, error)
-    except OSError as error:
-        return refused(PROGRAM, f"{error.filename}: {error.strerror}")
-    return EXIT_OK
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    if output is not None:
+        output.write_text(model.as_json(), encoding="utf-8")
+        print(f"model: {output}")

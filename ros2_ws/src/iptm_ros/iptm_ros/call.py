@@ -14,7 +14,7 @@ from iptm_core.user_input import number, suggestion, whole_number
 from iptm_ros.connections import Meeting, full_name
 from iptm_ros.graph_client import GraphClient
 
-PROGRAM = "call"
+PROGRAM = "iptm call"
 _TRIGGER = "std_srvs/srv/Trigger"
 _DEFAULT_TIMEOUT_S = 5.0
 

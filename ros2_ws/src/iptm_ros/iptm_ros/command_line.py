@@ -7,7 +7,7 @@ import re
 import sys
 import textwrap
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.utilities import remove_ros_args
@@ -15,8 +15,9 @@ from rclpy.utilities import remove_ros_args
 from iptm_core.declaration import ParameterSpec, Scalar, parameter_specs, plain
 from iptm_core.errors import ParameterError
 from iptm_core.program import EXIT_OK, refused
-from iptm_ros.process import run_node
-from iptm_ros.suite_node import SuiteNode
+
+if TYPE_CHECKING:
+    from iptm_ros.suite_node import SuiteNode
 
 _WIDTH = 100
 _ALLOWED = "-p NAME:=VALUE, --params-file FILE, -r FROM:=TO, --log-level LEVEL"
@@ -51,6 +52,8 @@ def node_main(
     if own:
         allowed = f"--help, and behind --ros-args {_ALLOWED}"
         return refused(program, f"argument {own[0]!r} is unknown; allowed: {allowed}")
+    from iptm_ros.process import run_node  # noqa: PLC0415  help needs no node
+
     return run_node(node, command)
 
 

@@ -18,7 +18,7 @@ from iptm_core.user_input import check_known, number, whole_number
 from iptm_ros.call import add_graph_options, ask
 from iptm_ros.graph_client import GraphClient
 
-PROGRAM = "param"
+PROGRAM = "iptm param"
 _BOOLEANS = {"true": True, "false": False}
 
 

@@ -48,7 +48,7 @@ class CamSettings(Settings):
     cam_port: int = parameter(DEFAULT_CAM_PORT, "cam: UDP port to listen at", "", 0, 65_535)
     cam_lock_step: bool = parameter(
         default=True,
-        description="cam: wait at every tick for a sender that follows the clock (scripts/v2x_send); false "
+        description="cam: wait at every tick for a sender that follows the clock (scripts/iptm send); false "
         "answers with what has arrived, as for a radio",
     )
     trip_start_timestamp_ms: int = parameter(
@@ -112,7 +112,7 @@ class CamSettings(Settings):
     )
     regression_model: str = parameter(
         "",
-        "cam: file with the regression, written by scripts/train_predictor; empty: the shipped one",
+        "cam: file with the regression, written by scripts/iptm train; empty: the shipped one",
     )
     earlier_drives: str = parameter(
         "",

@@ -189,7 +189,7 @@ _LOOK_WHILE_RUNNING_S = 0.5
 _IDLE_S = 3.0
 _WAITING = (
     "Listening in ROS domain {domain}, namespace {namespace}. scripts/run_demo drives in a domain of its own"
-    " and prints its number: start the view with ROS_DOMAIN_ID=NUMBER scripts/view, or the run with"
+    " and prints its number: start the view with ROS_DOMAIN_ID=NUMBER scripts/iptm view, or the run with"
     " --domain {domain}. scripts/run_demo --view needs neither."
 )
 # Ticks decoded per second at most: all of a run at a pace to be watched, few of one that is faster.

@@ -29,8 +29,7 @@ summary, a picture and results.json next to the bag.
 """
 _EPILOG = """\
 Every setting of a trip is GROUP.NAME, with a group of road, leader, vehicle, controller, conditions:
---set leader.latency_s=0.5, --set controller.deadline_ms=50. All of them: docs/reference/settings.md, or
-`iptm run --settings [GROUP]`.
+--set leader.latency_s=0.5, --set controller.deadline_ms=50. All of them: iptm run --settings.
 
 exit code: 0 when the trip was finished, no hard limit was broken and the bag is complete and equal to
 the received messages; 1 when not; 2 for a mistake in trip or options; 130 after Ctrl-C.
@@ -88,8 +87,7 @@ def build_parser() -> argparse.ArgumentParser:
         action="append",
         default=[],
         metavar="NODE",
-        help="a further node, such as /car_2/v2x_sender, that must hear the others, and they it, before the "
-        "trip begins; repeatable",
+        help="a further node, such as /car_2/v2x_sender, to connect before the trip begins; repeatable",
     )
     add(
         "--against",

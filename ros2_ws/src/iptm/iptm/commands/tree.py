@@ -8,46 +8,49 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
 
-from iptm_core.program import EXIT_OK, EXIT_USER_ERROR, print_error
+from iptm_core.program import EXIT_OK, EXIT_USER_ERROR, print_error, refused
 from iptm_core.user_input import suggestion
 
 PROGRAM = "iptm"
-EXACT = "--exact"
-_EXACT_MODULE = "iptm_ros.recording.compare_bags"
-COMMANDS_OF_NODES = {"send"}
 
 
 @dataclass(frozen=True)
 class Command:
-    """A command: its module has `build_parser` and `main`, and is loaded only when it is asked for."""
+    """A command: a function, `module:name`, that reads the arguments of the process."""
 
-    module: str
+    function: str
     summary: str
 
 
 COMMANDS = {
-    "run": Command("iptm.commands.run", "drive a trip, record it and report it"),
-    "bench": Command("iptm_vehicle_interface.node_bench", "drive a car on a CAN bus in real time"),
-    "meter": Command("iptm.meter", "energy, temperatures and ageing of a recorded or a live drive"),
-    "traffic": Command("iptm_traffic.cli", "drive through simulated traffic (SUMO)"),
-    "view": Command("iptm.runner.view", "show a run in the browser, live or from its bag"),
-    "info": Command("iptm_ros.recording.bag_info", "list what a bag holds"),
+    "run": Command("iptm.commands.run:main", "drive a trip, record it and report it"),
+    "bench": Command(
+        "iptm_vehicle_interface.node_bench:main", "drive a car on a CAN bus in real time"
+    ),
+    "meter": Command(
+        "iptm.meter:main", "energy, temperatures and ageing of a recorded or a live drive"
+    ),
+    "traffic": Command("iptm_traffic.cli:main", "drive through simulated traffic (SUMO)"),
+    "view": Command("iptm.runner.view:main", "show a run in the browser, live or from its bag"),
+    "visualize": Command("iptm_view.visualizer_node:main", "draw a run for RViz and Foxglove"),
+    "info": Command("iptm.commands.bags:info", "list what a bag holds, and the figures of its run"),
     "compare": Command(
-        "iptm.compare_cli", "compare runs, or two bags message by message (--exact)"
+        "iptm.commands.bags:compare", "compare runs, or two bags message by message (--exact)"
     ),
-    "export": Command("iptm_ros.recording.export", "write a run as CSV or Parquet"),
-    "record": Command("iptm_ros.recording.recorder_cli", "record topics into a bag"),
-    "replay": Command("iptm_ros.recording.player_cli", "play a bag"),
-    "recover": Command("iptm_ros.recording.recover", "save what is left of a damaged bag"),
-    "check": Command("iptm.runner.replay_check", "compare a node with what it answered in a bag"),
+    "export": Command("iptm.commands.bags:export", "write a run or a topic as CSV or Parquet"),
+    "record": Command("iptm_ros.recording.recorder_cli:main", "record topics into a bag"),
+    "replay": Command("iptm_ros.recording.player_cli:main", "play a bag with its recorded timing"),
+    "recover": Command("iptm.commands.bags:recover", "save what is left of a damaged bag"),
+    "check": Command("iptm.commands.bags:check", "compare a node with what it answered in a bag"),
     "drive": Command(
-        "iptm.runner.recorded_drive", "show a recorded drive, or read one from a CAN log"
+        "iptm.commands.drives:drive", "show a recorded drive, or read one from a CAN log"
     ),
-    "train": Command("iptm.predictor_training", "train the predictor of the leader"),
-    "send": Command("iptm_v2x_bridge.node_sender", "send a drive as V2X messages"),
-    "call": Command("iptm_ros.call", "call a service of a node"),
-    "param": Command("iptm_ros.param", "read and set parameters of nodes"),
-    "completion": Command("iptm.commands.completion", "print the tab completion for bash or zsh"),
+    "train": Command("iptm.commands.drives:train", "train the predictor of the leader"),
+    "send": Command("iptm.commands.drives:send", "send a drive as V2X messages (ETSI CAM)"),
+    "codegen": Command("iptm.commands.drives:codegen", "write the controller as C99"),
+    "call": Command("iptm_ros.call:main", "call a service of a node: pause, step, reset, save"),
+    "param": Command("iptm_ros.param:main", "read and set parameters of nodes"),
+    "completion": Command("iptm.commands.completion:main", "print the tab completion of bash"),
 }
 
 
@@ -70,19 +73,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command.
 
     Returns:
-        The exit code of the command; 2 for a command that does not exist.
+        The exit code of the command; 2 for a command that does not exist, or lacks what it needs.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     if given and given[0] in COMMANDS:
-        name, *rest = given
-        if name == "compare" and EXACT in rest:
-            rest.remove(EXACT)
-            name = f"{name} {EXACT}"
-        sys.argv = [f"{PROGRAM} {name}", *rest]
-        module = import_module(_EXACT_MODULE if name.endswith(EXACT) else COMMANDS[name].module)
-        # A node takes its arguments from the command line.
-        code: int | None = module.main() if COMMANDS_OF_NODES & {name} else module.main(rest)
-        return code or EXIT_OK
+        return _run(*given)
     if given and not given[0].startswith("-"):
         print_error(PROGRAM, f"command {given[0]!r} is unknown; {suggestion(given[0], COMMANDS)}")
         return EXIT_USER_ERROR
@@ -94,3 +89,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return EXIT_OK
     build_parser().print_help()
     return EXIT_OK
+
+
+def _run(name: str, *rest: str) -> int:
+    module, _, function = COMMANDS[name].function.partition(":")
+    # Nodes take the arguments of ROS from the command line of the process.
+    sys.argv = [f"{PROGRAM} {name}", *rest]
+    try:
+        code: int | None = getattr(import_module(module), function)()
+    except ModuleNotFoundError as error:
+        return refused(
+            f"{PROGRAM} {name}", f"{error}; needed: ROS 2 and the extras of this command"
+        )
+    return code or EXIT_OK

@@ -1,87 +1,17 @@
-"""Recorded drives: shows what is read out of one, and makes one of signals in a CAN log.
-
-drive_file show my_drive.gpx --picture my_drive.png
-drive_file can my_drive.blf my_drive.csv --dbc car.dbc --signal speed_kmh=VehicleSpeed
-drive_file show bags/example_us06_120s
-"""
+"""A recorded drive: what was read from it, in words and as a picture."""
 
 from __future__ import annotations
 
-import argparse
-import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from iptm_core.errors import IptmError, RouteError
-from iptm_core.program import refused
-from iptm_core.routes.can_files import CAN_SUFFIXES
-from iptm_core.routes.can_log import CAN_COLUMNS, can_log_csv
-from iptm_core.routes.text_table import parse_text_table
 from iptm_core.routes.track import RecordedDrive, steps_m
-from iptm_core.routes.user_csv import USER_FILES, UserTrip, read_user_trip, trip_of_table
+from iptm_core.routes.user_csv import UserTrip
 from iptm_core.state import FloatArray
 from iptm_core.units import KM_H_PER_M_S
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; return its exit code."""
-    parser = argparse.ArgumentParser(
-        prog="drive_file", description=(__doc__ or "").partition("\n")[0]
-    )
-    commands = parser.add_subparsers(dest="command", required=True)
-    show = commands.add_parser("show", help="what is read out of a drive")
-    show.add_argument("file", type=Path, help=USER_FILES)
-    show.add_argument(
-        "--columns",
-        default="",
-        metavar="WHAT=NAME[UNIT],...",
-        help="which column of a table is what: speed=Vehicle_Speed[km/h]",
-    )
-    show.add_argument("--picture", type=Path, help="draw it into this .png file")
-    can = commands.add_parser("can", help="make a drive of signals in a CAN log, and show it")
-    can.add_argument("log", type=Path, help=f"{', '.join(CAN_SUFFIXES)} file")
-    can.add_argument("file", type=Path, help=".csv file to write")
-    can.add_argument(
-        "--dbc", type=Path, help="decodes the frames; none for an MF4 file that holds signals"
-    )
-    can.add_argument(
-        "--signal",
-        action="append",
-        default=[],
-        metavar="COLUMN=SIGNAL",
-        help=f"what a signal is, repeatable; columns: {', '.join(CAN_COLUMNS)}",
-    )
-    can.add_argument(
-        "--channel", default="", help="bus or sender (0x..) of the frames, where there are several"
-    )
-    can.add_argument("--picture", type=Path, help="draw it into this .png file")
-    given = parser.parse_args(arguments)
-    try:
-        if given.command == "can":
-            signals = dict(map(_named_signal, given.signal))
-            text = can_log_csv(given.log, given.dbc, signals, given.channel)
-            trip = trip_of_table(given.file, parse_text_table(text, str(given.file)))
-            given.file.write_text(text, encoding="utf-8")
-        else:
-            columns = f"#{given.columns}" if given.columns else ""
-            trip = read_user_trip(Path(f"{given.file}{columns}"))
-        print(description(trip))
-        if given.picture is not None:
-            draw(trip, given.picture)
-    except (IptmError, OSError) as reason:
-        return refused("drive_file", reason)
-    return 0
-
-
-def _named_signal(text: str) -> tuple[str, str]:
-    column, separator, signal = text.partition("=")
-    if not (column and separator and signal):
-        raise RouteError(f"--signal is {text!r}; allowed: COLUMN=SIGNAL")
-    return column, signal
 
 
 def description(trip: UserTrip) -> str:
@@ -149,7 +79,3 @@ def _level(drive: RecordedDrive | None, positions: FloatArray, climbed: FloatArr
     if drive is None or heights is None:
         return 0.0
     return float(np.mean(heights - np.interp(drive.point_positions_m, positions, climbed)))
-
-
-if __name__ == "__main__":
-    sys.exit(main())

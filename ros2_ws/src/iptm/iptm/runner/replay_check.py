@@ -6,8 +6,6 @@ Its answers are recorded and compared with those of the bag, field by field.
 
 from __future__ import annotations
 
-import argparse
-import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
@@ -16,31 +14,22 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 from iptm.runner.composition import node_command, parameter_file_text
 from iptm.runner.environment import environment_of_run, process_environment
 from iptm.runner.replay_feed import answer_steps, copy_without_repeats
 from iptm.runner.replay_inputs import FINAL_ANSWER, OUTPUTS, read_recorded
 from iptm.runner.supervisor import Supervisor
-from iptm.trip_settings import NODES
-from iptm_core.errors import IptmError, ScenarioError
-from iptm_core.parameters.strict_yaml import parse_yaml
-from iptm_core.program import EXIT_OK, refused
+from iptm_core.errors import ScenarioError
 from iptm_ros.connections import full_name
 from iptm_ros.discovery import reserve_domain
 from iptm_ros.recording.compare_bags import (
-    PIPE_WIDTH,
     TopicComparison,
     compare_bags,
-    print_comparison,
 )
 from iptm_ros.recording.field_differences import NumberTolerance
 from iptm_ros.recording.recorded_topics import TopicSelection
 from iptm_ros.topics import PLANT, TOPICS, Topic
 
-PROGRAM = "replay"
-EXIT_DIFFERENT = 1
 TOLERANCE = NumberTolerance(absolute=1e-6, relative=1e-6)
 """Of numbers, in their units: another processor or compiler rounds otherwise, and a solver ends elsewhere
 within its tolerance."""
@@ -155,60 +144,10 @@ def _alive(supervisor: Supervisor) -> Callable[[], None]:
     return check
 
 
-def build_parser() -> argparse.ArgumentParser:
-    """Return the parser of the command line."""
-    parser = argparse.ArgumentParser(
-        prog=PROGRAM,
-        description="Feed a fresh node the inputs of a bag, and compare what it answers with what was"
-        " recorded. Ends with 0 when it agrees, 1 when not, 2 when that cannot be found out."
-        f" Left out: {', '.join(IGNORED_FIELDS)}.",
-    )
-    parser.add_argument("--check", choices=NODES, required=True, help="node to check")
-    parser.add_argument("bag", type=Path, help="bag folder or file, recorded in lock-step")
-    parser.add_argument("--namespace", help="of the vehicle; needed only if the bag holds several")
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="a parameter of the node to change against the recorded one; repeatable",
-    )
-    for name in ("absolute", "relative"):
-        description = f"{name} tolerance of all numbers (default: {_tolerances_text()})"
-        parser.add_argument(f"--{name}", type=float, help=description)
-    return parser
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Check a node against a bag.
-
-    Returns:
-        0 when it answers as recorded, 1 when not, 2 when that cannot be found out.
-    """
-    parsed = build_parser().parse_args(arguments)
-    given = [parsed.absolute, parsed.relative]
-    tolerance = None if given == [None, None] else NumberTolerance(*(each or 0.0 for each in given))
-    console = Console(width=None if sys.stdout.isatty() else PIPE_WIDTH)
-    try:
-        with console.status(f"feeding {parsed.check} ...") as status:
-            comparison = check_node(
-                parsed.bag,
-                parsed.check,
-                namespace=parsed.namespace,
-                changes=dict(map(_assignment, parsed.set)),
-                tolerance=tolerance,
-                on_tick=lambda done, count: status.update(f"tick {done} of {count}"),
-            )
-    except IptmError as error:
-        return refused(PROGRAM, error)
-    agrees = print_comparison(comparison, console)
-    verdict = "answers as recorded" if agrees else "does not answer as recorded"
-    stated = _tolerances_text() if tolerance is None else _tolerance_text(tolerance)
-    console.print(f"{parsed.check} {verdict}; tolerance {stated}", highlight=False)
-    return EXIT_OK if agrees else EXIT_DIFFERENT
-
-
-def _tolerances_text() -> str:
+def tolerances_text(tolerance: NumberTolerance | None) -> str:
+    """Return the tolerances of a check in words; None for those that differ by topic."""
+    if tolerance is not None:
+        return _tolerance_text(tolerance)
     fine = (
         f"{', '.join(fields)} of {topic.value} {_tolerance_text(tolerance)}"
         for topic, (fields, tolerance) in FINE_TOLERANCES.items()
@@ -218,14 +157,3 @@ def _tolerances_text() -> str:
 
 def _tolerance_text(tolerance: NumberTolerance) -> str:
     return f"{tolerance.absolute:g} + {tolerance.relative:g} of the value"
-
-
-def _assignment(text: str) -> tuple[str, Any]:
-    name, separator, value = text.partition("=")
-    if not (name and separator):
-        raise ScenarioError(f"option --set is {text!r}; allowed: NAME=VALUE")
-    return name, parse_yaml(value, "option --set", ScenarioError) if value else ""
-
-
-if __name__ == "__main__":
-    sys.exit(main())

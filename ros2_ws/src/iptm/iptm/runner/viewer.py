@@ -92,7 +92,7 @@ def _stay_open(
 ) -> None:
     if not supervisor.is_running(VIEW) or stop.is_set:
         return
-    again = f"; to see it again: scripts/view {shlex.quote(str(bags[0]))}" if bags else ""
+    again = f"; to see it again: scripts/iptm view {shlex.quote(str(bags[0]))}" if bags else ""
     # Only on a terminal: a script that drives runs must come to its end.
     is_terminal = sys.stdin.isatty() and console.is_terminal
     text = f"stays at {address} until Ctrl-C" if is_terminal else "ends with the run (no terminal)"

@@ -34,8 +34,8 @@ def read_bag(path: Path, name: str) -> DriveTable:
     storages = _storages(path)
     if not storages:
         raise RouteError(
-            f"{path}: no file, and no folder with metadata.yaml; allowed: a bag, such as scripts/recover_bag "
-            "makes of one that was killed"
+            f"{path}: no file, and no folder with metadata.yaml; allowed: a bag, such as scripts/iptm "
+            "recover makes of one that was killed"
         )
     with tempfile.TemporaryDirectory(prefix="iptm_bag_") as scratch:
         try:
@@ -55,7 +55,7 @@ def read_bag(path: Path, name: str) -> DriveTable:
         except Exception as reason:  # the readers have error types of their own
             cause = str(reason) or type(reason).__name__
             raise RouteError(
-                f"{path}: cannot be read as a bag ({cause}); scripts/recover_bag saves what is whole"
+                f"{path}: cannot be read as a bag ({cause}); scripts/iptm recover saves what is whole"
             ) from reason
     source = f"{path}#{topic}"
     if not len(rows):

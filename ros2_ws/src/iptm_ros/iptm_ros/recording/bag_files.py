@@ -44,7 +44,7 @@ def _files(path: Path, metadata: Mapping[str, Any]) -> list[Path]:
     if any(path.glob("*.mcap")):
         raise BagError(
             f"{path} has no metadata.yaml: its recording was cut short;"
-            f" repair it with: scripts/recover_bag {path}"
+            f" repair it with: scripts/iptm recover {path}"
         )
     others = sorted(file for ending in _OTHERS for file in path.glob(ending))
     if others:

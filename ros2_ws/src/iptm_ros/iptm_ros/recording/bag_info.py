@@ -1,10 +1,7 @@
-"""The command `bag_info`: what is in a bag, what its run depended on and what it achieved."""
+"""What is in a bag, what its run depended on and what it achieved."""
 
 from __future__ import annotations
 
-import argparse
-import sys
-from collections.abc import Sequence
 from math import isnan
 from pathlib import Path
 
@@ -15,12 +12,9 @@ from rosbags.interfaces import QosDurability
 from iptm_core.decision_record import DecisionStatistics
 from iptm_core.errors import BagError, IptmError
 from iptm_core.metrics import FIGURES, compute_metrics, figure_values
-from iptm_core.program import refused
 from iptm_ros.recording.bag_reader import BagReader, read_model_parameters
 from iptm_ros.recording.recorded_topics import TopicRecord
 from iptm_ros.recording.run_information import RunInformation, stored_losses
-
-_PIPE_WIDTH = 140
 
 
 def topics_table(reader: BagReader) -> Table:
@@ -158,34 +152,3 @@ def _qos_text(topic: TopicRecord) -> str:
 def _lines_text(text: str) -> str:
     lines = text.strip().splitlines()
     return text.strip() if len(lines) <= 1 else f"{len(lines)} lines"
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Print what is in a bag.
-
-    Returns:
-        0 on success, 2 when the bag cannot be read.
-    """
-    parser = argparse.ArgumentParser(
-        prog="bag_info",
-        description="Show the topics of a bag, what its run depended on and what it achieved.",
-    )
-    parser.add_argument("bag", type=Path, nargs="+", help="bag folder or file")
-    parser.add_argument(
-        "--namespace", help="vehicle whose figures are wanted, if there are several"
-    )
-    parser.add_argument("--parameters", action="store_true", help="print the stored parameters")
-    options = parser.parse_args(arguments)
-    console = Console(width=None if sys.stdout.isatty() else _PIPE_WIDTH)
-    try:
-        for path in options.bag:
-            print_information(
-                path, console, namespace=options.namespace, show_parameters=options.parameters
-            )
-    except IptmError as error:
-        return refused("bag_info", error)
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

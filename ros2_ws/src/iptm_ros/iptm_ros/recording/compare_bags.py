@@ -1,4 +1,4 @@
-"""The command `compare_bags`: did two runs do the same, and where did they first part?
+"""Did two runs do the same, and where did they first part?
 
 Messages are matched by their header stamps where a topic has them, else by their number, so that a
 single lost message is reported as such and not as a thousand differences. Log times do not count:
@@ -7,8 +7,6 @@ two runs of the same scenario are never received at the same instants.
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -19,9 +17,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from iptm_core.errors import BagError, IptmError
-from iptm_core.program import refused
-from iptm_core.user_input import number
+from iptm_core.errors import BagError
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.field_differences import FieldDifference, NumberTolerance, differences
 from iptm_ros.recording.recorded_topics import TopicSelection
@@ -32,7 +28,6 @@ from iptm_ros.recording.timeline import StampKind, read_stamp_ns, stamp_kind
 DEFAULT_EXCLUDED_TOPICS = ("/diagnostics", "/rosout", "/parameter_events")
 DEFAULT_IGNORED_FIELDS = ("solve_time_s", "solve_wall_time_s")
 _EXACT = NumberTolerance()
-PIPE_WIDTH = 140
 _FIELDS_SHOWN = 8
 
 _Key = tuple[int | None, int]
@@ -183,41 +178,6 @@ def _place_text(key: _Key) -> str:
     return f"message {number + 1}" if stamp_ns is None else f"at {stamp_ns * 1e-9:g} s"
 
 
-def build_parser() -> argparse.ArgumentParser:
-    """Return the parser of the command line."""
-    parser = argparse.ArgumentParser(
-        prog="compare_bags",
-        description="Compare two bags topic by topic, bit for bit unless a tolerance is given."
-        " Ends with 0 when they agree, 1 when they differ, 2 when one cannot be read.",
-    )
-    parser.add_argument("first", type=Path, help="reference: bag folder or file")
-    parser.add_argument("second", type=Path, help="bag folder or file")
-    parser.add_argument(
-        "--topics", nargs="+", default=[], metavar="TOPIC", help="names or patterns to compare"
-    )
-    parser.add_argument(
-        "--exclude",
-        nargs="+",
-        default=list(DEFAULT_EXCLUDED_TOPICS),
-        metavar="TOPIC",
-        help=f"names or patterns to leave out (default: {' '.join(DEFAULT_EXCLUDED_TOPICS)})",
-    )
-    parser.add_argument(
-        "--ignore",
-        nargs="+",
-        default=list(DEFAULT_IGNORED_FIELDS),
-        metavar="FIELD",
-        help=f"fields that may differ (default: {' '.join(DEFAULT_IGNORED_FIELDS)})",
-    )
-    parser.add_argument(
-        "--absolute", type=number, default=0.0, help="absolute tolerance of numbers"
-    )
-    parser.add_argument(
-        "--relative", type=number, default=0.0, help="relative tolerance of numbers"
-    )
-    return parser
-
-
 def comparison_table(comparison: Sequence[TopicComparison]) -> Table:
     """Return the outcome as a table, one row per topic."""
     table = Table("topic", title="comparison", title_justify="left")
@@ -238,30 +198,3 @@ def print_comparison(comparison: Sequence[TopicComparison], console: Console) ->
         if topic.first_fields:
             console.print(topic.divergence_text(), highlight=False, markup=False)
     return all(topic.agrees for topic in comparison)
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Compare two bags.
-
-    Returns:
-        0 when they agree, 1 when they differ, 2 when one cannot be read.
-    """
-    parsed = build_parser().parse_args(arguments)
-    try:
-        comparison = compare_bags(
-            parsed.first,
-            parsed.second,
-            selection=TopicSelection(tuple(parsed.topics), tuple(parsed.exclude)),
-            tolerance=NumberTolerance(parsed.absolute, parsed.relative),
-            ignored_fields=parsed.ignore,
-        )
-    except IptmError as error:
-        return refused("compare_bags", error)
-    console = Console(width=None if sys.stdout.isatty() else PIPE_WIDTH)
-    agree = print_comparison(comparison, console)
-    console.print("the bags agree" if agree else "the bags differ")
-    return 0 if agree else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main())

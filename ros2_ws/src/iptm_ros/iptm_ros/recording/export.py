@@ -1,10 +1,8 @@
-"""The command `export`: a run, or the messages of a topic, as a Parquet or CSV file for other tools."""
+"""A run, or the messages of a topic, as a Parquet or CSV file for other tools."""
 
 from __future__ import annotations
 
-import argparse
 import csv
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from fnmatch import fnmatchcase
 from itertools import chain
@@ -15,8 +13,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from iptm_core.errors import BagError, IptmError, StateError
-from iptm_core.program import refused
+from iptm_core.errors import BagError, StateError
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_core.user_input import shown
 from iptm_ros.codecs import s_from_ns
@@ -226,43 +223,17 @@ def _metadata(bag: Path, table: str, namespace: str | None) -> dict[str, str]:
     return {name: text for name, text in {**texts, **own}.items() if text}
 
 
-def build_parser() -> argparse.ArgumentParser:
-    """Return the parser of the command line."""
-    parser = argparse.ArgumentParser(
-        prog="export",
-        description="Write the run of a bag, one row per tick, or the messages of one topic as a Parquet"
-        " or CSV file. Column names include units; Parquet also holds the run information.",
-    )
-    parser.add_argument("bag", type=Path, help="bag folder or file")
-    parser.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="FILE", help=f"new file: {_ENDINGS}"
-    )
-    parser.add_argument(
-        "--topic", help="write the messages of this topic, one row each, not the trajectory"
-    )
-    parser.add_argument("--namespace", help="vehicle to write, if the bag holds several")
-    return parser
+def write_table(
+    bag: Path, output: Path, topic: str | None = None, namespace: str | None = None
+) -> pa.Table:
+    """Write the run of a bag, or the messages of a topic, into a new file; return the table.
 
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Export a bag.
-
-    Returns:
-        0 on success, 2 when the bag cannot be read or the file cannot be written.
+    Raises:
+        BagError: the bag cannot be read, or the file cannot be written.
     """
-    given = build_parser().parse_args(arguments)
-    try:
-        check_output(given.output)
-        if given.topic is None:
-            table = trajectory_table(given.bag, given.namespace)
-        else:
-            table = topic_table(given.bag, given.topic, given.namespace)
-        WRITERS[given.output.suffix](given.output, table)
-    except IptmError as error:
-        return refused("export", error)
-    print(f"{table.num_rows} rows, {table.num_columns} columns in {given.output}")
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    check_output(output)
+    table = (
+        trajectory_table(bag, namespace) if topic is None else topic_table(bag, topic, namespace)
+    )
+    WRITERS[output.suffix](output, table)
+    return table

@@ -162,7 +162,7 @@ class BagFile:
         """Return the error to raise for damage, with the way out."""
         reason = " ".join(str(error).split()) or type(error).__name__
         return BagError(
-            f"{self.path} is damaged ({reason}); save what is whole with: scripts/recover_bag {self.path}"
+            f"{self.path} is damaged ({reason}); save what is whole with: scripts/iptm recover {self.path}"
         )
 
     def _compare_counts(self, topics: Collection[str] | None, found: Counter[str]) -> None:
@@ -187,7 +187,7 @@ class BagFile:
         ):
             raise BagError(
                 f"{self.path} ends without its footer: its recording was cut short;"
-                f" repair it with: scripts/recover_bag {self.path}"
+                f" repair it with: scripts/iptm recover {self.path}"
             )
         summary_start(self._content)
         self._reader = SeekingReader(file, validate_crcs=True)
@@ -256,7 +256,7 @@ class BagFile:
         statistics = summary.statistics
         if statistics is None:
             raise BagError(
-                f"{self.path} has no statistics; rewrite it with: scripts/recover_bag {self.path}"
+                f"{self.path} has no statistics; rewrite it with: scripts/iptm recover {self.path}"
             )
         self.message_count = statistics.message_count
         if self.message_count:

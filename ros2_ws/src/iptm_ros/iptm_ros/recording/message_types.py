@@ -172,7 +172,7 @@ class Decoder:
             surplus = len(data) - self.length(data, type_name)
             raise BagError(
                 f"{len(data)} bytes are not a {type_name}: {surplus} bytes follow its end;"
-                " scripts/recover_bag removes them"
+                " scripts/iptm recover removes them"
             ) from None
 
     def length(self, data: bytes, type_name: str) -> int:

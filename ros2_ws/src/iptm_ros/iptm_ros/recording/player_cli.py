@@ -6,16 +6,18 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from iptm_core.errors import ParameterError
 from iptm_core.program import refused
 from iptm_core.user_input import number, whole_number
 from iptm_ros.command_line import own_arguments
-from iptm_ros.process import run_node
-from iptm_ros.recording.playback import PlaybackOptions
-from iptm_ros.recording.player_node import PlayerNode
-from iptm_ros.recording.recorded_topics import TopicSelection, load_qos_overrides
 
+# ruff: noqa: PLC0415  help needs no node
+if TYPE_CHECKING:
+    from iptm_ros.recording.playback import PlaybackOptions
+
+PROGRAM = "iptm replay"
 _DEFAULT_CLOCK_HZ = 40.0
 _ROS = "--ros-args"
 
@@ -23,7 +25,7 @@ _ROS = "--ros-args"
 def build_parser() -> argparse.ArgumentParser:
     """Return the parser of the command line without its ROS arguments."""
     parser = argparse.ArgumentParser(
-        prog="replay",
+        prog=PROGRAM,
         description="Play a bag onto the ROS 2 graph with its recorded timing. While it plays, the services"
         " ~/pause, ~/resume, ~/toggle_paused and ~/play_next (std_srvs/srv/Trigger) and the parameters rate"
         " and seek_s of /player control it. ROS arguments (namespace, remaps) follow after --ros-args.",
@@ -115,6 +117,9 @@ def _without_rules(command: Sequence[str]) -> list[str]:
 
 def options_from(arguments: argparse.Namespace) -> PlaybackOptions:
     """Turn parsed arguments into options."""
+    from iptm_ros.recording.playback import PlaybackOptions
+    from iptm_ros.recording.recorded_topics import TopicSelection, load_qos_overrides
+
     return PlaybackOptions(
         bag=arguments.bag,
         rate=arguments.rate,
@@ -137,7 +142,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         parsed = build_parser().parse_args(own_arguments(command))
     except ParameterError as error:
-        return refused("replay", error)
+        return refused(PROGRAM, error)
+    from iptm_ros.process import run_node
+    from iptm_ros.recording.player_node import PlayerNode
+
     return run_node(lambda: PlayerNode(options_from(parsed)), ["replay", *command[1:]])
 
 

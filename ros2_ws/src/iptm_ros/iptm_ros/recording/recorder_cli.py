@@ -8,25 +8,28 @@ import sys
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from iptm_core.errors import ParameterError
 from iptm_core.program import refused
 from iptm_core.user_input import whole_number
 from iptm_ros.command_line import own_arguments
-from iptm_ros.process import run_node
-from iptm_ros.recording.mcap_file import COMPRESSIONS, MOST_INDEX_BYTES, FileLimits
-from iptm_ros.recording.recorded_topics import TopicSelection, load_qos_overrides
-from iptm_ros.recording.recorder_node import DEFAULT_DEPTH, RecorderNode, RecorderOptions
-from iptm_ros.recording.run_information import collect_run_information, load_run_information
-from iptm_ros.recording.timeline import TimeSource
+
+# ruff: noqa: PLC0415  help needs no node
+if TYPE_CHECKING:
+    from iptm_ros.recording.recorder_node import RecorderOptions
+
+PROGRAM = "iptm record"
+COMPRESSIONS = ("none", "lz4", "zstd")
+TIMES = ("sim", "wall")
 
 
 def build_parser() -> argparse.ArgumentParser:
     """Return the parser of the command line without its ROS arguments."""
     parser = argparse.ArgumentParser(
-        prog="record",
+        prog=PROGRAM,
         description="Record a run as a rosbag2 bag (MCAP). Ends on Ctrl-C; a kill loses almost nothing:"
-        " see recover_bag. The services ~/pause, ~/resume and ~/split_bagfile (std_srvs/srv/Trigger)"
+        " see iptm recover. The services ~/pause, ~/resume and ~/split_bagfile (std_srvs/srv/Trigger)"
         " control it. ROS arguments (namespace, remaps) follow after --ros-args.",
     )
     parser.add_argument(
@@ -56,8 +59,8 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--time",
-        choices=[source.value for source in TimeSource],
-        default=TimeSource.SIMULATED.value,
+        choices=TIMES,
+        default=TIMES[0],
         help="time that orders the bag: sim = of the clock in the same namespace (default), wall = of "
         "reception",
     )
@@ -69,7 +72,7 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--compression",
-        choices=list(COMPRESSIONS),
+        choices=COMPRESSIONS,
         default="none",
         help="of the chunks, one per tick (default: none)",
     )
@@ -79,8 +82,7 @@ def build_parser() -> argparse.ArgumentParser:
         type=whole_number,
         default=0,
         metavar="BYTES",
-        help="size at which a file of the bag is completed and the next one begun (default: 0, none;"
-        f" a file whose index has grown to {MOST_INDEX_BYTES / 1e6:g} MB of memory always is)",
+        help="size at which a file of the bag is completed and the next one begun (default: 0, none)",
     )
     parser.add_argument(
         "-d",
@@ -102,14 +104,19 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--depth",
         type=whole_number,
-        default=DEFAULT_DEPTH,
-        help="messages queued per topic (default: %(default)s)",
+        help="messages queued per topic (default: as many as the node allows)",
     )
     return parser
 
 
 def options_from(arguments: argparse.Namespace) -> RecorderOptions:
     """Turn parsed arguments into options."""
+    from iptm_ros.recording.mcap_file import FileLimits
+    from iptm_ros.recording.recorded_topics import TopicSelection, load_qos_overrides
+    from iptm_ros.recording.recorder_node import DEFAULT_DEPTH, RecorderOptions
+    from iptm_ros.recording.run_information import collect_run_information, load_run_information
+    from iptm_ros.recording.timeline import TimeSource
+
     now = datetime.now().astimezone()
     root = Path(os.environ.get("IPTM_ROOT", "."))
     information = (
@@ -125,7 +132,7 @@ def options_from(arguments: argparse.Namespace) -> RecorderOptions:
         run_information=information,
         compression=arguments.compression,
         limits=FileLimits(arguments.max_bag_size, arguments.max_bag_duration),
-        depth=max(1, arguments.depth),
+        depth=DEFAULT_DEPTH if arguments.depth is None else max(1, arguments.depth),
         is_paused=arguments.start_paused,
         qos=load_qos_overrides(arguments.qos_profile_overrides_path),
         in_existing_folder=arguments.in_existing_folder,
@@ -138,7 +145,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         parsed = build_parser().parse_args(own_arguments(command))
     except ParameterError as error:
-        return refused("record", error)
+        return refused(PROGRAM, error)
+    from iptm_ros.process import run_node
+    from iptm_ros.recording.recorder_node import RecorderNode
+
     return run_node(lambda: RecorderNode(options_from(parsed)), ["record", *command[1:]])
 
 

@@ -6,9 +6,7 @@ what is missing, as far as the source holds its counts.
 
 from __future__ import annotations
 
-import argparse
 import shutil
-import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,9 +16,8 @@ from pathlib import Path
 from mcap.records import Channel, Message, Metadata, Schema
 from mcap.well_known import MessageEncoding
 
-from iptm_core.errors import BagError, IptmError
+from iptm_core.errors import BagError
 from iptm_core.parameters.strict_yaml import MAX_BYTES
-from iptm_core.program import print_error
 from iptm_core.user_input import shown
 from iptm_ros.recording.bag_files import check_exists
 from iptm_ros.recording.bag_writer import BagWriter
@@ -324,31 +321,3 @@ class _Copy:
             offered_qos=offered_qos,
             definition=_definition(schema, channel.metadata.get("topic_type_hash", "")),
         )
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command `recover_bag`.
-
-    Returns:
-        0 on success, 1 when nothing could be recovered.
-    """
-    parser = argparse.ArgumentParser(
-        prog="recover_bag",
-        description="Make a sound bag of one that was killed, cut short or damaged, and list what is lost.",
-    )
-    parser.add_argument("source", type=Path, help="bag folder or .mcap file; it is not changed")
-    parser.add_argument(
-        "-o", "--output", type=Path, help="bag folder to create (default: <source>_recovered)"
-    )
-    options = parser.parse_args(arguments)
-    try:
-        report = recover(options.source, options.output)
-    except IptmError as error:
-        print_error("recover_bag", error)
-        return 1
-    print(report)
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,7 +1,7 @@
 """A prediction by linear regression on what the leader did in the last seconds.
 
 The expected change of speed up to some lead times is linear in features of the past speeds; the bound of
-the position is a table over speed and acceleration. Both come from drives (`scripts/train_predictor`).
+the position is a table over speed and acceleration. Both come from drives (`scripts/iptm train`).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The command `view`: its arguments, and the life of its process."""
+"""The life of the process that shows a run."""
 
 from __future__ import annotations
 
@@ -20,21 +20,18 @@ from rclpy.signals import SignalHandlerOptions
 
 from iptm_core.errors import IptmError, ViewError
 from iptm_core.program import EXIT_OK, refused
-from iptm_ros.command_line import own_arguments
 from iptm_ros.discovery import middleware_settings
 from iptm_ros.process import StopRequest
 from iptm_ros.recording.run_information import load_run_information
 from iptm_view.foxglove_server import FoxgloveServer
 from iptm_view.graph_subscriptions import listening_node
 from iptm_view.judged_feed import JudgedFeed
-from iptm_view.page_server import DEFAULT_PORT, PageServer
+from iptm_view.options import PROGRAM
+from iptm_view.page_server import PageServer
 from iptm_view.reference_car import NO_REFERENCE, ReferenceCar
 from iptm_view.run_facts import RunFacts
 from iptm_view.sources import NAME, BagSource, GraphSource
 
-PROGRAM = "view"
-DEFAULT_RATE = 10.0
-"""Default playback speed of a bag: ten seconds of trip in one."""
 _POLL_S = 0.1
 _FRAME_S = 0.1
 """Time between two looks at the graph: the page is not fed more often, however fast the run is."""
@@ -42,86 +39,20 @@ _NICENESS = 10
 """Lowers the priority of the view below that of the run."""
 
 
-def build_parser() -> argparse.ArgumentParser:
-    """Return the parser of the command line without its ROS arguments."""
-    parser = argparse.ArgumentParser(
-        prog=PROGRAM,
-        description="Show a run in the browser while it takes place, or a finished bag as if it did."
-        " ROS arguments (remaps) follow after --ros-args.",
-    )
-    parser.add_argument(
-        "bag", type=Path, nargs="?", help="bag folder or file (default: what is on the graph)"
-    )
-    parser.add_argument(
-        "--namespace",
-        action="append",
-        default=[],
-        help="of the vehicle, e.g. car_1; on the graph several times for several vehicles, of which the"
-        " page shows one at a time",
-    )
-    parser.add_argument(
-        "--rate",
-        type=float,
-        default=DEFAULT_RATE,
-        help="of a bag: playback speed over recorded speed, 0 for its end at once (default: %(default)g)",
-    )
-    parser.add_argument(
-        "--start", type=float, default=0.0, metavar="S", help="of a bag: where playback begins, s"
-    )
-    parser.add_argument(
-        "--run-information",
-        type=Path,
-        metavar="FILE",
-        help="YAML about the run on the graph, as a recorder takes it (default: its nodes are asked)",
-    )
-    parser.add_argument(
-        "--afterwards",
-        type=Path,
-        action="append",
-        default=[],
-        metavar="BAG",
-        help="bag that the run on the graph is being recorded in, one for each --namespace; read when it is"
-        " complete, so that the page has every tick",
-    )
-    parser.add_argument(
-        "--against",
-        default="reference",
-        metavar="STRATEGY",
-        help="strategy of the car to compare the ageing with, none for no such car; with one"
-        " vehicle only (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--port", type=int, help=f"of the page (default: {DEFAULT_PORT}, or a free one)"
-    )
-    parser.add_argument(
-        "--foxglove-port", type=int, help="of the Foxglove server (default: 8765, or a free one)"
-    )
-    parser.add_argument(
-        "--foxglove-origin",
-        action="append",
-        default=[],
-        metavar="URL",
-        help="web page that may connect to the Foxglove server, in addition to app.foxglove.dev and pages"
-        " of this machine; repeatable",
-    )
-    parser.add_argument("--no-foxglove", action="store_true", help="start no Foxglove server")
-    parser.add_argument("--no-browser", action="store_true", help="open no browser on a desktop")
-    return parser
-
-
-def main(arguments: Sequence[str] | None = None, reference_command: Sequence[str] = ()) -> int:
+def show(
+    parsed: argparse.Namespace, command: list[str], reference_command: Sequence[str] = ()
+) -> int:
     """Show a run until a signal stops it.
 
     Args:
-        arguments: command line with the program's name; None for that of the process.
+        parsed: options of `iptm_view.options`.
+        command: command line with the program's name, for the arguments of ROS.
         reference_command: drives the reference car, see `ReferenceCar`; empty for no such car.
 
     Returns:
         0 when stopped, 2 after a mistake of the user.
     """
-    command = list(sys.argv if arguments is None else arguments)
     try:
-        parsed = build_parser().parse_args(own_arguments(command))
         stop = StopRequest()
         stop.install()
         with _Servers(parsed, _vehicles(parsed), reference_command) as servers:

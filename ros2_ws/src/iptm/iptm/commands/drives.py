@@ -1,0 +1,182 @@
+"""Commands on drives and for other computers: `drive`, `train`, `codegen` and `send`.
+
+What they need is imported where it is used: their ``--help`` is there at once.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from pathlib import Path
+
+from iptm_core.errors import IptmError, RouteError
+from iptm_core.program import EXIT_OK, refused
+from iptm_core.user_input import number
+
+# ruff: noqa: PLC0415
+DRIVE, TRAIN, CODEGEN, SEND = (f"iptm {name}" for name in ("drive", "train", "codegen", "send"))
+
+
+def drive(arguments: Sequence[str] | None = None) -> int:
+    """Show what is read from a recorded drive, or make one of a CAN log; return the exit code."""
+    given = _drive_parser().parse_args(arguments)
+    from iptm.runner.recorded_drive import description, draw
+    from iptm_core.routes.can_log import can_log_csv
+    from iptm_core.routes.text_table import parse_text_table
+    from iptm_core.routes.user_csv import read_user_trip, trip_of_table
+
+    try:
+        if given.command == "can":
+            signals = dict(map(_named_signal, given.signal))
+            text = can_log_csv(given.log, given.dbc, signals, given.channel)
+            trip = trip_of_table(given.file, parse_text_table(text, str(given.file)))
+            given.file.write_text(text, encoding="utf-8")
+        else:
+            columns = f"#{given.columns}" if given.columns else ""
+            trip = read_user_trip(Path(f"{given.file}{columns}"))
+        print(description(trip))
+        if given.picture is not None:
+            draw(trip, given.picture)
+    except (IptmError, OSError) as reason:
+        return refused(DRIVE, reason)
+    return EXIT_OK
+
+
+def _drive_parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        DRIVE,
+        description="Show what is read from a recorded drive, or make one of signals in a CAN log. The same"
+        " file drives the leader: iptm run --cycle FILE.",
+    )
+    commands = parser.add_subparsers(dest="command", required=True)
+    show = commands.add_parser("show", help="what is read from a drive")
+    show.add_argument(
+        "file", type=Path, help="a GPX track, a CSV file, a bag, or FILE.fcd.xml#VEHICLE of SUMO"
+    )
+    show.add_argument(
+        "--columns",
+        default="",
+        metavar="WHAT=NAME[UNIT],...",
+        help="which column of a table is what: speed=Vehicle_Speed[km/h]",
+    )
+    can = commands.add_parser("can", help="make a drive of signals in a CAN log, and show it")
+    can.add_argument("log", type=Path, help=".blf, .asc, .log, .trc, .csv or .mf4 file")
+    can.add_argument("file", type=Path, help=".csv file to write")
+    can.add_argument(
+        "--dbc", type=Path, help="decodes the frames; none for an MF4 file that holds signals"
+    )
+    can.add_argument(
+        "--signal",
+        action="append",
+        default=[],
+        metavar="COLUMN=SIGNAL",
+        help="what a signal is, such as speed_kmh=VehicleSpeed; repeatable",
+    )
+    can.add_argument(
+        "--channel", default="", help="bus or sender (0x..) of the frames, where there are several"
+    )
+    for each in (show, can):
+        each.add_argument("--picture", type=Path, help="draw it into this .png file")
+    return parser
+
+
+def _named_signal(text: str) -> tuple[str, str]:
+    column, separator, signal = text.partition("=")
+    if not (column and separator and signal):
+        raise RouteError(f"--signal is {text!r}; allowed: COLUMN=SIGNAL")
+    return column, signal
+
+
+def train(arguments: Sequence[str] | None = None) -> int:
+    """Train the prediction of the lead vehicle; return the exit code, 2 if something was refused."""
+    parser = argparse.ArgumentParser(
+        TRAIN,
+        description="Train the regression that predicts a lead vehicle on recorded drives, and try it on"
+        " others: two thirds are trained on; errors and coverage of the bounds are those on the rest. The"
+        " bridge takes the file as its parameter regression_model.",
+    )
+    parser.add_argument(
+        "sources",
+        nargs="+",
+        metavar="DRIVES",
+        help="cycles, recorded drives, and folders of CSV drives",
+    )
+    parser.add_argument("--output", type=Path, metavar="FILE", help="write the model there")
+    parser.add_argument("--source", default="", help="source and licence, to be noted in the model")
+    given = parser.parse_args(arguments)
+    from iptm.predictor_training import train_and_try
+
+    try:
+        train_and_try(given.sources, given.output, given.source)
+    except IptmError as error:
+        return refused(TRAIN, error)
+    except OSError as error:
+        return refused(TRAIN, f"{error.filename}: {error.strerror}")
+    return EXIT_OK
+
+
+def codegen(arguments: Sequence[str] | None = None) -> int:
+    """Write a controller as C99.
+
+    Returns:
+        0 on success, 2 when an argument is refused or a file cannot be written.
+    """
+    parser = argparse.ArgumentParser(
+        CODEGEN,
+        description="Write a controller as C99 into a folder: sources, a CMake file, and recorded ticks with"
+        " a program that drives the controller through them and compares its commands.",
+    )
+    parser.add_argument("folder", type=Path, help="is made; files of the same names are replaced")
+    parser.add_argument("--horizon", help="default: the controller's")
+    parser.add_argument("--strategy", help="default: the controller's")
+    parser.add_argument("--parameter-set", help="parameters of the model; default: the paper's")
+    parser.add_argument("--cycle", default="wltc_class3b", help="of the recorded ticks")
+    parser.add_argument(
+        "--ticks", type=number, default=600.0, help="length of the record, default: %(default)g s"
+    )
+    given = parser.parse_args(arguments)
+    from iptm.codegen import write_controller
+
+    try:
+        count = write_controller(
+            given.folder,
+            strategy=given.strategy,
+            horizon=given.horizon,
+            parameter_set=given.parameter_set,
+            cycle=given.cycle,
+            duration_s=given.ticks,
+        )
+    except IptmError as error:
+        return refused(CODEGEN, error)
+    except OSError as error:
+        return refused(CODEGEN, f"{given.folder} cannot be written: {error}")
+    print(f"{count} files in {given.folder}")
+    return EXIT_OK
+
+
+_SEND_HELP = f"""\
+usage: {SEND} [--help] [--ros-args -p NAME:=VALUE ...]
+
+Sends a drive as V2X messages (ETSI CAM) on a UDP port, as a car ahead would send them: with or without path
+prediction, lost, late and jittered. By default it follows /clock, so that a bridge with leader_source:=cam
+hears the same in every run. All parameters: docs/reference/nodes.md. Examples:
+
+  scripts/iptm send --ros-args -p cycle:=us06 -p foresight:=none -p rate_hz:=1.0
+  scripts/iptm send --ros-args -p cycle:=drive.gpx -p loss_probability:=0.2 -p link_delay_s:=0.3
+  scripts/iptm send --ros-args -p cycle:=bags/example_us06_120s
+  scripts/iptm send --ros-args -p cycle:=traffic.fcd.xml#leader
+  scripts/iptm send --ros-args -p sent_drive:=ego -p cycle:=us06 -r __ns:=/car_1
+  scripts/iptm send --ros-args -p follow_clock:=false -p trip_start_timestamp_ms:=-1 -p to_address:=192.0.2.7
+"""
+
+
+def send() -> int:
+    """Send a drive as messages: the node of the bridge that does it, with the arguments of the process."""
+    if sys.argv[1:2] in (["--help"], ["-h"]):
+        print(_SEND_HELP, end="")
+        return EXIT_OK
+    # The one node among the commands; it ends the process with its exit code.
+    import_module("iptm_v2x_bridge.node_sender").main()
+    return EXIT_OK
