@@ -6,6 +6,7 @@ from typing import Any
 
 from iptm.driving import drive_in_memory
 from iptm.own_parts import Controller, Predictor
+from iptm.progress_line import ProgressLine
 from iptm.run import Run
 from iptm.trip import Trip
 from iptm_core.aging_laws.law import AgingLaw
@@ -23,7 +24,8 @@ def simulate(
 ) -> Run:
     """Drive a trip behind a lead vehicle, without ROS: ``drive(Trip.of(cycle, **settings))``.
 
-    The defaults are those of ``scripts/run_demo``, and both give the same commands.
+    The defaults are those of ``scripts/run_demo``, and both give the same commands. On a terminal and in a
+    notebook a line shows how far a longer drive has come.
 
     Args:
         cycle: what the lead vehicle drives: a name such as ``wltc_class3b``, the path of a drive (CSV, GPX,
@@ -51,4 +53,8 @@ def simulate(
     if vehicle is not None:
         named["vehicle"] = vehicle
     trip = Trip.of(cycle, **settings, **named)
-    return drive_in_memory(trip, controller=controller, predictor=predictor, aging_law=own_law)
+    ticks = round(trip.route.duration_s / trip.conditions.period_s)
+    with ProgressLine(trip.heading, ticks + 1) as line:
+        return drive_in_memory(
+            trip, controller=controller, predictor=predictor, aging_law=own_law, on_step=line.step
+        )

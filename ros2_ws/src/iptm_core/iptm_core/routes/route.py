@@ -108,6 +108,8 @@ def build_route(
             "pays for it: a part of what is saved is the noise; smooth_s takes it out"
         )
         notes = (*notes, noise)
+    if duration_s is not None and duration_s > trace.duration_s:
+        notes = (*notes, f"the drive ends at {trace.duration_s:g} s: then the leader stands")
     leader = LeaderMotion.from_cycle(trace, initial_gap_m)
     if is_road_file:
         line, measured = read_gpx_road(Path(slope))
