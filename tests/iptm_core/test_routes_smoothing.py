@@ -52,6 +52,13 @@ def test_by_hand() -> None:
     assert smoothed(cycle, 4.0).speeds_m_s == pytest.approx(expected)
 
 
+def test_a_drive_that_ends_in_motion_keeps_its_last_speed() -> None:
+    cycle = DrivingCycle("cut", np.arange(5.0), np.array([0.0, 3.0, 6.0, 6.0, 9.0]), "made up")
+    means = np.array([0.0, 3.0, 5.0, 7.0, 9.0])
+    expected = means * 24.0 / means.sum()
+    assert smoothed(cycle, 3.0).speeds_m_s == pytest.approx(expected)
+
+
 def test_a_noisy_file_has_a_note_and_a_smoothed_one_has_none(tmp_path: Path) -> None:
     drive = noisy("hwfet")
     file = tmp_path / "log.csv"

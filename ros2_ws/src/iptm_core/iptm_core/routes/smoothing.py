@@ -45,7 +45,8 @@ def smoothed(cycle: DrivingCycle, width_s: float) -> DrivingCycle:
     edges = np.flatnonzero(stands) - 1
     before = rows - edges[np.searchsorted(edges, rows, side="right") - 1]
     after = edges[np.searchsorted(edges, rows, side="left")] - rows
-    reaches = np.minimum(reach, np.minimum(before, after))
+    inside = np.minimum(rows, rows[::-1])
+    reaches = np.minimum(np.minimum(reach, inside), np.minimum(before, after))
     sums = np.concatenate(([0.0], np.cumsum(speeds)))
     means: FloatArray = (sums[rows + reaches + 1] - sums[rows - reaches]) / (2 * reaches + 1)
     means = np.where(reaches == 0, speeds, means)
