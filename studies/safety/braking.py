@@ -53,7 +53,11 @@ def braking_trials(
     rows = random.integers(round(EARLIEST_S / inputs.conditions.period_s), len(drive) - 1, trials)
     decelerations = random.uniform(GENTLEST_M_S2, HARDEST_M_S2, trials)
     plant = Plant(
-        inputs.parameters, inputs.route.slope.slope_at, TICK_S, inputs.vehicle.thermal_model
+        inputs.parameters,
+        inputs.route.slope.slope_at,
+        TICK_S,
+        inputs.vehicle.thermal_model,
+        inputs.vehicle,
     )
     outcomes = np.array(
         [

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections import Counter
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -47,8 +48,19 @@ FAULTS: Mapping[str, list[str]] = {
     "the vehicle reports a fault": ["--press", f"vehicle_fault:{FAULT_AT_S}:1"],
 }
 KILLS, KILL_CYCLE, KILL_SEED = 200, "wltc_class3b", 39
-HEADWAYS_S = (1.5, 2.0, 2.5, 3.0)
-AUTHORITY_M_S2 = 3.5
+AUTHORITIES = (
+    ("none", 3.5, 1.5),
+    ("none", 8.0, 1.5),
+    ("full", 3.5, 1.5),
+    ("full", 3.5, 2.0),
+    ("full", 3.5, 2.5),
+    ("full", 3.5, 3.0),
+    ("full", 8.0, 1.5),
+)
+"""Preview, braking of channel or brakes in m/s^2, and headway of s_min in s."""
+RELIED_ON_M_S2 = 7.0
+"""Of stronger brakes the safety monitor relies on this."""
+BRAKING_CYCLE = "us06"
 BRAKING_TRIALS, BRAKING_SEED = 200, 39
 SHORT_S = 60.0
 
@@ -79,7 +91,7 @@ def run(session: Session) -> bool:
         values["i3"] = _i3(options.i3)
     if options.log:
         values["log"] = public_log(session, options.log)
-    session.render(authority_m_s2=AUTHORITY_M_S2, trials=BRAKING_TRIALS, **values)
+    session.render(trials=BRAKING_TRIALS, **values)
     return bool((values["leaders"].collisions == 0).all())
 
 
@@ -230,12 +242,11 @@ def _judge(session: Session, package: Path) -> pd.DataFrame:
     library, rows = build(package), []
     logs = sorted((session.scratch / "drives").glob("*/car_frames.log"))
     for car in CARS:
-        counts = sum(
-            (judged(library, car, log) for log in logs), start=judged(library, car, logs[0])
-        )
-        counts -= judged(library, car, logs[0])
+        counts: Counter[str] = Counter()
+        for log in logs:
+            counts.update(judged(library, car, log))
         rows.append({"car": car.name, **{key.replace(" ", "_"): n for key, n in counts.items()}})
-    return pd.DataFrame(rows).fillna(0)
+    return pd.DataFrame(rows)
 
 
 def _i3(path: Path) -> dict[str, float]:
@@ -258,13 +269,6 @@ def _leaders(session: Session) -> dict[str, Any]:
     """Drive behind measured leaders, and behind ones that brake, with the authority of the channel."""
     extent = (1, SHORTEST_S) if session.short else (SCENES, LONGEST_S)
     scenes = measured_scenes(None, session.say, *extent)
-    limits = controller_limits(load_vehicle("bench"))
-    headways = HEADWAYS_S[:1] if session.short else HEADWAYS_S
-    base = {
-        "preview_mode": "none",
-        "strategy": STRATEGIES[0],
-        "monitor_own_deceleration_m_s2": AUTHORITY_M_S2,
-    }
     trips = {
         scene.name: {
             "cycle": scene.write(session.scratch / "leads"),
@@ -272,14 +276,15 @@ def _leaders(session: Session) -> dict[str, Any]:
         }
         for scene in scenes
     }
-    trips["us06"] = {"cycle": "us06"}
+    trips[BRAKING_CYCLE] = {"cycle": BRAKING_CYCLE}
+    kinds = [AUTHORITIES[0]] if session.short else AUTHORITIES
     cases = [
         Case(
-            f"{name}/{headway_s}",
-            {"leader": name, "headway_s": headway_s},
-            {**base, **trip, "overrides": {**limits, "gap.time_headway_s": headway_s}},
+            f"{name}/{number}",
+            {"leader": name, "number": number},
+            {**_with_authority(*kind), **trip},
         )
-        for headway_s in headways
+        for number, kind in enumerate(kinds)
         for name, trip in trips.items()
     ]
     if session.short:
@@ -287,28 +292,48 @@ def _leaders(session: Session) -> dict[str, Any]:
     driven = session.drive(cases)
     calls = {case.name: case.call for case in cases}
     rows = []
-    for headway_s, group in driven.groupby("headway_s"):
-        measured, us06 = group[group.leader != "us06"], group[group.leader == "us06"].iloc[0]
+    for number, group in driven.groupby("number"):
+        is_cycle = group.leader == BRAKING_CYCLE
+        measured, cycle = group[~is_cycle], group[is_cycle].iloc[0]
         trials = braking_trials(
-            calls[us06.case],
-            us06.run.trajectory,
+            calls[cycle.case],
+            cycle.run.trajectory,
             3 if session.short else BRAKING_TRIALS,
             BRAKING_SEED,
         )
         hit = trials.impact_m_s > 0.0
+        preview, authority_m_s2, headway_s = kinds[number]
         rows.append(
             {
+                "preview": preview,
+                "authority": authority_m_s2,
                 "headway_s": headway_s,
                 "leaders": len(measured),
                 "collisions": sum(run.frame.gap_m.min() <= 0.0 for run in measured.run),
                 "gap_m": min(run.frame.gap_m.min() for run in measured.run),
                 "interventions": sum(metrics.interventions for metrics in measured.metrics),
+                "braked": int(trials.braked.sum()),
                 "hit": int(hit.sum()),
                 "avoidable": int((hit & (trials.bound_impact_m_s <= 0.0)).sum()),
-                "unavoidable": int((trials.bound_impact_m_s > 0.0).sum()),
-                "energy": _energy_j(us06.run) / float(us06.run.trajectory.position_m[-1]),
+                "mean_gap_m": cycle.run.frame.gap_m.mean(),
+                "energy_kwh_100km": _energy_j(cycle.run)
+                / float(cycle.run.trajectory.position_m[-1])
+                / 36.0,
             }
         )
-    table = pd.DataFrame(rows)
-    table["cost"] = 100.0 * (table.energy / table.energy.iloc[0] - 1.0)
-    return {"leaders": table}
+    return {"leaders": pd.DataFrame(rows)}
+
+
+def _with_authority(preview: str, authority_m_s2: float, headway_s: float) -> dict[str, Any]:
+    """Return the settings of trips whose brakes have an authority, which planner and monitor rely on."""
+    limits = controller_limits(load_vehicle("bench"))
+    return {
+        "preview_mode": preview,
+        "strategy": STRATEGIES[0],
+        "monitor_own_deceleration_m_s2": min(authority_m_s2, RELIED_ON_M_S2),
+        "overrides": {
+            **limits,
+            "brakes.max_deceleration_m_s2": authority_m_s2,
+            "gap.time_headway_s": headway_s,
+        },
+    }

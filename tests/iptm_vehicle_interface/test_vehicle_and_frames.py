@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from iptm_core.errors import MessageError, ParameterError
+from iptm_core.state import Command
+from iptm_vehicle_interface.bus import Frame
+from iptm_vehicle_interface.driving import Driver
 from iptm_vehicle_interface.frames import FrameCodec, FrameFault
-from iptm_vehicle_interface.signals import SignalTable
+from iptm_vehicle_interface.gateway import Gateway
+from iptm_vehicle_interface.signals import RangeWatch, SignalTable
 from iptm_vehicle_interface.vehicle import VEHICLES, Vehicle, load_vehicle
 
 OTHER_DBC = """VERSION ""
@@ -24,6 +30,7 @@ BO_ 1168 ESP: 8 CAR
 
 BO_ 1200 REQUEST: 4 SUITE
  SG_ a_req : 7|16@0- (0.001,0) [-8|8] "m/s^2" CAR
+ SG_ a_on : 16|1@1+ (1,0) [0|1] "" CAR
 """
 OTHER_YAML = """description: Another car
 parameter_set: bmw_i3
@@ -32,7 +39,7 @@ signals:
   speed_m_s: {message: ESP, signal: v_mph, timeout_s: 0.2}
   brake_pressed: {message: ESP, signal: brake, timeout_s: 0.2}
 commands:
-  acceleration: {message: REQUEST, signal: a_req}
+  acceleration: {message: REQUEST, signal: a_req, enable: a_on}
 protection: {}
 limits: {min_acceleration_m_s2: -2.0, max_acceleration_m_s2: 1.5, max_jerk_m_s3: 3.0,
   max_command_age_s: 0.1, reaction_s: 0.5, lead_deceleration_m_s2: 7.0,
@@ -70,7 +77,8 @@ def test_a_second_vehicle_is_a_folder(other: Path) -> None:
             "message: BCM, signal: brake",
             r"message is 'BCM'; allowed",
         ),
-        ("signal: a_req", "signal: a_req, enable: on", r"signal is 'a_req'|enable|one of REQUEST"),
+        ("enable: a_on", "enable: a_off", r"allowed: one of REQUEST: a_on, a_req"),
+        (", enable: a_on", "", r"enable is None|enable.*allowed: the signal that is 1"),
         ("parameter_set: bmw_i3", "parameter_set: bmw_i4", r"parameter_set is 'bmw_i4'; allowed"),
         ("min_acceleration_m_s2: -2.0", "min_acceleration_m_s2: 2.0", r"is 2\.0; allowed: -10 to"),
         ("  brake_pressed", "  brakes_pressed", r"unknown signal 'brakes_pressed'; did you mean"),
@@ -152,3 +160,68 @@ def test_ages_and_timeouts(vehicle: Vehicle) -> None:
     assert table.value("speed_m_s", 1.09) == 10.0
     assert table.age_s("speed_m_s", 1.05) == pytest.approx(0.05)
     assert table.stale(names, 1.11) == ("speed_m_s", "gap_m")
+
+
+def test_a_second_vehicle_drives_without_another_line(other: Path) -> None:
+    """Speed, brake and a request are all that it has: no buttons, no radar, no pack, no compressor.
+
+    The service engages, the request follows the plan within the limits of its folder, and the brake ends it.
+    """
+    lines = [line for path in other.iterdir() for line in path.read_text("utf-8").splitlines()]
+    assert len(lines) <= 200
+    vehicle = load_vehicle(str(other))
+    driver, gateway = Driver(vehicle), Gateway(vehicle)
+    car, judge = FrameCodec(vehicle), FrameCodec(vehicle)
+    received: list[tuple[float, bool]] = []
+    for step in range(200):
+        now_s = 1000.0 + 0.02 * step
+        values = {"v_mph": 45.0, "brake": float(step >= 180)}
+        frame_id, data = car.encode("ESP", values)
+        assert gateway.from_car(frame_id, data, now_s)
+        driver.receive(Frame(frame_id, data, now_s))
+        if step % 50 == 0:
+            observed = driver.measured(now_s, now_s)
+            assert observed is not None
+            nodes = now_s + np.arange(4.0)
+            plan = (nodes, 20.0 + 0.5 * np.arange(4.0), np.full(4, 0.5))
+            assert driver.follow(now_s, plan, Command(0.5, 0.0))
+        if step == 60:
+            driver.press("enable_button", now_s)
+        for frame in driver.step(now_s):
+            gateway.from_suite(*frame, now_s)
+        for frame in gateway.frames(now_s):
+            command = judge.command(*frame)
+            assert command is not None
+            received.append(command[1:])
+    assert not any(enabled for _, enabled in received[:60])
+    assert all(enabled for _, enabled in received[62:180])
+    assert received[179][0] == pytest.approx(0.5, abs=0.3)
+    assert all(value <= 1.5 for value, _ in received)
+    assert received[181:] == [(0.0, False)] * (len(received) - 181)
+
+
+@pytest.mark.parametrize(
+    ("gap_m", "relative_m_s", "speed_m_s", "frozen_after_s"),
+    [
+        # Closing with 3 m/s, 0.3 m are missing after 0.1 s; with hardly any relative speed after 2 s.
+        (40.0, -3.0, 20.0, 0.1),
+        (40.0, 0.02, 20.0, 2.0),
+        (5.0, 0.0, 0.0, math.inf),
+    ],
+)
+def test_a_range_sensor_that_repeats_itself_is_noticed(
+    gap_m: float, relative_m_s: float, speed_m_s: float, frozen_after_s: float
+) -> None:
+    watch = RangeWatch()
+    found = [watch.is_frozen(gap_m, relative_m_s, speed_m_s, 0.02 * step) for step in range(200)]
+    first = found.index(True) * 0.02 if True in found else math.inf
+    assert first == pytest.approx(frozen_after_s, abs=0.03)
+
+
+def test_a_range_sensor_with_noise_is_not_frozen() -> None:
+    watch, random = RangeWatch(), np.random.default_rng(0)
+    for step in range(500):
+        gap_m = 0.05 * round(float(random.normal(40.0, 0.1)) / 0.05)
+        relative = 0.02 * round(float(random.normal(0.0, 0.05)) / 0.02)
+        for repeated in range(3):  # 20 Hz, seen at 50 Hz
+            assert not watch.is_frozen(gap_m, relative, 20.0, 0.06 * step + 0.02 * repeated)

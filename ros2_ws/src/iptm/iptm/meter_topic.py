@@ -28,7 +28,7 @@ class _MeterNode(SuiteNode):
     ) -> None:
         super().__init__("meter", context=context)
         self.meter, self._consumers_w = meter, consumers_w
-        self._published_s = meter.reading.state.time_s
+        self._published_s = 0.0
         self._publisher = self.create_publisher(BatteryState, battery, STREAM_QOS)
         self.create_subscription(
             Odometry, topic, lambda message: self.guard(topic, self._take, message), SENSOR_QOS
@@ -37,9 +37,9 @@ class _MeterNode(SuiteNode):
     def _take(self, message: Odometry) -> None:
         time_s = ns_from_time(message.header.stamp) / NS_PER_S
         self.meter.take(time_s, abs(message.twist.twist.linear.x), self._consumers_w)
-        now_s = self.meter.reading.state.time_s
-        if now_s != self._published_s:
-            self._published_s = now_s
+        driven_s = self.meter.reading.driven_s
+        if driven_s > self._published_s:
+            self._published_s = driven_s
             self._publisher.publish(encode_battery(self.meter.battery()))
 
 

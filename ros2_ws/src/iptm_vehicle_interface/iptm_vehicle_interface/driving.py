@@ -24,7 +24,7 @@ from iptm_vehicle_interface.inner_loop import (
     followed,
     wanted_acceleration_m_s2,
 )
-from iptm_vehicle_interface.signals import SignalTable
+from iptm_vehicle_interface.signals import RangeWatch, SignalTable
 from iptm_vehicle_interface.vehicle import Vehicle
 from iptm_vehicle_interface.vehicle_state import LEADER, NEEDED, VehicleStateEstimator
 
@@ -103,6 +103,7 @@ class Driver:
         self.parameters = load_parameters(vehicle.parameter_set).values
         self.estimator = VehicleStateEstimator(self.parameters, capacity_losses)
         self.engagement = Engagement()
+        self._range, self._is_range_frozen = RangeWatch(), False
         self.log = DriveLog()
         self.requested_m_s2 = 0.0
         self._followed: Followed | None = None
@@ -160,6 +161,8 @@ class Driver:
         stale = self.signals.stale((*NEEDED, *LEADER), now_s)
         if stale:
             return f"no fresh {', '.join(stale)}"
+        if self._is_range_frozen:
+            return "the range sensor repeats itself"
         if self.signals.is_set("vehicle_fault", now_s):
             return "the vehicle reports a fault"
         if self._followed is None:
@@ -172,6 +175,10 @@ class Driver:
         """Run one step of the inner loop; return the frames for the gateway."""
         signals = self.signals
         self.estimator.update(signals, now_s)
+        self._is_range_frozen = signals.is_set("target_valid", now_s) and self._range.is_frozen(
+            *(signals.value(name, now_s) for name in ("gap_m", "relative_speed_m_s", "speed_m_s")),
+            now_s - signals.age_s("gap_m", now_s),
+        )
         since_s = min(now_s - self._last_s, 5.0 * LOOP_S)
         self._last_s = now_s
         conditions = Conditions(

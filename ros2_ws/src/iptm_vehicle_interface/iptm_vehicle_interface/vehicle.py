@@ -226,6 +226,9 @@ def load_vehicle(name_or_folder: str) -> Vehicle:
         for name, unit in (("acceleration", "m/s^2"), ("compressor", "W"))
         if name in commands
     }
+    if not targets["acceleration"].enable:
+        # A request that cannot be taken back would count while nobody has engaged the suite.
+        commands.section("acceleration").refuse("enable", "the signal that is 1 while it counts")
     names = tuple(entry.name for entry in fields(ActuationLimits))
     limits = written.section("limits", names)
     limits.require(*names)
