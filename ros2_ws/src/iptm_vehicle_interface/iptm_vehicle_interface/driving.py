@@ -175,10 +175,11 @@ class Driver:
         """Run one step of the inner loop; return the frames for the gateway."""
         signals = self.signals
         self.estimator.update(signals, now_s)
-        self._is_range_frozen = signals.is_set("target_valid", now_s) and self._range.is_frozen(
-            *(signals.value(name, now_s) for name in ("gap_m", "relative_speed_m_s", "speed_m_s")),
-            now_s - signals.age_s("gap_m", now_s),
-        )
+        gap_m, relative_m_s, _ = (signals.value(name, now_s) for name in LEADER)
+        arrived_s = now_s - signals.age_s("gap_m", now_s)
+        own_m_s = signals.value("speed_m_s", now_s)
+        repeats = self._range.is_frozen(gap_m, relative_m_s, own_m_s, arrived_s)
+        self._is_range_frozen = repeats and signals.is_set("target_valid", now_s)
         since_s = min(now_s - self._last_s, 5.0 * LOOP_S)
         self._last_s = now_s
         conditions = Conditions(
