@@ -13,6 +13,7 @@ from unittest import mock
 import numpy as np
 import pytest
 from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Float64
 from tests.integration.controller_ticks import (
     LINK,
     ROAD,
@@ -249,3 +250,19 @@ def test_a_burst_of_foreign_messages_fits_into_the_queues(fresh: NodeBench) -> N
     """Twenty foreign states overran the ten messages that a subscription kept."""
     depths = {each.topic_name: each.qos_profile.depth for each in fresh.node.subscriptions}
     assert depths["/plant/state"] >= LEAST_HISTORY
+
+
+def test_the_published_friction_of_the_road_counts_instead_of_the_setting() -> None:
+    """On a wet road the controller keeps a longer gap; nonsense is refused, a new value counts at once."""
+    with node_bench(ControllerNode, **SMALL) as bench:
+        bench.hear({Topic.SLOPE: encode_slope(ROAD)})
+        commands = []
+        for tick, friction in enumerate((0.0, 0.35, math.nan, 1.5, 0.0)):
+            bench.hear({Topic.ROAD_FRICTION: Float64(data=friction)})
+            bench.hear(tick_messages(float(tick)))
+            commands.append(await_answer(bench, tick))
+            bench.spin_until(lambda: "road_friction" in bench.values)
+            expected = 0.35 if tick in {1, 2, 3} else 0.0
+            assert bench.node._friction.coefficient == expected  # type: ignore[attr-defined]
+        assert commands[1].acceleration_m_s2 < commands[0].acceleration_m_s2
+        bench.spin_until(lambda: bench.values["refused_messages"] == "2")

@@ -10,6 +10,7 @@ from typing import Any
 from unittest import mock
 
 import pytest
+from std_msgs.msg import Float64
 from tests.integration.driven_plant import DrivenPlant, Script, driven_plant, lively
 from tests.integration.node_bench import S
 from tests.plant_messages import plant_messages
@@ -313,3 +314,16 @@ def test_a_resumed_plant_needs_nobody_in_real_time_and_a_second_one_is_reported(
     peer.wait_until(lambda: S in ticks, what="a tick")
     for plant, number in zip(plants, (signal.SIGINT, signal.SIGTERM), strict=True):
         assert plant.stop(number) == 0
+
+
+def test_the_published_friction_of_the_road_reaches_the_safety_monitor() -> None:
+    with driven_plant() as plant:
+        plant.drive(
+            lambda tick: Command(0.5, 0.0) if tick < 2 else None, lambda: len(plant.ticks) > 2
+        )
+        monitor = plant.bench.node._trip.plant.monitor  # type: ignore[attr-defined]
+        assert monitor.friction == 0.0
+        plant.bench.hear({Topic.ROAD_FRICTION: Float64(data=0.35)})
+        plant.answer(2, Command(0.5, 0.0))
+        assert monitor.friction == 0.35
+        plant.bench.spin_until(lambda: plant.bench.values["road_friction"] == "0.35")

@@ -287,5 +287,4 @@ def test_behind_a_ghost_the_hidden_vehicle_counts_at_once_and_another_one_later(
 
 def test_the_same_vehicle_in_a_wrong_place_is_no_ghost() -> None:
     samples, _ = behind_ghost(2, 19.0, 45.0)
-    track = track_of(samples[:-9])
-    assert (track.frozen, track.ghost) == (True, False)
+    assert not track_of(samples[:-9]).ghost

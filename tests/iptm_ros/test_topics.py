@@ -56,7 +56,8 @@ def test_every_specification_is_complete(spec: TopicSpec) -> None:
 @pytest.mark.parametrize("spec", ALL, ids=spec_id)
 def test_only_static_data_is_latched(spec: TopicSpec) -> None:
     latched = dict.fromkeys((Topic.SLOPE, Topic.VISUAL_ROAD), LATCHED_QOS)
-    bursts = dict.fromkeys((Topic.DATAGRAMS, Topic.RANGE_TRACKS, Topic.ENGAGEMENT), RAW_QOS)
+    requested = (Topic.DATAGRAMS, Topic.RANGE_TRACKS, Topic.ENGAGEMENT, Topic.ROAD_FRICTION)
+    bursts = dict.fromkeys(requested, RAW_QOS)
     special = {**latched, **bursts}
     assert spec.qos is special.get(spec.topic, STREAM_QOS)
 

@@ -50,6 +50,7 @@ class Controller:
     Attributes:
         grid: order of the flat vectors of its problems.
         model: the parameters that they are posed with.
+        lead: compares the sources of the vehicle ahead; its friction may change from tick to tick.
         plan_data: poses them.
     """
 
@@ -93,7 +94,7 @@ class Controller:
         self._limiter = CommandLimiter(parameters.limits, options.tick_s)
         self._estimator = Estimator(options.noise, parameters.limits, options.tick_s)
         self._actuation = ActuationObserver(parameters.limits, options.tick_s)
-        self._lead = LeadCheck(options.accuracy, options.road, parameters.limits)
+        self.lead = LeadCheck(options.accuracy, options.road, parameters.limits)
         self._clock = SenderClock()
         self._pack = PackObserver(parameters)
         ends_s = horizon.node_times_s[1 : horizon.motion_steps + 1]
@@ -137,7 +138,7 @@ class Controller:
             leader=self._guard.leader,
             leader_deceleration_m_s2=self._guard.deceleration_m_s2,
             lost_ticks=self._guard.lost_ticks,
-            lead=self._lead.memory,
+            lead=self.lead.memory,
             sender_clock=self._clock.memory,
             leader_past=self._forecaster.past,
             fusion=self._forecaster.fusion.memory,
@@ -163,7 +164,7 @@ class Controller:
         self._ladder.last_plan, self._ladder.failures = memory.last_plan, memory.failures
         guard.leader, guard.lost_ticks = memory.leader, memory.lost_ticks
         guard.deceleration_m_s2 = memory.leader_deceleration_m_s2
-        self._lead.memory, self._clock.memory = memory.lead, memory.sender_clock
+        self.lead.memory, self._clock.memory = memory.lead, memory.sender_clock
         self._forecaster.past = memory.leader_past
         self._forecaster.fusion.memory = memory.fusion
         self._forecaster.trust.memory = memory.trust
@@ -188,12 +189,12 @@ class Controller:
             preview = self._clock.by_own_clock(measured.preview, state.time_s)
             if preview is not measured.preview:
                 measured = replace(measured, preview=preview)
-            leader, doubt = self._lead.checked(
+            leader, doubt = self.lead.checked(
                 state, leader, measured.preview, is_free=measured.is_free
             )
             fault = fault or ("" if leader or measured.is_free else doubt)
             state, leader = self._estimator.update(state, leader)
-            leader = leader and self._lead.cautious(leader, state.speed_m_s)
+            leader = leader and self.lead.cautious(leader, state.speed_m_s)
             if not measured.is_followed:
                 self._actuation.memory = ActuationMemory()
             self._actuation.observe(state)
@@ -220,7 +221,7 @@ class Controller:
                 limited.acceleration_m_s2,
                 state,
                 planned.forecast,
-                min(self._actuation.brake_share, self._lead.braking_share),
+                min(self._actuation.brake_share, self.lead.braking_share),
             ):
                 rung = Rung.EMERGENCY_BRAKING
                 reasons.insert(0, EMERGENCY)
@@ -253,7 +254,7 @@ class Controller:
         rung, command = self._ladder.fall_back(state, ahead, self._last_trusted)
         lawful = self._road.command_m_s2(state, measured.rules)
         slower = min(command.acceleration_m_s2, lawful)
-        lost = None if leader is not None else self._lead.lost_leader(state.time_s)
+        lost = None if leader is not None else self.lead.lost_leader(state.time_s)
         if lost is not None and not measured.is_free:
             law = safe_following(state, lost, self.model, self.options.tick_s)
             slower = min(slower, law.acceleration_m_s2)

@@ -52,6 +52,7 @@ from iptm_ros.codecs import (
 )
 from iptm_ros.command_line import node_main
 from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
+from iptm_ros.friction_input import FrictionInput
 from iptm_ros.node_health import Watchdog
 from iptm_ros.parameters import declare_parameters
 from iptm_ros.services import Service, state_path
@@ -114,6 +115,7 @@ class ControllerNode(SuiteNode):
         ):
             self.listen(topic, partial(self._on_decoded, topic, decode))
         self.listen(Topic.ENGAGEMENT, self._on_engagement)
+        self._friction = FrictionInput(self, self._options.road_friction)
         for topic in (Topic.LEADER, Topic.PLANT_STATE):
             self.listen(topic, partial(self._on_stamped, topic))
         self.watch_peers(Topic.PLANT_STATE, Topic.LEADER, Topic.COMMAND)
@@ -238,6 +240,7 @@ class ControllerNode(SuiteNode):
         measured = read_measurements(matched.values, self._slope)
         measured = replace(measured, is_followed=self._is_followed)
         self._before = (matched.stamp_ns, self._controller.memory)
+        self._controller.lead.friction = self._friction.coefficient
         decision = self._controller.decide(measured)
         self._last, self._last_ns = decision, matched.stamp_ns
         self._publish(matched.stamp_ns, decision)
@@ -292,6 +295,7 @@ class ControllerNode(SuiteNode):
             "machine_code": self._controller.backend.compiled,
             "limited_ticks": self._counts.limited,
             "skipped_ticks": self._catch_up.skipped_ticks,
+            "road_friction": self._friction.coefficient,
             "late_messages": self._matcher.counts["late"],
             "stray_stamps": self._matcher.gate.strays,
         }

@@ -217,9 +217,11 @@ def _stepped(track: LeadTrack, last: Sample, sample: Sample) -> LeadTrack:
             return replace(track, sound_steps=steps)
         track = replace(track, frozen=False, ghost=False, sound_steps=0, before=None)
     if jumped:
-        is_new = track.before is not None and sample.time_s - track.appeared_s <= GHOST_S
+        is_new = sample.time_s - track.appeared_s <= GHOST_S
         if is_new and faster_m_s <= IDENTICAL_M_S and farther_m > 0.0:
-            return _without_newest(track, sample.speed_m_s)
+            without = _without_newest(track, sample.speed_m_s)
+            if without.ghost:
+                return without
         return replace(
             track,
             seen=sample.lead,

@@ -18,6 +18,7 @@ RELIED_SHARE = 0.875
 """Share of the stated friction that is relied on for the own braking: as 7 of the 8 m/s^2 of dry brakes."""
 LEAST_DECELERATION_M_S2 = 0.3
 """A road that gives less than this is not driven on; keeps distances finite."""
+MOST_FRICTION = 1.2
 STEEPEST_RAD = 0.5
 """Slopes beyond are errors of a map."""
 
@@ -31,7 +32,7 @@ class RoadFrictionSettings(Settings):
         "coefficient of friction of the road, e.g. 0.9 dry, 0.35 wet, 0.2 snow, 0.1 ice; 0: not known",
         "",
         0.0,
-        1.2,
+        MOST_FRICTION,
     )
 
 

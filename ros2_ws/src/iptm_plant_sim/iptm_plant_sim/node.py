@@ -153,6 +153,7 @@ class PlantNode(TripNode):
             "interventions": trip.interventions,
             "service_braking_s": trip.service_braking_s,
             "last_intervention": trip.step.memory.reason or "none",
+            "road_friction": self._friction.coefficient,
             "brake_share": trip.step.safety.brake_share,
             "state_of_charge": trip.step.state.state_of_charge,
             "intervals_without_range_sensor": self._range_sensor.silent_intervals,

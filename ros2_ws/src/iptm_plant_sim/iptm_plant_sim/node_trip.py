@@ -26,6 +26,7 @@ from iptm_ros.codecs import (
     time_from_ns,
     time_from_s,
 )
+from iptm_ros.friction_input import FrictionInput
 from iptm_ros.node_health import Watchdog
 from iptm_ros.parameters import declare_parameters
 from iptm_ros.process import EXIT_DEFECT
@@ -95,6 +96,7 @@ class TripNode(SuiteNode):
         self.watch_peers(Topic.PLANT_STATE, Topic.COMMAND)
         self._neighbours = Neighbours(self, self._options)
         self._range_sensor = NodeRangeSensor(self, self._options)
+        self._friction = FrictionInput(self, self._options.road_friction)
         self._trip.watch(self._range_sensor.measure)
         measured = self._range_sensor.in_step(self._on_command, lambda: self._trip.stamp_ns)
         self._commands = self.listen(Topic.COMMAND, self._neighbours.in_step(measured))
@@ -220,6 +222,7 @@ class TripNode(SuiteNode):
 
     def _advance(self, command: Command) -> None:
         try:
+            self._trip.plant.monitor.friction = self._friction.coefficient
             self._trip.advance(command)
         except PackEmptyError as error:
             self._failure = str(error)

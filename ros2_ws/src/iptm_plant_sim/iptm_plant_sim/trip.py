@@ -32,6 +32,7 @@ class Trip:
     """Advances the plant tick by tick and keeps its records.
 
     Attributes:
+        plant: that drives it.
         step: the latest observation, at trip time `stamp_ns`.
         clamps: how often each limit changed a command.
         limited_ticks: number of intervals in which any did.
@@ -58,7 +59,7 @@ class Trip:
         Raises:
             StateError: the start state is not possible, or the trip is over before.
         """
-        self._plant = plant
+        self.plant = plant
         self._duration_s = duration_s
         self._period_s = period_s
         self._start = start
@@ -99,16 +100,16 @@ class Trip:
 
     def watch(self, sensor: RangeSensor) -> None:
         """Let the safety monitor of the plant watch the vehicle ahead."""
-        self._plant.watch(sensor, self.step.memory)
+        self.plant.watch(sensor, self.step.memory)
 
     def restarted(self) -> Trip:
         """Return the same trip at its start, driven by the same plant."""
-        return Trip(self._plant, self._duration_s, self._period_s, self._start, self._first_tick)
+        return Trip(self.plant, self._duration_s, self._period_s, self._start, self._first_tick)
 
     def warm_up(self) -> None:
         """Let the plant build its integrator now instead of in the first interval."""
-        self._plant.advance(self.step.state, self.stop_command(), self._period_s)
-        self._plant.resume(self.step.memory)
+        self.plant.advance(self.step.state, self.stop_command(), self._period_s)
+        self.plant.resume(self.step.memory)
 
     def stop_command(self) -> Command:
         """Next command of the controlled stop from here."""
@@ -116,7 +117,7 @@ class Trip:
 
     def advance(self, command: Command) -> PlantStep:
         """Drive one interval and return what is observed at its end."""
-        step = self._plant.advance(self.step.state, command, self._period_s)
+        step = self.plant.advance(self.step.state, command, self._period_s)
         before = self.step.memory
         self.tick += 1
         exact_time = replace(step.state, time_s=self.stamp_ns / NS_PER_S)

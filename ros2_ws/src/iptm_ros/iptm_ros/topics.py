@@ -65,6 +65,7 @@ class Topic(Enum):
     PLANT_COOLANT_INLET_TEMPERATURE = "plant/coolant_inlet_temperature"
     PLANT_COOLANT_OUTLET_TEMPERATURE = "plant/coolant_outlet_temperature"
     RANGE_TRACKS = "sensor/tracks"
+    ROAD_FRICTION = "sensor/road_friction"
     ENGAGEMENT = "vehicle/engagement"
     LEADER = "v2x/leader"
     LEADER_SAMPLES = "v2x/leader_samples"
@@ -206,6 +207,13 @@ _SPECS = (
         "with the fields x and y (float32 or float64, from the front bumper, y to the left) and vx (its "
         "speed less the own); further fields are ignored; no points: nothing in range",
         {"x": "m", "y": "m", "vx": "m/s"}, rate="as the sensor measures", on_request=True,
+    ),
+    TopicSpec(
+        Topic.ROAD_FRICTION, Float64, "the user's", "-", "1",
+        "coefficient of friction of the road as a rain sensor, a weather service or the brakes show it: "
+        "about 0.9 dry, 0.35 wet, 0.2 snow, 0.1 ice; 0: not known. Plant and controller hear it; it counts "
+        "instead of road_friction for 60 s of wall time", rate="on change, and at least every minute",
+        on_request=True,
     ),
     TopicSpec(
         Topic.ENGAGEMENT, JointState, VEHICLE, EGO_FRAME, "see fields",
