@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from iptm_core.routes.cycles import DrivingCycle
-from iptm_core.state import FloatArray
 
 NOTED_NOISE_M_S = 0.14
 """Noise from which a drive has a note: above what is found in the published cycles, 0.02 to 0.12 m/s, and
@@ -29,16 +28,16 @@ def speed_noise_m_s(cycle: DrivingCycle) -> float:
 
 
 def smoothed(cycle: DrivingCycle, width_s: float) -> DrivingCycle:
-    """Return a drive whose speeds are means over a window, with the same length and distance.
+    """Return a drive with the speeds of parabolas fitted around them, of the same length and distance.
 
     Args:
         cycle: the drive.
-        width_s: of the window; it is narrower near the ends of the drive and of each stop, which stay. Some
-            seconds take out noise; a window of ten also takes out what the driver did.
+        width_s: of the window; it is narrower near the ends of the drive and of each stop, which stay. Below
+            5 s there is nothing to fit. Windows of 5, 9 and 15 s leave 70, 50 and 39 % of white noise.
     """
     speeds = cycle.speeds_m_s
     reach = int(0.5 * width_s)
-    if reach < 1:
+    if reach < 2:
         return cycle
     stands = np.concatenate(([True], speeds == 0.0, [True]))
     rows = np.arange(speeds.size)
@@ -47,9 +46,14 @@ def smoothed(cycle: DrivingCycle, width_s: float) -> DrivingCycle:
     after = edges[np.searchsorted(edges, rows, side="left")] - rows
     inside = np.minimum(rows, rows[::-1])
     reaches = np.minimum(np.minimum(reach, inside), np.minimum(before, after))
-    sums = np.concatenate(([0.0], np.cumsum(speeds)))
-    means: FloatArray = (sums[rows + reaches + 1] - sums[rows - reaches]) / (2 * reaches + 1)
-    means = np.where(reaches == 0, speeds, means)
-    plain = replace(cycle, speeds_m_s=means)
+    fitted = speeds.copy()
+    for around in range(2, reach + 1):
+        here = np.flatnonzero(reaches == around)
+        offsets = np.arange(-around, around + 1)
+        # Weights of the middle of a parabola fitted to equidistant values (Savitzky and Golay 1964).
+        weights = 3.0 * (3 * around**2 + 3 * around - 1 - 5 * offsets**2)
+        weights /= (2 * around - 1) * (2 * around + 1) * (2 * around + 3)
+        fitted[here] = np.maximum(speeds[here[:, None] + offsets] @ weights, 0.0)
+    plain = replace(cycle, speeds_m_s=fitted)
     share = cycle.distance_m / plain.distance_m if plain.distance_m > 0.0 else 1.0
-    return replace(plain, speeds_m_s=share * means)
+    return replace(plain, speeds_m_s=share * fitted)
