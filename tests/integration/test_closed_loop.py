@@ -192,7 +192,7 @@ def test_real_time_in_a_namespace_without_recording(start: Start, tmp_path: Path
     assert runner.wait(RUN_TIMEOUT_S) == 0, runner.stdout + runner.stderr
     assert "not recorded" in runner.stdout
     assert "mode=real_time" in runner.stdout
-    for text in (*FULL_TABLE, "strategy saved"):
+    for text in (*FULL_TABLE, "as driven"):
         assert text not in runner.stdout
     assert sorted(path.name for path in output.iterdir()) == ["logs", "results.json"]
     results = json.loads((output / "results.json").read_text(encoding="utf-8"))
