@@ -27,6 +27,7 @@ MORE = {
     "traffic": {"iptm_traffic"},
     "v2x/prediction.py": {"iptm_traffic"},
     "validation": {"scipy"},
+    "vehicle": {"iptm_core", "iptm_vehicle_interface"},
     # They load real nodes and listen to them.
     "v2x/load.py": {"iptm_ros", "iptm_v2x_bridge", "rclpy", "sensor_msgs", "rosgraph_msgs"},
     "speed/soak.py": {"iptm_ros"},
