@@ -99,6 +99,12 @@ def test_a_figure_itself_is_met_within_a_tenth(found: float, expected: str) -> N
     assert checks.absolute(found, 179.034) == expected
 
 
+def test_the_page_says_what_was_tried_for_every_statement_that_is_not_reproduced() -> None:
+    text = (STUDY / "README.md").read_text("utf-8")
+    assert "Not reproduced as printed, and what was tried:" in text
+    assert "Nothing was tried" not in text
+
+
 def test_statements_name_runs_and_checks_that_exist() -> None:
     known = {*trips.paper_runs(), *(f"strategies/{name}" for name in trips.NAMES)}
     for claim in checks.claims().itertuples():
