@@ -38,7 +38,7 @@ class OwnPlant(Node):
         self.time_s = 0
         self.position_m = self.speed_m_s = self.acceleration_m_s2 = 0.0
         self.temperature_k = 309.0
-        self.capacity_loss = 0.0
+        self.capacity_loss = 1e-3  # a law of ageing has no rate at 0
         self.powers = self._powers_of(0.0, 0.0)
 
     def _begin(self, _: Trigger.Request, answer: Trigger.Response) -> Trigger.Response:
