@@ -98,3 +98,13 @@ def test_imperfect_inputs_end_in_no_collision(drive: Drive, disturbed: Disturbed
     if disturbed.harmless:
         undisturbed = drive(disturbed.cycle, disturbed.duration_s).trajectory
         assert trip.position_m[-1] >= 0.95 * undisturbed.position_m[-1]
+
+
+@pytest.mark.parametrize("ahead_s", [0.001, 0.5])
+def test_previews_of_a_clock_that_is_ahead_are_worth_what_they_are_in_time(ahead_s: float) -> None:
+    ahead = whole(FaultKind.PREVIEW_FUTURE, ahead_s)
+    in_time, off = (
+        iptm.simulate(cycle="us06", duration_s=60.0, compile_code=False, faults=faults).trajectory
+        for faults in ((), (ahead,))
+    )
+    assert off.position_m == pytest.approx(in_time.position_m, abs=0.05)

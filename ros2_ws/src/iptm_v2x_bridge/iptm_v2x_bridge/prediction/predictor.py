@@ -116,6 +116,8 @@ def joined_motion(predictions: Sequence[LeaderPreview]) -> LeaderPreview:
     return LeaderPreview(predictions[0].times_s[:count], positions, speeds, bounds)
 
 
+DRIVES_OFF_M_S2 = 2.5
+"""Acceleration that a vehicle may have just begun with."""
 MAX_PATH_AGE_MS = 10_000
 """Age up to which the last received path is used, as not every message carries one and some are lost."""
 AROUND_M, AROUND_M_S = 200.0, 100.0
@@ -149,9 +151,15 @@ def _allowing_for_its_clock(station: Station) -> tuple[Observation, ...]:
     if not behind_s:
         return tuple(station.observations)
     return tuple(
-        replace(each, bound_m=each.bound_m + behind_s * each.speed_m_s)
+        replace(each, bound_m=each.bound_m + _moved_m(each, behind_s))
         for each in station.observations
     )
+
+
+def _moved_m(observed: Observation, duration_s: float) -> float:
+    """Return how far a vehicle moves at most in a short time, even if it drives off."""
+    faster_m_s = max(observed.acceleration_m_s2 or 0.0, DRIVES_OFF_M_S2) * duration_s
+    return duration_s * (observed.speed_m_s + 0.5 * faster_m_s)
 
 
 def _road_path(station: Station, road: RoadLine) -> tuple[FloatArray, FloatArray] | None:
