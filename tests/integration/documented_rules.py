@@ -111,7 +111,7 @@ RULES = (
     ),
     Rule(Way.ELSEWHERE, r"source <\(scripts/iptm completion\)", "tests/iptm/commands"),
     Rule(Way.ELSEWHERE, r"scripts/iptm meter .*", "tests/iptm/test_meter.py"),
-    Rule(Way.ELSEWHERE, r"scripts/dev (build|docs).*", "tests/packaging"),
+    Rule(Way.ELSEWHERE, r"scripts/dev (build|docs|site).*", "tests/packaging"),
     Rule(Way.NOT, r"dask .*|.*dask worker .*", "an extra, on several machines"),
     # Seconds.
     Rule(Way.ASK, r"(scripts/iptm (call|param)|ros2 (service|param)) .*"),
