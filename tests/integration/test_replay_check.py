@@ -37,7 +37,7 @@ def test_the_example_bag_is_answered_as_recorded(node: str) -> None:
 @pytest.mark.parametrize("node", CHANGES)
 def test_a_changed_physical_constant_is_found(launcher: Any, node: str) -> None:
     change = f"overrides={CHANGES[node]}"
-    process = launcher.start_module("iptm.commands.tree", "check", node, BAG, "--set", change)
+    process = launcher.start_module("iptm", "check", node, BAG, "--set", change)
     assert process.wait(240.0) == 1, process.stderr
     assert "first differs at " in process.stdout
     assert f"{node} does not answer as recorded" in process.stdout
