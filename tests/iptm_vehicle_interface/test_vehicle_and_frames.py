@@ -13,6 +13,7 @@ from iptm_core.errors import MessageError, ParameterError
 from iptm_core.state import Command
 from iptm_vehicle_interface.bus import Frame
 from iptm_vehicle_interface.driving import Driver
+from iptm_vehicle_interface.engagement import Mode
 from iptm_vehicle_interface.frames import FrameCodec, FrameFault
 from iptm_vehicle_interface.gateway import Gateway
 from iptm_vehicle_interface.signals import RangeWatch, SignalTable
@@ -225,3 +226,15 @@ def test_a_range_sensor_with_noise_is_not_frozen() -> None:
         relative = 0.02 * round(float(random.normal(0.0, 0.05)) / 0.02)
         for repeated in range(3):  # 20 Hz, seen at 50 Hz
             assert not watch.is_frozen(gap_m, relative, 20.0, 0.06 * step + 0.02 * repeated)
+
+
+def test_with_the_dbc_of_another_car_nothing_is_ever_ready(other: Path, vehicle: Vehicle) -> None:
+    driver, car = Driver(load_vehicle(str(other))), FrameCodec(vehicle)
+    for step in range(100):
+        now_s = 0.02 * step
+        for message in ("SPEED", "PEDALS", "RADAR"):
+            driver.receive(Frame(*car.encode(message, {}), now_s))
+        driver.press("enable_button", now_s)
+        driver.step(now_s)
+    assert driver.engagement.mode is Mode.OFF
+    assert "no fresh speed_m_s" in driver.hindrance(2.0)

@@ -43,6 +43,8 @@ def test_the_short_form_has_the_numbers_of_the_record(name: str) -> None:
     """
     if name == "traffic":
         pytest.importorskip("traci")
+    if name == "vehicle":
+        pytest.importorskip("cantools")
     record = Record.of(name)
     if getattr(module_of(name), "MEASURES_TIME", False):
         assert not record.short
