@@ -7,13 +7,16 @@ import math
 import random
 import signal
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from iptm_core.errors import MessageError
+from iptm_vehicle_interface.bench_car import STEP_S, TIMEOUT_S
 from iptm_vehicle_interface.bus import BusReader, open_bus
+from iptm_vehicle_interface.drive_record import read_frames
 from iptm_vehicle_interface.frames import FrameCodec
 from iptm_vehicle_interface.node_bench import (
     BRIDGE,
@@ -34,6 +37,8 @@ SETTLED_S = 1.0
 LONGEST_WAIT_S = 60.0
 STOPPED_S = 6.0
 """For how long a process stands: longer than a decision is followed."""
+SETTLING_S = 2.0
+WINDOW_STEPS = 10
 OFTEN = ("--press", "enable_button:4:0.3:2")
 Json = dict[str, Any]
 
@@ -63,7 +68,10 @@ def drive(folder: Path, cycle: str, strategy: str, duration_s: float) -> Json:
 def faulty(folder: Path, car: Sequence[str], duration_s: float, vehicle: str = "bench") -> Json:
     """Drive the beginning of US06 with a fault of the bus."""
     folder.mkdir(parents=True, exist_ok=True)
-    options = BenchOptions(cycle="us06", vehicle=vehicle, duration_s=duration_s, car=car)
+    frames = ["--frames", str(folder / "car_frames.log")]
+    options = BenchOptions(
+        cycle="us06", vehicle=vehicle, duration_s=duration_s, car=[*car, *frames]
+    )
     return _driven(folder, options)
 
 
@@ -160,3 +168,29 @@ def _wait(condition: Callable[[], bool]) -> bool:
             return True
         time.sleep(0.02)
     return False
+
+
+def settled_jerk_m_s3(log: Path) -> float:
+    """Return the largest jerk over 0.1 s of a car's log, from 2 s after an engagement to its end."""
+    vehicle = load_vehicle("bench")
+    of_car, of_suite = FrameCodec(vehicle), FrameCodec(vehicle)
+    since_s, heard_s, largest = math.inf, -math.inf, 0.0
+    window: deque[float] = deque(maxlen=WINDOW_STEPS + 1)
+    for frame, received in read_frames(log):
+        if received:
+            command = of_suite.command(frame.frame_id, frame.data)
+            if command is not None and command[0] is vehicle.acceleration:
+                is_new = since_s == math.inf or frame.time_s - heard_s > TIMEOUT_S
+                since_s = (frame.time_s if is_new else since_s) if command[2] else math.inf
+                heard_s = frame.time_s
+            continue
+        values = of_car.decode(frame.frame_id, frame.data).values
+        if "acceleration_m_s2" not in values:
+            continue
+        window.append(values["acceleration_m_s2"])
+        is_settled = frame.time_s - since_s > SETTLING_S and frame.time_s - heard_s <= TIMEOUT_S
+        if not is_settled:
+            window.clear()
+        elif len(window) == WINDOW_STEPS + 1:
+            largest = max(largest, abs(window[-1] - window[0]) / (WINDOW_STEPS * STEP_S))
+    return largest

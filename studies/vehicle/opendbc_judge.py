@@ -147,7 +147,7 @@ def judged(library: Any, car: ForeignCar, log: Path) -> Counter[str]:
             stated += 1
         if not is_request:
             continue
-        data = car.request(value if engaged else 0.0, count)
+        data = car.request(value, count)
         passed = bool(library.judge_lets_pass(0, car.address, data, len(data)))
         counts["engaged"] += engaged
         counts["inactive"] += not engaged

@@ -19,7 +19,7 @@ import pandas as pd
 from studies.acc.scenes import LONGEST_S, SCENES, SHORTEST_S, measured_scenes
 from studies.safety.braking import braking_trials
 from studies.session import Case, Session
-from studies.vehicle.bench import OFTEN, drive, faulty, kept, kills
+from studies.vehicle.bench import OFTEN, drive, faulty, kept, kills, settled_jerk_m_s3
 from studies.vehicle.meter import i3_trips, public_log
 from studies.vehicle.opendbc_judge import CARS, build, judged
 
@@ -31,7 +31,7 @@ from iptm_vehicle_interface.vehicle import load_vehicle
 MEASURES_TIME = True
 CYCLES = {"us06": 600.0, "wltc_class3b": 1800.0}
 STRATEGIES = ("aging_cost_to_go", "reference")
-FAULT_AT_S, FAULT_DRIVE_S = 25.0, 45.0
+FAULT_AT_S, FAULT_DRIVE_S, FIRST_ENGAGED_S = 25.0, 45.0, 4.5
 FAULTS: Mapping[str, list[str]] = {
     "none": [],
     "10 % of frames lost": ["--lost", "0.1"],
@@ -63,6 +63,7 @@ RELIED_ON_M_S2 = 7.0
 BRAKING_CYCLE = "us06"
 BRAKING_TRIALS, BRAKING_SEED = 200, 39
 SHORT_S = 60.0
+_ON_THE_BENCH = ("drives", "kills", "faults")
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -92,7 +93,11 @@ def run(session: Session) -> bool:
     if options.log:
         values["log"] = public_log(session, options.log)
     session.render(trials=BRAKING_TRIALS, **values)
-    return bool((values["leaders"].collisions == 0).all())
+    held = [(values["leaders"].collisions == 0).all()]
+    held += [(values[name].gap_m > 0.0).all() for name in _ON_THE_BENCH if values[name] is not None]
+    if values["judge"] is not None:
+        held.append((values["judge"].blocked_while_engaged == 0).all())
+    return bool(all(held))
 
 
 # --- in real time
@@ -143,7 +148,9 @@ def _drives(session: Session) -> pd.DataFrame:
                 "engaged": 100.0 * car["active_s"] / duration_s,
                 "hand_overs": sum(mode == "hand_over" for _, mode, _ in suite["changes"][:-2]),
                 "oldest_ms": 1e3 * car["oldest_command_s"],
+                "engagements": car["engagements"],
                 "jerk": car["largest_jerk_m_s3"],
+                "settled_jerk": settled_jerk_m_s3(folder / "car_frames.log"),
                 "gap_m": car["smallest_gap_m"],
                 "late_p99_ms": 1e3 * suite["late_p99_s"],
                 "late_max_ms": 1e3 * suite["late_max_s"],
@@ -203,23 +210,26 @@ def _faults(session: Session) -> pd.DataFrame:
             folder / "result.json",
             partial(faulty, folder, [*OFTEN, *options], FAULT_DRIVE_S),
         )
-        rows.append({"fault": name, **_reaction(found)})
+        rows.append(
+            {"fault": name, **_reaction(found, begins=f"{FAULT_AT_S}" in " ".join(options))}
+        )
     return pd.DataFrame(rows)
 
 
-def _reaction(found: Mapping[str, Any]) -> dict[str, Any]:
-    """Return how the suite reacted to a fault of a drive."""
+def _reaction(found: Mapping[str, Any], *, begins: bool) -> dict[str, Any]:
+    """Return how the suite reacted to a fault of a drive, which begins in it or lasts all the time."""
     car, suite = found["car"], found["suite"]
+    from_s = FAULT_AT_S - 0.5 if begins else FIRST_ENGAGED_S
     changes = [
         (time_s, mode, reason)
         for time_s, mode, reason in suite["changes"]
-        if FAULT_AT_S - 0.5 <= time_s < FAULT_DRIVE_S - 0.5
+        if from_s <= time_s < FAULT_DRIVE_S - 0.5
     ]
     inactive = [at_s for at_s in car["inactive_at_s"] if at_s >= FAULT_AT_S]
     return {
         "reaction": "; ".join(dict.fromkeys(f"{mode}: {why}" for _, mode, why in changes))
         or ("goes on" if car["active_s"] else "never engaged"),
-        "inactive_ms": 1e3 * (inactive[0] - FAULT_AT_S) if inactive else math.nan,
+        "inactive_ms": 1e3 * (inactive[0] - FAULT_AT_S) if begins and inactive else math.nan,
         "engaged_s": car["active_s"],
         "engagements": car["engagements"],
         "gap_m": car["smallest_gap_m"],
@@ -240,7 +250,7 @@ def _replay(session: Session) -> pd.DataFrame:
 def _judge(session: Session, package: Path) -> pd.DataFrame:
     """Pass the requests of all drives through opendbc's safety code."""
     library, rows = build(package), []
-    logs = sorted((session.scratch / "drives").glob("*/car_frames.log"))
+    logs = sorted(session.scratch.glob("*/*/car_frames.log"))
     for car in CARS:
         counts: Counter[str] = Counter()
         for log in logs:
