@@ -12,8 +12,10 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, PointCloud2, Temperature
 from std_msgs.msg import Float64
 
+from iptm_core.lead_track import RangeTrack
 from iptm_ros.codecs import time_from_ns
 from iptm_ros.codecs.table import encode_table
+from iptm_ros.codecs.tracks import encode_tracks
 from iptm_ros.diagnostics import status_values
 from iptm_ros.topics import TOPICS, Topic
 
@@ -39,6 +41,8 @@ def message_of(topic: Topic, tick: int) -> Any:
     if isinstance(message, JointState):
         message.name = list(spec.fields)
         message.position = [tick + 0.1 * k for k in range(len(message.name))]
+    elif topic is Topic.RANGE_TRACKS:
+        message = encode_tracks((RangeTrack(tick + 1.0, 0.0, 0.0),), tick * S)
     elif isinstance(message, PointCloud2):
         numbers = np.arange(16.0) + tick
         message = encode_table(topic, tick * S, dict.fromkeys(spec.fields, numbers))

@@ -13,7 +13,7 @@ import yaml
 from sensor_msgs.msg import JointState
 
 import iptm_view
-from iptm_ros.topics import TOPICS, TopicSpec
+from iptm_ros.topics import TOPICS, Topic, TopicSpec
 from iptm_ros.visual_topics import VISUAL_TOPICS
 
 FOLDER = Path(iptm_view.__file__).parent / "layouts"
@@ -25,6 +25,7 @@ NAMED_VALUES = {
     (name, field)
     for name, spec in SPECS.items()
     if spec.message_type is JointState and spec.unit == "see fields"
+    if spec.topic is not Topic.ENGAGEMENT  # only a car has it
     for field in spec.fields
     if not re.match(r"(position|speed|acceleration|.*_temperature)_", field)
     or name != "/plant/state"
