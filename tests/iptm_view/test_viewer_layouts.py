@@ -85,6 +85,9 @@ def test_foxglove() -> None:
         "/v2x/datagrams",
         "/v2x/leader_samples",
         "/v2x/road_ahead",
+        "/sensor/tracks",
+        "/sensor/road_friction",
+        "/vehicle/engagement",
     }
 
 
