@@ -18,6 +18,12 @@ class Bench:
             FrameCodec(vehicle),
         )
         self.now_s = 100.0
+        self.let_go()
+
+    def let_go(self) -> None:
+        """Send a request that leaves the car to its driver."""
+        frame = self.suite.encode_command(self.vehicle.acceleration, 0.0, enabled=False)
+        self.gateway.from_suite(*frame, self.now_s)
 
     def step(
         self,
@@ -76,7 +82,20 @@ def test_the_brake_makes_the_car_inactive_in_the_next_frame(vehicle: Vehicle) ->
     bench = Bench(vehicle)
     assert bench.step(0.0)[1]
     assert bench.step(0.0, brake=True) == (0.0, False)
+
+
+def test_inactive_is_inactive_until_the_suite_has_let_go(vehicle: Vehicle) -> None:
+    """After a pedal, after silence, and after a start of the gateway while the suite is engaged."""
+    bench = Bench(vehicle)
     assert bench.step(0.0)[1]
+    for cause in ({"brake": True}, {"wanted": None}):
+        for _ in range(5):
+            bench.step(**cause)  # type: ignore[arg-type]
+        assert not any(bench.step(0.0)[1] for _ in range(20))
+        bench.let_go()
+        assert bench.step(0.0)[1]
+    bench.gateway = Gateway(vehicle)
+    assert not any(bench.step(0.0)[1] for _ in range(20))
 
 
 def test_below_the_safe_gap_it_brakes_whatever_the_suite_wants(vehicle: Vehicle) -> None:

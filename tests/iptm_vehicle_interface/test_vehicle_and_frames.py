@@ -201,6 +201,39 @@ def test_a_second_vehicle_drives_without_another_line(other: Path) -> None:
     assert received[181:] == [(0.0, False)] * (len(received) - 181)
 
 
+@pytest.mark.parametrize("inactive_from_s", [0.0, 2.0])
+def test_a_car_that_stays_inactive_ends_the_engagement(
+    vehicle: Vehicle, inactive_from_s: float
+) -> None:
+    """From the enable on, or in the middle of a drive: the suite hands over and needs a new enable."""
+    driver, car = Driver(vehicle), FrameCodec(vehicle)
+    modes: list[Mode] = []
+    for step in range(200):
+        now_s = 1000.0 + 0.02 * step
+        active = driver.engagement.is_active and 0.02 * step < inactive_from_s
+        for message, values in (
+            ("SPEED", {"VehicleSpeed": 72.0}),
+            ("PEDALS", {"ControlActive": float(active)}),
+            ("BATTERY", {"PackVoltage": 350.0}),
+            ("THERMAL", {"LowestCellTemperature": 25.0, "HighestCellTemperature": 26.0}),
+            ("RADAR", {}),
+        ):
+            driver.receive(Frame(*car.encode(message, values), now_s))
+        if step % 50 == 0:
+            assert driver.measured(now_s, now_s) is not None
+            nodes = now_s + np.arange(4.0)
+            assert driver.follow(now_s, (nodes, np.full(4, 20.0), np.zeros(4)), Command(0.0, 0.0))
+        if step == 10:
+            driver.press("enable_button", now_s)
+        driver.step(now_s)
+        modes.append(driver.engagement.mode)
+    ended = modes.index(Mode.HAND_OVER)
+    begun = modes.index(Mode.ENGAGED)
+    assert 0.02 * (ended - begun) == pytest.approx(max(inactive_from_s - 0.2, 0.3), abs=0.06)
+    assert any("does not act on requests" in reason for _, _, reason in driver.log.changes)
+    assert Mode.ENGAGED not in modes[ended:]
+
+
 @pytest.mark.parametrize(
     ("gap_m", "relative_m_s", "speed_m_s", "frozen_after_s"),
     [

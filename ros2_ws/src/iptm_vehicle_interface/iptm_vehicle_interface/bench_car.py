@@ -250,7 +250,8 @@ class BenchCar:
                 "CancelButton": "cancel_button",
                 "VehicleFault": "vehicle_fault",
             }
-            return {name: float(self.pressed(event)) for name, event in buttons.items()}
+            pressed = {name: float(self.pressed(event)) for name, event in buttons.items()}
+            return pressed | {"ControlActive": float(self._was_active)}
         if message == "RADAR":
             return self._radar_values()
         if message == "BATTERY":

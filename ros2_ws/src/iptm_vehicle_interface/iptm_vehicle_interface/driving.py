@@ -29,6 +29,8 @@ from iptm_vehicle_interface.vehicle import Vehicle
 from iptm_vehicle_interface.vehicle_state import LEADER, NEEDED, VehicleStateEstimator
 
 LOOP_S = 0.02
+ACTIVE_WITHIN_S = 0.3
+"""Time after which a car that is enabled has to act on requests."""
 PRESSED_S = 0.3
 """For how long a request of a service counts as a pressed button."""
 _KEPT_TICKS = 16
@@ -111,6 +113,7 @@ class Driver:
         self._pressed_until_s = {"enable_button": -math.inf, "cancel_button": -math.inf}
         self._last_s = -math.inf
         self._start_s = math.nan
+        self._engaged_s = math.inf
 
     def receive(self, frame: Frame) -> str:
         """Take a frame of the car; return the name of its message, empty for one that does not count."""
@@ -158,13 +161,18 @@ class Driver:
 
     def hindrance(self, now_s: float) -> str:
         """Return why the suite cannot drive, empty for nothing."""
-        stale = self.signals.stale((*NEEDED, *LEADER), now_s)
+        stale = self.signals.stale((*NEEDED, *LEADER, "control_active"), now_s)
         if stale:
             return f"no fresh {', '.join(stale)}"
         if self._is_range_frozen:
             return "the range sensor repeats itself"
         if self.signals.is_set("vehicle_fault", now_s):
             return "the vehicle reports a fault"
+        # A vehicle that does not state it shows its driver, not the suite, that it is inactive.
+        states_it = "control_active" in self.vehicle.signals
+        is_active = not states_it or self.signals.is_set("control_active", now_s)
+        if now_s - self._engaged_s > ACTIVE_WITHIN_S and not is_active:
+            return "the car does not act on requests"
         if self._followed is None:
             return "no decision yet"
         if now_s - self._followed.made_s > LONGEST_FOLLOWED_S:
@@ -192,6 +200,8 @@ class Driver:
         before = self.engagement
         self.engagement = before.step(conditions, self.requested_m_s2, since_s)
         if self.engagement.mode is not before.mode:
+            engaged = self.engagement.mode is Mode.ENGAGED
+            self._engaged_s = now_s if engaged else math.inf
             since_start_s = now_s - self._start_s
             self.log.changes.append(
                 (since_start_s, self.engagement.mode.value, self.engagement.reason)

@@ -48,6 +48,7 @@ class Gateway:
         self._signals = SignalTable(vehicle.signals)
         self._acceleration, self._compressor = _Command(), _Command()
         self._sent: Passed = Passed(0.0, enabled=False)
+        self._is_latched = True
         self.counts: Counter[str] = Counter()
         """What was refused or cut, by reason."""
 
@@ -74,6 +75,8 @@ class Gateway:
         target, value, enabled = command
         kept = self._acceleration if target is self._vehicle.acceleration else self._compressor
         kept.value, kept.enabled, kept.time_s = value, enabled, now_s
+        if kept is self._acceleration and not enabled:
+            self._is_latched = False
 
     def passed(self, now_s: float) -> Passed:
         """Return what may be sent now."""
@@ -114,8 +117,18 @@ class Gateway:
         return self._codec.encode_command(self._vehicle.acceleration, 0.0, enabled=False)
 
     def frames(self, now_s: float) -> list[tuple[int, bytes]]:
-        """Return the frames to send at an instant."""
-        result = self._sent = self.passed(now_s)
+        """Return the frames to send at an instant.
+
+        Once the car has been made inactive against a request, and after a start, it stays so until the
+        suite has let go as well: a new request needs a new enable of the driver.
+        """
+        result = self.passed(now_s)
+        if self._acceleration.enabled and not result.enabled:
+            self._is_latched = True
+        if self._is_latched and result.enabled:
+            self.counts["no new enable"] += 1
+            result = Passed(0.0, enabled=False, violations=result.violations)
+        self._sent = result
         vehicle = self._vehicle
         sent = [
             self._codec.encode_command(

@@ -55,9 +55,10 @@ SIGNALS: Mapping[str, str] = {
     "enable_button": "1",
     "cancel_button": "1",
     "vehicle_fault": "1",
+    "control_active": "1",
 }
 """Signals that the suite has a use for, and their SI units. Currents are positive when discharging, relative
-speeds when the vehicle ahead pulls away."""
+speeds when the vehicle ahead pulls away. `control_active` is 1 while the car acts on requests."""
 REQUIRED = ("speed_m_s", "brake_pressed")
 
 
