@@ -48,7 +48,9 @@ def files_of(package: str) -> Iterator[tuple[str, Path]]:
     spec = find_spec(package)
     if spec is None or not spec.submodule_search_locations:
         raise ParameterError(f"package is {shown(package)}; allowed: one that can be imported")
-    for folder in map(Path, spec.submodule_search_locations):
+    # A namespace package may be found twice: by the search path and by the working directory.
+    folders = dict.fromkeys(Path(each).resolve() for each in spec.submodule_search_locations)
+    for folder in folders:
         for path in sorted(folder.rglob("*")):
             is_code = path.suffix == ".py" and not path.name.startswith("node")
             if is_code or path.suffix in _DATA:
