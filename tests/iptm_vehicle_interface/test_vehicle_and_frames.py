@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from iptm_core.driving_mode import DrivingMode
 from iptm_core.errors import MessageError, ParameterError
 from iptm_core.state import Command
 from iptm_vehicle_interface.bus import Frame
 from iptm_vehicle_interface.driving import Driver
-from iptm_vehicle_interface.engagement import Mode
 from iptm_vehicle_interface.frames import FrameCodec, FrameFault
 from iptm_vehicle_interface.gateway import Gateway
 from iptm_vehicle_interface.signals import RangeWatch, SignalTable
@@ -207,7 +207,7 @@ def test_a_car_that_stays_inactive_ends_the_engagement(
 ) -> None:
     """From the enable on, or in the middle of a drive: the suite hands over and needs a new enable."""
     driver, car = Driver(vehicle), FrameCodec(vehicle)
-    modes: list[Mode] = []
+    modes: list[DrivingMode] = []
     for step in range(200):
         now_s = 1000.0 + 0.02 * step
         active = driver.engagement.is_active and 0.02 * step < inactive_from_s
@@ -227,11 +227,11 @@ def test_a_car_that_stays_inactive_ends_the_engagement(
             driver.press("enable_button", now_s)
         driver.step(now_s)
         modes.append(driver.engagement.mode)
-    ended = modes.index(Mode.HAND_OVER)
-    begun = modes.index(Mode.ENGAGED)
+    ended = modes.index(DrivingMode.HAND_OVER)
+    begun = modes.index(DrivingMode.ENGAGED)
     assert 0.02 * (ended - begun) == pytest.approx(max(inactive_from_s - 0.2, 0.3), abs=0.06)
     assert any("does not act on requests" in reason for _, _, reason in driver.log.changes)
-    assert Mode.ENGAGED not in modes[ended:]
+    assert DrivingMode.ENGAGED not in modes[ended:]
 
 
 @pytest.mark.parametrize(
@@ -269,5 +269,5 @@ def test_with_the_dbc_of_another_car_nothing_is_ever_ready(other: Path, vehicle:
             driver.receive(Frame(*car.encode(message, {}), now_s))
         driver.press("enable_button", now_s)
         driver.step(now_s)
-    assert driver.engagement.mode is Mode.OFF
+    assert driver.engagement.mode is DrivingMode.OFF
     assert "no fresh speed_m_s" in driver.hindrance(2.0)

@@ -27,6 +27,7 @@ from iptm_controller.node_reports import (
 )
 from iptm_controller.node_ticks import OTHER_INPUTS, CatchUp, CompleteTick
 from iptm_controller.node_watch import OperatorWatch
+from iptm_core.driving_mode import DrivingMode
 from iptm_core.errors import MessageError, ServiceError
 from iptm_core.road_ahead import RoadAhead
 from iptm_core.saved_state import write_state
@@ -61,8 +62,6 @@ from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import CONTROLLER, TOPICS, Topic
 
 CHECKS_PER_TIMEOUT = 5.0
-ENGAGED_MODE = 2.0
-"""Mode of `vehicle/engagement` in which the commands of the controller are followed."""
 FLAT_ROAD = SlopePreview(np.zeros(1), np.zeros(1))
 PLANT_TIMEOUT_S = 5.0
 """Wall time without any part of a state after which the plant is reported as stopped."""
@@ -141,7 +140,8 @@ class ControllerNode(SuiteNode):
 
     def _on_engagement(self, message: JointState) -> None:
         """Note whether a car follows the commands, or its driver drives."""
-        self._is_followed = read_numbers(Topic.ENGAGEMENT, message)[0] == ENGAGED_MODE
+        mode = read_numbers(Topic.ENGAGEMENT, message)[0]
+        self._is_followed = mode == DrivingMode.ENGAGED.number
 
     def _on_decoded(
         self, topic: Topic, decode: Callable[[Any], tuple[int, Any]], message: Any

@@ -15,6 +15,7 @@ from enum import Enum
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from iptm_core.driving_mode import DrivingMode
 from iptm_ros.message_types import (
     AccelStamped,
     BatteryState,
@@ -49,6 +50,9 @@ LEADER_FRAME = "leader"
 """Body of the preceding vehicle: origin on the road below its rear bumper, axes as for the ego vehicle."""
 PACK_FRAME = "battery_pack"
 """The battery pack, fixed in the ego vehicle: named by the battery, coolant and degradation messages."""
+
+
+_MODES = ", ".join(f"{mode.number:g} {mode.value}" for mode in DrivingMode)
 
 
 class Topic(Enum):
@@ -217,7 +221,7 @@ _SPECS = (
     ),
     TopicSpec(
         Topic.ENGAGEMENT, JointState, VEHICLE, EGO_FRAME, "see fields",
-        "who drives a car: mode 0 off, 1 ready, 2 engaged, 3 overridden, 4 hand-over; pedals, buttons and "
+        f"who drives a car: mode {_MODES}; pedals, buttons and "
         "the fault flag of the vehicle, 0 or 1 (NaN: not known); acceleration requested at present",
         {
             "mode": "1", "brake_pressed": "1", "accelerator_pressed": "1", "enable_button": "1",

@@ -13,10 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from iptm_core.driving_mode import DrivingMode
 from iptm_core.parameters import load_parameters
 from iptm_core.state import Command, FloatArray, LeaderState, PlantObservation
 from iptm_vehicle_interface.bus import Frame
-from iptm_vehicle_interface.engagement import Conditions, Engagement, Mode
+from iptm_vehicle_interface.engagement import Conditions, Engagement
 from iptm_vehicle_interface.frames import FrameCodec
 from iptm_vehicle_interface.inner_loop import (
     LONGEST_FOLLOWED_S,
@@ -200,7 +201,7 @@ class Driver:
         before = self.engagement
         self.engagement = before.step(conditions, self.requested_m_s2, since_s)
         if self.engagement.mode is not before.mode:
-            engaged = self.engagement.mode is Mode.ENGAGED
+            engaged = self.engagement.mode is DrivingMode.ENGAGED
             self._engaged_s = now_s if engaged else math.inf
             since_start_s = now_s - self._start_s
             self.log.changes.append(
@@ -222,10 +223,10 @@ class Driver:
 
     def _wanted(self, now_s: float, since_s: float) -> float:
         mode = self.engagement.mode
-        if mode is Mode.HAND_OVER:
+        if mode is DrivingMode.HAND_OVER:
             return self.engagement.released_m_s2
         speed = self.signals.value("speed_m_s", now_s)
-        if mode is not Mode.ENGAGED or self._followed is None or math.isnan(speed):
+        if mode is not DrivingMode.ENGAGED or self._followed is None or math.isnan(speed):
             # Engaged from here, the car goes on as it moves.
             own = self.signals.value("acceleration_m_s2", now_s)
             return 0.0 if math.isnan(own) else own

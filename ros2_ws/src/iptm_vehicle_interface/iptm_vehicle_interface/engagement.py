@@ -19,22 +19,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from iptm_core.declaration import TextEnum
-
-
-class Mode(TextEnum):
-    """Who drives."""
-
-    OFF = "off"
-    READY = "ready"
-    ENGAGED = "engaged"
-    OVERRIDDEN = "overridden"
-    HAND_OVER = "hand_over"
-
+from iptm_core.driving_mode import DrivingMode
 
 HAND_OVER_RATE_M_S3 = 1.0
 """Rate at which braking is released during the hand-over."""
-ACTIVE = frozenset({Mode.ENGAGED, Mode.HAND_OVER})
+ACTIVE = frozenset({DrivingMode.ENGAGED, DrivingMode.HAND_OVER})
 """Modes in which requests are sent."""
 
 
@@ -63,7 +52,7 @@ class Engagement:
         released_m_s2: acceleration requested during the hand-over.
     """
 
-    mode: Mode = Mode.OFF
+    mode: DrivingMode = DrivingMode.OFF
     reason: str = "start"
     enable_was_pressed: bool = True
     released_m_s2: float = 0.0
@@ -80,7 +69,7 @@ class Engagement:
             requested_m_s2: acceleration that was requested last.
             duration_s: time since the step before.
         """
-        if self.mode in {Mode.OFF, Mode.READY}:
+        if self.mode in {DrivingMode.OFF, DrivingMode.READY}:
             after = self._waiting(now)
         else:
             after = self._driving(now, requested_m_s2, duration_s)
@@ -89,30 +78,32 @@ class Engagement:
     def _waiting(self, now: Conditions) -> Engagement:
         """Return the state after off and ready."""
         if now.hindrance:
-            return replace(self, mode=Mode.OFF, reason=now.hindrance)
-        if self.mode is Mode.OFF:
-            return replace(self, mode=Mode.READY, reason="ready")
+            return replace(self, mode=DrivingMode.OFF, reason=now.hindrance)
+        if self.mode is DrivingMode.OFF:
+            return replace(self, mode=DrivingMode.READY, reason="ready")
         pressed = now.enable and not self.enable_was_pressed
         if pressed and not (now.brake or now.accelerator or now.cancel):
-            return replace(self, mode=Mode.ENGAGED, reason="enabled by the driver")
+            return replace(self, mode=DrivingMode.ENGAGED, reason="enabled by the driver")
         return self
 
     def _driving(self, now: Conditions, requested_m_s2: float, duration_s: float) -> Engagement:
         """Return the state after engaged, overridden and hand-over."""
         if now.brake or now.cancel:
             reason = "the driver brakes" if now.brake else "cancelled by the driver"
-            mode = Mode.OFF if self.mode is Mode.HAND_OVER else Mode.READY
+            mode = DrivingMode.OFF if self.mode is DrivingMode.HAND_OVER else DrivingMode.READY
             return replace(self, mode=mode, reason=reason)
-        if self.mode is Mode.HAND_OVER:
+        if self.mode is DrivingMode.HAND_OVER:
             eased = self.released_m_s2 + HAND_OVER_RATE_M_S3 * duration_s
             if eased >= 0.0 or now.accelerator:
-                return replace(self, mode=Mode.OFF, released_m_s2=0.0)
+                return replace(self, mode=DrivingMode.OFF, released_m_s2=0.0)
             return replace(self, released_m_s2=eased)
         if now.hindrance:
-            braking = min(requested_m_s2, 0.0) if self.mode is Mode.ENGAGED else 0.0
-            return replace(self, mode=Mode.HAND_OVER, reason=now.hindrance, released_m_s2=braking)
+            braking = min(requested_m_s2, 0.0) if self.mode is DrivingMode.ENGAGED else 0.0
+            return replace(
+                self, mode=DrivingMode.HAND_OVER, reason=now.hindrance, released_m_s2=braking
+            )
         if now.accelerator:
-            return replace(self, mode=Mode.OVERRIDDEN, reason="the driver accelerates")
-        if self.mode is Mode.OVERRIDDEN:
-            return replace(self, mode=Mode.ENGAGED, reason="accelerator released")
+            return replace(self, mode=DrivingMode.OVERRIDDEN, reason="the driver accelerates")
+        if self.mode is DrivingMode.OVERRIDDEN:
+            return replace(self, mode=DrivingMode.ENGAGED, reason="accelerator released")
         return self

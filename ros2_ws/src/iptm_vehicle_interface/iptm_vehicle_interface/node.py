@@ -16,6 +16,7 @@ from typing import Any
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, PointCloud2
 
+from iptm_core.driving_mode import DrivingMode
 from iptm_core.errors import ParameterError
 from iptm_core.lead_track import RangeTrack
 from iptm_core.state import Command, FloatArray, PlantObservation
@@ -39,7 +40,6 @@ from iptm_ros.topics import VEHICLE, Topic
 from iptm_vehicle_interface.bus import BusReader, go_first, open_bus, send
 from iptm_vehicle_interface.drive_record import DriveRecorder, whole_microseconds
 from iptm_vehicle_interface.driving import LOOP_S, Driver
-from iptm_vehicle_interface.engagement import Mode
 from iptm_vehicle_interface.node_parameters import VehicleNodeParameters
 from iptm_vehicle_interface.vehicle import load_vehicle
 from iptm_vehicle_interface.vehicle_state import LEADER
@@ -56,13 +56,12 @@ PUBLISHED = (
 SLEWED_S = 1e-4
 """By how much the clock of the loop follows the system's in a step; a jump of the latter is spread."""
 SAVED_EVERY_S = 10.0
-_MODES = {mode: float(place) for place, mode in enumerate(Mode)}
 _LEVELS = {
-    Mode.OFF: Level.WARN,
-    Mode.READY: Level.OK,
-    Mode.ENGAGED: Level.OK,
-    Mode.OVERRIDDEN: Level.OK,
-    Mode.HAND_OVER: Level.ERROR,
+    DrivingMode.OFF: Level.WARN,
+    DrivingMode.READY: Level.OK,
+    DrivingMode.ENGAGED: Level.OK,
+    DrivingMode.OVERRIDDEN: Level.OK,
+    DrivingMode.HAND_OVER: Level.ERROR,
 }
 _FLAGS = ("brake_pressed", "accelerator_pressed", "enable_button", "cancel_button", "vehicle_fault")
 
@@ -213,7 +212,7 @@ class VehicleNode(SuiteNode):
         """Publish who drives when it has changed, else with every tick."""
         driver, signals = self._driver, self._driver.signals
         flags = (signals.value(name, now_s) for name in _FLAGS)
-        values = (_MODES[driver.engagement.mode], *flags)
+        values = (driver.engagement.mode.number, *flags)
         shown = (*(-1.0 if math.isnan(value) else value for value in values), float(self._tick_ns))
         if shown != self._reported:
             self._reported = shown
