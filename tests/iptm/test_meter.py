@@ -76,6 +76,29 @@ def test_a_gap_is_left_out_and_said() -> None:
     assert meter.reading.state.position_m == pytest.approx(30.0)
 
 
+def test_a_speed_that_is_not_finite_counts_as_not_measured() -> None:
+    meters = DriveMeter(PARAMETERS), DriveMeter(PARAMETERS)
+    for tick in range(11):
+        for meter in meters:
+            meter.take(float(tick), 10.0)
+        meters[1].take(tick + 0.5, math.nan)
+        meters[1].take(math.inf, 10.0)
+    assert meters[0].reading == meters[1].reading
+
+
+def test_the_suite_behind_a_drive_begins_with_the_same_pack(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "steady.csv"
+    path.write_text("time_s,speed_m_s\n" + "".join(f"{t},20.0\n" for t in range(31)), "utf-8")
+    arguments = [str(path), "--json", "--cell-temperature-c", "20", "--follow", "aging"]
+    assert main(arguments) == 0
+    driven, behind = json.loads(capsys.readouterr().out).values()
+    assert driven["cell_1_temperature_c"] == pytest.approx(20.0, abs=1.0)
+    assert behind["cell_1_temperature_c"] == pytest.approx(20.0, abs=1.0)
+    assert main([*arguments, "--consumers-w", "500"]) == 2
+
+
 def test_a_drive_that_begins_at_speed_has_no_launch_in_its_energy(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -86,11 +86,13 @@ class DriveMeter:
         self._consumed_j = 0.0
 
     def take(self, time_s: float, speed_m_s: float, consumers_w: float = 0.0) -> None:
-        """Take a speed.
+        """Take a speed; one that is not finite counts as not measured.
 
         Args:
             consumers_w: of heater, air conditioning and others since the speed before, from the pack.
         """
+        if not (math.isfinite(time_s) and math.isfinite(speed_m_s)):
+            return
         state, speed_m_s = self.reading.state, max(speed_m_s, 0.0)
         if self._last is None or not 0.0 < time_s - self._last[0] <= LONGEST_GAP_S:
             left_out_s = 0.0 if self._last is None else max(time_s - self._last[0], 0.0)

@@ -111,6 +111,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         if bool(given.topic) == (given.file is not None):
             raise ScenarioError("give a file or --topic; allowed: one of both")
+        if given.follow and given.consumers_w:
+            raise ScenarioError(
+                "--follow compares without other consumers; allowed: --consumers-w without it"
+            )
         parameters = load_parameters(given.parameter_set, parse_overrides(given.overrides)).values
         kelvin = None
         if given.cell_temperature_c is not None:
@@ -125,10 +129,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
             given.file.name: figures(metered(trip, parameters, given.consumers_w, kelvin)),
         }
         if given.follow:
-            found[f"behind it, {given.follow}"] = _following(given)
+            found[f"behind it, {given.follow}"] = _following(trip, given, kelvin)
     except (IptmError, OSError) as reason:
         return refused(PROGRAM, reason)
-    print(json.dumps(found)) if given.json else Console().print(_table(found))
+    if given.json:
+        print(json.dumps(found))
+    else:
+        Console().print(_table(found))
     return EXIT_OK
 
 
@@ -144,16 +151,21 @@ def _trip(given: argparse.Namespace) -> UserTrip:
     return trip_of_table(given.file, read_can_log(given.file, given.dbc, signals))
 
 
-def _following(given: argparse.Namespace) -> dict[str, float]:
+def _following(
+    trip: UserTrip, given: argparse.Namespace, cell_temperature_k: float | None
+) -> dict[str, float]:
     """Return the figures of the suite behind the drive, over the same time."""
     from iptm import Trip, drive  # noqa: PLC0415
 
+    overrides = parse_overrides(given.overrides)
+    if cell_temperature_k is not None:
+        overrides["environment.initial_cell_temperature_k"] = cell_temperature_k
     run = drive(
         Trip.of(
-            _trip(given),
+            trip,
             strategy=given.follow,
             parameter_set=given.parameter_set,
-            overrides=given.overrides,
+            overrides=overrides,
         )
     )
     driven = run.trajectory
