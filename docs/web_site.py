@@ -96,7 +96,7 @@ def settings(source: Path, site: Path) -> dict[str, object]:
 
 
 def main() -> int:
-    """Make the site; the exit code is that of MkDocs, which ends with 1 after a warning."""
+    """Make the site; return the exit code of MkDocs, which is 1 after a warning."""
     parser = argparse.ArgumentParser("scripts/dev site", description="Make the web pages.")
     parser.add_argument("folder", type=Path, nargs="?", default=ROOT / "results" / "site")
     site = parser.parse_args().folder.resolve()

@@ -22,7 +22,7 @@ STRATEGIES = {
     PRODUCTION: (PRODUCTION, _CONTROLLER.horizon),
     BASELINE: (BASELINE, _CONTROLLER.horizon),
 }
-"""Strategy and grid by the role in the tables; those of `BASES` have no grid."""
+"""Strategy and grid by the role in the tables; `BASES` have no grid."""
 
 
 def climate(ambient_c: float) -> dict[str, float]:

@@ -89,7 +89,7 @@ def code_of(study: str) -> str:
 
 
 def used_by(study: str) -> tuple[frozenset[Path], tuple[str, ...]]:
-    """Return the files of a study, those of others that it imports, and the packages of the suite.
+    """Return the files of a study and of others that it imports, and the packages of the suite.
 
     Of a study from which it imports, the measurements count, too.
     """

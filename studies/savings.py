@@ -1,6 +1,6 @@
 """What every saving is stated with: the road that it takes, the preview that it needs, and its two bases.
 
-A long distance saves by itself, and perfect foresight is no radio.
+A long distance saves by itself, and no radio gives perfect foresight.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ COLUMNS = (
     ("energy saved:", "{production_energy:.1f} %"),
     ("against `eco_acc`:", "{eco_acc_ageing:.1f} / {eco_acc_energy:.1f} %"),
 )
-"""Headings and formats of every table of savings, after the columns of what was driven by which control."""
+"""Headings and formats of every table of savings, after the columns of trip and control."""
 
 
 def road_taken(runs: Sequence[Trajectory], begin: int = 0) -> dict[str, float]:

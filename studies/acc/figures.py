@@ -32,7 +32,7 @@ def figures_of(
 ) -> dict[str, float]:
     """Compare a run with the real follower, and with the bases of every saving.
 
-    Gap, headway and jerk are those of the measured seconds; energy and ageing count from standstill.
+    Gap, headway and jerk cover the measured seconds; energy and ageing count from standstill.
 
     Args:
         run: the run.

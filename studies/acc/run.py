@@ -1,4 +1,4 @@
-"""What is saved behind measured lead vehicles at the headway of the cars that followed them there."""
+"""Savings behind measured lead vehicles at the headway of the cars that followed them there."""
 
 from __future__ import annotations
 

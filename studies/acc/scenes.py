@@ -78,7 +78,7 @@ def joined(scenes: Sequence[Scene], seconds: int) -> tuple[Scene, int]:
     """Return a long scene of several measured ones, and how many of them it has.
 
     The last instant of one and the first of the next are alike: both speeds and the gap differ by no more
-    than `JOINT`. What is left out at the ends of both is as short as possible. Scenes that cannot be joined
+    than `JOINT`. As little as possible is left out at the ends of both. Scenes that cannot be joined
     are left out, and where all are used up they follow once more.
 
     Args:

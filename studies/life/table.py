@@ -45,8 +45,8 @@ def life_table(trips: Mapping[tuple[str, str], TripMap]) -> pd.DataFrame:
         ``loss`` and its parts by cause, ``saved`` against the thermostat, ``years`` until 80 %
         of the capacity is left, ``resistance`` (growth in percent after `RESISTANCE_YEARS`, missing
         without a law of it), ``outside`` (quantities outside the experiments behind the law),
-        ``cooling_kwh`` of compressor and fan in a year from pack and grid, ``more_kwh`` beyond that of
-        the thermostat; changes in percent of the ``range``, by the part of that from the pack, and of
+        ``cooling_kwh`` of compressor and fan in a year from pack and grid, ``more_kwh`` beyond the
+        thermostat's; changes in percent of the ``range``, by the part of that from the pack, and of
         the ``consumption`` from the pack.
     """
     rows: list[dict[str, Any]] = []

@@ -99,7 +99,7 @@ def held_back(verdicts: Mapping[str, pd.DataFrame]) -> str:
 
 
 def conclusion(verdicts: Mapping[str, pd.DataFrame]) -> dict[str, str]:
-    """How many statements hold with which set, which with one of them, and what was tried for the others."""
+    """How many statements hold with which set, which with only one, and the attempts for the others."""
     claims = checks.claims()
     holds = {name: found.verdict == checks.REPRODUCED for name, found in verdicts.items()}
     gated, printed = holds["gated"], holds["as_printed"]

@@ -125,7 +125,7 @@ def _labelled(found: pd.Series) -> str:
 
 
 def strategy_table(figures: pd.DataFrame) -> str:
-    """Table IV: found with its change, above what is printed; both have marks."""
+    """Table IV: found values with their changes, above the printed ones; both have marks."""
     printed = checks.printed_table()
     rows: list[list[str]] = []
     for figure in TABLE_IV:

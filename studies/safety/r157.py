@@ -270,8 +270,8 @@ def outcomes(stride: int) -> pd.DataFrame:
     """Return a row per case of the grids, see `grid`.
 
     It has the values of the case, and the smallest gaps of each driver and of the own vehicle in m:
-    ``own_m`` is that of the own vehicle as it is; ``granted_m``, where a driver avoids what it does not, that
-    with what this driver has: it sees the neighbouring lane, or starts from the driver's gap.
+    ``own_m`` of the own vehicle as it is; ``granted_m``, where only a driver avoids the collision, of the own
+    vehicle with this driver's advantage: it sees the neighbouring lane, or starts from the driver's gap.
     """
     car, rows = OwnCar(), []
     for case in grid(stride):

@@ -69,7 +69,7 @@ def rows(runs: Sequence[iptm.Run], others: Sequence[iptm.Run]) -> pd.DataFrame:
 
 
 def cut_short(run: iptm.Run, other: iptm.Run) -> pd.DataFrame:
-    """Return what is saved after a part of a trip, a row each."""
+    """Return the savings after parts of a trip, a row each."""
 
     def until(of: iptm.Run, last_s: float) -> iptm.Run:
         driven = of.trajectory.to_arrays()

@@ -1,6 +1,6 @@
 """opendbc's safety code as a foreign judge: commands of a recorded bench drive as frames of two of its cars.
 
-The package (`opendbc`, MIT) is unpacked into a folder by the user and compiled here; it is no part of
+The package (`opendbc`, MIT) is unpacked into a folder by the user and compiled here; it does not belong to
 this project. Its cars keep a requested acceleration within -3.5 to 2 m/s^2 while controls are allowed, and 0
 while the driver has a foot on a pedal or the suite is not engaged.
 """
@@ -126,7 +126,7 @@ def judged(library: Any, car: ForeignCar, log: Path) -> Counter[str]:
     """Pass the frames of a car's log through the judge of a car.
 
     Returns:
-        Requests while engaged, those of them that were blocked, and requests beside 0 while a pedal was
+        Requests while engaged, how many of these were blocked, and requests beside 0 while a pedal was
         pressed or the suite was not engaged.
     """
     if library.set_safety_hooks(car.mode, _LONGITUDINAL):

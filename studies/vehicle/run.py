@@ -67,7 +67,7 @@ _ON_THE_BENCH = ("drives", "kills", "faults")
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the folders of what is no part of the project."""
+    """Add the paths of code and data from outside the project."""
     add = parser.add_argument
     add("--opendbc", type=Path, metavar="DIR", help="unpacked package opendbc, for the judge")
     add("--i3", type=Path, metavar="FILE", help="recorded trips of the BMW i3, compact form")

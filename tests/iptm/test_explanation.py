@@ -1,4 +1,4 @@
-"""Why a run saves: the parts add up to the saving, and the drives behind them are those of the plant."""
+"""Why a run saves: the parts add up to the saving, and the drives behind them agree with the plant."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tracks of a range sensor: our own, those of radar drivers, and malformed ones."""
+"""Tracks of a range sensor: our own, from radar drivers, and malformed ones."""
 
 from __future__ import annotations
 

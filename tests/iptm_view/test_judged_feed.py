@@ -1,4 +1,4 @@
-"""What the page says a run saved is what every other output says."""
+"""The page shows the same saving of a run as every other output."""
 
 from __future__ import annotations
 

@@ -161,7 +161,7 @@ def test_a_fast_run_costs_no_more_than_it_shows(bag: Path) -> None:
 
 @pytest.mark.parametrize("lost_s", [{40, 41}, set(range(30, 60)), set(range(100, 121))])
 def test_a_tick_without_a_command_counts(bag: Path, page: dict[str, Any], lost_s: set[int]) -> None:
-    """The plant stops for want of commands; its rows are those of the bag, with a gap in the decisions."""
+    """The plant stops for want of commands; its rows match the bag, with a gap in the decisions."""
     feed = PageFeed()
     follower = RunFollower(feed, RunFacts("test"))
     controller = {Topic.SOLVE, Topic.COMMAND, Topic.PLAN}

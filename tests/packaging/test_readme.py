@@ -46,7 +46,7 @@ PARTS = re.compile(r"<!-- (\w+) -->\n(.*?)<!-- end of \1 -->", re.DOTALL)
 
 
 def test_figures_are_those_of_the_pages_that_a_command_made() -> None:
-    """A part between marks is that of the page of the study by that name, and no saving stands elsewhere."""
+    """A part between marks matches the page of the study by that name, and no saving stands elsewhere."""
     shown = dict(PARTS.findall(README))
     assert {"road_space", "acc", "life"} <= set(shown)
     for study, text in shown.items():

@@ -37,7 +37,7 @@ class Comparison:
 
     @property
     def table(self) -> pd.DataFrame:
-        """What was saved and all figures, a row each; a column per run.
+        """The savings and all figures, a row each; a column per run.
 
         Behind each run but the first stands its change in percent. What cannot be judged is NaN.
         """

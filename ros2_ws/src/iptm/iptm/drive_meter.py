@@ -32,7 +32,7 @@ class MeterReading:
     """What a drive has needed so far.
 
     Attributes:
-        state: of the car at the end of the last window; its capacity losses include those of the start.
+        state: of the car at the end of the last window; its capacity losses include the initial ones.
         driven_s: time that was metered.
         battery_energy_j: from the pack, what came back taken off.
         traction_energy_j: of the motor, the same.
@@ -70,7 +70,7 @@ class DriveMeter:
         Args:
             parameters: of the car.
             slope_at: slope of the road in rad (positive uphill) at a distance from the start in m.
-            cell_temperature_k: of all cells at the start; None for that of the parameters.
+            cell_temperature_k: of all cells at the start; None takes it from the parameters.
         """
         self._parameters, self._slope_at = parameters, slope_at
         self._channel = reduce_channel(parameters.cooling, parameters.pack)

@@ -11,7 +11,7 @@ compressor does in trip time what it did in the other run; the others change the
     end state    both packs brought to the same temperature, motion given back
 
 Motions come from drives of the closed loop, all else from drives of the plant with a given motion and
-compressor power. The ageing law at every row tells temperature and cooling apart. What the drives do not
+compressor power. The ageing law at every row separates temperature from cooling. What the drives do not
 reproduce of the two runs is the remainder, so that the parts add up to the saving with equal ends.
 """
 
@@ -68,7 +68,7 @@ class Explanation:
 
     Attributes:
         table: percentage points of the other run's figures by cause (rows), for ``aging`` and ``energy``.
-        saving: what was saved; its figures with equal ends are the sums of the columns.
+        saving: against the other run; its figures with equal ends are the sums of the columns.
     """
 
     table: pd.DataFrame

@@ -50,7 +50,7 @@ def build_parser() -> argparse.ArgumentParser:
     add("--parameter-set", default=DEFAULT_SET, help="the car: a shipped set, or a .yaml file")
     add("--overrides", default="", help="single parameters, 'body.mass_kg=1600'")
     add("--consumers-w", type=float, default=0.0, help="heater, air conditioning and others, mean")
-    add("--cell-temperature-c", type=float, help="at the start (default: that of the car)")
+    add("--cell-temperature-c", type=float, help="at the start (default: the car's)")
     add(
         "--follow",
         default="",

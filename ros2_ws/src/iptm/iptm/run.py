@@ -80,7 +80,7 @@ class Run:
         reports: what was reported during the trip, on every change; in memory only.
         wall_time_s: of the drive, NaN where it is not known.
         problems: why the run counts as failed, empty if it does not.
-        warnings: what was repaired in the file of the drive, warnings of the nodes, remarks on the figures.
+        warnings: repairs of the drive's file, warnings of the nodes, remarks on the figures.
         bag_messages: messages in the bag by topic, None without a bag.
         information: provenance of a run over ROS 2: revision, versions, start time.
         other: the same trip under another strategy, None without a comparison.
@@ -144,7 +144,7 @@ class Run:
         """Judge what this run saved against another run of the same trip.
 
         Args:
-            other: the other run; None for that of the attribute ``other``.
+            other: the other run; None for the attribute ``other``.
 
         Raises:
             ScenarioError: neither is given.
@@ -203,7 +203,7 @@ class Run:
 
         Args:
             against: run whose curves are drawn behind those of this one.
-            remarks: lines of the heading, below the name; none for what was saved against the other run.
+            remarks: lines of the heading, below the name; if empty, the saving against the other run.
             footer: text below the picture.
 
         Returns:
@@ -226,7 +226,7 @@ class Run:
 
         Args:
             path: new file.
-            against: see `plot`; None for that of the attribute ``other``.
+            against: see `plot`; None for the attribute ``other``.
             explained: whether to add where the saving comes from, which drives the trip twice more.
 
         Raises:

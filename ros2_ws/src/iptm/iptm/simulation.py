@@ -24,7 +24,7 @@ def simulate(
 ) -> Run:
     """Drive a trip behind a lead vehicle, without ROS: ``drive(Trip.of(cycle, **settings))``.
 
-    The defaults are those of ``scripts/run_demo``, and both give the same commands. On a terminal and in a
+    The defaults match ``scripts/run_demo``, and both give the same commands. On a terminal and in a
     notebook a line shows how far a longer drive has come.
 
     Args:

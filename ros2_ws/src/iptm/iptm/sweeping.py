@@ -34,7 +34,7 @@ class Sweep:
         """What each run saved against the one with other values, such as ``strategy="reference"``.
 
         Args:
-            base: values of the run to compare with, by name; all others are those of each run.
+            base: values of the run to compare with, by name; all others stay as in each run.
 
         Returns:
             A row per run: percentages, NaN where they cannot be judged, and the judgement of the ageing.
@@ -81,7 +81,7 @@ def sweep(
         workers: number of processes; 1 for this one, None for one per core.
         executor: drives instead, such as ``client.get_executor()`` of `dask.distributed`.
         cache: folder of finished runs; what is there is not driven again, see `cached_calls`.
-        arguments: those of `simulate`; a list, a range or an array of one dimension, also as a value in
+        arguments: as for `simulate`; a list, a range or an array of one dimension, also as a value in
             ``overrides`` or in a vehicle given as a mapping, stands for one run per entry.
 
     Raises:

@@ -148,7 +148,7 @@ class Trip:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was repaired in the drive, and parameters that were changed without their neighbours."""
+        """Repairs of the drive, and parameters that were changed without their neighbours."""
         return (*self.route.notes, *belonging_notes(self.model))
 
     @cached_property

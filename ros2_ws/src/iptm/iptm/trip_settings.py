@@ -63,15 +63,15 @@ _FAULTS = "faults"
 
 @dataclass(frozen=True)
 class Road(RoadRuleSettings, TripSettings):
-    """What is driven on which road, and the rules of the road."""
+    """The drive, its road, and the rules of the road."""
 
 
 @dataclass(frozen=True)
 class Leader(LeaderSettings):
-    """The lead vehicle, and what is received of its motion.
+    """The lead vehicle, its messages, and the preview of its motion.
 
-    A length of the preview that is left open (None) is that of the horizon with a reserve for the age of
-    predictions, but at least a minute.
+    A preview length of None covers the horizon and a reserve for the age of predictions, but at least a
+    minute.
     """
 
     preview_length_s: float | None = declared(  # type: ignore[assignment]  # open, where wanted

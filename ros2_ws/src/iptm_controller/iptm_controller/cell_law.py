@@ -148,7 +148,7 @@ def valuation_of(
     """Return the strategy as the problem weighs it, the price of a joule in it, and what prices temperatures.
 
     Args:
-        aging: law of the cell, None for that of the paper.
+        aging: law of the cell, None for the paper's.
     """
     times_s = options.horizon.duration_s, options.trip_duration_s
     weighs_aging, price_1_j = strategy.aging_weight > 0.0, 0.0

@@ -130,7 +130,7 @@ class Controller:
 
     @property
     def memory(self) -> ControllerMemory:
-        """What is carried from tick to tick; defaults for what this strategy or solver does not need."""
+        """State carried from tick to tick; defaults for parts that this strategy or solver does not need."""
         memory = ControllerMemory(
             last_trusted=self._last_trusted,
             last_plan=self._ladder.last_plan,

@@ -31,7 +31,7 @@ FREE_POSITION_M = 1e9
 ANOTHER_LEAD_M = 3.0
 """Position jump, beyond the motion at its speeds, from which it is another vehicle."""
 ANOTHER_LEAD_M_S, ANOTHER_LEAD_M_S2 = 3.0, 12.0
-"""Change of speed, beyond that of the second one for the time between, from which it is another vehicle."""
+"""Change of speed, beyond the second value times the interval, from which it is another vehicle."""
 LARGEST_MEASURING_INTERVAL_S = 5.0
 """Longest interval between two measurements from which an acceleration is estimated."""
 IDENTICAL_M, IDENTICAL_M_S = 1e-6, 1e-9
@@ -50,7 +50,7 @@ hides is not assumed to brake hard."""
 GHOST_CONFIRMED_S = 1.2
 """Time for which what appears in place of a ghost has to move as measured before it counts."""
 HIDDEN_DECELERATION_M_S2 = 3.0
-"""Deceleration assumed of a vehicle that a ghost hides, above that of ordinary driving."""
+"""Deceleration assumed of a vehicle that a ghost hides, harder than in ordinary driving."""
 LONGEST_PERIOD_S = 1.5
 """A sensor is taken to measure at least this often."""
 _KEPT = 12

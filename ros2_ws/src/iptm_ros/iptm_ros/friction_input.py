@@ -1,4 +1,4 @@
-"""The friction of the road as a node hears it: a setting to begin with, then what is published of it."""
+"""The friction of the road for a node: a setting to begin with, then the published values."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class FrictionInput:
 
     @property
     def coefficient(self) -> float:
-        """What is known at present, 0 for nothing."""
+        """The present value, 0 if unknown."""
         is_valid = self._node.awake.now_s() - self._heard_s <= VALID_S
         return self._heard if is_valid else self._default
 

@@ -158,7 +158,7 @@ _SPECS = (
         "distance along the road, speed (never negative), first and last cell of a coolant channel, losses "
         "as fractions of nominal capacity; of the interval that ended at the stamp, acceleration (positive "
         "forward), mean powers (traction and battery positive when drawn from the pack, chiller heat when "
-        "cooling, battery heat when made in the cells; a negative compressor power is that of a heater), how "
+        "cooling, battery heat when made in the cells; a negative compressor power is a heater's), how "
         "long the safety monitor braked, the "
         "smallest gap measured inside (NaN for none), and the share of the requested deceleration that the "
         "brakes deliver. From compressor_power_w on, NaN is a value that is not measured; from "
@@ -270,7 +270,7 @@ _SPECS = (
     TopicSpec(
         Topic.COMMAND, JointState, CONTROLLER, EGO_FRAME, "see fields",
         "the decision for the interval that starts at the stamp of the state it answers; last "
-        "message of the controller in a tick; a negative compressor power is that of a heater",
+        "message of the controller in a tick; a negative compressor power is a heater's",
         {"acceleration_m_s2": "m/s^2", "compressor_power_w": "W"},
     ),
     TopicSpec(

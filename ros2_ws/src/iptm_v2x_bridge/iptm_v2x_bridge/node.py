@@ -156,7 +156,7 @@ class BridgeNode(SuiteNode):
         if answer.contested:
             return (
                 Level.WARN,
-                "what is received of the leader contradicts itself or the range sensor",
+                "messages of the leader contradict each other or the range sensor",
             )
         if answer.predictor == PredictorName.ASSUMED_BRAKING:
             return Level.WARN, "the leader is not heard any more and taken to brake to a halt"

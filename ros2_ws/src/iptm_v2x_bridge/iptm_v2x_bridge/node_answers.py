@@ -188,7 +188,7 @@ class CamAnswers(TickAnswers[CamBridge]):
         return bridge, self._with_rules(joined, heard.ego if heard else None, start_ms)
 
     def _joined(self, bridge: CamBridge) -> TickBridge:
-        """Return the bridge of what is heard, together with what else there is."""
+        """Return the bridge of the messages, joined with other sources."""
         return bridge
 
     def _awaited(self, trip: CamBridge, time_ns: int) -> str:

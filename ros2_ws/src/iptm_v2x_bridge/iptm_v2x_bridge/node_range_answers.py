@@ -23,7 +23,7 @@ LOOK_S = 0.05
 
 
 class _Sensor:
-    """The tracks on their topic, and the wait for those of a tick."""
+    """The tracks from their topic, and the wait for them at a tick."""
 
     def __init__(self, node: SuiteNode, retry: Callable[[], None]) -> None:
         self._node, self._retry = node, retry
@@ -47,7 +47,7 @@ class _Sensor:
         self._retry()
 
     def missing(self, time_ns: int) -> str:
-        """Return what is waited for, empty for nothing."""
+        """Return the reason for waiting, empty for none."""
         if self._is_silent or self.bridge.has_measured(time_ns):
             return ""
         now_s = self._node.awake.now_s()

@@ -1,7 +1,7 @@
 """The lead vehicle by the range sensor, alone or joined with what its messages state.
 
-Alone, the sensor gives gap and speed, and nothing is known of the future. Joined, gap and speed are those of
-the sensor and the future is that of the messages, moved to the measured place, as long as both agree on where
+Alone, the sensor gives gap and speed, and nothing is known of the future. Joined, gap and speed come from
+the sensor and the future from the messages, moved to the measured place, as long as both agree on where
 the vehicle is. Where they do not, the nearer one leads.
 """
 
@@ -20,7 +20,7 @@ from iptm_v2x_bridge.bridge import BridgeAnswer, TickBridge
 LANE_HALF_WIDTH_M = 1.8
 """A track farther to the side is in another lane; the road is taken as straight up to it."""
 LONGEST_AGE_NS = NS_PER_S // 2
-"""Older measurements are those of a silent sensor."""
+"""A sensor without a younger measurement counts as silent."""
 SAME_SPEED_M_S = 3.0
 """Difference of speeds up to which sensor and messages may mean the same vehicle."""
 _KEPT = 64
@@ -50,7 +50,7 @@ class RangeSensorBridge:
         """Set up a bridge.
 
         Args:
-            messages: the bridge of what is heard; None for the sensor alone.
+            messages: the bridge of the messages; None for the sensor alone.
             before: the bridge of the trip before, which may hold measurements of this one already.
         """
         self._messages = messages

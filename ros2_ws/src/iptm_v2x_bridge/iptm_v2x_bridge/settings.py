@@ -177,7 +177,7 @@ class CamSettings(Settings):
 
 @dataclass(frozen=True)
 class LeaderSettings(VehicleAheadSettings, CamSettings, PreviewSettings, LeaderSourceSettings):
-    """The lead vehicle, and what is received of its motion."""
+    """The lead vehicle, its messages, and the preview of its motion."""
 
     leader_length_m: float = parameter(
         VEHICLE_LENGTH_M,

@@ -54,7 +54,7 @@ class BusReader:
     """Frames in the order of their arrival; a thread reads, so that the socket's buffer does not overflow.
 
     Attributes:
-        unreadable: number of times that the bus failed or something arrived that is no frame.
+        unreadable: number of times that the bus failed or something other than a frame arrived.
     """
 
     def __init__(

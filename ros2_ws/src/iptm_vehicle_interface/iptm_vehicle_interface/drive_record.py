@@ -78,7 +78,7 @@ class DriveRecorder:
         self._order += 1
 
     def _note(self, kind: str, time_s: float, value: Any) -> None:
-        """Record what is no frame, with the number of frames before it."""
+        """Record anything but a frame, with the number of frames before it."""
         self._decisions.write(json.dumps([self._order, kind, time_s, value]) + "\n")
 
 
@@ -86,7 +86,7 @@ def read_frames(path: Path) -> list[tuple[Frame, bool]]:
     """Return the frames of a log with directions, and whether each was received.
 
     Raises:
-        RouteError: there is no log, or a line of it is malformed.
+        RouteError: the log is missing, or a line of it is malformed.
     """
     found = []
     try:

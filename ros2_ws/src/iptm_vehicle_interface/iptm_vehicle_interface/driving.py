@@ -98,7 +98,7 @@ class Driver:
         """Set up a drive.
 
         Args:
-            capacity_losses: of the first and the last cell at the start; None for those of a new pack.
+            capacity_losses: of the first and the last cell at the start; None for a new pack.
         """
         self.vehicle = vehicle
         self._codec = FrameCodec(vehicle)
@@ -137,7 +137,7 @@ class Driver:
         return self.signals.is_set(name, now_s) or now_s < self._pressed_until_s.get(name, 0.0)
 
     def measured(self, tick_s: float, now_s: float) -> PlantObservation | None:
-        """Return what is known at a tick that has just begun; None while a needed signal is stale."""
+        """Return the observation at a tick that has just begun; None while a needed signal is stale."""
         observed = self.estimator.at_tick(self.signals, tick_s, now_s)
         if observed is not None:
             leader = self.estimator.leader(self.signals, now_s)

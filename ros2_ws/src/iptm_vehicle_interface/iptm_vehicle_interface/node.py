@@ -1,6 +1,6 @@
 """A car as a node: takes the place of the plant on its topics, and follows the plans on its bus.
 
-Stamps are those of the clock of the system, and ticks begin at multiples of the period. In `shadow` nothing
+Stamps use the system clock, and ticks begin at multiples of the period. In `shadow` nothing
 is sent.
 """
 

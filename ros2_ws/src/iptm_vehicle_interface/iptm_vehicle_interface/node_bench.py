@@ -73,7 +73,7 @@ class BenchResult:
 
 @dataclass(frozen=True)
 class BenchOptions:
-    """What is driven.
+    """A drive on the bench.
 
     Attributes:
         vehicle: name or folder of the vehicle.

@@ -10,7 +10,7 @@ from iptm_core.settings import FrameSettings, SamplingSettings
 
 @dataclass(frozen=True)
 class VehicleNodeParameters(FrameSettings, SamplingSettings):
-    """Parameters of the node: those of the groups, the last of the bases first, and its own."""
+    """Parameters of the node: its groups, the last of the bases first, then its own."""
 
     vehicle: str = parameter("bench", "name of a shipped vehicle, or a folder with vehicle.yaml")
     bus: str = parameter(
@@ -25,6 +25,6 @@ class VehicleNodeParameters(FrameSettings, SamplingSettings):
     capacity_loss_file: str = parameter(
         "",
         "file with the capacity losses of the cells, read at the start and written while driving; empty "
-        "starts from those of the parameter set",
+        "starts from the parameter set",
     )
     log: str = parameter("", "file for the figures of the drive as JSON; empty for none")

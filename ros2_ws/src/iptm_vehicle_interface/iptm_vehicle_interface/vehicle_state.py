@@ -94,7 +94,7 @@ class VehicleStateEstimator:
             )
 
     def at_tick(self, signals: SignalTable, tick_s: float, now_s: float) -> PlantObservation | None:
-        """Return what is known at a tick that began a moment ago; None while a needed signal is stale.
+        """Return the observation at a tick that began a moment ago; None while a needed signal is stale.
 
         The acceleration and the power of the battery are means since the tick before, as the suite's plant
         has them; what a car does not measure is NaN.
@@ -132,7 +132,7 @@ class VehicleStateEstimator:
         return PlantObservation(state, powers, math.nan, math.nan, unknown)
 
     def battery(self, signals: SignalTable, observed: PlantObservation) -> BatteryReading:
-        """Return what is measured at the terminals of the pack, with the capacity that is left."""
+        """Return the readings at the terminals of the pack, with the remaining capacity."""
         state, parameters = observed.state, self._parameters
         capacity_ah = pack_capacity_ah(parameters, sum(self.capacity_losses) / 2.0)
         return BatteryReading(

@@ -94,7 +94,7 @@ _NEEDED = (
 
 
 class JudgedFeed(PageFeed):
-    """A feed that appends to its savings what the rows of the run saved against those of the reference car.
+    """A feed that appends the savings of the run against the reference car, computed from the rows of both.
 
     Attributes:
         parameters: of the vehicle; None as long as they are not known, without which nothing is judged.

@@ -21,7 +21,7 @@ def build_parser() -> argparse.ArgumentParser:
         " ROS arguments (remaps) follow after --ros-args.",
     )
     parser.add_argument(
-        "bag", type=Path, nargs="?", help="bag folder or file (default: what is on the graph)"
+        "bag", type=Path, nargs="?", help="bag folder or file (default: the running graph)"
     )
     parser.add_argument(
         "--namespace",

@@ -25,7 +25,7 @@ ROWS, PLANS, EVENTS, REFERENCE, SAVINGS = STREAMS = (
     "reference",
     "savings",
 )
-"""Rows of the trip, plans, changes of the diagnostics, rows of the reference car, and what was saved."""
+"""Rows of the trip, plans, changes of the diagnostics, rows of the reference car, and savings."""
 END = "end"
 
 

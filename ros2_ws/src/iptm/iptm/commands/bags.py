@@ -39,7 +39,7 @@ def _console() -> Console:
 
 
 def info(arguments: Sequence[str] | None = None) -> int:
-    """Print what is in a bag.
+    """Print the contents of a bag.
 
     Returns:
         0 on success, 2 when the bag cannot be read.
@@ -233,7 +233,7 @@ def recover(arguments: Sequence[str] | None = None) -> int:
     """
     parser = argparse.ArgumentParser(
         RECOVER,
-        description="Make a sound bag of one that was killed, cut short or damaged, and list what is lost.",
+        description="Make a sound bag of one that was killed, cut short or damaged, and list the losses.",
     )
     parser.add_argument("source", type=Path, help="bag folder or .mcap file; it is not changed")
     parser.add_argument(
@@ -259,7 +259,7 @@ def check(arguments: Sequence[str] | None = None) -> int:
     """
     parser = argparse.ArgumentParser(
         CHECK,
-        description="Feed a new node the inputs of a bag, and compare what it answers with what was recorded."
+        description="Feed a new node the inputs of a bag, and compare its answers with the recorded ones."
         " Ends with 0 when it agrees, 1 when not, 2 when that cannot be found out.",
     )
     parser.add_argument("node", help="plant, v2x_bridge or controller")

@@ -20,7 +20,7 @@ DRIVE, TRAIN, CODEGEN, SEND = (f"iptm {name}" for name in ("drive", "train", "co
 
 
 def drive(arguments: Sequence[str] | None = None) -> int:
-    """Show what is read from a recorded drive, or make one of a CAN log; return the exit code."""
+    """Show a recorded drive as it is read, or make one from a CAN log; return the exit code."""
     given = _drive_parser().parse_args(arguments)
     from iptm.runner.recorded_drive import description, draw
     from iptm_core.routes.can_log import can_log_csv
@@ -47,11 +47,11 @@ def drive(arguments: Sequence[str] | None = None) -> int:
 def _drive_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         DRIVE,
-        description="Show what is read from a recorded drive, or make one of signals in a CAN log. The same"
+        description="Show a recorded drive as it is read, or make one from signals in a CAN log. The same"
         " file drives the leader: iptm run --cycle FILE.",
     )
     commands = parser.add_subparsers(dest="command", required=True)
-    show = commands.add_parser("show", help="what is read from a drive")
+    show = commands.add_parser("show", help="show a drive as it is read")
     show.add_argument(
         "file", type=Path, help="a GPX track, a CSV file, a bag, or FILE.fcd.xml#VEHICLE of SUMO"
     )

@@ -237,7 +237,7 @@ def _run(parsed: argparse.Namespace) -> int:
 
 
 def _run_vehicle(trip: Trip, parsed: argparse.Namespace) -> int:
-    """Drive a car on a bus: cycle, length and strategy are those of the trip."""
+    """Drive a car on a bus with the cycle, length and strategy of the trip."""
     from importlib import import_module  # noqa: PLC0415
 
     for name in ("view", "without", "report", "vehicles", "full"):

@@ -1,4 +1,4 @@
-"""A recorded drive: what was read from it, in words and as a picture."""
+"""A recorded drive as it was read, in words and as a picture."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ class Figure:
     Attributes:
         key: identifier, in files and on command lines.
         unit: unit of the value, empty for a pure number.
-        decimals: digits after the point that are worth printing; two more are told from zero.
+        decimals: digits after the point that are worth printing; a value below two more prints as 0.
         definition: what it is, in one sentence.
         compute: the value from the metrics of a run; None where it does not exist.
         symbol: symbol of the paper, empty where it has none.

@@ -50,7 +50,7 @@ _STATUSES = {
 _RUNGS = {
     Rung.OPTIMAL: "the command is what the strategy decides",
     Rung.SHIFTED_PLAN: "the command is the next step of the plan of an earlier tick",
-    Rung.SAFE_LAW: "the command is that of the safe car-following law and the thermostat",
+    Rung.SAFE_LAW: "the safe car-following law and the thermostat give the command",
     Rung.STOP: "the controller stopped the vehicle in comfort",
     Rung.EMERGENCY_BRAKING: "the controller braked in full, as its command would have led into the leader",
 }
@@ -124,7 +124,7 @@ SAVINGS = {
         ("energy_saved_as_driven", "Energy saved, as driven", _ENERGY, "whatever the ends"),
     )
 }
-"""Figures of two runs compared, by key; the values are those of `Saving.values`."""
+"""Figures of two runs compared, by key, with the values from `Saving.values`."""
 
 FIGURES: dict[str, Figure] = {
     **TRIP_FIGURES,

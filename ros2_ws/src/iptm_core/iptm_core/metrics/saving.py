@@ -93,7 +93,7 @@ class Saving:
 
     @property
     def headline(self) -> str:
-        """One line for headings: ageing and energy, each with what is behind it."""
+        """One line for headings: ageing and energy, each with its value as driven."""
         if self.aging.judgement is self.energy.judgement is not Judgement.JUDGED:
             return (
                 f"{self.aging.text} (ageing {self.aging.as_driven}, energy {self.energy.as_driven})"
@@ -141,7 +141,7 @@ def judge_saving(
 
 
 def saved_percent(own: float, other: float) -> float:
-    """Return what is saved of the other value, in percent; NaN where that is zero or not known."""
+    """Return the saving relative to the other value, in percent; NaN where that is zero or unknown."""
     return 100.0 * (1.0 - own / other) if other else math.nan
 
 

@@ -134,8 +134,7 @@ _FIGURES = (
            "speed, gap, "
            "temperatures, smallest charge.",
            lambda run: float(run.soft_violations), better=Better.LESS),
-    Figure("gap_violations", "Gap limit broken", "rows", 0, "Ticks with a gap below s_min, and those of a "
-    "collision.",
+    Figure("gap_violations", "Gap limit broken", "rows", 0, "Ticks with a gap below s_min or a collision.",
            lambda run: float(run.gap_violations), better=Better.LESS),
     Figure("interventions", "Interventions of the safety monitor", "", 0,
            "How often the safety monitor of the vehicle braked on its own.",

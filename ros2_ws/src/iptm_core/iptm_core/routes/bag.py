@@ -55,7 +55,7 @@ def read_bag(path: Path, name: str) -> DriveTable:
         except Exception as reason:  # the readers have error types of their own
             cause = str(reason) or type(reason).__name__
             raise RouteError(
-                f"{path}: cannot be read as a bag ({cause}); scripts/iptm recover saves what is whole"
+                f"{path}: cannot be read as a bag ({cause}); scripts/iptm recover saves the intact part"
             ) from reason
     source = f"{path}#{topic}"
     if not len(rows):

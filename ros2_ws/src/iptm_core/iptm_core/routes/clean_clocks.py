@@ -12,7 +12,7 @@ from iptm_core.routes.drive_table import DriveTable, counted, lengths
 from iptm_core.state import FloatArray
 
 MAX_CLOCK_STEP_S = 10.0
-"""A clock that is set back by more is told from another recording by nothing."""
+"""A clock set back by more cannot be distinguished from another recording."""
 _LONGEST_JUMP_S = 5.0
 _DAY_S, _WEEK_S = 86400.0, 604800.0
 _LONGEST_PAUSE_S = 100.0 * _WEEK_S
@@ -83,7 +83,7 @@ def _unwrapped(table: DriveTable) -> DriveTable:
 
 
 def _by_receipt(table: DriveTable) -> DriveTable:
-    """Return a table with the times of receipt where those of the sender jump and these do not."""
+    """Return a table with the times of receipt where only the sender's times jump."""
     times, received = table.columns["time_s"], table.received_s
     if received is None or times.size < 3:
         return table

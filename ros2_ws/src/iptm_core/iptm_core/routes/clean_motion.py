@@ -145,7 +145,7 @@ def _speeds_against_accelerations(table: DriveTable) -> DriveTable:
     gained = np.diff(cumulative_integral(times, np.nan_to_num(accelerations))[rows])
     size = float(np.linalg.norm(changed) * np.linalg.norm(gained))
     if not size or changed @ gained < _SAME_COURSE * size:
-        return table.noted("accelerations are not those of the speeds: not read")
+        return table.noted("accelerations do not match the speeds: not read")
     ratio = float(changed @ gained / (gained @ gained))
     if 0.8 < ratio < 1.25:
         return table

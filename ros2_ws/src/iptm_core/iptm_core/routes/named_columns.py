@@ -97,7 +97,7 @@ def _are_moments(values: Any) -> bool:
 
 
 def _numbers(values: Any) -> FloatArray:
-    """Return numbers, NaN for what is missing; moments and durations become seconds."""
+    """Return numbers, NaN where one is missing; moments and durations become seconds."""
     if isinstance(values, np.ma.MaskedArray):
         values = np.where(values.mask, np.nan, np.asarray(values, np.float64))
     # Moments with a time zone are objects for numpy.

@@ -105,7 +105,7 @@ def build_route(
     elif noise_m_s > NOTED_NOISE_M_S:
         noise = (
             f"speeds have noise of {noise_m_s:.2f} m/s (standard deviation), and a control that follows them "
-            "pays for it: a part of what is saved is the noise; smooth_s takes it out"
+            "pays for it: part of the saving is noise, which smooth_s takes out"
         )
         notes = (*notes, noise)
     if duration_s is not None and duration_s > trace.duration_s:

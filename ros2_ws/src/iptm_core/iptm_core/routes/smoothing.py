@@ -9,8 +9,8 @@ import numpy as np
 from iptm_core.routes.cycles import DrivingCycle
 
 NOTED_NOISE_M_S = 0.14
-"""Noise from which a drive has a note: above what is found in the published cycles, 0.02 to 0.12 m/s, and
-below that of a logger with 0.6 km/h."""
+"""Noise from which a drive has a note: above the published cycles, 0.02 to 0.12 m/s, and below a logger with
+0.6 km/h."""
 _MEDIAN_OF_NORMAL = 0.6745
 _MOVING_M_S = 1.0
 
@@ -18,8 +18,8 @@ _MOVING_M_S = 1.0
 def speed_noise_m_s(cycle: DrivingCycle) -> float:
     """Return the standard deviation of white noise in the speeds of a drive, in m/s; 0 for one that stands.
 
-    From the median of the third differences while it moves: those of noise with standard deviation s have
-    sqrt(20) s, and those of a driver are small.
+    From the median of the third differences while it moves: noise with standard deviation s gives them
+    sqrt(20) s, and a driver keeps them small.
     """
     speeds = cycle.speeds_m_s
     thirds = np.abs(np.diff(speeds, 3))

@@ -1,4 +1,4 @@
-"""What is in a bag, what its run depended on and what it achieved."""
+"""The contents of a bag, the inputs of its run, and the results."""
 
 from __future__ import annotations
 

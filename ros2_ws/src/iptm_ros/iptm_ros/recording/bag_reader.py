@@ -191,7 +191,7 @@ class BagReader(AbstractContextManager["BagReader"]):
         if stated != self.message_count:
             raise BagError(
                 f"{self.path / METADATA_FILE} states {shown(stated)} messages, its files hold"
-                f" {self.message_count}; save what is whole with: scripts/iptm recover {self.path}"
+                f" {self.message_count}; save the intact part with: scripts/iptm recover {self.path}"
             )
 
     def __exit__(self, *error: object) -> None:

@@ -162,7 +162,7 @@ class BagFile:
         """Return the error to raise for damage, with the way out."""
         reason = " ".join(str(error).split()) or type(error).__name__
         return BagError(
-            f"{self.path} is damaged ({reason}); save what is whole with: scripts/iptm recover {self.path}"
+            f"{self.path} is damaged ({reason}); save the intact part with: scripts/iptm recover {self.path}"
         )
 
     def _compare_counts(self, topics: Collection[str] | None, found: Counter[str]) -> None:
