@@ -25,14 +25,14 @@ from iptm_ros.stamp_matcher import StampGate, Verdict
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import BRIDGE, TOPICS, Topic
 from iptm_v2x_bridge.bridge import BridgeAnswer, CycleSource
-from iptm_v2x_bridge.node_answers import CamAnswers, TickAnswers
+from iptm_v2x_bridge.node_answers import AnswerContext, CamAnswers, TickAnswers
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
 from iptm_v2x_bridge.node_range_answers import JoinedAnswers, RangeSensorAnswers
 from iptm_v2x_bridge.node_vehicle_answers import CycleAnswers, VehicleAnswers
 from iptm_v2x_bridge.prediction.predictor import PredictorName
 
 CLOCK_TIMEOUT_S = 5.0
-_ANSWERS: dict[LeaderSource, Callable[..., TickAnswers[Any]]] = {
+_ANSWERS: dict[LeaderSource, Callable[[AnswerContext], TickAnswers[Any]]] = {
     LeaderSource.VEHICLE: VehicleAnswers,
     LeaderSource.CAM: CamAnswers,
     LeaderSource.RANGE_SENSOR: RangeSensorAnswers,
@@ -55,7 +55,7 @@ class BridgeNode(SuiteNode):
         self.use_frame_prefix(self._options.frame_prefix)
         route = self._options.trip_route(self._options.initial_gap_m)
         answers = _ANSWERS.get(self._options.leader_source, CycleAnswers)
-        self._answers: TickAnswers[Any] = answers(self, self._options, route, self._answer_clock)
+        self._answers = answers(AnswerContext(self, self._options, route, self._answer_clock))
         self._gate = StampGate()
         self._turned_away_s = -math.inf
         self._answer: BridgeAnswer | None = None

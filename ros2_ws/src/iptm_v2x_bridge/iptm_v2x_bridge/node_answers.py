@@ -6,6 +6,7 @@ import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from sensor_msgs.msg import JointState
@@ -31,6 +32,23 @@ KEPT = 16
 Trip = TypeVar("Trip")
 
 
+@dataclass(frozen=True)
+class AnswerContext:
+    """What answers are built from.
+
+    Attributes:
+        node: takes part in the graph.
+        options: parameters of the node.
+        route: road, and the leader of the cycle.
+        retry: called whenever something missing may have arrived.
+    """
+
+    node: SuiteNode
+    options: BridgeNodeParameters
+    route: Route
+    retry: Callable[[], None]
+
+
 class TickAnswers(ABC, Generic[Trip]):
     """Answers a tick once everything that belongs to it has arrived.
 
@@ -41,36 +59,25 @@ class TickAnswers(ABC, Generic[Trip]):
         missing: the awaited input, empty for none.
     """
 
-    def __init__(
-        self,
-        node: SuiteNode,
-        options: BridgeNodeParameters,
-        route: Route,
-        retry: Callable[[], None],
-        *,
-        needs_ego: bool,
-    ) -> None:
+    def __init__(self, context: AnswerContext, *, needs_ego: bool) -> None:
         """Set up the answers.
 
         Args:
-            node: takes part in the graph.
-            options: parameters of the node.
-            route: road, and the leader of the cycle.
-            retry: called whenever something missing may have arrived.
+            context: node, parameters and road.
             needs_ego: wait for the position of the ego vehicle.
 
         Raises:
             ParameterError: a rule of the road is not usable.
         """
         self.missing = ""
-        self._options, self._route, self._retry = options, route, retry
-        self._model = options.model().values
-        self._given = given_rules(options, route)
+        self._options, self._route, self._retry = context.options, context.route, context.retry
+        self._model = self._options.model().values
+        self._given = given_rules(self._options, self._route)
         self._trip: tuple[Trip, TickBridge] | None = None
         self._before: tuple[Trip, TickBridge] | None = None
         self._ego: dict[int, tuple[float, float]] | None = {} if needs_ego else None
         if needs_ego:
-            node.listen(Topic.PLANT_STATE, self._on_ego)
+            context.node.listen(Topic.PLANT_STATE, self._on_ego)
 
     def _on_ego(self, message: JointState) -> None:
         stamp_ns, *state = decode_motion(message)
@@ -142,27 +149,24 @@ class CamAnswers(TickAnswers[CamBridge]):
     sender's end of the tick.
     """
 
-    def __init__(
-        self,
-        node: SuiteNode,
-        options: BridgeNodeParameters,
-        route: Route,
-        retry: Callable[[], None],
-    ) -> None:
+    def __init__(self, context: AnswerContext) -> None:
         """Open the source of the datagrams and listen for the ego vehicle."""
+        options, route = context.options, context.route
         # Refused now, if at all.
         self._verifier = options.build_verifier()
-        super().__init__(node, options, route, retry, needs_ego=True)
+        super().__init__(context, needs_ego=True)
         options.build_heard_rules(self._given, route.road_line)
         options.build_predictors(route, self._given)
-        self._datagrams = open_source(options, node)
-        self._publisher = node.advertise(Topic.DATAGRAMS) if options.publish_datagrams else None
+        self._datagrams = open_source(options, context.node)
+        self._publisher = (
+            context.node.advertise(Topic.DATAGRAMS) if options.publish_datagrams else None
+        )
         # Datagrams of the present are read at once; those of the trip's own time belong to its ticks.
         self._by_wall_clock = options.trip_start_timestamp_ms < 0 and not (
             options.recorded_packets or options.cam_lock_step
         )
         specification()  # compiled now, not at the first tick, which others wait for
-        node.every(READ_PERIOD_S, self._on_read_timer)
+        context.node.every(READ_PERIOD_S, self._on_read_timer)
 
     def _on_read_timer(self) -> None:
         if self._trip is not None and self._by_wall_clock:

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from sensor_msgs.msg import PointCloud2
 
-from iptm_core.routes import Route
 from iptm_ros.codecs import decode_tracks
 from iptm_ros.qos import SENSOR_QOS
-from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import Topic
 from iptm_v2x_bridge.bridge import TickBridge
 from iptm_v2x_bridge.cam_bridge import CamBridge
-from iptm_v2x_bridge.node_answers import CamAnswers, TickAnswers
-from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
+from iptm_v2x_bridge.node_answers import AnswerContext, CamAnswers, TickAnswers
 from iptm_v2x_bridge.range_sensor import RangeSensorBridge
 
 WAIT_S = 0.5
@@ -25,14 +20,14 @@ LOOK_S = 0.05
 class _Sensor:
     """The tracks from their topic, and the wait for them at a tick."""
 
-    def __init__(self, node: SuiteNode, retry: Callable[[], None]) -> None:
-        self._node, self._retry = node, retry
+    def __init__(self, context: AnswerContext) -> None:
+        self._node, self._retry = context.node, context.retry
         self.bridge = RangeSensorBridge()
         self._asked: tuple[int, float] = (-1, 0.0)
         self._is_silent = False
         self.messages = 0
-        node.listen(Topic.RANGE_TRACKS, self._on_tracks, qos=SENSOR_QOS)
-        node.every(LOOK_S, retry)
+        self._node.listen(Topic.RANGE_TRACKS, self._on_tracks, qos=SENSOR_QOS)
+        self._node.every(LOOK_S, self._retry)
 
     def begin_trip(self, messages: TickBridge | None = None) -> RangeSensorBridge:
         """Begin a trip; a measurement of its first tick may have arrived before that."""
@@ -68,15 +63,9 @@ class _Sensor:
 class RangeSensorAnswers(TickAnswers[RangeSensorBridge]):
     """The leader is what a range sensor measures; a tick is answered with the measurement nearest to it."""
 
-    def __init__(
-        self,
-        node: SuiteNode,
-        options: BridgeNodeParameters,
-        route: Route,
-        retry: Callable[[], None],
-    ) -> None:
-        super().__init__(node, options, route, retry, needs_ego=True)
-        self._sensor = _Sensor(node, retry)
+    def __init__(self, context: AnswerContext) -> None:
+        super().__init__(context, needs_ego=True)
+        self._sensor = _Sensor(context)
 
     def _start(self, time_ns: int) -> tuple[RangeSensorBridge, TickBridge]:  # noqa: ARG002
         bridge = self._sensor.begin_trip()
@@ -93,15 +82,9 @@ class RangeSensorAnswers(TickAnswers[RangeSensorBridge]):
 class JoinedAnswers(CamAnswers):
     """Gap and speed by the range sensor, the future by messages."""
 
-    def __init__(
-        self,
-        node: SuiteNode,
-        options: BridgeNodeParameters,
-        route: Route,
-        retry: Callable[[], None],
-    ) -> None:
-        super().__init__(node, options, route, retry)
-        self._sensor = _Sensor(node, retry)
+    def __init__(self, context: AnswerContext) -> None:
+        super().__init__(context)
+        self._sensor = _Sensor(context)
 
     def _joined(self, bridge: CamBridge) -> TickBridge:
         return self._sensor.begin_trip(bridge)

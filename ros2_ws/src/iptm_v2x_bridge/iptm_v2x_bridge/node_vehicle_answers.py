@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 from sensor_msgs.msg import JointState, PointCloud2
 
 from iptm_core.errors import ParameterError
-from iptm_core.routes import Route
 from iptm_core.settings import LeaderSource
 from iptm_core.state import LeaderPreview
 from iptm_ros.codecs import decode_motion, decode_plan
 from iptm_ros.node_health import VehiclePresence
-from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import Topic
 from iptm_v2x_bridge.bridge import (
     BridgeAnswer,
@@ -25,8 +22,7 @@ from iptm_v2x_bridge.bridge import (
     V2xBridge,
     sampling_times_s,
 )
-from iptm_v2x_bridge.node_answers import KEPT, TickAnswers
-from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
+from iptm_v2x_bridge.node_answers import KEPT, AnswerContext, TickAnswers
 from iptm_v2x_bridge.prediction.predictor import PredictorName
 from iptm_v2x_bridge.vehicle_ahead import VehicleAhead
 
@@ -34,16 +30,10 @@ from iptm_v2x_bridge.vehicle_ahead import VehicleAhead
 class CycleAnswers(TickAnswers[V2xBridge]):
     """The leader drives a cycle, and a simulated link delays and loses its predictions; or there is none."""
 
-    def __init__(
-        self,
-        node: SuiteNode,
-        options: BridgeNodeParameters,
-        route: Route,
-        retry: Callable[[], None],
-    ) -> None:
-        super().__init__(node, options, route, retry, needs_ego=options.keeps_rules)
-        self._source: PreviewSource = CycleSource(route)
-        if options.leader_source is LeaderSource.NONE:
+    def __init__(self, context: AnswerContext) -> None:
+        super().__init__(context, needs_ego=context.options.keeps_rules)
+        self._source: PreviewSource = CycleSource(context.route)
+        if context.options.leader_source is LeaderSource.NONE:
             self._source = EmptyRoad()
 
     def _start(self, time_ns: int) -> tuple[V2xBridge, TickBridge]:  # noqa: ARG002
@@ -70,26 +60,21 @@ class VehicleAnswers(TickAnswers[V2xBridge]):
     from the graph, ticks are answered as if it braked to a halt.
     """
 
-    def __init__(
-        self,
-        node: SuiteNode,
-        options: BridgeNodeParameters,
-        route: Route,
-        retry: Callable[[], None],
-    ) -> None:
+    def __init__(self, context: AnswerContext) -> None:
         """Listen to the vehicle ahead.
 
         Raises:
             ParameterError: the vehicle ahead is not named.
         """
-        name = self._name = options.vehicle_ahead
+        name = self._name = context.options.vehicle_ahead
         if not name.strip("/"):
             raise ParameterError(
                 f"vehicle_ahead is {name!r} with leader_source vehicle; allowed: the namespace of a vehicle"
             )
-        super().__init__(node, options, route, retry, needs_ego=options.keeps_rules)
-        self._vehicle = VehicleAhead(options.leader_length_m, KEPT)
+        super().__init__(context, needs_ego=context.options.keeps_rules)
+        self._vehicle = VehicleAhead(context.options.leader_length_m, KEPT)
         self._assumed = 0
+        node, retry = context.node, context.retry
         self._states = VehiclePresence(node, name, Topic.PLANT_STATE, retry)
         self._plans = VehiclePresence(node, name, Topic.PLAN, retry)
         node.listen(Topic.PLANT_STATE, self._on_state, vehicle=name)
