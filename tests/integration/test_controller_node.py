@@ -27,7 +27,8 @@ from tests.integration.controller_ticks import (
 from tests.integration.node_bench import NodeBench, S, node_bench
 
 from iptm_controller.controller import Controller
-from iptm_controller.node import ControllerNode, read_measurements
+from iptm_controller.node import ControllerNode
+from iptm_controller.node_measurements import read_measurements
 from iptm_controller.node_parameters import ControllerNodeParameters
 from iptm_controller.node_reports import plan_trajectory
 from iptm_core.decision_record import Rung, SolveStatus

@@ -19,8 +19,8 @@ from iptm_controller.ladder import controlled_stop, safe_following
 from iptm_controller.limiter import CommandLimiter
 from iptm_controller.ocp.compilation import find_compiler
 from iptm_controller.options import ControllerOptions
+from iptm_core.monitor_settings import SafetyMonitorSettings
 from iptm_core.parameters import load_parameters
-from iptm_core.settings import SafetyMonitorSettings
 from iptm_core.state import Command, LeaderState, VehicleState
 from iptm_plant_sim.safety_monitor import MonitorMemory, SafetyMonitor, with_delivery
 

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 
 from iptm_core.errors import ParameterError
 from iptm_core.lead_track import LeadStatus, LeadTrack, clear_lane
+from iptm_core.monitor_settings import SafetyMonitorSettings
 from iptm_core.parameters import load_parameters
 from iptm_core.physics.power_thermal import electric_traction_power_w
 from iptm_core.road_friction import BrakingCapability
 from iptm_core.saved_state import from_plain, to_plain
-from iptm_core.settings import SafetyMonitorSettings
 from iptm_core.state import Command, FloatArray, LeaderPreview, LeaderState, VehicleState
 from iptm_plant_sim.lead_measurements import LeadMeasurements
 from iptm_plant_sim.plant import Plant

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iptm_core.metrics.constraints import GAP_TOLERANCE_M, gap_margins_m
+from iptm_core.monitor_settings import SafetyMonitorSettings
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.car_following import minimum_gap_m
 from iptm_core.physics.chiller import largest_useful_power_w
 from iptm_core.routes import Route
-from iptm_core.settings import SafetyMonitorSettings
 from iptm_core.state import Command, FloatArray
 from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant

@@ -67,6 +67,8 @@ from iptm_core.metrics import (
     gap_margins_m,
 )
 from iptm_core.metrics.constraints import GAP_TOLERANCE_M, check_constraints
+from iptm_core.metrics.saving import saved_percent
+from iptm_core.monitor_settings import SafetyMonitorSettings
 from iptm_core.parameters import DEFAULT_SET, available_parameter_sets, load_parameters
 from iptm_core.parameters.flat import field_specs
 from iptm_core.parameters.model import (
@@ -99,7 +101,7 @@ from iptm_core.routes import Route, build_route
 from iptm_core.routes.cycles import CYCLE_NAMES, LeaderMotion, load_cycle
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.routes.user_csv import read_user_trip
-from iptm_core.settings import LeaderSource, PreviewMode, PreviewSettings, SafetyMonitorSettings
+from iptm_core.settings import LeaderSource, PreviewMode, PreviewSettings
 from iptm_core.state import NS_PER_S, Command, FloatArray, LeaderPreview, LeaderState, VehicleState
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_core.units import CELSIUS_ZERO_K, J_PER_KWH, KM_H_PER_M_S, SECONDS_PER_DAY
@@ -286,6 +288,7 @@ __all__ = [
     "regenerative_torque_nm",
     "render_page",
     "run_closed_loop",
+    "saved_percent",
     "seen_from",
     "strategy_by_name",
     "table_of",

@@ -12,6 +12,7 @@ from iptm_controller.horizon import Horizon
 from iptm_controller.settings import ControllerSettings
 from iptm_core.declaration import ParameterSpec, Settings, declared, parameter, parameter_specs
 from iptm_core.errors import ParameterError
+from iptm_core.monitor_settings import RangeSensorSettings
 from iptm_core.parameters.loading import parse_overrides
 from iptm_core.road_ahead import LeaderSourceSettings, RoadAheadSettings, RoadRuleSettings
 from iptm_core.settings import (
@@ -20,7 +21,6 @@ from iptm_core.settings import (
     ModelSettings,
     PaceSettings,
     PreviewSettings,
-    RangeSensorSettings,
     SamplingSettings,
     TickSettings,
     TripSettings,

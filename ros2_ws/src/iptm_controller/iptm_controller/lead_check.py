@@ -11,13 +11,13 @@ import math
 from dataclasses import dataclass, field, replace
 
 from iptm_core.lead_track import LeadTrack, Sample, followed
+from iptm_core.monitor_settings import SafetyMonitorSettings, SensorAccuracySettings
 from iptm_core.parameters.model import LimitParameters
 from iptm_core.road_friction import (
     RoadFrictionSettings,
     braking_capability,
     further_gap_m,
 )
-from iptm_core.settings import SafetyMonitorSettings, SensorAccuracySettings
 from iptm_core.state import SPEED_AT_REST_M_S, LeaderPreview, LeaderState, VehicleState
 
 FRESH_S = 1.5

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
-import numpy as np
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray
 
 from iptm_controller.decision import Decision
-from iptm_controller.measurements import Measurements
 from iptm_controller.memory import ControllerMemory
 from iptm_controller.node_changes import SettingsChanges
+from iptm_controller.node_measurements import read_measurements
 from iptm_controller.node_parameters import CHANGEABLE, ControllerNodeParameters
 from iptm_controller.node_reports import (
     DecisionCounts,
@@ -29,20 +28,13 @@ from iptm_controller.node_ticks import OTHER_INPUTS, CatchUp, CompleteTick
 from iptm_controller.node_watch import OperatorWatch
 from iptm_core.driving_mode import DrivingMode
 from iptm_core.errors import MessageError, ServiceError
-from iptm_core.road_ahead import RoadAhead
 from iptm_core.saved_state import write_state
 from iptm_core.state import (
     NS_PER_S,
-    LeaderPreview,
-    LeaderState,
-    PackReading,
     SlopePreview,
-    VehicleState,
 )
 from iptm_ros.codecs import (
-    decode_leader,
     decode_leader_preview,
-    decode_observation,
     decode_road_ahead,
     decode_slope,
     encode_command,
@@ -62,7 +54,6 @@ from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import CONTROLLER, TOPICS, Topic
 
 CHECKS_PER_TIMEOUT = 5.0
-FLAT_ROAD = SlopePreview(np.zeros(1), np.zeros(1))
 PLANT_TIMEOUT_S = 5.0
 """Wall time without any part of a state after which the plant is reported as stopped."""
 UNMATCHED_AFTER_TIMEOUTS = 2.0
@@ -320,37 +311,6 @@ class ControllerNode(SuiteNode):
         road = road_warning(self._slope_fault, is_known=self._slope is not None)
         begun_anew = self._matcher.gate.has_restarted
         return situation(self._last, road, self._watch, begun_anew=begun_anew)
-
-
-def read_measurements(values: Mapping[Topic, Any], slope: SlopePreview | None) -> Measurements:
-    """Decode the arrived messages, with the reason for each missing one.
-
-    Args:
-        values: messages of a tick by topic, preview and road decoded already.
-        slope: of the road, None where it is not known.
-    """
-    faults = []
-    road: RoadAhead | None = values.get(Topic.ROAD_AHEAD)
-    state: VehicleState | None = None
-    leader: LeaderState | None = None
-    pack: PackReading | None = None
-    try:
-        if Topic.PLANT_STATE in values:
-            observed = decode_observation(values[Topic.PLANT_STATE])
-            state, pack = observed.state, observed.pack_reading
-        else:
-            faults.append(f"no {Topic.PLANT_STATE.value} received")
-    except MessageError as error:
-        faults.append(str(error))
-    try:
-        if Topic.LEADER in values:
-            leader = decode_leader(values[Topic.LEADER])
-        elif road is None or road.has_leader or road.limits is None:
-            faults.append("no measurement of the leader received")
-    except MessageError as error:
-        faults.append(str(error))
-    preview: LeaderPreview = values.get(Topic.LEADER_PREVIEW) or LeaderPreview.empty()
-    return Measurements(state, leader, preview, slope or FLAT_ROAD, "; ".join(faults), road, pack)
 
 
 def main() -> None:

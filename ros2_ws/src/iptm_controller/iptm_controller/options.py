@@ -14,8 +14,8 @@ from iptm_core.aging_laws.law import AgingLaw
 from iptm_core.aging_laws.parking import AgingSettings
 from iptm_core.charging_stop import ChargingStopSettings
 from iptm_core.errors import ParameterError
+from iptm_core.monitor_settings import SensorAccuracySettings
 from iptm_core.road_friction import RoadFrictionSettings
-from iptm_core.settings import SensorAccuracySettings
 
 
 @dataclass(frozen=True)

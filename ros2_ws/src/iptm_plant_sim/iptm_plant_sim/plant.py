@@ -9,13 +9,14 @@ from dataclasses import fields, replace
 import numpy as np
 
 from iptm_core.errors import PackEmptyError, StateError
+from iptm_core.monitor_settings import SafetyMonitorSettings
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.road_friction import (
     GRAVITY_M_S2,
     LEAST_DECELERATION_M_S2,
     tyre_deceleration_m_s2,
 )
-from iptm_core.settings import IntegrationSettings, SafetyMonitorSettings, ThermalModel
+from iptm_core.settings import IntegrationSettings, ThermalModel
 from iptm_core.state import (
     ChannelCells,
     Command,

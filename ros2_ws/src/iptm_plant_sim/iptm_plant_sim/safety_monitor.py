@@ -17,9 +17,9 @@ import math
 from dataclasses import dataclass, field, replace
 
 from iptm_core.lead_track import LeadTrack
+from iptm_core.monitor_settings import SafetyMonitorSettings
 from iptm_core.parameters.model import BrakeParameters
 from iptm_core.road_friction import RELIED_SHARE, BrakingCapability, braking_capability
-from iptm_core.settings import SafetyMonitorSettings
 from iptm_core.state import LeaderState
 
 SHARE_TIME_CONSTANT_S = 0.3

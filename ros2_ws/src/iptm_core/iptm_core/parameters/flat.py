@@ -17,7 +17,8 @@ from typing import Any, get_type_hints
 
 from iptm_core.declaration import ParameterSpec, TextEnum, parameter_specs
 from iptm_core.errors import ParameterError
-from iptm_core.parameters.model import ModelParameters, accepted_units, to_model_unit
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.parameters.quantity import accepted_units, to_model_unit
 from iptm_core.user_input import StrictMapping, shown
 
 _BELOW = (
