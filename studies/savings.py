@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from iptm.parts import ModelParameters, RunMetrics, Trajectory, at_equal_end
+from iptm.parts import ModelParameters, RunMetrics, Trajectory, at_equal_end, saved_percent
 
 MOVING_M_S = 5.0
 """Headways count above this speed."""
@@ -83,8 +83,8 @@ def saved(
     driven_m = [math.fsum(run.distance_m for run in runs) for runs in (own, base)]
     consumed = [energy_j / length_m for energy_j, length_m in zip(used_j, driven_m, strict=True)]
     return {
-        "ageing": 100.0 * (1.0 - lost[0] / lost[1]),
-        "energy": 100.0 * (1.0 - consumed[0] / consumed[1]),
+        "ageing": saved_percent(*lost),
+        "energy": saved_percent(*consumed),
     }
 
 

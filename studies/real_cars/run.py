@@ -26,6 +26,7 @@ from iptm.parts import (
     ModelParameters,
     RunMetrics,
     load_parameters,
+    saved_percent,
     table_of,
 )
 
@@ -141,11 +142,7 @@ def as_driven(own: Sequence[RunMetrics], others: Sequence[RunMetrics]) -> dict[s
         others: those with which they are compared, in the same order of trips.
     """
     mine, theirs = totals(own), totals(others)
-    return {name: _percent(value, theirs[name]) for name, value in mine.items()}
-
-
-def _percent(own: float, other: float) -> float:
-    return 100.0 * (1.0 - own / other)
+    return {name: saved_percent(value, theirs[name]) for name, value in mine.items()}
 
 
 def savings_cases(

@@ -13,7 +13,7 @@ from typing import Any
 from studies.pages import STUDIES
 from studies.session import Session
 
-from iptm.parts import KM_H_PER_M_S, load_parameters, table_of
+from iptm.parts import KM_H_PER_M_S, load_parameters, saved_percent, table_of
 from iptm_traffic.demand import DemandSettings, TrafficScenario
 from iptm_traffic.drive import PredictionInput, TrafficDrive, drive_in_traffic
 from iptm_traffic.own_network import OwnNetwork
@@ -71,7 +71,7 @@ def row_of(drive: TrafficDrive) -> dict[str, Any]:
         "distance_km": 1e-3 * run.distance_m,
         "battery_energy_kj": 1e-3 * run.battery_energy_j,
         "degradation_1e7": 1e7 * run.degradation,
-        "saved_percent": 100.0 * (1.0 - run.degradation / other.degradation),
+        "saved_percent": saved_percent(run.degradation, other.degradation),
         "smallest_gap_m": run.smallest_gap_m,
         "smallest_margin_m": world.smallest_margin_m,
         "lines_passed": len(world.lines),

@@ -71,6 +71,9 @@ class Driven:
         return 11.5 + there / (111_320.0 * np.cos(np.radians(48.2)))
 
 
+DRIVE = Driven.at()
+
+
 def text(value: float, form: str = ".3f") -> str:
     return "" if np.isnan(value) else format(value, form)
 

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from tests.iptm_core.field_drives import (
+    DRIVE,
     LENGTH_M,
     Driven,
     is_the_drive,
@@ -23,8 +24,6 @@ from tests.iptm_core.field_drives import (
 from iptm_core.errors import RouteError
 from iptm_core.routes.user_csv import UserTrip, read_user_trip, trip_from_columns
 from iptm_core.state import FloatArray
-
-DRIVE = Driven.at()
 
 
 @pytest.fixture

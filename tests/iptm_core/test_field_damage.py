@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.iptm_core.field_drives import (
+    DRIVE,
     ODOMETRY,
     STORE,
     Driven,
@@ -34,7 +35,6 @@ from iptm_core.errors import RouteError
 from iptm_core.routes.can_log import read_can_log
 from iptm_core.routes.user_csv import UserTrip, read_user_trip, trip_from_columns
 
-DRIVE = Driven.at()
 NOTHING = DRIVE.but(speeds=np.full(121, np.nan), along_m=np.full(121, np.nan))
 
 

@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 from tests.iptm_core.field_drives import (
     BEGIN,
+    DRIVE,
     GRADE,
     LENGTH_M,
     TOP_M_S,
@@ -26,8 +27,6 @@ from tests.iptm_core.field_drives import (
 
 from iptm_core.errors import RouteError
 from iptm_core.routes.user_csv import UserTrip, read_user_trip, trip_from_columns
-
-DRIVE = Driven.at()
 
 
 @pytest.fixture
