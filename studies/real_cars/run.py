@@ -1,8 +1,8 @@
 """The saving for real cars on measured trips, and what a simpler model of the controller costs.
 
 The vehicle has all laws that the measurements ask for. Some of them the controller's model leaves out: there
-the cost is that of the shipped controller against one that has them, or has the number that they would give
-it. The others it shares with the vehicle: there the cost is that of a controller without them.
+the shipped controller is compared with one that has them, or has the number that they would give
+it. The others it shares with the vehicle: there the cost is the one of a controller without them.
 """
 
 from __future__ import annotations

@@ -161,7 +161,7 @@ def _report_ticks(trip: Trajectory, since_s: float, reports: Iterable[Report]) -
 def _noticed_s(
     trip: Trajectory, faults: Iterable[Fault], reports: Iterable[Report]
 ) -> tuple[float | None, float]:
-    """Return the time of braking before weak brakes were reported (None for never), and that of all."""
+    """Return the time of braking before weak brakes were reported (None for never), and of all."""
     weak = [
         fault
         for fault in faults

@@ -82,7 +82,7 @@ class Case:
 
 
 def grid(stride: int) -> Iterator[Case]:
-    """Return the cases, every so many distances and sideways speeds of the published grids."""
+    """Return the cases at a stride of the distances and sideways speeds of the published grids."""
     fast = ((70, 90, 110, 130), 30, np.arange(1.0, 120.0, 2.0))
     slow = ((10, 20, 30, 40, 50, 60), 10, np.arange(1.0, 60.0))
     for speeds, step, distances in (fast, slow):

@@ -37,7 +37,7 @@ USUAL = {"trials": 400, "braking": 8000, "ros": 8, "seed": 1}
 SHORT = {"trials": 2, "braking": 4, "ros": 0, "seed": 1}
 SHORT_S = 40.0
 R157_STRIDE, R157_SHORT_STRIDE = 2, 24
-"""Every so many distances and sideways speeds of the grids of UN R157."""
+"""Stride of the distances and sideways speeds of the grids of UN R157."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

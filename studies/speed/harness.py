@@ -45,7 +45,7 @@ def run_benchmark(
 
     Args:
         measure: its parameters become the options and its docstring their help; a tuple may be repeated.
-        arguments: command line, None for that of the process.
+        arguments: command line, None for the one of the process.
         text_of: what is printed of the numbers.
 
     Returns:

@@ -1,7 +1,7 @@
 """Speed of the closed loop over ROS 2: real processes, driven by `iptm run`.
 
 The cases alternate, so that other work on the machine affects all of them alike; ratios are to the first.
-Processor time is that of all processes, their start included.
+Processor time counts all processes, their start included.
 """
 
 from __future__ import annotations

@@ -115,7 +115,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(session: Session) -> bool:
-    """Run the study; returns True. Nothing is kept: times are those of a quiet machine."""
+    """Run the study; returns True. Nothing is kept: times are meant for a quiet machine."""
     if session.short:
         numbers = {"headless": [headless("nycc", "2x1+1x5", DEFAULT_STRATEGY, SHORT_S)], "ros": []}
     else:

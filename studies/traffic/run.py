@@ -1,6 +1,6 @@
 """Drives all scenarios in simulated traffic with all kinds of knowledge.
 
-Needs requirements/traffic.txt. The wall times are those of this machine, whatever else it does.
+Needs requirements/traffic.txt. The wall times hold for this machine, whatever else it does.
 """
 
 from __future__ import annotations

@@ -82,7 +82,7 @@ Attack = Callable[[Moment], list[bytes]]
 
 
 class AttackedRadio(SimulatedRadio):
-    """The genuine messages of each second, then those of the attacker; nothing from a silence on.
+    """The genuine messages of each second, then the attacker's; nothing from a silence on.
 
     Attributes:
         loop: the drive, once it has ended.

@@ -97,7 +97,7 @@ def predictors_of(leader: str, route: Route) -> tuple[Predictor, ...]:
 def measured_cycles(
     folder: Path, report: Callable[[str], None], data: Path | None
 ) -> dict[str, str]:
-    """Return measured lead vehicles as drive files, by name: those of the project, and trips of a folder.
+    """Return measured lead vehicles as drive files, by name: the project's, and trips of a folder.
 
     Args:
         folder: for the drive files.

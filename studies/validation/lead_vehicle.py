@@ -44,7 +44,7 @@ class LeadBound:
         leads_s: times since the observation.
         speeds_m_s: nodes of the speed.
         accelerations_m_s2: nodes of the acceleration.
-        bounds_m: bounds; for each lead time the nodes of speed, and for each of these those of acceleration.
+        bounds_m: bounds; for each lead time the nodes of speed, for each of these the accelerations.
     """
 
     driver: str

@@ -72,7 +72,7 @@ class Drive:
         driver: who controls the speed.
         step_s: sampling interval.
         speed_m_s: speeds, shape (n,), NaN where nothing was recorded.
-        leader_speed_m_s: those of the vehicle ahead, shape (n,); None without one.
+        leader_speed_m_s: speeds of the vehicle ahead, shape (n,); None without one.
         gap_m: gap between both from bumper to bumper, shape (n,), NaN where it is not known.
     """
 

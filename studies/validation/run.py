@@ -29,7 +29,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     for name, text in (
         ("data", f"measurements to compare with (${VARIABLE}, else the excerpts of the project)"),
         ("fit", "measurements to fit to before comparing"),
-        ("parameters", "fitted parameters to read, and to write with --fit (those of the study)"),
+        (
+            "parameters",
+            "fitted parameters to read, and to write with --fit (by default the study's)",
+        ),
     ):
         parser.add_argument(f"--{name}", type=Path, metavar="FOLDER", help=text)
     text = "instead, train the predictor of lead vehicles on the trips of the i3 and write it there"
@@ -72,7 +75,7 @@ def train_predictor(data: MeasuredData, output: Path) -> None:
     """Train the shipped predictor on two thirds of the drives on roads, try it on the others and write it.
 
     Raises:
-        ScenarioError: there is no such drive.
+        ScenarioError: the drive does not exist.
     """
     drives = {
         drive.name: drive.speed_m_s

@@ -61,7 +61,7 @@ def _check_columns(path: Path, table: pd.DataFrame, needed: Iterable[str]) -> No
 def original_table(
     path: Path, needed: Iterable[str], delimiter: str = ",", skip: int = 0
 ) -> pd.DataFrame:
-    """Return the texts of a downloaded CSV file behind ``skip`` leading lines; what is missing is empty.
+    """Return the texts of a downloaded CSV file behind ``skip`` leading lines; missing values are empty.
 
     Raises:
         MeasurementError: a needed column is missing.

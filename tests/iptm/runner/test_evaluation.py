@@ -216,7 +216,7 @@ def test_parameters_of_another_vehicle_are_noticed(
 ) -> None:
     other = trip.changed(overrides="body.mass_kg=2000")
     problems = judge(other, heard, write_bag(tmp_path / "bag")).problems
-    assert "the model parameters in the bag are not those of the trip" in problems
+    assert "the model parameters in the bag differ from the trip's" in problems
 
 
 def test_results_are_plain_json(trip: Trip, heard: Heard, write_bag: Write, tmp_path: Path) -> None:

@@ -140,7 +140,7 @@ def gaps_when_braking(
     it did; between two rows its motion is the cubic of positions and speeds.
 
     Args:
-        hardest_m_s2: deceleration that the road permits, positive; that of the brakes if it is larger.
+        hardest_m_s2: deceleration that the road permits, positive; limited by the brakes.
 
     Returns:
         Gaps in m of the rows from ``start`` to ``last``: each the smallest one since the row before.
@@ -226,7 +226,7 @@ def fully_cooled_k(
     state = plant.initial_state()
     warmest = [max(state.cell_1_temperature_k, state.cell_n_temperature_k)]
     for row, interval_s in enumerate(run.intervals_s.tolist()):
-        # The motion is that of the run, not one that drifts away from it where the car came to a halt.
+        # The motion is the run's, not one that drifts away from it where the car came to a halt.
         acceleration = float(mean_accelerations[row])
         state = replace(
             state,

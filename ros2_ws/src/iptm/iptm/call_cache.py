@@ -30,7 +30,7 @@ class Outcome:
     Attributes:
         index: place of the call in the sequence.
         value: what the function returned, None for a failure.
-        failure: why there is no value, in one line; empty if there is one.
+        failure: why a value is missing, in one line; empty otherwise.
         cached: the value was found, not computed.
     """
 
@@ -55,10 +55,10 @@ def cached_calls(
     code of the suite and of the function's package: with other code nothing is found.
 
     Args:
-        function: of a module, so that other processes find it. What it raises is the failure of that call.
+        function: of a module, so that other processes find it. Its error is the failure of that call.
         calls: keyword arguments of each call.
         workers: number of processes; 1 for this one, None for one per core that this process may use.
-        executor: computes instead, such as that of a cluster; it is not shut down.
+        executor: computes instead, such as an executor of a cluster; it is not shut down.
         cache: folder of finished values; None to keep none. Read only folders that you trust: values are
             pickled.
 
@@ -188,7 +188,7 @@ def _in_processes(
 ) -> Iterator[Outcome]:
     """Yield outcomes from a pool of processes, made anew where one of them died.
 
-    Nobody knows which call it was: after a crash, those that were not finished get pools of their own.
+    Which call it was is unknown: after a crash, the unfinished ones get pools of their own.
     """
     left = list(waiting)
     crashes = 0

@@ -15,7 +15,7 @@ from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_step import PlantStep
 
 PROFILES = 5
-"""Instants at which all temperatures are kept, evenly over the trip, plus that of the largest error."""
+"""Instants at which all temperatures are kept, evenly over the trip, and the instant of the largest error."""
 
 
 class ChannelRecord(TypedDict):

@@ -1,6 +1,6 @@
 """The closed loop without ROS: the pure parts of plant, bridge and controller, tick by tick.
 
-The order of events is that of the lock-step mode of the nodes, so both give the same numbers.
+Events are ordered as in the lock-step mode of the nodes, so both give the same numbers.
 """
 
 from __future__ import annotations
@@ -134,7 +134,7 @@ def run_closed_loop(
         leader: who drives ahead, where it is not the leader of the route.
         start_position_m: where the ego vehicle starts, along the road.
         on_step: called with vehicle and leader, if there is one, at every instant, the last one included.
-        world: what is around the ego vehicle; None for a leader only, that of ``leader`` or of the route.
+        world: what is around the ego vehicle; None for a leader only, from ``leader`` or the route.
     """
     tick_s = controller.options.tick_s
     ticks = round(route.duration_s / tick_s)

@@ -28,7 +28,7 @@ from iptm_plant_sim.plant import Plant
 CMAKE = """cmake_minimum_required(VERSION 3.16)
 project(iptm_controller C)
 set(CMAKE_C_STANDARD 99)
-# Results are those of the operations as they are written: no contraction to fused multiply-adds.
+# Operations are done as they are written: no contraction to fused multiply-adds.
 add_compile_options(-O2 -ffp-contract=off)
 file(GLOB sources *.c)
 list(FILTER sources EXCLUDE REGEX "bench[.]c$")

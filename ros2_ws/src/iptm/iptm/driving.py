@@ -200,7 +200,7 @@ def _with_own_parts(
         trip = run.trip
         if trip is None:
             raise AssertionError("a run that was driven has a trip")
-        # Strategy and horizon are those of the controller that did not drive.
+        # Strategy and horizon belong to the controller that did not drive.
         planned = f", {trip.controller.horizon}, {trip.controller.strategy}"
         run = replace(run, name=run.name.replace(planned, ""))
         own = dict.fromkeys(("strategy", "horizon", "solver"), _OWN)

@@ -64,7 +64,7 @@ class Picture(Figure):
     _repr_png_ = png
 
     def savefig(self, *args: Any, **options: Any) -> None:
-        """Write the figure to a file; the options are those of matplotlib."""
+        """Write the figure to a file; the options are passed to matplotlib."""
         with rc_context(STYLE):
             super().savefig(*args, **options)
 

@@ -123,7 +123,7 @@ def _counts(key: str, values: Mapping[str, float]) -> bool:
 
 
 def html_table(frame: pd.DataFrame) -> str:
-    """Return a table; what is missing is empty."""
+    """Return a table; missing values are empty."""
     text: Any = frame.to_html(border=0, na_rep="")
     return str(text)
 

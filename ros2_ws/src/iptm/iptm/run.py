@@ -158,7 +158,7 @@ class Run:
     def frame(self) -> pd.DataFrame:
         """One row per tick, indexed by ``time_s``; units stand in the names of the columns.
 
-        The columns are those of `iptm_core.trajectory.Trajectory` with the gap, then those of
+        The columns are the fields of `iptm_core.trajectory.Trajectory` with the gap, then those of
         `iptm_core.decision_record.DecisionSeries`. Row k holds the state at t_k and the decision made there;
         the last row has none (NaN). Its acceleration, compressor power and other powers are means over the
         interval that *ended* at t_k: what row k decides is done in row k + 1, and row 0 has no powers.
@@ -202,7 +202,7 @@ class Run:
         """Draw the run over time, as the command line does.
 
         Args:
-            against: run whose curves are drawn behind those of this one.
+            against: run whose curves are drawn behind the curves of this one.
             remarks: lines of the heading, below the name; if empty, the saving against the other run.
             footer: text below the picture.
 

@@ -62,7 +62,7 @@ class Sweep:
 
     @property
     def table(self) -> pd.DataFrame:
-        """Figures, a row per run and a column per figure; what was varied is the index."""
+        """Figures, a row per run and a column per figure; varied settings form the index."""
         rows = pd.DataFrame([run.summary for run in self.runs])
         rows.index = pd.MultiIndex.from_frame(self.varied)
         return rows
@@ -80,7 +80,7 @@ def sweep(
     Args:
         workers: number of processes; 1 for this one, None for one per core.
         executor: drives instead, such as ``client.get_executor()`` of `dask.distributed`.
-        cache: folder of finished runs; what is there is not driven again, see `cached_calls`.
+        cache: folder of finished runs, which are not driven again, see `cached_calls`.
         arguments: as for `simulate`; a list, a range or an array of one dimension, also as a value in
             ``overrides`` or in a vehicle given as a mapping, stands for one run per entry.
 

@@ -60,7 +60,7 @@ class Trip:
     """Everything that is chosen about a trip; `Trip.of` takes it as flat names.
 
     Attributes:
-        name: short name, also that of the folder of a run.
+        name: short name, also of the folder of a run.
         description: one line for lists.
         own_drive: what the leader drives where the cycle is but a name.
         foreign: nodes of the loop that the user starts, over ROS 2.
@@ -142,7 +142,7 @@ class Trip:
 
     @property
     def controller_model_overrides(self) -> str:
-        """Overrides of the controller's model: those of the vehicle and its own."""
+        """Overrides of the controller's model: the vehicle's and its own."""
         own = parse_overrides(self.controller.controller_overrides)
         return overrides_text({**parse_overrides(self.vehicle.overrides), **own})
 

@@ -113,7 +113,7 @@ def solve_whole_trip(
     """
     horizon = Horizon((HorizonPhase(round(route.duration_s / tick_s), tick_s),))
     parameters = nominal_charge_parameters(plant.parameters)
-    # What was driven is far from the optimum of the trip, what was found for another expansion is near.
+    # The driven trip is far from its optimum; one found for another expansion is near.
     first, further = (
         build_plain_solver(
             horizon,

@@ -15,7 +15,7 @@ LONGEST_DELAY_S = 2.0
 FEWEST_DELAYS = 3
 """Delays of up to this many ticks, or this long, are looked for."""
 FORGETTING = 0.5
-"""Weight of the mismatches of a tick relative to those of the next one."""
+"""Weight of the mismatches of a tick relative to the next one."""
 EXPLAINED = 0.5
 """Another delay has to reduce the mismatch to this share, in two ticks in a row."""
 CREEP_SPEED_M_S = 0.5
@@ -151,7 +151,7 @@ class ActuationObserver:
         """Return the state at the instant at which the next command acts; the state itself without delay.
 
         Motion follows the commands under way. Temperatures are held: over two seconds they change by less
-        than 0.1 K. Its acceleration is that of the last command, of which weak brakes deliver a share.
+        than 0.1 K. Its acceleration follows the last command, of which weak brakes deliver a share.
         """
         if not self.memory.delay_ticks:
             acceleration = state.acceleration_m_s2

@@ -44,7 +44,7 @@ def cyclic_parameters(aging: ParkedAging, model: ModelParameters) -> AgingParame
 
     Exact for laws that are linear in the current and of one activation energy, for others close to the
     temperature of the parked pack. A law without cyclic loss
-    leaves those of the paper, or nothing would weigh how the car is driven.
+    leaves the weights of the paper, or nothing would weigh how the car is driven.
     """
     fit_k = aging.parked_k
     rate_1_s, slope_1_s_k = aging.cyclic_1_s(fit_k)

@@ -1,6 +1,6 @@
 """The controller without ROS: one call per tick, from measurements to a limited command.
 
-Its model is that of the plant, with kinks smoothed, at the state of charge at which a trip begins.
+It uses the model of the plant, with kinks smoothed, at the state of charge at which a trip begins.
 
 ``measurements -> problem data -> solver -> plan or fallback -> limiter -> command``. Nothing in here
 raises for bad measurements or failed solves: both are outcomes, reported in the decision.

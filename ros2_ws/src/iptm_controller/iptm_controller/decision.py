@@ -18,7 +18,7 @@ NOTHING = Command(0.0, 0.0)
 
 @dataclass(frozen=True)
 class Decision:
-    """One tick's outcome; the default is that of a tick without a problem to solve.
+    """One tick's outcome; the default stands for a tick without a problem to solve.
 
     Attributes:
         rung: where the command comes from.
@@ -29,7 +29,7 @@ class Decision:
         forecast: the leader's motion used, None if it could not be formed.
         command_delay_s: time by which commands act late, as observed.
         brake_share: share of a commanded deceleration that is delivered, as observed.
-        pack: what was found of sensors and cooling of the pack; None where nobody looked.
+        pack: what was found of sensors and cooling of the pack; None where they were not checked.
         noise: which measurements and previews are noisy and filtered, empty if none is.
     """
 

@@ -24,7 +24,7 @@ FRESH_S = 1.5
 """Age up to which a preview shows where the lead vehicle is."""
 LARGEST_POSITION_ERROR_M = 10.0
 LARGEST_SPEED_ERROR_M_S = 6.0
-"""Beyond these differences a preview is that of another drive, or the range sensor is wrong. The latter is
+"""Beyond these differences a preview belongs to another drive, or the range sensor is wrong. The latter is
 four times the noise that the study of imperfect previews assumes."""
 FROZEN = "the range sensor repeats a measurement"
 _OWN_M_S2 = SafetyMonitorSettings.monitor_own_deceleration_m_s2

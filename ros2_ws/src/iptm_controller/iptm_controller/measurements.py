@@ -110,12 +110,12 @@ def _at_rest_if_negative(vehicle: Vehicle) -> Vehicle:
 
 
 def motion_fault(state: VehicleState) -> str:
-    """Return why a motion cannot be that of a vehicle, empty if it can."""
+    """Return why a motion cannot belong to a vehicle, empty if it can."""
     return _out_of_range(state, _MOTION)
 
 
 def _out_of_range(state: VehicleState, ranges: Mapping[str, tuple[float, float]]) -> str:
-    """Return why a part of a state cannot be that of a vehicle, empty if it can."""
+    """Return why a part of a state cannot belong to a vehicle, empty if it can."""
     for name, (low, high) in ranges.items():
         value = getattr(state, name)
         if not (math.isfinite(value) and low <= value <= high):

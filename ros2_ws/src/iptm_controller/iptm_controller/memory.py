@@ -31,7 +31,7 @@ class PaceMemory:
 
 @dataclass(frozen=True)
 class ControllerMemory:
-    """Of a controller; the default is that of one which has not decided anything.
+    """Of a controller; the default is a controller that has not decided anything.
 
     Attributes:
         last_trusted: state that commands are limited against where none can be trusted.

@@ -23,7 +23,7 @@ CHANGEABLE = ("strategy", "horizon", *COST_TERMS, "deadline_ms")
 
 @dataclass(frozen=True)
 class ControllerNodeParameters(FrameSettings, SamplingSettings, ModelSettings, ControllerSettings):
-    """Parameters of the node: those of the groups, the last of the bases first, and its own."""
+    """Parameters of the node: its groups, the last of the bases first, and its own."""
 
     trip_duration_s: float = parameter(
         0.0,

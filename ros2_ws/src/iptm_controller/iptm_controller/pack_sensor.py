@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 from iptm_controller.measurements import PACK_RANGES
 
 TOLERANCE_K = 2.5
-"""Least difference of a sensor from the model that is not believed; noise raises it up to twice as much."""
+"""Least difference from the model at which a sensor is rejected; noise raises it to at most twice as much."""
 NOISE_FACTOR = 5.0
 STUCK_K = 0.02
 STUCK_STEPS = 5.0
-"""A sensor is stuck when the model has moved by this, and by so many of its steps, since it last changed."""
+"""A sensor is stuck when the model has moved by both, in K and in steps of the sensor, since it changed."""
 RECOVERY_S = 10.0
 APART_K = 6.0
 """Cells of one channel do not start a trip farther apart."""
@@ -142,7 +142,7 @@ def are_alike(sensors: list[SensorMemory], measured_k: list[float]) -> bool:
 def corrected(
     sensors: list[SensorMemory], measured_k: list[float], offset_k: float, elapsed_s: float
 ) -> list[SensorMemory]:
-    """Return the sensors with their models corrected: by the value, that of the other, or the coolant."""
+    """Return the sensors with their models corrected: by its value, the other sensor, or the coolant."""
     gain = min(CORRECTION_1_S * elapsed_s, 1.0)
     apart_k = [
         value_k - sensor.model_k for sensor, value_k in zip(sensors, measured_k, strict=True)

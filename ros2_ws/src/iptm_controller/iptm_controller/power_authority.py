@@ -33,7 +33,7 @@ class PowerAuthority:
         times_s: ends of the steps of the motion in a plan, from its beginning.
 
     Attributes:
-        limits: those of the tick, `UNLIMITED` where nothing limits the pack.
+        limits: of the tick, `UNLIMITED` where nothing limits the pack.
     """
 
     def __init__(

@@ -39,7 +39,7 @@ class FusionMemory:
         preview: the newest preview as received; None before the first one.
         roughness_m2_s4: running mean of the squared rate at which consecutive previews differ.
         speeds_m_s: average speeds at its nodes; None while previews pass unchanged.
-        weights: inverse variances of these, in multiples of that of a single preview far ahead.
+        weights: inverse variances of these, in multiples of a single preview far ahead.
     """
 
     preview: LeaderPreview | None = None

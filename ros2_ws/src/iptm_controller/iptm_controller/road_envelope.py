@@ -2,7 +2,7 @@
 
 The cost has no term for progress, and with ageing alone it would rather stand: what makes the ego vehicle
 drive is the largest gap. So the rules of the road enter as a lead motion that exists in the controller only.
-It is that of a pace ahead by the largest gap: a driver at the limits, who halts at closed lines and stays
+It is a pace ahead by the largest gap: a driver at the limits, who halts at closed lines and stays
 ahead of the ego vehicle. In front of a closed line it stands behind the line. The ego vehicle has the
 same room behind it as behind a vehicle, within which the cost decides. Its own speed is limited at every
 node as well. Of a lead vehicle and the rules the nearer one counts at every instant.
@@ -25,7 +25,7 @@ from iptm_core.state import FloatArray, LeaderPreview, LeaderState, VehicleState
 LAG_M, LAG_S = 3.0, 2.5
 """The ego vehicle may be behind the pace by this distance and time, to smooth what the limits make of it."""
 ROOM_S = 0.5
-"""The lead motion is ahead of the pace by this headway at least, beyond that of the spacing policy."""
+"""The lead motion is ahead of the pace by this headway at least, beyond the spacing policy."""
 LOOK_AHEAD_S = 60.0
 _STEP_S = 0.5
 

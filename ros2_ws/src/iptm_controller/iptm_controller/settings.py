@@ -42,7 +42,7 @@ else:
                 "float",
                 parameter(
                     FROM_STRATEGY,
-                    f"{term.symbol}, weight of {term.name}: {term.meaning}; -1 takes that of the strategy",
+                    f"{term.symbol}, weight of {term.name}: {term.meaning}; -1: as in the strategy",
                     term.unit,
                     -1.0,
                     MAX_WEIGHT,
@@ -107,7 +107,7 @@ class ControllerSettings(
     solver: str = parameter(_SOLVER.name, "solver back end", choices=SOLVER_NAMES)
     reference_temperature_k: float = parameter(
         FROM_STRATEGY,
-        "r_T, temperature that J2 measures deviations from; -1 takes that of the strategy",
+        "r_T, temperature that J2 measures deviations from; -1: as in the strategy",
         "K",
         -1.0,
         400.0,

@@ -49,7 +49,7 @@ class TemperatureValue:
         aging_rate_1_s: mean rate of the capacity loss, sum of both cells (q).
         aging_sensitivity_1_k: relative change of the rate with temperature (alpha).
         temperature_decay_time_s: decay time of a temperature difference (tau).
-        temperature_weight_1_k2_s: weight of J2 by the calendar loss, on top of that of the strategy.
+        temperature_weight_1_k2_s: weight of J2 by the calendar loss, on top of the strategy's weight.
         reference_temperature_k: reference of that.
         thermal_energy_price_1_j: cost of the energy of compressor and heater, on top of J3.
     """

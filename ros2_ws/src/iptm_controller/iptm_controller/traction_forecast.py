@@ -48,7 +48,7 @@ class TractionForecaster:
         self.until_s = -math.inf
 
     def remember(self, state: VehicleState, slope: SlopePreview) -> None:
-        """Add the present power to those of the trip; an earlier state begins a new one."""
+        """Add the present power to the powers of the trip; an earlier state begins a new one."""
         if state.time_s < self.until_s:
             self.powers_w = self.speeds_m_s = ()
         self.until_s = state.time_s

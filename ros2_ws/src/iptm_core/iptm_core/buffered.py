@@ -33,7 +33,7 @@ class BufferedFunction:
                 function can be the arguments of another without a copy.
         """
         given = memory or {}
-        # CasADi's stubs describe the C++ signatures of the buffer, not those of Python.
+        # CasADi's stubs describe the C++ signatures of the buffer, not the Python ones.
         self._buffer: Any
         self._buffer, self._run = function.buffer()
         self.arguments: dict[str, FloatArray] = {}

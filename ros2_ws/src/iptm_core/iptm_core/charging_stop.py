@@ -102,7 +102,7 @@ def fast_charge(
 ) -> FastCharge:
     """Charge a pack from each of some temperatures.
 
-    One temperature stands for all cells; air exchange is that of the parameters, and at the upper temperature
+    One temperature stands for all cells; air exchange follows the parameters, and at the upper temperature
     limit the chiller holds it.
     """
     pack, cell, limits = parameters.pack, parameters.cell, parameters.limits

@@ -114,7 +114,7 @@ def declared(owner: type[Any], name: str, default: Any = MISSING, **bounds: floa
 
 
 def parameter_specs(description: type[Any]) -> tuple[ParameterSpec, ...]:
-    """Return the parameters that a dataclass declares, those of its bases included."""
+    """Return the parameters that a dataclass and its bases declare."""
     return tuple(
         replace(entry.metadata["spec"], name=entry.name)
         for entry in fields(description)

@@ -102,7 +102,7 @@ class Sample(NamedTuple):
 
 @dataclass(frozen=True)
 class LeadTrack:
-    """What is carried from measurement to measurement; the default is that of a lane never looked at.
+    """What is carried from measurement to measurement; the default stands for a lane never looked at.
 
     Attributes:
         seen: newest sound measurement, None for a free lane.

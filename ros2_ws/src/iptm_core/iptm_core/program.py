@@ -44,7 +44,7 @@ def run(name: str, load: Callable[[], Callable[[], Any]]) -> Any:
     """Load a program and run it.
 
     Returns:
-        The exit code: that of the program, 2 if a library is not installed, 130 after Ctrl-C, 141 if the
+        The exit code of the program, 2 if a library is not installed, 130 after Ctrl-C, 141 if the
             reader of its output is gone.
     """
     is_interruptible = signal.getsignal(signal.SIGINT) is signal.default_int_handler

@@ -38,7 +38,7 @@ def git_revision(folder: Path | None = None) -> str:
 
 
 def versions(packages: Iterable[str]) -> dict[str, str]:
-    """Return the versions of Python, the platform and those of the packages that are installed."""
+    """Return the versions of Python, the platform and the installed packages."""
     return {
         "python": platform.python_version(),
         "platform": f"{platform.system()} {platform.machine()}",

@@ -267,7 +267,7 @@ def limits_of_curves(
 ) -> SpeedLimits:
     """Return the speeds with which the curves of a road take a lateral acceleration.
 
-    The radius is that of the circle through three points of the line (Menger's curvature), so a bend counts
+    The radius belongs to the circle through three points of the line (Menger's curvature), so a bend counts
     also on the road around it.
 
     Args:

@@ -76,7 +76,7 @@ class RoadSettings(Settings):
     )
     slope: str = parameter(
         "as_designed",
-        "slope of the road; that of a track, recorded or planned without times, is the road that the cycle "
+        "slope of the road; for a track, recorded or planned without times, is the road that the cycle "
         "is driven on",
         choices=SLOPE_CHOICES,
         suffixes=(GPX_SUFFIX,),
@@ -127,7 +127,7 @@ class ModelSettings(Settings):
         """Load the parameters of the model.
 
         Raises:
-            ParameterError: they cannot be read, or are those of a chiller without a gate.
+            ParameterError: they cannot be read, or belong to a chiller without a gate.
         """
         model = load_parameters(self.parameter_set, parse_overrides(self.overrides))
         if model.values.chiller.gate_power_w == 0.0:

@@ -22,7 +22,7 @@ NS_PER_MS = 1_000_000
 FloatArray = NDArray[np.float64]
 
 SPEED_AT_REST_M_S = -0.5
-"""Measured speeds from here to 0 are those of a vehicle at rest, with an error of the measurement."""
+"""Measured speeds from here to 0 mean a vehicle at rest, with an error of the measurement."""
 KNOWN_BOUND_M = 1.0
 """Largest bound at which a predicted position of the leader is treated as known: a path that the leader sends
 is, an acceleration that is expected to decay is not after two seconds."""
@@ -260,7 +260,7 @@ class LeaderPreview:
 
     @property
     def generated_at_s(self) -> float:
-        """Instant at which the prediction was made, that of its first node; minus infinity without nodes."""
+        """Instant of the prediction, the time of its first node; minus infinity without nodes."""
         return float(self.times_s[0]) if self.times_s.size else -math.inf
 
     def age_s(self, now_s: float) -> float:

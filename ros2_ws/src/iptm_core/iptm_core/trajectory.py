@@ -173,7 +173,7 @@ def _row(observed: PlantObservation, leader: LeaderState | None) -> dict[str, fl
     leader_m, leader_m_s = (leader.position_m, leader.speed_m_s) if leader else (math.nan, math.nan)
     gap_m = leader_m - observed.state.position_m
     return {
-        # The compressor power stands in powers and state; that of the state was commanded.
+        # The compressor power stands in powers and state; the state holds the commanded one.
         **vars(observed.powers),
         **vars(observed.state),
         "state_of_charge": float(np.float32(observed.state.state_of_charge)),

@@ -56,7 +56,7 @@ def vehicles_in_string(
 
     Args:
         initial_gap_m: from the front bumper of a vehicle to the rear one of the vehicle ahead.
-        namespace: around those of the vehicles, empty for none.
+        namespace: around the namespaces of the vehicles, empty for none.
     """
     prefix = "/".join(["", *filter(None, [namespace.strip("/")]), "car_"])
     names = ["", *(f"{prefix}{number}" for number in range(1, count + 1)), ""]

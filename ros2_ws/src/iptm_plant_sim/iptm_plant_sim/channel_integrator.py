@@ -77,7 +77,7 @@ class ChannelIntegrator:
             motion: the motion, laid out for n sub-steps.
             slopes_rad: slope at ``motion.positions_m``, shape (2 n + 1,).
             charge: state of charge at the start; NaN where nothing depends on it.
-            bounds: those of the interval, where it is bounded.
+            bounds: of the interval, where it is bounded.
         """
         temperatures_k, capacity_losses = cells.temperatures_k, cells.capacity_losses
         totals = dict.fromkeys(INTEGRALS, 0.0)

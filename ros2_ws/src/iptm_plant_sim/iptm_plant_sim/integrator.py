@@ -1,7 +1,7 @@
 """Integration of the exact model over one interval of prescribed motion.
 
 Classical Runge-Kutta of order four on the four cell states; energies, heat and charge are quadratures of
-the same stages. What depends on the state of charge is that of the start of the interval. The sub-steps are
+the same stages. What depends on the state of charge is taken at the start of the interval. The sub-steps are
 unrolled once into a compiled expression graph of the very functions that the rest of the project uses, and
 evaluated on a fixed pair of buffers.
 """
@@ -142,7 +142,7 @@ class IntervalIntegrator:
             motion: the motion, laid out for the same number of sub-steps n.
             slopes_rad: slope at ``motion.positions_m``, shape (2 n + 1,).
             charge: state of charge at the start; NaN where nothing depends on it.
-            bounds: those of the interval, where it is bounded.
+            bounds: of the interval, where it is bounded.
         """
         given = self._function.arguments
         if bounds is not None:

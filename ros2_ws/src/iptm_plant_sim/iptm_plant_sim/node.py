@@ -1,6 +1,6 @@
 """The plant node: the simulated vehicle, master of the trip time.
 
-Exit codes beyond those of every node: 3, the controller was lost and the trip ended with the controlled
+Exit codes besides the common ones: 3, the controller was lost and the trip ended with the controlled
 stop. 1 is also a vehicle model that failed.
 """
 
@@ -52,7 +52,7 @@ class PlantNode(TripNode):
         if self._phase is TripPhase.PAUSED:
             return f"paused already, at {self._at()}"
         if self._phase is TripPhase.WAITING or self._is_real_time:
-            # Between two ticks other nodes may have a later time than that of the present state.
+            # Between two ticks other nodes may have a later time than the present state.
             self._pause_due = True
             return "pauses at the next state"
         self._hold_trip()

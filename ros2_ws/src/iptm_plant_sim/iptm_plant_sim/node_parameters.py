@@ -51,7 +51,7 @@ class PlantNodeParameters(
     VehicleSettings,
     TripSettings,
 ):
-    """Parameters of the node: those of the groups, the last of the bases first, and its own."""
+    """Parameters of the node: its groups, the last of the bases first, and its own."""
 
     vehicle_ahead: str = declared(VehicleAheadSettings, "vehicle_ahead")
     leader_source: LeaderSource = declared(LeaderSourceSettings, "leader_source")
@@ -94,7 +94,7 @@ class PlantNodeParameters(
         return self.trip_route(self.model().values.gap.initial_gap_m).leader
 
     def build_plant(self, *arguments: Any) -> Plant:
-        """Return the vehicle; the arguments are those of ``Plant``."""
+        """Return the vehicle; the arguments are passed to ``Plant``."""
         return Plant(*arguments)
 
     def saved_state(self, trip: Trip) -> SavedState:

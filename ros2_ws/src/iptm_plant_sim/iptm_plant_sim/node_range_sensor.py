@@ -39,7 +39,7 @@ class PlayedRangeSensor:
 
 
 class NodeRangeSensor:
-    """Measurements by stamp; in lock-step a command is held until those of its stamp have arrived.
+    """Measurements by stamp; in lock-step a command is held until the measurements of its stamp have arrived.
 
     After a timeout the sensor is not waited for again until it has answered.
 

@@ -115,7 +115,7 @@ class TripNode(SuiteNode):
     def _look_for_start(self) -> None:
         """Begin when that was asked for; else offer the first state to controllers, one of which begins.
 
-        Whoever has come since then has missed it, so that it is offered again.
+        Subscribers that came since then have missed it, so it is offered again.
         """
         self._awaited = self._neighbours.missing(self._trip.stamp_ns)
         listeners = tuple(

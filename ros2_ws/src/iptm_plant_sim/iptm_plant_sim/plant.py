@@ -46,7 +46,7 @@ class Plant:
 
     Without a range sensor instances keep no trip state: the same state and command give the same result,
     always. With one, see `watch`, the safety monitor acts in every interval, and its memory, which is part of
-    each step, is that of the interval before. Instances own evaluation buffers and are not meant to be shared
+    each step, is from the interval before. Instances own evaluation buffers and are not meant to be shared
     between threads.
 
     Attributes:
@@ -70,7 +70,7 @@ class Plant:
             step_s: longest integration step inside an interval.
             thermal_model: which cells of a coolant channel are integrated. With all of them, states are
                 `FullChannelState`.
-            safety: assumptions of the safety monitor; by default those of the settings.
+            safety: assumptions of the safety monitor; by default from the settings.
 
         Raises:
             StateError: the step is not a positive number.
@@ -98,7 +98,7 @@ class Plant:
         self.resume(memory or MonitorMemory())
 
     def resume(self, memory: MonitorMemory) -> None:
-        """Let the safety monitor go on with a memory, that of the step from which the next one starts."""
+        """Let the safety monitor go on with the memory of the step from which the next one starts."""
         self._memory = memory
 
     def initial_state(

@@ -6,7 +6,7 @@ definition 1, with the assumptions that IEEE 2846-2022 names: the vehicle ahead 
 deceleration from now on; the ego vehicle continues at its present acceleration for the reaction time and
 brakes then. UN R157 has the same form. Other than in definition 1 the brakes have a delay and build up.
 
-The rule holds on the road that there is. Where its friction is known, both decelerations are those of that
+The rule holds on the present road. Where its friction is known, both decelerations are limited by that
 road. Where it is not, the rule is asked twice: for a dry road, and for a slippery one, on which both vehicles
 brake badly. The first one calls for full braking, the second one for what a slippery road gives.
 """
@@ -155,7 +155,7 @@ class SafetyMonitor:
         or when both stand.
 
         Args:
-            capability: of both vehicles; by default that of a level road as it is known.
+            capability: of both vehicles; by default on a level road of the known friction.
 
         Returns:
             Distance in m. 0 for a vehicle that stands and does not accelerate.

@@ -197,7 +197,7 @@ class MonitoredInterval:
     ) -> bool:
         """Return whether even the worst values of all instants together are safe.
 
-        The safe distance grows with the own speed and falls with that of the vehicle ahead.
+        The safe distance grows with the own speed and falls with the speed of the vehicle ahead.
         """
         bounds = leads.bounds()
         if bounds is None:

@@ -4,7 +4,7 @@ Serves a bag as well as a node that listens to a run. Messages are joined by the
 reception are not used.
 
 If several messages of a topic have the same stamp: a restarted plant begins a new trip, and the last trip
-counts. Stamps of another node that go back while those of the plant do not (its clock jumped) begin no trip.
+counts. Stamps of another node that go back while the plant's do not (its clock jumped) begin no trip.
 Within a trip the last message of a stamp counts, unless a second plant drove at the same time: then the
 first one, as that one was answered.
 """
@@ -100,10 +100,10 @@ def assemble_run(messages: Mapping[Topic, ByStamp]) -> AssembledRun:
     Rows without a leader have NaN in its columns.
 
     Args:
-        messages: those of `TICK_TOPICS`, by topic and stamp; there need not be a leader.
+        messages: of `TICK_TOPICS`, by topic and stamp; a leader is optional.
 
     Raises:
-        MessageError: there is no state, or a message breaks its promise.
+        MessageError: the state is missing, or a message breaks its promise.
         StateError: the rows make no trajectory.
     """
     states, leaders = messages.get(Topic.PLANT_STATE, {}), messages.get(Topic.LEADER, {})

@@ -39,7 +39,7 @@ def node_main(
         program: name in the usage line.
         node: class to run, built without arguments; its docstring is the description.
         parameters: dataclass of `parameter` fields that the node declares.
-        arguments: command line with the program name; None takes that of the process.
+        arguments: command line with the program name; None takes the one of the process.
     """
     command = list(sys.argv if arguments is None else arguments)
     try:

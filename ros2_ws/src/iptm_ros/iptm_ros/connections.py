@@ -177,7 +177,7 @@ class Meeting:
         )
 
     def deaf_to(self, topics: Collection[str]) -> tuple[str, ...]:
-        """Return which nodes subscribe to topics, given by full names, that they receive from nobody yet."""
+        """Return which nodes subscribe to topics, given by full names, and receive from no node yet."""
         return tuple(
             name
             for name, report in self._reports.items()

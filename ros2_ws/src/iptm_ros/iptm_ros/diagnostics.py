@@ -37,7 +37,7 @@ REPORT_PERIOD_S = 1.0
 
 
 class Level(Enum):
-    """Severity of a status; the value is that of `diagnostic_msgs/DiagnosticStatus`."""
+    """Severity of a status, with the values of `diagnostic_msgs/DiagnosticStatus`."""
 
     OK = DiagnosticStatus.OK
     WARN = DiagnosticStatus.WARN

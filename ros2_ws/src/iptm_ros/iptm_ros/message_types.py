@@ -1,4 +1,4 @@
-"""Message classes of the topics: those of ROS, without ROS those of rosbags for the same definitions.
+"""Message classes of the topics: from ROS, or without ROS from rosbags for the same definitions.
 
 Without ROS, messages are only read out of bags; to build or publish one takes the classes of ROS.
 """

@@ -87,7 +87,7 @@ def run_node(
 
     Args:
         factory: builds the node; an `IptmError` from here is a mistake of the user.
-        arguments: command line with the program name; None takes that of the process.
+        arguments: command line with the program name; None takes the one of the process.
     """
     command = list(sys.argv if arguments is None else arguments)
     program = Path(command[0]).stem if command else "node"
@@ -118,7 +118,7 @@ def joined_node(
 
     Args:
         factory: builds the node.
-        domain: ROS domain, None for that of the environment.
+        domain: ROS domain, None for the one of the environment.
     """
     context = Context()
     rclpy.init(

@@ -1,7 +1,7 @@
 """Every service of the suite, as data: names and what they do.
 
 Names are private, `~/pause`, as in rosbag2 and nav2: they follow name and namespace of the node, so that
-two nodes of one kind can share a namespace. Those of player and recorder are named as those of `ros2 bag`,
+two nodes of one kind can share a namespace. Player and recorder name theirs as `ros2 bag` does,
 whose types are in `rosbag2_interfaces`: no wheel has it.
 """
 

@@ -218,7 +218,7 @@ class StampMatcher(Generic[K]):
             leading: the slot that advances the time of the trip.
             others: further slots.
             max_pending: incomplete sets kept; beyond it one that is least likely the next tick is given up.
-            is_complete: whether the values of a stamp make a set, by default those of all slots.
+            is_complete: whether the values of a stamp make a set, by default of all slots.
         """
         if max_pending < 1:
             raise ParameterError(f"matcher has room for {max_pending} sets; allowed: at least 1")
@@ -284,7 +284,7 @@ class StampMatcher(Generic[K]):
         return self.gate.follows(stamp_ns), self._leading in self._pending[stamp_ns], -distance_ns
 
     def _candidates(self) -> list[int]:
-        """Stamps of the pending sets that may be handed out as they are, those of the trip if there are any.
+        """Stamps of the pending sets that may be handed out as they are, of the trip if there are any.
 
         They have the leading slot; or it alone is missing, in a set of the trip.
         """

@@ -94,7 +94,7 @@ class SuiteNode(Node):
         self.awake = AwakeClock()
         self.frame_prefix = self.get_namespace().strip("/")
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
-        # rclpy warns from 8 timers of one clock on, so those of this class have another one.
+        # rclpy warns from 8 timers of one clock on, so timers of this class have another one.
         self._upkeep_clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._known_defects: set[str] = set()
         self._sole: dict[Topic, str] = {}
@@ -103,7 +103,7 @@ class SuiteNode(Node):
         self.every(LOOK_PERIOD_S, self.connections.look, self._upkeep_clock)
 
     def advertise(self, topic: Topic) -> Publisher:
-        """Return a publisher for a topic of the table, whose frames are those of the vehicle."""
+        """Return a publisher for a topic of the table, with the frames of the vehicle."""
         spec = TOPICS[topic]
         publisher = self.create_publisher(
             spec.message_type, spec.name, spec.offered_qos, publisher_class=FramedPublisher
@@ -135,7 +135,7 @@ class SuiteNode(Node):
             topic: key of the topic.
             callback: called with the message, or with its serialised bytes if `raw`.
             raw: leave out the conversion to a message object.
-            qos: of the subscription; if None that of the table, with a queue of `LEAST_HISTORY`. A deeper one
+            qos: of the subscription; None takes the table's, with a queue of `LEAST_HISTORY`. A deeper one
                 is for who must not miss a message of a publisher that does not wait for it.
             vehicle: namespace of another vehicle whose topic is meant, from its beginning on.
         """
@@ -258,7 +258,7 @@ class SuiteNode(Node):
 
 
 def _deep(qos: QoSProfile) -> QoSProfile:
-    """Return the QoS of a subscription; where the latest message is all that counts, that of the topic."""
+    """Return the QoS of a subscription; where only the latest message counts, the QoS of the topic."""
     if qos.durability is DurabilityPolicy.TRANSIENT_LOCAL or qos.depth >= LEAST_HISTORY:
         return qos
     return QoSProfile(

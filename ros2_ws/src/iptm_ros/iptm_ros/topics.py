@@ -187,7 +187,7 @@ _SPECS = (
         "pack voltage and current (negative when discharging, as ROS defines it); "
         "cell_voltage, cell_temperature: cell 1 and cell N of a coolant channel; all its cells where "
         "the plant has them (thermal_model full_channel); percentage is the state of charge (0 to 1), "
-        "charge and capacity are in Ah, those of the present",
+        "charge and capacity are in Ah, at present",
     ),
     TopicSpec(
         Topic.PLANT_CELL_1_TEMPERATURE, Temperature, PLANT, PACK_FRAME, "degC",
@@ -284,7 +284,7 @@ _SPECS = (
     TopicSpec(
         Topic.PLAN, PointCloud2, CONTROLLER, ROAD_FRAME, "see fields",
         "predicted motion, temperatures and inputs of the ego vehicle at trip times; the inputs of the last "
-        "row repeat those of the last interval; no rows: the command follows no plan",
+        "row repeat the last interval; no rows: the command follows no plan",
         {
             "time_s": "s", "position_m": "m", "speed_m_s": "m/s",
             "cell_1_temperature_k": "K", "cell_n_temperature_k": "K",

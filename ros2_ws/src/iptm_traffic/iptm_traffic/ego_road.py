@@ -1,6 +1,6 @@
 """The ego's way through a network of SUMO as a road: where things lie along it, slopes, speeds in its bends.
 
-Positions along the road are those of SUMO on the ego vehicle's lanes, junctions included, so that plant, SUMO
+Positions along the road are SUMO's on the ego vehicle's lanes, junctions included, so that plant, SUMO
 and messages speak of the same metres.
 """
 
@@ -139,7 +139,7 @@ class EgoRoad:
         return np.stack([along, left / lengths[best]])
 
     def road_line(self) -> RoadLine:
-        """Return the road on Earth; its positions are those of this way.
+        """Return the road on Earth, with the positions of this way.
 
         A road with grades is longer than its map; here its map is stretched to the length of the road.
         """

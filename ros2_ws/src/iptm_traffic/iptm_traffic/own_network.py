@@ -38,7 +38,7 @@ class OwnNetwork:
     Attributes:
         net: network (``.net.xml``, ``.net.xml.gz``), configuration of SUMO (``.sumocfg``) or of netconvert
             (``.netccfg``), or map (``.osm``).
-        routes: files with vehicles and persons; those of the configuration, if there is one, come before.
+        routes: files with vehicles and persons, after the ones of the configuration, if there is one.
         ego: the vehicle whose place the ego vehicle takes; empty for a route.
         ego_route: edges of the ego vehicle's way; between two that do not touch it takes the shortest way.
         depart_s: SUMO's time from which on the ego vehicle departs on its route.

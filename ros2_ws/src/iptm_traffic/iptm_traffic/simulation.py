@@ -81,7 +81,7 @@ class TrafficSimulation:
     Attributes:
         network: what is driven in.
         largest_deviation_m: how far apart SUMO and plant ever had the ego vehicle.
-        collisions: those of the ego vehicle that SUMO has noticed, junctions and crossings included.
+        collisions: of the ego vehicle, as SUMO has noticed, junctions and crossings included.
         start_s: SUMO's time at trip time 0.
         after_step: called after every step.
 
@@ -102,7 +102,7 @@ class TrafficSimulation:
 
         Args:
             network: what is driven in.
-            demand: vehicles, see `iptm_traffic.demand`; None for those of the network.
+            demand: vehicles, see `iptm_traffic.demand`; None for the demand of the network.
             step_s: SUMO's step.
             with_ego: put the ego vehicle in.
             fcd: where SUMO writes what every vehicle does, its floating car data; None for nowhere.

@@ -66,7 +66,7 @@ class SumoWorld:
             simulation: at trip time 0, with the ego vehicle in it.
             radio: what the vehicles around it send.
             parameters: of the ego vehicle.
-            right_of_way: refreshed at every tick; None where all rules are those of the network.
+            right_of_way: refreshed at every tick; None where all rules come from the network.
         """
         self._scenario, self._parameters = scenario, parameters
         self.simulation, self.radio = simulation, radio

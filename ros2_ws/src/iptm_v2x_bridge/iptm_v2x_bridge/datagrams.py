@@ -230,7 +230,7 @@ class SocketSource(DatagramSource):
 
 
 class LockStepSource(SocketSource):
-    """Datagrams up to the mark of a tick count for it; those of a sender that is ahead wait for theirs."""
+    """Datagrams up to the mark of a tick count for it; a sender that is ahead has to wait for its tick."""
 
     def __init__(self, address: str, port: int, start_timestamp_ms: int = 0) -> None:
         """Open the socket; see `SocketSource`."""

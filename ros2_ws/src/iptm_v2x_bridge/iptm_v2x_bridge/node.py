@@ -109,7 +109,7 @@ class BridgeNode(SuiteNode):
         time_ns, has_leader = answer.time_ns, answer.leader is not None
         self._road_publisher.publish(encode_road_ahead(answer.road, time_ns, has_leader=has_leader))
         if answer.leader is not None:
-            # The stamp is that of the clock to the nanosecond, however late the hour.
+            # The stamp is the clock's time to the nanosecond, however late the hour.
             leader = encode_leader.data(self.frame_prefix, answer.leader, time_ns)
             self._leader_publisher.publish(leader)
         samples = self._answers.samples(answer)

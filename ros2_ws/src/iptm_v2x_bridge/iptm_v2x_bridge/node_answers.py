@@ -161,7 +161,7 @@ class CamAnswers(TickAnswers[CamBridge]):
         self._publisher = (
             context.node.advertise(Topic.DATAGRAMS) if options.publish_datagrams else None
         )
-        # Datagrams of the present are read at once; those of the trip's own time belong to its ticks.
+        # Datagrams of the present are read at once; datagrams in the trip's own time belong to its ticks.
         self._by_wall_clock = options.trip_start_timestamp_ms < 0 and not (
             options.recorded_packets or options.cam_lock_step
         )

@@ -29,7 +29,7 @@ class BridgeNodeParameters(
     RoadAheadSettings,
     TripSettings,
 ):
-    """Parameters of the node: those of the groups, the last of the bases first, and its own."""
+    """Parameters of the node: its groups, the last of the bases first, and its own."""
 
     initial_gap_m: float = parameter(
         15.0, "position of the leader at t = 0, the ego vehicle being at 0", "m", 1.0, 500.0
@@ -53,18 +53,18 @@ class SentDrive(TextEnum):
     """Drive that the sender sends."""
 
     CYCLE = "cycle"
-    """That of the leader in the cycle."""
+    """The leader in the cycle."""
     EGO = "ego"
-    """That of the vehicle whose topics it hears, with its plan as path prediction."""
+    """The vehicle whose topics it hears, with its plan as path prediction."""
 
 
 @dataclass(frozen=True)
 class SenderNodeParameters(SenderSettings, TickSettings, RoadSettings):
-    """Parameters of the node: those of the groups, the last of the bases first, and its own."""
+    """Parameters of the node: its groups, the last of the bases first, and its own."""
 
     sent_drive: SentDrive = parameter(
         SentDrive.CYCLE,
-        "cycle: that of the leader in the cycle; ego: that of the vehicle in the namespace of the node, at "
+        "cycle: the leader in the cycle; ego: the vehicle in the namespace of the node, at "
         "every decision, with its plan as path prediction, on the road of the cycle and initial_gap_m ahead "
         "of its own position",
     )

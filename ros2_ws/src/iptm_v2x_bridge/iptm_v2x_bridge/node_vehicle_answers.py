@@ -53,7 +53,7 @@ class CycleAnswers(TickAnswers[V2xBridge]):
 
 
 class VehicleAnswers(TickAnswers[V2xBridge]):
-    """The leader is the vehicle ahead: its state is that of its plant, its plan the preview of its motion.
+    """The leader is the vehicle ahead: its state comes from its plant, the preview of its motion is its plan.
 
     A tick is answered when both of that stamp are there, so it does not matter what arrives first. The
     simulated link delays and loses plans as it does the predictions of a cycle. When the vehicle has gone

@@ -68,7 +68,7 @@ def recording_with_marks(
     Args:
         received: time of reception (ns of TimestampIts) and bytes, in the order of reception.
         source: file, for messages.
-        start_timestamp_ms: TimestampIts at trip time 0, the time of reception being that of another clock;
+        start_timestamp_ms: TimestampIts at trip time 0, the time of reception is of another clock;
             None where the marks themselves were received in the time of the trip.
 
     Raises:

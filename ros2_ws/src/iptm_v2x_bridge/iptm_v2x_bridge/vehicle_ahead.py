@@ -82,7 +82,7 @@ class VehicleAhead:
     def leader_at(self, time_ns: int) -> LeaderState:
         """Return the leader's state at a tick; one state must be known.
 
-        Where that of the tick is not, the vehicle has braked since the last one known.
+        Where the one of the tick is not, the vehicle has braked since the last one known.
         """
         if time_ns in self._states:
             return self._states[time_ns]

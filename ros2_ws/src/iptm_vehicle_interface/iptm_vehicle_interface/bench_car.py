@@ -42,7 +42,7 @@ LAG_S = 0.2
 TIMEOUT_S = 0.08
 """Age of the last command from which the car is inactive by itself."""
 DRIVER_REACTION_S = 1.0
-"""Time for which nobody drives after the car has become inactive: it coasts."""
+"""Time after the car has become inactive in which neither suite nor driver acts: it coasts."""
 COASTING_M_S2 = -0.3
 RADAR_RANGE_M = 250.0
 PERIODS: dict[str, int] = {"SPEED": 1, "PEDALS": 2, "RADAR": 5, "BATTERY": 10, "THERMAL": 100}

@@ -33,7 +33,7 @@ def open_bus(address: str) -> Any:
     ``udp:PORT`` is a bus of this machine's processes: multicast that does not leave it.
 
     Raises:
-        ScenarioError: there is no such bus.
+        ScenarioError: the bus does not exist.
     """
     can = library("can")
     interface, _, channel = address.partition(":")

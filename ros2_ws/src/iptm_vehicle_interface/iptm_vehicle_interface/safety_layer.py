@@ -34,7 +34,7 @@ class Request:
 
     Attributes:
         acceleration_m_s2: wanted.
-        enabled: whether the suite wants to drive.
+        enabled: whether the suite asks to drive.
         age_s: since the request was made.
         last_m_s2: acceleration sent before.
         since_last_s: time since then.

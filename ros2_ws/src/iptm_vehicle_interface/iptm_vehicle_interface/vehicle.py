@@ -228,7 +228,7 @@ def load_vehicle(name_or_folder: str) -> Vehicle:
         if name in commands
     }
     if not targets["acceleration"].enable:
-        # A request that cannot be taken back would count while nobody has engaged the suite.
+        # A request that cannot be taken back would count while the suite is not engaged.
         commands.section("acceleration").refuse("enable", "the signal that is 1 while it counts")
     names = tuple(entry.name for entry in fields(ActuationLimits))
     limits = written.section("limits", names)

@@ -61,7 +61,7 @@ class GraphSubscriptions:
 
         Args:
             needed: topics that are of use at present.
-            whole: those of them of which no message may be missed. Latched ones and diagnostics always
+            whole: the ones of which no message may be missed. Latched ones and diagnostics always
                 are among these.
         """
         published = frozenset(

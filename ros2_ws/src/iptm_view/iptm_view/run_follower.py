@@ -178,7 +178,7 @@ class RunFollower:
             self._feed.append(EVENTS, {"time_s": time_s, **{key: status[key] for key in keys}})
 
     def _trip_time_s(self, values: Mapping[str, str]) -> float:
-        """Return the trip time of a status; where it names none, that of the newest row."""
+        """Return the trip time of a status; where it names none, the time of the newest row."""
         try:
             return float(values[TRIP_TIME])
         except (KeyError, ValueError):

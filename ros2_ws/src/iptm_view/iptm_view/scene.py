@@ -103,7 +103,7 @@ def scene_message(
     """Return the markers of a scene; those that it does not have are deleted.
 
     Markers expire, so that none remains when the publisher ends. Viewers count the lifetime in their own
-    time, which may be that of the trip: it covers several scenes in either.
+    time, which may be the trip time: it covers several scenes in either.
     """
     ego, leader = scene.ego, scene.leader
     size_m = body_size_m(parameters)

@@ -36,7 +36,7 @@ _POLL_S = 0.1
 _FRAME_S = 0.1
 """Time between two looks at the graph: the page is not fed more often, however fast the run is."""
 _NICENESS = 10
-"""Lowers the priority of the view below that of the run."""
+"""Lowers the priority of the view below the run's."""
 
 
 def show(
@@ -105,7 +105,7 @@ class _Servers(AbstractContextManager["_Servers"]):
             self.foxglove.close()
 
     def complete(self, facts: RunFacts) -> RunFacts:
-        """Add the facts of this view to those of a run, and start the reference car once."""
+        """Add the facts of this view to the facts of a run, and start the reference car once."""
         self.feed.parameters = facts.parameters
         if self.foxglove is not None:
             facts = replace(facts, foxglove=self.foxglove.url)

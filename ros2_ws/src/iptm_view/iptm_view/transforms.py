@@ -97,7 +97,7 @@ def transform(
     turn: FloatArray,
     prefix: str,
 ) -> TransformStamped:
-    """Return one transform as a message; frames are those of the topic table."""
+    """Return one transform as a message; frames come from the topic table."""
     message = TransformStamped()
     message.header.stamp = time_from_ns(stamp_ns)
     message.header.frame_id = frame_in(prefix, parent)

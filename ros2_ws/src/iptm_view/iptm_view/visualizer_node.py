@@ -57,7 +57,7 @@ from iptm_view.vehicle_description import vehicle_urdf
 
 @dataclass(frozen=True)
 class VisualizerParameters(FrameSettings, ModelSettings):
-    """Parameters of the node: those of the groups, the last of the bases first, and its own."""
+    """Parameters of the node: its groups, the last of the bases first, and its own."""
 
     road: str = parameter(
         "",

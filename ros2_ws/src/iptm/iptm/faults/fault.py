@@ -39,7 +39,7 @@ class Fault(Settings):
     """Something that goes wrong for a while.
 
     Attributes:
-        size: how large it is, in the unit of the kind; where None is given, that of the kind.
+        size: how large it is, in the unit of the kind; None takes the size of the kind.
 
     Raises:
         ParameterError: a value is out of range, or the kind has no such thing.

@@ -1,4 +1,4 @@
-"""The controller as a node, with a solver that fails on demand; all else is that of the controller node."""
+"""The controller as a node, with a solver that fails on demand; all else is as in the controller node."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The plant as a node, with faults of its actuators; all else is that of the plant node."""
+"""The plant as a node, with faults of its actuators; all else is as in the plant node."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ def node_parameters(trip: Trip) -> dict[str, dict[str, Scalar]]:
 def trip_members(trip: Trip, *, recorder: bool) -> tuple[str, ...]:
     """Return the full names of the nodes that must hear each other before the trip begins.
 
-    Those of the user are not among them, as they make no reports; those of the vehicles ahead and behind are.
+    Nodes of the user are not among them, as they make no reports; nodes of the vehicles ahead and behind are.
     """
     nodes = [*(node for node in NODES if node not in trip.foreign)]
     nodes += [INJECTOR] * needs_injector(trip.conditions.faults) + [RECORDER] * recorder

@@ -68,9 +68,7 @@ def evaluate(
     found, notes = list(problems), [*warnings, *trip.notes]
     trips = split_trips((stamp_ns_of(data), None) for data in heard[Topic.PLANT_STATE])
     if len(trips) > 1:
-        notes.append(
-            f"the trip was begun {len(trips)} times; the figures are those of the last one"
-        )
+        notes.append(f"the trip was begun {len(trips)} times; the figures belong to the last one")
     parameters = trip.model.values
     namespace = trip.conditions.namespace or None
     counts: dict[str, int] | None = None
@@ -85,7 +83,7 @@ def evaluate(
         trajectory, decisions = recorded.trajectory, recorded.decisions
         parameters = recorded.parameters
         if parameters != trip.model.values:
-            found.append("the model parameters in the bag are not those of the trip")
+            found.append("the model parameters in the bag differ from the trip's")
         with BagReader(bag) as reader:
             counts = {name: topic.message_count for name, topic in sorted(reader.topics.items())}
             information = reader.run_information()
@@ -148,7 +146,7 @@ def _missing_messages(counts: Mapping[str, int], ticks: int, trip: Trip) -> list
     sentences = []
     for topic, least in expected.items():
         if TOPICS[topic].publisher in trip.foreign:
-            continue  # it may publish less than that of the suite
+            continue  # it may publish less than the suite's
         name = TOPICS[topic].name
         count = counts.get(name if name.startswith("/") else f"{prefix}/{name}", 0)
         if count < least:

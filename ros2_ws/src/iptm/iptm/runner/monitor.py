@@ -153,7 +153,7 @@ class RunMonitor(SuiteNode):
 
     @property
     def deaf_nodes(self) -> tuple[str, ...]:
-        """Nodes that do not hear those of the user yet."""
+        """Nodes that do not hear the nodes of the user yet."""
         needed = (TOPICS[topic] for topic in _NEEDED if TOPICS[topic].publisher in self._foreign)
         names = [self.resolve_topic_name(spec.name) for spec in needed]
         return self.start_signal.meeting.deaf_to(names)
@@ -175,7 +175,7 @@ class RunMonitor(SuiteNode):
         return self.get_node_names_and_namespaces().count((node, self.get_namespace())) > 1
 
     def expect(self, nodes: Iterable[str]) -> None:
-        """Take what nodes of these names publish for that of the run; before, it is that of another one."""
+        """Take what nodes of these names publish as part of the run; before, it belongs to another one."""
         self._started.update(nodes)
 
     @property

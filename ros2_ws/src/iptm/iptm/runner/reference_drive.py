@@ -45,7 +45,7 @@ COLUMNS = (
     "state_of_charge",
 )
 _NICENESS = 19
-"""Lowers the priority below that of the run and of its view."""
+"""Lowers the priority below the run and its view."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

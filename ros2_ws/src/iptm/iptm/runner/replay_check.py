@@ -1,7 +1,7 @@
 """The command `replay --check`: does a node reproduce the answers recorded in a bag?
 
 A fresh process of the node gets the recorded inputs tick by tick, each when it has answered the one before.
-Its answers are recorded and compared with those of the bag, field by field.
+Its answers are recorded and compared with the bag, field by field.
 """
 
 from __future__ import annotations

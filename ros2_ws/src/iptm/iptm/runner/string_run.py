@@ -46,7 +46,7 @@ def drive_string(
     Args:
         trips: of the vehicles by name, the first one first.
         options: further options of `iptm run`, the same for all.
-        output: folder that exists, with one for logs in it; that of each vehicle becomes a bag in it.
+        output: folder that exists, with one for logs in it; the bag of each vehicle is made in it.
         domain: ROS domain of the string.
         stop: set when the user requests a stop.
         console: shows the progress.

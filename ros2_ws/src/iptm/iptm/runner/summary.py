@@ -24,7 +24,7 @@ PAPER_AGING = (
 
 @dataclass(frozen=True)
 class Summary:
-    """Figures of a run for its headline; what is unknown is NaN.
+    """Figures of a run for its headline; unknown ones are NaN.
 
     Attributes:
         values: figures by name, with units in the names.

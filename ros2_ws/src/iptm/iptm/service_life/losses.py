@@ -33,9 +33,9 @@ class Cause(TextEnum):
 SPREAD = {"rate": 0.15, "energy": 0.12, "exponent": 0.1}
 """Relative standard deviations of the parameters of a law.
 
-``rate`` is that of all rates between cells and batches, with which BLAST-Lite draws cells. ``energy`` is that
-of activation energies: for NMC111, 45.6 kJ/mol (Smith et al. 2017) and 58.0 kJ/mol (Schmalstieg et al. 2014)
-are 12 % off their mean. ``exponent`` is that of the exponent of time, by which loss is extrapolated beyond
+``rate`` is for all rates between cells and batches, with which BLAST-Lite draws cells. ``energy`` is for
+activation energies: of NMC111, 45.6 kJ/mol (Smith et al. 2017) and 58.0 kJ/mol (Schmalstieg et al. 2014)
+are 12 % off their mean. ``exponent`` is for the exponent of time, by which loss is extrapolated beyond
 the storage tests: chosen, an exponent of 0.5 is then 0.4 to 0.6 in 19 of 20 draws.
 """
 

@@ -2,7 +2,7 @@
  *
  * Nothing is allocated and nothing is kept between calls: memory comes from the caller, and so does the clock.
  * Sizes of a stage (IPTM_...) are in stage_sizes.h, which is generated with the functions of the stages.
- * Vectors are those of ocp/grid.py: x_0, u_0, x_1, u_1, ..., x_N, in scaled units. */
+ * Vectors are laid out as in ocp/grid.py: x_0, u_0, x_1, u_1, ..., x_N, in scaled units. */
 #ifndef IPTM_RICCATI_H
 #define IPTM_RICCATI_H
 

@@ -14,7 +14,7 @@ static const double AT_LIMIT_K = 0.1;
 
 enum { OPTIONS = IPTM_CANDIDATES + 1, POWER = IPTM_STATES + IPTM_INPUT_COMPRESSOR_POWER };
 
-/* Memory of a check, from that of the caller. */
+/* Memory of a check, from the caller's. */
 typedef struct {
   double *powers, *values; /* own and candidate powers and their Hamiltonians, option after option */
   double *ramps, *chosen, *start, *variables, *costates, *gains, *solve;

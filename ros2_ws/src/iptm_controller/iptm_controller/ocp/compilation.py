@@ -47,7 +47,7 @@ COMPILER_FLAGS = (
     "-finline-functions",
     "-finline-small-functions",
     "-fpeel-loops",
-    # Results are those of the operations as they are written, on every machine.
+    # Operations are done as they are written, on every machine.
     "-ffp-contract=off",
     "-fno-math-errno",
     "-fno-semantic-interposition",
@@ -205,7 +205,7 @@ def compile_sources(
 
 
 def _build(scratch: Path, sources: Mapping[str, str], command: Sequence[str]) -> Path:
-    """Compile files into a library, at the same time if they are more than that of a function."""
+    """Compile files into a library, at the same time if there is more than one."""
     for name, text in sources.items():
         (scratch / name).write_text(text, encoding="ascii")
     files = [str(scratch / name) for name in sources if name.endswith(".c")]

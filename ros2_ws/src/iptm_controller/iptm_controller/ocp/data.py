@@ -113,7 +113,7 @@ class ProblemDataBuilder:
             value: what a kelvin costs at the end of the horizon.
             expected_speeds_m_s: expected speeds of the ego vehicle at the nodes, shape (N + 1,); for
                 ticks shorter than the steps.
-            limiting: motion that the gap limits hold for at the nodes; None for that of the leader.
+            limiting: motion that the gap limits hold for at the nodes; None for the leader's motion.
             speed_limits_m_s: of the road at the ends of the motion steps, None where there is none.
         """
         grid, origin_m = self._grid, state.position_m
@@ -179,7 +179,7 @@ class ProblemDataBuilder:
 
         A leader may slow down briefly between two nodes. Seen from the end of the step, the gap at an earlier
         instant is that to a leader who is farther ahead by what the ego vehicle drives meanwhile, less what
-        s_min exceeds that of the end because the ego vehicle is faster.
+        s_min exceeds its value at the end because the ego vehicle is faster.
 
         Args:
             steps: parameters of the steps; leader positions and speeds are replaced in place.

@@ -58,7 +58,7 @@ class LimitIndex(IntEnum):
 class GlobalIndex(IntEnum):
     """Parameters shared by all steps of one problem, ahead of the weights of the cost terms (`WEIGHTS`).
 
-    The prices of a kelvin and of thermal energy are those of ``TemperatureValue``; that of running the
+    The prices of a kelvin and of thermal energy come from ``TemperatureValue``; the price of running the
     compressor is zero unless the cells are at their lower temperature limit, to which cell 1 may be cooled.
     """
 
@@ -79,7 +79,7 @@ WEIGHTS = {key: len(GlobalIndex) + place for place, key in enumerate(COST_TERMS)
 class StepIndex(IntEnum):
     """Parameters of one step ahead of its per-sample parameters.
 
-    The intervals are the times in which the inputs change from those of the step before. ``END_OF_PREVIEW``
+    The intervals are the times in which the inputs change from the step before. ``END_OF_PREVIEW``
     is 1 for the step with which the knowledge of the leader ends, where the braking reserve is asked for, and
     0 for the others: all steps have the same rows, as structure-exploiting solvers require. The largest speed
     holds at the end of the step.

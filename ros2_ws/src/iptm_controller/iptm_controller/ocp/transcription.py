@@ -1,6 +1,6 @@
 """The horizon as one nonlinear program with the stage structure kept visible.
 
-The order of variables, rows and parameters is that of ``ProblemGrid``. Every derivative is taken once per
+Variables, rows and parameters are ordered as in ``ProblemGrid``. Every derivative is taken once per
 stage kind and mapped over the steps of a phase, so that code size does not grow with the horizon and
 evaluation cost grows linearly.
 """

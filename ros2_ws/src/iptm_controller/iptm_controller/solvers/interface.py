@@ -128,7 +128,7 @@ class SolverBackend(Protocol):
 
         Args:
             guess: initial iterate in scaled units, order of the grid.
-            most_iterations: bound on the iterations of this solve, where it is less than that of the
+            most_iterations: bound on the iterations of this solve, where it is less than the bound of the
                 options; back ends that cannot change it between solves keep theirs.
 
         Returns:

@@ -74,7 +74,7 @@ class IpoptBackend:
     def solve(
         self, data: ProblemData, guess: FloatArray, *, most_iterations: int | None = None
     ) -> SolveResult:
-        """Solve one problem; see ``SolverBackend``. The bound on the iterations is that of the options."""
+        """Solve one problem; see ``SolverBackend``. The options bound the iterations."""
         del most_iterations
         solver = self._solver
         clock = Stopwatch()

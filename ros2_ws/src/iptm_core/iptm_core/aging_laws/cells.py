@@ -1,7 +1,7 @@
 """Cells with published ageing laws: parameters, sources, and the range of the experiments behind them.
 
 The parameters of the fits by NREL are facts of the BLAST-Lite 1.1.1 release; the measurements behind them
-are those of the publications named. Voltages over the state of charge are read off the publication.
+come from the publications named. Voltages over the state of charge are read off the publication.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class AgingCell:
 
     Attributes:
         cell: make and format.
-        resistance: law of the growth of resistance, as a share of that of a new cell; None without one.
+        resistance: law of the growth of resistance, as a share of a new cell's resistance; None without one.
     """
 
     law: AgingLaw

@@ -55,7 +55,7 @@ class AgingSettings(Settings):
         5.0, "half of the range of the air over a day", "K", 0.0, 30.0
     )
     year_air_k: float = parameter(
-        FROM_SET, "mean of the air over a year, 0 takes that of the day", "K", 0.0, 333.15
+        FROM_SET, "mean air temperature over a year; 0 takes the mean of the day", "K", 0.0, 333.15
     )
     year_air_swing_k: float = parameter(
         0.0, "half of the range of the monthly means of the air", "K", 0.0, 40.0

@@ -141,7 +141,7 @@ class IneffectiveCooling:
 def longest_times_s(run: Trajectory, parameters: ModelParameters) -> Mapping[Concern, float]:
     """Return for how long in a row each concern lasted at most, in s; NaN for what is not known in any row.
 
-    That of the plans is missing: a trajectory does not hold them.
+    Plans have no such figure: a trajectory does not hold them.
     """
     at = Situation.over(run)
     times = run.time_s.tolist()

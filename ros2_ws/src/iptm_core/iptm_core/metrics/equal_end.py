@@ -127,7 +127,7 @@ class CorrectedFigures:
     """What a run would have cost with the end of the other run; see the module.
 
     Attributes:
-        temperature_k: final temperature of both runs, that of the cooler one.
+        temperature_k: final temperature of both runs: the one of the cooler run.
         capacity_loss: of both cells together.
         energy_per_distance_j_m: the same over the distance of the run; NaN for one that stands.
     """

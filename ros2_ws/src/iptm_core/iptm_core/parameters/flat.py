@@ -135,7 +135,7 @@ def read_tag(written: StrictMapping) -> SourceTag:
 
 @dataclass(frozen=True)
 class Source:
-    """One value as it was written: in a unit that may differ from that of the model (degC, km/h)."""
+    """One value as it was written: in a unit that may differ from the model's (degC, km/h)."""
 
     value: float
     unit: str

@@ -101,7 +101,7 @@ def _share(charge_percent: int) -> Any:
 class ChargeParameters:
     """State of charge, and what of the pack depends on it; shares of one are the paper's constant voltage.
 
-    The shares are those of the open-circuit voltage at every tenth of the charge, linear between.
+    The shares refer to the open-circuit voltage at every tenth of the charge, linear between.
     """
 
     initial_charge: float = quantity("s_ini", "1", 0.0, 1.0, neutral=0.9)
@@ -138,7 +138,7 @@ class PackLimitParameters:
     """Limits of cell voltage, and of currents: rates over temperature times shares over the charge.
 
     Rates are currents over the nominal capacity, linear between -20 and 45 degC and constant outside. The
-    share of the charging current is 1 up to 70 % charge, that of the discharging current from 30 % on.
+    share of the charging current is 1 up to 70 % charge, the one of the discharging current from 30 % on.
     """
 
     NODES_C: ClassVar[tuple[float, ...]] = (-20.0, -10.0, 0.0, 5.0, 10.0, 45.0)

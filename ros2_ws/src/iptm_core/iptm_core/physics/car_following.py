@@ -56,7 +56,7 @@ def brake_build_up(
 
     Returns:
         How long that takes in s, the distance in m, and the speed at its end in m/s. The latter is negative
-        if the vehicle halts before; the distance is then that of the same parabola, short of the halt by
+        if the vehicle halts before; the distance then follows the same parabola, short of the halt by
         less than 1.4 m from steady driving.
     """
     jerk = limits.max_jerk_m_s3

@@ -137,7 +137,7 @@ def power_thermal_rates(
     channel: Channel,
     smoothing: Smoothing = EXACT,
 ) -> PowerThermalRates:
-    """Evaluate the coupled model at one instant of a motion; a negative power is that of the heater."""
+    """Evaluate the coupled model at one instant of a motion; a negative power drives the heater."""
     traction = electric_traction_power_w(
         speed_m_s, acceleration_m_s2, slope_rad, parameters, smoothing
     )

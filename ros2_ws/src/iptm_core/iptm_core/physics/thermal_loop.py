@@ -85,7 +85,7 @@ class CoolantLoop:
     Attributes:
         inlet_k: channel inlet T_c,in, behind the chiller.
         outlet_k: channel outlet T_c,out, in front of the chiller.
-        cooling_rate_w: heat taken from the coolant, Q_co: by the chiller, and by a radiator less that of a
+        cooling_rate_w: heat taken from the coolant, Q_co: by the chiller, and by a radiator less the one of a
             heater.
     """
 
@@ -160,7 +160,7 @@ def cooling_supply(
     """Return what the chiller removes at 10 m/s, and the power that a watt more of it takes.
 
     Returns:
-        Cooling rates in W, increasing from that of the most efficient power, which can also be had for a part
+        Cooling rates in W, increasing from the most efficient power's, which can also be had for a part
         of the time, and the power per cooling rate at the margin, not decreasing; both empty if the
         chiller cannot cool.
     """

@@ -59,7 +59,7 @@ def read_bag(path: Path, name: str) -> DriveTable:
             ) from reason
     source = f"{path}#{topic}"
     if not len(rows):
-        raise RouteError(f"{source}: 0 messages; allowed: those of 2 s or more")
+        raise RouteError(f"{source}: 0 messages; allowed: recordings of 2 s or more")
     columns = {
         "time_s": rows[:, 1],
         "east_m": rows[:, 2],

@@ -74,7 +74,7 @@ def read_can_log(
 
 
 def _check_unit(where: object, column: str, signal: str, unit: str, notes: list[str]) -> None:
-    """Refuse a signal whose unit is stated and another one than that of its column."""
+    """Refuse a signal whose stated unit is not the unit of its column."""
     quantity, stated = CAN_COLUMNS[column].quantity, stated_unit(CAN_COLUMNS[column].quantity, unit)
     if not stated:
         notes += [f"the unit of {signal} is {unit!r}: read as {column}"] if unit.strip() else []
@@ -94,7 +94,7 @@ def _check_unit(where: object, column: str, signal: str, unit: str, notes: list[
 def _of_frames(path: Path, dbc: Path, signals: Mapping[str, str], channel: str) -> DriveTable:
     cantools = library("cantools")
     try:
-        # Overlapping signals of messages that nobody asks for are no matter.
+        # Overlapping signals of messages that are not asked for do no harm.
         database = cantools.database.load_file(dbc, strict=False)
     except Exception as reason:  # the readers have error types of their own
         raise RouteError(f"{dbc}: cannot be read as a DBC ({reason})") from reason

@@ -1,4 +1,4 @@
-"""Places of a drive: those aside of the way and those of a frozen receiver are left out, and gaps filled."""
+"""Places of a drive: points off the road and repeats of a frozen receiver are left out, gaps filled."""
 
 from __future__ import annotations
 

@@ -76,7 +76,7 @@ def _without_copies(table: DriveTable) -> DriveTable:
 
 
 def _refuse_two_senders(table: DriveTable) -> None:
-    """Refuse rows of which every few jump aside and back, as those of two vehicles on one topic do."""
+    """Refuse rows of which every few jump aside and back, as with two vehicles on one topic."""
     plane, speeds = table.plane(), table.columns.get("speed_m_s")
     values = {
         "place": plane,
@@ -119,7 +119,7 @@ def _without_late_rows(table: DriveTable) -> DriveTable:
 
 
 def _lags_behind(times: FloatArray, first: int, end: int) -> bool:
-    """Return whether late rows of an even series lag behind for good, as those of a clock that was set do."""
+    """Return whether late rows of an even series lag behind for good, as after a clock was set."""
     usual_s, begin, last = usual_step_s(times), max(first - 2, 0), min(end + 2, times.size - 1)
     back_s = float(-np.diff(times[begin : last + 1]).min())
     even = np.mean(np.abs(np.diff(times) - usual_s) < 0.1 * usual_s) > 0.8

@@ -41,7 +41,7 @@ def clean(table: DriveTable) -> DriveTable:
 
 
 def _united(table: DriveTable) -> DriveTable:
-    """Give the rows of a sparse table all quantities; those of the speed, or else of the place, count."""
+    """Give the rows of a sparse table all quantities, at the times of the speed, or else of the place."""
     empty = {name: None for name in table.columns if not np.isfinite(table.columns[name]).any()}
     gone = ", ".join(table.named(name)[0] for name in empty)
     table = table.having(**empty)

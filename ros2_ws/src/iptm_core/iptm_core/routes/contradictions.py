@@ -26,7 +26,7 @@ FACTORS = {
 }
 """Ratios between units that are taken for each other, which also occur the other way round."""
 _CLOSE, _ALONE, _NEAR_NONE = 0.02, 3.5, 0.06
-"""Tolerance of factors, and that of those which are large enough to be near no other one."""
+"""Tolerance of factors, and of the large ones, which are near no other factor."""
 _AGREES, _SAME_M = 0.2, 5.0
 _MOST_APART = 0.3
 """Share of the windows in which two sources may differ."""
@@ -39,7 +39,7 @@ class Comparison:
 
     Attributes:
         first: amounts of the first source, shape (n,).
-        second: those of the second one, shape (n,).
+        second: values of the second one, shape (n,).
         edges: first and last row of every window, shape (n, 2).
     """
 
@@ -49,7 +49,7 @@ class Comparison:
 
     @property
     def ratio(self) -> float:
-        """The first source divided by the second one: the median of windows, or that of the sums."""
+        """The first source divided by the second one: the median of windows, or the ratio of the sums."""
         clear = (np.abs(self.second) > _SAME_M) & (np.abs(self.first) > _SAME_M)
         if np.count_nonzero(clear) >= 3:
             return float(np.median(self.first[clear] / self.second[clear]))

@@ -122,7 +122,7 @@ class Cells:
             return math.nan
 
     def notes(self, rows: int, row: str) -> list[str]:
-        """Return what could not be read of so many rows.
+        """Return what could not be read, out of a number of rows.
 
         Raises:
             RouteError: it is more than single values.
@@ -143,7 +143,7 @@ class DriveTable:
 
     Attributes:
         source: file, and the vehicle in it.
-        columns: by quantity (those of `iptm_core.routes.column_names.UNITS`, and ``east_m`` and ``north_m``
+        columns: by quantity (as in `iptm_core.routes.column_names.UNITS`, and ``east_m`` and ``north_m``
             in a plane) one array of shape (n,) in SI units.
         rows: number of every row in the file, shape (n,).
         counted: what the numbers count.

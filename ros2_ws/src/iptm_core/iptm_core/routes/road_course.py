@@ -26,7 +26,7 @@ class RoadPoses:
     grades_rad: FloatArray
 
     def quaternions(self) -> FloatArray:
-        """Return the rotations from the axes of a body on the road to those of the map, x y z w, (n, 4)."""
+        """Return the rotations from the axes of a body on the road to the map's, x y z w, (n, 4)."""
         # About the body's y axis, which points to the left, a climb is a negative turn.
         half_yaw, half_pitch = 0.5 * self.yaws_rad, -0.5 * self.grades_rad
         cos_yaw, sin_yaw = np.cos(half_yaw), np.sin(half_yaw)

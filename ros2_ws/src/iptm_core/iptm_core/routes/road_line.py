@@ -1,6 +1,6 @@
 """The course of a road on the WGS84 ellipsoid: from a position along it to coordinates, and back.
 
-Distances are those of the mid-latitude formula: differences of latitude and longitude times the radii of
+Distances follow the mid-latitude formula: differences of latitude and longitude times the radii of
 curvature at the mean latitude, exact to 1e-9 between points a kilometre apart.
 """
 

@@ -92,7 +92,7 @@ def read_user_trip(path: Path) -> UserTrip:
     """Read a trip from a file and resample it to 1 Hz.
 
     Speed is taken as linear between rows. Rows at whole seconds are kept exactly; otherwise the speed
-    is read at whole seconds and scaled (by 2 % at most) so that the distance stays that of the file.
+    is read at whole seconds and scaled (by 2 % at most) so that the distance stays as in the file.
     A trip that starts at speed gets a launch ramp of 1.5 m/s^2 in front of it, because every run
     starts at standstill.
 

@@ -173,11 +173,11 @@ class Encoder(Generic[P]):
         update_wrapper(self, numbers)
 
     def __call__(self, *arguments: P.args, **named: P.kwargs) -> Any:
-        """Return the message, its frames those of the topic table."""
+        """Return the message, with the frames of the topic table."""
         return self._layout.message(*self._numbers(*arguments, **named))
 
     def data(self, prefix: str, *arguments: P.args, **named: P.kwargs) -> bytes:
-        """Return the bytes of the message, its frames those of a vehicle."""
+        """Return the bytes of the message, with the frames of a vehicle."""
         return self._layout.data(*self._numbers(*arguments, **named), prefix)
 
 

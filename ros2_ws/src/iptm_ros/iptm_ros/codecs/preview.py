@@ -40,7 +40,7 @@ def decode_leader_preview(
 ) -> tuple[int, LeaderPreview]:
     """Return the stamp (ns) and the prediction.
 
-    Measured positions, those of ``v2x/leader_samples``, may go back and forth; predicted ones may not.
+    Measured positions, as in ``v2x/leader_samples``, may go back and forth; predicted ones may not.
 
     Raises:
         MessageError: see `decode_table`; a leader that drives backwards, a negative bound, or a generation

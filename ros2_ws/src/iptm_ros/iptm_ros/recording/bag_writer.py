@@ -235,5 +235,5 @@ class BagWriter(AbstractContextManager["BagWriter"]):
         return BagError(f"cannot write to {self._file.path}: {error}")
 
     def __exit__(self, *error: object) -> None:
-        """Close the bag, after an error as well: what was written is sound."""
+        """Close the bag, after an error as well: what was written can be read."""
         self.close()

@@ -31,7 +31,7 @@ _EXACT = NumberTolerance()
 _FIELDS_SHOWN = 8
 
 _Key = tuple[int | None, int]
-"""Stamp (ns) of a message and its number among those of the same stamp, or of the topic without one."""
+"""Stamp (ns) of a message and its number among equal stamps, or of the topic without one."""
 _Content = dict[str, dict[_Key, BagMessage]]
 
 

@@ -41,7 +41,7 @@ class MessageDefinition:
 
     Attributes:
         type_name: full name, `package/msg/Type`.
-        text: the definition and those of all nested types, concatenated.
+        text: the definition and the ones of all nested types, concatenated.
         type_hash: RIHS01 hash, or "" when it is unknown.
     """
 
@@ -152,7 +152,7 @@ def _installed_hash(type_name: str, shares: list[Path]) -> str:
 class Decoder:
     """Decoder of CDR bytes with the definitions that a bag carries.
 
-    A type whose hash equals that of the standard type uses the standard definition; every other
+    A type with the hash of the standard type uses the standard definition; every other
     one is built from the text in the bag, so that bags of other distributions and own types work.
     """
 

@@ -81,9 +81,9 @@ class ParameterCollector:
 
 
 def with_model(by_node: Mapping[str, Mapping[str, Scalar]]) -> dict[str, Any]:
-    """Return parameters of nodes together with those of the model, as bags store them.
+    """Return parameters of nodes together with the model's, as bags store them.
 
-    The model is that of the plant. Where its set cannot be read here (it is a file of another machine),
+    The model belongs to the plant. Where its set cannot be read here (it is a file of another machine),
     the bag names the set and lacks its values.
     """
     plant = by_node.get(TOPICS[_KNOWN_BY[0]].publisher, {})

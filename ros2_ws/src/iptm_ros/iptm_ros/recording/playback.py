@@ -13,7 +13,7 @@ from iptm_ros.recording.storage import BagMessage
 from iptm_ros.recording.timeline import CLOCK_TOPIC, CLOCK_TYPE
 
 MAX_TIME_S = 1e9
-"""Longest time that is waited or skipped (thirty years); what is longer is a mistake."""
+"""Longest time that is waited or skipped (thirty years); a longer one is a mistake."""
 LEAST_RATE, MOST_RATE = 1e-6, 1e9
 _MOST_CLOCK_HZ = 1e4
 _LEAST_DURATION_S = 1e-9

@@ -5,7 +5,7 @@ machine that recorded it. The log time of a message is therefore the recorder's 
 the latest `/clock`. Within a tick the plant publishes its state before the clock that announces
 it; so that this state is not logged one tick early, a header stamp that is a little ahead of the
 clock moves the time on. Log times never decrease unless the clock itself is set back. A clock of 0
-begins another trip, whose times follow those of the trip before: the bag stays in order.
+begins another trip, whose times follow the trip before: the bag stays in order.
 
 The publication time is the header stamp where a message has a plausible one, else the log time.
 """

@@ -99,7 +99,7 @@ def refuse_changed_settings(path: Path, namespace: str | None = None) -> None:
     if changes:
         raise BagError(
             f"settings of {path} were changed while it drove ({changes[0]}); allowed: settings that stay,"
-            " as those of the start are taken for all ticks"
+            " as the ones of the start are taken for all ticks"
         )
 
 
@@ -173,7 +173,7 @@ def leader_remark(trajectory: Trajectory, losses: Mapping[str, int] | None = Non
     reason = f"the recorder counted {lost} lost messages of it" if lost else _NONE_LOST
     return (
         f"{name} is missing at {missing_s.size} ticks from {missing_s[0]:g} s to {missing_s[-1]:g} s"
-        f"{'' if losses is None else f' ({reason})'}; gaps are those of the other ticks"
+        f"{'' if losses is None else f' ({reason})'}; gaps come from the other ticks"
     )
 
 
@@ -184,7 +184,7 @@ def read_decisions(path: Path, namespace: str | None = None) -> DecisionSeries:
 
 
 def vehicles(reader: BagReader) -> list[str]:
-    """Return the namespaces of the vehicles in a bag, sorted; "/" is that of a suite without one."""
+    """Return the namespaces of the vehicles in a bag, sorted; "/" stands for a suite without one."""
     spec = TOPICS[Topic.PLANT_STATE]
     return sorted(
         name.removesuffix(spec.name).rstrip("/") or "/"

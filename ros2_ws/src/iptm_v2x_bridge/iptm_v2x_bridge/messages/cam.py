@@ -28,7 +28,7 @@ trucks, trailer, special, tram 11, light vehicles of vulnerable road users 12, a
 ASSUMED_LENGTH_M = VEHICLE_LENGTH_M
 """Length of a car that does not state it."""
 ASSUMED_WIDTH_M = 1.8
-"""Width of a vehicle that does not state it: that of a car."""
+"""Width of a vehicle that does not state it: a car's."""
 LONGEST_M = {0: 18.75, 6: 18.75, 7: 12.0, 8: 18.75, 9: 18.75, 10: 18.75, 11: 75.0, 14: 18.75}
 """Length of other vehicles that do not state it, by station type: the longest bus, motor vehicle and road
 train of directive 96/53/EC (annex I), and the longest tram of BOStrab (section 34)."""

@@ -24,7 +24,7 @@ class UnreadableError(Exception):
 
 
 class Curve(Enum):
-    """An elliptic curve: the octets of a coordinate, which are also those of its hash."""
+    """An elliptic curve: the octets of a coordinate, and also of its hash."""
 
     NIST_P256 = (0x80, 32)
     BRAINPOOL_P256 = (0x81, 32)
@@ -306,5 +306,5 @@ def take_signature(octets: Octets) -> tuple[Signature, int]:
     start = octets.at
     point = _point(octets, curve)
     if point[0] == 4 and len(point) > curve.octets + 1:
-        raise UnreadableError  # its digest would be that of the compressed form
+        raise UnreadableError  # its digest would be the one of the compressed form
     return Signature(curve, point[-curve.octets :], octets.take(curve.octets)), start

@@ -34,7 +34,7 @@ class SignedMessage:
         signed: what is signed, octets and header.
         service: PSID in the header.
         generated_us: TimestampIts of the header in us, None without one.
-        signer: certificates, that of the signer first; or the digest of its certificate.
+        signer: certificates, the signer's first; or the digest of its certificate.
         signature: of the signer.
     """
 

@@ -126,7 +126,7 @@ def read_anchors(folder: str) -> tuple[Certificate, ...]:
 class Verifier:
     """Separates messages with a certificate chain to a trust anchor from others, and counts both.
 
-    Every anchor is trusted itself, whether it is that of a root or of an authority below. Without anchors
+    Every anchor is trusted itself, whether it belongs to a root or to an authority below. Without anchors
     nothing is verified.
     """
 

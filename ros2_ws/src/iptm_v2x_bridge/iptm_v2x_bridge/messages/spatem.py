@@ -103,7 +103,7 @@ class IntersectionPhases:
 
     Attributes:
         intersection: which one.
-        revision: that of the map which the signal groups belong to, 0 to 127.
+        revision: of the map to which the signal groups belong, 0 to 127.
         sent_ms: time of the message, TimestampIts.
         groups: the phases of each signal group, the present one first.
         is_working: False in failure, standby, switched off, or without valid data.
@@ -125,7 +125,7 @@ def decode_spatem(payload: bytes, now_ms: int) -> tuple[IntersectionPhases, ...]
     minute = fields.get("timeStamp")
     found = [_intersection(state, minute, now_ms) for state in fields["intersections"]]
     known = tuple(entry for entry in found if entry is not None)
-    # Without its time of generation a phase cannot be used; those of other intersections can.
+    # Without its time of generation a phase cannot be used; phases of other intersections can.
     return known or Rejection.INCOMPLETE
 
 

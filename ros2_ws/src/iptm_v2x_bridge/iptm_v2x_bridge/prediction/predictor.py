@@ -34,7 +34,7 @@ class LeaderTrack:
     Attributes:
         observations: oldest first, at least one.
         path: newest path that it has announced: times, shape (n,), n >= 2, increasing, in the time of the
-            observations, the first one that of its message; and positions of its rear end along the road.
+            observations, the first one in its message; and positions of its rear end along the road.
             None without one.
         length_m: from its rear end to its front.
         stood_s: for how long it has stood, as far as received.

@@ -92,7 +92,7 @@ def monotone_spline(
 ) -> tuple[FloatArray, FloatArray]:
     """Interpolate values that never decrease by a cubic spline that never does either.
 
-    Slopes are those of the spline with continuous curvature, reduced where it would overshoot (Fritsch and
+    Slopes belong to the spline with continuous curvature, reduced where it would overshoot (Fritsch and
     Carlson, 1980).
 
     Args:

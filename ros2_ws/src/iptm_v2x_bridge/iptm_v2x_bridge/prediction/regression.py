@@ -27,7 +27,7 @@ SPEED_NODES_M_S = (0.0, 2.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 36.0)
 
 NEAR_S, NEAR_FACTOR = 2.0, 1.5
 """Up to here the leader may be as far behind as with a decaying acceleration and its bound by this factor,
-whatever is expected: s_min depends on it at every tick, and other drivers brake harder than those of the
+whatever is expected: s_min depends on it at every tick, and other drivers brake harder than the ones of the
 training drives."""
 
 GAIN_FACTOR = 1.5
@@ -35,7 +35,7 @@ GAIN_FACTOR = 1.5
 one for too fast a leader: lost ground is caught up at high power, while a gap that closes is coasted away.
 Chosen on four of the training drives: the largest of 1, 1.5, 1.7 and 2 at which none of them takes more
 energy than with a range sensor only. The bounds grow by the same distance, so the motion that they allow for
-is still that of the drives."""
+is still as in the drives."""
 
 
 def linear_weights(values: FloatArray, nodes: Sequence[float]) -> FloatArray:

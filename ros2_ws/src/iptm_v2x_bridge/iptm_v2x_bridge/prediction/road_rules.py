@@ -135,7 +135,7 @@ class BoundedByRules:
 
     @property
     def name(self) -> PredictorName:
-        """That of the rules which are known."""
+        """Of the known rules."""
         return PredictorName.SIGNALS if self._rules.signals else PredictorName.SPEED_LIMITS
 
     def predict(self, track: LeaderTrack, times_s: FloatArray) -> LeaderPreview | None:

@@ -96,7 +96,7 @@ def _is_along(lane: Lane, seen: dict[int, tuple[RoadFix, float]], way: float) ->
 
 
 def is_same_way(heading_deg: float, road_heading_deg: float) -> bool:
-    """Return whether a heading is that of the road."""
+    """Return whether a heading follows the road."""
     apart = float(np.mod(heading_deg - road_heading_deg + 180.0, 360.0)) - 180.0
     return abs(apart) < MAX_HEADING_APART_DEG
 

@@ -1,7 +1,7 @@
 """The messages of roadside stations, and the rules of the road as given and heard.
 
 A map holds for the whole trip, as stop lines are fixed; phases expire without new messages. The time of a
-packet is not checked: it is that of the station's position, which may have been surveyed long ago. Rejected
+packet is not checked: it refers to the station's position, which may have been surveyed long ago. Rejected
 messages are counted by reason.
 """
 
@@ -145,7 +145,7 @@ class RoadsideTable:
         if len(self._maps) > MAX_INTERSECTIONS:
             farthest = max(self._maps, key=self._distance_m)
             del self._maps[farthest]
-            self._accepted_maps.clear()  # what was forgotten is to be read again
+            self._accepted_maps.clear()  # forgotten maps are read again
             self.rejections.add(Rejection.TABLE_FULL)
         return None
 

@@ -41,7 +41,7 @@ class EgoTick:
 class PlanSender:
     """Sends the messages of a drive in progress.
 
-    The message of a tick carries the plan made at it; those of the time since the tick before, none.
+    The message of a tick carries the plan made at it; messages since the tick before carry none.
     """
 
     def __init__(

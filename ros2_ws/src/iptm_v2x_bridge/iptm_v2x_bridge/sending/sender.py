@@ -117,7 +117,7 @@ class CamSender:
             road: where it drives.
             settings: what is sent.
             start_timestamp_ms: TimestampIts at trip time 0.
-            clock_ahead_ms: messages are those of the motion at a time that is ahead by this.
+            clock_ahead_ms: messages state the motion at a time that is ahead by this.
             drifts_from_s: trip time at which it begins to drift to the left.
             plan: tick (ns) whose message alone carries a path, and end (s) of that; None for the settings.
         """
@@ -147,7 +147,7 @@ class CamSender:
         )
 
     def _path(self, time_ns: int) -> PredictedPath | None:
-        """Return the path in a message: the first one of each period, or that of the plan, carries one."""
+        """Return the path in a message: the first one of each period, or of the plan, carries one."""
         settings, time_s = self._settings, time_ns / NS_PER_S
         period_ns = max(round(settings.path_period_s * NS_PER_S), self._period_ns)
         is_due = time_ns % period_ns < self._period_ns

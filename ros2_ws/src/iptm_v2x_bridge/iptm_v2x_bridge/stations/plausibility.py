@@ -22,7 +22,7 @@ MAX_AGE_MS = 3000
 MAX_AHEAD_MS = 200
 """How far ahead of the receiver's clock a sender's may be."""
 MAX_TIMES_APART_MS = 2000
-"""Between the position of the packet and that of the message."""
+"""Between the positions of the packet and of the message."""
 MAX_SPEED_M_S = 70.0
 MAX_ACCELERATION_M_S2 = 12.0
 MAX_LATERAL_SPEED_M_S = 3.0

@@ -273,9 +273,9 @@ class Station:
 
     @property
     def drives_along(self) -> bool:
-        """Whether its heading is that of the road.
+        """Whether its heading follows the road.
 
-        Below `SLOW_M_S` that of its last driving counts, or its own if it was never heard driving. A station
+        Below `SLOW_M_S` the last heading while driving counts, or its own if it never drove. A station
         without any heading stands in the way.
         """
         heading_deg = self._driven_heading_deg

@@ -226,7 +226,7 @@ class MachineCode:
 
 
 def as_machine_code(problem: OptimalControlProblem, *, is_wanted: bool) -> MachineCode | None:
-    """Return the method for a problem; None where that is not wanted or there is no compiler."""
+    """Return the method for a problem; None where it is not wanted or no compiler was found."""
     compiler = find_compiler() if is_wanted else None
     if compiler is None:
         return None

@@ -91,7 +91,7 @@ class RiccatiMethod:
 
         Returns:
             The optimum; if there is none, the cheapest iterate met that keeps dynamics and limits; if there
-            is none either, the last one. The costates are those of the last iterate.
+            is none either, the last one. The costates belong to the last iterate.
         """
         clock = Stopwatch()
         until_s = time.perf_counter() + (options.deadline_s or math.inf)
@@ -263,7 +263,7 @@ def result_of(
 
     Args:
         iterations: of this solve.
-        total_iterations: with those of another solve for the same result, None without one.
+        total_iterations: including another solve for the same result, None without one.
     """
     status = termination.status(point.largest_violation)
     reason = STATUS_TEXT[status]

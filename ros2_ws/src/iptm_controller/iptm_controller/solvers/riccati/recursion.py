@@ -143,7 +143,7 @@ def forward_step(sparsity: StageSparsity) -> ca.Function:
 
     Returns:
         Function of dx_affine and dx_centring, the cost to go of the next stage, the feedback, the results of
-        ``linearise`` and the iterate (lam is that of the next state), to the parts of the step.
+        ``linearise`` and the iterate (lam belongs to the next state), to the parts of the step.
     """
     count = sparsity.inequalities.shape[0]
     dx = {part: ca.SX.sym(f"dx_{part}", layout.STATES) for part in PARTS}

@@ -1,6 +1,6 @@
 """The functions of the stages as C, for the interior-point method in C (`iptm_controller/c`).
 
-They compute what those of ``program.py`` do; ``riccati.c`` joins them to a horizon. The code depends on the
+They compute the same as ``program.py``; ``riccati.c`` joins them to a horizon. The code depends on the
 stage kinds and not on how many steps there are of each.
 """
 
@@ -98,7 +98,7 @@ def stage_program(problem: OptimalControlProblem, *, lanes: int = LANES) -> Stag
 
 
 def _hamiltonian(stage: StageExpressions, name: str) -> ca.Function:
-    """Return a function of ``x, u, p, g, costate, power``; the power stands for that of the inputs."""
+    """Return a function of ``x, u, p, g, costate, power``; the power stands for the power of the inputs."""
     costate = ca.SX.sym("costate", layout.STATES)
     power = ca.SX.sym("power")
     inputs = [*ca.vertsplit(stage.inputs)]
