@@ -158,7 +158,7 @@ def figures_page() -> str:
 def faults_page() -> str:
     """Every kind of fault, and the keys of one."""
     allowed = {"kind": "one of those below", "size": "see the kind"}
-    defaults = {"size": "that of the kind", "target": "see the kind"}
+    defaults = {"size": "as in the kind", "target": "see the kind"}
     keys = [
         row
         | {

@@ -45,7 +45,7 @@ def trip(
         cycle: driving cycle.
         role: one of `STRATEGIES`.
         car: name of its parameter set.
-        ambient_c: temperature in degC of the air in which the car was parked; None for that of the set.
+        ambient_c: temperature in degC of the air in which the car was parked; None for the value of the set.
         overrides: further parameters that differ.
         settings: of the trip, as in `iptm.simulate`.
     """

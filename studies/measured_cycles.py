@@ -71,7 +71,7 @@ def trip_cycles(
 ) -> list[str]:
     """Write the first five minutes of measured trips of the BMW i3 as drive files, evenly spread over all.
 
-    The slope is that of the recorded elevation, smoothed over 400 m to either side.
+    The slope follows the recorded elevation, smoothed over 400 m to either side.
 
     Args:
         source: folder with measurements; None for the excerpts of the project.

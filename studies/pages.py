@@ -120,7 +120,7 @@ def _imported(path: Path) -> Iterator[str]:
 
 
 def numbers_of(page: str) -> str:
-    """Return all numbers of a page but those of its foot, in order.
+    """Return all numbers of a page except in its foot, in order.
 
     Of a page that is written by hand around marked parts, only the numbers of these count.
     """

@@ -1,4 +1,4 @@
-"""Spacing, comfort, energy and ageing of a run compared with those of the real follower."""
+"""Spacing, comfort, energy and ageing of a run compared with the real follower's."""
 
 from __future__ import annotations
 

@@ -96,7 +96,7 @@ def _compared(trips: Rows, bases: Mapping[tuple[str, float], Mapping[str, Any]])
 
 
 def _ratio(cell: AgingCell, charge: FastCharge, base: FastCharge) -> str | None:
-    """Return the damage over that of another charge, marked where it is outside of the experiments."""
+    """Return the damage relative to another charge, marked where it is outside of the experiments."""
     before = charging_damage(cell, base)
     if before <= 0.0:
         return None

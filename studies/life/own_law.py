@@ -66,7 +66,7 @@ def priced_trips(trips: Mapping[tuple[str, str], TripMap], cycle: str) -> list[T
 
 
 def trip_at_price(priced: Sequence[TripMap], price_1_k: float, arrival_k: float) -> TripMap:
-    """Return the trip at a price: linear in its square root, beyond those driven that of the nearest.
+    """Return the trip at a price: linear in its square root, beyond the driven ones the nearest.
 
     Args:
         priced: the trips at the prices of `PARKED_H`.

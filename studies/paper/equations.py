@@ -2,7 +2,7 @@
 
 What stands in the suite but not in print (gate, brake hold at standstill, bounds of the chiller map) is
 applied as the parameters and `integrate` say, so that a trip can be integrated again from its commands.
-Parameters are those of `iptm`, numbers only. Symbols are the paper's.
+Parameters come from `iptm`, numbers only. Symbols are the paper's.
 """
 
 from __future__ import annotations

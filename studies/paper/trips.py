@@ -15,7 +15,7 @@ CYCLE, VEHICLE = "comprehensive_identified", "paper_identified"
 DRY = {"road_friction": 0.9}
 """The paper has no wet road; of unknown friction, its steepest descent makes the safety monitor brake."""
 OWN = {"cycle": "comprehensive", "vehicle": "paper_calibrated"}
-"""Trip and set of the suite, which were there before those of the paper were identified."""
+"""Trip and set of the suite, which were there before the paper's were identified."""
 NAMES = {
     "reference": "Reference",
     "reference_energy": "Ref + Energy",

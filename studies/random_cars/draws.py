@@ -30,7 +30,7 @@ from iptm.parts import (
 
 MAX_TRIES = 500
 OVERRIDE_SHARE = 0.5
-"""Probability that a parameter outside ``ALWAYS`` differs from that of its set."""
+"""Probability that a parameter outside ``ALWAYS`` differs from its set."""
 FAULT_SHARE = 0.3
 """Share of the runs in which something goes wrong; cars and trips are the same without."""
 MOST_FAULTS = 3

@@ -97,7 +97,7 @@ def _read(path: Path) -> Sequence[Measured]:
     for recognises, read in _READERS:
         if recognises(head):
             return read(path)
-    raise MeasurementError("its first line is that of no known data set")
+    raise MeasurementError("its first line belongs to no known data set")
 
 
 def _first_of_each(items: Sequence[Named]) -> list[Named]:

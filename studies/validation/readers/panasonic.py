@@ -79,7 +79,7 @@ def original_cell_tests(path: Path) -> list[CellTest]:
     """
     match = _name_of(path.stem)
     if match is None:
-        raise MeasurementError("its name is that of no drive cycle or pulse test")
+        raise MeasurementError("its name belongs to no drive cycle or pulse test")
     try:
         loaded = loadmat(path, squeeze_me=True, struct_as_record=False)
     except (OSError, ValueError, NotImplementedError) as error:
