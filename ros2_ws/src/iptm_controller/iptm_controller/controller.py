@@ -184,15 +184,13 @@ class Controller:
         pack = self._pack.observe(measured, self._actuation.last_command)
         measured = replace(measured, state=pack.state)
         trusted, leader, fault = trusted_measurements(measured)
-        state, doubt = trusted, ""
+        state, doubt, is_free = trusted, "", measured.is_free
         if state is not None:
             preview = self._clock.by_own_clock(measured.preview, state.time_s)
             if preview is not measured.preview:
                 measured = replace(measured, preview=preview)
-            leader, doubt = self.lead.checked(
-                state, leader, measured.preview, is_free=measured.is_free
-            )
-            fault = fault or ("" if leader or measured.is_free else doubt)
+            leader, doubt = self.lead.checked(state, leader, measured.preview, is_free=is_free)
+            fault = fault or ("" if leader or is_free else doubt)
             state, leader = self._estimator.update(state, leader)
             leader = leader and self.lead.cautious(leader, state.speed_m_s)
             if not measured.is_followed:
@@ -200,7 +198,7 @@ class Controller:
             self._actuation.observe(state)
             state = self._within_comfort(self._actuation.predicted(state))
             self._power.update(state, measured.slope, pack.power_share)
-        if state is None or fault or (leader is None and not measured.is_free):
+        if state is None or fault or (leader is None and not is_free):
             planned = Decision(reason=fault)
         elif self.options.strategy.is_rule_based:
             lawful = self._road.command_m_s2(state, measured.rules)
@@ -216,7 +214,7 @@ class Controller:
         doubted = doubt if doubt != planned.reason else ""
         reasons = [doubted, planned.reason, self._actuation.reason, pack.reason]
         if state is not None:
-            self._guard.observe(leader, is_free=measured.is_free)
+            self._guard.observe(leader, is_free=is_free)
             if self._guard.collision_threatens(
                 limited.acceleration_m_s2,
                 state,

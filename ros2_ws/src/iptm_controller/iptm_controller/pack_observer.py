@@ -23,6 +23,7 @@ from iptm_controller.measurements import (
     slope_at_rad,
     slope_fault,
 )
+from iptm_controller.pack_model import PackModel
 from iptm_controller.pack_sensor import (
     APART_K,
     START_S,
@@ -33,26 +34,8 @@ from iptm_controller.pack_sensor import (
     is_temperature,
 )
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.cell import (
-    cell_heat_w,
-    cell_resistance_ohm,
-    cell_temperature_rate_k_s,
-    heat_from_air_w,
-)
 from iptm_core.physics.coolant import reduce_channel
-from iptm_core.physics.electrical import (
-    cell_current_a,
-    extended_pack_current_a,
-    pack_resistance_ohm,
-)
-from iptm_core.physics.power_thermal import (
-    CellPair,
-    PowerThermalRates,
-    Smoothing,
-    electric_traction_power_w,
-    rates_at_traction_power,
-)
-from iptm_core.state import Command, PackReading, SlopePreview, VehicleState
+from iptm_core.state import Command, PackReading, VehicleState
 
 LEAST_MARGIN_K, MARGIN_K_S, LARGEST_MARGIN_K = 1.0, 0.2 / 60.0, 3.0
 REDUCTION_EVERY_S, REDUCTION, LEAST_SHARE = 30.0, 0.2, 0.3
@@ -60,7 +43,6 @@ CONTRADICTION_K, CONTRADICTION_S = 5.0, 10.0
 LEAST_OUTLET_WEIGHT = 0.02
 """Part of the outlet temperature that comes from the cells, below which it shows nothing about them."""
 _MOST_TICK_S = 10.0
-_MARGIN = 0.05
 _TEMPERATURES = ("cell_1_temperature_k", "cell_n_temperature_k")
 
 
@@ -117,7 +99,8 @@ class PackObserver:
 
     def __init__(self, parameters: ModelParameters) -> None:
         self._parameters = parameters
-        self._channel = reduce_channel(parameters.cooling, parameters.pack)
+        self._outlet = reduce_channel(parameters.cooling, parameters.pack).outlet
+        self._model = PackModel(parameters)
         cooling = parameters.cooling
         self._flow_w_k = cooling.coolant_mass_flow_kg_s * cooling.coolant_specific_heat_j_kg_k
         self.memory = PackMemory()
@@ -206,55 +189,18 @@ class PackObserver:
         if math.isnan(t_1):
             t_1, t_n = self._start_k(state, reading)
             return replace(memory, cell_1=SensorMemory(t_1), cell_n=SensorMemory(t_n))
-        values, pack = self._parameters, self._parameters.pack
-        losses = state.cell_1_capacity_loss, state.cell_n_capacity_loss
-        rates = self._rates(state, (t_1, t_n), self._traction_w(state, measured.slope))
-        ohms = [
-            cell_resistance_ohm(kelvin, loss, values.cell)
-            for kelvin, loss in zip((t_1, t_n), losses, strict=True)
-        ]
-        current = rates.cell_current_a
-        inlet_k = rates.coolant.inlet_k
-        if reading is not None and math.isfinite(reading.battery_power_w):
-            ohm = pack_resistance_ohm(0.5 * sum(ohms), pack)
-            mean_k = 0.5 * (t_1 + t_n)
-            at_terminals = reading.battery_power_w, ohm, mean_k, values.cell, pack
-            current = cell_current_a(extended_pack_current_a(*at_terminals, _MARGIN), pack)
-        if reading is not None and is_temperature(reading.coolant_inlet_k):
-            inlet_k = reading.coolant_inlet_k
-        coolants_k = inlet_k, self._channel.last_cell.temperature_k(inlet_k, t_1, t_n)
-        moved = []
-        for sensor, kelvin, ohm, coolant_k in zip(
-            (memory.cell_1, memory.cell_n), (t_1, t_n), ohms, coolants_k, strict=True
-        ):
-            heat_w = cell_heat_w(current, ohm, kelvin, values.cell)
-            heat_w += heat_from_air_w(kelvin, values)
-            rate = cell_temperature_rate_k_s(heat_w, kelvin, coolant_k, values.cell, values.cooling)
-            by_k = float(rate) * elapsed_s
-            moved.append(replace(sensor, model_k=kelvin + by_k, moved_k=sensor.moved_k + abs(by_k)))
-        return replace(memory, cell_1=moved[0], cell_n=moved[1])
-
-    def _traction_w(self, state: VehicleState, slope: SlopePreview) -> float:
-        """Return the traction power of a motion, 0 on a road that cannot be."""
-        if slope_fault(slope):
-            return 0.0
-        slope_rad = slope_at_rad(slope, state.position_m)
-        motion = max(state.speed_m_s, 0.0), state.acceleration_m_s2, slope_rad
-        return float(electric_traction_power_w(*motion, self._parameters))
-
-    def _rates(
-        self, state: VehicleState, cells_k: tuple[float, float], traction_w: float
-    ) -> PowerThermalRates:
-        """Return the rates of the model at temperatures of the cells."""
-        cells = CellPair(*cells_k, state.cell_1_capacity_loss, state.cell_n_capacity_loss)
-        return rates_at_traction_power(
-            traction_w,
-            max(state.speed_m_s, 0.0),
-            state.compressor_power_w,
-            cells,
-            self._parameters,
-            self._channel,
-            Smoothing(deliverable_margin=_MARGIN),
+        slope_rad = None
+        if not slope_fault(measured.slope):
+            slope_rad = slope_at_rad(measured.slope, state.position_m)
+        power_w = inlet_k = math.nan
+        if reading is not None:
+            power_w = reading.battery_power_w
+            if is_temperature(reading.coolant_inlet_k):
+                inlet_k = reading.coolant_inlet_k
+        rates = self._model.rates_k_s(state, (t_1, t_n), slope_rad, power_w, inlet_k)
+        by_1_k, by_n_k = (rate_k_s * elapsed_s for rate_k_s in rates)
+        return replace(
+            memory, cell_1=memory.cell_1.moved(by_1_k), cell_n=memory.cell_n.moved(by_n_k)
         )
 
     def _start_k(self, state: VehicleState, reading: PackReading | None) -> tuple[float, float]:
@@ -274,7 +220,7 @@ class PackObserver:
 
     def _coolant_offset_k(self, sensors: list[SensorMemory], reading: PackReading | None) -> float:
         """Return by how much the cells are warmer than the model according to the coolant; 0 if unknown."""
-        outlet = self._channel.outlet
+        outlet = self._outlet
         weight = outlet.cell_1 + outlet.cell_n
         if reading is None or weight < LEAST_OUTLET_WEIGHT:
             return 0.0
@@ -309,8 +255,7 @@ class PackObserver:
             reading.coolant_outlet_k - reading.coolant_inlet_k
         ):
             taken_w = self._flow_w_k * (reading.coolant_outlet_k - reading.coolant_inlet_k)
-            rates = self._rates(state, _temperatures(state), 0.0)
-            expected_w = float(rates.coolant.cooling_rate_w)
+            expected_w = self._model.cooling_w(state, _temperatures(state))
         asked_w = 0.0 if commanded is None else commanded.compressor_power_w
         return cooling.after(elapsed_s, taken_w, expected_w, state.compressor_power_w, asked_w)
 

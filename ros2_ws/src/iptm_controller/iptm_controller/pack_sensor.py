@@ -53,6 +53,10 @@ class SensorMemory:
     bad_s: float = 0.0
     sound_s: float = 0.0
 
+    def moved(self, by_k: float) -> SensorMemory:
+        """Return the sensor with a model that has moved."""
+        return replace(self, model_k=self.model_k + by_k, moved_k=self.moved_k + abs(by_k))
+
     def judged(self, value_k: float, elapsed_s: float) -> SensorMemory:
         """Return the sensor at a tick: whether it is used, from its value and the model."""
         apart_k = value_k - self.model_k

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -250,15 +251,15 @@ class LeaderPreview:
     times_s: FloatArray
     positions_m: FloatArray
     speeds_m_s: FloatArray
-    bounds_m: FloatArray = field(default_factory=lambda: np.empty(0))
-    speed_bounds_m_s: FloatArray = field(default_factory=lambda: np.empty(0))
+    bounds_m: FloatArray = field(default_factory=partial(np.empty, 0))
+    speed_bounds_m_s: FloatArray = field(default_factory=partial(np.empty, 0))
 
     @classmethod
     def empty(cls) -> LeaderPreview:
         """Return the preview that means "no prediction received yet"; its age is infinite."""
         return cls(np.empty(0), np.empty(0), np.empty(0))
 
-    @property
+    @cached_property
     def generated_at_s(self) -> float:
         """Instant of the prediction, the time of its first node; minus infinity without nodes."""
         return float(self.times_s[0]) if self.times_s.size else -math.inf
@@ -267,7 +268,7 @@ class LeaderPreview:
         """Return the time since the generation, infinite for an empty preview."""
         return now_s - self.generated_at_s
 
-    @property
+    @cached_property
     def known_nodes(self) -> int:
         """Number of nodes from the first one on whose bounds are at most `KNOWN_BOUND_M`."""
         if not self.bounds_m.size:
