@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from iptm.runner.replay_inputs import OUTPUTS, read_recorded
 from iptm_core.errors import BagError, ScenarioError
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.bag_writer import BagWriter
-from iptm_ros.topics import TOPICS
+from iptm_ros.topics import TOPICS, Topic
 
 BAG = Path(__file__).resolve().parents[2] / "bags" / "example_us06_120s"
 CHANGES = {"controller": "body.mass_kg=1700", "plant": "aging.pre_exponential_factor=0.0033"}
@@ -64,3 +65,31 @@ def test_what_cannot_be_checked_is_refused(tmp_path: Path) -> None:
         read_recorded(changed("mute", "v2x_bridge:", "other:"), "v2x_bridge")
     with pytest.raises(ScenarioError, match="horizon"):
         check_node(BAG, "controller", changes={"horizon": "0x1"})
+
+
+def test_the_friction_of_the_road_is_fed_from_when_it_was_heard(tmp_path: Path) -> None:
+    """Recorded answers that do not allow for an icy road are those of the ticks before it was published."""
+    heard_ns = 60 * 10**9
+    spec = TOPICS[Topic.ROAD_FRICTION]
+    icy = b"\x00\x01\x00\x00" + struct.pack("<d", 0.1)
+    with (
+        BagReader(BAG) as reader,
+        BagWriter(tmp_path / "bag", custom_data=reader.custom_data) as writer,
+    ):
+        keys = {name: writer.add_topic(name, of.type_name) for name, of in reader.topics.items()}
+        friction = writer.add_topic(f"/{spec.name}", spec.type_name)
+        is_icy = False
+        for message in reader.raw_messages():
+            if message.log_time_ns >= heard_ns and not is_icy:
+                is_icy = True
+                writer.write(friction, icy, message.log_time_ns)
+            writer.write(keys[message.topic], message.data, message.log_time_ns)
+    for node in ("controller", "plant"):
+        steps = read_recorded(tmp_path / "bag", node).steps
+        told = {stamp: inputs.get(Topic.ROAD_FRICTION) for stamp, inputs in steps.items()}
+        assert told == {stamp: icy if stamp >= heard_ns else None for stamp in steps}
+    answers = check_node(tmp_path / "bag", "controller")
+    # Either "at 60 s" or, of messages without a stamp, "message 61".
+    places = [each.first_place.split()[:2] for each in answers if not each.agrees]
+    assert places
+    assert all(int(number) >= 60 for _, number in places)

@@ -9,6 +9,7 @@ from iptm_core.parameters import load_parameters
 from iptm_core.physics.cell import capacity_loss_rate_1_s
 from iptm_core.physics.electrical import cell_current_a
 from iptm_core.state import Command, LeaderState
+from iptm_vehicle_interface.driving import LateSteps
 from iptm_vehicle_interface.inner_loop import (
     LARGEST_JERK_M_S3,
     Followed,
@@ -126,3 +127,23 @@ def test_what_is_measured_after_a_tick_is_taken_back_to_it(vehicle: Vehicle) -> 
     battery = estimator.battery(table, observed)
     assert battery.pack_current_a == 40.0
     assert 0.0 < battery.charge_ah < battery.capacity_ah < battery.design_capacity_ah
+
+
+def test_the_lateness_of_any_number_of_steps_takes_one_size() -> None:
+    """Percentiles are those of the sorted values within a bin, the largest is exact."""
+    late, values = LateSteps(), np.random.default_rng(3).exponential(2e-3, 50_000)
+    values[7] = 3.21
+    for value in values:
+        late.add(float(value))
+    for percent in (50.0, 99.0, 99.9):
+        exact_s = float(np.percentile(values, percent, method="inverted_cdf"))
+        assert exact_s <= late.percentile_s(percent) <= exact_s + LateSteps.BIN_S
+    assert late.largest_s == late.percentile_s(100.0) == late.take_recent_s() == 3.21
+    assert late.take_recent_s() == 0.0
+    assert sum(np.size(each) for each in vars(late).values()) < 11_000
+
+
+def test_without_a_step_there_is_no_lateness() -> None:
+    late = LateSteps()
+    assert np.isnan(late.largest_s)
+    assert np.isnan(late.percentile_s(99.0))

@@ -59,18 +59,51 @@ def controller_limits(vehicle: Vehicle, jerk_m_s3: float = 1.0) -> dict[str, flo
     return found
 
 
+class LateSteps:
+    """By how much longer than the period of the loop each step came after the one before, of any number.
+
+    Attributes:
+        largest_s: of all steps, exact; NaN without any.
+    """
+
+    BIN_S, BINS = 1e-4, 10_000
+
+    def __init__(self) -> None:
+        self.largest_s = math.nan
+        self._recent_s = 0.0
+        self._counts = np.zeros(self.BINS + 1, dtype=np.int64)
+
+    def add(self, late_s: float) -> None:
+        """Count a step."""
+        self._counts[min(int(late_s / self.BIN_S), self.BINS)] += 1
+        self.largest_s = max(late_s, 0.0 if math.isnan(self.largest_s) else self.largest_s)
+        self._recent_s = max(self._recent_s, late_s)
+
+    def take_recent_s(self) -> float:
+        """Return the largest since the last call, 0 without a step."""
+        recent_s, self._recent_s = self._recent_s, 0.0
+        return recent_s
+
+    def percentile_s(self, percent: float) -> float:
+        """Return the lateness that a share of the steps does not exceed, up to `BIN_S` too long."""
+        counts = np.cumsum(self._counts)
+        place = int(np.searchsorted(counts, math.ceil(0.01 * percent * counts[-1])))
+        beyond = place == self.BINS or not counts[-1]
+        return self.largest_s if beyond else min((place + 1) * self.BIN_S, self.largest_s)
+
+
 @dataclass
 class DriveLog:
     """What the suite's side saw.
 
     Attributes:
-        late_s: by how much longer than the period of the loop each step came after the one before.
+        late: steps of the loop.
         decisions: number of decisions, and of those without a plan.
         changes: time since the first frame, state and reason of each change of the engagement.
         faults: frames that did not count, by reason.
     """
 
-    late_s: list[float] = field(default_factory=list)
+    late: LateSteps = field(default_factory=LateSteps)
     decisions: int = 0
     fallbacks: int = 0
     changes: list[tuple[float, str, str]] = field(default_factory=list)
@@ -78,12 +111,11 @@ class DriveLog:
 
     def summary(self) -> dict[str, Any]:
         """Return the figures of a drive."""
-        late = np.array(self.late_s or [math.nan])
         return {
             "decisions": self.decisions,
             "fallbacks": self.fallbacks,
-            "late_p99_s": float(np.percentile(late, 99)),
-            "late_max_s": float(late.max()),
+            "late_p99_s": self.late.percentile_s(99.0),
+            "late_max_s": self.late.largest_s,
             "changes": self.changes,
             "faults": self.faults,
         }

@@ -160,7 +160,7 @@ class VehicleNode(SuiteNode):
 
     def _step(self) -> None:
         before_s, self._stepped_s = self._stepped_s, time.monotonic()
-        self._driver.log.late_s.append(max(self._stepped_s - before_s - LOOP_S, 0.0))
+        self._driver.log.late.add(max(self._stepped_s - before_s - LOOP_S, 0.0))
         now_s = self._time.now_s()
         for frame in self._reader.taken():
             if self._record:
@@ -229,7 +229,7 @@ class VehicleNode(SuiteNode):
         self._reporter.report(self._tick_ns, level, engagement.reason, self._values)
 
     def _values(self) -> dict[str, object]:
-        driver, late_s = self._driver, self._driver.log.late_s
+        driver = self._driver
         return {
             "vehicle": self._vehicle.name,
             "mode": driver.engagement.mode.value,
@@ -239,7 +239,7 @@ class VehicleNode(SuiteNode):
             "requested_acceleration_m_s2": driver.requested_m_s2,
             "cell_1_capacity_loss": driver.estimator.capacity_losses[0],
             "cell_n_capacity_loss": driver.estimator.capacity_losses[1],
-            "late_max_s": max(late_s[-int(REPORT_PERIOD_S / LOOP_S) :], default=0.0),
+            "late_max_s": driver.log.late.take_recent_s(),
             "clock_behind_s": self._time.behind_s,
             "unreadable_frames": self._reader.unreadable,
             **{f"rejected {name}": count for name, count in driver.log.faults.items()},

@@ -48,14 +48,16 @@ INPUTS: Mapping[str, tuple[Topic, ...]] = {
         Topic.ROAD_AHEAD,
         Topic.LEADER,
         Topic.LEADER_PREVIEW,
+        Topic.ROAD_FRICTION,
     ),
     BRIDGE: (Topic.CLOCK,),
-    PLANT: (Topic.LEADER_SAMPLES, Topic.COMMAND),
+    PLANT: (Topic.LEADER_SAMPLES, Topic.COMMAND, Topic.ROAD_FRICTION),
 }
 """Recorded inputs of each node; a bridge on received messages also needs the position of the ego vehicle."""
 
-_NOT_ALWAYS = (Topic.LEADER,)
-"""Topics that there are none of on an empty road."""
+_NOT_ALWAYS = (Topic.LEADER, Topic.ROAD_FRICTION)
+"""Topics that not every bag has: no leader on an empty road, no friction where nobody publishes it."""
+_UNSTAMPED = (Topic.SLOPE, Topic.ROAD_FRICTION)
 FINAL_ANSWER = {CONTROLLER: Topic.COMMAND, BRIDGE: Topic.LEADER_PREVIEW, PLANT: Topic.CLOCK}
 _OWN_WAY: Mapping[str, Mapping[str, Any]] = {
     # The check is the only subscriber, and its inputs are never late.
@@ -73,7 +75,8 @@ class Recorded:
         names: full names of the topics.
         namespace: of the node.
         parameters: of the node.
-        steps: inputs of each tick by topic, by the stamp (ns) of the final answer, in order.
+        steps: inputs of each tick by topic, by the stamp (ns) of the final answer, in order. The friction of
+            the road has no stamp: it is the newest one recorded before that answer.
     """
 
     names: Mapping[Topic, str]
@@ -107,15 +110,8 @@ def read_recorded(bag: Path, node: str, namespace: str | None = None) -> Recorde
             with suppress(BagError) if topic in _NOT_ALWAYS else nullcontext():
                 names[topic] = topic_name(reader, topic, namespace)
         topics = {name: topic for topic, name in names.items()}
-        heard: dict[Topic, dict[int, bytes]] = {topic: {} for topic in wanted}
-        answered: list[tuple[int, None]] = []
-        for raw in reader.raw_messages(list(topics)):
-            stamp_ns = 0 if topics[raw.topic] is Topic.SLOPE else read_stamp_ns(raw.data)
-            if stamp_ns is not None:
-                heard[topics[raw.topic]][stamp_ns] = raw.data
-                if topics[raw.topic] is FINAL_ANSWER[node]:
-                    answered.append((stamp_ns, None))
-    trips = len(split_trips(answered))
+        heard, answered = _heard(reader, topics, FINAL_ANSWER[node])
+    trips = len(split_trips([(stamp_ns, None) for stamp_ns in answered]))
     if trips > 1:
         raise BagError(f"{bag} holds {trips} trips; allowed: one, as a check begins with the start")
     if node == CONTROLLER:
@@ -132,6 +128,29 @@ def read_recorded(bag: Path, node: str, namespace: str | None = None) -> Recorde
         parameters={**given, **own_way},
         steps=_steps(node, inputs, heard, bag),
     )
+
+
+def _heard(
+    reader: BagReader, topics: Mapping[str, Topic], final_answer: Topic
+) -> tuple[dict[Topic, dict[int, bytes]], list[int]]:
+    """Return the messages by topic and stamp (ns), and the stamps of the final answers as they came."""
+    heard: dict[Topic, dict[int, bytes]] = {topic: {} for topic in topics.values()}
+    answered: list[int] = []
+    friction: bytes | None = None
+    for raw in reader.raw_messages(list(topics)):
+        topic = topics[raw.topic]
+        if topic is Topic.ROAD_FRICTION:
+            friction = raw.data
+            continue
+        stamp_ns = 0 if topic is Topic.SLOPE else read_stamp_ns(raw.data)
+        if stamp_ns is None:
+            continue
+        heard[topic][stamp_ns] = raw.data
+        if topic is final_answer:
+            answered.append(stamp_ns)
+            if friction is not None:
+                heard[Topic.ROAD_FRICTION][stamp_ns] = friction
+    return heard, answered
 
 
 def _inputs_and_changes(
@@ -165,8 +184,13 @@ def _steps(
         )
 
     def inputs_at(stamp: int) -> dict[Topic, bytes]:
-        stamped = [topic for topic in inputs if topic is not Topic.SLOPE]
+        stamped = [topic for topic in inputs if topic not in _UNSTAMPED]
         return {topic: heard[topic][stamp] for topic in stamped if stamp in heard[topic]}
+
+    def friction_at(stamp: int) -> dict[Topic, bytes]:
+        # Repeated at every tick, or it would count for 60 s of wall time only.
+        known = heard.get(Topic.ROAD_FRICTION, {})
+        return {Topic.ROAD_FRICTION: known[stamp]} if stamp in known else {}
 
     if node == PLANT:
         if answers[0] != 0:
@@ -177,10 +201,12 @@ def _steps(
         # A state is the answer to what was received one tick before.
         commands = heard[Topic.COMMAND]
         return {0: {}} | {
-            stamp: inputs_at(before) | {Topic.COMMAND: commands.get(before, b"")}
+            stamp: friction_at(stamp)
+            | inputs_at(before)
+            | {Topic.COMMAND: commands.get(before, b"")}
             for before, stamp in pairwise(answers)
         }
-    steps = {stamp: inputs_at(stamp) for stamp in answers}
+    steps = {stamp: friction_at(stamp) | inputs_at(stamp) for stamp in answers}
     if Topic.SLOPE in inputs:
         steps[answers[0]] = {Topic.SLOPE: heard[Topic.SLOPE][0], **steps[answers[0]]}
     return steps
