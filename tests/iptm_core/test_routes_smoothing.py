@@ -55,6 +55,9 @@ def test_by_hand() -> None:
         fitted[row] = np.dot(speeds[row - 2 : row + 3], [-3.0, 12.0, 17.0, 12.0, -3.0]) / 35.0
     expected = fitted * speeds.sum() / fitted.sum()
     assert smoothed(cycle, 5.0).speeds_m_s == pytest.approx(expected)
+    # No window reaches beyond a stop.
+    twice = DrivingCycle("hills", np.arange(14.0), np.tile(speeds, 2), "made up")
+    assert smoothed(twice, 5.0).speeds_m_s == pytest.approx(np.tile(expected, 2))
 
 
 def test_a_parabola_stays_to_its_end_in_motion() -> None:

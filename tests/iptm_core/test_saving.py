@@ -57,6 +57,17 @@ def test_the_warmer_pack_pays_for_its_cooling() -> None:
     assert found.aging.percent < found.aging.as_driven_percent
 
 
+def test_cold_air_helps_to_cool_the_pack_down() -> None:
+    end = replace(OTHER, final_temperature_k=313.15)
+    overrides = {"environment.ambient_temperature_k": 273.15}
+    prices = [
+        cool_down(end, 303.15, load_parameters(overrides=overrides | air).values)
+        for air in ({}, {"cooling.air_exchange_w_k": 20.0})
+    ]
+    assert None not in prices
+    assert prices[1] < prices[0]  # type: ignore[operator]
+
+
 @pytest.mark.parametrize(
     ("own", "judgement"),
     [
