@@ -32,6 +32,11 @@ ROWS = 21
 """Ticks of the made-up run."""
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the file that takes longest: files are not shared between workers, so none must be last."""
+    items.sort(key=lambda item: item.path.name != "test_studies.py")
+
+
 @pytest.fixture(scope="session", autouse=True)
 def compile_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """Keep compiled problems out of the user's cache, and share them between tests and their processes."""

@@ -4,19 +4,25 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from tests.iptm_controller.scenes import PARAMETERS, make_state
 
 from iptm_controller.limiter import CommandLimiter
-from iptm_core.state import Command
+from iptm_controller.power_authority import PowerAuthority
+from iptm_core.parameters import load_parameters
+from iptm_core.physics.electrical import battery_power_w
+from iptm_core.physics.power_thermal import electric_traction_power_w
+from iptm_core.state import Command, SlopePreview
 
 ANYTHING = st.floats(allow_nan=True, allow_infinity=True)
 ACCELERATIONS = st.floats(-3.0, 3.0) | ANYTHING
 POWERS = st.floats(-500.0, 6000.0) | ANYTHING
 TICKS = st.sampled_from([0.1, 0.5, 1.0, 2.0])
 SLACK = 1e-9
+FLAT = SlopePreview(np.zeros(1), np.zeros(1))
 
 
 @pytest.fixture
@@ -141,3 +147,23 @@ def test_the_top_speed_is_that_of_the_end_of_a_tick() -> None:
     command, reasons = limiter.limit(Command(1.0, state.compressor_power_w), state)
     assert command.acceleration_m_s2 == pytest.approx(0.5), "0.05 m/s in 0.1 s"
     assert reasons == ("top speed",)
+
+
+@pytest.mark.parametrize("thermal_w", [-4000.0, 0.0, 2000.0])
+def test_a_cold_pack_supplies_traction_and_thermal_power_to_the_end_of_the_tick(
+    thermal_w: float,
+) -> None:
+    """Heating and cooling both draw from it."""
+    values = load_parameters("bmw_i3").values
+    cold = make_state(cell_1_temperature_k=258.15, cell_n_temperature_k=258.15)
+    authority = PowerAuthority(values, 1.0)
+    authority.update(cold, FLAT)
+    chosen = authority.within(Command(values.limits.max_acceleration_m_s2, thermal_w))
+    a_m_s2 = chosen.acceleration_m_s2
+    assert 0.0 < a_m_s2 < values.limits.max_acceleration_m_s2
+    traction_w = electric_traction_power_w(cold.speed_m_s + a_m_s2, a_m_s2, 0.0, values)
+    auxiliary_w = values.cooling.auxiliary_power_w
+    drawn_w = battery_power_w(
+        traction_w, abs(thermal_w), auxiliary_w, values.pack, values.powertrain
+    )
+    assert drawn_w == pytest.approx(authority.limits.discharge_w, rel=1e-3)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from iptm_controller.memory import ControllerMemory
-from iptm_controller.preview_fusion import FusionMemory, PreviewFusion
+from iptm_controller.preview_fusion import ERROR_GROWTH_S, FusionMemory, PreviewFusion, _weights
 from iptm_core.saved_state import from_plain, to_plain
 from iptm_core.settings import PreviewSettings
 from iptm_core.state import FloatArray, LeaderPreview
@@ -83,6 +83,20 @@ def test_a_preview_that_is_repeated_at_other_nodes_begins_a_new_average() -> Non
         preview.speeds_m_s[::2],
     )
     np.testing.assert_array_equal(fusion.fused(again).speeds_m_s, again.speeds_m_s)
+
+
+def test_weights_are_the_inverse_variances_of_errors_that_grow_and_forget() -> None:
+    """The variance of an Ornstein-Uhlenbeck process that starts from zero, over its final one."""
+    generator, step_s = np.random.default_rng(4), 0.05
+    kept = np.exp(-step_s / ERROR_GROWTH_S)
+    found, errors_m_s = [], np.zeros(4000)
+    for _ in range(400):
+        noise = generator.normal(0.0, np.sqrt(1.0 - kept * kept), errors_m_s.size)
+        errors_m_s = kept * errors_m_s + noise
+        found.append(1.0 / np.var(errors_m_s))
+    times_s = step_s * np.arange(401.0)
+    weights = _weights(LeaderPreview(times_s, times_s, np.ones(401)))
+    assert found[19:] == pytest.approx(weights[20:], rel=0.12)
 
 
 def test_positions_are_the_integral_of_the_averaged_speeds() -> None:

@@ -201,6 +201,13 @@ def test_the_end_of_service_has_the_loss_of_equal_days(name: str) -> None:
         assert weight == pytest.approx(part.exponent * damage ** (part.exponent - 1.0))
 
 
+def test_a_pack_is_parked_half_of_the_time_after_half_of_a_day_of_driving() -> None:
+    """At 0.8 after charging and at 0.6 after the first of two trips, which take 0.4 together."""
+    use = AgingSettings(charging_target=0.8, daily_discharge=0.4)
+    assert use.parked_charge == pytest.approx(0.7)
+    assert AgingSettings(charging_target=0.2, daily_discharge=1.0).parked_charge == 0.0
+
+
 def test_only_the_hours_that_count_count() -> None:
     """Between two temperatures the rate is all but linear: 10 h of a time constant of 10 h are 1 - 1/e."""
     whole = ParkedAging(LAWS["nca"], USE, 0.0)

@@ -78,6 +78,14 @@ def test_stamp_of_another_clock_is_not_believed(simulated: Timeline) -> None:
     assert simulated.now_ns == 9 * S
 
 
+def test_messages_before_the_first_clock_set_the_time_back_unless_their_clock_is_another(
+    simulated: Timeline,
+) -> None:
+    simulated.times_ns(stamped(100 * S), CLOCK)
+    simulated.begin_with([100 * S - MAX_LEAD_NS - 1, 99 * S, 101 * S])
+    assert simulated.now_ns == 99 * S
+
+
 def test_log_times_follow_a_clock_that_is_set_back(simulated: Timeline) -> None:
     simulated.times_ns(stamped(90 * S), CLOCK)
     assert simulated.times_ns(stamped(1 * S), CLOCK) == (1 * S, 1 * S)
