@@ -10,9 +10,12 @@ import numpy as np
 import pytest
 
 from iptm.drive_meter import DriveMeter
-from iptm.meter import main
+from iptm.meter import main, metered
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
+from iptm_core.routes.cycles import DrivingCycle
+from iptm_core.routes.slope import SlopeProfile
+from iptm_core.routes.user_csv import UserTrip
 from iptm_core.state import Command
 from iptm_plant_sim.plant import Plant
 
@@ -113,6 +116,20 @@ def test_a_drive_that_begins_at_speed_has_no_launch_in_its_energy(
     assert found["battery_energy_kwh"] == pytest.approx(
         meter.reading.battery_energy_j / 3.6e6, rel=1e-6
     )
+
+
+def test_a_hill_behind_the_launch_is_where_it_is_on_the_road() -> None:
+    """The launch of 10 s takes 100 m; the hill begins at 700 m."""
+    speeds = np.concatenate([np.linspace(0.0, 20.0, 11), np.full(60, 20.0)])
+    cycle = DrivingCycle("hill", np.arange(71.0), speeds, "made up")
+    hill = SlopeProfile(np.array([0.0, 699.0, 701.0, 5000.0]), np.array([0.0, 0.0, 0.05, 0.05]))
+    meter = DriveMeter(
+        PARAMETERS, lambda driven_m: float(np.interp(driven_m, (599, 601), (0, 0.05)))
+    )
+    for tick in range(61):
+        meter.take(10.0 + tick, 20.0)
+    found = metered(UserTrip(cycle, hill, launch_s=10.0), PARAMETERS)
+    assert found.battery_energy_j == pytest.approx(meter.reading.battery_energy_j, rel=1e-6)
 
 
 @pytest.mark.parametrize(

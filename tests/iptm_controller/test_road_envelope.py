@@ -92,7 +92,9 @@ def test_behind_a_leader_that_may_brake_the_rules_lead_no_faster_than_to_its_hal
     ahead_m = 99.0 + 11.0 * motion.times_s
     halting_m = motion.positions_m + motion.speeds_m_s**2 / 4.0
     assert np.all(halting_m <= ahead_m + 11.0**2 / 4.0 + 1e-6)
-    assert motion.speeds_m_s.min() == pytest.approx(10.0)  # a leader at 11 m/s slows nobody down
+    assert motion.speeds_m_s.min() == pytest.approx(
+        10.0
+    )  # a leader at 11 m/s is no reason to slow down
 
 
 def test_speed_limits_hold_around_the_expected_places() -> None:
