@@ -85,6 +85,16 @@ def test_units_of_a_dbc_bind(tmp_path: Path) -> None:
         read_log(log, {"speed_m_s": "Speed"})
 
 
+@pytest.mark.parametrize("rate_hz", [1.0, 10.0])
+def test_bytes_in_the_other_order(tmp_path: Path, rate_hz: float) -> None:
+    drive = Driven.at(rate_hz)
+    turned = [data[1::-1] + data[2:] for data in speed_bytes(drive.speeds)]
+    log = tmp_path / "a.log"
+    log.write_text(candump(drive.times_s, turned))
+    with pytest.raises(RouteError, match=r"Motion.Speed .* its bytes in the other order"):
+        read_log(log)
+
+
 def asc(blocks: list[tuple[np.ndarray, np.ndarray]], kind: str = "absolute") -> str:
     text = f"date Mon May 4 07:30:00.000 am 2026\nbase hex timestamps {kind}\nno internal events logged\n"
     for times, speeds in blocks:

@@ -54,7 +54,6 @@ CLOCKS = {
     "summer time": (clock("%Y-%m-%d %H:%M:%S", "2026-10-25T00:59", "Europe/Berlin"), "summer"),
     "week": ((604_740 + DRIVE.times_s) % 604_800, "the end of a week"),
     "1024 weeks": (DRIVE.times_s + np.where(DRIVE.times_s > 30, 1024 * 604_800, 0), "1024 weeks"),
-    "newest first": (DRIVE.times_s[::-1], "from new to old"),
 }
 # fmt: on
 
@@ -62,8 +61,7 @@ CLOCKS = {
 @pytest.mark.parametrize("kind", CLOCKS)
 def test_clocks(table: Callable[..., UserTrip], kind: str) -> None:
     times, note = CLOCKS[kind]
-    speeds = DRIVE.speeds[::-1] if kind == "newest first" else DRIVE.speeds
-    trip = table("time,speed_m_s", times, speeds)
+    trip = table("time,speed_m_s", times, DRIVE.speeds)
     is_the_drive(trip, note, silent=not note)
     assert trip.cycle.duration_s == 120.0
 
@@ -154,13 +152,6 @@ def test_columns_in_memory_of_pandas_and_numpy() -> None:
             trip_from_columns({"time_s": DRIVE.times_s, "speed_m_s": speeds})
 
 
-def test_parts_of_a_track_from_new_to_old(tmp_path: Path) -> None:
-    drive = DRIVE.rows(np.r_[60:121, 0:60])
-    is_the_drive(
-        read_user_trip(write_gpx(tmp_path / "a.gpx", drive)), "2 parts are not in the order"
-    )
-
-
 def test_a_tunnel_has_the_length_of_its_places(tmp_path: Path) -> None:
     kept = (DRIVE.times_s < 15) | (DRIVE.times_s > 45)
     path = write_gpx(tmp_path / "a.gpx", DRIVE.rows(kept), with_speed=False)
@@ -188,6 +179,25 @@ def test_both_clocks_of_a_bag_are_set_ahead(tmp_path: Path) -> None:
     assert trip.cycle.duration_s == 120.0
 
 
+@pytest.mark.parametrize(
+    ("stamps_at", "receipt_at", "reason"),
+    [
+        (30.0, 80.0, "the clocks of sender and recorder were set"),
+        (60.0, 60.0, "a clock that was set back"),
+    ],
+)
+def test_both_clocks_of_a_bag_are_set_back(
+    tmp_path: Path, stamps_at: float, receipt_at: float, reason: str
+) -> None:
+    two = Driven.at(2.0)
+    drive = two.but(
+        times_s=two.times_s - 30.0 * (two.times_s > stamps_at),
+        received_s=two.received_s - 30.0 * (two.times_s > receipt_at),
+    )
+    with pytest.raises(RouteError, match=reason):
+        read_user_trip(write_bag(tmp_path / "bag", drive))
+
+
 @pytest.mark.parametrize("factor", [1000.0, 0.001])
 def test_places_in_another_unit(tmp_path: Path, factor: float) -> None:
     two = Driven.at(2.0)
@@ -203,8 +213,11 @@ def test_places_without_a_way_are_refused_soon(tmp_path: Path) -> None:
         read_user_trip(path)
 
 
-def test_heights_most_of_which_leap_are_refused(tmp_path: Path) -> None:
+def test_single_heights_may_leap_but_not_most(tmp_path: Path) -> None:
     rows = np.arange(121)
+    marked = np.where(rows % 17, DRIVE.heights_m, -9999.0)
+    trip = read_user_trip(write_gpx(tmp_path / "a.gpx", DRIVE.but(heights_m=marked)))
+    is_the_drive(trip, "ele missing or not plausible at 8 track points", grade=True)
     heights = DRIVE.heights_m + np.where(rows % 2, 47.0, 0.0)
     with pytest.raises(RouteError, match=r"column ele: .* allowed: heights of a road"):
         read_user_trip(write_gpx(tmp_path / "a.gpx", DRIVE.but(heights_m=heights)))

@@ -176,6 +176,12 @@ def test_tables_of_other_programs(tmp_path: Path, kind: str, encoding: str) -> N
         is_the_drive(trip, grade=True, silent=kind == "fastsim 3")
 
 
+def test_of_two_columns_one_without_values_does_not_count(tmp_path: Path) -> None:
+    rows = "\n".join(f"{t:g},{v:.3f},-" for t, v in zip(DRIVE.times_s, DRIVE.speeds, strict=True))
+    (tmp_path / "a.csv").write_text(f"time_s,GPS Speed (m/s),Speed (OBD)(km/h)\n{rows}\n")
+    is_the_drive(read_user_trip(tmp_path / "a.csv"), silent=True)
+
+
 def test_columns_of_any_name_are_said_by_the_user(tmp_path: Path) -> None:
     rows = "\n".join(
         f"{1000 * t:g},{3.6 * v:.3f}" for t, v in zip(DRIVE.times_s, DRIVE.speeds, strict=True)

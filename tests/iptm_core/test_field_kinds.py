@@ -98,6 +98,14 @@ def test_k1_a_speed_that_is_not_measured(reader: str, value: float) -> None:
     check(outcome(reader, drive.but(speeds=np.full(drive.speeds.size, value))), "throughout")
 
 
+@pytest.mark.parametrize("reader", [name for name in READERS if name not in WITH_PLACES])
+def test_k1_speeds_that_are_0_throughout_and_nothing_else(reader: str) -> None:
+    found = outcome(reader, Driven.at().but(speeds=np.zeros(121)))
+    assert isinstance(found, UserTrip)
+    assert found.cycle.max_speed_m_s == 0.0
+    assert "is 0 throughout" in "; ".join(found.notes)
+
+
 @pytest.mark.parametrize("reader", WITH_BOTH)
 @FEW
 @given(begin=st.integers(12, 25), lasts=st.integers(4, 12))
@@ -147,6 +155,20 @@ def test_k2_a_recording_that_begins_again(reader: str) -> None:
     slower = np.repeat([1.0, 0.99], 121)
     found = outcome(reader, twice.but(received_s=np.arange(242.0), speeds=slower * twice.speeds))
     check(found, may_refuse=True)
+
+
+ORDERS = {
+    "newest first": np.arange(121)[::-1],
+    "parts": np.r_[60:121, 0:60],
+    "even rows first": np.r_[0:121:2, 1:121:2],
+    "shuffled": np.random.default_rng(5).permutation(121),
+}
+
+
+@pytest.mark.parametrize("reader", [name for name in READERS if name != "bag"])
+@pytest.mark.parametrize("order", ORDERS)
+def test_k2_rows_in_another_order(reader: str, order: str) -> None:
+    check(outcome(reader, Driven.at().rows(ORDERS[order])), "not in the order of their times")
 
 
 @pytest.mark.parametrize("reader", READERS)

@@ -143,7 +143,7 @@ def test_mistakes_end_in_one_line(
     write_frames(log, dbc)
     for signals, word in (
         ({"speed_kmh": "Vehiclespeed"}, "did you mean 'VehicleSpeed'"),
-        ({"speed_kmh": "Counter"}, "several messages.*Motion.Counter, Height.Counter"),
+        ({"speed_kmh": "Counter"}, "2 signals .Counter.; .*Motion.Counter, Height.Counter"),
         ({"speed_knots": "VehicleSpeed"}, "speed_knots"),
         ({}, "columns are none"),
     ):

@@ -7,12 +7,13 @@ assigns the signals, because their names differ between vehicles; the column nam
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from iptm_core.errors import RouteError
 from iptm_core.routes.can_files import CAN_SUFFIXES, frames_of, library
@@ -29,6 +30,7 @@ CAN_COLUMNS: Mapping[str, Meaning] = {
 STEP_S = 0.2
 """Between two rows of the CSV table; signals are linear between their samples."""
 
+_FEWEST_TO_COMPARE, _MUCH_LESS = 20, 0.5
 _Frames = list[tuple[int, Any]]
 """Numbers of frames in a log, and the frames."""
 
@@ -75,17 +77,19 @@ def read_can_log(
 
 def _check_unit(where: object, column: str, signal: str, unit: str, notes: list[str]) -> None:
     """Refuse a signal whose stated unit is not the unit of its column."""
-    quantity, stated = CAN_COLUMNS[column].quantity, stated_unit(CAN_COLUMNS[column].quantity, unit)
-    if not stated:
+    quantity = CAN_COLUMNS[column].quantity
+    stated = Meaning(quantity, stated_unit(quantity, unit))
+    if not stated.unit:
         notes += [f"the unit of {signal} is {unit!r}: read as {column}"] if unit.strip() else []
         return
-    same = {
-        name: math.isclose(each.factor, Meaning(quantity, stated).factor, rel_tol=1e-6)
-        for name, each in CAN_COLUMNS.items()
-        if each.quantity == quantity
-    }
-    if not same[column]:
-        hint = next((f"{name}={signal}" for name in same if same[name]), "signals in these units")
+    columns = [name for name, each in CAN_COLUMNS.items() if each.quantity == quantity]
+    same = [
+        name
+        for name in columns
+        if math.isclose(CAN_COLUMNS[name].factor, stated.factor, rel_tol=1e-6)
+    ]
+    if column not in same:
+        hint = f"{same[0]}={signal}" if same else f"signals for {', '.join(columns)}"
         raise RouteError(
             f"{where}: the unit of {signal} is {unit}, {column} is not; allowed: {hint}"
         )
@@ -99,34 +103,27 @@ def _of_frames(path: Path, dbc: Path, signals: Mapping[str, str], channel: str) 
     except Exception as reason:  # the readers have error types of their own
         raise RouteError(f"{dbc}: cannot be read as a DBC ({reason})") from reason
     notes: list[str] = []
-    sources = {column: _source(database, dbc, name) for column, name in signals.items()}
-    for column, (_, signal) in sources.items():
-        _check_unit(dbc, column, signals[column], signal.unit or "", notes)
-    messages = {message.frame_id: message for message, _ in sources.values()}
-    found: dict[int, _Frames] = {number: [] for number in messages}
+    wanted: dict[Any, dict[str, Any]] = {}
+    for column, name in signals.items():
+        message, signal = _source(database, dbc, name)
+        _check_unit(dbc, column, name, signal.unit or "", notes)
+        wanted.setdefault(message, {})[column] = signal
+    found: dict[Any, _Frames] = {message: [] for message in wanted}
     number = 0
     for number, frame in enumerate(frames_of(path, notes), start=1):
-        for wanted, message in messages.items():
-            apart = frame.arbitration_id ^ wanted
+        for message in wanted:
+            apart = frame.arbitration_id ^ message.frame_id
             if frame.is_extended_id == message.is_extended_frame and not apart & _mask(message):
-                found[wanted].append((number, frame))
+                found[message].append((number, frame))
     if not number:
         raise RouteError(
             f"{path}: 0 frames; allowed: a log with frames, in the format of its suffix"
         )
-    rows: list[tuple[int, float, str, float]] = []
-    for wanted, message in messages.items():
-        own = {column: signal for column, (of, signal) in sources.items() if of is message}
-        frames = _of_one_sender(path, message, found[wanted], channel, notes)
-        rows += _decoded(f"{path}: {number} frames", message, frames, own, notes)
-    numbers, index = np.unique([row[0] for row in rows], return_inverse=True)
-    columns = {"time_s": np.full(numbers.size, np.nan)}
-    for column in signals:
-        columns[column] = np.full(numbers.size, np.nan)
-    for place, (_, at_s, column, value) in zip(index.tolist(), rows, strict=True):
-        columns["time_s"][place] = at_s
-        columns[column][place] = value
-    return _table(path, columns, numbers, "frame", notes)
+    tables = []
+    for message, own in wanted.items():
+        frames = _of_one_sender(path, message, found[message], channel, notes)
+        tables.append(_decoded(f"{path}: {number} frames", message, frames, own, notes))
+    return _table(path, pd.concat(tables).sort_values("number", kind="stable"), "frame", notes)
 
 
 def _mask(message: Any) -> int:
@@ -167,67 +164,73 @@ def _of_one_sender(
 
 def _decoded(
     where: str, message: Any, frames: _Frames, signals: Mapping[str, Any], notes: list[str]
-) -> list[tuple[int, float, str, float]]:
-    """Return number, time, column and value of the signals in frames; NaN outside of the range of the DBC."""
-    rows: list[tuple[int, float, str, float]] = []
-    beyond: Counter[str] = Counter()
+) -> pd.DataFrame:
+    """Return number, time and values of the frames; NaN outside of the range of the DBC."""
+    rows, decoded = [], []
     for number, frame in frames:
-        try:
-            values = message.decode(bytes(frame.data), decode_choices=False, allow_truncated=True)
-        except Exception:  # noqa: BLE001, S112 - a multiplexer without this value
-            continue
-        for column, signal in signals.items():
-            value = float(values.get(signal.name, math.nan))
-            low, high = signal.minimum, signal.maximum
-            if low is not None and high is not None and low < high and not low <= value <= high:
-                beyond[column] += not math.isnan(value)
-                value = math.nan
-            if signal.name in values:
-                rows.append((number, float(frame.timestamp), column, value))
-    for column in signals:
-        count = sum(row[2] == column and not math.isnan(row[3]) for row in rows)
+        with suppress(Exception):  # a multiplexer without this value, a frame that is too short
+            decoded.append(message.decode(bytes(frame.data), scaling=False, allow_truncated=True))
+            rows.append((number, float(frame.timestamp)))
+    table = pd.DataFrame(rows, columns=["number", "time_s"])
+    for column, signal in signals.items():
+        raw = np.array([each.get(signal.name, math.nan) for each in decoded], np.float64)
+        values = raw * signal.scale + signal.offset
+        low, high = signal.minimum, signal.maximum
+        has_range = low is not None and high is not None and low < high
+        beyond = (values < low) | (values > high) if has_range else np.zeros(len(raw), np.bool_)
+        table[column] = np.where(beyond, math.nan, values)
+        lost, count = np.count_nonzero(beyond), table[column].count()
         if count < 2:
             sizes = ", ".join(map(str, sorted({len(frame.data) for _, frame in frames}))) or "0"
             raise RouteError(
                 f"{where}, {len(frames)} of them of {message.name} (0x{message.frame_id:X}, {sizes} bytes "
-                f"long, in the DBC {message.length}), {beyond[column]} values outside of the range of the "
-                f"DBC: {count} samples of {column}; allowed: 2 or more"
+                f"long, in the DBC {message.length}), {lost} values outside of the range of the DBC: "
+                f"{count} samples of {column}; allowed: 2 or more"
             )
-        if beyond[column]:
-            notes.append(
-                f"{column} outside of the range of the DBC at {beyond[column]} frames: not measured"
+        if _is_of_other_byte_order(signal, raw[np.isfinite(raw)]):
+            raise RouteError(
+                f"{where}: {message.name}.{signal.name} leaps as {signal.byte_order}, and would go on evenly "
+                "with its bytes in the other order; allowed: a DBC that has the order of the frames"
             )
-    return rows
+        if lost:
+            notes.append(f"{column} outside of the range of the DBC at {lost} frames: not measured")
+    return table
 
 
-def _table(
-    path: Path, values: Mapping[str, FloatArray], numbers: Any, counted: str, notes: list[str]
-) -> DriveTable:
-    columns = {"time_s": values["time_s"] - np.nanmin(values["time_s"])}
+def _is_of_other_byte_order(signal: Any, raw: FloatArray) -> bool:
+    """Return whether the values of a signal change much less with the bytes of each in the other order."""
+    if signal.length not in {16, 32, 64} or raw.size < _FEWEST_TO_COMPARE:
+        return False
+    kind = "f" if signal.is_float else "i" if signal.is_signed else "u"
+    stated = raw.astype(f"{kind}{signal.length // 8}")
+    # Ranks, because single values of another order may be as large as can be.
+    ranks = [np.unique(each, return_inverse=True)[1] for each in (stated, stated.byteswap())]
+    changes = [np.abs(np.diff(each)).sum() for each in ranks]
+    return bool(changes[1] < _MUCH_LESS * changes[0])
+
+
+def _table(path: Path, rows: pd.DataFrame, counted: str, notes: list[str]) -> DriveTable:
+    columns = {"time_s": (rows["time_s"] - rows["time_s"].min()).to_numpy()}
     names = {}
     for column, meaning in CAN_COLUMNS.items():
-        if column in values:
-            columns[meaning.quantity] = meaning.in_si(values[column])
+        if column in rows:
+            columns[meaning.quantity] = meaning.in_si(rows[column].to_numpy())
             names[meaning.quantity] = column, meaning.factor
+    numbers = rows["number"].to_numpy()
     return DriveTable(str(path), columns, numbers, counted, names, sparse=True, notes=tuple(notes))
 
 
 def _source(database: Any, dbc: Path, name: str) -> tuple[Any, Any]:
     """Return the message and the signal in it of a name."""
     origin, _, signal = name.rpartition(".")
-    known = [
-        (message, entry)
-        for message in database.messages
-        for entry in message.signals
-        if entry.name == signal and origin in {"", message.name}
-    ]
-    if len(known) == 1:
-        return known[0]
-    if known:
-        several = ", ".join(f"{message.name}.{signal}" for message, _ in known)
-        raise RouteError(f"{dbc}: signal {name!r} is in several messages; allowed: {several}")
-    names = sorted({entry.name for message in database.messages for entry in message.signals})
-    raise RouteError(f"{dbc}: no signal {name!r}; {suggestion(signal, names)}")
+    everything = [(message, entry) for message in database.messages for entry in message.signals]
+    known = [pair for pair in everything if pair[1].name == signal]
+    found = [pair for pair in known if origin in {"", pair[0].name}]
+    if len(found) != 1:
+        several = [f"{message.name}.{signal}" for message, _ in known]
+        names = several or sorted({entry.name for _, entry in everything})
+        raise RouteError(f"{dbc}: {len(found)} signals {name!r}; {suggestion(name, names)}")
+    return found[0]
 
 
 def _of_channels(path: Path, signals: Mapping[str, str]) -> DriveTable:
@@ -235,36 +238,36 @@ def _of_channels(path: Path, signals: Mapping[str, str]) -> DriveTable:
     if path.suffix.lower() != ".mf4":
         raise RouteError(f"{path}: a log of frames; allowed: with a DBC that decodes them")
     asammdf = library("asammdf")
-    found: dict[str, Any] = {}
     try:
         with asammdf.MDF(path) as log:
-            known = {name: list(places) for name, places in log.channels_db.items()}
-            for column, name in signals.items():
-                bare, _, group = name.partition("@")
-                places = [place for place in known.get(bare, ()) if group in {"", str(place[0])}]
-                if len(places) == 1:
-                    found[column] = log.get(group=places[0][0], index=places[0][1])
+            found = {column: _channel(path, log, name) for column, name in signals.items()}
+    except RouteError:
+        raise
     except Exception as reason:
         raise RouteError(f"{path}: cannot be read as MF4 ({reason})") from reason
     notes: list[str] = []
-    for column, name in signals.items():
-        bare = name.partition("@")[0]
-        if column not in found and len(known.get(bare, ())) > 1:
-            several = ", ".join(f"{bare}@{place[0]}" for place in known[bare])
-            raise RouteError(f"{path}: channel {name!r} is in several groups; allowed: {several}")
-        if column not in found:
-            raise RouteError(f"{path}: no channel {name!r}; {suggestion(name, sorted(known))}")
-        if found[column].samples.dtype.kind not in "biuf":
-            raise RouteError(
-                f"{path}: channel {name!r} holds no numbers; allowed: {column} as numbers"
-            )
-        _check_unit(path, column, name, found[column].unit or "", notes)
-    ends = np.cumsum([0, *(each.timestamps.size for each in found.values())])
-    times = np.concatenate([each.timestamps.astype(np.float64) for each in found.values()])
-    order = np.argsort(times, kind="stable") if len(found) > 1 else np.arange(times.size)
-    columns = {"time_s": times[order]}
-    for begin, (column, each) in zip(ends.tolist(), found.items(), strict=False):
-        values = np.full(times.size, np.nan)
-        values[begin : begin + each.samples.size] = each.samples.astype(np.float64)
-        columns[column] = values[order]
-    return _table(path, columns, np.arange(1, times.size + 1), "sample", notes)
+    tables = []
+    for column, channel in found.items():
+        _check_unit(path, column, signals[column], channel.unit or "", notes)
+        if lost := int(np.count_nonzero(~np.isfinite(channel.samples))):
+            notes.append(f"{column} not measured at {lost} samples")
+        columns = {"time_s": channel.timestamps, column: channel.samples}
+        tables.append(pd.DataFrame(columns, dtype=np.float64))
+    rows = pd.concat(tables)
+    rows = rows.sort_values("time_s", kind="stable") if len(tables) > 1 else rows
+    rows["number"] = np.arange(1, len(rows) + 1)
+    return _table(path, rows, "sample", notes)
+
+
+def _channel(path: Path, log: Any, name: str) -> Any:
+    """Return the only channel of a name, with or without its group, in an MF4 file."""
+    bare, _, group = name.partition("@")
+    several = [f"{bare}@{place[0]}" for place in log.channels_db.get(bare, ())]
+    places = [place for place in log.channels_db.get(bare, ()) if group in {"", str(place[0])}]
+    if len(places) != 1:
+        names = several or sorted(log.channels_db)
+        raise RouteError(f"{path}: {len(places)} channels {name!r}; {suggestion(name, names)}")
+    channel = log.get(group=places[0][0], index=places[0][1])
+    if channel.samples.dtype.kind not in "biuf":
+        raise RouteError(f"{path}: channel {name!r} holds no numbers; allowed: one that does")
+    return channel

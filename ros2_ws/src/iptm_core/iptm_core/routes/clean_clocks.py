@@ -1,11 +1,12 @@
-"""Clocks of a drive: set back or ahead while it was recorded, begun again, or in rows from new to old.
+"""Clocks of a drive: set back or ahead while it was recorded, begun again, or in rows of another order.
 
-Rows keep the order in which they were written; a repair moves times, or leaves rows out, and is noted.
+A repair sorts rows, moves times, or leaves rows out, and is noted.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from iptm_core.errors import RouteError
 from iptm_core.routes.drive_table import DriveTable, counted, lengths
@@ -14,6 +15,7 @@ from iptm_core.state import FloatArray
 MAX_CLOCK_STEP_S = 10.0
 """A clock set back by more cannot be distinguished from another recording."""
 _LONGEST_JUMP_S = 5.0
+_MUCH_LESS, _MOST_TRIPS = 0.6, 0.1
 _DAY_S, _WEEK_S = 86400.0, 604800.0
 _LONGEST_PAUSE_S = 100.0 * _WEEK_S
 _PERIODS = {
@@ -29,7 +31,7 @@ _PERIODS = {
 
 def with_one_clock(table: DriveTable) -> DriveTable:
     """Return a table whose clock goes on: the last trip of several in a bag, by one clock."""
-    return _last_trip(_by_receipt(_unwrapped(_oldest_first(table))))
+    return _last_trip(_by_receipt(_unwrapped(_sorted(table))))
 
 
 def usual_step_s(times: FloatArray) -> float:
@@ -39,25 +41,36 @@ def usual_step_s(times: FloatArray) -> float:
     return float(np.median(forward)) if forward.size else 0.0
 
 
-def _oldest_first(table: DriveTable) -> DriveTable:
-    """Turn rows, or parts, around that stand in the order from new to old."""
+def _sorted(table: DriveTable) -> DriveTable:
+    """Sort rows that are not in the order of their times, if they follow each other in that order."""
     times = table.columns["time_s"]
-    steps, usual_s = np.diff(times), usual_step_s(times)
+    steps = np.diff(times)
     if table.received_s is not None or not (steps < 0.0).any():
         return table
-    if not (steps > 0.0).any():
-        turned = table.in_rows(np.arange(times.size)[::-1])
-        return turned.noted(f"{table.counted}s are in the order from new to old: turned around")
     order = np.argsort(times, kind="stable")
-    parts = np.flatnonzero(steps < -MAX_CLOCK_STEP_S).size + 1
     # Parts of one drive follow each other without a gap.
     seams = np.flatnonzero(np.diff(order) != 1)
     gaps = np.diff(times[order])[seams]
-    if 1 < parts == seams.size + 1 and (gaps > 0.0).all() and (gaps <= 3.0 * usual_s).all():
-        return table.in_rows(order).noted(
-            f"{parts} parts are not in the order of their times: sorted"
-        )
+    in_parts = (
+        np.count_nonzero(steps < -MAX_CLOCK_STEP_S) == seams.size
+        and ((gaps > 0.0) & (gaps <= 3.0 * usual_step_s(times))).all()
+    )
+    if in_parts or not (steps > 0.0).any() or _goes_on(table, order):
+        words = f"{table.counted}s are not in the order of their times: sorted"
+        return table.in_rows(order).noted(words)
     return table
+
+
+def _goes_on(table: DriveTable, order: NDArray[np.int64]) -> bool:
+    """Return whether places, or else speeds, change much less from row to row in another order."""
+    values, times = table.plane(), table.columns["time_s"]
+    if values is None and "speed_m_s" in table.columns:
+        values = table.columns["speed_m_s"][:, np.newaxis]
+    if values is None:
+        return False
+    rows = order[np.isfinite(values[order]).all(axis=1)]
+    changes = [np.abs(np.diff(values[each], axis=0)).sum() for each in (rows, np.sort(rows))]
+    return bool((np.diff(times[rows]) > 0.0).all() and changes[0] < _MUCH_LESS * changes[1])
 
 
 def _unwrapped(table: DriveTable) -> DriveTable:
@@ -87,28 +100,21 @@ def _by_receipt(table: DriveTable) -> DriveTable:
     times, received = table.columns["time_s"], table.received_s
     if received is None or times.size < 3:
         return table
-    steps, waits = np.diff(times), np.diff(received)
-    usual_s, usual_wait_s = usual_step_s(times), usual_step_s(received)
+    steps, waits, usual_s = np.diff(times), np.diff(received), usual_step_s(times)
     ahead = (steps > max(_LONGEST_JUMP_S, 20.0 * usual_s)) & (waits < 0.25 * steps)
     jumps = (steps < -1.0) | ahead
-    is_still = times.max() == times.min()
-    if not (jumps.any() or is_still):
+    is_still = not steps.any()
+    went_on_s, waited_s = steps[~jumps].sum(), waits[~jumps].sum()
+    same_pace = is_still or abs(waited_s - went_on_s) <= max(1.0, 0.2 * abs(went_on_s))
+    goes_on = (waits >= 0.0).all() and waits.any() and same_pace
+    if not (jumps.any() or is_still) or not goes_on or _begins_again(table, steps):
         return table
-    sound = ~jumps
-    same_pace = is_still or abs(waits[sound].sum() - steps[sound].sum()) <= max(
-        1.0, 0.2 * abs(steps[sound].sum())
-    )
-    if usual_wait_s <= 0.0 or (waits < 0.0).any() or not same_pace or _begins_again(table, steps):
-        return table
-    first = int(np.argmax(jumps))
-    where = f"{table.counted} {table.rows[first + 1]}"
-    cause = (
-        f"all stamps are {times[0]:g} s"
-        if is_still
-        else f"the clock of the stamps is set by {steps[first] - usual_s:+.6g} s at {where}"
-    )
-    note = f"{cause}: the times of receipt are used"
-    return table.having(time_s=received).noted(note)
+    cause = f"all stamps are {times[0]:g} s"
+    if not is_still:
+        row = int(np.argmax(jumps)) + 1
+        by = f"{steps[row - 1] - usual_s:+.6g} s at {table.counted} {table.rows[row]}"
+        cause = f"the clock of the stamps is set by {by}"
+    return table.having(time_s=received).noted(f"{cause}: the times of receipt are used")
 
 
 def _begins_again(table: DriveTable, steps: FloatArray) -> bool:
@@ -126,6 +132,11 @@ def _last_trip(table: DriveTable) -> DriveTable:
     begins = np.flatnonzero(np.diff(times) < -MAX_CLOCK_STEP_S) + 1
     if table.received_s is None or not begins.size:
         return table
+    if begins.size > _MOST_TRIPS * times.size:
+        raise RouteError(
+            f"{table.source}: the stamps step back {begins.size} times in {table.count(times.size)}: the "
+            "clocks of sender and recorder were set; allowed: one of them, or one for each trip"
+        )
     before = float(times[: begins[-1]].max() - times[: begins[-1]].min())
     note = f"{counted(begins.size, 'earlier trip')} of {before:.4g} s left out (the clock begins again)"
     keep = np.arange(times.size) >= begins[-1]
@@ -134,21 +145,18 @@ def _last_trip(table: DriveTable) -> DriveTable:
 
 def clock_set_back(table: DriveTable) -> DriveTable:
     """Move the times behind a clock that was set back by seconds; sort blocks that were written late."""
-    times = table.columns["time_s"].copy()
+    times, notes = table.columns["time_s"].copy(), []
     usual_s = usual_step_s(times)
-    notes: list[str] = []
     while (back := np.flatnonzero(np.diff(times) < 0.0)).size:
         row = int(back[0]) + 1
         by_s = float(times[row - 1] - times[row])
         late = np.flatnonzero(times[row:] >= times[row - 1])
-        end = row + int(late[0]) if late.size else times.size
-        jumps = np.diff(times[row : end + 1]) > 3.0 * usual_s + 1e-6
-        came_ahead = row > 1 and bool(
-            (np.diff(times[:row])[-int(by_s / usual_s) - 2 :] > 3.0 * usual_s).any()
-        )
         if by_s > MAX_CLOCK_STEP_S or not late.size:
             raise set_back_refused(table, times, row)
-        if jumps.any() and came_ahead:
+        end = row + int(late[0])
+        jumps = np.diff(times[: end + 1]) > 3.0 * usual_s + 1e-6
+        came_ahead = jumps[max(0, row - 3 - int(by_s / usual_s)) : row - 1].any()
+        if came_ahead and jumps[row:].any():
             order = np.argsort(times, kind="stable")
             table, times = table.in_rows(order), times[order]
             notes.append(f"{table.count(end - row)} written late and sorted")
@@ -156,8 +164,7 @@ def clock_set_back(table: DriveTable) -> DriveTable:
             times[row:] += by_s + usual_s
             where = f"{table.counted} {table.rows[row]}"
             notes.append(f"clock set back by {by_s:.3g} s at {where}: the times after it are moved")
-    table = table.having(time_s=times)
-    return table.noted(*notes)
+    return table.having(time_s=times).noted(*notes)
 
 
 def set_back_refused(table: DriveTable, times: FloatArray, row: int) -> RouteError:

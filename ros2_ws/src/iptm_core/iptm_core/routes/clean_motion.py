@@ -22,7 +22,7 @@ MAX_SPEED_M_S = 70.0
 """252 km/h: no road car follows anything faster."""
 MAX_ACCELERATION_M_S2 = 12.0
 _NOISE_M_S = 1.5
-_MAX_REVERSING_M_S = 3.0
+_MAX_REVERSING_M_S, _NOTED_REVERSING_M_S = 3.0, 0.3
 _STILL_M = 10.0
 _TOLD_RATIO = 0.05
 _LONGEST_LAG_S = 6
@@ -46,30 +46,24 @@ def _marked(table: DriveTable) -> DriveTable:
     """Take values for missing that only mark a quantity as not measured."""
     columns = table.columns
     if "latitude_deg" in columns:
-        latitudes, longitudes = columns["latitude_deg"], columns["longitude_deg"]
-        at_zero = (latitudes == 0.0) & (longitudes == 0.0)
-        no_fix = (
-            at_zero
-            if at_zero.mean() < 0.5 and np.nanmax(np.abs(latitudes)) > 1.0
-            else at_zero & False
-        )
-        no_fix = no_fix | (np.abs(latitudes) > MAX_LATITUDE_DEG) | (np.abs(longitudes) > 180.0)
+        places = np.column_stack([columns["latitude_deg"], columns["longitude_deg"]])
+        no_fix = (np.abs(places) > (MAX_LATITUDE_DEG, 180.0)).any(axis=1)
+        at_zero = (places == 0.0).all(axis=1)
+        if at_zero.mean() < 0.5 and np.nanmax(np.abs(places[:, 0])) > 1.0:
+            no_fix |= at_zero
         if no_fix.mean() > MOST_INVALID:
             raise table.refuse(int(np.argmax(no_fix)), "latitude_deg", "places of a drive on Earth")
-        table = table.having(
-            latitude_deg=np.where(no_fix, np.nan, latitudes),
-            longitude_deg=np.where(no_fix, np.nan, longitudes),
-        )
+        places[no_fix] = np.nan
+        table = table.having(latitude_deg=places[:, 0], longitude_deg=places[:, 1])
     if "speed_m_s" not in columns:
         return table
     speeds = columns["speed_m_s"]
     name, unit = table.named("speed_m_s")
     below = np.unique(np.round(speeds[speeds < 0.0] / unit, 6))
-    if below.size == 1 and (below[0] == -1.0 or below[0] <= -99.0) and (speeds > 0.0).any():
-        marks = speeds < 0.0
-        note = f"{name} is {below[0]:g} at {table.count(int(marks.sum()))}: not measured"
-        return table.having(speed_m_s=np.where(marks, np.nan, speeds)).noted(note)
-    return table
+    if below.size != 1 or -99.0 < below[0] != -1.0 or not (speeds > 0.0).any():
+        return table
+    note = f"{name} is {below[0]:g} at {table.count(np.count_nonzero(speeds < 0.0))}: not measured"
+    return table.having(speed_m_s=np.where(speeds < 0.0, np.nan, speeds)).noted(note)
 
 
 def _scaled_places(table: DriveTable) -> DriveTable:
@@ -125,8 +119,9 @@ def _speeds_against_places(table: DriveTable) -> DriveTable:
         note = f"{both}: {name} is divided by {factor:.4g} ({words})"
         return table.having(speed_m_s=raw / factor).noted(note)
     if moved_m < max(_STILL_M, 0.02 * driven_m):
-        names = PLACES
-        return table.having(**dict.fromkeys(names)).noted("its place never changes and is left out")
+        return table.having(**dict.fromkeys(PLACES)).noted(
+            "its place never changes and is left out"
+        )
     raise RouteError(
         f"{table.source}: speeds and places contradict: {both} ({found.in_words()}); "
         "allowed: the same within 20 %"
@@ -174,8 +169,7 @@ def _turned(table: DriveTable, speeds: FloatArray) -> DriveTable | None:
     turned = table.having(
         latitude_deg=columns["longitude_deg"], longitude_deg=columns["latitude_deg"]
     )
-    plane = turned.plane()
-    if plane is None:
+    if (plane := turned.plane()) is None:
         return None
     found = distances(columns["time_s"], speeds, plane)
     if not found.agrees() or abs(found.ratio - 1.0) > 0.02:
@@ -188,33 +182,30 @@ def _windows_apart(table: DriveTable, plane: FloatArray, speeds: FloatArray) -> 
     times = table.columns["time_s"]
     moved = lengths(np.diff(plane, axis=0))
     driven = np.diff(cumulative_integral(times, np.abs(speeds)))
-    leaps = moved - driven > 50.0 + 0.5 * driven + 2.0 * MAX_ACCELERATION_M_S2 * np.minimum(
-        np.diff(times), 2.0
-    )
+    braking = 2.0 * MAX_ACCELERATION_M_S2 * np.minimum(np.diff(times), 2.0)
+    leaps = moved - driven > 50.0 + 0.5 * driven + braking
     if leaps.any():
         row = int(np.argmax(leaps)) + 1
         raise RouteError(
             f"{table.at(row)}: its place is {moved[row - 1]:.0f} m from that before, {driven[row - 1]:.0f} m "
             "by its speeds: it was moved, or the clock was set; allowed: the same way"
         )
-    found = distances(times, speeds, plane)
-    slower = found.second - found.first > 30.0 + 0.3 * found.second
-    if not slower.any():
+    found, missing = distances(times, speeds, plane), np.zeros(times.size, np.bool_)
+    slower = found.edges[found.second - found.first > 30.0 + 0.3 * found.second]
+    if not slower.size:
         return table
-    missing = np.zeros(times.size, dtype=np.bool_)
-    for first, last in found.edges[slower]:
+    for first, last in slower:
         missing[first : last + 1] = True
-    count = table.count(int(missing.sum()))
+    count = table.count(np.count_nonzero(missing))
     note = f"speeds of {count} contradict the places: those of the places are used"
     return table.having(speed_m_s=np.where(missing, np.nan, table.columns["speed_m_s"])).noted(note)
 
 
-def _limit_m_s(steps: FloatArray) -> FloatArray:
-    """Return how much a speed may change; within less than a second, noise and whole km/h count as well."""
-    result: FloatArray = np.maximum(
-        MAX_ACCELERATION_M_S2 * steps,
-        np.minimum(MAX_ACCELERATION_M_S2 * steps + _NOISE_M_S, MAX_ACCELERATION_M_S2),
-    )
+def _leaps(times: FloatArray, speeds: FloatArray) -> NDArray[np.bool_]:
+    """Return which speeds change by more than those of cars; within a second, noise and whole km/h count."""
+    steps = MAX_ACCELERATION_M_S2 * np.diff(times)
+    limit = np.maximum(steps, np.minimum(steps + _NOISE_M_S, MAX_ACCELERATION_M_S2))
+    result: NDArray[np.bool_] = np.abs(np.diff(speeds)) > limit
     return result
 
 
@@ -230,7 +221,7 @@ def _speeds(table: DriveTable) -> DriveTable:
     beyond = known[(speeds[known] < 0.0) | (speeds[known] > MAX_SPEED_M_S)]
     if beyond.size > MOST_INVALID * known.size:
         raise table.refuse(int(beyond[0]), "speed_m_s", f"0 to {MAX_SPEED_M_S / unit:.6g}")
-    near = np.abs(np.diff(speeds[known])) <= _limit_m_s(np.diff(times[known]))
+    near = ~_leaps(times[known], speeds[known])
     fast = speeds[known] > MAX_SPEED_M_S
     if (near & (fast[1:] != fast[:-1])).any():
         # It is driven up to: no odd value, but another unit.
@@ -241,21 +232,16 @@ def _speeds(table: DriveTable) -> DriveTable:
     plausible = np.flatnonzero(np.isfinite(speeds))
 
     def breaks(rows: NDArray[np.int64]) -> NDArray[np.bool_]:
-        changes: NDArray[np.bool_] = np.abs(np.diff(speeds[rows])) > _limit_m_s(
-            np.diff(times[rows])
-        )
-        return changes
+        return _leaps(times[rows], speeds[rows])
 
     whole = consistent(plausible, times, breaks, LONGEST_OUTLIER_S)
     leaps = breaks(whole)
     if not leaps.any():
         # Also over a second, whatever the rate: many small steps make a large one.
-        later = np.minimum(np.searchsorted(times[whole], times[whole] + 1.0), whole.size - 1)
-        span = times[whole][later] - times[whole]
-        leaps = (
-            np.abs(speeds[whole][later] - speeds[whole])
-            > MAX_ACCELERATION_M_S2 * np.maximum(span, 1.0) + 1e-9
-        )
+        at, driven = times[whole], speeds[whole]
+        later = np.minimum(np.searchsorted(at, at + 1.0), whole.size - 1)
+        most = MAX_ACCELERATION_M_S2 * np.maximum(at[later] - at, 1.0) + 1e-9
+        leaps = np.abs(driven[later] - driven) > most
     if leaps.any() or whole.size < (1.0 - MOST_INVALID) * known.size:
         step = int(np.argmax(leaps))
         row, before = int(whole[min(step + 1, whole.size - 1)]), int(whole[step])
@@ -278,7 +264,7 @@ def _speeds(table: DriveTable) -> DriveTable:
 def _dropouts(times: FloatArray, speeds: FloatArray) -> NDArray[np.int64]:
     """Return the rows that are 0 for seconds at most, between speeds from which one leaps."""
     rows = np.flatnonzero(np.isfinite(speeds))
-    leaps = np.abs(np.diff(speeds[rows])) > _limit_m_s(np.diff(times[rows]))
+    leaps = _leaps(times[rows], speeds[rows])
     is_zero = np.concatenate([[False], speeds[rows] == 0.0, [False]])
     edges = np.flatnonzero(np.diff(is_zero)).reshape(-1, 2)
     found = []
@@ -313,13 +299,12 @@ def _forwards(table: DriveTable) -> DriveTable:
     if not (speeds > 0.05 * np.nanmax(np.abs(speeds))).any():
         note = f"{name} is negative throughout: its sign is turned"
         return table.having(speed_m_s=np.abs(speeds)).noted(note)
-    known = np.flatnonzero(np.isfinite(speeds) & (np.abs(speeds) <= MAX_SPEED_M_S))
+    known = np.flatnonzero(np.abs(speeds) <= MAX_SPEED_M_S)
     at = times[known]
     driven = cumulative_integral(at, speeds[known])
-    begin, end = np.clip(at - 0.5, at[0], at[-1]), np.clip(at + 0.5, at[0], at[-1])
-    means = (np.interp(end, at, driven) - np.interp(begin, at, driven)) / np.maximum(
-        end - begin, 1e-9
-    )
+    begin, end = (np.clip(at + half, at[0], at[-1]) for half in (-0.5, 0.5))
+    ways = np.interp(end, at, driven) - np.interp(begin, at, driven)
+    means = ways / np.maximum(end - begin, 1e-9)
     slowest = float(means.min()) if at.size > 1 else 0.0
     if slowest < -_MAX_REVERSING_M_S:
         row = int(known[int(np.argmin(means))])
@@ -327,14 +312,10 @@ def _forwards(table: DriveTable) -> DriveTable:
             f"{table.at(row)}, column {name}: the car reverses at up to {-slowest:.3g} m/s; allowed: "
             f"forwards, up to {_MAX_REVERSING_M_S:g} m/s backwards count as standing"
         )
-    back_m = float(
-        -np.minimum(np.diff(cumulative_integral(at, np.minimum(speeds[known], 0.0))), 0.0).sum()
-    )
-    count = table.count(int(negative.sum()))
-    note = (
-        f"the car reverses by {back_m:.3g} m at {count}: taken as standing"
-        if slowest < -0.3
-        else f"{name} slightly negative at {count}: read as 0"
-    )
+    count = table.count(np.count_nonzero(negative))
+    note = f"{name} slightly negative at {count}: read as 0"
+    if slowest < -_NOTED_REVERSING_M_S:
+        back_m = -cumulative_integral(at, np.minimum(speeds[known], 0.0))[-1]
+        note = f"the car reverses by {back_m:.3g} m at {count}: taken as standing"
     implausible = speeds < -MAX_SPEED_M_S
     return table.having(speed_m_s=np.where(negative & ~implausible, 0.0, speeds)).noted(note)

@@ -21,6 +21,7 @@ from iptm_core.state import FloatArray
 
 _LEAP_M, _STEP_M = 20.0, 100.0
 _LEVEL_M = 10.0
+_LOWEST_M, _HIGHEST_M = -1000.0, 9000.0
 
 
 def cleaned_road(table: DriveTable) -> DriveTable:
@@ -47,17 +48,15 @@ def _slopes(table: DriveTable) -> DriveTable:
     slopes = table.columns.get("slope_rad")
     if slopes is None:
         return table
-    known = np.isfinite(slopes)
-    steep = known & (np.abs(slopes) > np.arctan(MAX_GRADE))
-    name, unit = table.named("slope_rad")
+    known, limit = np.isfinite(slopes), float(np.arctan(MAX_GRADE))
+    steep = known & (np.abs(slopes) > limit)
     if np.count_nonzero(steep) > MOST_INVALID * np.count_nonzero(known):
-        row, limit = int(np.argmax(steep)), np.arctan(MAX_GRADE)
-        if name == "slope_rad":
-            raise table.refuse(row, "slope_rad", f"-{limit:.6g} to {limit:.6g}")
-        stated = float(np.tan(slopes[row])) / unit
-        limit = MAX_GRADE / unit
+        name, unit = table.named("slope_rad")
+        if name != "slope_rad":  # stated as a rise
+            limit, slopes = MAX_GRADE / unit, np.tan(slopes) / unit
+        row = int(np.argmax(steep))
         raise RouteError(
-            f"{table.at(row)}, column {name}: value {stated:.12g}; allowed: -{limit:.6g} to {limit:.6g}"
+            f"{table.at(row)}, column {name}: value {slopes[row]:.12g}; allowed: -{limit:.6g} to {limit:.6g}"
         )
     return _filled(table, "slope_rad", known & ~steep)
 
@@ -81,7 +80,7 @@ def _heights(table: DriveTable) -> DriveTable:
     if heights is None:
         return table
     times, way = table.columns["time_s"], _way(table)
-    known = np.flatnonzero(np.isfinite(heights))
+    known = np.flatnonzero((heights > _LOWEST_M) & (heights < _HIGHEST_M))
 
     def leaps_by(most_m: float, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
         found: NDArray[np.bool_] = np.abs(np.diff(heights[rows])) > most_m + MAX_GRADE * np.diff(
@@ -100,9 +99,12 @@ def _heights(table: DriveTable) -> DriveTable:
     whole = smaller if not breaks(smaller).any() else whole
     usable = np.zeros(times.size, dtype=np.bool_)
     usable[whole] = True
-    if whole.size < (1.0 - MOST_INVALID) * known.size:
-        row = int(known[int(np.argmin(usable[known]))])
-        raise table.refuse(row, "elevation_m", f"heights of a road; {known.size - whole.size} leap")
+    stated = np.flatnonzero(np.isfinite(heights))
+    if whole.size < (1.0 - MOST_INVALID) * stated.size:
+        row = int(stated[int(np.argmin(usable[stated]))])
+        raise table.refuse(
+            row, "elevation_m", f"heights of a road; {stated.size - whole.size} leap"
+        )
     return _filled(table, "elevation_m", usable)
 
 

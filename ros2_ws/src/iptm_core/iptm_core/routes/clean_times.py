@@ -77,28 +77,22 @@ def _without_copies(table: DriveTable) -> DriveTable:
 
 def _refuse_two_senders(table: DriveTable) -> None:
     """Refuse rows of which every few jump aside and back, as with two vehicles on one topic."""
-    plane, speeds = table.plane(), table.columns.get("speed_m_s")
-    values = {
-        "place": plane,
-        "speed": None if speeds is None else np.column_stack([speeds, np.zeros(speeds.size)]),
-    }
-    for kind, unit in (("place", "m"), ("speed", "m/s")):
-        rows = values[kind]
+    speeds = table.columns.get("speed_m_s")
+    beside = None if speeds is None else np.column_stack([speeds, np.zeros(speeds.size)])
+    for kind, rows, unit in (("place", table.plane(), "m"), ("speed", beside, "m/s")):
         if rows is None:
             continue
         known = np.flatnonzero(np.isfinite(rows).all(axis=1))
-        rows = rows[known]
-        if known.size < 20:
-            continue
-        there, back = lengths(np.diff(rows, axis=0)), lengths(rows[2:] - rows[:-2])
+        there = lengths(np.diff(rows[known], axis=0))
         aside = np.minimum(there[:-1], there[1:])
-        turns = aside > _APART[kind] + 2.0 * back
-        if np.count_nonzero(turns) > _SHARE_OF_ANOTHER_SENDER * known.size:
+        turns = aside > _APART[kind] + 2.0 * lengths(rows[known][2:] - rows[known][:-2])
+        count = np.count_nonzero(turns)
+        if known.size >= 20 and count > _SHARE_OF_ANOTHER_SENDER * known.size:
             row = int(known[int(np.argmax(turns)) + 1])
             raise RouteError(
                 f"{table.at(row)}: {kind} jumps by {aside[turns].mean():.3g} {unit} and back at "
-                f"{np.count_nonzero(turns)} of {known.size} {table.counted}s: two senders in one recording; "
-                "allowed: one"
+                f"{count} of {known.size} {table.counted}s: two senders in one recording, "
+                "or a clock that was set back; allowed: one sender, one clock"
             )
 
 
@@ -159,8 +153,8 @@ def _longest_order(times: FloatArray) -> NDArray[np.bool_]:
 def _merged(table: DriveTable) -> DriveTable:
     """Make one row of those with one time: the first value of each quantity counts."""
     times = table.columns["time_s"]
-    group = np.cumsum(np.concatenate([[True], np.diff(times) > 0.0])) - 1
-    count = int(group[-1]) + 1
+    first = np.flatnonzero(np.diff(times, prepend=-np.inf) > 0.0)
+    count = first.size
     if count == times.size:
         return table
     if count < 3 and times.size > _MOST_PER_TIME:
@@ -168,13 +162,12 @@ def _merged(table: DriveTable) -> DriveTable:
             f"{table.source}: {times.size} {table.counted}s have {count} different times, such as "
             f"{times[0]:.12g} s; allowed: times that increase"
         )
-    first = np.flatnonzero(np.diff(group, prepend=-1))
     merged: dict[str, FloatArray] = {}
     for name, values in table.columns.items():
-        merged[name] = np.full(count, np.nan)
-        known = np.flatnonzero(np.isfinite(values))
-        groups, index = np.unique(group[known], return_index=True)
-        merged[name][groups] = values[known[index]]
+        known = np.append(np.flatnonzero(np.isfinite(values)), -1)
+        next_known = known[np.searchsorted(known[:-1], first)]
+        same_time = times[next_known] == times[first]
+        merged[name] = np.where(same_time, values[next_known], np.nan)
     repeated = replace(table, columns=merged, rows=table.rows[first], received_s=None)
     if table.sparse:
         return repeated

@@ -37,30 +37,30 @@ def clean(table: DriveTable) -> DriveTable:
         RouteError: a row cannot be repaired, two sources contradict, or it lasts less than two seconds.
     """
     table = cleaned_motion(_united(in_order(table)))
-    return cleaned_road(_speeds_filled(_without_pauses(table)))
+    table = cleaned_road(_speeds_filled(_without_pauses(table)))
+    stands = "speed_m_s" in table.columns and not table.columns["speed_m_s"].any()
+    return table.noted(f"{table.named('speed_m_s')[0]} is 0 throughout") if stands else table
 
 
 def _united(table: DriveTable) -> DriveTable:
     """Give the rows of a sparse table all quantities, at the times of the speed, or else of the place."""
-    empty = {name: None for name in table.columns if not np.isfinite(table.columns[name]).any()}
-    gone = ", ".join(table.named(name)[0] for name in empty)
-    table = table.having(**empty)
-    if "latitude_deg" not in table.columns or "longitude_deg" not in table.columns:
+    known = {name: np.isfinite(values) for name, values in table.columns.items()}
+    empty = [name for name, rows in known.items() if not rows.any()]
+    if empty:
+        gone = ", ".join(table.named(name)[0] for name in empty)
+        table = table.having(**dict.fromkeys(empty)).noted(f"{gone} without a value")
+    if not {"latitude_deg", "longitude_deg"} <= table.columns.keys():
         table = table.having(latitude_deg=None, longitude_deg=None)
-    table = table.noted(f"{gone} without a value") if gone else table
     if not table.sparse:
         return table
     times = table.columns["time_s"]
     main = next((name for name in ("speed_m_s", "latitude_deg") if name in table.columns), "time_s")
-    keep = np.isfinite(table.columns[main])
-    for name in table.columns:
-        known = np.flatnonzero(np.isfinite(table.columns[name]))
-        if name != main:
-            table = table.having(
-                **{name: np.interp(times, times[known], table.columns[name][known])}
-            )
-    table = table.kept(keep)
-    return table.having(time_s=table.columns["time_s"] - table.columns["time_s"][0])
+    others = {
+        name: np.interp(times, times[known[name]], values[known[name]])
+        for name, values in table.columns.items()
+        if name != main
+    }
+    return table.having(**others).kept(known[main]).from_zero()
 
 
 def _kinds_of_steps(
@@ -110,11 +110,8 @@ def _without_pauses(table: DriveTable) -> DriveTable:
             f"{what}, at {table.counted} {table.rows[row + 1]}: evenly interpolated"
         )
     for row in np.flatnonzero(set_ahead).tolist():
-        where = f"{table.counted} {table.rows[row + 1]}"
-        by_s = steps[row] - reach[row]
-        table = table.noted(
-            f"clock set ahead by {by_s:.3g} s at {where}: the times after it are moved"
-        )
+        by = f"{steps[row] - reach[row]:.3g} s at {table.counted} {table.rows[row + 1]}"
+        table = table.noted(f"clock set ahead by {by}: the times after it are moved")
     if not (stands | set_ahead | filled_up).any():
         return table
     pause_s = float(steps[stands].sum())
@@ -164,22 +161,21 @@ def _speeds_filled(table: DriveTable) -> DriveTable:
         if "latitude_deg" in table.columns:
             return table
         return table.having(speed_m_s=_speeds_of(plane, times, times))
-    missing = np.isnan(speeds)
-    if not missing.any():
+    known = np.flatnonzero(np.isfinite(speeds))
+    if known.size == times.size:
         return table
-    known = np.flatnonzero(~missing)
     if plane is not None and has_places:
-        speeds = speeds.copy()
-        speeds[missing] = _speeds_of(plane, times, times[missing])
-        return table.having(speed_m_s=speeds)
+        filled = speeds.copy()
+        filled[~np.isfinite(speeds)] = _speeds_of(plane, times, times[~np.isfinite(speeds)])
+        return table.having(speed_m_s=filled)
     gaps = np.diff(times[known])
     if gaps.size and gaps.max() > MAX_STEP_S:
         row = int(known[int(np.argmax(gaps)) + 1])
         raise RouteError(
             f"{table.at(row)}: no speed for {gaps.max():g} s; allowed: up to {MAX_STEP_S:g} s"
         )
+    inside = (times >= times[known[0]]) & (times <= times[known[-1]])
     table = table.having(speed_m_s=np.interp(times, times[known], speeds[known]))
-    inside = (np.arange(times.size) >= known[0]) & (np.arange(times.size) <= known[-1])
     return table.kept(inside).from_zero()
 
 

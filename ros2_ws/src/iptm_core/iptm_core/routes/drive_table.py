@@ -41,12 +41,14 @@ def cell_value(where: str, name: str, text: str | None) -> float:
 
 
 _ISO = re.compile(
-    r"(\d{4})-?(\d\d)-?(\d\d)[T ](\d\d):?(\d\d)(?::?(\d\d)(?:[.,](\d+))?)?\s*(Z|[+-]\d\d(?::?\d\d)?)?",
+    r"(\d{4})-?(\d\d)-?(\d\d)[T ](\d\d):?(\d\d)(?::?(\d\d)(?:[.,](\d+))?)?\s*"
+    r"(?:Z|([+-])(\d\d)(?::?(\d\d))?)?",
     re.IGNORECASE,
 )
 _CLOCK = re.compile(r"(?:(?:(\d+):)?(\d{1,3}):)?(\d{1,3}):(\d\d(?:[.,]\d+)?)")
+_CLOCK_UNITS_S = (86400.0, 3600.0, 60.0, 1.0)
 _DAY_AND_MONTH = re.compile(r"(\d{1,2})([./-])(\d{1,2}|[A-Za-z]{3})[./-](\d{4}),?[T ]+")
-_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+_MONTHS = "janfebmaraprmayjunjulaugsepoctnovdec"
 _HALF_DAY = re.compile(r"(.*[ T]|)(\d{1,2})(:[\d:.,]+)\s*([ap])\.?m\.?", re.IGNORECASE)
 
 
@@ -60,35 +62,27 @@ def seconds_of(where: str, name: str, text: str | None) -> float:
         hour = int(half[2]) % 12 + (12 if half[4].lower() == "p" else 0)
         plain = f"{half[1]}{hour:02d}{half[3]}"
     if (date := _DAY_AND_MONTH.match(plain)) is not None:
-        name = date[3].lower()
-        first = int(date[1])
-        second = int(name) if name.isdigit() else 1 + _MONTHS.index(name) if name in _MONTHS else 0
-        day, month = (second, first) if date[2] == "/" and first <= 12 else (first, second)
+        first, second = int(date[1]), date[3].lower()
+        month = int(second) if second.isdigit() else _MONTHS.find(second) // 3 + 1
+        day, month = (month, first) if date[2] == "/" and first <= 12 else (first, month)
         plain = f"{date[4]}-{month:02d}-{day:02d}T{plain[date.end() :].zfill(8)}"
     if (clock := _CLOCK.fullmatch(plain)) is not None:
-        days, hours, minutes, seconds = (
-            float((part or "0").replace(",", ".")) for part in clock.groups()
-        )
-        return 86400.0 * days + 3600.0 * hours + 60.0 * minutes + seconds
+        parts = (float((part or "0").replace(",", ".")) for part in clock.groups())
+        return sum(part * unit for part, unit in zip(parts, _CLOCK_UNITS_S, strict=True))
     if (iso := _ISO.fullmatch(plain)) is None:
         try:
             return cell_value(where, name, plain)
-        except RouteError:
-            raise RouteError(
-                f"{where}: {name} is {shown(text)}; allowed: ISO 8601, d.m.y h:m:s, h:m:s, or seconds"
-            ) from None
+        except RouteError as reason:
+            raise RouteError(f"{reason}, ISO 8601, d.m.y h:m:s, or h:m:s") from None
     year, month, day, hour, minute, second = (int(part or 0) for part in iso.groups()[:6])
-    offset = (iso.group(8) or "Z").upper().replace(":", "")
-    ahead = (
-        0 if offset == "Z" else int(offset[:3]) * 3600 + int(offset[0] + (offset[3:] or "0")) * 60
-    )
+    sign, hours, minutes = iso[8] or "+", int(iso[9] or 0), int(iso[10] or 0)
     try:
         # A leap second is the first one of the next minute.
         moment = datetime(year, month, day, hour, minute, min(second, 59), tzinfo=timezone.utc)
     except ValueError:  # as 0000-00-00T00:00:00Z of a receiver without a fix
         return math.nan
-    whole = moment.timestamp() + max(0, second - 59) - ahead
-    return whole + float(f"0.{iso.group(7) or 0}")
+    ahead_s = float(f"{sign}1") * (3600 * hours + 60 * minutes)
+    return moment.timestamp() + max(0, second - 59) - ahead_s + float(f"0.{iso[7] or 0}")
 
 
 def counted(count: int, what: str) -> str:

@@ -32,6 +32,7 @@ def table_of(
     shown_as: dict[str, tuple[str, float]] = {}
     for quantity in UNITS:
         found = [index for index, meaning in meanings.items() if meaning.quantity == quantity]
+        found = [index for index in found if np.isfinite(values[index]).any()] or found[:1]
         if quantity == "time_s" and len(found) > 1:
             first = meanings[found[0]].in_si(values[found[0]])
             apart = [meanings[other].in_si(values[other]) - first for other in found[1:]]

@@ -85,16 +85,13 @@ def parse_text_table(text: str, source: str, columns: str = "") -> DriveTable:
     """Parse the text of a table; see `read_text_table`."""
     whole = text.rstrip("\0")
     notes = [] if whole == text else [f"{len(text) - len(whole)} empty bytes at its end left out"]
+    if whole.startswith(REPAIRED):  # the log that the file was made of
+        notes += whole.partition("\n")[0].removeprefix(REPAIRED).strip().split("; ")
     lines = [
         (place, line.strip(" \r\n\0"))
         for place, line in enumerate(whole.splitlines(), start=1)
         if line.strip(" \t\r\n\0") and not line.lstrip().startswith("#")
     ]
-    for line in whole.splitlines():
-        if not line.startswith("#"):
-            break
-        if line.startswith(REPAIRED):  # of the log that the file was made of
-            notes += line.removeprefix(REPAIRED).strip().split("; ")
     separator, lines = _separator(lines)
     rows = list(_rows(lines, source, separator))
     if not rows:
@@ -209,25 +206,22 @@ def _whole_rows(
     body: list[tuple[int, list[str]]], count: int, source: str
 ) -> tuple[list[tuple[int, list[str]]], list[str]]:
     """Leave out lines with fewer or more values than columns, as a logger that was killed leaves them."""
-    whole = [
-        (line, cells[:count])
-        for line, cells in body
-        if len(cells) >= count and not any(cells[count:])
-    ]
-    broken = [(line, cells) for line, cells in body if len(cells) < count or any(cells[count:])]
-    if len(broken) > max(1.0, MOST_INVALID * len(body)) or not whole:
-        line, cells = broken[0]
+    broken = [line for line, cells in body if len(cells) < count or any(cells[count:])]
+    if len(broken) > max(1.0, MOST_INVALID * len(body)) or len(broken) == len(body):
+        found = len(dict(body)[broken[0]])
         raise RouteError(
-            f"{source}, line {line}: {len(cells)} values; allowed: one per column, {count}"
+            f"{source}, line {broken[0]}: {found} values; allowed: one per column, {count}"
         )
-    notes = []
-    if (broken and broken[-1][0] != body[-1][0]) or len(broken) > 1:
-        notes.append(
-            f"lines without all values left out: {len(broken)}, the first is line {broken[0][0]}"
-        )
-    elif broken:
-        notes.append("the last line is cut: left out")
-    return whole, notes
+    left_out = set(broken)
+    whole = [(line, cells[:count]) for line, cells in body if line not in left_out]
+    if broken == [body[-1][0]]:
+        return whole, ["the last line is cut: left out"]
+    note = (
+        f"lines without all values left out: {len(broken)}, the first is line {broken[0]}"
+        if broken
+        else ""
+    )
+    return whole, [note] if note else []
 
 
 def _column(

@@ -180,6 +180,7 @@ def _of_parquet(path: Path, name: str) -> DriveTable:
         raise RouteError(f"{path}: no such file; allowed: the path of an existing one")
     try:
         frame = pd.read_parquet(path)
+        frame = frame if frame.index.name is None else frame.reset_index()
     except Exception as reason:  # pyarrow has error types of its own
         raise RouteError(f"{path}: cannot be read as Parquet ({reason})") from reason
     if FCD_NAME in frame and FCD_TIME in frame:
