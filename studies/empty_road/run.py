@@ -1,4 +1,4 @@
-"""Drives without a lead vehicle, compared with a driver with cruise control.
+"""Drives without a lead vehicle, compared with a driver with cruise control and with a strong baseline.
 
 Energy and ageing count up to the end of the road, which all reach. Strategies are compared at
 equal distances, not at equal times: the time of arrival is given as well.
@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from studies.savings import BASELINE, BASES, PRODUCTION
 from studies.session import SHORT_SOLVER, Session, inputs_of
 
 import iptm
@@ -22,11 +23,11 @@ from iptm.parts import (
     Rung,
     Trajectory,
     given_rules,
+    saved_percent,
     table_of,
 )
 
-CRUISE = "production"
-STRATEGIES = (CRUISE, DEFAULT_STRATEGY, "reference", "reference_aging")
+STRATEGIES = (PRODUCTION, BASELINE, DEFAULT_STRATEGY, "reference", "reference_aging")
 LINES = ", ".join(f"{1000 * k}:80:{(31 * k) % 80}:35" for k in range(1, 12))
 """A stop line on every kilometre, green for 35 s of 80 s, with offsets that make no progression."""
 ROADS = {
@@ -46,9 +47,10 @@ COLUMNS = {
     "arrival:": "{arrival_s:.0f} s",
     "stood on the way:": "{stood_s:.0f} s",
     "battery energy:": "{battery_energy_kj:.0f} kJ",
-    "against cruise control:": "{energy_percent:+.1f} %",
     "degradation:": "{degradation_1e7:.3f}·10⁻⁷",
-    "against cruise control :": "{degradation_percent:+.1f} %",
+    "ageing saved:": "{production_ageing:.1f} %",
+    "energy saved:": "{production_energy:.1f} %",
+    "against `eco_acc`:": "{eco_acc_ageing:.1f} / {eco_acc_energy:.1f} %",
     "above the limit:": "{excess_km_h:.2f} km/h",
     "lines passed:": "{lines}",
     "while closed:": "{lines_closed}",
@@ -127,11 +129,11 @@ def run(session: Session) -> bool:
     ]
     names = [f"{call['road']}, {call['strategy']}" for call in calls]
     rows = [row for row in session.compute(drive, calls, names) if row is not None]
-    cruise = {row["road"]: row for row in rows if row["strategy"] == CRUISE}
+    driven = {(row["road"], row["strategy"]): row for row in rows}
     for row in rows:
-        base = cruise[row["road"]]
-        for key in ("battery_energy_kj", "degradation_1e7"):
-            change = f"{key.rsplit('_', 1)[0].removeprefix('battery_')}_percent"
-            row[change] = 100.0 * (row[key] / base[key] - 1.0)
+        for base in BASES:
+            other = driven[row["road"], base]
+            for name, key in (("ageing", "degradation_1e7"), ("energy", "battery_energy_kj")):
+                row[f"{base}_{name}"] = saved_percent(row[key], other[key])
     session.fill({"drives": table_of(rows, COLUMNS)})
     return True
