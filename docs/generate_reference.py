@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from cars_reference import cars_page
 from interface_reference import TEMPLATES, services_page, topics_page
 from library_reference import library_page
 
@@ -27,6 +28,7 @@ from iptm_core.declaration import parameter_specs, plain
 from iptm_core.markdown import render_page
 from iptm_core.metrics import FIGURES, SAVINGS
 from iptm_core.parameters import available_parameter_sets, describe_parameters, load_parameters
+from iptm_core.parameters.catalogue import cars
 from iptm_plant_sim.node_parameters import PlantNodeParameters
 from iptm_ros.topics import BRIDGE, CONTROLLER, PLANT
 from iptm_ros.visual_topics import PUBLISHER
@@ -39,13 +41,14 @@ NOTICE = "<!-- Made by scripts/dev docs from the code; do not edit. -->\n\n"
 
 
 def parameters_page() -> str:
-    """Every model parameter of every shipped set with its unit, range and source."""
+    """Every model parameter of every set that is a file, with its unit, range and source."""
     sets = {
         name: [
             {**row, "source": ": ".join(filter(None, (row["source"], row["note"])))}
             for row in describe_parameters(load_parameters(name))
         ]
         for name in available_parameter_sets()
+        if name not in cars()
     }
     return render_page(TEMPLATES, "parameters.md.j2", sets=sets)
 
@@ -181,6 +184,7 @@ def faults_page() -> str:
 
 
 PAGES = {
+    DOCS / "reference" / "cars.md": cars_page,
     DOCS / "reference" / "commands.md": commands_page,
     DOCS / "reference" / "faults.md": faults_page,
     DOCS / "reference" / "figures.md": figures_page,

@@ -14,6 +14,7 @@ from studies.life.trips import trajectories, trip_case
 from studies.measured_cycles import TRIPS, trip_cycles
 from studies.session import Case
 
+from iptm.climate import CLIMATES
 from iptm.parts import (
     AGING_CELLS,
     CELSIUS_ZERO_K,
@@ -27,7 +28,7 @@ from iptm.parts import (
 )
 from iptm.service_life.losses import SERVICE_YEARS
 from iptm.service_life.trip_map import TripMap, compressor_j, mean_cell_k, nominal_energy_j
-from iptm.service_life.usage import CITY, CLIMATES
+from iptm.service_life.usage import CITY
 
 COMPREHENSIVE = "comprehensive"
 MEASURED = "measured trips"

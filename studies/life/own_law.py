@@ -15,10 +15,11 @@ from studies.drives import DEFAULT
 from studies.life.trips import trip_case
 from studies.session import Case
 
+from iptm.climate import HOUR_S, Climate
 from iptm.parts import CELSIUS_ZERO_K, LAWS, AgingSettings, ParkedAging, load_parameters
 from iptm.service_life.losses import SERVICE_YEARS
 from iptm.service_life.trip_map import START_C, TripMap, heat_capacity_j_k
-from iptm.service_life.usage import CITY, HOUR_S, MOTORWAY, Climate, Usage
+from iptm.service_life.usage import CITY, MOTORWAY, Usage
 from iptm.service_life.year import FREE_COOLING_W_K, PARKED_TIME_CONSTANT_S, Activity, Year
 
 PAPER = "paper"

@@ -12,6 +12,7 @@ from studies.life import decisions, own_law, trips
 from studies.life import table as life
 from studies.savings import BASELINE, COLUMNS
 
+from iptm import climate
 from iptm.parts import AGING_CELLS, CELSIUS_ZERO_K, Experiments, table_of
 from iptm.service_life import losses, usage, year
 
@@ -30,7 +31,7 @@ def life_values(rows: pd.DataFrame, decided: pd.DataFrame, roads: pd.DataFrame) 
         outside=rows.outside.where(rows.outside != ""),
         years=[f"> {longest:g}" if years >= longest else f"{years:.1f}" for years in rows.years],
     )
-    climates = [climate.name for climate in usage.CLIMATES]
+    climates = [each.name for each in climate.CLIMATES]
     rows["mark"] = rows.outside.map(lambda text: " outside" if isinstance(text, str) else "")
     first = rows[rows.usage == usage.USAGES[0].name]
     orders = {"control": life.CONTROLS, "climate": climates}
@@ -58,6 +59,7 @@ def life_values(rows: pd.DataFrame, decided: pd.DataFrame, roads: pd.DataFrame) 
         ],
         "decisions": decisions,
         "drives": drives,
+        "climate": climate,
         "life": life,
         "losses": losses,
         "own_law": own_law,

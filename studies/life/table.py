@@ -10,6 +10,7 @@ from studies.drives import DEFAULT
 from studies.life.own_law import PAPER, priced_trips, trip_at, uses_of
 from studies.life.trips import DRIVEN_CONTROLS, THERMOSTAT
 
+from iptm.climate import CLIMATES
 from iptm.parts import AGING_CELLS, load_parameters, paper_law
 from iptm.service_life.losses import (
     END_OF_LIFE,
@@ -21,7 +22,7 @@ from iptm.service_life.losses import (
     years_to_end,
 )
 from iptm.service_life.trip_map import TripMap
-from iptm.service_life.usage import CLIMATES, USAGES
+from iptm.service_life.usage import USAGES
 from iptm.service_life.year import Year, year_of
 
 OWN_LAW = "own law"

@@ -10,11 +10,16 @@ import pandas as pd
 from scipy.optimize import least_squares
 from studies.validation.outcome import Comparison, Curve, Figure, Outcome
 
-from iptm.parts import FloatArray, coast_down_force_n, held_out, load_cycle, render_page
+from iptm.parts import (
+    CHARGING_EFFICIENCY,
+    FloatArray,
+    coast_down_force_n,
+    held_out,
+    load_cycle,
+    render_page,
+)
 
 AUXILIARY_POWER_W = 200.0
-CHARGING_EFFICIENCY = 0.88
-"""From the grid into the battery and out again; not separable from the drivetrain."""
 INERTIA_FACTOR = 1.015
 BLEND_M_S = (3.0 / 3.6, 8.0 / 3.6)
 

@@ -7,9 +7,10 @@ from dataclasses import replace
 import pytest
 
 import iptm
+from iptm.climate import CLIMATES
 from iptm.service_life.losses import losses_by_cause
 from iptm.service_life.trip_map import nominal_energy_j, trip_map
-from iptm.service_life.usage import CLIMATES, USAGES
+from iptm.service_life.usage import USAGES
 from iptm.service_life.year import year_of
 from iptm_core.aging_laws.cells import AGING_CELLS
 
@@ -40,7 +41,7 @@ def test_the_years_are_those_of_the_trips_driven_from_each_temperature(run: iptm
     assert found.distance_km == pytest.approx(
         365.25 * 10.0 / 7.0 * run.figures["distance"], rel=0.01
     )
-    assert "Rome, commuter" in found.sentence
+    assert "Rome (trips in air of 35 degC), commuter" in found.sentence
 
 
 def test_heat_and_years_cost_capacity(run: iptm.Run) -> None:
@@ -87,4 +88,4 @@ def test_a_parameter_that_is_changed_alone_is_noted() -> None:
     }
     assert not notes(**together)
     air = notes(environment__ambient_temperature_k=263.15)
-    assert "moves nothing but the chiller" in air
+    assert "moves the chiller, in paper_calibrated not tyres, driveline and cabin, nor drag" in air

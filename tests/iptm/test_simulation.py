@@ -235,7 +235,7 @@ class BrokenPredictor:
         ({"cycle": ([0, 1, 2], [0, 1])}, "own drive: columns have"),
         ({"cycle": ([0, 1, 2], [0, 1, np.nan])}, "the trip lasts 1 s in 2 rows"),
         ({"cycle": ([0, 1, 2], [0, 1, 90])}, "own drive, row 2, column speed_m_s"),
-        ({"vehicle": 3}, "vehicle is 3; allowed: a parameter set"),
+        ({"vehicle": 3}, "vehicle is 3; allowed: iptm.Vehicle, a parameter set"),
         ({"vehicle": {"body": {"mass_kg": -1}}}, "body.mass_kg is -1.0; allowed: 100 to"),
         ({"overrides": [1]}, r"overrides is \[1\]; allowed: a mapping"),
         ({"overrides": {"body.mas": 1}}, "did you mean 'body.mass_kg'"),

@@ -20,6 +20,7 @@ from studies.life.table import CONTROLS, MANAGED, OUTSIDE_LOSS, OWN_LAW, life_ta
 from studies.life.trips import DRIVEN_CONTROLS, THERMOSTAT
 from studies.pages import STUDIES
 
+from iptm.climate import CLIMATES, Climate
 from iptm.service_life.losses import (
     Cause,
     band,
@@ -29,7 +30,7 @@ from iptm.service_life.losses import (
     years_to_end,
 )
 from iptm.service_life.trip_map import TripMap
-from iptm.service_life.usage import CITY, CLIMATES, MOTORWAY, USAGES, Climate, Usage
+from iptm.service_life.usage import CITY, MOTORWAY, USAGES, Usage
 from iptm.service_life.year import NO_COOLING, Activity, Year, year_of
 from iptm_core.aging_laws.cells import AGING_CELLS, NCA
 from iptm_core.aging_laws.law import Load

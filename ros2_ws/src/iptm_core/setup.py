@@ -8,7 +8,7 @@ setup(
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
     package_data={
         PACKAGE: ["py.typed"],
-        f"{PACKAGE}.parameters": ["sets/*.yaml"],
+        f"{PACKAGE}.parameters": ["sets/*"],
         f"{PACKAGE}.routes": ["data/*", "data/**/*"],
     },
     data_files=[

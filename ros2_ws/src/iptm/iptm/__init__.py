@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from iptm.bags import load
     from iptm.call_cache import Outcome, cached_calls
+    from iptm.climate import Climate
     from iptm.comparison import Comparison, compare
     from iptm.driving import drive_whole_trip
     from iptm.explanation import Explanation
@@ -15,12 +16,13 @@ if TYPE_CHECKING:
     from iptm.own_parts import Controller, Predictor
     from iptm.run import Run
     from iptm.service_life.life import Life, life
-    from iptm.service_life.usage import Climate, Usage
+    from iptm.service_life.usage import Usage
     from iptm.simulation import simulate
     from iptm.sweeping import Sweep, sweep
     from iptm.trip import Trip
     from iptm.trip_drive import drive
     from iptm.trip_files import load_trip, trip_text
+    from iptm.vehicle import Vehicle, cell_names
     from iptm_controller.measurements import Measurements
     from iptm_controller.strategy import STRATEGIES, Strategy
     from iptm_core.aging_laws.law import AgingLaw
@@ -45,7 +47,7 @@ _HOMES = {
     "Run": "iptm.run",
     "Life": "iptm.service_life.life",
     "life": "iptm.service_life.life",
-    "Climate": "iptm.service_life.usage",
+    "Climate": "iptm.climate",
     "Usage": "iptm.service_life.usage",
     "simulate": "iptm.simulation",
     "Sweep": "iptm.sweeping",
@@ -53,6 +55,8 @@ _HOMES = {
     "Trip": "iptm.trip",
     "load_trip": "iptm.trip_files",
     "trip_text": "iptm.trip_files",
+    "Vehicle": "iptm.vehicle",
+    "cell_names": "iptm.vehicle",
     "Measurements": "iptm_controller.measurements",
     "STRATEGIES": "iptm_controller.strategy",
     "Strategy": "iptm_controller.strategy",
@@ -90,9 +94,11 @@ __all__ = [
     "Sweep",
     "Trip",
     "Usage",
+    "Vehicle",
     "__version__",
     "available_parameter_sets",
     "cached_calls",
+    "cell_names",
     "compare",
     "drive",
     "drive_whole_trip",

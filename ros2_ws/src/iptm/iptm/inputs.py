@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from iptm.vehicle import Vehicle
 from iptm_controller.settings import FROM_STRATEGY
 from iptm_controller.strategy import COST_TERMS, STRATEGIES, Strategy, strategy_by_name
 from iptm_core.errors import ParameterError, RouteError
@@ -29,9 +30,9 @@ def flat_settings(given: Mapping[str, Any]) -> dict[str, Any]:
     Args:
         given: settings by name. ``cycle`` may be a path, a table of columns, a pair of times (s) and speeds
             (m/s) or a `DrivingCycle`; ``strategy`` a `Strategy` or a mapping of ``base`` and weights;
-            ``vehicle`` a parameter set by name or path, `ModelParameters` or a mapping of parameters, and
-            ``base`` for a set other than the default. It sets ``parameter_set`` and ``overrides``; stated
-            overrides come after it.
+            ``vehicle`` an `iptm.Vehicle`, a parameter set by name or path, `ModelParameters` or a mapping of
+            parameters, and ``base`` for a set other than the default. It sets ``parameter_set`` and
+            ``overrides``; stated overrides come after it.
 
     Raises:
         IptmError: a value is not usable; the message states the value and what is allowed.
@@ -116,6 +117,8 @@ def _vehicle(vehicle: Any) -> tuple[str, dict[str, Any]]:
     """Return a parameter set and what differs from it."""
     if isinstance(vehicle, (str, Path)):
         return str(vehicle), {}
+    if isinstance(vehicle, Vehicle):
+        return vehicle.name, dict(vehicle.overrides)
     if isinstance(vehicle, ModelParameters):
         usual = to_flat_dict(load_parameters().values)
         flat = to_flat_dict(vehicle)
@@ -124,8 +127,8 @@ def _vehicle(vehicle: Any) -> tuple[str, dict[str, Any]]:
         content = dict(vehicle)
         return str(content.pop(_BASE, DEFAULT_SET)), dict(_flat(content))
     raise ParameterError(
-        f"vehicle is {shown(vehicle)}; allowed: a parameter set, the path of a .yaml file, or a mapping of"
-        " parameters"
+        f"vehicle is {shown(vehicle)}; allowed: iptm.Vehicle, a parameter set, the path of a .yaml file, or a"
+        " mapping of parameters"
     )
 
 

@@ -70,6 +70,7 @@ from iptm_core.metrics.constraints import GAP_TOLERANCE_M, check_constraints
 from iptm_core.metrics.saving import saved_percent
 from iptm_core.monitor_settings import SafetyMonitorSettings
 from iptm_core.parameters import DEFAULT_SET, available_parameter_sets, load_parameters
+from iptm_core.parameters.catalogue import CHARGING_EFFICIENCY
 from iptm_core.parameters.flat import field_specs
 from iptm_core.parameters.model import (
     BodyParameters,
@@ -128,6 +129,7 @@ from iptm_v2x_bridge.stations.station import Station
 __all__ = [
     "AGING_CELLS",
     "CELSIUS_ZERO_K",
+    "CHARGING_EFFICIENCY",
     "CYCLE_NAMES",
     "DEFAULT_SET",
     "DEFAULT_STRATEGY",

@@ -32,15 +32,16 @@ def simulate(
             SUMO, bag), a DataFrame or mapping with ``time_s`` and one of ``speed_m_s``, ``speed_kmh`` and
             ``speed_mph``, optionally ``elevation_m`` or ``slope_percent``, or a pair of times (s) and speeds
             (m/s).
-        vehicle: a parameter set by name or path, `ModelParameters`, or a mapping of dotted keys and numbers,
-            with ``base`` for a set other than the default.
+        vehicle: a car or parameter set by name or path, `Vehicle`, `ModelParameters`, or a mapping of dotted
+            keys and numbers, with ``base`` for a set other than the default.
         aging_law: law of the controller's cost: ``paper``, a cell such as ``nca``, or an `AgingLaw`.
         controller: drives instead of the controller of the suite, see `Controller`; strategy and horizon then
             do not count.
         predictor: predicts the lead vehicle for the controller instead of its true future, see `Predictor`.
         settings: all other settings of a trip by their names: ``strategy`` (a name, a `Strategy` or a
             mapping of ``base`` and weights), ``horizon``, ``overrides`` (parameters by dotted key),
-            ``slope``, ``duration_s``, ``latency_s``, ``leader_source``, ``faults`` ...
+            ``climate`` (a name or degC), ``slope``, ``duration_s``, ``latency_s``, ``leader_source``,
+            ``faults`` ...
 
     Returns:
         The finished run.

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
+from iptm.climate import air_overrides
 from iptm.faults.injection import check_empty_road
 from iptm.inputs import flat_settings
 from iptm.trip_settings import (
@@ -25,9 +26,9 @@ from iptm.trip_settings import (
     SPECS,
     Conditions,
     Control,
+    EgoVehicle,
     Leader,
     Road,
-    Vehicle,
     default_of,
     overrides_text,
 )
@@ -40,6 +41,7 @@ from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters import ModelParameters, ParameterSet, load_parameters
 from iptm_core.parameters.loading import parse_overrides
 from iptm_core.parameters.notes import belonging_notes
+from iptm_core.physics.thermal_loop import refuse_freezing_coolant
 from iptm_core.road_ahead import RoadAheadSettings
 from iptm_core.routes import Route, build_route
 from iptm_core.routes.comprehensive import RouteComposition
@@ -50,6 +52,8 @@ from iptm_v2x_bridge.rules_of_the_road import given_rules
 
 SHORTEST_PREVIEW_S = 60.0
 PREVIEW_RESERVE_S = 30.0
+MOST_NAMED = 4
+"""Overrides that a heading lists; of more, as of a vehicle of one's own, it has the number."""
 _OWN = ("name", "description", "own_drive", "foreign")
 _IN_HEADING = ("cycle", "slope", "duration_s", "strategy", "horizon", "namespace", "domain")
 """Settings that the heading of a trip shows otherwise, or that do not change what is driven."""
@@ -71,7 +75,7 @@ class Trip:
 
     road: Road = field(default_factory=Road)
     leader: Leader = field(default_factory=Leader)
-    vehicle: Vehicle = field(default_factory=Vehicle)
+    vehicle: EgoVehicle = field(default_factory=EgoVehicle)
     controller: Control = field(default_factory=Control)
     conditions: Conditions = field(default_factory=Conditions)
     name: str = "custom"
@@ -97,11 +101,14 @@ class Trip:
         """Return this trip with other settings; None stands for a default.
 
         Args:
-            settings: by their flat names, and objects in their place, see `iptm.inputs`.
+            settings: by their flat names, and objects in their place, see `iptm.inputs`; in addition
+                ``climate``, by name (its warmest month), an `iptm.Climate` or a temperature in degC, which
+                sets what depends on the air; overrides in the same call come after it.
 
         Raises:
             IptmError: a name is unknown, or a value not allowed.
         """
+        climate = settings.pop("climate", None)
         groups: dict[str, dict[str, Any]] = {}
         flat: dict[str, Any] = {"own_drive": None} if "cycle" in settings else {}
         flat |= flat_settings(settings)
@@ -113,7 +120,13 @@ class Trip:
         changed: dict[str, Any] = {
             name: replace(getattr(self, name), **each) for name, each in groups.items()
         }
-        return replace(self, **changed, **own)
+        trip = replace(self, **changed, **own)
+        if climate is None:
+            return trip
+        before = parse_overrides(trip.vehicle.overrides)
+        given = parse_overrides(overrides_text(flat.get("overrides") or {}))
+        air = air_overrides(climate, trip.vehicle.parameter_set)
+        return trip.changed(overrides={**before, **air, **given})
 
     @property
     def settings(self) -> dict[str, Scalar]:
@@ -237,6 +250,9 @@ class Trip:
             if name not in (*_IN_HEADING, "preview_length_s")
             and getattr(self.group_of(name), name) != spec.default
         ]
+        if len(parse_overrides(self.vehicle.overrides)) > MOST_NAMED:
+            several = f"{len(parse_overrides(self.vehicle.overrides))} overrides"
+            changes = [several if each.startswith("overrides=") else each for each in changes]
         if self.leader.preview_length_s is not None:
             changes.append(f"preview_length_s={self.leader.preview_length_s:g}")
         return [*changes, *(fault.describe() for fault in self.conditions.faults)]
@@ -285,7 +301,9 @@ class Trip:
 
 @lru_cache(maxsize=256)
 def _model(name: str, overrides: str) -> ParameterSet:
-    return load_parameters(name, parse_overrides(overrides))
+    loaded = load_parameters(name, parse_overrides(overrides))
+    refuse_freezing_coolant(loaded.values, f"vehicle {loaded.name}")
+    return loaded
 
 
 @lru_cache(maxsize=32)

@@ -80,7 +80,7 @@ class Leader(LeaderSettings):
 
 
 @dataclass(frozen=True)
-class Vehicle(VehicleSettings):
+class EgoVehicle(VehicleSettings):
     """The ego vehicle; ``overrides`` is sorted and may be given as a mapping."""
 
     def __post_init__(self) -> None:
@@ -136,7 +136,7 @@ class Conditions(LostControllerSettings, FrameSettings, TickSettings, PaceSettin
 GROUPS: Mapping[str, type[Settings]] = {
     "road": Road,
     "leader": Leader,
-    "vehicle": Vehicle,
+    "vehicle": EgoVehicle,
     "controller": Control,
     "conditions": Conditions,
 }

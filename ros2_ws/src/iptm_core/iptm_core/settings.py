@@ -127,9 +127,13 @@ class ModelSettings(Settings):
         """Load the parameters of the model.
 
         Raises:
-            ParameterError: they cannot be read, or belong to a chiller without a gate.
+            ParameterError: they cannot be read, have a chiller without a gate, or let the coolant freeze.
         """
         model = load_parameters(self.parameter_set, parse_overrides(self.overrides))
+        # The physics take a moment to load, and most that has settings has no model.
+        from iptm_core.physics.thermal_loop import refuse_freezing_coolant  # noqa: PLC0415
+
+        refuse_freezing_coolant(model.values, f"parameter set {model.name}")
         if model.values.chiller.gate_power_w == 0.0:
             raise ParameterError(
                 f"parameter set {model.name}: chiller.gate_power_w is 0, a chiller that cools with the "

@@ -9,6 +9,7 @@ from typing import TypeVar
 import numpy as np
 import pandas as pd
 
+from iptm.climate import DAY_S, HOUR_S, Climate, climate_of
 from iptm.run import Run
 from iptm.service_life.losses import (
     SERVICE_YEARS,
@@ -19,7 +20,7 @@ from iptm.service_life.losses import (
     years_to_end,
 )
 from iptm.service_life.trip_map import START_C, nominal_energy_j, trip_map
-from iptm.service_life.usage import CLIMATES, DAY_S, HOUR_S, USAGES, Climate, Usage
+from iptm.service_life.usage import USAGES, Usage
 from iptm.service_life.year import year_of
 from iptm_core.aging_laws.cells import AGING_CELLS, AgingCell
 from iptm_core.errors import ScenarioError
@@ -72,7 +73,7 @@ def life(
     run: Run,
     *,
     cell: str | AgingCell = "nca",
-    climate: str | Climate = "Phoenix",
+    climate: str | float | Climate = "Phoenix",
     usage: str | Usage = "commuter",
     years: float = SERVICE_YEARS,
     start_c: Sequence[float] = START_C,
@@ -80,12 +81,13 @@ def life(
     """Return what years of trips like a run make of the pack: driven, charged and parked.
 
     The trip is driven again from each start temperature, with the controller of the run; the air around the
-    car counts while it is parked. The paper's law of cyclic ageing does not count here.
+    car counts while it is parked; the trips are driven in the air of the run (``climate=`` of
+    `simulate`). The paper's law of cyclic ageing does not count here.
 
     Args:
         run: a run of `iptm.simulate`; vehicle, drive and strategy are taken from its trip.
         cell: whose ageing law counts, by name such as ``nca``, or an `AgingCell`.
-        climate: ``Phoenix``, ``Rome``, ``Oslo``, or a `Climate`.
+        climate: ``Phoenix``, ``Rome``, ``Oslo``, a constant temperature in degC, or a `Climate`.
         usage: ``commuter``, ``taxi``, ``long distance``, or a `Usage`; its cycle does not count.
         years: of service.
         start_c: temperatures of the pack at the start of a trip, in degC, at least two, increasing.
@@ -96,7 +98,8 @@ def life(
     if run.trip is None or run.trip.conditions.faults:
         raise ScenarioError("life: the trip is not known or has faults; allowed: a run of simulate")
     aging = _named(cell, AGING_CELLS, "cell")
-    air = _named(climate, {each.name: each for each in CLIMATES}, "climate")
+    air = climate_of(climate)
+    driven_c = run.parameters.environment.ambient_temperature_k - CELSIUS_ZERO_K
     habit = _named(usage, {each.name: each for each in USAGES}, "usage")
     if len(start_c) < 2 or np.any(np.diff(start_c) <= 0.0):
         raise ScenarioError(f"start_c is {shown(start_c)}; allowed: two or more, increasing")
@@ -108,7 +111,7 @@ def life(
     lost = losses_by_cause(aging.law, year, years)
     low, high = band(drawn_losses(aging, year, years))
     return Life(
-        about=f"{run.name}; {aging.law.name}, {air.name}, {habit.name}",
+        about=f"{run.name}; {aging.law.name}, {air.name} (trips in air of {driven_c:.0f} degC), {habit.name}",
         years=years,
         lost=pd.Series({str(cause): _PERCENT * loss for cause, loss in lost.items()}),
         lost_band=(_PERCENT * low, _PERCENT * high),
@@ -128,7 +131,7 @@ def _driven_from(run: Run, celsius: float) -> Trajectory:
     return drive_in_memory(run.trip.changed(overrides=overrides)).trajectory
 
 
-_Named = TypeVar("_Named", AgingCell, Climate, Usage)
+_Named = TypeVar("_Named", AgingCell, Usage)
 
 
 def _named(given: str | _Named, shipped: Mapping[str, _Named], what: str) -> _Named:

@@ -1,43 +1,10 @@
-"""Climates, patterns of use and habits of charging."""
+"""Patterns of use and habits of charging."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 CITY, MOTORWAY = "wltc_class3b", "hwfet"
-DAY_S = 86400.0
-HOUR_S = 3600.0
-MONTH_DAYS = (31.0, 28.25, 31.0, 30.0, 31.0, 30.0, 31.0, 31.0, 30.0, 31.0, 30.0, 31.0)
-_WARMEST_H = 15.0
-
-
-@dataclass(frozen=True)
-class Climate:
-    """Air over the year, without sun.
-
-    Attributes:
-        name: place.
-        source: of the temperatures.
-        monthly_c: monthly means, January first, in degC.
-        daily_range_k: from the coldest to the warmest hour of a day.
-    """
-
-    name: str
-    source: str
-    monthly_c: tuple[float, ...]
-    daily_range_k: float
-
-    def air_c(self, month: int, time_s: float) -> float:
-        """Return the temperature of the air, warmest at 15 h.
-
-        Args:
-            month: 0 for January.
-            time_s: time of the day.
-        """
-        angle = 2.0 * np.pi * (time_s - _WARMEST_H * HOUR_S) / DAY_S
-        return float(self.monthly_c[month] + 0.5 * self.daily_range_k * np.cos(angle))
 
 
 @dataclass(frozen=True)
@@ -76,26 +43,6 @@ class Usage:
 
 
 FAST_C_RATE_1_H = 1.0
-CLIMATES = (
-    Climate(
-        "Phoenix",
-        "NOAA normals 1991-2020, mean of the daily maximum and minimum of a month",
-        (13.9, 15.6, 19.2, 23.1, 28.1, 33.1, 35.6, 34.7, 31.7, 25.3, 18.6, 13.1),
-        12.0,
-    ),
-    Climate(
-        "Rome",
-        "the same mean, of the averages on climatestotravel.com/climate/italy/rome",
-        (7.5, 8.0, 10.0, 13.0, 17.5, 22.0, 25.0, 25.0, 21.5, 17.0, 12.0, 8.5),
-        10.0,
-    ),
-    Climate(
-        "Oslo",
-        "the same mean, of the averages on climatestotravel.com/climate/norway/oslo",
-        (-4.5, -4.0, 0.5, 5.0, 11.5, 15.5, 17.0, 15.5, 11.5, 6.5, 0.5, -3.5),
-        7.0,
-    ),
-)
 USAGES = (
     Usage(
         "commuter",

@@ -9,8 +9,9 @@ from functools import partial
 
 import numpy as np
 
+from iptm.climate import DAY_S, HOUR_S, MONTH_DAYS, Climate
 from iptm.service_life.trip_map import TripMap, heat_capacity_j_k, nominal_energy_j
-from iptm.service_life.usage import DAY_S, FAST_C_RATE_1_H, HOUR_S, MONTH_DAYS, Climate, Usage
+from iptm.service_life.usage import FAST_C_RATE_1_H, Usage
 from iptm_controller.production import ProductionSettings
 from iptm_core.aging_laws.law import Load
 from iptm_core.parameters.model import ModelParameters

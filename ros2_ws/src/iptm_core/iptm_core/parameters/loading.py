@@ -10,6 +10,7 @@ from typing import Any
 
 from iptm_core.declaration import ParameterSpec
 from iptm_core.errors import ParameterError
+from iptm_core.parameters.catalogue import CARS_FILE, FITTED_CAR, Car, car_entries, cars
 from iptm_core.parameters.chiller_table import (
     AMBIENT_KEY,
     COEFFICIENT_KEYS,
@@ -67,6 +68,7 @@ class _Layer:
 def available_parameter_sets() -> tuple[str, ...]:
     """Names of the shipped sets, the default first."""
     names = [path.stem for path in _sets_folder().iterdir() if path.suffix in YAML_SUFFIXES]
+    names += cars()
     return tuple(sorted(names, key=lambda name: (name != DEFAULT_SET, name)))
 
 
@@ -175,7 +177,10 @@ def _sets_folder() -> Path:
 
 
 def _find(name_or_path: str | Path, base_of: Path | None = None) -> Path:
-    """Find a shipped set by name or a file by path (relative to the file whose base it is)."""
+    """Find a shipped set by name or a file by path (relative to the file whose base it is).
+
+    A car of the table has the path of the table and its name.
+    """
     asked = "parameter set" if base_of is None else f"{base_of}: base"
     names = available_parameter_sets()
     if not isinstance(name_or_path, str | Path) or not str(name_or_path):
@@ -183,6 +188,8 @@ def _find(name_or_path: str | Path, base_of: Path | None = None) -> Path:
             f"{asked} is {shown(name_or_path)}; allowed: a path, or a shipped set: "
             f"{', '.join(names)}"
         )
+    if str(name_or_path) in cars():
+        return CARS_FILE / str(name_or_path)
     if str(name_or_path) in names:
         return _sets_folder() / f"{name_or_path}.yaml"
     path = Path(name_or_path) if base_of is None else base_of.parent / name_or_path
@@ -216,6 +223,8 @@ def _read_layers(path: Path) -> list[_Layer]:
 
 
 def _read_layer(path: Path) -> _Layer:
+    if path.parent == CARS_FILE:
+        return _car_layer(cars()[path.name])
     origin = str(path)
     groups = dict.fromkeys(key.split(".")[0] for key in field_specs())
     document = StrictMapping(
@@ -241,6 +250,12 @@ def _read_layer(path: Path) -> _Layer:
     refused = document.section("refused_without", field_specs(), kind="parameter")
     reasons = {key: refused.text(key) for key in refused}
     return _Layer(document.text("description", ""), base, entries, table, reasons)
+
+
+def _car_layer(car: Car) -> _Layer:
+    fitted, default = load_parameters(FITTED_CAR).values, load_parameters().values
+    about = f"{car.car} (2022), from public figures"
+    return _Layer(about, FITTED_CAR, car_entries(car, fitted, default), None, {})
 
 
 def _read_entry(entry: object, spec: ParameterSpec, origin: str) -> Source:

@@ -8,6 +8,8 @@ from iptm_core.parameters.chiller_table import AMBIENT_KEY
 from iptm_core.parameters.flat import SourceTag
 from iptm_core.parameters.loading import ParameterSet
 
+_COLD_LAWS = ("cell.resistance_temperature_coefficient_1_k", "cell.resistance_exponent_1_k")
+"""Linear and exponential law of the resistance; the second one counts where it is not 0."""
 _BELONG = (
     (
         ("cell.heat_capacity_j_k", "cell.nominal_capacity_ah"),
@@ -21,7 +23,7 @@ _BELONG = (
     ),
     (
         ("cell.nominal_resistance_ohm",),
-        ("cell.resistance_temperature_coefficient_1_k",),
+        _COLD_LAWS,
         "the resistance in the cold belongs to the cell",
     ),
     (
@@ -31,28 +33,36 @@ _BELONG = (
     ),
 )
 """Keys, keys that belong to them, and why."""
+_DENSITY_KEY = "body.air_density_kg_m3"
 _AIR_KEY = "cooling.air_exchange_w_k"
 
 
 def belonging_notes(parameters: ParameterSet) -> Iterator[str]:
     """Yield a note for each group of which a part is overridden, and for an override without effect."""
+    values = parameters.values
     overridden = {
         key for key, source in parameters.sources.items() if source.tag is SourceTag.OVERRIDE
     }
+    has_exponent = values.cell.resistance_exponent_1_k > 0.0
+    unused = _COLD_LAWS[0 if has_exponent else 1]
     for keys, neighbours, reason in _BELONG:
         changed = [key for key in keys if key in overridden]
         kept = [
             f"{key} ({parameters.sources[key].value:g} {parameters.sources[key].unit})"
             for key in neighbours
-            if key not in overridden
+            if key not in overridden and key != unused
         ]
         if changed and kept:
             yield (
                 f"{', '.join(changed)} is overridden, {', '.join(kept)} is that of {parameters.name}:"
                 f" {reason}"
             )
-    if AMBIENT_KEY in overridden and parameters.values.cooling.air_exchange_w_k == 0.0:
+    if AMBIENT_KEY in overridden:
+        moved = ["the chiller"]
+        moved += ["the exchange of the pack with the air"] * (values.cooling.air_exchange_w_k > 0.0)
+        moved += ["drag"] * (_DENSITY_KEY in overridden)
         yield (
-            f"{AMBIENT_KEY} moves nothing but the chiller: {_AIR_KEY} of {parameters.name} is 0,"
-            " and no cabin is modelled"
+            f"{AMBIENT_KEY} moves {' and '.join(moved)}, in {parameters.name} not tyres, driveline and cabin"
+            + ("" if _DENSITY_KEY in overridden else f", nor drag ({_DENSITY_KEY})")
+            + ("" if values.cooling.air_exchange_w_k else f", nor the pack ({_AIR_KEY} is 0)")
         )

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from iptm_core.errors import ParameterError
 from iptm_core.parameters.model import CoolingParameters, ModelParameters
 from iptm_core.physics.chiller import (
     ChillerLine,
@@ -76,6 +77,7 @@ def thermal_actuation(
 
 _POWERS = 200
 _SPEED_M_S = 10.0
+_COOL_CELLS_K = 298.15
 
 
 @dataclass(frozen=True)
@@ -148,7 +150,8 @@ def most_efficient_cooling(
     temperature_k: float, parameters: ModelParameters
 ) -> tuple[float, float]:
     """Return the most efficient chiller power (W) at 10 m/s, and its COP; zero if it cannot cool."""
-    powers_w, rates_w = _cooling_rates_w(temperature_k, parameters)
+    powers_w, loop = _cooled(temperature_k, parameters)
+    rates_w = loop.cooling_rate_w
     performance = rates_w / powers_w
     best = int(np.argmax(performance))
     return float(powers_w[best]), float(performance[best])
@@ -164,7 +167,8 @@ def cooling_supply(
         of the time, and the power per cooling rate at the margin, not decreasing; both empty if the
         chiller cannot cool.
     """
-    powers_w, rates_w = _cooling_rates_w(temperature_k, parameters)
+    powers_w, loop = _cooled(temperature_k, parameters)
+    rates_w = loop.cooling_rate_w
     best = int(np.argmax(rates_w / powers_w))
     top = int(np.argmax(rates_w))
     if rates_w[best] <= 0.0:
@@ -174,13 +178,33 @@ def cooling_supply(
     return rates_w[best : top + 1], np.maximum.accumulate(margins)
 
 
-def _cooling_rates_w(
-    temperature_k: float, parameters: ModelParameters
-) -> tuple[FloatArray, FloatArray]:
+def refuse_freezing_coolant(parameters: ModelParameters, origin: str) -> None:
+    """Refuse parameters with which the coolant freezes while there is still something to cool.
+
+    The loop is taken at full useful power and 10 m/s, beside cells of 25 degC or the lower limit above it. A
+    pack that passes little heat is one whose cells were exchanged and whose coefficient was not.
+
+    Raises:
+        ParameterError: the coolant into the pack would be below 0 degC.
+    """
+    cells_k = max(_COOL_CELLS_K, parameters.limits.min_temperature_k)
+    coolant_c = float(np.min(_cooled(cells_k, parameters)[1].inlet_k)) - CELSIUS_ZERO_K
+    if coolant_c < 0.0:
+        raise ParameterError(
+            f"{origin}: cooling.convective_coefficient_w_k = "
+            f"{parameters.cooling.convective_coefficient_w_k!r} passes too little heat from "
+            f"{parameters.pack.cells} cells: at full compressor power the coolant would fall to "
+            f"{coolant_c:.0f} degC beside cells of {cells_k - CELSIUS_ZERO_K:.0f} degC; allowed: coolant "
+            "above freezing, by a coefficient that belongs to the size of the cell (see iptm.Vehicle), or by "
+            "less limits.max_compressor_power_w"
+        )
+
+
+def _cooled(temperature_k: float, parameters: ModelParameters) -> tuple[FloatArray, CoolantLoop]:
+    """Return powers up to the largest useful one, shape (n,), and the loop at each."""
     chiller, cooling = parameters.chiller, parameters.cooling
     largest_w = largest_useful_power_w(chiller, parameters.limits)
     powers_w = np.linspace(largest_w / _POWERS, largest_w, _POWERS, dtype=np.float64)
     line = chiller_line(powers_w, _SPEED_M_S, chiller, cooling, parameters.environment)
     outlet = reduce_channel(cooling, parameters.pack).outlet
-    loop = solve_coolant_loop(temperature_k, temperature_k, line, outlet, cooling)
-    return powers_w, loop.cooling_rate_w
+    return powers_w, solve_coolant_loop(temperature_k, temperature_k, line, outlet, cooling)
