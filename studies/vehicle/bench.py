@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import math
 import random
+import re
 import signal
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -35,10 +37,12 @@ VICTIMS = (VEHICLE, GATEWAY, CONTROLLER, BRIDGE)
 HOWS = (signal.SIGKILL, signal.SIGSTOP)
 SETTLED_S = 1.0
 LONGEST_WAIT_S = 60.0
+REPORTED_WITHIN_S = 2.0
 STOPPED_S = 6.0
 """For how long a process stands: longer than a decision is followed."""
 SETTLING_S = 2.0
 WINDOW_STEPS = 10
+_REPORT = re.compile("no sign of life|no fresh|does not act|gateway: inactive")
 OFTEN = ("--press", "enable_button:4:0.3:2")
 Json = dict[str, Any]
 
@@ -117,8 +121,8 @@ def kills(
     """Kill or stop each process at random instants while engaged.
 
     Returns:
-        An entry per event: process, signal, time to inactive by the car's clock, and of the whole drive the
-        number of engagements and the smallest gap.
+        An entry per event: process, signal, time to inactive by the car's clock, whether another process
+        reported it, and of the whole drive the number of engagements and the smallest gap.
     """
     folder.mkdir(parents=True, exist_ok=True)
     draws = random.Random(seed)  # noqa: S311 - no secret
@@ -137,16 +141,20 @@ def kills(
                 if not (engaged and listener.enabled_s()):
                     events.append({"process": name, "signal": how.name, "at_s": math.nan})
                     continue
-                at_s = time.monotonic()
+                log = folder / f"{GATEWAY if name == VEHICLE else VEHICLE}.log"
+                before, at_s = len(log.read_text("utf-8")), time.monotonic()
                 bench.running[name].send_signal(how)
                 _wait(lambda: listener.enabled_s() == 0.0)
+                reported = _wait(partial(_has_report, log, before), REPORTED_WITHIN_S)
                 if how is signal.SIGSTOP:
                     time.sleep(max(at_s + STOPPED_S - time.monotonic(), 0.0))
                     bench.running[name].send_signal(signal.SIGCONT)
                 else:
                     bench.running[name].wait()
                     bench.start(name)
-                events.append({"process": name, "signal": how.name, "at_s": at_s})
+                events.append(
+                    {"process": name, "signal": how.name, "at_s": at_s, "reported": reported}
+                )
             _wait(lambda: listener.enabled_s() > SETTLED_S)
         finally:
             listener.close()
@@ -161,8 +169,12 @@ def kills(
     return [{**event, "engagements": engagements} for event in events]
 
 
-def _wait(condition: Callable[[], bool]) -> bool:
-    until_s = time.monotonic() + LONGEST_WAIT_S
+def _has_report(log: Path, before: int) -> bool:
+    return _REPORT.search(log.read_text("utf-8")[before:]) is not None
+
+
+def _wait(condition: Callable[[], bool], longest_s: float = LONGEST_WAIT_S) -> bool:
+    until_s = time.monotonic() + longest_s
     while time.monotonic() < until_s:
         if condition():
             return True

@@ -108,25 +108,33 @@ def _drive_folder(session: Session, cycle: str, strategy: str) -> Path:
 
 
 def _drives(session: Session) -> pd.DataFrame:
-    """Compare drives in real time with the same ones in lock-step, with the same limits and no preview."""
+    """Compare drives in real time with the same ones in lock-step, with the same limits and no preview.
+
+    The bench car has no safety monitor but the gateway, so neither has the lock-step trip it is compared
+    with; the one with the monitor of the simulated plant is shown beside it.
+    """
     limits = controller_limits(load_vehicle("bench"))
     cases = [
         Case(
-            f"{cycle}/{strategy}",
-            {"cycle": cycle, "strategy": strategy},
+            f"{cycle}/{strategy}/{monitor}",
+            {"cycle": cycle, "strategy": strategy, "monitor": monitor},
             {
                 "cycle": cycle,
                 "strategy": strategy,
                 "preview_mode": "none",
                 "overrides": limits,
                 "duration_s": duration_s,
+                "safety_monitor": monitor,
             },
         )
         for cycle, duration_s in CYCLES.items()
         for strategy in STRATEGIES
+        for monitor in (False, True)
     ]
     rows = []
-    for _, each in session.drive(cases).iterrows():
+    driven = session.drive(cases)
+    monitored = driven[driven.monitor].set_index(["cycle", "strategy"])
+    for _, each in driven[~driven.monitor].iterrows():
         folder = _drive_folder(session, each.cycle, each.strategy)
         duration_s = CYCLES[each.cycle]
         found = kept(
@@ -134,6 +142,7 @@ def _drives(session: Session) -> pd.DataFrame:
             partial(drive, folder, each.cycle, each.strategy, duration_s),
         )
         car, suite, trajectory = found["car"], found["suite"], each.run.trajectory
+        beside = monitored.loc[(each.cycle, each.strategy)]
         losses = trajectory.cell_1_capacity_loss + trajectory.cell_n_capacity_loss
         rows.append(
             {
@@ -141,12 +150,15 @@ def _drives(session: Session) -> pd.DataFrame:
                 "strategy": each.strategy,
                 "energy_kwh": car["battery_energy_j"] / 3.6e6,
                 "step_energy_kwh": _energy_j(each.run) / 3.6e6,
+                "monitored_energy_kwh": _energy_j(beside.run) / 3.6e6,
+                "monitored_distance_km": float(beside.run.trajectory.position_m[-1]) / 1000.0,
+                "interventions": beside.metrics.interventions,
                 "loss_ppm": 1e6 * car["capacity_loss"],
                 "step_loss_ppm": 1e6 * float(losses[-1] - losses[0]),
                 "distance_km": car["distance_m"] / 1000.0,
                 "step_distance_km": float(trajectory.position_m[-1]) / 1000.0,
                 "engaged": 100.0 * car["active_s"] / duration_s,
-                "hand_overs": sum(mode == "hand_over" for _, mode, _ in suite["changes"][:-2]),
+                "hand_overs": sum(mode == "engaged" for _, mode, _ in suite["changes"]) - 1,
                 "oldest_ms": 1e3 * car["oldest_command_s"],
                 "engagements": car["engagements"],
                 "jerk": car["largest_jerk_m_s3"],
@@ -168,13 +180,14 @@ def _energy_j(run: iptm.Run) -> float:
 
 def _with_savings(table: pd.DataFrame) -> pd.DataFrame:
     """Add what the first strategy saves against the second, per distance, in real time and in lock-step."""
-    for kind, prefix in (("real", ""), ("step", "step_")):
+    for prefix in ("", "step_", "monitored_"):
         for name in ("energy_kwh", "loss_ppm"):
-            per_km = table[f"{prefix}{name}"] / table[f"{prefix}distance_km"]
-            base = (
-                per_km.where(table.strategy == STRATEGIES[1]).groupby(table.cycle).transform("max")
-            )
-            table[f"{kind}_{name.partition('_')[0]}_saving"] = 100.0 * (1.0 - per_km / base)
+            if f"{prefix}{name}" in table:
+                per_km = table[f"{prefix}{name}"] / table[f"{prefix}distance_km"]
+                of_base = per_km.where(table.strategy == STRATEGIES[1])
+                base = of_base.groupby(table.cycle).transform("max")
+                saving = 100.0 * (1.0 - per_km / base)
+                table[f"{prefix}{name.partition('_')[0]}_saving"] = saving
     return table
 
 
@@ -194,6 +207,7 @@ def _kills(session: Session) -> pd.DataFrame:
                 "median_ms": 1e3 * times.median(),
                 "max_ms": 1e3 * times.max(),
                 "missed": int(times.isna().sum()),
+                "reported": int((group.reported == True).sum()),  # noqa: E712 - missing without an event
                 "engagements": int(group.engagements.iloc[0]),
                 "gap_m": group.smallest_gap_m.iloc[0],
                 "all": len(events),

@@ -114,7 +114,7 @@ def test_the_suite_drives_the_car_and_the_brake_ends_it(tmp_path: Path, vehicle:
 def test_a_process_that_dies_or_hangs_leaves_the_car_inactive(
     tmp_path: Path, vehicle: Vehicle, name: str, how: signal.Signals
 ) -> None:
-    """Of vehicle interface and gateway at once, of the others when there was no decision for a while."""
+    """The time that it takes is measured by the study; here it has to happen, until a new enable."""
     options = BenchOptions(
         duration_s=12.0, car=["--press", "enable_button:4:0.3", "--press", "enable_button:7:0.3"]
     )

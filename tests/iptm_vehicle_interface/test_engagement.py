@@ -39,6 +39,10 @@ def after(start: DrivingMode, *conditions: Conditions, requested_m_s2: float = -
         (DrivingMode.OVERRIDDEN, Conditions(brake=True), DrivingMode.READY),
         (DrivingMode.OVERRIDDEN, Conditions(hindrance="no fresh gap_m"), DrivingMode.HAND_OVER),
         (DrivingMode.HAND_OVER, Conditions(brake=True), DrivingMode.OFF),
+        (DrivingMode.ENGAGED, Conditions(stopped="controller"), DrivingMode.OFF),
+        (DrivingMode.OVERRIDDEN, Conditions(stopped="controller"), DrivingMode.OFF),
+        (DrivingMode.HAND_OVER, Conditions(stopped="controller"), DrivingMode.OFF),
+        (DrivingMode.READY, Conditions(stopped="controller"), DrivingMode.OFF),
     ],
 )
 def test_transitions(start: DrivingMode, now: Conditions, end: DrivingMode) -> None:

@@ -51,9 +51,9 @@ class Bench:
 
 def test_a_command_passes_within_the_rate(vehicle: Vehicle) -> None:
     bench = Bench(vehicle)
-    sent = [bench.step(1.0) for _ in range(15)]
+    sent = [bench.step(1.0) for _ in range(30)]
     assert all(enabled for _, enabled in sent)
-    assert [round(value, 2) for value, _ in sent[:3]] == [0.1, 0.2, 0.3]
+    assert [round(value, 2) for value, _ in sent[:3]] == [0.08, 0.12, 0.16]
     assert sent[-1] == (1.0, True)
 
 
@@ -65,6 +65,16 @@ def test_a_silent_suite_makes_the_car_inactive_in_time(vehicle: Vehicle) -> None
     active = [enabled for _, enabled in silent].index(False)
     assert active * PERIOD_S <= vehicle.limits.max_command_age_s
     assert not any(enabled for _, enabled in silent[active:])
+
+
+def test_letting_go_is_passed_on_at_once(vehicle: Vehicle) -> None:
+    bench = Bench(vehicle)
+    bench.step(0.0)
+    frame = bench.suite.encode_command(vehicle.acceleration, 0.0, enabled=False)
+    assert bench.gateway.from_suite(*frame, bench.now_s)
+    command = bench.judge.command(*bench.gateway.frames(bench.now_s)[0])
+    assert command is not None
+    assert not command[2]
 
 
 def test_a_repeated_frame_of_the_suite_is_silence(vehicle: Vehicle) -> None:

@@ -28,7 +28,7 @@ setup(
         ],
         "iptm.programs": [
             "bench = iptm_vehicle_interface.node_bench:main",
-            "bench_car = iptm_vehicle_interface.bench_car:main",
+            "bench_car = iptm_vehicle_interface.bench_car_process:main",
             "gateway = iptm_vehicle_interface.gateway:main",
             "vehicle_interface = iptm_vehicle_interface.node:main",
         ],

@@ -113,6 +113,7 @@ class ControllerNode(SuiteNode):
         self.every(self._options.input_timeout_s / CHECKS_PER_TIMEOUT, self._check_inputs)
         self.every(REPORT_PERIOD_S, self._report)
         self.serve(Service.SAVE_CONTROLLER, self._save_state)
+        self.show_life()
         self._report()
 
     # --- inputs

@@ -13,6 +13,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -27,6 +28,23 @@ EXIT_USER_ERROR = 2
 EXIT_SIGNAL = 128
 """Added to the number of the signal that ended a program."""
 EXIT_INTERRUPTED = EXIT_SIGNAL + signal.SIGINT
+REAL_TIME_PRIORITY, _NICENESS = 10, -10
+
+
+def go_first(thread: int = 0, priority: int = REAL_TIME_PRIORITY) -> None:
+    """Run a thread, and those that it starts, before others, where the user may ask for that.
+
+    With the scheduler for real time, else by a lower niceness.
+
+    Args:
+        thread: its identifier in the system; 0 for the calling one.
+        priority: for real time, 1 to 99; the higher one runs.
+    """
+    try:
+        os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(priority))
+    except OSError:
+        with suppress(OSError):
+            os.setpriority(os.PRIO_PROCESS, thread, _NICENESS)
 
 
 def print_error(program: str, what: object) -> None:

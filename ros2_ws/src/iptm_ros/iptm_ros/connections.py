@@ -64,9 +64,8 @@ class ConnectionsReport:
 
     def look(self) -> None:
         """Report what has changed; call it every `LOOK_PERIOD_S`."""
-        left_out = (self._publisher.topic_name, *_OF_EVERY_NODE)
-        publishers = [p for p in self._node.publishers if p.topic_name not in left_out]
-        subscriptions = [s for s in self._node.subscriptions if s.topic_name not in left_out]
+        publishers = [p for p in self._node.publishers if not _is_left_out(p.topic_name)]
+        subscriptions = [s for s in self._node.subscriptions if not _is_left_out(s.topic_name)]
         counts = (
             len(publishers),
             *(publisher.get_subscription_count() for publisher in publishers),
@@ -99,6 +98,10 @@ class ConnectionsReport:
             self.present = found
             name = self._node.get_fully_qualified_name()
             self._publisher.publish(_encode(name, found))
+
+
+def _is_left_out(topic: str) -> bool:
+    return topic in _OF_EVERY_NODE or topic.rpartition("/")[2].startswith("_")
 
 
 def _names(

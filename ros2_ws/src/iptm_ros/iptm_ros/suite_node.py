@@ -21,6 +21,7 @@ from iptm_core.errors import IptmError, ParameterError
 from iptm_core.settings import MOST_PREVIEW_STEPS
 from iptm_core.user_input import suggestion
 from iptm_ros.connections import LOOK_PERIOD_S, ConnectionsReport
+from iptm_ros.heartbeat import Heartbeat
 from iptm_ros.node_health import AwakeClock, NodeHealth
 from iptm_ros.services import Service
 from iptm_ros.topics import TOPICS, Topic, frame_in, topic_of
@@ -98,6 +99,7 @@ class SuiteNode(Node):
         self._upkeep_clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._known_defects: set[str] = set()
         self._sole: dict[Topic, str] = {}
+        self._heartbeat: Heartbeat | None = None
         self.create_timer(AwakeClock.PERIOD_S, self.awake.tick, clock=self._upkeep_clock)
         self.connections = ConnectionsReport(self)
         self.every(LOOK_PERIOD_S, self.connections.look, self._upkeep_clock)
@@ -213,6 +215,16 @@ class SuiteNode(Node):
         name = f"the timer of {getattr(callback, '__name__', 'a callback')}"
         guarded = partial(self.guard, name, callback)
         return self.create_timer(period_s, guarded, clock=clock or self._steady_clock)
+
+    def show_life(self) -> None:
+        """Publish signs of life until the node is destroyed."""
+        self._heartbeat = Heartbeat(self)
+
+    def destroy_node(self) -> None:
+        """End the signs of life, too."""
+        if self._heartbeat is not None:
+            self._heartbeat.end()
+        super().destroy_node()
 
     def watch_peers(self, *topics: Topic) -> None:
         """Look every second whether topics that one node of the graph publishes have several publishers."""

@@ -71,6 +71,7 @@ class BridgeNode(SuiteNode):
         self._watchdog = Watchdog(CLOCK_TIMEOUT_S, lambda _: self._report()).attach(self)
         self.watch_peers(Topic.CLOCK, Topic.LEADER)
         self.every(REPORT_PERIOD_S, self._report)
+        self.show_life()
         self.listen(Topic.CLOCK, self._on_clock)
         self._report()
 

@@ -8,33 +8,23 @@ is the wall's.
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
-import signal
-import sys
-import time
 from collections import deque
 from collections.abc import Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any, TextIO
 
 import numpy as np
 
 from iptm_controller.ladder import safe_following
-from iptm_core.errors import IptmError, MessageError, ScenarioError
+from iptm_core.errors import MessageError
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.program import EXIT_OK, refused
 from iptm_core.routes import build_route
 from iptm_core.state import Command, LeaderState, VehicleState
 from iptm_core.units import CELSIUS_ZERO_K
 from iptm_plant_sim.plant import Plant
-from iptm_vehicle_interface.bus import BusReader, go_first, log_line, open_bus, send
 from iptm_vehicle_interface.frames import FrameCodec
-from iptm_vehicle_interface.vehicle import Vehicle, load_vehicle
+from iptm_vehicle_interface.vehicle import Vehicle
 
 STEP_S = 0.01
 DEAD_TIME_S = 0.1
@@ -279,105 +269,3 @@ class BenchCar:
             "RelativeSpeed": relative if seen else 0.0,
         }
         return self._radar
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the car on its bus; prints what it saw of the commands as JSON at the end."""
-    parser = argparse.ArgumentParser("bench_car", description=__doc__)
-    parser.add_argument("--vehicle", default="bench", help="name or folder of the vehicle")
-    parser.add_argument("--bus", required=True, metavar="BUS", help="bus of the car")
-    parser.add_argument("--cycle", default="us06", help="what the lead vehicle drives")
-    parser.add_argument("--duration-s", type=float, default=60.0, help="length of the drive")
-    parser.add_argument("--seed", type=int, default=0, help="of noise and bus faults")
-    parser.add_argument(
-        "--press",
-        action="append",
-        default=[],
-        metavar="NAME:AT:FOR[:EVERY]",
-        help="pedal or button, time and duration in s, such as enable_button:2:0.2, and after which time "
-        "again",
-    )
-    parser.add_argument("--lost", type=float, default=0.0, help="share of frames that are lost")
-    parser.add_argument("--late-s", type=float, default=0.0, help="frames are late by up to this")
-    parser.add_argument(
-        "--frozen-from-s", type=float, default=math.inf, help="radar repeats from here on"
-    )
-    parser.add_argument(
-        "--silent", default="", metavar="FROM:TO", help="no frame in this time, in s"
-    )
-    parser.add_argument("--bad-checksum", type=float, default=0.0, help="share of wrong checksums")
-    parser.add_argument(
-        "--log", type=Path, metavar="FILE", help="JSON of the result, also on a signal"
-    )
-    parser.add_argument(
-        "--frames", type=Path, metavar="FILE", help="candump log of what the car receives and sends"
-    )
-    options = parser.parse_args(arguments)
-    try:
-        silent = (
-            tuple(float(part) for part in options.silent.split(":"))
-            if options.silent
-            else (math.inf, math.inf)
-        )
-        events = [
-            (name, float(at), float(for_), float(every[0]) if every else math.inf)
-            for name, at, for_, *every in (text.split(":") for text in options.press)
-        ]
-    except ValueError:
-        return refused(
-            "bench_car", "--press or --silent is malformed; allowed: NAME:AT:FOR, FROM:TO"
-        )
-    try:
-        faults = BusFaults(
-            options.lost,
-            options.late_s,
-            options.frozen_from_s,
-            (silent[0], silent[1]),
-            options.bad_checksum,
-        )
-        car = BenchCar(load_vehicle(options.vehicle), options.cycle, events, options.seed, faults)
-        bus = open_bus(options.bus)
-    except (IptmError, ScenarioError) as error:
-        return refused("bench_car", error)
-    ended: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda received, _: ended.append(received))
-    with ExitStack() as stack:
-        log = stack.enter_context(options.frames.open("w")) if options.frames else None
-        _drive(car, bus, options.duration_s, ended, log)
-    text = json.dumps(vars(car.log))
-    if options.log:
-        options.log.write_text(text, "utf-8")
-    print(text, flush=True)
-    return EXIT_OK
-
-
-def _drive(
-    car: BenchCar, bus: Any, duration_s: float, ended: Sequence[int], log: TextIO | None
-) -> None:
-    """Run in real time; late frames leave when they are due."""
-    go_first()
-    reader = BusReader(bus)
-    waiting: list[tuple[float, int, bytes]] = []
-    start_s = car.log.began_s = time.monotonic()
-    print("bench_car: ready", flush=True)
-    while not ended and car.time_s < duration_s:
-        for frame in reader.taken():
-            car.receive(frame.frame_id, frame.data)
-            if log is not None:
-                log.write(log_line(car.time_s, frame.frame_id, frame.data, "R"))
-        car.advance()
-        waiting += [
-            (car.time_s + late_s, frame_id, data) for late_s, frame_id, data in car.frames()
-        ]
-        for each in [entry for entry in waiting if entry[0] <= car.time_s]:
-            send(bus, each[1], each[2])
-            if log is not None:
-                log.write(log_line(car.time_s, each[1], each[2], "T"))
-            waiting.remove(each)
-        time.sleep(max(start_s + car.time_s - time.monotonic(), 0.0))
-    reader.close()
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import os
 import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 from iptm_core.errors import ScenarioError
 from iptm_core.routes.can_files import library
 
-_PRIORITY = -10
 LOOPBACK_GROUP = "239.74.163.2"
 
 
@@ -95,12 +92,6 @@ class BusReader:
                 self._frames.append(
                     Frame(message.arbitration_id, bytes(message.data), self._clock_s())
                 )
-
-
-def go_first() -> None:
-    """Run before other processes of this machine, where the user may ask for that."""
-    with suppress(OSError):
-        os.setpriority(os.PRIO_PROCESS, 0, _PRIORITY)
 
 
 def log_line(time_s: float, frame_id: int, data: bytes, direction: str) -> str:

@@ -63,6 +63,10 @@ class DriveRecorder:
         """Record a request of a service."""
         self._note("press", now_s, button)
 
+    def silenced(self, names: Sequence[str], now_s: float) -> None:
+        """Record which processes show no sign of life from now on."""
+        self._note("silent", now_s, names)
+
     def decided(self, tick_s: float, plan: Sequence[FloatArray], command: Command) -> None:
         """Record a decision that is followed."""
         rows = [column.tolist() for column in plan]
@@ -130,6 +134,8 @@ def replayed(folder: Path, driver: Driver) -> Iterator[tuple[float, bytes, bytes
             driver.measured(value, time_s)
         elif kind == "press":
             driver.press(value, time_s)
+        elif kind == "silent":
+            driver.note_silent(value)
         elif kind == "decision":
             plan = [np.array(column, np.float64) for column in value[0]]
             driver.follow(time_s, plan, Command(*value[1:]))

@@ -147,6 +147,7 @@ class Driver:
         self._last_s = -math.inf
         self._start_s = math.nan
         self._engaged_s = math.inf
+        self._silent: tuple[str, ...] = ()
 
     def receive(self, frame: Frame) -> str:
         """Take a frame of the car; return the name of its message, empty for one that does not count."""
@@ -163,6 +164,10 @@ class Driver:
     def press(self, button: str, now_s: float) -> None:
         """Press ``enable_button`` or ``cancel_button`` for a moment."""
         self._pressed_until_s[button] = now_s + PRESSED_S
+
+    def note_silent(self, names: Sequence[str]) -> None:
+        """Note which processes of the suite show no sign of life from now on."""
+        self._silent = tuple(names)
 
     def is_pressed(self, name: str, now_s: float) -> bool:
         """Return whether a pedal or button is pressed, by the driver or a request."""
@@ -229,6 +234,7 @@ class Driver:
             enable=self.is_pressed("enable_button", now_s),
             cancel=self.is_pressed("cancel_button", now_s),
             hindrance=self.hindrance(now_s),
+            stopped=f"no sign of life from {', '.join(self._silent)}" if self._silent else "",
         )
         before = self.engagement
         self.engagement = before.step(conditions, self.requested_m_s2, since_s)

@@ -10,6 +10,7 @@
 | overridden | engaged | accelerator released |
 | engaged, overridden | hand-over | something hinders |
 | hand-over | off | the ramp has ended, or the driver brakes |
+| engaged, overridden, hand-over | off | a process of the suite has stopped: in the next frame |
 
 During the hand-over a request to brake is released at a stated rate and a warning is shown; a request to
 accelerate ends at once. After it the driver has to enable again.
@@ -33,6 +34,7 @@ class Conditions:
 
     Attributes:
         hindrance: why the suite cannot drive; empty for nothing.
+        stopped: which process of the suite has stopped, in words; empty for none.
     """
 
     brake: bool = False
@@ -40,6 +42,7 @@ class Conditions:
     enable: bool = False
     cancel: bool = False
     hindrance: str = ""
+    stopped: str = ""
 
 
 @dataclass(frozen=True)
@@ -77,8 +80,8 @@ class Engagement:
 
     def _waiting(self, now: Conditions) -> Engagement:
         """Return the state after off and ready."""
-        if now.hindrance:
-            return replace(self, mode=DrivingMode.OFF, reason=now.hindrance)
+        if now.stopped or now.hindrance:
+            return replace(self, mode=DrivingMode.OFF, reason=now.stopped or now.hindrance)
         if self.mode is DrivingMode.OFF:
             return replace(self, mode=DrivingMode.READY, reason="ready")
         pressed = now.enable and not self.enable_was_pressed
@@ -92,6 +95,8 @@ class Engagement:
             reason = "the driver brakes" if now.brake else "cancelled by the driver"
             mode = DrivingMode.OFF if self.mode is DrivingMode.HAND_OVER else DrivingMode.READY
             return replace(self, mode=mode, reason=reason)
+        if now.stopped:
+            return replace(self, mode=DrivingMode.OFF, reason=now.stopped)
         if self.mode is DrivingMode.HAND_OVER:
             eased = self.released_m_s2 + HAND_OVER_RATE_M_S3 * duration_s
             if eased >= 0.0 or now.accelerator:

@@ -18,8 +18,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from iptm_core.errors import IptmError, MessageError
-from iptm_core.program import EXIT_OK, refused
-from iptm_vehicle_interface.bus import BusReader, go_first, open_bus, send
+from iptm_core.program import EXIT_OK, go_first, refused
+from iptm_vehicle_interface.bus import BusReader, open_bus, send
 from iptm_vehicle_interface.frames import FrameCodec
 from iptm_vehicle_interface.safety_layer import Passed, Request, checked
 from iptm_vehicle_interface.signals import SignalTable
@@ -48,6 +48,7 @@ class Gateway:
         self._signals = SignalTable(vehicle.signals)
         self._acceleration, self._compressor = _Command(), _Command()
         self._sent: Passed = Passed(0.0, enabled=False)
+        self._sent_s = -math.inf
         self._is_latched = True
         self.counts: Counter[str] = Counter()
         """What was refused or cut, by reason."""
@@ -60,23 +61,27 @@ class Gateway:
         self._signals.take(decoded.values, now_s)
         return bool(decoded.message)
 
-    def from_suite(self, frame_id: int, data: bytes, now_s: float) -> None:
+    def from_suite(self, frame_id: int, data: bytes, now_s: float) -> bool:
         """Take a frame of the suite; only commands of the vehicle count.
 
         Some buses return what this process sends, so frames of the car are heard here, too.
+
+        Returns:
+            Whether the suite lets go with it, which the car learns at once.
         """
         try:
             command = self._codec.command(frame_id, data)
         except MessageError as error:
             self.counts[str(error)] += 1
-            return
+            return False
         if command is None:
-            return
+            return False
         target, value, enabled = command
         kept = self._acceleration if target is self._vehicle.acceleration else self._compressor
         kept.value, kept.enabled, kept.time_s = value, enabled, now_s
-        if kept is self._acceleration and not enabled:
-            self._is_latched = False
+        lets_go = kept is self._acceleration and not enabled
+        self._is_latched &= not lets_go
+        return lets_go and self._sent.enabled
 
     def passed(self, now_s: float) -> Passed:
         """Return what may be sent now."""
@@ -94,7 +99,7 @@ class Gateway:
             enabled=self._acceleration.enabled,
             age_s=now_s - self._acceleration.time_s,
             last_m_s2=self._last_m_s2(now_s),
-            since_last_s=PERIOD_S,
+            since_last_s=min(now_s - self._sent_s, 2.0 * PERIOD_S),
             speed_m_s=signals.value("speed_m_s", now_s),
             gap_m=signals.value("gap_m", now_s) if target and known else math.nan,
             relative_speed_m_s=signals.value("relative_speed_m_s", now_s) if known else 0.0,
@@ -124,11 +129,14 @@ class Gateway:
         """
         result = self.passed(now_s)
         if self._acceleration.enabled and not result.enabled:
+            if not self._is_latched:
+                reasons = ", ".join(each.value for each in result.violations)
+                print(f"gateway: inactive: {reasons}", flush=True)
             self._is_latched = True
         if self._is_latched and result.enabled:
             self.counts["no new enable"] += 1
             result = Passed(0.0, enabled=False, violations=result.violations)
-        self._sent = result
+        self._sent, self._sent_s = result, now_s
         vehicle = self._vehicle
         sent = [
             self._codec.encode_command(
@@ -167,7 +175,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             if gateway.from_car(frame.frame_id, frame.data, frame.time_s):
                 send(suite, frame.frame_id, frame.data)
         for frame in of_suite.taken():
-            gateway.from_suite(frame.frame_id, frame.data, frame.time_s)
+            if gateway.from_suite(frame.frame_id, frame.data, frame.time_s):
+                next_s = now_s
         if now_s >= next_s:
             next_s = max(next_s + PERIOD_S, now_s)
             for frame_id, data in gateway.frames(now_s):

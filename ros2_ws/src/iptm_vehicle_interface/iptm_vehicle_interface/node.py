@@ -19,6 +19,7 @@ from sensor_msgs.msg import JointState, PointCloud2
 from iptm_core.driving_mode import DrivingMode
 from iptm_core.errors import ParameterError
 from iptm_core.lead_track import RangeTrack
+from iptm_core.program import go_first
 from iptm_core.state import Command, FloatArray, PlantObservation
 from iptm_ros.codecs import (
     decode_command,
@@ -33,11 +34,12 @@ from iptm_ros.codecs import (
 from iptm_ros.codecs.numbers import LAYOUTS
 from iptm_ros.command_line import node_main
 from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
+from iptm_ros.heartbeat import CHECK_PERIOD_S, HeartbeatWatch
 from iptm_ros.parameters import declare_parameters
 from iptm_ros.services import Service
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import VEHICLE, Topic
-from iptm_vehicle_interface.bus import BusReader, go_first, open_bus, send
+from iptm_vehicle_interface.bus import BusReader, open_bus, send
 from iptm_vehicle_interface.drive_record import DriveRecorder, whole_microseconds
 from iptm_vehicle_interface.driving import LOOP_S, Driver
 from iptm_vehicle_interface.node_parameters import VehicleNodeParameters
@@ -103,7 +105,6 @@ class VehicleNode(SuiteNode):
         self._driver = Driver(self._vehicle, self._saved_losses())
         self._time = _SystemClock()
         self._record = DriveRecorder(Path(self._options.record)) if self._options.record else None
-        go_first()
         self._bus = open_bus(self._options.bus)
         self._reader = BusReader(self._bus, self._time.now_s)
         radar = self._vehicle.signals.get("gap_m")
@@ -119,6 +120,10 @@ class VehicleNode(SuiteNode):
         self._saved_s = -math.inf
         self._reported: tuple[float, ...] = ()
         self._stepped_s = time.monotonic()
+        names = filter(None, map(str.strip, self._options.awaited_nodes.split(",")))
+        self._watch = HeartbeatWatch(self, names)
+        self._silent: tuple[str, ...] = ()
+        self.every(CHECK_PERIOD_S, self._check_alive)
         self.listen(Topic.PLAN, self._on_plan)
         self.listen(Topic.COMMAND, self._on_command)
         self.watch_peers(Topic.PLANT_STATE, Topic.COMMAND)
@@ -126,6 +131,11 @@ class VehicleNode(SuiteNode):
         self.serve(Service.CANCEL, lambda: self._press("cancel_button"))
         self.every(LOOP_S, self._step)
         self.every(REPORT_PERIOD_S, self._report)
+        if "control_active" not in self._vehicle.signals:
+            self.get_logger().warning(
+                f"{self._vehicle.name} has no signal control_active: the suite does not notice that the "
+                "car has become inactive"
+            )
         self.get_logger().info(f"{self._vehicle.name}: ready")
 
     # --- decisions
@@ -158,6 +168,18 @@ class VehicleNode(SuiteNode):
 
     # --- the loop
 
+    def _check_alive(self) -> None:
+        """Let go at once, not with the next step, when a process of the suite has stopped."""
+        silent = self._watch.silent()
+        if silent == self._silent:
+            return
+        self._silent = silent
+        self._driver.note_silent(silent)
+        if self._record:
+            self._record.silenced(silent, self._time.now_s())
+        if silent:
+            self._step()
+
     def _step(self) -> None:
         before_s, self._stepped_s = self._stepped_s, time.monotonic()
         self._driver.log.late.add(max(self._stepped_s - before_s - LOOP_S, 0.0))
@@ -174,12 +196,15 @@ class VehicleNode(SuiteNode):
         if tick_ns > self._tick_ns:
             self._tick_ns = tick_ns
             self._tick(s_from_ns(tick_ns), now_s)
+        mode = self._driver.engagement.mode
         sent = self._driver.step(now_s)
         if not self._options.shadow:
             for frame_id, data in sent:
                 send(self._bus, frame_id, data)
         if self._record:
             self._record.stepped(now_s, sent)
+        if self._driver.engagement.mode is not mode:
+            self._report()
         self._publish_engagement(now_s)
 
     def _seen(self, now_s: float) -> tuple[RangeTrack, ...]:
@@ -276,6 +301,7 @@ class VehicleNode(SuiteNode):
 
 def main() -> None:
     """Run the node."""
+    go_first()  # before the middleware starts its threads
     sys.exit(node_main(VEHICLE, VehicleNode, VehicleNodeParameters))
 
 

@@ -49,7 +49,7 @@ _MODULES = {
     BRIDGE: ("iptm_v2x_bridge.node", "waiting for"),
     CONTROLLER: ("iptm_controller.node", "waiting for"),
     RECORDER: ("iptm_ros.recording.recorder_cli", ""),
-    CAR: ("iptm_vehicle_interface.bench_car", ": ready"),
+    CAR: ("iptm_vehicle_interface.bench_car_process", ": ready"),
 }
 """Module of each process, and what it prints once it is ready."""
 

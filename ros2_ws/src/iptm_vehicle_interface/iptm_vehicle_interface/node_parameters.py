@@ -19,6 +19,11 @@ class VehicleNodeParameters(FrameSettings, SamplingSettings):
     shadow: bool = parameter(
         default=False, description="send nothing: decide beside a driver, and record it"
     )
+    awaited_nodes: str = parameter(
+        "controller, v2x_bridge",
+        "names of the nodes whose end or halt makes the car inactive within 100 ms, separated by commas; "
+        "empty for none",
+    )
     record: str = parameter(
         "", "folder to create for raw frames, steps and decisions, to be replayed; empty for none"
     )

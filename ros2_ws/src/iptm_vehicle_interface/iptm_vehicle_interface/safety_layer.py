@@ -25,6 +25,12 @@ class Violation(TextEnum):
     NOT_FINITE = "not a number"
 
 
+SOFT_SHARE, SOFT_M = 0.05, 1.0
+"""Above the safe gap braking begins, by this share of it and this distance: who comes near is not jerked."""
+COMFORTABLE_JERK_M_S3 = 2.0
+"""Rate of all that is no braking below the safe gap."""
+RESOLUTION_M_S2 = 0.02
+"""A rate that is missed by less is jitter of the period."""
 INACTIVATING = frozenset({Violation.AGE, Violation.DRIVER, Violation.NOT_FINITE})
 
 
@@ -69,13 +75,6 @@ def outside_range(acceleration_m_s2: float, limits: ActuationLimits) -> bool:
     return not limits.min_acceleration_m_s2 <= acceleration_m_s2 <= limits.max_acceleration_m_s2
 
 
-def too_fast(
-    acceleration_m_s2: float, last_m_s2: float, since_last_s: float, limits: ActuationLimits
-) -> bool:
-    """Return whether an acceleration lies further from the last one than the rate allows."""
-    return abs(acceleration_m_s2 - last_m_s2) > limits.max_jerk_m_s3 * since_last_s + 1e-9
-
-
 def safe_gap_m(speed_m_s: float, lead_speed_m_s: float, limits: ActuationLimits) -> float:
     """Return the gap from which braking within the limits avoids a collision.
 
@@ -90,11 +89,20 @@ def safe_gap_m(speed_m_s: float, lead_speed_m_s: float, limits: ActuationLimits)
     return max(own_m - lead_m, 0.0) + limits.margin_m
 
 
-def too_near(speed_m_s: float, gap_m: float, relative_m_s: float, limits: ActuationLimits) -> bool:
-    """Return whether a measured gap is below the safe one; False where there is none."""
+def permitted_m_s2(
+    speed_m_s: float, gap_m: float, relative_m_s: float, limits: ActuationLimits
+) -> float:
+    """Return the hardest acceleration that a measured gap permits.
+
+    Below the safe gap it is the hardest braking; above, it rises to the hardest acceleration, which holds
+    where there is no gap, too.
+    """
+    hardest, most = limits.min_acceleration_m_s2, limits.max_acceleration_m_s2
     if math.isnan(gap_m) or math.isnan(speed_m_s):
-        return False
-    return gap_m < safe_gap_m(speed_m_s, max(speed_m_s + relative_m_s, 0.0), limits)
+        return most
+    safe_m = safe_gap_m(speed_m_s, max(speed_m_s + relative_m_s, 0.0), limits)
+    share = (gap_m - safe_m) / (SOFT_SHARE * safe_m + SOFT_M)
+    return hardest + min(max(share, 0.0), 1.0) * (most - hardest)
 
 
 def too_old(age_s: float, limits: ActuationLimits) -> bool:
@@ -105,7 +113,8 @@ def too_old(age_s: float, limits: ActuationLimits) -> bool:
 def checked(request: Request, limits: ActuationLimits) -> Passed:
     """Return what may be sent of a request.
 
-    Below the safe gap the car brakes as hard as rate and range allow. Every value that is sent keeps both.
+    Below the safe gap the car brakes as hard as rate and range allow, everything else keeps the comfortable
+    rate. Every value that is sent keeps range and rate.
     """
     if not request.enabled:
         return Passed(0.0, enabled=False)
@@ -121,12 +130,18 @@ def checked(request: Request, limits: ActuationLimits) -> Passed:
         return Passed(0.0, enabled=False, violations=tuple(found))
     if outside_range(wanted, limits):
         found.append(Violation.RANGE)
-    if too_near(request.speed_m_s, request.gap_m, request.relative_speed_m_s, limits):
+    permitted = permitted_m_s2(request.speed_m_s, request.gap_m, request.relative_speed_m_s, limits)
+    if wanted > permitted:
         found.append(Violation.GAP)
-        wanted = limits.min_acceleration_m_s2
-    elif too_fast(wanted, request.last_m_s2, request.since_last_s, limits):
-        found.append(Violation.RATE)
-    reach = limits.max_jerk_m_s3 * request.since_last_s
-    wanted = min(max(wanted, request.last_m_s2 - reach), request.last_m_s2 + reach)
+        wanted = permitted
     wanted = min(max(wanted, limits.min_acceleration_m_s2), limits.max_acceleration_m_s2)
-    return Passed(wanted, enabled=True, violations=tuple(found))
+    upwards = downwards = min(COMFORTABLE_JERK_M_S3, limits.max_jerk_m_s3)
+    if permitted <= limits.min_acceleration_m_s2:
+        downwards = limits.max_jerk_m_s3
+    lowest = request.last_m_s2 - downwards * request.since_last_s
+    sent = min(max(wanted, lowest), request.last_m_s2 + upwards * request.since_last_s)
+    if abs(sent - wanted) > RESOLUTION_M_S2 and Violation.GAP not in found:
+        found.append(Violation.RATE)
+    # From a motion outside the channel's range it goes on at its end.
+    sent = min(max(sent, limits.min_acceleration_m_s2), limits.max_acceleration_m_s2)
+    return Passed(sent, enabled=True, violations=tuple(found))

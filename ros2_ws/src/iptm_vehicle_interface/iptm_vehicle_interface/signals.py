@@ -47,6 +47,8 @@ class SignalTable:
 
 MISSING_CHANGE_M = 0.3
 """Change of the gap by the measured relative speed that is missing when a sensor counts as frozen."""
+LEAST_REPEATS = 2
+"""Noise makes up for the change between two measurements now and then."""
 LONGEST_SAME_S = 2.0
 """Longer than this no gap in motion is measured the same, noise and resolution included."""
 MOVING_M_S = 2.0
@@ -56,7 +58,8 @@ class RangeWatch:
     """Notices a range sensor that repeats itself with sound counters."""
 
     def __init__(self) -> None:
-        self._since: tuple[float, float, float] | None = None
+        self._measured: tuple[float, float] | None = None
+        self._arrivals_s: list[float] = []
 
     def is_frozen(self, gap_m: float, relative_m_s: float, speed_m_s: float, now_s: float) -> bool:
         """Return whether the sensor repeats a measurement that must have changed; NaN for no target.
@@ -64,10 +67,12 @@ class RangeWatch:
         Args:
             now_s: when the measurement arrived: one that is lost is none that is repeated.
         """
-        same = self._since is not None and self._since[1:] == (gap_m, relative_m_s)
-        if not same or self._since is None or not speed_m_s >= MOVING_M_S:
-            self._since = now_s, gap_m, relative_m_s
+        if (gap_m, relative_m_s) != self._measured or not speed_m_s >= MOVING_M_S:
+            self._measured, self._arrivals_s = (gap_m, relative_m_s), [now_s]
             return False
-        unchanged_s = now_s - self._since[0]
-        missing_m = abs(relative_m_s) * unchanged_s
-        return unchanged_s > LONGEST_SAME_S or missing_m > MISSING_CHANGE_M
+        if now_s > self._arrivals_s[-1] + 1e-3:  # ages are differences of large numbers
+            self._arrivals_s.append(now_s)
+        unchanged_s = now_s - self._arrivals_s[0]
+        if len(self._arrivals_s) <= LEAST_REPEATS:
+            return False
+        return unchanged_s > LONGEST_SAME_S or abs(relative_m_s) * unchanged_s > MISSING_CHANGE_M
