@@ -42,6 +42,8 @@ GATEWAY, VEHICLE, BRIDGE, CONTROLLER, RECORDER, CAR = (
     "recorder",
     "bench_car",
 )
+TRANSPORT = {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
+"""Shared memory of a process that was killed can keep another one from hearing a third for good."""
 SUITE = (VEHICLE, BRIDGE, CONTROLLER)
 _MODULES = {
     GATEWAY: ("iptm_vehicle_interface.gateway", ": ready"),
@@ -104,7 +106,7 @@ class BenchProcesses:
         buses = f"udp:{port}", f"udp:{port + 1}"
         self.car_bus = buses[0]
         self.folder, self._stack = folder, ExitStack()
-        self._environment = dict(os.environ)
+        self._environment = {**os.environ, **TRANSPORT}
         vehicle = load_vehicle(options.vehicle)
         limits = ", ".join(f"{key}={value}" for key, value in controller_limits(vehicle).items())
         own = ["--vehicle", options.vehicle]
