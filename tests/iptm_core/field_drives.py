@@ -206,6 +206,15 @@ def write_log(path: Path, drive: Driven) -> Path:
     return path
 
 
+def write_frames(path: Path, drive: Driven) -> Path:
+    can = pytest.importorskip("can", reason="requirements/can.txt is not installed")
+    with can.Logger(path) as writer:
+        for at, data in zip(drive.times_s, speed_bytes(drive.speeds), strict=True):
+            frame = {"arbitration_id": 256, "is_extended_id": False, "data": data, "channel": 0}
+            writer(can.Message(timestamp=UNIX_S + float(at), **frame))
+    return path
+
+
 def read_log(path: Path, signals: Mapping[str, str] | None = None, channel: str = "") -> UserTrip:
     pytest.importorskip("cantools", reason="requirements/can.txt is not installed")
     dbc = write_dbc(path.parent)

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.iptm_core.field_drives import (
-    UNIX_S,
     Driven,
     candump,
     is_the_drive,
     read_log,
     speed_bytes,
     true_speed,
+    write_frames,
     write_log,
 )
 
@@ -124,21 +124,4 @@ def test_logs_in_asc(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("suffix", [".blf", ".trc", ".csv", ".asc"])
 def test_logs_of_python_can(tmp_path: Path, suffix: str) -> None:
-    can = pytest.importorskip("can", reason="requirements/can.txt is not installed")
-    fast, log = Driven.at(100.0), tmp_path / f"a{suffix}"
-    with can.Logger(log) as writer:
-        for at, data in zip(fast.times_s, speed_bytes(fast.speeds), strict=True):
-            writer(
-                can.Message(
-                    timestamp=float(UNIX_S + at),
-                    arbitration_id=256,
-                    is_extended_id=False,
-                    data=data,
-                    channel=0,
-                )
-            )
-    is_the_drive(read_log(log), silent=True)
-    if suffix == ".blf":
-        content = log.read_bytes()
-        log.write_bytes(content[: len(content) * 2 // 3])
-        assert "the log was cut short" in "; ".join(read_log(log).notes)
+    is_the_drive(read_log(write_frames(tmp_path / f"a{suffix}", Driven.at(100.0))), silent=True)

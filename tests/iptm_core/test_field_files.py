@@ -39,23 +39,12 @@ def gpx(tmp_path: Path) -> Callable[..., UserTrip]:
     return read
 
 
-def test_speeds_in_km_h_beside_places(tmp_path: Path, gpx: Callable[..., UserTrip]) -> None:
-    wrong = DRIVE.but(speeds=3.6 * DRIVE.speeds)
-    is_the_drive(gpx(wrong), "speed is divided by 3.6 (km/h and m/s)", grade=True)
-    path = write_csv(tmp_path / "a.csv", wrong, places=True)
-    is_the_drive(read_user_trip(path), "speed_m_s is divided by 3.6 (km/h and m/s)")
-
-
 def test_single_values_that_a_gpx_lacks(gpx: Callable[..., UserTrip]) -> None:
     rows = np.arange(121)
     height = DRIVE.but(heights_m=np.where(rows == 33, np.nan, DRIVE.heights_m))
     is_the_drive(gpx(height, with_speed=False), "ele missing", "1 track point", grade=True)
     timeless = DRIVE.but(times_s=np.where(np.isin(rows, [60, 118, 119, 120]), np.nan, rows))
     is_the_drive(gpx(timeless), "4 track points without a time left out", grade=True)
-    marked = DRIVE.but(speeds=np.where(rows < 3, -1.0, DRIVE.speeds))
-    is_the_drive(gpx(marked), "speed is -1 at 3 track points", grade=True)
-    nothing = DRIVE.but(speeds=np.zeros(121))
-    is_the_drive(gpx(nothing), "speed is 0 throughout", grade=True)
     is_the_drive(gpx(DRIVE, lambda text: text.replace("<speed>15.000</speed>", "<speed/>", 4)))
 
 
@@ -218,14 +207,6 @@ def test_tables_that_a_logger_left(tmp_path: Path) -> None:
         is_the_drive(trip, note, silent=not note)
 
 
-def test_tables_at_high_rates_and_of_estimators(tmp_path: Path) -> None:
-    fast = Driven.at(50.0)
-    whole = fast.but(speeds=np.round(3.6 * fast.speeds) / 3.6)
-    is_the_drive(read_user_trip(write_csv(tmp_path / "a.csv", whole)), silent=True)
-    below = DRIVE.but(speeds=np.where(DRIVE.speeds > 0.0, DRIVE.speeds, -0.004))
-    is_the_drive(read_user_trip(write_csv(tmp_path / "b.csv", below)), "slightly negative")
-
-
 def test_tables_in_memory() -> None:
     columns: dict[str, object] = dict(columns_of(DRIVE, places=False))
     moments = pd.Timestamp(BEGIN).tz_localize(None) + pd.to_timedelta(DRIVE.times_s, unit="s")
@@ -252,15 +233,8 @@ def test_bags_with_faults(tmp_path: Path) -> None:
     ahead = two.times_s + np.where(two.times_s >= 30.0, 20.0, 0.0)
     trip = read_user_trip(write_bag(tmp_path / "ahead", two.but(times_s=ahead)))
     is_the_drive(trip, "the times of receipt are used")
-    still = two.but(speeds=np.zeros(two.speeds.size))
-    is_the_drive(read_user_trip(write_bag(tmp_path / "twist", still)), "those of the places")
     nowhere = two.but(along_m=np.zeros(two.speeds.size))
     is_the_drive(read_user_trip(write_bag(tmp_path / "pose", nowhere)), "place never changes")
-    away = two.but(
-        speeds=np.where((two.times_s > 20) & (two.times_s < 30), -two.speeds, two.speeds)
-    )
-    with pytest.raises(RouteError, match="the car reverses at up to 15 m/s"):
-        read_user_trip(write_bag(tmp_path / "reverse", away))
 
 
 def test_a_bag_that_names_no_storage_is_known_by_its_magic(tmp_path: Path) -> None:

@@ -75,10 +75,21 @@ def test_the_drive_itself_needs_no_repair(reader: str, rate_hz: float) -> None:
 
 
 @pytest.mark.parametrize("reader", WITH_BOTH)
-@pytest.mark.parametrize("factor", [3.6, 1.0 / 3.6, 1.943844, 2.236936, 1000.0, 1.852, 1.609344])
-def test_k1_speeds_in_another_unit(reader: str, factor: float) -> None:
+@pytest.mark.parametrize(
+    ("factor", "note"),
+    [
+        (3.6, "is divided by 3.6 (km/h and m/s)"),
+        (1.0 / 3.6, "(km/h and m/s)"),
+        (1.943844, "(knots and m/s)"),
+        (2.236936, "(mph and m/s)"),
+        (1000.0, "(a thousandth and one)"),
+        (1.852, "(knots and km/h)"),
+        (1.609344, "(mph and km/h)"),
+    ],
+)
+def test_k1_speeds_in_another_unit(reader: str, factor: float, note: str) -> None:
     drive = Driven.at()
-    check(outcome(reader, drive.but(speeds=factor * drive.speeds)), "divided by", may_refuse=False)
+    check(outcome(reader, drive.but(speeds=factor * drive.speeds)), note, may_refuse=False)
 
 
 @pytest.mark.parametrize("reader", WITH_BOTH)

@@ -106,20 +106,6 @@ def test_a_track_every_few_seconds_is_read_too(write: Callable[..., Path]) -> No
     assert trip.slope is None
 
 
-def test_a_csv_with_places_is_the_same_drive(write: Callable[..., Path]) -> None:
-    latitudes, longitudes, _ = ROAD.locate(PLACES)
-    rows = "\n".join(
-        f"{second},{latitude},{longitude},{500.0 + 0.03 * place}"
-        for second, latitude, longitude, place in zip(
-            SECONDS, latitudes, longitudes, PLACES, strict=True
-        )
-    )
-    head = "time_s,latitude_deg,longitude_deg,elevation_m\n"
-    from_csv = read_user_trip(write(head + rows, "drive.csv"))
-    from_gpx = read_user_trip(write(gpx(PLACES, 500.0 + 0.03 * PLACES)))
-    np.testing.assert_allclose(from_csv.cycle.speeds_m_s, from_gpx.cycle.speeds_m_s, atol=1e-3)
-
-
 def test_a_track_that_begins_at_speed_gets_a_launch_in_front(write: Callable[..., Path]) -> None:
     file = write(gpx(PLACES[40:], None, SECONDS[40:]))
     trip = read_user_trip(file)
@@ -133,13 +119,9 @@ def test_a_track_that_begins_at_speed_gets_a_launch_in_front(write: Callable[...
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        (lambda text: text[:-30], "cannot be read"),
-        (lambda text: text.replace("<time>", "<when>").replace("</time>", "</when>"), "time"),
         (lambda text: text.replace('lat="48.0', 'lat="x', 40), "lat is 'x"),
         (lambda text: text.replace('lat="48.00', 'lat="49.00', 40), "m/s from the point before"),
-        (lambda text: text.replace("T07:01:", "T06:59:"), "another recording begins"),
         (lambda text: text.replace("T07:01", "yesterday"), "ISO 8601"),
-        (lambda _: "<gpx/>", "0 track points"),
     ],
 )
 def test_files_that_are_no_drives_are_refused(

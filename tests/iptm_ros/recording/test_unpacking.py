@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import lz4.frame
 import pytest
 import yaml
 from mcap.writer import CompressionType, Writer
@@ -21,7 +20,6 @@ from iptm_ros.recording.unpacking import (
     MOST_PART_BYTES,
     SMALL_BYTES,
     UnpackingBudget,
-    lz4_part,
 )
 
 MEMORY_MB = 200
@@ -34,7 +32,6 @@ print(re.search(r"VmHWM:\\s+(\\d+) kB", Path("/proc/self/status").read_text())[1
 sys.exit(code)
 """
 """The command `iptm info`, which prints the most memory that it took in kB."""
-_TWICE = bytes(2 * MOST_PART_BYTES)
 
 
 def _chunk_bomb(path: Path, size: int, compression: CompressionType) -> Path:
@@ -104,12 +101,6 @@ def test_the_budget_of_a_file_grows_with_its_size() -> None:
     UnpackingBudget(large).take(LARGEST_RATIO * large)
     with pytest.raises(ValueError, match="unpacks to more"):
         UnpackingBudget(large).take(LARGEST_RATIO * large + 1)
-
-
-def test_chunks_of_lz4_are_bounded() -> None:
-    assert lz4_part(lz4.frame.compress(b"abc")) == b"abc"
-    with pytest.raises(ValueError, match="at most"):
-        lz4_part(lz4.frame.compress(_TWICE))
 
 
 def test_a_file_that_is_named_twice_is_refused(small_bag: Path) -> None:
