@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from studies.paper import checks, equations, tables, trips
+from studies.paper import equations, statements, tables, trips
 from studies.paper.equations import Array
 
 import iptm
@@ -29,7 +29,7 @@ def table() -> str:
     """
     p, printed = (
         iptm.load_parameters(trips.VEHICLE).values,
-        checks.printed_table().loc[tables.REFERENCE],
+        statements.printed_table().loc[tables.REFERENCE],
     )
     loss = p.aging.initial_capacity_loss
     power_w = 1e3 * printed.battery_energy / TRIP_S

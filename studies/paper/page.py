@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from studies.paper import checks, cooling, plots, tables, trips
+from studies.paper import cooling, plots, statements, tables, trips
 
 import iptm
 
@@ -37,10 +37,11 @@ def parts(
         "readings": readings(verdicts),
         "sets": sets_table(verdicts),
         "held_back": held_back(verdicts),
+        "changed_rules": changed_rules(verdicts),
         **conclusion(verdicts),
         "absolute": tables.absolute_figures(figures),
         "headline": tables.headline(figures),
-        "statements": tables.statements(verdicts),
+        "statements": tables.by_topic(verdicts),
         "terms": tables.markdown(terms.columns, terms.itertuples(index=False)),
         "search": search(),
         "printed_parameters": printed_parameters(),
@@ -55,7 +56,7 @@ def parts(
 
 def sets_table(verdicts: Mapping[str, pd.DataFrame]) -> str:
     """The marks of every set: all statements, and those that only one of them reproduces."""
-    holds = {name: found.verdict == checks.REPRODUCED for name, found in verdicts.items()}
+    holds = {name: found.verdict == statements.REPRODUCED for name, found in verdicts.items()}
     rows = []
     for name, mine in holds.items():
         others = pd.concat([other for key, other in holds.items() if key != name], axis=1).any(
@@ -71,8 +72,8 @@ def readings(verdicts: Mapping[str, pd.DataFrame]) -> str:
     rows = []
     for name, found in verdicts.items():
         other = found.as_labelled.where(found.as_labelled != "", found.verdict)
-        both = (found.verdict == checks.REPRODUCED) & (other == checks.REPRODUCED)
-        counts = [(column == checks.REPRODUCED).sum() for column in (found.verdict, other)]
+        both = (found.verdict == statements.REPRODUCED) & (other == statements.REPRODUCED)
+        counts = [(column == statements.REPRODUCED).sum() for column in (found.verdict, other)]
         rows.append([name, *counts, both.sum(), (found.as_labelled != "").sum()])
     heads = [
         "set",
@@ -86,22 +87,43 @@ def readings(verdicts: Mapping[str, pd.DataFrame]) -> str:
 
 def held_back(verdicts: Mapping[str, pd.DataFrame]) -> str:
     """Reproduced statements among those that the search saw and those held back."""
-    drawn = checks.held_back()
+    drawn = statements.held_back()
     rows = []
     for name, found in verdicts.items():
         unseen = found.index.isin(drawn)
         cells = []
         for part in (found[~unseen], found[unseen]):
-            count = int((part.verdict == checks.REPRODUCED).sum())
+            count = int((part.verdict == statements.REPRODUCED).sum())
             cells.append(f"{count} of {len(part)} ({100.0 * count / len(part):.0f} %)")
         rows.append([name, *cells])
     return tables.markdown(["set", "seen by the search", "held back"], rows)
 
 
+def changed_rules(verdicts: Mapping[str, pd.DataFrame]) -> str:
+    """Statements whose rule was changed, with the marks by the former and by the present one."""
+    former = statements.former_rules()
+    rows = [
+        [
+            one.statement,
+            one.why,
+            *(f"{found.former[key]} → {found.verdict[key]}" for found in verdicts.values()),
+        ]
+        for key, one in former.iterrows()
+    ]
+    counts = [
+        " → ".join(
+            str((column == statements.REPRODUCED).sum()) for column in (one.former, one.verdict)
+        )
+        for one in verdicts.values()
+    ]
+    rows.append(["**reproduced, all statements**", "", *counts])
+    return tables.markdown(["statement", "why the rule was changed", *verdicts], rows)
+
+
 def conclusion(verdicts: Mapping[str, pd.DataFrame]) -> dict[str, str]:
     """How many statements hold with which set, which with only one, and the attempts for the others."""
-    claims = checks.claims()
-    holds = {name: found.verdict == checks.REPRODUCED for name, found in verdicts.items()}
+    claims = statements.claims()
+    holds = {name: found.verdict == statements.REPRODUCED for name, found in verdicts.items()}
     gated, printed = holds["gated"], holds["as_printed"]
     counts = ((gated & printed), (printed & ~gated), (gated & ~printed), ~(gated | printed))
     both, by_print, by_gate, neither = (int(each.sum()) for each in counts)
@@ -110,12 +132,14 @@ def conclusion(verdicts: Mapping[str, pd.DataFrame]) -> dict[str, str]:
         return "\n".join(f"- {statement}" for statement in claims[which].statement)
 
     most = max(int(each.sum()) for each in holds.values())
+    before = max(int((found.former == statements.REPRODUCED).sum()) for found in verdicts.values())
     missed = claims[~printed]
     tried = missed.statement + " *" + missed.why.replace("", "Nothing was tried.") + "*"
     return {
         "conclusion": f"{both} statements hold with both sets, {by_print} as printed only, {by_gate} with the"
         f" added physics only, and {neither} with neither.",
-        "aim": f"The aim was {AIM} of {len(claims)} under one set; the most is {most}.",
+        "aim": f"The aim was {AIM} of {len(claims)} under one set; the most is {most}, by the former"
+        f" rules {before}.",
         "printed_only": listed(counts[1]),
         "gated_only": listed(counts[2]),
         "not_printed": "\n".join("- " + tried),

@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from studies.paper import checks, tables, trips
 from studies.paper import figures as kept
+from studies.paper import statements, tables, trips
 
 Runs = Mapping[str, Mapping[str, Any]]
 DPI, HOUR_S = 110, 3600.0
@@ -42,7 +42,7 @@ def _panels(rows: int, columns: int, height: float = 3.0) -> tuple[Figure, Any]:
 def strategy_changes(_: Runs, figures: Mapping[str, pd.DataFrame]) -> Figure:
     """Table IV: changes against the reference, printed and found by each set."""
     figure, axes = _panels(2, 3)
-    printed = checks.printed_table()
+    printed = statements.printed_table()
     names = [name for name in trips.NAMES if name != "reference"]
     columns = {"printed": printed, **figures}
     for axis, key in zip(axes.flat, tables.PAPER_ROWS, strict=True):
@@ -62,7 +62,7 @@ def strategy_changes(_: Runs, figures: Mapping[str, pd.DataFrame]) -> Figure:
 def headline(_: Runs, figures: Mapping[str, pd.DataFrame]) -> Figure:
     """MH 3+5 against the reference, printed and found by each set."""
     figure, axes = _panels(1, 1, 3.4)
-    claims = checks.claims()
+    claims = statements.claims()
     part = claims[(claims.run == tables.MULTI_HORIZON) & (claims.check == "change")]
     axis, keys = axes[0, 0], list(part.figure)
     columns = {"printed": part.printed.astype(float).tolist()}
@@ -172,7 +172,7 @@ def weighting(_: Runs, figures: Mapping[str, pd.DataFrame]) -> Figure:
         for axis, key in zip(row, FOUR, strict=True):
             for strategy in trips.WEIGHTED:
                 runs = [f"weighting/{strategy}/{number}" for number in range(1, 5)]
-                changes = checks.changes(table, runs, tables.REFERENCE, key)
+                changes = statements.changes(table, runs, tables.REFERENCE, key)
                 axis.plot(range(1, 5), changes, "o-", ms=3, lw=0.9, label=trips.NAMES[strategy])
             axis.set_title(f"{name}: {tables.LABELS[key][0].partition(' [')[0]}", fontsize=7)
             axis.set_xlabel("weight, small to large", fontsize=7)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
-from studies.paper import checks, trips
+from studies.paper import checks, statements, trips
 
 REFERENCE, PROPOSED, VICE = (
     f"strategies/{name}" for name in ("reference", "aging", "energy_aging")
@@ -83,12 +83,12 @@ def name_of(address: str) -> str:
 
 def change(figures: pd.DataFrame, run: str, figure: str, base: str = REFERENCE) -> float:
     """Relative change of a figure against a base run in percent."""
-    return float(checks.changes(figures, [run], base, figure)[0])
+    return float(statements.changes(figures, [run], base, figure)[0])
 
 
 def verdict_counts(verdicts: Mapping[str, pd.DataFrame]) -> str:
     """Numbers of reproduced, in sign only, not reproduced and not tested statements, by topic and set."""
-    claims = checks.claims()
+    claims = statements.claims()
     rows = []
     for topic in [*dict.fromkeys(claims.topic), ""]:
         row: list[object] = [topic or "**all statements**", 0]
@@ -96,15 +96,15 @@ def verdict_counts(verdicts: Mapping[str, pd.DataFrame]) -> str:
             part = found[claims.topic == topic] if topic else found
             row[1] = len(part)
             row.append(
-                " / ".join(str(int((part.verdict == mark).sum())) for mark in checks.VERDICTS)
+                " / ".join(str(int((part.verdict == mark).sum())) for mark in statements.VERDICTS)
             )
         rows.append(row)
     return markdown(["statements about", "number", *verdicts], rows)
 
 
-def statements(verdicts: Mapping[str, pd.DataFrame]) -> str:
+def by_topic(verdicts: Mapping[str, pd.DataFrame]) -> str:
     """Every statement by topic, with what each set finds."""
-    claims, parts = checks.claims(), []
+    claims, parts = statements.claims(), []
     for topic, part in claims.groupby("topic", sort=False):
         rows = []
         for key, claim in part.iterrows():
@@ -126,7 +126,7 @@ def _labelled(found: pd.Series) -> str:
 
 def strategy_table(figures: pd.DataFrame) -> str:
     """Table IV: found values with their changes, above the printed ones; both have marks."""
-    printed = checks.printed_table()
+    printed = statements.printed_table()
     rows: list[list[str]] = []
     for figure in TABLE_IV:
         column = printed[BOTH_READINGS.get(figure, figure)]
@@ -134,15 +134,15 @@ def strategy_table(figures: pd.DataFrame) -> str:
         for name in trips.NAMES:
             run = f"strategies/{name}"
             value, wanted = float(figures.at[run, figure]), float(column[run])
-            text = f"{number(value, figure)} {checks.absolute(value, wanted)}"
+            text = f"{number(value, figure)} {statements.absolute(value, wanted)}"
             print_row.append(number(wanted, figure))
             if name != "reference":
                 ours, theirs = (
                     change(figures, run, figure),
                     100.0 * (wanted / column[REFERENCE] - 1.0),
                 )
-                text += f" ({checks.percent(ours)} {checks.compared(ours, theirs)})"
-                print_row[-1] += f" ({checks.percent(theirs)})"
+                text += f" ({statements.percent(ours)} {statements.compared(ours, theirs)})"
+                print_row[-1] += f" ({statements.percent(theirs)})"
             found.append(text)
         rows += [found, print_row]
     for figure in list(LABELS)[10:]:
@@ -153,7 +153,7 @@ def strategy_table(figures: pd.DataFrame) -> str:
 
 def absolute_figures(figures: Mapping[str, pd.DataFrame]) -> str:
     """For how many strategies a figure of Table IV is met, and how far off the reference is."""
-    printed = checks.printed_table()
+    printed = statements.printed_table()
     rows = []
     for figure in TABLE_IV:
         cells = []
@@ -161,25 +161,28 @@ def absolute_figures(figures: Mapping[str, pd.DataFrame]) -> str:
             column = printed[BOTH_READINGS.get(figure, figure)]
             found = {run: float(table.at[run, figure]) for run in column.index}
             met = sum(
-                checks.absolute(x, column[run]) == checks.REPRODUCED for run, x in found.items()
+                statements.absolute(x, column[run]) == statements.REPRODUCED
+                for run, x in found.items()
             )
             off = 100.0 * (found[REFERENCE] / column[REFERENCE] - 1.0)
-            cells.append(f"{met} of {len(found)} (reference {checks.percent(off)})")
+            cells.append(f"{met} of {len(found)} (reference {statements.percent(off)})")
         rows.append([LABELS[figure][0], *cells])
     return markdown(["figure", *figures], rows)
 
 
 def headline(figures: Mapping[str, pd.DataFrame]) -> str:
     """MH 3+5 against the reference: found by each set, and printed."""
-    claims = checks.claims()
+    claims = statements.claims()
     part = claims[(claims.run == MULTI_HORIZON) & (claims.check == "change")]
     wanted = dict(zip(part.figure, part.printed.astype(float), strict=True))
     wanted |= {other: wanted[name] for other, name in BOTH_READINGS.items()}
     rows = []
     for figure, printed in wanted.items():
         found = [change(table, MULTI_HORIZON, figure) for table in figures.values()]
-        cells = [f"{checks.percent(value)} {checks.compared(value, printed)}" for value in found]
-        rows.append([LABELS[figure][0], checks.percent(printed), *cells])
+        cells = [
+            f"{statements.percent(value)} {statements.compared(value, printed)}" for value in found
+        ]
+        rows.append([LABELS[figure][0], statements.percent(printed), *cells])
     return markdown(["change, SH 15 reference to MH 3+5 aging", "printed", *figures], rows)
 
 
@@ -197,7 +200,7 @@ def runs_table(
         cells = [
             number(float(figures.at[run, key]), key)
             if run == against
-            else checks.percent(change(figures, run, key, against))
+            else statements.percent(change(figures, run, key, against))
             for key in compared
         ]
         cells += [number(float(figures.at[run, key]), key) for key in values]

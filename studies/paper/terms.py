@@ -16,7 +16,7 @@ from unittest.mock import patch
 
 import numpy as np
 import pandas as pd
-from studies.paper import checks, figures, trips
+from studies.paper import figures, statements, trips
 from studies.paper.equations import Array
 
 STAGE, GRID = "iptm_controller.ocp.motion_stage", "iptm_controller.ocp.grid"
@@ -177,7 +177,7 @@ def table(done: Mapping[str, dict[str, Any]]) -> pd.DataFrame:
             continue
         found = pd.DataFrame({run: each["figures"] for run, each in driven.items()}).T
         for run, title in TITLES.items():
-            changes = [checks.changes(found, [run], "reference", key)[0] for key in SHOWN]
+            changes = [statements.changes(found, [run], "reference", key)[0] for key in SHOWN]
             row[title] = " / ".join(f"{change:+.1f}" for change in changes)
         reference, settled = found.loc["reference"], found.settled_temperature
         energies = reference.cooling_energy, reference.traction_energy_battery
