@@ -37,14 +37,14 @@ def road_taken(runs: Sequence[Trajectory], begin: int = 0) -> dict[str, float]:
 
     Args:
         runs: the trips.
-        begin: number of rows at the beginning of each that do not count.
+        begin: number of rows at the beginning of each that do not count; nor do rows without a lead vehicle.
 
     Returns:
         ``gap_m``, mean; ``mean_headway_s`` and its median ``headway_s`` above `MOVING_M_S` (NaN without
         such rows); ``vehicles_h`` per hour and lane at the mean speed and gap.
     """
     gap_m, speed_m_s = (
-        np.concatenate([getattr(run, name)[begin:] for run in runs])
+        np.concatenate([getattr(run, name)[begin:][run.has_leader[begin:]] for run in runs])
         for name in ("gap_m", "speed_m_s")
     )
     moving = speed_m_s > MOVING_M_S

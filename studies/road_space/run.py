@@ -104,7 +104,7 @@ def run(session: Session) -> bool:
         for _, group in driven[: len(cases)].groupby("cycle", sort=False)
         for row in _rows(group)
     )
-    kept = _kept(driven[len(cases) :])
+    kept, below = _kept(driven[len(cases) :])
     of_place = table.groupby(["strategy", "perfect", "distance"], sort=False)
     front = [of_place.get_group(place) for place in FRONT]
     session.render(
@@ -116,6 +116,7 @@ def run(session: Session) -> bool:
         blind=front[3],
         far=of_place.get_group((DEFAULT, True, "120 m")),
         kept=kept,
+        below=below,
         tuned_on=", ".join(TUNED_ON),
         trip_s=LONGEST_TRIP_S,
         car_length_m=CAR_LENGTH_M,
@@ -127,7 +128,7 @@ def run(session: Session) -> bool:
 
 
 def _leader_cases(session: Session) -> list[Case]:
-    """Return the trips behind all cycles and measured leaders, of three controls without a preview."""
+    """Return the trips behind cycles and measured lead vehicles, of three controls without a preview."""
     extent = (1, SHORTEST_S) if session.short else (SCENES, LONGEST_S)
     published = () if session.short else CYCLE_NAMES
     routes = trip_cycles(
@@ -184,18 +185,18 @@ def _rows(group: pd.DataFrame) -> list[dict[str, Any]]:
     ]
 
 
-def _kept(driven: pd.DataFrame) -> pd.DataFrame:
-    """Return how each control kept its distance behind each kind of lead vehicle."""
-    found = [
-        {"strategy": each.strategy, "kind": each.kind, **following(each.run)}
-        for each in driven.itertuples()
-        if each.run is not None
-    ]
-    groups = pd.DataFrame(found).groupby(["kind", "strategy"], sort=False)
-    return groups.agg(
+def _kept(driven: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return how each control kept its distance by kind of lead vehicle, and where the default did not."""
+    each = pd.DataFrame(
+        {"strategy": one.strategy, "kind": one.kind, "leader": one.cycle, **following(one.run)}
+        for one in driven.itertuples()
+        if one.run is not None
+    )
+    summed = each.groupby(["kind", "strategy"], sort=False).agg(
         trips=("margin_m", "size"),
         margin_m=("margin_m", "min"),
         below_s=("below_s", "sum"),
         smallest_gap_m=("smallest_gap_m", "min"),
         interventions=("interventions", "sum"),
-    ).reset_index()
+    )
+    return summed.reset_index(), each[(each.strategy == DEFAULT) & (each.below_s > 0)]

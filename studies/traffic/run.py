@@ -7,28 +7,33 @@ from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 from studies.pages import STUDIES
+from studies.savings import BASES, road_taken, savings
+from studies.savings import COLUMNS as SAVINGS
 from studies.session import Session
 
-from iptm.parts import KM_H_PER_M_S, load_parameters, saved_percent, table_of
+from iptm.parts import KM_H_PER_M_S, RunMetrics, load_parameters, table_of
 from iptm_traffic.demand import DemandSettings, TrafficScenario
 from iptm_traffic.drive import PredictionInput, TrafficDrive, drive_in_traffic
 from iptm_traffic.own_network import OwnNetwork
 
 MEASURES_TIME = True
 SHORT_S = 60.0
+DEFAULT = "default"
+DISTANCES = {"production": "1.6 s", "eco_acc": "3.5 s", DEFAULT: "120 m"}
 _TOWN = STUDIES.parent / "docs" / "examples" / "town"
 TOWN = OwnNetwork(_TOWN / "town.netccfg", (_TOWN / "town.rou.xml",), "round_trip")
 COLUMNS = {
     "scenario": "`{scenario}`",
-    "known": "`{knowledge}`",
+    "control": "`{control}`",
+    **dict(SAVINGS),
     "way:": "{distance_km:.2f} km",
     "battery energy:": "{battery_energy_kj:.0f} kJ",
     "degradation:": "{degradation_1e7:.3f}·10⁻⁷",
-    "ageing while driving saved:": "{saved_percent:.1f} %",
     "smallest gap:": "{smallest_gap_m:.2f} m",
     "smallest margin to s_min:": "{smallest_margin_m:.2f} m",
     "lines passed:": "{lines_passed}",
@@ -58,20 +63,20 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def row_of(drive: TrafficDrive) -> dict[str, Any]:
-    """Return the figures of one drive, compared with the reference strategy in the same traffic."""
-    parameters = load_parameters().values
-    reference = drive_in_traffic(
-        replace(drive, strategy="reference", knowledge=TrafficDrive.knowledge), parameters
-    )
-    result = drive_in_traffic(drive, parameters)
-    run, other, world = result.metrics, reference.metrics, result.world
+    """Return the figures of one drive, and its `RunMetrics`."""
+    result = drive_in_traffic(drive, load_parameters().values)
+    run, world = result.metrics, result.world
+    control = drive.strategy if drive.strategy in BASES else DEFAULT
     return {
-        "scenario": result.drive.title,
-        "knowledge": str(result.drive.knowledge),
+        "scenario": drive.title,
+        "control": control,
+        "distance": DISTANCES[control],
+        "preview": str(drive.knowledge) if control == DEFAULT else "none",
+        **road_taken([result.trajectory]),
+        "metrics": run,
         "distance_km": 1e-3 * run.distance_m,
         "battery_energy_kj": 1e-3 * run.battery_energy_j,
         "degradation_1e7": 1e7 * run.degradation,
-        "saved_percent": saved_percent(run.degradation, other.degradation),
         "smallest_gap_m": run.smallest_gap_m,
         "smallest_margin_m": world.smallest_margin_m,
         "lines_passed": len(world.lines),
@@ -106,14 +111,16 @@ def run(session: Session) -> bool:
         )
         for name in scenarios
     ]
-    calls = [
-        {"drive": replace(drive, knowledge=knowledge)}
+    driven = [
+        replace(drive, knowledge=knowledge)
         for drive in drives
         for knowledge in known
         if drive.own is None or knowledge is not PredictionInput.PATH
     ]
-    names = [f"{call['drive'].title}, {call['drive'].knowledge}" for call in calls]
-    rows = [row for row in session.compute(row_of, calls, names) if row is not None]
+    driven += [replace(drive, strategy=base) for drive in drives for base in BASES]
+    names = [f"{drive.title}, {drive.strategy}, {drive.knowledge}" for drive in driven]
+    calls = [{"drive": drive} for drive in driven]
+    rows = with_savings([row for row in session.compute(row_of, calls, names) if row is not None])
     text = (
         f"Trips of {duration_s:g} s, seed {options.seed}; {os.cpu_count()} processors, "
         f"with other work on them (mean load {os.getloadavg()[0]:.0f})."
@@ -123,3 +130,18 @@ def run(session: Session) -> bool:
         parts.setdefault("town" if row["scenario"] == TOWN.net.name else "drives", []).append(row)
     session.fill({name: f"{text}\n\n{table_of(part, COLUMNS)}" for name, part in parts.items()})
     return not session.failures
+
+
+def with_savings(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Add savings to rows, ordered by scenario; rows of scenarios that lack a base are left out."""
+    by_place: dict[str, dict[str, RunMetrics]] = {}
+    for row in rows:
+        by_place.setdefault(row["scenario"], {})[row["control"]] = row["metrics"]
+    parameters = load_parameters().values
+    return [
+        {**row, **savings([row["metrics"]], {base: [found[base]] for base in BASES}, parameters)}
+        for scenario, found in by_place.items()
+        if {*BASES} <= {*found}
+        for row in rows
+        if row["scenario"] == scenario
+    ]

@@ -114,7 +114,9 @@ def test_the_search_for_the_real_headway_follows_what_was_driven(tmp_path: Path)
             self.limits_s += [case.call["overrides"]["gap.max_time_headway_s"] for case in cases]
             headway_s = self.headway_s(self.limits_s[-1])
             speed = np.full(51, 10.0)
-            trajectory = SimpleNamespace(speed_m_s=speed, gap_m=headway_s * speed)
+            trajectory = SimpleNamespace(
+                speed_m_s=speed, gap_m=headway_s * speed, has_leader=np.full(speed.shape, True)
+            )
             return pd.DataFrame({"run": [SimpleNamespace(trajectory=trajectory)]})
 
     settings = [Setting(made_scene(20.0), CAR, AMBIENT_C)]
