@@ -141,6 +141,29 @@ def test_when_a_line_changes_is_told_to_the_tenth_across_the_hour() -> None:
     assert signal.closed_until_s(now_s + 20.0) - now_s == pytest.approx(40.1, abs=1e-6)
 
 
+@pytest.mark.parametrize("offset_ms", [-500, -200, 0, 200, 500])
+@pytest.mark.parametrize("delay_ms", [0, 100])
+def test_times_of_a_light_are_corrected_by_the_offset_of_its_clock(
+    offset_ms: int, delay_ms: int
+) -> None:
+    """Closed from 10 s to 20 s: what is open by the own clock is open; at most 0.6 s of it are given away."""
+    rules = RoadsideTable(ROAD)
+    assert rules.take(lanes(), NOW_MS) is None
+    for second in range(5):
+        sent_ms = NOW_MS + 1000 * second + offset_ms
+        ends = [(10.0, GREEN), (20.0, RED), (40.0, GREEN)]
+        stated = [(state, end - second, end - second) for end, state in ends]
+        heard_ms = sent_ms - offset_ms + delay_ms
+        assert rules.take(phases(sent_ms, *stated), heard_ms) is None
+    rules.refresh(heard_ms, 0.0)
+    (signal,) = rules.ego.signals
+    closed_s = [after for after in np.arange(5.0, 39.0, 0.05) if not signal.is_open(NOW_S + after)]
+    delay_s = 1e-3 * delay_ms
+    # Ahead, the delay of the fastest message is not known: the line closes so much later than stated.
+    assert closed_s[0] <= 10.0 + delay_s + 0.06
+    assert 20.0 - 0.06 <= closed_s[-1] <= 20.0 + 0.5 + delay_s + 0.06
+
+
 def test_all_groups_of_a_line_have_to_be_open() -> None:
     ways = ((20, 1), (21, 2))
     base = lanes()

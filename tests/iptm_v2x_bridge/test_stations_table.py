@@ -111,8 +111,8 @@ def test_the_next_message_has_to_fit(
 @pytest.mark.parametrize(
     ("age_ms", "reason"),
     [
-        (-199, None),
-        (-201, Rejection.FUTURE),
+        (-499, None),
+        (-501, Rejection.FUTURE),
         (2999, None),
         (3001, Rejection.STALE),
         (40_000, Rejection.FUTURE),

@@ -146,8 +146,12 @@ def leader_track(station: Station, road: RoadLine, now_s: float | None = None) -
 
 
 def _allowing_for_its_clock(station: Station) -> tuple[Observation, ...]:
-    """Return what a station sent; the way that it moves while its clock is behind widens the bounds."""
-    behind_s = station.clock_behind_s
+    """Return what a station sent; the way that it moves while its clock is behind widens the bounds.
+
+    A clock that is ahead makes the station seem nearer, which needs no bound. Its times are not moved back:
+    one of two senders with the same identity could place the other one farther away.
+    """
+    behind_s = station.clock.behind_s
     if not behind_s:
         return tuple(station.observations)
     return tuple(

@@ -7,7 +7,7 @@ messages are counted by reason.
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -27,12 +27,15 @@ from iptm_v2x_bridge.roadside.interpretation import (
     stop_lines,
     surely_closed,
 )
-from iptm_v2x_bridge.stations.plausibility import MAX_AGE_MS, MAX_AHEAD_MS
+from iptm_v2x_bridge.stations.plausibility import LARGEST_OFFSET_MS, MAX_AGE_MS
+from iptm_v2x_bridge.stations.station import ClockOffset
 
 PHASES_KNOWN_MS = 5000
 """Age at which phases expire; the line is then treated as one without a signal."""
 MAX_INTERSECTIONS = 256
 """Largest number kept; the farthest map and the oldest phases are discarded."""
+CLOCK_MESSAGES = 10
+"""Newest messages of an intersection whose ages show the offset of its clock."""
 _REVISIONS = 128
 _Part = IntersectionPhases | IntersectionMap
 _KINDS: dict[MessageKind, Callable[[bytes, int], Sequence[_Part] | Rejection]] = {
@@ -64,6 +67,7 @@ class RoadsideTable:
     def _clear(self) -> None:
         self._maps: dict[IntersectionId, tuple[IntersectionMap, tuple[StopLine, ...]]] = {}
         self._phases: dict[IntersectionId, IntersectionPhases] = {}
+        self._ages_ms: dict[IntersectionId, deque[int]] = {}
         self.accepted: Counter[MessageKind] = Counter()
         self.rejections = RejectionCounts()
         self.left_out: Counter[LeftOut] = Counter()
@@ -110,7 +114,7 @@ class RoadsideTable:
         return self._take_phases(part, now_ms)
 
     def _take_phases(self, phases: IntersectionPhases, now_ms: int) -> Rejection | None:
-        if phases.sent_ms > now_ms + MAX_AHEAD_MS:
+        if phases.sent_ms > now_ms + LARGEST_OFFSET_MS:
             return Rejection.FUTURE
         if phases.sent_ms < now_ms - MAX_AGE_MS:
             return Rejection.STALE
@@ -124,8 +128,11 @@ class RoadsideTable:
                 return reason
         # In the order of arrival: the first one is the oldest.
         self._phases[phases.intersection] = phases
+        ages_ms = self._ages_ms.setdefault(phases.intersection, deque(maxlen=CLOCK_MESSAGES))
+        ages_ms.append(now_ms - phases.sent_ms)
         if len(self._phases) > MAX_INTERSECTIONS:
-            del self._phases[next(iter(self._phases))]
+            oldest = next(iter(self._phases))
+            del self._phases[oldest], self._ages_ms[oldest]
             self.rejections.add(Rejection.TABLE_FULL)
         return None
 
@@ -183,15 +190,31 @@ class RoadsideTable:
             for signal in self._given.signals
             if all(abs(signal.stop_line_m - line.position_m) >= SAME_LINE_M for line in lines)
         ]
-        cautious = [_signal(line, phases, surely=True) for line, phases in known.items()]
+        cautious = [self._signal(line, phases, surely=True) for line, phases in known.items()]
         likely = [
-            _signal(line, phases, surely=False)
+            self._signal(line, phases, surely=False)
             for line, phases in known.items()
             if phases is not None
         ]
         self.ego.signals = _in_order([*given, *cautious])
         self.leader.signals = _in_order([*given, *likely])
         self._known = {line.position_m: phases for line, phases in known.items()}
+
+    def _signal(self, line: StopLine, phases: IntersectionPhases | None, *, surely: bool) -> Signal:
+        """Return a line that is open while all of its groups are, by the own clock.
+
+        The times of a clock that is ahead are moved back. One that may be behind opens so much later.
+        """
+        if phases is None:
+            return Signal(line.position_m, ALWAYS)
+        clock = ClockOffset.of(self._ages_ms[line.intersection])
+        closed, later_s = (surely_closed, clock.behind_s) if surely else (likely_closed, 0.0)
+        spans = (
+            (begins - clock.ahead_s, ends - clock.ahead_s + later_s)
+            for group in line.groups
+            for begins, ends in closed(phases.groups[group])
+        )
+        return Signal(line.position_m, joined(spans))
 
     def report(self) -> dict[str, object]:
         """Return numbers for the diagnostics: what is known from where, and what was left out."""
@@ -222,15 +245,6 @@ def _out_of_order(before_ms: int, after_ms: int) -> Rejection | None:
     if after_ms > before_ms:
         return None
     return Rejection.DUPLICATE if after_ms == before_ms else Rejection.OLDER
-
-
-def _signal(line: StopLine, phases: IntersectionPhases | None, *, surely: bool) -> Signal:
-    """Return a line that is open while all of its groups are."""
-    if phases is None:
-        return Signal(line.position_m, ALWAYS)
-    closed = surely_closed if surely else likely_closed
-    spans = (span for group in line.groups for span in closed(phases.groups[group]))
-    return Signal(line.position_m, joined(spans))
 
 
 def _in_order(signals: list[Signal]) -> tuple[Signal, ...]:

@@ -19,8 +19,8 @@ from iptm_v2x_bridge.rejections import Rejection
 
 MAX_AGE_MS = 3000
 """Age beyond which messages are discarded."""
-MAX_AHEAD_MS = 200
-"""How far ahead of the receiver's clock a sender's may be."""
+LARGEST_OFFSET_MS = 500
+"""Largest offset of a sender's clock that is allowed for: clocks set by satellites are closer by far."""
 MAX_TIMES_APART_MS = 2000
 """Between the positions of the packet and of the message."""
 MAX_SPEED_M_S = 70.0
@@ -48,7 +48,7 @@ def generation_time_ms(
         apart = (packet_timestamp_ms - generated_ms) % TIMESTAMP_MODULUS_MS
         if min(apart, TIMESTAMP_MODULUS_MS - apart) > MAX_TIMES_APART_MS:
             return Rejection.TIMESTAMPS
-    if generated_ms > now_ms + MAX_AHEAD_MS:
+    if generated_ms > now_ms + LARGEST_OFFSET_MS:
         return Rejection.FUTURE
     if generated_ms < now_ms - MAX_AGE_MS:
         return Rejection.STALE

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from iptm_core.routes.road_line import RoadFix, RoadLine
 from iptm_v2x_bridge.messages.cam import ASSUMED_WIDTH_M, SLOW_M_S, CamMessage, PredictedPath
 from iptm_v2x_bridge.rejections import Rejection
-from iptm_v2x_bridge.stations.plausibility import contradiction, lies_between, same_measurement
+from iptm_v2x_bridge.stations.plausibility import (
+    LARGEST_OFFSET_MS,
+    contradiction,
+    lies_between,
+    same_measurement,
+)
 
 LATERALS = 16
 """Distances from the path of the ego vehicle kept of a station: more than a second at 10 Hz."""
@@ -48,8 +54,6 @@ OVERLAP_MS = 1000
 """A message that is older than this when it arrives is not compared with those around its generation."""
 DENSE_MS = 500
 """Between messages no farther apart than this, a station moves smoothly."""
-LARGEST_OFFSET_MS = 500
-"""Largest offset of a clock that is allowed for: clocks set by satellites are closer by far."""
 CLOCK_LEARNING_MS = 1000
 """Time after its first message in which the clock offset of a station is learnt."""
 CLOCK_TOLERANCE_MS = 50
@@ -77,6 +81,28 @@ class Observation:
     def moved_on_m(self, time_s: float) -> float:
         """Return where the rear end is at another time if the speed is kept."""
         return self.position_m + self.speed_m_s * (time_s - self.time_s)
+
+
+@dataclass(frozen=True)
+class ClockOffset:
+    """Of the clock of a sender, in s; at most one of both is not 0.
+
+    No message arrives before it was sent: a smallest age below zero proves that the clock is ahead by as
+    much, at least. One above zero is the delay of the fastest message and what the clock is behind.
+
+    Attributes:
+        ahead_s: by how much it is ahead at least.
+        behind_s: by how much it may be behind.
+    """
+
+    ahead_s: float = 0.0
+    behind_s: float = 0.0
+
+    @classmethod
+    def of(cls, ages_ms: Iterable[int]) -> ClockOffset:
+        """Return what the ages of messages show; there is at least one."""
+        age_s = 1e-3 * min(max(min(ages_ms), -LARGEST_OFFSET_MS), LARGEST_OFFSET_MS)
+        return cls(max(-age_s, 0.0), max(age_s, 0.0))
 
 
 class Station:
@@ -214,13 +240,9 @@ class Station:
         return generated_ms - now_ms > self._clock_ahead_ms + CLOCK_TOLERANCE_MS
 
     @property
-    def clock_behind_s(self) -> float:
-        """By how much its clock may be behind, in s.
-
-        No message arrives before it was sent, so the smallest age is the delay of the fastest message and
-        what the clock is behind. A clock that is ahead makes a vehicle seem nearer, which needs no bound.
-        """
-        return 1e-3 * min(max(min(self._ages_ms), 0), LARGEST_OFFSET_MS)
+    def clock(self) -> ClockOffset:
+        """What the ages of its last messages show of its clock."""
+        return ClockOffset.of(self._ages_ms)
 
     def _vote(self) -> None:
         """Change lanes only after several consecutive messages in the new lane."""
