@@ -8,6 +8,7 @@ while the driver has a foot on a pedal or the suite is not engaged.
 from __future__ import annotations
 
 import ctypes
+import math
 import subprocess
 import tempfile
 from collections import Counter
@@ -17,6 +18,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from iptm.parts import MeasurementError
+from iptm_vehicle_interface.bench_car import STEP_S
 from iptm_vehicle_interface.bus import Frame
 from iptm_vehicle_interface.drive_record import read_frames
 from iptm_vehicle_interface.frames import FrameCodec
@@ -127,19 +129,22 @@ def judged(library: Any, car: ForeignCar, log: Path) -> Counter[str]:
 
     Returns:
         Requests while engaged, how many of these were blocked, and requests beside 0 while a pedal was
-        pressed or the suite was not engaged.
+        pressed or the suite was not engaged. A request that the car takes in the step in which it states a
+        pedal was in flight: it is counted beside, whatever becomes of it.
     """
     if library.set_safety_hooks(car.mode, _LONGITUDINAL):
         raise MeasurementError(f"{car.name} is not in this opendbc")
-    counts: Counter[str] = Counter()
+    counts: Counter[str] = Counter({"in flight": 0})
     brake = gas = engaged = False
-    stated = 0
+    stated, pressed_s = 0, -math.inf
     for count, (is_request, time_s, value, flags) in enumerate(_events(log)):
         library.judge_time(int(time_s * 1e6) & 0xFFFFFFFF)
         changed = is_request and flags[0] is not engaged
         if is_request:
             engaged = flags[0]
         else:
+            if any(flags) and not (brake or gas):
+                pressed_s = time_s
             brake, gas = flags
         if changed or not is_request:
             for bus, address, data in car.driver(DriverState(brake, gas, engaged), stated):
@@ -149,6 +154,9 @@ def judged(library: Any, car: ForeignCar, log: Path) -> Counter[str]:
             continue
         data = car.request(value, count)
         passed = bool(library.judge_lets_pass(0, car.address, data, len(data)))
+        if engaged and time_s - pressed_s < STEP_S / 2.0:
+            counts["in flight"] += 1
+            continue
         counts["engaged"] += engaged
         counts["inactive"] += not engaged
         counts["blocked while engaged"] += engaged and not passed

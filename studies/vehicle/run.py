@@ -1,7 +1,7 @@
 """The vehicle interface in real time on the bench car, killed, disturbed and judged, and what it costs.
 
-Drives in real time are kept under results/vehicle and not driven again. A busy machine shows in them: it
-should do little else meanwhile.
+Drives in real time, and the table of the leaders, are kept under results/vehicle and not made again. A busy
+machine shows in the former: it should do little else meanwhile.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ FAULTS: Mapping[str, list[str]] = {
     "driver accelerates": ["--press", f"accelerator_pressed:{FAULT_AT_S}:2"],
     "the vehicle reports a fault": ["--press", f"vehicle_fault:{FAULT_AT_S}:1"],
 }
-KILLS, KILL_CYCLE, KILL_SEED = 200, "wltc_class3b", 39
+KILLS, KILL_CYCLE, KILL_SEED = 200, "wltc_class3b", 40
 AUTHORITIES = (
     ("none", 3.5, 1.5),
     ("none", 8.0, 1.5),
@@ -79,8 +79,11 @@ def run(session: Session) -> bool:
     values: dict[str, Any] = dict.fromkeys(
         ("drives", "kills", "faults", "judge", "replay", "i3", "log")
     )
-    values |= _leaders(session)
-    if not session.short:
+    if session.short:
+        leaders = _leaders(session)
+    else:
+        rows = kept(session.scratch / "leaders.json", lambda: _leaders(session).to_dict("records"))
+        leaders = pd.DataFrame(rows)
         values["drives"] = _drives(session)
         values["kills"] = _kills(session)
         values["faults"] = _faults(session)
@@ -92,8 +95,8 @@ def run(session: Session) -> bool:
         values["i3"] = _i3(options.i3)
     if options.log:
         values["log"] = public_log(session, options.log)
-    session.render(trials=BRAKING_TRIALS, **values)
-    held = [(values["leaders"].collisions == 0).all()]
+    session.render(trials=BRAKING_TRIALS, leaders=leaders, **values)
+    held = [(leaders.collisions == 0).all()]
     held += [(values[name].gap_m > 0.0).all() for name in _ON_THE_BENCH if values[name] is not None]
     if values["judge"] is not None:
         held.append((values["judge"].blocked_while_engaged == 0).all())
@@ -268,7 +271,8 @@ def _judge(session: Session, package: Path) -> pd.DataFrame:
     for car in CARS:
         counts: Counter[str] = Counter()
         for log in logs:
-            counts.update(judged(library, car, log))
+            path = log.with_name(f"judged_by_{car.name}.json")
+            counts.update(kept(path, partial(judged, library, car, log)))
         rows.append({"car": car.name, **{key.replace(" ", "_"): n for key, n in counts.items()}})
     return pd.DataFrame(rows)
 
@@ -289,7 +293,7 @@ def _i3(path: Path) -> dict[str, float]:
 # --- with the authority of the channel, without a bus
 
 
-def _leaders(session: Session) -> dict[str, Any]:
+def _leaders(session: Session) -> pd.DataFrame:
     """Drive behind measured leaders, and behind ones that brake, with the authority of the channel."""
     extent = (1, SHORTEST_S) if session.short else (SCENES, LONGEST_S)
     scenes = measured_scenes(None, session.say, *extent)
@@ -345,7 +349,7 @@ def _leaders(session: Session) -> dict[str, Any]:
                 / 36.0,
             }
         )
-    return {"leaders": pd.DataFrame(rows)}
+    return pd.DataFrame(rows)
 
 
 def _with_authority(preview: str, authority_m_s2: float, headway_s: float) -> dict[str, Any]:

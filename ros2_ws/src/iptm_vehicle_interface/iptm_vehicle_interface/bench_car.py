@@ -33,6 +33,7 @@ TIMEOUT_S = 0.08
 """Age of the last command from which the car is inactive by itself."""
 DRIVER_REACTION_S = 1.0
 """Time after the car has become inactive in which neither suite nor driver acts: it coasts."""
+DRIVER_MARGIN_M = 2.0
 COASTING_M_S2 = -0.3
 RADAR_RANGE_M = 250.0
 PERIODS: dict[str, int] = {"SPEED": 1, "PEDALS": 2, "RADAR": 5, "BATTERY": 10, "THERMAL": 100}
@@ -190,7 +191,18 @@ class BenchCar:
             return 1.5
         if self.time_s - self._inactive_since_s < DRIVER_REACTION_S:
             return COASTING_M_S2 if self.state.speed_m_s > 0.0 else 0.0
-        return safe_following(self.state, leader, self._driver, 1.0).acceleration_m_s2
+        following = safe_following(self.state, leader, self._driver, 1.0).acceleration_m_s2
+        return min(following, self._in_need_m_s2(leader))
+
+    def _in_need_m_s2(self, leader: LeaderState) -> float:
+        """Return how hard the driver brakes where the comfortable law comes too late; else nothing hinders."""
+        closing = self.state.speed_m_s - leader.speed_m_s
+        delay_m = closing * (DEAD_TIME_S + LAG_S)
+        room_m = leader.position_m - self.state.position_m - DRIVER_MARGIN_M - delay_m
+        needed = closing * closing / (2.0 * max(room_m, 0.1)) if closing > 0.0 else 0.0
+        if needed < -self._driver.limits.min_acceleration_m_s2:
+            return math.inf
+        return max(-needed, self.parameters.limits.min_acceleration_m_s2)
 
     def _note(self, leader: LeaderState, active: bool) -> None:  # noqa: FBT001
         log = self.log
