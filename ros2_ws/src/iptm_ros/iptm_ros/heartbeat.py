@@ -9,6 +9,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterable
+from pathlib import Path
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -45,9 +46,11 @@ class Heartbeat:
         while not self._ended.wait(PERIOD_S) and self._node.context.ok():
             if not self._publisher.get_subscription_count():
                 continue
-            if not drives_a_car and (main := threading.main_thread().native_id) is not None:
-                # A thread that waits for its turn with the lock of the interpreter holds this one up.
-                go_first(main, REAL_TIME_PRIORITY // 2)
+            if not drives_a_car:
+                # One that waits for its turn with a lock of interpreter or middleware holds this one up.
+                for thread in Path("/proc/self/task").iterdir():
+                    go_first(int(thread.name), REAL_TIME_PRIORITY // 2)
+                go_first()
                 drives_a_car = True
             self._publisher.publish(message)
 
