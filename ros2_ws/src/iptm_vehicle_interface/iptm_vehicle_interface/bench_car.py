@@ -195,7 +195,7 @@ class BenchCar:
         return min(following, self._in_need_m_s2(leader))
 
     def _in_need_m_s2(self, leader: LeaderState) -> float:
-        """Return how hard the driver brakes where the comfortable law comes too late; else nothing hinders."""
+        """Return how hard the driver brakes where the comfortable law comes too late, else infinity."""
         closing = self.state.speed_m_s - leader.speed_m_s
         delay_m = closing * (DEAD_TIME_S + LAG_S)
         room_m = leader.position_m - self.state.position_m - DRIVER_MARGIN_M - delay_m
