@@ -277,10 +277,10 @@ class Controller:
 
         What comes of it is optimal or yet to fall back.
         """
-        last = self._ladder.plan_at(state.time_s)
+        rules, last = measured.rules, self._ladder.plan_at(state.time_s)
         guess = self.plan_data.expected(last, state)
         forecast = None if leader is None else self._forecaster.forecast(leader, measured.preview)
-        motion, limiting = self._road.lead(state, measured.rules, forecast)
+        motion, limiting = self._road.lead(state, rules, forecast)
         known_s = LOOK_AHEAD_S
         if forecast is not None and leader is not None:
             known_s = forecast.known_s - (state.time_s - leader.time_s)
@@ -297,7 +297,7 @@ class Controller:
         if self._traction is not None:
             self._traction.remember(state, measured.slope)
             thermal = self._traction.samples(state, motion, known_s, measured.slope)
-        lawful_m_s = self._road.speed_limits_m_s(measured.rules, guess.motion)
+        lawful_m_s = self._road.speed_limits_m_s(rules, guess.motion)
         limits_m_s = self._power.slower(lawful_m_s)
         data, start = self.plan_data.problem(
             state, guess, motion, limiting, measured.slope, known_s, value, thermal, limits_m_s

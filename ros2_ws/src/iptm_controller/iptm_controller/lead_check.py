@@ -102,7 +102,7 @@ class LeadCheck:
         sizes = preview.times_s.size, preview.positions_m.size, preview.speeds_m_s.size
         if not min(sizes):
             return None
-        speed_m_s, age_s = float(preview.speeds_m_s[0]), preview.age_s(state.time_s)
+        speed_m_s, age_s = float(preview.speeds_m_s[0]), state.time_s - preview.generated_at_s
         position_m = float(preview.positions_m[0]) + speed_m_s * age_s
         if not (0.0 <= age_s <= FRESH_S and math.isfinite(position_m)):
             return None

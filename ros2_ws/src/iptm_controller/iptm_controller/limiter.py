@@ -19,6 +19,7 @@ class CommandLimiter:
 
     def __init__(self, limits: LimitParameters, tick_s: float) -> None:
         self._limits = limits
+        self._power_range_w = limits.lowest_thermal_power_w, limits.max_compressor_power_w
         self._tick_s = tick_s
 
     def limit(self, command: Command, state: VehicleState) -> tuple[Command, tuple[str, ...]]:
@@ -28,14 +29,14 @@ class CommandLimiter:
             The command within all bounds, and the bounds that changed it by more than round-off.
         """
         limits, tick_s = self._limits, self._tick_s
-        power_range_w = limits.lowest_thermal_power_w, limits.max_compressor_power_w
+        low_w, high_w = self._power_range_w
         reasons: list[str] = []
         acceleration = command.acceleration_m_s2
         power = command.compressor_power_w
         last_acceleration = min(
             max(state.acceleration_m_s2, limits.min_acceleration_m_s2), limits.max_acceleration_m_s2
         )
-        last_power = min(max(state.compressor_power_w, power_range_w[0]), power_range_w[1])
+        last_power = min(max(state.compressor_power_w, low_w), high_w)
         if not math.isfinite(acceleration):
             acceleration = min(last_acceleration, 0.0)
             reasons.append("acceleration not finite")
@@ -56,7 +57,7 @@ class CommandLimiter:
         for label, low, high in steps:
             acceleration = _clamp(acceleration, low, high, label, reasons, TOLERANCE)
         power_steps = (
-            ("compressor power bound", *power_range_w),
+            ("compressor power bound", low_w, high_w),
             ("compressor rate", last_power - rate_step, last_power + rate_step),
         )
         for label, low, high in power_steps:

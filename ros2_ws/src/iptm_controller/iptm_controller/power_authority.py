@@ -40,6 +40,7 @@ class PowerAuthority:
         self, parameters: ModelParameters, tick_s: float, times_s: FloatArray | None = None
     ) -> None:
         self._parameters = parameters
+        self._is_limited = parameters.pack_limits.limited
         self._tick_s = tick_s
         self._times_s = np.empty(0) if times_s is None else times_s
         energy_wh = parameters.cell.nominal_capacity_ah * parameters.pack.parallel
@@ -56,7 +57,7 @@ class PowerAuthority:
             share: what the sensors of the pack leave of its power.
         """
         self._state, self._slope = state, slope
-        if self._parameters.pack_limits.limited:
+        if self._is_limited:
             cells = CellPair(
                 state.cell_1_temperature_k,
                 state.cell_n_temperature_k,

@@ -42,7 +42,7 @@ class SenderClock:
         memory = self.memory
         if now_s < memory.shown_s or now_s - memory.shown_s > FORGOTTEN_AFTER_S:
             memory = ClockMemory()
-        ahead_s = -preview.age_s(now_s) if preview.times_s.size else 0.0
+        ahead_s = preview.generated_at_s - now_s if preview.times_s.size else 0.0
         if _RESOLUTION_S < ahead_s <= LARGEST_OFFSET_S and ahead_s >= memory.ahead_s:
             memory = ClockMemory(ahead_s, now_s)
         self.memory = memory

@@ -135,6 +135,7 @@ class TemperatureValuation:
             aging_weight: lambda_Q.
         """
         self._parameters = parameters
+        self._heat_capacity_j_k = parameters.pack_heat_capacity_j_k
         self._aging_weight = aging_weight
         self._horizon_s = horizon_s
         self._trip_duration_s = trip_duration_s
@@ -183,7 +184,7 @@ class TemperatureValuation:
         current_a = c_rate_1_h * cell.nominal_capacity_ah * pack.parallel
         power_w = current_a * pack.open_circuit_voltage_v
         saved_w_k = self._performance * sensitivity_1_k * power_w
-        return self._parameters.pack_heat_capacity_j_k * (1.0 + load) / saved_w_k
+        return self._heat_capacity_j_k * (1.0 + load) / saved_w_k
 
     def _foresee(self, state: VehicleState, leader: LeaderPreview) -> float:
         """Return the mean aging rate of a vehicle that moves like the leader on a flat road, uncooled.

@@ -67,6 +67,7 @@ class ProblemDataBuilder:
         """
         self._grid = grid
         self.strategy = strategy
+        self._scale = strategy.scale
         self._model = model
         self._limits = model.limits
         lengths = grid.horizon.step_lengths_s
@@ -205,7 +206,7 @@ class ProblemDataBuilder:
 
     def shared(self, state: VehicleState, value: TemperatureValue) -> FloatArray:
         """Return the parameters that all steps share, shape (GLOBALS,)."""
-        strategy, scale = self.strategy, self.strategy.scale
+        strategy, scale = self.strategy, self._scale
         weights, reference_k = strategy.weights, strategy.reference_temperature_k
         if value.temperature_weight_1_k2_s > 0.0:  # two parabolas are one, up to a constant
             weight, further = weights["temperature_weight"], value.temperature_weight_1_k2_s
