@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import iptm
@@ -11,7 +12,7 @@ from iptm.climate import CLIMATES
 from iptm.service_life.losses import losses_by_cause
 from iptm.service_life.trip_map import nominal_energy_j, trip_map
 from iptm.service_life.usage import USAGES
-from iptm.service_life.year import year_of
+from iptm.service_life.year import COOLING_COP, UPPER_LIMIT_K, _Day, heat_capacity_j_k, year_of
 from iptm_core.aging_laws.cells import AGING_CELLS
 
 TRIP = {"strategy": "production", "duration_s": 60.0, "compile_code": False}
@@ -42,6 +43,17 @@ def test_the_years_are_those_of_the_trips_driven_from_each_temperature(run: iptm
         365.25 * 10.0 / 7.0 * run.figures["distance"], rel=0.01
     )
     assert "Rome (trips in air of 35 degC), commuter" in found.sentence
+
+
+def test_a_pack_that_a_trip_leaves_too_hot_is_cooled_to_the_limit(run: iptm.Run) -> None:
+    """2 K above it: their heat, and a joule of the compressor takes 2.4 of it."""
+    trip = trip_map([run.trajectory] * 2, nominal_energy_j(run.parameters))
+    hot = replace(trip, start_k=np.array([300.0, 310.0]), end_k=np.full(2, UPPER_LIMIT_K + 2.0))
+    day = _Day(run.parameters, USAGES[0], CLIMATES[1], 6, UPPER_LIMIT_K, 305.0, 0.8)
+    day.drive(hot)
+    heat_j = 2.0 * heat_capacity_j_k(run.parameters)
+    assert day.compressor_j == pytest.approx(trip.compressor_j[0] + heat_j / COOLING_COP)
+    assert day.kelvin == UPPER_LIMIT_K
 
 
 def test_heat_and_years_cost_capacity(run: iptm.Run) -> None:

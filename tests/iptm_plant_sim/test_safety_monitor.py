@@ -193,6 +193,22 @@ def test_an_interval_without_need_is_bit_by_bit_that_of_a_vehicle_without_monito
         state = step.state
 
 
+def test_brakes_are_held_across_the_end_of_an_interval() -> None:
+    """It brakes from 0.9 s on; then the vehicle ahead leaves the lane."""
+    assert ROAD.slippery is not None
+    motion = (10.0, 0.0, 0.0, 1.0, 0.0)
+    safe_m = max(MONITOR.safe_distance_m(*motion, road) for road in (ROAD.full, ROAD.slippery))
+    plant, state = driving(10.0)
+    plant.watch(lead_at(safe_m + 8.5, 0.0))
+    step = plant.advance(state, COAST)
+    assert step.memory.since_s == pytest.approx(0.9)
+    plant.watch(lead_at(500.0, 20.0), step.memory)
+    held = plant.advance(step.state, COAST)
+    assert not held.memory.braking
+    rest_s = SETTINGS.monitor_hold_s - 0.1
+    assert rest_s - 1e-9 <= held.safety.service_braking_s < rest_s + 0.2  # released with a ramp
+
+
 def test_after_an_intervention_commands_of_comfort_take_over() -> None:
     plant, state = driving(20.0)
     plant.watch(lead_at(20.0, 20.0, 0.0))

@@ -37,7 +37,7 @@ def car(loss_1_s: float, power_w: float, end_k: float) -> Trajectory:
         position_m=20.0 * times_s,
         speed_m_s=np.full(times_s.size, 20.0),
         leader_position_m=20.0 * times_s + 40.0,
-        battery_power_w=np.full(times_s.size, power_w),
+        battery_power_w=power_w * np.linspace(0.8, 1.2, times_s.size),
         cell_1_capacity_loss=ageing,
         cell_n_capacity_loss=1.1 * ageing,
         cell_1_temperature_k=temperatures_k,
