@@ -28,9 +28,9 @@ from tests.integration.node_bench import NodeBench, S, node_bench
 
 from iptm_controller.controller import Controller
 from iptm_controller.node import ControllerNode
-from iptm_controller.node_measurements import read_measurements
 from iptm_controller.node_parameters import ControllerNodeParameters
 from iptm_controller.node_reports import plan_trajectory
+from iptm_controller.node_ticks import read_measurements
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.settings import MOST_PREVIEW_STEPS
 from iptm_core.state import LeaderPreview, PackReading, SlopePreview

@@ -15,7 +15,6 @@ from std_msgs.msg import Float64, Float64MultiArray
 from iptm_controller.decision import Decision
 from iptm_controller.memory import ControllerMemory
 from iptm_controller.node_changes import SettingsChanges
-from iptm_controller.node_measurements import read_measurements
 from iptm_controller.node_parameters import CHANGEABLE, ControllerNodeParameters
 from iptm_controller.node_reports import (
     DecisionCounts,
@@ -24,7 +23,7 @@ from iptm_controller.node_reports import (
     road_warning,
     situation,
 )
-from iptm_controller.node_ticks import OTHER_INPUTS, CatchUp, CompleteTick
+from iptm_controller.node_ticks import OTHER_INPUTS, CatchUp, CompleteTick, read_measurements
 from iptm_controller.node_watch import OperatorWatch
 from iptm_core.driving_mode import DrivingMode
 from iptm_core.errors import MessageError, ServiceError

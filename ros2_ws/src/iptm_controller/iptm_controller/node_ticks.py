@@ -1,4 +1,4 @@
-"""Which tick is answered: one whose messages have all arrived, and of several that wait the newest."""
+"""Which tick is answered: a complete one, of several the newest; and what its messages measure."""
 
 from __future__ import annotations
 
@@ -8,7 +8,13 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
+import numpy as np
+
+from iptm_controller.measurements import Measurements
+from iptm_core.errors import MessageError
 from iptm_core.road_ahead import RoadAhead
+from iptm_core.state import LeaderPreview, LeaderState, PackReading, SlopePreview, VehicleState
+from iptm_ros.codecs import decode_leader, decode_observation
 from iptm_ros.stamp_matcher import MatchedSet
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import Topic
@@ -19,6 +25,7 @@ WAITED_SHARE = 0.5
 CATCH_UP_S = 0.002
 OTHER_INPUTS = (Topic.LEADER_PREVIEW, Topic.ROAD_AHEAD, Topic.LEADER)
 """What a decision takes besides the state."""
+FLAT_ROAD = SlopePreview(np.zeros(1), np.zeros(1))
 
 
 class CompleteTick:
@@ -101,3 +108,34 @@ class CatchUp:
         newest, self._newest = self._newest, None
         if newest is not None:
             self._answer(newest)
+
+
+def read_measurements(values: Mapping[Topic, Any], slope: SlopePreview | None) -> Measurements:
+    """Decode the arrived messages, with the reason for each missing one.
+
+    Args:
+        values: messages of a tick by topic, preview and road decoded already.
+        slope: of the road, None where it is not known.
+    """
+    faults = []
+    road: RoadAhead | None = values.get(Topic.ROAD_AHEAD)
+    state: VehicleState | None = None
+    leader: LeaderState | None = None
+    pack: PackReading | None = None
+    try:
+        if Topic.PLANT_STATE in values:
+            observed = decode_observation(values[Topic.PLANT_STATE])
+            state, pack = observed.state, observed.pack_reading
+        else:
+            faults.append(f"no {Topic.PLANT_STATE.value} received")
+    except MessageError as error:
+        faults.append(str(error))
+    try:
+        if Topic.LEADER in values:
+            leader = decode_leader(values[Topic.LEADER])
+        elif road is None or road.has_leader or road.limits is None:
+            faults.append("no measurement of the leader received")
+    except MessageError as error:
+        faults.append(str(error))
+    preview: LeaderPreview = values.get(Topic.LEADER_PREVIEW) or LeaderPreview.empty()
+    return Measurements(state, leader, preview, slope or FLAT_ROAD, "; ".join(faults), road, pack)
