@@ -224,7 +224,7 @@ class BrokenPredictor:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"strategy": "agin"}, "strategy is 'agin'; allowed: reference, "),
+        ({"strategy": "agin"}, "strategy is 'agin'; did you mean 'aging'"),
         ({"strategy": 3}, "strategy is 3; allowed: a name, iptm.Strategy"),
         ({"cycle": "us6"}, "did you mean 'us06'"),
         ({"cycle": 3}, "cycle is 3; allowed: a name, a path, a DataFrame"),

@@ -17,6 +17,7 @@ from iptm_core.declaration import TextEnum
 from iptm_core.errors import ParameterError
 from iptm_core.physics.ops import Scalar
 from iptm_core.physics.power_thermal import PowerThermalRates
+from iptm_core.user_input import suggestion
 
 REFERENCE_TEMPERATURE_K = 299.15  # r_T = 26 degC
 SPEED_WEIGHT = 0.5  # Q
@@ -189,4 +190,5 @@ def strategy_by_name(name: str) -> Strategy:
     try:
         return STRATEGIES[name]
     except KeyError:
-        raise ParameterError(f"strategy is '{name}'; allowed: {', '.join(STRATEGIES)}") from None
+        hint = suggestion(name, STRATEGIES)
+        raise ParameterError(f"strategy is '{name}'; {hint}") from None

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import difflib
 import os
+import re
 import stat
 from collections.abc import Iterable, Iterator, Mapping
 from enum import Enum
@@ -48,12 +49,23 @@ def suggestion(name: object, known: Iterable[str]) -> str:
 
 
 def nearest(name: object, known: Iterable[str]) -> str:
-    """Return the name that an unknown one is nearest to, whatever its case; empty if it is near to none."""
-    by_lower = {each.lower(): each for each in known}
-    lower = str(name).lower()
+    """Return the name that an unknown one is nearest to, empty if it is near to none.
+
+    Case and punctuation do not count, and of a dotted name only the last part; ageing is aging.
+    """
+    by_lower = {_letters(each): each for each in known}
+    lower = _letters(str(name))
     begun = [each for each in by_lower if len(lower) >= _LEAST_BEGINNING and each.startswith(lower)]
     near = begun or difflib.get_close_matches(lower, by_lower, n=1)
+    near = near or [each for each in by_lower if len(lower) >= _LEAST_BEGINNING and lower in each]
     return by_lower[near[0]] if near else ""
+
+
+def _letters(name: str) -> str:
+    """Return letters, digits and underscores of a name in lower case, of a dotted key of its last part."""
+    lower = name.lower().replace("ageing", "aging")
+    last = lower.rpartition(".")[2] if re.fullmatch(r"[a-z_]+\.[a-z_]\w*", lower) else lower
+    return re.sub(r"\W+", "", last.replace(" ", "_").replace("-", "_"))
 
 
 def check_known(
