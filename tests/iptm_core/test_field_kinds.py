@@ -171,9 +171,18 @@ def test_k2_a_recording_that_begins_again(reader: str) -> None:
 ORDERS = {
     "newest first": np.arange(121)[::-1],
     "parts": np.r_[60:121, 0:60],
-    "even rows first": np.r_[0:121:2, 1:121:2],
+    "times as texts": np.array(sorted(range(121), key=str)),
     "shuffled": np.random.default_rng(5).permutation(121),
 }
+
+
+@pytest.mark.parametrize("reader", [name for name in READERS if name != "bag"])
+def test_k2_the_same_drive_again_half_a_second_later(reader: str) -> None:
+    drive = Driven.at()
+    twice = drive.rows(np.r_[0:121, 0:121])
+    found = outcome(reader, twice.but(times_s=np.r_[drive.times_s, 0.5 + drive.times_s]))
+    assert isinstance(found, RouteError)
+    assert "another recording begins" in str(found)
 
 
 @pytest.mark.parametrize("reader", [name for name in READERS if name != "bag"])

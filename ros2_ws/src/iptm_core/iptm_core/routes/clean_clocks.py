@@ -15,7 +15,7 @@ from iptm_core.state import FloatArray
 MAX_CLOCK_STEP_S = 10.0
 """A clock set back by more cannot be distinguished from another recording."""
 _LONGEST_JUMP_S = 5.0
-_MUCH_LESS, _MOST_TRIPS = 0.6, 0.1
+_SCATTERED, _MUCH_LESS, _MOST_TRIPS = 0.05, 0.6, 0.1
 _DAY_S, _WEEK_S = 86400.0, 604800.0
 _LONGEST_PAUSE_S = 100.0 * _WEEK_S
 _PERIODS = {
@@ -55,7 +55,9 @@ def _sorted(table: DriveTable) -> DriveTable:
         np.count_nonzero(steps < -MAX_CLOCK_STEP_S) == seams.size
         and ((gaps > 0.0) & (gaps <= 3.0 * usual_step_s(times))).all()
     )
-    if in_parts or not (steps > 0.0).any() or _goes_on(table, order):
+    # Of few parts, each may be a recording of one and the same drive.
+    is_scattered = np.count_nonzero(steps < 0.0) > _SCATTERED * times.size
+    if in_parts or (is_scattered and (not (steps > 0.0).any() or _goes_on(table, order))):
         words = f"{table.counted}s are not in the order of their times: sorted"
         return table.in_rows(order).noted(words)
     return table
