@@ -14,7 +14,6 @@ from iptm.faults.vehicle import FaultyPlant
 from iptm.own_parts import Controller, OwnController, PredictedSource, Predictor, check_part
 from iptm.run import Report, Reporter, Run
 from iptm.trip import Trip
-from iptm.whole_trip import solve_whole_trip
 from iptm_controller.controller import Controller as SuiteController
 from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements
@@ -127,6 +126,9 @@ def drive_whole_trip(trip: Trip) -> Run:
         raise ScenarioError(
             "a whole trip with rules of the road; allowed: closed loops, as it knows its leader only"
         )
+    # Hardly any trip is solved as a whole.
+    from iptm.whole_trip import solve_whole_trip  # noqa: PLC0415
+
     first = drive_in_memory(trip)
     trajectory, record = solve_whole_trip(
         trip.route, plant_for(trip), strategy, first.trajectory, trip.conditions.period_s

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from iptm_core.declaration import Settings, TextEnum, parameter
 from iptm_core.errors import ParameterError
@@ -15,15 +16,12 @@ from iptm_core.settings import (
     PreviewSettings,
     VehicleAheadSettings,
 )
-from iptm_v2x_bridge.messages.pycrate_codec import specification
-from iptm_v2x_bridge.messages.signatures import Verifier, read_anchors
-from iptm_v2x_bridge.prediction.extrapolation import History
-from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
-from iptm_v2x_bridge.prediction.predictor import Predictor
-from iptm_v2x_bridge.prediction.received_path import ReceivedPath
-from iptm_v2x_bridge.prediction.regression import Regression, RegressionModel
-from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules
-from iptm_v2x_bridge.roadside.table import RoadsideTable
+
+if TYPE_CHECKING:
+    from iptm_v2x_bridge.messages.signatures import Verifier
+    from iptm_v2x_bridge.prediction.predictor import Predictor
+    from iptm_v2x_bridge.prediction.road_rules import RoadRules
+    from iptm_v2x_bridge.roadside.table import RoadsideTable
 
 DEFAULT_CAM_PORT = 8947
 LOCALHOST = "127.0.0.1"
@@ -137,6 +135,9 @@ class CamSettings(Settings):
 
     def build_verifier(self) -> Verifier:
         """Return what verifies signatures."""
+        # Only a bridge that listens to a radio needs them.
+        from iptm_v2x_bridge.messages.signatures import Verifier, read_anchors  # noqa: PLC0415
+
         if self.refuse_unverified and not self.trust_anchors:
             raise ParameterError(
                 "refuse_unverified is True, but trust_anchors is ''; allowed: a folder with certificates"
@@ -152,6 +153,9 @@ class CamSettings(Settings):
         """
         if not self.roadside_messages:
             return None
+        from iptm_v2x_bridge.messages.pycrate_codec import specification  # noqa: PLC0415
+        from iptm_v2x_bridge.roadside.table import RoadsideTable  # noqa: PLC0415
+
         specification()
         return RoadsideTable(road, given)
 
@@ -161,6 +165,12 @@ class CamSettings(Settings):
         Raises:
             IptmError: a file is not usable.
         """
+        from iptm_v2x_bridge.prediction.extrapolation import History  # noqa: PLC0415
+        from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile  # noqa: PLC0415
+        from iptm_v2x_bridge.prediction.received_path import ReceivedPath  # noqa: PLC0415
+        from iptm_v2x_bridge.prediction.regression import Regression, RegressionModel  # noqa: PLC0415
+        from iptm_v2x_bridge.prediction.road_rules import BoundedByRules  # noqa: PLC0415
+
         usual: Predictor = History()
         if self.prediction is Expectation.REGRESSION:
             usual = Regression(RegressionModel.load(self.regression_model))

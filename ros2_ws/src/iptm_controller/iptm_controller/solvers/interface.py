@@ -13,7 +13,7 @@ from iptm_controller.ocp.data import ProblemData
 from iptm_core.decision_record import SolveStatus
 from iptm_core.state import FloatArray
 
-RICCATI = "riccati"
+RICCATI, IPOPT = "riccati", "ipopt"
 FEASIBILITY_TOLERANCE = 1e-4
 """Largest violation of a row or bound that a usable iterate may have, scaled units."""
 

@@ -15,6 +15,7 @@ from iptm_controller.ocp.problem import OptimalControlProblem, problem_bounds
 from iptm_controller.ocp.transcription import transcribe
 from iptm_controller.solvers.interface import (
     FEASIBILITY_TOLERANCE,
+    IPOPT,
     STATUS_TEXT,
     SolveResult,
     SolverOptions,
@@ -25,8 +26,6 @@ from iptm_core.buffered import BufferedFunction
 from iptm_core.decision_record import SolveStatus
 from iptm_core.errors import SolverSetupError
 from iptm_core.state import FloatArray
-
-IPOPT = "ipopt"
 
 
 class IpoptBackend:
