@@ -45,6 +45,7 @@ FRONT = (
     (DEFAULT, False, f"at most {EQUAL_ROAD_S:g} s"),
 )
 """Control, preview and distance of the rows of the front table, in order."""
+HILLS = "published cycle on hills up to 6 %"
 BELOW_S_MIN_M = 0.05
 SHORT_S = 60.0
 
@@ -76,6 +77,7 @@ def following(run: iptm.Run) -> dict[str, float]:
         "below_s": int(np.sum(margins_m < -BELOW_S_MIN_M)),
         "smallest_gap_m": float(run.trajectory.gap_m.min()),
         "interventions": float(run.metrics.interventions),
+        "leader_brakes_m_s2": -float(np.gradient(run.trajectory.leader_speed_m_s).min()),
     }
 
 
@@ -136,6 +138,7 @@ def _leader_cases(session: Session) -> list[Case]:
     )
     trips: list[tuple[str, str, dict[str, Any]]] = [
         *(("published cycle", name, {"cycle": name}) for name in published),
+        *((HILLS, f"{name}, hills", {"cycle": name, "slope": "large"}) for name in published),
         *(("trip of an i3", Path(route).stem, {"cycle": route}) for route in routes),
         *(
             (
