@@ -1,7 +1,8 @@
 """The vehicle interface in real time on the bench car, killed, disturbed and judged, and what it costs.
 
-Drives in real time, and the table of the leaders, are kept under results/vehicle and not made again. A busy
-machine shows in the former: it should do little else meanwhile.
+Drives in real time, what is read from their logs, the leaders and the meter's errors are kept under
+results/vehicle, and made anew where a file is deleted. A busy machine shows in the drives: it should do
+little else meanwhile.
 """
 
 from __future__ import annotations
@@ -92,7 +93,7 @@ def run(session: Session) -> bool:
     if options.opendbc:
         values["judge"] = _judge(session, options.opendbc)
     if options.i3:
-        values["i3"] = _i3(options.i3)
+        values["i3"] = kept(session.scratch / "i3.json", partial(_i3, options.i3))
     if options.log:
         values["log"] = public_log(session, options.log)
     session.render(trials=BRAKING_TRIALS, leaders=leaders, **values)
@@ -165,7 +166,10 @@ def _drives(session: Session) -> pd.DataFrame:
                 "oldest_ms": 1e3 * car["oldest_command_s"],
                 "engagements": car["engagements"],
                 "jerk": car["largest_jerk_m_s3"],
-                "settled_jerk": settled_jerk_m_s3(folder / "car_frames.log"),
+                "settled_jerk": kept(
+                    folder / "settled_jerk.json",
+                    partial(settled_jerk_m_s3, folder / "car_frames.log"),
+                ),
                 "gap_m": car["smallest_gap_m"],
                 "late_p99_ms": 1e3 * suite["late_p99_s"],
                 "late_max_ms": 1e3 * suite["late_max_s"],
@@ -259,9 +263,14 @@ def _replay(session: Session) -> pd.DataFrame:
     rows = []
     for cycle in CYCLES:
         folder = _drive_folder(session, cycle, STRATEGIES[0]) / "record"
-        pairs = [was == now for _, was, now in replayed(folder, Driver(load_vehicle("bench")))]
-        rows.append({"cycle": cycle, "frames": len(pairs), "different": pairs.count(False)})
+        rows.append({"cycle": cycle, **kept(folder / "replayed.json", partial(_replayed, folder))})
     return pd.DataFrame(rows)
+
+
+def _replayed(folder: Path) -> dict[str, int]:
+    """Return how many frames a record has, and how many of them are others when it is replayed."""
+    pairs = [was == now for _, was, now in replayed(folder, Driver(load_vehicle("bench")))]
+    return {"frames": len(pairs), "different": pairs.count(False)}
 
 
 def _judge(session: Session, package: Path) -> pd.DataFrame:
