@@ -1,0 +1,94 @@
+"""A controller that stands for a while: every output of the run counts the ticks without commands alike."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.integration.page_browser import Browser
+
+import iptm
+from iptm.commands.bags import info
+from iptm.faults.kinds import FaultKind
+from iptm.trip_files import trip_text
+from iptm_core.units import J_PER_KWH
+
+FROZEN = iptm.Fault(FaultKind.PROCESS_FROZEN, 20.0, size=6.0, target="controller")
+
+
+@pytest.fixture
+def stopped(launcher: Any, tmp_path: Path) -> tuple[Path, str]:
+    """Drive with a frozen controller; return the folder of the run and what the terminal said."""
+    trip = iptm.Trip.of(
+        "us06",
+        duration_s=40.0,
+        horizon="15x1",
+        mode="real_time",
+        command_timeout_s=1.0,
+        faults=(FROZEN,),
+        compile_code=False,
+    )
+    file, output = tmp_path / "lost.yaml", tmp_path / "run"
+    file.write_text(trip_text(trip), encoding="utf-8")
+    options = ("--no-picture", "--against", "none", "--output", str(output))
+    process = launcher.start_module("iptm.commands.run", str(file), *options)
+    assert process.wait(240.0) == 0
+    return output, process.stdout
+
+
+def test_every_output_agrees_on_lost_commands(
+    stopped: tuple[Path, str],
+    launcher: Any,
+    wait_until: Callable[..., None],
+    tmp_path: Path,
+) -> None:
+    output, printed = stopped
+    run = iptm.load(output)
+    figures = run.figures
+    lost = int(figures["undecided"])
+    assert lost >= 1
+    consumption, margin_m = figures["consumption"], run.metrics.smallest_margin_m
+
+    told = " ".join(printed.split())
+    assert f"{lost} of them stopped for want of commands" in told
+    assert f"{consumption:.3g} kWh/100 km" in told
+    side = "above" if margin_m >= 0.0 else "below"
+    assert f"{abs(margin_m):.2f} m {side} s_min" in told
+
+    with contextlib.redirect_stdout(io.StringIO()) as shown:
+        assert info([str(output)]) == 0
+    listed = " ".join(shown.getvalue().split())
+    assert re.search(rf"Ticks without a decision\W+{lost}\b", listed)
+    assert re.search(rf"Battery energy per distance\W+{consumption:.3g}\b", listed)
+    listed_m = re.search(r"Smallest margin to s_min\W+?(-?[\d.]+)", listed)
+    assert listed_m is not None
+    assert float(listed_m[1]) == pytest.approx(margin_m, abs=0.005)
+
+    report = run.report(tmp_path / "report.html").read_text(encoding="utf-8")
+    assert f"{lost} of them stopped for want of commands" in report
+    assert f"<td>{consumption:.3g}</td>" in report
+
+    process = launcher.start_module(
+        "iptm.runner.view", "--against", "none", "--no-foxglove", str(output), "--rate", "200"
+    )
+    address = re.compile(r"http://\S+")
+    wait_until(lambda: address.search(process.stdout), what="address of the page")
+    found = address.search(process.stdout)
+    assert found is not None
+    browser = Browser(found.group(0))
+    wait_until(lambda: browser.has_ended, 60.0, "end of the bag")
+    names = browser.documents["facts"]["columns"]
+    page = np.array(browser.rows, dtype=float).T
+    row = {name: page[names.index(name)] for name in names}
+    np.testing.assert_array_equal(row["time_s"], run.trajectory.time_s)
+    energy_j = float(row["battery_power_w"][1:] @ np.diff(row["time_s"]))
+    distance_m = row["position_m"][-1] - row["position_m"][0]
+    assert 1e5 * energy_j / J_PER_KWH / distance_m == pytest.approx(consumption)
+    assert np.min(row["gap_m"] - row["min_gap_m"]) == pytest.approx(margin_m)
+    assert int(np.isnan(row["status_code"][:-1]).sum()) == lost
