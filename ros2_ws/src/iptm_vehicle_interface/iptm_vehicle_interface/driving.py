@@ -209,6 +209,8 @@ class Driver:
         # A vehicle that does not state it shows its driver, not the suite, that it is inactive.
         states_it = "control_active" in self.vehicle.signals
         is_active = not states_it or self.signals.is_set("control_active", now_s)
+        # The gateway makes the car inactive with the accelerator, too: that is overriding.
+        is_active |= self.signals.is_set("accelerator_pressed", now_s)
         if now_s - self._engaged_s > ACTIVE_WITHIN_S and not is_active:
             return "the car does not act on requests"
         if self._followed is None:
