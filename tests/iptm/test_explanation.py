@@ -9,6 +9,7 @@ import pytest
 
 import iptm
 from iptm.explanation import Cause, replayed
+from iptm_core.metrics import Judgement
 
 TRIP = {"cycle": "nycc", "duration_s": 60.0, "compile_code": False}
 
@@ -30,7 +31,10 @@ def test_the_parts_add_up_to_the_saving_with_equal_ends(runs: tuple[iptm.Run, ip
     assert np.abs(remainder).max() < 0.1
     ends = saving.aging.equal_ends_percent - saving.aging.as_driven_percent
     assert found.table.at[str(Cause.END_STATE), "aging"] == pytest.approx(ends)
-    assert found.sentence.startswith(f"{abs(saving.aging.equal_ends_percent):.1f} % ")
+    percent = saving.aging.equal_ends_percent
+    assert found.sentence.startswith(f"Too short to judge, {percent:+.1f} points")
+    judged = replace(saving, aging=replace(saving.aging, judgement=Judgement.JUDGED))
+    assert replace(found, saving=judged).sentence.startswith(f"{abs(percent):.1f} % ")
 
 
 def test_a_drive_with_the_motion_and_the_cooling_of_a_run_is_the_run(

@@ -27,7 +27,7 @@ import pandas as pd
 
 from iptm_core.declaration import TextEnum
 from iptm_core.errors import ScenarioError
-from iptm_core.metrics import RunMetrics, Saving, compute_metrics, judge_saving
+from iptm_core.metrics import Judgement, RunMetrics, Saving, compute_metrics, judge_saving
 from iptm_core.metrics.saving import saved_text
 from iptm_core.parameters.loading import parse_overrides
 from iptm_core.parameters.model import ModelParameters
@@ -76,13 +76,17 @@ class Explanation:
 
     @property
     def sentence(self) -> str:
-        """The saving of ageing, and how much of it the motion and the cooling make."""
-        points = self.table["aging"]
+        """The saving of ageing or why none is quoted, and how much the motion and the cooling make."""
+        points, aging = self.table["aging"], self.saving.aging
+        percent = aging.equal_ends_percent
+        saved = f"{saved_text(percent)} of the ageing with equal ends"
+        if aging.judgement is not Judgement.JUDGED:
+            judgement = str(aging.judgement).capitalize()
+            saved = f"{judgement}, {percent:+.1f} points with equal ends"
         motion = ", ".join(f"{points[str(cause)]:+.1f} {cause}" for cause in MOTION)
         cooling = sum(points[str(cause)] for cause in THERMAL)
         return (
-            f"{saved_text(self.saving.aging.equal_ends_percent)} of the ageing with equal ends; in points: "
-            f"{motion}, {cooling:+.1f} cooling with what it leaves at the end, "
+            f"{saved}; in points: {motion}, {cooling:+.1f} cooling with what it leaves at the end, "
             f"{points[str(Cause.REMAINDER)]:+.1f} not explained."
         )
 
