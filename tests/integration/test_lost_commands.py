@@ -1,4 +1,4 @@
-"""A controller that stands for a while: every output of the run counts the ticks without commands alike."""
+"""A controller that is gone for a while: every output of the run counts the ticks without commands alike."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from iptm.faults.kinds import FaultKind
 from iptm.trip_files import trip_text
 from iptm_core.units import J_PER_KWH
 
-FROZEN = iptm.Fault(FaultKind.PROCESS_FROZEN, 20.0, size=6.0, target="controller")
+RESTARTED = iptm.Fault(FaultKind.PROCESS_RESTARTED, 20.0, size=6.0, target="controller")
 
 
 @pytest.fixture
 def stopped(launcher: Any, tmp_path: Path) -> tuple[Path, str]:
-    """Drive with a frozen controller; return the folder of the run and what the terminal said."""
+    """Drive with a restarted controller; return the folder of the run and what the terminal said."""
     trip = iptm.Trip.of(
         "us06",
         duration_s=40.0,
         horizon="15x1",
         mode="real_time",
         command_timeout_s=1.0,
-        faults=(FROZEN,),
+        faults=(RESTARTED,),
         compile_code=False,
     )
     file, output = tmp_path / "lost.yaml", tmp_path / "run"

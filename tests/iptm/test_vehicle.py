@@ -74,6 +74,9 @@ def test_a_cell_by_name_has_the_resistance_of_another_source(
 def test_a_cell_without_its_heat_transfer_is_refused() -> None:
     with pytest.raises(iptm.IptmError, match=r"coolant would fall to -\d+ degC beside cells of 25"):
         iptm.simulate(vehicle=OWN_CELL)
+    # The map as printed, without a gate, is for the reproduction of the paper, and drives there.
+    as_printed = {**OWN_CELL, "chiller.gate_power_w": 0.0}
+    iptm.simulate(**AT_REST, vehicle=as_printed)
 
 
 def test_no_coolant_is_below_freezing_with_a_cell_by_name() -> None:

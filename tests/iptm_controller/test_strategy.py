@@ -84,7 +84,9 @@ def test_weights(name: str, printed: tuple[float, ...]) -> None:
 
 
 def test_unknown_name_lists_the_known_ones() -> None:
-    with pytest.raises(ParameterError, match=f"'ageing'; allowed: {', '.join(STRATEGIES)}"):
+    with pytest.raises(
+        ParameterError, match=f"'ageing'; did you mean 'aging'\\? allowed: {', '.join(STRATEGIES)}"
+    ):
         strategy_by_name("ageing")
 
 

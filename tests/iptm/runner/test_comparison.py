@@ -63,7 +63,7 @@ def test_the_other_trajectory_is_kept_as_a_file_for_other_tools(
 
 
 def test_an_unknown_strategy_is_refused() -> None:
-    with pytest.raises(ParameterError, match="'ageing'; allowed: "):
+    with pytest.raises(ParameterError, match="'ageing'; did you mean 'aging'\\? allowed: "):
         TRIP.against("ageing")
 
 

