@@ -1,4 +1,4 @@
-"""The reference page of cars and cells, with what the model makes of them beside what was measured."""
+"""The reference page of cars and cells, with the model's figures beside the measured ones."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def car_rows() -> list[dict[str, Any]]:
 
 
 def cell_rows() -> list[dict[str, Any]]:
-    """Return the cells with their resistances, and those of other sources per capacity."""
+    """Return the cells with their resistances, and the ones of other sources per capacity."""
     models = {name: _cell(iptm.Vehicle(FITTED_CAR, cell=name)) for name in cells()}
     models[FITTED_CAR] = _cell(iptm.Vehicle(FITTED_CAR))
     rows = []

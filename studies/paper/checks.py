@@ -1,4 +1,4 @@
-"""Statements of the paper checked on figures of runs: a verdict, and what was found.
+"""Statements of the paper checked on figures of runs: a verdict, and the finding.
 
 Figures are a table with a row per address and a column per figure.
 """

@@ -30,7 +30,7 @@ def _contradicted(sign: float, values: Array) -> bool:
 
 
 def trend(row: pd.Series, figures: pd.DataFrame, steps: bool = True) -> Finding:  # noqa: FBT001, FBT002
-    """Figures rise or fall along a share of the series, by at least so much in all."""
+    """Figures rise or fall along a share of the series, by at least a limit in all."""
     verdicts, texts = [], []
     for name, runs in series(row.run).items():
         parts = []

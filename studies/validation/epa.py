@@ -11,7 +11,9 @@ from scipy.optimize import least_squares
 from studies.validation.outcome import Comparison, Curve, Figure, Outcome
 
 from iptm.parts import (
+    AUXILIARY_POWER_W,
     CHARGING_EFFICIENCY,
+    INERTIA_FACTOR,
     FloatArray,
     coast_down_force_n,
     held_out,
@@ -19,8 +21,6 @@ from iptm.parts import (
     render_page,
 )
 
-AUXILIARY_POWER_W = 200.0
-INERTIA_FACTOR = 1.015
 BLEND_M_S = (3.0 / 3.6, 8.0 / 3.6)
 
 

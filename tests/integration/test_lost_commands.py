@@ -55,11 +55,11 @@ def test_every_output_agrees_on_lost_commands(
     assert lost >= 1
     consumption, margin_m = figures["consumption"], run.metrics.smallest_margin_m
 
-    told = " ".join(printed.split())
-    assert f"{lost} of them stopped for want of commands" in told
-    assert f"{consumption:#.3g} kWh/100 km" in told
+    terminal = " ".join(printed.split())
+    assert f"{lost} of them stopped for want of commands" in terminal
+    assert f"{consumption:#.3g} kWh/100 km" in terminal
     side = "above" if margin_m >= 0.0 else "below"
-    assert f"{abs(margin_m):.2f} m {side} s_min" in told
+    assert f"{abs(margin_m):.2f} m {side} s_min" in terminal
 
     with contextlib.redirect_stdout(io.StringIO()) as shown:
         assert info([str(output)]) == 0

@@ -68,7 +68,7 @@ def test_what_cannot_be_checked_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_friction_of_the_road_is_fed_from_when_it_was_heard(tmp_path: Path) -> None:
-    """Recorded answers that do not allow for an icy road are those of the ticks before it was published."""
+    """Recorded answers that do not allow for an icy road belong to the ticks before it was published."""
     heard_ns = 60 * 10**9
     spec = TOPICS[Topic.ROAD_FRICTION]
     icy = b"\x00\x01\x00\x00" + struct.pack("<d", 0.1)
@@ -86,8 +86,8 @@ def test_the_friction_of_the_road_is_fed_from_when_it_was_heard(tmp_path: Path) 
             writer.write(keys[message.topic], message.data, message.log_time_ns)
     for node in ("controller", "plant"):
         steps = read_recorded(tmp_path / "bag", node).steps
-        told = {stamp: inputs.get(Topic.ROAD_FRICTION) for stamp, inputs in steps.items()}
-        assert told == {stamp: icy if stamp >= heard_ns else None for stamp in steps}
+        given = {stamp: inputs.get(Topic.ROAD_FRICTION) for stamp, inputs in steps.items()}
+        assert given == {stamp: icy if stamp >= heard_ns else None for stamp in steps}
     answers = check_node(tmp_path / "bag", "controller")
     # Either "at 60 s" or, of messages without a stamp, "message 61".
     places = [each.first_place.split()[:2] for each in answers if not each.agrees]

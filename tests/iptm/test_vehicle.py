@@ -1,4 +1,4 @@
-"""A car of one's own: cars and cells by name against what was measured, and what belongs together."""
+"""A car of one's own: cars and cells by name against measurements, and what belongs together."""
 
 from __future__ import annotations
 

@@ -94,7 +94,7 @@ def test_behind_a_leader_that_may_brake_the_rules_lead_no_faster_than_to_its_hal
     assert np.all(halting_m <= ahead_m + 11.0**2 / 4.0 + 1e-6)
     assert motion.speeds_m_s.min() == pytest.approx(
         10.0
-    )  # a leader at 11 m/s is no reason to slow down
+    )  # a leader at 11 m/s does not make it slow down
 
 
 def test_speed_limits_hold_around_the_expected_places() -> None:

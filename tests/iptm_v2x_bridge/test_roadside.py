@@ -159,7 +159,7 @@ def test_times_of_a_light_are_corrected_by_the_offset_of_its_clock(
     (signal,) = rules.ego.signals
     closed_s = [after for after in np.arange(5.0, 39.0, 0.05) if not signal.is_open(NOW_S + after)]
     delay_s = 1e-3 * delay_ms
-    # Ahead, the delay of the fastest message is not known: the line closes so much later than stated.
+    # Ahead, the delay of the fastest message is not known: the line closes later than stated by as much.
     assert closed_s[0] <= 10.0 + delay_s + 0.06
     assert 20.0 - 0.06 <= closed_s[-1] <= 20.0 + 0.5 + delay_s + 0.06
 

@@ -130,7 +130,7 @@ def test_what_is_measured_after_a_tick_is_taken_back_to_it(vehicle: Vehicle) -> 
 
 
 def test_the_lateness_of_any_number_of_steps_takes_one_size() -> None:
-    """Percentiles are those of the sorted values within a bin, the largest is exact."""
+    """Percentiles agree with the sorted values within a bin, the largest is exact."""
     late, values = LateSteps(), np.random.default_rng(3).exponential(2e-3, 50_000)
     values[7] = 3.21
     for value in values:

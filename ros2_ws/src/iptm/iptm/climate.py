@@ -88,7 +88,7 @@ def climate_of(given: str | float | Climate) -> Climate:
 def air_overrides(climate: str | float | Climate, parameter_set: str) -> dict[str, float]:
     """Return the parameters that a climate sets: the air, the cells of a car that stood in it, and drag.
 
-    The density of the air is that of a road load at 20 degC; where it was published without a temperature, as
+    The density of the air belongs to a road load at 20 degC; where it was published without a temperature, as
     by the paper, it stays. Tyres, driveline and cabin do not depend on the air in this model.
 
     Args:

@@ -70,7 +70,11 @@ from iptm_core.metrics.constraints import GAP_TOLERANCE_M, check_constraints
 from iptm_core.metrics.saving import saved_percent
 from iptm_core.monitor_settings import SafetyMonitorSettings
 from iptm_core.parameters import DEFAULT_SET, available_parameter_sets, load_parameters
-from iptm_core.parameters.catalogue import CHARGING_EFFICIENCY
+from iptm_core.parameters.catalogue import (
+    AUXILIARY_POWER_W,
+    CHARGING_EFFICIENCY,
+    INERTIA_FACTOR,
+)
 from iptm_core.parameters.flat import field_specs
 from iptm_core.parameters.model import (
     BodyParameters,
@@ -128,6 +132,7 @@ from iptm_v2x_bridge.stations.station import Station
 
 __all__ = [
     "AGING_CELLS",
+    "AUXILIARY_POWER_W",
     "CELSIUS_ZERO_K",
     "CHARGING_EFFICIENCY",
     "CYCLE_NAMES",
@@ -136,6 +141,7 @@ __all__ = [
     "GAIN_FACTOR",
     "GAP_TOLERANCE_M",
     "GRAVITY_M_S2",
+    "INERTIA_FACTOR",
     "J_PER_KWH",
     "KM_H_PER_M_S",
     "LAWS",

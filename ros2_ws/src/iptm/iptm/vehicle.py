@@ -25,7 +25,7 @@ class Vehicle:
         iptm.Vehicle("volkswagen_id4", mass_kg=2200, cell="lg_e78", pack="96s3p")
 
     A cell brings its resistance in the cold, heat capacity and voltage along, and a pack its heat transfer to
-    the coolant and the air and its constants of ageing; the chiller stays that of the car.
+    the coolant and the air and its constants of ageing; the car keeps its chiller.
 
     Attributes:
         name: car or parameter set by name (`available_parameter_sets`), or the path of a .yaml file.

@@ -58,9 +58,9 @@ class PackModel:
         Args:
             state: motion, compressor power and capacity losses.
             cells_k: temperatures of the cells.
-            slope_rad: slope of the road; None for a road that cannot be, on which there is no traction.
-            battery_power_w: measured at the terminals; NaN takes that of the motion.
-            coolant_inlet_k: measured; NaN takes that of the coolant loop.
+            slope_rad: slope of the road; None for an impossible road, which takes no traction.
+            battery_power_w: measured at the terminals; NaN takes the one of the motion.
+            coolant_inlet_k: measured; NaN takes the one of the coolant loop.
         """
         given = {"acceleration_m_s2": state.acceleration_m_s2, "slope_rad": slope_rad or 0.0}
         given["has_road"] = float(slope_rad is not None)

@@ -76,7 +76,7 @@ class RoadSettings(Settings):
     )
     slope: str = parameter(
         "as_designed",
-        "slope of the road; for a track, recorded or planned without times, is the road that the cycle "
+        "slope of the road; a track, recorded or planned without times, is the road that the cycle "
         "is driven on",
         choices=SLOPE_CHOICES,
         suffixes=(GPX_SUFFIX,),

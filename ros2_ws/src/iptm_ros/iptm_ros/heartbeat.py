@@ -1,4 +1,4 @@
-"""Signs of life of the nodes that drive a car, from a thread each, so that a long computation is no silence.
+"""Signs of life of the nodes that drive a car, from a thread each, which a long computation does not silence.
 
 A process that dies or stops is noticed within `SILENT_S` and a period of the watch. One that lives and does
 not decide is noticed by its decisions.
@@ -21,6 +21,8 @@ from iptm_core.program import REAL_TIME_PRIORITY, go_first
 NAME = "_heartbeat"
 """Hidden, as ROS calls a name that begins with an underscore: tools list it on request."""
 PERIOD_S = 0.02
+IDLE_PERIOD_S = 0.5
+"""Between two looks for a listener."""
 CHECK_PERIOD_S = 0.01
 SILENT_S = 0.06
 _QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -43,8 +45,11 @@ class Heartbeat:
     def _beat(self) -> None:
         go_first()
         message, drives_a_car = Header(frame_id=self._node.get_name()), False
-        while not self._ended.wait(PERIOD_S) and self._node.context.ok():
-            if not self._publisher.get_subscription_count():
+        period_s = PERIOD_S
+        while not self._ended.wait(period_s) and self._node.context.ok():
+            is_heard = self._publisher.get_subscription_count() > 0
+            period_s = PERIOD_S if is_heard else IDLE_PERIOD_S
+            if not is_heard:
                 continue
             if not drives_a_car:
                 # One that waits for its turn with a lock of interpreter or middleware holds this one up.

@@ -28,7 +28,7 @@ class Violation(TextEnum):
 SOFT_SHARE, SOFT_M = 0.05, 1.0
 """Above the safe gap braking begins, by this share of it and this distance: who comes near is not jerked."""
 COMFORTABLE_JERK_M_S3 = 2.0
-"""Rate of all that is no braking below the safe gap."""
+"""Rate of everything except braking below the safe gap."""
 RESOLUTION_M_S2 = 0.02
 """A rate that is missed by less is jitter of the period."""
 INACTIVATING = frozenset({Violation.AGE, Violation.DRIVER, Violation.NOT_FINITE})

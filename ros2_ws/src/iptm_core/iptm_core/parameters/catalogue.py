@@ -1,6 +1,6 @@
-"""Cars and cells by name, and the parameters that follow from what is published about them.
+"""Cars and cells by name, and the parameters that follow from their published data.
 
-Of a car that is the EPA's road load, weight and gearing, its pack and the rated figures of its motor; of a
+Data of a car are the EPA's road load, weight and gearing, its pack and the rated figures of its motor; of a
 cell capacity, resistance with temperature, heat capacity and voltage. What is not public is scaled from a
 set that was fitted, and marked as derived: the shape of the voltage over the charge, losses of the motor and
 limits of regeneration from the BMW i3, heat transfer to the coolant, chiller and ageing from the paper.
@@ -21,6 +21,7 @@ import numpy as np
 from iptm_core.parameters.flat import Source, SourceTag, field_specs
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray
+from iptm_core.units import CELSIUS_ZERO_K
 
 FITTED_CAR = "bmw_i3"
 CARS_FILE = Path(__file__).parent / "sets" / "cars.csv"
@@ -31,7 +32,7 @@ _LOAD_M_S: FloatArray = np.linspace(1.0, 130.0 / 3.6, 131, dtype=np.float64)
 _STATED, _DERIVED, _CHOSEN = SourceTag.PUBLISHED, SourceTag.DERIVED, SourceTag.CHOSEN
 _I3_POWER_KW, _I3_TORQUE_NM = 125.0, 250.0
 """The maker's figures."""
-_INERTIA, _DRIVELINE, _AUXILIARY_W = 1.015, 0.93, 200.0
+INERTIA_FACTOR, AUXILIARY_POWER_W, _DRIVELINE = 1.015, 200.0, 0.93
 """As in the validation study, where one drivetrain serves the whole list."""
 CHARGING_EFFICIENCY = 0.88
 """From the grid into the battery and out again, chosen."""
@@ -43,7 +44,7 @@ class Car:
     """What is published about a car: a row of ``cars.csv``, in the units of the source.
 
     Attributes:
-        turns_per_min_mph: speed of the motor over that of the car.
+        turns_per_min_mph: speed of the motor over the speed of the car.
         power_kw: rated power of all motors; ``torque_nm`` is their largest torque.
         area_m2: chosen, as only its product with the drag coefficient counts.
         udds_wh_km: measured consumption from the grid; ``hwfet_wh_km`` likewise.
@@ -119,7 +120,7 @@ def cells() -> Mapping[str, Cell]:
 
 
 def car_entries(car: Car, i3: ModelParameters, paper: ModelParameters) -> dict[str, Source]:
-    """Return the parameters of a car, by dotted key, that differ from those of the i3.
+    """Return the parameters of a car, by dotted key, that differ from the i3's.
 
     Args:
         i3: parameters of `FITTED_CAR`.
@@ -143,7 +144,7 @@ def car_entries(car: Car, i3: ModelParameters, paper: ModelParameters) -> dict[s
             "fitted to the same road load, for air of 20 degC",
         ),
         "body.frontal_area_m2": (car.area_m2, _CHOSEN, "only its product with the drag counts"),
-        "body.rotational_inertia_factor": (_INERTIA, _CHOSEN, "as for the list of test cars"),
+        "body.rotational_inertia_factor": (INERTIA_FACTOR, _CHOSEN, "as for the list of test cars"),
         "powertrain.transmission_ratio": (
             turns * radius_m,
             _DERIVED,
@@ -170,7 +171,7 @@ def car_entries(car: Car, i3: ModelParameters, paper: ModelParameters) -> dict[s
             _DERIVED,
             "the i3's power per weight",
         ),
-        "cooling.auxiliary_power_w": (_AUXILIARY_W, _CHOSEN, "as for the list of test cars"),
+        "cooling.auxiliary_power_w": (AUXILIARY_POWER_W, _CHOSEN, "as for the list of test cars"),
         "limits.max_speed_m_s": (top_m_s, _STATED, car.source),
     }
     volts = _half_charge_v(i3)
@@ -197,7 +198,7 @@ def pack_entries(
         parallel: cells of a group.
     """
     count = series * parallel
-    entropic_v = series * (cell.celsius + 273.15) * cell.entropic_v_k
+    entropic_v = series * (cell.celsius + CELSIUS_ZERO_K) * cell.entropic_v_k
     energy = count * cell.capacity_ah * cell.half_charge_v
     i3_energy = i3.pack.cells * i3.cell.nominal_capacity_ah * _half_charge_v(i3)
     conductance_w_k = paper.cooling.convective_coefficient_w_k * paper.pack.cells
@@ -217,7 +218,7 @@ def pack_entries(
         "cell.heat_capacity_j_k": (cell.heat_capacity_j_k, _STATED, cell.source),
         "cell.nominal_capacity_ah": (cell.capacity_ah, _STATED, cell.source),
         "cell.nominal_resistance_ohm": (cell.resistance_ohm, _STATED, cell.source),
-        "cell.nominal_temperature_k": (cell.celsius + 273.15, _STATED, cell.source),
+        "cell.nominal_temperature_k": (cell.celsius + CELSIUS_ZERO_K, _STATED, cell.source),
         "cell.resistance_exponent_1_k": (cell.exponent_1_k, _STATED, cell.source),
         "cell.resistance_offset_share": (cell.offset_share, _STATED, cell.source),
         "cell.entropic_coefficient_v_k": (cell.entropic_v_k, _STATED, cell.source),
@@ -259,7 +260,7 @@ def _scaled(model: ModelParameters, capacity_ah: float) -> Cell:
         "",
         capacity_ah,
         cell.nominal_resistance_ohm / size,
-        cell.nominal_temperature_k - 273.15,
+        cell.nominal_temperature_k - CELSIUS_ZERO_K,
         cell.resistance_exponent_1_k,
         cell.resistance_offset_share,
         cell.heat_capacity_j_k * size,

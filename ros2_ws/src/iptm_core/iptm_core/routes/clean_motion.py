@@ -202,7 +202,7 @@ def _windows_apart(table: DriveTable, plane: FloatArray, speeds: FloatArray) -> 
 
 
 def _leaps(times: FloatArray, speeds: FloatArray) -> NDArray[np.bool_]:
-    """Return which speeds change by more than those of cars; within a second, noise and whole km/h count."""
+    """Return which speeds change by more than a car's can; within a second, noise and whole km/h count."""
     steps = MAX_ACCELERATION_M_S2 * np.diff(times)
     limit = np.maximum(steps, np.minimum(steps + _NOISE_M_S, MAX_ACCELERATION_M_S2))
     result: NDArray[np.bool_] = np.abs(np.diff(speeds)) > limit

@@ -51,7 +51,7 @@ _COLUMNS = ("time_s", "latitude_deg", "longitude_deg", "elevation_m", "speed_m_s
 
 
 def read_gpx(path: Path) -> DriveTable:
-    """Read all points of all tracks of a file, in their order; without any, those of its routes.
+    """Read all points of all tracks of a file, in their order; without any, of its routes.
 
     Speeds are in m/s where they stand in the point, in its extensions or in Garmin's extension of it.
 
@@ -75,7 +75,7 @@ def read_gpx(path: Path) -> DriveTable:
             text = stated.get(name)
             values.append(texts.read(f"track point {number}", name, text, by))
         element.clear()
-    # A device that was guided stores both; what was driven counts.
+    # A device that was guided stores both; the driven one counts.
     rows: FloatArray = np.reshape(points["trkpt"] or points["rtept"], (-1, len(_COLUMNS)))
     if len(rows) < 2:
         raise RouteError(f"{path}: {len(rows)} track points; allowed: 2 to {MAX_POINTS}")

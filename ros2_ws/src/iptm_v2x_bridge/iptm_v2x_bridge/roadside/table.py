@@ -203,7 +203,7 @@ class RoadsideTable:
     def _signal(self, line: StopLine, phases: IntersectionPhases | None, *, surely: bool) -> Signal:
         """Return a line that is open while all of its groups are, by the own clock.
 
-        The times of a clock that is ahead are moved back. One that may be behind opens so much later.
+        The times of a clock that is ahead are moved back. One that may be behind opens later by as much.
         """
         if phases is None:
             return Signal(line.position_m, ALWAYS)
