@@ -17,6 +17,7 @@ from iptm_ros.discovery import (
     check_nodes_can_meet,
     middleware_settings,
     reserve_domain,
+    without_shared_memory,
 )
 
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
@@ -140,3 +141,26 @@ def test_an_environment_in_which_nodes_cannot_meet_is_refused_at_once(tmp_path: 
     keys = {"ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_KEYSTORE": str(tmp_path)}
     check_nodes_can_meet(keys)
     check_nodes_can_meet({})
+
+
+def test_a_node_keeps_off_shared_memory(tmp_path: Path) -> None:
+    """As a process: the threads of Fast DDS say over what it listens."""
+    code = (
+        "import rclpy, pathlib; rclpy.init(); node = rclpy.create_node('quiet');"
+        "print([each.read_text() for each in pathlib.Path('/proc/self/task').glob('*/comm')])"
+    )
+    heard = {}
+    for name, settings in {
+        "local": middleware_settings({}),
+        "udp": without_shared_memory(tmp_path),
+    }.items():
+        environment = {**os.environ, **settings, "ROS_DOMAIN_ID": "87"}
+        done = subprocess.run(
+            [sys.executable, "-c", code],
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        heard[name] = ["dds.shm" in done.stdout, "dds.udp" in done.stdout]
+    assert heard == {"local": [True, True], "udp": [False, True]}

@@ -17,6 +17,7 @@ import struct
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from xml.etree import ElementTree as ET
 
 from iptm_core.errors import ScenarioError
 
@@ -37,6 +38,8 @@ AS_PROFILE_SAYS = "SYSTEM_DEFAULT"
 """Range with which ROS adds nothing to the profile, see ``data/fastdds_local.xml``."""
 
 _DATA = Path(__file__).parent / "data"
+LOCAL_PROFILE = "fastdds_local.xml"
+_PROFILES_NAMESPACE = "http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"
 _NAME = "\0iptm_ros_domain"  # the null character makes it abstract (Linux)
 _CREDENTIALS = struct.Struct("3i")  # struct ucred of unix(7): pid, uid, gid
 _LONGEST_COMMAND = 100
@@ -103,9 +106,27 @@ def middleware_settings(environment: Mapping[str, str] = os.environ) -> dict[str
     if given_range in ("", LOCALHOST) and not environment.get(PEERS_VARIABLE):
         return {
             RANGE_VARIABLE: AS_PROFILE_SAYS,
-            PROFILE_VARIABLE: str(_DATA / "fastdds_local.xml"),
+            PROFILE_VARIABLE: str(_DATA / LOCAL_PROFILE),
         }
     return {PROFILE_VARIABLE: str(_DATA / "fastdds_discovery.xml"), **default_range}
+
+
+def without_shared_memory(folder: Path) -> dict[str, str]:
+    """Write the local profile without shared memory to a folder; return the variables that select it.
+
+    A process that is stopped for seconds does not empty its queue in shared memory. Others take the queue for
+    dead then, and the process no longer hears them after it goes on. ``FASTDDS_BUILTIN_TRANSPORTS`` does not
+    count beside a profile with transports of its own.
+    """
+    profile = ET.parse(_DATA / LOCAL_PROFILE)  # noqa: S314 - own file
+    ET.register_namespace("", _PROFILES_NAMESPACE)
+    for transports in profile.findall(".//{*}userTransports"):
+        for transport in transports.findall("{*}transport_id"):
+            if transport.text == "iptm_shared_memory":
+                transports.remove(transport)
+    path = folder / "fastdds_udp.xml"
+    profile.write(path, encoding="utf-8", xml_declaration=True)
+    return {RANGE_VARIABLE: AS_PROFILE_SAYS, PROFILE_VARIABLE: str(path)}
 
 
 @contextmanager

@@ -25,7 +25,7 @@ from rich.table import Table
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.program import EXIT_OK, EXIT_REFUSED, refused
 from iptm_core.units import J_PER_KWH
-from iptm_ros.discovery import reserve_domain
+from iptm_ros.discovery import reserve_domain, without_shared_memory
 from iptm_vehicle_interface.driving import controller_limits
 from iptm_vehicle_interface.vehicle import load_vehicle
 
@@ -42,8 +42,6 @@ GATEWAY, VEHICLE, BRIDGE, CONTROLLER, RECORDER, CAR = (
     "recorder",
     "bench_car",
 )
-TRANSPORT = {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
-"""Shared memory of a process that was killed can keep another one from hearing a third for good."""
 SUITE = (VEHICLE, BRIDGE, CONTROLLER)
 _MODULES = {
     GATEWAY: ("iptm_vehicle_interface.gateway", ": ready"),
@@ -106,7 +104,7 @@ class BenchProcesses:
         buses = f"udp:{port}", f"udp:{port + 1}"
         self.car_bus = buses[0]
         self.folder, self._stack = folder, ExitStack()
-        self._environment = {**os.environ, **TRANSPORT}
+        self._environment = {**os.environ, **without_shared_memory(folder)}
         vehicle = load_vehicle(options.vehicle)
         limits = ", ".join(f"{key}={value}" for key, value in controller_limits(vehicle).items())
         own = ["--vehicle", options.vehicle]
