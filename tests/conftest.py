@@ -68,7 +68,11 @@ def _tick_messages(run: Trajectory, row: int) -> dict[Any, Any]:
     powers = IntervalPowers(**{name: values[name] for name in IntervalPowers.__dataclass_fields__})
     leader = LeaderState(time_s, values["leader_position_m"], values["leader_speed_m_s"])
     coolant_k = (values["coolant_inlet_temperature_k"], values["coolant_outlet_temperature_k"])
-    safety = SafetyRecord(values["service_braking_s"], values["smallest_gap_m"])
+    safety = SafetyRecord(
+        values["service_braking_s"],
+        values["smallest_gap_m"],
+        command_source=values["command_source"],
+    )
     charge_ah = values["state_of_charge"] * 100.0
     battery = BatteryReading(time_s, 380.0, 10.0, (4.0,), (300.0,), charge_ah, 100.0)
     return {
@@ -91,6 +95,7 @@ def trajectory() -> Trajectory:
     columns["position_m"] = 0.05 * time_s**2
     columns["acceleration_m_s2"] = 0.1 + 1e-3 * columns["acceleration_m_s2"]
     columns["leader_position_m"] = columns["position_m"] + 20.0 + columns["leader_position_m"]
+    columns["command_source"] = np.zeros(ROWS)
     columns["state_of_charge"] = columns["state_of_charge"].astype(np.float32).astype(float)
     for name in TRAJECTORY_COLUMNS:
         if name.endswith("temperature_k"):

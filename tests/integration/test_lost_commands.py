@@ -17,21 +17,24 @@ import iptm
 from iptm.commands.bags import info
 from iptm.faults.kinds import FaultKind
 from iptm.trip_files import trip_text
+from iptm_core.state import CommandSource
 from iptm_core.units import J_PER_KWH
 
-RESTARTED = iptm.Fault(FaultKind.PROCESS_RESTARTED, 10.0, size=5.0, target="controller")
 
+@pytest.fixture(params=[FaultKind.PROCESS_RESTARTED, FaultKind.PROCESS_FROZEN])
+def stopped(request: Any, launcher: Any, tmp_path: Path) -> tuple[Path, str]:
+    """Drive with a controller that is away for 5 s; return the folder of the run and what the terminal said.
 
-@pytest.fixture
-def stopped(launcher: Any, tmp_path: Path) -> tuple[Path, str]:
-    """Drive with a restarted controller; return the folder of the run and what the terminal said."""
+    A frozen one answers afterwards what it missed, when the vehicle has stopped on its own already.
+    """
+    away = iptm.Fault(request.param, 10.0, size=5.0, target="controller")
     trip = iptm.Trip.of(
         "us06",
         duration_s=25.0,
         horizon="15x1",
         mode="real_time",
         command_timeout_s=1.0,
-        faults=(RESTARTED,),
+        faults=(away,),
         compile_code=False,
     )
     file, output = tmp_path / "lost.yaml", tmp_path / "run"
@@ -51,8 +54,11 @@ def test_every_output_agrees_on_lost_commands(
     output, printed = stopped
     run = iptm.load(output)
     figures = run.figures
-    lost = int(figures["undecided"])
-    assert lost >= 1
+    lost, held = int(figures["undecided"]), int(figures["held"])
+    sources = run.frame["command_source"]
+    assert lost == (sources == CommandSource.STOP).sum() >= 1
+    assert held == (sources == CommandSource.HELD).sum() >= 1
+    assert figures["fallbacks"] >= lost + held
     consumption, margin_m = figures["consumption"], run.metrics.smallest_margin_m
 
     terminal = " ".join(printed.split())
@@ -91,4 +97,4 @@ def test_every_output_agrees_on_lost_commands(
     distance_m = row["position_m"][-1] - row["position_m"][0]
     assert 1e5 * energy_j / J_PER_KWH / distance_m == pytest.approx(consumption)
     assert np.min(row["gap_m"] - row["min_gap_m"]) == pytest.approx(margin_m)
-    assert int(np.isnan(row["status_code"][:-1]).sum()) == lost
+    np.testing.assert_array_equal(row["command_source"], sources)

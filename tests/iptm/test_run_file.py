@@ -42,6 +42,16 @@ def test_a_drive_of_data_is_loaded_without_its_trip(tmp_path: Path) -> None:
     assert again.summary.equals(run.summary)
 
 
+def test_a_file_of_an_earlier_version_is_read(run: iptm.Run, tmp_path: Path) -> None:
+    with np.load(run.save(tmp_path / "run.npz")) as file:
+        stored = dict(file)
+    del stored["trajectory.command_source"]
+    np.savez(tmp_path / "earlier.npz", **stored)
+    again = iptm.load(tmp_path / "earlier.npz")
+    assert np.isnan(again.trajectory.command_source).all()
+    assert again.figures == run.figures
+
+
 def test_mistakes_are_one_line(run: iptm.Run, tmp_path: Path) -> None:
     file = run.save(tmp_path / "run.npz")
     with pytest.raises(iptm.IptmError, match="exists already"):

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from tests.iptm_core.made_runs import make_run
 
 from iptm_core.decision_record import (
     DecisionRecord,
@@ -150,13 +151,31 @@ def test_statistics_count_every_decision_once() -> None:
     assert (found.limited, found.without_preview) == (1, 1)
 
 
-def test_a_tick_without_a_decision_is_a_fallback() -> None:
-    """The last instant of a trip needs none."""
-    times_s = np.arange(7.0)
-    found = DecisionStatistics.of(SERIES, times_s)
-    assert (found.undecided, found.fallbacks) == (1, 3)
-    nothing = DecisionStatistics.of(DecisionSeries.from_records([], []), times_s)
-    assert nothing.undecided == 0, "a controller that reports no decisions"
+@pytest.mark.parametrize(
+    ("sources", "expected"),
+    [
+        ([0, 0, 0, 0, 0, 0, 0], (2, 0, 0, "2 ticks on a fallback")),
+        # The decisions of 1 s and 3 s, one of them of a fallback, came too late.
+        (
+            [0, 0, 1, 0, 2, 0, 0],
+            (3, 1, 1, "3 ticks on a fallback, 1 of them with an earlier command, "),
+        ),
+        # Not published: the last instant needs no decision.
+        (
+            [math.nan] * 7,
+            (3, 0, 1, "3 ticks on a fallback, 1 of them stopped for want of commands"),
+        ),
+    ],
+)
+def test_fallbacks_are_what_the_vehicle_did(
+    sources: list[float], expected: tuple[int, int, int, str]
+) -> None:
+    run = make_run(7, command_source=sources)
+    found = DecisionStatistics.of(SERIES, run)
+    assert (found.fallbacks, found.held, found.undecided) == expected[:3]
+    assert found.fallbacks_text.startswith(expected[3])
+    nothing = DecisionStatistics.of(DecisionSeries.from_records([], []), run)
+    assert nothing.undecided == found.undecided * (not math.isnan(sources[0]))
 
 
 def test_what_is_not_known_does_not_count() -> None:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
-from iptm_core.state import Command
+from iptm_core.state import Command, CommandSource
 from iptm_plant_sim.actuators import Clamp
 from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.trip import RECENT_TICKS, CommandHold, Trip
@@ -61,21 +61,32 @@ def test_keeps_count_of_what_was_limited(plant: Plant) -> None:
     assert recent == [False, *[True] * RECENT_TICKS, False]
 
 
+def test_the_source_of_each_command_is_part_of_what_is_observed(plant: Plant) -> None:
+    trip = Trip(plant, 10.0)
+    command = Command(0.1, 0.0)
+    given = ((command, CommandSource.ANSWER), (command, CommandSource.HELD), (None,))
+    found = [trip.advance(*each).safety.command_source for each in given]
+    found.append(trip.advance(Command(math.nan, 0.0)).safety.command_source)
+    stop = CommandSource.STOP
+    assert found == [CommandSource.ANSWER, CommandSource.HELD, stop, stop]
+
+
 def test_hold_keeps_the_newest_command_until_it_is_too_old() -> None:
     hold = CommandHold(3.0)
-    assert hold.command_at(0) is None
+    assert hold.command_at(0)[0] is None
     first, second = Command(1.0, 0.0), Command(0.5, 10.0)
     assert hold.offer(0, first, 0)
     assert hold.offer(S, second, 2 * S)
     assert not hold.offer(0, first, 2 * S)
     assert not hold.offer(S, first, 2 * S)
     assert hold.age_s(4 * S) == 3.0
-    assert hold.command_at(4 * S) == second
-    assert hold.command_at(4 * S + 1) is None
+    assert hold.command_at(S) == (second, CommandSource.ANSWER)
+    assert hold.command_at(4 * S) == (second, CommandSource.HELD)
+    assert hold.command_at(4 * S + 1)[0] is None
     assert hold.is_lost(4 * S + 1)
     # It recovers as soon as something current arrives.
     assert hold.offer(5 * S, first, 5 * S)
-    assert hold.command_at(5 * S) == first
+    assert hold.command_at(5 * S) == (first, CommandSource.ANSWER)
 
 
 def test_hold_without_any_command_is_lost_in_the_end() -> None:
@@ -88,4 +99,4 @@ def test_hold_without_any_command_is_lost_in_the_end() -> None:
 def test_hold_refuses_the_future_and_the_impossible(stamp: int) -> None:
     hold = CommandHold(3.0)
     assert not hold.offer(stamp, Command(0.0, 0.0), 2 * S)
-    assert hold.command_at(2 * S) is None
+    assert hold.command_at(2 * S)[0] is None

@@ -69,7 +69,7 @@ def test_a_plant_may_leave_out_what_it_does_not_know() -> None:
     assert math.isnan(found.powers.battery_power_w)
     assert found.powers.compressor_power_w == STATE.compressor_power_w
     assert math.isnan(found.coolant_inlet_temperature_k)
-    assert str(found.safety) == str(SafetyRecord())
+    assert str(found.safety) == str(SafetyRecord(command_source=math.nan))
     message.name[0] = "another"
     with pytest.raises(MessageError, match="plant/state: missing cell_n_capacity_loss"):
         decode_observation(message)
@@ -137,6 +137,7 @@ def test_leader_driving_backwards_is_refused() -> None:
             SafetyRecord(service_braking_s=-0.1),
             r"service_braking_s is -0.1; allowed: a finite number, at",
         ),
+        (SafetyRecord(command_source=3.0), r"command_source is 3.0; allowed: 0, 1 or 2"),
         (SafetyRecord(brake_share=1.5), r"brake_share is 1.5; allowed: 0 to 1"),
     ],
 )

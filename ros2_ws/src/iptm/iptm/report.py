@@ -77,10 +77,7 @@ def outcome_lines(metrics: RunMetrics) -> list[str]:
     lines = [check.text for check in metrics.broken_limits] or ["no limit broken"]
     decisions = metrics.decisions
     if decisions is not None and decisions.fallbacks:
-        lines.append(
-            f"{decisions.fallbacks} ticks on a fallback, "
-            f"{decisions.undecided} of them stopped for want of commands"
-        )
+        lines.append(decisions.fallbacks_text)
     return lines
 
 

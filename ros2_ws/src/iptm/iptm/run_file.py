@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from iptm.run import Run
 from iptm.trip import Trip
 from iptm.trip_files import trip_from, trip_text
-from iptm_core.decision_record import DECISION_COLUMNS, DecisionSeries
+from iptm_core.decision_record import DecisionSeries
 from iptm_core.errors import IptmError, StoreError
 from iptm_core.parameters import flat_to_parameters, to_flat_dict
 from iptm_core.parameters.strict_yaml import parse_yaml
 from iptm_core.routes.slope import SlopeProfile
-from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
+from iptm_core.trajectory import Trajectory
 from iptm_core.user_input import shown
 
 SUFFIX = ".npz"
@@ -75,8 +75,8 @@ def load_run(path: Path) -> Run:
             **{**known, "problems": tuple(known["problems"]), "warnings": tuple(known["warnings"])},
             settings=about["settings"],
             parameters=flat_to_parameters(about["parameters"], str(path)),
-            trajectory=Trajectory.from_arrays(_of(arrays, _TRAJECTORY, TRAJECTORY_COLUMNS)),
-            decisions=DecisionSeries.from_arrays(_of(arrays, _DECISIONS, DECISION_COLUMNS)),
+            trajectory=Trajectory.from_stored(_of(arrays, _TRAJECTORY)),
+            decisions=DecisionSeries.from_arrays(_of(arrays, _DECISIONS)),
             slope=_slope(arrays),
             trip=_trip(about["trip"], about["trip_name"]),
         )
@@ -84,16 +84,14 @@ def load_run(path: Path) -> Run:
         raise StoreError(f"{path} holds no run of Run.save: {error}") from None
 
 
-def _of(
-    arrays: Mapping[str, NDArray[Any]], prefix: str, names: tuple[str, ...]
-) -> dict[str, NDArray[Any]]:
-    return {name: arrays[prefix + name] for name in names}
+def _of(arrays: Mapping[str, NDArray[Any]], prefix: str) -> dict[str, NDArray[Any]]:
+    return {
+        name.removeprefix(prefix): each for name, each in arrays.items() if name.startswith(prefix)
+    }
 
 
 def _slope(arrays: Mapping[str, NDArray[Any]]) -> SlopeProfile | None:
-    found = {
-        name.removeprefix(_SLOPE): each for name, each in arrays.items() if name.startswith(_SLOPE)
-    }
+    found = _of(arrays, _SLOPE)
     return SlopeProfile(**found) if found else None
 
 

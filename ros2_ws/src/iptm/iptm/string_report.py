@@ -17,7 +17,6 @@ from iptm.picture import GREY, STYLE
 from iptm.report import relative_changes
 from iptm.run import Run
 from iptm.vehicle_string import amplification, deviations_along
-from iptm_core.decision_record import Rung
 from iptm_core.metrics import gap_margins_m
 from iptm_core.units import KM_H_PER_M_S
 
@@ -39,8 +38,8 @@ def _deviations(runs: Sequence[Run]) -> pd.DataFrame:
     return deviations_along([run.trajectory for run in runs], runs[0].parameters)
 
 
-def _fallbacks(run: Run) -> int:
-    return int(np.count_nonzero(run.decisions.rung != Rung.OPTIMAL))
+def _fallbacks(run: Run) -> float:
+    return run.figures["fallbacks"]
 
 
 def _along_the_string(runs: Sequence[Run]) -> Part:
@@ -113,7 +112,7 @@ def _late_plans(late: Mapping[float, Sequence[Run]]) -> Part:
             "acceleration of the last car, rms (m/s²):": "{last_m_s2:.3f}",
             "least gap − s_min (m):": "{smallest_margin_m:.2f}",
             "largest gap (m):": "{largest_gap_m:.1f}",
-            "fallbacks:": "{fallbacks}",
+            "fallbacks:": "{fallbacks:.0f}",
         },
         pd.DataFrame(rows),
     )

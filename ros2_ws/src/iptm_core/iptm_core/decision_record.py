@@ -14,8 +14,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from iptm_core.state import FloatArray
-from iptm_core.trajectory import Columns
+from iptm_core.state import CommandSource, FloatArray
+from iptm_core.trajectory import Columns, Trajectory
 
 
 class SolveStatus(IntEnum):
@@ -164,7 +164,9 @@ class DecisionStatistics:
     """How the decisions of a run came about, in numbers.
 
     Attributes:
-        undecided: ticks of the trip without a decision: the vehicle stopped for want of commands.
+        fallbacks: intervals in which the vehicle carried out another command than a fresh solution.
+        held: intervals in which it carried out an earlier command, as the answer came too late.
+        undecided: intervals in which it stopped for want of commands.
         limited: decisions that the last limiter changed.
         without_preview: decisions before which no prediction of the leader had arrived.
         preview_age_s: age of the prediction in use, where there was one.
@@ -183,19 +185,30 @@ class DecisionStatistics:
     gap_slack_m: Distribution
     speed_slack_m_s: Distribution
     temperature_slack_k: Distribution
+    fallbacks: int
+    held: int = 0
     undecided: int = 0
 
     @classmethod
-    def of(cls, series: DecisionSeries, times_s: FloatArray | None = None) -> DecisionStatistics:
+    def of(cls, series: DecisionSeries, run: Trajectory | None = None) -> DecisionStatistics:
         """Count and rank the decisions of a run.
 
         Args:
             series: the decisions.
-            times_s: instants of the trip, the last of which needs no decision; None counts no missing one.
+            run: what the vehicle did; None counts every decision as carried out. A vehicle that does not
+                publish its source of commands stopped at every instant but the last without a decision.
         """
-        due = () if times_s is None or not len(series) else times_s[:-1]
+        sources = _sources(series, run)
+        answered = (
+            series.time_s if run is None else run.time_s[:-1][sources == CommandSource.ANSWER]
+        )
+        other = np.isin(series.time_s, answered) & (series.rung != Rung.OPTIMAL)
+        held = int(np.count_nonzero(sources == CommandSource.HELD))
+        undecided = int(np.count_nonzero(sources == CommandSource.STOP))
         return cls(
-            undecided=int(np.count_nonzero(~np.isin(due, series.time_s))),
+            fallbacks=int(np.count_nonzero(other)) + held + undecided,
+            held=held,
+            undecided=undecided,
             decisions=len(series),
             by_status={
                 status: int(np.count_nonzero(series.status == status)) for status in SolveStatus
@@ -212,12 +225,29 @@ class DecisionStatistics:
         )
 
     @property
-    def fallbacks(self) -> int:
-        """Ticks of which the command did not come from a fresh solution, or for which there was none."""
-        return self.decisions - self.by_rung[Rung.OPTIMAL] + self.undecided
+    def fallbacks_text(self) -> str:
+        """The ticks on a fallback in words."""
+        if not self.fallbacks:
+            return "no fallback"
+        parts = (
+            (self.held, "with an earlier command"),
+            (self.undecided, "stopped for want of commands"),
+        )
+        kinds = [f"{count} of them {what}" for count, what in parts if count]
+        return ", ".join([f"{self.fallbacks} ticks on a fallback", *kinds])
 
     @property
     def failed_solves(self) -> int:
         """Solves without a usable iterate."""
         answered = (SolveStatus.NOT_POSED, SolveStatus.SOLVED, SolveStatus.FEASIBLE)
         return self.decisions - sum(self.by_status[status] for status in answered)
+
+
+def _sources(series: DecisionSeries, run: Trajectory | None) -> FloatArray:
+    """Return the source of the command by interval."""
+    if run is None:
+        return np.empty(0)
+    if not np.isnan(run.command_source).all():
+        return run.command_source[1:]
+    missing = ~np.isin(run.time_s[:-1], series.time_s) & bool(len(series))
+    return np.where(missing, float(CommandSource.STOP), float(CommandSource.ANSWER))

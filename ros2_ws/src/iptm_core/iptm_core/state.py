@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from enum import IntEnum
 from functools import cached_property, partial
 
 import numpy as np
@@ -126,9 +127,20 @@ class IntervalPowers:
     battery_heat_w: float = math.nan
 
 
+class CommandSource(IntEnum):
+    """Which command the vehicle carried out over an interval; the numbers travel in messages and bags."""
+
+    ANSWER = 0
+    """The controller's answer to the state at the start of the interval."""
+    HELD = 1
+    """Its answer to an earlier state, as none to this one had arrived."""
+    STOP = 2
+    """The controlled stop, for want of a command that can be carried out."""
+
+
 @dataclass(frozen=True)
 class SafetyRecord:
-    """What the safety monitor of the vehicle did and measured over an interval.
+    """What the vehicle did of its own accord over an interval, and what its safety monitor measured.
 
     Attributes:
         service_braking_s: part of the interval in which it braked, from the request to the return of the
@@ -136,11 +148,13 @@ class SafetyRecord:
         smallest_gap_m: smallest gap that the range sensor measured after the start of the interval and before
             its end; NaN where it measured none.
         brake_share: share of the requested deceleration that the brakes deliver, as estimated.
+        command_source: number of the `CommandSource`; NaN where it is not known.
     """
 
     service_braking_s: float = 0.0
     smallest_gap_m: float = math.nan
     brake_share: float = 1.0
+    command_source: float = CommandSource.ANSWER
 
 
 @dataclass(frozen=True)

@@ -89,6 +89,7 @@ class Trajectory(Columns):
             none is known.
         state_of_charge: charge left in the pack as a fraction of its capacity, with the 32 bits of the
             battery message.
+        command_source: number of the `CommandSource` of the interval that ended at the row.
     """
 
     table = "trajectory"
@@ -113,6 +114,7 @@ class Trajectory(Columns):
     service_braking_s: FloatArray
     smallest_gap_m: FloatArray
     state_of_charge: FloatArray
+    command_source: FloatArray
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -130,6 +132,12 @@ class Trajectory(Columns):
                 f"trajectory: time_s is {self.time_s[row]} in row {row} after "
                 f"{self.time_s[row - 1]}; allowed: increasing times"
             )
+
+    @classmethod
+    def from_stored(cls, columns: Mapping[str, ArrayLike]) -> Trajectory:
+        """Build a trajectory from columns of a file; what earlier versions did not store is not known."""
+        missing = np.full(np.shape(columns["time_s"]), math.nan)
+        return cls.from_arrays({"command_source": missing, **columns})
 
     @property
     def has_leader(self) -> NDArray[np.bool_]:
@@ -183,6 +191,7 @@ def _row(observed: PlantObservation, leader: LeaderState | None) -> dict[str, fl
         "leader_speed_m_s": leader_m_s,
         "service_braking_s": observed.safety.service_braking_s,
         "smallest_gap_m": float(np.fmin(gap_m, observed.safety.smallest_gap_m)),
+        "command_source": observed.safety.command_source,
     }
 
 

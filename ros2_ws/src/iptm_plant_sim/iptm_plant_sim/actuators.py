@@ -12,7 +12,7 @@ from enum import Enum
 
 from iptm_core.parameters.model import LimitParameters
 from iptm_core.physics.car_following import controlled_stop_command
-from iptm_core.state import Command, VehicleState
+from iptm_core.state import Command, CommandSource, VehicleState
 
 ACCELERATION_RESOLUTION_M_S2 = 1e-9
 COMPRESSOR_RESOLUTION_W = 1e-6
@@ -42,6 +42,12 @@ class ActuatorReport:
     requested: Command
     actuated: Command
     clamps: tuple[Clamp, ...] = ()
+
+    @property
+    def source(self) -> CommandSource:
+        """Whether the command could be carried out."""
+        broken = Clamp.NON_FINITE in self.clamps
+        return CommandSource.STOP if broken else CommandSource.ANSWER
 
     @property
     def reason(self) -> str:

@@ -75,7 +75,7 @@ class PlantNode(TripNode):
             self._controller_lost = False
             self._watchdog.feed()
             if self._hold.answers(self._trip.stamp_ns):
-                self._advance(self._held_command())
+                self._advance(*self._hold.command_at(self._trip.stamp_ns))
         self._report()
         return f"goes on from {at}"
 
@@ -88,9 +88,9 @@ class PlantNode(TripNode):
         at = self._at()
         if self._is_real_time:
             self._judge_command_age()
-            self._advance(self._held_command())
+            self._advance(*self._hold.command_at(self._trip.stamp_ns))
         elif self._hold.answers(self._trip.stamp_ns):
-            self._advance(self._held_command())
+            self._advance(*self._hold.command_at(self._trip.stamp_ns))
         else:
             self._steps_due += 1
             return f"a step from {at} with the command that is awaited"

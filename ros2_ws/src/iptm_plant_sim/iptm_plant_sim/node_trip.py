@@ -11,7 +11,7 @@ from sensor_msgs.msg import JointState
 
 from iptm_core.errors import IptmError, MessageError, PackEmptyError
 from iptm_core.settings import LoopMode, LostController
-from iptm_core.state import Command
+from iptm_core.state import Command, CommandSource
 from iptm_plant_sim.node_neighbours import Neighbours
 from iptm_plant_sim.node_parameters import WAIT, PlantNodeParameters
 from iptm_plant_sim.node_range_sensor import NodeRangeSensor, PlayedRangeSensor
@@ -220,10 +220,12 @@ class TripNode(SuiteNode):
 
     # --- time
 
-    def _advance(self, command: Command) -> None:
+    def _advance(
+        self, command: Command | None, source: CommandSource = CommandSource.ANSWER
+    ) -> None:
         try:
             self._trip.plant.monitor.friction = self._friction.coefficient
-            self._trip.advance(command)
+            self._trip.advance(command, source)
         except PackEmptyError as error:
             self._failure = str(error)
             self.get_logger().warning(f"the trip ends early: {error}")
@@ -280,7 +282,7 @@ class TripNode(SuiteNode):
         self._schedule.keep()
         self._judge_command_age()
         self._phase = TripPhase.STOPPING if self._controller_lost else TripPhase.RUNNING
-        self._advance(self._held_command())
+        self._advance(*self._hold.command_at(self._trip.stamp_ns))
 
     def _judge_command_age(self) -> None:
         was_lost, self._controller_lost = (
@@ -288,9 +290,6 @@ class TripNode(SuiteNode):
             self._hold.is_lost(self._trip.stamp_ns),
         )
         self._controller_losses += self._controller_lost and not was_lost
-
-    def _held_command(self) -> Command:
-        return self._hold.command_at(self._trip.stamp_ns) or self._trip.stop_command()
 
     def _on_silence(self, _: float) -> None:
         """Lock-step: the controller does not answer."""
@@ -319,7 +318,7 @@ class TripNode(SuiteNode):
             self._finish()
             self._report()
             return
-        self._advance(self._trip.stop_command())
+        self._advance(None)
 
     # --- pause and end
 

@@ -321,7 +321,7 @@ class Plant:
             cell_n_voltage_v=result.cell_n_voltage_v,
             coolant_inlet_temperature_k=result.coolant_inlet_k,
             coolant_outlet_temperature_k=result.coolant_outlet_k,
-            safety=SafetyRecord(),
+            safety=SafetyRecord(command_source=report.source),
             report=report,
             standstill=motion.end_speed_m_s == 0.0,
             memory=self._memory,

@@ -135,7 +135,8 @@ class MonitoredInterval:
                 requested_m_s2=self._requested_m_s2,
             )
             gap_m = self._smallest_gap_m(leads)
-            return replace(step, memory=memory, safety=SafetyRecord(0.0, gap_m, memory.brake_share))
+            record = SafetyRecord(0.0, gap_m, memory.brake_share, self._report.source)
+            return replace(step, memory=memory, safety=record)
         return self._drive_in_pieces(memory, leads)
 
     def _is_comfort(self, acceleration_m_s2: float) -> bool:
@@ -246,7 +247,7 @@ class MonitoredInterval:
                 pieces.append((step, length_s))
                 state = step.state
         memory = replace(memory, requested_m_s2=requested)
-        record = SafetyRecord(braking_s, smallest_m, memory.brake_share)
+        record = SafetyRecord(braking_s, smallest_m, memory.brake_share, self._report.source)
         step = joined(pieces, self._report, start_s + self._duration_s)
         return replace(step, memory=memory, safety=record)
 

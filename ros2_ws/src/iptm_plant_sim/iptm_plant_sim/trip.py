@@ -8,7 +8,7 @@ from enum import Enum
 
 from iptm_core.errors import StateError
 from iptm_core.physics.car_following import controlled_stop_command
-from iptm_core.state import NS_PER_S, Command, VehicleState
+from iptm_core.state import NS_PER_S, Command, CommandSource, VehicleState
 from iptm_plant_sim.actuators import Clamp
 from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_step import PlantStep
@@ -115,13 +115,21 @@ class Trip:
         """Next command of the controlled stop from here."""
         return controlled_stop_command(self.step.state, self.parameters.limits, self._period_s)
 
-    def advance(self, command: Command) -> PlantStep:
-        """Drive one interval and return what is observed at its end."""
-        step = self.plant.advance(self.step.state, command, self._period_s)
+    def advance(
+        self, command: Command | None, source: CommandSource = CommandSource.ANSWER
+    ) -> PlantStep:
+        """Drive one interval, None as the controlled stop, and return what is observed at its end."""
+        driven = command or self.stop_command()
+        step = self.plant.advance(self.step.state, driven, self._period_s)
         before = self.step.memory
         self.tick += 1
         exact_time = replace(step.state, time_s=self.stamp_ns / NS_PER_S)
-        self.step = replace(step, state=exact_time)
+        if command is None:
+            source = CommandSource.STOP
+        safety = step.safety
+        if source is not CommandSource.ANSWER:
+            safety = replace(safety, command_source=source)
+        self.step = replace(step, state=exact_time, safety=safety)
         self.service_braking_s += step.safety.service_braking_s
         if (step.memory.since_s, step.memory.reason) != (before.since_s, before.reason):
             self.interventions += 1
@@ -169,6 +177,7 @@ class CommandHold:
         """Whether the age exceeds the timeout."""
         return now_ns - self._stamp_ns > self._timeout_ns
 
-    def command_at(self, now_ns: int) -> Command | None:
-        """The command to carry out now; None if there is none or it is too old."""
-        return None if self.is_lost(now_ns) else self._command
+    def command_at(self, now_ns: int) -> tuple[Command | None, CommandSource]:
+        """The command to carry out now, None if there is none or it is too old, and whether it was held."""
+        source = CommandSource.ANSWER if self.answers(now_ns) else CommandSource.HELD
+        return None if self.is_lost(now_ns) else self._command, source

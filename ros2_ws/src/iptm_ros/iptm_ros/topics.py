@@ -160,9 +160,10 @@ _SPECS = (
         "forward), mean powers (traction and battery positive when drawn from the pack, chiller heat when "
         "cooling, battery heat when made in the cells; a negative compressor power is a heater's), how "
         "long the safety monitor braked, the "
-        "smallest gap measured inside (NaN for none), and the share of the requested deceleration that the "
-        "brakes deliver. From compressor_power_w on, NaN is a value that is not measured; from "
-        "state_of_charge on, it may be left out as well",
+        "smallest gap measured inside (NaN for none), the share of the requested deceleration that the "
+        "brakes deliver, and the command carried out: 0 the answer to the state before, 1 an earlier one, "
+        "2 the controlled stop for want of one. From compressor_power_w on, NaN is a value that is not "
+        "measured; from state_of_charge on, it may be left out as well",
         {
             "position_m": "m", "speed_m_s": "m/s", "acceleration_m_s2": "m/s^2", "compressor_power_w": "W",
             "cell_1_temperature_k": "K", "cell_n_temperature_k": "K",
@@ -170,6 +171,7 @@ _SPECS = (
             "traction_power_w": "W", "auxiliary_power_w": "W", "battery_power_w": "W", "chiller_heat_w": "W",
             "coolant_inlet_temperature_k": "K", "coolant_outlet_temperature_k": "K",
             "service_braking_s": "s", "smallest_gap_m": "m", "brake_share": "1", "battery_heat_w": "W",
+            "command_source": "1",
         },
     ),
     TopicSpec(

@@ -128,7 +128,7 @@ class VehicleStateEstimator:
             state_of_charge=signals.value("state_of_charge", now_s),
         )
         powers = IntervalPowers(math.nan, compressor_w, math.nan, power_w, math.nan)
-        unknown = SafetyRecord(math.nan, math.nan, math.nan)
+        unknown = SafetyRecord(*4 * (math.nan,))
         return PlantObservation(state, powers, math.nan, math.nan, unknown)
 
     def battery(self, signals: SignalTable, observed: PlantObservation) -> BatteryReading:

@@ -55,6 +55,7 @@ PAGE_COLUMNS: Mapping[str, str] = MappingProxyType(
         "cell_n_capacity_loss": "of the last cell",
         "state_of_charge": "charge left in the pack, as a fraction of its present capacity",
         "service_braking_s": "time for which the safety monitor braked in the interval that ended now",
+        "command_source": "number of CommandSource of the interval that ended now",
         "status_code": "number of SolveStatus",
         "solve_time_s": "processor time of the solve",
         "iterations": "of the solver",
@@ -113,6 +114,7 @@ def _state(message: Any) -> dict[str, float]:
         "state_of_charge": float(np.float32(state.state_of_charge)),  # as trajectories hold it
         "capacity_loss": state.cell_1_capacity_loss + state.cell_n_capacity_loss,
         "service_braking_s": observed.safety.service_braking_s,
+        "command_source": observed.safety.command_source,
     }
 
 

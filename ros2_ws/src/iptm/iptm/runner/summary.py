@@ -46,7 +46,7 @@ def headline(run: Run) -> Summary:
 def summarise(run: Run, against: Run | None, aging_counts: str = PAPER_AGING) -> Summary:
     """Return the headline of a run."""
     metrics = run.metrics
-    decisions = DecisionStatistics.of(run.decisions, run.trajectory.time_s)
+    decisions = DecisionStatistics.of(run.decisions, run.trajectory)
     values = {**_of_run(metrics), **_of_decisions(decisions)}
     lines: list[tuple[str, str]] = []
     found: Saving | None = None
@@ -93,6 +93,7 @@ def _of_decisions(decisions: DecisionStatistics) -> dict[str, float]:
         "solve_longest_ms": 1e3 * decisions.solve_time_s["largest"],
         "decisions": float(decisions.decisions),
         "fallbacks": float(decisions.fallbacks),
+        "held": float(decisions.held),
         "undecided": float(decisions.undecided),
     }
 
@@ -165,12 +166,7 @@ def _margin_text(values: Mapping[str, float], metrics: RunMetrics) -> str:
 def _solver_text(values: Mapping[str, float], decisions: DecisionStatistics) -> str:
     if not decisions.decisions:
         return "no decisions reported"
-    failed = (
-        f", {decisions.fallbacks} ticks on a fallback" if decisions.fallbacks else ", no fallback"
-    )
-    if decisions.undecided:
-        failed += f", {decisions.undecided} of them stopped for want of commands"
     return (
         f"{significant(values['solve_median_ms'])} ms median, {significant(values['solve_longest_ms'])} ms "
-        f"longest; {decisions.decisions} decisions{failed}"
+        f"longest; {decisions.decisions} decisions, {decisions.fallbacks_text}"
     )

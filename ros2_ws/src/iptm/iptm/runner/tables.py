@@ -113,7 +113,7 @@ def figures_table(run: Run) -> Table:
 
 def details_table(run: Run) -> Table:
     """Return how the decisions came about and how fast the run was."""
-    statistics = DecisionStatistics.of(run.decisions, run.trajectory.time_s)
+    statistics = DecisionStatistics.of(run.decisions, run.trajectory)
     table = decisions_table("decisions", statistics)
     table.add_section()
     for label, text in _counts(statistics).items():
@@ -161,6 +161,7 @@ def _counts(decisions: DecisionStatistics) -> dict[str, str]:
     rows |= {
         f"  command: {_words(rung)}": count for rung, count in decisions.by_rung.items() if count
     }
+    rows |= {"  too late: an earlier command held": decisions.held}
     rows |= {"  none: stopped for want of commands": decisions.undecided}
     rows |= {"  without any preview": decisions.without_preview}
     rows |= {"  changed by the limiter": decisions.limited}

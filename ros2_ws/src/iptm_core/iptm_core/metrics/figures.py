@@ -73,12 +73,13 @@ def _decision_figures() -> Iterator[Figure]:
         ("max_iterations", "Solver iterations, most", "", 0, "Largest number of iterations in a tick.",
          lambda d: d.iterations["largest"]),
         ("fallbacks", "Ticks on a fallback", "ticks", 0,
-         ("Ticks with another command than a fresh solution: of a fallback of the controller, or none in "
-         "time, "
-         "whereupon the vehicle stopped on its own."), lambda d: d.fallbacks),
+         ("Ticks in which the vehicle carried out another command than a fresh solution: of a fallback of "
+         "the controller, an earlier one, or the controlled stop."), lambda d: d.fallbacks),
+        ("held", "Ticks on an earlier command", "ticks", 0,
+         ("Ticks in which the vehicle carried out an earlier command, as the answer came too late. Part of "
+         "the fallbacks."), lambda d: d.held),
         ("undecided", "Ticks without a decision", "ticks", 0,
-         ("Ticks in which no decision of the controller arrived: the vehicle stopped on its own. Part of "
-         "the fallbacks."),
+         ("Ticks in which the vehicle stopped on its own for want of commands. Part of the fallbacks."),
          lambda d: d.undecided),
         ("failed_solves", "Solves without a usable iterate", "ticks", 0,
          "Ticks in which the solver had no result that can be used.", lambda d: d.failed_solves),

@@ -167,7 +167,7 @@ def compute_metrics(
         * float(run.cell_1_temperature_k[-1] + run.cell_n_temperature_k[-1]),
         final_cell_losses=(float(losses[0][-1]), float(losses[1][-1])),
         final_charge=float(run.state_of_charge[-1]),
-        decisions=None if decisions is None else DecisionStatistics.of(decisions, run.time_s),
+        decisions=None if decisions is None else DecisionStatistics.of(decisions, run),
     )
 
 

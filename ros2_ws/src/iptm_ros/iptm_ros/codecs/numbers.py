@@ -195,6 +195,7 @@ _RANGES: Mapping[str, tuple[float, float, str]] = {
     "speed_m_s": (SPEED_AT_REST_M_S, LARGEST, f"at least {SPEED_AT_REST_M_S:g} m/s"),
     "service_braking_s": (0.0, LARGEST, f"{_FINITE}, at least 0"),
     "brake_share": (0.0, 1.0, "0 to 1"),
+    "command_source": (0.0, 2.0, "0, 1 or 2"),
 }
 """Least and most of values of the plant's state, and both in words; others are any finite numbers."""
 _OF_THE_PACK = tuple(TOPICS[Topic.PLANT_STATE].fields)[3:8]

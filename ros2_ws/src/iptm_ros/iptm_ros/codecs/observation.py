@@ -104,6 +104,7 @@ def encode_observation(observation: PlantObservation, prefix: str) -> dict[Topic
             safety.smallest_gap_m,
             safety.brake_share,
             powers.battery_heat_w,
+            safety.command_source,
         ),
     }
     stamp_ns = ns_from_s(state.time_s)
@@ -114,7 +115,7 @@ def decode_observation(message: JointState) -> PlantObservation:
     """Return what the plant observes; values that it does not publish are NaN, its safety record is empty."""
     motion_and_pack = read_numbers(Topic.PLANT_STATE, message)
     *state, charge, traction_w, auxiliary_w, battery_w, chiller_w = motion_and_pack[:13]
-    inlet_k, outlet_k, braking_s, smallest_gap_m, brake_share, heat_w = motion_and_pack[13:]
+    inlet_k, outlet_k, braking_s, smallest_gap_m, brake_share, heat_w, source = motion_and_pack[13:]
     time_s = s_from_ns(ns_from_time(message.header.stamp))
     has_monitor = not math.isnan(braking_s)
     return PlantObservation(
@@ -122,9 +123,9 @@ def decode_observation(message: JointState) -> PlantObservation:
         powers=IntervalPowers(traction_w, state[3], auxiliary_w, battery_w, chiller_w, heat_w),
         coolant_inlet_temperature_k=inlet_k,
         coolant_outlet_temperature_k=outlet_k,
-        safety=SafetyRecord(braking_s, smallest_gap_m, brake_share)
+        safety=SafetyRecord(braking_s, smallest_gap_m, brake_share, source)
         if has_monitor
-        else SafetyRecord(),
+        else SafetyRecord(command_source=source),
     )
 
 

@@ -97,7 +97,7 @@ def result_tables(path: Path, namespace: str | None = None) -> list[Table]:
         table.add_row(figure.label, figure.precise_text(value), figure.unit)
     if decisions is None:
         return [table]
-    statistics = DecisionStatistics.of(decisions, trajectory.time_s)
+    statistics = DecisionStatistics.of(decisions, trajectory)
     title = f"{path.name}: {statistics.decisions} decisions"
     return [table, decisions_table(title, statistics)]
 

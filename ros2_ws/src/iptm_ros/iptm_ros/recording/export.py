@@ -160,8 +160,8 @@ def read_exported_trajectory(path: Path) -> tuple[Trajectory, dict[str, str]]:
     """Return a trajectory from a Parquet file of `write_parquet`, with the metadata."""
     try:
         table = pq.read_table(path)
-        columns = {name: table[name].to_numpy() for name in TRAJECTORY_COLUMNS}
-        trajectory = Trajectory.from_arrays(columns)
+        stored = set(TRAJECTORY_COLUMNS).intersection(table.column_names)
+        trajectory = Trajectory.from_stored({name: table[name].to_numpy() for name in stored})
     except (OSError, KeyError, pa.ArrowException, StateError) as error:
         raise BagError(f"cannot read a trajectory from {path}: {error}") from None
     texts = {key.decode(): text.decode() for key, text in (table.schema.metadata or {}).items()}

@@ -4,6 +4,11 @@ import { lowerIndex } from "./charts.js";
 
 const SAME_INSTANT_S = 1e-6;
 const SHORTEST_DISTANCE_M = 100;
+// Numbers of CommandSource other than the answer.
+const SOURCES = [
+  [1, "warn", "no command in time: an earlier one is held"],
+  [2, "bad", "no command in time: vehicle stops"],
+];
 
 /** Rows by column; sums and extremes are kept up to date as rows arrive. */
 class Table {
@@ -149,10 +154,9 @@ export class Run {
       const held = rungs.map((rung) => rung === Number(number));
       found.push(...spans(held, times).map((span) => ({ ...span, level, text: `intervention: ${name}` })));
     }
-    // The newest row may still wait for its decision.
-    const undecided = rungs.map((rung, k) => rung === null && k < rungs.length - 1);
-    if (rungs.some((rung) => rung !== null)) {
-      found.push(...spans(undecided, times).map((span) => ({ ...span, level: "bad", text: "no command in time: vehicle stops" })));
+    const sources = this.rows.column("command_source");
+    for (const [number, level, text] of SOURCES) {
+      found.push(...spans(sources.map((source) => source === number), times).map((span) => ({ ...span, level, text })));
     }
     const braked = this.rows.column("service_braking_s").map((lasted) => lasted > 0);
     found.push(...spans(braked, times).map((span) => ({ ...span, level: "bad", text: "intervention: safety monitor brakes" })));
