@@ -28,8 +28,9 @@ Array = NDArray[np.float64]
 
 def loss_rate_1_s(current_a: Any, temperature_k: Any, loss: Any, p: Any) -> Any:
     """Eq. (12): capacity loss per second, as a fraction."""
-    c_rate = np.abs(current_a) / p.cell.nominal_capacity_ah
     a = p.aging
+    counted = np.where(current_a < 0.0, a.charging_rate_factor, 1.0)
+    c_rate = counted * np.abs(current_a) / p.cell.nominal_capacity_ah
     z, gas = a.throughput_exponent, a.gas_constant_j_mol_k
     activation = (-a.activation_energy_j_mol + a.compensation_factor_j_mol * c_rate) / (
         z * gas * temperature_k

@@ -116,6 +116,11 @@ TERMS = {
             "iptm_controller.ocp.stage.COLD_PRICE_SHARE_1_S": 0.0,
         },
     ),
+    "signed": Term(
+        "magnitude of the C-rate in eq. (12)",
+        "signed, so that fast charging ages less",
+        {"overrides": {"aging.charging_rate_factor": -1.0}},
+    ),
     "efficiency": Term(
         "η_b = 1, as the loss is in R_b",
         "η_b < 1, no value printed: 0.95",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +32,8 @@ from iptm_core.parameters import load_parameters
 from iptm_core.physics.cell import capacity_loss_rate_1_s
 
 VALUES = load_parameters().values
-ALL_LAWS = [cell.law for cell in AGING_CELLS.values()] + [paper_law(VALUES)]
+SIGNED = replace(VALUES, aging=replace(VALUES.aging, charging_rate_factor=-1.0))
+ALL_LAWS = [cell.law for cell in AGING_CELLS.values()] + [paper_law(VALUES), paper_law(SIGNED)]
 DAY_S = 86400.0
 each_law = pytest.mark.parametrize("law", ALL_LAWS, ids=lambda law: law.name)
 

@@ -120,6 +120,18 @@ def test_the_rate_by_hand() -> None:
     assert rate(0.0, 300.0, 0.001) == 0.0
 
 
+def test_a_signed_rate_lowers_the_loss_while_charging_only() -> None:
+    """At 1C and 300 K the exponent changes by 2 B / (z R T), with half the rate counted by half of that."""
+    gap = 2.0 * 1516.0 / (0.824 * GAS * 300.0)
+    for factor, share in ((-1.0, 1.0), (0.0, 0.5)):
+        signed = replace(AGING, charging_rate_factor=factor)
+        charging = capacity_loss_rate_1_s(-5.019, 300.0, 0.001, signed, CELL)
+        assert charging == pytest.approx(rate(5.019, 300.0, 0.001) * math.exp(-share * gap))
+        assert capacity_loss_rate_1_s(5.019, 300.0, 0.001, signed, CELL) == pytest.approx(
+            rate(5.019, 300.0, 0.001), rel=1e-15
+        )
+
+
 @given(current=CURRENTS, temperature=TEMPERATURES, loss=st.floats(1e-4, 0.2))
 def test_the_rate_is_the_slope_of_the_closed_form(
     current: float, temperature: float, loss: float

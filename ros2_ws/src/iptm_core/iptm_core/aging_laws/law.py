@@ -13,7 +13,7 @@ from typing import ClassVar, Protocol
 
 from iptm_core.declaration import TextEnum
 from iptm_core.parameters.model import AgingParameters, CellParameters, ModelParameters
-from iptm_core.physics.cell import capacity_loss_rate_1_s
+from iptm_core.physics.cell import aging_current_a, capacity_loss_rate_1_s
 from iptm_core.physics.ops import Scalar, absolute
 
 
@@ -109,7 +109,7 @@ class ThroughputAging:
 
     def damage_slope_1_s_k(self, load: Load) -> Scalar:
         """Return the derivative of that rate with respect to temperature."""
-        c_rate_1_h = absolute(load.c_rate_1_h)
+        c_rate_1_h = aging_current_a(load.c_rate_1_h, absolute(load.c_rate_1_h), self.aging)
         energy = (
             self.aging.activation_energy_j_mol - self.aging.compensation_factor_j_mol * c_rate_1_h
         )

@@ -197,7 +197,11 @@ class PackLimitParameters:
 
 @dataclass(frozen=True)
 class AgingParameters:
-    """Semi-empirical capacity loss (11), (12)."""
+    """Semi-empirical capacity loss (11), (12).
+
+    A charging rate counts in the exponent with its magnitude times ``charging_rate_factor``: with 1 charging
+    ages like discharging, -1 is the signed rate as printed.
+    """
 
     pre_exponential_factor: float = quantity("A", "1/Ah^z", 1e-9, 1e9)
     activation_energy_j_mol: float = quantity("E_a", "J/mol", 0.0, 200000.0)
@@ -205,6 +209,7 @@ class AgingParameters:
     throughput_exponent: float = quantity("z", "1", 0.1, 2.0)
     gas_constant_j_mol_k: float = quantity("R", "J/(mol K)", 8.31, 8.32)
     initial_capacity_loss: float = quantity("Q_loss,ini", "1", 1e-6, 0.5)
+    charging_rate_factor: float = quantity("k_C", "1", -1.0, 1.0, neutral=1.0)
 
 
 @dataclass(frozen=True)

@@ -86,14 +86,23 @@ def capacity_loss_rate_1_s(
     """Rate of the capacity loss (eq. 12 divided by the time step).
 
     Args:
-        current_a: signed cell current I_bc; charging ages like discharging.
+        current_a: signed cell current I_bc, positive while discharging.
         current_smoothing_a: width of the smoothed magnitude in A; 0 is exact.
     """
     magnitude = absolute(current_a, current_smoothing_a)
     z = aging.throughput_exponent
-    c_rate_1_h = magnitude / cell.nominal_capacity_ah
+    counted_a = aging_current_a(current_a, magnitude, aging)
+    c_rate_1_h = counted_a / cell.nominal_capacity_ah
     energy = aging.compensation_factor_j_mol * c_rate_1_h - aging.activation_energy_j_mol
     exponent = energy / (aging.gas_constant_j_mol_k * temperature_k) / z
     memory = capacity_loss ** (1.0 - 1.0 / z)
     scale = z * aging.pre_exponential_factor ** (1.0 / z) / SECONDS_PER_HOUR
     return scale * magnitude * exp(exponent) * memory
+
+
+def aging_current_a(current_a: Scalar, magnitude_a: Scalar, aging: AgingParameters) -> Scalar:
+    """Current in A that counts in the exponent of eq. (12): signed where the set asks for the print."""
+    factor = aging.charging_rate_factor
+    if factor == 1.0:
+        return magnitude_a
+    return 0.5 * ((1.0 + factor) * magnitude_a + (1.0 - factor) * current_a)
