@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-import struct
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
+from std_msgs.msg import Float64
 
 from iptm.runner.replay_check import check_node
 from iptm.runner.replay_inputs import OUTPUTS, read_recorded
+from iptm_core.driving_mode import DrivingMode
 from iptm_core.errors import BagError, ScenarioError
+from iptm_ros.codecs.cdr import serialized
+from iptm_ros.codecs.numbers import LAYOUTS
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.bag_writer import BagWriter
 from iptm_ros.topics import TOPICS, Topic
@@ -67,29 +71,40 @@ def test_what_cannot_be_checked_is_refused(tmp_path: Path) -> None:
         check_node(BAG, "controller", changes={"horizon": "0x1"})
 
 
-def test_the_friction_of_the_road_is_fed_from_when_it_was_heard(tmp_path: Path) -> None:
-    """Recorded answers that do not allow for an icy road belong to the ticks before it was published."""
-    heard_ns = 60 * 10**9
-    spec = TOPICS[Topic.ROAD_FRICTION]
-    icy = b"\x00\x01\x00\x00" + struct.pack("<d", 0.1)
+@pytest.mark.parametrize(
+    ("topic", "data", "nodes"),
+    [
+        # Recorded answers do not allow for an icy road. Who drives shows where a car does not do as asked.
+        (Topic.ROAD_FRICTION, serialized(Float64(data=0.1)), ("controller", "plant")),
+        (
+            Topic.ENGAGEMENT,
+            LAYOUTS[Topic.ENGAGEMENT].data(1, [DrivingMode.READY.number, *[0.0] * 6], ""),
+            ("controller",),
+        ),
+    ],
+)
+def test_what_has_no_stamp_of_a_tick_is_fed_from_when_it_was_heard(
+    tmp_path: Path, topic: Topic, data: bytes, nodes: Sequence[str]
+) -> None:
+    heard_ns, spec = 60 * 10**9, TOPICS[topic]
     with (
         BagReader(BAG) as reader,
         BagWriter(tmp_path / "bag", custom_data=reader.custom_data) as writer,
     ):
         keys = {name: writer.add_topic(name, of.type_name) for name, of in reader.topics.items()}
-        friction = writer.add_topic(f"/{spec.name}", spec.type_name)
-        is_icy = False
+        added = writer.add_topic(f"/{spec.name}", spec.type_name)
+        is_written = False
         for message in reader.raw_messages():
-            if message.log_time_ns >= heard_ns and not is_icy:
-                is_icy = True
-                writer.write(friction, icy, message.log_time_ns)
+            if message.log_time_ns >= heard_ns and not is_written:
+                is_written = True
+                writer.write(added, data, message.log_time_ns)
             writer.write(keys[message.topic], message.data, message.log_time_ns)
-    for node in ("controller", "plant"):
+    for node in nodes:
         steps = read_recorded(tmp_path / "bag", node).steps
-        given = {stamp: inputs.get(Topic.ROAD_FRICTION) for stamp, inputs in steps.items()}
-        assert given == {stamp: icy if stamp >= heard_ns else None for stamp in steps}
+        told = {stamp: inputs.get(topic) for stamp, inputs in steps.items()}
+        assert told == {stamp: data if stamp >= heard_ns else None for stamp in steps}
     answers = check_node(tmp_path / "bag", "controller")
     # Either "at 60 s" or, of messages without a stamp, "message 61".
     places = [each.first_place.split()[:2] for each in answers if not each.agrees]
-    assert places
+    assert bool(places) is (topic is Topic.ROAD_FRICTION)
     assert all(int(number) >= 60 for _, number in places)

@@ -9,7 +9,8 @@ from iptm_core.parameters import load_parameters
 from iptm_core.physics.cell import capacity_loss_rate_1_s
 from iptm_core.physics.electrical import cell_current_a
 from iptm_core.state import Command, LeaderState
-from iptm_vehicle_interface.driving import LateSteps
+from iptm_vehicle_interface.driving import KEPT_CHANGES, DriveLog, LateSteps
+from iptm_vehicle_interface.engagement import Engagement
 from iptm_vehicle_interface.inner_loop import (
     LARGEST_JERK_M_S3,
     Followed,
@@ -147,3 +148,13 @@ def test_without_a_step_there_is_no_lateness() -> None:
     late = LateSteps()
     assert np.isnan(late.largest_s)
     assert np.isnan(late.percentile_s(99.0))
+
+
+def test_a_log_keeps_the_newest_changes_and_counts_the_others() -> None:
+    log = DriveLog()
+    for number in range(KEPT_CHANGES + 7):
+        log.note_change(float(number), Engagement())
+    found = log.summary()
+    times_s = [since_start_s for since_start_s, _, _ in found["changes"]]
+    assert times_s == [float(number) for number in range(7, KEPT_CHANGES + 7)]
+    assert found["changes_left_out"] == 7

@@ -7,6 +7,7 @@ same commands, bit by bit: see `drive_record`.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -34,6 +35,8 @@ ACTIVE_WITHIN_S = 0.3
 """Time after which a car that is enabled has to act on requests."""
 PRESSED_S = 0.3
 """For how long a request of a service counts as a pressed button."""
+KEPT_CHANGES = 1000
+"""Changes of the engagement that a log keeps, the newest: a flickering signal makes some every second."""
 _KEPT_TICKS = 16
 
 
@@ -99,15 +102,24 @@ class DriveLog:
     Attributes:
         late: steps of the loop.
         decisions: number of decisions, and of those without a plan.
-        changes: time since the first frame, state and reason of each change of the engagement.
+        changes: time since the first frame, state and reason of the newest changes of the engagement.
+        changes_left_out: number of those before.
         faults: frames that did not count, by reason.
     """
 
     late: LateSteps = field(default_factory=LateSteps)
     decisions: int = 0
     fallbacks: int = 0
-    changes: list[tuple[float, str, str]] = field(default_factory=list)
+    changes: deque[tuple[float, str, str]] = field(
+        default_factory=lambda: deque(maxlen=KEPT_CHANGES)
+    )
+    changes_left_out: int = 0
     faults: dict[str, int] = field(default_factory=dict)
+
+    def note_change(self, since_start_s: float, engagement: Engagement) -> None:
+        """Note that the engagement has changed its state."""
+        self.changes_left_out += len(self.changes) == KEPT_CHANGES
+        self.changes.append((since_start_s, engagement.mode.value, engagement.reason))
 
     def summary(self) -> dict[str, Any]:
         """Return the figures of a drive."""
@@ -116,7 +128,8 @@ class DriveLog:
             "fallbacks": self.fallbacks,
             "late_p99_s": self.late.percentile_s(99.0),
             "late_max_s": self.late.largest_s,
-            "changes": self.changes,
+            "changes": list(self.changes),
+            "changes_left_out": self.changes_left_out,
             "faults": self.faults,
         }
 
@@ -243,10 +256,7 @@ class Driver:
         if self.engagement.mode is not before.mode:
             engaged = self.engagement.mode is DrivingMode.ENGAGED
             self._engaged_s = now_s if engaged else math.inf
-            since_start_s = now_s - self._start_s
-            self.log.changes.append(
-                (since_start_s, self.engagement.mode.value, self.engagement.reason)
-            )
+            self.log.note_change(now_s - self._start_s, self.engagement)
         self.requested_m_s2 = self._wanted(now_s, since_s)
         acceleration = self.vehicle.acceleration
         frames = [

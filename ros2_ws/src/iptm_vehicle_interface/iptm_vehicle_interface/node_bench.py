@@ -263,6 +263,8 @@ def table_of(result: BenchResult) -> Table:
     }
     for name, value in rows.items():
         table.add_row(name, value)
+    if suite.get("changes_left_out"):
+        table.add_row("earlier changes left out", f"{suite['changes_left_out']}")
     for time_s, mode, reason in suite.get("changes", []):
         table.add_row(f"at {time_s:.1f} s", f"{mode}: {reason}")
     for fault, count in suite.get("faults", {}).items():

@@ -49,15 +49,17 @@ INPUTS: Mapping[str, tuple[Topic, ...]] = {
         Topic.LEADER,
         Topic.LEADER_PREVIEW,
         Topic.ROAD_FRICTION,
+        Topic.ENGAGEMENT,
     ),
     BRIDGE: (Topic.CLOCK,),
     PLANT: (Topic.LEADER_SAMPLES, Topic.COMMAND, Topic.ROAD_FRICTION),
 }
 """Recorded inputs of each node; a bridge on received messages also needs the position of the ego vehicle."""
 
-_NOT_ALWAYS = (Topic.LEADER, Topic.ROAD_FRICTION)
+_NEWEST = (Topic.ROAD_FRICTION, Topic.ENGAGEMENT)
+"""Topics without the stamp of a tick: what counts is the newest message before its final answer."""
+_NOT_ALWAYS = (Topic.LEADER, *_NEWEST)
 """Topics that not every bag has: no leader on an empty road, no friction where nobody publishes it."""
-_UNSTAMPED = (Topic.SLOPE, Topic.ROAD_FRICTION)
 FINAL_ANSWER = {CONTROLLER: Topic.COMMAND, BRIDGE: Topic.LEADER_PREVIEW, PLANT: Topic.CLOCK}
 _OWN_WAY: Mapping[str, Mapping[str, Any]] = {
     # The check is the only subscriber, and its inputs are never late.
@@ -75,8 +77,8 @@ class Recorded:
         names: full names of the topics.
         namespace: of the node.
         parameters: of the node.
-        steps: inputs of each tick by topic, by the stamp (ns) of the final answer, in order. The friction of
-            the road has no stamp: it is the newest one recorded before that answer.
+        steps: inputs of each tick by topic, by the stamp (ns) of the final answer, in order. Friction of the
+            road and engagement are the newest ones recorded before that answer.
     """
 
     names: Mapping[Topic, str]
@@ -136,11 +138,11 @@ def _heard(
     """Return the messages by topic and stamp (ns), and the stamps of the final answers as they came."""
     heard: dict[Topic, dict[int, bytes]] = {topic: {} for topic in topics.values()}
     answered: list[int] = []
-    friction: bytes | None = None
+    newest: dict[Topic, bytes] = {}
     for raw in reader.raw_messages(list(topics)):
         topic = topics[raw.topic]
-        if topic is Topic.ROAD_FRICTION:
-            friction = raw.data
+        if topic in _NEWEST:
+            newest[topic] = raw.data
             continue
         stamp_ns = 0 if topic is Topic.SLOPE else read_stamp_ns(raw.data)
         if stamp_ns is None:
@@ -148,8 +150,8 @@ def _heard(
         heard[topic][stamp_ns] = raw.data
         if topic is final_answer:
             answered.append(stamp_ns)
-            if friction is not None:
-                heard[Topic.ROAD_FRICTION][stamp_ns] = friction
+            for kind, data in newest.items():
+                heard[kind][stamp_ns] = data
     return heard, answered
 
 
@@ -184,13 +186,12 @@ def _steps(
         )
 
     def inputs_at(stamp: int) -> dict[Topic, bytes]:
-        stamped = [topic for topic in inputs if topic not in _UNSTAMPED]
+        stamped = [topic for topic in inputs if topic not in (Topic.SLOPE, *_NEWEST)]
         return {topic: heard[topic][stamp] for topic in stamped if stamp in heard[topic]}
 
-    def friction_at(stamp: int) -> dict[Topic, bytes]:
-        # Repeated at every tick, or it would count for 60 s of wall time only.
-        known = heard.get(Topic.ROAD_FRICTION, {})
-        return {Topic.ROAD_FRICTION: known[stamp]} if stamp in known else {}
+    def newest_at(stamp: int) -> dict[Topic, bytes]:
+        # Repeated at every tick: friction counts for 60 s of wall time only.
+        return {topic: heard[topic][stamp] for topic in _NEWEST if stamp in heard.get(topic, ())}
 
     if node == PLANT:
         if answers[0] != 0:
@@ -201,12 +202,10 @@ def _steps(
         # A state is the answer to what was received one tick before.
         commands = heard[Topic.COMMAND]
         return {0: {}} | {
-            stamp: friction_at(stamp)
-            | inputs_at(before)
-            | {Topic.COMMAND: commands.get(before, b"")}
+            stamp: newest_at(stamp) | inputs_at(before) | {Topic.COMMAND: commands.get(before, b"")}
             for before, stamp in pairwise(answers)
         }
-    steps = {stamp: friction_at(stamp) | inputs_at(stamp) for stamp in answers}
+    steps = {stamp: newest_at(stamp) | inputs_at(stamp) for stamp in answers}
     if Topic.SLOPE in inputs:
         steps[answers[0]] = {Topic.SLOPE: heard[Topic.SLOPE][0], **steps[answers[0]]}
     return steps
