@@ -14,7 +14,7 @@ from iptm_controller.forecast import LeaderForecaster
 from iptm_controller.horizon import Horizon
 from iptm_controller.measurements import Measurements
 from iptm_controller.ocp import layout
-from iptm_controller.ocp.data import ProblemData, ProblemDataBuilder
+from iptm_controller.ocp.data import UNBOUNDED_W, ProblemData, ProblemDataBuilder
 from iptm_controller.ocp.grid import ProblemGrid, quadrature, sample_count
 from iptm_controller.ocp.motion_stage import build_stage
 from iptm_controller.ocp.problem import OptimalControlProblem
@@ -184,6 +184,7 @@ def run_stage(
     thermal_energy_price_1_j: float = 0.0,
     model: ModelParameters = PARAMETERS,
     max_speed_m_s: float | None = None,
+    charge_w: float = UNBOUNDED_W,
 ) -> tuple[FloatArray, float, FloatArray]:
     """Return the result of one step of the optimal control problem, in physical units.
 
@@ -205,11 +206,13 @@ def run_stage(
         ahead = leader[0] - state.position_m - leader[1] * (step_s - node)
         step_parameters += [*around, moved, speed_reference_m_s, ahead, leader[1]]
     losses = [state.cell_1_capacity_loss, state.cell_n_capacity_loss]
+    shared = [*losses, REFERENCE_TEMPERATURE_K, *prices, lowest_k, thermal_energy_price_1_j]
+    shared += [charge_w, *weights]
     following, cost, limits = _stage_function(step_s, count, smoothing, model)(
         (physical - layout.STATE_OFFSET) / layout.STATE_SCALE,
         np.array([acceleration_m_s2, compressor_power_w, *slacks]) / layout.INPUT_SCALE,
         step_parameters,
-        [*losses, REFERENCE_TEMPERATURE_K, *prices, lowest_k, thermal_energy_price_1_j, *weights],
+        shared,
     )
     following = following.full().ravel() * layout.STATE_SCALE + layout.STATE_OFFSET
     following[0] += state.position_m

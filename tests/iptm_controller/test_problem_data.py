@@ -12,7 +12,12 @@ from tests.iptm_controller.scenes import PARAMETERS, make_scene, make_state
 from iptm_controller.forecast import LeaderForecaster
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
-from iptm_controller.ocp.data import REFERENCE_WINDOW_S, ProblemData, ProblemDataBuilder
+from iptm_controller.ocp.data import (
+    REFERENCE_WINDOW_S,
+    UNBOUNDED_W,
+    ProblemData,
+    ProblemDataBuilder,
+)
 from iptm_controller.ocp.grid import ProblemGrid, quadrature, sample_count
 from iptm_controller.ocp.layout import GlobalIndex, SampleIndex, StepIndex
 from iptm_controller.strategy import strategy_by_name
@@ -64,6 +69,7 @@ def test_globals(steady: LeaderPreview) -> None:
         GlobalIndex.CELL_N_LOSS: 3e-3,
         GlobalIndex.REFERENCE_TEMPERATURE: 299.15,
         GlobalIndex.LOWEST_TEMPERATURE: 298.25,
+        GlobalIndex.CHARGE_POWER: UNBOUNDED_W,
         layout.WEIGHTS["speed_weight"]: 0.5,
         layout.WEIGHTS["temperature_weight"]: 0.1,
         layout.WEIGHTS["energy_weight_1_j"]: 1e-4,

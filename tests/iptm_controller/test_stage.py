@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
@@ -21,12 +22,15 @@ from tests.iptm_controller.scenes import (
 )
 
 from iptm_controller.ocp import layout
+from iptm_controller.ocp.data import UNBOUNDED_W
 from iptm_controller.ocp.grid import quadrature, sample_count
 from iptm_controller.ocp.layout import ROWS, LimitIndex, StateIndex
 from iptm_controller.ocp.motion_stage import GAP_SMOOTHING_M
 from iptm_controller.ocp.stage import DEFAULT_PENALTIES, INACTIVE_ROW_M
 from iptm_controller.ocp.transcription import Transcription
 from iptm_controller.strategy import STRATEGIES
+from iptm_core.parameters import load_parameters
+from iptm_core.parameters.model import ModelParameters, PackLimitParameters
 from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.power_thermal import CellPair, PowerThermalRates, power_thermal_rates
 from iptm_core.state import FloatArray, VehicleState
@@ -82,6 +86,29 @@ def test_cost_terms_far_from_the_kinks() -> None:
     assert cost(0.0, 0.0, 0.0, 1e9) == pytest.approx(1e9 * loss_rate, rel=1e-2)
     assert cost(2.0, 0.1, 1e-3, 1e9) == pytest.approx(
         cost(2.0, 0, 0, 0) + cost(0, 0.1, 0, 0) + cost(0, 0, 1e-3, 0) + cost(0, 0, 0, 1e9)
+    )
+
+
+@pytest.mark.parametrize("charge_w", [0.0, 1000.0, 8000.0])
+def test_no_more_is_regenerated_than_the_pack_takes(charge_w: float) -> None:
+    """20 m/s and -1.5 m/s^2 feed back 30 kW: the terminals take what they can, friction brakes the rest."""
+    car = load_parameters("bmw_i3").values
+
+    def cost_rate(model: ModelParameters, most_w: float, *weights: float) -> float:
+        state = make_state(speed_m_s=20.0)
+        return run_stage(state, -1.5, 0.0, 0.2, weights, model=model, charge_w=most_w)[1] / 0.2
+
+    def regenerated_w(model: ModelParameters, most_w: float = UNBOUNDED_W) -> float:
+        return -cost_rate(model, most_w, 0.0, 0.0, 1.0, 0.0)
+
+    free = replace(car, pack_limits=PackLimitParameters())
+    assert regenerated_w(free) > 25e3
+    assert regenerated_w(car) == regenerated_w(free) == regenerated_w(free, charge_w)
+    assert regenerated_w(car, charge_w) == pytest.approx(charge_w, abs=100.0)
+    # Ageing does not reward braking by friction.
+    aging = (0.0, 0.0, 0.0, 1e9)
+    assert cost_rate(car, charge_w, *aging) == pytest.approx(
+        cost_rate(free, charge_w, *aging), rel=1e-12
     )
 
 

@@ -299,9 +299,8 @@ class Controller:
             thermal = self._traction.samples(state, motion, known_s, measured.slope)
         lawful_m_s = self._road.speed_limits_m_s(rules, guess.motion)
         limits_m_s = self._power.slower(lawful_m_s)
-        data, start = self.plan_data.problem(
-            state, guess, motion, limiting, measured.slope, known_s, value, thermal, limits_m_s
-        )
+        known = state, guess, motion, limiting, measured.slope, known_s, value, thermal, limits_m_s
+        data, start = self.plan_data.problem(*known, self._power.charge_w)
         result = self._solve(data, start)
         if not result.status.usable:
             return Decision(reason=result.reason, result=result, forecast=forecast, value=value)

@@ -16,7 +16,7 @@ import numpy as np
 
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.compilation import cache_directory, compile_sources, find_compiler
-from iptm_controller.ocp.data import ProblemData, ProblemDataBuilder
+from iptm_controller.ocp.data import UNBOUNDED_W, ProblemData, ProblemDataBuilder
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import StateIndex
 from iptm_controller.ocp.layout_header import layout_header
@@ -43,6 +43,7 @@ class PosedProblem:
     limiting: LeaderPreview
     slope: SlopePreview
     known_s: float
+    charge_w: float
 
 
 class PlanData:
@@ -77,6 +78,7 @@ class PlanData:
         value: TemperatureValue,
         thermal_samples: FloatArray | None,
         speed_limits_m_s: FloatArray | None,
+        charge_w: float = UNBOUNDED_W,
     ) -> tuple[ProblemData, FloatArray]:
         """Return the problem around an expected plan, and that plan in the units of the solver.
 
@@ -84,8 +86,9 @@ class PlanData:
             leader: past and expected motion of the leader.
             limiting: motion that the gap limits hold for.
             known_s: how far ahead the motion is known.
+            charge_w: largest charging power of the pack.
         """
-        self.posed = PosedProblem(leader, limiting, slope, known_s)
+        self.posed = PosedProblem(leader, limiting, slope, known_s, charge_w)
         data = self.builder.build(
             state,
             leader,
@@ -97,6 +100,7 @@ class PlanData:
             guess.states[:, StateIndex.SPEED],
             limiting,
             speed_limits_m_s,
+            charge_w,
         )
         return data, variables_from_plan(guess, self._grid, state)
 
@@ -226,12 +230,13 @@ class PlanDataInC(PlanData):
         value: TemperatureValue,
         thermal_samples: FloatArray | None,
         speed_limits_m_s: FloatArray | None,
+        charge_w: float = UNBOUNDED_W,
     ) -> tuple[ProblemData, FloatArray]:
         """See ``PlanData``."""
-        self.posed = PosedProblem(leader, limiting, slope, known_s)
+        self.posed = PosedProblem(leader, limiting, slope, known_s, charge_w)
         grid = self._grid
         variables, parameters = np.empty(grid.variable_count), np.empty(grid.parameter_count)
-        parameters[: layout.GLOBALS] = self.builder.shared(state, value)
+        parameters[: layout.GLOBALS] = self.builder.shared(state, value, charge_w)
         motion = _Motion.of(leader)
         behind = motion if limiting is leader else _Motion.of(limiting)
         road = [

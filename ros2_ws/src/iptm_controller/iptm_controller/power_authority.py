@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from iptm_controller.measurements import slope_at_rad
+from iptm_controller.ocp.data import UNBOUNDED_W
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.electrical import battery_power_w
 from iptm_core.physics.pack_limits import UNLIMITED, PowerLimits, power_limits
@@ -68,6 +69,11 @@ class PowerAuthority:
         else:
             known = PowerLimits(self._reference_w, self._reference_w) if share < 1.0 else UNLIMITED
         self.limits = known.reduced(share) if share < 1.0 else known
+
+    @property
+    def charge_w(self) -> float:
+        """Largest charging power that plans count on, finite."""
+        return min(self.limits.charge_w, UNBOUNDED_W)
 
     def within(self, command: Command) -> Command:
         """Return a command whose acceleration the pack can supply."""

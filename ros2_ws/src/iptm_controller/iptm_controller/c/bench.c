@@ -71,6 +71,7 @@ int main(int count, char **arguments) {
     leader.speed_m_s = number(file);
     inputs.leader = &leader;
     inputs.known_s = number(file);
+    inputs.charge_w = number(file);
     inputs.prices.cell_1_marginal_cost_1_k = number(file);
     inputs.prices.cell_n_marginal_cost_1_k = number(file);
     inputs.prices.temperature_weight_1_k2_s = number(file);

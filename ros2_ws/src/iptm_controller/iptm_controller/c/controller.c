@@ -42,6 +42,7 @@ static void pose_shared(const iptm_vehicle *vehicle, const iptm_inputs *given, d
   parameters[IPTM_GLOBAL_COMPRESSOR_PRICE] = COLD_COMPRESSOR_PRICE_1_KW * share;
   parameters[IPTM_GLOBAL_LOWEST_TEMPERATURE] = planned_k;
   parameters[IPTM_GLOBAL_THERMAL_ENERGY_PRICE] = scale * prices->thermal_energy_price_1_j;
+  parameters[IPTM_GLOBAL_CHARGE_POWER] = given->charge_w;
   for (i = 0; i < IPTM_WEIGHTS; ++i) {
     parameters[IPTM_GLOBALS - IPTM_WEIGHTS + i] =
         scale * (i == IPTM_TEMPERATURE_WEIGHT ? weight : iptm_strategy.weights[i]);

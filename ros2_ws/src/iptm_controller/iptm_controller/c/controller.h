@@ -39,6 +39,7 @@ typedef struct {
   const iptm_slope *slope;
   double known_s;               /* how far ahead the motion is known */
   const double *speed_limits_m_s; /* at the ends of the steps, NULL for none */
+  double charge_w;              /* largest charging power of the pack; it counts where the pack has limits */
   iptm_prices prices;
   double (*clock_s)(void);      /* NULL for no deadline */
   double until_s;               /* reading of the clock at which the solver stops */

@@ -28,6 +28,8 @@ COLD_COMPRESSOR_PRICE_1_KW = 100.0
 """Cost per kilowatt and second of a compressor that runs although the cells are at their lower limit."""
 COLD_MARGIN_K = 0.05
 """Margin above the lower limit in which the price falls to zero; plans keep cell 1 twice as far."""
+UNBOUNDED_W = 1e9
+"""Charging power of a pack that takes any; finite, as all numbers of a problem are."""
 
 
 @dataclass(frozen=True)
@@ -102,6 +104,7 @@ class ProblemDataBuilder:
         expected_speeds_m_s: FloatArray | None = None,
         limiting: LeaderPreview | None = None,
         speed_limits_m_s: FloatArray | None = None,
+        charge_w: float = UNBOUNDED_W,
     ) -> ProblemData:
         """Assemble the problem of one tick.
 
@@ -116,6 +119,7 @@ class ProblemDataBuilder:
                 ticks shorter than the steps.
             limiting: motion that the gap limits hold for at the nodes; None for the leader's motion.
             speed_limits_m_s: of the road at the ends of the motion steps, None where there is none.
+            charge_w: largest charging power of the pack, which counts where the pack has limits.
         """
         grid, origin_m = self._grid, state.position_m
         steps = np.empty((grid.steps, layout.STEP_PARAMETERS))
@@ -165,7 +169,7 @@ class ProblemDataBuilder:
         samples[:, SampleIndex.LEADER_SPEED] = speeds[at_samples]
         if thermal_samples is not None:
             samples[grid.motion_samples :] = thermal_samples
-        parameters = grid.parameters(self.shared(state, value), steps, samples)
+        parameters = grid.parameters(self.shared(state, value, charge_w), steps, samples)
         return ProblemData(self._scaled_state(state), parameters)
 
     def _watch_inside(
@@ -204,7 +208,9 @@ class ProblemDataBuilder:
                 end[StepIndex.LEADER_POSITION] = positions[tightest]
                 end[StepIndex.LEADER_SPEED] = speeds[tightest]
 
-    def shared(self, state: VehicleState, value: TemperatureValue) -> FloatArray:
+    def shared(
+        self, state: VehicleState, value: TemperatureValue, charge_w: float = UNBOUNDED_W
+    ) -> FloatArray:
         """Return the parameters that all steps share, shape (GLOBALS,)."""
         strategy, scale = self.strategy, self._scale
         weights, reference_k = strategy.weights, strategy.reference_temperature_k
@@ -225,6 +231,7 @@ class ProblemDataBuilder:
             GlobalIndex.COMPRESSOR_PRICE: compressor_price,
             GlobalIndex.LOWEST_TEMPERATURE: lowest_k,
             GlobalIndex.THERMAL_ENERGY_PRICE: scale * value.thermal_energy_price_1_j,
+            GlobalIndex.CHARGE_POWER: charge_w,
         }
         return np.array(
             [*layout.in_order(GlobalIndex, own), *(scale * weight for weight in weights.values())]

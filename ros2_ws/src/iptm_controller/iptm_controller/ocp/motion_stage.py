@@ -32,6 +32,7 @@ from iptm_controller.ocp.stage import (
     PenaltyWeights,
     StageExpressions,
     StageSymbols,
+    charge_limit_w,
     compressor_rate_row,
     cost_rate,
     temperature_rows,
@@ -132,6 +133,7 @@ def _integrate(
             parameters,
             channel,
             smoothing,
+            charge_limit_w(parameters, g),
         )
         speed_error = sample_speed - sample[SampleIndex.SPEED_REFERENCE]
         cost += share_s * cost_rate(rates, speed_error, sample_1, sample_n, g)

@@ -221,6 +221,11 @@ def temperature_rows(
     }
 
 
+def charge_limit_w(parameters: ModelParameters, g: ca.SX) -> ca.SX | None:
+    """Return the largest charging power, None for a pack without limits."""
+    return g[GlobalIndex.CHARGE_POWER] if parameters.pack_limits.limited else None
+
+
 def compressor_rate_row(symbols: StageSymbols, bounds: LimitParameters) -> ca.SX:
     """Return the change of the compressor power relative to the largest one, from -1 to 1 (eq. 16c)."""
     change = (

@@ -26,6 +26,7 @@ from iptm_controller.ocp.stage import (
     PenaltyWeights,
     StageExpressions,
     StageSymbols,
+    charge_limit_w,
     compressor_rate_row,
     cost_rate,
     temperature_rows,
@@ -65,8 +66,9 @@ def build_thermal_stage(
     def rates(traction_w: ca.SX, cell_1_k: ca.SX, cell_n_k: ca.SX) -> PowerThermalRates:
         losses = g[GlobalIndex.CELL_1_LOSS], g[GlobalIndex.CELL_N_LOSS]
         cells = CellPair(cell_1_k, cell_n_k, *losses)
+        limit_w = charge_limit_w(parameters, g)
         return rates_at_traction_power(
-            traction_w, speed, power, cells, parameters, channel, smoothing
+            traction_w, speed, power, cells, parameters, channel, smoothing, limit_w
         )
 
     first = rates(ca.sum2(traction) / levels, start_1, start_n)

@@ -79,6 +79,12 @@ def minimum(first: Scalar, second: Scalar, width: float = 0.0) -> Scalar:
     return -maximum(-first, -second, width)
 
 
+def excess(value: Scalar, width: float) -> Scalar:
+    """Positive part of a value; its kink is a parabola within ``width`` of zero, and it is zero below."""
+    within = minimum(maximum(value + width, 0.0), 2.0 * width)
+    return within * within / (4.0 * width) + maximum(value - width, 0.0)
+
+
 def absolute(value: Scalar, width: float = 0.0) -> Scalar:
     """Magnitude; with ``width`` > 0 the hyperbola ``sqrt(value^2 + width^2)``, at most ``width`` too high."""
     if width > 0.0:

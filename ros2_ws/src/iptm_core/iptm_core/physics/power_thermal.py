@@ -24,7 +24,7 @@ from iptm_core.physics.electrical import (
     pack_current_a,
     pack_resistance_ohm,
 )
-from iptm_core.physics.ops import Scalar
+from iptm_core.physics.ops import Scalar, excess
 from iptm_core.physics.thermal_loop import CoolantLoop, solve_coolant_loop, thermal_actuation
 from iptm_core.physics.traction import (
     brake_release,
@@ -136,13 +136,18 @@ def power_thermal_rates(
     parameters: ModelParameters,
     channel: Channel,
     smoothing: Smoothing = EXACT,
+    charge_w: Scalar | None = None,
 ) -> PowerThermalRates:
-    """Evaluate the coupled model at one instant of a motion; a negative power drives the heater."""
+    """Evaluate the coupled model at one instant of a motion; a negative power drives the heater.
+
+    Args:
+        charge_w: see `rates_at_traction_power`.
+    """
     traction = electric_traction_power_w(
         speed_m_s, acceleration_m_s2, slope_rad, parameters, smoothing
     )
     return rates_at_traction_power(
-        traction, speed_m_s, compressor_power_w, cells, parameters, channel, smoothing
+        traction, speed_m_s, compressor_power_w, cells, parameters, channel, smoothing, charge_w
     )
 
 
@@ -154,8 +159,16 @@ def rates_at_traction_power(
     parameters: ModelParameters,
     channel: Channel,
     smoothing: Smoothing = EXACT,
+    charge_w: Scalar | None = None,
 ) -> PowerThermalRates:
-    """Evaluate the model where the traction power P_tra (W) is known and the motion behind it is not."""
+    """Evaluate the model where the traction power P_tra (W) is known and the motion behind it is not.
+
+    Args:
+        charge_w: largest charging power at the terminals, beyond which friction brakes take what the motor
+            would feed back; with a width of `Smoothing.power_w`. The capacity losses are those without the
+            limit: what friction takes has to be charged again, which ages the cells in its place. Without
+            that an optimum of ageing would brake by friction to spare the pack. None: no limit.
+    """
     pack, cell = parameters.pack, parameters.cell
     actuation = thermal_actuation(compressor_power_w, parameters, smoothing.actuator_w)
     terminal = battery_power_w(
@@ -172,12 +185,19 @@ def rates_at_traction_power(
     # Cells along a channel are taken as evenly spread between the first and the last.
     mean_resistance = pack_resistance_ohm(0.5 * (r_1 + r_n), pack)
     mean_temperature = 0.5 * (t_1 + t_n)
-    at_terminals = (terminal, mean_resistance, mean_temperature, cell, pack)
-    if smoothing.deliverable_margin > 0.0:
-        current_b = extended_pack_current_a(*at_terminals, smoothing.deliverable_margin)
-    else:
-        current_b = pack_current_a(*at_terminals)
-    current = cell_current_a(current_b, pack)
+    at_terminals = (mean_resistance, mean_temperature, cell, pack)
+
+    def current_at(power: Scalar) -> Scalar:
+        if smoothing.deliverable_margin > 0.0:
+            return extended_pack_current_a(power, *at_terminals, smoothing.deliverable_margin)
+        return pack_current_a(power, *at_terminals)
+
+    current_b = current_at(terminal)
+    current = wearing = cell_current_a(current_b, pack)
+    if charge_w is not None:
+        terminal = terminal + excess(-charge_w - terminal, smoothing.power_w)
+        current_b = current_at(terminal)
+        current = cell_current_a(current_b, pack)
 
     line = chiller_line(
         actuation.compressor_w,
@@ -198,7 +218,7 @@ def rates_at_traction_power(
 
     def loss_rate(temperature: Scalar, loss: Scalar) -> Scalar:
         return capacity_loss_rate_1_s(
-            current,
+            wearing,
             temperature,
             loss,
             parameters.aging,
