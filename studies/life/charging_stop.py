@@ -33,7 +33,7 @@ from iptm.parts import (
     mixing_weights,
 )
 from iptm.service_life.trip_map import compressor_j
-from iptm.service_life.usage import CITY
+from iptm.service_life.year import CITY
 
 AIR_C = (-10.0, 0.0, 5.0, 35.0)
 """Temperatures of the air on the way to the charger, and of the pack at the start."""

@@ -26,9 +26,9 @@ from iptm.parts import (
     Trajectory,
     load_parameters,
 )
-from iptm.service_life.losses import SERVICE_YEARS
+from iptm.service_life.life import SERVICE_YEARS
 from iptm.service_life.trip_map import TripMap, compressor_j, mean_cell_k, nominal_energy_j
-from iptm.service_life.usage import CITY
+from iptm.service_life.year import CITY
 
 COMPREHENSIVE = "comprehensive"
 MEASURED = "measured trips"

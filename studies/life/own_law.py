@@ -17,10 +17,17 @@ from studies.session import Case
 
 from iptm.climate import HOUR_S, Climate
 from iptm.parts import CELSIUS_ZERO_K, LAWS, AgingSettings, ParkedAging, load_parameters
-from iptm.service_life.losses import SERVICE_YEARS
+from iptm.service_life.life import SERVICE_YEARS
 from iptm.service_life.trip_map import START_C, TripMap, heat_capacity_j_k
-from iptm.service_life.usage import CITY, MOTORWAY, Usage
-from iptm.service_life.year import FREE_COOLING_W_K, PARKED_TIME_CONSTANT_S, Activity, Year
+from iptm.service_life.year import (
+    CITY,
+    FREE_COOLING_W_K,
+    MOTORWAY,
+    PARKED_TIME_CONSTANT_S,
+    Activity,
+    Usage,
+    Year,
+)
 
 PAPER = "paper"
 """The law of the paper, among the names of the cells."""

@@ -14,7 +14,8 @@ from studies.savings import BASELINE, COLUMNS
 
 from iptm import climate
 from iptm.parts import AGING_CELLS, CELSIUS_ZERO_K, Experiments, table_of
-from iptm.service_life import losses, usage, year
+from iptm.service_life import life as losses
+from iptm.service_life import year
 
 FLEET = {"cell": "fleet of 22,700 cars", "Rome": 2.3, "Phoenix": 2.7, "hot": 0.4}
 """Capacity lost in percent a year in all and in hot regions, and the difference (Geotab 2026)."""
@@ -33,7 +34,7 @@ def life_values(rows: pd.DataFrame, decided: pd.DataFrame, roads: pd.DataFrame) 
     )
     climates = [each.name for each in climate.CLIMATES]
     rows["mark"] = rows.outside.map(lambda text: " outside" if isinstance(text, str) else "")
-    first = rows[rows.usage == usage.USAGES[0].name]
+    first = rows[rows.usage == year.USAGES[0].name]
     orders = {"control": life.CONTROLS, "climate": climates}
     return {
         "rows": rows,
@@ -64,7 +65,7 @@ def life_values(rows: pd.DataFrame, decided: pd.DataFrame, roads: pd.DataFrame) 
         "losses": losses,
         "own_law": own_law,
         "trips": trips,
-        "usage": usage,
+        "usage": year,
         "year": year,
         "zero_k": CELSIUS_ZERO_K,
     }

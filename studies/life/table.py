@@ -12,7 +12,7 @@ from studies.life.trips import DRIVEN_CONTROLS, THERMOSTAT
 
 from iptm.climate import CLIMATES
 from iptm.parts import AGING_CELLS, load_parameters, paper_law
-from iptm.service_life.losses import (
+from iptm.service_life.life import (
     END_OF_LIFE,
     SERVICE_YEARS,
     band,
@@ -22,8 +22,7 @@ from iptm.service_life.losses import (
     years_to_end,
 )
 from iptm.service_life.trip_map import TripMap
-from iptm.service_life.usage import USAGES
-from iptm.service_life.year import Year, year_of
+from iptm.service_life.year import USAGES, Year, year_of
 
 OWN_LAW = "own law"
 MANAGED = "own law, managed"

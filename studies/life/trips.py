@@ -13,8 +13,7 @@ from studies.session import Case
 
 from iptm.parts import CELSIUS_ZERO_K, AgingSettings, Trajectory, load_parameters
 from iptm.service_life.trip_map import START_C, TripMap, nominal_energy_j, trip_map
-from iptm.service_life.usage import CITY, MOTORWAY
-from iptm.service_life.year import NO_COOLING
+from iptm.service_life.year import CITY, MOTORWAY, NO_COOLING
 
 THERMOSTAT, EQUAL_ROAD = "thermostat", "default, 3 s"
 

@@ -36,7 +36,7 @@ from iptm.parts import (
     encode_mapem,
     its_timestamp_ms,
 )
-from iptm.runner.environment import environment_of_run, process_environment
+from iptm.runner.supervisor import environment_of_run, process_environment
 from iptm_ros.codecs import ns_from_time, time_from_s
 from iptm_ros.diagnostics import find_status, status_values
 from iptm_ros.discovery import reserve_domain

@@ -16,7 +16,7 @@ from tests.iptm.called import crash, note_and_square, noted
 
 import iptm
 from iptm.call_cache import DIED, cached_calls
-from iptm.call_keys import call_key
+from iptm.fingerprint import call_key
 from iptm_core.errors import ParameterError
 
 

@@ -9,10 +9,16 @@ import pytest
 
 import iptm
 from iptm.climate import CLIMATES
-from iptm.service_life.losses import losses_by_cause
+from iptm.service_life.life import losses_by_cause
 from iptm.service_life.trip_map import nominal_energy_j, trip_map
-from iptm.service_life.usage import USAGES
-from iptm.service_life.year import COOLING_COP, UPPER_LIMIT_K, _Day, heat_capacity_j_k, year_of
+from iptm.service_life.year import (
+    COOLING_COP,
+    UPPER_LIMIT_K,
+    USAGES,
+    _Day,
+    heat_capacity_j_k,
+    year_of,
+)
 from iptm_core.aging_laws.cells import AGING_CELLS
 
 TRIP = {"strategy": "production", "duration_s": 60.0, "compile_code": False}

@@ -24,10 +24,10 @@ from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.plan import PlanShifter
 from iptm_core.routes import build_route
-from iptm_core.routes.road_course import RoadCourse, RoadPoses
 from iptm_core.routes.road_line import RoadLine
+from iptm_core.routes.route import RoadCourse, RoadPoses
 from iptm_core.state import SlopePreview
-from iptm_plant_sim.motion import plan_motion
+from iptm_plant_sim.actuators import plan_motion
 
 HORIZON = "3x1+5x5"
 ENTRY = re.compile(r"^    (\w+): ((?:.|\n(?!    \w+: |\S|\n))*)", re.MULTILINE)

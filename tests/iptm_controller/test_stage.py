@@ -31,8 +31,8 @@ from iptm_controller.ocp.transcription import Transcription
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters, PackLimitParameters
-from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.power_thermal import CellPair, PowerThermalRates, power_thermal_rates
+from iptm_core.physics.thermal_loop import reduce_channel
 from iptm_core.state import FloatArray, VehicleState
 
 STEP_LENGTHS = st.sampled_from([0.2, 1.0, 2.0, 5.0, 10.0])

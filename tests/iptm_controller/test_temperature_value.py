@@ -17,9 +17,8 @@ from iptm_controller.temperature_value import (
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import capacity_loss_rate_1_s
-from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.power_thermal import CellPair, power_thermal_rates
-from iptm_core.physics.thermal_loop import most_efficient_cooling
+from iptm_core.physics.thermal_loop import most_efficient_cooling, reduce_channel
 from iptm_core.state import LeaderPreview
 
 STEADY = LeaderPreview(np.array([0.0]), np.array([0.0]), np.array([25.0]))

@@ -22,12 +22,12 @@ from iptm_controller.options import ControllerOptions
 from iptm_controller.traction_forecast import TractionForecaster
 from iptm_core.decision_record import Rung
 from iptm_core.physics.cell import capacity_loss_rate_1_s
-from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.power_thermal import (
     CellPair,
     electric_traction_power_w,
     rates_at_traction_power,
 )
+from iptm_core.physics.thermal_loop import reduce_channel
 from iptm_core.state import FloatArray, LeaderPreview, SlopePreview
 
 GRID = "3x1+5x5+6x30t"

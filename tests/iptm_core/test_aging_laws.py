@@ -24,8 +24,7 @@ from iptm_core.aging_laws.cells import (
     NMC622,
     outside_experiments,
 )
-from iptm_core.aging_laws.law import AgingLaw, Load, Mechanism, paper_law
-from iptm_core.aging_laws.mechanisms import anode_potential_v
+from iptm_core.aging_laws.law import AgingLaw, Load, Mechanism, anode_potential_v, paper_law
 from iptm_core.aging_laws.parking import AgingSettings, ParkedAging
 from iptm_core.errors import ParameterError
 from iptm_core.parameters import load_parameters

@@ -6,7 +6,7 @@ import gc
 
 import pytest
 
-from iptm_core.garbage import no_full_collections
+from iptm_core.program import no_full_collections
 
 
 class Cycle:

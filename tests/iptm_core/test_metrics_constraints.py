@@ -14,7 +14,7 @@ from iptm_core.metrics import (
     compute_metrics,
     figure_values,
 )
-from iptm_core.metrics.concerns import IneffectiveCooling, Streak
+from iptm_core.metrics.constraints import IneffectiveCooling, Streak
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.trajectory import Trajectory
 

@@ -18,7 +18,7 @@ from iptm_core.metrics import (
     compute_metrics,
     figure_values,
 )
-from iptm_core.metrics.equal_end import cool_down
+from iptm_core.metrics.saving import cool_down
 from iptm_core.parameters import load_parameters
 from iptm_core.trajectory import Trajectory
 from iptm_core.units import CELSIUS_ZERO_K

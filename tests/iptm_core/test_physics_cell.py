@@ -14,20 +14,18 @@ from hypothesis import strategies as st
 from iptm_core.parameters import load_parameters
 from iptm_core.physics.car_following import maximum_gap_m
 from iptm_core.physics.cell import (
-    capacity_loss_rate_1_s,
-    cell_heat_w,
-    cell_resistance_ohm,
-    cell_temperature_rate_k_s,
-    heat_from_air_w,
-)
-from iptm_core.physics.charge import (
     ChargeTable,
     ChargeTransfer,
     ResistanceLaw,
     ambient_temperature_rate_k_s,
     at_charge,
+    capacity_loss_rate_1_s,
+    cell_heat_w,
+    cell_resistance_ohm,
+    cell_temperature_rate_k_s,
     charge_after,
     charge_rate_1_s,
+    heat_from_air_w,
     nominal_charge_parameters,
     pack_capacity_ah,
 )

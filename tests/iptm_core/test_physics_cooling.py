@@ -21,14 +21,15 @@ from iptm_core.physics.chiller import (
     compressor_gate,
     largest_useful_power_w,
 )
-from iptm_core.physics.coolant import (
+from iptm_core.physics.thermal_loop import (
     Channel,
+    CoolantLoop,
     FullChannel,
     exchange_ratio,
     mean_cell_heat_w,
     reduce_channel,
+    solve_coolant_loop,
 )
-from iptm_core.physics.thermal_loop import CoolantLoop, solve_coolant_loop
 from iptm_core.state import FloatArray
 
 CALIBRATED = load_parameters().values

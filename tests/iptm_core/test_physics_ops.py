@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from iptm_core.buffered import BufferedFunction
 from iptm_core.physics import ops
+from iptm_core.physics.ops import BufferedFunction
 
 Agree = Callable[..., None]
 POINTS = np.linspace(-7.0, 9.0, 33)

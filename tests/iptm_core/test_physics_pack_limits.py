@@ -8,7 +8,7 @@ import pytest
 
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.charge import at_charge, pack_capacity_ah
+from iptm_core.physics.cell import at_charge, pack_capacity_ah
 from iptm_core.physics.electrical import pack_current_a, pack_resistance_ohm, terminal_power_w
 from iptm_core.physics.pack_limits import (
     VOLTAGE_MARGIN_V,

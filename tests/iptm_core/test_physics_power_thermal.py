@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from iptm_core.errors import PowerLimitError
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.power_thermal import (
     EXACT,
     CellPair,
@@ -22,6 +21,7 @@ from iptm_core.physics.power_thermal import (
     electric_traction_power_w,
     power_thermal_rates,
 )
+from iptm_core.physics.thermal_loop import reduce_channel
 
 Agree = Callable[..., None]
 VALUES = load_parameters().values

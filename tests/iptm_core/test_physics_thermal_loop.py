@@ -15,13 +15,15 @@ from iptm_core.metrics.run_metrics import compute_metrics
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.chiller import ChillerLine, chiller_line
-from iptm_core.physics.coolant import (
+from iptm_core.physics.power_thermal import CellPair, power_thermal_rates
+from iptm_core.physics.thermal_loop import (
     ChannelWeights,
+    CoolantLoop,
     FullChannel,
     reduce_channel,
+    solve_coolant_loop,
+    thermal_actuation,
 )
-from iptm_core.physics.power_thermal import CellPair, power_thermal_rates
-from iptm_core.physics.thermal_loop import CoolantLoop, solve_coolant_loop, thermal_actuation
 
 SETS = {name: load_parameters(name).values for name in ("paper_calibrated", "published_chiller")}
 FLOW_W_K = 0.144 * 3330.0

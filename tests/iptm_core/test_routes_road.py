@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from iptm_core.errors import RouteError
 from iptm_core.routes import SlopeProfile
-from iptm_core.routes.road_course import RoadCourse, heights
 from iptm_core.routes.road_line import RoadLine, east_north_m, step_deg
+from iptm_core.routes.route import RoadCourse, heights
 from iptm_core.routes.slope import Hills
 from iptm_core.state import SlopePreview
 

@@ -11,8 +11,12 @@ import pytest
 from tests.iptm_core.made_runs import make_run
 
 from iptm_core.metrics import Judgement, RunMetrics, Saving, compute_metrics, judge_saving
-from iptm_core.metrics.equal_end import cool_down
-from iptm_core.metrics.saving import LARGEST_CORRECTION_POINTS, SHORTEST_TRIP_S, saved_text
+from iptm_core.metrics.saving import (
+    LARGEST_CORRECTION_POINTS,
+    SHORTEST_TRIP_S,
+    cool_down,
+    saved_text,
+)
 from iptm_core.parameters import load_parameters
 
 PARAMETERS = load_parameters().values

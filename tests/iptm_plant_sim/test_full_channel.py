@@ -20,7 +20,6 @@ from iptm_core.physics.cell import (
     cell_temperature_rate_k_s,
 )
 from iptm_core.physics.chiller import chiller_line
-from iptm_core.physics.coolant import FullChannel, exchange_ratio
 from iptm_core.physics.electrical import (
     battery_power_w,
     cell_current_a,
@@ -28,7 +27,7 @@ from iptm_core.physics.electrical import (
     pack_resistance_ohm,
 )
 from iptm_core.physics.power_thermal import electric_traction_power_w
-from iptm_core.physics.thermal_loop import solve_coolant_loop
+from iptm_core.physics.thermal_loop import FullChannel, exchange_ratio, solve_coolant_loop
 from iptm_core.settings import ThermalModel
 from iptm_core.state import ChannelCells, Command, FloatArray, FullChannelState, VehicleState
 from iptm_plant_sim.actuators import Clamp

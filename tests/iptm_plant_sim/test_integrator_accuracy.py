@@ -10,8 +10,8 @@ from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.power_thermal import CellPair
 from iptm_core.routes import Route, build_route
 from iptm_core.state import Command, VehicleState
+from iptm_plant_sim.actuators import plan_motion
 from iptm_plant_sim.integrator import IntervalIntegrator
-from iptm_plant_sim.motion import plan_motion
 from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_step import PlantStep
 

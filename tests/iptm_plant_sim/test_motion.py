@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from iptm_plant_sim.motion import Motion, plan_motion
+from iptm_plant_sim.actuators import Motion, plan_motion
 
 TOP = 37.5
 

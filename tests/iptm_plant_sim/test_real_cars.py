@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from iptm_core.parameters import load_parameters
-from iptm_core.physics.charge import at_charge
+from iptm_core.physics.cell import at_charge
 from iptm_core.settings import ThermalModel
 from iptm_core.state import Command, FloatArray
 from iptm_plant_sim.plant import Plant

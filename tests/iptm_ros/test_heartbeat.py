@@ -8,8 +8,8 @@ from collections.abc import Callable
 import pytest
 from rclpy.executors import SingleThreadedExecutor
 
-from iptm_ros import heartbeat
-from iptm_ros.heartbeat import CHECK_PERIOD_S, SILENT_S, HeartbeatWatch
+from iptm_ros import node_health
+from iptm_ros.node_health import CHECK_PERIOD_S, SILENT_S, HeartbeatWatch
 from iptm_ros.suite_node import SuiteNode
 
 PATIENCE_S = 30.0
@@ -38,9 +38,9 @@ def test_only_time_in_which_the_watching_process_ran_counts(
     make_node: Callable[..., SuiteNode], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now_s = [10.0]
-    monkeypatch.setattr(heartbeat.time, "monotonic", lambda: now_s[0])
+    monkeypatch.setattr(node_health.time, "monotonic", lambda: now_s[0])
     watch = HeartbeatWatch(make_node(), ["controller"])
-    message = heartbeat.Header(frame_id="controller")
+    message = node_health.Header(frame_id="controller")
     watch._on_beat(message)
     now_s[0] += 5.0
     assert watch.silent() == ()

@@ -17,9 +17,9 @@ from iptm_v2x_bridge.messages.packets import (
     MessageKind,
     OpenedDatagram,
     open_datagram,
+    signed_octets,
     wrap,
 )
-from iptm_v2x_bridge.messages.security_envelope import signed_octets
 from iptm_v2x_bridge.rejections import Rejection
 
 SECURED = real_packets.SALZBURG

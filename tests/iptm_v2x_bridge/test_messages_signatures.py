@@ -28,8 +28,12 @@ from iptm_v2x_bridge.messages.certificate import (
     UnreadableError,
     read_certificate,
 )
-from iptm_v2x_bridge.messages.packets import MessageKind, OpenedDatagram, open_datagram
-from iptm_v2x_bridge.messages.security_envelope import read_signed_message
+from iptm_v2x_bridge.messages.packets import (
+    MessageKind,
+    OpenedDatagram,
+    open_datagram,
+    read_signed_message,
+)
 from iptm_v2x_bridge.messages.signatures import Verifier, is_signed_by, read_anchors
 from iptm_v2x_bridge.rejections import Rejection
 from iptm_v2x_bridge.settings import CamSettings

@@ -10,7 +10,7 @@ from iptm_core.state import FloatArray
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.messages.cam import CamMessage, decode_datagram
 from iptm_v2x_bridge.sending.plan_sender import EgoTick, PlanSender
-from iptm_v2x_bridge.sending.settings import Foresight, SenderSettings
+from iptm_v2x_bridge.settings import Foresight, SenderSettings
 
 NS = 10**9
 GAP_M = 15.0

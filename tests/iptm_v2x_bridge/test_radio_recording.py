@@ -13,18 +13,18 @@ from iptm_core.errors import ParameterError
 from iptm_core.routes import Route
 from iptm_v2x_bridge.bridge import BridgeAnswer
 from iptm_v2x_bridge.cam_bridge import CamBridge
-from iptm_v2x_bridge.captures import read_capture
-from iptm_v2x_bridge.datagrams import EndOfTick
-from iptm_v2x_bridge.messages.packets import its_timestamp_ms
-from iptm_v2x_bridge.radio_recording import (
+from iptm_v2x_bridge.captures import (
     RadioRecording,
     SimulatedRadio,
+    read_capture,
     recording_by_time,
     recording_with_marks,
 )
+from iptm_v2x_bridge.datagrams import EndOfTick
+from iptm_v2x_bridge.messages.packets import its_timestamp_ms
 from iptm_v2x_bridge.rejections import Rejection
 from iptm_v2x_bridge.sending.sender import CamSender
-from iptm_v2x_bridge.sending.settings import Framing, SenderSettings
+from iptm_v2x_bridge.settings import Framing, SenderSettings
 
 NS = 10**9
 START_MS = 700_000_000_000

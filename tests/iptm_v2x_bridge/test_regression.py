@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 from iptm_core.errors import RouteError
 from iptm_core.routes import build_route
 from iptm_core.routes.cycles import LeaderMotion, load_cycle
-from iptm_v2x_bridge.prediction.extrapolation import History
-from iptm_v2x_bridge.prediction.predictor import LeaderTrack
+from iptm_v2x_bridge.prediction.predictor import History, LeaderTrack
 from iptm_v2x_bridge.prediction.regression import (
     FEATURES,
     NEAR_S,

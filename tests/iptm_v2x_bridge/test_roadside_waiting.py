@@ -10,6 +10,7 @@ from tests.iptm_v2x_bridge.radio import ROAD, datagram
 from tests.iptm_v2x_bridge.roadside import GREEN, HERE, LINE_M, STATION, lanes, phases
 
 from iptm_v2x_bridge.cam_bridge import CamBridge
+from iptm_v2x_bridge.captures import RadioRecording, SimulatedRadio
 from iptm_v2x_bridge.messages.mapem import encode_mapem
 from iptm_v2x_bridge.messages.packets import MessageKind, OpenedDatagram
 from iptm_v2x_bridge.messages.pycrate_codec import (
@@ -20,7 +21,6 @@ from iptm_v2x_bridge.messages.pycrate_codec import (
     WaitingMessages,
 )
 from iptm_v2x_bridge.messages.spatem import encode_spatem
-from iptm_v2x_bridge.radio_recording import RadioRecording, SimulatedRadio
 from iptm_v2x_bridge.roadside import table as table_module
 from iptm_v2x_bridge.roadside.table import RoadsideTable
 

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from iptm_core.errors import RouteError
 from iptm_core.road_ahead import SpeedLimits
 from iptm_core.state import FloatArray, LeaderPreview
-from iptm_v2x_bridge.prediction.extrapolation import History
-from iptm_v2x_bridge.prediction.predictor import LeaderTrack, PredictorName
+from iptm_v2x_bridge.prediction.predictor import History, LeaderTrack, PredictorName
 from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules, Signal
 from iptm_v2x_bridge.stations.station import Observation
 

@@ -15,7 +15,7 @@ from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.messages.cam import CamMessage
 from iptm_v2x_bridge.rejections import Rejection
 from iptm_v2x_bridge.sending.sender import build_sender
-from iptm_v2x_bridge.sending.settings import Foresight, Framing, Impostor, SenderSettings
+from iptm_v2x_bridge.settings import Foresight, Framing, Impostor, SenderSettings
 from iptm_v2x_bridge.stations.table import STATION_TIMEOUT_MS, StationTable
 
 NS = 10**9

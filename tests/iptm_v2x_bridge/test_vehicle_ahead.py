@@ -8,7 +8,7 @@ import pytest
 from iptm_core.settings import PreviewSettings
 from iptm_core.state import NS_PER_S
 from iptm_v2x_bridge.bridge import V2xBridge
-from iptm_v2x_bridge.vehicle_ahead import VehicleAhead
+from iptm_v2x_bridge.range_sensor import VehicleAhead
 
 LENGTH_M = 4.5
 PLAN_TIMES_S = np.array([10.0, 11.0, 12.0, 13.0, 18.0, 23.0])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from iptm_core.driving_mode import DrivingMode
+from iptm_core.decision_record import DrivingMode
 from iptm_vehicle_interface.engagement import Conditions, Engagement
 
 NOTHING = Conditions()

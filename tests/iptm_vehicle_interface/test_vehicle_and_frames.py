@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from iptm_core.driving_mode import DrivingMode
+from iptm_core.decision_record import DrivingMode
 from iptm_core.errors import MessageError, ParameterError
 from iptm_core.state import Command
 from iptm_vehicle_interface.bus import Frame

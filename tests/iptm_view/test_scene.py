@@ -17,8 +17,8 @@ from visualization_msgs.msg import Marker
 from iptm_core.errors import IptmError
 from iptm_core.parameters import load_parameters
 from iptm_core.physics.car_following import minimum_gap_m
-from iptm_core.routes.road_course import RoadCourse
 from iptm_core.routes.road_line import RoadLine
+from iptm_core.routes.route import RoadCourse
 from iptm_core.settings import VEHICLE_LENGTH_M
 from iptm_core.state import LeaderState, SlopePreview
 from iptm_core.vehicle_string import vehicles_in_string

@@ -10,9 +10,8 @@ import pytest
 from tests.studies.test_life import trip
 
 from iptm.climate import CLIMATES, MONTH_DAYS, Climate
-from iptm.service_life.losses import SERVICE_YEARS, losses_by_cause
-from iptm.service_life.usage import USAGES
-from iptm.service_life.year import NO_COOLING, Activity, Year, year_of
+from iptm.service_life.life import SERVICE_YEARS, losses_by_cause
+from iptm.service_life.year import NO_COOLING, USAGES, Activity, Year, year_of
 from iptm_core.aging_laws.cells import LAWS
 from iptm_core.aging_laws.parking import AgingSettings, ParkedAging
 from iptm_core.parameters import load_parameters

@@ -21,7 +21,7 @@ from studies.life.trips import DRIVEN_CONTROLS, THERMOSTAT
 from studies.pages import STUDIES
 
 from iptm.climate import CLIMATES, Climate
-from iptm.service_life.losses import (
+from iptm.service_life.life import (
     Cause,
     band,
     drawn_losses,
@@ -30,8 +30,16 @@ from iptm.service_life.losses import (
     years_to_end,
 )
 from iptm.service_life.trip_map import TripMap
-from iptm.service_life.usage import CITY, MOTORWAY, USAGES, Usage
-from iptm.service_life.year import NO_COOLING, Activity, Year, year_of
+from iptm.service_life.year import (
+    CITY,
+    MOTORWAY,
+    NO_COOLING,
+    USAGES,
+    Activity,
+    Usage,
+    Year,
+    year_of,
+)
 from iptm_core.aging_laws.cells import AGING_CELLS, NCA
 from iptm_core.aging_laws.law import Load
 from iptm_core.parameters import load_parameters
@@ -155,7 +163,7 @@ def test_causes_add_up_and_bands_hold_the_loss() -> None:
 
 def test_without_spread_a_draw_is_the_law(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
-        "iptm.service_life.losses.SPREAD", dict.fromkeys(("rate", "energy", "exponent"), 0.0)
+        "iptm.service_life.life.SPREAD", dict.fromkeys(("rate", "energy", "exponent"), 0.0)
     )
     year = commuting()
     for cell in AGING_CELLS.values():

@@ -33,7 +33,7 @@ from studies.v2x.attacks import (
 )
 
 from iptm_core.routes import Route
-from iptm_v2x_bridge.sending.settings import Foresight, Impostor
+from iptm_v2x_bridge.settings import Foresight, Impostor
 from iptm_v2x_bridge.stations.table import STATION_TIMEOUT_MS
 
 ATTACK_S = END_S - BEGIN_S

@@ -10,10 +10,8 @@ import pytest
 
 from iptm.closed_loop import ClosedLoopRun, run_closed_loop
 from iptm.faults.fault import Fault
-from iptm.faults.injection import FaultInjection
+from iptm.faults.injection import FaultInjection, FaultyController, FaultyPlant
 from iptm.faults.kinds import FaultKind, FaultPlace
-from iptm.faults.solver import FaultyController
-from iptm.faults.vehicle import FaultyPlant
 from iptm_controller.controller import Controller
 from iptm_controller.forecast import preview_fault
 from iptm_controller.horizon import Horizon

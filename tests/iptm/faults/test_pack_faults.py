@@ -7,9 +7,8 @@ import pytest
 
 from iptm.closed_loop import run_closed_loop
 from iptm.faults.fault import Fault
-from iptm.faults.injection import FaultInjection
+from iptm.faults.injection import FaultInjection, FaultyPlant
 from iptm.faults.kinds import FaultKind
-from iptm.faults.vehicle import FaultyPlant
 from iptm_controller.controller import Controller
 from iptm_controller.decision import Decision
 from iptm_controller.horizon import Horizon

@@ -13,7 +13,7 @@ import iptm
 from iptm.driving import drive_in_memory
 from iptm.report import relative_changes
 from iptm.run import Run
-from iptm.runner.comparison import save_comparison
+from iptm.runner.evaluation import save_comparison
 from iptm.trip import Trip
 from iptm_core.errors import ParameterError
 from iptm_core.metrics import FIGURES, figure_values

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from iptm.runner.environment import (
+from iptm.runner.supervisor import (
     RunDomain,
     domain_of_run,
     environment_of_run,

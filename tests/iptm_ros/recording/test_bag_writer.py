@@ -16,8 +16,8 @@ from iptm_core.errors import BagError
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.bag_writer import BagWriter
 from iptm_ros.recording.message_types import message_definition
-from iptm_ros.recording.metadata import NO_START_NS
 from iptm_ros.recording.run_information import RunInformation
+from iptm_ros.recording.storage import NO_START_NS
 
 FLOAT = "std_msgs/msg/Float64"
 Encode = Callable[[float], bytes]

@@ -11,8 +11,13 @@ from iptm.commands.bags import compare
 from iptm_core.errors import BagError
 from iptm_core.trajectory import Trajectory
 from iptm_ros.recording.bag_writer import BagWriter
-from iptm_ros.recording.compare_bags import TopicComparison, compare_bags
-from iptm_ros.recording.field_differences import NumberTolerance, differences, flatten
+from iptm_ros.recording.compare_bags import (
+    NumberTolerance,
+    TopicComparison,
+    compare_bags,
+    differences,
+    flatten,
+)
 from iptm_ros.recording.message_types import standard_typestore
 from iptm_ros.recording.recorded_topics import TopicSelection
 from iptm_ros.topics import Topic

@@ -15,7 +15,7 @@ from iptm_core.errors import BagError
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.bag_writer import BagWriter
 from iptm_ros.recording.recover import recover
-from iptm_ros.recording.unpacking import (
+from iptm_ros.recording.storage import (
     LARGEST_RATIO,
     MOST_PART_BYTES,
     SMALL_BYTES,

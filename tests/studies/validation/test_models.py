@@ -25,7 +25,7 @@ from studies.validation.i3_drivetrain import (
 from studies.validation.measurements import Drive, Driver, Trip
 from studies.validation.outcome import Figure
 
-from iptm_core.physics.charge import ChargeTable, ChargeTransfer, ResistanceLaw
+from iptm_core.physics.cell import ChargeTable, ChargeTransfer, ResistanceLaw
 
 RANDOM = np.random.default_rng(3)
 

@@ -10,17 +10,15 @@ if TYPE_CHECKING:
     from iptm.call_cache import Outcome, cached_calls
     from iptm.climate import Climate
     from iptm.comparison import Comparison, compare
-    from iptm.driving import drive_whole_trip
+    from iptm.driving import drive, drive_whole_trip, simulate
     from iptm.explanation import Explanation
     from iptm.faults.fault import Fault
     from iptm.own_parts import Controller, Predictor
     from iptm.run import Run
     from iptm.service_life.life import Life, life
-    from iptm.service_life.usage import Usage
-    from iptm.simulation import simulate
+    from iptm.service_life.year import Usage
     from iptm.sweeping import Sweep, sweep
     from iptm.trip import Trip
-    from iptm.trip_drive import drive
     from iptm.trip_files import load_trip, trip_text
     from iptm.vehicle import Vehicle, cell_names
     from iptm_controller.measurements import Measurements
@@ -38,7 +36,7 @@ _HOMES = {
     "cached_calls": "iptm.call_cache",
     "Comparison": "iptm.comparison",
     "compare": "iptm.comparison",
-    "drive": "iptm.trip_drive",
+    "drive": "iptm.driving",
     "drive_whole_trip": "iptm.driving",
     "Explanation": "iptm.explanation",
     "Fault": "iptm.faults.fault",
@@ -48,8 +46,8 @@ _HOMES = {
     "Life": "iptm.service_life.life",
     "life": "iptm.service_life.life",
     "Climate": "iptm.climate",
-    "Usage": "iptm.service_life.usage",
-    "simulate": "iptm.simulation",
+    "Usage": "iptm.service_life.year",
+    "simulate": "iptm.driving",
     "Sweep": "iptm.sweeping",
     "sweep": "iptm.sweeping",
     "Trip": "iptm.trip",

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from iptm.call_keys import call_key
+from iptm.fingerprint import call_key
 from iptm_core.errors import IptmError, ParameterError
 
 MAX_WORKERS = 1024

@@ -14,7 +14,7 @@ from iptm_controller.measurements import Measurements
 from iptm_controller.options import ControllerOptions
 from iptm_core.decision_record import DecisionRecord, DecisionSeries
 from iptm_core.errors import PackEmptyError
-from iptm_core.garbage import no_full_collections
+from iptm_core.program import no_full_collections
 from iptm_core.routes.route import Route
 from iptm_core.settings import PreviewSettings
 from iptm_core.state import (

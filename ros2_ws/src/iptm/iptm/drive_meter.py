@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 
 from iptm_controller.ladder import thermostat_power_w
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.charge import at_charge, pack_capacity_ah
-from iptm_core.physics.coolant import reduce_channel
+from iptm_core.physics.cell import at_charge, pack_capacity_ah
 from iptm_core.physics.power_thermal import (
     CellPair,
     electric_traction_power_w,
     rates_at_traction_power,
 )
+from iptm_core.physics.thermal_loop import reduce_channel
 from iptm_core.state import BatteryReading, VehicleState
 
 WINDOW_S = 1.0

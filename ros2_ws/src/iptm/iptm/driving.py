@@ -1,17 +1,19 @@
-"""Drives trips in memory."""
+"""Drives trips in memory, or over ROS 2 with the same numbers."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from enum import Enum
+from pathlib import Path
+from typing import Any
 
 from iptm.channel_record import channel_record
 from iptm.closed_loop import TickController, run_closed_loop
-from iptm.faults.injection import FaultInjection, check_headless
-from iptm.faults.solver import FaultyController
-from iptm.faults.vehicle import FaultyPlant
+from iptm.faults.injection import FaultInjection, FaultyController, FaultyPlant, check_headless
 from iptm.own_parts import Controller, OwnController, PredictedSource, Predictor, check_part
+from iptm.progress_line import ProgressLine
 from iptm.run import Report, Reporter, Run
 from iptm.trip import Trip
 from iptm_controller.controller import Controller as SuiteController
@@ -20,8 +22,9 @@ from iptm_controller.measurements import Measurements
 from iptm_core.aging_laws.law import AgingLaw
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.errors import ScenarioError
-from iptm_core.settings import LeaderSource, ThermalModel
+from iptm_core.settings import LeaderSource, ThermalModel, TripSettings
 from iptm_core.state import LeaderState
+from iptm_core.user_input import check_known
 from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_step import PlantStep
 from iptm_v2x_bridge.rules_of_the_road import road_bridge
@@ -213,3 +216,91 @@ def _with_own_parts(
         name = type(predictor).__name__
         run = run.labelled(f"predictor {name}", {"predictor": name})
     return run
+
+
+def simulate(
+    cycle: Any = TripSettings.cycle,
+    *,
+    vehicle: Any = None,
+    aging_law: Any = None,
+    controller: Controller | None = None,
+    predictor: Predictor | None = None,
+    **settings: Any,
+) -> Run:
+    """Drive a trip behind a lead vehicle, without ROS: ``drive(Trip.of(cycle, **settings))``.
+
+    The defaults match ``scripts/run_demo``, and both give the same commands. On a terminal and in a
+    notebook a line shows how far a longer drive has come.
+
+    Args:
+        cycle: what the lead vehicle drives: a name such as ``wltc_class3b``, the path of a drive (CSV, GPX,
+            SUMO, bag), a DataFrame or mapping with ``time_s`` and one of ``speed_m_s``, ``speed_kmh`` and
+            ``speed_mph``, optionally ``elevation_m`` or ``slope_percent``, or a pair of times (s) and speeds
+            (m/s).
+        vehicle: a car or parameter set by name or path, `Vehicle`, `ModelParameters`, or a mapping of dotted
+            keys and numbers, with ``base`` for a set other than the default.
+        aging_law: law of the controller's cost: ``paper``, a cell such as ``nca``, or an `AgingLaw`.
+        controller: drives instead of the controller of the suite, see `Controller`; strategy and horizon then
+            do not count.
+        predictor: predicts the lead vehicle for the controller instead of its true future, see `Predictor`.
+        settings: all other settings of a trip by their names: ``strategy`` (a name, a `Strategy` or a
+            mapping of ``base`` and weights), ``horizon``, ``overrides`` (parameters by dotted key),
+            ``climate`` (a name or degC), ``slope``, ``duration_s``, ``latency_s``, ``leader_source``,
+            ``faults`` ...
+
+    Returns:
+        The finished run.
+
+    Raises:
+        IptmError: an argument is not usable; the message states the value and what is allowed.
+    """
+    own_law = aging_law if isinstance(aging_law, AgingLaw) else None
+    named = {} if own_law is not None or aging_law is None else {"aging_law": aging_law}
+    if vehicle is not None:
+        named["vehicle"] = vehicle
+    trip = Trip.of(cycle, **settings, **named)
+    ticks = round(trip.route.duration_s / trip.conditions.period_s)
+    with ProgressLine(trip.heading, ticks + 1) as line:
+        return drive_in_memory(
+            trip, controller=controller, predictor=predictor, aging_law=own_law, on_step=line.step
+        )
+
+
+class Over(Enum):
+    """What connects the parts of a trip."""
+
+    MEMORY = "memory"
+    ROS = "ros"
+
+
+def drive(
+    trip: Trip,
+    *,
+    over: str = Over.MEMORY.value,
+    bag: str | Path | None = None,
+    **own_parts: Any,
+) -> Run:
+    """Drive a trip.
+
+    Args:
+        trip: what is driven.
+        over: ``memory``, or ``ros`` for processes that exchange messages; both give the same numbers.
+        bag: folder to create for the recorded messages; over ROS 2 only.
+        own_parts: in memory, ``controller``, ``predictor``, ``aging_law``, ``on_tick`` and ``on_step``, see
+            `drive_in_memory`.
+
+    Raises:
+        IptmError: the trip cannot be driven; the message states the value and what is allowed.
+    """
+    check_known(over, [each.value for each in Over], "over", "value", ScenarioError)
+    if over == Over.MEMORY.value:
+        if bag is not None:
+            raise ScenarioError(f"bag is {str(bag)!r} in memory; allowed: over ROS 2")
+        return drive_in_memory(trip, **own_parts)
+    given = [name for name, part in own_parts.items() if part is not None]
+    if given:
+        raise ScenarioError(f"{given[0]} is given over ROS 2; allowed: in memory, or a node")
+    # Needs ROS.
+    from iptm.runner.runner import drive_over_ros  # noqa: PLC0415
+
+    return drive_over_ros(trip, None if bag is None else Path(bag))

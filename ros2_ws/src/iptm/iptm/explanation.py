@@ -31,9 +31,9 @@ from iptm_core.metrics import Judgement, RunMetrics, Saving, compute_metrics, ju
 from iptm_core.metrics.saving import saved_text
 from iptm_core.parameters.loading import parse_overrides
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.charge import at_charge
-from iptm_core.physics.coolant import reduce_channel
+from iptm_core.physics.cell import at_charge
 from iptm_core.physics.power_thermal import CellPair, power_thermal_rates
+from iptm_core.physics.thermal_loop import reduce_channel
 from iptm_core.settings import PreviewMode
 from iptm_core.state import Command, FloatArray
 from iptm_core.trajectory import Trajectory

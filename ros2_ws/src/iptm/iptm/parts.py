@@ -83,12 +83,12 @@ from iptm_core.parameters.model import (
     RegenerationParameters,
 )
 from iptm_core.parameters.strict_yaml import read_yaml
-from iptm_core.physics.cell import cell_resistance_ohm
-from iptm_core.physics.charge import (
+from iptm_core.physics.cell import (
     ChargeTable,
     ChargeTransfer,
     ResistanceLaw,
     ambient_temperature_rate_k_s,
+    cell_resistance_ohm,
 )
 from iptm_core.physics.traction import (
     coast_down_force_n,
@@ -114,20 +114,24 @@ from iptm_core.user_input import StrictMapping, check_known, number, whole_numbe
 from iptm_plant_sim.plant import Plant
 from iptm_v2x_bridge.bridge import BridgeAnswer, CycleSource, TickBridge, V2xBridge
 from iptm_v2x_bridge.cam_bridge import CamBridge
+from iptm_v2x_bridge.captures import SimulatedRadio
 from iptm_v2x_bridge.messages.cam import decode_datagram, encode_cam
 from iptm_v2x_bridge.messages.mapem import IntersectionMap, Lane, encode_mapem
 from iptm_v2x_bridge.messages.packets import delta_time_ms, its_timestamp_ms
-from iptm_v2x_bridge.prediction.extrapolation import History
-from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile
-from iptm_v2x_bridge.prediction.predictor import LeaderTrack, Predictor, PredictorName, leader_track
-from iptm_v2x_bridge.prediction.received_path import ReceivedPath
+from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile, ReceivedPath
+from iptm_v2x_bridge.prediction.predictor import (
+    History,
+    LeaderTrack,
+    Predictor,
+    PredictorName,
+    leader_track,
+)
 from iptm_v2x_bridge.prediction.regression import GAIN_FACTOR, Regression, RegressionModel
 from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules
-from iptm_v2x_bridge.radio_recording import SimulatedRadio
 from iptm_v2x_bridge.rejections import Rejection
 from iptm_v2x_bridge.rules_of_the_road import OF_THE_CYCLE, given_rules
 from iptm_v2x_bridge.sending.sender import CamSender, build_sender, car_on_road
-from iptm_v2x_bridge.sending.settings import Foresight, Framing, Impostor, SenderSettings
+from iptm_v2x_bridge.settings import Foresight, Framing, Impostor, SenderSettings
 from iptm_v2x_bridge.stations.station import Station
 
 __all__ = [

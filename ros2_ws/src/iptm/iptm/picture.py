@@ -12,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from iptm_core.metrics.trip_figures import PPM
+from iptm_core.metrics.figures import PPM
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
 from iptm_core.units import CELSIUS_ZERO_K, KM_H_PER_M_S

@@ -27,7 +27,7 @@ from iptm.picture import (
 from iptm.report import outcome_lines
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.metrics import compute_metrics, gap_margins_m
-from iptm_core.metrics.trip_figures import PPM
+from iptm_core.metrics.figures import PPM
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes.slope import SlopeProfile
 from iptm_core.state import FloatArray

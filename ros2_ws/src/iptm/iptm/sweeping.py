@@ -13,8 +13,8 @@ import numpy as np
 import pandas as pd
 
 from iptm.call_cache import cached_calls
+from iptm.driving import simulate
 from iptm.run import Run, figure_title
-from iptm.simulation import simulate
 from iptm_core.errors import ParameterError, ScenarioError
 
 

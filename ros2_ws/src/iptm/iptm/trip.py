@@ -17,7 +17,7 @@ from typing import Any
 
 from iptm.climate import air_overrides
 from iptm.faults.injection import check_empty_road
-from iptm.inputs import flat_settings
+from iptm.own_parts import flat_settings
 from iptm.trip_settings import (
     CONTROLLER,
     HOME,
@@ -101,7 +101,7 @@ class Trip:
         """Return this trip with other settings; None stands for a default.
 
         Args:
-            settings: by their flat names, and objects in their place, see `iptm.inputs`; in addition
+            settings: by their flat names, and objects in their place, see `iptm.own_parts`; in addition
                 ``climate``, by name (its warmest month), an `iptm.Climate` or a temperature in degC, which
                 sets what depends on the air; overrides in the same call come after it.
 

@@ -29,7 +29,7 @@ from iptm_controller.solvers.factory import SolverOptions, build_plain_solver
 from iptm_controller.solvers.interface import SolveResult
 from iptm_controller.strategy import Strategy
 from iptm_core.decision_record import SolveStatus
-from iptm_core.physics.charge import nominal_charge_parameters
+from iptm_core.physics.cell import nominal_charge_parameters
 from iptm_core.routes.route import Route
 from iptm_core.state import Command, FloatArray, LeaderPreview, SlopePreview, VehicleState
 from iptm_core.trajectory import Trajectory

@@ -23,8 +23,7 @@ from iptm_core.charging_stop import ChargingStopSettings, fast_charge
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import cell_heat_w, cell_resistance_ohm, heat_from_air_w
 from iptm_core.physics.chiller import chiller_line, largest_useful_power_w
-from iptm_core.physics.coolant import reduce_channel
-from iptm_core.physics.thermal_loop import solve_coolant_loop, thermal_actuation
+from iptm_core.physics.thermal_loop import reduce_channel, solve_coolant_loop, thermal_actuation
 from iptm_core.state import FloatArray, VehicleState
 from iptm_core.units import J_PER_KWH
 

@@ -40,7 +40,7 @@ from iptm_controller.traction_forecast import TractionForecaster
 from iptm_core.aging_laws.parking import ParkedAging
 from iptm_core.decision_record import Rung
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.charge import nominal_charge_parameters
+from iptm_core.physics.cell import nominal_charge_parameters
 from iptm_core.state import Command, FloatArray, LeaderState, VehicleState
 
 

@@ -25,7 +25,7 @@ from iptm_controller.node_reports import (
 )
 from iptm_controller.node_ticks import OTHER_INPUTS, CatchUp, CompleteTick, read_measurements
 from iptm_controller.node_watch import OperatorWatch
-from iptm_core.driving_mode import DrivingMode
+from iptm_core.decision_record import DrivingMode
 from iptm_core.errors import MessageError, ServiceError
 from iptm_core.saved_state import write_state
 from iptm_core.state import (
@@ -42,11 +42,10 @@ from iptm_ros.codecs import (
     ns_from_time,
     read_numbers,
 )
-from iptm_ros.command_line import node_main
 from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
-from iptm_ros.friction_input import FrictionInput
 from iptm_ros.node_health import Watchdog
-from iptm_ros.parameters import declare_parameters
+from iptm_ros.parameters import FrictionInput, declare_parameters
+from iptm_ros.process import node_main
 from iptm_ros.services import Service, state_path
 from iptm_ros.stamp_matcher import MatchedSet, StampMatcher, Verdict
 from iptm_ros.suite_node import SuiteNode

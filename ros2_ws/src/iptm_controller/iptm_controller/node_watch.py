@@ -11,7 +11,8 @@ from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements, trusted_measurements
 from iptm_controller.ocp.layout import StateIndex
 from iptm_controller.settings import WarningSettings
-from iptm_core.metrics.concerns import (
+from iptm_core.metrics.constraints import (
+    TEMPERATURE_TOLERANCE_K,
     Concern,
     IneffectiveCooling,
     Situation,
@@ -19,7 +20,6 @@ from iptm_core.metrics.concerns import (
     broken_limits,
     cooling_at_limit,
 )
-from iptm_core.metrics.constraints import TEMPERATURE_TOLERANCE_K
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import LeaderState, VehicleState
 

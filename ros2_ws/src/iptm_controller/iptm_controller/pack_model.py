@@ -11,7 +11,6 @@ from functools import lru_cache
 
 import casadi as ca
 
-from iptm_core.buffered import BufferedFunction, named_function
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import (
     cell_heat_w,
@@ -19,19 +18,19 @@ from iptm_core.physics.cell import (
     cell_temperature_rate_k_s,
     heat_from_air_w,
 )
-from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.electrical import (
     cell_current_a,
     extended_pack_current_a,
     pack_resistance_ohm,
 )
-from iptm_core.physics.ops import Scalar, where
+from iptm_core.physics.ops import BufferedFunction, Scalar, named_function, where
 from iptm_core.physics.power_thermal import (
     CellPair,
     Smoothing,
     electric_traction_power_w,
     rates_at_traction_power,
 )
+from iptm_core.physics.thermal_loop import reduce_channel
 from iptm_core.state import FloatArray, VehicleState
 
 _MARGIN = 0.05

@@ -34,7 +34,7 @@ from iptm_controller.pack_sensor import (
     is_temperature,
 )
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.coolant import reduce_channel
+from iptm_core.physics.thermal_loop import reduce_channel
 from iptm_core.state import Command, PackReading, VehicleState
 
 LEAST_MARGIN_K, MARGIN_K_S, LARGEST_MARGIN_K = 1.0, 0.2 / 60.0, 3.0

@@ -27,9 +27,8 @@ import numpy as np
 
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import capacity_loss_rate_1_s
-from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.power_thermal import CellPair, power_thermal_rates
-from iptm_core.physics.thermal_loop import most_efficient_cooling
+from iptm_core.physics.thermal_loop import most_efficient_cooling, reduce_channel
 from iptm_core.state import FloatArray, LeaderPreview, VehicleState
 
 FORECAST_WEIGHT_S = 60.0

@@ -1,6 +1,7 @@
 """How the decisions of a controller came about: one record, the series of a run, and its statistics.
 
-Controller, topic ``controller/solve``, bags, stored studies and tables use these terms.
+Controller, topic ``controller/solve``, bags, stored studies and tables use these terms, and `DrivingMode`
+where a car carries the suite.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from iptm_core.declaration import TextEnum
 from iptm_core.state import CommandSource, FloatArray
 from iptm_core.trajectory import Columns, Trajectory
 
@@ -251,3 +253,18 @@ def _sources(series: DecisionSeries, run: Trajectory | None) -> FloatArray:
         return run.command_source[1:]
     missing = ~np.isin(run.time_s[:-1], series.time_s) & bool(len(series))
     return np.where(missing, float(CommandSource.STOP), float(CommandSource.ANSWER))
+
+
+class DrivingMode(TextEnum):
+    """Who drives; `vehicle/engagement` carries the position in this list, counted from 0."""
+
+    OFF = "off"
+    READY = "ready"
+    ENGAGED = "engaged"
+    OVERRIDDEN = "overridden"
+    HAND_OVER = "hand_over"
+
+    @property
+    def number(self) -> float:
+        """Position in the list."""
+        return float(list(DrivingMode).index(self))

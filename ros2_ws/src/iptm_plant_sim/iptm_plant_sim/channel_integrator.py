@@ -15,27 +15,32 @@ from functools import lru_cache
 
 import casadi as ca
 
-from iptm_core.buffered import BufferedFunction, named_function
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import (
+    at_charge,
     capacity_loss_rate_1_s,
     cell_resistance_ohm,
     cell_temperature_rate_k_s,
     heat_from_air_w,
 )
-from iptm_core.physics.charge import at_charge
 from iptm_core.physics.chiller import chiller_line
-from iptm_core.physics.coolant import FullChannel, mean_cell_heat_w
 from iptm_core.physics.electrical import (
     battery_power_w,
     cell_current_a,
     pack_current_a,
     pack_resistance_ohm,
 )
-from iptm_core.physics.ops import Scalar, maximum
+from iptm_core.physics.ops import BufferedFunction, Scalar, maximum, named_function
 from iptm_core.physics.power_thermal import electric_traction_power_w
-from iptm_core.physics.thermal_loop import CoolantLoop, solve_coolant_loop, thermal_actuation
+from iptm_core.physics.thermal_loop import (
+    CoolantLoop,
+    FullChannel,
+    mean_cell_heat_w,
+    solve_coolant_loop,
+    thermal_actuation,
+)
 from iptm_core.state import ChannelCells, FloatArray
+from iptm_plant_sim.actuators import Motion
 from iptm_plant_sim.integrator import (
     INTEGRALS,
     IntervalResult,
@@ -45,7 +50,6 @@ from iptm_plant_sim.integrator import (
     deliverable,
     motion_symbols,
 )
-from iptm_plant_sim.motion import Motion
 
 SUB_STEPS_PER_CELL_STEP = 20
 """One second at the default integration step, a hundredth of the time constant of a cell."""

@@ -17,19 +17,17 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from iptm_core.buffered import BufferedFunction, named_function
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.cell import cell_heat_w, cell_resistance_ohm
-from iptm_core.physics.charge import at_charge
-from iptm_core.physics.coolant import reduce_channel
-from iptm_core.physics.ops import Scalar, maximum, where
+from iptm_core.physics.cell import at_charge, cell_heat_w, cell_resistance_ohm
+from iptm_core.physics.ops import BufferedFunction, Scalar, maximum, named_function, where
 from iptm_core.physics.power_thermal import (
     CellPair,
     electric_traction_power_w,
     rates_at_traction_power,
 )
+from iptm_core.physics.thermal_loop import reduce_channel
 from iptm_core.state import ChannelCells, FloatArray
-from iptm_plant_sim.motion import Motion
+from iptm_plant_sim.actuators import Motion
 
 STATES = (
     "cell_1_temperature_k",

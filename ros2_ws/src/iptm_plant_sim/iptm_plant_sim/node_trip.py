@@ -12,9 +12,8 @@ from sensor_msgs.msg import JointState
 from iptm_core.errors import IptmError, MessageError, PackEmptyError
 from iptm_core.settings import LoopMode, LostController
 from iptm_core.state import Command, CommandSource
-from iptm_plant_sim.node_neighbours import Neighbours
+from iptm_plant_sim.node_neighbours import Neighbours, NodeRangeSensor, PlayedRangeSensor
 from iptm_plant_sim.node_parameters import WAIT, PlantNodeParameters
-from iptm_plant_sim.node_range_sensor import NodeRangeSensor, PlayedRangeSensor
 from iptm_plant_sim.plant_step import battery_reading
 from iptm_plant_sim.schedule import Schedule, TimeBetweenTicks
 from iptm_plant_sim.trip import CommandHold, TripPhase
@@ -26,9 +25,8 @@ from iptm_ros.codecs import (
     time_from_ns,
     time_from_s,
 )
-from iptm_ros.friction_input import FrictionInput
 from iptm_ros.node_health import Watchdog
-from iptm_ros.parameters import declare_parameters
+from iptm_ros.parameters import FrictionInput, declare_parameters
 from iptm_ros.process import EXIT_DEFECT
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import TOPICS, Topic

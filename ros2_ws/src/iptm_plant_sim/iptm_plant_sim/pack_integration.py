@@ -10,14 +10,14 @@ import math
 
 from iptm_core.errors import StateError
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.charge import charge_after, depends_on_charge, pack_capacity_ah
+from iptm_core.physics.cell import charge_after, depends_on_charge, pack_capacity_ah
 from iptm_core.physics.pack_limits import PowerLimits, least_traction_power_w, power_limits
 from iptm_core.physics.power_thermal import CellPair
 from iptm_core.settings import ThermalModel
 from iptm_core.state import FloatArray, FullChannelState, VehicleState
+from iptm_plant_sim.actuators import Motion
 from iptm_plant_sim.channel_integrator import ChannelIntegrator
 from iptm_plant_sim.integrator import IntervalIntegrator, IntervalResult, PowerBounds
-from iptm_plant_sim.motion import Motion
 
 
 class PackIntegration:

@@ -26,9 +26,8 @@ from iptm_core.state import (
     SafetyRecord,
     VehicleState,
 )
-from iptm_plant_sim.actuators import ActuatorReport, Clamp, limit_command
+from iptm_plant_sim.actuators import ActuatorReport, Clamp, Motion, limit_command, plan_motion
 from iptm_plant_sim.integrator import IntervalResult
-from iptm_plant_sim.motion import Motion, plan_motion
 from iptm_plant_sim.pack_integration import PackIntegration
 from iptm_plant_sim.plant_step import PlantStep
 from iptm_plant_sim.safety_monitor import MonitorMemory, SafetyMonitor

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.charge import at_charge, pack_capacity_ah
+from iptm_core.physics.cell import at_charge, pack_capacity_ah
 from iptm_core.state import BatteryReading, FullChannelState, PlantObservation
 from iptm_plant_sim.actuators import ActuatorReport
 from iptm_plant_sim.integrator import cell_voltage_v

@@ -16,9 +16,12 @@ import numpy as np
 
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import Command, FloatArray, LeaderPreview, SafetyRecord, VehicleState
-from iptm_plant_sim.actuators import ActuatorReport
+from iptm_plant_sim.actuators import (
+    STANDSTILL_ACCELERATION_M_S2,
+    STANDSTILL_SPEED_M_S,
+    ActuatorReport,
+)
 from iptm_plant_sim.lead_measurements import LeadMeasurements
-from iptm_plant_sim.motion import STANDSTILL_ACCELERATION_M_S2, STANDSTILL_SPEED_M_S
 from iptm_plant_sim.plant_step import PlantStep, joined
 from iptm_plant_sim.safety_monitor import (
     MonitorMemory,

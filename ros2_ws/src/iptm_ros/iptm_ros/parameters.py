@@ -3,8 +3,10 @@
     parameters = declare_parameters(node, BridgeNodeParameters)
 
 The descriptors carry description, unit and range, so `ros2 param describe` shows them. Parameters are
-read-only, as a run is described by what it was started with, except those that a node declares changeable and
-reports. A whole number is accepted for a float (`latency_s:=1`), which plain ROS refuses.
+read-only, as a run is described by what it was started with, except those that a node declares changeable
+and reports. A whole number is accepted for a float (`latency_s:=1`), which plain ROS refuses.
+
+The friction of the road is a parameter to begin with; published values follow.
 """
 
 from __future__ import annotations
@@ -15,9 +17,13 @@ from typing import Any, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
+from std_msgs.msg import Float64
 
 from iptm_core.declaration import ParameterSpec, Value, checked_value, parameter_specs, plain
-from iptm_core.errors import ParameterError
+from iptm_core.errors import MessageError, ParameterError
+from iptm_core.road_friction import MOST_FRICTION
+from iptm_ros.suite_node import SuiteNode
+from iptm_ros.topics import Topic
 
 D = TypeVar("D")
 
@@ -71,3 +77,35 @@ def _descriptor(spec: ParameterSpec, *, read_only: bool) -> ParameterDescriptor:
     else:
         descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high), step=0)]
     return descriptor
+
+
+VALID_S = 60.0
+"""Wall time for which a value counts that is not repeated."""
+
+
+class FrictionInput:
+    """Listens to `sensor/road_friction`.
+
+    Args:
+        node: that listens.
+        default: coefficient of friction while nothing is published; 0: not known.
+    """
+
+    def __init__(self, node: SuiteNode, default: float) -> None:
+        self._node, self._default = node, default
+        self._heard = 0.0
+        self._heard_s = -math.inf
+        node.listen(Topic.ROAD_FRICTION, self._on_friction)
+
+    @property
+    def coefficient(self) -> float:
+        """The present value, 0 if unknown."""
+        is_valid = self._node.awake.now_s() - self._heard_s <= VALID_S
+        return self._heard if is_valid else self._default
+
+    def _on_friction(self, message: Float64) -> None:
+        if not 0.0 <= message.data <= MOST_FRICTION:
+            raise MessageError(
+                f"{Topic.ROAD_FRICTION.value} is {message.data}; allowed: 0 to {MOST_FRICTION:g}"
+            )
+        self._heard, self._heard_s = message.data, self._node.awake.now_s()

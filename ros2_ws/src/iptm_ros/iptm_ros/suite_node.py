@@ -21,8 +21,7 @@ from iptm_core.errors import IptmError, ParameterError
 from iptm_core.settings import MOST_PREVIEW_STEPS
 from iptm_core.user_input import suggestion
 from iptm_ros.connections import LOOK_PERIOD_S, ConnectionsReport
-from iptm_ros.heartbeat import Heartbeat
-from iptm_ros.node_health import AwakeClock, NodeHealth
+from iptm_ros.node_health import AwakeClock, Heartbeat, NodeHealth
 from iptm_ros.services import Service
 from iptm_ros.topics import TOPICS, Topic, frame_in, topic_of
 

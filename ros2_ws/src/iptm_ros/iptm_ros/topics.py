@@ -15,7 +15,7 @@ from enum import Enum
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from iptm_core.driving_mode import DrivingMode
+from iptm_core.decision_record import DrivingMode
 from iptm_ros.message_types import (
     AccelStamped,
     BatteryState,

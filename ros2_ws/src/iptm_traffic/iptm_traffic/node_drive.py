@@ -29,7 +29,7 @@ from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.program import EXIT_OK, refused
-from iptm_core.routes.piecewise import cumulative_integral
+from iptm_core.routes.cycles import cumulative_integral
 from iptm_core.routes.route import build_route
 from iptm_core.settings import PreviewSettings
 from iptm_core.state import NS_PER_S

@@ -23,7 +23,7 @@ from iptm_v2x_bridge.sending.sender import (
     POSITION_BOUND_M,
     packet_of,
 )
-from iptm_v2x_bridge.sending.settings import SenderSettings, path_times_s
+from iptm_v2x_bridge.settings import SenderSettings, path_times_s
 
 SAME_PLACE_M = 0.5
 """Distance from the rehearsed position beyond which a vehicle announces no path."""

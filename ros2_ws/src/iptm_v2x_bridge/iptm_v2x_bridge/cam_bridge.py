@@ -22,15 +22,16 @@ from iptm_v2x_bridge.bridge import BridgeAnswer, preview_times_s
 from iptm_v2x_bridge.messages.cam import decode_cam
 from iptm_v2x_bridge.messages.packets import MessageKind, open_datagram
 from iptm_v2x_bridge.messages.signatures import Verifier
-from iptm_v2x_bridge.prediction.extrapolation import AssumedBraking, History
+from iptm_v2x_bridge.prediction.learnt_profile import ReceivedPath
 from iptm_v2x_bridge.prediction.predictor import (
+    AssumedBraking,
+    History,
     LeaderTrack,
     Predictor,
     PredictorName,
     joined_motion,
     leader_track,
 )
-from iptm_v2x_bridge.prediction.received_path import ReceivedPath
 from iptm_v2x_bridge.rejections import Rejection, RejectionCounts
 from iptm_v2x_bridge.roadside.table import ROADSIDE_KINDS, RoadsideTable
 from iptm_v2x_bridge.stations.station import Station

@@ -11,7 +11,13 @@ from iptm_core.errors import BagError, ParameterError
 from iptm_ros.codecs import decode_raw_datagram
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import TOPICS, Topic
-from iptm_v2x_bridge.captures import CAPTURE_SUFFIXES, read_capture
+from iptm_v2x_bridge.captures import (
+    CAPTURE_SUFFIXES,
+    RadioRecording,
+    read_capture,
+    recording_by_time,
+    recording_with_marks,
+)
 from iptm_v2x_bridge.datagrams import (
     MAX_KEPT,
     DatagramSource,
@@ -20,11 +26,6 @@ from iptm_v2x_bridge.datagrams import (
     SocketSource,
 )
 from iptm_v2x_bridge.messages.ros_cam import bits_of, message_type
-from iptm_v2x_bridge.radio_recording import (
-    RadioRecording,
-    recording_by_time,
-    recording_with_marks,
-)
 from iptm_v2x_bridge.settings import CamSettings
 
 MAX_WAITING = 1000

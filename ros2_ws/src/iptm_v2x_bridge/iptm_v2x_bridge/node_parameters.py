@@ -15,8 +15,7 @@ from iptm_core.settings import (
     TripSettings,
 )
 from iptm_core.state import NS_PER_S
-from iptm_v2x_bridge.sending.settings import SenderSettings
-from iptm_v2x_bridge.settings import LOCALHOST, CamSettings, LeaderSettings
+from iptm_v2x_bridge.settings import LOCALHOST, CamSettings, LeaderSettings, SenderSettings
 
 
 @dataclass(frozen=True)

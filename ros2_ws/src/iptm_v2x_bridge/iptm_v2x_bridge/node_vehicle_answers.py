@@ -24,7 +24,7 @@ from iptm_v2x_bridge.bridge import (
 )
 from iptm_v2x_bridge.node_answers import KEPT, AnswerContext, TickAnswers
 from iptm_v2x_bridge.prediction.predictor import PredictorName
-from iptm_v2x_bridge.vehicle_ahead import VehicleAhead
+from iptm_v2x_bridge.range_sensor import VehicleAhead
 
 
 class CycleAnswers(TickAnswers[V2xBridge]):

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from iptm_core.driving_mode import DrivingMode
+from iptm_core.decision_record import DrivingMode
 from iptm_core.parameters import load_parameters
 from iptm_core.state import Command, FloatArray, LeaderState, PlantObservation
 from iptm_vehicle_interface.bus import Frame

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from iptm_core.driving_mode import DrivingMode
+from iptm_core.decision_record import DrivingMode
 
 HAND_OVER_RATE_M_S3 = 1.0
 """Rate at which braking is released during the hand-over."""

@@ -16,7 +16,7 @@ from typing import Any
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, PointCloud2
 
-from iptm_core.driving_mode import DrivingMode
+from iptm_core.decision_record import DrivingMode
 from iptm_core.errors import ParameterError
 from iptm_core.lead_track import RangeTrack
 from iptm_core.program import go_first
@@ -31,11 +31,11 @@ from iptm_ros.codecs import (
     s_from_ns,
     time_from_s,
 )
-from iptm_ros.codecs.numbers import LAYOUTS
-from iptm_ros.command_line import node_main
+from iptm_ros.codecs.cdr import LAYOUTS
 from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
-from iptm_ros.heartbeat import CHECK_PERIOD_S, HeartbeatWatch
+from iptm_ros.node_health import CHECK_PERIOD_S, HeartbeatWatch
 from iptm_ros.parameters import declare_parameters
+from iptm_ros.process import node_main
 from iptm_ros.services import Service
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import VEHICLE, Topic

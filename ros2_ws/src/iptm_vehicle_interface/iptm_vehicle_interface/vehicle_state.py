@@ -10,8 +10,7 @@ from __future__ import annotations
 import math
 
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.cell import capacity_loss_rate_1_s
-from iptm_core.physics.charge import pack_capacity_ah
+from iptm_core.physics.cell import capacity_loss_rate_1_s, pack_capacity_ah
 from iptm_core.physics.electrical import cell_current_a
 from iptm_core.state import (
     BatteryReading,

@@ -13,7 +13,7 @@ from rclpy.serialization import deserialize_message
 from iptm_core.errors import MessageError
 from iptm_core.parameters import ModelParameters
 from iptm_core.physics.car_following import minimum_gap_m
-from iptm_core.routes.road_course import heights
+from iptm_core.routes.route import heights
 from iptm_core.units import CELSIUS_ZERO_K
 from iptm_ros.codecs import (
     decode_decision_record,

@@ -14,7 +14,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from iptm_core.parameters import ModelParameters
 from iptm_core.physics.car_following import minimum_gap_m
-from iptm_core.routes.road_course import RoadCourse, RoadPoses
+from iptm_core.routes.route import RoadCourse, RoadPoses
 from iptm_core.settings import VEHICLE_LENGTH_M
 from iptm_core.state import NS_PER_S, FloatArray, LeaderState
 from iptm_core.units import KM_H_PER_M_S

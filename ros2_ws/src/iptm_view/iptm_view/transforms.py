@@ -16,7 +16,7 @@ from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from iptm_core.routes.road_course import RoadCourse
+from iptm_core.routes.route import RoadCourse
 from iptm_core.state import FloatArray
 from iptm_ros.codecs.time import time_from_ns
 from iptm_ros.topics import (

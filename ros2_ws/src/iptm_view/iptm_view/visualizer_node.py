@@ -19,8 +19,8 @@ from std_msgs.msg import String
 
 from iptm_core.declaration import parameter
 from iptm_core.errors import ParameterError
-from iptm_core.routes.road_course import RoadCourse
 from iptm_core.routes.road_line import RoadLine
+from iptm_core.routes.route import RoadCourse
 from iptm_core.routes.user_csv import USER_SUFFIXES, read_user_trip
 from iptm_core.settings import FrameSettings, ModelSettings
 from iptm_core.state import LeaderState, SlopePreview
@@ -34,9 +34,9 @@ from iptm_ros.codecs import (
     decode_slope,
     s_from_ns,
 )
-from iptm_ros.command_line import node_main
 from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
 from iptm_ros.parameters import declare_parameters
+from iptm_ros.process import node_main
 from iptm_ros.qos import LATCHED_QOS
 from iptm_ros.recording.timeline import read_stamp_ns
 from iptm_ros.suite_node import SuiteNode

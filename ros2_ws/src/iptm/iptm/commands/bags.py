@@ -122,10 +122,10 @@ def _compare_messages(given: argparse.Namespace) -> int:
     from iptm_ros.recording.compare_bags import (
         DEFAULT_EXCLUDED_TOPICS,
         DEFAULT_IGNORED_FIELDS,
+        NumberTolerance,
         compare_bags,
         print_comparison,
     )
-    from iptm_ros.recording.field_differences import NumberTolerance
     from iptm_ros.recording.recorded_topics import TopicSelection
 
     if len(given.runs) != 2 or given.picture or given.report or given.namespace:
@@ -278,8 +278,7 @@ def check(arguments: Sequence[str] | None = None) -> int:
     from iptm.runner.replay_check import check_node, tolerances_text
     from iptm.trip_settings import NODES
     from iptm_core.user_input import check_known
-    from iptm_ros.recording.compare_bags import print_comparison
-    from iptm_ros.recording.field_differences import NumberTolerance
+    from iptm_ros.recording.compare_bags import NumberTolerance, print_comparison
 
     tolerances = [given.absolute, given.relative]
     stated = any(each is not None for each in tolerances)

@@ -1,9 +1,14 @@
-"""Faults in the loop without ROS: turns the true values of a tick into measured ones."""
+"""Faults in the loop without ROS: measured values, a solver that fails on demand, and an impaired vehicle.
+
+The vehicle acts on commands late, has weak brakes, slips, or does not cool.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import time
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from typing import Any
 
 from iptm.faults.fault import Fault, at_places
 from iptm.faults.kinds import FaultKind, FaultPlace
@@ -15,10 +20,33 @@ from iptm.faults.signals import (
     Traffic,
     faulty_slope,
 )
+from iptm_controller.controller import Controller
+from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements
+from iptm_controller.ocp.data import ProblemData
+from iptm_controller.solvers.interface import (
+    STATUS_TEXT,
+    SolverBackend,
+    SolveResult,
+    Stopwatch,
+    broken,
+)
+from iptm_core.decision_record import SolveStatus
 from iptm_core.errors import ScenarioError
-from iptm_core.settings import LeaderSource
-from iptm_core.state import NS_PER_S, LeaderPreview, LeaderState, SlopePreview
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.settings import LeaderSource, ThermalModel
+from iptm_core.state import (
+    NS_PER_S,
+    Command,
+    FloatArray,
+    LeaderPreview,
+    LeaderState,
+    SlopePreview,
+    VehicleState,
+)
+from iptm_plant_sim.pack_integration import PackIntegration
+from iptm_plant_sim.plant import Plant
+from iptm_plant_sim.plant_step import PlantStep
 
 NO_LEADER = "no measurement of the leader received"
 
@@ -105,3 +133,140 @@ class FaultInjection:
         if self._slope is None or self._slope[0] != hit:
             self._slope = (hit, faulty_slope(self._road, now_ns, slope))
         return self._slope[1]
+
+
+_STATUS = {
+    FaultKind.SOLVER_TIMEOUT: SolveStatus.DEADLINE,
+    FaultKind.SOLVER_NOT_CONVERGED: SolveStatus.ITERATION_LIMIT,
+}
+
+
+class FaultySolver:
+    """A back end that does not answer as it should while a fault hits.
+
+    Attributes:
+        now_ns: trip time of the problem that is solved next.
+    """
+
+    def __init__(
+        self,
+        inner: SolverBackend,
+        faults: Iterable[Fault],
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self._inner = inner
+        self._faults = at_places(faults, FaultPlace.SOLVER)
+        self._sleep = sleep
+        self.now_ns = 0
+
+    @property
+    def name(self) -> str:
+        """Name of the wrapped back end."""
+        return self._inner.name
+
+    @property
+    def compiled(self) -> bool:
+        """Whether the wrapped back end runs machine code."""
+        return self._inner.compiled
+
+    def solve(
+        self, data: ProblemData, guess: FloatArray, *, most_iterations: int | None = None
+    ) -> SolveResult:
+        """Solve one problem, or fail to; see ``SolverBackend``.
+
+        Raises:
+            RuntimeError: a fault of the kind ``solver_exception`` hits.
+        """
+        for fault in self._faults:
+            if not fault.hits(self.now_ns):
+                continue
+            if fault.kind is FaultKind.SOLVER_EXCEPTION:
+                raise RuntimeError("exception of the solver, asked for by a fault")
+            spent_s = fault.magnitude if fault.kind is FaultKind.SOLVER_TIMEOUT else 0.0
+            self._sleep(spent_s)
+            status = _STATUS[fault.kind]
+            failed = broken(guess, Stopwatch(), "asked for by a fault")
+            return replace(
+                failed,
+                status=status,
+                reason=STATUS_TEXT[status],
+                time_s=spent_s,
+                wall_time_s=spent_s,
+            )
+        return self._inner.solve(data, guess, most_iterations=most_iterations)
+
+
+class FaultyController(Controller):
+    """The controller, with a solver that fails on demand."""
+
+    def __init__(
+        self,
+        parameters: ModelParameters,
+        sound: Controller,
+        faults: Iterable[Fault],
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self._solver = FaultySolver(sound.backend, faults, sleep)
+        super().__init__(parameters, sound.options, self._solver)
+
+    def decide(self, measured: Measurements) -> Decision:
+        """Decide one tick."""
+        if measured.state is not None:
+            self._solver.now_ns = round(measured.state.time_s * NS_PER_S)
+        return super().decide(measured)
+
+
+STANDING_FLOW = 1e-6
+"""Share of the heat transfer that is left where the coolant stands; above 0, as the loop is solved for it."""
+
+
+class FaultyPlant(Plant):
+    """The simulated vehicle with faults of its actuators, its cooling and the road under it.
+
+    Unlike the base class it stores the commands of a trip; a state earlier than the last starts a new trip.
+    """
+
+    def __init__(self, faults: Iterable[Fault], *arguments: Any, **settings: Any) -> None:
+        super().__init__(*arguments, **settings)
+        own = at_places(faults, FaultPlace.VEHICLE)
+        self._delay: Delay[Command] = Delay(own, FaultKind.COMMAND_DELAYED)
+        self._own = own
+        self._steeper_rad = 0.0
+        self._with_flow = self._without_flow = self._pack
+        if any(fault.kind is FaultKind.PUMP_OFF for fault in own):
+            values, all_cells = self.parameters, self._has_all_cells
+            h_w_k = STANDING_FLOW * values.cooling.convective_coefficient_w_k
+            # The heater warms coolant that stands, not the cells.
+            cooling = replace(
+                values.cooling, convective_coefficient_w_k=h_w_k, heater_performance=0.0
+            )
+            model = ThermalModel.FULL_CHANNEL if all_cells else ThermalModel.TWO_CELL
+            self._without_flow = PackIntegration(replace(values, cooling=cooling), model)
+        on_map = self._slope_at
+        self._slope_at = lambda positions_m: on_map(positions_m) + self._steeper_rad
+
+    def advance(self, state: VehicleState, command: Command, duration_s: float = 1.0) -> PlantStep:
+        """Carry out a command for one interval; see ``Plant``."""
+        now_ns = round(state.time_s * NS_PER_S)
+        command = self._delay.delayed(now_ns, command)
+        self.brake_strength = min(self._sizes(FaultKind.BRAKES_WEAK, now_ns), default=1.0)
+        self.road_friction = min(self._sizes(FaultKind.ROAD_SLIPPERY, now_ns), default=0.0)
+        self._steeper_rad = sum(self._sizes(FaultKind.ROAD_STEEPER, now_ns))
+        if self._hits(FaultKind.COMPRESSOR_DEAD, now_ns):
+            state = replace(state, compressor_power_w=0.0)
+            command = replace(command, compressor_power_w=0.0)
+        stands = self._hits(FaultKind.PUMP_OFF, now_ns)
+        self._pack = self._without_flow if stands else self._with_flow
+        step = super().advance(state, command, duration_s)
+        if not stands:
+            return step
+        mean_k = 0.5 * (step.state.cell_1_temperature_k + step.state.cell_n_temperature_k)
+        return replace(
+            step, coolant_inlet_temperature_k=mean_k, coolant_outlet_temperature_k=mean_k
+        )
+
+    def _hits(self, kind: FaultKind, time_ns: int) -> bool:
+        return any(one.kind is kind and one.hits(time_ns) for one in self._own)
+
+    def _sizes(self, kind: FaultKind, time_ns: int) -> list[float]:
+        return [one.magnitude for one in self._own if one.kind is kind and one.hits(time_ns)]

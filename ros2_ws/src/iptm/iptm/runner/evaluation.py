@@ -1,4 +1,4 @@
-"""A finished run over ROS 2, from its bag if there is one, and its problems."""
+"""A finished run over ROS 2, from its bag if there is one, its problems, and the run to compare it with."""
 
 from __future__ import annotations
 
@@ -214,3 +214,23 @@ def _plain(value: Any) -> Any:
 
 def _name(key: object) -> str:
     return key.name.lower() if isinstance(key, Enum) else str(key)
+
+
+NO_COMPARISON = "none"
+
+
+def save_comparison(path: Path, other: Run, heading: str) -> None:
+    """Write the trajectory of a run as a Parquet file with the columns of an exported run.
+
+    Raises:
+        BagError: the file cannot be written.
+    """
+    # Loaded only now: it takes time that the nodes can use better.
+    from iptm_ros.recording.export import (  # noqa: PLC0415
+        export_table,
+        trajectory_columns,
+        write_parquet,
+    )
+
+    texts = {"table": "trajectory", "strategy": other.strategy, "compared_with": heading}
+    write_parquet(path, export_table(trajectory_columns(other.trajectory), texts))

@@ -10,11 +10,11 @@ from rich.table import Table
 
 from iptm.bags import load
 from iptm.run import Run
-from iptm.runner.comparison import NO_COMPARISON
-from iptm.runner.environment import domain_of_run
+from iptm.runner.evaluation import NO_COMPARISON
 from iptm.runner.run_folder import LOGS, RunFolder
 from iptm.runner.runner import EXIT_RUN_FAILED, RunOptions, check_over_ros
 from iptm.runner.string_run import complaint, drive_string, results_in
+from iptm.runner.supervisor import domain_of_run
 from iptm.runner.viewer import live_view
 from iptm.string_report import save_string_picture, string_parts
 from iptm.trip import Trip

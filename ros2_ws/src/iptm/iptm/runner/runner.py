@@ -16,7 +16,6 @@ from rich.text import Text
 
 from iptm.driving import drive_in_memory
 from iptm.run import Run
-from iptm.runner.comparison import NO_COMPARISON, save_comparison
 from iptm.runner.composition import (
     RECORDER,
     node_command,
@@ -27,18 +26,18 @@ from iptm.runner.composition import (
     trip_members,
 )
 from iptm.runner.drive import Drive, DriveOutcome, DriveResult, unclean_ends
-from iptm.runner.environment import (
-    RunDomain,
-    domain_of_run,
-    environment_of_run,
-    process_environment,
-)
-from iptm.runner.evaluation import evaluate, results_json
+from iptm.runner.evaluation import NO_COMPARISON, evaluate, results_json, save_comparison
 from iptm.runner.monitor import RunMonitor
 from iptm.runner.process_faults import ProcessFaults
 from iptm.runner.progress import Progress, make_progress
 from iptm.runner.run_folder import RunFolder
-from iptm.runner.supervisor import Supervisor
+from iptm.runner.supervisor import (
+    RunDomain,
+    Supervisor,
+    domain_of_run,
+    environment_of_run,
+    process_environment,
+)
 from iptm.runner.tables import print_results, save_picture
 from iptm.runner.viewer import live_view
 from iptm.trip import Trip

@@ -12,11 +12,10 @@ from typing import Any
 
 from rich.console import Console
 
-from iptm.runner.environment import environment_of_run
 from iptm.runner.progress import read_progress
 from iptm.runner.run_folder import LOGS, RESULTS
 from iptm.runner.runner import PROGRAM
-from iptm.runner.supervisor import ProcessEnd, Supervisor
+from iptm.runner.supervisor import ProcessEnd, Supervisor, environment_of_run
 from iptm.trip import Trip
 from iptm.trip_files import trip_text
 from iptm_core.errors import ScenarioError

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from iptm.run import Run
 from iptm_core.decision_record import DecisionStatistics
 from iptm_core.metrics import Judgement, RunMetrics, Saving, figure_values, judge_saving
-from iptm_core.metrics.figure import NO_VALUE, significant
+from iptm_core.metrics.figures import PPM
+from iptm_core.metrics.run_metrics import NO_VALUE, significant
 from iptm_core.metrics.saving import saved_text
-from iptm_core.metrics.trip_figures import PPM
 from iptm_core.units import CELSIUS_ZERO_K, J_PER_KWH
 from iptm_ros.topics import PLANT
 

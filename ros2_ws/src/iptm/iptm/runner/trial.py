@@ -13,11 +13,11 @@ from iptm.faults.kinds import FaultPlace
 from iptm.faults.signals import Traffic
 from iptm.run import Run
 from iptm.runner.drive import Drive, DriveResult
-from iptm.runner.environment import domain_of_run
 from iptm.runner.monitor import heard_by_stamp
 from iptm.runner.progress import Progress
 from iptm.runner.run_folder import RunFolder
 from iptm.runner.runner import RunOptions, check_over_ros, drive_processes
+from iptm.runner.supervisor import domain_of_run
 from iptm.trip import Trip
 from iptm.trip_files import trip_text
 from iptm.trip_settings import AUTOMATIC_DOMAIN

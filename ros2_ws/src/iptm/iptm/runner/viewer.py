@@ -1,4 +1,7 @@
-"""The live view of a run: a separate process on which the run neither waits nor depends."""
+"""The live view of a run: a separate process on which the run neither waits nor depends.
+
+The command `view` is the view of `iptm_view`, with the reference car that this package can drive.
+"""
 
 from __future__ import annotations
 
@@ -13,15 +16,17 @@ from pathlib import Path
 import yaml
 from rich.console import Console
 
-from iptm.runner.comparison import NO_COMPARISON
 from iptm.runner.composition import node_parameters, run_information
-from iptm.runner.environment import environment_of_run
-from iptm.runner.supervisor import Supervisor
+from iptm.runner.evaluation import NO_COMPARISON
+from iptm.runner.supervisor import Supervisor, environment_of_run
 from iptm.trip import Trip
-from iptm_ros.process import StopRequest
+from iptm_core.errors import IptmError
+from iptm_core.program import refused
+from iptm_ros.process import StopRequest, own_arguments
+from iptm_view.options import PROGRAM, build_parser
 
 VIEW = "view"
-MODULE = "iptm.runner.view"
+MODULE = "iptm.runner.viewer"
 _START_TIMEOUT_S = 20.0
 _POLL_S = 0.05
 _ADDRESS = re.compile(r"http://\S+")
@@ -99,3 +104,22 @@ def _stay_open(
     console.print(f"the live view {text}{again}", style="dim", highlight=False, soft_wrap=True)
     while is_terminal and supervisor.is_running(VIEW) and not stop.is_set:
         time.sleep(_POLL_S)
+
+
+REFERENCE_COMMAND = (sys.executable, "-m", "iptm.runner.reference_drive")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Show a run in the browser; arguments are a command line with the name of the program."""
+    command = list(sys.argv if arguments is None else arguments)
+    try:
+        parsed = build_parser().parse_args(own_arguments(command))
+    except IptmError as error:
+        return refused(PROGRAM, error)
+    from iptm_view.showing import show  # noqa: PLC0415  help needs no view
+
+    return show(parsed, command, REFERENCE_COMMAND)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

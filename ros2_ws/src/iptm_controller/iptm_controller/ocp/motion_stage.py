@@ -39,7 +39,6 @@ from iptm_controller.ocp.stage import (
 )
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.car_following import braking_reserve_m, maximum_gap_m, minimum_gap_m
-from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.ops import maximum
 from iptm_core.physics.power_thermal import (
     CellPair,
@@ -47,6 +46,7 @@ from iptm_core.physics.power_thermal import (
     Smoothing,
     power_thermal_rates,
 )
+from iptm_core.physics.thermal_loop import reduce_channel
 from iptm_core.physics.traction import advance_position_m, advance_speed_m_s
 
 LONGEST_STEP_WITHOUT_SAMPLED_GAP_S = 2.5

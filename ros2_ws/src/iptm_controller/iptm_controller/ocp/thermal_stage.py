@@ -32,13 +32,13 @@ from iptm_controller.ocp.stage import (
     temperature_rows,
 )
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.coolant import reduce_channel
 from iptm_core.physics.power_thermal import (
     CellPair,
     PowerThermalRates,
     Smoothing,
     rates_at_traction_power,
 )
+from iptm_core.physics.thermal_loop import reduce_channel
 
 
 def build_thermal_stage(

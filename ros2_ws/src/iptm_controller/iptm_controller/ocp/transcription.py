@@ -18,7 +18,7 @@ from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.stage import StageExpressions
-from iptm_core.buffered import named_function
+from iptm_core.physics.ops import named_function
 
 Entries = tuple[NDArray[np.int64], NDArray[np.int64]]
 

@@ -22,9 +22,9 @@ from iptm_controller.solvers.interface import (
     Stopwatch,
     broken,
 )
-from iptm_core.buffered import BufferedFunction
 from iptm_core.decision_record import SolveStatus
 from iptm_core.errors import SolverSetupError
+from iptm_core.physics.ops import BufferedFunction
 from iptm_core.state import FloatArray
 
 

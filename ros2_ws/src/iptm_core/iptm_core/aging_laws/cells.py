@@ -10,8 +10,8 @@ import re
 from dataclasses import dataclass
 from functools import partial
 
-from iptm_core.aging_laws.law import AgingLaw
-from iptm_core.aging_laws.mechanisms import (
+from iptm_core.aging_laws.law import (
+    AgingLaw,
     CalendarAging,
     CrackedFilmGrowth,
     CyclicAging,
@@ -21,7 +21,7 @@ from iptm_core.aging_laws.mechanisms import (
     linear_intensity,
     voltage_intensity,
 )
-from iptm_core.physics.charge import ChargeTable
+from iptm_core.physics.cell import ChargeTable
 from iptm_core.physics.ops import Scalar
 
 

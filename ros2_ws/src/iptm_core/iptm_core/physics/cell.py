@@ -1,20 +1,176 @@
-"""One cell: resistance (13), heat and temperature (8), capacity loss (12) as the slope of (11).
+"""One cell: charge and voltage, resistance (13), heat and temperature (8), capacity loss (12) and (11).
 
-Temperatures are kelvin, the C-rate is ``|I| / Q_nom`` in 1/h and the loss a fraction of nominal; with
-these the printed constants reproduce the size of the paper's degradation rows.
+The paper has a constant open-circuit voltage and one resistance (eqs. 6, 7 and 13). Here both depend on the
+state of charge, the resistance falls exponentially with temperature to an offset, and RC branches follow the
+current. Current is positive when discharging.
+
+``V = OCV(s) - I R_0(T, s) - eta(I, T, s) - sum_j R_j(T, s) x_j``, ``dx_j/dt = (I - x_j) / tau_j``
+
+Temperatures are kelvin, the C-rate is ``|I| / Q_nom`` in 1/h and the loss a fraction of nominal; with these
+the printed constants reproduce the size of the paper's degradation rows.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
 from iptm_core.parameters.model import (
     AgingParameters,
     CellParameters,
+    ChargeParameters,
     CoolingParameters,
     ModelParameters,
 )
-from iptm_core.physics.charge import exponential_growth, heat_from_surroundings_w
-from iptm_core.physics.ops import Scalar, absolute, exp
+from iptm_core.physics.ops import Scalar, absolute, asinh, exp, maximum, minimum
 from iptm_core.units import SECONDS_PER_HOUR
+
+GAS_CONSTANT_J_MOL_K = 8.314462618
+FARADAY_C_MOL = 96485.33212
+ROUNDING = 1e-9
+"""Of a state of charge: a pack that is as full or empty as it may be is not beyond."""
+
+
+@dataclass(frozen=True)
+class ChargeTable:
+    """A quantity over the state of charge, linear between its nodes and constant outside."""
+
+    charges: tuple[float, ...]
+    values: tuple[float, ...]
+
+    def at(self, charge: Scalar) -> Scalar:
+        """Return the quantity at a state of charge."""
+        result = self.values[0]
+        nodes = list(zip(self.charges, self.values, strict=True))
+        for (start, low), (end, high) in pairwise(nodes):
+            within = minimum(maximum(charge - start, 0.0), end - start)
+            result = result + within * ((high - low) / (end - start))
+        return result
+
+
+@dataclass(frozen=True)
+class ResistanceLaw:
+    """Resistance over temperature and state of charge: an offset and an exponential.
+
+    Attributes:
+        offset_ohm: part that does not depend on temperature.
+        exponential_ohm: part that does, at the reference temperature.
+        coefficient_1_k: decrease of the logarithm of that part per kelvin.
+    """
+
+    offset_ohm: ChargeTable
+    exponential_ohm: ChargeTable
+    coefficient_1_k: float
+    reference_k: float
+
+    def ohm(self, temperature_k: Scalar, charge: Scalar) -> Scalar:
+        """Return the resistance in ohm."""
+        growth = exponential_growth(temperature_k, self.coefficient_1_k, self.reference_k)
+        return self.offset_ohm.at(charge) + self.exponential_ohm.at(charge) * growth
+
+
+def exponential_growth(temperature_k: Scalar, coefficient_1_k: float, reference_k: float) -> Scalar:
+    """Factor by which a resistance exceeds that at the reference temperature."""
+    return exp(-coefficient_1_k * (temperature_k - reference_k))
+
+
+@dataclass(frozen=True)
+class ChargeTransfer:
+    """Voltage loss of the electrode reaction (Butler-Volmer equation with equal transfer coefficients).
+
+    Attributes:
+        share: factor on the ideal ``2 R T / F``, over the state of charge.
+        coefficient_1_k: increase of its logarithm per kelvin.
+    """
+
+    share: ChargeTable
+    exchange_current_a: float
+    coefficient_1_k: float
+    reference_k: float
+
+    def voltage_v(self, current_a: Scalar, temperature_k: Scalar, charge: Scalar) -> Scalar:
+        """Return the loss in V with the sign of the current."""
+        growth = exp(self.coefficient_1_k * (temperature_k - self.reference_k))
+        thermal_v = 2.0 * GAS_CONSTANT_J_MOL_K * temperature_k / FARADAY_C_MOL
+        ratio = current_a / (2.0 * self.exchange_current_a * growth)
+        return self.share.at(charge) * thermal_v * asinh(ratio)
+
+
+def charge_rate_1_s(current_a: Scalar, capacity_ah: float) -> Scalar:
+    """Rate of the state of charge, negative when discharging, in 1/s."""
+    return -current_a / (3600.0 * capacity_ah)
+
+
+def heat_from_surroundings_w(
+    temperature_k: Scalar, ambient_k: Scalar, exchange_w_k: float
+) -> Scalar:
+    """Heat that a cell or pack takes from the air around it, in W."""
+    return exchange_w_k * (ambient_k - temperature_k)
+
+
+def ambient_temperature_rate_k_s(
+    heat_w: Scalar,
+    temperature_k: Scalar,
+    ambient_k: Scalar,
+    heat_capacity_j_k: float,
+    exchange_w_k: float,
+) -> Scalar:
+    """Rate of the temperature of a cell or pack that exchanges heat with the air around it, in K/s."""
+    taken_w = heat_from_surroundings_w(temperature_k, ambient_k, exchange_w_k)
+    return (heat_w + taken_w) / heat_capacity_j_k
+
+
+_NODES = tuple(0.1 * tenth for tenth in range(11))
+_MIDDLE = 0.5
+
+
+def at_charge(parameters: ModelParameters, charge: Scalar) -> ModelParameters:
+    """Return the parameters whose open-circuit voltage and resistance are those at a state of charge.
+
+    Args:
+        parameters: a parameter set; one without these laws, as the paper's, is returned as it is.
+        charge: state of charge, 0 to 1; the voltage is constant outside.
+    """
+    law, pack, cell = parameters.charge, parameters.pack, parameters.cell
+    if not depends_on_charge(law):
+        return parameters
+    if _voltage_varies(law):
+        voltage = pack.open_circuit_voltage_v * ChargeTable(_NODES, law.voltage_shares).at(charge)
+        pack = replace(pack, open_circuit_voltage_v=voltage)
+    if law.resistance_slope != 0.0:
+        factor = 1.0 + law.resistance_slope * (charge - _MIDDLE)
+        cell = replace(cell, nominal_resistance_ohm=cell.nominal_resistance_ohm * factor)
+    return replace(parameters, pack=pack, cell=cell)
+
+
+def nominal_charge_parameters(parameters: ModelParameters) -> ModelParameters:
+    """Return the parameters at the charge at which a trip begins, for a model without state of charge."""
+    return at_charge(parameters, parameters.charge.initial_charge)
+
+
+def pack_capacity_ah(parameters: ModelParameters, mean_capacity_loss: float) -> float:
+    """Return the capacity of the pack at present, in Ah."""
+    nominal_ah = parameters.cell.nominal_capacity_ah * parameters.pack.parallel
+    return nominal_ah * (1.0 - mean_capacity_loss)
+
+
+def charge_after(charge: float, drawn_c: float, capacity_ah: float) -> float:
+    """Return the state of charge after a charge in C has been drawn from the pack.
+
+    It is bounded but for rounding by what a pack takes and gives, see ``pack_limits``.
+    """
+    end = charge + float(charge_rate_1_s(drawn_c, capacity_ah))
+    within = min(max(end, 0.0), 1.0)
+    return within if abs(end - within) < ROUNDING else end
+
+
+def depends_on_charge(law: ChargeParameters) -> bool:
+    """Return whether anything of the pack depends on its state of charge."""
+    return _voltage_varies(law) or law.resistance_slope != 0.0
+
+
+def _voltage_varies(law: ChargeParameters) -> bool:
+    return any(share != 1.0 for share in law.voltage_shares)
 
 
 def cell_resistance_ohm(

@@ -13,8 +13,7 @@ import math
 from dataclasses import dataclass
 
 from iptm_core.parameters.model import ModelParameters, PackLimitParameters
-from iptm_core.physics.cell import cell_resistance_ohm
-from iptm_core.physics.charge import ChargeTable, at_charge, pack_capacity_ah
+from iptm_core.physics.cell import ChargeTable, at_charge, cell_resistance_ohm, pack_capacity_ah
 from iptm_core.physics.electrical import (
     effective_source_voltage_v,
     largest_power_w,

@@ -16,7 +16,6 @@ from iptm_core.physics.cell import (
     heat_from_air_w,
 )
 from iptm_core.physics.chiller import chiller_line
-from iptm_core.physics.coolant import Channel
 from iptm_core.physics.electrical import (
     battery_power_w,
     cell_current_a,
@@ -25,7 +24,12 @@ from iptm_core.physics.electrical import (
     pack_resistance_ohm,
 )
 from iptm_core.physics.ops import Scalar, excess
-from iptm_core.physics.thermal_loop import CoolantLoop, solve_coolant_loop, thermal_actuation
+from iptm_core.physics.thermal_loop import (
+    Channel,
+    CoolantLoop,
+    solve_coolant_loop,
+    thermal_actuation,
+)
 from iptm_core.physics.traction import (
     brake_release,
     drag_loss_w,

@@ -13,8 +13,8 @@ from iptm_core.routes.clean_places import (
     consistent,
 )
 from iptm_core.routes.contradictions import distances, factors_near, windows
+from iptm_core.routes.cycles import cumulative_integral
 from iptm_core.routes.drive_table import MOST_INVALID, DriveTable, lengths
-from iptm_core.routes.piecewise import cumulative_integral
 from iptm_core.routes.road_line import MAX_LATITUDE_DEG
 from iptm_core.state import FloatArray
 

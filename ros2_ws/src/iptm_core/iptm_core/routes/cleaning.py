@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iptm_core.errors import RouteError
-from iptm_core.routes.clean_clocks import usual_step_s
 from iptm_core.routes.clean_motion import MAX_ACCELERATION_M_S2, cleaned_motion
-from iptm_core.routes.clean_road import cleaned_road
-from iptm_core.routes.clean_times import MAX_STEP_S, in_order
+from iptm_core.routes.clean_places import cleaned_road
+from iptm_core.routes.clean_times import MAX_STEP_S, in_order, usual_step_s
 from iptm_core.routes.drive_table import DriveTable, counted, lengths
 from iptm_core.routes.track import SPEED_WINDOW_S, STANDSTILL_M_S, local_line
 from iptm_core.state import FloatArray

@@ -1,4 +1,4 @@
-"""What the columns of tables are called: a quantity by its words, and its unit.
+"""Columns with names and units, of a file or in memory, as the table of a drive.
 
 ``Vehicle_Speed [km/h]``, ``cycMps`` and ``elevation (ft)`` are understood; a quantity that has several usual
 units needs one. Users say what other columns are: ``speed=NAME[UNIT]``.
@@ -9,14 +9,17 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from iptm_core.errors import RouteError
+from iptm_core.routes.drive_table import MISSING, DriveTable, seconds_of
 from iptm_core.state import FloatArray
-from iptm_core.user_input import suggestion
+from iptm_core.user_input import shown, suggestion
 
 KNOWN_COLUMNS = (
     "time_s",
@@ -208,3 +211,116 @@ def _chosen(names: list[str], where: str, columns: str) -> dict[int, Meaning]:
             )
         chosen[names.index(name)] = Meaning(quantity, stated)
     return chosen
+
+
+_SAME_TIME_S = 1.5
+
+
+def table_of(
+    source: str,
+    names: Sequence[str],
+    meanings: Mapping[int, Meaning],
+    values: Mapping[int, FloatArray],
+    numbers: NDArray[np.int64],
+    notes: Iterable[str] = (),
+    counted: str = "line",
+) -> DriveTable:
+    """Return the table of named columns, each in its unit; a quantity may be stated once."""
+    columns: dict[str, FloatArray] = {}
+    shown_as: dict[str, tuple[str, float]] = {}
+    for quantity in UNITS:
+        found = [index for index, meaning in meanings.items() if meaning.quantity == quantity]
+        found = [index for index in found if np.isfinite(values[index]).any()] or found[:1]
+        if quantity == "time_s" and len(found) > 1:
+            first = meanings[found[0]].in_si(values[found[0]])
+            apart = [meanings[other].in_si(values[other]) - first for other in found[1:]]
+            if any(np.nanmax(each) - np.nanmin(each) > _SAME_TIME_S for each in apart):
+                raise RouteError(
+                    f"{source}: columns {[names[index] for index in found]} are times that differ; allowed: "
+                    "one, or --columns time=NAME"
+                )
+            found = found[:1]
+        if len(found) > 1 or (quantity == "time_s" and not found):
+            several = {
+                "speed_m_s": "speed_m_s, speed_kmh, speed_mph",
+                "slope_rad": "slope_percent, slope_rad",
+            }
+            count = "exactly" if quantity in {"time_s", "speed_m_s"} else "at most"
+            raise RouteError(
+                f"{source}: columns {[names[index] for index in found]}; allowed: {count} one of "
+                f"{several.get(quantity, quantity)}, or --columns {quantity.partition('_')[0]}=NAME[UNIT]"
+            )
+        for index in found:
+            columns[quantity] = meanings[index].in_si(values[index])
+            shown_as[quantity] = names[index], meanings[index].factor
+    if not columns.keys() & {"speed_m_s", "latitude_deg", "position_m"}:
+        raise RouteError(
+            f"{source}: columns []; allowed: exactly one of speed_m_s, speed_kmh, speed_mph, or places"
+        )
+    lone = {"latitude_deg", "longitude_deg"} - columns.keys()
+    if len(lone) == 1:
+        raise RouteError(f"{source}: columns {sorted(lone)} are missing; allowed: both, or none")
+    return DriveTable(source, columns, numbers, counted, shown_as, notes=tuple(notes))
+
+
+def columns_table(given: Mapping[str, object], source: str) -> DriveTable:
+    """Return the table of columns in memory, named as in a file, each of shape (n,)."""
+    names = [str(name) for name in given]
+    arrays: dict[int, FloatArray] = {}
+    meanings = meanings_of(names, source, "")
+    for index in meanings:
+        values = given[names[index]]
+        arrays[index] = _numbers(values)
+        if arrays[index].ndim != 1 or arrays[index].size == 0:
+            raise RouteError(
+                f"{source}: {names[index]} is {shown(values)}; allowed: finite numbers, one per row"
+            )
+        if _are_moments(values):
+            meanings[index] = Meaning("time_s", "s")
+        if not meanings[index].unit:
+            raise RouteError(
+                f"{source}: unknown column {names[index]!r}: it states no unit; allowed: "
+                f"{', '.join(KNOWN_COLUMNS)}"
+            )
+    sizes = {names[index]: array.size for index, array in arrays.items()}
+    if len(set(sizes.values())) > 1:
+        raise RouteError(f"{source}: columns have {sizes} rows; allowed: as many in each")
+    others = [name for index, name in enumerate(names) if index not in meanings]
+    notes = [f"not read: {', '.join(others)}"] if others else []
+    rows = np.arange(next(iter(sizes.values()), 0))
+    return table_of(source, names, meanings, arrays, rows, notes, "row")
+
+
+def _are_moments(values: Any) -> bool:
+    return getattr(getattr(values, "dtype", None), "kind", "") == "M"
+
+
+def _numbers(values: Any) -> FloatArray:
+    """Return numbers, NaN where one is missing; moments and durations become seconds."""
+    if isinstance(values, np.ma.MaskedArray):
+        values = np.where(values.mask, np.nan, np.asarray(values, np.float64))
+    # Moments with a time zone are objects for numpy.
+    array = np.asarray(values, "datetime64[ns]") if _are_moments(values) else np.asarray(values)
+    if array.dtype.kind in "bc":
+        return np.full((1, 1), np.nan)
+    if array.dtype.kind in "mM":
+        unit = "timedelta64[ns]" if array.dtype.kind == "m" else "datetime64[ns]"
+        seconds = array.astype(unit).astype(np.int64) * 1e-9
+        return np.where(np.isnat(array), np.nan, seconds)
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        pass
+    try:
+        plain = [
+            "" if value is None or str(value) in {"<NA>", "NaT"} else str(value)
+            for value in array.tolist()
+        ]
+        return np.array(
+            [
+                math.nan if text.lower() in MISSING else seconds_of("row", "time", text)
+                for text in plain
+            ]
+        )
+    except (TypeError, RouteError):
+        return np.full((1, 1), np.nan)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from iptm_core.routes.clean_clocks import usual_step_s
+from iptm_core.routes.clean_times import usual_step_s
+from iptm_core.routes.cycles import cumulative_integral
 from iptm_core.routes.drive_table import lengths
-from iptm_core.routes.piecewise import cumulative_integral
 from iptm_core.state import FloatArray
 
 FACTORS = {

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from iptm_core.errors import RouteError
-from iptm_core.routes.piecewise import read_only_nodes
+from iptm_core.routes.cycles import read_only_nodes
 from iptm_core.state import FloatArray
 
 PEAK_GRADES = {"small": 0.02, "large": 0.06}

@@ -23,6 +23,7 @@ from iptm_core.routes.column_names import (
     meaning_of,
     meanings_of,
     stated_unit,
+    table_of,
 )
 from iptm_core.routes.drive_table import (
     MISSING,
@@ -32,7 +33,6 @@ from iptm_core.routes.drive_table import (
     cell_value,
     seconds_of,
 )
-from iptm_core.routes.named_columns import table_of
 from iptm_core.state import FloatArray
 from iptm_core.user_input import read_file, shown
 

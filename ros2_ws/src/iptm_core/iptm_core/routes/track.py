@@ -14,8 +14,8 @@ from itertools import pairwise
 import numpy as np
 
 from iptm_core.errors import RouteError
+from iptm_core.routes.cycles import cumulative_integral
 from iptm_core.routes.drive_table import DriveTable
-from iptm_core.routes.piecewise import cumulative_integral
 from iptm_core.routes.road_line import RoadLine, east_north_m
 from iptm_core.routes.slope import ELEVATION_SPACING_M, SlopeProfile
 from iptm_core.state import FloatArray

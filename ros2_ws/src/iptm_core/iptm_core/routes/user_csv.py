@@ -25,10 +25,9 @@ import numpy as np
 
 from iptm_core.errors import RouteError
 from iptm_core.routes.cleaning import clean
-from iptm_core.routes.cycles import DrivingCycle
+from iptm_core.routes.column_names import columns_table
+from iptm_core.routes.cycles import DrivingCycle, cumulative_integral, integral_at
 from iptm_core.routes.drive_table import DriveTable
-from iptm_core.routes.named_columns import columns_table
-from iptm_core.routes.piecewise import cumulative_integral, integral_at
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.routes.slope import SlopeProfile
 from iptm_core.routes.text_table import MAX_BYTES as MAX_TEXT_BYTES

@@ -12,7 +12,7 @@ import numpy as np
 from iptm_core.errors import RouteError
 from iptm_core.road_ahead import RoadAhead, SpeedLimits, Stop
 from iptm_core.state import SlopePreview
-from iptm_ros.codecs.numbers import reject
+from iptm_ros.codecs.cdr import reject
 from iptm_ros.codecs.table import all_finite, increasing
 from iptm_ros.codecs.time import ns_from_time, time_from_ns
 from iptm_ros.message_types import Float64MultiArray, JointState, MultiArrayDimension

@@ -19,10 +19,9 @@ from iptm_core.user_input import shown
 from iptm_ros.recording.bag_files import check_exists, open_files
 from iptm_ros.recording.mcap_storage import BagFile
 from iptm_ros.recording.message_types import Decoder, MessageDefinition
-from iptm_ros.recording.metadata import METADATA_FILE, read_metadata
 from iptm_ros.recording.recorded_topics import TopicRecord
 from iptm_ros.recording.run_information import RECORD_NAME, RunInformation, stored_model_parameters
-from iptm_ros.recording.storage import BagMessage
+from iptm_ros.recording.storage import METADATA_FILE, BagMessage, read_metadata
 
 
 @final

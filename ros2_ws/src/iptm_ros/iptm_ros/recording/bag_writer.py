@@ -21,9 +21,9 @@ from iptm_core.errors import BagError
 from iptm_core.user_input import shown
 from iptm_ros.recording.mcap_file import COMPRESSIONS, FileLimits, McapFile
 from iptm_ros.recording.message_types import MessageDefinition, message_definition
-from iptm_ros.recording.metadata import FileRecord, describe_bag, metadata_text, write_metadata
 from iptm_ros.recording.recorded_topics import TopicRecord
 from iptm_ros.recording.run_information import RECORD_NAME
+from iptm_ros.recording.storage import FileRecord, describe_bag, metadata_text, write_metadata
 
 ROSBAG2_RECORD_NAME = "rosbag2"
 DEFAULT_DISTRO = "jazzy"

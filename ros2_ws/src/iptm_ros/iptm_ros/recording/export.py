@@ -18,7 +18,7 @@ from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_core.user_input import shown
 from iptm_ros.codecs import s_from_ns
 from iptm_ros.recording.bag_reader import BagReader
-from iptm_ros.recording.field_differences import flatten
+from iptm_ros.recording.compare_bags import flatten
 from iptm_ros.recording.recorded_topics import TopicRecord
 from iptm_ros.recording.timeline import StampKind, read_stamp_ns, stamp_kind
 from iptm_ros.recording.trajectory_reader import read_trajectory

@@ -14,8 +14,8 @@ from mcap.writer import CompressionType, Writer
 from iptm_core.errors import BagError
 from iptm_core.state import NS_PER_S
 from iptm_ros.recording.message_types import SCHEMA_ENCODING, MessageDefinition
-from iptm_ros.recording.metadata import NO_START_NS, FileRecord
 from iptm_ros.recording.recorded_topics import TopicRecord, dump_profiles
+from iptm_ros.recording.storage import NO_START_NS, FileRecord
 
 COMPRESSIONS: Final = {
     "none": CompressionType.NONE,

@@ -25,11 +25,12 @@ from iptm_core.user_input import shown
 from iptm_ros.recording.message_types import SCHEMA_ENCODING, MessageDefinition
 from iptm_ros.recording.recorded_topics import TopicRecord, parse_profiles
 from iptm_ros.recording.run_information import RECORD_NAME
-from iptm_ros.recording.storage import DAMAGE, BagMessage
-from iptm_ros.recording.unpacking import (
+from iptm_ros.recording.storage import (
+    DAMAGE,
     FRAME_HEAD_BYTES,
     MOST_TEXT_BYTES,
     ZSTD_MAGIC,
+    BagMessage,
     UnpackingBudget,
     check_chunk,
 )

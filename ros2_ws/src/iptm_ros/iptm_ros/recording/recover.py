@@ -27,10 +27,10 @@ from iptm_ros.recording.message_types import (
     Decoder,
     MessageDefinition,
 )
-from iptm_ros.recording.metadata import METADATA_FILE, read_metadata
 from iptm_ros.recording.recorded_topics import parse_profiles
 from iptm_ros.recording.run_information import RECORD_NAME
 from iptm_ros.recording.salvage import SalvageReader
+from iptm_ros.recording.storage import METADATA_FILE, read_metadata
 
 _UNKNOWN_TOPIC = "unknown topic"
 _MOST_TEXT = MAX_BYTES // 2

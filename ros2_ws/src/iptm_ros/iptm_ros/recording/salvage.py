@@ -32,8 +32,7 @@ from iptm_ros.recording.mcap_storage import (
     check_data_section,
     summary_start,
 )
-from iptm_ros.recording.storage import DAMAGE
-from iptm_ros.recording.unpacking import MOST_TEXT_BYTES, UnpackingBudget, check_chunk
+from iptm_ros.recording.storage import DAMAGE, MOST_TEXT_BYTES, UnpackingBudget, check_chunk
 
 _DATA_END_PREFIX = PREFIX.pack(Opcode.DATA_END, 4)
 _LONGEST_COMPRESSION_NAME = 32

@@ -22,8 +22,12 @@ from iptm_v2x_bridge.messages.certificate import (
     UnreadableError,
     read_certificate,
 )
-from iptm_v2x_bridge.messages.packets import MessageKind, OpenedDatagram
-from iptm_v2x_bridge.messages.security_envelope import SignedMessage, read_signed_message
+from iptm_v2x_bridge.messages.packets import (
+    MessageKind,
+    OpenedDatagram,
+    SignedMessage,
+    read_signed_message,
+)
 from iptm_v2x_bridge.rejections import Rejection
 
 HOW_TO = ".venv/bin/python -m pip install --require-hashes -r requirements/security.txt"

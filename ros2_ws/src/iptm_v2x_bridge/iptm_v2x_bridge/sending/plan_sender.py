@@ -8,12 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iptm_core.routes.cycles import FINAL_BRAKING_M_S2, LeaderMotion
-from iptm_core.routes.piecewise import cumulative_integral
+from iptm_core.routes.cycles import FINAL_BRAKING_M_S2, LeaderMotion, cumulative_integral
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.state import NS_PER_S, FloatArray
 from iptm_v2x_bridge.sending.sender import BEFORE_START_S, CamSender
-from iptm_v2x_bridge.sending.settings import SenderSettings
+from iptm_v2x_bridge.settings import SenderSettings
 
 MAX_TICK_S = 10.0
 """Longest interval between two ticks over which the motion is sent."""

@@ -23,7 +23,7 @@ from iptm_v2x_bridge.messages.cam import (
     encode_cam,
 )
 from iptm_v2x_bridge.messages.packets import delta_time_ms, wrap
-from iptm_v2x_bridge.sending.settings import (
+from iptm_v2x_bridge.settings import (
     Foresight,
     Framing,
     Impostor,

@@ -16,7 +16,7 @@ from iptm_controller.solvers.riccati.machine_code import (
 )
 from iptm_controller.solvers.riccati.method import RiccatiMethod, Termination, result_of
 from iptm_controller.solvers.riccati.program import ITERATE, STEP, build_program
-from iptm_core.buffered import BufferedFunction
+from iptm_core.physics.ops import BufferedFunction
 from iptm_core.state import FloatArray
 
 

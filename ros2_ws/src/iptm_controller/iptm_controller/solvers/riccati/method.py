@@ -24,8 +24,8 @@ from iptm_controller.solvers.interface import (
 from iptm_controller.solvers.riccati.line_search import FilterPoint, LineSearchFilter
 from iptm_controller.solvers.riccati.program import ITERATE
 from iptm_controller.solvers.riccati.step_summary import StepSummary
-from iptm_core.buffered import BufferedFunction
 from iptm_core.decision_record import SolveStatus
+from iptm_core.physics.ops import BufferedFunction
 from iptm_core.state import FloatArray
 
 COLD_START_BARRIER = 10.0

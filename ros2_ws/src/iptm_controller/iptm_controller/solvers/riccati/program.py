@@ -20,7 +20,7 @@ from iptm_controller.solvers.riccati.line_search import FilterPoint
 from iptm_controller.solvers.riccati.recursion import LOWER, PARTS, backward_step, forward_step
 from iptm_controller.solvers.riccati.stage_system import StageSystem, common_sparsity
 from iptm_controller.solvers.riccati.step_summary import StepSummary
-from iptm_core.buffered import named_function
+from iptm_core.physics.ops import named_function
 
 ITERATE = ("w", "lam", "s", "z")
 """Variables of the problem, multipliers of the dynamics, slacks and multipliers of the inequalities."""

@@ -14,7 +14,7 @@ import casadi as ca
 
 from iptm_controller.ocp import layout
 from iptm_controller.solvers.riccati.stage_system import StageSparsity
-from iptm_core.buffered import named_function
+from iptm_core.physics.ops import named_function
 
 SMALLEST_PIVOT = 1e-6
 LOWER = ca.Sparsity.lower(layout.STATES)

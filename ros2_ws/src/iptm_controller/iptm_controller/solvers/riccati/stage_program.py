@@ -23,7 +23,7 @@ from iptm_controller.solvers.riccati.stage_system import (
     StageSystem,
     common_sparsity,
 )
-from iptm_core.buffered import named_function
+from iptm_core.physics.ops import named_function
 
 SOURCE_FOLDER = Path(__file__).resolve().parents[2] / "c"
 SOLVER_SOURCES = ("riccati.c", "switching.c", "clock.c")

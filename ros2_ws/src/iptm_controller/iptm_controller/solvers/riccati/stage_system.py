@@ -17,8 +17,8 @@ import numpy as np
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.problem import stage_bounds
 from iptm_controller.ocp.stage import StageExpressions
-from iptm_core.buffered import named_function
 from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.ops import named_function
 
 
 def inequality_constraints(model: ModelParameters) -> list[tuple[int, float, float]]:
