@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta, timezone
@@ -13,13 +14,10 @@ import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from iptm_core.errors import RouteError
 from iptm_core.routes.can_log import read_can_log
-from iptm_core.routes.user_csv import (
-    UserTrip,
-    read_user_trip,
-    trip_from_columns,
-    trip_of_table,
-)
+from iptm_core.routes.route import UserTrip
+from iptm_core.routes.user_csv import read_user_trip, trip_from_columns, trip_of_table
 from iptm_core.state import FloatArray
 
 BEGIN = datetime(2026, 5, 4, 7, 30, tzinfo=timezone.utc)
@@ -255,3 +253,37 @@ def is_the_drive(trip: UserTrip, *notes: str, grade: bool = False, silent: bool 
         assert trip.slope is not None
         there = trip.slope.slope_at(np.linspace(200.0, 1000.0, 9))
         np.testing.assert_allclose(np.tan(there), GRADE, atol=0.002)
+
+
+LENGTH_ERROR, TOP_ERROR_M_S = 0.02, 1.0
+
+
+def outcome(reader: str, drive: Driven) -> UserTrip | RouteError:
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            return READERS[reader](Path(folder), drive)
+        except RouteError as reason:
+            return reason
+
+
+def check(
+    found: UserTrip | RouteError,
+    *words: str,
+    length_error: float = LENGTH_ERROR,
+    may_refuse: bool = False,
+    is_silent: bool = False,
+) -> None:
+    """Check that a trip is right and says what was repaired, or is refused for a reason."""
+    if isinstance(found, RouteError):
+        assert may_refuse, str(found)
+        assert "allowed" in str(found)
+        return
+    cycle = found.cycle
+    assert cycle.distance_m == pytest.approx(LENGTH_M, rel=length_error), found.notes
+    assert cycle.max_speed_m_s == pytest.approx(TOP_M_S, abs=TOP_ERROR_M_S), found.notes
+    assert is_silent or found.notes
+    for word in words:
+        assert word in "; ".join(found.notes)
+    if found.slope is not None and length_error < 0.5:
+        inside = found.slope.slope_at(np.linspace(450.0, 900.0, 20))
+        np.testing.assert_allclose(np.tan(inside), GRADE, atol=0.016)

@@ -34,7 +34,8 @@ from tests.iptm_core.field_drives import (
 
 from iptm_core.errors import RouteError
 from iptm_core.routes.can_log import read_can_log
-from iptm_core.routes.user_csv import UserTrip, read_user_trip, trip_from_columns
+from iptm_core.routes.route import UserTrip
+from iptm_core.routes.user_csv import read_user_trip, trip_from_columns
 
 NOTHING = DRIVE.but(speeds=np.full(121, np.nan), along_m=np.full(121, np.nan))
 

@@ -5,64 +5,28 @@ What is drawn is read within the stated error and reported, or refused with a re
 
 from __future__ import annotations
 
-import tempfile
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from tests.iptm_core.field_drives import (
-    GRADE,
     LASTS_S,
-    LENGTH_M,
     READERS,
-    TOP_M_S,
     WITH_BOTH,
     WITH_HEIGHTS,
     WITH_PLACES,
     Driven,
+    check,
+    outcome,
     true_speed,
 )
 
 from iptm_core.errors import RouteError
-from iptm_core.routes.user_csv import UserTrip
+from iptm_core.routes.route import UserTrip
 
-LENGTH_ERROR, TOP_ERROR_M_S = 0.02, 1.0
 FEW = settings(
     max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
-
-
-def outcome(reader: str, drive: Driven) -> UserTrip | RouteError:
-    with tempfile.TemporaryDirectory() as folder:
-        try:
-            return READERS[reader](Path(folder), drive)
-        except RouteError as reason:
-            return reason
-
-
-def check(
-    found: UserTrip | RouteError,
-    *words: str,
-    length_error: float = LENGTH_ERROR,
-    may_refuse: bool = False,
-    is_silent: bool = False,
-) -> None:
-    """Check that a trip is right and says what was repaired, or is refused for a reason."""
-    if isinstance(found, RouteError):
-        assert may_refuse, str(found)
-        assert "allowed" in str(found)
-        return
-    cycle = found.cycle
-    assert cycle.distance_m == pytest.approx(LENGTH_M, rel=length_error), found.notes
-    assert cycle.max_speed_m_s == pytest.approx(TOP_M_S, abs=TOP_ERROR_M_S), found.notes
-    assert is_silent or found.notes
-    for word in words:
-        assert word in "; ".join(found.notes)
-    if found.slope is not None and length_error < 0.5:
-        inside = found.slope.slope_at(np.linspace(450.0, 900.0, 20))
-        np.testing.assert_allclose(np.tan(inside), GRADE, atol=0.016)
 
 
 @pytest.mark.parametrize("reader", READERS)

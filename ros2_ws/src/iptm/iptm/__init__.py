@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from iptm.call_cache import Outcome, cached_calls
     from iptm.climate import Climate
     from iptm.comparison import Comparison, compare
-    from iptm.driving import drive, drive_whole_trip, simulate
+    from iptm.driving import drive_whole_trip, simulate
     from iptm.explanation import Explanation
     from iptm.faults.fault import Fault
     from iptm.own_parts import Controller, Predictor
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from iptm.service_life.year import Usage
     from iptm.sweeping import Sweep, sweep
     from iptm.trip import Trip
+    from iptm.trip_drive import drive
     from iptm.trip_files import load_trip, trip_text
     from iptm.vehicle import Vehicle, cell_names
     from iptm_controller.measurements import Measurements
@@ -36,7 +37,7 @@ _HOMES = {
     "cached_calls": "iptm.call_cache",
     "Comparison": "iptm.comparison",
     "compare": "iptm.comparison",
-    "drive": "iptm.driving",
+    "drive": "iptm.trip_drive",
     "drive_whole_trip": "iptm.driving",
     "Explanation": "iptm.explanation",
     "Fault": "iptm.faults.fault",

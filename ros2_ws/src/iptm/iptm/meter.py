@@ -25,7 +25,8 @@ from iptm_core.parameters.loading import parse_overrides
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.program import EXIT_OK, refused
 from iptm_core.routes.can_log import CAN_COLUMNS, read_can_log
-from iptm_core.routes.user_csv import USER_FILES, UserTrip, read_drive_table, trip_of_table
+from iptm_core.routes.route import USER_FILES, UserTrip
+from iptm_core.routes.user_csv import read_drive_table, trip_of_table
 from iptm_core.state import FloatArray, VehicleState
 from iptm_core.units import CELSIUS_ZERO_K, J_PER_KWH
 

@@ -24,7 +24,7 @@ from iptm_core.parameters.model import LimitParameters
 from iptm_core.routes import Route
 from iptm_core.routes.comprehensive import RouteComposition
 from iptm_core.routes.cycles import DrivingCycle
-from iptm_core.routes.user_csv import UserTrip, trip_from_columns
+from iptm_core.routes.route import UserTrip
 from iptm_core.state import NS_PER_S, Command, FloatArray, LeaderPreview, LeaderState
 from iptm_core.user_input import StrictMapping, shown
 from iptm_v2x_bridge.bridge import CycleSource
@@ -213,6 +213,8 @@ def _drive(cycle: Any) -> dict[str, Any]:
             f"cycle is {shown(cycle)}; allowed: a name, a path, a DataFrame or mapping with time_s and a"
             " speed, or times in s and speeds in m/s"
         )
+    from iptm_core.routes.user_csv import trip_from_columns  # noqa: PLC0415
+
     return {"cycle": _OWN_DRIVE, "own_drive": trip_from_columns(columns, _OWN_DRIVE)}
 
 

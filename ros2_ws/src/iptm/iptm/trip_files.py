@@ -25,7 +25,7 @@ from iptm.trip_settings import GROUPS, HOME, SPECS
 from iptm_core.declaration import Scalar, checked_value, plain
 from iptm_core.errors import ParameterError, ScenarioError
 from iptm_core.parameters.strict_yaml import YAML_SUFFIXES, parse_yaml, read_yaml
-from iptm_core.routes.user_csv import GPX_SUFFIX, USER_SUFFIXES
+from iptm_core.routes.route import GPX_SUFFIX, USER_SUFFIXES
 from iptm_core.user_input import StrictMapping, check_known, is_path, shown, suggestion
 
 DEFAULT_TRIP = "wltc"

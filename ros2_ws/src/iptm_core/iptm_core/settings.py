@@ -14,7 +14,7 @@ from iptm_core.monitor_settings import SafetyMonitorSettings
 from iptm_core.parameters import DEFAULT_SET, ParameterSet, load_parameters
 from iptm_core.parameters.loading import parse_overrides
 from iptm_core.routes import SLOPE_CHOICES, Route, build_route
-from iptm_core.routes.user_csv import GPX_SUFFIX, USER_FILES
+from iptm_core.routes.route import GPX_SUFFIX, USER_FILES
 from iptm_core.state import NS_PER_S
 
 MAX_SEED = 2**63 - 1

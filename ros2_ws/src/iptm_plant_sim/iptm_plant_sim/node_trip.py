@@ -75,10 +75,8 @@ class TripNode(SuiteNode):
         self._controller_lost = False
         self._controller_losses = 0
         self._failure = ""
-        self._repeated_states = 0
-        self._ignored_commands = 0
-        self._unfitting_commands = 0
-        self._rejected_commands = 0
+        self._repeated_states = self._rejected_commands = 0
+        self._ignored_commands = self._unfitting_commands = 0
         self._awaited: tuple[str, ...] = ()
         self._hold = CommandHold(self._options.command_timeout_s)
         self._schedule: Schedule | None = None
@@ -116,10 +114,8 @@ class TripNode(SuiteNode):
         Subscribers that came since then have missed it, so it is offered again.
         """
         self._awaited = self._neighbours.missing(self._trip.stamp_ns)
-        listeners = tuple(
-            self._outputs[topic].get_subscription_count()
-            for topic in (Topic.PLANT_STATE, Topic.CLOCK)
-        )
+        offered = (self._outputs[Topic.PLANT_STATE], self._outputs[Topic.CLOCK])
+        listeners = tuple(publisher.get_subscription_count() for publisher in offered)
         if self._awaited:
             pass
         elif self._is_start_due:
@@ -283,10 +279,8 @@ class TripNode(SuiteNode):
         self._advance(*self._hold.command_at(self._trip.stamp_ns))
 
     def _judge_command_age(self) -> None:
-        was_lost, self._controller_lost = (
-            self._controller_lost,
-            self._hold.is_lost(self._trip.stamp_ns),
-        )
+        was_lost = self._controller_lost
+        self._controller_lost = self._hold.is_lost(self._trip.stamp_ns)
         self._controller_losses += self._controller_lost and not was_lost
 
     def _on_silence(self, _: float) -> None:

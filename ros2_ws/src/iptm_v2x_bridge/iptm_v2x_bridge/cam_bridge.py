@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -33,9 +34,11 @@ from iptm_v2x_bridge.prediction.predictor import (
     leader_track,
 )
 from iptm_v2x_bridge.rejections import Rejection, RejectionCounts
-from iptm_v2x_bridge.roadside.table import ROADSIDE_KINDS, RoadsideTable
 from iptm_v2x_bridge.stations.station import Station
 from iptm_v2x_bridge.stations.table import LeaderSelector, StationTable
+
+if TYPE_CHECKING:
+    from iptm_v2x_bridge.roadside.table import RoadsideTable
 
 SILENT_MS = 1500
 """Silence after which a leader is assumed to brake."""
@@ -86,7 +89,7 @@ class CamBridge:
         self._road = road
         self._roadside = roadside
         self._verifier = verifier or Verifier()
-        self._kinds = (MessageKind.CAM, *(ROADSIDE_KINDS if roadside else ()))
+        self._kinds = tuple(MessageKind) if roadside else (MessageKind.CAM,)
         self._settings = settings or PreviewSettings()
         self._predictors = tuple(predictors or (ReceivedPath(), History()))
         self.start_timestamp_ms = start_timestamp_ms

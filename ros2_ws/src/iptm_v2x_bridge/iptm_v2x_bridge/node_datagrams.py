@@ -5,19 +5,12 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from iptm_core.errors import BagError, ParameterError
 from iptm_ros.codecs import decode_raw_datagram
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import TOPICS, Topic
-from iptm_v2x_bridge.captures import (
-    CAPTURE_SUFFIXES,
-    RadioRecording,
-    read_capture,
-    recording_by_time,
-    recording_with_marks,
-)
 from iptm_v2x_bridge.datagrams import (
     MAX_KEPT,
     DatagramSource,
@@ -25,8 +18,10 @@ from iptm_v2x_bridge.datagrams import (
     Received,
     SocketSource,
 )
-from iptm_v2x_bridge.messages.ros_cam import bits_of, message_type
 from iptm_v2x_bridge.settings import CamSettings
+
+if TYPE_CHECKING:
+    from iptm_v2x_bridge.captures import RadioRecording
 
 MAX_WAITING = 1000
 """Messages of a topic that the middleware keeps."""
@@ -75,11 +70,14 @@ class _TopicSource(DatagramSource):
         self._topic, self._node = options.cam_topic, node
         self._kept: deque[bytes] = deque()
         self._dropped = 0
+        from iptm_v2x_bridge.messages.ros_cam import bits_of, message_type  # noqa: PLC0415
+
+        self._bits_of = bits_of
         node.create_subscription(message_type(), options.cam_topic, self.hear, MAX_WAITING)
 
     def hear(self, message: Any) -> None:
         """Take a message; one that violates the standard is refused and reported."""
-        self._node.guard(self._topic, lambda: self._keep(bits_of(message)))
+        self._node.guard(self._topic, lambda: self._keep(self._bits_of(message)))
 
     def _keep(self, datagram: bytes) -> None:
         self._kept.append(datagram)
@@ -112,12 +110,19 @@ def read_recording(
     Raises:
         IptmError: there is none, or it cannot be read.
     """
+    # Only here: most bridges read none, and what reads bags takes long to import.
+    from iptm_v2x_bridge.captures import (  # noqa: PLC0415
+        CAPTURE_SUFFIXES,
+        read_capture,
+        recording_by_time,
+        recording_with_marks,
+    )
+
     if path.suffix.lower() in CAPTURE_SUFFIXES:
         captured = read_capture(path, port, warn)
         start_ms = max(start_timestamp_ms, 0)
         marked = recording_with_marks(captured, str(path), start_ms)
         return marked or recording_by_time(captured, start_ms)
-    # Only here: reading bags takes long to import, and most bridges never read one.
     from iptm_ros.recording.bag_reader import BagReader  # noqa: PLC0415
 
     with BagReader(path) as reader:

@@ -20,8 +20,8 @@ from std_msgs.msg import String
 from iptm_core.declaration import parameter
 from iptm_core.errors import ParameterError
 from iptm_core.routes.road_line import RoadLine
-from iptm_core.routes.route import RoadCourse
-from iptm_core.routes.user_csv import USER_SUFFIXES, read_user_trip
+from iptm_core.routes.route import USER_SUFFIXES, RoadCourse
+from iptm_core.routes.user_csv import read_user_trip
 from iptm_core.settings import FrameSettings, ModelSettings
 from iptm_core.state import LeaderState, SlopePreview
 from iptm_core.units import CELSIUS_ZERO_K

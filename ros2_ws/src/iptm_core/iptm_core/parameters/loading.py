@@ -11,6 +11,12 @@ from typing import Any
 from iptm_core.declaration import ParameterSpec
 from iptm_core.errors import ParameterError
 from iptm_core.parameters.catalogue import CARS_FILE, FITTED_CAR, Car, car_entries, cars
+from iptm_core.parameters.chiller_table import (
+    AMBIENT_KEY,
+    COEFFICIENT_KEYS,
+    ChillerTable,
+    read_chiller_table,
+)
 from iptm_core.parameters.flat import (
     Source,
     SourceTag,
@@ -24,12 +30,6 @@ from iptm_core.parameters.flat import (
 )
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.parameters.strict_yaml import YAML_SUFFIXES, read_yaml
-from iptm_core.physics.chiller import (
-    AMBIENT_KEY,
-    COEFFICIENT_KEYS,
-    ChillerTable,
-    read_chiller_table,
-)
 from iptm_core.user_input import StrictMapping, check_known, number, shown, suggestion
 
 DEFAULT_SET = "paper_calibrated"

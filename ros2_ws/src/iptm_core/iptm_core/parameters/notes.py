@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from iptm_core.parameters.chiller_table import AMBIENT_KEY
 from iptm_core.parameters.flat import SourceTag
 from iptm_core.parameters.loading import ParameterSet
-from iptm_core.physics.chiller import AMBIENT_KEY
 
 _COLD_LAWS = ("cell.resistance_temperature_coefficient_1_k", "cell.resistance_exponent_1_k")
 """Linear and exponential law of the resistance; the second one counts where it is not 0."""

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from iptm_core.errors import RouteError
-from iptm_core.routes.text_table import parse_text_table
 from iptm_core.state import FloatArray, LeaderState
-from iptm_core.units import KM_H_PER_M_S
+from iptm_core.units import KM_H_PER_M_S, M_S_PER_MPH
 
 
 def refuse_where(wrong: NDArray[np.bool_], message: Callable[[int], str]) -> None:
@@ -147,8 +146,10 @@ def load_cycle(name: str) -> DrivingCycle:
     if name not in _SOURCES:
         raise RouteError(f"unknown driving cycle {name!r}; allowed: {', '.join(CYCLE_NAMES)}")
     file = resources.files("iptm_core.routes") / "data" / f"{name}.csv"
-    table = parse_text_table(file.read_text(encoding="utf-8"), f"{name}.csv")
-    return DrivingCycle(name, table.columns["time_s"], table.columns["speed_m_s"], _SOURCES[name])
+    header, *rows = file.read_text(encoding="utf-8").split()
+    times_s, speeds = np.array([row.split(",") for row in rows], dtype=float).T
+    unit_m_s = {"time_s,speed_mph": M_S_PER_MPH, "time_s,speed_kmh": 1.0 / KM_H_PER_M_S}[header]
+    return DrivingCycle(name, times_s, speeds * unit_m_s, _SOURCES[name])
 
 
 def smooth_cycle(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,16 +28,11 @@ from iptm_core.routes.cycles import (
 from iptm_core.routes.road_line import RoadLine, east_north_m
 from iptm_core.routes.slope import PEAK_GRADES, SlopeProfile
 from iptm_core.routes.smoothing import NOTED_NOISE_M_S, smoothed, speed_noise_m_s
-from iptm_core.routes.user_csv import (
-    GPX_SUFFIX,
-    USER_FILES,
-    USER_SUFFIXES,
-    UserTrip,
-    read_gpx_road,
-    read_user_trip,
-)
 from iptm_core.state import FloatArray, SlopePreview
 from iptm_core.user_input import is_path, nearest
+
+if TYPE_CHECKING:
+    from iptm_core.routes.track import RecordedDrive
 
 ROUTE_CYCLES = (*CYCLE_NAMES, "smooth", *composition_names())
 """Cycle names for `build_route`, which also takes the path of a drive."""
@@ -45,6 +41,42 @@ SLOPE_CHOICES = ("as_designed", "flat", *PEAK_GRADES)
 """Slope choices of `build_route`."""
 
 SMOOTH_ROUTE_DURATION_S = 1800
+
+GPX_SUFFIX = ".gpx"
+BAG_SUFFIXES = (".mcap", ".db3", ".bag")
+"""Of single files; the bag of a run is a folder."""
+TABLE_SUFFIXES = (".csv", ".csv.gz", ".txt", ".tsv")
+USER_SUFFIXES = (
+    *TABLE_SUFFIXES,
+    GPX_SUFFIX,
+    ".gpx.gz",
+    ".xml",
+    ".xml.gz",
+    ".parquet",
+    *BAG_SUFFIXES,
+)
+USER_FILES = ".csv, .gpx, FILE.xml#VEHICLE of SUMO, FOLDER/BAG#VEHICLE"
+"""Accepted files for a cycle, for messages to the user; `#VEHICLE` if there are several."""
+
+
+@dataclass(frozen=True, eq=False)
+class UserTrip:
+    """A trip as a file holds it.
+
+    Attributes:
+        cycle: speed at 1 Hz.
+        slope: slope of its road (position 0 is the start of the trip), None if not in the file.
+        drive: what was read out of a recorded drive, None for a plain table.
+        notes: what was repaired, or left out.
+        launch_s: length of the launch ramp in front of the drive.
+    """
+
+    cycle: DrivingCycle
+    slope: SlopeProfile | None
+    line: RoadLine | None = None
+    drive: RecordedDrive | None = None
+    notes: tuple[str, ...] = ()
+    launch_s: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +146,8 @@ def build_route(
         notes = (*notes, f"the drive ends at {trace.duration_s:g} s: then the leader stands")
     leader = LeaderMotion.from_cycle(trace, initial_gap_m)
     if is_road_file:
+        from iptm_core.routes.user_csv import read_gpx_road  # noqa: PLC0415
+
         line, measured = read_gpx_road(Path(slope))
         driven_m = float(leader.positions_at(min(duration_s or np.inf, trace.duration_s)))
         if line.length_m < driven_m:
@@ -140,6 +174,13 @@ def build_route(
     )
 
 
+def _read(path: Path) -> UserTrip:
+    # What reads and cleans files of drives is loaded where there is one.
+    from iptm_core.routes.user_csv import read_user_trip  # noqa: PLC0415
+
+    return read_user_trip(path)
+
+
 def _designed(
     cycle: str | Path | RouteComposition | UserTrip,
 ) -> tuple[DrivingCycle, tuple[RouteSegment, ...], SlopeProfile, RoadLine | None, tuple[str, ...]]:
@@ -148,7 +189,7 @@ def _designed(
     if isinstance(cycle, RouteComposition):
         return *comprehensive_cycle(cycle), None, ()
     if isinstance(cycle, (Path, UserTrip)) or is_path(cycle, USER_SUFFIXES):
-        trip = cycle if isinstance(cycle, UserTrip) else read_user_trip(Path(cycle))
+        trip = cycle if isinstance(cycle, UserTrip) else _read(Path(cycle))
         kind = "flat" if trip.slope is None else "measured"
         segment = _single_segment(trip.cycle, kind)
         return trip.cycle, segment, trip.slope or SlopeProfile.flat(), trip.line, trip.notes

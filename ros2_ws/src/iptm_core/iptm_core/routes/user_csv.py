@@ -18,7 +18,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -29,10 +29,11 @@ from iptm_core.routes.column_names import columns_table
 from iptm_core.routes.cycles import DrivingCycle, cumulative_integral, integral_at
 from iptm_core.routes.drive_table import DriveTable
 from iptm_core.routes.road_line import RoadLine
+from iptm_core.routes.route import BAG_SUFFIXES, GPX_SUFFIX, UserTrip
 from iptm_core.routes.slope import SlopeProfile
 from iptm_core.routes.text_table import MAX_BYTES as MAX_TEXT_BYTES
 from iptm_core.routes.text_table import parse_text_table, read_content, text_of
-from iptm_core.routes.track import RecordedDrive, by_position, read_out, road_through
+from iptm_core.routes.track import by_position, read_out, road_through
 from iptm_core.routes.xml_drives import (
     FCD_NAME,
     FCD_TIME,
@@ -44,47 +45,11 @@ from iptm_core.routes.xml_drives import (
 from iptm_core.state import FloatArray
 from iptm_core.user_input import file_and_name
 
-GPX_SUFFIX = ".gpx"
-BAG_SUFFIXES = (".mcap", ".db3", ".bag")
-"""Of single files; the bag of a run is a folder."""
-TABLE_SUFFIXES = (".csv", ".csv.gz", ".txt", ".tsv")
-USER_SUFFIXES = (
-    *TABLE_SUFFIXES,
-    GPX_SUFFIX,
-    ".gpx.gz",
-    ".xml",
-    ".xml.gz",
-    ".parquet",
-    *BAG_SUFFIXES,
-)
-USER_FILES = ".csv, .gpx, FILE.xml#VEHICLE of SUMO, FOLDER/BAG#VEHICLE"
-"""Accepted files for a cycle, for messages to the user; `#VEHICLE` if there are several."""
-
 LAUNCH_ACCELERATION_M_S2 = 1.5
 """Acceleration of the ramp put in front of a trace that starts at speed."""
 
 _MAX_DISTANCE_CORRECTION = 0.02
 _WHOLE_SECOND_TOLERANCE_S = 1e-6
-
-
-@dataclass(frozen=True, eq=False)
-class UserTrip:
-    """A trip as a file holds it.
-
-    Attributes:
-        cycle: speed at 1 Hz.
-        slope: slope of its road (position 0 is the start of the trip), None if not in the file.
-        drive: what was read out of a recorded drive, None for a plain table.
-        notes: what was repaired, or left out.
-        launch_s: length of the launch ramp in front of the drive.
-    """
-
-    cycle: DrivingCycle
-    slope: SlopeProfile | None
-    line: RoadLine | None = None
-    drive: RecordedDrive | None = None
-    notes: tuple[str, ...] = ()
-    launch_s: float = 0.0
 
 
 def read_user_trip(path: Path) -> UserTrip:

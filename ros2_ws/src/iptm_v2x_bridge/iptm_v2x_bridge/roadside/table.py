@@ -42,7 +42,6 @@ _KINDS: dict[MessageKind, Callable[[bytes, int], Sequence[_Part] | Rejection]] =
     MessageKind.SPATEM: decode_spatem,
     MessageKind.MAPEM: lambda payload, _: decode_mapem(payload),
 }
-ROADSIDE_KINDS = tuple(_KINDS)
 
 
 class RoadsideTable:
@@ -229,7 +228,7 @@ class RoadsideTable:
             else:
                 state += " (heard)"
         values: dict[str, object] = {
-            f"{kind.name.lower()}_accepted": self.accepted[kind] for kind in ROADSIDE_KINDS
+            f"{kind.name.lower()}_accepted": self.accepted[kind] for kind in _KINDS
         }
         values |= {
             "roadside_waiting": len(self._waiting),
