@@ -81,7 +81,7 @@ def test_every_output_agrees_on_lost_commands(
     assert f"<td>{consumption:#.3g}</td>" in report
 
     process = launcher.start_module(
-        "iptm.runner.viewer", "--against", "none", "--no-foxglove", str(output), "--rate", "200"
+        "iptm.runner.view", "--against", "none", "--no-foxglove", str(output), "--rate", "200"
     )
     address = re.compile(r"http://\S+")
     wait_until(lambda: address.search(process.stdout), what="address of the page")

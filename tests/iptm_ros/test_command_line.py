@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import pytest
 
 from iptm_core.declaration import parameter
-from iptm_ros.process import node_main
+from iptm_ros.command_line import node_main
 from iptm_ros.suite_node import SuiteNode
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from iptm.runner.viewer import REFERENCE_COMMAND
+from iptm.runner.view import REFERENCE_COMMAND
 from iptm_core.errors import ViewError
 from iptm_view.page_feed import PageFeed
 from iptm_view.page_server import PageServer

@@ -42,10 +42,10 @@ from iptm_ros.codecs import (
     ns_from_time,
     read_numbers,
 )
+from iptm_ros.command_line import node_main
 from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
 from iptm_ros.node_health import Watchdog
 from iptm_ros.parameters import FrictionInput, declare_parameters
-from iptm_ros.process import node_main
 from iptm_ros.services import Service, state_path
 from iptm_ros.stamp_matcher import MatchedSet, StampMatcher, Verdict
 from iptm_ros.suite_node import SuiteNode

@@ -16,8 +16,8 @@ from iptm_core.saved_state import write_state
 from iptm_plant_sim.node_parameters import PlantNodeParameters
 from iptm_plant_sim.node_trip import EXIT_PACK_EMPTY, TripNode
 from iptm_plant_sim.trip import CommandHold, TripPhase
+from iptm_ros.command_line import node_main
 from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
-from iptm_ros.process import node_main
 from iptm_ros.services import Service, state_path
 from iptm_ros.topics import PLANT, Topic
 

@@ -15,9 +15,9 @@ from iptm_core.decision_record import Rung
 from iptm_core.errors import ParameterError
 from iptm_core.state import NS_PER_MS, FloatArray
 from iptm_ros.codecs import decode_decision_record, decode_motion, decode_plan, ns_from_time
+from iptm_ros.command_line import node_main
 from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
 from iptm_ros.parameters import declare_parameters
-from iptm_ros.process import node_main
 from iptm_ros.qos import RAW_QOS
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import Topic

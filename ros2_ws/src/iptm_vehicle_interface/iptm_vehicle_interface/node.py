@@ -32,10 +32,10 @@ from iptm_ros.codecs import (
     time_from_s,
 )
 from iptm_ros.codecs.cdr import LAYOUTS
+from iptm_ros.command_line import node_main
 from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
 from iptm_ros.node_health import CHECK_PERIOD_S, HeartbeatWatch
 from iptm_ros.parameters import declare_parameters
-from iptm_ros.process import node_main
 from iptm_ros.services import Service
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import VEHICLE, Topic

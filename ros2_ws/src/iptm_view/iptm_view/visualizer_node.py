@@ -34,9 +34,9 @@ from iptm_ros.codecs import (
     decode_slope,
     s_from_ns,
 )
+from iptm_ros.command_line import node_main
 from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
 from iptm_ros.parameters import declare_parameters
-from iptm_ros.process import node_main
 from iptm_ros.qos import LATCHED_QOS
 from iptm_ros.recording.timeline import read_stamp_ns
 from iptm_ros.suite_node import SuiteNode

@@ -31,7 +31,7 @@ COMMANDS = {
         "iptm.meter:main", "energy, temperatures and ageing of a recorded or a live drive"
     ),
     "traffic": Command("iptm_traffic.cli:main", "drive through simulated traffic (SUMO)"),
-    "view": Command("iptm.runner.viewer:main", "show a run in the browser, live or from its bag"),
+    "view": Command("iptm.runner.view:main", "show a run in the browser, live or from its bag"),
     "visualize": Command("iptm_view.visualizer_node:main", "draw a run for RViz and Foxglove"),
     "info": Command("iptm.commands.bags:info", "list what a bag holds, and the figures of its run"),
     "compare": Command(

@@ -42,9 +42,9 @@ from iptm_ros.codecs import (
     serialized,
     stamp_ns_of,
 )
+from iptm_ros.command_line import node_main
 from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
 from iptm_ros.parameters import declare_parameters
-from iptm_ros.process import node_main
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import ROAD_FRAME, TOPICS, Topic
 

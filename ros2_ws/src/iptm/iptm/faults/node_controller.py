@@ -9,7 +9,7 @@ from iptm.faults.fault import FaultSettings
 from iptm.faults.injection import FaultyController
 from iptm_controller.node import ControllerNode
 from iptm_controller.node_parameters import ControllerNodeParameters
-from iptm_ros.process import node_main
+from iptm_ros.command_line import node_main
 from iptm_ros.topics import CONTROLLER
 
 

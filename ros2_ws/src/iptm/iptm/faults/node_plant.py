@@ -10,7 +10,7 @@ from iptm.faults.fault import FaultSettings
 from iptm.faults.injection import FaultyPlant
 from iptm_plant_sim.node import PlantNode
 from iptm_plant_sim.node_parameters import PlantNodeParameters
-from iptm_ros.process import node_main
+from iptm_ros.command_line import node_main
 from iptm_ros.topics import PLANT
 
 

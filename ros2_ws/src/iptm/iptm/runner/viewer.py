@@ -1,7 +1,4 @@
-"""The live view of a run: a separate process on which the run neither waits nor depends.
-
-The command `view` is the view of `iptm_view`, with the reference car that this package can drive.
-"""
+"""The live view of a run: a separate process on which the run neither waits nor depends."""
 
 from __future__ import annotations
 
@@ -20,13 +17,10 @@ from iptm.runner.composition import node_parameters, run_information
 from iptm.runner.evaluation import NO_COMPARISON
 from iptm.runner.supervisor import Supervisor, environment_of_run
 from iptm.trip import Trip
-from iptm_core.errors import IptmError
-from iptm_core.program import refused
-from iptm_ros.process import StopRequest, own_arguments
-from iptm_view.options import PROGRAM, build_parser
+from iptm_ros.process import StopRequest
 
 VIEW = "view"
-MODULE = "iptm.runner.viewer"
+MODULE = "iptm.runner.view"
 _START_TIMEOUT_S = 20.0
 _POLL_S = 0.05
 _ADDRESS = re.compile(r"http://\S+")
@@ -104,22 +98,3 @@ def _stay_open(
     console.print(f"the live view {text}{again}", style="dim", highlight=False, soft_wrap=True)
     while is_terminal and supervisor.is_running(VIEW) and not stop.is_set:
         time.sleep(_POLL_S)
-
-
-REFERENCE_COMMAND = (sys.executable, "-m", "iptm.runner.reference_drive")
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Show a run in the browser; arguments are a command line with the name of the program."""
-    command = list(sys.argv if arguments is None else arguments)
-    try:
-        parsed = build_parser().parse_args(own_arguments(command))
-    except IptmError as error:
-        return refused(PROGRAM, error)
-    from iptm_view.showing import show  # noqa: PLC0415  help needs no view
-
-    return show(parsed, command, REFERENCE_COMMAND)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from iptm_core.errors import ParameterError
 from iptm_core.program import refused
 from iptm_core.user_input import number, whole_number
-from iptm_ros.process import own_arguments
+from iptm_ros.command_line import own_arguments
 
 # ruff: noqa: PLC0415  help needs no node
 if TYPE_CHECKING:
