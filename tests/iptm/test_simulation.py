@@ -141,6 +141,25 @@ def test_an_own_controller_drives_within_the_bounds_of_the_vehicle() -> None:
     assert "KeepsSpeed" in run.name
 
 
+def test_a_desired_headway_is_kept_without_a_preview() -> None:
+    """In the median, where the reserve for comfort would take nearly twice the road."""
+    medians_s = []
+    for desired_s in (0.0, 1.65):
+        run = iptm.simulate(
+            "udds",
+            duration_s=180.0,
+            preview_mode="none",
+            overrides={"gap.desired_time_headway_s": desired_s, "gap.max_time_headway_s": 3.0},
+        )
+        trip = run.trajectory
+        moving = trip.speed_m_s > 5.0
+        wanted_s = 1.65 + run.parameters.gap.standstill_gap_m / trip.speed_m_s[moving]
+        medians_s.append(np.median(trip.gap_m[moving] / trip.speed_m_s[moving] - wanted_s))
+        assert trip.gap_m.min() > 0.0
+        assert run.metrics.interventions == 0
+    assert abs(medians_s[1]) < 0.1 < medians_s[0] - medians_s[1]
+
+
 def test_an_own_predictor_is_what_the_controller_hears() -> None:
     run = iptm.simulate("us06", horizon="15x1", strategy="aging", predictor=Constant(), **SHORT)
     true = iptm.simulate("us06", horizon="15x1", strategy="aging", **SHORT)

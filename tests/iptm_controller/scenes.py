@@ -182,6 +182,7 @@ def run_stage(
     prices: tuple[float, float, float] = (0.0, 0.0, 0.0),
     lowest_k: float = 0.0,
     thermal_energy_price_1_j: float = 0.0,
+    headway_price_1_m2_s: float = 0.0,
     model: ModelParameters = PARAMETERS,
     max_speed_m_s: float | None = None,
     charge_w: float = UNBOUNDED_W,
@@ -207,7 +208,7 @@ def run_stage(
         step_parameters += [*around, moved, speed_reference_m_s, ahead, leader[1]]
     losses = [state.cell_1_capacity_loss, state.cell_n_capacity_loss]
     shared = [*losses, REFERENCE_TEMPERATURE_K, *prices, lowest_k, thermal_energy_price_1_j]
-    shared += [charge_w, *weights]
+    shared += [charge_w, headway_price_1_m2_s, *weights]
     following, cost, limits = _stage_function(step_s, count, smoothing, model)(
         (physical - layout.STATE_OFFSET) / layout.STATE_SCALE,
         np.array([acceleration_m_s2, compressor_power_w, *slacks]) / layout.INPUT_SCALE,

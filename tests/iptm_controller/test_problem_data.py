@@ -13,6 +13,7 @@ from iptm_controller.forecast import LeaderForecaster
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import (
+    HEADWAY_PRICE_1_M2_S,
     REFERENCE_WINDOW_S,
     UNBOUNDED_W,
     ProblemData,
@@ -70,6 +71,7 @@ def test_globals(steady: LeaderPreview) -> None:
         GlobalIndex.REFERENCE_TEMPERATURE: 299.15,
         GlobalIndex.LOWEST_TEMPERATURE: 298.25,
         GlobalIndex.CHARGE_POWER: UNBOUNDED_W,
+        GlobalIndex.HEADWAY_PRICE: HEADWAY_PRICE_1_M2_S,
         layout.WEIGHTS["speed_weight"]: 0.5,
         layout.WEIGHTS["temperature_weight"]: 0.1,
         layout.WEIGHTS["energy_weight_1_j"]: 1e-4,

@@ -38,6 +38,14 @@ def test_without_rules_the_lead_vehicle_is_taken_as_it_is() -> None:
     assert envelope().lead(ego(10.0), None, forecast) == (forecast.motion, forecast.limiting)
 
 
+def test_what_is_followed_is_the_lead_vehicle_or_a_rule() -> None:
+    """A desired headway is one to the lead vehicle; rules alone are not followed."""
+    road, near, far = envelope(), of_leader(30.0, 10.0), of_leader(300.0, 14.0)
+    for forecast, follows in ((near, True), (far, False)):
+        motion, _ = road.lead(ego(14.0), FREE, forecast)
+        assert road.follows(0.0, motion, forecast) is follows
+
+
 AHEAD_M = GAP.max_gap_m - LAG_M - LAG_S * 14.0
 """From the pace at 14 m/s to the lead motion."""
 

@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import strategies as st
 
+from iptm_core.monitor_settings import SafetyMonitorSettings
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.car_following import (
     LEADER_SURPRISE_M_S,
     brake_build_up,
     braking_reserve_m,
+    desired_gap_m,
+    emergency_reserve_m,
     minimum_gap_m,
     stopping_distance_m,
 )
 from iptm_core.routes import CYCLE_NAMES
 from iptm_core.routes.cycles import load_cycle
 from iptm_core.state import FloatArray
+from iptm_plant_sim.safety_monitor import SafetyMonitor
 
 Agree = Callable[..., None]
 VALUES = load_parameters().values
@@ -40,6 +45,22 @@ def test_by_hand() -> None:
     assert gap(20.0, 10.0) == pytest.approx(35.0 + 50.0, rel=1e-12)
     assert gap(20.0, 0.0) == pytest.approx(35.0 + 100.0, rel=1e-12)
     assert gap(20.0, 25.0) == pytest.approx(35.0 - 25.0, rel=1e-12)
+
+
+def test_desired_gap_by_hand() -> None:
+    policy = replace(VALUES.gap, desired_time_headway_s=1.6)
+    assert [desired_gap_m(v, policy) for v in (0.0, 20.0)] == [5.0, 37.0]
+
+
+def test_emergency_reserve_is_what_the_safety_monitor_leaves(parameters: ModelParameters) -> None:
+    """Less a metre; behind a vehicle that moves it is longer by what that one needs to stop."""
+    monitor = SafetyMonitor(SafetyMonitorSettings(), parameters.brakes)
+    for speed in (5.0, 20.0, 37.5):
+        left_m = 200.0 - monitor.safe_distance_m(speed, 0.0, 0.0)
+        reserve_m = emergency_reserve_m(200.0, speed, 0.0, parameters.brakes)
+        assert reserve_m == pytest.approx(left_m - 1.0, abs=0.2)
+    behind = [emergency_reserve_m(50.0, 20.0, v, parameters.brakes) for v in (0.0, 18.0)]
+    assert behind[1] - behind[0] == pytest.approx(18.0**2 / (2.0 * 9.0))
 
 
 def test_all_backends_agree(parameters: ModelParameters, agree_in_all_backends: Agree) -> None:

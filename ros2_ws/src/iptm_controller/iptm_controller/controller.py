@@ -281,9 +281,10 @@ class Controller:
         guess = self.plan_data.expected(last, state)
         forecast = None if leader is None else self._forecaster.forecast(leader, measured.preview)
         motion, limiting = self._road.lead(state, rules, forecast)
-        known_s = LOOK_AHEAD_S
+        known_s, follows = LOOK_AHEAD_S, False
         if forecast is not None and leader is not None:
             known_s = forecast.known_s - (state.time_s - leader.time_s)
+            follows = self._road.follows(state.time_s, motion, forecast)
         if self._actuation.has_weak_brakes:
             known_s = 0.0
             further_m = self._further_stopping_distance_m(state.speed_m_s)
@@ -300,7 +301,7 @@ class Controller:
         lawful_m_s = self._road.speed_limits_m_s(rules, guess.motion)
         limits_m_s = self._power.slower(lawful_m_s)
         known = state, guess, motion, limiting, measured.slope, known_s, value, thermal, limits_m_s
-        data, start = self.plan_data.problem(*known, self._power.charge_w)
+        data, start = self.plan_data.problem(*known, self._power.charge_w, follows=follows)
         result = self._solve(data, start)
         if not result.status.usable:
             return Decision(reason=result.reason, result=result, forecast=forecast, value=value)

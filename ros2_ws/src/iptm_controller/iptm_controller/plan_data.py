@@ -79,6 +79,8 @@ class PlanData:
         thermal_samples: FloatArray | None,
         speed_limits_m_s: FloatArray | None,
         charge_w: float = UNBOUNDED_W,
+        *,
+        follows: bool = True,
     ) -> tuple[ProblemData, FloatArray]:
         """Return the problem around an expected plan, and that plan in the units of the solver.
 
@@ -87,6 +89,7 @@ class PlanData:
             limiting: motion that the gap limits hold for.
             known_s: how far ahead the motion is known.
             charge_w: largest charging power of the pack.
+            follows: a lead vehicle is ahead, not only rules of the road.
         """
         self.posed = PosedProblem(leader, limiting, slope, known_s, charge_w)
         data = self.builder.build(
@@ -101,6 +104,7 @@ class PlanData:
             limiting,
             speed_limits_m_s,
             charge_w,
+            follows=follows,
         )
         return data, variables_from_plan(guess, self._grid, state)
 
@@ -231,12 +235,14 @@ class PlanDataInC(PlanData):
         thermal_samples: FloatArray | None,
         speed_limits_m_s: FloatArray | None,
         charge_w: float = UNBOUNDED_W,
+        *,
+        follows: bool = True,
     ) -> tuple[ProblemData, FloatArray]:
         """See ``PlanData``."""
         self.posed = PosedProblem(leader, limiting, slope, known_s, charge_w)
         grid = self._grid
         variables, parameters = np.empty(grid.variable_count), np.empty(grid.parameter_count)
-        parameters[: layout.GLOBALS] = self.builder.shared(state, value, charge_w)
+        parameters[: layout.GLOBALS] = self.builder.shared(state, value, charge_w, follows=follows)
         motion = _Motion.of(leader)
         behind = motion if limiting is leader else _Motion.of(limiting)
         road = [

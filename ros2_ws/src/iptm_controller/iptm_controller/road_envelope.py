@@ -68,6 +68,14 @@ class RoadEnvelope:
             limiting = self._nearer(rules, forecast.limiting)
         return motion, limiting
 
+    @staticmethod
+    def follows(time_s: float, motion: LeaderPreview, forecast: LeaderForecast) -> bool:
+        """Return whether the nearest ahead at an instant, ``motion``, is the lead vehicle and not a rule."""
+        if motion is forecast.motion:
+            return True
+        now = np.array([time_s])
+        return bool(motion.at(now)[0][0] >= forecast.motion.at(now)[0][0])
+
     def _nearer(self, rules: LeaderPreview, leader: LeaderPreview) -> LeaderPreview:
         times = rules.times_s
         positions, speeds = leader.at(times)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, make_dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -112,6 +113,11 @@ class ControllerSettings(
         -1.0,
         400.0,
     )
+    value_beyond_trip: bool = parameter(
+        default=False,
+        description="a kelvin keeps its value up to the end of the trip, as if the trip went on; otherwise "
+        "it has none there",
+    )
     max_iterations: int = parameter(
         _SOLVER.max_iterations, "iterations of one solve at most", "", 1, 100_000
     )
@@ -191,7 +197,7 @@ class ControllerSettings(
             safe_law_ticks=self.safe_law_ticks,
             max_preview_age_s=self.max_preview_age_s,
             tick_s=tick_s,
-            trip_duration_s=trip_duration_s,
+            trip_duration_s=math.inf if self.value_beyond_trip else trip_duration_s,
             noise=NoiseSettings.of(self),
             accuracy=SensorAccuracySettings.of(self),
             road=RoadFrictionSettings.of(self),

@@ -24,6 +24,9 @@ would come too late (at 30 m/s, 1 m/s of speed changes s_min by over 10 m)."""
 LONGEST_COMPRESSOR_CHANGE_S = 2.5
 """The same cap for the compressor, larger because its effect on the temperatures takes minutes."""
 SLOPE_DIFFERENCE_M = 25.0
+HEADWAY_PRICE_1_M2_S = 0.003
+"""Cost per second of a squared metre between the gap and a desired one. Headways and savings hardly depend on
+it from a tenth to ten times as much."""
 COLD_COMPRESSOR_PRICE_1_KW = 100.0
 """Cost per kilowatt and second of a compressor that runs although the cells are at their lower limit."""
 COLD_MARGIN_K = 0.05
@@ -105,6 +108,8 @@ class ProblemDataBuilder:
         limiting: LeaderPreview | None = None,
         speed_limits_m_s: FloatArray | None = None,
         charge_w: float = UNBOUNDED_W,
+        *,
+        follows: bool = True,
     ) -> ProblemData:
         """Assemble the problem of one tick.
 
@@ -120,6 +125,7 @@ class ProblemDataBuilder:
             limiting: motion that the gap limits hold for at the nodes; None for the leader's motion.
             speed_limits_m_s: of the road at the ends of the motion steps, None where there is none.
             charge_w: largest charging power of the pack, which counts where the pack has limits.
+            follows: a lead vehicle is ahead, not only rules of the road; a desired gap to it has its price.
         """
         grid, origin_m = self._grid, state.position_m
         steps = np.empty((grid.steps, layout.STEP_PARAMETERS))
@@ -169,7 +175,8 @@ class ProblemDataBuilder:
         samples[:, SampleIndex.LEADER_SPEED] = speeds[at_samples]
         if thermal_samples is not None:
             samples[grid.motion_samples :] = thermal_samples
-        parameters = grid.parameters(self.shared(state, value, charge_w), steps, samples)
+        shared = self.shared(state, value, charge_w, follows=follows)
+        parameters = grid.parameters(shared, steps, samples)
         return ProblemData(self._scaled_state(state), parameters)
 
     def _watch_inside(
@@ -209,7 +216,12 @@ class ProblemDataBuilder:
                 end[StepIndex.LEADER_SPEED] = speeds[tightest]
 
     def shared(
-        self, state: VehicleState, value: TemperatureValue, charge_w: float = UNBOUNDED_W
+        self,
+        state: VehicleState,
+        value: TemperatureValue,
+        charge_w: float = UNBOUNDED_W,
+        *,
+        follows: bool = True,
     ) -> FloatArray:
         """Return the parameters that all steps share, shape (GLOBALS,)."""
         strategy, scale = self.strategy, self._scale
@@ -232,6 +244,7 @@ class ProblemDataBuilder:
             GlobalIndex.LOWEST_TEMPERATURE: lowest_k,
             GlobalIndex.THERMAL_ENERGY_PRICE: scale * value.thermal_energy_price_1_j,
             GlobalIndex.CHARGE_POWER: charge_w,
+            GlobalIndex.HEADWAY_PRICE: scale * HEADWAY_PRICE_1_M2_S if follows else 0.0,
         }
         return np.array(
             [*layout.in_order(GlobalIndex, own), *(scale * weight for weight in weights.values())]

@@ -61,6 +61,7 @@ class GlobalIndex(IntEnum):
     The prices of a kelvin and of thermal energy come from ``TemperatureValue``; the price of running the
     compressor is zero unless the cells are at their lower temperature limit, to which cell 1 may be cooled.
     The charging power is the largest that the pack takes; the stages of a pack without limits do not have it.
+    The price of a headway other than the desired one is zero where no lead vehicle is followed.
     """
 
     CELL_1_LOSS = 0
@@ -72,6 +73,7 @@ class GlobalIndex(IntEnum):
     LOWEST_TEMPERATURE = 6
     THERMAL_ENERGY_PRICE = 7
     CHARGE_POWER = 8
+    HEADWAY_PRICE = 9
 
 
 WEIGHTS = {key: len(GlobalIndex) + place for place, key in enumerate(COST_TERMS)}

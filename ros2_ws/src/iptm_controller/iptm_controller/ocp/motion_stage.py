@@ -38,7 +38,13 @@ from iptm_controller.ocp.stage import (
     temperature_rows,
 )
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.car_following import braking_reserve_m, maximum_gap_m, minimum_gap_m
+from iptm_core.physics.car_following import (
+    braking_reserve_m,
+    desired_gap_m,
+    emergency_reserve_m,
+    maximum_gap_m,
+    minimum_gap_m,
+)
 from iptm_core.physics.ops import maximum
 from iptm_core.physics.power_thermal import (
     CellPair,
@@ -51,6 +57,9 @@ from iptm_core.physics.traction import advance_position_m, advance_speed_m_s
 
 LONGEST_STEP_WITHOUT_SAMPLED_GAP_S = 2.5
 GAP_SMOOTHING_M = 0.3
+NEARLY_DESIRED_M = 20.0
+"""Deviation from the desired gap up to which its cost is quadratic; beyond it grows linearly, so that a
+distant lead vehicle is caught up with without haste."""
 
 
 def build_stage(
@@ -75,7 +84,15 @@ def build_stage(
         StateIndex.LAST_COMPRESSOR_POWER: inputs[InputIndex.COMPRESSOR_POWER],
     }
     limits = _limits(parameters, symbols, next_state, step)
-    return symbols.stage(step_s, step.cost, next_state, limits, parameters, smoothing, penalties)
+    cost = step.cost
+    if parameters.gap.desired_time_headway_s > 0.0:
+        gap = symbols.p[StepIndex.LEADER_POSITION] - next_state[StateIndex.POSITION]
+        error = (
+            gap - desired_gap_m(next_state[StateIndex.SPEED], parameters.gap)
+        ) / NEARLY_DESIRED_M
+        squared_m2 = 2.0 * NEARLY_DESIRED_M**2 * (ca.sqrt(1.0 + error * error) - 1.0)
+        cost += step_s * symbols.g[GlobalIndex.HEADWAY_PRICE] * squared_m2
+    return symbols.stage(step_s, cost, next_state, limits, parameters, smoothing, penalties)
 
 
 @dataclass(frozen=True)
@@ -161,9 +178,12 @@ def _limits(
     gap = p[StepIndex.LEADER_POSITION] - next_state[StateIndex.POSITION]
     leader_speed = p[StepIndex.LEADER_SPEED]
     shortest = minimum_gap_m(speed, leader_speed, gap_policy, bounds)
-    reserve = braking_reserve_m(
-        gap, speed, next_state[StateIndex.LAST_ACCELERATION], leader_speed, gap_policy, bounds
-    )
+    if gap_policy.desired_time_headway_s > 0.0:
+        reserve = emergency_reserve_m(gap, speed, leader_speed, parameters.brakes)
+    else:
+        reserve = braking_reserve_m(
+            gap, speed, next_state[StateIndex.LAST_ACCELERATION], leader_speed, gap_policy, bounds
+        )
     margin, floor = gap - shortest, gap - gap_policy.standstill_gap_m
     for gap_inside, shortest_inside in step.gaps_m:
         margin = -maximum(-margin, shortest_inside - gap_inside, GAP_SMOOTHING_M)

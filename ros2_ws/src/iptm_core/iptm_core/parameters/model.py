@@ -289,7 +289,7 @@ class BrakeParameters:
 class GapParameters:
     """Car-following limits: intelligent driver model below, traffic efficiency above.
 
-    A largest time headway of 0 is none.
+    A largest time headway of 0 is none, and so is a desired one; see `desired_gap_m`.
     """
 
     standstill_gap_m: float = quantity("s_st", "m", 0.0, 50.0)
@@ -297,6 +297,7 @@ class GapParameters:
     max_gap_m: float = quantity("s_max", "m", 20.0, 1000.0)
     initial_gap_m: float = quantity("s_init", "m", 1.0, 500.0)
     max_time_headway_s: float = quantity("T_max", "s", 0.0, 100.0, neutral=0.0)
+    desired_time_headway_s: float = quantity("T_d", "s", 0.0, 10.0, neutral=0.0)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 
-from iptm_core.parameters.model import GapParameters, LimitParameters
+from iptm_core.monitor_settings import SafetyMonitorSettings
+from iptm_core.parameters.model import BrakeParameters, GapParameters, LimitParameters
 from iptm_core.physics.ops import Scalar, maximum, minimum
 from iptm_core.state import Command, VehicleState
 
@@ -39,6 +40,15 @@ def maximum_gap_m(speed_m_s: Scalar, gap: GapParameters, *, smoothing_m: float =
         return gap.max_gap_m
     by_headway = maximum(gap.max_time_headway_s * speed_m_s, gap.initial_gap_m, smoothing_m)
     return minimum(by_headway, gap.max_gap_m, smoothing_m)
+
+
+def desired_gap_m(speed_m_s: Scalar, gap: GapParameters) -> Scalar:
+    """Gap ``s_st + T_d v`` that plans are drawn to, the constant-time-gap policy of cruise controls.
+
+    It is a price, not a limit: the gap may swing around it, which smooths the motion without more road on
+    average. It is not part of the paper.
+    """
+    return gap.standstill_gap_m + gap.desired_time_headway_s * speed_m_s
 
 
 LEADER_SURPRISE_M_S = 2.2
@@ -119,6 +129,32 @@ def braking_reserve_m(
     ego_moved = ego_moved - halting_distance_m(rest_speed, limits)
     at_stop = gap_m + leader_stop - ego_moved - minimum_gap_m(rest_speed, 0.0, gap, limits)
     return -maximum(-at_build_up, -at_stop, RESERVE_SMOOTHING_M)
+
+
+EMERGENCY_MARGIN_M = 2.0
+"""Gap that is left when both vehicles stand: a metre more than the safety monitor asks for by default."""
+
+
+def emergency_reserve_m(
+    gap_m: Scalar, speed_m_s: Scalar, leader_speed_m_s: Scalar, brakes: BrakeParameters
+) -> Scalar:
+    """Part of the gap that is not needed to stop with the service brakes if the leader brakes fully now.
+
+    The rule of the safety monitor (RSS, arXiv:1708.06374, definition 1) with its default assumptions, the
+    present speed kept until the brakes act. Other than `braking_reserve_m` it asks for no comfort, and so
+    leaves room for the headways of traffic. It is not part of the paper.
+
+    Returns:
+        Reserve in m, negative where the monitor would soon have to brake.
+    """
+    assumed = SafetyMonitorSettings
+    own_m_s2 = min(assumed.monitor_own_deceleration_m_s2, brakes.max_deceleration_m_s2)
+    # Brakes that build up for a time act like full ones from the middle of it.
+    wait_s = assumed.monitor_reaction_s + brakes.delay_s + 0.5 * own_m_s2 / brakes.build_up_m_s3
+    stops_m = wait_s * speed_m_s + speed_m_s * speed_m_s / (2.0 * own_m_s2)
+    lead_m_s2 = assumed.monitor_lead_deceleration_m_s2
+    leader_stops_m = leader_speed_m_s * leader_speed_m_s / (2.0 * lead_m_s2)
+    return gap_m + leader_stops_m - stops_m - EMERGENCY_MARGIN_M
 
 
 COMFORTABLE_DECELERATION_M_S2 = 1.0
