@@ -19,7 +19,7 @@ import pandas as pd
 from studies.paper import figures, statements, trips
 from studies.paper.equations import Array
 
-STAGE, GRID = "iptm_controller.ocp.motion_stage", "iptm_controller.ocp.grid"
+STAGE, GRID = "iptm_controller.ocp.stages", "iptm_controller.ocp.grid"
 RUNS = {
     "reference": trips.CONTROLLERS["reference"],
     "energy_aging": trips.weights()["energy_aging"][-1],

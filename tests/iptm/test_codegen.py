@@ -16,9 +16,9 @@ import pytest
 from iptm.codegen import code_of
 from iptm.commands.drives import codegen as main
 from iptm_controller.ladder import controlled_stop, safe_following
-from iptm_controller.limiter import CommandLimiter
 from iptm_controller.ocp.compilation import find_compiler
 from iptm_controller.options import ControllerOptions
+from iptm_controller.safeguards import CommandLimiter
 from iptm_core.monitor_settings import SafetyMonitorSettings
 from iptm_core.parameters import load_parameters
 from iptm_core.state import Command, LeaderState, VehicleState

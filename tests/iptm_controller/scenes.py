@@ -16,9 +16,9 @@ from iptm_controller.measurements import Measurements
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import UNBOUNDED_W, ProblemData, ProblemDataBuilder
 from iptm_controller.ocp.grid import ProblemGrid, quadrature, sample_count
-from iptm_controller.ocp.motion_stage import build_stage
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.stage import DEFAULT_SMOOTHING
+from iptm_controller.ocp.stages import build_stage
 from iptm_controller.ocp.transcription import Transcription, transcribe
 from iptm_controller.plan import PlanShifter, sample_positions_m, variables_from_plan
 from iptm_controller.solvers.factory import build_plain_solver

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from tests.iptm_controller.scenes import PARAMETERS, make_scene, make_state
 
-from iptm_controller.cell_law import (
+from iptm_controller.charging_value import LARGEST_PRICE_RATIO, ChargingValuation
+from iptm_controller.controller import Controller
+from iptm_controller.options import ControllerOptions
+from iptm_controller.pack_model import (
     CELLS,
     COST_SCALE,
     CellLawValuation,
     cyclic_parameters,
     energy_price_1_j,
 )
-from iptm_controller.charging_value import LARGEST_PRICE_RATIO, ChargingValuation
-from iptm_controller.controller import Controller
-from iptm_controller.options import ControllerOptions
 from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.strategy import DEFAULT_STRATEGY, STRATEGIES
 from iptm_controller.temperature_value import NO_VALUE, TemperatureValue, mixing_weights

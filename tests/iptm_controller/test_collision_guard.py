@@ -16,12 +16,12 @@ from tests.iptm_controller.scenes import (
     plain_solver,
 )
 
-from iptm_controller.collision_guard import EMERGENCY, MARGIN_M, CollisionGuard
 from iptm_controller.controller import Controller
 from iptm_controller.decision import Decision
 from iptm_controller.forecast import LeaderForecast, PreviewQuality
 from iptm_controller.measurements import Measurements
 from iptm_controller.options import ControllerOptions
+from iptm_controller.safeguards import EMERGENCY, MARGIN_M, CollisionGuard
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.physics.car_following import minimum_gap_m
 from iptm_core.state import LeaderPreview, LeaderState, VehicleState

@@ -12,11 +12,10 @@ import pytest
 from tests.iptm_controller.scenes import PARAMETERS, FailingSolver, make_scene, plain_solver
 
 from iptm_controller.controller import Controller
-from iptm_controller.decision import Decision
+from iptm_controller.decision import ControllerMemory, Decision
 from iptm_controller.forecast import PreviewQuality
 from iptm_controller.ladder import safe_following, thermostat_power_w
 from iptm_controller.measurements import Measurements
-from iptm_controller.memory import ControllerMemory
 from iptm_controller.ocp.layout import InputIndex
 from iptm_controller.options import ControllerOptions
 from iptm_controller.solvers.interface import STATUS_TEXT, SolveResult

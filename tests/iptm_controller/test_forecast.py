@@ -17,7 +17,7 @@ from tests.iptm_controller.scenes import (
 )
 
 from iptm_controller.forecast import LeaderForecaster, PreviewQuality
-from iptm_controller.leader_motion import (
+from iptm_controller.lead_check import (
     extrapolated_motion,
 )
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState

@@ -20,9 +20,9 @@ from iptm_controller.ladder import (
     safe_following,
     thermostat_power_w,
 )
-from iptm_controller.limiter import CommandLimiter
 from iptm_controller.ocp import layout
 from iptm_controller.plan import Plan
+from iptm_controller.safeguards import CommandLimiter
 from iptm_core.decision_record import Rung
 from iptm_core.parameters.model import LimitParameters
 from iptm_core.routes import CYCLE_NAMES, build_route

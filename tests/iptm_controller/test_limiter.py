@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.iptm_controller.scenes import PARAMETERS, make_state
 
-from iptm_controller.limiter import CommandLimiter
-from iptm_controller.power_authority import PowerAuthority
+from iptm_controller.actuation import PowerAuthority
+from iptm_controller.safeguards import CommandLimiter
 from iptm_core.parameters import load_parameters
 from iptm_core.physics.electrical import battery_power_w
 from iptm_core.physics.power_thermal import electric_traction_power_w

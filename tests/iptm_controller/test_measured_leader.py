@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from tests.iptm_controller.scenes import NONE_YET, expect_constant_speed, make_leader
 
-from iptm_controller import leader_motion
+from iptm_controller import lead_check
 from iptm_controller.forecast import HISTORY_S, LeaderForecaster
-from iptm_controller.leader_motion import (
+from iptm_controller.lead_check import (
     ACCELERATION_DECAY_S,
     extrapolated_motion,
     measured_acceleration_m_s2,
@@ -127,7 +127,7 @@ def squared_errors_m2(leader: LeaderMotion, decay_s: float) -> tuple[FloatArray,
     """Of positions 3, 5 and 8 s ahead, from every second on: extrapolated, and at a constant speed."""
     ahead_s = np.array([3.0, 5.0, 8.0])
     extrapolated, constant = [], []
-    with mock.patch.object(leader_motion, "ACCELERATION_DECAY_S", decay_s):
+    with mock.patch.object(lead_check, "ACCELERATION_DECAY_S", decay_s):
         for time_s in np.arange(1.0, leader.times_s[-1] - ahead_s[-1]):
             measured = [leader.state_at(time_s - 1.0), leader.state_at(time_s)]
             motion = extrapolated_motion(measured[1], measured_acceleration_m_s2(measured))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from iptm_controller.memory import ControllerMemory
-from iptm_controller.preview_fusion import ERROR_GROWTH_S, FusionMemory, PreviewFusion, _weights
+from iptm_controller.decision import ControllerMemory
+from iptm_controller.preview_trust import ERROR_GROWTH_S, FusionMemory, PreviewFusion, _weights
 from iptm_core.saved_state import from_plain, to_plain
 from iptm_core.settings import PreviewSettings
 from iptm_core.state import FloatArray, LeaderPreview

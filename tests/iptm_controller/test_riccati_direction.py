@@ -21,10 +21,10 @@ from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import BLOCK, ROWS
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.transcription import Transcription
+from iptm_controller.solvers.riccati.line_search import StepSummary
 from iptm_controller.solvers.riccati.program import ITERATE, build_program
 from iptm_controller.solvers.riccati.recursion import PARTS
 from iptm_controller.solvers.riccati.stage_system import inequality_constraints
-from iptm_controller.solvers.riccati.step_summary import StepSummary
 from iptm_core.state import FloatArray
 
 GRID = "2x1+2x5"

@@ -15,13 +15,12 @@ from iptm_controller.horizon import Horizon
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.interface import FEASIBILITY_TOLERANCE, SolveResult, SolverOptions
 from iptm_controller.solvers.riccati.backend import RiccatiBackend
-from iptm_controller.solvers.riccati.line_search import FilterPoint, LineSearchFilter
+from iptm_controller.solvers.riccati.line_search import FilterPoint, LineSearchFilter, StepSummary
 from iptm_controller.solvers.riccati.recursion import (
     SMALLEST_PIVOT,
     cholesky_solve,
     modified_cholesky,
 )
-from iptm_controller.solvers.riccati.step_summary import StepSummary
 from iptm_core.decision_record import SolveStatus
 from iptm_core.state import FloatArray
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from iptm_controller.sender_clock import FORGOTTEN_AFTER_S, LARGEST_OFFSET_S, SenderClock
+from iptm_controller.lead_check import FORGOTTEN_AFTER_S, LARGEST_OFFSET_S, SenderClock
 from iptm_core.state import LeaderPreview
 
 

@@ -10,7 +10,7 @@ from iptm_controller.horizon import Horizon
 from iptm_controller.measurements import Measurements
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import InputIndex, StateIndex
-from iptm_controller.ocp.motion_stage import GAP_SMOOTHING_M
+from iptm_controller.ocp.stages import GAP_SMOOTHING_M
 from iptm_controller.plan import Plan, plan_from_variables
 from iptm_controller.solvers.interface import SolverBackend
 from iptm_core.physics.car_following import minimum_gap_m

@@ -25,8 +25,8 @@ from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import UNBOUNDED_W
 from iptm_controller.ocp.grid import quadrature, sample_count
 from iptm_controller.ocp.layout import ROWS, LimitIndex, StateIndex
-from iptm_controller.ocp.motion_stage import GAP_SMOOTHING_M, NEARLY_DESIRED_M
 from iptm_controller.ocp.stage import DEFAULT_PENALTIES, INACTIVE_ROW_M
+from iptm_controller.ocp.stages import GAP_SMOOTHING_M, NEARLY_DESIRED_M
 from iptm_controller.ocp.transcription import Transcription
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.parameters import load_parameters

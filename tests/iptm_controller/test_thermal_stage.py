@@ -17,7 +17,7 @@ from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import POWER_LEVELS, ProblemGrid
 from iptm_controller.ocp.layout import GlobalIndex, LimitIndex, StepIndex, ThermalSampleIndex
 from iptm_controller.ocp.stage import DEFAULT_SMOOTHING
-from iptm_controller.ocp.thermal_stage import build_thermal_stage
+from iptm_controller.ocp.stages import build_thermal_stage
 from iptm_controller.options import ControllerOptions
 from iptm_controller.traction_forecast import TractionForecaster
 from iptm_core.decision_record import Rung

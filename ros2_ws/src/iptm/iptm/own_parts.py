@@ -12,9 +12,9 @@ import numpy as np
 
 from iptm.vehicle import Vehicle
 from iptm_controller.decision import Decision
-from iptm_controller.limiter import CommandLimiter
 from iptm_controller.measurements import Measurements
 from iptm_controller.options import ControllerOptions
+from iptm_controller.safeguards import CommandLimiter
 from iptm_controller.settings import FROM_STRATEGY
 from iptm_controller.strategy import COST_TERMS, STRATEGIES, Strategy, strategy_by_name
 from iptm_core.decision_record import Rung

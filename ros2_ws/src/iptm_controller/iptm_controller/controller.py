@@ -10,27 +10,23 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from iptm_controller.actuation import ActuationMemory, ActuationObserver
-from iptm_controller.cell_law import CELLS, cyclic_parameters, valuation_of
+from iptm_controller.actuation import ActuationMemory, ActuationObserver, PowerAuthority
 from iptm_controller.charging_value import ChargingValuation
-from iptm_controller.collision_guard import EMERGENCY, CollisionGuard
-from iptm_controller.decision import NOTHING, Decision
+from iptm_controller.decision import NOTHING, ControllerMemory, Decision
 from iptm_controller.estimator import Estimator
 from iptm_controller.forecast import LeaderForecaster
 from iptm_controller.ladder import FallbackLadder, safe_following
-from iptm_controller.lead_check import LeadCheck
-from iptm_controller.limiter import CommandLimiter
+from iptm_controller.lead_check import LeadCheck, SenderClock
 from iptm_controller.measurements import Measurements, trusted_measurements
-from iptm_controller.memory import ControllerMemory
 from iptm_controller.ocp.data import ProblemData, ProblemDataBuilder
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.options import ControllerOptions
+from iptm_controller.pack_model import CELLS, cyclic_parameters, valuation_of
 from iptm_controller.pack_observer import PackObserver
 from iptm_controller.plan_data import plan_data
-from iptm_controller.power_authority import PowerAuthority
 from iptm_controller.production import ProductionLikeController
 from iptm_controller.road_envelope import LOOK_AHEAD_S, RoadEnvelope
-from iptm_controller.sender_clock import SenderClock
+from iptm_controller.safeguards import EMERGENCY, CollisionGuard, CommandLimiter
 from iptm_controller.solvers.factory import build_solver
 from iptm_controller.solvers.interface import SolverBackend, SolveResult, Stopwatch, broken
 from iptm_controller.solvers.switching_check import SwitchingCheck

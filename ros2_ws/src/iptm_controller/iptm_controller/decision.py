@@ -1,17 +1,25 @@
-"""One tick's outcome: the command, where it comes from, and what was found on the way."""
+"""One tick's outcome (command, source, findings), and what a controller carries to the next tick.
+
+The memory is one value: taken, given to another controller, stored. A controller that is given the memory of
+another one with the same options decides on as that one would.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from iptm_controller.actuation import ActuationMemory
+from iptm_controller.estimator import EstimatorMemory
 from iptm_controller.forecast import LeaderForecast
-from iptm_controller.pack_observer import PackReport
+from iptm_controller.lead_check import ClockMemory, LeadMemory
+from iptm_controller.pack_observer import PackMemory, PackReport
 from iptm_controller.plan import SLACKS, Plan
+from iptm_controller.preview_trust import FusionMemory, TrustMemory
 from iptm_controller.solvers.interface import SolveResult
 from iptm_controller.temperature_value import NO_VALUE, TemperatureValue
 from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
-from iptm_core.state import Command
+from iptm_core.state import Command, LeaderState, VehicleState
 
 NOTHING = Command(0.0, 0.0)
 
@@ -70,3 +78,60 @@ class Decision:
             aging_sensitivity_1_k=self.value.aging_sensitivity_1_k,
             temperature_decay_time_s=self.value.temperature_decay_time_s,
         )
+
+
+@dataclass(frozen=True)
+class PaceMemory:
+    """Of the road ahead: a driver at its limits at the last tick; ``is_held``: a lead vehicle was nearer."""
+
+    time_s: float
+    position_m: float
+    speed_m_s: float
+    is_held: bool
+
+
+@dataclass(frozen=True)
+class ControllerMemory:
+    """Of a controller; the default is a controller that has not decided anything.
+
+    Attributes:
+        last_trusted: state that commands are limited against where none can be trusted.
+        last_plan: newest usable plan.
+        failures: ticks in a row without a usable plan.
+        leader: lead vehicle that the collision guard measured last.
+        leader_deceleration_m_s2: how hard it braked, not negative.
+        lost_ticks: ticks without it since.
+        trip_start: first state of the trip, from which the aging rate is averaged.
+        foreseen_1_s: aging rate that was expected there.
+        powers_w: traction powers of the trip so far.
+        speeds_m_s: speeds at which they were measured.
+        powers_until_s: when the newest one was measured.
+        lead: lead vehicle by range sensor and by radio, see `iptm_controller.lead_check`.
+        sender_clock: offset of the clock of who sends previews.
+        leader_past: leader measured in the last seconds, oldest first.
+        pace: of the road ahead, None where no rule has bound the vehicle.
+        solves_since_second: of the check for better switching; None for one that has not solved anything.
+    """
+
+    last_trusted: VehicleState | None = None
+    last_plan: Plan | None = None
+    failures: int = 0
+    leader: LeaderState | None = None
+    leader_deceleration_m_s2: float = 0.0
+    lost_ticks: int = 0
+    trip_start: VehicleState | None = None
+    foreseen_1_s: float = 0.0
+    powers_w: tuple[float, ...] = ()
+    speeds_m_s: tuple[float, ...] = ()
+    powers_until_s: float = -math.inf
+    lead: LeadMemory = field(default_factory=LeadMemory)
+    sender_clock: ClockMemory = field(default_factory=ClockMemory)
+    leader_past: tuple[LeaderState, ...] = ()
+    fusion: FusionMemory = field(default_factory=FusionMemory)
+    trust: TrustMemory = field(default_factory=TrustMemory)
+    actuation: ActuationMemory = field(default_factory=ActuationMemory)
+    pack: PackMemory = field(default_factory=PackMemory)
+    estimator: EstimatorMemory = field(default_factory=EstimatorMemory)
+    is_cooling: bool = False
+    pace: PaceMemory | None = None
+    solves_since_second: int | None = None

@@ -15,13 +15,12 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from iptm_controller.lead_check import LARGEST_SPEED_ERROR_M_S
-from iptm_controller.leader_motion import (
+from iptm_controller.lead_check import (
+    LARGEST_SPEED_ERROR_M_S,
     extrapolated_motion,
     measured_acceleration_m_s2,
 )
-from iptm_controller.preview_fusion import PreviewFusion
-from iptm_controller.preview_trust import PRESENT_ERROR_M_S, PreviewTrust
+from iptm_controller.preview_trust import PRESENT_ERROR_M_S, PreviewFusion, PreviewTrust
 from iptm_core.state import SPEED_AT_REST_M_S, LeaderPreview, LeaderState
 
 HISTORY_S = 3.0

@@ -12,10 +12,8 @@ from typing import Any
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray
 
-from iptm_controller.decision import Decision
-from iptm_controller.memory import ControllerMemory
-from iptm_controller.node_changes import SettingsChanges
-from iptm_controller.node_parameters import CHANGEABLE, ControllerNodeParameters
+from iptm_controller.decision import ControllerMemory, Decision
+from iptm_controller.node_parameters import CHANGEABLE, ControllerNodeParameters, SettingsChanges
 from iptm_controller.node_reports import (
     DecisionCounts,
     decision_values,
@@ -23,8 +21,13 @@ from iptm_controller.node_reports import (
     road_warning,
     situation,
 )
-from iptm_controller.node_ticks import OTHER_INPUTS, CatchUp, CompleteTick, read_measurements
-from iptm_controller.node_watch import OperatorWatch
+from iptm_controller.node_ticks import (
+    OTHER_INPUTS,
+    CatchUp,
+    CompleteTick,
+    OperatorWatch,
+    read_measurements,
+)
 from iptm_core.decision_record import DrivingMode
 from iptm_core.errors import MessageError, ServiceError
 from iptm_core.saved_state import write_state

@@ -7,12 +7,12 @@ from collections import Counter
 import numpy as np
 
 from iptm_controller.actuation import WEAK_SHARE
-from iptm_controller.collision_guard import EMERGENCY
 from iptm_controller.decision import Decision
 from iptm_controller.forecast import PreviewQuality
-from iptm_controller.node_watch import CONCERNS, OperatorWatch
+from iptm_controller.node_ticks import CONCERNS, OperatorWatch
 from iptm_controller.ocp.layout import InputIndex, StateIndex
 from iptm_controller.plan import Plan
+from iptm_controller.safeguards import EMERGENCY
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.metrics.constraints import (
     GAP_TOLERANCE_M,

@@ -17,22 +17,20 @@ from enum import Enum
 import numpy as np
 
 from iptm_controller.measurements import (
+    APART_K,
     PACK_RANGES,
+    START_S,
+    CoolingMemory,
     Measurements,
+    SensorMemory,
+    are_alike,
+    corrected,
+    is_temperature,
     motion_fault,
     slope_at_rad,
     slope_fault,
 )
 from iptm_controller.pack_model import PackModel
-from iptm_controller.pack_sensor import (
-    APART_K,
-    START_S,
-    CoolingMemory,
-    SensorMemory,
-    are_alike,
-    corrected,
-    is_temperature,
-)
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.thermal_loop import reduce_channel
 from iptm_core.state import Command, PackReading, VehicleState

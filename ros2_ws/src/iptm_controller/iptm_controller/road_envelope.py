@@ -15,8 +15,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from iptm_controller.decision import PaceMemory
 from iptm_controller.forecast import LeaderForecast
-from iptm_controller.memory import PaceMemory
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.car_following import maximum_gap_m
 from iptm_core.road_ahead import BRAKING_M_S2, RoadAhead, SpeedLimits, lawful_drive

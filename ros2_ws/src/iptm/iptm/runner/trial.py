@@ -24,7 +24,7 @@ from iptm.trip_settings import AUTOMATIC_DOMAIN
 from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements
 from iptm_controller.node_reports import WEAK_BRAKES, is_about_limits, situation
-from iptm_controller.node_watch import OperatorWatch
+from iptm_controller.node_ticks import OperatorWatch
 from iptm_core.declaration import TextEnum
 from iptm_core.settings import LoopMode
 from iptm_core.state import NS_PER_S

@@ -1,4 +1,4 @@
-/* The last limiter of a command: limiter.py in C99, independent of the solver. */
+/* The last limiter of a command: safeguards.py in C99, independent of the solver. */
 #ifndef IPTM_LIMITER_H
 #define IPTM_LIMITER_H
 

@@ -5,7 +5,7 @@
 
 #include "stages.h"
 
-/* Constants of method.py, line_search.py, step_summary.py and program.py. */
+/* Constants of method.py, line_search.py and program.py. */
 static const double COLD_START_BARRIER = 10.0;
 static const double COLD_START_SAFEGUARD = 0.03;
 static const double BACKTRACKING = 0.3;
@@ -31,7 +31,7 @@ static const double LEAST_SLACK = 1e-3;
 
 enum { LOWER = IPTM_STATES * (IPTM_STATES + 1) / 2, FEEDBACK = IPTM_INPUTS * IPTM_STATES };
 
-/* Scalars of an iterate and of its Newton step, see step_summary.py. */
+/* Scalars of an iterate and of its Newton step, see line_search.py. */
 typedef struct {
   double stationarity, dynamics, inequalities, complementarity, complementarity_sum, z_sum, lam_sum;
   double corrected_pivots, cost_slope_affine, cost_slope_centring, log_slope_affine, log_slope_centring;

@@ -30,7 +30,7 @@ from pathlib import Path
 
 import casadi as ca
 
-from iptm_controller.ocp.number_table import (
+from iptm_controller.ocp.layout import (
     split_numbers,
     table_declaration,
     table_source,

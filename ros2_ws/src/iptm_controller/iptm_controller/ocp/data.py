@@ -10,7 +10,7 @@ import numpy as np
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import GlobalIndex, SampleIndex, StateIndex, StepIndex
-from iptm_controller.ocp.motion_stage import LONGEST_STEP_WITHOUT_SAMPLED_GAP_S
+from iptm_controller.ocp.stages import LONGEST_STEP_WITHOUT_SAMPLED_GAP_S
 from iptm_controller.strategy import Strategy
 from iptm_controller.temperature_value import NO_VALUE, TemperatureValue
 from iptm_core.parameters.model import ModelParameters

@@ -11,9 +11,8 @@ from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import InputIndex, LimitIndex
-from iptm_controller.ocp.motion_stage import build_stage
 from iptm_controller.ocp.stage import DEFAULT_SMOOTHING, PenaltyWeights, StageExpressions
-from iptm_controller.ocp.thermal_stage import build_thermal_stage
+from iptm_controller.ocp.stages import build_stage, build_thermal_stage
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.chiller import largest_useful_power_w
 from iptm_core.physics.power_thermal import Smoothing

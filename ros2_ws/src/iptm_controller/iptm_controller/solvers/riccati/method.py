@@ -21,9 +21,8 @@ from iptm_controller.solvers.interface import (
     SolverOptions,
     Stopwatch,
 )
-from iptm_controller.solvers.riccati.line_search import FilterPoint, LineSearchFilter
+from iptm_controller.solvers.riccati.line_search import FilterPoint, LineSearchFilter, StepSummary
 from iptm_controller.solvers.riccati.program import ITERATE
-from iptm_controller.solvers.riccati.step_summary import StepSummary
 from iptm_core.decision_record import SolveStatus
 from iptm_core.physics.ops import BufferedFunction
 from iptm_core.state import FloatArray

@@ -16,10 +16,9 @@ import numpy as np
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.layout import BLOCK
 from iptm_controller.ocp.problem import OptimalControlProblem
-from iptm_controller.solvers.riccati.line_search import FilterPoint
+from iptm_controller.solvers.riccati.line_search import FilterPoint, StepSummary
 from iptm_controller.solvers.riccati.recursion import LOWER, PARTS, backward_step, forward_step
 from iptm_controller.solvers.riccati.stage_system import StageSystem, common_sparsity
-from iptm_controller.solvers.riccati.step_summary import StepSummary
 from iptm_core.physics.ops import named_function
 
 ITERATE = ("w", "lam", "s", "z")

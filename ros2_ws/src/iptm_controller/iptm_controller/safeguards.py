@@ -1,9 +1,12 @@
-"""Final check of a command: one that would lead into the leader is replaced by full braking.
+"""Last checks of a command, independent of the solver: physical bounds and rates, and the collision guard.
+
+Whatever the ladder decides passes through the limiter. A command that is not finite becomes the gentlest
+safe one: coast down within the jerk limit, compressor power held.
 
 The optimiser trades limits against each other and relies on the preview, and a plan of an earlier tick does
-not account for what has happened since. This guard uses the measured state alone: if the command is carried
-out for a tick and the brakes are applied in full afterwards, is the leader
-touched? It is not part of the paper.
+not account for what has happened since. The guard uses the measured state alone: if the command is carried
+out for a tick and the brakes are applied in full afterwards, is the leader touched? It is not part of the
+paper.
 """
 
 from __future__ import annotations
@@ -14,7 +17,70 @@ import numpy as np
 
 from iptm_controller.forecast import NEAR_S, LeaderForecast
 from iptm_core.parameters.model import LimitParameters
-from iptm_core.state import FloatArray, LeaderPreview, LeaderState, VehicleState
+from iptm_core.state import Command, FloatArray, LeaderPreview, LeaderState, VehicleState
+
+TOLERANCE = 1e-6
+
+
+class CommandLimiter:
+    """Clamps acceleration, jerk, speed, compressor power and its rate."""
+
+    def __init__(self, limits: LimitParameters, tick_s: float) -> None:
+        self._limits = limits
+        self._power_range_w = limits.lowest_thermal_power_w, limits.max_compressor_power_w
+        self._tick_s = tick_s
+
+    def limit(self, command: Command, state: VehicleState) -> tuple[Command, tuple[str, ...]]:
+        """Limit a command relative to what is actuated now (``state``).
+
+        Returns:
+            The command within all bounds, and the bounds that changed it by more than round-off.
+        """
+        limits, tick_s = self._limits, self._tick_s
+        low_w, high_w = self._power_range_w
+        reasons: list[str] = []
+        acceleration = command.acceleration_m_s2
+        power = command.compressor_power_w
+        last_acceleration = min(
+            max(state.acceleration_m_s2, limits.min_acceleration_m_s2), limits.max_acceleration_m_s2
+        )
+        last_power = min(max(state.compressor_power_w, low_w), high_w)
+        if not math.isfinite(acceleration):
+            acceleration = min(last_acceleration, 0.0)
+            reasons.append("acceleration not finite")
+        if not math.isfinite(power):
+            power = last_power
+            reasons.append("compressor power not finite")
+        jerk_step = limits.max_jerk_m_s3 * tick_s
+        rate_step = limits.max_compressor_rate_w_s * tick_s
+        # Bounds first, rates last: the rate limits are what the actuators cannot exceed.
+        top_speed_acceleration = max(
+            (limits.max_speed_m_s - state.speed_m_s) / tick_s, limits.min_acceleration_m_s2
+        )
+        steps = (
+            ("acceleration bound", limits.min_acceleration_m_s2, limits.max_acceleration_m_s2),
+            ("top speed", -math.inf, top_speed_acceleration),
+            ("jerk", last_acceleration - jerk_step, last_acceleration + jerk_step),
+        )
+        for label, low, high in steps:
+            acceleration = _clamp(acceleration, low, high, label, reasons, TOLERANCE)
+        power_steps = (
+            ("compressor power bound", low_w, high_w),
+            ("compressor rate", last_power - rate_step, last_power + rate_step),
+        )
+        for label, low, high in power_steps:
+            power = _clamp(power, low, high, label, reasons, TOLERANCE * 1000.0)
+        return Command(acceleration, power), tuple(reasons)
+
+
+def _clamp(
+    value: float, low: float, high: float, label: str, reasons: list[str], tolerance: float
+) -> float:
+    clamped = min(max(value, low), high)
+    if abs(clamped - value) > tolerance:
+        reasons.append(label)
+    return clamped
+
 
 MARGIN_M = 1.0
 """Smallest permitted gap: margin for errors of range and prediction within a tick."""
