@@ -1,6 +1,6 @@
 """The page in a Chromium without a window: for tests, and for the pictures in ``docs/images``.
 
-python -m tests.iptm_view.screenshot
+python -m tests.iptm_view.screenshot    # of the run in bags/docs
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 
 from iptm.runner.view import REFERENCE_COMMAND
 from iptm_core.errors import ViewError
-from iptm_view.page_feed import PageFeed
+from iptm_view.judged_feed import JudgedFeed
 from iptm_view.page_server import PageServer
 from iptm_view.reference_car import NO_REFERENCE, ReferenceCar
 from iptm_view.sources import BagSource
@@ -53,8 +53,8 @@ class Picture:
 
 
 DOCUMENTED = {
-    "live_view.png": Picture(at_s=92.0),
-    "live_view_tablet.png": Picture(820, 1180, at_s=60.0),
+    "live_view.png": Picture(at_s=1500.0),
+    "live_view_tablet.png": Picture(820, 1180, at_s=1200.0),
     "live_view_phone.png": Picture(390, 844, is_dark=True),
 }
 """Pictures of the documentation by file name."""
@@ -107,12 +107,13 @@ def served_bag(
     bag: Path, reference_command: Sequence[str] = (), strategy: str = NO_REFERENCE
 ) -> Iterator[PageServer]:
     """Serve the page of a whole bag."""
-    feed = PageFeed()
+    feed = JudgedFeed()
     with (
         closing(ReferenceCar(feed, reference_command, strategy)) as reference,
         closing(PageServer({"": feed}, 0)) as server,
     ):
         with BagSource(bag) as source:
+            feed.parameters = source.facts.parameters
             source.load(feed, reference.start(source.facts))
         yield server
 
@@ -138,5 +139,4 @@ def take_screenshot(bag: Path, file: Path, picture: Picture, strategy: str) -> N
 if __name__ == "__main__":
     root = Path(__file__).resolve().parents[2]
     for name, look in DOCUMENTED.items():
-        bag = root / "bags" / "example_us06_120s"
-        take_screenshot(bag, root / "docs" / "images" / name, look, "reference")
+        take_screenshot(root / "bags" / "docs", root / "docs" / "images" / name, look, "reference")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import io
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -187,7 +188,23 @@ def test_a_run_in_which_nothing_happens_can_be_drawn(results: Run, tmp_path: Pat
     assert (tmp_path / "still.png").stat().st_size > 10_000
 
 
-def test_a_page_holds_the_run_and_needs_no_other_file(results: Run, tmp_path: Path) -> None:
+def test_curves_of_a_page_can_be_moved_and_hovered(results: Run, tmp_path: Path) -> None:
+    pytest.importorskip("plotly", reason="plotly is not installed (requirements/view.txt)")
+    text = results.report(tmp_path / "report.html").read_text(encoding="utf-8")
+    drawn = text[text.index("Plotly.newPlot(") :]
+    titles = [axes.get_title("left") for axes in results.plot().axes]
+    places = [drawn.index(f"\\u003cb\\u003e{title}") for title in titles]
+    assert places == sorted(places)
+    assert drawn.count('"type":"scatter"') > len(titles)
+    assert '"hovermode":"x unified"' in drawn
+    assert "<script src=" not in text
+    assert "<link" not in text
+
+
+def test_a_page_holds_the_run_and_needs_no_other_file(
+    results: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "iptm.interactive", None)
     path = tmp_path / "report.html"
     other = dataclasses.replace(results, settings={"strategy": "reference"})
     results.report(path, other)
@@ -196,4 +213,5 @@ def test_a_page_holds_the_run_and_needs_no_other_file(results: Run, tmp_path: Pa
     assert "<td>aging_cost_to_go</td>" in text
     assert 'src="data:image/png;base64,' in text
     assert text.count("src=") == 1
+    assert "pip install plotly" in text
     assert "href=" not in text

@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from iptm.report import figures_html, html_table, image, outcome_html, saving_html, write_page
+from iptm.panels import Panel, overlay_panels
+from iptm.report import (
+    curves_html,
+    figures_html,
+    html_table,
+    outcome_html,
+    saving_html,
+    write_page,
+)
 from iptm.run import Run, figure_title
 from iptm_core.errors import ScenarioError
 from iptm_core.metrics import FIGURES, SAVINGS, Saving
@@ -72,10 +80,12 @@ class Comparison:
 
     def plot(self) -> Picture:
         """Draw the runs over each other; see `Run.plot`."""
-        from iptm.picture import overlay_picture  # noqa: PLC0415  matplotlib takes a moment to load
+        from iptm.picture import picture  # noqa: PLC0415  matplotlib takes a moment to load
 
-        runs = {label: run.trajectory for label, run in self.runs.items()}
-        return overlay_picture(runs, "\n".join(self.headlines))
+        return picture(self._panels(), self.headlines)
+
+    def _panels(self) -> list[Panel]:
+        return overlay_panels({label: run.trajectory for label, run in self.runs.items()})
 
     def report(self, path: str | Path) -> Path:
         """Write savings, picture, table and differences as one HTML page that needs no other file.
@@ -92,7 +102,7 @@ class Comparison:
         )
         sections = {
             "Results": results,
-            "Over time": image(self.plot().png()),
+            "Over time": curves_html(self._panels(), self.plot),
             "Figures": figures_html({label: run.metrics for label, run in self.runs.items()}),
             "What differs": html_table(differences) if len(differences) else "<p>no setting</p>",
         }

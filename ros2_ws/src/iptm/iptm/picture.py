@@ -1,33 +1,24 @@
-"""Pictures of runs: their style, and the curves of several runs over each other."""
+"""Panels as a picture, drawn by matplotlib."""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Mapping
-from typing import Any, TypeVar
+import textwrap
+from collections.abc import Sequence
+from typing import Any
 
+import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
-from iptm_core.metrics.figures import PPM
-from iptm_core.state import FloatArray
-from iptm_core.trajectory import Trajectory
-from iptm_core.units import CELSIUS_ZERO_K, KM_H_PER_M_S
+from iptm.panels import Curve, Panel
 
-# Colours of Okabe and Ito, distinguishable for colour-blind readers.
-BLUE, ORANGE, GREEN, RED, PURPLE, SKY = (
-    "#0072B2",
-    "#E69F00",
-    "#009E73",
-    "#D55E00",
-    "#CC79A7",
-    "#56B4E9",
-)
-GREY = "#8a8a8a"
-COLOURS = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, GREY)
+_HEADING_COLUMNS = 130
+_FOOTER_COLUMNS = 170
 _WIDTH_INCHES = 12.0
 _INCHES_PER_HEIGHT = 1.72
 _HEADING_INCHES = 1.2
@@ -69,32 +60,9 @@ class Picture(Figure):
             super().savefig(*args, **options)
 
 
-def overlay_picture(runs: Mapping[str, Trajectory], headline: str = "") -> Picture:
-    """Draw several runs over each other, by the labels of the legend, in the order of drawing."""
-
-    def draw(panel: tuple[str, str, Callable[[Trajectory], FloatArray]], axes: Axes) -> None:
-        title, unit, values = panel
-        for number, (label, run) in enumerate(runs.items()):
-            axes.plot(run.time_s, values(run), color=COLOURS[number % len(COLOURS)], label=label)
-        titled(axes, title, unit)
-        legend = axes.get_legend()
-        if legend is not None and panel is not _OVERLAID[0]:
-            legend.remove()
-
-    return drawn(dict.fromkeys(_OVERLAID, 1.0), draw, headline, "")
-
-
-_Panel = TypeVar("_Panel")
-
-
-def drawn(
-    panels: Mapping[_Panel, float],
-    draw: Callable[[_Panel, Axes], None],
-    headline: str,
-    footer: str,
-) -> Picture:
-    """Return a picture of panels, from top to bottom, with relative heights."""
-    heights = list(panels.values())
+def picture(panels: Sequence[Panel], heading: Sequence[str] = (), footer: str = "") -> Picture:
+    """Return a picture of panels, from top to bottom, with lines above and a text below them."""
+    heights = [panel.height for panel in panels]
     size = (_WIDTH_INCHES, _HEADING_INCHES + _INCHES_PER_HEIGHT * sum(heights))
     with rc_context(STYLE):
         layout = ConstrainedLayoutEngine(h_pad=0.06, hspace=0.03)
@@ -102,44 +70,42 @@ def drawn(
         FigureCanvasAgg(figure)
         all_axes = figure.subplots(len(panels), 1, sharex=True, height_ratios=heights)
         for axes, panel in zip(all_axes, panels, strict=True):
-            draw(panel, axes)
-            axes.margins(x=0.0)
+            _draw(axes, panel)
         all_axes[-1].set_xlabel("time (s)")
         figure.align_ylabels(all_axes)
-        if headline:
-            figure.suptitle(headline, fontsize=11, fontweight="bold", x=0.01, ha="left")
+        if heading:
+            text = "\n".join(textwrap.fill(line, _HEADING_COLUMNS) for line in heading)
+            figure.suptitle(text, fontsize=11, fontweight="bold", x=0.01, ha="left")
         if footer:
-            figure.supxlabel(footer, fontsize=9, color="#555555", x=0.01, ha="left")
+            text = textwrap.fill(footer, _FOOTER_COLUMNS)
+            figure.supxlabel(text, fontsize=9, color="#555555", x=0.01, ha="left")
     return figure
 
 
-def titled(axes: Axes, title: str, unit: str, *more: Axes) -> None:
-    """Put title and legend above a panel, the legend with the lines of all its axes."""
-    axes.set_title(title)
-    axes.set_ylabel(unit)
-    handles = [line for each in (axes, *more) for line in each.get_legend_handles_labels()[0]]
-    axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(handles))
+def _draw(axes: Axes, panel: Panel) -> None:
+    if panel.logarithmic:
+        axes.set_yscale("log")
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axes.yaxis.set_minor_locator(NullLocator())
+    for curve in panel.curves:
+        _draw_curve(axes, curve)
+    low, high = (limit if np.isfinite(limit) else None for limit in panel.limits)
+    axes.set_ylim(low, high)
+    axes.margins(x=0.0)
+    axes.set_title(panel.title)
+    axes.set_ylabel(panel.unit)
+    handles = axes.get_legend_handles_labels()[0]
+    if handles:
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(handles))
 
 
-def mean_temperature_c(run: Trajectory) -> FloatArray:
-    """Return the mean temperature of both cells in degrees Celsius, shape (n,)."""
-    mean: FloatArray = 0.5 * (run.cell_1_temperature_k + run.cell_n_temperature_k) - CELSIUS_ZERO_K
-    return mean
-
-
-def aging_ppm(run: Trajectory) -> FloatArray:
-    """Return the capacity that both cells lost since the first row in ppm of nominal, shape (n,)."""
-    loss = run.cell_1_capacity_loss + run.cell_n_capacity_loss
-    ppm: FloatArray = PPM * (loss - loss[0])
-    return ppm
-
-
-_OVERLAID: tuple[tuple[str, str, Callable[[Trajectory], FloatArray]], ...] = (
-    ("Speed", "km/h", lambda run: KM_H_PER_M_S * run.speed_m_s),
-    ("Gap to the leader", "m", lambda run: run.gap_m),
-    ("Battery power (positive: drawn from the pack)", "kW", lambda run: 1e-3 * run.battery_power_w),
-    ("Compressor power", "kW", lambda run: 1e-3 * run.compressor_power_w),
-    ("Mean temperature of the cells", "°C", mean_temperature_c),
-    ("Capacity lost since the start, both cells", "ppm of nominal", aging_ppm),
-)
-"""Panels of several runs: title, unit and values."""
+def _draw_curve(axes: Axes, curve: Curve) -> None:
+    named: dict[str, Any] = {"color": curve.color, "label": curve.label or None}
+    if curve.floor is None:
+        size = 4.0 if curve.style == "v" else 2.2
+        axes.plot(curve.time_s, curve.values, curve.style, lw=curve.width, ms=size, **named)
+    else:
+        step: Any = "pre" if curve.steps else None
+        named |= {"alpha": curve.opacity, "lw": 0.0, "step": step}
+        axes.fill_between(curve.time_s, curve.floor, curve.values, **named)

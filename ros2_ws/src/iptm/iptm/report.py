@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from base64 import b64encode
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
 from iptm_core.errors import StoreError
 from iptm_core.metrics import FIGURES, TRIP_FIGURES, RunMetrics, Saving, figure_values
+
+if TYPE_CHECKING:
+    from iptm.panels import Panel
+    from iptm.picture import Picture
 
 _STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; max-width: 78rem; margin: 2rem auto; padding: 0 1rem; }
@@ -125,7 +129,12 @@ def html_table(frame: pd.DataFrame) -> str:
     return str(text)
 
 
-def image(png: bytes) -> str:
-    """Return a picture that is part of the page."""
-    data = b64encode(png).decode("ascii")
-    return f'<img alt="curves over time" src="data:image/png;base64,{data}">'
+def curves_html(panels: Sequence[Panel], plot: Callable[[], Picture]) -> str:
+    """Return panels that can be moved, zoomed and hovered; without plotly, a picture and how to get them."""
+    try:
+        from iptm.interactive import interactive_html  # noqa: PLC0415  an extra
+    except ModuleNotFoundError:
+        data = b64encode(plot().png()).decode("ascii")
+        how = "With plotly installed (pip install plotly) the curves can be moved, zoomed and hovered."
+        return f'<img alt="curves over time" src="data:image/png;base64,{data}"><p>{how}</p>'
+    return interactive_html(panels)

@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from iptm.report import figures_html, html_table, image, outcome_html, saving_html, write_page
+from iptm.panels import Panel, Shown, run_panels
+from iptm.report import (
+    curves_html,
+    figures_html,
+    html_table,
+    outcome_html,
+    outcome_lines,
+    saving_html,
+    write_page,
+)
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.declaration import TextEnum
 from iptm_core.errors import ScenarioError
@@ -209,15 +217,17 @@ class Run:
         Returns:
             A matplotlib figure; notebooks show it, and ``savefig`` writes it.
         """
-        # matplotlib takes a moment to load
-        from iptm.run_picture import HEADING_COLUMNS, run_picture  # noqa: PLC0415
+        from iptm.picture import picture  # noqa: PLC0415  matplotlib takes a moment to load
 
-        behind = None if against is None else (against.strategy, against.trajectory)
         if against is not None and not remarks:
             remarks = [f"{self.saving(against).headline}, against {against.strategy}"]
-        headline = "\n".join([textwrap.fill(self.name, HEADING_COLUMNS), *remarks])
-        driven = self.trajectory, self.parameters, self.decisions, self.slope
-        return run_picture(*driven, behind, headline, footer)
+        outcome = "; ".join(filter(None, [footer, *outcome_lines(self.metrics)]))
+        return picture(self._panels(against), [self.name, *remarks], outcome)
+
+    def _panels(self, against: Run | None) -> list[Panel]:
+        behind = None if against is None else (against.strategy, against.trajectory)
+        road = self.slope or SlopeProfile.flat()
+        return run_panels(Shown(self.trajectory, self.parameters, self.decisions, road, behind))
 
     def report(
         self, path: str | Path, against: Run | None = None, *, explained: bool = False
@@ -244,7 +254,7 @@ class Run:
             table = html_table(why.table.map("{:+.1f}".format))
             sections["Why, in percentage points"] = f"<p>{escape(why.sentence)}</p>{table}"
         sections |= {
-            "Over time": image(self.plot(against).png()),
+            "Over time": curves_html(self._panels(against), partial(self.plot, against)),
             "Figures": figures_html(runs),
         }
         if self.settings:

@@ -13,7 +13,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from iptm.picture import GREY, STYLE
+from iptm.panels import GREY
+from iptm.picture import STYLE
 from iptm.report import relative_changes
 from iptm.run import Run
 from iptm.vehicle_string import amplification, deviations_along

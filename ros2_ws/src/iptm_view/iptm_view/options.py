@@ -57,9 +57,9 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--against",
         default="reference",
-        metavar="STRATEGY",
-        help="strategy of the car to compare the ageing with, none for no such car; with one"
-        " vehicle only (default: %(default)s)",
+        metavar="STRATEGY|BAG",
+        help="strategy of the car to compare with, or the bag of another run of the same trip; none for no"
+        " such car; with one vehicle only (default: %(default)s)",
     )
     parser.add_argument(
         "--port", type=whole_number, help=f"of the page (default: {DEFAULT_PORT}, or a free one)"
@@ -78,5 +78,11 @@ def build_parser() -> argparse.ArgumentParser:
         " of this machine; repeatable",
     )
     parser.add_argument("--no-foxglove", action="store_true", help="start no Foxglove server")
+    parser.add_argument(
+        "--save",
+        type=Path,
+        metavar="FILE",
+        help="of a bag: write the page to one HTML file that plays without a server, and end",
+    )
     parser.add_argument("--no-browser", action="store_true", help="open no browser on a desktop")
     return parser

@@ -7,9 +7,12 @@ import subprocess
 import threading
 from collections.abc import Sequence
 from contextlib import suppress
+from pathlib import Path
 
-from iptm_view.page_feed import REFERENCE, PageFeed
+from iptm_view.page_feed import REFERENCE, ROWS, Cursor, PageFeed
+from iptm_view.page_row import PAGE_COLUMNS
 from iptm_view.run_facts import RunFacts
+from iptm_view.sources import BagSource
 
 NO_REFERENCE = "none"
 STATE = "reference_state"
@@ -30,6 +33,7 @@ class ReferenceCar:
         self._strategy = strategy
         self._settings = ""
         self._process: subprocess.Popen[str] | None = None
+        self._follower: threading.Thread | None = None
 
     def start(self, facts: RunFacts) -> RunFacts:
         """Begin to drive the trip of a run, unless that has been started already."""
@@ -58,7 +62,9 @@ class ReferenceCar:
             stderr=subprocess.PIPE,
             text=True,
         )
-        threading.Thread(target=self._follow, args=(self._process, settings), daemon=True).start()
+        of_process = (self._process, settings)
+        self._follower = threading.Thread(target=self._follow, args=of_process, daemon=True)
+        self._follower.start()
         return facts
 
     def _follow(self, process: subprocess.Popen[str], settings: str) -> None:
@@ -79,6 +85,12 @@ class ReferenceCar:
         else:
             self._put(process, {**known, "state": "failed", "reason": errors[-1]})
 
+    @property
+    def is_computing(self) -> bool:
+        """Whether rows are still to come."""
+        thread = self._follower
+        return thread is not None and thread.is_alive()
+
     def _put(self, process: subprocess.Popen[str], state: dict[str, object]) -> None:
         if process is self._process:
             self._feed.put(STATE, state)
@@ -89,3 +101,15 @@ class ReferenceCar:
         if process is not None and process.poll() is None:
             process.kill()
             process.wait()
+
+
+def put_stored_run(feed: PageFeed, bag: Path) -> None:
+    """Put the run of a bag into a feed in the place of the reference car."""
+    other = PageFeed()
+    with BagSource(bag) as source:
+        source.load(other, source.facts)
+    state = {"state": "done", "run": bag.resolve().name, "columns": list(PAGE_COLUMNS)}
+    feed.put(STATE, state)
+    _, events = other.changes(Cursor(), timeout_s=0.0)
+    for row in (row for event in events if event.kind == ROWS for row in json.loads(event.text)):
+        feed.append(REFERENCE, row)

@@ -28,9 +28,10 @@ from iptm_view.graph_subscriptions import listening_node
 from iptm_view.judged_feed import JudgedFeed
 from iptm_view.options import PROGRAM
 from iptm_view.page_server import PageServer
-from iptm_view.reference_car import NO_REFERENCE, ReferenceCar
+from iptm_view.reference_car import NO_REFERENCE, ReferenceCar, put_stored_run
 from iptm_view.run_facts import RunFacts
 from iptm_view.sources import NAME, BagSource, GraphSource
+from iptm_view.stored_page import save_page
 
 _POLL_S = 0.1
 _FRAME_S = 0.1
@@ -70,6 +71,8 @@ def _vehicles(parsed: argparse.Namespace) -> list[str]:
     vehicles = list(dict.fromkeys(name.strip("/") for name in parsed.namespace)) or [""]
     if parsed.bag is not None and len(vehicles) > 1:
         raise ViewError(f"--namespace is {', '.join(vehicles)}; allowed: one with a bag")
+    if parsed.save is not None and parsed.bag is None:
+        raise ViewError(f"--save is {parsed.save}; allowed: with a bag")
     if parsed.afterwards and len(parsed.afterwards) != len(vehicles):
         given = ", ".join(map(str, parsed.afterwards))
         raise ViewError(f"--afterwards is {given}; allowed: one for each --namespace")
@@ -90,6 +93,9 @@ class _Servers(AbstractContextManager["_Servers"]):
         self.foxglove, self._note = _start_foxglove(parsed)
         # The trip that a reference would drive is that behind the driving cycle.
         strategy = parsed.against if len(vehicles) == 1 else NO_REFERENCE
+        if Path(strategy).exists():
+            put_stored_run(self.feed, Path(strategy))
+            strategy = NO_REFERENCE
         self._reference = ReferenceCar(self.feed, reference_command, strategy)
         self._page = PageServer(self.feeds, parsed.port)
         print(f"{PROGRAM}: {self._page.url}", flush=True)
@@ -103,6 +109,11 @@ class _Servers(AbstractContextManager["_Servers"]):
         self._page.close()
         if self.foxglove is not None:
             self.foxglove.close()
+
+    @property
+    def is_computing(self) -> bool:
+        """Whether the reference car is still being driven."""
+        return self._reference.is_computing
 
     def complete(self, facts: RunFacts) -> RunFacts:
         """Add the facts of this view to the facts of a run, and start the reference car once."""
@@ -139,6 +150,12 @@ def _show_bag(parsed: argparse.Namespace, servers: _Servers, stop: StopRequest) 
     foxglove = servers.foxglove
     with BagSource(parsed.bag, parsed.rate, parsed.start, namespace or None) as source:
         source.load(servers.feed, servers.complete(source.facts), wait)
+        if parsed.save is not None:
+            while servers.is_computing:
+                if wait(_POLL_S):
+                    return
+            save_page(servers.feed, parsed.save)
+            return
         if foxglove is not None:
             source.play(foxglove, wait)
     while not wait(_POLL_S):

@@ -4,7 +4,7 @@ import { drawChart, drawEventRow, interpolate, themeColors } from "./charts.js";
 import { build, drawEvents, element } from "./diagnostics.js";
 import { FIGURES, PANELS, ROAD, shown, TILES } from "./panels.js";
 import { Player } from "./player.js";
-import { Run } from "./run.js";
+import { difference, Run } from "./run.js";
 
 const PLAN_AHEAD_S = 30;
 const AUTO_WINDOW_S = 120;
@@ -131,11 +131,14 @@ function drawPanel(panel, range) {
   panel.section.hidden = !hasData;
   if (!hasData) return;
   const plan = run.planAt(player.now);
-  const [lines, values] = [[], []];
-  for (const line of panel.lines) {
-    const drawn = linesOf(panel, line, plan);
+  const [lines, values, own] = [[], [], {}];
+  const drawnOf = new Map(panel.lines.map((line) => [line, linesOf(panel, line, plan)]));
+  for (const [line, { value }] of drawnOf) if (!line.table) own[line.column] = value;
+  for (const [line, drawn] of drawnOf) {
     lines.push(...drawn.lines);
-    line.node.textContent = shown(drawn.value, panel.digits);
+    const change = line.table ? difference(own[line.column], drawn.value) : null;
+    const signed = change === null ? "" : ` (this car ${change < 0 ? "−" : "+"}${shown(Math.abs(change), panel.digits)})`;
+    line.node.textContent = `${shown(drawn.value, panel.digits)}${signed}`;
     if (!line.item.hidden) values.push(`${line.label} ${line.node.textContent}`);
   }
   const limits = run.facts.limits
@@ -177,7 +180,8 @@ function describe(panel, values) {
 
 function drawHeadline() {
   const time = readingTime();
-  const { state, strategy, duration_s: duration, reason } = run.referenceState;
+  const { state, strategy, run: other, duration_s: duration, reason } = run.referenceState;
+  const car = other ? `the run ${other}` : `a car with strategy ${strategy}`;
   const saving = run.savingAt(time);
   const saved = saving?.aging.percent ?? null;
   element("saved").textContent = saved === null ? (saving?.aging.text ?? "–") : `${shown(saved, 1)} %`;
@@ -192,7 +196,7 @@ function drawHeadline() {
     failed: `no reference car: ${reason}`,
   }[state] ?? (saving === null
     ? `reference car (strategy ${strategy}): ${percent} % computed`
-    : `after ${shown(saving.time_s, 0)} s${isWhole ? ", the whole trip" : ""}, against a car with strategy ${strategy}; ${saving.aging.as_driven}${computing}`);
+    : `after ${shown(saving.time_s, 0)} s${isWhole ? ", the whole trip" : ""}, against ${car}; ${saving.aging.as_driven}${computing}`);
   const progress = element("reference-progress");
   progress.hidden = state !== "computing";
   progress.value = duration ? done / duration : 0;

@@ -72,7 +72,7 @@ export const PANELS = [
     id: "aging", title: "Cyclic aging, both cells", unit: "ppm of nominal capacity", digits: 3,
     axis: { low: 0, span: 1e-2 },
     lines: [
-      { ...reference("", PPM), of: (run) => run.referenceLoss() },
+      { ...reference("capacity_loss", PPM), of: (run) => run.referenceLoss() },
       { label: "this car", color: "red", width: 2.2, column: "capacity_loss", of: (run) => run.ownLoss(), factor: PPM },
     ],
   },

@@ -8,6 +8,8 @@ import { PANELS } from "./panels.js";
 const STEP_S = 1;
 const LONG_STEP_S = 10;
 let isClosed = false;
+/** Everything about a run that the page itself holds; null where a server has it. */
+const stored = element("stored");
 
 function setStatus(text, level) {
   element("connection").textContent = text;
@@ -15,7 +17,8 @@ function setStatus(text, level) {
 }
 
 function sayState() {
-  if (isClosed) setStatus(run.end.ended ? "trip ended; view closed, replay works" : "view closed", "warn");
+  if (stored) setStatus("stored run", "good");
+  else if (isClosed) setStatus(run.end.ended ? "trip ended; view closed, replay works" : "view closed", "warn");
   else if (events.readyState !== EventSource.OPEN) setStatus("not connected, trying again", "warn");
   else if (run.rows.lastTime === null) setStatus(run.end.ended ? "trip ended, reading its bag" : "waiting for a run", "warn");
   else if (run.end.ended) setStatus(player.mode === "playing" ? "replay" : "trip ended", "good");
@@ -67,16 +70,18 @@ const HANDLERS = {
   },
 };
 
-const events = new EventSource(`events${window.location.search}`);
-for (const [kind, handle] of Object.entries(HANDLERS)) {
-  events.addEventListener(kind, (event) => {
-    handle(JSON.parse(event.data));
-    sayState();
-    redraw();
-  });
+function take(kind, content) {
+  HANDLERS[kind](content);
+  sayState();
+  redraw();
 }
-events.addEventListener("open", sayState);
-events.addEventListener("error", sayState);
+
+const events = stored ? null : new EventSource(`events${window.location.search}`);
+if (stored) JSON.parse(stored.textContent).forEach(([kind, content]) => take(kind, content));
+for (const kind of stored ? [] : Object.keys(HANDLERS)) {
+  events.addEventListener(kind, (event) => take(kind, JSON.parse(event.data)));
+}
+for (const kind of ["open", "error"]) events?.addEventListener(kind, sayState);
 player.onMode = sayState;
 
 // --- what the reader does
@@ -134,7 +139,8 @@ window.addEventListener("keydown", (event) => {
   KEYS[event.key](event);
 });
 
-window.addEventListener("resize", redraw);
+// Panels also change their size where the window keeps it, as when legends need another line.
+new ResizeObserver(redraw).observe(element("panels"));
 window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
   shownWith.colors = themeColors();
   redraw();
