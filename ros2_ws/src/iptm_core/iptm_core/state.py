@@ -154,7 +154,7 @@ class SafetyRecord:
     service_braking_s: float = 0.0
     smallest_gap_m: float = math.nan
     brake_share: float = 1.0
-    command_source: float = CommandSource.ANSWER
+    command_source: float = float(CommandSource.ANSWER)
 
 
 @dataclass(frozen=True)

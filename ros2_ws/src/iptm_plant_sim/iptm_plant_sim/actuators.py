@@ -49,10 +49,10 @@ class ActuatorReport:
     clamps: tuple[Clamp, ...] = ()
 
     @property
-    def source(self) -> CommandSource:
-        """Whether the command could be carried out."""
+    def source(self) -> float:
+        """Number of the `CommandSource`: whether the command could be carried out."""
         broken = Clamp.NON_FINITE in self.clamps
-        return CommandSource.STOP if broken else CommandSource.ANSWER
+        return float(CommandSource.STOP if broken else CommandSource.ANSWER)
 
     @property
     def reason(self) -> str:

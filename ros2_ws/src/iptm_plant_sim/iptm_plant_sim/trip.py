@@ -128,7 +128,7 @@ class Trip:
             source = CommandSource.STOP
         safety = step.safety
         if source is not CommandSource.ANSWER:
-            safety = replace(safety, command_source=source)
+            safety = replace(safety, command_source=float(source))
         self.step = replace(step, state=exact_time, safety=safety)
         self.service_braking_s += step.safety.service_braking_s
         if (step.memory.since_s, step.memory.reason) != (before.since_s, before.reason):

@@ -1,0 +1,98 @@
+"""The monitor behind range sensors that fall silent, freeze or see nothing."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.iptm_plant_sim.scenes import COAST, MONITOR, SETTINGS, driving, lead_at
+
+from iptm_core.lead_track import LeadStatus, LeadTrack, clear_lane
+from iptm_core.state import FloatArray, LeaderPreview, LeaderState, VehicleState
+from iptm_plant_sim.lead_measurements import LeadMeasurements
+
+
+def still(after_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    return np.zeros_like(after_s), np.zeros_like(after_s)
+
+
+def measured(*rows: tuple[float, float, float]) -> LeaderPreview:
+    return LeaderPreview(*np.array(rows, dtype=float).reshape(-1, 3).T)
+
+
+def test_a_vehicle_brakes_as_hard_as_it_can_from_the_first_measurement_that_is_missing() -> None:
+    track = LeadMeasurements(LeadTrack(), measured((0.0, 50.0, 20.0)), still, 0.0).track
+    known = LeadMeasurements(track, measured((1.0, 68.0, 16.0)), still, 1.0)
+    assert known.at(1.0, 9.0) == (LeaderState(1.0, 68.0, 16.0), 0.0, True)
+    lead, unseen_s, is_measured = known.at(1.5, 9.0)
+    assert (lead, unseen_s, is_measured) == (LeaderState(1.5, 68.0 + 8.0 - 0.5, 14.0), 0.0, False)
+    silent = LeadMeasurements(known.track, None, still, 2.0)
+    # One measurement per second: the next one is missing from 2 s on, at 82 m and 12 m/s. Then 9 m/s^2.
+    lead, unseen_s, _ = silent.at(3.0, 9.0)
+    assert lead == LeaderState(3.0, pytest.approx(82.0 + 12.0 - 4.5), pytest.approx(3.0))
+    assert unseen_s == pytest.approx(1.0)
+    lead, _, _ = silent.at(60.0, 9.0)
+    assert lead == LeaderState(60.0, pytest.approx(82.0 + 144.0 / 18.0), 0.0)
+
+
+def test_an_empty_lane_is_free_when_it_has_been_empty_for_long_or_a_source_reports_it() -> None:
+    track = LeadMeasurements(LeadTrack(), measured((0.0, 50.0, 20.0)), still, 0.0).track
+    for now_s in range(1, 11):
+        leads = LeadMeasurements(track, LeaderPreview.empty(), still, float(now_s))
+        lead, _, _ = leads.at(now_s + 0.5, 9.0)
+        assert lead is not None, f"lost at {now_s} s, not free"
+        track = leads.track
+    gone = LeadMeasurements(track, LeaderPreview.empty(), still, 11.0)
+    assert gone.at(11.0, 9.0) == (None, 0.0, False)
+    clear = LeadMeasurements(track, clear_lane(5.0), still, 5.0)
+    assert clear.at(5.0, 9.0) == (None, 0.0, False)
+    assert clear.bounds() is None
+
+
+def test_a_frozen_sensor_is_worse_than_a_silent_one_only_until_its_third_measurement() -> None:
+    plant, state = driving(20.0)
+    sound = lead_at(60.0, 20.0)
+    frozen = sound(replace(state, time_s=0.9))
+
+    def sensor(now: VehicleState) -> LeaderPreview:
+        if now.time_s < 1.0:
+            return sound(now)
+        times = now.time_s + 0.1 * np.arange(10)
+        gap_m = float(frozen.positions_m[0]) - 18.0
+        return LeaderPreview(times, np.full(10, now.position_m + gap_m), np.full(10, 20.0))
+
+    plant.watch(sensor)
+    for _ in range(2):
+        step = plant.advance(state, COAST)
+        state = step.state
+    assert step.memory.lead.status(2.0) is LeadStatus.FROZEN
+    assert step.memory.lead.seen == LeaderState(1.0, pytest.approx(80.0), 20.0)
+    while state.speed_m_s > 0.0 and state.time_s < 30.0:
+        step = plant.advance(state, COAST)
+        state = step.state
+    # It would stop 0.1 s and 20^2 / 18 m farther on, if it began to brake at once.
+    assert state.position_m < 80.0 + 2.0 + 400.0 / 18.0 - SETTINGS.monitor_margin_m
+
+
+def test_the_gap_grows_behind_a_sensor_that_falls_silent() -> None:
+    plant, state = driving(20.0)
+    gap = MONITOR.safe_distance_m(20.0, 0.0, 20.0) + 10.0
+    sensor = lead_at(gap, 20.0)
+    plant.watch(lambda state: sensor(state) if state.time_s < 1.5 else None)
+    braked_s = 0.0
+    for _ in range(6):
+        step = plant.advance(state, COAST)
+        braked_s += step.safety.service_braking_s
+        state = step.state
+    assert braked_s > 0.0
+    assert state.speed_m_s < 20.0
+
+
+def test_without_a_vehicle_ahead_it_does_not_brake() -> None:
+    plant, state = driving(30.0)
+    plant.watch(lambda _: LeaderPreview.empty())
+    step = plant.advance(state, COAST)
+    assert step.safety.service_braking_s == 0.0
+    assert math.isnan(step.safety.smallest_gap_m)
