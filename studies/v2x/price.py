@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from studies.measured_cycles import FASTEST_M_S, lead_cycles, write_drive
+from studies.savings import PREVIEWS, road_taken
 from studies.v2x.prediction import EARLIER_DRIVES, other_drive
 from studies.validation.measurements import Driver
 from studies.validation.readers.folder import files_of, read_files
@@ -58,6 +59,8 @@ FILE, SENSOR = "file", "range sensor only"
 DECAY, PATH = "decaying acceleration", "path prediction"
 EARLIER, REGRESSION = "earlier drives", "regression"
 LEADERS = (DECAY, PATH, EARLIER, REGRESSION)
+PREVIEW_OF = {FILE: PREVIEWS[True], SENSOR: PREVIEWS[False], PATH: "60 s, received"}
+"""What the controller is given of the leader's future; everything else is ``60 s, predicted``."""
 MEASURED = ("A11", "A23", "B24", "no_ACC__handling_part22_2")
 """Lead vehicles of the excerpts of the validation that no predictor was fitted to: three trips of an i3 on
 public roads and one driver on a proving ground, of 600 s at most."""
@@ -163,6 +166,8 @@ def drive(
     broken = gap_margins_m(loop.trajectory, parameters) < -GAP_TOLERANCE_M
     return {
         **dict(zip(KEY, (cycle, leader, accuracy_m, loss, delay_s), strict=True)),
+        "preview": PREVIEW_OF.get(leader, "60 s, predicted"),
+        "mean_headway_s": road_taken([loop.trajectory])["mean_headway_s"],
         "degradation_1e7": 1e7 * run.degradation,
         "battery_energy_kj": 1e-3 * run.battery_energy_j,
         "smallest_gap_m": run.smallest_gap_m,
@@ -201,6 +206,7 @@ def as_table(rows: list[dict[str, Any]]) -> dict[str, str]:
     change, share = "{degradation_change:+.1f} %", "{recovered_percent:.0f} %"
     cell = f"{change}, {share}, {{smallest_margin_m:.2f}} m".format
     frame["cell"] = [cell(**row) for row in rows]
+    frame["headway"] = frame["mean_headway_s"].map("{:.1f} s".format)
     frame["link"] = [
         f"{row['accuracy_m']:g} m"
         + (f", {row['loss']:.0%} lost" if row["loss"] else "")
@@ -211,10 +217,10 @@ def as_table(rows: list[dict[str, Any]]) -> dict[str, str]:
     links = frame[radio].sort_values(["delay_s", "loss", "accuracy_m"])["link"].unique()
     frame.loc[~radio, "link"] = links[0]
     table = frame.pivot_table("cell", ["cycle", "leader"], "link", "first", fill_value="-")
-    names = frame[["cycle", "leader"]].drop_duplicates()
+    names = frame.loc[frame["link"] == links[0], ["cycle", "leader", "preview", "headway"]]
     order = [*map(tuple, names.sort_values("cycle", key=_places, kind="stable").to_numpy())]
-    heads = ("trip", "leader known from", *(f"{link}:" for link in links))
-    cells = ((*name, *table.loc[name, links]) for name in order)
+    heads = ("trip", "leader known from", "preview", "mean headway:", *(f"{x}:" for x in links))
+    cells = ((*name, *table.loc[name[:2], links]) for name in order)
     broken = frame[radio & (frame["broken_s"] > 0)]
     least = frame.loc[radio, "smallest_margin_m"].min()
     counts = (
