@@ -25,20 +25,24 @@ from iptm_ros.stamp_matcher import StampGate, Verdict
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import BRIDGE, TOPICS, Topic
 from iptm_v2x_bridge.bridge import BridgeAnswer, CycleSource
-from iptm_v2x_bridge.node_answers import AnswerContext, CamAnswers, TickAnswers
+from iptm_v2x_bridge.node_answers import AnswerContext, TickAnswers
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
-from iptm_v2x_bridge.node_range_answers import JoinedAnswers, RangeSensorAnswers
 from iptm_v2x_bridge.node_vehicle_answers import CycleAnswers, VehicleAnswers
 from iptm_v2x_bridge.prediction.predictor import PredictorName
 
 CLOCK_TIMEOUT_S = 5.0
-_ANSWERS: dict[LeaderSource, Callable[[AnswerContext], TickAnswers[Any]]] = {
-    LeaderSource.VEHICLE: VehicleAnswers,
-    LeaderSource.CAM: CamAnswers,
-    LeaderSource.RANGE_SENSOR: RangeSensorAnswers,
-    LeaderSource.RANGE_SENSOR_AND_CAM: JoinedAnswers,
-}
 _FREE = (Level.OK, "no vehicle ahead, the rules of the road are kept")
+
+
+def _answers_of(source: LeaderSource) -> Callable[[AnswerContext], TickAnswers[Any]]:
+    if source in {LeaderSource.CYCLE, LeaderSource.NONE}:
+        return CycleAnswers
+    if source is LeaderSource.VEHICLE:
+        return VehicleAnswers
+    # Only here: what decodes messages takes long to import, and most bridges hear none.
+    from iptm_v2x_bridge.node_leader_answers import ANSWERS  # noqa: PLC0415
+
+    return ANSWERS[source]
 
 
 class BridgeNode(SuiteNode):
@@ -54,7 +58,7 @@ class BridgeNode(SuiteNode):
         self.reject_unknown_parameters()
         self.use_frame_prefix(self._options.frame_prefix)
         route = self._options.trip_route(self._options.initial_gap_m)
-        answers = _ANSWERS.get(self._options.leader_source, CycleAnswers)
+        answers = _answers_of(self._options.leader_source)
         self._answers = answers(AnswerContext(self, self._options, route, self._answer_clock))
         self._gate = StampGate()
         self._turned_away_s = -math.inf
