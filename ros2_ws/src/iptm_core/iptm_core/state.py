@@ -20,7 +20,6 @@ NS_PER_S = 1_000_000_000
 NS_PER_MS = 1_000_000
 """Nanoseconds in a millisecond."""
 
-
 FloatArray = NDArray[np.float64]
 
 SPEED_AT_REST_M_S = -0.5
@@ -75,14 +74,10 @@ class ChannelCells:
     @classmethod
     def between(cls, state: VehicleState, count: int) -> ChannelCells:
         """Return cells that lie evenly between the first and the last cell of a state."""
+        temperatures_k = state.cell_1_temperature_k, state.cell_n_temperature_k
+        losses = state.cell_1_capacity_loss, state.cell_n_capacity_loss
         return cls(
-            *(
-                np.linspace(first, last, count, dtype=np.float64)
-                for first, last in (
-                    (state.cell_1_temperature_k, state.cell_n_temperature_k),
-                    (state.cell_1_capacity_loss, state.cell_n_capacity_loss),
-                )
-            )
+            *(np.linspace(*ends, count, dtype=np.float64) for ends in (temperatures_k, losses))
         )
 
 
@@ -94,16 +89,15 @@ class FullChannelState(VehicleState):
 
     def __post_init__(self) -> None:
         temperatures, losses = self.cells.temperatures_k, self.cells.capacity_losses
-        for name, value, place in (
+        for name, values, place in (
             ("cell_1_temperature_k", temperatures, 0),
             ("cell_n_temperature_k", temperatures, -1),
             ("cell_1_capacity_loss", losses, 0),
             ("cell_n_capacity_loss", losses, -1),
         ):
-            if getattr(self, name) != value[place]:
-                raise StateError(
-                    f"state: {name} is {getattr(self, name)}; allowed: that of the cell, {value[place]}"
-                )
+            stated, value = getattr(self, name), values[place]
+            if stated != value:
+                raise StateError(f"state: {name} is {stated}; allowed: that of the cell, {value}")
 
 
 @dataclass(frozen=True)
@@ -258,8 +252,6 @@ class LeaderPreview:
         speed_bounds_m_s: 99 % bounds of how much slower it may be where positions are known better than
             speeds, shape (n,); empty where implied by the growth of the other bounds. Not part of messages:
             the bridge has lowered the speeds by them.
-
-    An empty prediction (n = 0) means that none has been received yet.
     """
 
     times_s: FloatArray
@@ -293,8 +285,7 @@ class LeaderPreview:
     @property
     def known_until_s(self) -> float:
         """Time of the last known node; minus infinity if there is none."""
-        known = self.known_nodes
-        return float(self.times_s[known - 1]) if known else -math.inf
+        return float(self.times_s[self.known_nodes - 1]) if self.known_nodes else -math.inf
 
     def cautious(self) -> LeaderPreview:
         """Return the motion that the leader hardly falls behind, without bounds.
@@ -334,14 +325,11 @@ class LeaderPreview:
         """
         nodes = self.times_s
         if nodes.size == 1:
-            elapsed = times_s - nodes[0]
-            return self.positions_m[0] + self.speeds_m_s[0] * elapsed, np.full(
-                times_s.shape, self.speeds_m_s[0]
-            )
+            speeds_m_s = np.full(times_s.shape, self.speeds_m_s[0])
+            return self.positions_m[0] + self.speeds_m_s[0] * (times_s - nodes[0]), speeds_m_s
         index = nodes.searchsorted(times_s, side="right") - 1
         index = np.minimum(np.maximum(index, 0), nodes.size - 2)
-        start = nodes[index]
-        width = nodes[index + 1] - start
+        start, width = nodes[index], nodes[index + 1] - nodes[index]
         inside = np.minimum(np.maximum(times_s, nodes[0]), nodes[-1])
         tau = (inside - start) / width
         v_0, v_1 = self.speeds_m_s[index], self.speeds_m_s[index + 1]

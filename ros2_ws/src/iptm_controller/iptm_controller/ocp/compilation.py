@@ -30,12 +30,7 @@ from pathlib import Path
 
 import casadi as ca
 
-from iptm_controller.ocp.layout import (
-    split_numbers,
-    table_declaration,
-    table_source,
-    with_numbers,
-)
+from iptm_controller.ocp.layout import split_numbers, table_declaration, table_source, with_numbers
 from iptm_controller.ocp.vectorised_map import vectorise_maps
 from iptm_core.errors import SolverSetupError
 
@@ -190,9 +185,7 @@ def compile_sources(
             others = folder.glob(f"{code}_*.so")
             if _is_intact(library) or _copy_is_made(library, others, numbers):
                 return library
-            LOGGER.info(
-                "compiling the optimal control problem (once per horizon and kind of model)"
-            )
+            LOGGER.info("compiling the optimal control problem (once per horizon and model)")
             _remove_abandoned(folder)
             with tempfile.TemporaryDirectory(prefix=_SCRATCH_PREFIX, dir=folder) as scratch:
                 sources["numbers.c"] = table_source(numbers)
