@@ -6,6 +6,7 @@ import json
 import math
 import random
 import re
+import shutil
 import signal
 import time
 from collections import deque
@@ -26,14 +27,15 @@ from iptm_vehicle_interface.node_bench import (
     CONTROLLER,
     ENABLE,
     GATEWAY,
+    RECORDER,
     VEHICLE,
     BenchOptions,
     BenchProcesses,
     BenchResult,
 )
-from iptm_vehicle_interface.vehicle import load_vehicle
+from iptm_vehicle_interface.vehicle import VEHICLES, load_vehicle
 
-VICTIMS = (VEHICLE, GATEWAY, CONTROLLER, BRIDGE)
+VICTIMS = (VEHICLE, GATEWAY, CONTROLLER, BRIDGE, RECORDER)
 HOWS = (signal.SIGKILL, signal.SIGSTOP)
 SETTLED_S = 1.0
 LONGEST_WAIT_S = 60.0
@@ -44,6 +46,7 @@ SETTLING_S = 2.0
 WINDOW_STEPS = 10
 _REPORT = re.compile("no sign of life|no fresh|does not act|gateway: inactive")
 OFTEN = ("--press", "enable_button:4:0.3:2")
+FRAMES = "car_frames.log"
 Json = dict[str, Any]
 
 
@@ -55,15 +58,29 @@ def kept(path: Path, make: Callable[[], Any]) -> Any:
     return json.loads(path.read_text("utf-8"))
 
 
-def drive(folder: Path, cycle: str, strategy: str, duration_s: float) -> Json:
-    """Drive a cycle with recorder and raw frames; return what car and suite saw."""
+def drive(
+    folder: Path,
+    cycle: str,
+    strategy: str,
+    duration_s: float,
+    *,
+    v2x: bool = False,
+    shadow: bool = False,
+) -> Json:
+    """Drive a cycle with recorder and raw frames; return what car and suite saw.
+
+    Args:
+        v2x: the lead vehicle sends its position and path.
+        shadow: the driver drives, beside the suite.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     options = BenchOptions(
         cycle=cycle,
+        v2x=v2x,
         duration_s=duration_s,
-        car=[*ENABLE, "--frames", str(folder / "car_frames.log")],
+        car=[*(() if shadow else ENABLE), "--frames", str(folder / FRAMES)],
         controller={"strategy": strategy},
-        node={"record": str(folder / "record")},
+        node={"record": str(folder / "record"), "shadow": shadow},
         bag=str(folder / "bag"),
     )
     return _driven(folder, options)
@@ -72,11 +89,20 @@ def drive(folder: Path, cycle: str, strategy: str, duration_s: float) -> Json:
 def faulty(folder: Path, car: Sequence[str], duration_s: float, vehicle: str = "bench") -> Json:
     """Drive the beginning of US06 with a fault of the bus."""
     folder.mkdir(parents=True, exist_ok=True)
-    frames = ["--frames", str(folder / "car_frames.log")]
+    frames = ["--frames", str(folder / FRAMES)]
     options = BenchOptions(
         cycle="us06", vehicle=vehicle, duration_s=duration_s, car=[*car, *frames]
     )
     return _driven(folder, options)
+
+
+def other_dbc(folder: Path) -> Path:
+    """Return a vehicle whose messages have other identifiers than those of the bench car."""
+    shutil.copytree(VEHICLES / "bench", folder, dirs_exist_ok=True)
+    path = folder / "bench.dbc"
+    text = path.read_text("utf-8")
+    path.write_text(re.sub(r"BO_ (\d+)", lambda found: f"BO_ {int(found[1]) + 1}", text), "utf-8")
+    return folder
 
 
 def _driven(folder: Path, options: BenchOptions) -> Json:
@@ -122,14 +148,18 @@ def kills(
 
     Returns:
         An entry per event: process, signal, time to inactive by the car's clock, whether another process
-        reported it, and of the whole drive the number of engagements and the smallest gap.
+        reported it, whether the car drove on (which it shall without a recorder), and of the whole drive
+        the number of engagements and the smallest gap.
     """
     folder.mkdir(parents=True, exist_ok=True)
+    bag = folder / "bag"
+    options = BenchOptions(cycle=cycle, duration_s=1e5, car=OFTEN, bag=str(bag))
     draws = random.Random(seed)  # noqa: S311 - no secret
-    plan = [(name, how) for name in VICTIMS for how in HOWS] * math.ceil(number / 8)
+    plan = [(name, how) for name in VICTIMS for how in HOWS]
+    plan *= math.ceil(number / len(plan))
     draws.shuffle(plan)
     events: list[Json] = []
-    with BenchProcesses(folder, BenchOptions(cycle=cycle, duration_s=1e5, car=OFTEN)) as bench:
+    with BenchProcesses(folder, options) as bench:
         listener = _Listener(bench.car_bus)
         try:
             until_s = time.monotonic() + longest_s
@@ -144,17 +174,21 @@ def kills(
                 log = folder / f"{GATEWAY if name == VEHICLE else VEHICLE}.log"
                 before, at_s = len(log.read_text("utf-8")), time.monotonic()
                 bench.running[name].send_signal(how)
-                _wait(lambda: listener.enabled_s() == 0.0)
-                reported = _wait(partial(_has_report, log, before), REPORTED_WITHIN_S)
+                may_end_s = REPORTED_WITHIN_S if name == RECORDER else LONGEST_WAIT_S
+                drove_on = not _wait(lambda: listener.enabled_s() == 0.0, may_end_s)
+                reported = not drove_on and _wait(
+                    partial(_has_report, log, before), REPORTED_WITHIN_S
+                )
                 if how is signal.SIGSTOP:
                     time.sleep(max(at_s + STOPPED_S - time.monotonic(), 0.0))
                     bench.running[name].send_signal(signal.SIGCONT)
                 else:
                     bench.running[name].wait()
+                    if name == RECORDER and bag.exists():  # into which it does not write again
+                        bag.rename(folder / f"bag_{len(events)}")
                     bench.start(name)
-                events.append(
-                    {"process": name, "signal": how.name, "at_s": at_s, "reported": reported}
-                )
+                found = {"at_s": at_s, "reported": reported, "drove_on": drove_on}
+                events.append({"process": name, "signal": how.name, **found})
             _wait(lambda: listener.enabled_s() > SETTLED_S)
         finally:
             listener.close()
@@ -162,7 +196,9 @@ def kills(
         car = bench.result().car
     inactive = [car["began_s"] + at_s for at_s in car["inactive_at_s"]]
     for event in events:
-        later = [at_s for at_s in inactive if at_s >= event["at_s"] - 0.02]
+        later = [
+            at_s for at_s in inactive if at_s >= event["at_s"] - 0.02 and not event.get("drove_on")
+        ]
         event["inactive_after_s"] = min(later, default=math.nan) - event["at_s"]
         event["smallest_gap_m"] = car["smallest_gap_m"]
     engagements = car["engagements"]

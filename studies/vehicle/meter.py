@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import gzip
+import io
+import json
 import re
 import shutil
+from contextlib import redirect_stdout
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +20,12 @@ from studies.validation.i3_drivetrain import consumers_w
 from studies.validation.i3_vehicle import road_slope_rad
 from studies.validation.measurements import Trip
 from studies.validation.readers.bmw_i3 import compact_trips
+from studies.vehicle.bench import FRAMES, drive, kept
 
+from iptm import meter
 from iptm.drive_meter import DriveMeter
-from iptm.meter import metered
-from iptm.parts import FloatArray, held_out, load_parameters
-from iptm_core.routes.can_log import read_can_log
-from iptm_core.routes.user_csv import trip_of_table
+from iptm.parts import FloatArray, MeasurementError, held_out, load_parameters
+from iptm_vehicle_interface.vehicle import VEHICLES, load_vehicle
 
 I3 = Path(__file__).parents[1] / "validation" / "parameters" / "bmw_i3_vehicle.yaml"
 SPEED_SIGNAL = "SPEED"
@@ -61,34 +65,76 @@ def _i3_error(trip: Trip, rolling_winter: float) -> float:
     means = 0.5 * (trip.speed_m_s[1:] + trip.speed_m_s[:-1])
     places = np.concatenate([[0.0], np.cumsum(means * steps_s)])
     slopes = road_slope_rad(trip)
-    meter = DriveMeter(
+    drive_meter = DriveMeter(
         parameters,
         lambda at_m: float(np.interp(at_m, places, slopes)),
         float(trip.battery_temperature_k[0]),
     )
     rows = zip(trip.time_s.tolist(), trip.speed_m_s.tolist(), consumers_w(trip), strict=True)
     for time_s, speed_m_s, consumed_w in rows:
-        meter.take(time_s, speed_m_s, float(consumed_w))
+        drive_meter.take(time_s, speed_m_s, float(consumed_w))
     measured_j = float(np.sum(trip.battery_power_w[1:] * steps_s))
-    return meter.reading.battery_energy_j / measured_j - 1.0
+    return drive_meter.reading.battery_energy_j / measured_j - 1.0
 
 
-def public_log(session: Session, folder: Path) -> dict[str, Any]:
-    """Meter a public log of a car's bus, and compute its energy once more without the suite."""
+def shadow(log: Path, dbc: Path, signal: str, parameter_set: str, strategy: str) -> dict[str, Any]:
+    """Return what `iptm meter` states of a logged drive (driven_) and of the suite behind it (behind_)."""
+    options = {"--dbc": dbc, "--signal": signal, "--parameter-set": parameter_set}
+    texts = [f"{part}" for pair in options.items() for part in pair]
+    printed = io.StringIO()
+    with redirect_stdout(printed):
+        meter.main([str(log), *texts, "--follow", strategy, "--json"])
+    driven, behind = json.loads(printed.getvalue()).values()
+    return {f"driven_{name}": value for name, value in driven.items()} | {
+        f"behind_{name}": value for name, value in behind.items()
+    }
+
+
+def bench_shadows(session: Session, recorded: Path, strategy: str) -> list[dict[str, Any]]:
+    """Drive in shadow of the bench car's driver, with all processes, and of the log of a drive.
+
+    Raises:
+        MeasurementError: a request has reached the car.
+    """
+    folder = session.scratch / "drives" / "us06_shadow"
+    live = kept(
+        folder / "result.json",
+        partial(drive, folder, "us06", strategy, 600.0, shadow=True),
+    )
+    if live["car"]["active_s"]:
+        raise MeasurementError(f"{folder}: a request has reached the car; allowed: none in shadow")
+    vehicle = load_vehicle("bench")
+    rows = []
+    for name, of in (("bench car's driver", folder), ("bench, by the suite", recorded)):
+        found = kept(
+            of / "shadow.json",
+            partial(shadow, of / FRAMES, VEHICLES / "bench" / "bench.dbc",
+                    "speed_kmh=VehicleSpeed", vehicle.parameter_set, strategy),
+        )  # fmt: skip
+        drove = json.loads((of / "result.json").read_text("utf-8"))
+        own = {
+            "own_kwh": drove["car"]["battery_energy_j"] / 3.6e6,
+            "own_km": drove["car"]["distance_m"] / 1000.0,
+            "decisions": drove["suite"]["decisions"],
+        }
+        rows.append({"drive": name, **found, **own})
+    return rows
+
+
+def public_log(session: Session, folder: Path, strategy: str) -> dict[str, Any]:
+    """Drive in shadow of a public log of a car's bus, and compute its energy once more without the suite."""
     log = session.scratch / "brz.log"
     log.parent.mkdir(parents=True, exist_ok=True)
     with gzip.open(folder / "brz_candump.log.gz") as packed, log.open("wb") as plain:
         shutil.copyfileobj(packed, plain)
-    table = read_can_log(log, folder / "brz.dbc", {"speed_m_s": SPEED_SIGNAL})
-    reading = metered(trip_of_table(log, table), load_parameters("bmw_i3").values)
+    found = shadow(log, folder / "brz.dbc", f"speed_m_s={SPEED_SIGNAL}", "bmw_i3", strategy)
     times, speeds = _speeds_by_hand(log)
-    own_j = _energy_by_hand(times, speeds)
+    own_m = float(np.sum(0.5 * np.diff(times) * (speeds[1:] + speeds[:-1])))
     return {
-        "distance_m": reading.state.position_m,
-        "own_distance_m": float(np.sum(0.5 * np.diff(times) * (speeds[1:] + speeds[:-1]))),
-        "energy_kwh": reading.battery_energy_j / 3.6e6,
-        "own_kwh": own_j / 3.6e6,
-        "difference": reading.battery_energy_j / own_j - 1.0,
+        "drive": "public log",
+        **found,
+        "own_kwh": _energy_by_hand(times, speeds) / 3.6e6,
+        "own_km": own_m / 1000.0,
     }
 
 

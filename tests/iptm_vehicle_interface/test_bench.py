@@ -9,8 +9,12 @@ import socket
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from iptm_core.state import NS_PER_S
+from iptm_ros.codecs import decode_leader_preview, decode_slope
+from iptm_ros.recording.bag_reader import BagReader
 from iptm_vehicle_interface.bus import BusReader, open_bus, send
 from iptm_vehicle_interface.drive_record import replayed
 from iptm_vehicle_interface.driving import Driver
@@ -100,6 +104,42 @@ def test_the_suite_drives_the_car_and_the_brake_ends_it(tmp_path: Path, vehicle:
     frames = list(replayed(tmp_path / "record", Driver(vehicle)))
     assert len(frames) > 500
     assert all(recorded == computed for _, recorded, computed in frames)
+
+
+def test_the_bridge_joins_the_radar_with_v2x_and_knows_the_slope(tmp_path: Path) -> None:
+    options = BenchOptions(
+        slope="large",
+        v2x=True,
+        duration_s=14.0,
+        car=["--press", "enable_button:4:0.3"],
+        bag=str(tmp_path / "bag"),
+    )
+    with BenchProcesses(tmp_path, options) as bench:
+        result = bench.result()
+    assert result.car["engagements"] == 1
+    assert result.car["active_s"] > 5.0
+    assert result.car["smallest_gap_m"] > 3.0
+    with BagReader(tmp_path / "bag") as bag:
+        messages = list(bag.messages())
+    reached_s = [
+        preview.times_s[-1] - stamp_ns / NS_PER_S
+        for found in messages
+        if found.topic == "/v2x/leader_preview"
+        for stamp_ns, preview in [decode_leader_preview(found.message)]
+        if preview.times_s.size
+    ]
+    assert len(reached_s) >= 8
+    assert min(reached_s) >= 59.0
+    slopes = [decode_slope(found.message) for found in messages if found.topic == "/v2x/slope"]
+    assert np.abs(slopes[0].slopes_rad).max() > 0.05
+    reports = [
+        {value.key: value.value for value in status.values}
+        for found in messages
+        if found.topic == "/diagnostics"
+        for status in found.message.status
+    ]
+    agreed = [int(report["ticks_agreed"]) for report in reports if "ticks_agreed" in report]
+    assert agreed[-1] >= 8
 
 
 @pytest.mark.parametrize(

@@ -73,6 +73,13 @@ class SenderNodeParameters(SenderSettings, TickSettings, RoadSettings):
     follow_clock: bool = parameter(
         default=True,
         description="send at every tick of the clock, with a mark at its end (lock-step); false sends by "
-        "the clock of the computer, from the start of the node on",
+        "the clock of the computer, from drive_began_s on",
+    )
+    drive_began_s: float = parameter(
+        0.0,
+        "follow_clock false: Unix time at which the drive began; 0: with the start of the node",
+        "s",
+        0.0,
+        1e11,
     )
     trip_start_timestamp_ms: int = declared(CamSettings, "trip_start_timestamp_ms")

@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState, PointCloud2
 
 from iptm_core.decision_record import Rung
 from iptm_core.errors import ParameterError
-from iptm_core.state import NS_PER_MS, FloatArray
+from iptm_core.state import NS_PER_MS, NS_PER_S, FloatArray
 from iptm_ros.codecs import decode_decision_record, decode_motion, decode_plan, ns_from_time
 from iptm_ros.command_line import node_main
 from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
@@ -53,7 +53,8 @@ class SenderNode(SuiteNode):
         self._sender: CamSender | None = None
         self._last_ns: int | None = None
         specification()  # compiled now, not at the first tick, which others wait for
-        self._start_ns = time.monotonic_ns()
+        began_ns = round(options.drive_began_s * NS_PER_S) or time.time_ns()
+        self._start_ns = time.monotonic_ns() - (time.time_ns() - began_ns)
         self._reporter = DiagnosticsReporter.of_node(self, "messages")
         self.every(REPORT_PERIOD_S, self._report)
         if options.follow_clock:

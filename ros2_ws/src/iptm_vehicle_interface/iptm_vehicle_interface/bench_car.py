@@ -88,6 +88,7 @@ class BenchCar:
         events: Sequence[tuple[str, float, float, float]] = (),
         seed: int = 0,
         faults: BusFaults | None = None,
+        slope: str = "flat",
     ) -> None:
         """Set up a car behind a leader.
 
@@ -95,6 +96,7 @@ class BenchCar:
             cycle: what the lead vehicle drives.
             events: name of a pedal or button (`SIGNALS`), when it is pressed, for how long, and after
                 which time again, in s; infinite for once.
+            slope: of the road, see `build_route`.
         """
         limits = vehicle.limits
         channel = {
@@ -104,8 +106,8 @@ class BenchCar:
         }
         self.parameters: ModelParameters = load_parameters(vehicle.parameter_set, channel).values
         self._driver = load_parameters(vehicle.parameter_set).values
-        self._route = build_route(cycle, initial_gap_m=self.parameters.gap.initial_gap_m)
-        self._plant = Plant(self.parameters, lambda positions: 0.0 * positions)
+        self._route = build_route(cycle, slope, initial_gap_m=self.parameters.gap.initial_gap_m)
+        self._plant = Plant(self.parameters, self._route.slope.slope_at)
         self.state: VehicleState = self._plant.initial_state()
         self._step = self._plant.observe(self.state)
         self._codec = FrameCodec(vehicle)

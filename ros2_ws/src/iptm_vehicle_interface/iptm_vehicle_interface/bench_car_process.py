@@ -13,7 +13,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, TextIO
 
-from iptm_core.errors import IptmError, ScenarioError
+from iptm_core.errors import IptmError
 from iptm_core.program import EXIT_OK, go_first, refused
 from iptm_vehicle_interface.bench_car import BenchCar, BusFaults
 from iptm_vehicle_interface.bus import BusReader, log_line, open_bus, send
@@ -26,6 +26,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--vehicle", default="bench", help="name or folder of the vehicle")
     parser.add_argument("--bus", required=True, metavar="BUS", help="bus of the car")
     parser.add_argument("--cycle", default="us06", help="what the lead vehicle drives")
+    parser.add_argument("--slope", default="flat", help="slope of the road")
     parser.add_argument("--duration-s", type=float, default=60.0, help="length of the drive")
     parser.add_argument("--seed", type=int, default=0, help="of noise and bus faults")
     parser.add_argument(
@@ -74,9 +75,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             (silent[0], silent[1]),
             options.bad_checksum,
         )
-        car = BenchCar(load_vehicle(options.vehicle), options.cycle, events, options.seed, faults)
+        vehicle = load_vehicle(options.vehicle)
+        car = BenchCar(vehicle, options.cycle, events, options.seed, faults, options.slope)
         bus = open_bus(options.bus)
-    except (IptmError, ScenarioError) as error:
+    except IptmError as error:
         return refused("bench_car", error)
     ended: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -99,7 +101,7 @@ def _drive(
     reader = BusReader(bus)
     waiting: list[tuple[float, int, bytes]] = []
     start_s = car.log.began_s = time.monotonic()
-    print("bench_car: ready", flush=True)
+    print(f"bench_car: ready, began at {time.time():.3f} s", flush=True)
     while not ended and car.time_s < duration_s:
         for frame in reader.taken():
             car.receive(frame.frame_id, frame.data)

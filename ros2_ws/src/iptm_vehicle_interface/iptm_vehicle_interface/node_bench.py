@@ -34,13 +34,16 @@ ENABLE = ("--press", "enable_button:4:0.3:10")
 START_S = 660.0
 """For the slowest process: a first controller compiles."""
 END_S = 10.0
-GATEWAY, VEHICLE, BRIDGE, CONTROLLER, RECORDER, CAR = (
+V2X_HEADWAY_S = 3.0
+"""Plans with a preview come nearer than the gateway permits with the braking of the channel, else."""
+GATEWAY, VEHICLE, BRIDGE, CONTROLLER, RECORDER, CAR, SENDER = (
     "gateway",
     "vehicle_interface",
     "v2x_bridge",
     "controller",
     "recorder",
     "bench_car",
+    "v2x_sender",
 )
 SUITE = (VEHICLE, BRIDGE, CONTROLLER)
 _MODULES = {
@@ -50,17 +53,18 @@ _MODULES = {
     CONTROLLER: ("iptm_controller.node", "waiting for"),
     RECORDER: ("iptm_ros.recording.recorder_cli", ""),
     CAR: ("iptm_vehicle_interface.bench_car_process", ": ready"),
+    SENDER: ("iptm_v2x_bridge.node_sender", ""),
 }
 """Module of each process, and what it prints once it is ready."""
 
 
 def free_ports(number: int) -> int:
-    """Return the first of two UDP ports that no DDS domain uses, another one for most numbers.
+    """Return the first of three UDP ports that no DDS domain uses, another one for most numbers.
 
     DDS takes the first ones of every 250 from 7400 on (RTPS 2.5, 9.6.2.3).
     """
-    domain, pair = number % 150, number // 150 % 40
-    return 7400 + 250 * (50 + domain) + 160 + 2 * pair
+    domain, place = number % 150, number // 150 % 30
+    return 7400 + 250 * (50 + domain) + 160 + 3 * place
 
 
 @dataclass(frozen=True)
@@ -78,6 +82,8 @@ class BenchOptions:
     Attributes:
         vehicle: name or folder of the vehicle.
         cycle: what the lead vehicle drives.
+        slope: of the road, which the bridge knows ahead.
+        v2x: the lead vehicle sends its position and path; the bridge joins them with the radar.
         duration_s: length of the drive, wall time.
         car: further options of the car.
         controller: parameters of the controller node.
@@ -88,6 +94,8 @@ class BenchOptions:
 
     vehicle: str = "bench"
     cycle: str = "us06"
+    slope: str = "flat"
+    v2x: bool = False
     duration_s: float = 60.0
     car: Sequence[str] = ()
     controller: Mapping[str, Any] = field(default_factory=dict)
@@ -106,12 +114,24 @@ class BenchProcesses:
         self.folder, self._stack = folder, ExitStack()
         self._environment = {**os.environ, **without_shared_memory(folder)}
         vehicle = load_vehicle(options.vehicle)
-        limits = ", ".join(f"{key}={value}" for key, value in controller_limits(vehicle).items())
-        own = ["--vehicle", options.vehicle]
+        planned = controller_limits(vehicle)
+        if options.v2x:
+            planned["gap.time_headway_s"] = V2X_HEADWAY_S
+        limits = ", ".join(f"{key}={value}" for key, value in planned.items())
+        own, road = ["--vehicle", options.vehicle], {"cycle": options.cycle, "slope": options.slope}
+        by_now: dict[str, Any] = {"trip_start_timestamp_ms": -1}
+        self._sender = {**road, **by_now, "to_port": port + 2, "follow_clock": False}
+        heard = {
+            **by_now,
+            "leader_source": "range_sensor_and_cam",
+            "cam_port": port + 2,
+            "cam_lock_step": False,
+        }
         nodes: dict[str, dict[str, Any]] = {
             VEHICLE: {"vehicle": options.vehicle, "bus": buses[1], "log": str(folder / "suite.json"),
                       **options.node},
-            BRIDGE: {"leader_source": "range_sensor", **options.bridge},
+            BRIDGE: {"leader_source": "range_sensor", **road, **(heard if options.v2x else {}),
+                     **options.bridge},
             CONTROLLER: {"parameter_set": vehicle.parameter_set, "overrides": limits,
                          **options.controller},
         }  # fmt: skip
@@ -120,7 +140,9 @@ class BenchProcesses:
             **{name: self._parameters(name, values) for name, values in nodes.items()},
             **({RECORDER: [options.bag]} if options.bag else {}),
             CAR: [*own, "--bus", buses[0], "--cycle", options.cycle, "--duration-s",
-                  f"{options.duration_s}", "--log", str(folder / "car.json"), *options.car],
+                  f"{options.duration_s}", "--slope", options.slope, "--log",
+                  str(folder / "car.json"), *options.car],
+            **({SENDER: []} if options.v2x else {}),
         }  # fmt: skip
         self.running: dict[str, subprocess.Popen[str]] = {}
 
@@ -138,6 +160,10 @@ class BenchProcesses:
                 if name == CAR:
                     for each in (GATEWAY, *SUITE):
                         self.wait_until_ready(each)
+                if name == SENDER:
+                    began_s = float(self.wait_until_ready(CAR).split()[-2])
+                    sent = {**self._sender, "drive_began_s": began_s}
+                    self._arguments[SENDER] = self._parameters(SENDER, sent)
                 self.start(name)
             self.wait_until_ready(CAR)
         except BaseException:
@@ -162,8 +188,8 @@ class BenchProcesses:
                 stdout=stream, stderr=stream, text=True, env=self._environment,
             )  # fmt: skip
 
-    def wait_until_ready(self, name: str) -> None:
-        """Wait until a process is ready.
+    def wait_until_ready(self, name: str) -> str:
+        """Wait until a process is ready; return what it printed.
 
         Raises:
             ScenarioError: it ended instead, or is not ready in time.
@@ -173,6 +199,7 @@ class BenchProcesses:
             if self.running[name].poll() is not None or time.monotonic() > until_s:
                 raise ScenarioError(f"{name} did not start: {text.strip() or 'no output'}")
             time.sleep(0.05)
+        return text
 
     def result(self) -> BenchResult:
         """Wait for the car, end the suite, and return what both saw."""
@@ -200,6 +227,10 @@ def build_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser("iptm bench", description=__doc__)
     parser.add_argument("--vehicle", default="bench", help="name or folder of the vehicle")
     parser.add_argument("--cycle", default="us06", help="what the lead vehicle drives")
+    parser.add_argument("--slope", default="flat", help="slope of the road, known ahead")
+    parser.add_argument(
+        "--v2x", action="store_true", help="the lead vehicle sends its position and path"
+    )
     parser.add_argument(
         "--duration-s", type=float, default=60.0, help="length of the drive, wall time"
     )
@@ -221,6 +252,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = BenchOptions(
         given.vehicle,
         given.cycle,
+        given.slope,
+        given.v2x,
         given.duration_s,
         [*ENABLE, *given.car],
         controller={"strategy": given.strategy},
