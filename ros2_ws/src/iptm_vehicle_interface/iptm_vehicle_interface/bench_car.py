@@ -73,7 +73,6 @@ class CarLog:
     distance_m: float = 0.0
     battery_energy_j: float = 0.0
     capacity_loss: float = 0.0
-    energy_active_j: float = 0.0
     began_s: float = math.nan
     """On the monotonic clock of the machine, which other processes share."""
 
@@ -212,7 +211,6 @@ class BenchCar:
         self._jerk_window.append(self._acceleration)
         if active:
             log.active_s += STEP_S
-            log.energy_active_j += self._step.powers.battery_power_w * STEP_S
             if len(self._jerk_window) == self._jerk_window.maxlen:
                 jerk = abs(self._jerk_window[-1] - self._jerk_window[0]) / (10.0 * STEP_S)
                 log.largest_jerk_m_s3 = max(log.largest_jerk_m_s3, jerk)

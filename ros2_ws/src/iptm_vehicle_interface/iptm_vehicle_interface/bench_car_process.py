@@ -23,42 +23,28 @@ from iptm_vehicle_interface.vehicle import load_vehicle
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the car on its bus; prints what it saw of the commands as JSON at the end."""
     parser = argparse.ArgumentParser("bench_car", description=__doc__)
-    parser.add_argument("--vehicle", default="bench", help="name or folder of the vehicle")
-    parser.add_argument("--bus", required=True, metavar="BUS", help="bus of the car")
-    parser.add_argument("--cycle", default="us06", help="what the lead vehicle drives")
-    parser.add_argument("--slope", default="flat", help="slope of the road")
-    parser.add_argument("--duration-s", type=float, default=60.0, help="length of the drive")
-    parser.add_argument("--seed", type=int, default=0, help="of noise and bus faults")
-    parser.add_argument(
-        "--press",
-        action="append",
-        default=[],
-        metavar="NAME:AT:FOR[:EVERY]",
+    add = parser.add_argument
+    add("--vehicle", default="bench", help="name or folder of the vehicle")
+    add("--bus", required=True, metavar="BUS", help="bus of the car")
+    add("--cycle", default="us06", help="what the lead vehicle drives")
+    add("--slope", default="flat", help="slope of the road")
+    add("--duration-s", type=float, default=60.0, help="length of the drive")
+    add("--seed", type=int, default=0, help="of noise and bus faults")
+    add(
+        "--press", action="append", default=[], metavar="NAME:AT:FOR[:EVERY]",
         help="pedal or button, time and duration in s, such as enable_button:2:0.2, and after which time "
         "again",
-    )
-    parser.add_argument("--lost", type=float, default=0.0, help="share of frames that are lost")
-    parser.add_argument("--late-s", type=float, default=0.0, help="frames are late by up to this")
-    parser.add_argument(
-        "--frozen-from-s", type=float, default=math.inf, help="radar repeats from here on"
-    )
-    parser.add_argument(
-        "--silent", default="", metavar="FROM:TO", help="no frame in this time, in s"
-    )
-    parser.add_argument("--bad-checksum", type=float, default=0.0, help="share of wrong checksums")
-    parser.add_argument(
-        "--log", type=Path, metavar="FILE", help="JSON of the result, also on a signal"
-    )
-    parser.add_argument(
-        "--frames", type=Path, metavar="FILE", help="candump log of what the car receives and sends"
-    )
+    )  # fmt: skip
+    add("--lost", type=float, default=0.0, help="share of frames that are lost")
+    add("--late-s", type=float, default=0.0, help="frames are late by up to this")
+    add("--frozen-from-s", type=float, default=math.inf, help="radar repeats from here on")
+    add("--silent", default="inf:inf", metavar="FROM:TO", help="no frame in this time, in s")
+    add("--bad-checksum", type=float, default=0.0, help="share of wrong checksums")
+    add("--log", type=Path, metavar="FILE", help="JSON of the result, also on a signal")
+    add("--frames", type=Path, metavar="FILE", help="candump log of all frames of the car")
     options = parser.parse_args(arguments)
     try:
-        silent = (
-            tuple(float(part) for part in options.silent.split(":"))
-            if options.silent
-            else (math.inf, math.inf)
-        )
+        silent_from_s, silent_to_s = map(float, options.silent.split(":"))
         events = [
             (name, float(at), float(for_), float(every[0]) if every else math.inf)
             for name, at, for_, *every in (text.split(":") for text in options.press)
@@ -68,13 +54,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             "bench_car", "--press or --silent is malformed; allowed: NAME:AT:FOR, FROM:TO"
         )
     try:
-        faults = BusFaults(
-            options.lost,
-            options.late_s,
-            options.frozen_from_s,
-            (silent[0], silent[1]),
-            options.bad_checksum,
-        )
+        silent, frozen_s = (silent_from_s, silent_to_s), options.frozen_from_s
+        faults = BusFaults(options.lost, options.late_s, frozen_s, silent, options.bad_checksum)
         vehicle = load_vehicle(options.vehicle)
         car = BenchCar(vehicle, options.cycle, events, options.seed, faults, options.slope)
         bus = open_bus(options.bus)

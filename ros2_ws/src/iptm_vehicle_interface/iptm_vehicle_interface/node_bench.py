@@ -34,17 +34,10 @@ ENABLE = ("--press", "enable_button:4:0.3:10")
 START_S = 660.0
 """For the slowest process: a first controller compiles."""
 END_S = 10.0
-V2X_HEADWAY_S = 3.0
+V2X_HEADWAY_S = 3.5
 """Plans with a preview come nearer than the gateway permits with the braking of the channel, else."""
-GATEWAY, VEHICLE, BRIDGE, CONTROLLER, RECORDER, CAR, SENDER = (
-    "gateway",
-    "vehicle_interface",
-    "v2x_bridge",
-    "controller",
-    "recorder",
-    "bench_car",
-    "v2x_sender",
-)
+GATEWAY, VEHICLE, BRIDGE, CONTROLLER = "gateway", "vehicle_interface", "v2x_bridge", "controller"
+RECORDER, CAR, SENDER = "recorder", "bench_car", "v2x_sender"
 SUITE = (VEHICLE, BRIDGE, CONTROLLER)
 _MODULES = {
     GATEWAY: ("iptm_vehicle_interface.gateway", ": ready"),

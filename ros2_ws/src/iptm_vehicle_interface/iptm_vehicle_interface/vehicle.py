@@ -203,15 +203,8 @@ def load_vehicle(name_or_folder: str) -> Vehicle:
         raise ParameterError(
             f"vehicle is {shown(name_or_folder)}; allowed: {known}, or a folder with vehicle.yaml"
         )
-    keys = (
-        "description",
-        "parameter_set",
-        "database",
-        "signals",
-        "commands",
-        "protection",
-        "limits",
-    )
+    texts = ("description", "parameter_set", "database")
+    keys = (*texts, "signals", "commands", "protection", "limits")
     written = StrictMapping(read_yaml(path), str(path), keys, error=ParameterError)
     database = _database(folder / written.text("database"))
     wanted = written.section("signals", SIGNALS, kind="signal")
