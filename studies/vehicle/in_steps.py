@@ -15,7 +15,7 @@ from iptm_controller.controller import Controller
 from iptm_controller.measurements import Measurements
 from iptm_controller.node_reports import plan_trajectory
 from iptm_controller.node_ticks import FLAT_ROAD
-from iptm_core.driving_mode import DrivingMode
+from iptm_core.decision_record import DrivingMode
 from iptm_core.lead_track import RangeTrack
 from iptm_core.state import NS_PER_S, PlantObservation
 from iptm_v2x_bridge.range_sensor import RangeSensorBridge
