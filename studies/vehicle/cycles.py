@@ -30,26 +30,28 @@ class Drive:
 
     Attributes:
         v2x: the lead vehicle sends its position and path, which the bridge joins with the radar.
+        number: of the drive, where there are several that only time tells apart.
     """
 
     cycle: str
     duration_s: float
     v2x: bool
+    number: int
     strategy: str
 
     def folder(self, session: Session) -> Path:
         """Return the folder of its logs."""
-        return (
-            session.scratch / "drives" / f"{self.cycle}_{self.strategy}{'_v2x' if self.v2x else ''}"
-        )
+        parts = ["v2x"] * self.v2x + [f"{self.number}"] * (self.number > 1)
+        return session.scratch / "drives" / "_".join([self.cycle, self.strategy, *parts])
 
 
 DRIVES = [
-    Drive(cycle, duration_s, v2x, strategy)
-    for cycle, duration_s, v2x in (
-        ("us06", 600.0, False),
-        ("us06", 600.0, True),
-        ("wltc_class3b", 1800.0, False),
+    Drive(*kind, strategy)
+    for kind in (
+        ("us06", 600.0, False, 1),
+        ("us06", 600.0, False, 2),
+        ("us06", 600.0, True, 1),
+        ("wltc_class3b", 1800.0, False, 1),
     )
     for strategy in STRATEGIES
 ]
@@ -61,7 +63,7 @@ def drives_table(session: Session) -> pd.DataFrame:
     v2x_limits = {**limits, "gap.time_headway_s": V2X_HEADWAY_S}
     cases = [
         Case(
-            f"{each.cycle}/{each.v2x}/{each.strategy}",
+            each.folder(session).name,
             {"drive": each},
             {
                 "cycle": each.cycle,
@@ -89,6 +91,7 @@ def drives_table(session: Session) -> pd.DataFrame:
             {
                 "cycle": each.cycle,
                 "preview": "V2X" if each.v2x else "none",
+                "number": each.number,
                 "strategy": each.strategy,
                 **_needed("", car),
                 **_needed("step_", in_steps),
@@ -155,7 +158,7 @@ def _with_savings(table: pd.DataFrame) -> pd.DataFrame:
                 continue
             per_km = table[f"{prefix}{name}"] / table[f"{prefix}distance_km"]
             of_base = per_km.where(table.strategy == STRATEGIES[1])
-            base = of_base.groupby([table.cycle, table.preview]).transform("max")
+            base = of_base.groupby([table.cycle, table.preview, table.number]).transform("max")
             saving = 100.0 * (1.0 - per_km / base)
             table[f"{prefix}{name.partition('_')[0]}_saving"] = saving
     return table
