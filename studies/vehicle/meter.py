@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import io
 import json
+import math
 import re
 import shutil
 from contextlib import redirect_stdout
@@ -132,6 +133,7 @@ def public_log(session: Session, folder: Path, strategy: str) -> dict[str, Any]:
     own_m = float(np.sum(0.5 * np.diff(times) * (speeds[1:] + speeds[:-1])))
     return {
         "drive": "public log",
+        "decisions": math.nan,
         **found,
         "own_kwh": _energy_by_hand(times, speeds) / 3.6e6,
         "own_km": own_m / 1000.0,
