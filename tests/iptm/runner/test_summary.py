@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 from tests.iptm.runner.conftest import with_metrics
 
@@ -16,6 +17,7 @@ from iptm.trip import Trip
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.metrics import RunMetrics
 from iptm_core.metrics.saving import SHORTEST_TRIP_S
+from iptm_core.state import CommandSource
 
 TRIP = Trip.of("nycc", duration_s=60.0)
 
@@ -91,7 +93,12 @@ def test_broken_limits_and_missing_decisions_are_named() -> None:
     first_lost_s = run.decisions.time_s[40]
     rows = run.decisions.time_s < first_lost_s
     left = {name: column[rows] for name, column in run.decisions.to_arrays().items()}
-    lost = replace(run, decisions=DecisionSeries.from_arrays(left))
+    stopped = np.where(run.trajectory.time_s > first_lost_s, CommandSource.STOP, 0.0)
+    lost = replace(
+        run,
+        decisions=DecisionSeries.from_arrays(left),
+        trajectory=replace(run.trajectory, command_source=stopped),
+    )
     lines = dict(summarise(lost, None).lines)
     assert lines["solver"].endswith(
         "40 decisions, 20 ticks on a fallback, 20 of them stopped for want of commands"

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from importlib import import_module
 from typing import Any
 
 import numpy as np
-import plotly.graph_objects as go
 
 from iptm.panels import Curve, Panel
 
+go = import_module("plotly.graph_objects")  # an extra
 _PIXELS_PER_HEIGHT = 150
 _SPACE_SHARE = 0.3
 """Of a panel's height, above it for its title and legend."""
