@@ -132,8 +132,7 @@ _ALTITUDE_BOUNDS_M = dict(
     enumerate((0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0))
 )
 """Errors of the altitude by their code; others stand for "out of range" and "unavailable"."""
-_NO_ALTITUDE_BOUND = 15
-_BACKWARD, _TRAILER_UNKNOWN_LENGTH = 1, 2
+_NO_ALTITUDE_BOUND, _BACKWARD, _TRAILER_UNKNOWN_LENGTH = 15, 1, 2
 UNAVAILABLE_FIELDS = {
     "curvature": {"value": 1023, "confidence": 7},
     "curvatureMode": "unavailable",
