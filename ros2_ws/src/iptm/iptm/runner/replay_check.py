@@ -206,8 +206,10 @@ IGNORED_FIELDS = (
     "objective",
     "header.frame_id",
     "child_frame_id",
+    "command_source",
 )
-"""Fields not compared: they depend on the machine, amplify rounding, or are frame names, which changed."""
+"""Fields not compared: they depend on the machine, amplify rounding, are frame names, which changed, or are
+not in earlier bags."""
 
 
 def check_node(
