@@ -6,7 +6,6 @@ Each saving stands beside the road that it takes and the preview that it needs, 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -35,14 +34,18 @@ TUNED_ON = ("udds", "sc03", "nycc")
 """Of the strong baseline; not in the table of savings."""
 DEFAULT, REFERENCE = "default", "reference"
 HEADWAY = "gap.max_time_headway_s"
-EQUAL_ROAD_S = 3.0
-"""Largest headway with which the default, given a preview, takes the road of `production`."""
-SHORTER_S = 2.0
+EQUAL_ROAD_S, SHORTER_S = 3.0, 2.0
+EQUAL: dict[str, Any] = {
+    "overrides": {"gap.desired_time_headway_s": 1.65},
+    "value_beyond_trip": True,
+}
+"""The default that takes the road of `production`, with a preview and without."""
+EQUAL_ROAD = "1.65 s desired"
 FRONT = (
-    (DEFAULT, True, f"at most {EQUAL_ROAD_S:g} s"),
+    (DEFAULT, True, EQUAL_ROAD),
     (PRODUCTION, False, "1.6 s"),
     (BASELINE, False, "3.5 s"),
-    (DEFAULT, False, f"at most {EQUAL_ROAD_S:g} s"),
+    (DEFAULT, False, EQUAL_ROAD),
 )
 """Control, preview and distance of the rows of the front table, in order."""
 HILLS = "published cycle on hills up to 6 %"
@@ -58,9 +61,12 @@ def drives() -> list[tuple[str, bool, str, Mapping[str, Any]]]:
         (PRODUCTION, False, "1.6 s", {"strategy": PRODUCTION, **none}),
         (BASELINE, False, "3.5 s", {"strategy": BASELINE, **none}),
     ]
-    for preview, headway_s in product((False, True), (SHORTER_S, EQUAL_ROAD_S)):
-        settings = {"overrides": {HEADWAY: headway_s}, **({} if preview else none)}
-        rows.append((DEFAULT, preview, f"at most {headway_s:g} s", settings))
+    for preview in (False, True):
+        known = {} if preview else none
+        rows.append((DEFAULT, preview, EQUAL_ROAD, {**EQUAL, **known}))
+        for headway_s in (SHORTER_S, EQUAL_ROAD_S):
+            settings = {"overrides": {HEADWAY: headway_s}, **known}
+            rows.append((DEFAULT, preview, f"at most {headway_s:g} s", settings))
     return [
         *rows,
         (DEFAULT, False, "120 m", none),
@@ -114,8 +120,8 @@ def run(session: Session) -> bool:
         table=table,
         front=pd.concat(front, ignore_index=True),
         equal=front[0],
-        shorter=of_place.get_group((DEFAULT, True, f"at most {SHORTER_S:g} s")),
         blind=front[3],
+        reserved=of_place.get_group((DEFAULT, False, f"at most {EQUAL_ROAD_S:g} s")),
         far=of_place.get_group((DEFAULT, True, "120 m")),
         kept=kept,
         below=below,
