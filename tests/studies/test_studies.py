@@ -28,6 +28,7 @@ MORE = {
     "v2x/prediction.py": {"iptm_traffic"},
     "validation": {"scipy"},
     "vehicle": {"iptm_core", "iptm_vehicle_interface"},
+    "vehicle/in_steps.py": {"iptm_controller", "iptm_v2x_bridge"},
     # They load real nodes and listen to them.
     "v2x/load.py": {"iptm_ros", "iptm_v2x_bridge", "rclpy", "sensor_msgs", "rosgraph_msgs"},
     "speed/soak.py": {"iptm_ros"},
