@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from iptm_controller.ocp.motion_stage import NEARLY_DESIRED_M
 from tests.iptm_controller.scenes import PARAMETERS, make_state, run_stage
 
 from iptm_controller.ocp.layout import LimitIndex
+from iptm_controller.ocp.stages import NEARLY_DESIRED_M
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.car_following import emergency_reserve_m
 
