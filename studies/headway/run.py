@@ -16,7 +16,7 @@ from studies.acc.run import LONG_S, LONG_SCENES
 from studies.acc.scenes import SHORTEST_S, long_scenes
 from studies.acc.variants import CARS, CLIMATES_C
 from studies.drives import DEFAULT, trip
-from studies.road_space.run import EQUAL
+from studies.road_space.run import DESIRED_S, EQUAL
 from studies.savings import PREVIEWS, PRODUCTION, road_taken, saved
 from studies.session import Case, Session
 
@@ -70,7 +70,7 @@ def run(session: Session) -> bool:
         overall=_summary(table, ["perfect", "preview"]),
         table=table,
         previews=PREVIEWS,
-        desired_s=EQUAL["overrides"]["gap.desired_time_headway_s"],
+        desired_s=DESIRED_S,
     )
     return bool((table.smallest_gap_m > 0.0).all())
 

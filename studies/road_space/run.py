@@ -35,12 +35,13 @@ TUNED_ON = ("udds", "sc03", "nycc")
 DEFAULT, REFERENCE = "default", "reference"
 HEADWAY = "gap.max_time_headway_s"
 EQUAL_ROAD_S, SHORTER_S = 3.0, 2.0
+DESIRED_S = 1.65
 EQUAL: dict[str, Any] = {
-    "overrides": {"gap.desired_time_headway_s": 1.65},
+    "overrides": {"gap.desired_time_headway_s": DESIRED_S},
     "value_beyond_trip": True,
 }
 """The default that takes the road of `production`, with a preview and without."""
-EQUAL_ROAD = "1.65 s desired"
+EQUAL_ROAD = f"{DESIRED_S:g} s desired"
 FRONT = (
     (DEFAULT, True, EQUAL_ROAD),
     (PRODUCTION, False, "1.6 s"),
@@ -125,6 +126,7 @@ def run(session: Session) -> bool:
         far=of_place.get_group((DEFAULT, True, "120 m")),
         kept=kept,
         below=below,
+        desired_s=DESIRED_S,
         tuned_on=", ".join(TUNED_ON),
         trip_s=LONGEST_TRIP_S,
         car_length_m=CAR_LENGTH_M,

@@ -100,8 +100,8 @@ def test_what_has_no_stamp_of_a_tick_is_fed_from_when_it_was_heard(
             writer.write(keys[message.topic], message.data, message.log_time_ns)
     for node in nodes:
         steps = read_recorded(tmp_path / "bag", node).steps
-        told = {stamp: inputs.get(topic) for stamp, inputs in steps.items()}
-        assert told == {stamp: data if stamp >= heard_ns else None for stamp in steps}
+        sent = {stamp: inputs.get(topic) for stamp, inputs in steps.items()}
+        assert sent == {stamp: data if stamp >= heard_ns else None for stamp in steps}
     answers = check_node(tmp_path / "bag", "controller")
     # Either "at 60 s" or, of messages without a stamp, "message 61".
     places = [each.first_place.split()[:2] for each in answers if not each.agrees]

@@ -273,7 +273,7 @@ def check(
     may_refuse: bool = False,
     is_silent: bool = False,
 ) -> None:
-    """Check that a trip is right and says what was repaired, or is refused for a reason."""
+    """Check that a trip is right and states its repairs, or is refused for a reason."""
     if isinstance(found, RouteError):
         assert may_refuse, str(found)
         assert "allowed" in str(found)

@@ -178,9 +178,9 @@ START_S = 10.0
 """In which two sensors that are alike, and both unlike the model, show that the first values were wrong."""
 CORRECTION_1_S = 0.05
 EFFECT_W, EFFECT_SHARE, EFFECT_S = 300.0, 0.3, 20.0
-"""Cooling of less than this share of an expected heat of at least so much, for so long, has no effect."""
+"""Cooling below this share of an expected heat of at least this power has no effect, after this time."""
 FOLLOW_W, FOLLOW_SHARE, FOLLOW_S = 30.0, 0.3, 8.0
-"""A compressor that draws less than this share of a command of at least so much does not follow it."""
+"""A compressor that draws less than this share of a command of at least this power does not follow it."""
 
 
 def is_temperature(value_k: float) -> bool:

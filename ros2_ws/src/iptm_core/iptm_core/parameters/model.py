@@ -289,7 +289,7 @@ class BrakeParameters:
 class GapParameters:
     """Car-following limits: intelligent driver model below, traffic efficiency above.
 
-    A largest time headway of 0 is none, and so is a desired one; see `desired_gap_m`.
+    A largest or desired time headway of 0 switches it off; see `desired_gap_m`.
     """
 
     standstill_gap_m: float = quantity("s_st", "m", 0.0, 50.0)

@@ -141,7 +141,7 @@ def emergency_reserve_m(
     """Part of the gap that is not needed to stop with the service brakes if the leader brakes fully now.
 
     The rule of the safety monitor (RSS, arXiv:1708.06374, definition 1) with its default assumptions, the
-    present speed kept until the brakes act. Other than `braking_reserve_m` it asks for no comfort, and so
+    present speed kept until the brakes act. Unlike `braking_reserve_m` it does not ask for comfort, which
     leaves room for the headways of traffic. It is not part of the paper.
 
     Returns:
