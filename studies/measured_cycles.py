@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
+from studies.validation import excerpts
+from studies.validation.excerpts import Drive, Driver, Trip
 from studies.validation.i3_vehicle import road_slope_rad
-from studies.validation.measurements import Drive, Driver, Trip
-from studies.validation.readers.folder import excerpts, files_of, read_files
 
 from iptm.parts import FloatArray, IptmError, MeasurementError, read_user_trip
 
@@ -28,21 +28,17 @@ MOVING_M_S = 0.5
 STANDING_BEFORE_S = 2.0
 
 
-def lead_cycles(
-    source: Path | None, folder: Path, report: Callable[[str], None], count: int = LEADS
-) -> list[str]:
+def lead_cycles(folder: Path, count: int = LEADS) -> list[str]:
     """Write measured lead vehicles as drive files, half of them from roads where there are enough.
 
     Args:
-        source: folder with measurements; None for the excerpts of the project.
         folder: for the drive files; made if need be.
-        report: takes one line per file of measurements that was left out.
         count: number of lead vehicles.
 
     Returns:
         Paths of the drive files, as cycles of a run.
     """
-    drives = read_files(files_of(source or excerpts()), report).drives
+    drives = excerpts.drives()
     road = [drive for drive in drives if drive.driver is Driver.ROAD]
     others = [drive for drive in drives if drive.driver is not Driver.ROAD]
     cycles: list[str] = []
@@ -66,31 +62,26 @@ def _write_lead(folder: Path, drive: Drive) -> str:
     return str(path)
 
 
-def trip_cycles(
-    source: Path | None, folder: Path, report: Callable[[str], None], count: int = TRIPS
-) -> list[str]:
+def trip_cycles(folder: Path, count: int = TRIPS) -> list[str]:
     """Write the first five minutes of measured trips of the BMW i3 as drive files, evenly spread over all.
 
     The slope follows the recorded elevation, smoothed over 400 m to either side.
 
     Args:
-        source: folder with measurements; None for the excerpts of the project.
         folder: for the drive files; made if need be.
-        report: takes one line per file of measurements that was left out.
         count: number of trips.
 
     Returns:
         Paths of the drive files, as cycles of a run.
 
     Raises:
-        MeasurementError: the folder holds fewer trips.
+        MeasurementError: there are fewer trips.
     """
-    paths = files_of(source) if source else sorted(excerpts().glob("bmw_i3*"))
-    parts = {trip.name: _beginning(trip) for trip in read_files(paths, report).trips}
+    parts = {trip.name: _beginning(trip) for trip in excerpts.trips()}
     slow = [name for name, (speeds, _) in parts.items() if speeds.max() <= FASTEST_M_S]
     if len(slow) < count:
         raise MeasurementError(
-            f"{source or excerpts()} has {len(slow)} trips of the i3 below {FASTEST_M_S:g} m/s;"
+            f"the excerpts have {len(slow)} trips of the i3 below {FASTEST_M_S:g} m/s;"
             f" allowed: at least {count}"
         )
     return [

@@ -88,14 +88,8 @@ def real_follower(scene: Scene, car: str, ambient_c: float) -> Trajectory:
     return Trajectory.from_ticks(observed)
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this study."""
-    parser.add_argument(
-        "--measured",
-        type=Path,
-        metavar="DIR",
-        help="folder with OpenACC files (default: the excerpts of the project)",
-    )
+def add_options(_: argparse.ArgumentParser) -> None:
+    """This study has no options of its own."""
 
 
 def run(session: Session) -> bool:
@@ -106,7 +100,7 @@ def run(session: Session) -> bool:
     """
     cars, climates_c = (CARS[-1:], CLIMATES_C[:1]) if session.short else (CARS, CLIMATES_C)
     count, seconds = (SHORT_SCENES, SHORTEST_S) if session.short else (LONG_SCENES, LONG_S)
-    scenes, pairs = long_scenes(session.options.measured, session.say, count, seconds)
+    scenes, pairs = long_scenes(count, seconds)
     settings = [Setting(scene, car, c) for car, c, scene in product(cars, climates_c, scenes)]
     limits_s = equal_headways(session, settings, 1 if session.short else ROUNDS)
     cases = [

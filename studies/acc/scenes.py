@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from studies.measured_cycles import evenly, longest_known, write_drive
 from studies.savings import MOVING_M_S
-from studies.validation.measurements import Drive, Driver
-from studies.validation.readers.folder import excerpts, files_of, read_files
+from studies.validation import excerpts
+from studies.validation.excerpts import Drive, Driver
 
 from iptm.parts import FloatArray, MeasurementError
 
@@ -126,66 +126,45 @@ def _joint(states: FloatArray, others: FloatArray) -> tuple[int, int]:
     return best[1:]
 
 
-def long_scenes(
-    source: Path | None, report: Callable[[str], None], count: int, seconds: int
-) -> tuple[list[Scene], int]:
+def long_scenes(count: int, seconds: int) -> tuple[list[Scene], int]:
     """Return scenes that are long enough for cooling to pay, and of how many measured ones they are made.
 
     Args:
-        source: folder with measurements; None for the excerpts of the project.
-        report: takes one line per file that was left out.
         count: number of scenes; measured ones that follow each other by name are joined.
         seconds: length of the measured seconds.
 
     Raises:
-        MeasurementError: there are too few in the folder.
+        MeasurementError: there are too few.
     """
-    measured = _chosen(_all_scenes(source, report), SCENES, source)
+    measured = measured_scenes(longest_s=None)
     groups = np.array_split(np.arange(len(measured)), count)
     found = [joined([measured[place] for place in group], seconds) for group in groups]
     return [scene for scene, _ in found], sum(used for _, used in found)
 
 
-def measured_scenes(
-    source: Path | None,
-    report: Callable[[str], None],
-    count: int = SCENES,
-    longest_s: int = LONGEST_S,
-) -> list[Scene]:
+def measured_scenes(count: int = SCENES, longest_s: int | None = LONGEST_S) -> list[Scene]:
     """Return scenes with a real adaptive cruise control, evenly spread over all of OpenACC.
 
     Args:
-        source: folder with measurements; None for the excerpts of the project.
-        report: takes one line per file that was left out.
         count: number of scenes.
-        longest_s: length of a scene at most.
+        longest_s: length of a scene at most; None for no limit.
 
     Returns:
         The scenes, each with another lead vehicle.
 
     Raises:
-        MeasurementError: there are fewer scenes in the folder.
+        MeasurementError: there are fewer scenes.
     """
-    return _chosen(_all_scenes(source, report, longest_s), count, source)
-
-
-def _all_scenes(
-    source: Path | None, report: Callable[[str], None], longest_s: int | None = None
-) -> list[Scene]:
-    drives = read_files(files_of(source or excerpts()), report).drives
-    return [
+    scenes = [
         scene
-        for item in drives
+        for item in excerpts.drives()
         if item.driver is Driver.ADAPTIVE_CRUISE_CONTROL and item.gap_m is not None
         for scene in [_scene(item, longest_s)]
         if scene is not None
     ]
-
-
-def _chosen(scenes: list[Scene], count: int, source: Path | None) -> list[Scene]:
     if len(scenes) < count:
         raise MeasurementError(
-            f"{source or excerpts()} has {len(scenes)} scenes with an adaptive cruise control;"
+            f"the excerpts have {len(scenes)} scenes with an adaptive cruise control;"
             f" allowed: at least {count}"
         )
     return evenly(scenes, count)

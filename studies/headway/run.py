@@ -40,7 +40,7 @@ def cases_of(session: Session) -> Iterator[Case]:
         *((HILLS, name, name, {"slope": "large"}) for name in cycles),
     ]
     extent = (1, SHORTEST_S) if session.short else (LONG_SCENES, LONG_S)
-    scenes, _ = long_scenes(None, session.say, *extent)
+    scenes, _ = long_scenes(*extent)
     for scene in scenes:
         drive = {"duration_s": float(scene.duration_s)}
         leaders.append((MEASURED, scene.name, scene.write(session.scratch / "leads"), drive))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -37,20 +37,17 @@ TRIPS_A_YEAR = 2.0 * 5.0 / 7.0 * 365.25
 _JULY = 6
 
 
-def routes_of(
-    folder: Path, report: Callable[[str], None], measured_trips: int = TRIPS
-) -> Mapping[str, Sequence[str]]:
+def routes_of(folder: Path, measured_trips: int = TRIPS) -> Mapping[str, Sequence[str]]:
     """Return the cycles of each route.
 
     Args:
         folder: for the files of measured trips.
-        report: takes one line per file of measurements that was left out.
         measured_trips: number of these trips.
     """
     return {
         CITY: (CITY,),
         COMPREHENSIVE: (COMPREHENSIVE,),
-        MEASURED: trip_cycles(None, folder, report, measured_trips),
+        MEASURED: trip_cycles(folder, measured_trips),
     }
 
 

@@ -34,7 +34,7 @@ def run(session: Session) -> bool:
     """Run the study; returns whether every trip was driven."""
     short = session.short
     start_c = SHORT_START_C if short else START_C
-    routes = routes_of(session.scratch / "drives", session.say, 1 if short else TRIPS)
+    routes = routes_of(session.scratch / "drives", 1 if short else TRIPS)
     of_years = [*trip_cases(start_c), *priced_cases(start_c)]
     single = decision_cases(routes)
     if short:

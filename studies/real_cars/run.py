@@ -274,7 +274,7 @@ def losses_table(found: pd.DataFrame, *, shipped: bool) -> str:
 
 def run(session: Session) -> bool:
     """Run the study; returns whether every shipped simplification costs no more than it may."""
-    trips = trip_cycles(None, session.scratch / "trips", session.say)
+    trips = trip_cycles(session.scratch / "trips")
     cars, climates_c, names = CARS, CLIMATES_C, tuple(SIMPLIFICATIONS)
     if session.short:
         trips, cars, climates_c, names = trips[:2], (CAR,), CLIMATES_C[-1:], names[:1]

@@ -141,9 +141,7 @@ def _leader_cases(session: Session) -> list[Case]:
     """Return the trips behind cycles and measured lead vehicles, of three controls without a preview."""
     extent = (1, SHORTEST_S) if session.short else (SCENES, LONGEST_S)
     published = () if session.short else CYCLE_NAMES
-    routes = trip_cycles(
-        None, session.scratch / "trips", session.say, 1 if session.short else TRIPS
-    )
+    routes = trip_cycles(session.scratch / "trips", 1 if session.short else TRIPS)
     trips: list[tuple[str, str, dict[str, Any]]] = [
         *(("published cycle", name, {"cycle": name}) for name in published),
         *((HILLS, f"{name}, hills", {"cycle": name, "slope": "large"}) for name in published),
@@ -157,7 +155,7 @@ def _leader_cases(session: Session) -> list[Case]:
                     "duration_s": float(scene.duration_s),
                 },
             )
-            for scene in measured_scenes(None, session.say, *extent)
+            for scene in measured_scenes(*extent)
         ),
     ]
     strategies: dict[str, dict[str, str]] = {

@@ -5,12 +5,11 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 
 import pandas as pd
 from studies.faults.catalogue import trial_on
 from studies.judged import Judged
-from studies.measured_cycles import LEADS, lead_cycles
+from studies.measured_cycles import lead_cycles
 from studies.safety.braking import braking_outcomes
 from studies.safety.findings import BEFORE, Findings, delays_of, read_before, with_figures
 from studies.safety.judging import judge_trial, trial_of
@@ -50,8 +49,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     ):
         text = f"{text}, {USUAL[name]} by default"  # noqa: PLW2901
         parser.add_argument(f"--{name}", type=int, metavar="N", help=text)
-    text = f"folder with measured drives, of which {LEADS} lead vehicles are taken"
-    parser.add_argument("--measured", type=Path, metavar="DIR", help=text)
 
 
 def run(session: Session) -> bool:
@@ -64,8 +61,8 @@ def run(session: Session) -> bool:
     cycles, leads, longest_s, periods_s = CYCLES, [], math.inf, PERIODS_S
     if session.short:
         cycles, longest_s, periods_s = ("nycc",), SHORT_S, PERIODS_S[-1:]
-    if options.measured is not None or not session.short:
-        leads = lead_cycles(options.measured, session.scratch / "leads", session.say)
+    if not session.short:
+        leads = lead_cycles(session.scratch / "leads")
     driving = driving_cases(cycles, leads, longest_s)
     disturbed = disturbed_cases(trials, seed, cycles, leads, min(DISTURBED_S, longest_s))
     drives, disturbed_runs, delays = map(

@@ -7,17 +7,15 @@ is known from the file; what each predictor recovers of it is counted.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from studies.measured_cycles import FASTEST_M_S, lead_cycles, write_drive
+from studies.measured_cycles import lead_cycles
 from studies.savings import PREVIEWS, road_taken
 from studies.v2x.prediction import EARLIER_DRIVES, other_drive
-from studies.validation.measurements import Driver
-from studies.validation.readers.folder import files_of, read_files
 
 from iptm.parts import (
     GAIN_FACTOR,
@@ -78,8 +76,6 @@ CELLS = (
 """Accuracy in m, loss, and delay in s; real cars state 2.8 m and more."""
 GAINS = ", gains times "
 """A leader "regression, gains times 1.7" is predicted with that factor in place of `GAIN_FACTOR`."""
-FIT_S = 600.0
-"""Beginning of a trip of the data set that is driven, capped at `FASTEST_M_S`."""
 KEY = ["cycle", "leader", "accuracy_m", "loss", "delay_s"]
 
 
@@ -97,30 +93,9 @@ def predictors_of(leader: str, route: Route) -> tuple[Predictor, ...]:
     return (History(),)
 
 
-def measured_cycles(
-    folder: Path, report: Callable[[str], None], data: Path | None
-) -> dict[str, str]:
-    """Return measured lead vehicles as drive files, by name: the project's, and trips of a folder.
-
-    Args:
-        folder: for the drive files.
-        report: takes one line per file of measurements that was left out.
-        data: folder of the data set, None for none.
-    """
-    found = lead_cycles(None, folder, report, count=1000)
-    drives = read_files(files_of(data), report).drives if data else ()
-    trips = {
-        one.name: np.minimum(one.speed_m_s[: int(FIT_S)], FASTEST_M_S)
-        for one in drives
-        if one.driver is Driver.ROAD and one.step_s == 1.0 and np.isfinite(one.speed_m_s).all()
-    }
-    return {
-        **{
-            name: str(write_drive(folder / f"fit_{name}.csv", 1.0, speeds))
-            for name, speeds in trips.items()
-        },
-        **{Path(path).stem: path for path in found},
-    }
+def measured_cycles(folder: Path) -> dict[str, str]:
+    """Write the measured lead vehicles of the excerpts as drive files; returns their paths by name."""
+    return {Path(path).stem: path for path in lead_cycles(folder, count=1000)}
 
 
 def drive(

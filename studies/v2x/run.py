@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import Any
 
 from studies.session import Session
@@ -17,8 +16,6 @@ FLOOD = {"seconds": 30, "maps_per_s": 1000, "loops_beside": 1}
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of this study."""
     parser.add_argument("--only", action="append", choices=PARTS, help="only this part; repeatable")
-    text = "folder of the data set of the i3, for its trips beside the excerpts of the project"
-    parser.add_argument("--data", type=Path, metavar="DIR", help=text)
     parser.add_argument("--trip", action="append", help="trip of the price; repeatable")
     parser.add_argument("--leader", action="append", help="how the leader is predicted; repeatable")
     text = "pairs of accuracy and link, the most usual ones first"
@@ -49,7 +46,7 @@ def _price(session: Session) -> dict[str, str]:
     options = session.options
     files, cases = {}, price.cases_of(("nycc",), (price.DECAY, price.PATH), 1)
     if not session.short:
-        files = price.measured_cycles(session.scratch / "leads", session.say, options.data)
+        files = price.measured_cycles(session.scratch / "leads")
         cases = price.cases_of(
             options.trip or price.TRIPS, options.leader or price.LEADERS, options.cells
         )

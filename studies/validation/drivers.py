@@ -1,117 +1,150 @@
-"""Lead vehicles: coverage of the 99 % bounds of the predicted position."""
+"""How far a lead vehicle may fall behind its predicted position: 99 % bounds over speed and acceleration.
+
+The prediction lets the present acceleration decay with a time constant of 4 s down to standstill, as the
+`history` predictor of the V2X bridge does. The bound is a table over speed and acceleration of the last
+second for each lead time, bilinear between its nodes.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from studies.validation.lead_vehicle import (
-    LEADS_S,
-    LEVELS,
-    ONE_CURVE,
-    Coverage,
-    LeadBound,
-    LeadBounds,
-    Observations,
-    coverage,
-    fit_bound,
-    left_out_coverage,
-    observations,
-)
-from studies.validation.measurements import Drive, Driver
+from studies.validation.excerpts import Drive, Driver
 from studies.validation.outcome import Comparison, Curve, Figure, Outcome
 
-from iptm.parts import render_page
+from iptm.parts import FloatArray, predicted_distance_m, render_page
 
 NAMES = {
     Driver.ADAPTIVE_CRUISE_CONTROL: "OpenACC, adaptive cruise control",
-    Driver.PROVING_GROUND: "OpenACC, human drivers and platoon leaders",
     Driver.ROAD: "i3 trips",
 }
 LOWEST_PERCENT, HIGHEST_PERCENT = 98.5, 99.7
-STATED_PERCENT = 99.0
-LEAD_OF_WIDTH = 2
-LEAST_GAIN_PERCENT = 10.0
-LEFT_OUT_DRIVES = 30
-"""With fewer drives than this, a fit without a fifth of them hardly represents the shipped bound."""
+LEADS_S = (1.0, 2.0, 3.0, 5.0, 10.0)
+SHOWN_LEAD = 2
+"""Index of the lead time in the pictures."""
+SMALLEST_SPEED_M_S = 0.5
+"""A standing vehicle cannot fall behind: it is not counted."""
 
 
-def compare_drivers(
-    drives: Sequence[Drive], bounds: LeadBounds, report: Callable[[str], None]
-) -> Outcome | None:
-    """Compare the bounds with the runs that were not fitted, None without such runs.
+@dataclass(frozen=True)
+class LeadBound:
+    """Bound of one kind of driver.
 
-    Human drivers are few: where the fitted runs are among the data, each fifth of them is left out of a fit.
+    Attributes:
+        driver: whose drives they are.
+        fitted_on: names of the runs.
+        level: level of the quantile regression; with it, runs that are left out of a fit keep about 99 %.
+        leads_s: times since the observation.
+        speeds_m_s: nodes of the speed.
+        accelerations_m_s2: nodes of the acceleration.
+        bounds_m: bounds; for each lead time the nodes of speed, for each of these the accelerations.
     """
+
+    driver: str
+    fitted_on: tuple[str, ...]
+    level: float
+    leads_s: tuple[float, ...]
+    speeds_m_s: tuple[float, ...]
+    accelerations_m_s2: tuple[float, ...]
+    bounds_m: tuple[tuple[float, ...], ...]
+
+    def at(self, lead: int, speed_m_s: FloatArray, acceleration_m_s2: FloatArray) -> FloatArray:
+        """Return the bounds at a lead time, by its index, for states of shape (n,)."""
+        speeds = hats(speed_m_s, self.speeds_m_s)
+        accelerations = hats(acceleration_m_s2, self.accelerations_m_s2)
+        weights = (speeds[:, :, None] * accelerations[:, None]).reshape(len(speed_m_s), -1)
+        limits: FloatArray = np.maximum(weights @ np.array(self.bounds_m[lead]), 0.0)
+        return limits
+
+
+@dataclass(frozen=True)
+class LeadBounds:
+    """Bounds of all kinds of drivers."""
+
+    groups: tuple[LeadBound, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """States of a drive and how far the vehicle then fell behind; arrays of shape (n,) and (n, leads)."""
+
+    name: str
+    speed_m_s: FloatArray
+    acceleration_m_s2: FloatArray
+    shortfall_m: FloatArray
+
+
+def hats(values: FloatArray, nodes: Sequence[float]) -> FloatArray:
+    """Return the weights of the nodes in a linear interpolation, constant outside; shape (n, nodes)."""
+    return np.column_stack([np.interp(values, nodes, row) for row in np.eye(len(nodes))])
+
+
+def observations(drive: Drive) -> Observations:
+    """Return one state per second of a drive, with the distance by which it fell behind the prediction.
+
+    A state without a recorded second before it is left out, and the shortfall is NaN across gaps and
+    beyond the end.
+    """
+    speed = drive.speed_m_s
+    second = round(1.0 / drive.step_s)
+    at = np.arange(2 * second, len(speed) - 1, second)
+    known = np.isfinite(speed)
+    steps = np.where(known[1:] & known[:-1], 0.5 * (speed[1:] + speed[:-1]) * drive.step_s, 0.0)
+    travelled = np.concatenate([[0.0], np.cumsum(steps)])
+    unknown = np.concatenate([[0], np.cumsum(~(known[1:] & known[:-1]))])
+    here, before = speed[at], speed[at - second]
+    acceleration = here - before
+    shortfall = np.full((len(at), len(LEADS_S)), np.nan)
+    for index, lead_s in enumerate(LEADS_S):
+        after = at + round(lead_s / drive.step_s)
+        inside = np.flatnonzero(after < len(speed))
+        inside = inside[unknown[after[inside]] == unknown[at[inside]]]
+        moved = travelled[after[inside]] - travelled[at[inside]]
+        expected = predicted_distance_m(here[inside], acceleration[inside], lead_s)
+        shortfall[inside, index] = expected - moved
+    counted = np.isfinite(acceleration) & (here > SMALLEST_SPEED_M_S)
+    return Observations(drive.name, here[counted], acceleration[counted], shortfall[counted])
+
+
+def kept_percent(seen: Sequence[Observations], bound: LeadBound) -> list[float]:
+    """Return the share of observations within a bound, by lead time."""
+    shares = []
+    for lead in range(len(LEADS_S)):
+        kept = counted = 0
+        for one in seen:
+            known = np.isfinite(one.shortfall_m[:, lead])
+            limit = bound.at(lead, one.speed_m_s[known], one.acceleration_m_s2[known])
+            kept += int(np.sum(one.shortfall_m[known, lead] <= limit))
+            counted += int(known.sum())
+        shares.append(100.0 * kept / counted)
+    return shares
+
+
+def compare_drivers(drives: Sequence[Drive], bounds: LeadBounds) -> Outcome:
+    """Compare the bounds with the runs that were not fitted."""
     figures: list[Figure] = []
     comparisons = []
     for driver, name in NAMES.items():
-        bound = bounds.of(driver)
-        seen = [observations(drive) for drive in drives if drive.driver is driver]
-        seen = [one for one in seen if len(one.speed_m_s) > 0]
-        if bound is None or not seen:
-            continue
-        report(f"coverage, {name}")
-        others = [one for one in seen if one.drive.run not in bound.fitted_on]
-        fitted = [one for one in seen if one.drive.run in bound.fitted_on]
-        one_curve: Coverage | None = None
-        if len(fitted) >= LEFT_OUT_DRIVES and driver is Driver.PROVING_GROUND:
-            kept = left_out_coverage(seen, driver)
-            one_curve = left_out_coverage(seen, driver, speeds=ONE_CURVE, accelerations=ONE_CURVE)
-            part = f"{name}, {len(seen)} drives, left out"
-        elif others:
-            kept = coverage(others, bound)
-            if len(fitted) >= len(others):
-                constant = fit_bound(fitted, driver, speeds=ONE_CURVE, accelerations=ONE_CURVE)
-                one_curve = coverage(others, constant)
-            part = f"{name}, {len(others)} drives not fitted"
-        else:
-            continue
-        figures += _coverage_figures(driver, part, kept)
-        if one_curve is not None:
-            figures.append(_width_figure(driver, part, kept, one_curve))
-        if others:
-            comparisons.append(_picture(name, driver, others, bound))
-    if not figures:
-        return None
+        bound = next(group for group in bounds.groups if group.driver == driver)
+        others = [one for one in drives if one.driver is driver and one.run not in bound.fitted_on]
+        seen = [one for one in map(observations, others) if len(one.speed_m_s) > 0]
+        part = f"{name}, {len(seen)} drives not fitted"
+        figures += [
+            Figure(f"kept at {lead_s:g} s", part, share, "%", LOWEST_PERCENT, HIGHEST_PERCENT)
+            for lead_s, share in zip(LEADS_S, kept_percent(seen, bound), strict=True)
+        ]
+        comparisons.append(_picture(name, driver, seen, bound))
     return Outcome(
         title="Lead vehicles: bounds of the predicted position",
-        text=render_page(Path(__file__).parent, "drivers.md.j2", levels=LEVELS.values()),
+        text=render_page(
+            Path(__file__).parent, "drivers.md.j2", levels=[one.level for one in bounds.groups]
+        ),
         figures=tuple(figures),
         comparisons=tuple(comparisons),
     )
-
-
-def _coverage_figures(driver: Driver, part: str, kept: Coverage) -> list[Figure]:
-    shares = 100.0 * kept.share()
-    if driver is not Driver.PROVING_GROUND:
-        return [
-            Figure(
-                f"kept at {lead_s:g} s", part, float(share), "%", LOWEST_PERCENT, HIGHEST_PERCENT
-            )
-            for lead_s, share in zip(LEADS_S, shares, strict=True)
-        ]
-    low, high = kept.interval()
-    figures = []
-    for index, lead_s in enumerate(LEADS_S):
-        lowest, highest = 100.0 * float(low[index]), 100.0 * float(high[index])
-        label = f"{part} ({shares[index]:.2f} %, 95 % interval {lowest:.2f} to {highest:.2f})"
-        # Positive as long as the stated level lies inside the interval.
-        inside = min(STATED_PERCENT - lowest, highest - STATED_PERCENT)
-        figures.append(
-            Figure(f"99 % inside the interval at {lead_s:g} s, by", label, inside, "%", 0.0)
-        )
-    return figures
-
-
-def _width_figure(driver: Driver, part: str, kept: Coverage, one_curve: Coverage) -> Figure:
-    widths = kept.mean_width_m()[LEAD_OF_WIDTH], one_curve.mean_width_m()[LEAD_OF_WIDTH]
-    shares = (100.0 * kept.share()[LEAD_OF_WIDTH], 100.0 * one_curve.share()[LEAD_OF_WIDTH])
-    gain = float(100.0 * (1.0 - widths[0] / widths[1]))
-    label = f"{part} (kept {shares[0]:.2f} % and {shares[1]:.2f} %)"
-    lowest = None if driver is Driver.ROAD else LEAST_GAIN_PERCENT
-    return Figure("mean bound at 3 s, tighter than one curve by", label, gain, "%", lowest)
 
 
 def _picture(
@@ -119,13 +152,13 @@ def _picture(
 ) -> Comparison:
     curves = []
     for one in seen:
-        limit = bound.at(LEAD_OF_WIDTH, one.speed_m_s, one.acceleration_m_s2)
-        shortfall = one.shortfall_m[:, LEAD_OF_WIDTH]
+        limit = bound.at(SHOWN_LEAD, one.speed_m_s, one.acceleration_m_s2)
+        shortfall = one.shortfall_m[:, SHOWN_LEAD]
         known = np.isfinite(shortfall)
         if known.any():
             outside = 100.0 * float(np.mean(shortfall[known] > limit[known]))
             minutes = np.arange(len(limit)) / 60.0
-            curves.append(Curve(one.drive.name, outside, minutes, shortfall, limit))
+            curves.append(Curve(one.name, outside, minutes, shortfall, limit))
     return Comparison(
         f"drivers_{driver}",
         f"{name}: shortfall after 3 s (measured) and its bound (model)",

@@ -1,4 +1,9 @@
-"""Consumption of many electric cars on the dynamometer, from their road load with one drivetrain for all."""
+"""Consumption of many electric cars on the dynamometer, from their road load with one drivetrain for all.
+
+The list of test cars of the US Environmental Protection Agency has known defects: some consumptions are
+kWh/100 mi though labelled MPG, some cars carry label values (whole numbers on both cycles), brands are spelt
+in several ways, and rows lack values.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy.optimize import least_squares
+from studies.validation.excerpts import DATA
 from studies.validation.outcome import Comparison, Curve, Figure, Outcome
 
 from iptm.parts import (
@@ -16,12 +21,36 @@ from iptm.parts import (
     INERTIA_FACTOR,
     FloatArray,
     coast_down_force_n,
-    held_out,
     load_cycle,
     render_page,
 )
 
 BLEND_M_S = (3.0 / 3.6, 8.0 / 3.6)
+KWH_PER_GALLON = 33.705
+KM_PER_MILE = 1.609344
+KG_PER_POUND = 0.45359237
+NEWTON_PER_POUND_FORCE = 4.4482216153
+M_S_PER_MPH = 0.44704
+LARGEST_KWH_PER_100_MILES = 60.0
+"""A smaller number is in kWh/100 mi: no car consumes that much."""
+RATIO_RANGE = (0.8, 1.4)
+"""Plausible ratio of the consumptions on HWFET and UDDS; beyond it the two values have different meanings."""
+CYCLES = {"81": "udds", "84": "hwfet"}
+_MAKES = {"2022": "Lucid", "Polestar2 Dual Motor": "Polestar"}
+_COLUMNS = {
+    "make": "Represented Test Veh Make",
+    "model": "Represented Test Veh Model",
+    "vehicle": "Test Vehicle ID",
+    "configuration": "Test Veh Configuration #",
+    "fuel": "Test Fuel Type Cd",
+    "cycle": "Test Procedure Cd",
+    "value": "RND_ADJ_FE",
+    "mass": "Equivalent Test Weight (lbs.)",
+    "a": "Target Coef A (lbf)",
+    "b": "Target Coef B (lbf/mph)",
+    "c": "Target Coef C (lbf/mph**2)",
+}
+_ELECTRICITY = "62"
 
 
 @dataclass(frozen=True)
@@ -37,6 +66,48 @@ class OneDrivetrain:
     fitted_on: tuple[str, ...]
     driving_efficiency: float
     recovered_share: float
+
+
+def dynamometer_tests() -> pd.DataFrame:
+    """Return the tests of electric cars on UDDS and HWFET, without contradictory cars, a row per test.
+
+    Columns: unique name of ``car`` and configuration, ``make`` (spelt in one way), ``cycle`` (``udds`` or
+    ``hwfet``), ``mass_kg`` (equivalent test weight), road load coefficients ``constant_n``,
+    ``linear_n_s_m`` and ``quadratic_n_s2_m2``, and ``consumption_wh_km`` (from the grid per distance).
+    """
+    table = pd.read_csv(
+        DATA / "epa_2022_bev_tests.csv.gz", encoding="utf-8-sig", dtype=str, keep_default_na=False
+    )
+    table = table[list(_COLUMNS.values())].set_axis(list(_COLUMNS), axis=1)
+    table = table.apply(lambda column: column.str.strip())
+    for name in ("value", "mass", "a", "b", "c"):
+        table[name] = pd.to_numeric(table[name], errors="coerce")
+    is_electric = table.cycle.isin(CYCLES) & (table.fuel == _ELECTRICITY)
+    table = table[is_electric & np.isfinite(table.value)]
+    is_energy = table.value < LARGEST_KWH_PER_100_MILES
+    kwh_per_mile = np.where(is_energy, table.value / 100.0, KWH_PER_GALLON / table.value)
+    make = table.make.map(lambda name: _MAKES.get(name, name.title()))
+    table = table.assign(
+        make=make,
+        car=make + " " + table.model + " " + table.vehicle + "-" + table.configuration,
+        cycle=table.cycle.map(CYCLES),
+        mass_kg=table.mass * KG_PER_POUND,
+        constant_n=table.a * NEWTON_PER_POUND_FORCE,
+        linear_n_s_m=table.b * NEWTON_PER_POUND_FORCE / M_S_PER_MPH,
+        quadratic_n_s2_m2=table.c * NEWTON_PER_POUND_FORCE / M_S_PER_MPH**2,
+        consumption_wh_km=1000.0 * kwh_per_mile / KM_PER_MILE,
+    )
+    sound = [tests for _, tests in table.groupby("car", sort=False) if not _contradicts(tests)]
+    return pd.concat(sound)
+
+
+def _contradicts(tests: pd.DataFrame) -> bool:
+    """True for the label values of a car, and for values on the two cycles that cannot be of one kind."""
+    if len(tests) > 1 and (tests.value % 1.0 == 0.0).all():
+        return True
+    means = tests.groupby("cycle").consumption_wh_km.mean()
+    low, high = RATIO_RANGE
+    return len(means) == len(CYCLES) and not low <= means["hwfet"] / means["udds"] <= high
 
 
 def wheel_energies_wh_km(tests: pd.DataFrame) -> FloatArray:
@@ -69,33 +140,12 @@ def consumption_wh_km(energies: FloatArray, drivetrain: OneDrivetrain) -> FloatA
     return np.asarray(battery / CHARGING_EFFICIENCY, dtype=np.float64)
 
 
-def fit_one_drivetrain(tests: pd.DataFrame) -> OneDrivetrain:
-    """Fit the two efficiencies on two thirds of the cars, by relative errors."""
-    chosen = tests[~tests.car.isin(held_out(list(tests.car)))]
-    energies = wheel_energies_wh_km(chosen)
-    measured = chosen.consumption_wh_km.to_numpy()
-    names = tuple(sorted(set(chosen.car)))
-
-    def missed(values: FloatArray) -> FloatArray:
-        drivetrain = OneDrivetrain(names, float(values[0]), float(values[1]))
-        logarithms: FloatArray = np.log(consumption_wh_km(energies, drivetrain) / measured)
-        return logarithms
-
-    bounds = ([0.5, 0.0], [1.0, 1.0])
-    found = least_squares(missed, [0.9, 0.7], bounds=bounds, loss="soft_l1", f_scale=0.05).x
-    return OneDrivetrain(names, float(found[0]), float(found[1]))
-
-
-def compare_cars(tests: pd.DataFrame, drivetrain: OneDrivetrain) -> Outcome | None:
-    """Compare the consumptions, on the cars that were not fitted and on all, None without a car."""
-    if tests.empty:
-        return None
+def compare_cars(tests: pd.DataFrame, drivetrain: OneDrivetrain) -> Outcome:
+    """Compare the consumptions, on the cars that were not fitted and on all."""
     modelled = consumption_wh_km(wheel_energies_wh_km(tests), drivetrain)
     errors = 100.0 * (modelled / tests.consumption_wh_km - 1.0)
     tests = tests.assign(modelled=modelled, error=errors)
     others = tests[~tests.car.isin(drivetrain.fitted_on)]
-    if others.empty:
-        return None
     figures = []
     for part, chosen in (("cars not fitted", others), ("all cars", tests)):
         label = f"{part}, {len(chosen)} tests"

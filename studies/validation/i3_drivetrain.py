@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import median_filter
-from scipy.optimize import lsq_linear
-from studies.validation.measurements import Trip
+from studies.validation.excerpts import Trip
 
-from iptm.parts import FloatArray, PowertrainParameters, drag_loss_w, held_out, traction_power_w
+from iptm.parts import FloatArray, PowertrainParameters, drag_loss_w, traction_power_w
 
 GEAR_RATIO = 9.665
 WHEEL_RADIUS_M = 0.3396
@@ -22,7 +21,6 @@ STANDSTILL_RANGE_W = (100.0, 700.0)
 GAP_WINDOW_S = 60
 LARGEST_GAP_W = 1500.0
 """A power for a minute that no recorded consumer explains: the heater ran unrecorded."""
-FIT_WINDOW_S = 30
 UNUSABLE = {
     "B02": "heater channel at 39.9 kW and a step of 22 m in height",
     "B13": "2.8 km long",
@@ -78,11 +76,6 @@ def durations_s(trip: Trip) -> FloatArray:
     return np.clip(steps, 0.0, 1.5)
 
 
-def window_sums(values: FloatArray, samples: int) -> FloatArray:
-    """Return sums over windows of ``samples`` rows; shape (windows, ...)."""
-    return np.add.reduceat(values, np.arange(0, len(values), samples), axis=0)
-
-
 def consumers_w(trip: Trip) -> FloatArray:
     """Return the power of heater and air conditioning, the heater as far as it can be right.
 
@@ -119,31 +112,3 @@ def objection_to(trip: Trip, drivetrain: I3Drivetrain) -> str | None:
     if abs(rest_w) > LARGEST_GAP_W:
         return f"for a minute {rest_w / 1000.0:.1f} kW flow to no recorded consumer"
     return None
-
-
-def fit_drivetrain(trips: tuple[Trip, ...]) -> I3Drivetrain:
-    """Fit the losses to energies over half a minute, on two thirds of the trips.
-
-    Trips whose consumers contradict the battery are dropped after a first fit, and the fit is repeated.
-    """
-    kept_back = held_out([trip.name for trip in trips])
-    chosen = [t for t in trips if t.name not in kept_back and t.name not in UNUSABLE]
-    fitted = _least_squares(chosen)
-    sound = [trip for trip in chosen if objection_to(trip, fitted) is None]
-    return _least_squares(sound)
-
-
-def _least_squares(trips: list[Trip]) -> I3Drivetrain:
-    design, target = [], []
-    for trip in trips:
-        weights = durations_s(trip)
-        speed = motor_speed_rad_s(trip.speed_m_s)
-        torque = trip.motor_torque_nm
-        columns = np.column_stack([torque**2, speed, speed**2, np.ones_like(speed)])
-        rest = trip.battery_power_w - consumers_w(trip) - torque * speed
-        design.append(window_sums(columns * weights[:, None], FIT_WINDOW_S))
-        target.append(window_sums(rest * weights, FIT_WINDOW_S))
-    matrix, vector = np.vstack(design), np.concatenate(target)
-    scale = np.abs(matrix).max(axis=0)
-    solution = lsq_linear(matrix / scale, vector, bounds=(0.0, np.inf)).x / scale
-    return I3Drivetrain(tuple(trip.name for trip in trips), *(float(value) for value in solution))

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import lsq_linear
-from studies.validation.circuit import Circuit, Samples, Structure, fit_circuit, hats
+from studies.validation.circuit import Circuit, Samples
+from studies.validation.excerpts import Trip
 from studies.validation.i3_drivetrain import durations_s
 from studies.validation.i3_vehicle import SEASONS
-from studies.validation.measurements import Trip
 from studies.validation.outcome import Comparison, Curve, Figure, Outcome, rms
 
 from iptm.parts import (
@@ -18,28 +17,14 @@ from iptm.parts import (
     ChargeTable,
     FloatArray,
     ambient_temperature_rate_k_s,
-    held_out,
     render_page,
 )
 
-STRUCTURE = Structure(
-    ocv_charges=(0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9),
-    resistance_charges=(0.1, 0.3, 0.6, 0.9),
-    ohmic_coefficient_1_k=0.04,
-    relaxation_coefficient_1_k=0.04,
-    time_constants_s=(95.0,),
-    transfer_charges=(),
-    exchange_current_a=1.0,
-    exchange_coefficient_1_k=0.0,
-    typical_ohm=0.05,
-)
 UNUSABLE = {
     "B02": "a step in the recording",
     "B13": "2.8 km long",
     "B34": "state of charge not recorded",
 }
-ENTROPIC_CHARGES = (0.2, 0.5)
-"""Nodes of the entropic coefficient, chosen by leaving one trip out: the low end of the charge heats more."""
 COOLED_FROM_K = 303.15
 COOLING_W = 300.0
 """A pack this warm with an air conditioning this strong is cooled by refrigerant, which is not recorded."""
@@ -83,7 +68,6 @@ def pack_samples(trip: Trip, capacity_ah: float) -> Samples:
         voltage_v=trip.voltage_v,
         temperature_k=trip.battery_temperature_k,
         charge=charge,
-        weights=np.ones_like(charge),
     )
 
 
@@ -116,59 +100,14 @@ def is_cooled(trip: Trip) -> bool:
     return warm and float(trip.cooling_w.mean()) >= COOLING_W
 
 
-def fit_pack(trips: tuple[Trip, ...]) -> I3Pack:
-    """Fit capacity, circuit and heat capacity on two thirds of the trips."""
-    kept_back = held_out([trip.name for trip in trips])
-    return fit_pack_on([t for t in trips if t.name not in kept_back and t.name not in UNUSABLE])
-
-
-def fit_pack_on(trips: list[Trip]) -> I3Pack:
-    """Fit capacity, circuit and heat capacity on all of the trips given."""
-    drawn, used = [], []
-    for trip in trips:
-        known = np.flatnonzero(np.isfinite(trip.charge))
-        drawn.append(float(_drawn_ah(trip)[known[-1]]))
-        used.append(float(trip.charge[known[0]] - trip.charge[known[-1]]))
-    capacity_ah = float(np.dot(drawn, drawn) / np.dot(drawn, used))
-    samples = [pack_samples(trip, capacity_ah) for trip in trips]
-    circuit = fit_circuit(samples, STRUCTURE)
-    design, rise = [], []
-    for trip, case in zip(trips, samples, strict=True):
-        if is_cooled(trip):
-            continue
-        steps, temperature = durations_s(trip), trip.battery_temperature_k
-        entropic = hats(case.charge, ENTROPIC_CHARGES) * (case.current_a * temperature)[:, None]
-        exchanged = trip.ambient_k - temperature
-        columns = np.column_stack([_loss_w(case, circuit), exchanged, entropic])
-        design.append(steps @ columns)
-        rise.append(float(temperature[-1] - temperature[0]))
-    matrix = np.array(design)
-    scale = np.abs(matrix).max(axis=0)
-    inverse, exchange, *coefficients = (
-        lsq_linear(matrix / scale, np.array(rise), bounds=(0.0, np.inf)).x / scale
-    )
-    return I3Pack(
-        fitted_on=tuple(trip.name for trip in trips),
-        capacity_ah=capacity_ah,
-        circuit=circuit,
-        heat_capacity_j_k=float(1.0 / inverse),
-        exchange_w_k=float(exchange / inverse),
-        entropic_v_k=ChargeTable(
-            ENTROPIC_CHARGES, tuple(float(value / inverse) for value in coefficients)
-        ),
-    )
-
-
 LEAST_CHARGE = 0.2
 VOLTAGE_BARS = {"summer": 0.4, "winter": 1.0}
 
 
-def compare_pack(trips: tuple[Trip, ...], pack: I3Pack) -> Outcome | None:
-    """Compare voltage and temperature on trips that were not fitted, None without one."""
+def compare_pack(trips: tuple[Trip, ...], pack: I3Pack) -> Outcome:
+    """Compare voltage and temperature on trips that were not fitted."""
     others = [t for t in trips if t.name not in pack.fitted_on and t.name not in UNUSABLE]
     others = [trip for trip in others if np.isfinite(trip.charge).mean() > 0.5]
-    if not others:
-        return None
     voltage_curves, figures, notes = [], [], []
     voltage_errors: dict[str, float] = {}
     for trip in others:

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy.optimize import least_squares
+from studies.validation.excerpts import Trip
 from studies.validation.i3_drivetrain import (
     I3Drivetrain,
     consumers_w,
     durations_s,
     motor_speed_rad_s,
     objection_to,
-    window_sums,
 )
-from studies.validation.measurements import Trip
 from studies.validation.outcome import Comparison, Curve, Figure, Outcome, rms
 
 from iptm.parts import (
@@ -25,7 +22,6 @@ from iptm.parts import (
     BodyParameters,
     FloatArray,
     RegenerationParameters,
-    held_out,
     motor_torque_nm,
     regenerative_torque_nm,
     render_page,
@@ -48,9 +44,6 @@ REGENERATION = RegenerationParameters(
 the share of the demanded torque over speed and deceleration."""
 SMOOTHING_M = 400.0
 _ROAD_STEP_M = 20.0
-_FIT_WINDOW_S = 120
-_WHOLE_TRIP_WEIGHT = 3.0
-_RECOVERED_WEIGHT = 0.5
 
 
 @dataclass(frozen=True)
@@ -81,21 +74,6 @@ class I3Vehicle:
     cold_force_winter_n: float
     warm_up_s: float
     parked_k: float
-
-
-DRIVELINE_EFFICIENCY = 0.86
-"""Chosen among 0.83 to 0.90 by cross-validation: mass and efficiency are hardly separable."""
-PARKED_K = 12.0
-FREE = {
-    "mass_kg": (1450.0, 1270.0, 1700.0),
-    "drag_coefficient": (0.22, 0.15, 0.40),
-    "rolling_summer": (0.009, 0.004, 0.03),
-    "rolling_winter": (0.014, 0.004, 0.03),
-    "cold_force_summer_n": (200.0, 0.0, 1000.0),
-    "cold_force_winter_n": (400.0, 0.0, 1000.0),
-    "warm_up_s": (180.0, 60.0, 600.0),
-}
-"""Start, lowest and highest value of what is fitted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,51 +163,6 @@ def recovered_j(power_w: FloatArray, durations: FloatArray) -> float:
     return float(-np.minimum(power_w, 0.0) @ durations)
 
 
-def fit_vehicle(trips: tuple[Trip, ...], drivetrain: I3Drivetrain) -> I3Vehicle:
-    """Fit the road load to energies of two minutes and of whole trips, on two thirds of the trips."""
-    kept_back = held_out([trip.name for trip in trips])
-    chosen = [
-        trip
-        for trip in trips
-        if trip.name not in kept_back and objection_to(trip, drivetrain) is None
-    ]
-    return fit_vehicle_on(chosen, drivetrain)
-
-
-def fit_vehicle_on(trips: Sequence[Trip], drivetrain: I3Drivetrain) -> I3Vehicle:
-    """Fit the road load to all of the trips given."""
-    roads = [Road.of(trip) for trip in trips]
-    names = tuple(trip.name for trip in trips)
-
-    starts, lowest, highest = np.array(list(FREE.values())).T
-
-    def vehicle_of(shares: FloatArray) -> I3Vehicle:
-        found = dict(zip(FREE, (starts * shares).tolist(), strict=True))
-        return I3Vehicle(
-            names, driveline_efficiency=DRIVELINE_EFFICIENCY, parked_k=PARKED_K, **found
-        )
-
-    def residuals(shares: FloatArray) -> FloatArray:
-        vehicle = vehicle_of(shares)
-        parts = []
-        for trip, road in zip(trips, roads, strict=True):
-            modelled = battery_power_w(road, vehicle, drivetrain)
-            measured = trip.battery_power_w
-            missed = (modelled - measured) * road.durations_s
-            energy = float(measured @ road.durations_s)
-            windows = window_sums(missed, _FIT_WINDOW_S)
-            parts.append(windows * np.sqrt(len(windows)) / energy)
-            back = recovered_j(measured, road.durations_s)
-            over = recovered_j(modelled, road.durations_s) / back - 1.0
-            parts.append(
-                np.array([_WHOLE_TRIP_WEIGHT * missed.sum() / energy, _RECOVERED_WEIGHT * over])
-            )
-        return np.concatenate(parts)
-
-    bounds = (lowest / starts, highest / starts)
-    return vehicle_of(least_squares(residuals, np.ones(len(FREE)), bounds=bounds).x)
-
-
 SEASONS = ((False, "summer"), (True, "winter"))
 ENERGY_BARS = {"summer": 4.0, "winter": 1.5}
 SPEED_MEDIAN_BARS = {"summer": 5.0, "winter": 4.0}
@@ -239,14 +172,12 @@ ZETA = 0.3
 
 def compare_energy(
     trips: tuple[Trip, ...], drivetrain: I3Drivetrain, vehicle: I3Vehicle
-) -> Outcome | None:
-    """Compare battery energies on the trips that were fitted to neither model, None without such trips."""
+) -> Outcome:
+    """Compare battery energies on the trips that were fitted to neither model."""
     fitted = set(drivetrain.fitted_on) | set(vehicle.fitted_on)
     others = [trip for trip in trips if trip.name not in fitted]
     objections = {trip.name: objection_to(trip, drivetrain) for trip in others}
     sound = [trip for trip in others if objections[trip.name] is None]
-    if not sound:
-        return None
     powers = [
         {
             "measured": trip.battery_power_w,

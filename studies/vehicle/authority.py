@@ -42,7 +42,7 @@ def energy_j(run: iptm.Run) -> float:
 def leaders_table(session: Session) -> pd.DataFrame:
     """Drive behind measured leaders, and behind ones that brake, with the authority of the channel."""
     extent = (1, SHORTEST_S) if session.short else (SCENES, LONGEST_S)
-    scenes = measured_scenes(None, session.say, *extent)
+    scenes = measured_scenes(*extent)
     trips = {
         scene.name: {
             "cycle": scene.write(session.scratch / "leads"),

@@ -17,10 +17,10 @@ import numpy as np
 import pandas as pd
 import yaml
 from studies.session import Session
+from studies.validation import excerpts
+from studies.validation.excerpts import Trip
 from studies.validation.i3_drivetrain import consumers_w
 from studies.validation.i3_vehicle import road_slope_rad
-from studies.validation.measurements import Trip
-from studies.validation.readers.bmw_i3 import compact_trips
 from studies.vehicle.bench import FRAMES, drive, kept
 
 from iptm import meter
@@ -40,7 +40,7 @@ def i3_trips(path: Path) -> pd.DataFrame:
 
     The meter gets speed, slope, measured consumers, the air, and in winter the fitted rolling resistance.
     """
-    trips = compact_trips(path)
+    trips = excerpts.trips(path)
     kept_back = held_out([trip.name for trip in trips])
     winter = float(yaml.safe_load(I3.read_text("utf-8"))["parameters"]["rolling_winter"])
     return pd.DataFrame(

@@ -32,7 +32,7 @@ def made_scene(gap_m: float = 20.0) -> Scene:
 
 @pytest.fixture(scope="module")
 def scenes() -> list[Scene]:
-    return measured_scenes(None, print)
+    return measured_scenes()
 
 
 def test_gap_and_speeds_belong_together(scenes: list[Scene]) -> None:
@@ -50,7 +50,7 @@ def test_too_few_scenes_are_refused() -> None:
     with pytest.raises(
         MeasurementError, match=r"with an adaptive cruise control; allowed: at least 999"
     ):
-        measured_scenes(None, print, 999)
+        measured_scenes(999)
 
 
 def test_the_real_follower_is_driven_exactly(scenes: list[Scene]) -> None:

@@ -38,7 +38,7 @@ def made(power_w: float, loss: float = 1e-6, end_k: float = 303.15) -> RunMetric
 
 @pytest.fixture(scope="module")
 def trips(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
-    return trip_cycles(None, tmp_path_factory.mktemp("trips"), print)
+    return trip_cycles(tmp_path_factory.mktemp("trips"))
 
 
 def test_measured_trips_are_cycles_with_their_elevation(trips: list[str]) -> None:
@@ -65,7 +65,7 @@ def test_drives_end_at_rest(tmp_path: Path) -> None:
 
 def test_too_few_trips_are_refused(tmp_path: Path) -> None:
     with pytest.raises(MeasurementError, match="allowed: at least 99"):
-        trip_cycles(None, tmp_path, print, count=99)
+        trip_cycles(tmp_path, count=99)
 
 
 def test_savings_by_hand() -> None:

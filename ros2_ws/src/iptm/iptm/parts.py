@@ -17,13 +17,7 @@ from iptm.closed_loop import ClosedLoopRun, run_closed_loop
 from iptm.emergency_stop import braking_leads, emergency_stops
 from iptm.faults.fault import WHOLE_TRIP_S, Fault, at_places, faults_from, in_order
 from iptm.faults.kinds import FaultKind, FaultPlace
-from iptm.predictor_training import (
-    evaluate,
-    held_out,
-    predicted_distance_m,
-    quantile_regression,
-    train,
-)
+from iptm.predictor_training import held_out, predicted_distance_m
 from iptm.run import Report, Reporter
 from iptm.vehicle_string import drive_string_in_memory
 from iptm_controller.controller import Controller
@@ -41,9 +35,8 @@ from iptm_core.aging_laws.cells import (
     LAWS,
     AgingCell,
     Experiments,
-    outside_experiments,
 )
-from iptm_core.aging_laws.law import AgingLaw, Load, Mechanism, MechanismLaw, paper_law
+from iptm_core.aging_laws.law import Load, Mechanism, paper_law
 from iptm_core.aging_laws.parking import AgingSettings, ParkedAging
 from iptm_core.charging_stop import (
     LIMIT_1_H,
@@ -56,7 +49,7 @@ from iptm_core.charging_stop import (
 )
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.declaration import TextEnum, parameter_specs
-from iptm_core.errors import IptmError, MeasurementError, ParameterError, ScenarioError, StoreError
+from iptm_core.errors import IptmError, MeasurementError, ScenarioError, StoreError
 from iptm_core.markdown import NO_VALUE, markdown_table, render_page, table_of
 from iptm_core.metrics import (
     RunMetrics,
@@ -109,7 +102,7 @@ from iptm_core.routes.user_csv import read_user_trip
 from iptm_core.settings import LeaderSource, PreviewMode, PreviewSettings
 from iptm_core.state import NS_PER_S, Command, FloatArray, LeaderPreview, LeaderState, VehicleState
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
-from iptm_core.units import CELSIUS_ZERO_K, J_PER_KWH, KM_H_PER_M_S, SECONDS_PER_DAY
+from iptm_core.units import CELSIUS_ZERO_K, J_PER_KWH, KM_H_PER_M_S
 from iptm_core.user_input import StrictMapping, check_known, number, whole_number
 from iptm_plant_sim.plant import Plant
 from iptm_v2x_bridge.bridge import BridgeAnswer, CycleSource, TickBridge, V2xBridge
@@ -155,7 +148,6 @@ __all__ = [
     "NO_VALUE",
     "NS_PER_S",
     "OF_THE_CYCLE",
-    "SECONDS_PER_DAY",
     "SINGLE_HORIZON",
     "STRATEGIES",
     "TAPER_CHARGE",
@@ -163,7 +155,6 @@ __all__ = [
     "TRAJECTORY_COLUMNS",
     "WHOLE_TRIP_S",
     "AgingCell",
-    "AgingLaw",
     "AgingSettings",
     "BodyParameters",
     "BoolArray",
@@ -204,9 +195,7 @@ __all__ = [
     "MeasurementError",
     "Measurements",
     "Mechanism",
-    "MechanismLaw",
     "ModelParameters",
-    "ParameterError",
     "ParkedAging",
     "Plant",
     "PowertrainParameters",
@@ -270,7 +259,6 @@ __all__ = [
     "encode_cam",
     "encode_mapem",
     "episodes",
-    "evaluate",
     "fast_charge",
     "faults_from",
     "field_specs",
@@ -289,11 +277,9 @@ __all__ = [
     "mixing_weights",
     "motor_torque_nm",
     "number",
-    "outside_experiments",
     "paper_law",
     "parameter_specs",
     "predicted_distance_m",
-    "quantile_regression",
     "read_user_trip",
     "read_yaml",
     "refused",
@@ -306,7 +292,6 @@ __all__ = [
     "table_of",
     "traction_force_n",
     "traction_power_w",
-    "train",
     "tyre_deceleration_m_s2",
     "warm_up_force_n",
     "whole_number",
