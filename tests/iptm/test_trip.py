@@ -107,6 +107,7 @@ def test_the_other_run_of_a_comparison_is_sound_and_drives_the_same_road() -> No
     assert other.options.trip_duration_s == trip.route.duration_s
     assert not math.isinf(other.options.trip_duration_s)
     assert math.isinf(Trip.of("nycc", value_beyond_trip=True).options.trip_duration_s)
+    assert Trip.of("nycc", acc_time_headway_s=1.1).options.production.acc_time_headway_s == 1.1
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from iptm_controller.estimator import NoiseSettings
 from iptm_controller.horizon import MULTI_HORIZON, Horizon
 from iptm_controller.options import ControllerOptions
+from iptm_controller.production import ProductionSettings
 from iptm_controller.solvers.factory import SOLVER_NAMES
 from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.strategy import (
@@ -97,6 +98,7 @@ class ControllerSettings(
     WarningSettings,
     AgingSettings,
     ChargingStopSettings,
+    ProductionSettings,
 ):
     """What the controller optimises, how far ahead, and what it does without a solution."""
 
@@ -203,6 +205,7 @@ class ControllerSettings(
             road=RoadFrictionSettings.of(self),
             aging=AgingSettings.of(self),
             charging_stop=ChargingStopSettings.of(self),
+            production=ProductionSettings.of(self),
         )
 
     def weighted_strategy(self) -> Strategy:
