@@ -1,4 +1,4 @@
-"""The figures of the tutorial: its command lines, driven without ROS, each against the reference."""
+"""The figures of the tutorial: its command lines, driven without ROS, against the reference and `BASES`."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import pandas as pd
+from studies.savings import BASES, COLUMNS, PREVIEWS, road_taken
 from studies.session import Session
 
 import iptm
@@ -38,11 +39,14 @@ _CUT_COLUMNS = {
 }
 _COLUMNS = {
     "command": "`{command}`",
+    **dict(COLUMNS[:5]),
     "ageing saved": "{aging}",
     "energy saved": "{energy}",
+    **{f"against `{name}`, ageing / energy": f"{{{name}}}" for name in BASES},
     "capacity lost (ppm):": "{own_ppm:.2f}",
     "of the reference (ppm):": "{other_ppm:.2f}",
 }
+AGAINST = ("reference", *BASES)
 
 
 def drive_command(command: str, against: str = "", duration_s: float | None = None) -> iptm.Run:
@@ -53,18 +57,32 @@ def drive_command(command: str, against: str = "", duration_s: float | None = No
     return iptm.drive(trip.against(against) if against else trip)
 
 
-def rows(runs: Sequence[iptm.Run], others: Sequence[iptm.Run]) -> pd.DataFrame:
-    """Return a row per command."""
+def _preview(command: str) -> str:
+    """Return how far ahead a command line sees, and how well."""
+    _, _, stated = command.partition("preview_length_s=")
+    foreseen = f"{stated} s, perfect" if stated else PREVIEWS[True]
+    return foreseen.replace("perfect", "imperfect") if "imperfect" in command else foreseen
+
+
+def rows(runs: Sequence[iptm.Run], others: Sequence[Sequence[iptm.Run]]) -> pd.DataFrame:
+    """Return a row per command, of its run and those that it is compared with, one per `AGAINST`."""
     return pd.DataFrame(
         {
             "command": command,
+            "distance": f"{run.parameters.gap.max_gap_m:g} m",
+            "preview": _preview(command),
+            **road_taken([run.trajectory]),
             "aging": f"{found.aging.text} ({found.aging.as_driven})",
             "energy": f"{found.energy.text} ({found.energy.as_driven})",
+            **{
+                name: " / ".join(saving.text for saving in (base.aging, base.energy))
+                for name, base in zip(BASES, bases, strict=True)
+            },
             "own_ppm": run.figures["total_degradation"],
-            "other_ppm": other.figures["total_degradation"],
+            "other_ppm": other[0].figures["total_degradation"],
         }
         for command, run, other in zip(COMMANDS, runs, others, strict=True)
-        for found in (run.saving(other),)
+        for found, *bases in [[run.saving(each) for each in other]]
     )
 
 
@@ -97,16 +115,16 @@ def run(session: Session) -> bool:
     """Run the study; returns whether every trip was driven."""
     extent = {"duration_s": SHORT_S} if session.short else {}
     commands = [{"command": command, **extent} for command in COMMANDS]
-    calls = [*commands, *({**call, "against": "reference"} for call in commands)]
-    names = [f"{call['command']} {call.get('against', '')}" for call in calls]
+    calls = [{**call, "against": name} for call in commands for name in ("", *AGAINST)]
+    names = [f"{call['command']} {call['against']}" for call in calls]
     driven = session.compute(drive_command, calls, names)
     if session.failures:
         return False
-    count = len(COMMANDS)
+    runs, *others = (driven[place :: 1 + len(AGAINST)] for place in range(1 + len(AGAINST)))
     session.render(
-        rows=rows(driven[:count], driven[count:]),
+        rows=rows(runs, list(zip(*others, strict=True))),
         columns=_COLUMNS,
-        cut=cut_short(driven[0], driven[count]),
+        cut=cut_short(runs[0], others[0][0]),
         cut_columns=_CUT_COLUMNS,
     )
     return True
