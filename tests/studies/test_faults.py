@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from studies.faults.catalogue import (
-    CALM_S,
-    FIRST_S,
     Entry,
     ReportPolicy,
-    plan_trials,
     read_catalogue,
 )
 from studies.faults.judge import judge_trial
@@ -25,7 +21,6 @@ from iptm.faults.kinds import FaultKind
 from iptm.run import Run
 from iptm.runner.trial import DriveMode, DrivenTrial, StatusReport, Trial, TripTime
 from iptm_core.decision_record import DecisionRecord, DecisionSeries, Rung
-from iptm_core.errors import ScenarioError
 from iptm_core.parameters import load_parameters
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_ros.diagnostics import Level
@@ -125,12 +120,6 @@ def test_the_last_message_of_a_run_that_may_end_is_a_report(observe: Observe) ->
     assert list(verdict.counts) == ["recorder ended with exit code 2"]
 
 
-def test_one_report_is_enough_only_where_one_is_required(observe: Observe) -> None:
-    words = (*WARNED, (13.0, Level.OK, "optimal plans"))
-    assert verdict_on(observe(*words), observe).problem_text == "7 of 10 ticks without a report"
-    assert verdict_on(observe(*words, reported=ReportPolicy.ONCE), observe).problem_text == ""
-
-
 def test_a_fallback_or_a_warning_that_stays_is_not_normal(observe: Observe) -> None:
     late = verdict_on(observe(*WARNED, (28.0, Level.OK, "optimal plans")), observe)
     assert late.problem_text == "normal after 8 ticks"
@@ -143,13 +132,6 @@ def test_a_fallback_or_a_warning_that_stays_is_not_normal(observe: Observe) -> N
     flicker = (22.0, Level.WARN, "no preview"), (23.0, Level.OK, "optimal plans")
     verdict = verdict_on(observe(*WARNED, CALM_AGAIN, *flicker), observe)
     assert verdict.figures["normal_after"] == 3.0
-
-
-def test_reports_of_the_fault_free_trip_do_not_count(observe: Observe) -> None:
-    fault_free = observe((0.0, Level.WARN, "gap above s_max for long"))
-    trip = observe(*WARNED)
-    (verdict,) = judge_trial(trip, [entries[trip.trial]], fault_free)
-    assert verdict.problem_text == ""
 
 
 def test_a_collision_counts_where_full_braking_avoids_it(observe: Observe) -> None:
@@ -211,33 +193,3 @@ def test_the_shipped_catalogue_has_every_kind() -> None:
     assert {entry.fault.kind for entry in entries} == set(FaultKind)
     names = [entry.name for entry in entries]
     assert len(names) == len(set(names))
-
-
-def test_a_malformed_row_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "mine.yaml"
-    path.write_text("cycles: [us06]\nfaults: [{kind: preview_lost, reported: sometimes}]\n")
-    with pytest.raises(
-        ScenarioError, match="reported is 'sometimes'; allowed: always, once, never"
-    ):
-        read_catalogue(path)
-
-
-def test_faults_over_ros_follow_one_another_with_calm_between() -> None:
-    _, entries = read_catalogue()
-    rows = 600
-    sound = trip_of()
-    long = {name: np.resize(column, rows) for name, column in sound.to_arrays().items()}
-    long["time_s"] = np.arange(float(rows))
-    whole = Trajectory.from_arrays(long)
-    over_ros = plan_trials(entries, DriveMode.LOCK_STEP, "us06", whole)
-    headless = plan_trials(entries, DriveMode.HEADLESS, "us06", whole)
-    assert sum(len(trip.entries) for trip in over_ros) == len(entries)
-    assert len(over_ros) < len(entries) / 2
-    assert all(len(trip.entries) == 1 for trip in headless)
-    for trip in over_ros:
-        starts = [fault.start_s for fault in trip.trial.placed]
-        assert starts[0] >= FIRST_S
-        rows = zip(trip.entries, trip.trial.placed, starts[1:], strict=False)
-        for entry, fault, later in rows:
-            assert not entry.alone
-            assert later >= fault.end_s + entry.normal_within + CALM_S or fault.target

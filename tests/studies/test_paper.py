@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
-from studies.paper import checks, equations, run, statements, terms, trips
+from studies.paper import checks, equations, run, statements, trips
 
 import iptm
 
@@ -84,59 +83,6 @@ def test_a_check_by_hand(
     assert verdict(made(f=values), name, **{"figure": "f", **cells}) == expected
 
 
-@pytest.mark.parametrize(
-    ("cooling", "loss", "expected"),
-    [
-        ([3.0, 2.0, 2.1], [3.0, 2.9, 2.0], "✓"),
-        ([3.0, 2.0, 1.0], [3.0, 2.9, 2.0], "✗"),
-        ([3.0, 3.001, 1.0], [3.0, 2.9, 2.0], "✗"),
-    ],
-)
-def test_figures_that_part_in_a_step(
-    cooling: list[float], loss: list[float], expected: str
-) -> None:
-    """By more than a level step."""
-    figures = made(cooling=cooling, loss=loss)
-    row = pd.Series(
-        dict.fromkeys(statements.claims().columns, "")
-        | {"check": "opposed", "run": "s/a|b|c", "figure": "cooling loss"}
-    )
-    assert checks.check(row, figures).verdict == expected
-
-
-def test_former_rules_are_those_of_statements_and_differ() -> None:
-    now, former = statements.claims(), statements.former_rules()
-    assert [*former.columns] == [*now.columns]
-    for key, row in former.iterrows():
-        assert row.why
-        rule = ["check", "figure", "share"]
-        assert [*row[rule]] != [*now.loc[key, rule]]
-
-
-def test_the_other_reading_takes_the_other_figures() -> None:
-    figures = made(traction_energy=[100.0, 95.0], traction_energy_battery=[100.0, 90.0])
-    row = pd.Series(
-        dict.fromkeys(statements.claims().columns, "")
-        | {"check": "change", "run": "s/b", "base": "s/a", "printed": "-10"}
-        | {"figure": "traction_energy_battery"}
-    )
-    assert checks.check(row, figures).verdict == "✓"
-    assert checks.check(row, figures, statements.AS_LABELLED).verdict == "≈"
-
-
-@pytest.mark.parametrize(
-    ("found", "expected"), [(161.2, "✓"), (161.0, "✗"), (196.9, "✓"), (-179.0, "✗")]
-)
-def test_a_figure_itself_is_met_within_a_tenth(found: float, expected: str) -> None:
-    assert statements.absolute(found, 179.034) == expected
-
-
-def test_the_page_says_what_was_tried_for_every_statement_that_is_not_reproduced() -> None:
-    text = (STUDY / "README.md").read_text("utf-8")
-    assert "Not reproduced as printed, and what was tried:" in text
-    assert "Nothing was tried" not in text
-
-
 def test_statements_name_runs_and_checks_that_exist() -> None:
     known = {*trips.paper_runs(), *(f"strategies/{name}" for name in trips.NAMES)}
     for claim in statements.claims().itertuples():
@@ -178,27 +124,6 @@ def test_the_set_of_the_print_is_refused_without_its_gate() -> None:
         "us06", duration_s=2.0, vehicle=AS_PRINTED, overrides=NO_GATE, strategy="production"
     )
     assert driven.parameters.chiller.gate_power_w == 0.0
-
-
-@pytest.mark.parametrize("name", [name for name, term in terms.TERMS.items() if term.patches])
-def test_what_a_term_replaces_exists(name: str) -> None:
-    for place in terms.TERMS[name].patches:
-        parts = place.split(".")
-        at = next(k for k in range(len(parts), 0, -1) if ".".join(parts[:k]) in _importable(parts))
-        found: Any = import_module(".".join(parts[:at]))
-        for part in parts[at:]:
-            found = getattr(found, part)
-
-
-def _importable(parts: list[str]) -> set[str]:
-    found = set()
-    for k in range(1, len(parts) + 1):
-        try:
-            import_module(".".join(parts[:k]))
-        except ImportError:
-            break
-        found.add(".".join(parts[:k]))
-    return found
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,6 @@ from studies.drives import trip as call_of
 from studies.judged import Judged
 from studies.safety.braking import braking_trials
 from studies.safety.judging import judge_trial
-from studies.safety.trials import disturbed_cases
 
 import iptm
 from iptm.faults.fault import Fault
@@ -92,15 +91,6 @@ def test_service_braking_has_to_be_reported_by_the_vehicle() -> None:
     assert judged(braked).problem_text == "service braking not reported in time"
     in_time = Report(2.0, Reporter.VEHICLE, "service braking: gap 3 m")
     assert judged(braked, report=in_time).figures["report_ticks"] == 2.0
-
-
-def test_draws_repeat_and_disturb_in_pairs() -> None:
-    cases = disturbed_cases(40, 1, ("us06", "nycc"))
-    assert cases[:10] == disturbed_cases(10, 1, ("us06", "nycc"))
-    for case in cases:
-        event, *others = str(case.labels["disturbed"]).split(", ")
-        assert event.startswith("leader_")
-        assert 1 <= len(others) <= 2
 
 
 def test_the_monitor_alone_avoids_what_brakes_avoid() -> None:

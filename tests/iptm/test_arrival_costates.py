@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.studies.test_life import trip
+from tests.iptm.test_year_of_use import trip
 
 from iptm.climate import CLIMATES, MONTH_DAYS, Climate
 from iptm.service_life.life import SERVICE_YEARS, losses_by_cause

@@ -6,19 +6,8 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 from studies.drives import DEFAULT
-from studies.life.own_law import (
-    PAPER,
-    PARKED_H,
-    kelvin_price_1_k,
-    trip_at_price,
-    uses_of,
-)
-from studies.life.table import CONTROLS, MANAGED, OUTSIDE_LOSS, OWN_LAW, life_table
-from studies.life.trips import DRIVEN_CONTROLS, THERMOSTAT
-from studies.pages import STUDIES
 
 from iptm.climate import CLIMATES, Climate
 from iptm.service_life.life import (
@@ -31,8 +20,6 @@ from iptm.service_life.life import (
 )
 from iptm.service_life.trip_map import TripMap
 from iptm.service_life.year import (
-    CITY,
-    MOTORWAY,
     NO_COOLING,
     USAGES,
     Activity,
@@ -186,89 +173,6 @@ def test_above_the_limit_the_pack_is_cooled_at_a_price() -> None:
     year = year_of(COMMUTER, hot, NO_COOLING, [trip(5.0)] * 12, PARAMETERS)
     assert np.max(np.asarray(year.load.temperature_k)) <= 313.15 + 1e-9
     assert year.compressor_kwh > 0.0
-
-
-@pytest.fixture(scope="module")
-def rows() -> pd.DataFrame:
-    """The life table of one usage and climate."""
-    warm, cooled = trip(3.0), trip(3.0, coolest_k=300.15, compressor_j=1e6)
-    by_control = {
-        control: cooled if control not in (NO_COOLING, THERMOSTAT) else warm
-        for control in DRIVEN_CONTROLS
-    }
-    by_control |= {
-        f"parked_{hours:g}": trip(3.0, coolest_k=304.15 - step, compressor_j=1e6 * step)
-        for step, hours in enumerate(PARKED_H)
-    }
-    trips = {
-        (cycle, control): one for cycle in (CITY, MOTORWAY) for control, one in by_control.items()
-    }
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("studies.life.table.USAGES", USAGES[:1])
-        patch.setattr("studies.life.table.CLIMATES", CLIMATES[:1])
-        return life_table(trips)
-
-
-def test_the_table_has_all_cells_and_controls(rows: pd.DataFrame) -> None:
-    expected = {(cell, control) for cell in AGING_CELLS for control in CONTROLS}
-    expected |= {(PAPER, control) for control in DRIVEN_CONTROLS}
-    by = rows.set_index(["cell", "control"])
-    assert set(by.index) == expected
-    for cell in AGING_CELLS:
-        base, default, own, managed = (
-            by.loc[cell, control] for control in (THERMOSTAT, DEFAULT, OWN_LAW, MANAGED)
-        )
-        assert base.saved == 0.0
-        assert 0.0 < default.saved_low < default.saved < default.saved_high
-        stored_lower = losses_at_rest(cell, 0.6) < losses_at_rest(cell, 0.8)
-        assert stored_lower == (cell != "NMC622")  # its calendar ageing is largest in the middle
-        assert (managed.saved > default.saved) == stored_lower
-        assert default.years >= base.years
-        assert own.saved > 0.0
-        assert own.range < 0.0
-        assert (OUTSIDE_LOSS in base.outside) == (base.loss > 20.0)
-    assert by.loc[PAPER, DEFAULT][str(Cause.CALENDAR_PARKED)] == 0.0
-
-
-def test_trips_are_interpolated_over_the_price_of_a_kelvin() -> None:
-    """At the price of a trip that trip, between two of them a mixture, beyond the last one that one."""
-    priced = [
-        trip(3.0, coolest_k=310.0 - step, compressor_j=step) for step, _ in enumerate(PARKED_H)
-    ]
-    own = uses_of("LFP", COMMUTER, CLIMATES[0], commuting())
-    assert kelvin_price_1_k(own[6], 310.0) > kelvin_price_1_k(own[0], 310.0) > 0.0
-    found, more, most, least = (
-        trip_at_price(priced, price_1_k, 310.0).compressor_j[1]
-        for price_1_k in (0.12e-6, 1.2 * 0.12e-6, 1.0, 0.0)
-    )
-    assert 0.0 == least < found < more < most == len(PARKED_H) - 1.0
-
-
-def test_a_pack_that_air_cools_is_worth_less_on_arrival() -> None:
-    """What a kelvin is worth lasts as long as the kelvin: 10 h, or less than one with radiator and fan."""
-    usual, free = (
-        uses_of("LFP", usage, CLIMATES[0], commuting())[6]
-        for usage in (COMMUTER, replace(COMMUTER, free_cooling=True))
-    )
-    assert usual.parked_time_constant_h == pytest.approx(10.0)
-    assert free.parked_time_constant_h == pytest.approx(0.44, abs=0.02)
-    assert kelvin_price_1_k(free, 310.0) < 0.2 * kelvin_price_1_k(usual, 310.0)
-
-
-def test_interpolated_trips_end_like_those_with_the_law_itself() -> None:
-    """On the page, within 1.5 K of WLTC driven under the law of each cell."""
-    page = (STUDIES / "life" / "README.md").read_text(encoding="utf-8")
-    part = page.split("## Decisions under each law")[1].split("\n## ")[0]
-    rows = [line.split("|")[1:-1] for line in part.splitlines() if line.startswith(f"| {CITY} |")]
-    ends = {row[1].strip(): (float(row[2]), row[3].strip()) for row in rows}
-    assert set(ends) == {PAPER, *AGING_CELLS}
-    for cell in AGING_CELLS:
-        driven, interpolated = ends[cell]
-        assert float(interpolated) == pytest.approx(driven, abs=1.5)
-
-
-def losses_at_rest(cell: str, charge: float) -> float:
-    return float(AGING_CELLS[cell].law.mechanisms[0].damage_rate_1_s(Load(303.15, charge=charge)))
 
 
 @pytest.mark.parametrize("usage", USAGES, ids=[usage.name for usage in USAGES])
