@@ -33,6 +33,7 @@ def stopped(request: Any, launcher: Any, tmp_path: Path) -> tuple[Path, str]:
         duration_s=25.0,
         horizon="15x1",
         mode="real_time",
+        rate_factor=2.0,
         command_timeout_s=1.0,
         faults=(away,),
         compile_code=False,

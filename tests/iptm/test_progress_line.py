@@ -8,8 +8,8 @@ import sys
 import pytest
 
 import iptm
-from iptm import progress_line
-from iptm.progress_line import ProgressLine
+from iptm import driving
+from iptm.driving import ProgressLine
 
 
 class Terminal(io.StringIO):
@@ -20,7 +20,7 @@ class Terminal(io.StringIO):
 def test_the_time_left_is_that_of_the_steps_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
     now_s, terminal = 100.0, Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
-    monkeypatch.setattr(progress_line.time, "monotonic", lambda: now_s)
+    monkeypatch.setattr(driving.time, "monotonic", lambda: now_s)
     with ProgressLine("a trip", 100) as line:
         for _ in range(51):
             line.step()

@@ -6,33 +6,45 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from iptm.bags import load
-    from iptm.call_cache import Outcome, cached_calls
-    from iptm.climate import Climate
-    from iptm.comparison import Comparison, compare
-    from iptm.driving import drive_whole_trip, simulate
-    from iptm.explanation import Explanation
-    from iptm.faults.fault import Fault
-    from iptm.own_parts import Controller, Predictor
-    from iptm.run import Run
-    from iptm.service_life.life import Life, life
-    from iptm.service_life.year import Usage
-    from iptm.sweeping import Sweep, sweep
-    from iptm.trip import Trip
-    from iptm.trip_drive import drive
-    from iptm.trip_files import load_trip, trip_text
-    from iptm.vehicle import Vehicle, cell_names
-    from iptm_controller.measurements import Measurements
-    from iptm_controller.strategy import STRATEGIES, Strategy
-    from iptm_core.aging_laws.law import AgingLaw
-    from iptm_core.errors import IptmError
-    from iptm_core.parameters import ModelParameters, available_parameter_sets, load_parameters
-    from iptm_core.routes import ROUTE_CYCLES
-    from iptm_core.state import Command, LeaderState
+    from iptm.call_cache import Outcome as Outcome
+    from iptm.call_cache import cached_calls as cached_calls
+    from iptm.climate import Climate as Climate
+    from iptm.comparison import Comparison as Comparison
+    from iptm.comparison import compare as compare
+    from iptm.driving import drive_whole_trip as drive_whole_trip
+    from iptm.driving import simulate as simulate
+    from iptm.explanation import Explanation as Explanation
+    from iptm.faults.fault import Fault as Fault
+    from iptm.own_parts import Controller as Controller
+    from iptm.own_parts import Predictor as Predictor
+    from iptm.run import Run as Run
+    from iptm.run_file import load as load
+    from iptm.service_life.life import Life as Life
+    from iptm.service_life.life import life as life
+    from iptm.service_life.year import Usage as Usage
+    from iptm.sweeping import Sweep as Sweep
+    from iptm.sweeping import sweep as sweep
+    from iptm.trip import Trip as Trip
+    from iptm.trip_drive import drive as drive
+    from iptm.trip_files import load_trip as load_trip
+    from iptm.trip_files import trip_text as trip_text
+    from iptm.vehicle import Vehicle as Vehicle
+    from iptm.vehicle import cell_names as cell_names
+    from iptm_controller.measurements import Measurements as Measurements
+    from iptm_controller.strategy import STRATEGIES as STRATEGIES
+    from iptm_controller.strategy import Strategy as Strategy
+    from iptm_core.aging_laws.law import AgingLaw as AgingLaw
+    from iptm_core.errors import IptmError as IptmError
+    from iptm_core.parameters import ModelParameters as ModelParameters
+    from iptm_core.parameters import available_parameter_sets as available_parameter_sets
+    from iptm_core.parameters import load_parameters as load_parameters
+    from iptm_core.routes import ROUTE_CYCLES as ROUTE_CYCLES
+    from iptm_core.state import Command as Command
+    from iptm_core.state import LeaderState as LeaderState
 
 # Loaded when first used: a node that imports one module of this package needs neither pandas nor Matplotlib.
 _HOMES = {
-    "load": "iptm.bags",
+    "load": "iptm.run_file",
     "Outcome": "iptm.call_cache",
     "cached_calls": "iptm.call_cache",
     "Comparison": "iptm.comparison",
@@ -71,44 +83,7 @@ _HOMES = {
 
 __version__ = "0.2.0"
 
-__all__ = [
-    "ROUTE_CYCLES",
-    "STRATEGIES",
-    "AgingLaw",
-    "Climate",
-    "Command",
-    "Comparison",
-    "Controller",
-    "Explanation",
-    "Fault",
-    "IptmError",
-    "LeaderState",
-    "Life",
-    "Measurements",
-    "ModelParameters",
-    "Outcome",
-    "Predictor",
-    "Run",
-    "Strategy",
-    "Sweep",
-    "Trip",
-    "Usage",
-    "Vehicle",
-    "__version__",
-    "available_parameter_sets",
-    "cached_calls",
-    "cell_names",
-    "compare",
-    "drive",
-    "drive_whole_trip",
-    "life",
-    "load",
-    "load_parameters",
-    "load_trip",
-    "simulate",
-    "sweep",
-    "trip_text",
-]
+__all__ = list(_HOMES)
 
 
 def __getattr__(name: str) -> Any:

@@ -3,296 +3,170 @@
 Studies, and tools of your own that go beyond `iptm.simulate`, import from here.
 """
 
-from iptm.bounds import (
-    BoolArray,
-    avoidable_collisions,
-    avoidably_below_s_min,
-    below_s_min,
-    episodes,
-    fully_cooled_k,
-    gaps_when_braking,
-    seen_from,
-)
-from iptm.closed_loop import ClosedLoopRun, run_closed_loop
-from iptm.emergency_stop import braking_leads, emergency_stops
-from iptm.faults.fault import WHOLE_TRIP_S, Fault, at_places, faults_from, in_order
-from iptm.faults.kinds import FaultKind, FaultPlace
-from iptm.predictor_training import held_out, predicted_distance_m
-from iptm.run import Report, Reporter
-from iptm.vehicle_string import drive_string_in_memory
-from iptm_controller.controller import Controller
-from iptm_controller.horizon import MULTI_HORIZON, SINGLE_HORIZON, Horizon
-from iptm_controller.measurements import Measurements
-from iptm_controller.options import ControllerOptions
-from iptm_controller.production import ProductionLikeController, ProductionSettings
-from iptm_controller.settings import ControllerSettings
-from iptm_controller.solvers.factory import SolverOptions
-from iptm_controller.solvers.switching_check import SwitchingCheck
-from iptm_controller.strategy import DEFAULT_STRATEGY, STRATEGIES, strategy_by_name
-from iptm_controller.temperature_value import mixing_weights
-from iptm_core.aging_laws.cells import (
-    AGING_CELLS,
-    LAWS,
-    AgingCell,
-    Experiments,
-)
-from iptm_core.aging_laws.law import Load, Mechanism, paper_law
-from iptm_core.aging_laws.parking import AgingSettings, ParkedAging
-from iptm_core.charging_stop import (
-    LIMIT_1_H,
-    LIMIT_C,
-    TAPER_CHARGE,
-    TAPER_SHARE,
-    ChargingStopSettings,
-    FastCharge,
-    fast_charge,
-)
-from iptm_core.decision_record import Rung, SolveStatus
-from iptm_core.declaration import TextEnum, parameter_specs
-from iptm_core.errors import IptmError, MeasurementError, ScenarioError, StoreError
-from iptm_core.markdown import NO_VALUE, markdown_table, render_page, table_of
-from iptm_core.metrics import (
-    RunMetrics,
-    at_equal_end,
-    cold_compressor_energies_j,
-    compute_metrics,
-    figure_values,
-    gap_margins_m,
-)
-from iptm_core.metrics.constraints import GAP_TOLERANCE_M, check_constraints
-from iptm_core.metrics.saving import saved_percent
-from iptm_core.monitor_settings import SafetyMonitorSettings
-from iptm_core.parameters import DEFAULT_SET, available_parameter_sets, load_parameters
-from iptm_core.parameters.catalogue import (
-    AUXILIARY_POWER_W,
-    CHARGING_EFFICIENCY,
-    INERTIA_FACTOR,
-)
-from iptm_core.parameters.flat import field_specs
-from iptm_core.parameters.model import (
-    BodyParameters,
-    ModelParameters,
-    PowertrainParameters,
-    RegenerationParameters,
-)
-from iptm_core.parameters.strict_yaml import read_yaml
-from iptm_core.physics.cell import (
-    ChargeTable,
-    ChargeTransfer,
-    ResistanceLaw,
-    ambient_temperature_rate_k_s,
-    cell_resistance_ohm,
-)
-from iptm_core.physics.traction import (
-    coast_down_force_n,
-    drag_loss_w,
-    motor_torque_nm,
-    regenerative_torque_nm,
-    traction_force_n,
-    traction_power_w,
-    warm_up_force_n,
-)
-from iptm_core.program import refused
-from iptm_core.road_ahead import SpeedLimits
-from iptm_core.road_friction import GRAVITY_M_S2, tyre_deceleration_m_s2
-from iptm_core.routes import Route, build_route
-from iptm_core.routes.cycles import CYCLE_NAMES, LeaderMotion, load_cycle
-from iptm_core.routes.road_line import RoadLine
-from iptm_core.routes.user_csv import read_user_trip
-from iptm_core.settings import LeaderSource, PreviewMode, PreviewSettings
-from iptm_core.state import NS_PER_S, Command, FloatArray, LeaderPreview, LeaderState, VehicleState
-from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
-from iptm_core.units import CELSIUS_ZERO_K, J_PER_KWH, KM_H_PER_M_S
-from iptm_core.user_input import StrictMapping, check_known, number, whole_number
-from iptm_plant_sim.plant import Plant
-from iptm_v2x_bridge.bridge import BridgeAnswer, CycleSource, TickBridge, V2xBridge
-from iptm_v2x_bridge.cam_bridge import CamBridge
-from iptm_v2x_bridge.captures import SimulatedRadio
-from iptm_v2x_bridge.messages.cam import decode_datagram, encode_cam
-from iptm_v2x_bridge.messages.mapem import IntersectionMap, Lane, encode_mapem
-from iptm_v2x_bridge.messages.packets import delta_time_ms, its_timestamp_ms
-from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile, ReceivedPath
-from iptm_v2x_bridge.prediction.predictor import (
-    History,
-    LeaderTrack,
-    Predictor,
-    PredictorName,
-    leader_track,
-)
-from iptm_v2x_bridge.prediction.regression import GAIN_FACTOR, Regression, RegressionModel
-from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules
-from iptm_v2x_bridge.rejections import Rejection
-from iptm_v2x_bridge.rules_of_the_road import OF_THE_CYCLE, given_rules
-from iptm_v2x_bridge.sending.sender import CamSender, build_sender, car_on_road
-from iptm_v2x_bridge.settings import Foresight, Framing, Impostor, SenderSettings
-from iptm_v2x_bridge.stations.station import Station
-
-__all__ = [
-    "AGING_CELLS",
-    "AUXILIARY_POWER_W",
-    "CELSIUS_ZERO_K",
-    "CHARGING_EFFICIENCY",
-    "CYCLE_NAMES",
-    "DEFAULT_SET",
-    "DEFAULT_STRATEGY",
-    "GAIN_FACTOR",
-    "GAP_TOLERANCE_M",
-    "GRAVITY_M_S2",
-    "INERTIA_FACTOR",
-    "J_PER_KWH",
-    "KM_H_PER_M_S",
-    "LAWS",
-    "LIMIT_1_H",
-    "LIMIT_C",
-    "MULTI_HORIZON",
-    "NO_VALUE",
-    "NS_PER_S",
-    "OF_THE_CYCLE",
-    "SINGLE_HORIZON",
-    "STRATEGIES",
-    "TAPER_CHARGE",
-    "TAPER_SHARE",
-    "TRAJECTORY_COLUMNS",
-    "WHOLE_TRIP_S",
-    "AgingCell",
-    "AgingSettings",
-    "BodyParameters",
-    "BoolArray",
-    "BoundedByRules",
-    "BridgeAnswer",
-    "CamBridge",
-    "CamSender",
-    "ChargeTable",
-    "ChargeTransfer",
-    "ChargingStopSettings",
-    "ClosedLoopRun",
-    "Command",
-    "Controller",
-    "ControllerOptions",
-    "ControllerSettings",
-    "CycleSource",
-    "Experiments",
-    "FastCharge",
-    "Fault",
-    "FaultKind",
-    "FaultPlace",
-    "FloatArray",
-    "Foresight",
-    "Framing",
-    "History",
-    "Horizon",
-    "Impostor",
-    "IntersectionMap",
-    "IptmError",
-    "Lane",
-    "LeaderMotion",
-    "LeaderPreview",
-    "LeaderSource",
-    "LeaderState",
-    "LeaderTrack",
-    "LearntProfile",
-    "Load",
-    "MeasurementError",
-    "Measurements",
-    "Mechanism",
-    "ModelParameters",
-    "ParkedAging",
-    "Plant",
-    "PowertrainParameters",
-    "Predictor",
-    "PredictorName",
-    "PreviewMode",
-    "PreviewSettings",
-    "ProductionLikeController",
-    "ProductionSettings",
-    "ReceivedPath",
-    "RegenerationParameters",
-    "Regression",
-    "RegressionModel",
-    "Rejection",
-    "Report",
-    "Reporter",
-    "ResistanceLaw",
-    "RoadLine",
-    "RoadRules",
-    "Route",
-    "RunMetrics",
-    "Rung",
-    "SafetyMonitorSettings",
-    "ScenarioError",
-    "SenderSettings",
-    "SimulatedRadio",
-    "SolveStatus",
-    "SolverOptions",
-    "SpeedLimits",
-    "Station",
-    "StoreError",
-    "StrictMapping",
-    "SwitchingCheck",
-    "TextEnum",
-    "TickBridge",
-    "Trajectory",
-    "V2xBridge",
-    "VehicleState",
-    "ambient_temperature_rate_k_s",
-    "at_equal_end",
-    "at_places",
-    "available_parameter_sets",
-    "avoidable_collisions",
-    "avoidably_below_s_min",
-    "below_s_min",
-    "braking_leads",
-    "build_route",
-    "build_sender",
-    "car_on_road",
-    "cell_resistance_ohm",
-    "check_constraints",
-    "check_known",
-    "coast_down_force_n",
-    "cold_compressor_energies_j",
-    "compute_metrics",
-    "decode_datagram",
-    "delta_time_ms",
-    "drag_loss_w",
-    "drive_string_in_memory",
-    "emergency_stops",
-    "encode_cam",
-    "encode_mapem",
-    "episodes",
-    "fast_charge",
-    "faults_from",
-    "field_specs",
-    "figure_values",
-    "fully_cooled_k",
-    "gap_margins_m",
-    "gaps_when_braking",
-    "given_rules",
-    "held_out",
-    "in_order",
-    "its_timestamp_ms",
-    "leader_track",
-    "load_cycle",
-    "load_parameters",
-    "markdown_table",
-    "mixing_weights",
-    "motor_torque_nm",
-    "number",
-    "paper_law",
-    "parameter_specs",
-    "predicted_distance_m",
-    "read_user_trip",
-    "read_yaml",
-    "refused",
-    "regenerative_torque_nm",
-    "render_page",
-    "run_closed_loop",
-    "saved_percent",
-    "seen_from",
-    "strategy_by_name",
-    "table_of",
-    "traction_force_n",
-    "traction_power_w",
-    "tyre_deceleration_m_s2",
-    "warm_up_force_n",
-    "whole_number",
-]
+from iptm.bounds import BoolArray as BoolArray
+from iptm.bounds import avoidable_collisions as avoidable_collisions
+from iptm.bounds import avoidably_below_s_min as avoidably_below_s_min
+from iptm.bounds import below_s_min as below_s_min
+from iptm.bounds import episodes as episodes
+from iptm.bounds import fully_cooled_k as fully_cooled_k
+from iptm.bounds import gaps_when_braking as gaps_when_braking
+from iptm.bounds import seen_from as seen_from
+from iptm.closed_loop import ClosedLoopRun as ClosedLoopRun
+from iptm.closed_loop import run_closed_loop as run_closed_loop
+from iptm.emergency_stop import braking_leads as braking_leads
+from iptm.emergency_stop import emergency_stops as emergency_stops
+from iptm.faults.fault import WHOLE_TRIP_S as WHOLE_TRIP_S
+from iptm.faults.fault import Fault as Fault
+from iptm.faults.fault import at_places as at_places
+from iptm.faults.fault import faults_from as faults_from
+from iptm.faults.fault import in_order as in_order
+from iptm.faults.kinds import FaultKind as FaultKind
+from iptm.faults.kinds import FaultPlace as FaultPlace
+from iptm.predictor_training import held_out as held_out
+from iptm.predictor_training import predicted_distance_m as predicted_distance_m
+from iptm.run import Report as Report
+from iptm.run import Reporter as Reporter
+from iptm.vehicle_string import drive_string_in_memory as drive_string_in_memory
+from iptm_controller.controller import Controller as Controller
+from iptm_controller.horizon import MULTI_HORIZON as MULTI_HORIZON
+from iptm_controller.horizon import SINGLE_HORIZON as SINGLE_HORIZON
+from iptm_controller.horizon import Horizon as Horizon
+from iptm_controller.measurements import Measurements as Measurements
+from iptm_controller.options import ControllerOptions as ControllerOptions
+from iptm_controller.production import ProductionLikeController as ProductionLikeController
+from iptm_controller.production import ProductionSettings as ProductionSettings
+from iptm_controller.settings import ControllerSettings as ControllerSettings
+from iptm_controller.solvers.factory import SolverOptions as SolverOptions
+from iptm_controller.solvers.switching_check import SwitchingCheck as SwitchingCheck
+from iptm_controller.strategy import DEFAULT_STRATEGY as DEFAULT_STRATEGY
+from iptm_controller.strategy import STRATEGIES as STRATEGIES
+from iptm_controller.strategy import strategy_by_name as strategy_by_name
+from iptm_controller.temperature_value import mixing_weights as mixing_weights
+from iptm_core.aging_laws.cells import AGING_CELLS as AGING_CELLS
+from iptm_core.aging_laws.cells import LAWS as LAWS
+from iptm_core.aging_laws.cells import AgingCell as AgingCell
+from iptm_core.aging_laws.cells import Experiments as Experiments
+from iptm_core.aging_laws.law import Load as Load
+from iptm_core.aging_laws.law import Mechanism as Mechanism
+from iptm_core.aging_laws.law import paper_law as paper_law
+from iptm_core.aging_laws.parking import AgingSettings as AgingSettings
+from iptm_core.aging_laws.parking import ParkedAging as ParkedAging
+from iptm_core.charging_stop import LIMIT_1_H as LIMIT_1_H
+from iptm_core.charging_stop import LIMIT_C as LIMIT_C
+from iptm_core.charging_stop import TAPER_CHARGE as TAPER_CHARGE
+from iptm_core.charging_stop import TAPER_SHARE as TAPER_SHARE
+from iptm_core.charging_stop import ChargingStopSettings as ChargingStopSettings
+from iptm_core.charging_stop import FastCharge as FastCharge
+from iptm_core.charging_stop import fast_charge as fast_charge
+from iptm_core.decision_record import Rung as Rung
+from iptm_core.decision_record import SolveStatus as SolveStatus
+from iptm_core.declaration import TextEnum as TextEnum
+from iptm_core.declaration import parameter_specs as parameter_specs
+from iptm_core.errors import IptmError as IptmError
+from iptm_core.errors import MeasurementError as MeasurementError
+from iptm_core.errors import ScenarioError as ScenarioError
+from iptm_core.errors import StoreError as StoreError
+from iptm_core.markdown import NO_VALUE as NO_VALUE
+from iptm_core.markdown import markdown_table as markdown_table
+from iptm_core.markdown import render_page as render_page
+from iptm_core.markdown import table_of as table_of
+from iptm_core.metrics import RunMetrics as RunMetrics
+from iptm_core.metrics import at_equal_end as at_equal_end
+from iptm_core.metrics import cold_compressor_energies_j as cold_compressor_energies_j
+from iptm_core.metrics import compute_metrics as compute_metrics
+from iptm_core.metrics import figure_values as figure_values
+from iptm_core.metrics import gap_margins_m as gap_margins_m
+from iptm_core.metrics.constraints import GAP_TOLERANCE_M as GAP_TOLERANCE_M
+from iptm_core.metrics.constraints import check_constraints as check_constraints
+from iptm_core.metrics.saving import saved_percent as saved_percent
+from iptm_core.monitor_settings import SafetyMonitorSettings as SafetyMonitorSettings
+from iptm_core.parameters import DEFAULT_SET as DEFAULT_SET
+from iptm_core.parameters import available_parameter_sets as available_parameter_sets
+from iptm_core.parameters import load_parameters as load_parameters
+from iptm_core.parameters.catalogue import AUXILIARY_POWER_W as AUXILIARY_POWER_W
+from iptm_core.parameters.catalogue import CHARGING_EFFICIENCY as CHARGING_EFFICIENCY
+from iptm_core.parameters.catalogue import INERTIA_FACTOR as INERTIA_FACTOR
+from iptm_core.parameters.flat import field_specs as field_specs
+from iptm_core.parameters.model import BodyParameters as BodyParameters
+from iptm_core.parameters.model import ModelParameters as ModelParameters
+from iptm_core.parameters.model import PowertrainParameters as PowertrainParameters
+from iptm_core.parameters.model import RegenerationParameters as RegenerationParameters
+from iptm_core.parameters.strict_yaml import read_yaml as read_yaml
+from iptm_core.physics.cell import ChargeTable as ChargeTable
+from iptm_core.physics.cell import ChargeTransfer as ChargeTransfer
+from iptm_core.physics.cell import ResistanceLaw as ResistanceLaw
+from iptm_core.physics.cell import ambient_temperature_rate_k_s as ambient_temperature_rate_k_s
+from iptm_core.physics.cell import cell_resistance_ohm as cell_resistance_ohm
+from iptm_core.physics.traction import coast_down_force_n as coast_down_force_n
+from iptm_core.physics.traction import drag_loss_w as drag_loss_w
+from iptm_core.physics.traction import motor_torque_nm as motor_torque_nm
+from iptm_core.physics.traction import regenerative_torque_nm as regenerative_torque_nm
+from iptm_core.physics.traction import traction_force_n as traction_force_n
+from iptm_core.physics.traction import traction_power_w as traction_power_w
+from iptm_core.physics.traction import warm_up_force_n as warm_up_force_n
+from iptm_core.program import refused as refused
+from iptm_core.road_ahead import SpeedLimits as SpeedLimits
+from iptm_core.road_friction import GRAVITY_M_S2 as GRAVITY_M_S2
+from iptm_core.road_friction import tyre_deceleration_m_s2 as tyre_deceleration_m_s2
+from iptm_core.routes import Route as Route
+from iptm_core.routes import build_route as build_route
+from iptm_core.routes.cycles import CYCLE_NAMES as CYCLE_NAMES
+from iptm_core.routes.cycles import LeaderMotion as LeaderMotion
+from iptm_core.routes.cycles import load_cycle as load_cycle
+from iptm_core.routes.road_line import RoadLine as RoadLine
+from iptm_core.routes.user_csv import read_user_trip as read_user_trip
+from iptm_core.settings import LeaderSource as LeaderSource
+from iptm_core.settings import PreviewMode as PreviewMode
+from iptm_core.settings import PreviewSettings as PreviewSettings
+from iptm_core.state import NS_PER_S as NS_PER_S
+from iptm_core.state import Command as Command
+from iptm_core.state import FloatArray as FloatArray
+from iptm_core.state import LeaderPreview as LeaderPreview
+from iptm_core.state import LeaderState as LeaderState
+from iptm_core.state import VehicleState as VehicleState
+from iptm_core.trajectory import TRAJECTORY_COLUMNS as TRAJECTORY_COLUMNS
+from iptm_core.trajectory import Trajectory as Trajectory
+from iptm_core.units import CELSIUS_ZERO_K as CELSIUS_ZERO_K
+from iptm_core.units import J_PER_KWH as J_PER_KWH
+from iptm_core.units import KM_H_PER_M_S as KM_H_PER_M_S
+from iptm_core.user_input import StrictMapping as StrictMapping
+from iptm_core.user_input import check_known as check_known
+from iptm_core.user_input import number as number
+from iptm_core.user_input import whole_number as whole_number
+from iptm_plant_sim.plant import Plant as Plant
+from iptm_v2x_bridge.bridge import BridgeAnswer as BridgeAnswer
+from iptm_v2x_bridge.bridge import CycleSource as CycleSource
+from iptm_v2x_bridge.bridge import TickBridge as TickBridge
+from iptm_v2x_bridge.bridge import V2xBridge as V2xBridge
+from iptm_v2x_bridge.cam_bridge import CamBridge as CamBridge
+from iptm_v2x_bridge.captures import SimulatedRadio as SimulatedRadio
+from iptm_v2x_bridge.messages.cam import decode_datagram as decode_datagram
+from iptm_v2x_bridge.messages.cam import encode_cam as encode_cam
+from iptm_v2x_bridge.messages.mapem import IntersectionMap as IntersectionMap
+from iptm_v2x_bridge.messages.mapem import Lane as Lane
+from iptm_v2x_bridge.messages.mapem import encode_mapem as encode_mapem
+from iptm_v2x_bridge.messages.packets import delta_time_ms as delta_time_ms
+from iptm_v2x_bridge.messages.packets import its_timestamp_ms as its_timestamp_ms
+from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile as LearntProfile
+from iptm_v2x_bridge.prediction.learnt_profile import ReceivedPath as ReceivedPath
+from iptm_v2x_bridge.prediction.predictor import History as History
+from iptm_v2x_bridge.prediction.predictor import LeaderTrack as LeaderTrack
+from iptm_v2x_bridge.prediction.predictor import Predictor as Predictor
+from iptm_v2x_bridge.prediction.predictor import PredictorName as PredictorName
+from iptm_v2x_bridge.prediction.predictor import leader_track as leader_track
+from iptm_v2x_bridge.prediction.regression import GAIN_FACTOR as GAIN_FACTOR
+from iptm_v2x_bridge.prediction.regression import Regression as Regression
+from iptm_v2x_bridge.prediction.regression import RegressionModel as RegressionModel
+from iptm_v2x_bridge.prediction.road_rules import BoundedByRules as BoundedByRules
+from iptm_v2x_bridge.prediction.road_rules import RoadRules as RoadRules
+from iptm_v2x_bridge.rejections import Rejection as Rejection
+from iptm_v2x_bridge.rules_of_the_road import OF_THE_CYCLE as OF_THE_CYCLE
+from iptm_v2x_bridge.rules_of_the_road import given_rules as given_rules
+from iptm_v2x_bridge.sending.sender import CamSender as CamSender
+from iptm_v2x_bridge.sending.sender import build_sender as build_sender
+from iptm_v2x_bridge.sending.sender import car_on_road as car_on_road
+from iptm_v2x_bridge.settings import Foresight as Foresight
+from iptm_v2x_bridge.settings import Framing as Framing
+from iptm_v2x_bridge.settings import Impostor as Impostor
+from iptm_v2x_bridge.settings import SenderSettings as SenderSettings
+from iptm_v2x_bridge.stations.station import Station as Station

@@ -1,4 +1,4 @@
-"""A run as one file of numpy arrays (.npz) that `iptm.load` reads back."""
+"""Runs in files: bags, and files of numpy arrays (.npz)."""
 
 from __future__ import annotations
 
@@ -16,16 +16,61 @@ from iptm.run import Run
 from iptm.trip import Trip
 from iptm.trip_files import trip_from, trip_text
 from iptm_core.decision_record import DecisionSeries
-from iptm_core.errors import IptmError, StoreError
+from iptm_core.errors import BagError, IptmError, MissingTopicError, StoreError
 from iptm_core.parameters import flat_to_parameters, to_flat_dict
 from iptm_core.parameters.strict_yaml import parse_yaml
 from iptm_core.routes.slope import SlopeProfile
 from iptm_core.trajectory import Trajectory
 from iptm_core.user_input import shown
+from iptm_ros.recording.bag_reader import BagReader, read_model_parameters
 
 SUFFIX = ".npz"
 _ABOUT, _TRAJECTORY, _DECISIONS, _SLOPE = "about", "trajectory.", "decisions.", "slope."
 _TEXTS = ("name", "wall_time_s", "problems", "warnings")
+
+
+def load(path: str | Path, namespace: str | None = None) -> Run:
+    """Read the run of a bag, of several trips the last one, or a run that `Run.save` wrote.
+
+    Args:
+        path: folder or file of a bag, or a file that ends in ``.npz``.
+        namespace: vehicle to read, if the bag holds several.
+
+    Raises:
+        BagError: the bag cannot be read, holds no complete run, or several vehicles and none is named.
+        StoreError: the file of a run cannot be read.
+    """
+    # The topics are loaded only here: no simulation needs them.
+    from iptm_ros.recording.trajectory_reader import (  # noqa: PLC0415
+        read_decisions,
+        read_trajectory,
+    )
+
+    if not isinstance(path, (str, Path)):
+        raise BagError(f"bag is {shown(path)}; allowed: the path of a bag")
+    path = Path(path)
+    if path.suffix == SUFFIX:
+        return _load_run(path)
+    parameters, _ = read_model_parameters(path)
+    try:
+        decisions = read_decisions(path, namespace)
+    except MissingTopicError:  # a controller that does not report them
+        decisions = DecisionSeries.from_records([], [])
+    with BagReader(path) as reader:
+        information = reader.run_information()
+    try:
+        trip = _trip(information.extra.get("trip", ""), information.scenario)
+    except IptmError:  # not stated in the form of today
+        trip = None
+    return Run(
+        name=path.absolute().name,
+        settings={} if trip is None else trip.settings,
+        parameters=parameters,
+        trajectory=read_trajectory(path, namespace),
+        decisions=decisions,
+        trip=trip,
+        information=information,
+    )
 
 
 def save_run(run: Run, path: str | Path) -> Path:
@@ -60,7 +105,7 @@ def save_run(run: Run, path: str | Path) -> Path:
     return path
 
 
-def load_run(path: Path) -> Run:
+def _load_run(path: Path) -> Run:
     """Read a run from a file of `save_run`.
 
     Raises:

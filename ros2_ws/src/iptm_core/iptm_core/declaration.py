@@ -17,6 +17,7 @@ from enum import Enum
 from typing import Any, TypeVar
 
 from iptm_core.errors import ParameterError
+from iptm_core.units import CELSIUS_ZERO_K, KM_H_PER_M_S
 from iptm_core.user_input import is_path, nearest, shown
 
 
@@ -100,6 +101,46 @@ def parameter(
         choices = tuple(member.value for member in type(default))
     spec = ParameterSpec("", default, description, unit, minimum, maximum, choices, suffixes)
     return field(default=default, metadata={"spec": spec})
+
+
+def quantity(
+    symbol: str, unit: str, minimum: float, maximum: float, neutral: float | None = None
+) -> Any:
+    """Declare a number with the paper's symbol, its unit and its closed range; see `ParameterSpec`.
+
+    Args:
+        neutral: value at which a law that refines the paper's changes nothing. It counts where a set does
+            not state the parameter; without one the parameter is required.
+    """
+    default = float if neutral is None else neutral
+    spec = ParameterSpec("", default, "", unit, minimum, maximum, symbol=symbol)
+    return field(default=MISSING if neutral is None else neutral, metadata={"spec": spec})
+
+
+def count(symbol: str, minimum: int, maximum: int) -> Any:
+    """Declare a whole number; see `quantity`."""
+    spec = ParameterSpec("", int, "", "1", minimum, maximum, symbol=symbol)
+    return field(metadata={"spec": spec})
+
+
+#: (unit written, unit of the model) -> (factor, offset added after dividing); value / factor + offset
+_CONVERSIONS: dict[tuple[str, str], tuple[float, float]] = {
+    ("degC", "K"): (1.0, CELSIUS_ZERO_K),
+    ("km/h", "m/s"): (KM_H_PER_M_S, 0.0),
+}
+
+
+def accepted_units(unit: str) -> tuple[str, ...]:
+    """Units in which a quantity with the model unit ``unit`` may be written, the model unit first."""
+    return (unit, *(written for written, model in _CONVERSIONS if model == unit))
+
+
+def to_model_unit(value: float, written_unit: str, unit: str) -> float:
+    """Convert to the unit of the model; a value in that unit is unchanged to the last bit."""
+    if written_unit == unit:
+        return value
+    divisor, offset = _CONVERSIONS[written_unit, unit]
+    return value / divisor + offset
 
 
 def declared(owner: type[Any], name: str, default: Any = MISSING, **bounds: float) -> Any:

@@ -144,8 +144,8 @@ def _compare_messages(given: argparse.Namespace) -> int:
 
 
 def _compare_figures(given: argparse.Namespace) -> None:
-    from iptm.bags import load
     from iptm.comparison import compare as compare_runs
+    from iptm.run_file import load
 
     for path in filter(None, (given.picture, given.report)):
         if path.exists():

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from iptm.bags import load
 from iptm.run import Run
+from iptm.run_file import load
 from iptm.runner.monitor import heard_by_stamp
 from iptm.runner.summary import headline
 from iptm.trip import Trip

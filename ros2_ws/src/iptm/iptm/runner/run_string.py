@@ -8,8 +8,8 @@ from contextlib import ExitStack
 from rich.console import Console
 from rich.table import Table
 
-from iptm.bags import load
 from iptm.run import Run
+from iptm.run_file import load
 from iptm.runner.evaluation import NO_COMPARISON
 from iptm.runner.run_folder import LOGS, RunFolder
 from iptm.runner.runner import EXIT_RUN_FAILED, RunOptions, check_over_ros

@@ -35,26 +35,11 @@ from iptm_ros.codecs import (
     s_from_ns,
     stamp_ns_of,
 )
-from iptm_ros.diagnostics import Level
+from iptm_ros.diagnostics import Level as Level  # noqa: PLC0414  for studies
 from iptm_ros.process import StopRequest
 from iptm_ros.stamp_matcher import LEAST_REACH_NS
 from iptm_ros.topics import CONTROLLER, PLANT, TICK_TOPICS, Topic
 
-__all__ = [
-    "INPUT_TIMEOUT_S",
-    "NO_REPORT",
-    "REAL_TIME_RATE",
-    "DriveMode",
-    "DrivenTrial",
-    "Interval",
-    "Level",
-    "StatusReport",
-    "Trial",
-    "TripTime",
-    "drive_headless",
-    "drive_over_ros",
-    "trip_of",
-]
 REAL_TIME_RATE = 10.0
 """Trip seconds per wall-clock second in real-time mode."""
 

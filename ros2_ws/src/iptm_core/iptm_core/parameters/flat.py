@@ -15,10 +15,15 @@ from itertools import pairwise
 from numbers import Real
 from typing import Any, get_type_hints
 
-from iptm_core.declaration import ParameterSpec, TextEnum, parameter_specs
+from iptm_core.declaration import (
+    ParameterSpec,
+    TextEnum,
+    accepted_units,
+    parameter_specs,
+    to_model_unit,
+)
 from iptm_core.errors import ParameterError
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.parameters.quantity import accepted_units, to_model_unit
 from iptm_core.user_input import StrictMapping, shown
 
 _BELOW = (

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from iptm_core.parameters.quantity import count, quantity
+from iptm_core.declaration import count, quantity
 
 
 @dataclass(frozen=True)

@@ -1,75 +1,34 @@
 """Pure functions between the project's dataclasses and ROS messages, checked on decoding."""
 
-from iptm_ros.codecs.cdr import read_numbers, serialized, stamp_ns_of
-from iptm_ros.codecs.road import (
-    decode_road_ahead,
-    decode_slope,
-    encode_road_ahead,
-    encode_slope,
-    has_leader,
-)
-from iptm_ros.codecs.table import (
-    PlanTrajectory,
-    decode_leader_preview,
-    decode_plan,
-    encode_leader_preview,
-    encode_plan,
-)
-from iptm_ros.codecs.time import (
-    ns_from_s,
-    ns_from_time,
-    s_from_ns,
-    time_from_ns,
-    time_from_s,
-)
-from iptm_ros.codecs.vehicle import (
-    decode_command,
-    decode_decision_record,
-    decode_leader,
-    decode_motion,
-    decode_observation,
-    decode_raw_datagram,
-    decode_tracks,
-    encode_battery,
-    encode_command,
-    encode_decision_record,
-    encode_leader,
-    encode_observation,
-    encode_raw_datagram,
-    encode_tracks,
-)
-
-__all__ = [
-    "PlanTrajectory",
-    "decode_command",
-    "decode_decision_record",
-    "decode_leader",
-    "decode_leader_preview",
-    "decode_motion",
-    "decode_observation",
-    "decode_plan",
-    "decode_raw_datagram",
-    "decode_road_ahead",
-    "decode_slope",
-    "decode_tracks",
-    "encode_battery",
-    "encode_command",
-    "encode_decision_record",
-    "encode_leader",
-    "encode_leader_preview",
-    "encode_observation",
-    "encode_plan",
-    "encode_raw_datagram",
-    "encode_road_ahead",
-    "encode_slope",
-    "encode_tracks",
-    "has_leader",
-    "ns_from_s",
-    "ns_from_time",
-    "read_numbers",
-    "s_from_ns",
-    "serialized",
-    "stamp_ns_of",
-    "time_from_ns",
-    "time_from_s",
-]
+from iptm_ros.codecs.cdr import read_numbers as read_numbers
+from iptm_ros.codecs.cdr import serialized as serialized
+from iptm_ros.codecs.cdr import stamp_ns_of as stamp_ns_of
+from iptm_ros.codecs.road import decode_road_ahead as decode_road_ahead
+from iptm_ros.codecs.road import decode_slope as decode_slope
+from iptm_ros.codecs.road import encode_road_ahead as encode_road_ahead
+from iptm_ros.codecs.road import encode_slope as encode_slope
+from iptm_ros.codecs.road import has_leader as has_leader
+from iptm_ros.codecs.table import PlanTrajectory as PlanTrajectory
+from iptm_ros.codecs.table import decode_leader_preview as decode_leader_preview
+from iptm_ros.codecs.table import decode_plan as decode_plan
+from iptm_ros.codecs.table import encode_leader_preview as encode_leader_preview
+from iptm_ros.codecs.table import encode_plan as encode_plan
+from iptm_ros.codecs.time import ns_from_s as ns_from_s
+from iptm_ros.codecs.time import ns_from_time as ns_from_time
+from iptm_ros.codecs.time import s_from_ns as s_from_ns
+from iptm_ros.codecs.time import time_from_ns as time_from_ns
+from iptm_ros.codecs.time import time_from_s as time_from_s
+from iptm_ros.codecs.vehicle import decode_command as decode_command
+from iptm_ros.codecs.vehicle import decode_decision_record as decode_decision_record
+from iptm_ros.codecs.vehicle import decode_leader as decode_leader
+from iptm_ros.codecs.vehicle import decode_motion as decode_motion
+from iptm_ros.codecs.vehicle import decode_observation as decode_observation
+from iptm_ros.codecs.vehicle import decode_raw_datagram as decode_raw_datagram
+from iptm_ros.codecs.vehicle import decode_tracks as decode_tracks
+from iptm_ros.codecs.vehicle import encode_battery as encode_battery
+from iptm_ros.codecs.vehicle import encode_command as encode_command
+from iptm_ros.codecs.vehicle import encode_decision_record as encode_decision_record
+from iptm_ros.codecs.vehicle import encode_leader as encode_leader
+from iptm_ros.codecs.vehicle import encode_observation as encode_observation
+from iptm_ros.codecs.vehicle import encode_raw_datagram as encode_raw_datagram
+from iptm_ros.codecs.vehicle import encode_tracks as encode_tracks

@@ -7,7 +7,7 @@ a remedy; for other storages that is `rosbags-convert`.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, ExitStack, closing
 from dataclasses import replace
 from heapq import merge
 from pathlib import Path
@@ -16,12 +16,13 @@ from typing import Any, final
 from iptm_core.errors import BagError, MissingTopicError
 from iptm_core.parameters import ModelParameters, load_parameters
 from iptm_core.user_input import shown
-from iptm_ros.recording.bag_files import check_exists, open_files
-from iptm_ros.recording.mcap_storage import BagFile
+from iptm_ros.recording.mcap_storage import CONVERT, BagFile
 from iptm_ros.recording.message_types import Decoder, MessageDefinition
 from iptm_ros.recording.recorded_topics import TopicRecord
 from iptm_ros.recording.run_information import RECORD_NAME, RunInformation, stored_model_parameters
 from iptm_ros.recording.storage import METADATA_FILE, BagMessage, read_metadata
+
+_OTHERS = ("*.db3", "*.bag", "*.zstd")
 
 
 @final
@@ -40,7 +41,7 @@ class BagReader(AbstractContextManager["BagReader"]):
         self.path = path
         check_exists(path)
         self._metadata = read_metadata(path) if (path / METADATA_FILE).is_file() else {}
-        self._files = open_files(path, self._metadata)
+        self._files = _open_files(path, self._metadata)
         try:
             self.topics: Mapping[str, TopicRecord] = _merge_topics(path, self._files)
             self._compare_with_metadata()
@@ -238,3 +239,57 @@ def _merge_topics(path: Path, files: Collection[BagFile]) -> dict[str, TopicReco
         count = topic.message_count + (before.message_count if before else 0)
         topics[topic.name] = replace(topic, message_count=count)
     return topics
+
+
+def _open_files(path: Path, metadata: Mapping[str, Any]) -> list[BagFile]:
+    """Open the files of a bag, in recording order.
+
+    Raises:
+        BagError: the bag does not exist, is of another kind, or a file is damaged.
+    """
+    with ExitStack() as stack:
+        opened = [stack.enter_context(closing(BagFile(file))) for file in _files(path, metadata)]
+        stack.pop_all()
+    return opened
+
+
+def check_exists(path: Path) -> None:
+    """Refuse a bag that is not there."""
+    try:
+        exists = path.exists()
+    except OSError as error:
+        raise BagError(f"bag {shown(str(path))}: {error.strerror}") from None
+    if not exists:
+        raise BagError(f"{path} does not exist")
+
+
+def _files(path: Path, metadata: Mapping[str, Any]) -> list[Path]:
+    if path.is_file():
+        return [path]
+    if metadata:
+        return _listed_files(path, metadata)
+    if any(path.glob("*.mcap")):
+        raise BagError(
+            f"{path} has no metadata.yaml: its recording was cut short;"
+            f" repair it with: scripts/iptm recover {path}"
+        )
+    others = sorted(file for ending in _OTHERS for file in path.glob(ending))
+    if others:
+        raise BagError(CONVERT.format(path=path, source=others[0]))
+    raise BagError(f"{path} is not a bag: it holds neither metadata.yaml nor an .mcap file")
+
+
+def _listed_files(folder: Path, metadata: Mapping[str, Any]) -> list[Path]:
+    is_packed = str(metadata.get("compression_mode") or "none").lower() != "none"
+    if metadata.get("storage_identifier") != "mcap" or is_packed:
+        raise BagError(CONVERT.format(path=folder, source=folder))
+    names = metadata.get("relative_file_paths")
+    if not isinstance(names, list) or not names:
+        raise BagError(f"{folder / 'metadata.yaml'} names no file in relative_file_paths")
+    files = [folder / Path(str(name)).name for name in names]
+    if len(set(files)) < len(files):
+        raise BagError(f"{folder / 'metadata.yaml'} names a file twice in relative_file_paths")
+    for file in files:
+        if not file.is_file():
+            raise BagError(f"{file} is missing, though metadata.yaml of its bag names it")
+    return files

@@ -19,7 +19,7 @@ from mcap.well_known import MessageEncoding
 from iptm_core.errors import BagError
 from iptm_core.parameters.strict_yaml import MAX_BYTES
 from iptm_core.user_input import shown
-from iptm_ros.recording.bag_files import check_exists
+from iptm_ros.recording.bag_reader import check_exists
 from iptm_ros.recording.bag_writer import BagWriter
 from iptm_ros.recording.message_types import (
     MOST_PADDING,
