@@ -67,7 +67,7 @@ def figures_of(
         "collided": float(not is_real and np.nanmin(run.smallest_gap_m) <= 0.0),
         "smallest_gap_m": float(smallest_gap_m),
         "below_percent": math.nan if is_real else 100.0 * float(shorter.mean()),
-        "jerk_m_s3": _jerk_m_s3(speed),
+        "jerk_m_s3": jerk_m_s3(speed),
         "emergency_s": metrics.service_braking_s,
         "consumption_kwh_100_km": metrics.battery_energy_j / metrics.distance_m / 36.0,
         "cooling_kwh": metrics.cooling_energy_j / 3.6e6,
@@ -75,7 +75,7 @@ def figures_of(
     }
 
 
-def _jerk_m_s3(speeds_m_s: FloatArray) -> float:
+def jerk_m_s3(speeds_m_s: FloatArray) -> float:
     """Return the root mean square of second differences at steps of a second."""
     return float(np.sqrt(np.mean(np.diff(speeds_m_s, 2) ** 2)))
 

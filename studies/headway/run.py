@@ -1,4 +1,4 @@
-"""Savings at the headway of production cars, with a preview and with the range sensor alone.
+"""Savings at the headways of production cars, with a preview and with the range sensor alone.
 
 The controller is drawn to a desired headway (`gap.desired_time_headway_s`) with which it takes the road of
 `production`, and a kelvin keeps its value beyond the trip. Each trip is judged at equal ends.
@@ -6,71 +6,143 @@ The controller is drawn to a desired headway (`gap.desired_time_headway_s`) with
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from studies.acc.figures import jerk_m_s3
 from studies.acc.run import LONG_S, LONG_SCENES
-from studies.acc.scenes import SHORTEST_S, long_scenes
+from studies.acc.scenes import SHORTEST_S, Scene, long_scenes
 from studies.acc.variants import CARS, CLIMATES_C
 from studies.drives import DEFAULT, trip
+from studies.headway.behind import STRING_CARS, cars_behind
+from studies.headway.effects import BLIND, BOTH, WHOLE_S, effects
 from studies.road_space.run import DESIRED_S, EQUAL
 from studies.savings import PREVIEWS, PRODUCTION, road_taken, saved
 from studies.session import Case, Session
 
 import iptm
-from iptm.parts import CYCLE_NAMES
+from iptm.parts import CYCLE_NAMES, FloatArray
 
 SHORT_CYCLES, SHORT_S = ("us06",), 60.0
 BRAKING_M_S2 = 2.05
 """Harder than the limit of comfort."""
-
-
 LEVEL, HILLS, MEASURED = "published cycle", "the same on hills up to 6 %", "OpenACC, 20 minutes"
 
 
-def cases_of(session: Session) -> Iterator[Case]:
-    """Yield three trips per leader, car and climate: `production`, without preview, with one."""
-    cars, climates_c = (CARS[:1], CLIMATES_C[:1]) if session.short else (CARS, CLIMATES_C)
+@dataclass(frozen=True)
+class Setting:
+    """Settings of the trips of the default and of `production`, previews of the default, and climates."""
+
+    name: str
+    own: Mapping[str, Any]
+    base: Mapping[str, Any]
+    previews: tuple[bool, ...] = (False, True)
+    climates_c: tuple[float, ...] = CLIMATES_C[:1]
+
+
+SHORT_DESIRED_S, SHORT_ACC_S = 1.15, 1.1
+DRY, QUICK_M_S3 = 0.9, 2.0
+QUICK = {"limits.max_jerk_m_s3": QUICK_M_S3}
+AT_2_S = Setting("2 s", EQUAL, {}, climates_c=CLIMATES_C)
+SETTINGS = (
+    AT_2_S,
+    Setting(
+        "1.5 s",
+        {
+            **EQUAL,
+            "overrides": {
+                "gap.desired_time_headway_s": SHORT_DESIRED_S,
+                "gap.time_headway_s": 1.0,
+            },
+        },
+        {"acc_time_headway_s": SHORT_ACC_S},
+    ),
+    Setting(
+        f"2 s, jerk up to {QUICK_M_S3:g} m/s³",
+        {**EQUAL, "overrides": {**EQUAL["overrides"], **QUICK}},
+        {"overrides": QUICK},
+        (False,),
+    ),
+    Setting(
+        "2 s, known dry road", {**EQUAL, "road_friction": DRY}, {"road_friction": DRY}, (False,)
+    ),
+)
+
+
+def cases_of(session: Session, scenes: list[Scene]) -> Iterator[Case]:
+    """Yield the trips per setting, leader, car and climate: `production`, and the default by preview."""
+    cars = CARS[:1] if session.short else CARS
     cycles = SHORT_CYCLES if session.short else CYCLE_NAMES
-    leaders: list[tuple[str, str, str, dict[str, Any]]] = [
-        *((LEVEL, name, name, {}) for name in cycles),
-        *((HILLS, name, name, {"slope": "large"}) for name in cycles),
+    leaders: list[tuple[str, str, str, dict[str, Any], int]] = [
+        *((LEVEL, name, name, {}, 0) for name in cycles),
+        *((HILLS, name, name, {"slope": "large"}, 0) for name in cycles),
     ]
-    extent = (1, SHORTEST_S) if session.short else (LONG_SCENES, LONG_S)
-    scenes, _ = long_scenes(*extent)
     for scene in scenes:
         drive = {"duration_s": float(scene.duration_s)}
-        leaders.append((MEASURED, scene.name, scene.write(session.scratch / "leads"), drive))
-    for (kind, name, cycle, drive), car, ambient_c in product(leaders, cars, climates_c):
-        labels = {"kind": kind, "leader": name, "car": car, "ambient_c": ambient_c}
-        for role, perfect in ((PRODUCTION, False), (DEFAULT, False), (DEFAULT, True)):
-            own = EQUAL if role == DEFAULT else {}
+        path = scene.write(session.scratch / "leads")
+        leaders.append((MEASURED, scene.name, path, drive, scene.run_in_s))
+    places = [
+        (setting, *place)
+        for setting in SETTINGS
+        for place in product(leaders, cars, setting.climates_c[: 1 if session.short else None])
+    ]
+    for setting, leader, car, ambient_c in places:
+        kind, name, cycle, drive, begin = leader
+        place = {"setting": setting.name, "kind": kind, "leader": name, "car": car}
+        labels = {**place, "ambient_c": ambient_c, "begin": begin}
+        roles = [(PRODUCTION, False), *((DEFAULT, perfect) for perfect in setting.previews)]
+        for role, perfect in roles:
+            own = setting.own if role == DEFAULT else setting.base
             call = trip(cycle, role, car, ambient_c, **own, **drive)
             call["preview_mode"] = "full" if perfect else "none"
-            place = "/".join(str(label) for label in labels.values())
-            varied = {**labels, "role": role, "perfect": perfect}
-            yield Case(f"{place}/{role}/{perfect}", varied, call)
+            where = "/".join(str(label) for label in labels.values())
+            yield Case(
+                f"{where}/{role}/{perfect}", {**labels, "role": role, "perfect": perfect}, call
+            )
 
 
 def run(session: Session) -> bool:
     """Run the study; returns whether no lead vehicle was touched."""
-    cases = list(cases_of(session))
+    extent = (1, SHORTEST_S) if session.short else (LONG_SCENES, LONG_S)
+    scenes, _ = long_scenes(*extent)
+    cases = list(cases_of(session, scenes))
     if session.short:
         cases = [case.shortened(SHORT_S) for case in cases]
     driven = session.drive(cases)
-    keys = ["kind", "leader", "car", "ambient_c"]
+    keys = ["setting", "kind", "leader", "car", "ambient_c"]
     table = pd.DataFrame(
         row for _, trips in driven.groupby(keys, sort=False) for row in _rows(trips)
     )
+    groups = _summary(table, ["setting", "perfect", "preview", "kind", "car", "ambient_c"])
+    overall = _summary(table, ["setting", "perfect", "preview"])
+    measured = table[table.kind == MEASURED]
+    origins, shares = effects(session)
     session.render(
-        groups=_summary(table, ["perfect", "preview", "kind", "car", "ambient_c"]),
-        overall=_summary(table, ["perfect", "preview"]),
-        table=table,
+        groups=groups[groups.setting == AT_2_S.name],
+        overall=overall,
+        headline=overall[overall.setting == AT_2_S.name],
+        lowest=groups.groupby(["setting", "preview"], sort=False)[
+            ["ageing_median", "energy_median"]
+        ].min(),
+        measured=_summary(measured, ["setting", "perfect", "preview"]),
+        people=_people(scenes),
+        table=table[table.setting == AT_2_S.name],
         previews=PREVIEWS,
+        behind=cars_behind(session),
+        cars=STRING_CARS,
+        origins=origins,
+        share=shares[BOTH],
+        blind_share=shares[BLIND],
+        whole_s=WHOLE_S,
         desired_s=DESIRED_S,
+        short_desired_s=SHORT_DESIRED_S,
+        short_acc_s=SHORT_ACC_S,
+        quick_m_s3=QUICK_M_S3,
+        dry=DRY,
     )
     return bool((table.smallest_gap_m > 0.0).all())
 
@@ -80,14 +152,12 @@ def _rows(trips: pd.DataFrame) -> Iterator[dict[str, Any]]:
     if trips.run.isna().any():
         return
     base: iptm.Run = trips[trips.role == PRODUCTION].run.iloc[0]
-    before = _behaviour(base)
     for each in trips[trips.role == DEFAULT].itertuples():
-        own = _behaviour(each.run)
+        own, before = (_behaviour(run, each.begin) for run in (each.run, base))
         percent = saved([each.run.metrics], [base.metrics], each.run.parameters)
-        labels = {name: getattr(each, name) for name in ("kind", "leader", "car", "ambient_c")}
+        names = ("setting", "kind", "leader", "car", "ambient_c", "perfect")
         yield {
-            **labels,
-            "perfect": each.perfect,
+            **{name: getattr(each, name) for name in names},
             "preview": PREVIEWS[each.perfect],
             **own,
             **{f"base_{name}": value for name, value in before.items()},
@@ -96,17 +166,31 @@ def _rows(trips: pd.DataFrame) -> Iterator[dict[str, Any]]:
         }
 
 
-def _behaviour(run: iptm.Run) -> dict[str, float]:
-    """Return road taken, smallest gap, hard braking, jerk and interventions of the safety monitor."""
+def _behaviour(run: iptm.Run, begin: int) -> dict[str, float]:
+    """Return road taken, smallest gap and interventions of a run, and its comfort from an instant on."""
     motion = run.trajectory
-    accelerations = motion.acceleration_m_s2
     return {
         **road_taken([motion]),
         "smallest_gap_m": float(motion.gap_m.min()),
-        "braking_s": float(np.sum(accelerations < -BRAKING_M_S2)),
-        "jerk_m_s3": float(np.sqrt(np.mean(np.diff(accelerations) ** 2))),
+        **_comfort(motion.speed_m_s[begin:]),
         "interventions": float(run.metrics.interventions),
         "hours": float(run.metrics.duration_s) / 3600.0,
+    }
+
+
+def _comfort(speeds_m_s: FloatArray) -> dict[str, float]:
+    """Return seconds of hard braking and the jerk of speeds at steps of a second."""
+    braking = np.diff(speeds_m_s) < -BRAKING_M_S2
+    return {"braking_s": float(braking.sum()), "jerk_m_s3": jerk_m_s3(speeds_m_s)}
+
+
+def _people(scenes: list[Scene]) -> dict[str, float]:
+    """Return hard braking per hour and median jerk of the cars that followed the measured leaders."""
+    real = pd.DataFrame(_comfort(scene.speed_m_s[scene.run_in_s :]) for scene in scenes)
+    hours = sum(scene.duration_s - scene.run_in_s for scene in scenes) / 3600.0
+    return {
+        "braking_s": float(real.braking_s.sum()) / hours,
+        "jerk_m_s3": float(real.jerk_m_s3.median()),
     }
 
 

@@ -35,7 +35,7 @@ TUNED_ON = ("udds", "sc03", "nycc")
 DEFAULT, REFERENCE = "default", "reference"
 HEADWAY = "gap.max_time_headway_s"
 EQUAL_ROAD_S, SHORTER_S = 3.0, 2.0
-DESIRED_S = 1.65
+DESIRED_S = 1.7
 EQUAL: dict[str, Any] = {
     "overrides": {"gap.desired_time_headway_s": DESIRED_S},
     "value_beyond_trip": True,

@@ -45,12 +45,12 @@ def test_far_from_the_desired_gap_a_metre_costs_no_more_than_near() -> None:
 
 
 def test_reserve_at_a_desired_headway_asks_for_the_service_brakes() -> None:
-    """Not for comfort: a gap at which -2 m/s^2 would not do."""
+    """At every node, and not for comfort: a gap at which -2 m/s^2 would not do."""
     state = make_state(speed_m_s=20.0)
     rows = [
         run_stage(
             state, 0.0, 0.0, 1.0,
-            leader=(state.position_m + 20.0 + 37.0, 20.0), end_of_horizon=True, model=model,
+            leader=(state.position_m + 20.0 + 37.0, 20.0), end_of_horizon=model is PARAMETERS, model=model,
         )[2][LimitIndex.GAP_BRAKING]
         for model in (PARAMETERS, AT_HEADWAY)
     ]  # fmt: skip

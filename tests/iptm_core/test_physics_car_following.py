@@ -53,14 +53,17 @@ def test_desired_gap_by_hand() -> None:
 
 
 def test_emergency_reserve_is_what_the_safety_monitor_leaves(parameters: ModelParameters) -> None:
-    """Less a metre; behind a vehicle that moves it is longer by what that one needs to stop."""
+    """Less a metre, on the worse of a dry and a slippery road."""
     monitor = SafetyMonitor(SafetyMonitorSettings(), parameters.brakes)
-    for speed in (5.0, 20.0, 37.5):
-        left_m = 200.0 - monitor.safe_distance_m(speed, 0.0, 0.0)
-        reserve_m = emergency_reserve_m(200.0, speed, 0.0, parameters.brakes)
-        assert reserve_m == pytest.approx(left_m - 1.0, abs=0.2)
-    behind = [emergency_reserve_m(50.0, 20.0, v, parameters.brakes) for v in (0.0, 18.0)]
-    assert behind[1] - behind[0] == pytest.approx(18.0**2 / (2.0 * 9.0))
+    road = monitor.road_braking()
+    roads = [each for each in (road.full, road.slippery) if each is not None]
+    worse = set()
+    for speed, lead in ((5.0, 0.0), (37.5, 0.0), (20.0, 18.0), (35.0, 35.0), (30.0, 25.0)):
+        safe_m = [monitor.safe_distance_m(speed, 0.0, lead, capability=each) for each in roads]
+        worse.add(int(np.argmax(safe_m)))
+        reserve_m = emergency_reserve_m(400.0, speed, lead, parameters.brakes)
+        assert reserve_m == pytest.approx(400.0 - max(safe_m) - 1.0, abs=0.3)
+    assert worse == {0, 1}
 
 
 def test_all_backends_agree(parameters: ModelParameters, agree_in_all_backends: Agree) -> None:

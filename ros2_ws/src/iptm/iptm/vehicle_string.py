@@ -158,20 +158,26 @@ def trips_in_string(trip: Trip, count: int) -> dict[str, Trip]:
     return trips
 
 
-def drive_string_in_memory(trip: Trip, count: int) -> Iterator[Run]:
-    """Drive a string of equal vehicles without ROS and yield the run of each, the first one first."""
+def drive_string_in_memory(trip: Trip, count: int, drivers: Sequence[Trip] = ()) -> Iterator[Run]:
+    """Drive a string of equal vehicles without ROS and yield the run of each, the first one first.
+
+    Args:
+        drivers: trips whose controllers drive, one per vehicle; the one of ``trip`` without them.
+    """
+    drivers = drivers or [trip] * count
+    pending = iter(drivers)
     string = run_string(
         trip.route,
         count,
         plant_for(trip),
-        lambda: controller_for(trip),
+        lambda: controller_for(next(pending)),
         trip.preview,
         trip.leader.leader_length_m,
     )
-    for each in string:
+    for each, driver in zip(string, drivers, strict=True):
         yield Run(
-            name=trip.heading,
-            settings=trip.settings,
+            name=driver.heading,
+            settings=driver.settings,
             parameters=trip.parameters,
             trajectory=each.trajectory,
             decisions=each.decisions,

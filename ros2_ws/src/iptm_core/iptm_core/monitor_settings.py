@@ -11,6 +11,9 @@ from iptm_core.declaration import Settings, parameter
 from iptm_core.errors import ParameterError
 from iptm_core.road_friction import RoadFrictionSettings
 
+SLIPPERY_LEAD_SHARE = 1.055
+"""Deceleration of the vehicle ahead on a slippery road, relative to the own one."""
+
 
 @dataclass(frozen=True)
 class SensorAccuracySettings(Settings):

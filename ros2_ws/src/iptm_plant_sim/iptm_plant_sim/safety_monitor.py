@@ -17,7 +17,7 @@ import math
 from dataclasses import dataclass, field, replace
 
 from iptm_core.lead_track import LeadTrack
-from iptm_core.monitor_settings import SafetyMonitorSettings
+from iptm_core.monitor_settings import SLIPPERY_LEAD_SHARE, SafetyMonitorSettings
 from iptm_core.parameters.model import BrakeParameters
 from iptm_core.road_friction import RELIED_SHARE, BrakingCapability, braking_capability
 from iptm_core.state import LeaderState
@@ -35,8 +35,6 @@ SATURATED_SHARE = 1.2
 road; weak brakes fall short of gentle requests as well."""
 WAITED_S = 0.3
 """Part of the reaction time that may pass while a measurement is awaited; the monitor itself needs less."""
-SLIPPERY_LEAD_SHARE = 1.055
-"""Deceleration of the vehicle ahead on a slippery road, relative to the own one."""
 
 
 @dataclass(frozen=True)

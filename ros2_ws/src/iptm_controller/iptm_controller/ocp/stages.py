@@ -185,17 +185,19 @@ def _limits(
     gap = p[StepIndex.LEADER_POSITION] - next_state[StateIndex.POSITION]
     leader_speed = p[StepIndex.LEADER_SPEED]
     shortest = minimum_gap_m(speed, leader_speed, gap_policy, bounds)
+    at_end = p[StepIndex.END_OF_PREVIEW]
     if gap_policy.desired_time_headway_s > 0.0:
         reserve = emergency_reserve_m(gap, speed, leader_speed, parameters.brakes)
     else:
-        reserve = braking_reserve_m(
+        # Asked for where the preview ends. At other nodes the row is a number that solvers need not heed.
+        reserve = at_end * braking_reserve_m(
             gap, speed, next_state[StateIndex.LAST_ACCELERATION], leader_speed, gap_policy, bounds
         )
+        reserve += (1.0 - at_end) * INACTIVE_ROW_M
     margin, floor = gap - shortest, gap - gap_policy.standstill_gap_m
     for gap_inside, shortest_inside in step.gaps_m:
         margin = -maximum(-margin, shortest_inside - gap_inside, GAP_SMOOTHING_M)
         floor = -maximum(-floor, gap_policy.standstill_gap_m - gap_inside, GAP_SMOOTHING_M)
-    at_end = p[StepIndex.END_OF_PREVIEW]
     speed_slack = inputs[InputIndex.SPEED_EXCESS]
     acceleration_change = inputs[InputIndex.ACCELERATION] - state[StateIndex.LAST_ACCELERATION]
     largest_change = bounds.max_jerk_m_s3 * p[StepIndex.ACCELERATION_INTERVAL]
@@ -206,10 +208,7 @@ def _limits(
         LimitIndex.GAP_MIN: margin + inputs[InputIndex.GAP_SHORT],
         # The printed s_min turns negative while the leader pulls away; the gap must not.
         LimitIndex.GAP_FLOOR: floor + inputs[InputIndex.GAP_SHORT],
-        # Asked for where the preview ends. At other nodes the row is a number that solvers need not heed.
-        LimitIndex.GAP_BRAKING: at_end * reserve
-        + (1.0 - at_end) * INACTIVE_ROW_M
-        + inputs[InputIndex.GAP_SHORT],
+        LimitIndex.GAP_BRAKING: reserve + inputs[InputIndex.GAP_SHORT],
         LimitIndex.GAP_MAX: largest_gap - gap + inputs[InputIndex.GAP_LONG],
         LimitIndex.SPEED_MIN: speed - bounds.min_speed_m_s + speed_slack,
         LimitIndex.SPEED_MAX: p[StepIndex.MAX_SPEED] - speed + speed_slack,

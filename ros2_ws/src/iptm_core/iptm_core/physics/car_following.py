@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from iptm_core.monitor_settings import SafetyMonitorSettings
+from iptm_core.monitor_settings import SLIPPERY_LEAD_SHARE, SafetyMonitorSettings
 from iptm_core.parameters.model import BrakeParameters, GapParameters, LimitParameters
 from iptm_core.physics.ops import Scalar, maximum, minimum
 from iptm_core.state import Command, VehicleState
@@ -140,21 +140,29 @@ def emergency_reserve_m(
 ) -> Scalar:
     """Part of the gap that is not needed to stop with the service brakes if the leader brakes fully now.
 
-    The rule of the safety monitor (RSS, arXiv:1708.06374, definition 1) with its default assumptions, the
-    present speed kept until the brakes act. Unlike `braking_reserve_m` it does not ask for comfort, which
-    leaves room for the headways of traffic. It is not part of the paper.
+    The rule of the safety monitor (RSS, arXiv:1708.06374, definition 1) with its default assumptions, on a
+    dry road and on a slippery one, the present speed kept until the brakes act. Unlike `braking_reserve_m` it
+    does not ask for comfort, which leaves room for the headways of traffic. It is not part of the paper.
 
     Returns:
-        Reserve in m, negative where the monitor would soon have to brake.
+        Reserve in m on the worse road, negative where the monitor would soon have to brake.
     """
     assumed = SafetyMonitorSettings
-    own_m_s2 = min(assumed.monitor_own_deceleration_m_s2, brakes.max_deceleration_m_s2)
-    # Brakes that build up for a time act like full ones from the middle of it.
-    wait_s = assumed.monitor_reaction_s + brakes.delay_s + 0.5 * own_m_s2 / brakes.build_up_m_s3
-    stops_m = wait_s * speed_m_s + speed_m_s * speed_m_s / (2.0 * own_m_s2)
-    lead_m_s2 = assumed.monitor_lead_deceleration_m_s2
-    leader_stops_m = leader_speed_m_s * leader_speed_m_s / (2.0 * lead_m_s2)
-    return gap_m + leader_stops_m - stops_m - EMERGENCY_MARGIN_M
+    slippery_m_s2 = assumed.monitor_slippery_deceleration_m_s2
+    roads = (
+        (assumed.monitor_own_deceleration_m_s2, assumed.monitor_lead_deceleration_m_s2),
+        (slippery_m_s2, SLIPPERY_LEAD_SHARE * slippery_m_s2),
+    )
+
+    def missing_m(own_m_s2: float, lead_m_s2: float) -> Scalar:
+        own_m_s2 = min(own_m_s2, brakes.max_deceleration_m_s2)
+        # Brakes that build up for a time act like full ones from the middle of it.
+        wait_s = assumed.monitor_reaction_s + brakes.delay_s + 0.5 * own_m_s2 / brakes.build_up_m_s3
+        stops_m = wait_s * speed_m_s + speed_m_s * speed_m_s / (2.0 * own_m_s2)
+        return stops_m - leader_speed_m_s * leader_speed_m_s / (2.0 * lead_m_s2)
+
+    dry_m, wet_m = (missing_m(*road) for road in roads)
+    return gap_m - EMERGENCY_MARGIN_M - maximum(dry_m, wet_m, RESERVE_SMOOTHING_M)
 
 
 COMFORTABLE_DECELERATION_M_S2 = 1.0

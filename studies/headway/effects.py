@@ -1,0 +1,104 @@
+"""Where the savings come from, and how much of the optimum of a whole trip they are.
+
+Distance, foresight, cooling and smoothing are switched off one after the other. The optimum of a whole trip
+knows all of it and is drawn to the same headway.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from studies.acc.variants import CARS, CLIMATES_C
+from studies.drives import DEFAULT, trip
+from studies.road_space.run import EQUAL
+from studies.savings import PRODUCTION, road_taken, saved
+from studies.session import Session
+
+import iptm
+from iptm.parts import Controller
+
+OPTIMUM = "optimum of the whole trip at 2 s"
+BOTH, FAR = "default at 2 s, perfect preview", "default at up to 120 m, perfect preview"
+BLIND = "default at 2 s, no preview"
+SMOOTHING = "its motion at 2 s, no preview, with the thermostat"
+COOLING = "its cooling, no preview, with the motion of `production`"
+CYCLES = ("us06", "udds", "wltc_class3b")
+WHOLE_S = 600.0
+SHORT_S = 60.0
+
+
+class MixedController:
+    """Drives by one controller and cools by another; neither is told that its commands are not followed."""
+
+    def __init__(self, motion: Controller, cooling: Controller) -> None:
+        self._motion, self._cooling = motion, cooling
+
+    def decide(self, measured: iptm.Measurements) -> iptm.Command:
+        """Return the acceleration of one and the compressor power of the other."""
+        alone = replace(measured, is_followed=False)
+        command = self._motion.decide(alone).command
+        power_w = self._cooling.decide(alone).command.compressor_power_w
+        return replace(command, compressor_power_w=power_w)
+
+
+def drive(call: Mapping[str, Any], *, whole: bool = False, others: str = "") -> iptm.Run:
+    """Drive a trip: as a whole, or with motion or cooling (``others``) by `production`."""
+    one = iptm.Trip.of(**call)
+    if whole:
+        return iptm.drive_whole_trip(one)
+    if not others:
+        return iptm.drive(one)
+    base = one.changed(strategy=PRODUCTION)
+    own, rules = (Controller(each.controller_parameters, each.options) for each in (one, base))
+    parts = (rules, own) if others == "motion" else (own, rules)
+    return iptm.simulate(**call, controller=MixedController(*parts))
+
+
+def effects(session: Session) -> tuple[pd.DataFrame, dict[str, float]]:
+    """Return a row per control, and the shares of the optimum that the default saves in the median."""
+    length_s = SHORT_S if session.short else WHOLE_S
+    settings = {"duration_s": length_s} | ({"compile_code": False} if session.short else {})
+    cycles, cars = (CYCLES[:1], CARS[:1]) if session.short else (CYCLES, CARS)
+    blind = {"preview_mode": "none"}
+    controls: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
+        PRODUCTION: (PRODUCTION, blind, {}),
+        OPTIMUM: (DEFAULT, EQUAL, {"whole": True}),
+        FAR: (DEFAULT, {"value_beyond_trip": True}, {}),
+        BOTH: (DEFAULT, EQUAL, {}),
+        BLIND: (DEFAULT, {**EQUAL, **blind}, {}),
+        SMOOTHING: (DEFAULT, {**EQUAL, **blind}, {"others": "cooling"}),
+        COOLING: (DEFAULT, {**EQUAL, **blind}, {"others": "motion"}),
+    }
+    places = list(product(cycles, cars, controls))
+    calls = [
+        {"call": trip(cycle, role, car, CLIMATES_C[0], **own, **settings), **how}
+        for cycle, car, name in places
+        for role, own, how in [controls[name]]
+    ]
+    driven = session.compute(drive, calls, ["/".join(place) for place in places])
+    found = dict(zip(places, driven, strict=True))
+    rows = pd.DataFrame(
+        {
+            "control": name,
+            "cycle": cycle,
+            "car": car,
+            **road_taken([run.trajectory]),
+            **saved([run.metrics], [base.metrics], run.parameters),
+        }
+        for (cycle, car, name), run in found.items()
+        for base in [found[cycle, car, PRODUCTION]]
+        if name != PRODUCTION and run is not None and base is not None
+    )
+    by_trip = rows.pivot_table(index=["cycle", "car"], columns="control", values="ageing")
+    shares = {
+        name: 100.0 * float((by_trip[name] / by_trip[OPTIMUM]).median()) for name in (BOTH, BLIND)
+    }
+    summed = rows.groupby("control", sort=False)[["headway_s", "ageing", "energy"]]
+    table = summed.median().assign(trips=summed.size())
+    table["share"] = [shares.get(name, np.nan) for name in table.index]
+    return table.reset_index(), shares
