@@ -238,15 +238,15 @@ def test_a_late_tick_is_answered_for_its_own_time() -> None:
 
 
 @pytest.mark.parametrize("foresight", list(Foresight))
-@pytest.mark.parametrize("ahead_ms", [-500, -200, -50, 1, 200, 500])
+@pytest.mark.parametrize("ahead_ms", [-500, -50, 1, 500])
 def test_the_leader_is_not_taken_to_be_farther_on_by_the_clock_of_its_sender(
     route: Route, foresight: Foresight, ahead_ms: int
 ) -> None:
     settings = SenderSettings(foresight=foresight)
     sender = CamSender(route.leader, ROAD, settings, 10_000 + ahead_ms)
     wireless = SimulatedRadio(sender, CamBridge(ROAD, start_timestamp_ms=10_000))
-    ticks, held = range(2, 300), 0
-    for answer in answers(wireless, route, range(300))[ticks.start :]:
+    ticks, held = range(2, 200), 0
+    for answer in answers(wireless, route, range(200))[ticks.start :]:
         assert answer.leader is not None
         truth = route.leader.state_at(answer.time_ns / NS)
         held += answer.leader.position_m <= truth.position_m + 0.02

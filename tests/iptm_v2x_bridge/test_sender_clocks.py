@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import pytest
 from tests.iptm_v2x_bridge.radio import ROAD, datagram
@@ -14,14 +16,15 @@ START_MS = 3000
 """Stamps of a sender that is behind are positive from here on."""
 
 
-def shares_held(offset_ms: int, delay_ms: int, cycle: str = "us06") -> tuple[float, float]:
+@functools.cache
+def shares_held(offset_ms: int, delay_ms: int) -> tuple[float, float]:
     """Return in which share of the ticks the leader is no nearer than answered, and the mean reserve in m.
 
     Args:
         offset_ms: by how much the clock of the sender is ahead.
         delay_ms: shortest time on the way; every third message takes 40 ms longer.
     """
-    leader = build_route(cycle, "flat", initial_gap_m=50.0).leader
+    leader = build_route("us06", "flat", initial_gap_m=50.0).leader
     bridge = CamBridge(ROAD)
     reserves_m = []
     for time_ms in range(START_MS, START_MS + 200_000, 100):
@@ -40,7 +43,7 @@ def shares_held(offset_ms: int, delay_ms: int, cycle: str = "us06") -> tuple[flo
     return float((reserves >= -0.05).mean()), float(reserves.mean())
 
 
-@pytest.mark.parametrize("offset_ms", [-500, -200, -50, 0, 100])
+@pytest.mark.parametrize("offset_ms", [-500, -50, 100])
 @pytest.mark.parametrize("delay_ms", [0, 10])
 def test_the_stated_bound_holds_whatever_the_clock(offset_ms: int, delay_ms: int) -> None:
     held, reserve_m = shares_held(offset_ms, delay_ms)

@@ -9,7 +9,6 @@ from contextlib import AbstractContextManager
 from dataclasses import replace
 from typing import Any
 
-from iptm.channel_record import channel_record
 from iptm.closed_loop import TickController, run_closed_loop
 from iptm.faults.injection import FaultInjection, FaultyController, FaultyPlant, check_headless
 from iptm.own_parts import Controller, OwnController, PredictedSource, Predictor, check_part
@@ -21,7 +20,7 @@ from iptm_controller.measurements import Measurements
 from iptm_core.aging_laws.law import AgingLaw
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.errors import ScenarioError
-from iptm_core.settings import LeaderSource, ThermalModel, TripSettings
+from iptm_core.settings import LeaderSource, TripSettings
 from iptm_core.state import LeaderState
 from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_step import PlantStep
@@ -92,10 +91,6 @@ def drive_in_memory(
         start_position_m=trip.vehicle.start_position_m,
         on_step=on_step,
     )
-    channel = None
-    if trip.vehicle.thermal_model is ThermalModel.FULL_CHANNEL:
-        two_cells = Plant(trip.parameters, route.slope.slope_at, trip.vehicle.integration_step_s)
-        channel = channel_record(loop.steps, two_cells, conditions.period_s)
     run = Run(
         name=trip.heading,
         settings=trip.settings,
@@ -104,7 +99,6 @@ def drive_in_memory(
         decisions=loop.decisions,
         slope=route.slope,
         trip=trip,
-        channel=channel,
         reports=(*reports, *vehicle_reports(loop.steps)),
         wall_time_s=time.perf_counter() - began_s,
         warnings=trip.notes,
@@ -144,7 +138,6 @@ def drive_whole_trip(trip: Trip) -> Run:
         trajectory=trajectory,
         decisions=nothing,
         reports=(),
-        channel=None,
         whole_trip=record,
     )
 

@@ -39,7 +39,6 @@ from iptm_core.routes.slope import SlopeProfile
 from iptm_core.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from iptm.channel_record import ChannelRecord
     from iptm.explanation import Explanation
     from iptm.picture import Picture
     from iptm.trip import Trip
@@ -83,7 +82,6 @@ class Run:
         decisions: how the controller came to its commands; no rows for a controller without solver.
         slope: slope of the road, None where it is not known.
         trip: what was to be driven, None where it is not known.
-        channel: what all cells of a coolant channel went through; None where the plant has but two.
         whole_trip: how a whole trip was solved; None for a closed loop.
         reports: what was reported during the trip, on every change; in memory only.
         wall_time_s: of the drive, NaN where it is not known.
@@ -101,7 +99,6 @@ class Run:
     decisions: DecisionSeries
     slope: SlopeProfile | None = None
     trip: Trip | None = None
-    channel: ChannelRecord | None = None
     whole_trip: WholeTripRecord | None = None
     reports: tuple[Report, ...] = ()
     wall_time_s: float = math.nan
@@ -266,8 +263,8 @@ class Run:
     def save(self, path: str | Path) -> Path:
         """Write the run to a new file that `iptm.load` reads back.
 
-        Trajectory, decisions, parameters, settings and trip are kept; reports, the cells of a full channel
-        and the ``other`` run are not, nor is the trip of a drive that was given as data.
+        Trajectory, decisions, parameters, settings and trip are kept; reports and the ``other`` run are
+        not, nor is the trip of a drive that was given as data.
 
         Args:
             path: new file, ending in ``.npz``: arrays that numpy reads, too.
