@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import product
@@ -86,10 +85,6 @@ def real_follower(scene: Scene, car: str, ambient_c: float) -> Trajectory:
             command = replace(cooling, acceleration_m_s2=acceleration)
             step = plant.advance(state, command)
     return Trajectory.from_ticks(observed)
-
-
-def add_options(_: argparse.ArgumentParser) -> None:
-    """This study has no options of its own."""
 
 
 def run(session: Session) -> bool:

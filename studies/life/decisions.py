@@ -11,7 +11,7 @@ import pandas as pd
 from studies.drives import DEFAULT
 from studies.life.own_law import PAPER, priced_trips, trip_at, use_in
 from studies.life.trips import trajectories, trip_case
-from studies.measured_cycles import TRIPS, trip_cycles
+from studies.measured_cycles import trip_cycles
 from studies.session import Case
 
 from iptm.climate import CLIMATES
@@ -37,18 +37,9 @@ TRIPS_A_YEAR = 2.0 * 5.0 / 7.0 * 365.25
 _JULY = 6
 
 
-def routes_of(folder: Path, measured_trips: int = TRIPS) -> Mapping[str, Sequence[str]]:
-    """Return the cycles of each route.
-
-    Args:
-        folder: for the files of measured trips.
-        measured_trips: number of these trips.
-    """
-    return {
-        CITY: (CITY,),
-        COMPREHENSIVE: (COMPREHENSIVE,),
-        MEASURED: trip_cycles(folder, measured_trips),
-    }
+def routes_of(folder: Path) -> Mapping[str, Sequence[str]]:
+    """Return the cycles of each route; files of measured trips are written to a folder."""
+    return {CITY: (CITY,), COMPREHENSIVE: (COMPREHENSIVE,), MEASURED: trip_cycles(folder)}
 
 
 def decision_cases(routes: Mapping[str, Sequence[str]]) -> list[Case]:

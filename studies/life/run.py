@@ -20,10 +20,10 @@ from studies.life.own_law import priced_cases
 from studies.life.page import life_values
 from studies.life.table import life_table
 from studies.life.trips import roads, trip_cases, trip_maps
-from studies.measured_cycles import TRIPS
 from studies.session import Session
 
 from iptm.service_life.trip_map import START_C
+from iptm.service_life.year import CITY, USAGES
 
 CHARGING_PAGE = "charging-stop.md"
 SHORT_START_C = (22.0, 36.0)
@@ -34,7 +34,8 @@ def run(session: Session) -> bool:
     """Run the study; returns whether every trip was driven."""
     short = session.short
     start_c = SHORT_START_C if short else START_C
-    routes = routes_of(session.scratch / "drives", 1 if short else TRIPS)
+    routes = {CITY: (CITY,)} if short else routes_of(session.scratch / "drives")
+    usages = USAGES[:1] if short else USAGES
     of_years = [*trip_cases(start_c), *priced_cases(start_c)]
     single = decision_cases(routes)
     if short:
@@ -47,7 +48,7 @@ def run(session: Session) -> bool:
     session.say("years are composed ...")
     maps = trip_maps(years)
     decided = decisions(trips, routes, maps)
-    session.render(**life_values(life_table(maps), decided, roads(years)))
+    session.render(**life_values(life_table(maps, usages), decided, roads(years)))
     return charging_stop(session)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import pandas as pd
@@ -22,7 +22,7 @@ from iptm.service_life.life import (
     years_to_end,
 )
 from iptm.service_life.trip_map import TripMap
-from iptm.service_life.year import USAGES, Year, year_of
+from iptm.service_life.year import USAGES, Usage, Year, year_of
 
 OWN_LAW = "own law"
 MANAGED = "own law, managed"
@@ -32,7 +32,9 @@ OUTSIDE_LOSS = "loss"
 """Where more than `END_OF_LIFE` is lost: a law is not extrapolated to where no test of its cell was."""
 
 
-def life_table(trips: Mapping[tuple[str, str], TripMap]) -> pd.DataFrame:
+def life_table(
+    trips: Mapping[tuple[str, str], TripMap], usages: Sequence[Usage] = USAGES
+) -> pd.DataFrame:
     """Return one row per usage, climate, cell (`PAPER` for the paper's law) and control.
 
     Losses are in percentage points of nominal capacity after `SERVICE_YEARS`. Their bands (``_low``,
@@ -40,6 +42,7 @@ def life_table(trips: Mapping[tuple[str, str], TripMap]) -> pd.DataFrame:
 
     Args:
         trips: by cycle and control.
+        usages: usages of the car.
 
     Returns:
         ``loss`` and its parts by cause, ``saved`` against the thermostat, ``years`` until 80 %
@@ -51,7 +54,7 @@ def life_table(trips: Mapping[tuple[str, str], TripMap]) -> pd.DataFrame:
     """
     rows: list[dict[str, Any]] = []
     parameters = load_parameters().values
-    for usage in USAGES:
+    for usage in usages:
         for climate in CLIMATES:
             labels = {"usage": usage.name, "climate": climate.name}
             shared = {

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
-
 from studies.session import Session
 from studies.validation import excerpts
 from studies.validation.cell import PanasonicCell, compare_cell
@@ -14,10 +12,6 @@ from studies.validation.i3_drivetrain import I3Drivetrain
 from studies.validation.i3_pack import I3Pack, compare_pack
 from studies.validation.i3_vehicle import I3Vehicle, compare_energy
 from studies.validation.outcome import draw, figures_table
-
-
-def add_options(_: argparse.ArgumentParser) -> None:
-    """This study has no options of its own."""
 
 
 def run(session: Session) -> bool:
