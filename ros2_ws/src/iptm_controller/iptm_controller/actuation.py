@@ -10,12 +10,13 @@ The power leaves a part of the motion, for plan and command.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from iptm_controller.measurements import slope_at_rad
 from iptm_controller.ocp.data import UNBOUNDED_W
+from iptm_core.frozen import light, replace
 from iptm_core.parameters.model import LimitParameters, ModelParameters
 from iptm_core.physics.electrical import battery_power_w
 from iptm_core.physics.pack_limits import UNLIMITED, PowerLimits, power_limits
@@ -38,6 +39,7 @@ WEAK_SHARE = 0.9
 """Brakes that deliver a smaller share of the commanded deceleration are weak."""
 
 
+@light
 @dataclass(frozen=True)
 class IssuedCommand:
     """A command and the tick at which it was issued."""
@@ -47,6 +49,7 @@ class IssuedCommand:
     compressor_power_w: float
 
 
+@light
 @dataclass(frozen=True)
 class ActuationMemory:
     """What is carried from tick to tick.

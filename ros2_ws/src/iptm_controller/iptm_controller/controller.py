@@ -8,8 +8,6 @@ raises for bad measurements or failed solves: both are outcomes, reported in the
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from iptm_controller.actuation import ActuationMemory, ActuationObserver, PowerAuthority
 from iptm_controller.charging_value import ChargingValuation
 from iptm_controller.decision import NOTHING, ControllerMemory, Decision
@@ -32,9 +30,11 @@ from iptm_controller.solvers.interface import SolverBackend, SolveResult, Stopwa
 from iptm_controller.solvers.switching_check import SwitchingCheck
 from iptm_controller.strategy import Strategy
 from iptm_controller.temperature_value import NO_VALUE, TemperatureValuation
+from iptm_controller.tick_library import tick_library
 from iptm_controller.traction_forecast import TractionForecaster
 from iptm_core.aging_laws.parking import ParkedAging
 from iptm_core.decision_record import Rung
+from iptm_core.frozen import replace
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import nominal_charge_parameters
 from iptm_core.state import Command, FloatArray, LeaderState, VehicleState
@@ -75,8 +75,9 @@ class Controller:
         self.grid = ProblemGrid(horizon)
         self.model = parameters
         self._pose(options.strategy)
+        library = tick_library(is_wanted=options.solver.compile_code)
         self._forecaster = LeaderForecaster(
-            horizon.motion_duration_s, options.max_preview_age_s, options.tick_s
+            horizon.motion_duration_s, options.max_preview_age_s, options.tick_s, library
         )
         self._traction = (
             TractionForecaster(parameters, self.grid)
@@ -86,7 +87,9 @@ class Controller:
         self._ladder = FallbackLadder(
             parameters, options.tick_s, options.shifted_plan_ticks, options.safe_law_ticks
         )
-        self._guard = CollisionGuard(parameters.limits, options.tick_s, options.shifted_plan_ticks)
+        self._guard = CollisionGuard(
+            parameters.limits, options.tick_s, options.shifted_plan_ticks, library
+        )
         self._limiter = CommandLimiter(parameters.limits, options.tick_s)
         self._estimator = Estimator(options.noise, parameters.limits, options.tick_s)
         self._actuation = ActuationObserver(parameters.limits, options.tick_s)

@@ -10,11 +10,12 @@ measured acceleration, and the cell temperatures by an alpha-beta filter.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from iptm_core.declaration import Settings, parameter
+from iptm_core.frozen import light, replace
 from iptm_core.parameters.model import LimitParameters
 from iptm_core.state import FloatArray, LeaderState, VehicleState
 
@@ -64,6 +65,7 @@ class NoiseSettings(Settings):
     )
 
 
+@light
 @dataclass(frozen=True)
 class EstimatorMemory:
     """What is carried from tick to tick; empty tuples where nothing has been measured or filtered.

@@ -8,8 +8,10 @@ extrapolated: its measured acceleration decays. Which of these holds, and why, i
 
 from __future__ import annotations
 
+import ctypes
 from collections import deque
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
@@ -21,7 +23,9 @@ from iptm_controller.lead_check import (
     measured_acceleration_m_s2,
 )
 from iptm_controller.preview_trust import PRESENT_ERROR_M_S, PreviewFusion, PreviewTrust
-from iptm_core.state import SPEED_AT_REST_M_S, LeaderPreview, LeaderState
+from iptm_controller.tick_library import Motion, address, keep_motion, motion_of
+from iptm_core.frozen import light, replace
+from iptm_core.state import SPEED_AT_REST_M_S, FloatArray, LeaderPreview, LeaderState
 
 HISTORY_S = 3.0
 MAX_LEADER_SPEED_M_S = 100.0
@@ -46,6 +50,7 @@ class PreviewQuality(IntEnum):
     """A valid preview, but it or earlier ones were wrong; trusted up to a shorter horizon."""
 
 
+@light
 @dataclass(frozen=True)
 class LeaderForecast:
     """Motion of the leader around now.
@@ -129,17 +134,25 @@ def _first(flags: NDArray[np.bool_]) -> int:
 class LeaderForecaster:
     """Keeps the leader's recent past and joins it with each tick's preview."""
 
-    def __init__(self, horizon_s: float, max_age_s: float, tick_s: float = 1.0) -> None:
+    def __init__(
+        self,
+        horizon_s: float,
+        max_age_s: float,
+        tick_s: float = 1.0,
+        library: ctypes.PyDLL | None = None,
+    ) -> None:
         """Set up a forecaster that has not measured a leader.
 
         Args:
             horizon_s: time that a full preview covers.
+            library: works the same out in C.
         """
         self._horizon_s = horizon_s
         self._max_age_s = max_age_s
         self._past: deque[LeaderState] = deque()
-        self.fusion = PreviewFusion()
         self.trust = PreviewTrust(tick_s)
+        self._in_c = None if library is None else _LeadMotionInC(library, self.trust.lead_times_s)
+        self.fusion = PreviewFusion(None if self._in_c is None else self._in_c.roughness_m2_s4)
 
     @property
     def past(self) -> tuple[LeaderState, ...]:
@@ -166,34 +179,58 @@ class LeaderForecaster:
         """
         self._remember(leader)
         self.trust.observe(leader)
-        quality, reason = self._assess(leader, preview)
+        is_sound = self._in_c is not None and self._in_c.is_sound(preview)
+        quality, reason = self._assess(leader, preview, is_sound=is_sound)
         age_s = leader.time_s - preview.generated_at_s if preview.times_s.size else float("nan")
-        known_s = 0.0
-        limiting: LeaderPreview | None = None
-        if quality in {PreviewQuality.FULL, PreviewQuality.SHORT}:
-            preview = _never_backwards(preview)
-            # An expectation is revised from tick to tick, which is not noise.
-            if preview.known_nodes == preview.times_s.size:
-                preview = self.fusion.fused(preview)
-            future = self._follow_preview(leader, preview)
-            self.trust.remember(leader, future, preview.known_until_s)
-            known_s = max(preview.known_until_s - leader.time_s, 0.0)
-            present_error_m_s = abs(float(future.speeds_m_s[0]) - leader.speed_m_s)
-            trusted_s = 0.0 if present_error_m_s > PRESENT_ERROR_M_S else self.trust.horizon_s
-            if trusted_s < known_s:
-                known_s, quality = trusted_s, PreviewQuality.DOUBTED
-                reason = f"previews were wrong; trusted for {trusted_s:g} s"
-            if preview.bounds_m.size:
-                limiting = self._limiting(leader, preview, future, known_s)
-            if trusted_s < NEAR_S:
-                future = self._not_beyond_measured(leader, future)
-                if limiting is not None:
-                    limiting = self._not_beyond_measured(leader, limiting)
-        else:
+        if quality not in {PreviewQuality.FULL, PreviewQuality.SHORT}:
             future = extrapolated_motion(leader, measured_acceleration_m_s2(self._past))
-        motion = self._with_past(future)
-        limited = motion if limiting is None else self._with_past(limiting)
+            motion = self._with_past(future)
+            return LeaderForecast(motion, motion, quality, reason, age_s, 0.0)
+        if not is_sound:
+            preview = _never_backwards(preview)
+        # An expectation is revised from tick to tick, which is not noise.
+        if preview.known_nodes == preview.times_s.size:
+            preview = self.fusion.fused(preview)
+        motion = limited = self._joined(leader, preview)
+        known_s = max(preview.known_until_s - leader.time_s, 0.0)
+        now_m_s = float(motion.speeds_m_s[len(self._past) - 1])
+        is_present = abs(now_m_s - leader.speed_m_s) <= PRESENT_ERROR_M_S
+        trusted_s = self.trust.horizon_s if is_present else 0.0
+        if trusted_s < known_s:
+            known_s, quality = trusted_s, PreviewQuality.DOUBTED
+            reason = f"previews were wrong; trusted for {trusted_s:g} s"
+        if preview.bounds_m.size or trusted_s < NEAR_S:
+            motion, limited = self._bounded(leader, preview, motion, known_s, trusted_s)
         return LeaderForecast(motion, limited, quality, reason, age_s, known_s)
+
+    def _joined(self, leader: LeaderState, preview: LeaderPreview) -> LeaderPreview:
+        """Return the past and what a preview says, of which is kept what it asserts."""
+        if self._in_c is not None:
+            motion, asserted_m_s = self._in_c.joined(leader, self._past, preview)
+            self.trust.keep(leader, asserted_m_s)
+            return motion
+        future = self._follow_preview(leader, preview)
+        self.trust.remember(leader, future, preview.known_until_s)
+        return self._with_past(future)
+
+    def _bounded(
+        self,
+        leader: LeaderState,
+        preview: LeaderPreview,
+        motion: LeaderPreview,
+        known_s: float,
+        trusted_s: float,
+    ) -> tuple[LeaderPreview, LeaderPreview]:
+        """Return the expected motion and the one that limits hold for, of a preview with bounds or doubts."""
+        columns = motion.times_s, motion.positions_m, motion.speeds_m_s
+        future = LeaderPreview(*(each[len(self._past) - 1 :] for each in columns))
+        motions = [future]
+        if preview.bounds_m.size:
+            motions.append(self._limiting(leader, preview, future, known_s))
+        if trusted_s < NEAR_S:
+            motions = [self._not_beyond_measured(leader, each) for each in motions]
+        joined = [self._with_past(each) for each in motions]
+        return joined[0], joined[-1]
 
     def _limiting(
         self,
@@ -236,10 +273,12 @@ class LeaderForecaster:
         while self._past[0].time_s < leader.time_s - HISTORY_S:
             self._past.popleft()
 
-    def _assess(self, leader: LeaderState, preview: LeaderPreview) -> tuple[PreviewQuality, str]:
+    def _assess(
+        self, leader: LeaderState, preview: LeaderPreview, *, is_sound: bool
+    ) -> tuple[PreviewQuality, str]:
         if preview.times_s.size == 0:
             return PreviewQuality.MISSING, "no preview of the leader received yet"
-        fault = preview_fault(preview)
+        fault = "" if is_sound else preview_fault(preview)
         if fault:
             return PreviewQuality.INVALID, fault
         age_s = leader.time_s - preview.generated_at_s
@@ -291,3 +330,51 @@ class LeaderForecaster:
             np.concatenate([[state.position_m for state in past], future.positions_m]),
             np.concatenate([[state.speed_m_s for state in past], future.speeds_m_s]),
         )
+
+
+class _LeadMotionInC:
+    """What is worked out of every preview, in C."""
+
+    def __init__(self, library: ctypes.PyDLL, lead_times_s: FloatArray) -> None:
+        """Keep the lead times at which predictions are compared."""
+        self._library, self._lead_times_s = library, lead_times_s
+        self._asserted_m_s = np.empty(lead_times_s.size)
+        self._leads = lead_times_s.size, address(lead_times_s)
+        self._asserted = address(self._asserted_m_s)
+
+    def is_sound(self, preview: LeaderPreview) -> bool:
+        """Return whether a preview without bounds has no fault and nowhere moves backwards."""
+        size = preview.times_s.size
+        is_whole = size == preview.positions_m.size == preview.speeds_m_s.size
+        if not is_whole or preview.bounds_m.size:
+            return False
+        return bool(self._library.iptm_is_sound(ctypes.byref(motion_of(preview))))
+
+    def roughness_m2_s4(self, before: LeaderPreview, now: LeaderPreview) -> float:
+        """Do what the function of this name does."""
+        pair = ctypes.byref(motion_of(before)), ctypes.byref(motion_of(now))
+        return float(self._library.iptm_roughness_m2_s4(*pair))
+
+    def joined(
+        self, leader: LeaderState, measured: Sequence[LeaderState], preview: LeaderPreview
+    ) -> tuple[LeaderPreview, tuple[float, ...]]:
+        """Return the past and what a preview says, and the speeds asserted for the lead times."""
+        past, room = len(measured) - 1, preview.times_s.size + len(measured)
+        columns = np.empty((3, room))
+        for place in range(past):
+            state = measured[place]
+            columns[:, place] = state.time_s, state.position_m, state.speed_m_s
+        first, row = address(columns), 8 * room
+        rows = first, first + row, first + 2 * row
+        nodes = past + self._library.iptm_follow_preview(
+            ctypes.byref(motion_of(preview)),
+            leader.time_s,
+            leader.position_m,
+            preview.known_until_s,
+            *self._leads,
+            *(each + 8 * past for each in rows),
+            self._asserted,
+        )
+        motion = LeaderPreview(*columns[:, :nodes])
+        keep_motion(motion, Motion(nodes, *rows))
+        return motion, tuple(self._asserted_m_s.tolist())

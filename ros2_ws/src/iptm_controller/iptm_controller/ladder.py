@@ -7,10 +7,9 @@ law. A usable solution leads back to the top at once.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from iptm_controller.plan import Plan
 from iptm_core.decision_record import Rung
+from iptm_core.frozen import replace
 from iptm_core.parameters.model import LimitParameters, ModelParameters
 from iptm_core.physics.car_following import (
     controlled_stop_command,

@@ -13,10 +13,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from iptm_core.frozen import light, replace
 from iptm_core.lead_track import LeadTrack, Sample, followed
 from iptm_core.monitor_settings import SafetyMonitorSettings, SensorAccuracySettings
 from iptm_core.parameters.model import LimitParameters
@@ -38,6 +39,7 @@ _OWN_M_S2 = SafetyMonitorSettings.monitor_own_deceleration_m_s2
 _LEAD_M_S2 = SafetyMonitorSettings.monitor_lead_deceleration_m_s2
 
 
+@light
 @dataclass(frozen=True)
 class LeadMemory:
     """What is carried from tick to tick: the lead vehicle by range sensor and by radio."""
@@ -145,6 +147,7 @@ FORGOTTEN_AFTER_S = 60.0
 _RESOLUTION_S = 1e-6
 
 
+@light
 @dataclass(frozen=True)
 class ClockMemory:
     """What is carried from tick to tick: the largest offset that showed, and when it last did."""

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
 
+from iptm_core.frozen import light, replace
 from iptm_core.road_ahead import RoadAhead
 from iptm_core.state import (
     SPEED_AT_REST_M_S,
@@ -45,6 +46,7 @@ PACK_RANGES: dict[str, tuple[float, float]] = {
 }
 
 
+@light
 @dataclass(frozen=True)
 class Measurements:
     """What is measured at one tick, all of the same instant.
@@ -121,7 +123,7 @@ def _out_of_range(state: VehicleState, ranges: Mapping[str, tuple[float, float]]
     """Return why a part of a state cannot belong to a vehicle, empty if it can."""
     for name, (low, high) in ranges.items():
         value = getattr(state, name)
-        if not (math.isfinite(value) and low <= value <= high):
+        if not low <= value <= high:
             return f"measured {name} is {value}; allowed: {low:g} to {high:g}"
     return ""
 
@@ -157,9 +159,9 @@ def slope_fault(slope: SlopePreview) -> str:
         return (
             f"slope has {sizes[0]} positions and {sizes[1]} slopes; allowed: equal numbers from 1"
         )
-    if not (np.isfinite(slope.positions_m).all() and np.isfinite(slope.slopes_rad).all()):
+    steepest = slope.steepest_rad
+    if math.isnan(steepest):
         return "slope has positions or slopes that are not finite numbers"
-    steepest = float(np.abs(slope.slopes_rad).max())
     if steepest > STEEPEST_RAD:
         return f"slope is {steepest} rad; allowed: {STEEPEST_RAD:g} rad up or down"
     return ""
@@ -189,6 +191,7 @@ def is_temperature(value_k: float) -> bool:
     return low <= value_k <= high
 
 
+@light
 @dataclass(frozen=True)
 class SensorMemory:
     """Of one temperature sensor.
@@ -248,6 +251,7 @@ class SensorMemory:
         )
 
 
+@light
 @dataclass(frozen=True)
 class CoolingMemory:
     """Of compressor, pump and fan.

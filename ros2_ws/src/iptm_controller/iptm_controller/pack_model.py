@@ -13,7 +13,6 @@ The problem stays as it is compiled for the paper's law; the law of a cell enter
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
 
@@ -60,7 +59,9 @@ class PackModel:
     """Evaluates the model of a parameter set."""
 
     def __init__(self, parameters: ModelParameters) -> None:
-        self._rates, self._cooling = (BufferedFunction(each) for each in _build(parameters))
+        rates, cooling = _build(parameters)
+        self._rates, self._given = _with_one_argument(rates)
+        self._cooling, self._given_cooling = _with_one_argument(cooling)
 
     def rates_k_s(
         self,
@@ -79,35 +80,39 @@ class PackModel:
             battery_power_w: measured at the terminals; NaN takes the one of the motion.
             coolant_inlet_k: measured; NaN takes the one of the coolant loop.
         """
-        given = {"acceleration_m_s2": state.acceleration_m_s2, "slope_rad": slope_rad or 0.0}
-        given["has_road"] = float(slope_rad is not None)
-        for name, value in (("power", battery_power_w), ("inlet", coolant_inlet_k)):
-            given[f"has_{name}"] = float(math.isfinite(value))
-            given[name] = value
-        found = _called(self._rates, state, cells_k, given)
-        return float(found[_RATES[0]][0]), float(found[_RATES[1]][0])
+        self._given[:] = (
+            *_pack(state, cells_k),
+            state.acceleration_m_s2,
+            slope_rad or 0.0,
+            slope_rad is not None,
+            math.isfinite(battery_power_w),
+            battery_power_w,
+            math.isfinite(coolant_inlet_k),
+            coolant_inlet_k,
+        )
+        self._rates()
+        found = self._rates.results
+        return found[_RATES[0]].item(), found[_RATES[1]].item()
 
     def cooling_w(self, state: VehicleState, cells_k: tuple[float, float]) -> float:
         """Return the heat that the coolant loses on its way round, negative where it is heated."""
-        return float(_called(self._cooling, state, cells_k, {})["cooling_w"][0])
+        self._given_cooling[:] = _pack(state, cells_k)
+        self._cooling()
+        return self._cooling.results["cooling_w"].item()
 
 
-def _called(
-    function: BufferedFunction,
-    state: VehicleState,
-    cells_k: tuple[float, float],
-    given: Mapping[str, float],
-) -> dict[str, FloatArray]:
-    """Return the results, which the next call overwrites."""
-    arguments = function.arguments
-    for name in _PACK:
-        arguments[name][0] = getattr(state, name)
-    arguments["speed_m_s"][0] = max(state.speed_m_s, 0.0)
-    arguments["cell_1_k"][0], arguments["cell_n_k"][0] = cells_k
-    for name, value in given.items():
-        arguments[name][0] = value
-    function()
-    return function.results
+def _with_one_argument(function: ca.Function) -> tuple[BufferedFunction, FloatArray]:
+    """Return a function of numbers, and the array of all of them in their order."""
+    names = function.name_in()
+    given: FloatArray = np.zeros(len(names))
+    places = {name: given[place : place + 1] for place, name in enumerate(names)}
+    return BufferedFunction(function, places), given
+
+
+def _pack(state: VehicleState, cells_k: tuple[float, float]) -> tuple[float, ...]:
+    """Return the numbers of `_PACK` and the temperatures of the cells."""
+    losses = state.cell_1_capacity_loss, state.cell_n_capacity_loss
+    return max(state.speed_m_s, 0.0), state.compressor_power_w, *losses, *cells_k
 
 
 @lru_cache(maxsize=16)

@@ -11,7 +11,7 @@ Compressor, pump and fan are judged by what they do: the heat that the coolant l
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
@@ -31,6 +31,7 @@ from iptm_controller.measurements import (
     slope_fault,
 )
 from iptm_controller.pack_model import PackModel
+from iptm_core.frozen import light, replace
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.thermal_loop import reduce_channel
 from iptm_core.state import Command, PackReading, VehicleState
@@ -55,6 +56,7 @@ class PackFault(Enum):
     OTHER_VALUE = "a value of the pack is not plausible, the last one is used"
 
 
+@light
 @dataclass(frozen=True)
 class PackMemory:
     """What is carried from tick to tick.
@@ -75,6 +77,7 @@ class PackMemory:
     cooling: CoolingMemory = field(default_factory=CoolingMemory)
 
 
+@light
 @dataclass(frozen=True)
 class PackReport:
     """What was found at a tick.
@@ -124,37 +127,36 @@ class PackObserver:
             memory = memory if is_same else replace(PackMemory(), last=memory.last)
             elapsed_s = 0.0
         state, other = self._with_other_values(state, memory.last)
-        memory = self._predicted(memory, state, measured, elapsed_s)
-        measured_k = [getattr(state, name) for name in _TEMPERATURES]
+        measured_k = [*_temperatures(state)]
         sensors = [
             sensor.judged(value_k, elapsed_s)
-            for sensor, value_k in zip((memory.cell_1, memory.cell_n), measured_k, strict=True)
+            for sensor, value_k in zip(
+                self._predicted(memory, state, measured, elapsed_s), measured_k, strict=True
+            )
         ]
         if memory.age_s < START_S and are_alike(sensors, measured_k):
             sensors = [SensorMemory(value_k, value_k) for value_k in measured_k]
         offset_k = self._coolant_offset_k(sensors, reading)
         sensors = corrected(sensors, measured_k, offset_k, elapsed_s)
         used_k = [self._used_k(*pair) for pair in zip(sensors, measured_k, strict=True)]
-        known = replace(state, **dict(zip(_TEMPERATURES, used_k, strict=True)))
+        known = state
+        if used_k != measured_k:
+            known = replace(state, **dict(zip(_TEMPERATURES, used_k, strict=True)))
         sound = all(not sensor.bad_s for sensor in sensors)
         differs = sound and abs(offset_k) > CONTRADICTION_K
-        memory = replace(
-            memory,
+        self.memory = memory = PackMemory(
             time_s=state.time_s,
             age_s=memory.age_s + elapsed_s,
             cell_1=sensors[0],
             cell_n=sensors[1],
             last=known,
             contradicted_s=memory.contradicted_s + elapsed_s if differs else 0.0,
-        )
-        self.memory = memory = replace(
-            memory,
             cooling=self._cooling_judged(memory.cooling, known, reading, commanded, elapsed_s),
         )
         if memory.contradicted_s > CONTRADICTION_S:
             warmer_k = [max(value_k, value_k + offset_k) for value_k in used_k]
             known = replace(known, **dict(zip(_TEMPERATURES, warmer_k, strict=True)))
-        return self._report(state if known == state else known, memory, measured_k, other)
+        return self._report(known, memory, measured_k, other)
 
     def _with_other_values(
         self, state: VehicleState, last: VehicleState | None
@@ -180,13 +182,13 @@ class PackObserver:
         state: VehicleState,
         measured: Measurements,
         elapsed_s: float,
-    ) -> PackMemory:
-        """Return the memory with the model at this tick; at the first one it starts as measured."""
+    ) -> tuple[SensorMemory, SensorMemory]:
+        """Return the sensors with the model at this tick; at the first one it starts as measured."""
         reading = measured.pack
         t_1, t_n = memory.cell_1.model_k, memory.cell_n.model_k
         if math.isnan(t_1):
             t_1, t_n = self._start_k(state, reading)
-            return replace(memory, cell_1=SensorMemory(t_1), cell_n=SensorMemory(t_n))
+            return SensorMemory(t_1), SensorMemory(t_n)
         slope_rad = None
         if not slope_fault(measured.slope):
             slope_rad = slope_at_rad(measured.slope, state.position_m)
@@ -197,9 +199,7 @@ class PackObserver:
                 inlet_k = reading.coolant_inlet_k
         rates = self._model.rates_k_s(state, (t_1, t_n), slope_rad, power_w, inlet_k)
         by_1_k, by_n_k = (rate_k_s * elapsed_s for rate_k_s in rates)
-        return replace(
-            memory, cell_1=memory.cell_1.moved(by_1_k), cell_n=memory.cell_n.moved(by_n_k)
-        )
+        return memory.cell_1.moved(by_1_k), memory.cell_n.moved(by_n_k)
 
     def _start_k(self, state: VehicleState, reading: PackReading | None) -> tuple[float, float]:
         """Return where the model starts: as measured where that is possible and the cells are alike."""
@@ -262,13 +262,16 @@ class PackObserver:
     ) -> PackReport:
         sensors = {"1": memory.cell_1, "N": memory.cell_n}
         bad = [name for name, sensor in sensors.items() if sensor.bad_s]
+        cooling, contradicts = memory.cooling, memory.contradicted_s > CONTRADICTION_S
+        if not (bad or other or contradicts or cooling.has_no_effect or cooling.is_ignored):
+            return PackReport(state)
         both = len(bad) == len(sensors)
         cases = (
             (both, PackFault.BOTH_SENSORS),
             (len(bad) == 1, PackFault.ONE_SENSOR),
-            (memory.cooling.has_no_effect, PackFault.NO_EFFECT),
-            (memory.cooling.is_ignored, PackFault.NOT_FOLLOWED),
-            (memory.contradicted_s > CONTRADICTION_S, PackFault.CONTRADICTION),
+            (cooling.has_no_effect, PackFault.NO_EFFECT),
+            (cooling.is_ignored, PackFault.NOT_FOLLOWED),
+            (contradicts, PackFault.CONTRADICTION),
             (bool(other), PackFault.OTHER_VALUE),
         )
         faults = tuple(fault for holds, fault in cases if holds)

@@ -10,6 +10,7 @@ from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import InputIndex, StateIndex
+from iptm_core.frozen import light
 from iptm_core.state import Command, FloatArray, VehicleState
 
 SLACKS = {
@@ -20,6 +21,7 @@ SLACKS = {
 """Slacks of each group of soft limits, by the field of `DecisionRecord` for the largest one."""
 
 
+@light
 @dataclass(frozen=True)
 class Plan:
     """States at the nodes and inputs of the steps.
@@ -45,10 +47,10 @@ class Plan:
     def command_at(self, time_s: float) -> Command:
         """Return the planned inputs of the step that holds at a trip time; the last step is held on."""
         elapsed = time_s - self.start_s
-        step = int(np.searchsorted(self.node_times_s, elapsed + 1e-9, side="right")) - 1
+        step = int(self.node_times_s.searchsorted(elapsed + 1e-9, side="right")) - 1
         step = min(max(step, 0), self.inputs.shape[0] - 1)
-        row = self.inputs[step]
-        return Command(float(row[InputIndex.ACCELERATION]), float(row[InputIndex.COMPRESSOR_POWER]))
+        row = self.inputs[step].tolist()
+        return Command(row[InputIndex.ACCELERATION], row[InputIndex.COMPRESSOR_POWER])
 
     @property
     def motion(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -64,8 +66,8 @@ class Plan:
     @property
     def slacks(self) -> dict[str, float]:
         """Largest violation of each group of `SLACKS`; the solver's own round-off below zero is cut."""
-        worst = np.maximum(self.inputs.max(axis=0), 0.0)
-        return {name: float(worst[list(group)].max()) for name, group in SLACKS.items()}
+        worst = self.inputs.max(axis=0).tolist()
+        return {name: max(0.0, *(worst[i] for i in group)) for name, group in SLACKS.items()}
 
 
 def plan_from_variables(variables: FloatArray, grid: ProblemGrid, state: VehicleState) -> Plan:

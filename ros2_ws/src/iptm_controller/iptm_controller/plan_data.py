@@ -8,18 +8,13 @@ from __future__ import annotations
 
 import ctypes
 from dataclasses import dataclass
-from functools import lru_cache
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from iptm_controller.ocp import layout
-from iptm_controller.ocp.compilation import cache_directory, compile_sources, find_compiler
 from iptm_controller.ocp.data import UNBOUNDED_W, ProblemData, ProblemDataBuilder
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import StateIndex
-from iptm_controller.ocp.layout_header import layout_header
 from iptm_controller.plan import (
     Plan,
     PlanShifter,
@@ -28,13 +23,12 @@ from iptm_controller.plan import (
     variables_from_plan,
 )
 from iptm_controller.temperature_value import TemperatureValue
-from iptm_core.errors import SolverSetupError
+from iptm_controller.tick_library import DOUBLE, INT, POINTER, address, motion_of, tick_library
+from iptm_core.frozen import light
 from iptm_core.state import FloatArray, LeaderPreview, SlopePreview, VehicleState
 
-_SOURCE_FOLDER = Path(__file__).resolve().parent / "c"
-_INT, _DOUBLE, _POINTER = ctypes.c_int, ctypes.c_double, ctypes.c_void_p
 
-
+@light
 @dataclass(frozen=True)
 class PosedProblem:
     """What the newest problem was posed with, see ``PlanData.problem``."""
@@ -115,9 +109,9 @@ class PlanData:
 
 class _Grid(ctypes.Structure):
     _fields_ = (
-        *((name, _INT) for name in ("steps", "motion_steps", "samples", "motion_samples")),
+        *((name, INT) for name in ("steps", "motion_steps", "samples", "motion_samples")),
         *(
-            (name, _POINTER)
+            (name, POINTER)
             for name in (
                 "nodes_s",
                 "lengths_s",
@@ -129,13 +123,13 @@ class _Grid(ctypes.Structure):
                 "sample_places",
             )
         ),
-        ("max_speed_m_s", _DOUBLE),
+        ("max_speed_m_s", DOUBLE),
     )
 
 
 class _Vehicle(ctypes.Structure):
     _fields_ = tuple(
-        (name, _DOUBLE)
+        (name, DOUBLE)
         for name in (
             "time_s",
             "position_m",
@@ -148,28 +142,8 @@ class _Vehicle(ctypes.Structure):
     )
 
 
-class _Motion(ctypes.Structure):
-    _fields_ = (
-        ("nodes", _INT),
-        ("times_s", _POINTER),
-        ("positions_m", _POINTER),
-        ("speeds_m_s", _POINTER),
-    )
-
-    @classmethod
-    def of(cls, preview: LeaderPreview) -> _Motion:
-        """Return the motion of a preview; it keeps the numbers that it points to."""
-        arrays = [
-            np.ascontiguousarray(each, dtype=np.float64)
-            for each in (preview.times_s, preview.positions_m, preview.speeds_m_s)
-        ]
-        motion = cls(arrays[0].size, *(each.ctypes.data for each in arrays))
-        motion.kept = arrays
-        return motion
-
-
 class _Slope(ctypes.Structure):
-    _fields_ = (("nodes", _INT), ("positions_m", _POINTER), ("slopes_rad", _POINTER))
+    _fields_ = (("nodes", INT), ("positions_m", POINTER), ("slopes_rad", POINTER))
 
 
 class PlanDataInC(PlanData):
@@ -203,6 +177,7 @@ class PlanDataInC(PlanData):
             builder.max_speed_m_s,
         )
         self._grid_pointer = ctypes.byref(self._c_grid)
+        self._slope: SlopePreview | None = None
         self._shift = library.iptm_shift_plan
         self._pose = library.iptm_pose_problem
         self._read = library.iptm_read_plan
@@ -215,11 +190,11 @@ class PlanDataInC(PlanData):
         self._shift(
             self._grid_pointer,
             last.start_s,
-            _address(last.states),
-            _address(last.inputs),
+            address(last.states),
+            address(last.inputs),
             ctypes.byref(_vehicle(state)),
-            _address(states),
-            _address(inputs),
+            address(states),
+            address(inputs),
         )
         return self._as_plan(state, states, inputs)
 
@@ -243,25 +218,26 @@ class PlanDataInC(PlanData):
         grid = self._grid
         variables, parameters = np.empty(grid.variable_count), np.empty(grid.parameter_count)
         parameters[: layout.GLOBALS] = self.builder.shared(state, value, charge_w, follows=follows)
-        motion = _Motion.of(leader)
-        behind = motion if limiting is leader else _Motion.of(limiting)
-        road = [
-            np.ascontiguousarray(each, dtype=np.float64)
-            for each in (slope.positions_m, slope.slopes_rad)
-        ]
+        if self._slope is not slope:
+            road = [
+                np.ascontiguousarray(each, dtype=np.float64)
+                for each in (slope.positions_m, slope.slopes_rad)
+            ]
+            self._slope, self._road = slope, road
+            self._c_slope = _Slope(road[0].size, *map(address, road))
         self._pose(
             self._grid_pointer,
             ctypes.byref(_vehicle(state)),
-            _address(guess.states),
-            _address(guess.inputs),
-            ctypes.byref(motion),
-            ctypes.byref(behind),
-            ctypes.byref(_Slope(road[0].size, *map(_address, road))),
+            address(guess.states),
+            address(guess.inputs),
+            ctypes.byref(motion_of(leader)),
+            ctypes.byref(motion_of(limiting)),
+            ctypes.byref(self._c_slope),
             known_s,
-            None if speed_limits_m_s is None else _address(speed_limits_m_s),
-            None if thermal_samples is None else _address(thermal_samples),
-            _address(variables),
-            _address(parameters),
+            None if speed_limits_m_s is None else address(speed_limits_m_s),
+            None if thermal_samples is None else address(thermal_samples),
+            address(variables),
+            address(parameters),
         )
         return ProblemData(variables[: layout.STATES].copy(), parameters), variables
 
@@ -271,9 +247,9 @@ class PlanDataInC(PlanData):
         self._read(
             self._grid_pointer,
             state.position_m,
-            _address(variables),
-            _address(states),
-            _address(inputs),
+            address(variables),
+            address(states),
+            address(inputs),
         )
         return self._as_plan(state, states, inputs)
 
@@ -287,36 +263,8 @@ class PlanDataInC(PlanData):
 
 def plan_data(grid: ProblemGrid, builder: ProblemDataBuilder, *, compile_code: bool) -> PlanData:
     """Return the form in C where it is wanted, the grid allows it, and there is a compiler."""
-    compiler = find_compiler() if compile_code and not builder.watches_inside else None
-    if compiler is None:
-        return PlanData(grid, builder)
-    return PlanDataInC(grid, builder, _library(compiler, cache_directory()))
-
-
-@lru_cache
-def _library(compiler: tuple[str, ...], *_: object) -> ctypes.PyDLL:
-    fixed = {
-        name: (_SOURCE_FOLDER / name).read_text("ascii") for name in ("tick_data.h", "vehicle.h")
-    }
-    source = (_SOURCE_FOLDER / "tick_data.c").read_text("ascii")
-    path = compile_sources(
-        [], {"tick_data.c": source, **fixed, "layout.h": layout_header()}, compiler
-    )
-    try:
-        library = ctypes.PyDLL(str(path))
-        shift, pose, read = (
-            library.iptm_shift_plan,
-            library.iptm_pose_problem,
-            library.iptm_read_plan,
-        )
-    except (OSError, AttributeError) as error:
-        raise SolverSetupError(f"the controller cannot be set up: {error}") from error
-    shift.argtypes = [_POINTER, _DOUBLE, *[_POINTER] * 5]
-    pose.argtypes = [*[_POINTER] * 7, _DOUBLE, *[_POINTER] * 4]
-    read.argtypes = [_POINTER, _DOUBLE, *[_POINTER] * 3]
-    for function in (shift, pose, read):
-        function.restype = None
-    return library
+    library = tick_library(is_wanted=compile_code and not builder.watches_inside)
+    return PlanData(grid, builder) if library is None else PlanDataInC(grid, builder, library)
 
 
 def _vehicle(state: VehicleState) -> _Vehicle:
@@ -329,8 +277,3 @@ def _vehicle(state: VehicleState) -> _Vehicle:
         state.acceleration_m_s2,
         state.compressor_power_w,
     )
-
-
-def _address(array: FloatArray) -> Any:
-    """Return where the numbers of an array are: doubles, one after the other."""
-    return array.ctypes.data

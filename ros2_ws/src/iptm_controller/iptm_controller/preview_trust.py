@@ -15,11 +15,12 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 
 import numpy as np
 
+from iptm_core.frozen import light, replace
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState
 
 LONGEST_LEAD_S = 10
@@ -39,6 +40,7 @@ CREDITED_SLOWDOWN_M_S = 1.0
 """A preview proves itself by a slow-down that it predicted this long ago, by at least this much."""
 
 
+@light
 @dataclass(frozen=True)
 class Prediction:
     """What was measured and predicted at one tick.
@@ -52,6 +54,7 @@ class Prediction:
     speeds_m_s: tuple[float, ...]
 
 
+@light
 @dataclass(frozen=True)
 class TrustMemory:
     """What is carried from tick to tick.
@@ -81,6 +84,7 @@ class PreviewTrust:
 
     Attributes:
         horizon_s: lead time up to which previews are trusted, infinite for the whole preview.
+        lead_times_s: at which predictions are compared, shape (n,).
     """
 
     def __init__(self, tick_s: float) -> None:
@@ -88,7 +92,7 @@ class PreviewTrust:
         whole = range(1, LONGEST_LEAD_S + 1)
         self._leads = tuple(dict.fromkeys(max(round(lead / tick_s), 1) for lead in whole))
         lead_times_s = [lead * tick_s for lead in self._leads]
-        self._lead_times_s = np.array(lead_times_s)
+        self.lead_times_s = np.array(lead_times_s)
         self._single_m_s = _tolerances(SINGLE_TOLERANCE_M_S, SINGLE_GROWTH_M_S2, lead_times_s)
         self._mean_m_s = _tolerances(MEAN_TOLERANCE_M_S, MEAN_GROWTH_M_S2, lead_times_s)
         self.memory = TrustMemory()
@@ -127,12 +131,11 @@ class PreviewTrust:
         if self._predictions and tick < next(reversed(self._predictions)):
             self.memory = TrustMemory()
         earlier = [self._predictions.get(tick - lead) for lead in self._leads]
-        errors = tuple(
-            0.0
-            if entry is None or math.isnan(entry.speeds_m_s[place])
-            else entry.speeds_m_s[place] - leader.speed_m_s
-            for place, entry in enumerate(earlier)
-        )
+        speed_m_s, excess_m_s = leader.speed_m_s, []
+        for place, entry in enumerate(earlier):
+            error = 0.0 if entry is None else entry.speeds_m_s[place] - speed_m_s
+            excess_m_s.append(0.0 if math.isnan(error) else error)
+        errors = tuple(excess_m_s)
         self._errors.append(errors)
         failed = self._first_failed(errors)
         if failed is not None:
@@ -152,11 +155,15 @@ class PreviewTrust:
         Args:
             known_until_s: trip time up to which it is asserted; later motion is an expectation.
         """
-        tick = round(leader.time_s / self._tick_s)
-        times_s = leader.time_s + self._lead_times_s
+        times_s = leader.time_s + self.lead_times_s
         speeds = np.interp(times_s, future.times_s, future.speeds_m_s, right=math.nan)
         speeds[times_s > known_until_s + 1e-9] = math.nan
-        self._predictions[tick] = Prediction(tick, leader.speed_m_s, tuple(speeds.tolist()))
+        self.keep(leader, tuple(speeds.tolist()))
+
+    def keep(self, leader: LeaderState, speeds_m_s: tuple[float, ...]) -> None:
+        """Keep speeds that are predicted for the lead times, NaN for those of which nothing is asserted."""
+        tick = round(leader.time_s / self._tick_s)
+        self._predictions[tick] = Prediction(tick, leader.speed_m_s, speeds_m_s)
         while next(iter(self._predictions)) < tick - self._leads[-1]:
             del self._predictions[next(iter(self._predictions))]
 
@@ -174,7 +181,7 @@ class PreviewTrust:
         self, speed_m_s: float, earlier: Iterable[Prediction | None], errors: tuple[float, ...]
     ) -> bool:
         """Return whether a slow-down up to now was predicted in time."""
-        cases = zip(earlier, errors, self._lead_times_s, self._mean_m_s, strict=True)
+        cases = zip(earlier, errors, self.lead_times_s, self._mean_m_s, strict=True)
         for place, (entry, error, lead_s, tolerance) in enumerate(cases):
             if entry is None or lead_s < CREDITED_LEAD_S:
                 continue
@@ -203,7 +210,10 @@ ANOTHER_PLAN_M_S = 5.0
 """A preview that differs from the average by more (root mean square) begins a new average."""
 _ROUNDING_S = 1e-9
 
+Roughness = Callable[[LeaderPreview, LeaderPreview], float]
 
+
+@light
 @dataclass(frozen=True)
 class FusionMemory:
     """What is carried from tick to tick.
@@ -229,7 +239,9 @@ class FusionMemory:
 class PreviewFusion:
     """Passes consistent previews on, averages noisy ones."""
 
-    def __init__(self) -> None:
+    def __init__(self, roughness: Roughness | None = None) -> None:
+        """Set up without any preview; by default, `roughness_m2_s4` compares two of them."""
+        self._roughness_m2_s4 = roughness or roughness_m2_s4
         self.memory = FusionMemory()
 
     @property
@@ -250,7 +262,7 @@ class PreviewFusion:
         if before is None or preview.generated_at_s < before.generated_at_s:
             self.memory = FusionMemory(preview)
         elif preview.generated_at_s > before.generated_at_s:
-            self.memory = _updated(memory, before, preview)
+            self.memory = _updated(memory, before, preview, self._roughness_m2_s4(before, preview))
         elif not _are_equal(before, preview):
             self.memory = FusionMemory(preview, memory.roughness_m2_s4)
         speeds = self.memory.speeds_m_s
@@ -261,22 +273,39 @@ class PreviewFusion:
         return replace(preview, positions_m=positions, speeds_m_s=speeds)
 
 
-def _updated(memory: FusionMemory, before: LeaderPreview, now: LeaderPreview) -> FusionMemory:
-    """Return the memory after another preview."""
+def roughness_m2_s4(before: LeaderPreview, now: LeaderPreview) -> float:
+    """Return the mean squared rate at which two previews differ, NaN with less than two common nodes."""
+    common = _common(before, now)
+    if common.stop - common.start < 2:
+        return math.nan
+    expected = np.interp(now.times_s[common], before.times_s, before.speeds_m_s)
+    difference = now.speeds_m_s[common] - expected
+    rates = np.diff(difference) / np.diff(now.times_s[common])
+    squares: list[float] = np.cumsum(rates * rates).tolist()
+    return squares[-1] / len(squares)
+
+
+def _common(before: LeaderPreview, now: LeaderPreview) -> slice:
+    """Return the nodes of a preview that lie within the one before."""
+    ends_s = before.times_s[[0, -1]] + _ROUNDING_S * np.array([-1, 1])
+    first, last = np.searchsorted(now.times_s, ends_s).tolist()
+    return slice(first, max(first, last))
+
+
+def _updated(
+    memory: FusionMemory, before: LeaderPreview, now: LeaderPreview, differing_m2_s4: float
+) -> FusionMemory:
+    """Return the memory after another preview, which differs from the one before by a roughness."""
     elapsed_s = now.generated_at_s - before.generated_at_s
     kept = (1.0 - FORGETTING_PER_S) ** elapsed_s
-    times = now.times_s
-    first, last = np.searchsorted(times, before.times_s[[0, -1]] + _ROUNDING_S * np.array([-1, 1]))
-    if last - first < 2:
+    if math.isnan(differing_m2_s4):
         return FusionMemory(now, memory.roughness_m2_s4)
-    common = slice(int(first), int(last))
-    difference = (now.speeds_m_s - np.interp(times, before.times_s, before.speeds_m_s))[common]
-    rates = np.diff(difference) / np.diff(times[common])
     rough = memory.roughness_m2_s4
-    rough += (1.0 - kept) * (float(rates @ rates) / rates.size - rough)
+    rough += (1.0 - kept) * (differing_m2_s4 - rough)
     begun = FusionMemory(now, rough)
     if not begun.is_noisy:
         return begun
+    times, common = now.times_s, _common(before, now)
     earlier, weights = before.speeds_m_s, _weights(before)
     if memory.speeds_m_s is not None and memory.weights is not None:
         earlier, weights = memory.speeds_m_s, memory.weights

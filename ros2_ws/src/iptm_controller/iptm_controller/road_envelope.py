@@ -11,12 +11,12 @@ node as well. Of a lead vehicle and the rules the nearer one counts at every ins
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
 from iptm_controller.decision import PaceMemory
 from iptm_controller.forecast import LeaderForecast
+from iptm_core.frozen import replace
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.car_following import maximum_gap_m
 from iptm_core.road_ahead import BRAKING_M_S2, RoadAhead, SpeedLimits, lawful_drive

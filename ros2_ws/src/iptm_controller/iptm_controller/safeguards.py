@@ -11,11 +11,13 @@ paper.
 
 from __future__ import annotations
 
+import ctypes
 import math
 
 import numpy as np
 
 from iptm_controller.forecast import NEAR_S, LeaderForecast
+from iptm_controller.tick_library import DOUBLE, motion_of
 from iptm_core.parameters.model import LimitParameters
 from iptm_core.state import Command, FloatArray, LeaderPreview, LeaderState, VehicleState
 
@@ -87,6 +89,23 @@ MARGIN_M = 1.0
 CONFIRMED_SPEED_ERROR_M_S = 1.0
 """Largest speed deficit of the leader, against its preview, at which the preview is used."""
 CHECKS_PER_TICK = 4
+_GUARDED = (
+    "tick_s",
+    "jerk_step_m_s2",
+    "hardest_m_s2",
+    "brake_share",
+    "leader_time_s",
+    "leader_position_m",
+    "leader_speed_m_s",
+    "leader_deceleration_m_s2",
+    "known_s",
+)
+
+
+class _Guarded(ctypes.Structure):
+    _fields_ = tuple((name, DOUBLE) for name in _GUARDED)
+
+
 EMERGENCY = "a collision threatens, hardest braking"
 
 
@@ -103,12 +122,20 @@ class CollisionGuard:
         lost_ticks: ticks without it since.
     """
 
-    def __init__(self, limits: LimitParameters, tick_s: float, lost_after_ticks: int) -> None:
+    def __init__(
+        self,
+        limits: LimitParameters,
+        tick_s: float,
+        lost_after_ticks: int,
+        library: ctypes.PyDLL | None = None,
+    ) -> None:
         """Set up a guard that has not seen a leader.
 
         Args:
             lost_after_ticks: ticks without a measured leader for which it is taken to go on as it did.
+            library: works the same out in C.
         """
+        self._library = library
         self._limits = limits
         self._tick_s = tick_s
         self._lost_after_ticks = lost_after_ticks
@@ -153,6 +180,10 @@ class CollisionGuard:
         leader = self.leader
         if leader is None:
             return False
+        if self._library is not None:
+            return self._threatens_in_c(
+                self._library, acceleration_m_s2, state, leader, forecast, brake_share
+            )
         times_s, distance_m = self._braking_distance(acceleration_m_s2, state, brake_share)
         gap_m = leader.position_m - state.position_m
         # A leader never moves backwards: most commands are safe before anything is predicted.
@@ -162,6 +193,32 @@ class CollisionGuard:
         gaps_m = gaps_m - state.position_m - distance_m
         # Below the margin already, the gap must not become smaller still.
         return bool(np.any(gaps_m < min(MARGIN_M, float(gaps_m[0]) - 1e-6)))
+
+    def _threatens_in_c(
+        self,
+        library: ctypes.PyDLL,
+        acceleration_m_s2: float,
+        state: VehicleState,
+        leader: LeaderState,
+        forecast: LeaderForecast | None,
+        brake_share: float,
+    ) -> bool:
+        limits = self._limits
+        guarded = _Guarded(
+            self._tick_s,
+            limits.max_jerk_m_s3 * self._tick_s,
+            limits.min_acceleration_m_s2,
+            brake_share,
+            leader.time_s,
+            leader.position_m,
+            leader.speed_m_s,
+            self.deceleration_m_s2,
+            0.0 if forecast is None else forecast.known_s,
+        )
+        motion = None if forecast is None else ctypes.byref(motion_of(forecast.motion))
+        ego = acceleration_m_s2, state.time_s, state.position_m, state.speed_m_s
+        found = library.iptm_collision_threatens(ctypes.byref(guarded), motion, *ego)
+        return bool(found)
 
     def _braking_distance(
         self, acceleration_m_s2: float, state: VehicleState, brake_share: float

@@ -25,6 +25,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from iptm_core.frozen import light
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import capacity_loss_rate_1_s
 from iptm_core.physics.power_thermal import CellPair, power_thermal_rates
@@ -38,6 +39,7 @@ _C_RATE_ITERATIONS = 6
 _LEAST_RATE_1_S = 1e-15
 
 
+@light
 @dataclass(frozen=True)
 class TemperatureValue:
     """Price of a kelvin of both cells at the end of the horizon, and what it was made of.

@@ -16,13 +16,16 @@ the own motion. Controller and safety monitor follow the vehicle ahead each on i
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from enum import Enum
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from iptm_core.state import FloatArray, LeaderPreview, LeaderState
+from iptm_core.frozen import light, replace
+from iptm_core.state import LeaderPreview, LeaderState
 
 CONFIRMED_FREE_S = 10.0
 """Time for which a lane has to be empty: longer than a radar loses a target that brakes."""
@@ -100,6 +103,7 @@ class Sample(NamedTuple):
         return LeaderState(self.time_s, self.position_m, self.speed_m_s)
 
 
+@light
 @dataclass(frozen=True)
 class LeadTrack:
     """What is carried from measurement to measurement; the default stands for a lane never looked at.
@@ -252,6 +256,8 @@ def _frozen_since(track: LeadTrack, sample: Sample) -> Sample | None:
     that comes back after a large change is, too.
     """
     time_s, position_m, speed_m_s, own_m, own_m_s = sample
+    if all(abs(entry[2] - speed_m_s) > IDENTICAL_M_S for entry in track.recent[:-1]):
+        return None
     gap_m, run, unbroken = position_m - own_m, 0, True
     first: Sample | None = None
     for entry in reversed(track.recent[:-1]):
@@ -333,11 +339,48 @@ def _needed_steps(track: LeadTrack, sample: Sample, interval_s: float) -> int:
     return max(RECOVERED_STEPS, math.ceil(GHOST_CONFIRMED_S / interval_s))
 
 
-def samples_of(
-    measured: LeaderPreview, own_positions_m: FloatArray, own_speeds_m_s: FloatArray
-) -> list[Sample]:
-    """Return measurements with the own motion at their instants; arrays of shape (n,)."""
-    columns = (measured.times_s, measured.positions_m, measured.speeds_m_s)
-    lists = [values.tolist() for values in (*columns, own_positions_m, own_speeds_m_s)]
-    rows = zip(*lists, strict=True)
-    return [Sample(*row) for row in rows]
+def _are_apart(values: list[float], by: float) -> bool:
+    """Return whether any two values differ by more than a distance."""
+    values.sort()
+    return all(larger - smaller > by for smaller, larger in pairwise(values))
+
+
+def plainly_followed(track: LeadTrack, samples: Sequence[Sample]) -> LeadTrack | None:
+    """Return a track after measurements in order, of which none repeats or contradicts another.
+
+    The same as `followed` sample by sample; None where one of them needs a closer look.
+    """
+    if track.frozen or track.seen is None or not track.recent:
+        return None
+    rows = (*track.recent, *samples)
+    speeds = [row[2] for row in rows]
+    fastest_m_s = max(speeds)
+    is_moving = fastest_m_s > MOVING_M_S or max([row[4] for row in rows]) > MOVING_M_S
+    if is_moving and not _are_apart(speeds, IDENTICAL_M_S):
+        # The same speed again is no repetition where gap and, of a moving vehicle, position differ.
+        if not _are_apart([row[1] - row[3] for row in rows], 2.0 * IDENTICAL_M):
+            return None
+        if fastest_m_s > MOVING_M_S and not _are_apart([row[1] for row in rows], 2 * IDENTICAL_M):
+            return None
+    last_s, last_m, last_m_s = track.recent[-1][:3]
+    interval_s = acceleration_m_s2 = 0.0
+    for time_s, position_m, speed_m_s, _, _ in samples:
+        interval_s, change_m_s = time_s - last_s, speed_m_s - last_m_s
+        farther_m = position_m - last_m - 0.5 * (last_m_s + speed_m_s) * interval_s
+        if not (
+            _RESOLUTION_S < interval_s <= LARGEST_MEASURING_INTERVAL_S
+            and abs(farther_m) <= ANOTHER_LEAD_M
+            and abs(change_m_s) <= ANOTHER_LEAD_M_S
+            and position_m < FREE_POSITION_M
+        ):
+            return None
+        acceleration_m_s2 = change_m_s / interval_s
+        last_s, last_m, last_m_s = time_s, position_m, speed_m_s
+    return replace(
+        track,
+        seen=samples[-1].lead,
+        acceleration_m_s2=acceleration_m_s2,
+        period_s=min(interval_s, LONGEST_PERIOD_S),
+        recent=rows[-_KEPT:],
+        empty_since_s=math.nan,
+    )

@@ -12,6 +12,7 @@ import math
 from dataclasses import dataclass
 
 from iptm_core.declaration import Settings, parameter
+from iptm_core.frozen import light
 
 GRAVITY_M_S2 = 9.81
 RELIED_SHARE = 0.875
@@ -36,6 +37,7 @@ class RoadFrictionSettings(Settings):
     )
 
 
+@light
 @dataclass(frozen=True)
 class BrakingCapability:
     """Largest decelerations at a place of the road, both positive, in m/s^2."""

@@ -6,7 +6,7 @@ All values are SI: metres along the road, m/s, kelvin, watts, seconds since the 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property, partial
 
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iptm_core.errors import StateError
+from iptm_core.frozen import light, replace
 
 NS_PER_S = 1_000_000_000
 """Nanoseconds in a second."""
@@ -29,6 +30,7 @@ KNOWN_BOUND_M = 1.0
 is, an acceleration that is expected to decay is not after two seconds."""
 
 
+@light
 @dataclass(frozen=True)
 class VehicleState:
     """The ego vehicle and its pack at one instant (paper: x, with the inputs last actuated).
@@ -100,6 +102,7 @@ class FullChannelState(VehicleState):
                 raise StateError(f"state: {name} is {stated}; allowed: that of the cell, {value}")
 
 
+@light
 @dataclass(frozen=True)
 class IntervalPowers:
     """Mean powers over one interval in watts; mean times duration is the energy.
@@ -132,6 +135,7 @@ class CommandSource(IntEnum):
     """The controlled stop, for want of a command that can be carried out."""
 
 
+@light
 @dataclass(frozen=True)
 class SafetyRecord:
     """What the vehicle did of its own accord over an interval, and what its safety monitor measured.
@@ -151,6 +155,7 @@ class SafetyRecord:
     command_source: float = float(CommandSource.ANSWER)
 
 
+@light
 @dataclass(frozen=True)
 class PackReading:
     """What is measured of the pack beside its cells; what is not is NaN.
@@ -166,6 +171,7 @@ class PackReading:
     battery_power_w: float = math.nan
 
 
+@light
 @dataclass(frozen=True)
 class PlantObservation:
     """What others learn of the plant at one instant.
@@ -217,6 +223,7 @@ class BatteryReading:
     design_capacity_ah: float = math.nan
 
 
+@light
 @dataclass(frozen=True)
 class Command:
     """One decision, held for one sampling time: acceleration (a, m/s^2) and thermal power (P_cp, W).
@@ -228,6 +235,7 @@ class Command:
     compressor_power_w: float
 
 
+@light
 @dataclass(frozen=True)
 class LeaderState:
     """The preceding vehicle at one instant: rear-bumper position (p_PV) and speed (v_PV)."""
@@ -237,6 +245,7 @@ class LeaderState:
     speed_m_s: float
 
 
+@light
 @dataclass(frozen=True)
 class LeaderPreview:
     """Motion of the preceding vehicle at nodes: its expected motion, and how far it may be behind.
@@ -265,16 +274,16 @@ class LeaderPreview:
         """Return the preview that means "no prediction received yet"; its age is infinite."""
         return cls(np.empty(0), np.empty(0), np.empty(0))
 
-    @cached_property
+    @property
     def generated_at_s(self) -> float:
         """Instant of the prediction, the time of its first node; minus infinity without nodes."""
-        return float(self.times_s[0]) if self.times_s.size else -math.inf
+        return self.times_s.item(0) if self.times_s.size else -math.inf
 
     def age_s(self, now_s: float) -> float:
         """Return the time since the generation, infinite for an empty preview."""
         return now_s - self.generated_at_s
 
-    @cached_property
+    @property
     def known_nodes(self) -> int:
         """Number of nodes from the first one on whose bounds are at most `KNOWN_BOUND_M`."""
         if not self.bounds_m.size:
@@ -348,3 +357,10 @@ class SlopePreview:
 
     positions_m: FloatArray
     slopes_rad: FloatArray
+
+    @cached_property
+    def steepest_rad(self) -> float:
+        """Largest slope up or down; NaN if a position or slope is not a finite number."""
+        if not (np.isfinite(self.positions_m).all() and np.isfinite(self.slopes_rad).all()):
+            return math.nan
+        return float(np.abs(self.slopes_rad).max(initial=0.0))

@@ -12,9 +12,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import Enum
+from functools import lru_cache
 
 import numpy as np
 
+from iptm_core.frozen import light
 from iptm_core.parameters.model import LimitParameters
 from iptm_core.physics.car_following import controlled_stop_command
 from iptm_core.state import Command, CommandSource, FloatArray, VehicleState
@@ -36,6 +38,7 @@ class Clamp(Enum):
     PACK_POWER = "pack_power"
 
 
+@light
 @dataclass(frozen=True)
 class ActuatorReport:
     """One command and what became of it.
@@ -144,6 +147,7 @@ _ROLLING_M_S = 1e-12
 """Stands for the limit v -> 0 from above: the last instant before the brakes take over."""
 
 
+@light
 @dataclass(frozen=True)
 class Motion:
     """Speed, acceleration and position at the stages of ``n`` sub-steps.
@@ -200,15 +204,28 @@ def _stages(
     position_m: float, speed_m_s: float, acceleration_m_s2: float, duration_s: float, count: int
 ) -> tuple[FloatArray, FloatArray]:
     """Speeds (2 count + 1,) and positions (2 count + 1,) over a stretch of constant acceleration."""
-    times = np.linspace(0.0, duration_s, 2 * count + 1, dtype=np.float64)
+    times = _stage_times_s(duration_s, count)
     speeds = speed_m_s + acceleration_m_s2 * times
     positions = position_m + times * (speed_m_s + 0.5 * acceleration_m_s2 * times)
     return speeds, positions
 
 
+@lru_cache(maxsize=64)
+def _stage_times_s(duration_s: float, count: int) -> FloatArray:
+    return np.linspace(0.0, duration_s, 2 * count + 1, dtype=np.float64)
+
+
+@lru_cache(maxsize=64)
+def _equal_lengths_s(duration_s: float, count: int) -> FloatArray:
+    return np.full(count, duration_s / count)
+
+
 def _by_sub_step(nodes: FloatArray) -> FloatArray:
     """Start, middle and end of each sub-step, shape (n, 3), from the (2 n + 1,) nodes."""
-    return np.column_stack((nodes[:-1:2], nodes[1::2], nodes[2::2]))
+    sub_steps: FloatArray = np.empty((nodes.size // 2, 3))
+    sub_steps[:, :2] = nodes[:-1].reshape(-1, 2)
+    sub_steps[:, 2] = nodes[2::2]
+    return sub_steps
 
 
 def _uniform(
@@ -216,7 +233,7 @@ def _uniform(
 ) -> Motion:
     speeds, positions = _stages(position_m, speed_m_s, acceleration_m_s2, duration_s, count)
     return Motion(
-        np.full(count, duration_s / count),
+        _equal_lengths_s(duration_s, count),
         np.full(count, acceleration_m_s2),
         _by_sub_step(speeds),
         positions,

@@ -17,6 +17,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from iptm_core.frozen import light
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import at_charge, cell_heat_w, cell_resistance_ohm
 from iptm_core.physics.ops import BufferedFunction, Scalar, maximum, named_function, where
@@ -57,6 +58,7 @@ AT_END = (
 _POWER_RESOLUTION_W = 1e-6
 
 
+@light
 @dataclass(frozen=True)
 class IntervalResult:
     """Cell states and electrics at the end of an interval, and energies over it.
@@ -96,7 +98,7 @@ class IntervalResult:
     @property
     def finite(self) -> bool:
         """False if the pack could not deliver the power asked for at some stage."""
-        return bool(np.isfinite(self.battery_energy_j + self.charge_c + self.pack_current_a))
+        return math.isfinite(self.battery_energy_j + self.charge_c + self.pack_current_a)
 
 
 @dataclass(frozen=True)
@@ -122,7 +124,11 @@ class IntervalIntegrator:
     def __init__(
         self, parameters: ModelParameters, sub_steps: int, *, bounded: bool = False
     ) -> None:
-        self._function = BufferedFunction(_build(parameters, sub_steps, bounded=bounded))
+        function = _build(parameters, sub_steps, bounded=bounded)
+        self._found = np.empty(function.n_out())
+        names = function.name_out()
+        places = {name: self._found[place : place + 1] for place, name in enumerate(names)}
+        self._function, self._names = BufferedFunction(function, places), names
 
     def integrate(
         self,
@@ -155,9 +161,7 @@ class IntervalIntegrator:
         given["speeds_m_s"][:] = motion.speeds_m_s.ravel()
         given["charge"][0] = charge
         self._function()
-        found: dict[str, Any] = {
-            name: float(value[0]) for name, value in self._function.results.items()
-        }
+        found: dict[str, Any] = dict(zip(self._names, self._found.tolist(), strict=True))
         return IntervalResult(**found)
 
 

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from collections.abc import Callable
+from functools import cached_property
+from itertools import accumulate
+from operator import attrgetter
 
-import numpy as np
-
-from iptm_core.lead_track import LeadTrack, emptied, followed, samples_of
-from iptm_core.state import FloatArray, LeaderPreview, LeaderState
+from iptm_core.lead_track import LeadTrack, Sample, emptied, followed, plainly_followed
+from iptm_core.state import LeaderPreview, LeaderState
 
 _RESOLUTION_S = 1e-9
 
-OwnMotion = Callable[[FloatArray], "tuple[FloatArray, FloatArray]"]
-"""From times since the start of an interval to positions and speeds of the ego vehicle, shape (n,) each."""
+OwnMotion = Callable[[float], "tuple[float, float]"]
+"""From the time since the start of an interval to position and speed of the ego vehicle."""
+
+_time_s = attrgetter("time_s")
 
 
 class LeadMeasurements:
@@ -36,29 +40,43 @@ class LeadMeasurements:
             start_s: trip time at which the interval begins.
         """
         self._before = track
-        self._tracks: list[LeadTrack] = []
-        self._times_s: list[float] = []
+        self._samples: list[Sample] = []
         if samples is not None and samples.times_s.size:
-            for sample in samples_of(samples, *own(samples.times_s - start_s)):
-                track = followed(track, sample)
-                self._tracks.append(track)
-                self._times_s.append(sample.time_s)
+            columns = samples.times_s, samples.positions_m, samples.speeds_m_s
+            self._samples = [
+                Sample(time_s, position_m, speed_m_s, *own(time_s - start_s))
+                for time_s, position_m, speed_m_s in zip(
+                    *(values.tolist() for values in columns), strict=True
+                )
+            ]
         elif samples is not None:
             self._before = track = emptied(track, start_s)
-        self.track = track
+        plain = plainly_followed(track, self._samples) if self._samples else track
+        self._are_sound = plain is not None
+        self.track = self._tracks[-1] if plain is None else plain
+
+    @cached_property
+    def _tracks(self) -> list[LeadTrack]:
+        """The track at every measurement."""
+        return list(accumulate(self._samples, followed, initial=self._before))[1:]
+
+    @property
+    def _sound(self) -> list[Sample]:
+        """Measurements that show where the vehicle ahead is."""
+        if self._are_sound:
+            return self._samples
+        return [
+            sample
+            for sample, track in zip(self._samples, self._tracks, strict=True)
+            if track.seen is not None and track.seen.time_s == sample.time_s
+        ]
 
     def bounds(self) -> tuple[float, float] | None:
         """Return smallest position and speed measured; None unless all of several measurements are sound."""
-        if len(self._tracks) < 2:
+        sound = self._sound
+        if len(self._samples) < 2 or len(sound) < len(self._samples):
             return None
-        seen = [
-            track.seen
-            for track, time_s in zip(self._tracks, self._times_s, strict=True)
-            if track.seen is not None and track.seen.time_s == time_s
-        ]
-        if len(seen) < len(self._tracks):
-            return None
-        return min(lead.position_m for lead in seen), min(lead.speed_m_s for lead in seen)
+        return min(each.position_m for each in sound), min(each.speed_m_s for each in sound)
 
     def at(self, time_s: float, deceleration_m_s2: float) -> tuple[LeaderState | None, float, bool]:
         """Return the vehicle ahead at an instant, None for a free lane.
@@ -69,18 +87,17 @@ class LeadMeasurements:
         Returns:
             The vehicle, for how long its measurements have been missing, and whether it is measured now.
         """
-        index = bisect_right(self._times_s, time_s + _RESOLUTION_S) - 1
+        index = bisect_right(self._samples, time_s + _RESOLUTION_S, key=_time_s) - 1
         track = self._before if index < 0 else self._tracks[index]
         if track.seen is not None and abs(time_s - track.seen.time_s) <= _RESOLUTION_S:
             return track.seen, 0.0, True
         return track.assumed_at(time_s, deceleration_m_s2), track.unseen_s(time_s), False
 
-    def measured_after(self, time_s: float) -> tuple[FloatArray, FloatArray]:
-        """Return times and positions of the sound measurements after an instant, shape (n,) each."""
-        rows = [
-            (track.seen.time_s, track.seen.position_m)
-            for track, measured_s in zip(self._tracks, self._times_s, strict=True)
-            if track.seen is not None and track.seen.time_s == measured_s > time_s + _RESOLUTION_S
-        ]
-        times, positions = np.array(rows).reshape(-1, 2).T
-        return times, positions
+    def smallest_gap_m(self, after_s: float) -> float:
+        """Return the smallest gap that is soundly measured after an instant, NaN for none."""
+        gaps_m = (
+            each.position_m - each.own_position_m
+            for each in self._sound
+            if each.time_s > after_s + _RESOLUTION_S
+        )
+        return min(gaps_m, default=math.nan)

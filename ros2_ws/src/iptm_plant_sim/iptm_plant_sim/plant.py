@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import fields
 
 import numpy as np
 
 from iptm_core.errors import PackEmptyError, StateError
+from iptm_core.frozen import replace
 from iptm_core.monitor_settings import SafetyMonitorSettings
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.road_friction import (

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
+from iptm_core.frozen import light, replace
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import at_charge, pack_capacity_ah
 from iptm_core.state import BatteryReading, FullChannelState, PlantObservation
@@ -13,6 +14,7 @@ from iptm_plant_sim.integrator import cell_voltage_v
 from iptm_plant_sim.safety_monitor import MonitorMemory
 
 
+@light
 @dataclass(frozen=True)
 class PlantStep(PlantObservation):
     """Observation at the end of an interval, and quantities available only in simulation.

@@ -14,8 +14,9 @@ brake badly. The first one calls for full braking, the second one for what a sli
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
+from iptm_core.frozen import light, replace
 from iptm_core.lead_track import LeadTrack
 from iptm_core.monitor_settings import SLIPPERY_LEAD_SHARE, SafetyMonitorSettings
 from iptm_core.parameters.model import BrakeParameters
@@ -37,6 +38,7 @@ WAITED_S = 0.3
 """Part of the reaction time that may pass while a measurement is awaited; the monitor itself needs less."""
 
 
+@light
 @dataclass(frozen=True)
 class MonitorMemory:
     """What monitor and brakes carry from one instant to the next.
@@ -94,6 +96,7 @@ def stopping_distance_m(
     return distance + speed * speed / (2.0 * deceleration_m_s2)
 
 
+@light
 @dataclass(frozen=True)
 class RoadBraking:
     """What both vehicles can do at a place: at best, and if it is slippery; None where friction is known."""

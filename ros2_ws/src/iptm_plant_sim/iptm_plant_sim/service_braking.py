@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
-import numpy as np
-
+from iptm_core.frozen import light, replace
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.state import Command, FloatArray, LeaderPreview, SafetyRecord, VehicleState
+from iptm_core.state import Command, LeaderPreview, SafetyRecord, VehicleState
 from iptm_plant_sim.actuators import (
     STANDSTILL_ACCELERATION_M_S2,
     STANDSTILL_SPEED_M_S,
@@ -39,6 +38,7 @@ RAMP_STEP_S = 0.05
 _RESOLUTION_S = 1e-9
 
 
+@light
 @dataclass(frozen=True)
 class ServiceBrakes:
     """The brakes of a vehicle as actuators.
@@ -121,6 +121,7 @@ class MonitoredInterval:
         count = max(1, math.ceil((duration_s - _RESOLUTION_S) / period_s))
         self._instants_s = [index * period_s for index in range(count)]
         self._requested_m_s2 = report.actuated.acceleration_m_s2
+        self._delivered_m_s2 = brakes.delivered_m_s2(self._requested_m_s2)
 
     def drive(self, memory: MonitorMemory, samples: LeaderPreview | None) -> PlantStep:
         """Drive the interval.
@@ -137,7 +138,7 @@ class MonitoredInterval:
                 self._learned(memory, self._requested_m_s2, step, self._duration_s),
                 requested_m_s2=self._requested_m_s2,
             )
-            gap_m = self._smallest_gap_m(leads)
+            gap_m = leads.smallest_gap_m(self._state.time_s)
             record = SafetyRecord(0.0, gap_m, memory.brake_share, self._report.source)
             return replace(step, memory=memory, safety=record)
         return self._drive_in_pieces(memory, leads)
@@ -164,25 +165,24 @@ class MonitoredInterval:
 
     # --- an interval without braking, in closed form
 
-    def _motion_at(self, after_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return positions and speeds if the command is carried out; the top speed is not looked at."""
-        state, a = self._state, self._brakes.delivered_m_s2(self._requested_m_s2)
+    def _motion_at(self, after_s: float) -> tuple[float, float]:
+        """Return position and speed if the command is carried out; the top speed is not looked at."""
+        state, a = self._state, self._delivered_m_s2
         speed = state.speed_m_s
         if speed < STANDSTILL_SPEED_M_S and a < STANDSTILL_ACCELERATION_M_S2:
-            still = np.zeros_like(after_s)
-            return still + state.position_m, still
+            return state.position_m, 0.0
         if a < 0.0:
-            after_s = np.minimum(after_s, speed / -a)
-        positions_m = state.position_m + after_s * (speed + 0.5 * a * after_s)
-        return positions_m, np.maximum(speed + a * after_s, 0.0)
+            after_s = min(after_s, speed / -a)
+        position_m = state.position_m + after_s * (speed + 0.5 * a * after_s)
+        return position_m, max(speed + a * after_s, 0.0)
 
     def _is_ever_unsafe(self, memory: MonitorMemory, leads: LeadMeasurements) -> bool:
         road = self._monitor.road_braking(self._slope_rad, memory.road_m_s2)
         if self._is_safe_throughout(memory, leads, road):
             return False
         start_s = self._state.time_s
-        own = (each.tolist() for each in self._motion_at(np.array(self._instants_s)))
-        for after_s, position_m, speed_m_s in zip(self._instants_s, *own, strict=True):
+        for after_s in self._instants_s:
+            position_m, speed_m_s = self._motion_at(after_s)
             lead, unseen_s, _ = leads.at(start_s + after_s, road.full.lead_m_s2)
             if lead is not None and self._monitor.is_unsafe(
                 lead.position_m - position_m,
@@ -206,23 +206,15 @@ class MonitoredInterval:
         bounds = leads.bounds()
         if bounds is None:
             return False
-        positions_m, speeds_m_s = self._motion_at(np.array([self._duration_s]))
+        position_m, speed_m_s = self._motion_at(self._duration_s)
         return not self._monitor.is_unsafe(
-            bounds[0] - float(positions_m[0]),
-            max(float(speeds_m_s[0]), self._state.speed_m_s),
+            bounds[0] - position_m,
+            max(speed_m_s, self._state.speed_m_s),
             self._requested_m_s2,
             bounds[1],
             memory.brake_share,
             road,
         )
-
-    def _smallest_gap_m(self, leads: LeadMeasurements) -> float:
-        """Return the smallest gap measured after the start, if the command is carried out."""
-        times_s, positions_m = leads.measured_after(self._state.time_s)
-        if not times_s.size:
-            return math.nan
-        own_m, _ = self._motion_at(times_s - self._state.time_s)
-        return float((positions_m - own_m).min())
 
     # --- an interval with braking, piece by piece
 

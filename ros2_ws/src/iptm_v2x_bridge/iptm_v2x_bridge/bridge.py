@@ -7,13 +7,16 @@ replayed from the middle with the same numbers.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import IntEnum
+from functools import lru_cache
 from itertools import accumulate
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
+from iptm_core.frozen import light, replace
 from iptm_core.lead_track import clear_lane
 from iptm_core.road_ahead import RoadAhead
 from iptm_core.routes import Route
@@ -21,6 +24,7 @@ from iptm_core.settings import PreviewMode, PreviewSettings
 from iptm_core.state import NS_PER_S, FloatArray, LeaderPreview, LeaderState, SlopePreview
 
 
+@light
 @dataclass(frozen=True)
 class BridgeAnswer:
     """Answer of the bridge at one tick.
@@ -167,16 +171,23 @@ def preview_times_s(settings: PreviewSettings, generated_ns: int) -> FloatArray:
     """
     step_ns = round(settings.preview_step_s * NS_PER_S)
     last_ns = generated_ns + round(settings.preview_length_s * NS_PER_S)
-    following = np.arange(generated_ns // step_ns + 1, last_ns // step_ns + 1, dtype=np.int64)
-    times: FloatArray = np.concatenate([[generated_ns], step_ns * following]) / 1e9
+    first = generated_ns // step_ns
+    nodes_ns = _multiples(step_ns, last_ns // step_ns + 1 - first) + first * step_ns
+    nodes_ns[0] = generated_ns
+    times: FloatArray = nodes_ns / 1e9
     return times
+
+
+@lru_cache(maxsize=64)
+def _multiples(step: int, count: int) -> NDArray[np.int64]:
+    return step * np.arange(max(count, 1), dtype=np.int64)
 
 
 def sampling_times_s(time_ns: int, interval_s: float, period_s: float) -> FloatArray:
     """Return the instants at which a range sensor measures in an interval, its start included."""
     period_ns = round(period_s * NS_PER_S)
-    nodes = np.arange(0, round(interval_s * NS_PER_S), period_ns, dtype=np.int64)
-    times: FloatArray = (time_ns + nodes) / NS_PER_S
+    count = -(-round(interval_s * NS_PER_S) // period_ns)
+    times: FloatArray = (time_ns + _multiples(period_ns, count)) / NS_PER_S
     return times
 
 
@@ -203,11 +214,7 @@ class CycleSource:
 
     def predict(self, times_s: FloatArray) -> LeaderPreview:
         """Return what the leader is going to do, without any error; see `PreviewSource`."""
-        return LeaderPreview(
-            times_s=times_s,
-            positions_m=self.route.leader.positions_at(times_s),
-            speeds_m_s=self.route.leader.speeds_at(times_s),
-        )
+        return LeaderPreview(times_s, *self.route.leader.motion_at(times_s))
 
     def sampled(self, times_s: FloatArray) -> LeaderPreview:
         """Return the leader at all of the instants; see `PreviewSource`."""

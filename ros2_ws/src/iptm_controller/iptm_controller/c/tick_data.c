@@ -31,9 +31,8 @@ static int count_up_to(const double *sorted, int size, double value) {
   return low;
 }
 
-/* Interpolate between values `stride` apart at increasing places; the ends are held, as in numpy.interp. */
-static double interpolate(double x, const double *places, const double *values, int stride,
-                          int size) {
+double iptm_interpolate(double x, const double *places, const double *values, int stride,
+                        int size) {
   const int j = count_up_to(places, size, x) - 1;
   const double *here;
   if (j < 0) return values[0];
@@ -42,8 +41,7 @@ static double interpolate(double x, const double *places, const double *values, 
   return (here[stride] - *here) / (places[j + 1] - places[j]) * (x - places[j]) + *here;
 }
 
-/* Position and speed of a motion, see LeaderPreview.at. */
-static double motion_at(const iptm_motion *motion, double time_s, double *speed_m_s) {
+double iptm_motion_at(const iptm_motion *motion, double time_s, double *speed_m_s) {
   const double *times = motion->times_s;
   const int last = motion->nodes - 1;
   int j;
@@ -159,9 +157,9 @@ void iptm_shift_plan(const iptm_grid *grid, double start_s, const double *states
   for (k = 1; k <= steps; ++k) {
     double *const next = next_states + (ptrdiff_t)IPTM_STATES * k;
     const double time_s = least(nodes[k] + moved_s, nodes[steps]);
-    next[IPTM_STATE_CELL_1_TEMPERATURE] = interpolate(
+    next[IPTM_STATE_CELL_1_TEMPERATURE] = iptm_interpolate(
         time_s, nodes, states + IPTM_STATE_CELL_1_TEMPERATURE, IPTM_STATES, steps + 1);
-    next[IPTM_STATE_CELL_N_TEMPERATURE] = interpolate(
+    next[IPTM_STATE_CELL_N_TEMPERATURE] = iptm_interpolate(
         time_s, nodes, states + IPTM_STATE_CELL_N_TEMPERATURE, IPTM_STATES, steps + 1);
   }
   roll_out(grid, vehicle, next_inputs, next_states);
@@ -179,7 +177,7 @@ static void pose_steps(const iptm_grid *grid, const iptm_vehicle *vehicle,
     const double node_s = vehicle->time_s + grid->nodes_s[k + 1];
     double limit_m_s = grid->max_speed_m_s;
     step[IPTM_STEP_LEADER_POSITION] =
-        motion_at(limiting, node_s, &step[IPTM_STEP_LEADER_SPEED]) - vehicle->position_m;
+        iptm_motion_at(limiting, node_s, &step[IPTM_STEP_LEADER_SPEED]) - vehicle->position_m;
     step[IPTM_STEP_ACCELERATION_INTERVAL] = grid->acceleration_intervals_s[k];
     step[IPTM_STEP_COMPRESSOR_INTERVAL] = grid->compressor_intervals_s[k];
     step[IPTM_STEP_END_OF_PREVIEW] = k == known_nodes - 1 ? 1.0 : 0.0;
@@ -206,21 +204,21 @@ static void pose_samples(const iptm_grid *grid, const iptm_vehicle *vehicle, con
     const double expected_m =
         state[IPTM_STATE_POSITION] +
         elapsed_s * (state[IPTM_STATE_SPEED] + 0.5 * elapsed_s * acceleration);
-    const double here = interpolate(expected_m, slope->positions_m, slope->slopes_rad, 1,
+    const double here = iptm_interpolate(expected_m, slope->positions_m, slope->slopes_rad, 1,
                                     slope->nodes);
-    const double behind = interpolate(expected_m - SLOPE_DIFFERENCE_M, slope->positions_m,
+    const double behind = iptm_interpolate(expected_m - SLOPE_DIFFERENCE_M, slope->positions_m,
                                       slope->slopes_rad, 1, slope->nodes);
-    const double ahead = interpolate(expected_m + SLOPE_DIFFERENCE_M, slope->positions_m,
+    const double ahead = iptm_interpolate(expected_m + SLOPE_DIFFERENCE_M, slope->positions_m,
                                      slope->slopes_rad, 1, slope->nodes);
     double unused;
-    const double position_m = motion_at(leader, time_s, &sample[IPTM_SAMPLE_LEADER_SPEED]);
+    const double position_m = iptm_motion_at(leader, time_s, &sample[IPTM_SAMPLE_LEADER_SPEED]);
     sample[IPTM_SAMPLE_SLOPE] = here;
     sample[IPTM_SAMPLE_SLOPE_GRADIENT] = (ahead - behind) / (2.0 * SLOPE_DIFFERENCE_M);
     sample[IPTM_SAMPLE_SLOPE_CURVATURE] =
         (behind - 2.0 * here + ahead) / (SLOPE_DIFFERENCE_M * SLOPE_DIFFERENCE_M);
     sample[IPTM_SAMPLE_POSITION] = expected_m - vehicle->position_m;
     sample[IPTM_SAMPLE_SPEED_REFERENCE] =
-        (position_m - motion_at(leader, time_s - REFERENCE_WINDOW_S, &unused)) /
+        (position_m - iptm_motion_at(leader, time_s - REFERENCE_WINDOW_S, &unused)) /
         REFERENCE_WINDOW_S;
     sample[IPTM_SAMPLE_LEADER_POSITION] = position_m - vehicle->position_m;
   }

@@ -34,6 +34,13 @@ typedef struct {
   const double *positions_m, *slopes_rad;
 } iptm_slope;
 
+/* Interpolate between values `stride` apart at increasing places; the ends are held, as in numpy.interp. */
+double iptm_interpolate(double x, const double *places, const double *values, int stride,
+                        int size);
+
+/* Position and speed of a motion, see LeaderPreview.at. */
+double iptm_motion_at(const iptm_motion *motion, double time_s, double *speed_m_s);
+
 /* Make the plan of a vehicle that keeps its speed and the power of its compressor. */
 void iptm_hold(const iptm_grid *grid, const iptm_vehicle *vehicle, double *states,
                double *inputs);

@@ -9,10 +9,11 @@ import numpy as np
 
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import ProblemGrid
-from iptm_controller.ocp.layout import GlobalIndex, SampleIndex, StateIndex, StepIndex
+from iptm_controller.ocp.layout import WEIGHTS, GlobalIndex, SampleIndex, StateIndex, StepIndex
 from iptm_controller.ocp.stages import LONGEST_STEP_WITHOUT_SAMPLED_GAP_S
 from iptm_controller.strategy import Strategy
 from iptm_controller.temperature_value import NO_VALUE, TemperatureValue
+from iptm_core.frozen import light
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.car_following import minimum_gap_m
 from iptm_core.state import FloatArray, LeaderPreview, SlopePreview, VehicleState
@@ -35,6 +36,7 @@ UNBOUNDED_W = 1e9
 """Charging power of a pack that takes any; finite, as all numbers of a problem are."""
 
 
+@light
 @dataclass(frozen=True)
 class ProblemData:
     """One problem in the optimiser's scaled units.
@@ -73,6 +75,9 @@ class ProblemDataBuilder:
         self._grid = grid
         self.strategy = strategy
         self._scale = strategy.scale
+        # Behind what changes from tick to tick.
+        weighted = [self._scale * weight for weight in strategy.weights.values()]
+        self._weighted: FloatArray = np.array([math.nan] * len(GlobalIndex) + weighted)
         self._model = model
         self._limits = model.limits
         lengths = grid.horizon.step_lengths_s
@@ -224,12 +229,12 @@ class ProblemDataBuilder:
         follows: bool = True,
     ) -> FloatArray:
         """Return the parameters that all steps share, shape (GLOBALS,)."""
-        strategy, scale = self.strategy, self._scale
-        weights, reference_k = strategy.weights, strategy.reference_temperature_k
+        shared, scale = self._weighted.copy(), self._scale
+        reference_k = self.strategy.reference_temperature_k
         if value.temperature_weight_1_k2_s > 0.0:  # two parabolas are one, up to a constant
-            weight, further = weights["temperature_weight"], value.temperature_weight_1_k2_s
+            weight, further = self.strategy.temperature_weight, value.temperature_weight_1_k2_s
             both_k = weight * reference_k + further * value.reference_temperature_k
-            weights["temperature_weight"] = weight + further
+            shared[WEIGHTS["temperature_weight"]] = scale * (weight + further)
             reference_k = both_k / (weight + further)
         compressor_price, lowest_k = self._lower_temperature_limit(state)
         if value.cell_1_marginal_cost_1_k + value.cell_n_marginal_cost_1_k < 0.0:
@@ -246,9 +251,9 @@ class ProblemDataBuilder:
             GlobalIndex.CHARGE_POWER: charge_w,
             GlobalIndex.HEADWAY_PRICE: scale * HEADWAY_PRICE_1_M2_S if follows else 0.0,
         }
-        return np.array(
-            [*layout.in_order(GlobalIndex, own), *(scale * weight for weight in weights.values())]
-        )
+        for place, number in own.items():
+            shared[place] = number
+        return shared
 
     def _lower_temperature_limit(self, state: VehicleState) -> tuple[float, float]:
         """Return the lower temperature limit as a reason not to cool, and never one to heat.

@@ -11,6 +11,7 @@ import numpy as np
 
 from iptm_controller.ocp.data import ProblemData
 from iptm_core.decision_record import SolveStatus
+from iptm_core.frozen import light
 from iptm_core.state import FloatArray
 
 RICCATI, IPOPT = "riccati", "ipopt"
@@ -52,6 +53,7 @@ STATUS_TEXT: dict[SolveStatus, str] = {
 }
 
 
+@light
 @dataclass(frozen=True)
 class SolveResult:
     """Result of one solve.

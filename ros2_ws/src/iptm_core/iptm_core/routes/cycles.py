@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 from importlib import resources
 
 import numpy as np
@@ -255,10 +256,33 @@ class LeaderMotion:
         times = np.minimum(times, self.times_s[-1])
         return integral_at(times, self.times_s, self.speeds_m_s, self.positions_m)
 
+    def motion_at(self, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Positions and speeds at increasing times, shape (n,) each."""
+        if not self.times_s[0] <= times_s[0] <= times_s[-1] < self.times_s[-1]:
+            return self.positions_at(times_s), self.speeds_at(times_s)
+        left = self.times_s.searchsorted(times_s, side="right") - 1
+        tau = times_s - self.times_s[left]
+        speeds, rates = self.speeds_m_s[left], self._rates_m_s2[left]
+        return self.positions_m[left] + tau * (speeds + 0.5 * rates * tau), rates * tau + speeds
+
+    @cached_property
+    def _rates_m_s2(self) -> FloatArray:
+        rates: FloatArray = np.diff(self.speeds_m_s) / np.diff(self.times_s)
+        return rates
+
     def state_at(self, time_s: float) -> LeaderState:
         """Position and speed at one instant."""
-        return LeaderState(
-            time_s=float(time_s),
-            position_m=float(self.positions_at(time_s)),
-            speed_m_s=float(self.speeds_at(time_s)),
-        )
+        times_s, speeds_m_s, positions_m = self._lists
+        if not times_s[0] <= time_s < times_s[-1]:
+            return LeaderState(
+                float(time_s), float(self.positions_at(time_s)), float(self.speeds_at(time_s))
+            )
+        left = bisect_right(times_s, time_s) - 1
+        tau, speed = time_s - times_s[left], speeds_m_s[left]
+        rate = (speeds_m_s[left + 1] - speed) / (times_s[left + 1] - times_s[left])
+        position = positions_m[left] + tau * (speed + 0.5 * rate * tau)
+        return LeaderState(float(time_s), position, rate * tau + speed)
+
+    @cached_property
+    def _lists(self) -> tuple[list[float], list[float], list[float]]:
+        return self.times_s.tolist(), self.speeds_m_s.tolist(), self.positions_m.tolist()

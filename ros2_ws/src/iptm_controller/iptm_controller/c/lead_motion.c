@@ -1,0 +1,167 @@
+#include "lead_motion.h"
+
+#include <math.h>
+#include <stddef.h>
+
+/* Constants of forecast.py and safeguards.py. */
+static const double MAX_LEADER_SPEED_M_S = 100.0;
+static const double ROUNDING_S = 1e-9;
+static const double MARGIN_M = 1.0;
+static const double CONFIRMED_SPEED_ERROR_M_S = 1.0;
+static const double NEAR_S = 3.0;
+enum { CHECKS_PER_TICK = 4 };
+
+static double least(double x, double y) { return y < x ? y : x; }
+static double most(double x, double y) { return y > x ? y : x; }
+
+int iptm_is_sound(const iptm_motion *preview) {
+  const double *times = preview->times_s, *positions = preview->positions_m;
+  int i;
+  for (i = 0; i < preview->nodes; ++i) {
+    const double speed = preview->speeds_m_s[i];
+    if (!(speed >= 0.0 && speed <= MAX_LEADER_SPEED_M_S)) return 0;
+    if (!(isfinite(times[i]) && isfinite(positions[i]))) return 0;
+    if (i > 0) {
+      const double passed_s = times[i] - times[i - 1], moved_m = positions[i] - positions[i - 1];
+      if (!(passed_s > 0.0 && moved_m >= 0.0)) return 0;
+      if (moved_m > 1.0 + MAX_LEADER_SPEED_M_S * passed_s) return 0;
+    }
+  }
+  return preview->nodes > 0;
+}
+
+double iptm_roughness_m2_s4(const iptm_motion *before, const iptm_motion *now) {
+  const double first_s = before->times_s[0] - ROUNDING_S;
+  const double last_s = before->times_s[before->nodes - 1] + ROUNDING_S;
+  double sum = 0.0, last_difference = 0.0;
+  int common = 0, i, last = 0;
+  for (i = 0; i < now->nodes; ++i) {
+    const double time_s = now->times_s[i];
+    double difference;
+    if (time_s < first_s || time_s >= last_s) continue;
+    difference = now->speeds_m_s[i] - iptm_interpolate(time_s, before->times_s, before->speeds_m_s,
+                                                       1, before->nodes);
+    if (common > 0) {
+      const double rate = (difference - last_difference) / (time_s - now->times_s[last]);
+      sum += rate * rate;
+    }
+    last_difference = difference;
+    last = i;
+    ++common;
+  }
+  return common < 2 ? NAN : sum / (common - 1);
+}
+
+int iptm_follow_preview(const iptm_motion *preview, double time_s, double position_m,
+                        double known_until_s, int leads, const double *lead_times_s,
+                        double *times_s, double *positions_m, double *speeds_m_s,
+                        double *asserted_m_s) {
+  double speed_m_s;
+  const double shift_m = position_m - iptm_motion_at(preview, time_s, &speed_m_s);
+  int nodes = 1, i;
+  times_s[0] = time_s;
+  positions_m[0] = position_m;
+  speeds_m_s[0] = speed_m_s;
+  for (i = 0; i < preview->nodes; ++i) {
+    if (!(preview->times_s[i] > time_s + ROUNDING_S)) continue;
+    times_s[nodes] = preview->times_s[i];
+    positions_m[nodes] = preview->positions_m[i] + shift_m;
+    speeds_m_s[nodes] = preview->speeds_m_s[i];
+    ++nodes;
+  }
+  for (i = 0; i < leads; ++i) {
+    const double lead_s = time_s + lead_times_s[i];
+    asserted_m_s[i] = lead_s > times_s[nodes - 1] || lead_s > known_until_s + ROUNDING_S
+                          ? NAN
+                          : iptm_interpolate(lead_s, times_s, speeds_m_s, 1, nodes);
+  }
+  return nodes;
+}
+
+/* Position of a vehicle that keeps its deceleration until it stands. */
+static double braking_on_m(double elapsed_s, double position_m, double speed_m_s,
+                           double deceleration_m_s2) {
+  if (deceleration_m_s2 > 0.0) elapsed_s = least(elapsed_s, speed_m_s / deceleration_m_s2);
+  return position_m + elapsed_s * (speed_m_s - 0.5 * deceleration_m_s2 * elapsed_s);
+}
+
+/* What a forecast says about the leader; until_s is minus infinity without one. */
+typedef struct {
+  const iptm_motion *motion;
+  double until_s, end_m, end_m_s;
+  int is_doubted;
+} prediction;
+
+static prediction predict(const iptm_guarded *guarded, const iptm_motion *motion) {
+  prediction found = {motion, -INFINITY, 0.0, 0.0, 1};
+  double now_m_s;
+  if (motion == NULL || guarded->known_s <= 0.0) return found;
+  found.until_s = guarded->leader_time_s + guarded->known_s;
+  found.end_m = iptm_motion_at(motion, found.until_s, &found.end_m_s);
+  iptm_motion_at(motion, guarded->leader_time_s, &now_m_s);
+  found.is_doubted = now_m_s - guarded->leader_speed_m_s > CONFIRMED_SPEED_ERROR_M_S ||
+                     guarded->known_s < NEAR_S;
+  return found;
+}
+
+static double leader_position_m(const iptm_guarded *guarded, const prediction *predicted,
+                                double time_s) {
+  double measured_m = 0.0, predicted_m, unused;
+  if (predicted->is_doubted) {
+    measured_m = braking_on_m(time_s - guarded->leader_time_s, guarded->leader_position_m,
+                              guarded->leader_speed_m_s, guarded->leader_deceleration_m_s2);
+  }
+  if (isinf(predicted->until_s) && predicted->until_s < 0.0) return measured_m;
+  if (time_s > predicted->until_s) {
+    predicted_m = braking_on_m(time_s - predicted->until_s, predicted->end_m, predicted->end_m_s,
+                               -guarded->hardest_m_s2);
+  } else {
+    predicted_m = iptm_motion_at(predicted->motion, time_s, &unused);
+  }
+  return predicted->is_doubted ? least(measured_m, predicted_m) : predicted_m;
+}
+
+int iptm_collision_threatens(const iptm_guarded *guarded, const iptm_motion *motion,
+                             double acceleration_m_s2, double time_s, double position_m,
+                             double speed_m_s) {
+  const double tick_s = guarded->tick_s, step = guarded->jerk_step_m_s2;
+  const double hardest = guarded->hardest_m_s2 * guarded->brake_share;
+  const double build_up = most(ceil((acceleration_m_s2 - hardest) / step), 0.0);
+  const double after_m_s = speed_m_s + acceleration_m_s2 * tick_s * (1.0 + build_up);
+  const double ticks =
+      1.0 + build_up + most(ceil(most(after_m_s, 0.0) / (-hardest * tick_s)), 0.0) + 1.0;
+  const double interval_s = tick_s / CHECKS_PER_TICK;
+  prediction predicted = {NULL, 0.0, 0.0, 0.0, 0};
+  double limit_m = MARGIN_M;
+  int pass;
+  /* A leader never moves backwards: most commands are safe before anything is predicted. */
+  for (pass = 0; pass < 2; ++pass) {
+    double gained = 0.0, start = speed_m_s, driven_m = 0.0, elapsed_s = 0.0;
+    int stands = 0, i, check;
+    if (pass > 0) {
+      /* Below the margin already, the gap must not become smaller still. */
+      predicted = predict(guarded, motion);
+      limit_m = least(MARGIN_M, leader_position_m(guarded, &predicted, time_s) - position_m - 1e-6);
+    }
+    for (i = 0; i < ticks; ++i) {
+      const double acceleration = most(acceleration_m_s2 - step * i, hardest);
+      for (check = 0; check < CHECKS_PER_TICK; ++check) {
+        double end;
+        gained += acceleration;
+        end = speed_m_s + gained * interval_s;
+        stands = stands || end <= 0.0;
+        if (stands) end = 0.0;
+        driven_m += 0.5 * (start + end) * interval_s;
+        elapsed_s += interval_s;
+        start = end;
+        if (pass > 0 &&
+            leader_position_m(guarded, &predicted, time_s + elapsed_s) - position_m - driven_m <
+                limit_m) {
+          return 1;
+        }
+      }
+    }
+    if (pass == 0 && guarded->leader_position_m - position_m - driven_m >= MARGIN_M) return 0;
+  }
+  return 0;
+}

@@ -1,0 +1,97 @@
+"""What a tick computes in C: its library, and the numbers of Python as C takes them.
+
+The Python forms of the same functions are what a reader takes up, and run where there is no compiler. Both
+give the same numbers, to the last bit.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from iptm_controller.ocp.compilation import cache_directory, compile_sources, find_compiler
+from iptm_controller.ocp.layout_header import layout_header
+from iptm_core.errors import SolverSetupError
+from iptm_core.state import FloatArray, LeaderPreview
+
+_SOURCE_FOLDER = Path(__file__).resolve().parent / "c"
+_FILES = ("tick_data.c", "tick_data.h", "lead_motion.c", "lead_motion.h", "vehicle.h")
+INT, DOUBLE, POINTER = ctypes.c_int, ctypes.c_double, ctypes.c_void_p
+_MOTIONS_KEPT = 8
+_motions: dict[int, tuple[LeaderPreview, Motion]] = {}
+"""Of the newest previews, by identity; whoever holds the preview finds its motion."""
+
+
+class Motion(ctypes.Structure):
+    """The nodes of a preview."""
+
+    _fields_ = (
+        ("nodes", INT),
+        ("times_s", POINTER),
+        ("positions_m", POINTER),
+        ("speeds_m_s", POINTER),
+    )
+
+
+def motion_of(preview: LeaderPreview) -> Motion:
+    """Return the nodes of a preview, of which all arrays have the length of the first."""
+    kept = _motions.get(id(preview))
+    if kept is not None:
+        return kept[1]
+    columns = preview.times_s, preview.positions_m, preview.speeds_m_s
+    arrays = [np.ascontiguousarray(each, dtype=np.float64) for each in columns]
+    motion = Motion(arrays[0].size, *map(address, arrays))
+    motion.kept = arrays
+    return keep_motion(preview, motion)
+
+
+def keep_motion(preview: LeaderPreview, motion: Motion) -> Motion:
+    """Note the motion of a preview, whose arrays it points to."""
+    if len(_motions) >= _MOTIONS_KEPT:
+        _motions.clear()
+    _motions[id(preview)] = preview, motion
+    return motion
+
+
+def address(array: FloatArray) -> int:
+    """Return where the numbers of an array are: doubles, one after the other."""
+    try:
+        return ctypes.addressof(DOUBLE.from_buffer(array.data))
+    except (TypeError, ValueError):  # read-only or empty
+        return array.ctypes.data
+
+
+def tick_library(*, is_wanted: bool) -> ctypes.PyDLL | None:
+    """Return the library; None where it is not wanted or no compiler was found."""
+    compiler = find_compiler() if is_wanted else None
+    return None if compiler is None else _library(compiler, cache_directory())
+
+
+@lru_cache
+def _library(compiler: tuple[str, ...], *_: object) -> ctypes.PyDLL:
+    fixed = {name: (_SOURCE_FOLDER / name).read_text("ascii") for name in _FILES}
+    path = compile_sources([], {**fixed, "layout.h": layout_header()}, compiler)
+    arguments = {
+        "iptm_shift_plan": [POINTER, DOUBLE, *[POINTER] * 5],
+        "iptm_pose_problem": [*[POINTER] * 7, DOUBLE, *[POINTER] * 4],
+        "iptm_read_plan": [POINTER, DOUBLE, *[POINTER] * 3],
+        "iptm_follow_preview": [POINTER, DOUBLE, DOUBLE, DOUBLE, INT, *[POINTER] * 5],
+        "iptm_collision_threatens": [POINTER, POINTER, *[DOUBLE] * 4],
+        "iptm_is_sound": [POINTER],
+        "iptm_roughness_m2_s4": [POINTER, POINTER],
+    }
+    results: dict[str, Any] = {"iptm_roughness_m2_s4": DOUBLE}
+    results |= dict.fromkeys(("iptm_shift_plan", "iptm_pose_problem", "iptm_read_plan"))
+    try:
+        # The interpreter lock is held: a call is shorter than it takes to get the lock again.
+        library = ctypes.PyDLL(str(path))
+        for name, types in arguments.items():
+            function = getattr(library, name)
+            function.argtypes, function.restype = types, results.get(name, INT)
+    except (OSError, AttributeError) as error:
+        raise SolverSetupError(f"the C code of a tick cannot be set up: {error}") from error
+    return library

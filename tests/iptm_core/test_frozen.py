@@ -1,0 +1,55 @@
+"""Copies of frozen dataclasses with some fields changed."""
+
+from __future__ import annotations
+
+from dataclasses import FrozenInstanceError, dataclass, field
+
+import numpy as np
+import pytest
+
+from iptm_core.errors import StateError
+from iptm_core.frozen import light, replace
+from iptm_core.state import ChannelCells, Command, FullChannelState, SlopePreview, VehicleState
+
+STATE = VehicleState(0.0, 1.0, 2.0, 0.0, 0.0, 300.0, 301.0, 0.1, 0.1)
+
+
+def test_a_copy_has_the_changed_fields_and_the_others() -> None:
+    assert replace(Command(1.0, 2.0), compressor_power_w=3.0) == Command(1.0, 3.0)
+    assert replace(STATE, time_s=5.0).time_s == 5.0
+    assert STATE.time_s == 0.0
+
+
+def test_values_worked_out_from_the_old_fields_are_not_copied() -> None:
+    slope = SlopePreview(np.array([1.0, 2.0]), np.array([0.0, 0.1]))
+    assert slope.steepest_rad == 0.1
+    assert replace(slope, slopes_rad=-2.0 * slope.slopes_rad).steepest_rad == 0.2
+
+
+def test_a_light_class_takes_its_fields_as_any_dataclass_and_keeps_them() -> None:
+    @light
+    @dataclass(frozen=True)
+    class Sized:
+        length: float
+        names: tuple[str, ...] = ()
+        height: float = field(default=2.0, kw_only=True)
+
+    assert Sized(1.0, ("a",), height=3.0) == Sized(length=1.0, names=("a",), height=3.0)
+    assert (Sized(1.0).names, Sized(1.0).height) == ((), 2.0)
+    with pytest.raises(FrozenInstanceError):
+        Sized(1.0).length = 2.0  # type: ignore[misc]
+    with pytest.raises(TypeError, match="missing 1 required positional argument: 'length'"):
+        Sized()  # type: ignore[call-arg]
+    with pytest.raises(TypeError, match="FullChannelState does more"):
+        light(FullChannelState)
+
+
+def test_an_unknown_field_is_refused() -> None:
+    with pytest.raises(TypeError, match="Command has no field 'power'"):
+        replace(Command(1.0, 2.0), power=1.0)  # type: ignore[call-arg]
+
+
+def test_what_a_class_checks_when_created_is_checked() -> None:
+    state = FullChannelState(**vars(STATE), cells=ChannelCells.between(STATE, 3))
+    with pytest.raises(StateError, match="cell_1_temperature_k"):
+        replace(state, cell_1_temperature_k=310.0)
