@@ -120,9 +120,9 @@ class CellTest:
 
 
 @functools.cache
-def trips(file: Path = DATA / "bmw_i3_1hz.csv.gz") -> tuple[Trip, ...]:
-    """Return the trips of the BMW i3 in a file with the columns of the excerpt."""
-    table = pd.read_csv(file, float_precision="round_trip")
+def trips() -> tuple[Trip, ...]:
+    """Return the trips of the BMW i3."""
+    table = pd.read_csv(DATA / "bmw_i3_1hz.csv.gz", float_precision="round_trip")
     return tuple(_trip(str(name), rows) for name, rows in table.groupby("trip"))
 
 

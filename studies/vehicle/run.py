@@ -1,28 +1,24 @@
-"""The vehicle interface in real time on the bench car, killed, disturbed and judged, and what it costs.
+"""The vehicle interface in real time on the bench car, killed and disturbed, and what it costs.
 
-Drives in real time, what is read from their logs, the leaders and the meter's errors are kept under
+Drives in real time, what is read from their logs and the leaders are kept under
 results/vehicle, and made anew where a file is deleted. A busy machine shows in the drives: it should do
 little else meanwhile.
 """
 
 from __future__ import annotations
 
-import argparse
 import math
-from collections import Counter
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from studies.session import Session
 from studies.vehicle.authority import BRAKING_TRIALS, leaders_table
-from studies.vehicle.bench import FRAMES, OFTEN, faulty, kept, kills, other_dbc
+from studies.vehicle.bench import OFTEN, faulty, kept, kills, other_dbc
 from studies.vehicle.cycles import DRIVES, STRATEGIES, drives_table
-from studies.vehicle.meter import bench_shadows, i3_trips, public_log
-from studies.vehicle.opendbc_judge import CARS, build, judged
+from studies.vehicle.meter import bench_shadows
 
 from iptm_vehicle_interface.drive_record import replayed
 from iptm_vehicle_interface.driving import Driver
@@ -51,19 +47,9 @@ KILLS, KILL_CYCLE, KILL_SEED = 210, "comprehensive", 40
 _ON_THE_BENCH = ("drives", "kills", "faults")
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the paths of code and data from outside the project."""
-    add = parser.add_argument
-    add("--opendbc", type=Path, metavar="DIR", help="unpacked package opendbc, for the judge")
-    add("--i3", type=Path, metavar="FILE", help="recorded trips of the BMW i3, compact form")
-    add("--log", type=Path, metavar="DIR", help="folder of brz_candump.log.gz and brz.dbc")
-
-
 def run(session: Session) -> bool:
     """Run the study; returns whether no car came too near and no frame was blocked."""
-    values: dict[str, Any] = dict.fromkeys(
-        ("drives", "kills", "faults", "judge", "replay", "i3", "shadow")
-    )
+    values: dict[str, Any] = dict.fromkeys(("drives", "kills", "faults", "replay", "shadow"))
     if session.short:
         leaders = leaders_table(session)
     else:
@@ -75,23 +61,12 @@ def run(session: Session) -> bool:
         values["kills"] = _kills(session)
         values["faults"] = _faults(session)
         values["replay"] = _replay(session)
-    options = session.options
-    if options.opendbc:
-        values["judge"] = _judge(session, options.opendbc)
-    if options.i3:
-        values["i3"] = kept(session.scratch / "i3.json", partial(_i3, options.i3))
-    if options.log:
-        shadows = [public_log(session, options.log, STRATEGIES[0])]
-        if not session.short:
-            recorded = DRIVES[1].folder(session)
-            shadows = bench_shadows(session, recorded, STRATEGIES[0]) + shadows
-        table = values["shadow"] = pd.DataFrame(shadows)
+        table = pd.DataFrame(bench_shadows(session, DRIVES[1].folder(session), STRATEGIES[0]))
         table["difference"] = 100.0 * (table.driven_battery_energy_kwh / table.own_kwh - 1.0)
+        values["shadow"] = table
     session.render(trials=BRAKING_TRIALS, leaders=leaders, **values)
     held = [(leaders.collisions == 0).all()]
     held += [(values[name].gap_m > 0.0).all() for name in _ON_THE_BENCH if values[name] is not None]
-    if values["judge"] is not None:
-        held.append((values["judge"].blocked_while_engaged == 0).all())
     return bool(all(held))
 
 
@@ -175,29 +150,3 @@ def _replayed(folder: Path) -> dict[str, int]:
     """Return how many frames a record has, and how many of them are others when it is replayed."""
     pairs = [was == now for _, was, now in replayed(folder, Driver(load_vehicle("bench")))]
     return {"frames": len(pairs), "different": pairs.count(False)}
-
-
-def _judge(session: Session, package: Path) -> pd.DataFrame:
-    """Pass the requests of all drives through opendbc's safety code."""
-    library, rows = build(package), []
-    logs = sorted(session.scratch.glob(f"*/*/{FRAMES}"))
-    for car in CARS:
-        counts: Counter[str] = Counter()
-        for log in logs:
-            path = log.with_name(f"judged_by_{car.name}.json")
-            counts.update(kept(path, partial(judged, library, car, log)))
-        rows.append({"car": car.name, **{key.replace(" ", "_"): n for key, n in counts.items()}})
-    return pd.DataFrame(rows)
-
-
-def _i3(path: Path) -> dict[str, float]:
-    trips = i3_trips(path)
-    error = trips.error.abs()
-    return {
-        "trips": len(trips),
-        "all": 100.0 * error.median(),
-        "held_out": 100.0 * error[~trips.fitted].median(),
-        "held_out_trips": int((~trips.fitted).sum()),
-        "p90": 100.0 * float(np.percentile(error, 90)),
-        "mean": 100.0 * trips.error.mean(),
-    }
