@@ -28,6 +28,7 @@ from iptm_controller.plan import (
 from iptm_controller.solvers.factory import SolverOptions, build_plain_solver
 from iptm_controller.solvers.interface import SolveResult
 from iptm_controller.strategy import Strategy
+from iptm_controller.temperature_value import NO_VALUE, TemperatureValue
 from iptm_core.decision_record import SolveStatus
 from iptm_core.physics.cell import nominal_charge_parameters
 from iptm_core.routes.route import Route
@@ -97,6 +98,7 @@ def solve_whole_trip(
     start: Trajectory,
     tick_s: float,
     on_solve: Callable[[WholeTripSolve], None] | None = None,
+    value: TemperatureValue = NO_VALUE,
 ) -> tuple[Trajectory, WholeTripRecord]:
     """Optimise a whole trip.
 
@@ -107,6 +109,7 @@ def solve_whole_trip(
         start: a finished run of the same route, as first guess.
         tick_s: step length.
         on_solve: called after every solve.
+        value: what a kelvin costs at the end.
 
     Returns:
         The plant driven with the optimal inputs, and how they were found.
@@ -139,7 +142,7 @@ def solve_whole_trip(
     for index in range(MAX_SOLVES):
         solver = further if index else first
         expected = sample_positions_m(plan, grid.sample_times_s)
-        data = builder.build(state, leader, slope, expected)
+        data = builder.build(state, leader, slope, expected, value=value)
         result = solver.solve(data, variables_from_plan(plan, grid, state))
         found = plan_from_variables(result.variables, grid, state)
         moved = np.abs(found.states[:, StateIndex.POSITION] - plan.states[:, StateIndex.POSITION])
