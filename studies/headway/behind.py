@@ -94,4 +94,5 @@ def _against(string: Sequence[iptm.Run], base: Sequence[iptm.Run]) -> dict[str, 
 
 
 def _way_m(motion: Trajectory) -> FloatArray:
-    return motion.position_m - motion.position_m[0]
+    way_m: FloatArray = motion.position_m - motion.position_m[0]
+    return way_m

@@ -62,7 +62,9 @@ def drive(call: Mapping[str, Any], *, whole: bool = False, others: str = "") -> 
 def effects(session: Session) -> tuple[pd.DataFrame, dict[str, float]]:
     """Return a row per control, and the shares of the optimum that the default saves in the median."""
     length_s = SHORT_S if session.short else WHOLE_S
-    settings = {"duration_s": length_s} | ({"compile_code": False} if session.short else {})
+    settings: dict[str, Any] = {"duration_s": length_s}
+    if session.short:
+        settings |= {"compile_code": False}
     cycles, cars = (CYCLES[:1], CARS[:1]) if session.short else (CYCLES, CARS)
     blind = {"preview_mode": "none"}
     controls: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {

@@ -10,7 +10,15 @@ import pandas as pd
 import pytest
 
 from iptm.closed_loop import ClosedLoopRun
-from iptm.vehicle_string import RATIOS, amplification, deviations_along, run_string
+from iptm.driving import drive_in_memory
+from iptm.trip import Trip
+from iptm.vehicle_string import (
+    RATIOS,
+    amplification,
+    deviations_along,
+    drive_string_in_memory,
+    run_string,
+)
 from iptm_controller.controller import Controller
 from iptm_controller.options import ControllerOptions
 from iptm_core.decision_record import Rung
@@ -58,6 +66,15 @@ def test_no_gap_falls_below_its_limit_and_nobody_falls_back(string: list[ClosedL
         assert set(run.decisions.rung) == {Rung.OPTIMAL}
     # A plan at hand: from the first tick on the age of the preview is zero.
     assert set(string[-1].decisions.preview_age_s) == {0.0}
+
+
+def test_vehicles_of_a_string_may_have_drivers_of_their_own() -> None:
+    trip = Trip.of("us06", duration_s=20.0, compile_code=False)
+    drivers = [trip.changed(strategy="production"), trip]
+    found = list(drive_string_in_memory(trip, 2, drivers))
+    assert [run.settings["strategy"] for run in found] == ["production", trip.controller.strategy]
+    alone = drive_in_memory(drivers[0])
+    np.testing.assert_array_equal(found[0].trajectory.speed_m_s, alone.trajectory.speed_m_s)
 
 
 def test_who_drives_behind_changes_nothing(string: list[ClosedLoopRun]) -> None:

@@ -57,3 +57,11 @@ def test_costates_are_what_a_kelvin_costs_the_rest_of_the_trip() -> None:
     # In this minute a kelvin is not lost: the first ten seconds are a part of what it costs in all.
     slope_1_k = (costs[1] - costs[0]) / step_k
     assert 0.5 * slope_1_k < both[0] < slope_1_k
+
+
+def test_a_kelvin_with_a_value_beyond_the_trip_is_cooled_away_up_to_its_end() -> None:
+    ends_k = []
+    for beyond in (False, True):
+        longer = trip(60.0).changed(strategy="aging_cost_to_go", value_beyond_trip=beyond)
+        ends_k.append(drive_whole_trip(longer).trajectory.cell_n_temperature_k[-1])
+    assert ends_k[1] < ends_k[0] - 0.1
