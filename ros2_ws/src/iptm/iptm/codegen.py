@@ -5,8 +5,9 @@ What is in the folder, and what is left to the caller, is said in ``controller.h
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
+
+import numpy as np
 
 from iptm.closed_loop import run_closed_loop
 from iptm_controller.controller import Controller
@@ -27,17 +28,23 @@ from iptm_plant_sim.plant import Plant
 
 CMAKE = """cmake_minimum_required(VERSION 3.16)
 project(iptm_controller C)
+option(IPTM_FLOAT "solver in single precision" OFF)
 set(CMAKE_C_STANDARD 99)
 # Operations are done as they are written: no contraction to fused multiply-adds.
 add_compile_options(-O2 -ffp-contract=off)
 file(GLOB sources *.c)
 list(FILTER sources EXCLUDE REGEX "bench[.]c$")
+if(IPTM_FLOAT)
+  add_compile_definitions(IPTM_FLOAT)
+  file(GLOB solver riccati.c switching.c stages_*.c)
+  set_source_files_properties(${solver} PROPERTIES COMPILE_OPTIONS -fsingle-precision-constant)
+endif()
 add_library(iptm_controller STATIC ${sources})
 target_link_libraries(iptm_controller m)
 add_executable(bench bench.c)
 target_link_libraries(bench iptm_controller)
 enable_testing()
-add_test(NAME recorded_ticks COMMAND bench ${CMAKE_CURRENT_SOURCE_DIR}/ticks.txt)
+add_test(NAME recorded_ticks COMMAND bench ${CMAKE_CURRENT_SOURCE_DIR}/ticks.bin)
 """
 
 
@@ -70,9 +77,9 @@ def write_controller(
         horizon=MULTI_HORIZON if horizon is None else Horizon.parse(horizon),
     )
     files = code_of(parameters, options)
-    files["ticks.txt"] = recorded_ticks(parameters, options, cycle, duration_s)
     write_files(folder, files)
-    return len(files)
+    recorded_ticks(parameters, options, cycle, duration_s).tofile(folder / "ticks.bin")
+    return len(files) + 1
 
 
 def code_of(parameters: ModelParameters, options: ControllerOptions) -> dict[str, str]:
@@ -87,20 +94,20 @@ def code_of(parameters: ModelParameters, options: ControllerOptions) -> dict[str
 
 def recorded_ticks(
     parameters: ModelParameters, options: ControllerOptions, cycle: str, duration_s: float
-) -> str:
+) -> FloatArray:
     """Drive a trip and return what the controller was given and decided, as ``bench.c`` reads it."""
     route = build_route(cycle, initial_gap_m=parameters.gap.initial_gap_m, duration_s=duration_s)
     controller = Controller(parameters, options)
-    ticks: list[str] = []
+    ticks: list[FloatArray] = []
 
     def record(_: int, measured: Measurements, decision: Decision) -> None:
-        ticks.append(" ".join(_tick(measured, decision, controller.plan_data.posed)))
+        ticks.append(_tick(measured, decision, controller.plan_data.posed))
 
     run_closed_loop(route, Plant(parameters, route.slope.slope_at), controller, on_tick=record)
-    return "\n".join([str(len(ticks)), *ticks, ""])
+    return np.concatenate([[len(ticks)], *ticks])
 
 
-def _tick(measured: Measurements, decision: Decision, posed: PosedProblem | None) -> Iterator[str]:
+def _tick(measured: Measurements, decision: Decision, posed: PosedProblem | None) -> FloatArray:
     state, leader = measured.state, measured.leader
     if state is None or leader is None or posed is None:
         raise AssertionError("a trip behind a leader has both at every tick, and a problem")
@@ -125,27 +132,28 @@ def _tick(measured: Measurements, decision: Decision, posed: PosedProblem | None
         value.reference_temperature_k,
         value.thermal_energy_price_1_j,
     ]
-    yield from map(float.hex, map(float, numbers))
-    yield from _motion(posed.leader)
-    yield from _motion(None if posed.limiting is posed.leader else posed.limiting)
     # The slope as far as a plan looks.
     first, last = slope.positions_m.searchsorted(
         [state.position_m - 100.0, state.position_m + 3000.0]
     )
     part = slice(max(int(first) - 1, 0), int(last) + 1)
-    yield from _table(slope.positions_m[part], slope.slopes_rad[part])
     command = decision.command
-    yield from (float(command.acceleration_m_s2).hex(), float(command.compressor_power_w).hex())
-    yield str(int(decision.rung))
+    return np.concatenate(
+        [
+            numbers,
+            _motion(posed.leader),
+            _motion(None if posed.limiting is posed.leader else posed.limiting),
+            _table(slope.positions_m[part], slope.slopes_rad[part]),
+            [command.acceleration_m_s2, command.compressor_power_w, decision.rung],
+        ]
+    )
 
 
-def _motion(motion: LeaderPreview | None) -> Iterator[str]:
+def _motion(motion: LeaderPreview | None) -> FloatArray:
     if motion is None:
-        return iter(("0",))
+        return np.zeros(1)
     return _table(motion.times_s, motion.positions_m, motion.speeds_m_s)
 
 
-def _table(*columns: FloatArray) -> Iterator[str]:
-    yield str(len(columns[0]))
-    for column in columns:
-        yield from (value.hex() for value in column.tolist())
+def _table(*columns: FloatArray) -> FloatArray:
+    return np.concatenate([[len(columns[0])], *columns])

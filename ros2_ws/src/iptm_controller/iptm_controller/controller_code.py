@@ -24,7 +24,7 @@ from iptm_core.errors import ParameterError
 from iptm_core.state import FloatArray
 
 SOURCES = ("riccati", "switching", "tick_data", "limiter", "fallback", "controller")
-HEADERS = ("stages", "vehicle", "solver_size")
+HEADERS = ("real", "stages", "vehicle", "solver_size")
 
 
 def controller_code(controller: Controller) -> dict[str, str]:

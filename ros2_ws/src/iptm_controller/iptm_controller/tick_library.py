@@ -19,7 +19,7 @@ from iptm_core.errors import SolverSetupError
 from iptm_core.state import FloatArray, LeaderPreview
 
 _SOURCE_FOLDER = Path(__file__).resolve().parent / "c"
-_FILES = ("tick_data.c", "tick_data.h", "lead_motion.c", "lead_motion.h", "vehicle.h")
+_FILES = ("tick_data.c", "tick_data.h", "lead_motion.c", "lead_motion.h", "vehicle.h", "real.h")
 INT, DOUBLE, POINTER = ctypes.c_int, ctypes.c_double, ctypes.c_void_p
 _MOTIONS_KEPT = 8
 _motions: dict[int, tuple[LeaderPreview, Motion]] = {}

@@ -1,6 +1,8 @@
 /* Drives the controller through recorded ticks and compares its commands with the recorded ones.
  *
- * usage: bench TICKS
+ * usage: bench TICKS [DECISIONS]
+ * TICKS holds doubles of this computer. DECISIONS is written, a line for each tick: differences of both commands,
+ * rung, iterations, cost, instructions.
  * Ends with 0 where every command is within the tolerance, else with 1. */
 #include <math.h>
 #include <stdio.h>
@@ -10,8 +12,13 @@
 
 #define MOST_NODES 8192
 
+#ifdef IPTM_FLOAT /* other choices between plans of nearly the same cost */
+static const double ACCELERATION_TOLERANCE = 0.5;
+static const double POWER_TOLERANCE = 500.0;
+#else
 static const double ACCELERATION_TOLERANCE = 1e-12; /* m/s^2 */
 static const double POWER_TOLERANCE = 1e-9;         /* W */
+#endif
 
 static iptm_memory memory;
 static iptm_scratch scratch;
@@ -19,7 +26,7 @@ static double tables[8][MOST_NODES];
 
 static double number(FILE *file) {
   double value = 0.0;
-  if (fscanf(file, "%lf", &value) != 1) {
+  if (fread(&value, sizeof(value), 1, file) != 1) {
     fprintf(stderr, "bench: the file of the ticks is cut\n");
     exit(2);
   }
@@ -39,12 +46,19 @@ static int numbers(FILE *file, int columns, double (*into)[MOST_NODES]) {
   return size;
 }
 
+#ifdef BENCH_COUNTER
+unsigned long BENCH_COUNTER(void); /* instructions so far, on a target that counts them */
+#else
+#define BENCH_COUNTER() 0UL
+#endif
+
 int main(int count, char **arguments) {
-  FILE *file = count == 2 ? fopen(arguments[1], "r") : NULL;
+  FILE *file = count > 1 ? fopen(arguments[1], "rb") : NULL;
+  FILE *decisions = count > 2 ? fopen(arguments[2], "w") : NULL;
   double worst_acceleration = 0.0, worst_power = 0.0;
   int ticks, tick, other_rungs = 0, iterations = 0;
-  if (file == NULL) {
-    fprintf(stderr, "usage: bench TICKS\n");
+  if (file == NULL || (count > 2 && decisions == NULL)) {
+    fprintf(stderr, "usage: bench TICKS [DECISIONS]\n");
     return 2;
   }
   ticks = (int)number(file);
@@ -56,6 +70,7 @@ int main(int count, char **arguments) {
     iptm_inputs inputs = {0};
     iptm_decision decision;
     double acceleration, power;
+    unsigned long started;
     int rung;
     vehicle.time_s = number(file);
     vehicle.position_m = number(file);
@@ -95,7 +110,13 @@ int main(int count, char **arguments) {
     acceleration = number(file);
     power = number(file);
     rung = (int)number(file);
+    started = BENCH_COUNTER();
     decision = iptm_decide(&memory, &scratch, &inputs);
+    if (decisions != NULL) {
+      (void)fprintf(decisions, "%.17g %.17g %d %d %.17g %lu\n", decision.command.acceleration_m_s2 - acceleration,
+                    decision.command.compressor_power_w - power, (int)decision.rung, decision.iterations,
+                    (double)decision.outcome.point.cost, BENCH_COUNTER() - started);
+    }
     worst_acceleration =
         fmax(worst_acceleration, fabs(decision.command.acceleration_m_s2 - acceleration));
     worst_power = fmax(worst_power, fabs(decision.command.compressor_power_w - power));
@@ -103,6 +124,7 @@ int main(int count, char **arguments) {
     iterations += decision.iterations;
   }
   (void)fclose(file);
+  if (decisions != NULL) (void)fclose(decisions);
   printf("%d ticks, %d iterations; largest difference %.3g m/s^2 and %.3g W; %d other rungs\n", ticks,
          iterations, worst_acceleration, worst_power, other_rungs);
   printf("memory %lu bytes, scratch %lu bytes\n", (unsigned long)sizeof(memory),

@@ -14,7 +14,7 @@ static double larger(double first, double second) { return second > first ? seco
 static double smaller(double first, double second) { return second < first ? second : first; }
 
 /* Write the parameters that all steps share: state of the cells, prices and weights. */
-static void pose_shared(const iptm_vehicle *vehicle, const iptm_inputs *given, double *parameters) {
+static void pose_shared(const iptm_vehicle *vehicle, const iptm_inputs *given, iptm_real *parameters) {
   const iptm_prices *prices = &given->prices;
   const double scale = iptm_strategy.scale, lowest_k = iptm_limits_of_model.min_temperature_k;
   const double coldest = smaller(vehicle->cell_1_temperature_k, vehicle->cell_n_temperature_k);

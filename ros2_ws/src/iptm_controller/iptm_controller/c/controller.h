@@ -57,9 +57,9 @@ typedef struct {
 /* What a tick works on; its content means nothing between ticks. */
 typedef struct {
   double states[(IPTM_STEPS + 1) * IPTM_STATES], inputs[IPTM_STEPS * IPTM_INPUTS];
-  double guess[IPTM_VARIABLES(IPTM_STEPS)], variables[IPTM_VARIABLES(IPTM_STEPS)];
-  double costates[IPTM_STEPS * IPTM_STATES], parameters[IPTM_PARAMETERS];
-  double solver[IPTM_CHECKED_WORK_SIZE(IPTM_STEPS, IPTM_MAX_ITERATIONS)];
+  iptm_real guess[IPTM_VARIABLES(IPTM_STEPS)], variables[IPTM_VARIABLES(IPTM_STEPS)];
+  iptm_real costates[IPTM_STEPS * IPTM_STATES], parameters[IPTM_PARAMETERS];
+  iptm_real solver[IPTM_CHECKED_WORK_SIZE(IPTM_STEPS, IPTM_MAX_ITERATIONS)];
 } iptm_scratch;
 
 typedef struct {

@@ -1,96 +1,95 @@
 #include "riccati.h"
 
-#include <math.h>
 #include <string.h>
 
 #include "stages.h"
 
 /* Constants of method.py, line_search.py and program.py. */
-static const double COLD_START_BARRIER = 10.0;
-static const double COLD_START_SAFEGUARD = 0.03;
-static const double BACKTRACKING = 0.3;
+static const iptm_real COLD_START_BARRIER = 10.0;
+static const iptm_real COLD_START_SAFEGUARD = 0.03;
+static const iptm_real BACKTRACKING = 0.3;
 static const int MAX_TRIALS = 3;
 static const int MAX_REGULARISATIONS = 12;
-static const double FIRST_REGULARISATION = 1e-3;
-static const double REGULARISATION_FACTOR = 8.0;
-static const double LEAST_REGULARISATION = 1e-5;
-static const double FEASIBILITY_TOLERANCE = 1e-4;
-static const double MARGIN = 1e-5;
-static const double ARMIJO = 1e-4;
-static const double SWITCHING_SLOPE_EXPONENT = 2.3;
-static const double SWITCHING_VIOLATION_EXPONENT = 1.1;
-static const double MAX_VIOLATION_FACTOR = 1e4;
-static const double MIN_VIOLATION_FACTOR = 1e-4;
-static const double ROUND_OFF = 1e-10;
-static const double MULTIPLIER_SCALE = 100.0;
-static const double CENTRING_EXPONENT = 3.0;
-static const double LEAST_BARRIER = 0.05;
-static const double LEAST_PRIMAL_STEP = 0.01;
-static const double FRACTION_TO_BOUNDARY = 0.995;
-static const double LEAST_SLACK = 1e-3;
+static const iptm_real FIRST_REGULARISATION = 1e-3;
+static const iptm_real REGULARISATION_FACTOR = 8.0;
+static const iptm_real LEAST_REGULARISATION = 1e-5;
+static const iptm_real FEASIBILITY_TOLERANCE = 1e-4;
+static const iptm_real MARGIN = 1e-5;
+static const iptm_real ARMIJO = 1e-4;
+static const iptm_real SWITCHING_SLOPE_EXPONENT = 2.3;
+static const iptm_real SWITCHING_VIOLATION_EXPONENT = 1.1;
+static const iptm_real MAX_VIOLATION_FACTOR = 1e4;
+static const iptm_real MIN_VIOLATION_FACTOR = 1e-4;
+static const iptm_real MULTIPLIER_SCALE = 100.0;
+static const iptm_real CENTRING_EXPONENT = 3.0;
+static const iptm_real LEAST_BARRIER = 0.05;
+static const iptm_real LEAST_PRIMAL_STEP = 0.01;
+static const iptm_real FRACTION_TO_BOUNDARY = 0.995;
+static const iptm_real LEAST_SLACK = 1e-3;
 
 enum { LOWER = IPTM_STATES * (IPTM_STATES + 1) / 2, FEEDBACK = IPTM_INPUTS * IPTM_STATES };
 
 /* Scalars of an iterate and of its Newton step, see line_search.py. */
 typedef struct {
-  double stationarity, dynamics, inequalities, complementarity, complementarity_sum, z_sum, lam_sum;
-  double corrected_pivots, cost_slope_affine, cost_slope_centring, log_slope_affine, log_slope_centring;
-  double primal_step_affine, dual_step_affine, s_dz_affine, z_ds_affine, ds_dz_affine;
+  iptm_real stationarity, dynamics, inequalities, complementarity, complementarity_sum;
+  iptm_real z_sum, lam_sum, corrected_pivots;
+  iptm_real cost_slope_affine, cost_slope_centring, log_slope_affine, log_slope_centring;
+  iptm_real primal_step_affine, dual_step_affine, s_dz_affine, z_ds_affine, ds_dz_affine;
 } summary;
 
 /* Variables, multipliers of the dynamics, slacks and multipliers of the inequality constraints. */
 typedef struct {
-  double *w, *lam, *s, *z;
+  iptm_real *w, *lam, *s, *z;
 } vectors;
 
 /* Everything a solve works on: pointers into the memory of the caller. */
 typedef struct {
   const iptm_horizon *horizon;
-  const double *parameters;
+  const iptm_real *parameters;
   int variables, costates, inequalities; /* sizes of the vectors */
   vectors at, next, affine, centring;    /* iterate, trial point and the two parts of the step */
   /* Results of linearise, in its order, packed step after step. */
-  double *dynamics_jacobian, *hessian, *gradient_affine, *gradient_centring, *dynamics_residual;
-  double *inequality_jacobian, *inequality_residual, *cost_gradient, *norms[8];
+  iptm_real *dynamics_jacobian, *hessian, *gradient_affine, *gradient_centring, *dynamics_residual;
+  iptm_real *inequality_jacobian, *inequality_residual, *cost_gradient, *norms[8];
   /* Cost to go at the nodes 1 to N + 1, where it is zero, and feedback of the steps. */
-  double *P, *p_affine, *p_centring, *corrected, *K, *k_affine, *k_centring;
+  iptm_real *P, *p_affine, *p_centring, *corrected, *K, *k_affine, *k_centring;
   /* Results of evaluate. */
-  double *values, *residual, *costs;
-  double *soft_slacks, *best_w;
+  iptm_real *values, *residual, *costs;
+  iptm_real *soft_slacks, *best_w;
   iptm_point *filter;
   iptm_point point, best;
   summary sums;
-  double largest_violation, smallest_violation; /* bounds of the filter */
+  iptm_real largest_violation, smallest_violation; /* bounds of the filter */
   int filter_size, has_best;
 } method;
 
 /* The larger and the smaller of two numbers; the first one where one is not a number. */
-static double larger(double first, double second) { return second > first ? second : first; }
-static double smaller(double first, double second) { return second < first ? second : first; }
+static iptm_real larger(iptm_real x, iptm_real y) { return y > x ? y : x; }
+static iptm_real smaller(iptm_real x, iptm_real y) { return y < x ? y : x; }
 
 /* As fmax of the C library, which ignores what is not a number. */
-static double maximum(double x, double y) {
+static iptm_real maximum(iptm_real x, iptm_real y) {
   if (x > y) return x;
   return x < y ? y : fmax(x, y);
 }
 
-static double *cut(double **free, size_t size) {
-  double *start = *free;
+static iptm_real *cut(iptm_real **free, size_t size) {
+  iptm_real *start = *free;
   *free += size;
   return start;
 }
 
-static void cut_vectors(double **free, const method *m, vectors *v) {
+static void cut_vectors(iptm_real **free, const method *m, vectors *v) {
   v->w = cut(free, (size_t)m->variables);
   v->lam = cut(free, (size_t)m->costates + IPTM_STATES) + IPTM_STATES; /* zeros stand for lam_0 */
   v->s = cut(free, (size_t)m->inequalities);
   v->z = cut(free, (size_t)m->inequalities);
 }
 
-/* Lay the memory out; returns the doubles in use. */
-static size_t lay_out(method *m, const iptm_horizon *horizon, double *work) {
+/* Lay the memory out; returns the reals in use. */
+static size_t lay_out(method *m, const iptm_horizon *horizon, iptm_real *work) {
   const size_t steps = (size_t)horizon->steps;
-  double *free = work;
+  iptm_real *free = work;
   int i;
   m->horizon = horizon;
   m->variables = horizon->steps * IPTM_BLOCK + IPTM_STATES;
@@ -122,19 +121,19 @@ static size_t lay_out(method *m, const iptm_horizon *horizon, double *work) {
   m->soft_slacks = cut(&free, steps * IPTM_SLACKS);
   m->best_w = cut(&free, (size_t)m->variables);
   m->filter = (iptm_point *)(void *)free;
-  free += ((size_t)horizon->most_iterations + 1) * sizeof(iptm_point) / sizeof(double);
+  free += ((size_t)horizon->most_iterations + 1) * sizeof(iptm_point) / sizeof(iptm_real);
   return (size_t)(free - work);
 }
 
 size_t iptm_work_size(const iptm_horizon *horizon) {
   method m;
-  double origin;
+  iptm_real origin;
   return lay_out(&m, horizon, &origin);
 }
 
 /* Point to states, inputs, next states and parameters of the first step of a kind. */
-static void stage_arguments(const method *m, const double *w, int first, int offset,
-                            const double **arg) {
+static void stage_arguments(const method *m, const iptm_real *w, int first, int offset,
+                            const iptm_real **arg) {
   arg[0] = w + (ptrdiff_t)IPTM_BLOCK * first;
   arg[1] = arg[0] + IPTM_STATES;
   arg[2] = arg[0] + IPTM_BLOCK;
@@ -142,12 +141,12 @@ static void stage_arguments(const method *m, const double *w, int first, int off
   arg[4] = m->parameters;
 }
 
-static void evaluate(method *m, const double *w) {
+static void evaluate(method *m, const iptm_real *w) {
   int kind, first = 0, offset = IPTM_GLOBALS;
   for (kind = 0; kind < IPTM_KINDS; ++kind) {
     const int count = m->horizon->kind_steps[kind];
-    const double *arg[5];
-    double *res[3];
+    const iptm_real *arg[5];
+    iptm_real *res[3];
     stage_arguments(m, w, first, offset, arg);
     res[0] = m->values + (ptrdiff_t)IPTM_INEQUALITIES * first;
     res[1] = m->residual + (ptrdiff_t)IPTM_STATES * first;
@@ -162,8 +161,8 @@ static void linearise(method *m) {
   int kind, first = 0, offset = IPTM_GLOBALS;
   for (kind = 0; kind < IPTM_KINDS; ++kind) {
     const int count = m->horizon->kind_steps[kind];
-    const double *arg[9];
-    double *res[16];
+    const iptm_real *arg[9];
+    iptm_real *res[16];
     int i;
     stage_arguments(m, m->at.w, first, offset, arg);
     arg[6] = m->at.lam + (ptrdiff_t)IPTM_STATES * first;
@@ -185,16 +184,16 @@ static void linearise(method *m) {
   }
 }
 
-static void backward(method *m, double delta) {
+static void backward(method *m, iptm_real delta) {
   const int steps = m->horizon->steps;
   int k;
-  memset(m->P + (ptrdiff_t)LOWER * steps, 0, sizeof(double) * LOWER);
-  memset(m->p_affine + (ptrdiff_t)IPTM_STATES * steps, 0, sizeof(double) * IPTM_STATES);
-  memset(m->p_centring + (ptrdiff_t)IPTM_STATES * steps, 0, sizeof(double) * IPTM_STATES);
+  memset(m->P + (ptrdiff_t)LOWER * steps, 0, sizeof(iptm_real) * LOWER);
+  memset(m->p_affine + (ptrdiff_t)IPTM_STATES * steps, 0, sizeof(iptm_real) * IPTM_STATES);
+  memset(m->p_centring + (ptrdiff_t)IPTM_STATES * steps, 0, sizeof(iptm_real) * IPTM_STATES);
   m->corrected[steps] = 0.0;
   for (k = steps - 1; k >= 0; --k) {
     const ptrdiff_t step = k;
-    const double *const arg[] = {
+    const iptm_real *const arg[] = {
         m->P + LOWER * (step + 1),
         m->p_affine + IPTM_STATES * (step + 1),
         m->p_centring + IPTM_STATES * (step + 1),
@@ -206,7 +205,7 @@ static void backward(method *m, double delta) {
         m->dynamics_residual + IPTM_STATES * step,
         &delta,
     };
-    double *const res[] = {
+    iptm_real *const res[] = {
         m->P + LOWER * step,
         m->p_affine + IPTM_STATES * step,
         m->p_centring + IPTM_STATES * step,
@@ -222,12 +221,12 @@ static void backward(method *m, double delta) {
 static void forward(method *m) {
   const int steps = m->horizon->steps;
   int k;
-  memset(m->affine.w, 0, sizeof(double) * IPTM_STATES);
-  memset(m->centring.w, 0, sizeof(double) * IPTM_STATES);
+  memset(m->affine.w, 0, sizeof(iptm_real) * IPTM_STATES);
+  memset(m->centring.w, 0, sizeof(iptm_real) * IPTM_STATES);
   for (k = 0; k < steps; ++k) {
     const ptrdiff_t step = k, block = IPTM_BLOCK * step, row = IPTM_INEQUALITIES * step;
     const ptrdiff_t state = IPTM_STATES * step;
-    const double *const arg[] = {
+    const iptm_real *const arg[] = {
         m->affine.w + block,
         m->centring.w + block,
         m->P + LOWER * (step + 1),
@@ -244,7 +243,7 @@ static void forward(method *m) {
         m->at.z + row,
         m->at.lam + state,
     };
-    double *const res[] = {
+    iptm_real *const res[] = {
         m->affine.w + block + IPTM_BLOCK,
         m->centring.w + block + IPTM_BLOCK,
         m->affine.w + block + IPTM_STATES,
@@ -260,33 +259,33 @@ static void forward(method *m) {
   }
 }
 
-static double largest(const double *x, int size, double start) {
-  double result = start;
+static iptm_real largest(const iptm_real *x, int size, iptm_real start) {
+  iptm_real result = start;
   int i;
   for (i = 0; i < size; ++i) result = maximum(result, x[i]);
   return result;
 }
 
-static double total(const double *x, int size) {
-  double sum = 0.0;
+static iptm_real total(const iptm_real *x, int size) {
+  iptm_real sum = 0.0;
   int i;
   for (i = 0; i < size; ++i) sum += x[i];
   return sum;
 }
 
-static double dot(const double *x, const double *y, int size) {
-  double sum = 0.0;
+static iptm_real dot(const iptm_real *x, const iptm_real *y, int size) {
+  iptm_real sum = 0.0;
   int i;
   for (i = 0; i < size; ++i) sum += x[i] * y[i];
   return sum;
 }
 
 /* Compute the Newton step with delta added to the diagonal of the Hessian, and its summary. */
-static void newton_step(method *m, double delta) {
+static void newton_step(method *m, iptm_real delta) {
   const int steps = m->horizon->steps, blocks = steps * IPTM_BLOCK, rows = m->inequalities;
   const vectors *at = &m->at, *affine = &m->affine, *centring = &m->centring;
   summary *sums = &m->sums;
-  double log_affine = 0.0, log_centring = 0.0, primal = -INFINITY, dual = -INFINITY;
+  iptm_real log_affine = 0.0, log_centring = 0.0, primal = -INFINITY, dual = -INFINITY;
   int i;
   linearise(m);
   backward(m, delta);
@@ -305,7 +304,7 @@ static void newton_step(method *m, double delta) {
   sums->cost_slope_affine = dot(m->cost_gradient, affine->w, blocks);
   sums->cost_slope_centring = dot(m->cost_gradient, centring->w, blocks);
   for (i = 0; i < rows; ++i) {
-    const double relative = affine->s[i] / at->s[i];
+    const iptm_real relative = affine->s[i] / at->s[i];
     log_affine += relative;
     log_centring += centring->s[i] / at->s[i];
     primal = maximum(primal, -relative);
@@ -325,50 +324,52 @@ static int summary_is_usable(const summary *sums) {
   return sums->corrected_pivots == 0.0 || sums->primal_step_affine > LEAST_PRIMAL_STEP;
 }
 
-static double kkt_error(const method *m) {
+static iptm_real kkt_error(const method *m) {
   const summary *sums = &m->sums;
-  const double mean = (sums->z_sum + sums->lam_sum) / (m->inequalities + m->costates);
-  const double dual_scale = larger(MULTIPLIER_SCALE, mean) / MULTIPLIER_SCALE;
-  const double complementarity_scale =
+  const iptm_real mean = (sums->z_sum + sums->lam_sum) / (m->inequalities + m->costates);
+  const iptm_real dual_scale = larger(MULTIPLIER_SCALE, mean) / MULTIPLIER_SCALE;
+  const iptm_real complementarity_scale =
       larger(MULTIPLIER_SCALE, sums->z_sum / m->inequalities) / MULTIPLIER_SCALE;
-  double error = sums->stationarity / dual_scale;
+  iptm_real error = sums->stationarity / dual_scale;
   error = larger(error, sums->dynamics);
   error = larger(error, sums->inequalities);
   return larger(error, sums->complementarity / complementarity_scale);
 }
 
-static double barrier_parameter(const method *m, double tolerance, double safeguard) {
+static iptm_real barrier_parameter(const method *m, iptm_real tolerance, iptm_real safeguard) {
   const summary *sums = &m->sums;
-  const double primal = sums->primal_step_affine, dual = sums->dual_step_affine;
-  const double affine_sum = sums->complementarity_sum + primal * sums->z_ds_affine +
+  const iptm_real primal = sums->primal_step_affine, dual = sums->dual_step_affine;
+  const iptm_real affine_sum = sums->complementarity_sum + primal * sums->z_ds_affine +
                             dual * sums->s_dz_affine + primal * dual * sums->ds_dz_affine;
-  const double ratio = smaller(larger(affine_sum / sums->complementarity_sum, 0.0), 1.0);
-  const double mean = sums->complementarity_sum / m->inequalities;
-  const double floor = smaller(mean, safeguard * larger(sums->stationarity, sums->inequalities));
+  const iptm_real ratio = smaller(larger(affine_sum / sums->complementarity_sum, 0.0), 1.0);
+  const iptm_real mean = sums->complementarity_sum / m->inequalities;
+  const iptm_real floor = smaller(mean, safeguard * larger(sums->stationarity, sums->inequalities));
   return larger(larger(pow(ratio, CENTRING_EXPONENT) * mean, floor), LEAST_BARRIER * tolerance);
 }
 
-static double barrier_objective(const iptm_point *point, double mu) {
+static iptm_real barrier_objective(const iptm_point *point, iptm_real mu) {
   return point->cost - mu * point->log_sum;
 }
 
-static int improves(const iptm_point *trial, double phi, const iptm_point *other, double mu,
-                    double tolerance) {
-  const double bound = barrier_objective(other, mu) - MARGIN * other->violation + tolerance;
-  return trial->violation <= (1.0 - MARGIN) * other->violation || phi <= bound;
+static int improves(const iptm_point *trial, iptm_real phi, const iptm_point *other, iptm_real mu,
+                    iptm_real tolerance) {
+  const iptm_real bound = barrier_objective(other, mu) - MARGIN * other->violation + tolerance;
+  return trial->violation <= (1.0 - MARGIN) * other->violation + IPTM_VIOLATION_ROUND_OFF ||
+         phi <= bound;
 }
 
-static int is_descent_step(const method *m, double slope, double length) {
-  const double violation = m->point.violation;
+static int is_descent_step(const method *m, iptm_real slope, iptm_real length) {
+  const iptm_real violation = m->point.violation;
   if (slope >= 0.0 || violation > m->smallest_violation) return 0;
   return length * pow(-slope, SWITCHING_SLOPE_EXPONENT) >
          pow(violation, SWITCHING_VIOLATION_EXPONENT);
 }
 
 /* Judge a trial point; the filter is augmented unless the step is one of descent. */
-static int accepts(method *m, const iptm_point *trial, double mu, double slope, double length) {
-  const double phi = barrier_objective(trial, mu), phi_now = barrier_objective(&m->point, mu);
-  const double tolerance = ROUND_OFF * larger(1.0, fabs(phi_now));
+static int accepts(method *m, const iptm_point *trial, iptm_real mu, iptm_real slope,
+                   iptm_real length) {
+  const iptm_real phi = barrier_objective(trial, mu), phi_now = barrier_objective(&m->point, mu);
+  const iptm_real tolerance = IPTM_ROUND_OFF * larger(1.0, fabs(phi_now));
   int i;
   if (!(trial->violation <= m->largest_violation)) return 0;
   for (i = 0; i < m->filter_size; ++i) {
@@ -381,17 +382,17 @@ static int accepts(method *m, const iptm_point *trial, double mu, double slope, 
 }
 
 /* Cost, logarithms and violation of an iterate from what evaluate returned for it. */
-static iptm_point filter_point(const method *m, const double *s) {
+static iptm_point filter_point(const method *m, const iptm_real *s) {
   iptm_point point = {0.0, 0.0, 0.0, 0.0};
   int i;
   point.cost = total(m->costs, m->horizon->steps);
   for (i = 0; i < m->costates; ++i) {
-    const double size = fabs(m->residual[i]);
+    const iptm_real size = fabs(m->residual[i]);
     point.violation += size;
     point.largest_violation = maximum(point.largest_violation, size);
   }
   for (i = 0; i < m->inequalities; ++i) {
-    const double size = fabs(m->values[i] - s[i]);
+    const iptm_real size = fabs(m->values[i] - s[i]);
     point.log_sum += log(s[i]);
     point.violation += size;
     point.largest_violation = maximum(point.largest_violation, size);
@@ -400,9 +401,9 @@ static iptm_point filter_point(const method *m, const double *s) {
 }
 
 /* Take a step to the fraction to the boundary times backtracking, and evaluate there. */
-static iptm_point trial_point(method *m, double mu, double backtracking, double *length) {
+static iptm_point trial_point(method *m, iptm_real mu, iptm_real backtracking, iptm_real *length) {
   const vectors *at = &m->at, *next = &m->next, *affine = &m->affine, *centring = &m->centring;
-  double primal = -INFINITY, dual = -INFINITY;
+  iptm_real primal = -INFINITY, dual = -INFINITY;
   int i;
   for (i = 0; i < m->inequalities; ++i) {
     next->s[i] = affine->s[i] + mu * centring->s[i];
@@ -428,14 +429,14 @@ static iptm_point trial_point(method *m, double mu, double backtracking, double 
 }
 
 /* Backtrack until a trial point is accepted; returns the number of trials, 0 if none is. */
-static int line_search(method *m, double mu, iptm_point *there) {
+static int line_search(method *m, iptm_real mu, iptm_point *there) {
   const summary *sums = &m->sums;
-  double slope = sums->cost_slope_affine + mu * sums->cost_slope_centring;
-  double backtracking = 1.0;
+  iptm_real slope = sums->cost_slope_affine + mu * sums->cost_slope_centring;
+  iptm_real backtracking = 1.0;
   int trial;
   slope -= mu * (sums->log_slope_affine + mu * sums->log_slope_centring);
   for (trial = 1; trial <= MAX_TRIALS; ++trial) {
-    double length;
+    iptm_real length;
     *there = trial_point(m, mu, backtracking, &length);
     if (accepts(m, there, mu, slope, length)) return trial;
     backtracking *= BACKTRACKING;
@@ -444,7 +445,7 @@ static int line_search(method *m, double mu, iptm_point *there) {
 }
 
 /* Move to the next iterate, regularising the Hessian until a step is accepted; returns 0 if none is. */
-static int move(method *m, double *delta, double tolerance, double safeguard) {
+static int move(method *m, iptm_real *delta, iptm_real tolerance, iptm_real safeguard) {
   int attempt;
   for (attempt = 0; attempt < MAX_REGULARISATIONS; ++attempt) {
     iptm_point there;
@@ -470,26 +471,26 @@ static int move(method *m, double *delta, double tolerance, double safeguard) {
 }
 
 /* Make the first iterate: z from the barrier, soft slacks as their penalties would have them. */
-static void begin(method *m, const double *guess, double mu, int relax) {
+static void begin(method *m, const iptm_real *guess, iptm_real mu, int relax) {
   const int steps = m->horizon->steps, hard = IPTM_BLOCK - IPTM_SLACKS;
   const int hard_rows = IPTM_INEQUALITIES - IPTM_SLACKS;
   vectors *at = &m->at;
   int kind, first = 0, offset = IPTM_GLOBALS, k, i;
   for (kind = 0; kind < IPTM_KINDS; ++kind) {
     const int count = m->horizon->kind_steps[kind];
-    const double *arg[5];
-    double *res[1];
+    const iptm_real *arg[5];
+    iptm_real *res[1];
     stage_arguments(m, guess, first, offset, arg);
     res[0] = m->soft_slacks + (ptrdiff_t)IPTM_SLACKS * first;
     iptm_least_slacks[kind](arg, res, count);
     first += count;
     offset += count * iptm_kind_parameters[kind];
   }
-  memcpy(at->w, guess, sizeof(double) * (size_t)m->variables);
-  memset(at->lam - IPTM_STATES, 0, sizeof(double) * ((size_t)m->costates + IPTM_STATES));
-  memset(m->next.lam - IPTM_STATES, 0, sizeof(double) * IPTM_STATES);
+  memcpy(at->w, guess, sizeof(iptm_real) * (size_t)m->variables);
+  memset(at->lam - IPTM_STATES, 0, sizeof(iptm_real) * ((size_t)m->costates + IPTM_STATES));
+  memset(m->next.lam - IPTM_STATES, 0, sizeof(iptm_real) * IPTM_STATES);
   for (k = 0; k < steps; ++k) {
-    double *slacks = at->w + (ptrdiff_t)IPTM_BLOCK * k + hard;
+    iptm_real *slacks = at->w + (ptrdiff_t)IPTM_BLOCK * k + hard;
     for (i = 0; i < IPTM_SLACKS; ++i) {
       /* A soft slack that is not needed is held off zero by its whole price: slack times price is mu. */
       const int place = IPTM_SLACKS * k + i;
@@ -499,10 +500,10 @@ static void begin(method *m, const double *guess, double mu, int relax) {
   }
   evaluate(m, at->w);
   for (k = 0; k < steps; ++k) {
-    const double *slacks = at->w + (ptrdiff_t)IPTM_BLOCK * k + hard;
+    const iptm_real *slacks = at->w + (ptrdiff_t)IPTM_BLOCK * k + hard;
     const ptrdiff_t row = (ptrdiff_t)IPTM_INEQUALITIES * k;
     for (i = 0; i < IPTM_INEQUALITIES; ++i) {
-      const double s =
+      const iptm_real s =
           i < hard_rows ? maximum(m->values[row + i], LEAST_SLACK) : slacks[i - hard_rows];
       at->s[row + i] = s;
       at->z[row + i] = mu / s;
@@ -520,16 +521,17 @@ static int parameter_count(const iptm_horizon *horizon) {
 }
 
 /* Iterate from a start; iterations is counted up. */
-static iptm_termination run_from(method *m, const iptm_options *options, const double *guess,
+static iptm_termination run_from(method *m, const iptm_options *options, const iptm_real *guess,
                                  int most_iterations, int is_cold, int *iterations) {
-  const double safeguard = is_cold ? COLD_START_SAFEGUARD : 0.0;
-  double delta = 0.0, given, reference;
+  const iptm_real safeguard = is_cold ? COLD_START_SAFEGUARD : 0.0;
+  const iptm_real tolerance = larger(options->tolerance, IPTM_LEAST_TOLERANCE);
+  iptm_real delta = 0.0, given, reference;
   int iteration;
   begin(m, guess, is_cold ? COLD_START_BARRIER : options->initial_barrier, is_cold);
   /* A sum is finite only if every term is. */
   given = total(guess, m->variables) + total(m->parameters, parameter_count(m->horizon));
   if (!isfinite(given + m->point.cost + m->point.violation)) {
-    memcpy(m->at.w, guess, sizeof(double) * (size_t)m->variables);
+    memcpy(m->at.w, guess, sizeof(iptm_real) * (size_t)m->variables);
     m->point.cost = m->point.log_sum = NAN;
     m->point.violation = m->point.largest_violation = INFINITY;
     return IPTM_NOT_FINITE;
@@ -539,28 +541,28 @@ static iptm_termination run_from(method *m, const iptm_options *options, const d
   m->smallest_violation = MIN_VIOLATION_FACTOR * reference;
   m->filter_size = 0;
   for (iteration = 0;; ++iteration, ++*iterations) {
-    double error;
+    iptm_real error;
     if (!(m->point.largest_violation > FEASIBILITY_TOLERANCE) &&
         (!m->has_best || m->point.cost < m->best.cost)) {
-      memcpy(m->best_w, m->at.w, sizeof(double) * (size_t)m->variables);
+      memcpy(m->best_w, m->at.w, sizeof(iptm_real) * (size_t)m->variables);
       m->best = m->point;
       m->has_best = 1;
     }
     newton_step(m, delta);
     error = kkt_error(m);
     if (!isfinite(error)) return IPTM_NOT_FINITE;
-    if (error <= options->tolerance) return IPTM_CONVERGED;
+    if (error <= tolerance) return IPTM_CONVERGED;
     if (iteration >= most_iterations) return IPTM_ITERATIONS;
     if (options->clock_s != NULL && options->clock_s() > options->until_s) return IPTM_DEADLINE;
-    if (!move(m, &delta, options->tolerance, safeguard)) return IPTM_STALLED;
+    if (!move(m, &delta, tolerance, safeguard)) return IPTM_STALLED;
   }
 }
 
-void iptm_solve(const iptm_horizon *horizon, const iptm_options *options, const double *parameters,
-                const double *guess, double *variables, double *costates, double *work,
+void iptm_solve(const iptm_horizon *horizon, const iptm_options *options, const iptm_real *parameters,
+                const iptm_real *guess, iptm_real *variables, iptm_real *costates, iptm_real *work,
                 iptm_outcome *outcome) {
   method m;
-  const double *answer;
+  const iptm_real *answer;
   iptm_termination termination;
   const int most = options->max_iterations;
   const int few = options->warm_start_iterations < most ? options->warm_start_iterations : most;
@@ -583,8 +585,8 @@ void iptm_solve(const iptm_horizon *horizon, const iptm_options *options, const 
     outcome->point = m.best;
   }
   outcome->termination = (int)termination;
-  memcpy(variables, answer, sizeof(double) * (size_t)m.variables);
-  memcpy(costates, m.at.lam, sizeof(double) * (size_t)m.costates);
+  memcpy(variables, answer, sizeof(iptm_real) * (size_t)m.variables);
+  memcpy(costates, m.at.lam, sizeof(iptm_real) * (size_t)m.costates);
 }
 
 int iptm_is_usable(const iptm_outcome *outcome) {

@@ -8,6 +8,8 @@
 
 #include <stddef.h>
 
+#include "real.h"
+
 /* Horizon of a problem. */
 typedef struct {
   int steps;
@@ -18,8 +20,8 @@ typedef struct {
 } iptm_horizon;
 
 typedef struct {
-  double tolerance;          /* optimality error to reach */
-  double initial_barrier;    /* of a warm start */
+  iptm_real tolerance;          /* optimality error to reach */
+  iptm_real initial_barrier;    /* of a warm start */
   double until_s;            /* reading of the clock at which to stop */
   double (*clock_s)(void);   /* NULL for no deadline */
   int warm_start_iterations; /* 0 begins with the cold start */
@@ -28,7 +30,7 @@ typedef struct {
 
 /* An iterate as the filter sees it, see line_search.py. */
 typedef struct {
-  double cost, log_sum, violation, largest_violation;
+  iptm_real cost, log_sum, violation, largest_violation;
 } iptm_point;
 
 typedef enum {
@@ -46,12 +48,12 @@ typedef struct {
   int cold_starts;
 } iptm_outcome;
 
-/* Number of doubles that a solve works on; IPTM_WORK_SIZE in solver_size.h is the same for static memory. */
+/* Number of reals that a solve works on; IPTM_WORK_SIZE in solver_size.h is the same for static memory. */
 size_t iptm_work_size(const iptm_horizon *horizon);
 
 /* Solve one problem. The guess begins with the present state; variables and costates are the answer. */
-void iptm_solve(const iptm_horizon *horizon, const iptm_options *options, const double *parameters,
-                const double *guess, double *variables, double *costates, double *work,
+void iptm_solve(const iptm_horizon *horizon, const iptm_options *options, const iptm_real *parameters,
+                const iptm_real *guess, iptm_real *variables, iptm_real *costates, iptm_real *work,
                 iptm_outcome *outcome);
 
 /* Whether an answer keeps dynamics and limits. */

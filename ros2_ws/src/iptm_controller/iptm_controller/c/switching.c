@@ -1,29 +1,28 @@
 #include "switching.h"
 
-#include <math.h>
 #include <string.h>
 
 #include "stages.h"
 
 /* Constants of switching_check.py. */
-static const double PROMISING_SHARE = 0.03;
+static const iptm_real PROMISING_SHARE = 0.03;
 static const int SECOND_ITERATIONS = 40;
-static const double LEAST_GAIN = 1e-4;
-static const double DISTINCT_POWER = 0.35;
-static const double AT_LIMIT_K = 0.1;
+static const iptm_real LEAST_GAIN = 1e-4;
+static const iptm_real DISTINCT_POWER = 0.35;
+static const iptm_real AT_LIMIT_K = 0.1;
 
 enum { OPTIONS = IPTM_CANDIDATES + 1, POWER = IPTM_STATES + IPTM_INPUT_COMPRESSOR_POWER };
 
 /* Memory of a check, from the caller's. */
 typedef struct {
-  double *powers, *values; /* own and candidate powers and their Hamiltonians, option after option */
-  double *ramps, *chosen, *start, *variables, *costates, *gains, *solve;
+  iptm_real *powers, *values; /* own and candidate powers and their Hamiltonians, option after option */
+  iptm_real *ramps, *chosen, *start, *variables, *costates, *gains, *solve;
 } memory;
 
-static size_t lay_out(memory *m, const iptm_horizon *horizon, double *work) {
+static size_t lay_out(memory *m, const iptm_horizon *horizon, iptm_real *work) {
   const size_t steps = (size_t)horizon->steps;
   const size_t variables = steps * IPTM_BLOCK + IPTM_STATES;
-  double *free = work;
+  iptm_real *free = work;
   m->powers = free;
   free += OPTIONS * steps;
   m->values = free;
@@ -46,19 +45,19 @@ static size_t lay_out(memory *m, const iptm_horizon *horizon, double *work) {
 
 size_t iptm_checked_work_size(const iptm_horizon *horizon) {
   memory m;
-  double origin;
+  iptm_real origin;
   return lay_out(&m, horizon, &origin) + iptm_work_size(horizon);
 }
 
-static double clamp(double value, double low, double high) {
-  const double raised = low > value ? low : value;
+static iptm_real clamp(iptm_real value, iptm_real low, iptm_real high) {
+  const iptm_real raised = low > value ? low : value;
   return high < raised ? high : raised;
 }
 
 /* Largest change of the power into every step. */
-static void find_ramps(const iptm_horizon *horizon, double rate_1_s, const double *parameters,
-                       double *ramps) {
-  const double *step = parameters + IPTM_GLOBALS;
+static void find_ramps(const iptm_horizon *horizon, iptm_real rate_1_s, const iptm_real *parameters,
+                       iptm_real *ramps) {
+  const iptm_real *step = parameters + IPTM_GLOBALS;
   int kind, i;
   for (kind = 0; kind < IPTM_KINDS; ++kind) {
     for (i = 0; i < horizon->kind_steps[kind]; ++i) {
@@ -69,16 +68,16 @@ static void find_ramps(const iptm_horizon *horizon, double rate_1_s, const doubl
 }
 
 /* Evaluate the Hamiltonian of every step for every option. */
-static void find_hamiltonians(const iptm_horizon *horizon, const memory *m, const double *parameters,
-                              const double *w, const double *costates) {
+static void find_hamiltonians(const iptm_horizon *horizon, const memory *m, const iptm_real *parameters,
+                              const iptm_real *w, const iptm_real *costates) {
   int option, kind;
   for (option = 0; option < OPTIONS; ++option) {
     int first = 0, offset = IPTM_GLOBALS;
     for (kind = 0; kind < IPTM_KINDS; ++kind) {
       const int count = horizon->kind_steps[kind];
       const ptrdiff_t place = (ptrdiff_t)option * horizon->steps + first;
-      const double *const x = w + (ptrdiff_t)IPTM_BLOCK * first;
-      const double *const arg[] = {
+      const iptm_real *const x = w + (ptrdiff_t)IPTM_BLOCK * first;
+      const iptm_real *const arg[] = {
           x,
           x + IPTM_STATES,
           parameters + offset,
@@ -86,7 +85,7 @@ static void find_hamiltonians(const iptm_horizon *horizon, const memory *m, cons
           costates + (ptrdiff_t)IPTM_STATES * first,
           m->powers + place,
       };
-      double *const res[] = {m->values + place};
+      iptm_real *const res[] = {m->values + place};
       iptm_hamiltonian[kind](arg, res, count);
       first += count;
       offset += count * iptm_kind_parameters[kind];
@@ -95,11 +94,11 @@ static void find_hamiltonians(const iptm_horizon *horizon, const memory *m, cons
 }
 
 /* Magnitude of what a plan costs without its slacks. */
-static double cost_without_slacks(const iptm_horizon *horizon, const double *w, double objective) {
-  double slack_cost = 0.0;
+static iptm_real cost_without_slacks(const iptm_horizon *horizon, const iptm_real *w, iptm_real objective) {
+  iptm_real slack_cost = 0.0;
   int k, i;
   for (k = 0; k < horizon->steps; ++k) {
-    const double *slacks = w + (ptrdiff_t)IPTM_BLOCK * (k + 1) - IPTM_SLACKS;
+    const iptm_real *slacks = w + (ptrdiff_t)IPTM_BLOCK * (k + 1) - IPTM_SLACKS;
     for (i = 0; i < IPTM_SLACKS; ++i) {
       slack_cost += slacks[i] * horizon->soft_prices[IPTM_SLACKS * k + i];
     }
@@ -108,10 +107,10 @@ static double cost_without_slacks(const iptm_horizon *horizon, const double *w, 
 }
 
 /* Find powers that do the work of the plan in fewer steps, the cheapest ones, at the best power. */
-static int concentrate(const iptm_horizon *horizon, const memory *m, double best) {
+static int concentrate(const iptm_horizon *horizon, const memory *m, iptm_real best) {
   const int steps = horizon->steps;
-  const double *own = m->powers, *off = m->values + steps, *on = off + steps;
-  double least = INFINITY, work = 0.0, done = 0.0;
+  const iptm_real *own = m->powers, *off = m->values + steps, *on = off + steps;
+  iptm_real least = INFINITY, work = 0.0, done = 0.0;
   int k;
   for (k = 0; k < steps; ++k) {
     if (own[k] > 0.1 * best && own[k] < least) least = own[k];
@@ -136,14 +135,14 @@ static int concentrate(const iptm_horizon *horizon, const memory *m, double best
 
 /* Find the powers of a second start; returns 0 where the expected gain is too small. */
 static int find_better_powers(const iptm_horizon *horizon, const iptm_switching *switching,
-                              const memory *m, const double *parameters, const double *w,
-                              const double *costates, double objective, int due) {
+                              const memory *m, const iptm_real *parameters, const iptm_real *w,
+                              const iptm_real *costates, iptm_real objective, int due) {
   const int steps = horizon->steps;
-  const double last = w[IPTM_STATE_LAST_COMPRESSOR_POWER];
-  double reach = 0.0, expected = 0.0, best_gain = -INFINITY, threshold, coldest = INFINITY;
+  const iptm_real last = w[IPTM_STATE_LAST_COMPRESSOR_POWER];
+  iptm_real reach = 0.0, expected = 0.0, best_gain = -INFINITY, threshold, coldest = INFINITY;
   int k, option, is_promising, all_alike = 1;
   for (k = 0; k < steps; ++k) {
-    const double *const next = w + (ptrdiff_t)IPTM_BLOCK * (k + 1);
+    const iptm_real *const next = w + (ptrdiff_t)IPTM_BLOCK * (k + 1);
     reach = k == 0 ? m->ramps[0] : reach + m->ramps[k];
     m->powers[k] = w[(ptrdiff_t)IPTM_BLOCK * k + POWER];
     for (option = 1; option < OPTIONS; ++option) {
@@ -158,12 +157,12 @@ static int find_better_powers(const iptm_horizon *horizon, const iptm_switching 
     return due && concentrate(horizon, m, switching->candidates[IPTM_CANDIDATES - 1]);
   }
   for (k = 0; k < steps; ++k) {
-    const double own = m->powers[k];
-    double best = -INFINITY;
+    const iptm_real own = m->powers[k];
+    iptm_real best = -INFINITY;
     m->chosen[k] = m->powers[steps + k];
     for (option = 1; option < OPTIONS; ++option) {
       const int place = option * steps + k;
-      double gain = -INFINITY;
+      iptm_real gain = -INFINITY;
       if (!(fabs(m->powers[place] - own) < DISTINCT_POWER)) {
         gain = m->values[k] - m->values[place];
         all_alike = 0;
@@ -189,11 +188,11 @@ static int find_better_powers(const iptm_horizon *horizon, const iptm_switching 
 }
 
 /* Put powers into variables, as the rate limit lets the compressor follow them. */
-static void put_powers(const iptm_horizon *horizon, const memory *m, double *w) {
-  double last = w[IPTM_STATE_LAST_COMPRESSOR_POWER];
+static void put_powers(const iptm_horizon *horizon, const memory *m, iptm_real *w) {
+  iptm_real last = w[IPTM_STATE_LAST_COMPRESSOR_POWER];
   int k;
   for (k = 0; k < horizon->steps; ++k) {
-    double *const block = w + (ptrdiff_t)IPTM_BLOCK * k;
+    iptm_real *const block = w + (ptrdiff_t)IPTM_BLOCK * k;
     last = clamp(m->chosen[k], last - m->ramps[k], last + m->ramps[k]);
     block[POWER] = last;
     block[IPTM_BLOCK + IPTM_STATE_LAST_COMPRESSOR_POWER] = last;
@@ -201,9 +200,9 @@ static void put_powers(const iptm_horizon *horizon, const memory *m, double *w) 
 }
 
 int iptm_solve_checked(const iptm_horizon *horizon, const iptm_options *options,
-                       const iptm_switching *switching, const double *parameters,
-                       const double *guess, int *since_second, double *variables, double *costates,
-                       double *work, iptm_outcome *outcome) {
+                       const iptm_switching *switching, const iptm_real *parameters,
+                       const iptm_real *guess, int *since_second, iptm_real *variables, iptm_real *costates,
+                       iptm_real *work, iptm_outcome *outcome) {
   const int steps = horizon->steps;
   const size_t variable_count = (size_t)steps * IPTM_BLOCK + IPTM_STATES;
   const size_t costate_count = (size_t)steps * IPTM_STATES;
@@ -232,15 +231,15 @@ int iptm_solve_checked(const iptm_horizon *horizon, const iptm_options *options,
   ++*since_second;
   if (!has_second) return outcome->iterations;
   *since_second = 0;
-  memcpy(m.start, is_usable ? variables : guess, sizeof(double) * variable_count);
+  memcpy(m.start, is_usable ? variables : guess, sizeof(iptm_real) * variable_count);
   put_powers(horizon, &m, m.start);
   iptm_solve(horizon, &second_options, parameters, m.start, m.variables, m.costates, m.solve,
              &second);
   k = outcome->iterations + second.iterations;
   if (iptm_is_usable(&second) &&
       (!is_usable || second.point.cost < outcome->point.cost - LEAST_GAIN)) {
-    memcpy(variables, m.variables, sizeof(double) * variable_count);
-    memcpy(costates, m.costates, sizeof(double) * costate_count);
+    memcpy(variables, m.variables, sizeof(iptm_real) * variable_count);
+    memcpy(costates, m.costates, sizeof(iptm_real) * costate_count);
     *outcome = second;
   }
   return k;

@@ -8,12 +8,12 @@
 
 /* What the check compares; powers in scaled units. */
 typedef struct {
-  double candidates[IPTM_CANDIDATES]; /* off, and the most efficient power */
-  double rate_1_s;                    /* largest change of the power */
+  iptm_real candidates[IPTM_CANDIDATES]; /* off, and the most efficient power */
+  iptm_real rate_1_s;                    /* largest change of the power */
   int try_every;                      /* solves until a second one is tried that promises little */
 } iptm_switching;
 
-/* Number of doubles that iptm_solve_checked works on. */
+/* Number of reals that iptm_solve_checked works on. */
 size_t iptm_checked_work_size(const iptm_horizon *horizon);
 
 /* Solve a problem as iptm_solve does, and once more where switching the compressor may improve the plan.
@@ -21,8 +21,8 @@ size_t iptm_checked_work_size(const iptm_horizon *horizon);
  * since_second: solves since the last one with a second start; read and written.
  * Returns the iterations of both solves. */
 int iptm_solve_checked(const iptm_horizon *horizon, const iptm_options *options,
-                       const iptm_switching *switching, const double *parameters,
-                       const double *guess, int *since_second, double *variables, double *costates,
-                       double *work, iptm_outcome *outcome);
+                       const iptm_switching *switching, const iptm_real *parameters,
+                       const iptm_real *guess, int *since_second, iptm_real *variables, iptm_real *costates,
+                       iptm_real *work, iptm_outcome *outcome);
 
 #endif

@@ -168,16 +168,17 @@ void iptm_shift_plan(const iptm_grid *grid, double start_s, const double *states
 /* Write the parameters of the steps: gap limits, intervals of the inputs and speed limits. */
 static void pose_steps(const iptm_grid *grid, const iptm_vehicle *vehicle,
                        const iptm_motion *limiting, double known_s, const double *speed_limits_m_s,
-                       double *parameters) {
+                       iptm_real *parameters) {
   int known_nodes = count_up_to(grid->nodes_s + 1, grid->motion_steps, known_s + 1e-6);
   int k;
   if (known_nodes < 1) known_nodes = 1;
   for (k = 0; k < grid->steps; ++k) {
-    double *const step = parameters + grid->step_places[k];
+    iptm_real *const step = parameters + grid->step_places[k];
     const double node_s = vehicle->time_s + grid->nodes_s[k + 1];
-    double limit_m_s = grid->max_speed_m_s;
+    double limit_m_s = grid->max_speed_m_s, leader_m_s;
     step[IPTM_STEP_LEADER_POSITION] =
-        iptm_motion_at(limiting, node_s, &step[IPTM_STEP_LEADER_SPEED]) - vehicle->position_m;
+        iptm_motion_at(limiting, node_s, &leader_m_s) - vehicle->position_m;
+    step[IPTM_STEP_LEADER_SPEED] = leader_m_s;
     step[IPTM_STEP_ACCELERATION_INTERVAL] = grid->acceleration_intervals_s[k];
     step[IPTM_STEP_COMPRESSOR_INTERVAL] = grid->compressor_intervals_s[k];
     step[IPTM_STEP_END_OF_PREVIEW] = k == known_nodes - 1 ? 1.0 : 0.0;
@@ -191,11 +192,11 @@ static void pose_steps(const iptm_grid *grid, const iptm_vehicle *vehicle,
 /* Write the parameters of the samples: slope around the plan, and the leader. */
 static void pose_samples(const iptm_grid *grid, const iptm_vehicle *vehicle, const double *states,
                          const double *inputs, const iptm_motion *leader, const iptm_slope *slope,
-                         const double *thermal_samples, double *parameters) {
+                         const double *thermal_samples, iptm_real *parameters) {
   const int motion = thermal_samples == NULL ? grid->samples : grid->motion_samples;
   int i;
   for (i = 0; i < motion; ++i) {
-    double *const sample = parameters + grid->sample_places[i];
+    iptm_real *const sample = parameters + grid->sample_places[i];
     const int step = grid->sample_steps[i];
     const double *const state = states + (ptrdiff_t)IPTM_STATES * step;
     const double acceleration = inputs[(ptrdiff_t)IPTM_INPUTS * step + IPTM_INPUT_ACCELERATION];
@@ -210,8 +211,9 @@ static void pose_samples(const iptm_grid *grid, const iptm_vehicle *vehicle, con
                                       slope->slopes_rad, 1, slope->nodes);
     const double ahead = iptm_interpolate(expected_m + SLOPE_DIFFERENCE_M, slope->positions_m,
                                      slope->slopes_rad, 1, slope->nodes);
-    double unused;
-    const double position_m = iptm_motion_at(leader, time_s, &sample[IPTM_SAMPLE_LEADER_SPEED]);
+    double unused, leader_m_s;
+    const double position_m = iptm_motion_at(leader, time_s, &leader_m_s);
+    sample[IPTM_SAMPLE_LEADER_SPEED] = leader_m_s;
     sample[IPTM_SAMPLE_SLOPE] = here;
     sample[IPTM_SAMPLE_SLOPE_GRADIENT] = (ahead - behind) / (2.0 * SLOPE_DIFFERENCE_M);
     sample[IPTM_SAMPLE_SLOPE_CURVATURE] =
@@ -223,13 +225,13 @@ static void pose_samples(const iptm_grid *grid, const iptm_vehicle *vehicle, con
     sample[IPTM_SAMPLE_LEADER_POSITION] = position_m - vehicle->position_m;
   }
   for (; i < grid->samples; ++i) {
-    memcpy(parameters + grid->sample_places[i],
-           thermal_samples + (ptrdiff_t)IPTM_SAMPLE_PARAMETERS * (i - motion),
-           sizeof(double) * IPTM_SAMPLE_PARAMETERS);
+    const double *const given = thermal_samples + (ptrdiff_t)IPTM_SAMPLE_PARAMETERS * (i - motion);
+    int j;
+    for (j = 0; j < IPTM_SAMPLE_PARAMETERS; ++j) parameters[grid->sample_places[i] + j] = given[j];
   }
 }
 
-static void scale_state(const double *state, double position_m, double *scaled) {
+static void scale_state(const double *state, double position_m, iptm_real *scaled) {
   int i;
   for (i = 0; i < IPTM_STATES; ++i) {
     double relative = state[i] - STATE_OFFSET[i];
@@ -241,12 +243,12 @@ static void scale_state(const double *state, double position_m, double *scaled) 
 void iptm_pose_problem(const iptm_grid *grid, const iptm_vehicle *vehicle, const double *states,
                        const double *inputs, const iptm_motion *leader, const iptm_motion *limiting,
                        const iptm_slope *slope, double known_s, const double *speed_limits_m_s,
-                       const double *thermal_samples, double *variables, double *parameters) {
+                       const double *thermal_samples, iptm_real *variables, iptm_real *parameters) {
   int k, i;
   pose_steps(grid, vehicle, limiting, known_s, speed_limits_m_s, parameters);
   pose_samples(grid, vehicle, states, inputs, leader, slope, thermal_samples, parameters);
   for (k = 0; k < grid->steps; ++k) {
-    double *const block = variables + (ptrdiff_t)BLOCK * k;
+    iptm_real *const block = variables + (ptrdiff_t)BLOCK * k;
     const double *const input = inputs + (ptrdiff_t)IPTM_INPUTS * k;
     scale_state(states + (ptrdiff_t)IPTM_STATES * k, vehicle->position_m, block);
     for (i = 0; i < IPTM_INPUTS; ++i) block[IPTM_STATES + i] = input[i] / INPUT_SCALE[i];
@@ -255,11 +257,11 @@ void iptm_pose_problem(const iptm_grid *grid, const iptm_vehicle *vehicle, const
               variables + (ptrdiff_t)BLOCK * grid->steps);
 }
 
-void iptm_read_plan(const iptm_grid *grid, double position_m, const double *variables,
+void iptm_read_plan(const iptm_grid *grid, double position_m, const iptm_real *variables,
                     double *states, double *inputs) {
   int k, i;
   for (k = 0; k <= grid->steps; ++k) {
-    const double *const block = variables + (ptrdiff_t)BLOCK * k;
+    const iptm_real *const block = variables + (ptrdiff_t)BLOCK * k;
     double *const state = states + (ptrdiff_t)IPTM_STATES * k;
     for (i = 0; i < IPTM_STATES; ++i) state[i] = block[i] * STATE_SCALE[i] + STATE_OFFSET[i];
     state[IPTM_STATE_POSITION] += position_m;

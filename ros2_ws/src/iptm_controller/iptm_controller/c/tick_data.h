@@ -7,6 +7,7 @@
 #define IPTM_TICK_DATA_H
 
 #include "layout.h"
+#include "real.h"
 #include "vehicle.h"
 
 /* The grid of a horizon, see ocp/grid.py; arrays have one entry per step or sample unless stated. */
@@ -60,10 +61,10 @@ void iptm_shift_plan(const iptm_grid *grid, double start_s, const double *states
 void iptm_pose_problem(const iptm_grid *grid, const iptm_vehicle *vehicle, const double *states,
                        const double *inputs, const iptm_motion *leader, const iptm_motion *limiting,
                        const iptm_slope *slope, double known_s, const double *speed_limits_m_s,
-                       const double *thermal_samples, double *variables, double *parameters);
+                       const double *thermal_samples, iptm_real *variables, iptm_real *parameters);
 
 /* Return a solution in physical units. */
-void iptm_read_plan(const iptm_grid *grid, double position_m, const double *variables,
+void iptm_read_plan(const iptm_grid *grid, double position_m, const iptm_real *variables,
                     double *states, double *inputs);
 
 #endif

@@ -37,10 +37,10 @@ typedef struct {
   const int *sizes, *strides, *result_sizes;
 } iptm_places;
 
-static void iptm_map(void (*group)(const double *const *, double *const *), const iptm_places *places,
-                     const double *const *arg, double *const *res, int count, double *scratch) {
-  const double *from[MOST_ARGUMENTS];
-  double *to[MOST_RESULTS], *free = scratch;
+static void iptm_map(void (*group)(const iptm_real *const *, iptm_real *const *), const iptm_places *places,
+                     const iptm_real *const *arg, iptm_real *const *res, int count, iptm_real *scratch) {
+  const iptm_real *from[MOST_ARGUMENTS];
+  iptm_real *to[MOST_RESULTS], *free = scratch;
   int i, j, step, first;
   if (count >= LANES) {
     for (first = 0; first < count; first += LANES) {
@@ -58,7 +58,7 @@ static void iptm_map(void (*group)(const double *const *, double *const *), cons
     from[i] = free;
     for (j = 0; j < LANES; ++j) {
       step = j < count ? j : count - 1;
-      memcpy(free + stride * j, arg[i] + stride * step, sizeof(double) * (size_t)size);
+      memcpy(free + stride * j, arg[i] + stride * step, sizeof(iptm_real) * (size_t)size);
     }
     free += stride * (LANES - 1) + size;
   }
@@ -68,13 +68,13 @@ static void iptm_map(void (*group)(const double *const *, double *const *), cons
   }
   group(from, to);
   for (i = 0; i < places->results; ++i) {
-    memcpy(res[i], to[i], sizeof(double) * (size_t)(places->result_sizes[i] * count));
+    memcpy(res[i], to[i], sizeof(iptm_real) * (size_t)(places->result_sizes[i] * count));
   }
 }
 """
 
 _SCALAR_MAXIMUM = """
-static double iptm_fmax(double x, double y) {
+static iptm_real iptm_fmax(iptm_real x, iptm_real y) {
   if (x > y) return x;
   return x < y ? y : fmax(x, y);
 }
@@ -117,8 +117,8 @@ def stage_sources(
     most_arguments = max(each.function.n_in() for each in every)
     most_results = max(each.function.n_out() for each in every)
     preamble = (
-        (PREAMBLE if lanes > 1 else "#include <math.h>\n")
-        + "#include <stddef.h>\n#include <string.h>\n"
+        (PREAMBLE if lanes > 1 else "")
+        + '#include <stddef.h>\n#include <string.h>\n#include "stages.h"\n#define casadi_real iptm_real\n'
         + f"{_SCALAR_MAXIMUM}{helpers}\n#define LANES {lanes}\n"
         + f"#define MOST_ARGUMENTS {most_arguments}\n#define MOST_RESULTS {most_results}\n{_MAP}"
     )
@@ -128,7 +128,7 @@ def stage_sources(
     ]
     for function in singles:
         name = function.name()
-        head = f"void {name}(const double *const *arg, double *const *res)"
+        head = f"void {name}(const iptm_real *const *arg, iptm_real *const *res)"
         files[-1].append(f"{head};\n{head} {{\n{_scalar_body(by_name[name])}}}\n")
     return ["\n".join(parts) for parts in files]
 
@@ -137,8 +137,8 @@ def _scalar_body(body: re.Match[str]) -> str:
     text = body["variables"] + body["statements"]
     reads = sorted({int(index) for index, _ in _READ.findall(text)})
     writes = sorted({int(index) for index, _ in _WRITE.findall(text)})
-    pointers = [f"  const double *const arg_{index} = arg[{index}];\n" for index in reads]
-    pointers += [f"  double *const res_{index} = res[{index}];\n" for index in writes]
+    pointers = [f"  const iptm_real *const arg_{index} = arg[{index}];\n" for index in reads]
+    pointers += [f"  iptm_real *const res_{index} = res[{index}];\n" for index in writes]
     text = _READ.sub(r"arg_\1[\2]", text)
     text = _WRITE.sub(r"res_\1[\2]=", text)
     return "".join(pointers) + text.replace("casadi_fmax(", "iptm_fmax(")
@@ -150,17 +150,17 @@ def _mapped(body: re.Match[str], each: StageMap, lanes: int) -> str:
     sizes = [function.nnz_in(index) for index in range(function.n_in())]
     strides = [each.strides[function.name_in(index)] for index in range(function.n_in())]
     result_sizes = [function.nnz_out(index) for index in range(function.n_out())]
-    group = f"static void {name}_group(const double *const *arg, double *const *res) {{\n"
+    group = f"static void {name}_group(const iptm_real *const *arg, iptm_real *const *res) {{\n"
     if lanes == 1:
         group += _scalar_body(body)
     else:
         by_pointer = {f"arg_{index}": stride for index, stride in enumerate(strides)}
         by_pointer |= {f"res_{index}": size for index, size in enumerate(result_sizes)}
         lines = [
-            f"  const double *const arg_{index} = arg[{index}];" for index in range(len(sizes))
+            f"  const iptm_real *const arg_{index} = arg[{index}];" for index in range(len(sizes))
         ]
         lines += [
-            f"  double *const res_{index} = res[{index}];" for index in range(len(result_sizes))
+            f"  iptm_real *const res_{index} = res[{index}];" for index in range(len(result_sizes))
         ]
         lines += [line.replace("casadi_real", "lanes") for line in body["variables"].splitlines()]
         points = range(lanes)
@@ -168,14 +168,14 @@ def _mapped(body: re.Match[str], each: StageMap, lanes: int) -> str:
         group += "\n".join(lines) + "\n"
     scratch = sum(stride * (lanes - 1) + size for stride, size in zip(strides, sizes, strict=True))
     scratch += sum(size * lanes for size in result_sizes)
-    head = f"void {name}(const double *const *arg, double *const *res, int count)"
+    head = f"void {name}(const iptm_real *const *arg, iptm_real *const *res, int count)"
     return (
         f"{group}}}\n{head};\n{head} {{\n"
         f"  static const int sizes[] = {_braced(sizes)}, strides[] = {_braced(strides)};\n"
         f"  static const int result_sizes[] = {_braced(result_sizes)};\n"
         f"  static const iptm_places places = {{{len(sizes)}, {len(result_sizes)}, sizes, strides, "
         "result_sizes};\n"
-        f"  double scratch[{scratch}];\n"
+        f"  iptm_real scratch[{scratch}];\n"
         f"  iptm_map({name}_group, &places, arg, res, count, scratch);\n}}\n"
     )
 

@@ -27,7 +27,7 @@ from iptm_core.physics.ops import named_function
 
 SOURCE_FOLDER = Path(__file__).resolve().parents[2] / "c"
 SOLVER_SOURCES = ("riccati.c", "switching.c", "clock.c")
-HEADERS = ("riccati.h", "switching.h", "stages.h", "clock.h")
+HEADERS = ("riccati.h", "switching.h", "stages.h", "real.h", "clock.h")
 
 
 @dataclass(frozen=True)
@@ -86,14 +86,14 @@ def stage_program(problem: OptimalControlProblem, *, lanes: int = LANES) -> Stag
     ]
     linearise = [each.function.name() for each in maps["linearise"]]
     tables[:0] = [
-        f"void {name}(const double *const *arg, double *const *res, int count);"
+        f"void {name}(const iptm_real *const *arg, iptm_real *const *res, int count);"
         for name in linearise
     ]
     parameters = ", ".join(str(stage.step_parameters.numel()) for stage in stages)
     tables.append(f"const int iptm_kind_parameters[] = {{{parameters}}};")
     return StageProgram(
         _header(systems[0].inequality_count, len(stages), sparsity),
-        (*sources[:-1], "\n".join(['#include "stages.h"', sources[-1], *tables, ""])),
+        (*sources[:-1], "\n".join([sources[-1], *tables, ""])),
     )
 
 
