@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from iptm_core.frozen import replace
 from iptm_core.lead_track import (
     CONFIRMED_FREE_S,
     LONGEST_PERIOD_S,
@@ -21,7 +20,6 @@ from iptm_core.lead_track import (
     clear_lane,
     emptied,
     followed,
-    plainly_followed,
     resolution,
     slowed,
 )
@@ -290,24 +288,3 @@ def test_behind_a_ghost_the_hidden_vehicle_counts_at_once_and_another_one_later(
 def test_the_same_vehicle_in_a_wrong_place_is_no_ghost() -> None:
     samples, _ = behind_ghost(2, 19.0, 45.0)
     assert not track_of(samples[:-9]).ghost
-
-
-@given(
-    st.lists(st.sampled_from([0.0, 0.3, 5.0, 6.1, 12.0]), min_size=9, max_size=9),
-    st.lists(st.sampled_from([0.0, 0.0, 0.0, 1e-7, 0.5, -4.0]), min_size=9, max_size=9),
-    st.floats(0.0, 20.0),
-)
-def test_plain_measurements_are_followed_at_once_as_one_by_one(
-    changes_m_s: list[float], jumps_m: list[float], own_m_s: float
-) -> None:
-    samples, position_m = [Sample(0.0, 30.0, 5.0, 0.0, own_m_s)], 30.0
-    for number, (change, jump) in enumerate(zip(changes_m_s, jumps_m, strict=True), start=1):
-        speed = 0.1 * change + 0.01 * number * (change > 1.0)
-        position_m += 0.05 * (samples[-1].speed_m_s + speed) + jump
-        own_m = 0.1 * number * own_m_s
-        samples.append(Sample(0.1 * number, position_m, speed, own_m, own_m_s))
-    before = track_of(samples[:4])
-    at_once = plainly_followed(before, samples[4:])
-    assert at_once is None or at_once == replace(track_of(samples), empty_since_s=math.nan)
-    if not any(jumps_m) and len(set(changes_m_s)) == 1 and changes_m_s[0] > 1.0 and own_m_s < 0.4:
-        assert at_once is not None

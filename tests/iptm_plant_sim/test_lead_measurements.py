@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from tests.iptm_plant_sim.scenes import COAST, MONITOR, SETTINGS, driving, lead_at
 
-from iptm_core.lead_track import LeadStatus, LeadTrack, clear_lane
-from iptm_core.state import FloatArray, LeaderPreview, LeaderState, VehicleState
-from iptm_plant_sim.lead_measurements import LeadMeasurements
+from iptm_core.lead_track import LeadStatus, LeadTrack, Sample, clear_lane, followed
+from iptm_core.state import LeaderPreview, LeaderState, VehicleState
+from iptm_plant_sim.lead_measurements import LeadMeasurements, plainly_followed
 
 
-def still(after_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    return np.zeros_like(after_s), np.zeros_like(after_s)
+def still(after_s: float) -> tuple[float, float]:  # noqa: ARG001
+    return 0.0, 0.0
 
 
 def measured(*rows: tuple[float, float, float]) -> LeaderPreview:
@@ -96,3 +99,26 @@ def test_without_a_vehicle_ahead_it_does_not_brake() -> None:
     step = plant.advance(state, COAST)
     assert step.safety.service_braking_s == 0.0
     assert math.isnan(step.safety.smallest_gap_m)
+
+
+@given(
+    st.lists(st.sampled_from([0.0, 0.3, 5.0, 6.1, 12.0]), min_size=9, max_size=9),
+    st.lists(st.sampled_from([0.0, 0.0, 0.0, 1e-7, 0.5, -4.0]), min_size=9, max_size=9),
+    st.floats(0.0, 20.0),
+)
+def test_plain_measurements_are_followed_at_once_as_one_by_one(
+    changes_m_s: list[float], jumps_m: list[float], own_m_s: float
+) -> None:
+    samples, position_m = [Sample(0.0, 30.0, 5.0, 0.0, own_m_s)], 30.0
+    for number, (change, jump) in enumerate(zip(changes_m_s, jumps_m, strict=True), start=1):
+        speed = 0.1 * change + 0.01 * number * (change > 1.0)
+        position_m += 0.05 * (samples[-1].speed_m_s + speed) + jump
+        own_m = 0.1 * number * own_m_s
+        samples.append(Sample(0.1 * number, position_m, speed, own_m, own_m_s))
+    before = reduce(followed, samples[:4], LeadTrack())
+    at_once = plainly_followed(before, samples[4:])
+    assert at_once is None or at_once == replace(
+        reduce(followed, samples, LeadTrack()), empty_since_s=math.nan
+    )
+    if not any(jumps_m) and len(set(changes_m_s)) == 1 and changes_m_s[0] > 1.0 and own_m_s < 0.4:
+        assert at_once is not None

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import ctypes
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -23,9 +22,9 @@ from iptm_controller.lead_check import (
     measured_acceleration_m_s2,
 )
 from iptm_controller.preview_trust import PRESENT_ERROR_M_S, PreviewFusion, PreviewTrust
-from iptm_controller.tick_library import Motion, address, keep_motion, motion_of
+from iptm_controller.tick_library import LeadMotionInC
 from iptm_core.frozen import light, replace
-from iptm_core.state import SPEED_AT_REST_M_S, FloatArray, LeaderPreview, LeaderState
+from iptm_core.state import SPEED_AT_REST_M_S, LeaderPreview, LeaderState
 
 HISTORY_S = 3.0
 MAX_LEADER_SPEED_M_S = 100.0
@@ -151,7 +150,7 @@ class LeaderForecaster:
         self._max_age_s = max_age_s
         self._past: deque[LeaderState] = deque()
         self.trust = PreviewTrust(tick_s)
-        self._in_c = None if library is None else _LeadMotionInC(library, self.trust.lead_times_s)
+        self._in_c = None if library is None else LeadMotionInC(library, self.trust.lead_times_s)
         self.fusion = PreviewFusion(None if self._in_c is None else self._in_c.roughness_m2_s4)
 
     @property
@@ -330,51 +329,3 @@ class LeaderForecaster:
             np.concatenate([[state.position_m for state in past], future.positions_m]),
             np.concatenate([[state.speed_m_s for state in past], future.speeds_m_s]),
         )
-
-
-class _LeadMotionInC:
-    """What is worked out of every preview, in C."""
-
-    def __init__(self, library: ctypes.PyDLL, lead_times_s: FloatArray) -> None:
-        """Keep the lead times at which predictions are compared."""
-        self._library, self._lead_times_s = library, lead_times_s
-        self._asserted_m_s = np.empty(lead_times_s.size)
-        self._leads = lead_times_s.size, address(lead_times_s)
-        self._asserted = address(self._asserted_m_s)
-
-    def is_sound(self, preview: LeaderPreview) -> bool:
-        """Return whether a preview without bounds has no fault and nowhere moves backwards."""
-        size = preview.times_s.size
-        is_whole = size == preview.positions_m.size == preview.speeds_m_s.size
-        if not is_whole or preview.bounds_m.size:
-            return False
-        return bool(self._library.iptm_is_sound(ctypes.byref(motion_of(preview))))
-
-    def roughness_m2_s4(self, before: LeaderPreview, now: LeaderPreview) -> float:
-        """Do what the function of this name does."""
-        pair = ctypes.byref(motion_of(before)), ctypes.byref(motion_of(now))
-        return float(self._library.iptm_roughness_m2_s4(*pair))
-
-    def joined(
-        self, leader: LeaderState, measured: Sequence[LeaderState], preview: LeaderPreview
-    ) -> tuple[LeaderPreview, tuple[float, ...]]:
-        """Return the past and what a preview says, and the speeds asserted for the lead times."""
-        past, room = len(measured) - 1, preview.times_s.size + len(measured)
-        columns = np.empty((3, room))
-        for place in range(past):
-            state = measured[place]
-            columns[:, place] = state.time_s, state.position_m, state.speed_m_s
-        first, row = address(columns), 8 * room
-        rows = first, first + row, first + 2 * row
-        nodes = past + self._library.iptm_follow_preview(
-            ctypes.byref(motion_of(preview)),
-            leader.time_s,
-            leader.position_m,
-            preview.known_until_s,
-            *self._leads,
-            *(each + 8 * past for each in rows),
-            self._asserted,
-        )
-        motion = LeaderPreview(*columns[:, :nodes])
-        keep_motion(motion, Motion(nodes, *rows))
-        return motion, tuple(self._asserted_m_s.tolist())

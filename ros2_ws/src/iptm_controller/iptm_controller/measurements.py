@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TypeVar
 
 import numpy as np
@@ -149,9 +150,12 @@ def leader_fault(leader: LeaderState, ego: VehicleState) -> str:
 
 def slope_at_rad(slope: SlopePreview, position_m: float) -> float:
     """Return the slope of the road at a position."""
+    if slope.slopes_rad.size == 1:
+        return slope.slopes_rad.item()
     return float(np.interp(position_m, slope.positions_m, slope.slopes_rad))
 
 
+@lru_cache(maxsize=8)  # the road ahead stays the same object for many ticks
 def slope_fault(slope: SlopePreview) -> str:
     """Return why a road cannot be driven on, empty if it can."""
     sizes = (slope.positions_m.size, slope.slopes_rad.size)
@@ -159,9 +163,9 @@ def slope_fault(slope: SlopePreview) -> str:
         return (
             f"slope has {sizes[0]} positions and {sizes[1]} slopes; allowed: equal numbers from 1"
         )
-    steepest = slope.steepest_rad
-    if math.isnan(steepest):
+    if not (np.isfinite(slope.positions_m).all() and np.isfinite(slope.slopes_rad).all()):
         return "slope has positions or slopes that are not finite numbers"
+    steepest = float(np.abs(slope.slopes_rad).max())
     if steepest > STEEPEST_RAD:
         return f"slope is {steepest} rad; allowed: {STEEPEST_RAD:g} rad up or down"
     return ""

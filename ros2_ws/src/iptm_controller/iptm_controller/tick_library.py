@@ -7,6 +7,7 @@ give the same numbers, to the last bit.
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ import numpy as np
 from iptm_controller.ocp.compilation import cache_directory, compile_sources, find_compiler
 from iptm_controller.ocp.layout_header import layout_header
 from iptm_core.errors import SolverSetupError
-from iptm_core.state import FloatArray, LeaderPreview
+from iptm_core.state import FloatArray, LeaderPreview, LeaderState
 
 _SOURCE_FOLDER = Path(__file__).resolve().parent / "c"
 _FILES = ("tick_data.c", "tick_data.h", "lead_motion.c", "lead_motion.h", "vehicle.h", "real.h")
@@ -95,3 +96,51 @@ def _library(compiler: tuple[str, ...], *_: object) -> ctypes.PyDLL:
     except (OSError, AttributeError) as error:
         raise SolverSetupError(f"the C code of a tick cannot be set up: {error}") from error
     return library
+
+
+class LeadMotionInC:
+    """What is worked out of every preview, in C."""
+
+    def __init__(self, library: ctypes.PyDLL, lead_times_s: FloatArray) -> None:
+        """Keep the lead times at which predictions are compared."""
+        self._library, self._lead_times_s = library, lead_times_s
+        self._asserted_m_s = np.empty(lead_times_s.size)
+        self._leads = lead_times_s.size, address(lead_times_s)
+        self._asserted = address(self._asserted_m_s)
+
+    def is_sound(self, preview: LeaderPreview) -> bool:
+        """Return whether a preview without bounds has no fault and nowhere moves backwards."""
+        size = preview.times_s.size
+        is_whole = size == preview.positions_m.size == preview.speeds_m_s.size
+        if not is_whole or preview.bounds_m.size:
+            return False
+        return bool(self._library.iptm_is_sound(ctypes.byref(motion_of(preview))))
+
+    def roughness_m2_s4(self, before: LeaderPreview, now: LeaderPreview) -> float:
+        """Do what the function of this name does."""
+        pair = ctypes.byref(motion_of(before)), ctypes.byref(motion_of(now))
+        return float(self._library.iptm_roughness_m2_s4(*pair))
+
+    def joined(
+        self, leader: LeaderState, measured: Sequence[LeaderState], preview: LeaderPreview
+    ) -> tuple[LeaderPreview, tuple[float, ...]]:
+        """Return the past and what a preview says, and the speeds asserted for the lead times."""
+        past, room = len(measured) - 1, preview.times_s.size + len(measured)
+        columns = np.empty((3, room))
+        for place in range(past):
+            state = measured[place]
+            columns[:, place] = state.time_s, state.position_m, state.speed_m_s
+        first, row = address(columns), 8 * room
+        rows = first, first + row, first + 2 * row
+        nodes = past + self._library.iptm_follow_preview(
+            ctypes.byref(motion_of(preview)),
+            leader.time_s,
+            leader.position_m,
+            preview.known_until_s,
+            *self._leads,
+            *(each + 8 * past for each in rows),
+            self._asserted,
+        )
+        motion = LeaderPreview(*columns[:, :nodes])
+        keep_motion(motion, Motion(nodes, *rows))
+        return motion, tuple(self._asserted_m_s.tolist())

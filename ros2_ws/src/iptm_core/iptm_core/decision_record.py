@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from enum import IntEnum
+from operator import attrgetter
 from typing import ClassVar
 
 import numpy as np
@@ -133,11 +134,11 @@ class DecisionSeries(Columns):
         cls, times_s: Sequence[float], records: Sequence[DecisionRecord]
     ) -> DecisionSeries:
         """Put records together."""
-        columns = {
-            entry.name: [getattr(record, entry.name) for record in records]
-            for entry in fields(DecisionRecord)
-        }
-        return cls.from_arrays({"time_s": times_s, **columns})
+        names = [entry.name for entry in fields(DecisionRecord)]
+        columns = (
+            zip(*map(attrgetter(*names), records), strict=True) if records else [()] * len(names)
+        )
+        return cls.from_arrays({"time_s": times_s, **dict(zip(names, columns, strict=True))})
 
 
 DECISION_COLUMNS = DecisionSeries.names()

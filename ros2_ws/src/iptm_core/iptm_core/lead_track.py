@@ -16,10 +16,8 @@ the own motion. Controller and safety monitor follow the vehicle ahead each on i
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -56,7 +54,8 @@ HIDDEN_DECELERATION_M_S2 = 3.0
 """Deceleration assumed of a vehicle that a ghost hides, harder than in ordinary driving."""
 LONGEST_PERIOD_S = 1.5
 """A sensor is taken to measure at least this often."""
-_KEPT = 12
+KEPT = 12
+"""Measurements that a track remembers."""
 _RESOLUTION_S = 1e-9
 
 
@@ -196,7 +195,7 @@ def followed(track: LeadTrack, sample: Sample) -> LeadTrack:
     interval_s = sample.time_s - last.time_s
     if interval_s <= _RESOLUTION_S:  # measured again
         return replace(track, seen=sample.lead, recent=(*track.recent[:-1], sample))
-    recent = (*track.recent[1 - _KEPT :], sample)
+    recent = (*track.recent[1 - KEPT :], sample)
     period_s = min(interval_s, LONGEST_PERIOD_S)
     track = replace(track, recent=recent, period_s=period_s, empty_since_s=math.nan)
     first = _frozen_since(track, sample)
@@ -337,50 +336,3 @@ def _needed_steps(track: LeadTrack, sample: Sample, interval_s: float) -> int:
     if nearest_m <= sample.position_m <= farthest_m:
         return RECOVERED_STEPS
     return max(RECOVERED_STEPS, math.ceil(GHOST_CONFIRMED_S / interval_s))
-
-
-def _are_apart(values: list[float], by: float) -> bool:
-    """Return whether any two values differ by more than a distance."""
-    values.sort()
-    return all(larger - smaller > by for smaller, larger in pairwise(values))
-
-
-def plainly_followed(track: LeadTrack, samples: Sequence[Sample]) -> LeadTrack | None:
-    """Return a track after measurements in order, of which none repeats or contradicts another.
-
-    The same as `followed` sample by sample; None where one of them needs a closer look.
-    """
-    if track.frozen or track.seen is None or not track.recent:
-        return None
-    rows = (*track.recent, *samples)
-    speeds = [row[2] for row in rows]
-    fastest_m_s = max(speeds)
-    is_moving = fastest_m_s > MOVING_M_S or max([row[4] for row in rows]) > MOVING_M_S
-    if is_moving and not _are_apart(speeds, IDENTICAL_M_S):
-        # The same speed again is no repetition where gap and, of a moving vehicle, position differ.
-        if not _are_apart([row[1] - row[3] for row in rows], 2.0 * IDENTICAL_M):
-            return None
-        if fastest_m_s > MOVING_M_S and not _are_apart([row[1] for row in rows], 2 * IDENTICAL_M):
-            return None
-    last_s, last_m, last_m_s = track.recent[-1][:3]
-    interval_s = acceleration_m_s2 = 0.0
-    for time_s, position_m, speed_m_s, _, _ in samples:
-        interval_s, change_m_s = time_s - last_s, speed_m_s - last_m_s
-        farther_m = position_m - last_m - 0.5 * (last_m_s + speed_m_s) * interval_s
-        if not (
-            _RESOLUTION_S < interval_s <= LARGEST_MEASURING_INTERVAL_S
-            and abs(farther_m) <= ANOTHER_LEAD_M
-            and abs(change_m_s) <= ANOTHER_LEAD_M_S
-            and position_m < FREE_POSITION_M
-        ):
-            return None
-        acceleration_m_s2 = change_m_s / interval_s
-        last_s, last_m, last_m_s = time_s, position_m, speed_m_s
-    return replace(
-        track,
-        seen=samples[-1].lead,
-        acceleration_m_s2=acceleration_m_s2,
-        period_s=min(interval_s, LONGEST_PERIOD_S),
-        recent=rows[-_KEPT:],
-        empty_since_s=math.nan,
-    )

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 from iptm_core.declaration import Settings, parameter
 from iptm_core.frozen import light
@@ -46,6 +47,7 @@ class BrakingCapability:
     lead_m_s2: float
 
 
+@lru_cache(maxsize=256)
 def braking_capability(
     own_m_s2: float, lead_m_s2: float, friction: float = 0.0, slope_rad: float = 0.0
 ) -> BrakingCapability:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from enum import IntEnum
-from functools import cached_property, partial
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,7 @@ from iptm_core.errors import StateError
 from iptm_core.frozen import light, replace
 
 NS_PER_S = 1_000_000_000
-"""Nanoseconds in a second."""
 NS_PER_MS = 1_000_000
-"""Nanoseconds in a millisecond."""
 
 FloatArray = NDArray[np.float64]
 
@@ -102,7 +100,6 @@ class FullChannelState(VehicleState):
                 raise StateError(f"state: {name} is {stated}; allowed: that of the cell, {value}")
 
 
-@light
 @dataclass(frozen=True)
 class IntervalPowers:
     """Mean powers over one interval in watts; mean times duration is the energy.
@@ -135,7 +132,6 @@ class CommandSource(IntEnum):
     """The controlled stop, for want of a command that can be carried out."""
 
 
-@light
 @dataclass(frozen=True)
 class SafetyRecord:
     """What the vehicle did of its own accord over an interval, and what its safety monitor measured.
@@ -143,8 +139,7 @@ class SafetyRecord:
     Attributes:
         service_braking_s: part of the interval in which it braked, from the request to the return of the
             acceleration into the limits of comfort.
-        smallest_gap_m: smallest gap that the range sensor measured after the start of the interval and before
-            its end; NaN where it measured none.
+        smallest_gap_m: smallest gap that the range sensor measured inside the interval; NaN for none.
         brake_share: share of the requested deceleration that the brakes deliver, as estimated.
         command_source: number of the `CommandSource`; NaN where it is not known.
     """
@@ -155,7 +150,6 @@ class SafetyRecord:
     command_source: float = float(CommandSource.ANSWER)
 
 
-@light
 @dataclass(frozen=True)
 class PackReading:
     """What is measured of the pack beside its cells; what is not is NaN.
@@ -171,14 +165,12 @@ class PackReading:
     battery_power_w: float = math.nan
 
 
-@light
 @dataclass(frozen=True)
 class PlantObservation:
     """What others learn of the plant at one instant.
 
     Attributes:
-        powers: means over the interval that ended now; all but the compressor's are 0 at the start of a
-            trip, where no interval has ended.
+        powers: means over the interval that ended now; before the first one, 0 but for the compressor's.
         coolant_inlet_temperature_k: coolant entering the channels (T_c,in).
         coolant_outlet_temperature_k: coolant leaving the channels (T_c,out).
     """
@@ -203,8 +195,7 @@ class PlantObservation:
 class BatteryReading:
     """Terminal values of the pack and of cells of a coolant channel.
 
-    The cells are the first and the last one, or all of them in the order of the coolant. What is not measured
-    is NaN.
+    Cells are the first and the last one, or all in the order of the coolant. NaN: not measured.
 
     Attributes:
         pack_current_a: positive when discharging (sign of the paper; the message has the opposite sign).
@@ -351,16 +342,9 @@ class LeaderPreview:
         return position + speed * (times_s - inside), speed
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SlopePreview:
     """Road slope (theta, rad, positive uphill) at increasing positions, shape (n,); ends are held."""
 
     positions_m: FloatArray
     slopes_rad: FloatArray
-
-    @cached_property
-    def steepest_rad(self) -> float:
-        """Largest slope up or down; NaN if a position or slope is not a finite number."""
-        if not (np.isfinite(self.positions_m).all() and np.isfinite(self.slopes_rad).all()):
-            return math.nan
-        return float(np.abs(self.slopes_rad).max(initial=0.0))

@@ -4,12 +4,27 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
-from itertools import accumulate
+from itertools import accumulate, pairwise
 from operator import attrgetter
 
-from iptm_core.lead_track import LeadTrack, Sample, emptied, followed, plainly_followed
+from iptm_core.frozen import replace
+from iptm_core.lead_track import (
+    ANOTHER_LEAD_M,
+    ANOTHER_LEAD_M_S,
+    FREE_POSITION_M,
+    IDENTICAL_M,
+    IDENTICAL_M_S,
+    KEPT,
+    LARGEST_MEASURING_INTERVAL_S,
+    LONGEST_PERIOD_S,
+    MOVING_M_S,
+    LeadTrack,
+    Sample,
+    emptied,
+    followed,
+)
 from iptm_core.state import LeaderPreview, LeaderState
 
 _RESOLUTION_S = 1e-9
@@ -88,6 +103,10 @@ class LeadMeasurements:
             The vehicle, for how long its measurements have been missing, and whether it is measured now.
         """
         index = bisect_right(self._samples, time_s + _RESOLUTION_S, key=_time_s) - 1
+        if self._are_sound and index >= 0:
+            newest = self._samples[index]
+            if abs(time_s - newest.time_s) <= _RESOLUTION_S:
+                return newest.lead, 0.0, True
         track = self._before if index < 0 else self._tracks[index]
         if track.seen is not None and abs(time_s - track.seen.time_s) <= _RESOLUTION_S:
             return track.seen, 0.0, True
@@ -101,3 +120,50 @@ class LeadMeasurements:
             if each.time_s > after_s + _RESOLUTION_S
         )
         return min(gaps_m, default=math.nan)
+
+
+def _are_apart(values: list[float], by: float) -> bool:
+    """Return whether any two values differ by more than a distance."""
+    values.sort()
+    return all(larger - smaller > by for smaller, larger in pairwise(values))
+
+
+def plainly_followed(track: LeadTrack, samples: Sequence[Sample]) -> LeadTrack | None:
+    """Return a track after measurements in order, of which none repeats or contradicts another.
+
+    The same as `followed` sample by sample; None where one of them needs a closer look.
+    """
+    if track.frozen or track.seen is None or not track.recent:
+        return None
+    rows = (*track.recent, *samples)
+    speeds = [row[2] for row in rows]
+    fastest_m_s = max(speeds)
+    is_moving = fastest_m_s > MOVING_M_S or max([row[4] for row in rows]) > MOVING_M_S
+    if is_moving and not _are_apart(speeds, IDENTICAL_M_S):
+        # The same speed again is no repetition where gap and, of a moving vehicle, position differ.
+        if not _are_apart([row[1] - row[3] for row in rows], 2.0 * IDENTICAL_M):
+            return None
+        if fastest_m_s > MOVING_M_S and not _are_apart([row[1] for row in rows], 2 * IDENTICAL_M):
+            return None
+    last_s, last_m, last_m_s = track.recent[-1][:3]
+    interval_s = acceleration_m_s2 = 0.0
+    for time_s, position_m, speed_m_s, _, _ in samples:
+        interval_s, change_m_s = time_s - last_s, speed_m_s - last_m_s
+        farther_m = position_m - last_m - 0.5 * (last_m_s + speed_m_s) * interval_s
+        if not (
+            _RESOLUTION_S < interval_s <= LARGEST_MEASURING_INTERVAL_S
+            and abs(farther_m) <= ANOTHER_LEAD_M
+            and abs(change_m_s) <= ANOTHER_LEAD_M_S
+            and position_m < FREE_POSITION_M
+        ):
+            return None
+        acceleration_m_s2 = change_m_s / interval_s
+        last_s, last_m, last_m_s = time_s, position_m, speed_m_s
+    return replace(
+        track,
+        seen=samples[-1].lead,
+        acceleration_m_s2=acceleration_m_s2,
+        period_s=min(interval_s, LONGEST_PERIOD_S),
+        recent=rows[-KEPT:],
+        empty_since_s=math.nan,
+    )

@@ -171,6 +171,8 @@ class SlopeProfile:
 
     def slope_at(self, position_m: ArrayLike) -> FloatArray:
         """Return the interpolated slope in rad, positive uphill, shape of the positions."""
-        return np.interp(
-            np.asarray(position_m, dtype=np.float64), self.positions_m, self.slopes_rad
-        )
+        positions_m = np.asarray(position_m, dtype=np.float64)
+        if self.positions_m.size == 1:
+            level: FloatArray = self.slopes_rad[0] + 0.0 * positions_m  # NaN stays NaN
+            return level
+        return np.interp(positions_m, self.positions_m, self.slopes_rad)
