@@ -17,7 +17,7 @@ from iptm.parts import FloatArray, MeasurementError
 SCENES = 40
 SHORTEST_S, LONGEST_S = 60, 150
 AFTERWARDS_S = 30
-"""What the lead vehicle does after the scene is part of its drive, as far as it was measured."""
+"""The drive of the lead vehicle goes on for this long after the scene, as far as it was measured."""
 JOINT = (0.3, 0.3, 3.0)
 """Largest differences between two like instants: speeds of both in m/s, gap in m."""
 RUN_IN_S = 40

@@ -65,7 +65,7 @@ FIRST_CAR = next(iter(CARS))
 
 
 class Preparation(TextEnum):
-    """What is done with the pack on the way."""
+    """Treatment of the pack on the way."""
 
     NONE = "none"
     LAST_MINUTES = "last 20 minutes"

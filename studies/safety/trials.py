@@ -45,7 +45,7 @@ PERIODS_S: tuple[float, ...] = (0.1, 0.2, 0.5, 1.0)
 DISTURBED_S, DELAYED_S = 300.0, 300.0
 """Largest lengths of a disturbed trial, and of a drive with delayed commands."""
 SHIPPED, MEASURED = "shipped cycles", "measured lead vehicles"
-"""What is driven behind."""
+"""Kinds of lead vehicles."""
 
 
 def _duration_s(cycle: str, longest_s: float) -> float | None:

@@ -13,7 +13,7 @@ REFERENCE_K = 298.15
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """What a circuit is tried on: one trip or test, arrays of shape (n,).
+    """Recorded input of a circuit: one trip or test, arrays of shape (n,).
 
     Attributes:
         steps_s: time since the previous sample.

@@ -78,7 +78,7 @@ class I3Vehicle:
 
 @dataclass(frozen=True, eq=False)
 class Road:
-    """What the model takes from a trip: motion, slope and consumers; arrays of shape (n,)."""
+    """Input of the model from a trip: motion, slope and consumers; arrays of shape (n,)."""
 
     speed_m_s: FloatArray
     acceleration_m_s2: FloatArray

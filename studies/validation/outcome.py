@@ -1,4 +1,4 @@
-"""What a comparison with measurements gives: figures with their bars, curves, and the page of all."""
+"""Results of a comparison with measurements: figures with their bars, curves, and pictures."""
 
 from __future__ import annotations
 

@@ -64,13 +64,13 @@ class Comparison:
 
     @property
     def savings(self) -> dict[str, Saving]:
-        """What each run but the first saved against the first one, by label."""
+        """Savings of every other run against the first one, by label."""
         first, *others = self.runs
         return {label: self.runs[label].saving(self.runs[first]) for label in others}
 
     @property
     def headlines(self) -> list[str]:
-        """What each run but the first saved, a line each."""
+        """Savings of every other run, one line each."""
         return [f"{label}: {found.headline}" for label, found in self.savings.items()]
 
     @property

@@ -52,12 +52,12 @@ class Reporter(TextEnum):
     CONTROLLER = "controller"
     """The reason of a decision."""
     VEHICLE = "vehicle"
-    """What the vehicle did of its own accord."""
+    """Actions of the vehicle itself."""
 
 
 @dataclass(frozen=True)
 class Report:
-    """What was reported from a trip time on, until something else was; an empty text where all is well.
+    """A report that holds from a trip time until the next one; an empty text reports no problem.
 
     Attributes:
         weak_brakes: the brakes deliver noticeably less than what is requested of them.

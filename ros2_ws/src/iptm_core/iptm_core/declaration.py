@@ -74,7 +74,7 @@ class ParameterSpec:
 
     @property
     def allowed(self) -> str:
-        """What is permitted, in words."""
+        """The permitted values, in words."""
         words = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
         kind = "one of " + ", ".join(self.choices) if self.choices else words[self.kind]
         kind += f", the path of a file ({', '.join(self.suffixes)})" if self.suffixes else ""

@@ -97,7 +97,7 @@ class BridgeNode(SuiteNode):
         self._unanswered_ns = time_ns
         self._answer_clock()
         if not self._answers.missing:
-            # What is missing has a moment to arrive; the timer reports what does not.
+            # Missing inputs have a moment to arrive; the timer reports the ones that do not.
             self._report()
 
     def _answer_clock(self) -> None:

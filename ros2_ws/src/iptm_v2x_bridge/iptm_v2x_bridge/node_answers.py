@@ -60,8 +60,8 @@ class AnswerContext:
 class TickAnswers(ABC, Generic[Trip]):
     """Answers a tick once everything that belongs to it has arrived.
 
-    What belongs to one trip is created at its first tick; the trip before is kept in case the present one was
-    begun by a stray clock.
+    The state of a trip is created at its first tick. The previous trip is kept in case a stray clock message
+    began the present one.
 
     Attributes:
         missing: the awaited input, empty for none.
