@@ -8,20 +8,22 @@ from __future__ import annotations
 from typing import Any
 
 try:
-    from builtin_interfaces.msg import Time
-    from diagnostic_msgs.msg import DiagnosticArray
-    from geometry_msgs.msg import AccelStamped
-    from nav_msgs.msg import Odometry
-    from rosgraph_msgs.msg import Clock
-    from sensor_msgs.msg import BatteryState, JointState, PointCloud2, PointField, Temperature
-    from std_msgs.msg import (
-        Float64,
-        Float64MultiArray,
-        Header,
-        MultiArrayDimension,
-        MultiArrayLayout,
-        UInt8MultiArray,
-    )
+    from builtin_interfaces.msg import Time as Time
+    from diagnostic_msgs.msg import DiagnosticArray as DiagnosticArray
+    from geometry_msgs.msg import AccelStamped as AccelStamped
+    from nav_msgs.msg import Odometry as Odometry
+    from rosgraph_msgs.msg import Clock as Clock
+    from sensor_msgs.msg import BatteryState as BatteryState
+    from sensor_msgs.msg import JointState as JointState
+    from sensor_msgs.msg import PointCloud2 as PointCloud2
+    from sensor_msgs.msg import PointField as PointField
+    from sensor_msgs.msg import Temperature as Temperature
+    from std_msgs.msg import Float64 as Float64
+    from std_msgs.msg import Float64MultiArray as Float64MultiArray
+    from std_msgs.msg import Header as Header
+    from std_msgs.msg import MultiArrayDimension as MultiArrayDimension
+    from std_msgs.msg import MultiArrayLayout as MultiArrayLayout
+    from std_msgs.msg import UInt8MultiArray as UInt8MultiArray
 except ModuleNotFoundError:
     from rosbags.typesys.stores import ros2_jazzy as _rosbags
 
@@ -41,26 +43,6 @@ except ModuleNotFoundError:
     MultiArrayDimension = _rosbags.std_msgs__msg__MultiArrayDimension
     MultiArrayLayout = _rosbags.std_msgs__msg__MultiArrayLayout
     UInt8MultiArray = _rosbags.std_msgs__msg__UInt8MultiArray
-
-__all__ = [
-    "AccelStamped",
-    "BatteryState",
-    "Clock",
-    "DiagnosticArray",
-    "Float64",
-    "Float64MultiArray",
-    "Header",
-    "JointState",
-    "MultiArrayDimension",
-    "MultiArrayLayout",
-    "Odometry",
-    "PointCloud2",
-    "PointField",
-    "Temperature",
-    "Time",
-    "UInt8MultiArray",
-    "type_name",
-]
 
 
 def type_name(message_type: type[Any]) -> str:
