@@ -9,6 +9,7 @@ from pathlib import Path
 from rich.console import Console, Group
 from rich.live import Live
 from rich.progress_bar import ProgressBar
+from rich.table import Table
 from rich.text import Text
 
 from iptm.runner.monitor import Snapshot
@@ -81,7 +82,8 @@ class ConsoleProgress(Progress):
     def running(self, snapshot: Snapshot, wall_s: float) -> None:
         """Show the state of the run; as a line when the trip has begun, and then now and again."""
         if self._live is not None:
-            bar = ProgressBar(self._duration_s, snapshot.time_s, width=_BAR_WIDTH)
+            bar = Table.grid()
+            bar.add_row(ProgressBar(self._duration_s, snapshot.time_s, width=_BAR_WIDTH))
             self._live.update(Group(bar, Text(self._state(snapshot, wall_s))), refresh=True)
         elif self._is_due() or not self._has_begun:
             self._has_begun = True
