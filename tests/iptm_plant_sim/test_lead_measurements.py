@@ -115,10 +115,10 @@ def test_plain_measurements_are_followed_at_once_as_one_by_one(
         position_m += 0.05 * (samples[-1].speed_m_s + speed) + jump
         own_m = 0.1 * number * own_m_s
         samples.append(Sample(0.1 * number, position_m, speed, own_m, own_m_s))
-    before = reduce(followed, samples[:4], LeadTrack())
-    at_once = plainly_followed(before, samples[4:])
-    assert at_once is None or at_once == replace(
-        reduce(followed, samples, LeadTrack()), empty_since_s=math.nan
-    )
+    sound = reduce(followed, samples[:4], LeadTrack())
+    for before in (replace(sound, frozen=True), sound):
+        at_once = plainly_followed(before, samples[4:])
+        one_by_one = replace(reduce(followed, samples[4:], before), empty_since_s=math.nan)
+        assert at_once is None or at_once == one_by_one
     if not any(jumps_m) and len(set(changes_m_s)) == 1 and changes_m_s[0] > 1.0 and own_m_s < 0.4:
         assert at_once is not None
