@@ -109,6 +109,8 @@ class Estimator:
     @property
     def noise(self) -> str:
         """Which measurements are filtered and how noisy they are, empty if none is."""
+        if not (self.memory.lead or self.memory.temperatures):
+            return ""
         speed, gap, temperature = self._levels
         parts = []
         if self.memory.lead:

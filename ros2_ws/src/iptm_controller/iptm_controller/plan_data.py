@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import ctypes
 from dataclasses import dataclass
+from operator import attrgetter
+from typing import Any
 
 import numpy as np
 
@@ -127,19 +129,20 @@ class _Grid(ctypes.Structure):
     )
 
 
+_VEHICLE = (
+    "time_s",
+    "position_m",
+    "speed_m_s",
+    "cell_1_temperature_k",
+    "cell_n_temperature_k",
+    "acceleration_m_s2",
+    "compressor_power_w",
+)
+_numbers_of = attrgetter(*_VEHICLE)
+
+
 class _Vehicle(ctypes.Structure):
-    _fields_ = tuple(
-        (name, DOUBLE)
-        for name in (
-            "time_s",
-            "position_m",
-            "speed_m_s",
-            "cell_1_temperature_k",
-            "cell_n_temperature_k",
-            "acceleration_m_s2",
-            "compressor_power_w",
-        )
-    )
+    _fields_ = tuple((name, DOUBLE) for name in _VEHICLE)
 
 
 class _Slope(ctypes.Structure):
@@ -178,6 +181,7 @@ class PlanDataInC(PlanData):
         )
         self._grid_pointer = ctypes.byref(self._c_grid)
         self._slope: SlopePreview | None = None
+        self._seen: VehicleState | None = None
         self._shift = library.iptm_shift_plan
         self._pose = library.iptm_pose_problem
         self._read = library.iptm_read_plan
@@ -192,7 +196,7 @@ class PlanDataInC(PlanData):
             last.start_s,
             address(last.states),
             address(last.inputs),
-            ctypes.byref(_vehicle(state)),
+            self._vehicle(state),
             address(states),
             address(inputs),
         )
@@ -227,7 +231,7 @@ class PlanDataInC(PlanData):
             self._c_slope = _Slope(road[0].size, *map(address, road))
         self._pose(
             self._grid_pointer,
-            ctypes.byref(_vehicle(state)),
+            self._vehicle(state),
             address(guess.states),
             address(guess.inputs),
             ctypes.byref(motion_of(leader)),
@@ -253,6 +257,12 @@ class PlanDataInC(PlanData):
         )
         return self._as_plan(state, states, inputs)
 
+    def _vehicle(self, state: VehicleState) -> Any:
+        """Return where the numbers of a state are; a tick asks twice for the same one."""
+        if state is not self._seen:
+            self._seen, self._c_vehicle = state, _Vehicle(*_numbers_of(state))
+        return ctypes.byref(self._c_vehicle)
+
     def _tables(self) -> tuple[FloatArray, FloatArray]:
         steps = self._grid.steps
         return np.empty((steps + 1, layout.STATES)), np.empty((steps, layout.INPUTS))
@@ -265,15 +275,3 @@ def plan_data(grid: ProblemGrid, builder: ProblemDataBuilder, *, compile_code: b
     """Return the form in C where it is wanted, the grid allows it, and there is a compiler."""
     library = tick_library(is_wanted=compile_code and not builder.watches_inside)
     return PlanData(grid, builder) if library is None else PlanDataInC(grid, builder, library)
-
-
-def _vehicle(state: VehicleState) -> _Vehicle:
-    return _Vehicle(
-        state.time_s,
-        state.position_m,
-        state.speed_m_s,
-        state.cell_1_temperature_k,
-        state.cell_n_temperature_k,
-        state.acceleration_m_s2,
-        state.compressor_power_w,
-    )

@@ -12,6 +12,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from operator import attrgetter
 from typing import Any
 
 import casadi as ca
@@ -56,6 +57,7 @@ AT_END = (
 )
 
 _POWER_RESOLUTION_W = 1e-6
+_states_of = attrgetter(*STATES)
 
 
 @light
@@ -128,6 +130,10 @@ class IntervalIntegrator:
         self._found = np.empty(function.n_out())
         names = function.name_out()
         places = {name: self._found[place : place + 1] for place, name in enumerate(names)}
+        self._start = np.empty(len(STATES))
+        places |= {
+            f"start_{name}": self._start[place : place + 1] for place, name in enumerate(STATES)
+        }
         self._function, self._names = BufferedFunction(function, places), names
 
     def integrate(
@@ -152,8 +158,7 @@ class IntervalIntegrator:
         if bounds is not None:
             given["least_traction_w"][0] = bounds.traction_w
             given["most_battery_w"][0] = bounds.battery_w
-        for name in STATES:
-            given[f"start_{name}"][0] = getattr(cells, name)
+        self._start[:] = _states_of(cells)
         given["compressor_power_w"][0] = compressor_power_w
         given["lengths_s"][:] = motion.lengths_s
         given["accelerations_m_s2"][:] = motion.accelerations_m_s2

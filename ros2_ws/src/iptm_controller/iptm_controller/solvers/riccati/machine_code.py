@@ -135,6 +135,9 @@ class MachineCode:
         self._work = np.empty(0)
         self._solve, self._solve_checked = library.iptm_solve, library.iptm_solve_checked
         self._arguments: tuple[Any, ...] = ()
+        self._compared: SwitchingNumbers | None = None
+        given = self._horizon, self._options, self._switching, self._since_second
+        self._given_pointers = tuple(map(ctypes.byref, given))
 
     def _prepare(
         self, guess: FloatArray, parameters: FloatArray, options: SolverOptions, most: int | None
@@ -209,19 +212,15 @@ class MachineCode:
             The better outcome, the iterations of both solves, and the solves since the last second one.
         """
         self._prepare(guess, parameters, options, most_iterations)
-        self._switching.candidates[:] = switching.candidates
-        self._switching.rate_1_s = switching.rate_1_s
-        self._switching.try_every = switching.try_every
+        if switching is not self._compared:
+            self._compared = switching
+            self._switching.candidates[:] = switching.candidates
+            self._switching.rate_1_s = switching.rate_1_s
+            self._switching.try_every = switching.try_every
         self._since_second.value = since_second
         parameters_and_guess, answers = self._arguments[:2], self._arguments[2:]
-        iterations: int = self._solve_checked(
-            ctypes.byref(self._horizon),
-            ctypes.byref(self._options),
-            ctypes.byref(self._switching),
-            *parameters_and_guess,
-            ctypes.byref(self._since_second),
-            *answers,
-        )
+        *numbers, since = self._given_pointers
+        iterations: int = self._solve_checked(*numbers, *parameters_and_guess, since, *answers)
         return self._answer(), iterations, self._since_second.value
 
 
