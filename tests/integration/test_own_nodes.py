@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from iptm_ros.recording.bag_info import result_tables
+from iptm_ros.recording.bag_reader import BagReader
 
 MODULE = "iptm.commands.run"
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
@@ -48,7 +49,8 @@ def test_a_run_waits_for_a_node_of_the_users_and_reports_its_figures(
     # What a plant of the user's does cannot be compared with the reference on the plant of the suite.
     assert ("aging_saved_percent" in summary) is (node != "plant")
     # The bag gives figures, too.
-    assert result_tables(output)[0].row_count > 20
+    with BagReader(output) as reader:
+        assert result_tables(reader)[0].row_count > 20
 
 
 def test_a_node_of_the_users_and_faults_are_refused(

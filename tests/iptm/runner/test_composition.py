@@ -106,7 +106,7 @@ def test_ros_reads_parameter_files_as_they_are_meant(tmp_path: Path) -> None:
 def test_the_recorder_understands_its_command() -> None:
     command = recorder_command(Path("out"), Path("info.yaml"), "zstd", "/car_1")
     assert command[-3:] == ["--ros-args", "-r", "__ns:=/car_1"]
-    parsed = build_parser().parse_args(remove_ros_args(command)[3:])
+    parsed = build_parser().parse_args(remove_ros_args(command)[4:])
     assert parsed.output == Path("out")
     assert parsed.run_information == Path("info.yaml")
     assert parsed.compression == "zstd"

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from iptm.runner.drive import Drive, DriveOutcome, unclean_ends
+from iptm.runner.drive import Drive, DriveOutcome
 from iptm.runner.monitor import Snapshot
-from iptm.runner.process_faults import ProcessFaults
+from iptm.runner.process_faults import ProcessFaults, unclean_ends
 from iptm.runner.supervisor import ProcessEnd
 from iptm.trip import Trip
 from iptm_core.decision_record import Rung

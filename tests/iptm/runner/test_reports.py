@@ -19,7 +19,7 @@ from iptm.runner.evaluation import evaluate
 from iptm.runner.monitor import Snapshot
 from iptm.runner.progress import make_progress
 from iptm.runner.run_folder import RunFolder
-from iptm.runner.tables import TABLES_WIDTH, print_results, save_picture
+from iptm.runner.tables import TABLES_WIDTH, print_end, print_results, save_picture
 from iptm.trip import Trip
 from iptm_core.decision_record import DecisionSeries, Rung
 from iptm_core.metrics import FIGURES, TRIP_FIGURES, figure_values
@@ -45,7 +45,8 @@ def printed(
     results: Run, folder: RunFolder, width: int = TABLES_WIDTH, *, full: bool = False
 ) -> str:
     console = Console(file=io.StringIO(), width=width)
-    print_results(results, folder, console, full=full)
+    print_results(results, console, full=full)
+    print_end(results, folder, console)
     return console.file.getvalue()  # type: ignore[attr-defined]
 
 

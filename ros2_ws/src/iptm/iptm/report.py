@@ -8,12 +8,12 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import pandas as pd
-
 from iptm_core.errors import StoreError
 from iptm_core.metrics import FIGURES, TRIP_FIGURES, RunMetrics, Saving, figure_values
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from iptm.panels import Panel
     from iptm.picture import Picture
 
@@ -42,6 +42,8 @@ def figure_table(runs: Mapping[str, RunMetrics]) -> pd.DataFrame:
     Args:
         runs: by the heads of their columns; changes are those against the first one.
     """
+    import pandas as pd  # noqa: PLC0415  a second of its own
+
     values = {label: figure_values(run) for label, run in runs.items()}
     first = next(iter(values.values()))
     columns: dict[str, list[str]] = {}
@@ -56,6 +58,8 @@ def figure_table(runs: Mapping[str, RunMetrics]) -> pd.DataFrame:
 
 def figures_html(runs: Mapping[str, RunMetrics]) -> str:
     """Return the table of `figure_table` with the definition of each figure under its label."""
+    import pandas as pd  # noqa: PLC0415  a second of its own
+
     table = figure_table(runs).map(escape)
     about = {figure.title: figure.about for figure in FIGURES.values()}
     table.index = pd.Index(

@@ -10,8 +10,6 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import pandas as pd
-
 from iptm.panels import Panel, Shown, run_panels
 from iptm.report import (
     curves_html,
@@ -39,6 +37,8 @@ from iptm_core.routes.slope import SlopeProfile
 from iptm_core.trajectory import Trajectory
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from iptm.explanation import Explanation
     from iptm.picture import Picture
     from iptm.trip import Trip
@@ -124,6 +124,8 @@ class Run:
 
         Of a run with an ``other``, what it saved against that stands first, NaN where it cannot be judged.
         """
+        import pandas as pd  # noqa: PLC0415  a second of its own
+
         values = {} if self.other is None else self.saving(self.other).values
         titled = {figure_title(key): value for key, value in {**values, **self.figures}.items()}
         return pd.Series(titled, name=self.name, dtype=float)
@@ -131,6 +133,8 @@ class Run:
     @property
     def broken_limits(self) -> pd.DataFrame:
         """Limits that were broken, a row each: kind, rows, first time (s), worst value and its time (s)."""
+        import pandas as pd  # noqa: PLC0415  a second of its own
+
         rows = {
             check.label: {
                 "kind": "hard" if check.hard else "soft",
@@ -168,6 +172,8 @@ class Run:
         the last row has none (NaN). Its acceleration, compressor power and other powers are means over the
         interval that *ended* at t_k: what row k decides is done in row k + 1, and row 0 has no powers.
         """
+        import pandas as pd  # noqa: PLC0415  a second of its own
+
         driven = pd.DataFrame({**self.trajectory.to_arrays(), "gap_m": self.trajectory.gap_m})
         decided = pd.DataFrame(self.decisions.to_arrays()).set_index("time_s")
         return driven.set_index("time_s").join(decided)
@@ -240,6 +246,8 @@ class Run:
             StoreError: the file exists, or cannot be written.
             ScenarioError: it cannot be explained, see `explain`.
         """
+        import pandas as pd  # noqa: PLC0415  a second of its own
+
         against = against or self.other
         saved = "" if against is None else saving_html(against.strategy, self.saving(against))
         runs = {"value": self.metrics}

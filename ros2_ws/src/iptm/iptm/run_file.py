@@ -40,33 +40,37 @@ def load(path: str | Path, namespace: str | None = None) -> Run:
         BagError: the bag cannot be read, holds no complete run, or several vehicles and none is named.
         StoreError: the file of a run cannot be read.
     """
+    if not isinstance(path, (str, Path)):
+        raise BagError(f"bag is {shown(path)}; allowed: the path of a bag")
+    path = Path(path)
+    if path.suffix == SUFFIX:
+        return _load_run(path)
+    with BagReader(path) as reader:
+        return read_run(reader, namespace)
+
+
+def read_run(reader: BagReader, namespace: str | None = None) -> Run:
+    """Read the run of an open bag, see `load`."""
     # The topics are loaded only here: no simulation needs them.
     from iptm_ros.recording.trajectory_reader import (  # noqa: PLC0415
         read_decisions,
         read_trajectory,
     )
 
-    if not isinstance(path, (str, Path)):
-        raise BagError(f"bag is {shown(path)}; allowed: the path of a bag")
-    path = Path(path)
-    if path.suffix == SUFFIX:
-        return _load_run(path)
-    parameters, _ = read_model_parameters(path)
     try:
-        decisions = read_decisions(path, namespace)
+        decisions = read_decisions(reader, namespace)
     except MissingTopicError:  # a controller that does not report them
         decisions = DecisionSeries.from_records([], [])
-    with BagReader(path) as reader:
-        information = reader.run_information()
+    information = reader.run_information()
     try:
         trip = _trip(information.extra.get("trip", ""), information.scenario)
     except IptmError:  # not stated in the form of today
         trip = None
     return Run(
-        name=path.absolute().name,
+        name=reader.path.absolute().name,
         settings={} if trip is None else trip.settings,
-        parameters=parameters,
-        trajectory=read_trajectory(path, namespace),
+        parameters=read_model_parameters(reader)[0],
+        trajectory=read_trajectory(reader, namespace),
         decisions=decisions,
         trip=trip,
         information=information,

@@ -16,7 +16,7 @@ from functools import cached_property, lru_cache
 from typing import Any
 
 from iptm.climate import air_overrides
-from iptm.faults.injection import check_empty_road
+from iptm.faults.fault import check_empty_road
 from iptm.own_parts import flat_settings
 from iptm.trip_settings import (
     CONTROLLER,
@@ -50,6 +50,8 @@ from iptm_core.settings import LeaderSource, LoopMode, PreviewSettings, TripSett
 from iptm_core.user_input import check_known
 from iptm_v2x_bridge.rules_of_the_road import given_rules
 
+NO_COMPARISON = "none"
+"""Stands for a strategy to compare with."""
 SHORTEST_PREVIEW_S = 60.0
 PREVIEW_RESERVE_S = 30.0
 MOST_NAMED = 4
@@ -228,6 +230,11 @@ class Trip:
     def is_lock_step(self) -> bool:
         """Whether trip time waits for the controller."""
         return self.conditions.mode is LoopMode.LOCK_STEP
+
+    @property
+    def title(self) -> str:
+        """Name and heading, the name of a run."""
+        return f"{self.name}: {self.heading}"
 
     @property
     def heading(self) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from array import array
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar, TypeVar
@@ -66,7 +67,7 @@ class Columns:
                 f"{cls.table}: columns missing {missing}, unknown {unknown}; "
                 f"needed are exactly {', '.join(cls.names())}"
             )
-        return cls(**columns)
+        return cls(**{name: np.array(values) for name, values in columns.items()})
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,8 +174,12 @@ class Trajectory(Columns):
     @classmethod
     def from_ticks(cls, ticks: Iterable[tuple[PlantObservation, LeaderState | None]]) -> Trajectory:
         """Build a trajectory from plant and leader, if measured, tick by tick."""
-        rows = [_row(observed, leader) for observed, leader in ticks]
-        return cls(**{name: np.array([row[name] for row in rows]) for name in TRAJECTORY_COLUMNS})
+        columns = {name: array("d") for name in TRAJECTORY_COLUMNS}
+        for observed, leader in ticks:
+            row = _row(observed, leader)
+            for name, column in columns.items():
+                column.append(row[name])
+        return cls(**{name: np.array(values) for name, values in columns.items()})
 
 
 def _row(observed: PlantObservation, leader: LeaderState | None) -> dict[str, float]:

@@ -165,4 +165,5 @@ def _spin(node: SuiteNode, stop: StopRequest, program: str) -> int:
         node.destroy_node()
         executor.shutdown()
         rclpy.try_shutdown()
+        gc.freeze()  # the end of the process need not look through all objects
     return code

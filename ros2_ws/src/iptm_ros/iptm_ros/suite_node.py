@@ -20,6 +20,7 @@ from std_srvs.srv import Trigger
 from iptm_core.errors import IptmError, ParameterError
 from iptm_core.settings import MOST_PREVIEW_STEPS
 from iptm_core.user_input import suggestion
+from iptm_ros.codecs import numbers_of
 from iptm_ros.connections import LOOK_PERIOD_S, ConnectionsReport
 from iptm_ros.node_health import AwakeClock, Heartbeat, NodeHealth
 from iptm_ros.services import Service
@@ -175,7 +176,7 @@ class SuiteNode(Node):
             self.refuse(f"{topic.value}: {len(data)} bytes; allowed: up to {allowed}")
             return
         try:
-            message = data if kind is None else deserialize_message(data, kind)
+            message = data if kind is None else _decoded(topic, kind, data)
         except Exception as error:  # noqa: BLE001  the binding raises error types of its own
             self.refuse(f"{topic.value}: {len(data)} bytes cannot be decoded: {error}")
             return
@@ -266,6 +267,10 @@ class SuiteNode(Node):
         """Ask for the end of the process; the current callback still completes."""
         self.exit_code = exit_code
         self.finished = True
+
+
+def _decoded(topic: Topic, kind: type[Any], data: bytes) -> Any:
+    return numbers_of(topic, data) or deserialize_message(data, kind)
 
 
 def _deep(qos: QoSProfile) -> QoSProfile:

@@ -20,7 +20,7 @@ from iptm.faults.effects import Hit
 from iptm.faults.kinds import FaultKind, FaultPlace, KindSpec
 from iptm_core.declaration import ParameterSpec, Scalar, Settings, parameter, plain
 from iptm_core.errors import ParameterError, ScenarioError
-from iptm_core.settings import MAX_SEED
+from iptm_core.settings import MAX_SEED, LeaderSource
 from iptm_core.state import NS_PER_S
 from iptm_core.user_input import StrictMapping
 
@@ -219,3 +219,14 @@ class FaultSettings(Settings):
 @dataclass(frozen=True)
 class InjectorNodeParameters(FaultSettings):
     """Parameters of the injector."""
+
+
+def check_empty_road(leader_source: LeaderSource, faults: Iterable[Fault]) -> None:
+    """Refuse faults of a lead vehicle that is not there."""
+    of_leader = {FaultPlace.TRAFFIC, FaultPlace.LEADER, FaultPlace.PREVIEW}
+    for fault in faults:
+        if leader_source is LeaderSource.NONE and fault.spec.place in of_leader:
+            allowed = ", ".join(kind for kind in FaultKind if kind.spec.place not in of_leader)
+            raise ScenarioError(
+                f"fault is {fault.kind} with leader_source none; allowed: {allowed}"
+            )

@@ -34,7 +34,7 @@ from iptm_controller.solvers.interface import (
 from iptm_core.decision_record import SolveStatus
 from iptm_core.errors import ScenarioError
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.settings import LeaderSource, ThermalModel
+from iptm_core.settings import ThermalModel
 from iptm_core.state import (
     NS_PER_S,
     Command,
@@ -57,17 +57,6 @@ def check_headless(faults: Iterable[Fault]) -> None:
         if not fault.spec.headless:
             allowed = ", ".join(kind for kind in FaultKind if kind.spec.headless)
             raise ScenarioError(f"fault is {fault.kind}; allowed without ROS: {allowed}")
-
-
-def check_empty_road(leader_source: LeaderSource, faults: Iterable[Fault]) -> None:
-    """Refuse faults of a lead vehicle that is not there."""
-    of_leader = {FaultPlace.TRAFFIC, FaultPlace.LEADER, FaultPlace.PREVIEW}
-    for fault in faults:
-        if leader_source is LeaderSource.NONE and fault.spec.place in of_leader:
-            allowed = ", ".join(kind for kind in FaultKind if kind.spec.place not in of_leader)
-            raise ScenarioError(
-                f"fault is {fault.kind} with leader_source none; allowed: {allowed}"
-            )
 
 
 class FaultInjection:

@@ -27,6 +27,7 @@ from iptm_ros.topics import BRIDGE, CONTROLLER, PLANT, Topic
 RECORDER = "recorder"
 INJECTOR = "fault_injector"
 COMMENT_WIDTH = 100
+_PYTHON = (sys.executable, "-m", "iptm_core")
 MODULES = {
     PLANT: "iptm_plant_sim.node",
     BRIDGE: "iptm_v2x_bridge.node",
@@ -118,7 +119,7 @@ def node_command(
     for place, (faulty, other) in FAULTY_NODES.items():
         if node == faulty and at_places(faults, place):
             module = other
-    return [sys.executable, "-m", module, "--ros-args", *ros_arguments]
+    return [*_PYTHON, module, "--ros-args", *ros_arguments]
 
 
 def recorder_command(
@@ -126,7 +127,7 @@ def recorder_command(
 ) -> list[str]:
     """Return the command that starts the recorder."""
     options = ["--run-information", str(information), "--compression", compression]
-    command = [sys.executable, "-m", MODULES[RECORDER], str(output), "--in-existing-folder"]
+    command = [*_PYTHON, MODULES[RECORDER], str(output), "--in-existing-folder"]
     command += options
     return [*command, "--ros-args", *_remaps(namespace)]
 
@@ -163,7 +164,7 @@ def run_information(trip: Trip, parameters: Mapping[str, Mapping[str, Scalar]]) 
     """Return the information about the run to be stored; the recorder adds revision and versions."""
     return {
         "scenario": trip.name,
-        "run": f"{trip.name}: {trip.heading}",
+        "run": trip.title,
         "seed": trip.leader.seed,
         "parameters": {
             MODEL_KEY: to_flat_dict(trip.model.values),

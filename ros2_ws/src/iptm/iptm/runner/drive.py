@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from enum import Enum
+from importlib import import_module
 
 from rclpy.executors import Executor
 
@@ -34,6 +35,8 @@ AFTER_KILL_S = 10.0
 """Time for which a run continues after a fault has killed its plant."""
 IMPOSSIBLE_GAP_M = -1000.0
 """Gap below which messages of different runs must have mixed; the simulation goes on after a collision."""
+RECKONING = ("iptm.runner.evaluation", "iptm.runner.tables")
+"""Modules that only the end needs: imported while the nodes drive, not while somebody waits."""
 _LAST_ANSWER_TIMEOUT_S = 2.0
 _REST_S = 0.05
 _SPIN_S = 0.001
@@ -127,6 +130,8 @@ class Drive(AbstractContextManager["Drive"]):
         """Wait for the trip to begin and to end; all processes must have been started."""
         result = self._wait_for_start()
         if result.outcome is DriveOutcome.FINISHED:
+            for module in RECKONING:
+                import_module(module)
             result = self._wait_for_end()
         return replace(result, wall_time_s=self._wall_time_s())
 
@@ -209,7 +214,11 @@ class Drive(AbstractContextManager["Drive"]):
                     now_ns * 1e-9 >= self.trip.route.duration_s - _TIME_TOLERANCE_S
                     or PLANT in self.monitor.awaited_nodes
                 )
-            running = self.supervisor.is_running(self.process_faults.current(PLANT))
+            plant = self.process_faults.current(PLANT)
+            running = self.supervisor.is_running(plant)
+            if running and self._is_all_answered:
+                self.supervisor.stop([plant])  # it waits for late listeners
+                running = False
             # Reports of the other nodes about a plant killed by a fault are still recorded.
             silent_s = time.monotonic() - self.monitor.last_sign_s
             killed = self.process_faults.is_excused(self.process_faults.current(PLANT))
@@ -228,6 +237,16 @@ class Drive(AbstractContextManager["Drive"]):
         if result.outcome is DriveOutcome.FINISHED:
             self._await_last_answers()
         return result
+
+    @property
+    def _is_all_answered(self) -> bool:
+        """Whether the state at the end of the trip, and every answer to it, has arrived."""
+        last_ns = self.monitor.time_ns or 0
+        is_over = last_ns * 1e-9 >= self.trip.route.duration_s - _TIME_TOLERANCE_S
+        return is_over and all(
+            self.monitor.newest_stamp_ns(topic) == last_ns
+            for topic in (Topic.PLANT_STATE, *_LAST_ANSWERS)
+        )
 
     def _contradiction(self, snapshot: Snapshot) -> str:
         """Return evidence that messages of another run are mixed in, empty if there is none."""
@@ -329,19 +348,3 @@ class Drive(AbstractContextManager["Drive"]):
     def _wall_time_s(self) -> float:
         began_s, last_s = self.monitor.began_s, self.monitor.last_clock_s
         return 0.0 if began_s is None or last_s is None else last_s - began_s
-
-
-def unclean_ends(supervisor: Supervisor, process_faults: ProcessFaults) -> list[str]:
-    """Return a sentence for every process that failed although trip and faults do not explain it.
-
-    A recorder killed by a fault does not end the run, but its bag lacks the rest of the trip.
-    """
-    sentences = []
-    for ending in supervisor.endings():
-        if ending.code == 0:
-            continue
-        if not process_faults.is_excused(ending.name):
-            sentences.append(f"{ending.name} {ending.how} when it was stopped")
-        elif ending.name == RECORDER:
-            sentences.append(f"the bag is incomplete: {ending.name} {ending.how}, by a fault")
-    return sentences

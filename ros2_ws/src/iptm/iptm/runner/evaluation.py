@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from iptm.run import Run
-from iptm.run_file import load
+from iptm.run_file import read_run
 from iptm.runner.monitor import heard_by_stamp
 from iptm.runner.summary import headline
 from iptm.trip import Trip
@@ -79,14 +79,14 @@ def evaluate(
         if assembled.incomplete:
             found.append(f"the runner missed messages of {len(assembled.incomplete)} ticks")
     else:
-        recorded = load(bag, namespace)
+        with BagReader(bag) as reader:
+            recorded = read_run(reader, namespace)
+            counts = {name: topic.message_count for name, topic in sorted(reader.topics.items())}
+            information = reader.run_information()
         trajectory, decisions = recorded.trajectory, recorded.decisions
         parameters = recorded.parameters
         if parameters != trip.model.values:
             found.append("the model parameters in the bag differ from the trip's")
-        with BagReader(bag) as reader:
-            counts = {name: topic.message_count for name, topic in sorted(reader.topics.items())}
-            information = reader.run_information()
         found += _missing_messages(counts, len(trajectory), trip)
         lost, missed = _unequal_states(trips[-1], trajectory)
         if lost:
@@ -107,7 +107,7 @@ def evaluate(
         )
     (notes if PLANT in trip.foreign else found).extend(_unfinished(trajectory, trip))
     run = Run(
-        name=f"{trip.name}: {trip.heading}",
+        name=trip.title,
         settings=trip.settings,
         parameters=parameters,
         trajectory=trajectory,
@@ -214,9 +214,6 @@ def _plain(value: Any) -> Any:
 
 def _name(key: object) -> str:
     return key.name.lower() if isinstance(key, Enum) else str(key)
-
-
-NO_COMPARISON = "none"
 
 
 def save_comparison(path: Path, other: Run, heading: str) -> None:

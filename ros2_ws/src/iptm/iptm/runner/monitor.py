@@ -29,6 +29,7 @@ from iptm_ros.codecs import (
     decode_observation,
     ns_from_s,
     ns_from_time,
+    numbers_of,
     stamp_ns_of,
 )
 from iptm_ros.connections import StartSignal, full_name
@@ -289,7 +290,8 @@ def heard_by_stamp(
     counted = last_trip({topic: stamped for topic, stamped in arrivals.items() if stamped})
     return {topic: {} for topic in arrivals} | {
         topic: {
-            stamp_ns: deserialize_message(entry, TOPICS[topic].message_type)
+            stamp_ns: numbers_of(topic, entry)
+            or deserialize_message(entry, TOPICS[topic].message_type)
             for stamp_ns, entry in entries.items()
         }
         for topic, entries in counted.items()

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from iptm.faults.fault import Fault, at_places
 from iptm.faults.kinds import FaultKind, FaultPlace
+from iptm.runner.composition import RECORDER
 from iptm.runner.supervisor import Supervisor
 from iptm_core.state import NS_PER_S
 
@@ -158,3 +159,19 @@ def _file_size(descriptor: Path) -> int:
         return descriptor.stat().st_size if descriptor.is_file() else 0
     except OSError:  # closed meanwhile
         return 0
+
+
+def unclean_ends(supervisor: Supervisor, process_faults: ProcessFaults) -> list[str]:
+    """Return a sentence for every process that failed although trip and faults do not explain it.
+
+    A recorder killed by a fault does not end the run, but its bag lacks the rest of the trip.
+    """
+    sentences = []
+    for ending in supervisor.endings():
+        if ending.code == 0:
+            continue
+        if not process_faults.is_excused(ending.name):
+            sentences.append(f"{ending.name} {ending.how} when it was stopped")
+        elif ending.name == RECORDER:
+            sentences.append(f"the bag is incomplete: {ending.name} {ending.how}, by a fault")
+    return sentences

@@ -10,14 +10,13 @@ from rich.table import Table
 
 from iptm.run import Run
 from iptm.run_file import load
-from iptm.runner.evaluation import NO_COMPARISON
 from iptm.runner.run_folder import LOGS, RunFolder
 from iptm.runner.runner import EXIT_RUN_FAILED, RunOptions, check_over_ros
 from iptm.runner.string_run import complaint, drive_string, results_in
 from iptm.runner.supervisor import domain_of_run
 from iptm.runner.viewer import live_view
 from iptm.string_report import save_string_picture, string_parts
-from iptm.trip import Trip
+from iptm.trip import NO_COMPARISON, Trip
 from iptm.vehicle_string import drive_string_in_memory, trips_in_string
 from iptm_core.errors import ScenarioError
 from iptm_core.markdown import cells_of

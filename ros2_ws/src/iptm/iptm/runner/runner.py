@@ -7,6 +7,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 
 import yaml
 from rclpy.exceptions import InvalidNamespaceException
@@ -14,8 +15,7 @@ from rclpy.validate_namespace import validate_namespace
 from rich.console import Console
 from rich.text import Text
 
-from iptm.driving import drive_in_memory
-from iptm.run import Run
+from iptm.runner.companion import Companion
 from iptm.runner.composition import (
     RECORDER,
     node_command,
@@ -25,10 +25,9 @@ from iptm.runner.composition import (
     run_information,
     trip_members,
 )
-from iptm.runner.drive import Drive, DriveOutcome, DriveResult, unclean_ends
-from iptm.runner.evaluation import NO_COMPARISON, evaluate, results_json, save_comparison
+from iptm.runner.drive import Drive, DriveOutcome, DriveResult
 from iptm.runner.monitor import RunMonitor
-from iptm.runner.process_faults import ProcessFaults
+from iptm.runner.process_faults import ProcessFaults, unclean_ends
 from iptm.runner.progress import Progress, make_progress
 from iptm.runner.run_folder import RunFolder
 from iptm.runner.supervisor import (
@@ -38,15 +37,17 @@ from iptm.runner.supervisor import (
     environment_of_run,
     process_environment,
 )
-from iptm.runner.tables import print_results, save_picture
 from iptm.runner.viewer import live_view
-from iptm.trip import Trip
+from iptm.trip import NO_COMPARISON, Trip
 from iptm.trip_files import trip_text
 from iptm_core.errors import DriveError, IptmError, ScenarioError
 from iptm_core.program import EXIT_OK, EXIT_SIGNAL, EXIT_USER_ERROR, print_error
 from iptm_ros.process import StopRequest, joined_node
 from iptm_ros.recording.run_information import collect_run_information
 from iptm_ros.topics import CONTROLLER, PLANT
+
+if TYPE_CHECKING:
+    from iptm.run import Run
 
 PROGRAM = "iptm run"
 EXIT_RUN_FAILED = 1
@@ -105,9 +106,19 @@ def run(trip: Trip, options: RunOptions, console: Console) -> int:
             view = live_view(trip, domain.number, folder.logs, bags, console, options.against)
             stay_open = stack.enter_context(view)
         progress = make_progress(console, trip.route.duration_s, options.progress)
+        # The reference would drive the plant of the suite, not the user's.
+        is_compared = options.against != NO_COMPARISON and PLANT not in trip.foreign
+        companion = stack.enter_context(Companion(folder.log_path("companion")))
+        if options.picture:
+            companion.start()
+        if is_compared:
+            other = trip.against(options.against)
+            companion.drive(other, folder.reference, trip.title)
         result, drive = drive_processes(folder, trip, options, domain, progress, stop)
         if result.outcome is DriveOutcome.FINISHED:
-            code = _report(folder, trip, options, drive, result.wall_time_s, console)
+            driven = (drive, result.wall_time_s)
+            options = options if is_compared else replace(options, against=NO_COMPARISON)
+            code = _report(folder, trip, options, driven, companion, console)
         else:
             code = _report_failure(result, folder, stop)
         if stay_open is not None and result.outcome is not DriveOutcome.REFUSED:
@@ -174,34 +185,40 @@ def _report(
     folder: RunFolder,
     trip: Trip,
     options: RunOptions,
-    drive: Drive,
-    wall_time_s: float,
+    driven: tuple[Drive, float],
+    companion: Companion,
     console: Console,
 ) -> int:
     """Evaluate a finished trip, write its files and print its tables."""
+    from iptm.runner.evaluation import results_json  # noqa: PLC0415  see RECKONING
+    from iptm.runner.tables import print_end, print_results  # noqa: PLC0415
+
+    drive, wall_time_s = driven
     try:
         run = _evaluated(folder if options.record else None, trip, drive, wall_time_s)
-        # The reference would drive the plant of the suite, not the user's.
-        if options.against != NO_COMPARISON and PLANT not in trip.foreign:
+        if options.against != NO_COMPARISON:
             with console.status(f"driving the same trip with strategy {options.against} ..."):
-                run = replace(run, other=drive_in_memory(trip.against(options.against)))
+                run = replace(run, other=companion.answer())
+        if options.picture:
+            companion.draw(folder.picture, run)
     except IptmError as error:
         unclean = unclean_ends(drive.supervisor, drive.process_faults)
         print_error(PROGRAM, "; ".join((str(error), *unclean)))
         return EXIT_RUN_FAILED
-    if run.other is not None:
-        save_comparison(folder.reference, run.other, run.name)
     folder.results.write_text(results_json(run, trip), encoding="utf-8")
-    if options.picture:
-        save_picture(folder.picture, run)
     if options.report:
         run.report(folder.report, run.other)
-    print_results(run, folder, console, full=options.full)
+    print_results(run, console, full=options.full)
+    if options.picture:
+        companion.answer()
+    print_end(run, folder, console)
     return EXIT_RUN_FAILED if run.problems else EXIT_OK
 
 
 def _evaluated(bag: RunFolder | None, trip: Trip, drive: Drive, wall_time_s: float) -> Run:
     """Return the run of a finished trip."""
+    from iptm.runner.evaluation import evaluate  # noqa: PLC0415  see RECKONING
+
     return evaluate(
         trip,
         drive.monitor.recorded,
@@ -270,4 +287,4 @@ def _introduction(trip: Trip, domain: int) -> Text:
     without = trip.foreign
     purpose = f"waiting for your own {', '.join(sorted(without))}" if without else "to watch"
     watch = (f"\n{purpose}: export ROS_DOMAIN_ID={domain}", "dim")
-    return Text.assemble((f"{trip.name}: {trip.heading}", "bold"), watch)
+    return Text.assemble((trip.title, "bold"), watch)

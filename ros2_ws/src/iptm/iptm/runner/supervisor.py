@@ -16,6 +16,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import IO
 
 from iptm.trip_settings import AUTOMATIC_DOMAIN, MAX_DOMAIN
 from iptm_core.errors import ScenarioError
@@ -78,14 +79,8 @@ class Supervisor:
     def start(self, name: str, command: Sequence[str]) -> None:
         """Start a process with its output in its log file."""
         with self._log_path(name).open("wb") as log:
-            self._processes[name] = subprocess.Popen(  # noqa: S603  commands of `composition`
-                list(command),
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-                env=self._environment,
-                start_new_session=True,
-                preexec_fn=partial(_end_with_parent, os.getpid()),  # noqa: PLW1509
+            self._processes[name] = _started(
+                command, subprocess.DEVNULL, log, subprocess.STDOUT, self._environment
             )
 
     @property
@@ -144,6 +139,30 @@ class Supervisor:
     def _last_lines(self, name: str) -> tuple[str, ...]:
         lines = [line.rstrip() for line in self.log_text(name).splitlines() if line.strip()]
         return tuple(lines[-LAST_LINES:])
+
+
+def piped_process(command: Sequence[str], log_path: Path) -> subprocess.Popen[bytes]:
+    """Start a process that reads and writes pipes, with its errors in a file."""
+    with log_path.open("wb") as log:
+        return _started(command, subprocess.PIPE, subprocess.PIPE, log, None)
+
+
+def _started(
+    command: Sequence[str],
+    stdin: int,
+    stdout: IO[bytes] | int,
+    stderr: IO[bytes] | int,
+    environment: Mapping[str, str] | None,
+) -> subprocess.Popen[bytes]:
+    return subprocess.Popen(  # noqa: S603  commands of this package
+        list(command),
+        stdin=stdin,
+        stdout=stdout,
+        stderr=stderr,
+        env=environment,
+        start_new_session=True,
+        preexec_fn=partial(_end_with_parent, os.getpid()),  # noqa: PLW1509
+    )
 
 
 def _end_with_parent(parent: int) -> None:

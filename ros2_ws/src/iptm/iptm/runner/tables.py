@@ -31,8 +31,8 @@ COMPARISON_WIDTH = 24
 """Columns that a comparison adds."""
 
 
-def print_results(run: Run, folder: RunFolder, console: Console, *, full: bool = False) -> None:
-    """Print the result of a run, its summary last; with `full`, all figures, decisions and limits before."""
+def print_results(run: Run, console: Console, *, full: bool = False) -> None:
+    """Print the summary of a run; with `full`, all figures, decisions and limits before."""
     console.print()
     if full:
         print_tables(run, console)
@@ -44,6 +44,10 @@ def print_results(run: Run, folder: RunFolder, console: Console, *, full: bool =
         style = "bold green" if label == AGING_SAVED else ""
         lines.add_row(Text(label, "dim"), Text(text, style))
     console.print(lines)
+
+
+def print_end(run: Run, folder: RunFolder, console: Console) -> None:
+    """Print the files of a run, and whether it is sound."""
     # In one piece, so that the path can be copied.
     console.print(Text.assemble(("files          ", "dim"), _files(run, folder)), soft_wrap=True)
     console.print(_verdict(run))

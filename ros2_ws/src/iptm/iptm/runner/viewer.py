@@ -14,9 +14,8 @@ import yaml
 from rich.console import Console
 
 from iptm.runner.composition import node_parameters, run_information
-from iptm.runner.evaluation import NO_COMPARISON
 from iptm.runner.supervisor import Supervisor, environment_of_run
-from iptm.trip import Trip
+from iptm.trip import NO_COMPARISON, Trip
 from iptm_ros.process import StopRequest
 
 VIEW = "view"

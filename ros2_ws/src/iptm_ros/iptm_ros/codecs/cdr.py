@@ -22,6 +22,7 @@ from typing import Any, Generic, NoReturn, ParamSpec
 
 from iptm_core.errors import MessageError
 from iptm_core.state import NS_PER_S, SPEED_AT_REST_M_S
+from iptm_ros.codecs.numbers import Numbers
 from iptm_ros.codecs.time import time_from_ns
 from iptm_ros.message_types import AccelStamped, Header, JointState, Odometry, Temperature
 from iptm_ros.topics import (
@@ -191,7 +192,10 @@ class NumberMessage:
         Raises:
             MessageError: a number is missing or out of its range; names and values differ in number.
         """
-        values = [read(message) for read in self._readers] or self._named(topic, message)
+        if type(message) is Numbers:
+            values = list(message.values)
+        else:
+            values = [read(message) for read in self._readers] or self._named(topic, message)
         for value, (least, most, number) in zip(values, self._limits, strict=True):
             if not least <= value <= most:
                 number.refuse(topic, value)

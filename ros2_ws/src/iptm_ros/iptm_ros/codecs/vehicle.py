@@ -23,6 +23,7 @@ from iptm_core.state import (
 )
 from iptm_core.units import CELSIUS_ZERO_K
 from iptm_ros.codecs.cdr import LAYOUTS, StampedNumbers, encoder, read_numbers, reject
+from iptm_ros.codecs.numbers import Numbers
 from iptm_ros.codecs.time import ns_from_s, ns_from_time, s_from_ns, time_from_ns, time_from_s
 from iptm_ros.message_types import (
     BatteryState,
@@ -146,8 +147,11 @@ def decode_observation(message: JointState) -> PlantObservation:
     )
 
 
-def decode_motion(message: JointState) -> tuple[int, float, float]:
+def decode_motion(message: JointState | Numbers) -> tuple[int, float, float]:
     """Return stamp (ns), position (m) and speed (m/s) of a plant's state; NaN where they are missing."""
+    if type(message) is Numbers:
+        position_m, speed_m_s = message.values[:2]
+        return message.stamp_ns, position_m, speed_m_s
     values = dict(zip(message.name, message.position, strict=False))
     return (
         ns_from_time(message.header.stamp),

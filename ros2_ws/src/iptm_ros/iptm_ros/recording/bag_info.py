@@ -54,7 +54,7 @@ def overview_table(reader: BagReader, information: RunInformation) -> Table:
     return table
 
 
-def result_tables(path: Path, namespace: str | None = None) -> list[Table]:
+def result_tables(reader: BagReader, namespace: str | None = None) -> list[Table]:
     """Return the figures of the recorded run, and of its decisions if they were recorded.
 
     Raises:
@@ -71,21 +71,21 @@ def result_tables(path: Path, namespace: str | None = None) -> list[Table]:
         trip_starts_ns,
     )
 
-    parameters, is_stored = read_model_parameters(path)
-    trajectory = read_trajectory(path, namespace)
+    information, path = reader.run_information(), reader.path
+    parameters, is_stored = read_model_parameters(reader)
+    trajectory = read_trajectory(reader, namespace)
     try:
-        decisions = read_decisions(path, namespace)
+        decisions = read_decisions(reader, namespace)
     except BagError:  # a controller that does not report them
         decisions = None
-    with BagReader(path) as reader:
-        trips = len(trip_starts_ns(reader, namespace))
-        remark = leader_remark(trajectory, stored_losses(reader.run_information()))
-        run = reader.run_information().extra.get("run", "")
+    trips = len(trip_starts_ns(reader, namespace))
+    remark = leader_remark(trajectory, stored_losses(information))
+    run = information.extra.get("run", "")
     notes = [] if is_stored else ["limits of the default parameter set: the bag names no other"]
     notes += [f"the last of {trips} trips"] if trips > 1 else []
     notes += unpublished(trajectory)
     notes += [remark] if remark else []
-    notes += changes_in_words(read_settings_changes(path, namespace))
+    notes += changes_in_words(read_settings_changes(reader, namespace))
     title = f"{path.name}: results" + (f" of {run}" if run else "")
     table = Table("figure", title=title, title_justify="left")
     table.add_column("value", justify="right")
@@ -127,11 +127,11 @@ def print_information(
         console.print(overview_table(reader, information))
         console.print(topics_table(reader))
         reader.verify()  # the tables above rely on the bag's own metadata
-    try:
-        for table in result_tables(path, namespace):
-            console.print(table)
-    except (IptmError, ImportError) as error:  # the tables above need no ROS, this one does
-        console.print(f"no figures of the run: {error}", style="dim", highlight=False)
+        try:
+            for table in result_tables(reader, namespace):
+                console.print(table)
+        except (IptmError, ImportError) as error:  # the tables above need no ROS, this one does
+            console.print(f"no figures of the run: {error}", style="dim", highlight=False)
     if show_parameters:
         console.print(information.parameters or "no parameters stored", highlight=False)
 

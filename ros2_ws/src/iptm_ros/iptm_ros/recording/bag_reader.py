@@ -7,7 +7,7 @@ a remedy; for other storages that is `rosbags-convert`.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, closing
+from contextlib import AbstractContextManager, ExitStack, closing, nullcontext
 from dataclasses import replace
 from heapq import merge
 from pathlib import Path
@@ -199,7 +199,12 @@ class BagReader(AbstractContextManager["BagReader"]):
         self.close()
 
 
-def read_model_parameters(path: Path) -> tuple[ModelParameters, bool]:
+def opened(bag: Path | BagReader) -> AbstractContextManager[BagReader]:
+    """Return a reader of a bag, which ends with the context where it was not open before."""
+    return nullcontext(bag) if isinstance(bag, BagReader) else BagReader(bag)
+
+
+def read_model_parameters(bag: Path | BagReader) -> tuple[ModelParameters, bool]:
     """Return the parameters to judge a recorded run by.
 
     Returns:
@@ -208,7 +213,7 @@ def read_model_parameters(path: Path) -> tuple[ModelParameters, bool]:
     Raises:
         BagError: the bag cannot be read, or its parameters are malformed.
     """
-    with BagReader(path) as reader:
+    with opened(bag) as reader:
         stored = stored_model_parameters(reader.run_information())
     return (load_parameters().values, False) if stored is None else (stored, True)
 

@@ -1,7 +1,7 @@
 """An MCAP file of a bag, opened for reading: its messages and texts, its checksums and statistics.
 
 Own code on the records of `mcap`: the readers of rosbags give no publication times, and check neither the
-summary nor the data section against their checksums.
+summary nor the data section against their checksums, and that of `mcap` makes an object of every message.
 """
 
 from __future__ import annotations
@@ -9,14 +9,20 @@ from __future__ import annotations
 import mmap
 import struct
 import zlib
+from bisect import bisect_left
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Container, Iterator, Mapping, Sequence
 from contextlib import ExitStack
+from itertools import pairwise
+from operator import attrgetter
 from pathlib import Path
 from typing import final
 
+from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
+from mcap.records import Chunk, ChunkIndex
+from mcap.stream_reader import get_chunk_data_stream
 from mcap.summary import Summary
 from mcap.well_known import Profile
 
@@ -49,6 +55,9 @@ CHUNK_HEAD = struct.Struct("<QQQII")
 """Of a chunk: times, size unpacked, checksum, length of the name of its compression, which follows."""
 DATA_END = struct.Struct("<BQI")
 FOOTER = struct.Struct("<BQQQI")
+_MESSAGE_HEAD = struct.Struct("<HIQQ")
+_Found = tuple[int, int, int, int, int, bytes]
+"""Log time, place of the chunk and in it, time of publication, channel and content of a message."""
 _BLOCK_BYTES = 2**20
 _SIZE_BYTES = 8
 
@@ -191,6 +200,7 @@ class BagFile:
                 f" repair it with: scripts/iptm recover {self.path}"
             )
         summary_start(self._content)
+        self._file = file
         self._reader = SeekingReader(file, validate_crcs=True)
         profile = self._reader.get_header().profile
         if profile != Profile.ROS2:
@@ -288,15 +298,53 @@ class BagFile:
     def _read(
         self, topics: Collection[str] | None, start_ns: int | None, end_ns: int | None
     ) -> Iterator[BagMessage]:
-        for _, channel, message in self._reader.iter_messages(
-            topics=None if topics is None else list(topics),
-            starting_at=start_ns,
-            ending_before=end_ns,
-        ):
-            yield BagMessage(
-                topic=channel.topic,
-                type_name=self._type_names[channel.id],
-                log_time_ns=message.log_time,
-                publish_time_ns=message.publish_time,
-                data=message.data,
-            )
+        summary = self._reader.get_summary() or Summary()
+        wanted = {
+            number: channel.topic
+            for number, channel in summary.channels.items()
+            if topics is None or channel.topic in topics
+        }
+        chunks = sorted(
+            (
+                index
+                for index in summary.chunk_indexes
+                if (start_ns is None or index.message_end_time >= start_ns)
+                and (end_ns is None or index.message_start_time < end_ns)
+                and not wanted.keys().isdisjoint(index.message_index_offsets or wanted)
+            ),
+            key=attrgetter("message_start_time", "chunk_start_offset"),
+        )
+        held: list[_Found] = []
+        for index, later in pairwise((*chunks, None)):
+            assert index is not None  # noqa: S101  only the last one is None
+            held += _messages_of(self._records(index), index.chunk_start_offset, wanted)
+            held.sort()
+            ready = len(held) if later is None else bisect_left(held, (later.message_start_time,))
+            for log_ns, _, _, publish_ns, channel, data in held[:ready]:
+                if (start_ns is None or log_ns >= start_ns) and (end_ns is None or log_ns < end_ns):
+                    type_name = self._type_names[channel]
+                    yield BagMessage(wanted[channel], type_name, log_ns, publish_ns, data)
+            del held[:ready]
+
+    def _records(self, index: ChunkIndex) -> bytes:
+        """Return the records of a chunk, unpacked and checked."""
+        self._file.seek(index.chunk_start_offset + PREFIX.size)
+        chunk = Chunk.read(ReadDataStream(self._file))
+        stream, length = get_chunk_data_stream(chunk, validate_crc=True)
+        return stream.read(length)
+
+
+def _messages_of(records: bytes, chunk: int, wanted: Container[int]) -> Iterator[_Found]:
+    """Yield the messages of a chunk on the channels that are wanted."""
+    at, end = 0, len(records)
+    while at < end:
+        opcode, length = PREFIX.unpack_from(records, at)
+        at += PREFIX.size
+        if length > end - at:
+            raise ValueError(f"a record of {length} bytes does not fit into its chunk")
+        if opcode == Opcode.MESSAGE:
+            channel, _, log_ns, publish_ns = _MESSAGE_HEAD.unpack_from(records, at)
+            if channel in wanted:
+                data = records[at + _MESSAGE_HEAD.size : at + length]
+                yield log_ns, chunk, at, publish_ns, channel, data
+        at += length

@@ -38,7 +38,7 @@ CLOCK_PATIENCE_S = 1.0
 """Time after the first message of a trip in which its clock must come."""
 _LOOK_PERIOD_S = 0.05
 _ADAPTION_PERIOD_S = 1.0
-_IDLE_BEFORE_CLOSING_S = 0.25
+_IDLE_BEFORE_CLOSING_S = 0.1
 _LONGEST_DRAIN_S = 1.0
 _PROGRESS_PERIOD_S = 10.0
 

@@ -12,8 +12,8 @@ from iptm_core.decision_record import DecisionSeries
 from iptm_core.errors import BagError, IptmError, MissingTopicError
 from iptm_core.trajectory import Trajectory
 from iptm_ros.assembly import assemble_decisions, assemble_run, last_trip, split_trips
-from iptm_ros.codecs import ns_from_time, s_from_ns
-from iptm_ros.recording.bag_reader import BagReader
+from iptm_ros.codecs import ns_from_time, numbers_of, s_from_ns
+from iptm_ros.recording.bag_reader import BagReader, opened
 from iptm_ros.recording.run_information import stored_losses, stored_pauses
 from iptm_ros.recording.timeline import read_stamp_ns
 from iptm_ros.topics import TICK_TOPICS, TOPICS, Topic
@@ -58,11 +58,13 @@ def _shortened(entries: Sequence[str]) -> str:
     return f"{len(entries)} times, first {entries[0]}; last {entries[-1]}"
 
 
-def read_settings_changes(path: Path, namespace: str | None = None) -> list[SettingsChange]:
+def read_settings_changes(
+    bag: Path | BagReader, namespace: str | None = None
+) -> list[SettingsChange]:
     """Return the changes inside a bag, in order; settings from before the bag are not listed.
 
     Args:
-        path: bag folder or file.
+        bag: folder, file, or open.
         namespace: of the vehicle; None takes all there are.
     """
     from iptm_ros.diagnostics import (  # noqa: PLC0415  readers of trajectories do without ROS
@@ -75,7 +77,7 @@ def read_settings_changes(path: Path, namespace: str | None = None) -> list[Sett
     prefix = None if namespace is None else f"/{namespace.strip('/')}/".replace("//", "/")
     changes: list[SettingsChange] = []
     since: dict[str, str] = {}
-    with BagReader(path) as reader:
+    with opened(bag) as reader:
         if name not in reader.topics:
             return []
         last_trip_ns = _last_trip_ns(reader, namespace)
@@ -129,7 +131,7 @@ def trip_starts_ns(reader: BagReader, namespace: str | None = None) -> list[int]
     return [min(trip.values(), default=0) for trip in trips]
 
 
-def read_trajectory(path: Path, namespace: str | None = None) -> Trajectory:
+def read_trajectory(bag: Path | BagReader, namespace: str | None = None) -> Trajectory:
     """Read the run of a bag; of several trips the last one, see `iptm_ros.assembly`.
 
     Rows without a leader are marked, see `leader_remark`. Unpublished quantities are NaN throughout.
@@ -138,7 +140,8 @@ def read_trajectory(path: Path, namespace: str | None = None) -> Trajectory:
         BagError: the bag cannot be read, lacks the plant's state, has it of another type or not at every tick
             inside the run, the recording was paused there, or a message breaks its promise.
     """
-    with BagReader(path) as reader, _named_after(path):
+    with opened(bag) as reader, _named_after(reader.path):
+        path = reader.path
         run = assemble_run(_messages(reader, TICK_TOPICS[:1], namespace, TICK_TOPICS[1:]))
         pauses = stored_pauses(reader.run_information())
         losses = stored_losses(reader.run_information())
@@ -177,9 +180,9 @@ def leader_remark(trajectory: Trajectory, losses: Mapping[str, int] | None = Non
     )
 
 
-def read_decisions(path: Path, namespace: str | None = None) -> DecisionSeries:
+def read_decisions(bag: Path | BagReader, namespace: str | None = None) -> DecisionSeries:
     """Read how the controller came to its decisions."""
-    with BagReader(path) as reader, _named_after(path):
+    with opened(bag) as reader, _named_after(reader.path):
         return assemble_decisions(_messages(reader, (Topic.SOLVE,), namespace)[Topic.SOLVE])
 
 
@@ -224,9 +227,10 @@ def _messages(
         with suppress(MissingTopicError):
             keys[topic_name(reader, topic, namespace)] = topic
     found: dict[Topic, list[tuple[int, Any]]] = {topic: [] for topic in keys.values()}
-    for item in reader.messages(list(keys)):
-        stamp_ns = ns_from_time(item.message.header.stamp)
-        found[keys[item.topic]].append((stamp_ns, item.message))
+    for raw in reader.raw_messages(list(keys)):
+        topic = keys[raw.topic]
+        message = numbers_of(topic, raw.data) or reader.decode(raw)
+        found[topic].append((ns_from_time(message.header.stamp), message))
     return last_trip({topic: messages for topic, messages in found.items() if messages})
 
 
