@@ -141,10 +141,6 @@ class DecisionSeries(Columns):
         return cls.from_arrays({"time_s": times_s, **dict(zip(names, columns, strict=True))})
 
 
-DECISION_COLUMNS = DecisionSeries.names()
-"""Names of the columns of a `DecisionSeries`."""
-
-
 Distribution = Mapping[str, float]
 """``median``, ``p99``, ``largest``, ``mean`` and ``total`` of a series; NaN where nothing is known."""
 

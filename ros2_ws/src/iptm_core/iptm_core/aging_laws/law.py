@@ -85,13 +85,6 @@ class AgingLaw:
             for u, law in zip(damage, self.mechanisms, strict=True)
         )
 
-    def loss_slope_1_s_k(self, load: Load, damage: Sequence[Scalar]) -> Scalar:
-        """Return the derivative of ``loss_rate_1_s`` with respect to temperature."""
-        return sum(
-            law.exponent * u ** (law.exponent - 1.0) * law.damage_slope_1_s_k(load)
-            for u, law in zip(damage, self.mechanisms, strict=True)
-        )
-
 
 @dataclass(frozen=True)
 class ThroughputAging:
