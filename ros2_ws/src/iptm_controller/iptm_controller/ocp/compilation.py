@@ -89,6 +89,7 @@ def _warn(text: str) -> None:
     LOGGER.warning(text)
 
 
+@cache
 def _can_run_code(folder: Path) -> bool:
     """Return whether code can be written into a folder, which need not be there yet, and be run from it."""
     there = next(place for place in (folder, *folder.parents) if place.exists())
