@@ -212,13 +212,14 @@ class Controller:
         limited, limits = self._limit(command, state)
         doubted = doubt if doubt != planned.reason else ""
         reasons = [doubted, planned.reason, self._actuation.reason, pack.reason]
+        brake_share = self._actuation.brake_share
         if state is not None:
             self._guard.observe(leader, is_free=is_free)
             if self._guard.collision_threatens(
                 limited.acceleration_m_s2,
                 state,
                 planned.forecast,
-                min(self._actuation.brake_share, self.lead.braking_share),
+                min(brake_share, self.lead.braking_share),
             ):
                 rung = Rung.EMERGENCY_BRAKING
                 reasons.insert(0, EMERGENCY)
@@ -233,7 +234,7 @@ class Controller:
             reason="; ".join(filter(None, reasons)),
             limits=limits,
             command_delay_s=self._actuation.delay_s,
-            brake_share=self._actuation.brake_share,
+            brake_share=brake_share,
             pack=pack,
             noise=", ".join(filter(None, (self._estimator.noise, self._forecaster.fusion.noise))),
         )

@@ -7,6 +7,7 @@ compiler, and poses problems on grids whose longer steps are watched inside.
 from __future__ import annotations
 
 import ctypes
+from collections import deque
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any
@@ -182,6 +183,7 @@ class PlanDataInC(PlanData):
         self._grid_pointer = ctypes.byref(self._c_grid)
         self._slope: SlopePreview | None = None
         self._seen: VehicleState | None = None
+        self._made: deque[tuple[Plan, int, int]] = deque(maxlen=2)
         self._shift = library.iptm_shift_plan
         self._pose = library.iptm_pose_problem
         self._read = library.iptm_read_plan
@@ -190,17 +192,11 @@ class PlanDataInC(PlanData):
         """See ``PlanData``."""
         if last is None or last.states.shape != (self._grid.steps + 1, layout.STATES):
             return super().expected(last, state)
-        states, inputs = self._tables()
+        plan, *places = self._empty_plan(state)
         self._shift(
-            self._grid_pointer,
-            last.start_s,
-            address(last.states),
-            address(last.inputs),
-            self._vehicle(state),
-            address(states),
-            address(inputs),
+            self._grid_pointer, last.start_s, *self._places(last), self._vehicle(state), *places
         )
-        return self._as_plan(state, states, inputs)
+        return plan
 
     def problem(
         self,
@@ -232,8 +228,7 @@ class PlanDataInC(PlanData):
         self._pose(
             self._grid_pointer,
             self._vehicle(state),
-            address(guess.states),
-            address(guess.inputs),
+            *self._places(guess),
             ctypes.byref(motion_of(leader)),
             ctypes.byref(motion_of(limiting)),
             ctypes.byref(self._c_slope),
@@ -247,15 +242,9 @@ class PlanDataInC(PlanData):
 
     def plan(self, variables: FloatArray, state: VehicleState) -> Plan:
         """See ``PlanData``."""
-        states, inputs = self._tables()
-        self._read(
-            self._grid_pointer,
-            state.position_m,
-            address(variables),
-            address(states),
-            address(inputs),
-        )
-        return self._as_plan(state, states, inputs)
+        plan, *places = self._empty_plan(state)
+        self._read(self._grid_pointer, state.position_m, address(variables), *places)
+        return plan
 
     def _vehicle(self, state: VehicleState) -> Any:
         """Return where the numbers of a state are; a tick asks twice for the same one."""
@@ -263,12 +252,23 @@ class PlanDataInC(PlanData):
             self._seen, self._c_vehicle = state, _Vehicle(*_numbers_of(state))
         return ctypes.byref(self._c_vehicle)
 
-    def _tables(self) -> tuple[FloatArray, FloatArray]:
-        steps = self._grid.steps
-        return np.empty((steps + 1, layout.STATES)), np.empty((steps, layout.INPUTS))
+    def _empty_plan(self, state: VehicleState) -> tuple[Plan, int, int]:
+        """Return a plan to be filled, and where the numbers of its states and inputs are."""
+        steps, motion_steps = self._grid.steps, self._c_grid.motion_steps
+        size = (steps + 1) * layout.STATES
+        numbers: FloatArray = np.empty(size + steps * layout.INPUTS)
+        states = numbers[:size].reshape(-1, layout.STATES)
+        inputs = numbers[size:].reshape(-1, layout.INPUTS)
+        plan = Plan(state.time_s, self._nodes_s, states, inputs, motion_steps)
+        first = address(numbers)
+        self._made.append((plan, first, first + numbers.itemsize * size))
+        return self._made[-1]
 
-    def _as_plan(self, state: VehicleState, states: FloatArray, inputs: FloatArray) -> Plan:
-        return Plan(state.time_s, self._nodes_s, states, inputs, self._c_grid.motion_steps)
+    def _places(self, plan: Plan) -> tuple[int, int]:
+        for made, *places in self._made:
+            if made is plan:
+                return places[0], places[1]
+        return address(plan.states), address(plan.inputs)
 
 
 def plan_data(grid: ProblemGrid, builder: ProblemDataBuilder, *, compile_code: bool) -> PlanData:
