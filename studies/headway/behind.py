@@ -16,7 +16,7 @@ from studies.session import Session
 import iptm
 from iptm.parts import FloatArray, Trajectory, drive_string_in_memory
 
-CYCLES = ("wltc_class3b", "udds", "us06")
+CYCLES = ("wltc_class3b", "us06")
 STRING_CARS = 20
 EVERY = {"5 %": STRING_CARS, "20 %": 5, "100 %": 1}
 """Distance between equipped cars in the string by their share; the first one is equipped."""

@@ -24,6 +24,9 @@ from iptm.parts import Controller
 
 OPTIMUM = "optimum of the whole trip at 2 s"
 BOTH, FAR = "default at 2 s, perfect preview", "default at up to 120 m, perfect preview"
+BRIEF_S = 4.0
+BRIEF = f"default at 2 s, perfect preview of {BRIEF_S:g} s"
+"""What modes of the lead vehicle with probabilities could be worth at most over these seconds."""
 BLIND = "default at 2 s, no preview"
 SMOOTHING = "its motion at 2 s, no preview, with the thermostat"
 COOLING = "its cooling, no preview, with the motion of `production`"
@@ -72,6 +75,7 @@ def effects(session: Session) -> tuple[pd.DataFrame, dict[str, float]]:
         OPTIMUM: (DEFAULT, EQUAL, {"whole": True}),
         FAR: (DEFAULT, {"value_beyond_trip": True}, {}),
         BOTH: (DEFAULT, EQUAL, {}),
+        BRIEF: (DEFAULT, {**EQUAL, "preview_length_s": BRIEF_S}, {}),
         BLIND: (DEFAULT, {**EQUAL, **blind}, {}),
         SMOOTHING: (DEFAULT, {**EQUAL, **blind}, {"others": "cooling"}),
         COOLING: (DEFAULT, {**EQUAL, **blind}, {"others": "motion"}),

@@ -19,7 +19,7 @@ from studies.acc.scenes import SHORTEST_S, Scene, long_scenes
 from studies.acc.variants import CARS, CLIMATES_C
 from studies.drives import DEFAULT, trip
 from studies.headway.behind import STRING_CARS, cars_behind
-from studies.headway.effects import BLIND, BOTH, WHOLE_S, effects
+from studies.headway.effects import BLIND, BOTH, BRIEF_S, WHOLE_S, effects
 from studies.road_space.run import DESIRED_S, EQUAL
 from studies.savings import PREVIEWS, PRODUCTION, road_taken, saved
 from studies.session import Case, Session
@@ -35,13 +35,15 @@ LEVEL, HILLS, MEASURED = "published cycle", "the same on hills up to 6 %", "Open
 
 @dataclass(frozen=True)
 class Setting:
-    """Settings of the trips of the default and of `production`, previews of the default, and climates."""
+    """Settings of the trips of the default and of `production`, and what is driven."""
 
     name: str
     own: Mapping[str, Any]
     base: Mapping[str, Any]
     previews: tuple[bool, ...] = (False, True)
     climates_c: tuple[float, ...] = CLIMATES_C[:1]
+    cars: tuple[str, ...] = CARS
+    kinds: tuple[str, ...] = (LEVEL, HILLS, MEASURED)
 
 
 SHORT_DESIRED_S, SHORT_ACC_S = 1.15, 1.1
@@ -60,22 +62,28 @@ SETTINGS = (
             },
         },
         {"acc_time_headway_s": SHORT_ACC_S},
+        kinds=(LEVEL, MEASURED),
     ),
     Setting(
         f"2 s, jerk up to {QUICK_M_S3:g} m/s³",
         {**EQUAL, "overrides": {**EQUAL["overrides"], **QUICK}},
         {"overrides": QUICK},
         (False,),
+        cars=CARS[:1],
+        kinds=(LEVEL, MEASURED),
     ),
     Setting(
-        "2 s, known dry road", {**EQUAL, "road_friction": DRY}, {"road_friction": DRY}, (False,)
+        "2 s, known dry road",
+        {**EQUAL, "road_friction": DRY},
+        {"road_friction": DRY},
+        (False,),
+        cars=CARS[:1],
     ),
 )
 
 
 def cases_of(session: Session, scenes: list[Scene]) -> Iterator[Case]:
     """Yield the trips per setting, leader, car and climate: `production`, and the default by preview."""
-    cars = CARS[:1] if session.short else CARS
     cycles = SHORT_CYCLES if session.short else CYCLE_NAMES
     leaders: list[tuple[str, str, str, dict[str, Any], int]] = [
         *((LEVEL, name, name, {}, 0) for name in cycles),
@@ -85,10 +93,12 @@ def cases_of(session: Session, scenes: list[Scene]) -> Iterator[Case]:
         drive = {"duration_s": float(scene.duration_s)}
         path = scene.write(session.scratch / "leads")
         leaders.append((MEASURED, scene.name, path, drive, scene.run_in_s))
+    most = 1 if session.short else None
     places = [
         (setting, *place)
         for setting in SETTINGS[: 2 if session.short else None]
-        for place in product(leaders, cars, setting.climates_c[: 1 if session.short else None])
+        for place in product(leaders, setting.cars[:most], setting.climates_c[:most])
+        if place[0][0] in setting.kinds
     ]
     for setting, leader, car, ambient_c in places:
         kind, name, cycle, drive, begin = leader
@@ -138,6 +148,7 @@ def run(session: Session) -> bool:
         share=shares[BOTH],
         blind_share=shares[BLIND],
         whole_s=WHOLE_S,
+        brief_s=BRIEF_S,
         desired_s=DESIRED_S,
         short_desired_s=SHORT_DESIRED_S,
         short_acc_s=SHORT_ACC_S,

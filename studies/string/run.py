@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from studies.road_space.run import EQUAL, EQUAL_ROAD
 from studies.savings import BASELINE, BASES, COLUMNS, PRODUCTION, road_taken, savings
 from studies.session import Session
 
@@ -15,8 +16,6 @@ from iptm.string_report import save_string_picture, string_parts
 CYCLE, VEHICLES = "wltc_class3b", 5
 LATE_S = (0.0, 1.0)
 DEFAULT = "default"
-EQUAL_ROAD_S = 3.0
-SHORTER = f"at most {EQUAL_ROAD_S:g} s"
 PREVIEW = f"{PreviewSettings.preview_length_s:g} s, perfect"
 PLAN = "plan of the car ahead"
 SHORT_VEHICLES, SHORT_S = 3, 60.0
@@ -30,9 +29,13 @@ def drive_string(
     latency_s: float = 0.0,
     vehicles: int = VEHICLES,
     duration_s: float | None = None,
-    max_time_headway_s: float = 0.0,
+    settings: Mapping[str, Any] | None = None,
 ) -> list[iptm.Run]:
-    """Drive a string of equal vehicles in memory; returns the run of each, the first one first."""
+    """Drive a string of equal vehicles in memory; returns the run of each, the first one first.
+
+    Args:
+        settings: further ones of the trip.
+    """
     trip = iptm.Trip.of(
         CYCLE,
         duration_s=duration_s,
@@ -40,7 +43,7 @@ def drive_string(
         horizon=horizon,
         preview_length_s=PreviewSettings.preview_length_s,
         latency_s=latency_s,
-        overrides={"gap.max_time_headway_s": max_time_headway_s},
+        **(settings or {}),
         compile_code=duration_s is None,
     )
     return list(drive_string_in_memory(trip, vehicles))
@@ -53,7 +56,7 @@ def run(session: Session) -> bool:
         extent = {"vehicles": SHORT_VEHICLES, "duration_s": SHORT_S}
     own = {"strategy": _CHOSEN.strategy, "horizon": _CHOSEN.horizon}
     calls = [{**own, "latency_s": late_s, **extent} for late_s in LATE_S]
-    calls.append({**own, "max_time_headway_s": EQUAL_ROAD_S, **extent})
+    calls.append({**own, "settings": EQUAL, **extent})
     calls += [{"strategy": base, "horizon": _CHOSEN.horizon, **extent} for base in BASES]
     names = [f"string {place} of {len(calls)}" for place in range(1, len(calls) + 1)]
     driven = session.compute(drive_string, calls, names)
@@ -61,7 +64,7 @@ def run(session: Session) -> bool:
         return False
     *late, shorter, production, baseline = driven
     strings = {
-        (DEFAULT, SHORTER): shorter,
+        (DEFAULT, EQUAL_ROAD): shorter,
         (DEFAULT, "120 m"): late[0],
         (PRODUCTION, "1.6 s"): production,
         (BASELINE, "3.5 s"): baseline,
