@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import ctypes
-import math
 import shlex
 import shutil
 import subprocess
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,11 +16,8 @@ from iptm.commands.drives import codegen as main
 from iptm_controller.ladder import controlled_stop, safe_following
 from iptm_controller.ocp.compilation import find_compiler
 from iptm_controller.options import ControllerOptions
-from iptm_controller.safeguards import CommandLimiter
-from iptm_core.monitor_settings import SafetyMonitorSettings
 from iptm_core.parameters import load_parameters
-from iptm_core.state import Command, LeaderState, VehicleState
-from iptm_plant_sim.safety_monitor import MonitorMemory, SafetyMonitor, with_delivery
+from iptm_core.state import LeaderState, VehicleState
 
 PARAMETERS = load_parameters().values
 FLAGS = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O1", "-ffp-contract=off"]
@@ -149,18 +144,6 @@ class CPair(ctypes.Structure):
     _fields_ = [("first", DOUBLE), ("second", DOUBLE)]
 
 
-class CMonitorMemory(ctypes.Structure):
-    _fields_ = [
-        ("braking", INT),
-        ("gently", INT),
-        *((name, DOUBLE) for name in ("since_s", "brake_share", "followed_m_s2", "road_m_s2")),
-    ]
-
-
-class CRoad(ctypes.Structure):
-    _fields_ = [("full", CPair), ("slippery", CPair), ("may_be_slippery", INT)]
-
-
 @pytest.fixture(scope="module")
 def library(tmp_path_factory: pytest.TempPathFactory, compiler: tuple[str, ...]) -> ctypes.CDLL:
     """The parts that need no solver, with the numbers of a controller."""
@@ -168,7 +151,7 @@ def library(tmp_path_factory: pytest.TempPathFactory, compiler: tuple[str, ...])
     files = code_of(PARAMETERS, ControllerOptions())
     for name, text in files.items():
         (folder / name).write_text(text)
-    parts = ["limiter.c", "fallback.c", "safety_monitor.c", "controller_data.c"]
+    parts = ["fallback.c", "controller_data.c"]
     built = folder / "parts.so"
     command = [*compiler, *FLAGS, "-shared", "-fPIC", *parts, "-o", str(built), "-lm"]
     subprocess.run(shlex.split(shlex.join(command)), cwd=folder, check=True, timeout=100)
@@ -204,40 +187,6 @@ def vehicle(state: VehicleState) -> CVehicle:
     )
 
 
-def test_limiter_is_that_of_python(library: ctypes.CDLL) -> None:
-    limits = ctypes.c_char.in_dll(library, "iptm_limits_of_model")
-    limiter = CommandLimiter(PARAMETERS.limits, 1.0)
-    bits = {
-        "acceleration not finite": 1,
-        "compressor power not finite": 2,
-        "acceleration bound": 4,
-        "top speed": 8,
-        "jerk": 16,
-        "compressor power bound": 32,
-        "compressor rate": 64,
-    }
-    rng = np.random.default_rng(1)
-    seen = 0
-    for _ in range(3000):
-        state = some_state(rng)
-        wanted = Command(
-            float(rng.choice([rng.uniform(-12.0, 12.0), math.nan, -math.inf])),
-            float(rng.choice([rng.uniform(-1e3, 1e4), math.nan, math.inf])),
-        )
-        command = CPair(wanted.acceleration_m_s2, wanted.compressor_power_w)
-        changed = library.iptm_limit_command(
-            ctypes.byref(limits), ctypes.byref(vehicle(state)), ctypes.byref(command)
-        )
-        expected, reasons = limiter.limit(wanted, state)
-        assert (command.first, command.second) == (
-            expected.acceleration_m_s2,
-            expected.compressor_power_w,
-        )
-        assert changed == sum(bits[reason] for reason in reasons)
-        seen |= changed
-    assert seen == sum(bits.values())
-
-
 def test_fallback_is_that_of_python(library: ctypes.CDLL) -> None:
     limits = ctypes.c_char.in_dll(library, "iptm_limits_of_model")
     rng = np.random.default_rng(2)
@@ -260,74 +209,3 @@ def test_fallback_is_that_of_python(library: ctypes.CDLL) -> None:
             expected.acceleration_m_s2,
             expected.compressor_power_w,
         )
-
-
-@pytest.mark.parametrize("friction", [0.0, 0.8])
-def test_monitor_is_that_of_python(library: ctypes.CDLL, friction: float) -> None:
-    """Decisions of both along random drives, with what brakes and road made of the requests."""
-    settings = replace(
-        SafetyMonitorSettings(),
-        road_friction=friction,
-        gap_accuracy_m=0.3,
-        lead_speed_accuracy_m_s=0.2,
-    )
-    monitor = SafetyMonitor(settings, PARAMETERS.brakes)
-    numbers = (DOUBLE * 8)(
-        settings.monitor_reaction_s,
-        settings.monitor_release_reaction_s,
-        settings.monitor_hold_s,
-        settings.monitor_margin_m,
-        settings.gap_accuracy_m,
-        settings.lead_speed_accuracy_m_s,
-        PARAMETERS.brakes.delay_s,
-        PARAMETERS.brakes.build_up_m_s3,
-    )
-    rng = np.random.default_rng(3)
-    states = set()
-    for _ in range(60):
-        memory, in_c = MonitorMemory(), CMonitorMemory(brake_share=1.0)
-        speed, gap, lead_speed = (
-            rng.uniform(0.0, 30.0),
-            rng.uniform(5.0, 60.0),
-            rng.uniform(0.0, 30.0),
-        )
-        for step in range(80):
-            time_s = 0.1 * step
-            gap += 0.1 * (lead_speed - speed) + rng.normal(0.0, 0.5)
-            speed = max(speed + rng.normal(0.0, 0.3), 0.0)
-            lead_speed = max(lead_speed + rng.normal(-0.05, 0.5), 0.0)
-            acceleration, unseen = rng.normal(0.0, 1.0), float(rng.choice([0.0, 0.2, 1.0]))
-            road = monitor.road_braking(float(rng.normal(0.0, 0.03)), memory.road_m_s2)
-            lead = LeaderState(time_s, gap, lead_speed) if rng.random() < 0.9 else None
-            memory = monitor.judge(memory, time_s, (0.0, speed, acceleration), lead, road, unseen)
-            slippery = road.full if road.slippery is None else road.slippery
-            given = CRoad(
-                CPair(road.full.own_m_s2, road.full.lead_m_s2),
-                CPair(slippery.own_m_s2, slippery.lead_m_s2),
-                road.slippery is not None,
-            )
-            library.iptm_monitor_judge(
-                ctypes.byref(numbers),
-                ctypes.byref(in_c),
-                ctypes.byref((DOUBLE * 4)(time_s, 0.0, speed, acceleration)),
-                INT(lead is not None),
-                DOUBLE(gap),
-                DOUBLE(lead_speed),
-                ctypes.byref(given),
-                DOUBLE(unseen),
-            )
-            requested = float(rng.choice([0.0, -0.2, -2.0, -6.0]))
-            delivered = requested * float(rng.choice([1.0, 0.97, 0.8, 0.4, 0.02]))
-            memory = with_delivery(memory, requested, delivered, speed, 0.1)
-            library.iptm_monitor_learn(
-                ctypes.byref(in_c), *map(DOUBLE, (requested, delivered, speed, 0.1))
-            )
-            assert (bool(in_c.braking), bool(in_c.gently) and bool(in_c.braking)) == (
-                memory.braking,
-                memory.gently and memory.braking,
-            )
-            for name in ("since_s", "brake_share", "followed_m_s2", "road_m_s2"):
-                assert getattr(in_c, name) == getattr(memory, name)
-            states.add((memory.braking, memory.gently))
-    assert {(False, False), (True, False)} <= states
-    assert friction or (True, True) in states

@@ -23,7 +23,7 @@ from iptm_controller.solvers.switching_check import SwitchingCheck
 from iptm_core.errors import ParameterError
 from iptm_core.state import FloatArray
 
-SOURCES = ("riccati", "switching", "tick_data", "limiter", "fallback", "controller")
+SOURCES = ("riccati", "switching", "tick_data", "lead_motion", "limiter", "fallback", "controller")
 HEADERS = ("real", "stages", "vehicle", "solver_size")
 
 

@@ -4,7 +4,7 @@
  * rungs of the fallback ladder and the limiter. Not in here, and to be done before: plausibility checks and noise
  * filters of the measurements, the forecast of the leader with the trust in it, rules of the road as a lead motion,
  * the terminal prices of the temperatures, the limits of pack and drive, and the observer of the actuators;
- * after: the collision guard. */
+ * after: the collision guard (lead_motion.h has what it looks at). */
 #ifndef IPTM_CONTROLLER_H
 #define IPTM_CONTROLLER_H
 

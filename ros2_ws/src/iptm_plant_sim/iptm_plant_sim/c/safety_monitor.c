@@ -28,7 +28,9 @@ static double stopping_distance_m(double speed_m_s, double acceleration_m_s2, do
   if (a > -deceleration_m_s2) {
     double rise_s = (a + deceleration_m_s2) / build_up_m_s3;
     const double after = speed + rise_s * (a - 0.5 * build_up_m_s3 * rise_s);
-    if (after <= 0.0) rise_s = (a + sqrt(a * a + 2.0 * build_up_m_s3 * speed)) / build_up_m_s3;
+    if (after <= 0.0) {
+      rise_s = (a + sqrt(a * a + 2.0 * build_up_m_s3 * speed)) / build_up_m_s3;
+    }
     distance += rise_s * (speed + rise_s * (0.5 * a - build_up_m_s3 * rise_s / 6.0));
     speed = larger(after, 0.0);
   }
@@ -51,15 +53,15 @@ double iptm_safe_distance_m(const iptm_monitor_settings *settings, double speed_
 }
 
 void iptm_monitor_judge(const iptm_monitor_settings *settings, iptm_monitor_memory *memory,
-                        const iptm_monitored *ego, int has_lead, double lead_position_m,
+                        const iptm_monitored *ego, bool has_lead, double lead_position_m,
                         double lead_speed_m_s, const iptm_road_braking *road, double unseen_s) {
-  const int held = ego->time_s - memory->since_s >= settings->hold_s - HOLD_TOLERANCE_S;
-  const int was_braking = memory->braking, was_full = was_braking && !memory->gently;
+  const bool held = ego->time_s - memory->since_s >= settings->hold_s - HOLD_TOLERANCE_S;
+  const bool was_braking = memory->braking, was_full = was_braking && !memory->gently;
   const double gap_m = lead_position_m - ego->position_m;
   const double onset_m_s2 = ego->acceleration_m_s2, onset_s = -smaller(unseen_s, WAITED_S);
   const double release_m_s2 = larger(ego->acceleration_m_s2, 0.0);
   double safe_m;
-  int fully, braking;
+  bool fully, braking;
   if (!has_lead) {
     memory->braking = was_braking && !held;
     return;
@@ -81,9 +83,11 @@ void iptm_monitor_judge(const iptm_monitor_settings *settings, iptm_monitor_memo
     return;
   }
   if (!braking) return;
-  memory->braking = 1;
+  memory->braking = true;
   memory->gently = !fully;
-  if (!was_braking) memory->since_s = ego->time_s;
+  if (!was_braking) {
+    memory->since_s = ego->time_s;
+  }
 }
 
 void iptm_monitor_learn(iptm_monitor_memory *memory, double requested_m_s2, double delivered_m_s2,
@@ -93,7 +97,9 @@ void iptm_monitor_learn(iptm_monitor_memory *memory, double requested_m_s2, doub
   share = delivered_m_s2 / requested_m_s2;
   if (share >= DELIVERED_SHARE) {
     memory->followed_m_s2 = larger(memory->followed_m_s2, -requested_m_s2);
-    if (memory->road_m_s2 != 0.0) memory->road_m_s2 = larger(memory->road_m_s2, -requested_m_s2);
+    if (memory->road_m_s2 != 0.0) {
+      memory->road_m_s2 = larger(memory->road_m_s2, -requested_m_s2);
+    }
   } else if (memory->brake_share > DELIVERED_SHARE &&
              -delivered_m_s2 <= SATURATED_SHARE * memory->followed_m_s2) {
     memory->road_m_s2 = -delivered_m_s2;

@@ -6,6 +6,8 @@
 #ifndef IPTM_SAFETY_MONITOR_H
 #define IPTM_SAFETY_MONITOR_H
 
+#include <stdbool.h>
+
 /* Settings of the monitor and what is stated of the brakes. */
 typedef struct {
   double reaction_s, release_reaction_s, hold_s, margin_m, gap_accuracy_m, lead_speed_accuracy_m_s;
@@ -19,13 +21,13 @@ typedef struct {
 
 typedef struct {
   iptm_braking_capability full, slippery;
-  int may_be_slippery; /* 0 where the friction is known */
+  bool may_be_slippery; /* false where the friction is known */
 } iptm_road_braking;
 
 /* What is carried from one instant to the next. All zero but a brake share of 1 begins a trip. */
 typedef struct {
-  int braking; /* the monitor brakes */
-  int gently;  /* with what a slippery road gives, not fully */
+  bool braking; /* the monitor brakes */
+  bool gently;  /* with what a slippery road gives, not fully */
   double since_s;
   double brake_share;   /* share of a request that the brakes deliver, as estimated */
   double followed_m_s2; /* hardest deceleration delivered in full */
@@ -44,10 +46,10 @@ double iptm_safe_distance_m(const iptm_monitor_settings *settings, double speed_
 
 /* Decide at one instant whether to brake.
  *
- * has_lead: 0 for a free road, on which brakes are released.
+ * has_lead: false for a free road, on which brakes are released.
  * unseen_s: time for which measurements of the vehicle ahead have been missing. */
 void iptm_monitor_judge(const iptm_monitor_settings *settings, iptm_monitor_memory *memory,
-                        const iptm_monitored *ego, int has_lead, double lead_position_m,
+                        const iptm_monitored *ego, bool has_lead, double lead_position_m,
                         double lead_speed_m_s, const iptm_road_braking *road, double unseen_s);
 
 /* Learn from what brakes and road made of a request over an interval; the speed is that at its end. */
