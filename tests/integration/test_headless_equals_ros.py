@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +14,7 @@ from iptm_core.decision_record import DecisionSeries, Rung
 from iptm_core.settings import LeaderSource
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_core.units import KM_H_PER_M_S
+from iptm_ros.diagnostics import PROCESS, status_values
 from iptm_ros.recording.bag_reader import BagReader
 
 TICKS = 120
@@ -59,6 +62,26 @@ def test_a_trip_in_memory_equals_the_trip_over_ros(trip: iptm.Trip, tmp_path: Pa
     assert loaded.frame.equals(nodes.frame)
     if trip is EMPTY:
         assert_free_road(memory.trajectory, memory.decisions, bag)
+
+
+def test_nodes_in_one_process_drive_the_same_trip(tmp_path: Path) -> None:
+    file, bag = tmp_path / "trip.yaml", tmp_path / "bag"
+    file.write_text(iptm.trip_text(IMPERFECT))
+    options = [str(file), "--one-process", "--no-picture", "--output", str(bag)]
+    command = [sys.executable, "-m", "iptm_core", "iptm.commands.run", *options]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+    memory, nodes = iptm.drive(IMPERFECT), iptm.load(bag)
+    assert_same_trip(memory.trajectory, nodes.trajectory)
+    assert_same_decisions(memory.decisions, nodes.decisions)
+    processes: dict[str, set[str]] = {}
+    with BagReader(bag) as reader:
+        for each in reader.messages(["/diagnostics"]):
+            for status in each.message.status:
+                name = status.name.partition(":")[0]
+                processes.setdefault(name, set()).add(status_values(status)[PROCESS])
+    assert processes["/plant"] == processes["/v2x_bridge"] == processes["/controller"]
+    assert processes["/recorder"] != processes["/plant"]
 
 
 def assert_free_road(run: Trajectory, decisions: DecisionSeries, bag: Path) -> None:

@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from iptm_core.errors import ParameterError
 from iptm_core.provenance import installed_version
@@ -120,6 +119,9 @@ def _plain(value: Any) -> Any:
         return type(value).__qualname__, *entries
     if callable(value) and hasattr(value, "__qualname__"):
         return value.__module__, value.__qualname__
+    if type(value).__module__.startswith("pandas.") and hasattr(value, "columns"):
+        columns = {str(name): value[name].to_numpy() for name in value}
+        return "frame", _plain(value.index.to_numpy()), *map(_plain, columns.items())
     try:
         return type(value).__qualname__, _digest(pickle.dumps(value))
     except Exception:  # noqa: BLE001 - pickle raises whatever the object does
@@ -167,12 +169,6 @@ def _(value: Mapping[Any, Any]) -> Any:
 @_plain.register(tuple)
 def _(value: list[Any] | tuple[Any, ...]) -> Any:
     return "list", *map(_plain, value)
-
-
-@_plain.register
-def _(value: pd.DataFrame) -> Any:
-    columns = {str(name): value[name].to_numpy() for name in value}
-    return "frame", _plain(value.index.to_numpy()), *map(_plain, columns.items())
 
 
 @_plain.register(np.ndarray)

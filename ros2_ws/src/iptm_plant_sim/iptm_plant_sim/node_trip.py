@@ -37,11 +37,10 @@ EXIT_PACK_EMPTY = 4
 START_PERIOD_S = 0.02
 CHECKS_PER_REPEAT = 5.0
 STOP_TICK_WALL_S = 0.1
-"""Wall time per tick of the controlled stop in lock-step: it does not wait for the controller, but is slow
-enough for a restarted one to take over and for subscribers to follow."""
+"""Wall time per tick of the controlled stop in lock-step: a restarted controller can take over."""
 REPEAT_S = 2.5
-"""Lock-step: wall time after which an unanswered state is re-sent, so that late-joining nodes receive it.
-Longer than the controller's wait for missing inputs, to avoid needless repeats."""
+"""Lock-step: wall time after which an unanswered state is sent again, for nodes that came late; longer than
+the controller's wait for missing inputs."""
 KEEP_ALIVE_S = 1.0
 """Wall time between repeats of the state of a paused trip, shorter than every node's input timeout."""
 PUBLISHED = (
@@ -243,6 +242,7 @@ class TripNode(SuiteNode):
             self._between.begin(self._trip.stamp_ns)
             if not self._is_real_time:
                 self._watchdog.feed()
+                self._outputs[Topic.CLOCK].let_listeners_follow()
         self._report()
 
     def _publish_state(self) -> None:
@@ -339,8 +339,8 @@ class TripNode(SuiteNode):
 
     def _fail(self, error: IptmError) -> None:
         """End the trip: the vehicle model has no next state."""
-        self._failure = str(error)
         self.get_logger().error(f"the vehicle model failed: {error}")
+        self._failure = str(error)
         self._end(EXIT_DEFECT)
         self._report()
 

@@ -81,12 +81,19 @@ def run_node(
     factory: Callable[[], SuiteNode],
     arguments: Sequence[str] | None = None,
 ) -> int:
-    """Run one node until it is stopped, and return the exit code of the process.
+    """Run one node, see `run_nodes`: `sys.exit(run_node(BridgeNode))`."""
+    return run_nodes([factory], arguments)
 
-    Call it from the main thread, once per process: `sys.exit(run_node(BridgeNode))`.
+
+def run_nodes(
+    factories: Sequence[Callable[[], SuiteNode]], arguments: Sequence[str] | None = None
+) -> int:
+    """Run nodes with one executor until the first one has finished, and return the exit code of the process.
+
+    Call it from the main thread, once per process.
 
     Args:
-        factory: builds the node; an `IptmError` from here is a mistake of the user.
+        factories: build the nodes; an `IptmError` from here is a mistake of the user.
         arguments: command line with the program name; None takes the one of the process.
     """
     command = list(sys.argv if arguments is None else arguments)
@@ -98,8 +105,9 @@ def run_node(
     os.environ.update(middleware_settings())
     try:
         rclpy.init(args=command, signal_handler_options=SignalHandlerOptions.NO)
-        node = factory()
-        node.reject_unknown_parameters()
+        nodes = [factory() for factory in factories]
+        for node in nodes:
+            node.reject_unknown_parameters()
     except _USER_ERRORS as error:
         rclpy.try_shutdown()
         return refused(program, error)
@@ -107,7 +115,7 @@ def run_node(
         get_logger(program).fatal("unexpected error at start:\n" + traceback.format_exc())
         rclpy.try_shutdown()
         return EXIT_DEFECT
-    return _spin(node, stop, program)
+    return _spin(nodes, stop, program)
 
 
 @contextmanager
@@ -141,28 +149,31 @@ def joined_node(
         context.try_shutdown()
 
 
-def _spin(node: SuiteNode, stop: StopRequest, program: str) -> int:
+def _spin(nodes: Sequence[SuiteNode], stop: StopRequest, program: str) -> int:
     # Modules and codecs stay: a full collection through all of them would hold up a tick by 50 ms or more.
     gc.freeze()
     executor = EventsExecutor()
-    executor.add_node(node)
-    code = EXIT_OK
+    for node in nodes:
+        executor.add_node(node)
+    first, code = nodes[0], EXIT_OK
     try:
         # A timeout is essential: without one this executor never runs a callback.
-        while rclpy.ok() and not node.finished:
+        while rclpy.ok() and not first.finished:
             if stop.is_set:
-                node.stop()
+                for node in nodes:
+                    node.stop()
             executor.spin_once(timeout_sec=_SPIN_TIMEOUT_S)
-        code = node.exit_code
+        code = first.exit_code
     except ExternalShutdownException:
-        code = node.exit_code
+        code = first.exit_code
     except Exception as error:  # noqa: BLE001  the last line of defence of the process
         # The executor has logged the traceback already.
         print_error(program, f"stopped by an unexpected {type(error).__name__}: {error}")
         code = EXIT_DEFECT
     finally:
-        executor.remove_node(node)
-        node.destroy_node()
+        for node in nodes:
+            executor.remove_node(node)
+            node.destroy_node()
         executor.shutdown()
         rclpy.try_shutdown()
         gc.freeze()  # the end of the process need not look through all objects

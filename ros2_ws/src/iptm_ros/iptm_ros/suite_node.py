@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import time
 import traceback
 from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -39,8 +41,11 @@ _LARGER_BYTES = {
 _LOG_THROTTLE_S = 5.0
 _KNOWN_DEFECTS = 20
 LEAST_HISTORY = 100
-"""Smallest queue of a subscription: a burst of foreign messages must not displace due ones."""
+"""Smallest queue of a subscription, as foreign messages must not displace due ones, and of a publisher, for
+listeners that are a moment late."""
 _GRAPH_PERIOD_S = 1.0
+_HEARING_S = 1.0
+_DEAF_S = 20.0
 _QOS_OVERRIDES = "qos_overrides."
 _ROS_PARAMETERS = ("use_sim_time", _QOS_OVERRIDES, "start_type_description_service")
 # Topics of ROS itself, which files of parameters that were dumped may name.
@@ -58,6 +63,8 @@ class FramedPublisher(Publisher):
     """
 
     frame_prefix = ""
+    _unheard = 0
+    _deaf_until_s = 0.0
 
     def publish(self, msg: Any) -> None:
         """Publish a message, or its serialised bytes."""
@@ -68,6 +75,19 @@ class FramedPublisher(Publisher):
             if hasattr(msg, "child_frame_id"):
                 msg.child_frame_id = frame_in(self.frame_prefix, msg.child_frame_id)
         super().publish(msg)
+
+    def let_listeners_follow(self) -> None:
+        """Wait, at every fiftieth call, until every listener has what was published, as a recorder must.
+
+        A listener that died without a word holds this up for a second, until the middleware notices.
+        """
+        self._unheard += 1
+        now_s = time.monotonic()
+        if self._unheard < LEAST_HISTORY // 2 or now_s < self._deaf_until_s:
+            return
+        self._unheard = 0
+        if not self.wait_for_all_acked(Duration(seconds=_HEARING_S)):
+            self._deaf_until_s = now_s + _DEAF_S
 
 
 class SuiteNode(Node):
@@ -104,11 +124,11 @@ class SuiteNode(Node):
         self.connections = ConnectionsReport(self)
         self.every(LOOK_PERIOD_S, self.connections.look, self._upkeep_clock)
 
-    def advertise(self, topic: Topic) -> Publisher:
+    def advertise(self, topic: Topic) -> FramedPublisher:
         """Return a publisher for a topic of the table, with the frames of the vehicle."""
         spec = TOPICS[topic]
         publisher = self.create_publisher(
-            spec.message_type, spec.name, spec.offered_qos, publisher_class=FramedPublisher
+            spec.message_type, spec.name, _deep(spec.offered_qos), publisher_class=FramedPublisher
         )
         publisher.frame_prefix = self.frame_prefix
         return publisher
@@ -274,7 +294,7 @@ def _decoded(topic: Topic, kind: type[Any], data: bytes) -> Any:
 
 
 def _deep(qos: QoSProfile) -> QoSProfile:
-    """Return the QoS of a subscription; where only the latest message counts, the QoS of the topic."""
+    """Return the QoS with a deep queue; where only the latest message counts, the QoS of the topic."""
     if qos.durability is DurabilityPolicy.TRANSIENT_LOCAL or qos.depth >= LEAST_HISTORY:
         return qos
     return QoSProfile(

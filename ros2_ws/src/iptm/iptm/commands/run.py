@@ -76,6 +76,11 @@ def build_parser() -> argparse.ArgumentParser:
         help=f"show the run in the browser; without another --mode {WATCHING_RATE:g} times real time",
     )
     add(
+        "--one-process",
+        action="store_true",
+        help="run plant, bridge and controller in one process: faster, but they share a core",
+    )
+    add(
         "--without",
         action="append",
         default=[],
@@ -209,6 +214,10 @@ def _run(parsed: argparse.Namespace) -> int:
         raise ScenarioError(
             f"--without is {parsed.without[0]} for a trip with faults; allowed: without faults"
         )
+    if parsed.one_process and (trip.foreign or trip.conditions.faults or parsed.vehicles):
+        raise ScenarioError(
+            "--one-process is given for own nodes, faults or a string; allowed: a trip of the suite's nodes"
+        )
     if parsed.vehicle is not None:
         return _run_vehicle(trip, parsed)
     if parsed.over == "memory":
@@ -224,6 +233,7 @@ def _run(parsed: argparse.Namespace) -> int:
         against=parsed.against,
         view=parsed.view,
         full=parsed.full,
+        one_process=parsed.one_process,
         wait_for=tuple(parsed.wait_for),
         progress=parsed.progress,
     )
@@ -240,7 +250,7 @@ def _run_vehicle(trip: Trip, parsed: argparse.Namespace) -> int:
     """Drive a car on a bus with the cycle, length and strategy of the trip."""
     from importlib import import_module  # noqa: PLC0415
 
-    for name in ("view", "without", "report", "vehicles", "full"):
+    for name in ("view", "without", "report", "vehicles", "full", "one_process"):
         if getattr(parsed, name):
             raise ScenarioError(f"--{name} is given with --vehicle; allowed: --output")
     given = [
@@ -261,7 +271,7 @@ def _run_in_memory(trip: Trip, parsed: argparse.Namespace, console: Console) -> 
     from iptm.driving import drive_in_memory  # noqa: PLC0415
     from iptm.runner.summary import headline  # noqa: PLC0415
 
-    for name in ("view", "without", "output", "report", "vehicles"):
+    for name in ("view", "without", "output", "report", "vehicles", "one_process"):
         if getattr(parsed, name):
             raise ScenarioError(f"--{name} is given with --over memory; allowed: over ros")
     run = drive_in_memory(trip)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import sys
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -120,6 +120,12 @@ def node_command(
         if node == faulty and at_places(faults, place):
             module = other
     return [*_PYTHON, module, "--ros-args", *ros_arguments]
+
+
+def common_command(parameter_files: Iterable[Path], namespace: str) -> list[str]:
+    """Return the command that starts all nodes of the loop in one process."""
+    files = [each for path in parameter_files for each in ("--params-file", str(path))]
+    return [*_PYTHON, "iptm.runner.one_process", "--ros-args", *_remaps(namespace), *files]
 
 
 def recorder_command(

@@ -18,6 +18,7 @@ from rich.text import Text
 from iptm.runner.companion import Companion
 from iptm.runner.composition import (
     RECORDER,
+    common_command,
     node_command,
     node_parameters,
     parameter_file_text,
@@ -40,6 +41,7 @@ from iptm.runner.supervisor import (
 from iptm.runner.viewer import live_view
 from iptm.trip import NO_COMPARISON, Trip
 from iptm.trip_files import trip_text
+from iptm.trip_settings import NODES
 from iptm_core.errors import DriveError, IptmError, ScenarioError
 from iptm_core.program import EXIT_OK, EXIT_SIGNAL, EXIT_USER_ERROR, print_error
 from iptm_ros.process import StopRequest, joined_node
@@ -68,6 +70,7 @@ class RunOptions:
         against: strategy to compare with, driven without ROS after the run; "none" for no comparison.
         view: whether to show it in the browser while it takes place.
         full: whether to print the tables of all figures.
+        one_process: whether plant, bridge and controller share a process, named after the plant.
         wait_for: full names of further nodes that must hear the others before the trip begins.
         progress: file for the trip time, instead of a display of the progress.
     """
@@ -80,6 +83,7 @@ class RunOptions:
     against: str = NO_COMPARISON
     view: bool = False
     full: bool = False
+    one_process: bool = False
     wait_for: tuple[str, ...] = ()
     progress: Path | None = None
 
@@ -159,6 +163,7 @@ def drive_processes(
         result = drive.look_around(0.0 if domain.is_private else LOOK_AROUND_S)
         if result.outcome is DriveOutcome.FINISHED:
             drive.start(commands)
+            monitor.expect(NODES)
             result = drive.run()
     return result, drive
 
@@ -169,10 +174,16 @@ def _commands(folder: RunFolder, trip: Trip, options: RunOptions) -> dict[str, l
     parameters = {
         node: values for node, values in node_parameters(trip).items() if node not in trip.foreign
     }
-    commands = {}
-    for node, values in parameters.items():
-        path = folder.write_log(f"{node}_parameters.yaml", parameter_file_text(node, values))
-        commands[node] = node_command(node, path, namespace, trip.conditions.faults)
+    paths = {
+        node: folder.write_log(f"{node}_parameters.yaml", parameter_file_text(node, values))
+        for node, values in parameters.items()
+    }
+    commands = {
+        node: node_command(node, path, namespace, trip.conditions.faults)
+        for node, path in paths.items()
+    }
+    if options.one_process:
+        commands = {PLANT: common_command(paths.values(), namespace)}
     if options.record:
         text = yaml.safe_dump(run_information(trip, parameters), sort_keys=False)
         path = folder.write_log("run_information.yaml", text)

@@ -10,10 +10,9 @@ import math
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from iptm_core.errors import RouteError
 from iptm_core.routes.can_files import CAN_SUFFIXES, frames_of, library
@@ -23,6 +22,9 @@ from iptm_core.routes.drive_table import DriveTable
 from iptm_core.routes.text_table import REPAIRED
 from iptm_core.state import FloatArray
 from iptm_core.user_input import suggestion
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 CAN_COLUMNS: Mapping[str, Meaning] = {
     name: meaning for name in KNOWN_COLUMNS if name != "time_s" and (meaning := meaning_of(name))
@@ -96,6 +98,8 @@ def _check_unit(where: object, column: str, signal: str, unit: str, notes: list[
 
 
 def _of_frames(path: Path, dbc: Path, signals: Mapping[str, str], channel: str) -> DriveTable:
+    import pandas as pd  # noqa: PLC0415  half a second of its own
+
     cantools = library("cantools")
     try:
         # Overlapping signals of messages that are not asked for do no harm.
@@ -166,6 +170,8 @@ def _decoded(
     where: str, message: Any, frames: _Frames, signals: Mapping[str, Any], notes: list[str]
 ) -> pd.DataFrame:
     """Return number, time and values of the frames; NaN outside of the range of the DBC."""
+    import pandas as pd  # noqa: PLC0415  half a second of its own
+
     rows, decoded = [], []
     for number, frame in frames:
         with suppress(Exception):  # a multiplexer without this value, a frame that is too short
@@ -237,6 +243,8 @@ def _of_channels(path: Path, signals: Mapping[str, str]) -> DriveTable:
     """Return the wanted channels of an MF4 file."""
     if path.suffix.lower() != ".mf4":
         raise RouteError(f"{path}: a log of frames; allowed: with a DBC that decodes them")
+    import pandas as pd  # noqa: PLC0415  half a second of its own
+
     asammdf = library("asammdf")
     try:
         with asammdf.MDF(path) as log:

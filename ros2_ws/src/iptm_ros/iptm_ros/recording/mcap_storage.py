@@ -13,7 +13,6 @@ from bisect import bisect_left
 from collections import Counter
 from collections.abc import Collection, Container, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from itertools import pairwise
 from operator import attrgetter
 from pathlib import Path
 from typing import final
@@ -57,9 +56,8 @@ DATA_END = struct.Struct("<BQI")
 FOOTER = struct.Struct("<BQQQI")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
 _Found = tuple[int, int, int, int, int, bytes]
-"""Log time, place of the chunk and in it, time of publication, channel and content of a message."""
+"""Log time, place of its chunk, place in it, time of publication, channel, content."""
 _BLOCK_BYTES = 2**20
-_SIZE_BYTES = 8
 
 
 def summary_start(data: bytes | mmap.mmap) -> int:
@@ -96,6 +94,10 @@ def _checksum(data: bytes | mmap.mmap, start: int, end: int) -> int:
     checksum = 0
     for at in range(start, end, _BLOCK_BYTES):
         checksum = zlib.crc32(data[at : min(at + _BLOCK_BYTES, end)], checksum)
+        if isinstance(data, mmap.mmap) and at % _BLOCK_BYTES == 0:
+            data.madvise(
+                mmap.MADV_DONTNEED, at, min(_BLOCK_BYTES, len(data) - at)
+            )  # no more needed
     return checksum
 
 
@@ -176,7 +178,6 @@ class BagFile:
         )
 
     def _compare_counts(self, topics: Collection[str] | None, found: Counter[str]) -> None:
-        """Compare the messages that were read with the statistics of the file."""
         promised: Counter[str] = Counter()
         for topic in self.topics:
             promised[topic.name] += topic.message_count
@@ -251,14 +252,17 @@ class BagFile:
     def _check_chunks(self, summary: Summary) -> None:
         """Refuse chunks that unpack to too much, by what they state and by what they are."""
         budget = UnpackingBudget(len(self._content))
+        channels: dict[tuple[int, ...], dict[int, int]] = {}
         for index in summary.chunk_indexes:
+            offsets = index.message_index_offsets  # only its keys are used, and they repeat
+            index.message_index_offsets = channels.setdefault(tuple(offsets), offsets)
             if not index.compression:
                 continue
             start = index.chunk_start_offset + PREFIX.size
             *_, stated, _, name_bytes = CHUNK_HEAD.unpack_from(self._content, start)
             start += CHUNK_HEAD.size
             compression = self._content[start : start + name_bytes].decode()
-            start += name_bytes + _SIZE_BYTES
+            start += name_bytes + 8  # and the packed size
             packed = FRAME_HEAD_BYTES if compression == "zstd" else index.compressed_size
             check_chunk(compression, stated, self._content[start : start + packed])
             budget.take(stated)
@@ -315,27 +319,23 @@ class BagFile:
             key=attrgetter("message_start_time", "chunk_start_offset"),
         )
         held: list[_Found] = []
-        for index, later in pairwise((*chunks, None)):
-            assert index is not None  # noqa: S101  only the last one is None
+        for index, later in zip(chunks, [*chunks[1:], None], strict=False):
             held += _messages_of(self._records(index), index.chunk_start_offset, wanted)
             held.sort()
             ready = len(held) if later is None else bisect_left(held, (later.message_start_time,))
             for log_ns, _, _, publish_ns, channel, data in held[:ready]:
                 if (start_ns is None or log_ns >= start_ns) and (end_ns is None or log_ns < end_ns):
-                    type_name = self._type_names[channel]
-                    yield BagMessage(wanted[channel], type_name, log_ns, publish_ns, data)
+                    topic, kind = wanted[channel], self._type_names[channel]
+                    yield BagMessage(topic, kind, log_ns, publish_ns, data)
             del held[:ready]
 
     def _records(self, index: ChunkIndex) -> bytes:
-        """Return the records of a chunk, unpacked and checked."""
         self._file.seek(index.chunk_start_offset + PREFIX.size)
         chunk = Chunk.read(ReadDataStream(self._file))
-        stream, length = get_chunk_data_stream(chunk, validate_crc=True)
-        return stream.read(length)
+        return (opened := get_chunk_data_stream(chunk, validate_crc=True))[0].read(opened[1])
 
 
 def _messages_of(records: bytes, chunk: int, wanted: Container[int]) -> Iterator[_Found]:
-    """Yield the messages of a chunk on the channels that are wanted."""
     at, end = 0, len(records)
     while at < end:
         opcode, length = PREFIX.unpack_from(records, at)
@@ -345,6 +345,6 @@ def _messages_of(records: bytes, chunk: int, wanted: Container[int]) -> Iterator
         if opcode == Opcode.MESSAGE:
             channel, _, log_ns, publish_ns = _MESSAGE_HEAD.unpack_from(records, at)
             if channel in wanted:
-                data = records[at + _MESSAGE_HEAD.size : at + length]
-                yield log_ns, chunk, at, publish_ns, channel, data
+                content = records[at + _MESSAGE_HEAD.size : at + length]
+                yield log_ns, chunk, at, publish_ns, channel, content
         at += length
