@@ -6,7 +6,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from studies.embedded.run import HERE, commands_of
+from studies.embedded.run import DOUBLE, HERE, SINGLE, TARGET, commands_of
 from studies.embedded.safeguards import (
     ADVISORY,
     BITS,
@@ -77,8 +77,8 @@ def test_no_required_rule_of_misra_is_broken(sources: Path) -> None:
     assert "14.4" in misra_findings(worse)
 
 
-@pytest.mark.parametrize(("name", "bound_m_s2"), [("Cortex-M7", 1e-6), ("Cortex-M7, single", 0.05)])
-def test_ticks_on_a_target(tmp_path: Path, name: str, bound_m_s2: float) -> None:
+@pytest.mark.parametrize(("precision", "bound_m_s2"), [(DOUBLE, 1e-6), (SINGLE, 0.05)])
+def test_ticks_on_a_target(tmp_path: Path, precision: str, bound_m_s2: float) -> None:
     need("cmake", "arm-none-eabi-gcc", "qemu-system-arm")
     write_controller(
         tmp_path / "ecu",
@@ -89,7 +89,7 @@ def test_ticks_on_a_target(tmp_path: Path, name: str, bound_m_s2: float) -> None
         duration_s=5.0,
     )
     shutil.copy(HERE / "cortex_m7.c", tmp_path / "ecu")
-    row, counts = commands_of(tmp_path / "ecu", name)
+    row, counts = commands_of(tmp_path / "ecu", TARGET, precision)
     assert row["ticks"] == 5
     assert row["rungs"] == 0
     assert row["largest_m_s2"] < bound_m_s2
