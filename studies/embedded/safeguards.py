@@ -87,7 +87,7 @@ ADVISORY = frozenset(
         "23.7",
     ]
 )
-"""Rules of MISRA C:2012 that are not required, by the table in ``lib/checkers.cpp`` of Cppcheck 2.11."""
+"""Rules of MISRA C:2012 that are not required, by the table in ``lib/checkers.cpp`` of Cppcheck (2023)."""
 
 
 class CMemory(ctypes.Structure):
