@@ -8,11 +8,13 @@ same scenario are never received at the same instants.
 from __future__ import annotations
 
 import math
+from array import array
+from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from fnmatch import fnmatchcase
-from itertools import chain
+from heapq import merge
 from pathlib import Path
 from typing import Any
 
@@ -151,9 +153,8 @@ DEFAULT_IGNORED_FIELDS = ("solve_time_s", "solve_wall_time_s")
 _EXACT = NumberTolerance()
 _FIELDS_SHOWN = 8
 
-_Key = tuple[int | None, int]
-"""Stamp (ns) of a message and its number among equal stamps, or of the topic without one."""
-_Content = dict[str, dict[_Key, BagMessage]]
+_Key = tuple[str, int | None, int]
+"""Topic, stamp (ns) and number among equal stamps, or of the topic without one."""
 
 
 @dataclass(frozen=True)
@@ -227,7 +228,6 @@ def compare_bags(
         names = [name for name in sorted({*one.topics, *two.topics}) if chosen.takes(name)]
         if not names:
             raise BagError(f"{first} and {second} have no topic left to compare")
-        contents = _messages(one, names), _messages(two, names)
 
         def differing_fields(message: BagMessage, other: BagMessage) -> list[FieldDifference]:
             if other.data == message.data:
@@ -239,63 +239,90 @@ def compare_bags(
                 if not any(fnmatchcase(difference.path, pattern) for pattern in ignored_fields)
             ]
 
-        return [_compare_topic(name, (one, two), contents, differing_fields) for name in names]
+        return _compared(names, (one, two), differing_fields)
 
 
-def _compare_topic(
-    name: str,
+def _compared(
+    names: Sequence[str],
     readers: tuple[BagReader, BagReader],
-    contents: tuple[_Content, _Content],
     differing_fields: Callable[[BagMessage, BagMessage], list[FieldDifference]],
-) -> TopicComparison:
-    one, two = (reader.topics.get(name) for reader in readers)
-    counts = (one.message_count if one else 0, two.message_count if two else 0)
-    if one and two and one.type_name != two.type_name:
-        remark = f"type {one.type_name} in one, {two.type_name} in the other"
-        return TopicComparison(name, counts, remark=remark)
-    first, second = (content.get(name, {}) for content in contents)
-    differing = {
-        key: found
-        for key, message in first.items()
-        if key in second and (found := differing_fields(message, second[key]))
-    }
-    largest: dict[str, float] = {}
-    for difference in chain.from_iterable(differing.values()):
-        before = largest.get(difference.path, 0.0)
-        largest[difference.path] = max(before, difference.distance)
-    earliest = next(iter(differing), None)
-    return TopicComparison(
-        topic=name,
-        counts=counts,
-        differing=len(differing),
-        only_first=len(first.keys() - second.keys()),
-        only_second=len(second.keys() - first.keys()),
-        first_place="" if earliest is None else _place_text(earliest),
-        first_fields=() if earliest is None else tuple(differing[earliest]),
-        largest=largest,
-    )
+) -> list[TopicComparison]:
+    """Compare while reading both bags side by side: only messages without a counterpart so far are kept."""
+    topics = {name: tuple(reader.topics.get(name) for reader in readers) for name in names}
+    types = {name: {each.type_name for each in both if each} for name, both in topics.items()}
+    compared = [name for name in names if len(types[name]) == 1]
+    found = {name: _Found() for name in compared}
+    waiting: tuple[dict[_Key, tuple[int, BagMessage]], ...] = ({}, {})
+    streams = (_keyed(side, reader, compared) for side, reader in enumerate(readers))
+    for side, place, key, message in merge(*streams, key=lambda each: each[3].log_time_ns):
+        other = waiting[1 - side].pop(key, None)
+        if other is None:
+            waiting[side][key] = place, message
+        elif side:
+            found[key[0]].add(other[0], key, differing_fields(other[1], message))
+        else:
+            found[key[0]].add(place, key, differing_fields(message, other[1]))
+    only = [Counter(name for name, *_ in side) for side in waiting]
+    outcome = []
+    for name, (one, two) in topics.items():
+        counts = (one.message_count if one else 0, two.message_count if two else 0)
+        if one and two and name not in found:
+            remark = f"type {one.type_name} in one, {two.type_name} in the other"
+            outcome.append(TopicComparison(name, counts, remark=remark))
+            continue
+        differing, largest, first = found[name].differing, found[name].largest, found[name].first
+        where, fields_ = ("", ()) if first is None else (_place_text(first[1]), tuple(first[2]))
+        more = only[0][name], only[1][name], where, fields_, largest
+        outcome.append(TopicComparison(name, counts, differing, *more))
+    return outcome
 
 
-def _messages(reader: BagReader, names: Collection[str]) -> _Content:
-    """Return the messages by topic, and there by the key that matches them with another bag's."""
+@dataclass
+class _Found:
+    """Differences of a topic so far; of the earliest pair in the first bag its place, key and fields."""
+
+    differing: int = 0
+    largest: dict[str, float] = field(default_factory=dict)
+    first: tuple[int, _Key, Sequence[FieldDifference]] | None = None
+
+    def add(self, place: int, key: _Key, fields_: Sequence[FieldDifference]) -> None:
+        if not fields_:
+            return
+        self.differing += 1
+        for each in fields_:
+            self.largest[each.path] = max(self.largest.get(each.path, 0.0), each.distance)
+        if self.first is None or place < self.first[0]:
+            self.first = place, key, fields_
+
+
+def _keyed(
+    side: int, reader: BagReader, names: Collection[str]
+) -> Iterator[tuple[int, int, _Key, BagMessage]]:
+    """Yield messages with their place and the key that matches them with another bag's."""
     kinds = {
         topic.name: stamp_kind(topic.type_name, reader.definition_text(topic.type_name))
         for topic in reader.topics.values()
         if topic.name in names
     }
-    content: _Content = {name: {} for name in kinds}
-    numbers: Counter[tuple[str, int | None]] = Counter()
-    for message in reader.raw_messages(list(kinds)):
-        is_stamped = kinds[message.topic] is not StampKind.NONE
+    increasing = {name: array("q") for name in kinds}
+    others: Counter[tuple[str, int | None]] = Counter()
+    for place, message in enumerate(reader.raw_messages(list(kinds)) if kinds else ()):
+        topic, stamps = message.topic, increasing[message.topic]
+        is_stamped = kinds[topic] is not StampKind.NONE
         stamp_ns = read_stamp_ns(message.data) if is_stamped else None
-        number = numbers[message.topic, stamp_ns]  # equal stamps are matched in their order
-        numbers[message.topic, stamp_ns] += 1
-        content[message.topic][stamp_ns, number] = message
-    return content
+        number = 0  # equal stamps are matched in their order
+        if stamp_ns is not None and not (stamps and stamp_ns <= stamps[-1]):
+            stamps.append(stamp_ns)
+        else:
+            at = 0 if stamp_ns is None else bisect_left(stamps, stamp_ns)
+            number = others[topic, stamp_ns]
+            others[topic, stamp_ns] += 1
+            number += stamp_ns is not None and stamps[at] == stamp_ns
+        yield side, place, (topic, stamp_ns, number), message
 
 
 def _place_text(key: _Key) -> str:
-    stamp_ns, number = key
+    _, stamp_ns, number = key
     return f"message {number + 1}" if stamp_ns is None else f"at {stamp_ns * 1e-9:g} s"
 
 
