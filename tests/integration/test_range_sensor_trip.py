@@ -39,12 +39,14 @@ def test_measured_tracks_lead_as_the_cycle_does(tmp_path: Path) -> None:
 def test_sensor_and_messages_agree_on_the_leader(launcher: Any, tmp_path: Path) -> None:
     """The plant measures the car that a sender drives: gap by the sensor, preview by the messages."""
     port, bag, ticks = free_port(), tmp_path / "bag", 15
+    pace = "conditions.mode=real_time", "conditions.rate_factor=5"  # reports come once a second
     with reserve_domain() as domain:
         settings = {"leader_source": "range_sensor_and_cam", "cam_port": port}
         runner = launcher.start_module(
             "iptm.commands.run", "--cycle", DRIVE, "--duration-s", str(ticks), "--no-picture",
             "--domain", str(domain), "--output", bag,
             *(part for item in settings.items() for part in ("--set", "leader.{}={}".format(*item))),
+            *(part for item in pace for part in ("--set", item)),
         )  # fmt: skip
         sender = launcher.start_module(
             SENDER, "--ros-args", "-p", f"to_port:={port}", "-p", f"cycle:={DRIVE}",
@@ -59,6 +61,5 @@ def test_sensor_and_messages_agree_on_the_leader(launcher: Any, tmp_path: Path) 
             for status in reader.decode(raw).status
             if "v2x_bridge" in status.name
         ]
-    # Reports come once a second, and the trip takes hardly longer.
     joined = {key for report in reports for key in report if key.startswith("ticks_")}
     assert joined == {"ticks_agreed"}
