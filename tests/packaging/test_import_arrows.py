@@ -48,6 +48,9 @@ PURE = {
 MAY_KNOW_THE_NODE_OF = {
     ("iptm.faults.node_controller", "iptm_controller"),
     ("iptm.faults.node_plant", "iptm_plant_sim"),
+    ("iptm.runner.one_process", "iptm_controller"),
+    ("iptm.runner.one_process", "iptm_plant_sim"),
+    ("iptm.runner.one_process", "iptm_v2x_bridge"),
     ("iptm.runner.trial", "iptm_controller"),
 }
 
