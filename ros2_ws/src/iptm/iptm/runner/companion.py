@@ -94,20 +94,12 @@ def draw(path: Path, run: Run) -> None:
     """Draw a run."""
     from iptm.runner.tables import save_picture  # noqa: PLC0415
 
-    _weigh_session(0)  # somebody waits
     save_picture(path, run)
-
-
-def _weigh_session(niceness: int) -> None:
-    """Set the priority of the session, where Linux weighs sessions instead of processes."""
-    with suppress(OSError):
-        Path("/proc/self/autogroup").write_text(str(niceness), encoding="ascii")
 
 
 def main() -> None:
     """Answer requests until their pipe is closed."""
     os.nice(_NICENESS)
-    _weigh_session(_NICENESS)
     import iptm.picture  # noqa: F401, PLC0415  ahead of the request
 
     answers = sys.stdout.buffer
