@@ -21,7 +21,7 @@ from studies.drives import DEFAULT, trip
 from studies.headway.behind import STRING_CARS, cars_behind
 from studies.headway.effects import BLIND, BOTH, BRIEF_S, WHOLE_S, effects
 from studies.road_space.run import DESIRED_S, EQUAL
-from studies.savings import PREVIEWS, PRODUCTION, road_taken, saved
+from studies.savings import BASELINE, PREVIEWS, PRODUCTION, road_taken, saved
 from studies.session import Case, Session
 
 import iptm
@@ -83,7 +83,7 @@ SETTINGS = (
 
 
 def cases_of(session: Session, scenes: list[Scene]) -> Iterator[Case]:
-    """Yield the trips per setting, leader, car and climate: `production`, and the default by preview."""
+    """Yield the trips per setting, leader, car and climate: `production`, the default by preview, `eco_acc`."""
     cycles = SHORT_CYCLES if session.short else CYCLE_NAMES
     leaders: list[tuple[str, str, str, dict[str, Any], int]] = [
         *((LEVEL, name, name, {}, 0) for name in cycles),
@@ -105,6 +105,8 @@ def cases_of(session: Session, scenes: list[Scene]) -> Iterator[Case]:
         place = {"setting": setting.name, "kind": kind, "leader": name, "car": car}
         labels = {**place, "ambient_c": ambient_c, "begin": begin}
         roles = [(PRODUCTION, False), *((DEFAULT, perfect) for perfect in setting.previews)]
+        if setting is AT_2_S:
+            roles.append((BASELINE, False))
         for role, perfect in roles:
             own = setting.own if role == DEFAULT else setting.base
             call = trip(cycle, role, car, ambient_c, **own, **drive)
@@ -127,13 +129,14 @@ def run(session: Session) -> bool:
     table = pd.DataFrame(
         row for _, trips in driven.groupby(keys, sort=False) for row in _rows(trips)
     )
+    overall = _summary(table, ["setting", "role", "perfect", "preview"])
+    table = table[table.role == DEFAULT]
     groups = _summary(table, ["setting", "perfect", "preview", "kind", "car", "ambient_c"])
-    overall = _summary(table, ["setting", "perfect", "preview"])
     measured = table[table.kind == MEASURED]
     origins, shares = effects(session)
     session.render(
         groups=groups[groups.setting == AT_2_S.name],
-        overall=overall,
+        overall=overall[overall.role == DEFAULT],
         headline=overall[overall.setting == AT_2_S.name],
         lowest=groups.groupby(["setting", "preview"], sort=False)[
             ["ageing_median", "energy_median"]
@@ -159,14 +162,14 @@ def run(session: Session) -> bool:
 
 
 def _rows(trips: pd.DataFrame) -> Iterator[dict[str, Any]]:
-    """Yield a row per trip of the default against `production` behind the same leader."""
+    """Yield a row per trip against `production` behind the same leader."""
     if trips.run.isna().any():
         return
     base: iptm.Run = trips[trips.role == PRODUCTION].run.iloc[0]
-    for each in trips[trips.role == DEFAULT].itertuples():
+    for each in trips[trips.role != PRODUCTION].itertuples():
         own, before = (_behaviour(run, each.begin) for run in (each.run, base))
         percent = saved([each.run.metrics], [base.metrics], each.run.parameters)
-        names = ("setting", "kind", "leader", "car", "ambient_c", "perfect")
+        names = ("setting", "role", "kind", "leader", "car", "ambient_c", "perfect")
         yield {
             **{name: getattr(each, name) for name in names},
             "preview": PREVIEWS[each.perfect],
