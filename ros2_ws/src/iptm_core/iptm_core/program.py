@@ -64,7 +64,7 @@ def refused(program: str, reason: object) -> int:
 
 
 _YOUNG_OBJECTS = 10_000
-"""New objects between collections; at Python's own 700, an eighth of the time of imports is collections."""
+"""New objects between collections while a program loads; at Python's own 700, an eighth is collecting."""
 
 
 def run(name: str, load: Callable[[], Callable[[], Any]]) -> Any:
@@ -74,6 +74,7 @@ def run(name: str, load: Callable[[], Callable[[], Any]]) -> Any:
         The exit code of the program, 2 if a library is not installed, 130 after Ctrl-C, 141 if the
             reader of its output is gone.
     """
+    usual = gc.get_threshold()
     gc.set_threshold(_YOUNG_OBJECTS)
     is_interruptible = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if is_interruptible:
@@ -86,6 +87,8 @@ def run(name: str, load: Callable[[], Callable[[], Any]]) -> Any:
         install = "`python3 -m pip install -r requirements/run-no-ros.txt`"
         needed = f"ROS 2 and the workspace sourced, and {install}"
         return refused(name, f"{error} for {sys.executable}; needed: {needed}")
+    gc.freeze()
+    gc.set_threshold(*usual)  # rare collections are long ones: 40 ms in a tick
     if is_interruptible:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     _make_output_safe()
