@@ -83,7 +83,7 @@ SETTINGS = (
 
 
 def cases_of(session: Session, scenes: list[Scene]) -> Iterator[Case]:
-    """Yield the trips per setting, leader, car and climate: `production`, the default by preview, `eco_acc`."""
+    """Yield the trips per setting, leader, car and climate: the default by preview, and both bases."""
     cycles = SHORT_CYCLES if session.short else CYCLE_NAMES
     leaders: list[tuple[str, str, str, dict[str, Any], int]] = [
         *((LEVEL, name, name, {}, 0) for name in cycles),

@@ -7,11 +7,10 @@ from pathlib import Path
 
 import pytest
 from studies.embedded.run import DOUBLE, HERE, SINGLE, TARGET, commands_of
+from studies.embedded.safeguard_cases import BITS, all_cases
 from studies.embedded.safeguards import (
     ADVISORY,
-    BITS,
     SOURCES,
-    all_cases,
     built,
     is_killed,
     lines_covered,
