@@ -24,7 +24,7 @@ from iptm_core.user_input import shown
 
 FROM_OUTSIDE = {"iptm", "studies", "numpy", "pandas", "matplotlib", "jinja2", "yaml"}
 MORE = {
-    "embedded/safeguards.py": {"iptm_controller", "iptm_core", "iptm_plant_sim"},
+    "embedded/safeguard": {"iptm_controller", "iptm_core", "iptm_plant_sim"},
     "traffic": {"iptm_traffic"},
     "v2x/prediction.py": {"iptm_traffic"},
     "validation": {"scipy"},

@@ -78,7 +78,7 @@ def build_parser() -> argparse.ArgumentParser:
     add(
         "--one-process",
         action="store_true",
-        help="run plant, bridge and controller in one process: faster, but they share a core",
+        help="plant, bridge and controller share a process (faster)",
     )
     add(
         "--without",
@@ -105,7 +105,7 @@ def build_parser() -> argparse.ArgumentParser:
         "--vehicle",
         metavar="NAME",
         help="drive a car on a bus in real time instead of the simulated plant: bench, or a folder with "
-        "vehicle.yaml (needs requirements/can.txt; more options: iptm bench --help)",
+        "vehicle.yaml (see iptm bench --help)",
     )
     add("--progress", type=Path, help=argparse.SUPPRESS)
     add("--over", choices=["ros", "memory"], default="ros", help="(default: %(default)s)")
