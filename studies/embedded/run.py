@@ -35,6 +35,7 @@ CYCLES_PER_INSTRUCTION = 3.0
 CLOSE_M_S2 = 1e-4
 HERE = Path(__file__).parent
 TOOLCHAIN = HERE / "cortex_m7.cmake"
+TOOLS = ("cmake", "gcc", "gcov", "cppcheck", "arm-none-eabi-gcc", "qemu-system-arm")
 QEMU = "qemu-system-arm -M mps2-an500 -nographic -monitor none -serial none -icount shift=0".split()  # noqa: SIM905
 DOUBLE, SINGLE, COARSE = "double", "single", "double, stops at 10⁻⁴"
 HOST, TARGET = "this computer", "Cortex-M7"
@@ -187,6 +188,10 @@ def tested(folder: Path, source: str) -> tuple[dict[str, Any], list[dict[str, st
 
 def run(session: Session) -> bool:
     """Run the study; returns whether the bars are held."""
+    missing = [tool for tool in TOOLS if shutil.which(tool) is None]
+    if missing:
+        packages = "cmake, gcc, cppcheck, gcc-arm-none-eabi, qemu-system-arm"
+        raise StoreError(f"not installed: {', '.join(missing)}; needed of Debian: {packages}")
     folder, parts = session.scratch / "ecu", session.scratch / "parts"
     ticks = SHORT_TICKS if session.short else TICKS
     shutil.rmtree(folder, ignore_errors=True)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import ast
+import shutil
 import sys
 from pathlib import Path
 
 import pytest
 from studies.__main__ import NAMES, changes, main, module_of
+from studies.embedded.run import TOOLS
 from studies.pages import (
     PAGE,
     SHOWN_DIGITS,
@@ -48,6 +50,8 @@ def test_the_short_form_has_the_numbers_of_the_record(name: str) -> None:
         pytest.importorskip("traci")
     if name == "vehicle":
         pytest.importorskip("cantools")
+    if name == "embedded" and any(shutil.which(tool) is None for tool in TOOLS):
+        pytest.skip(f"needs {', '.join(TOOLS)}")
     record = Record.of(name)
     if getattr(module_of(name), "MEASURES_TIME", False):
         assert not record.short
