@@ -1,7 +1,7 @@
-"""What a tick computes in C: its library, and the numbers of Python as C takes them.
+"""Functions of a tick in C: their library, and arrays and structures to call them with.
 
-The Python forms of the same functions are what a reader takes up, and run where there is no compiler. Both
-give the same numbers, to the last bit.
+Each has a readable form in Python, which runs where there is no compiler. Both give the same numbers, to the
+last bit.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _FILES = ("tick_data.c", "tick_data.h", "lead_motion.c", "lead_motion.h", "vehic
 INT, DOUBLE, POINTER = ctypes.c_int, ctypes.c_double, ctypes.c_void_p
 _MOTIONS_KEPT = 8
 _motions: dict[int, tuple[LeaderPreview, Motion]] = {}
-"""Of the newest previews, by identity; whoever holds the preview finds its motion."""
+"""Motions of the newest previews, by the identity of the preview."""
 
 
 class Motion(ctypes.Structure):
@@ -99,7 +99,7 @@ def _library(compiler: tuple[str, ...], *_: object) -> ctypes.PyDLL:
 
 
 class LeadMotionInC:
-    """What is worked out of every preview, in C."""
+    """Functions of a preview in C."""
 
     def __init__(self, library: ctypes.PyDLL, lead_times_s: FloatArray) -> None:
         """Keep the lead times at which predictions are compared."""
@@ -117,7 +117,7 @@ class LeadMotionInC:
         return bool(self._library.iptm_is_sound(ctypes.byref(motion_of(preview))))
 
     def roughness_m2_s4(self, before: LeaderPreview, now: LeaderPreview) -> float:
-        """Do what the function of this name does."""
+        """Return the same as the function of this name in `preview_trust`."""
         pair = ctypes.byref(motion_of(before)), ctypes.byref(motion_of(now))
         return float(self._library.iptm_roughness_m2_s4(*pair))
 

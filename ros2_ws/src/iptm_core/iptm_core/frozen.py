@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 else:
 
     def replace(instance: Instance, /, **changes: Any) -> Instance:
-        """Do what ``dataclasses.replace`` does, faster where a dataclass checks nothing when created."""
+        """Return the same as ``dataclasses.replace``, faster for a dataclass without checks of its own."""
         kind = type(instance)
         names = _plain_fields(kind)
         if names is None:
