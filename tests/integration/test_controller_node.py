@@ -36,7 +36,6 @@ from iptm_core.settings import MOST_PREVIEW_STEPS
 from iptm_core.state import LeaderPreview, PackReading, SlopePreview
 from iptm_ros.codecs import decode_decision_record, decode_plan, encode_leader_preview, encode_slope
 from iptm_ros.diagnostics import Level
-from iptm_ros.suite_node import LEAST_HISTORY
 from iptm_ros.topics import Topic
 
 pytestmark = pytest.mark.usefixtures("ros_environment")
@@ -250,7 +249,7 @@ def test_a_limit_broken_for_long_is_a_warning_once() -> None:
 def test_a_burst_of_foreign_messages_fits_into_the_queues(fresh: NodeBench) -> None:
     """Twenty foreign states overran the ten messages that a subscription kept."""
     depths = {each.topic_name: each.qos_profile.depth for each in fresh.node.subscriptions}
-    assert depths["/plant/state"] >= LEAST_HISTORY
+    assert depths["/plant/state"] == 100
 
 
 def test_the_published_friction_of_the_road_counts_instead_of_the_setting() -> None:

@@ -213,6 +213,30 @@ def test_messages_that_a_frozen_recorder_missed_are_counted(
         assert "lost_messages" in reader.run_information().extra
 
 
+def test_a_stopped_listener_holds_a_publisher_up_once(peer: Any, record: Any) -> None:
+    """It is waited for again when it has followed."""
+    recorder, clock = record("bag", "--topics", "/clock"), peer.node.advertise(CLOCK)
+    peer.wait_until(clock.get_subscription_count, 60.0, "subscription to the clock")
+
+    def publish_half_a_queue() -> float:
+        """Return how long it took, in s."""
+        began_s = time.monotonic()
+        for _ in range(50):
+            clock.publish(Clock())
+            clock.let_listeners_follow()
+        return time.monotonic() - began_s
+
+    recorder.send(signal.SIGSTOP)
+    assert publish_half_a_queue() >= 1.0
+    assert clock.is_left_behind
+    assert publish_half_a_queue() < 1.0
+    recorder.send(signal.SIGCONT)
+    peer.wait_until(
+        lambda: publish_half_a_queue() and not clock.is_left_behind, what="the listener"
+    )
+    assert recorder.stop() == 0
+
+
 def call(peer: Any, name: str) -> Trigger.Response:
     """Call a service of a recorder."""
     client = peer.node.create_client(Trigger, name)

@@ -49,9 +49,9 @@ def test_only_static_data_is_latched(spec: TopicSpec) -> None:
 def test_profiles() -> None:
     assert STREAM_QOS.reliability is ReliabilityPolicy.RELIABLE
     assert STREAM_QOS.history is HistoryPolicy.KEEP_LAST
-    assert (STREAM_QOS.depth, LATCHED_QOS.depth) == (10, 1)
+    assert (STREAM_QOS.depth, LATCHED_QOS.depth) == (100, 1)
     assert LATCHED_QOS.durability is DurabilityPolicy.TRANSIENT_LOCAL
-    assert describe_qos(STREAM_QOS) == "reliable, keep last 10"
+    assert describe_qos(STREAM_QOS) == "reliable, keep last 100"
     assert describe_qos(LATCHED_QOS) == "reliable, keep last 1, transient-local"
 
 

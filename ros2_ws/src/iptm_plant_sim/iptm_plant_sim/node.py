@@ -157,6 +157,7 @@ class PlantNode(TripNode):
             "brake_share": trip.step.safety.brake_share,
             "state_of_charge": trip.step.state.state_of_charge,
             "intervals_without_range_sensor": self._range_sensor.silent_intervals,
+            "listener_left_behind": self._outputs[Topic.CLOCK].is_left_behind,
         }
         if self._schedule is not None:
             values["overruns"] = self._schedule.overruns
@@ -179,11 +180,11 @@ class PlantNode(TripNode):
         if self._watchdog.is_silent:
             return Level.STALE, f"{lost}: waiting"
         warning = self._safety_warning() or self._charge_warning()
-        if warning:
-            return Level.WARN, warning
-        if self._trip.is_limited:
-            return Level.WARN, "commands exceed what the vehicle can do and are limited"
-        return Level.OK, "running"
+        if not warning and self._trip.is_limited:
+            warning = "commands exceed what the vehicle can do and are limited"
+        if not warning and self._outputs[Topic.CLOCK].is_left_behind:
+            warning = "a listener of the clock does not follow and is not waited for"
+        return (Level.WARN, warning) if warning else (Level.OK, "running")
 
     def _safety_warning(self) -> str:
         """Return the report on the safety monitor and the brakes, empty if normal."""

@@ -6,15 +6,17 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 
 STREAM_QOS = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
-    depth=10,
+    depth=100,
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE,
 )
-"""State, previews and commands: reliable, keep last 10, volatile."""
+"""State, previews and commands: reliable, volatile, and deep, as foreign messages must not displace due ones
+in a subscription, and a listener may be a moment late.
+"""
 
 KEPT_STREAM_QOS = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
-    depth=10,
+    depth=100,
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
@@ -46,7 +48,7 @@ SENSOR_QOS = QoSProfile(
 
 
 def describe_qos(profile: QoSProfile) -> str:
-    """Return a profile in words, for tables and error texts, e.g. `reliable, keep last 10`."""
+    """Return a profile in words, for tables and error texts, e.g. `reliable, keep last 100`."""
     reliability = profile.reliability.name.lower().replace("_", " ")
     durability = profile.durability.name.lower().replace("_", "-")
     text = f"{reliability}, keep last {profile.depth}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 import traceback
 from collections.abc import Callable
 from functools import partial
@@ -12,7 +11,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from rclpy.service import Service as RclpyService
 from rclpy.subscription import Subscription
@@ -25,6 +24,7 @@ from iptm_core.user_input import suggestion
 from iptm_ros.codecs import numbers_of
 from iptm_ros.connections import LOOK_PERIOD_S, ConnectionsReport
 from iptm_ros.node_health import AwakeClock, Heartbeat, NodeHealth
+from iptm_ros.qos import STREAM_QOS
 from iptm_ros.services import Service
 from iptm_ros.topics import TOPICS, Topic, frame_in, topic_of
 
@@ -40,12 +40,8 @@ _LARGER_BYTES = {
 
 _LOG_THROTTLE_S = 5.0
 _KNOWN_DEFECTS = 20
-LEAST_HISTORY = 100
-"""Smallest queue of a subscription, as foreign messages must not displace due ones, and of a publisher, for
-listeners that are a moment late."""
 _GRAPH_PERIOD_S = 1.0
-_HEARING_S = 1.0
-_DEAF_S = 20.0
+_PATIENCE_S = 1.0
 _QOS_OVERRIDES = "qos_overrides."
 _ROS_PARAMETERS = ("use_sim_time", _QOS_OVERRIDES, "start_type_description_service")
 # Topics of ROS itself, which files of parameters that were dumped may name.
@@ -60,11 +56,12 @@ class FramedPublisher(Publisher):
 
     Attributes:
         frame_prefix: of the vehicle, empty for none.
+        is_left_behind: whether a listener did not follow when it was last waited for.
     """
 
     frame_prefix = ""
+    is_left_behind = False
     _unheard = 0
-    _deaf_until_s = 0.0
 
     def publish(self, msg: Any) -> None:
         """Publish a message, or its serialised bytes."""
@@ -77,17 +74,17 @@ class FramedPublisher(Publisher):
         super().publish(msg)
 
     def let_listeners_follow(self) -> None:
-        """Wait, at every fiftieth call, until every listener has what was published, as a recorder must.
+        """Wait, each time half a queue has been published, until every listener has it, as a recorder must.
 
-        A listener that died without a word holds this up for a second, until the middleware notices.
+        One that has stopped holds this up once, for a second. It is not waited for again until all have
+        followed, or it has left the graph.
         """
         self._unheard += 1
-        now_s = time.monotonic()
-        if self._unheard < LEAST_HISTORY // 2 or now_s < self._deaf_until_s:
+        if self._unheard < STREAM_QOS.depth // 2:
             return
         self._unheard = 0
-        if not self.wait_for_all_acked(Duration(seconds=_HEARING_S)):
-            self._deaf_until_s = now_s + _DEAF_S
+        patience_s = 0.0 if self.is_left_behind else _PATIENCE_S
+        self.is_left_behind = not self.wait_for_all_acked(Duration(seconds=patience_s))
 
 
 class SuiteNode(Node):
@@ -128,7 +125,7 @@ class SuiteNode(Node):
         """Return a publisher for a topic of the table, with the frames of the vehicle."""
         spec = TOPICS[topic]
         publisher = self.create_publisher(
-            spec.message_type, spec.name, _deep(spec.offered_qos), publisher_class=FramedPublisher
+            spec.message_type, spec.name, spec.offered_qos, publisher_class=FramedPublisher
         )
         publisher.frame_prefix = self.frame_prefix
         return publisher
@@ -157,15 +154,15 @@ class SuiteNode(Node):
             topic: key of the topic.
             callback: called with the message, or with its serialised bytes if `raw`.
             raw: leave out the conversion to a message object.
-            qos: of the subscription; None takes the table's, with a queue of `LEAST_HISTORY`. A deeper one
-                is for who must not miss a message of a publisher that does not wait for it.
+            qos: of the subscription; None takes the table's. A deeper queue is for a listener that must not
+                miss a message of a publisher that does not wait for it.
             vehicle: namespace of another vehicle whose topic is meant, from its beginning on.
         """
         spec = TOPICS[topic]
         name = topic_of(vehicle, topic) if vehicle else spec.name
         kind = None if raw else spec.message_type
         take = partial(self._let_in, topic, kind, callback)
-        wanted = qos or _deep(spec.offered_qos if vehicle else spec.qos)
+        wanted = qos or (spec.offered_qos if vehicle else spec.qos)
         return self.create_subscription(spec.message_type, name, take, wanted, raw=True)
 
     def serve(self, service: Service, action: Callable[[], str]) -> RclpyService:
@@ -291,15 +288,3 @@ class SuiteNode(Node):
 
 def _decoded(topic: Topic, kind: type[Any], data: bytes) -> Any:
     return numbers_of(topic, data) or deserialize_message(data, kind)
-
-
-def _deep(qos: QoSProfile) -> QoSProfile:
-    """Return the QoS with a deep queue; where only the latest message counts, the QoS of the topic."""
-    if qos.durability is DurabilityPolicy.TRANSIENT_LOCAL or qos.depth >= LEAST_HISTORY:
-        return qos
-    return QoSProfile(
-        history=qos.history,
-        depth=LEAST_HISTORY,
-        reliability=qos.reliability,
-        durability=qos.durability,
-    )
