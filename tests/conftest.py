@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from iptm_controller.ocp.compilation import CACHE_VARIABLE
+from iptm_core.compilation import CACHE_VARIABLE
 from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
 from iptm_core.state import (
     BatteryReading,

@@ -34,12 +34,13 @@ from iptm.parts import (
     table_of,
 )
 from iptm_controller.ocp import layout
-from iptm_controller.ocp.compilation import compile_functions, find_compiler
+from iptm_controller.ocp.compilation import compile_functions
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.problem import OptimalControlProblem, problem_bounds
 from iptm_controller.ocp.stage import DEFAULT_SMOOTHING
 from iptm_controller.ocp.transcription import Transcription, transcribe
 from iptm_controller.solvers.riccati.backend import RiccatiBackend
+from iptm_core.compilation import find_compiler
 from iptm_core.errors import SolverSetupError
 from iptm_core.physics.cell import nominal_charge_parameters
 from iptm_core.physics.ops import named_function

@@ -14,7 +14,7 @@ from tests.integration.driven_plant import driven_plant
 from tests.integration.node_bench import node_bench
 
 from iptm_controller.node import ControllerNode
-from iptm_controller.ocp.compilation import find_compiler
+from iptm_core.compilation import find_compiler
 from iptm_ros.codecs import encode_slope
 from iptm_ros.topics import Topic
 from iptm_v2x_bridge.node import BridgeNode

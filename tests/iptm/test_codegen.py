@@ -14,8 +14,8 @@ import pytest
 from iptm.codegen import code_of
 from iptm.commands.drives import codegen as main
 from iptm_controller.ladder import controlled_stop, safe_following
-from iptm_controller.ocp.compilation import find_compiler
 from iptm_controller.options import ControllerOptions
+from iptm_core.compilation import find_compiler
 from iptm_core.parameters import load_parameters
 from iptm_core.state import LeaderState, VehicleState
 

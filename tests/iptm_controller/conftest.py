@@ -10,7 +10,7 @@ import pytest
 from tests.iptm_controller.scenes import SCENES
 
 from iptm_controller.measurements import Measurements
-from iptm_controller.ocp.compilation import CACHE_VARIABLE, cache_directory, find_compiler
+from iptm_core.compilation import CACHE_VARIABLE, cache_directory, find_compiler
 
 
 @pytest.fixture(params=sorted(SCENES))

@@ -16,18 +16,13 @@ import pytest
 from tests.iptm_controller.scenes import PARAMETERS
 
 from iptm_controller.horizon import Horizon
-from iptm_controller.ocp import compilation
-from iptm_controller.ocp.compilation import (
-    CACHE_VARIABLE,
-    WHEEL_COMPILER,
-    cache_directory,
-    compile_functions,
-    find_compiler,
-)
+from iptm_controller.ocp.compilation import compile_functions
 from iptm_controller.solvers import ipopt_backend
 from iptm_controller.solvers.factory import build_plain_solver
 from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.solvers.riccati import machine_code
+from iptm_core import compilation
+from iptm_core.compilation import CACHE_VARIABLE, WHEEL_COMPILER, cache_directory, find_compiler
 from iptm_core.errors import SolverSetupError
 
 

@@ -10,17 +10,13 @@ import pytest
 from tests.iptm_controller.scenes import PARAMETERS
 
 from iptm_controller.horizon import Horizon
-from iptm_controller.ocp import compilation
-from iptm_controller.ocp.compilation import (
-    COMPILER_FLAGS,
-    compile_functions,
-    compiler_flags,
-    find_compiler,
-)
+from iptm_controller.ocp.compilation import compile_functions
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.vectorised_map import vectorise_maps
 from iptm_controller.solvers.riccati.program import build_program
 from iptm_controller.solvers.riccati.stage_system import StageSystem, common_sparsity
+from iptm_core import compilation
+from iptm_core.compilation import COMPILER_FLAGS, compiler_flags, find_compiler
 from iptm_core.parameters import load_parameters
 from iptm_core.state import FloatArray
 
@@ -49,7 +45,7 @@ def both(
 ) -> list[tuple[ca.Function, ca.Function]]:
     """Compiled as vectors, and as CasADi writes them."""
     vectors = load(functions)
-    monkeypatch.setattr(compilation, "vectorise_maps", lambda source: source)
+    monkeypatch.setattr("iptm_controller.ocp.compilation.vectorise_maps", lambda source: source)
     return list(zip(vectors, load(functions), strict=True))
 
 

@@ -12,10 +12,10 @@ from tests.iptm_controller.scenes import PARAMETERS, Problem, make_scene, plain_
 from iptm_controller.horizon import Horizon
 from iptm_controller.measurements import Measurements
 from iptm_controller.ocp import layout
-from iptm_controller.ocp.compilation import find_compiler
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.solvers.factory import build_plain_solver
 from iptm_controller.solvers.interface import STATUS_TEXT, SolverBackend, SolverOptions
+from iptm_core.compilation import find_compiler
 from iptm_core.decision_record import SolveStatus
 
 GRID = "2x1+2x5"

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from iptm_controller.ocp.compilation import cache_directory, compile_sources, find_compiler
 from iptm_controller.ocp.layout_header import layout_header
+from iptm_core.compilation import cache_directory, compile_sources, find_compiler
 from iptm_core.errors import SolverSetupError
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState
 

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from iptm_controller.ocp import layout
-from iptm_controller.ocp.compilation import compile_functions, find_compiler
+from iptm_controller.ocp.compilation import compile_functions
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.problem import OptimalControlProblem, problem_bounds
 from iptm_controller.ocp.transcription import transcribe
@@ -22,6 +22,7 @@ from iptm_controller.solvers.interface import (
     Stopwatch,
     broken,
 )
+from iptm_core.compilation import find_compiler
 from iptm_core.decision_record import SolveStatus
 from iptm_core.errors import SolverSetupError
 from iptm_core.physics.ops import BufferedFunction

@@ -15,12 +15,6 @@ import numpy as np
 
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
-from iptm_controller.ocp.compilation import (
-    cache_directory,
-    compile_sources,
-    compiler_flags,
-    find_compiler,
-)
 from iptm_controller.ocp.layout_header import layout_header
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.interface import RICCATI, SolverOptions
@@ -31,6 +25,7 @@ from iptm_controller.solvers.riccati.stage_program import (
     SOURCE_FOLDER,
     stage_program,
 )
+from iptm_core.compilation import cache_directory, compile_sources, compiler_flags, find_compiler
 from iptm_core.errors import SolverSetupError
 from iptm_core.state import FloatArray
 
