@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from unittest import mock
 
 import numpy as np
 import pytest
 from tests.iptm_controller.scenes import NONE_YET, expect_constant_speed, make_leader
 
-from iptm_controller import lead_check
 from iptm_controller.forecast import HISTORY_S, LeaderForecaster
 from iptm_controller.lead_check import (
     ACCELERATION_DECAY_S,
@@ -127,14 +125,13 @@ def squared_errors_m2(leader: LeaderMotion, decay_s: float) -> tuple[FloatArray,
     """Of positions 3, 5 and 8 s ahead, from every second on: extrapolated, and at a constant speed."""
     ahead_s = np.array([3.0, 5.0, 8.0])
     extrapolated, constant = [], []
-    with mock.patch.object(lead_check, "ACCELERATION_DECAY_S", decay_s):
-        for time_s in np.arange(1.0, leader.times_s[-1] - ahead_s[-1]):
-            measured = [leader.state_at(time_s - 1.0), leader.state_at(time_s)]
-            motion = extrapolated_motion(measured[1], measured_acceleration_m_s2(measured))
-            driven_m = leader.positions_at(time_s + ahead_s)
-            extrapolated.append((motion.at(time_s + ahead_s)[0] - driven_m) ** 2)
-            steady_m = measured[1].position_m + measured[1].speed_m_s * ahead_s
-            constant.append((steady_m - driven_m) ** 2)
+    for time_s in np.arange(1.0, leader.times_s[-1] - ahead_s[-1]):
+        measured = [leader.state_at(time_s - 1.0), leader.state_at(time_s)]
+        motion = extrapolated_motion(measured[1], measured_acceleration_m_s2(measured), decay_s)
+        driven_m = leader.positions_at(time_s + ahead_s)
+        extrapolated.append((motion.at(time_s + ahead_s)[0] - driven_m) ** 2)
+        steady_m = measured[1].position_m + measured[1].speed_m_s * ahead_s
+        constant.append((steady_m - driven_m) ** 2)
     return np.array(extrapolated), np.array(constant)
 
 

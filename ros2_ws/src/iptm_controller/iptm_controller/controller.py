@@ -14,7 +14,7 @@ from iptm_controller.decision import NOTHING, ControllerMemory, Decision
 from iptm_controller.estimator import Estimator
 from iptm_controller.forecast import LeaderForecaster
 from iptm_controller.ladder import FallbackLadder, safe_following
-from iptm_controller.lead_check import LeadCheck, SenderClock
+from iptm_controller.lead_check import LeadCheck, SenderClock, acceleration_decay_s
 from iptm_controller.measurements import Measurements, trusted_measurements
 from iptm_controller.ocp.data import ProblemData, ProblemDataBuilder
 from iptm_controller.ocp.grid import ProblemGrid
@@ -76,9 +76,9 @@ class Controller:
         self.model = parameters
         self._pose(options.strategy)
         library = tick_library(is_wanted=options.solver.compile_code)
-        self._forecaster = LeaderForecaster(
-            horizon.motion_duration_s, options.max_preview_age_s, options.tick_s, library
-        )
+        seen_s = horizon.motion_duration_s, options.max_preview_age_s, options.tick_s
+        decay_s = acceleration_decay_s(parameters.gap)
+        self._forecaster = LeaderForecaster(*seen_s, library, decay_s)
         self._traction = (
             TractionForecaster(parameters, self.grid)
             if horizon.motion_steps < horizon.steps

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iptm_controller.lead_check import (
+    ACCELERATION_DECAY_S,
     LARGEST_SPEED_ERROR_M_S,
     extrapolated_motion,
     measured_acceleration_m_s2,
@@ -139,13 +140,16 @@ class LeaderForecaster:
         max_age_s: float,
         tick_s: float = 1.0,
         library: ctypes.PyDLL | None = None,
+        decay_s: float = ACCELERATION_DECAY_S,
     ) -> None:
         """Set up a forecaster that has not measured a leader.
 
         Args:
             horizon_s: time that a full preview covers.
             library: works the same out in C.
+            decay_s: of the measured acceleration where nothing is predicted.
         """
+        self._decay_s = decay_s
         self._horizon_s = horizon_s
         self._max_age_s = max_age_s
         self._past: deque[LeaderState] = deque()
@@ -166,8 +170,7 @@ class LeaderForecaster:
         """Return a measured leader as extrapolated to a later instant; as measured for the same one."""
         if leader is None or time_s <= leader.time_s:
             return leader
-        motion = extrapolated_motion(leader, measured_acceleration_m_s2(self._past))
-        positions_m, speeds_m_s = motion.at(np.array([time_s]))
+        positions_m, speeds_m_s = self._extrapolated(leader).at(np.array([time_s]))
         return LeaderState(time_s, float(positions_m[0]), float(speeds_m_s[0]))
 
     def forecast(self, leader: LeaderState, preview: LeaderPreview) -> LeaderForecast:
@@ -182,8 +185,7 @@ class LeaderForecaster:
         quality, reason = self._assess(leader, preview, is_sound=is_sound)
         age_s = leader.time_s - preview.generated_at_s if preview.times_s.size else float("nan")
         if quality not in {PreviewQuality.FULL, PreviewQuality.SHORT}:
-            future = extrapolated_motion(leader, measured_acceleration_m_s2(self._past))
-            motion = self._with_past(future)
+            motion = self._with_past(self._extrapolated(leader))
             return LeaderForecast(motion, motion, quality, reason, age_s, 0.0)
         if not is_sound:
             preview = _never_backwards(preview)
@@ -252,8 +254,7 @@ class LeaderForecaster:
 
         What it loses there stays lost behind; its speeds there are the predicted ones.
         """
-        measured = extrapolated_motion(leader, measured_acceleration_m_s2(self._past))
-        positions_m, speeds_m_s = measured.at(future.times_s)
+        positions_m, speeds_m_s = self._extrapolated(leader).at(future.times_s)
         near = future.times_s <= leader.time_s + NEAR_S + 1e-9
         excess_m = np.maximum(future.positions_m - positions_m, 0.0)
         lost_m = np.where(near, excess_m, excess_m[near][-1])
@@ -262,6 +263,9 @@ class LeaderForecaster:
             future.positions_m - lost_m,
             np.where(near, np.minimum(future.speeds_m_s, speeds_m_s), future.speeds_m_s),
         )
+
+    def _extrapolated(self, leader: LeaderState) -> LeaderPreview:
+        return extrapolated_motion(leader, measured_acceleration_m_s2(self._past), self._decay_s)
 
     def _remember(self, leader: LeaderState) -> None:
         if self._past and leader.time_s < self._past[-1].time_s:

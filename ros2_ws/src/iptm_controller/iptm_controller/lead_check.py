@@ -20,7 +20,7 @@ import numpy as np
 from iptm_core.frozen import light, replace
 from iptm_core.lead_track import LeadTrack, Sample, followed
 from iptm_core.monitor_settings import SafetyMonitorSettings, SensorAccuracySettings
-from iptm_core.parameters.model import LimitParameters
+from iptm_core.parameters.model import GapParameters, LimitParameters
 from iptm_core.road_friction import (
     RoadFrictionSettings,
     braking_capability,
@@ -185,13 +185,16 @@ ACCELERATION_DECAY_S = 4.0
 """Time constant with which the lead vehicle's acceleration decays where nothing is predicted. In every
 published cycle positions 3 to 8 s ahead are predicted better than at a constant speed, and over all of them
 together better than with half or twice the constant (a test checks both)."""
+BRIEF_DECAY_S = 0.5
+"""The same for plans that are drawn to a desired headway. A longer one predicts better and saves less there:
+with little room, a wrong guess costs more than a late one."""
 ACCELERATION_WINDOW_S = 1.0
 """The acceleration is the least-squares slope of the speeds in this window, of at least two samples."""
 LARGEST_ACCELERATION_M_S2 = 10.0
 """More than tyres transmit: a larger change of the measured speed is not the motion of one vehicle."""
 RANGE_ERROR_M = 1.0
 """A position jump larger than this, beyond what the speeds explain, means that another vehicle leads."""
-_EXTRAPOLATED_S = 5.0 * ACCELERATION_DECAY_S
+_EXTRAPOLATED_DECAYS = 5.0
 _SHORTEST_STOP_S = 1e-3
 _SHARES: FloatArray = np.array([node / 40.0 for node in range(41)])
 
@@ -220,7 +223,14 @@ def measured_acceleration_m_s2(measured: Sequence[LeaderState]) -> float:
     return slope_m_s2 if abs(slope_m_s2) <= LARGEST_ACCELERATION_M_S2 else 0.0
 
 
-def extrapolated_motion(leader: LeaderState, acceleration_m_s2: float) -> LeaderPreview:
+def acceleration_decay_s(gap: GapParameters) -> float:
+    """Return the time constant that plans with these gaps assume."""
+    return BRIEF_DECAY_S if gap.desired_time_headway_s > 0.0 else ACCELERATION_DECAY_S
+
+
+def extrapolated_motion(
+    leader: LeaderState, acceleration_m_s2: float, decay_s: float = ACCELERATION_DECAY_S
+) -> LeaderPreview:
     """Return how a leader goes on of which only the present is known.
 
     Its acceleration dies away exponentially, which is what to expect of one that varies as a first-order
@@ -230,9 +240,10 @@ def extrapolated_motion(leader: LeaderState, acceleration_m_s2: float) -> Leader
 
     Args:
         acceleration_m_s2: as measured, negative when braking.
+        decay_s: time constant of its decay.
     """
-    decay_s, change_m_s = ACCELERATION_DECAY_S, ACCELERATION_DECAY_S * acceleration_m_s2
-    until_s, shares = _EXTRAPOLATED_S, _SHARES
+    change_m_s, shares = decay_s * acceleration_m_s2, _SHARES
+    until_s = _EXTRAPOLATED_DECAYS * decay_s
     if leader.speed_m_s + change_m_s < 0.0:
         stop_s = -decay_s * math.log1p(leader.speed_m_s / change_m_s)
         until_s = min(until_s, stop_s)
