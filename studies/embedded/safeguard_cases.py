@@ -16,7 +16,9 @@ from typing import Any
 import numpy as np
 
 from iptm.parts import load_parameters
+from iptm_controller.controller_code import limit_numbers
 from iptm_controller.safeguards import CommandLimiter
+from iptm_controller.tick_library import numbers_of
 from iptm_core.monitor_settings import SafetyMonitorSettings
 from iptm_core.parameters.model import BrakeParameters
 from iptm_core.road_friction import BrakingCapability
@@ -98,25 +100,9 @@ class Case:
 
 def limiter_cases() -> Iterator[Case]:
     """Yield calls of the limiter."""
-    limiter, limits = CommandLimiter(PARAMETERS.limits, 1.0), PARAMETERS.limits
-    numbers = (DOUBLE * 12)(
-        limits.min_acceleration_m_s2,
-        limits.max_acceleration_m_s2,
-        limits.max_jerk_m_s3,
-        limits.max_speed_m_s,
-        limits.min_compressor_power_w,
-        limits.max_compressor_power_w,
-        limits.lowest_thermal_power_w,
-        limits.max_compressor_rate_w_s,
-        limits.min_temperature_k,
-        PARAMETERS.gap.standstill_gap_m,
-        PARAMETERS.gap.time_headway_s,
-        1.0,
-    )
-    other = (DOUBLE * 12)(*numbers)
-    other[11] = 0.5
-    for tick_s, given in ((1.0, numbers), (0.5, other)):
-        limiter = CommandLimiter(limits, tick_s)
+    for tick_s in (1.0, 0.5):
+        given = (DOUBLE * 12)(*limit_numbers(PARAMETERS, tick_s))
+        limiter = CommandLimiter(PARAMETERS.limits, tick_s)
         rng = np.random.default_rng(1)
         for _ in range(1000):
             wanted = Command(
@@ -135,15 +121,7 @@ def limiter_cases() -> Iterator[Case]:
                 cell_n_capacity_loss=0.0,
             )
             expected, reasons = limiter.limit(wanted, state)
-            vehicle = (DOUBLE * 7)(
-                0.0,
-                0.0,
-                state.speed_m_s,
-                300.0,
-                300.0,
-                state.acceleration_m_s2,
-                state.compressor_power_w,
-            )
+            vehicle = (DOUBLE * 9)(*numbers_of(state))
             command = (DOUBLE * 2)(wanted.acceleration_m_s2, wanted.compressor_power_w)
             answer = (expected.acceleration_m_s2, expected.compressor_power_w)
             bits = sum(BITS[reason] for reason in reasons)

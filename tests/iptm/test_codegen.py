@@ -15,6 +15,7 @@ from iptm.codegen import code_of
 from iptm.commands.drives import codegen as main
 from iptm_controller.ladder import controlled_stop, safe_following
 from iptm_controller.options import ControllerOptions
+from iptm_controller.tick_library import Vehicle, numbers_of
 from iptm_core.compilation import find_compiler
 from iptm_core.parameters import load_parameters
 from iptm_core.state import LeaderState, VehicleState
@@ -42,11 +43,22 @@ def written(tmp_path: Path, *arguments: str) -> Path:
 
 @pytest.mark.parametrize(
     "arguments",
-    [("--ticks", "90"), ("--ticks", "40", "--horizon", "6x1", "--strategy", "energy_aging")],
+    [
+        ("--ticks", "90"),
+        ("--ticks", "40", "--horizon", "6x1", "--strategy", "energy_aging"),
+        ("--ticks", "40", "--parameter-set", "at_headway.yaml"),
+    ],
 )
 def test_recorded_ticks_are_decided_alike(
-    tmp_path: Path, compiler: tuple[str, ...], arguments: tuple[str, ...]
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    compiler: tuple[str, ...],
+    arguments: tuple[str, ...],
 ) -> None:
+    headway = "gap: {desired_time_headway_s: {value: 1.6, unit: s, source: chosen}}"
+    text = f"description: at a headway\nbase: paper_calibrated\n{headway}\n"
+    (tmp_path / "at_headway.yaml").write_text(text)
+    monkeypatch.chdir(tmp_path)
     folder = written(tmp_path, *arguments)
     bench, ticks = folder / "bench", folder / "ticks.bin"
     subprocess.run(
@@ -131,13 +143,6 @@ def test_thermal_phases_are_refused(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert not (tmp_path / "ecu").exists()
 
 
-class CVehicle(ctypes.Structure):
-    _fields_ = [
-        (name, DOUBLE)
-        for name in ("time", "position", "speed", "cell_1", "cell_n", "acceleration", "power")
-    ]
-
-
 class CPair(ctypes.Structure):
     """A command, or a leader."""
 
@@ -175,18 +180,6 @@ def some_state(rng: np.random.Generator) -> VehicleState:
     )
 
 
-def vehicle(state: VehicleState) -> CVehicle:
-    return CVehicle(
-        state.time_s,
-        state.position_m,
-        state.speed_m_s,
-        state.cell_1_temperature_k,
-        state.cell_n_temperature_k,
-        state.acceleration_m_s2,
-        state.compressor_power_w,
-    )
-
-
 def test_fallback_is_that_of_python(library: ctypes.CDLL) -> None:
     limits = ctypes.c_char.in_dll(library, "iptm_limits_of_model")
     rng = np.random.default_rng(2)
@@ -197,13 +190,15 @@ def test_fallback_is_that_of_python(library: ctypes.CDLL) -> None:
         )
         following = library.iptm_safe_following(
             ctypes.byref(limits),
-            ctypes.byref(vehicle(state)),
+            ctypes.byref(Vehicle(*numbers_of(state))),
             ctypes.byref(CPair(leader.position_m, leader.speed_m_s)),
         )
         expected = safe_following(state, leader, PARAMETERS)
         assert following.first == pytest.approx(expected.acceleration_m_s2, abs=1e-12)
         assert following.second == expected.compressor_power_w
-        stop = library.iptm_controlled_stop(ctypes.byref(limits), ctypes.byref(vehicle(state)))
+        stop = library.iptm_controlled_stop(
+            ctypes.byref(limits), ctypes.byref(Vehicle(*numbers_of(state)))
+        )
         expected = controlled_stop(state, PARAMETERS, 1.0)
         assert (stop.first, stop.second) == (
             expected.acceleration_m_s2,

@@ -16,7 +16,7 @@ from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.plan import Plan
 from iptm_controller.plan_data import PlanData, PlanDataInC, plan_data
 from iptm_controller.strategy import strategy_by_name
-from iptm_controller.temperature_value import NO_VALUE
+from iptm_controller.temperature_value import NO_VALUE, TemperatureValue
 from iptm_core.state import LeaderPreview, SlopePreview, VehicleState
 
 GRIDS = ("3x1+5x5", "15x1", "1x1", "2x1+2x5+4x30t")
@@ -83,15 +83,16 @@ def test_problems_are_posed_alike(grid: str) -> None:
     thermal = problem_grid.sample_times_s.size - problem_grid.motion_samples
     for case in range(40):
         state = some_state(rng, 100.0)
-        guess = in_python.expected(some_plan(rng, problem_grid, 99.0), state)
+        last = some_plan(rng, problem_grid, 99.0) if case % 7 else None
         leader = some_motion(rng, 100.0, int(rng.choice([1, 2, 5, 60])))
         limiting = leader if case % 3 else some_motion(rng, 100.0, 9)
         nodes = int(rng.choice([1, 3, 200]))
         slope = SlopePreview(np.cumsum(rng.uniform(0.0, 60.0, nodes)), rng.normal(0.0, 0.05, nodes))
         known_s = float(rng.choice([-1.0, 0.0, 1.0, 2.5, 8.0, math.inf]))
         limits = rng.uniform(0.0, 60.0, problem_grid.horizon.motion_steps) if case % 2 else None
+        value = TemperatureValue(*rng.normal(size=8).tolist()) if case % 4 else NO_VALUE
         samples = rng.normal(size=(thermal, layout.SAMPLE_PARAMETERS)) if thermal else None
-        given = (state, guess, leader, limiting, slope, known_s, NO_VALUE, samples, limits)
+        given = (state, last, leader, limiting, slope, known_s, value, samples, limits)
         (data, start), (expected_data, expected_start) = (
             form.problem(*given, follows=case % 5 > 0) for form in (in_c, in_python)
         )

@@ -114,7 +114,6 @@ def test_speed_limits_hold_around_the_expected_places() -> None:
     )
     # 95 m: 5 m before the lower limit; 199 m: still in it; 201 m: behind it.
     assert found == pytest.approx([10.0, math.sqrt(25.0 + 2.0 * 5.0), 5.0, 5.0, 20.0], rel=1e-6)
-    assert envelope().speed_limits_m_s(None, (places, places, speeds)) is None
 
 
 def test_a_driver_begins_to_brake_in_time_for_the_jerk_limit() -> None:

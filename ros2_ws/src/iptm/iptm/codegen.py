@@ -126,6 +126,7 @@ def _tick(measured: Measurements, decision: Decision, posed: PosedProblem | None
         leader.speed_m_s,
         posed.known_s,
         posed.charge_w,
+        posed.follows,
         value.cell_1_marginal_cost_1_k,
         value.cell_n_marginal_cost_1_k,
         value.temperature_weight_1_k2_s,

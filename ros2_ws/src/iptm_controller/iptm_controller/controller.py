@@ -278,7 +278,6 @@ class Controller:
         What comes of it is optimal or yet to fall back.
         """
         rules, last = measured.rules, self._ladder.plan_at(state.time_s)
-        guess = self.plan_data.expected(last, state)
         forecast = None if leader is None else self._forecaster.forecast(leader, measured.preview)
         motion, limiting = self._road.lead(state, rules, forecast)
         known_s, follows = LOOK_AHEAD_S, False
@@ -298,9 +297,12 @@ class Controller:
         if self._traction is not None:
             self._traction.remember(state, measured.slope)
             thermal = self._traction.samples(state, motion, known_s, measured.slope)
-        lawful_m_s = self._road.speed_limits_m_s(rules, guess.motion)
+        lawful_m_s = None
+        if rules is not None:
+            expected = self.plan_data.expected(last, state)
+            lawful_m_s = self._road.speed_limits_m_s(rules, expected.motion)
         limits_m_s = self._power.slower(lawful_m_s)
-        known = state, guess, motion, limiting, measured.slope, known_s, value, thermal, limits_m_s
+        known = state, last, motion, limiting, measured.slope, known_s, value, thermal, limits_m_s
         data, start = self.plan_data.problem(*known, self._power.charge_w, follows=follows)
         result = self._solve(data, start)
         if not result.status.usable:

@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 
 from iptm_controller.controller import Controller
-from iptm_controller.ocp.layout import WEIGHTS
 from iptm_controller.ocp.layout_header import layout_header
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.stage import DEFAULT_SMOOTHING
@@ -21,6 +20,7 @@ from iptm_controller.solvers.riccati.machine_code import SwitchingNumbers
 from iptm_controller.solvers.riccati.stage_program import SOURCE_FOLDER, stage_program
 from iptm_controller.solvers.switching_check import SwitchingCheck
 from iptm_core.errors import ParameterError
+from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray
 
 SOURCES = ("riccati", "switching", "tick_data", "lead_motion", "limiter", "fallback", "controller")
@@ -58,14 +58,31 @@ def controller_code(controller: Controller) -> dict[str, str]:
     return files
 
 
+def limit_numbers(model: ModelParameters, tick_s: float) -> tuple[float, ...]:
+    """Return the numbers of ``iptm_limits`` in their order."""
+    limits, gap = model.limits, model.gap
+    return (
+        limits.min_acceleration_m_s2,
+        limits.max_acceleration_m_s2,
+        limits.max_jerk_m_s3,
+        limits.max_speed_m_s,
+        limits.min_compressor_power_w,
+        limits.max_compressor_power_w,
+        limits.lowest_thermal_power_w,
+        limits.max_compressor_rate_w_s,
+        limits.min_temperature_k,
+        gap.standstill_gap_m,
+        gap.time_headway_s,
+        tick_s,
+    )
+
+
 def _header(controller: Controller) -> str:
     options, grid = controller.options, controller.grid
     sizes = {
         "STEPS": grid.steps,
         "PARAMETERS": grid.parameter_count,
         "MAX_ITERATIONS": options.solver.max_iterations,
-        "WEIGHTS": len(WEIGHTS),
-        "TEMPERATURE_WEIGHT": list(WEIGHTS).index("temperature_weight"),
         "SHIFTED_PLAN_TICKS": options.shifted_plan_ticks,
         "SAFE_LAW_TICKS": options.safe_law_ticks,
     }
@@ -80,16 +97,12 @@ def _header(controller: Controller) -> str:
 #include "vehicle.h"
 
 {defines}
-typedef struct {{
-  double scale, weights[IPTM_WEIGHTS], reference_temperature_k;
-}} iptm_strategy_numbers;
-
 extern const iptm_limits iptm_limits_of_model;
 extern const iptm_grid iptm_grid_of_horizon;
 extern const iptm_horizon iptm_horizon_of_solver;
 extern const iptm_options iptm_solver_options;
 extern const iptm_switching iptm_switching_numbers;
-extern const iptm_strategy_numbers iptm_strategy;
+extern const iptm_strategy iptm_strategy_of_controller;
 
 #endif
 """
@@ -99,7 +112,7 @@ def _data(
     controller: Controller, problem: OptimalControlProblem, switching: SwitchingNumbers
 ) -> str:
     options, grid, builder = controller.options, controller.grid, controller.plan_data.builder
-    limits, gap, solver = controller.model.limits, controller.model.gap, options.solver
+    limits, solver = controller.model.limits, options.solver
     horizon = grid.horizon
     nodes_s, lengths_s = horizon.node_times_s, horizon.step_lengths_s
     sample_steps = np.searchsorted(nodes_s, grid.sample_times_s, side="right") - 1
@@ -118,7 +131,6 @@ def _data(
         "kind_steps": [kind.count for kind in grid.stages],
     }
     strategy = builder.strategy
-    weights = [strategy.weights[name] for name in WEIGHTS]
     lines = [
         '#include "controller_data.h"\n\n#include <stddef.h>\n',
         *(
@@ -132,18 +144,7 @@ def _data(
         "",
         _struct(
             "iptm_limits iptm_limits_of_model",
-            limits.min_acceleration_m_s2,
-            limits.max_acceleration_m_s2,
-            limits.max_jerk_m_s3,
-            limits.max_speed_m_s,
-            limits.min_compressor_power_w,
-            limits.max_compressor_power_w,
-            limits.lowest_thermal_power_w,
-            limits.max_compressor_rate_w_s,
-            limits.min_temperature_k,
-            gap.standstill_gap_m,
-            gap.time_headway_s,
-            options.tick_s,
+            *limit_numbers(controller.model, options.tick_s),
         ),
         _struct(
             "iptm_grid iptm_grid_of_horizon",
@@ -185,10 +186,11 @@ def _data(
             switching.try_every,
         ),
         _struct(
-            "iptm_strategy_numbers iptm_strategy",
+            "iptm_strategy iptm_strategy_of_controller",
             strategy.scale,
-            _braced(weights),
+            _braced(strategy.weights.values()),
             strategy.reference_temperature_k,
+            limits.min_temperature_k,
         ),
     ]
     return "\n".join(lines)

@@ -7,10 +7,8 @@ compiler, and poses problems on grids whose longer steps are watched inside.
 from __future__ import annotations
 
 import ctypes
-from collections import deque
 from dataclasses import dataclass
 from operator import attrgetter
-from typing import Any
 
 import numpy as np
 
@@ -26,7 +24,16 @@ from iptm_controller.plan import (
     variables_from_plan,
 )
 from iptm_controller.temperature_value import TemperatureValue
-from iptm_controller.tick_library import DOUBLE, INT, POINTER, address, motion_of, tick_library
+from iptm_controller.tick_library import (
+    DOUBLE,
+    INT,
+    POINTER,
+    Vehicle,
+    address,
+    motion_of,
+    numbers_of,
+    tick_library,
+)
 from iptm_core.frozen import light
 from iptm_core.state import FloatArray, LeaderPreview, SlopePreview, VehicleState
 
@@ -41,6 +48,7 @@ class PosedProblem:
     slope: SlopePreview
     known_s: float
     charge_w: float
+    follows: bool
 
 
 class PlanData:
@@ -67,7 +75,7 @@ class PlanData:
     def problem(
         self,
         state: VehicleState,
-        guess: Plan,
+        last: Plan | None,
         leader: LeaderPreview,
         limiting: LeaderPreview,
         slope: SlopePreview,
@@ -79,16 +87,18 @@ class PlanData:
         *,
         follows: bool = True,
     ) -> tuple[ProblemData, FloatArray]:
-        """Return the problem around an expected plan, and that plan in the units of the solver.
+        """Return the problem around the expected plan, and that plan in the units of the solver.
 
         Args:
+            last: plan of an earlier tick, None without one.
             leader: past and expected motion of the leader.
             limiting: motion that the gap limits hold for.
             known_s: how far ahead the motion is known.
             charge_w: largest charging power of the pack.
             follows: a lead vehicle is ahead, not only rules of the road.
         """
-        self.posed = PosedProblem(leader, limiting, slope, known_s, charge_w)
+        self.posed = PosedProblem(leader, limiting, slope, known_s, charge_w, follows)
+        guess = self.expected(last, state)
         data = self.builder.build(
             state,
             leader,
@@ -130,24 +140,34 @@ class _Grid(ctypes.Structure):
     )
 
 
-_VEHICLE = (
-    "time_s",
-    "position_m",
-    "speed_m_s",
-    "cell_1_temperature_k",
-    "cell_n_temperature_k",
-    "acceleration_m_s2",
-    "compressor_power_w",
-)
-_numbers_of = attrgetter(*_VEHICLE)
-
-
-class _Vehicle(ctypes.Structure):
-    _fields_ = tuple((name, DOUBLE) for name in _VEHICLE)
+class _Strategy(ctypes.Structure):
+    _fields_ = (
+        ("scale", DOUBLE),
+        ("weights", DOUBLE * len(layout.WEIGHTS)),
+        ("reference_temperature_k", DOUBLE),
+        ("min_temperature_k", DOUBLE),
+    )
 
 
 class _Slope(ctypes.Structure):
     _fields_ = (("nodes", INT), ("positions_m", POINTER), ("slopes_rad", POINTER))
+
+
+_PRICES = (
+    "cell_1_marginal_cost_1_k",
+    "cell_n_marginal_cost_1_k",
+    "temperature_weight_1_k2_s",
+    "reference_temperature_k",
+    "thermal_energy_price_1_j",
+)
+_prices_of = attrgetter(*_PRICES)
+
+
+class _Ahead(ctypes.Structure):
+    _fields_ = (
+        *((name, POINTER) for name in ("motion", "limiting", "slope", "limits", "samples")),
+        *((name, DOUBLE) for name in ("known_s", "charge_w", "follows", *_PRICES)),
+    )
 
 
 class PlanDataInC(PlanData):
@@ -181,27 +201,33 @@ class PlanDataInC(PlanData):
             builder.max_speed_m_s,
         )
         self._grid_pointer = ctypes.byref(self._c_grid)
+        strategy = builder.strategy
+        self._strategy = _Strategy(
+            strategy.scale,
+            tuple(strategy.weights.values()),
+            strategy.reference_temperature_k,
+            builder.min_temperature_k,
+        )
+        self._strategy_pointer = ctypes.byref(self._strategy)
+        self._expected = self._empty_plan()
         self._slope: SlopePreview | None = None
-        self._seen: VehicleState | None = None
-        self._made: deque[tuple[Plan, int, int]] = deque(maxlen=2)
+        self._newest: tuple[Plan | None, int, int] = None, 0, 0
         self._shift = library.iptm_shift_plan
         self._pose = library.iptm_pose_problem
         self._read = library.iptm_read_plan
 
     def expected(self, last: Plan | None, state: VehicleState) -> Plan:
         """See ``PlanData``."""
-        if last is None or last.states.shape != (self._grid.steps + 1, layout.STATES):
-            return super().expected(last, state)
-        plan, *places = self._empty_plan(state)
-        self._shift(
-            self._grid_pointer, last.start_s, *self._places(last), self._vehicle(state), *places
-        )
-        return plan
+        vehicle = ctypes.byref(Vehicle(*numbers_of(state)))
+        numbers, *places = self._empty_plan()
+        start_s = 0.0 if last is None else last.start_s
+        self._shift(self._grid_pointer, start_s, *self._places(last), vehicle, *places)
+        return self._plan_of(numbers, state)
 
     def problem(
         self,
         state: VehicleState,
-        guess: Plan,
+        last: Plan | None,
         leader: LeaderPreview,
         limiting: LeaderPreview,
         slope: SlopePreview,
@@ -214,10 +240,9 @@ class PlanDataInC(PlanData):
         follows: bool = True,
     ) -> tuple[ProblemData, FloatArray]:
         """See ``PlanData``."""
-        self.posed = PosedProblem(leader, limiting, slope, known_s, charge_w)
+        self.posed = PosedProblem(leader, limiting, slope, known_s, charge_w, follows)
         grid = self._grid
         variables, parameters = np.empty(grid.variable_count), np.empty(grid.parameter_count)
-        parameters[: layout.GLOBALS] = self.builder.shared(state, value, charge_w, follows=follows)
         if self._slope is not slope:
             road = [
                 np.ascontiguousarray(each, dtype=np.float64)
@@ -225,16 +250,28 @@ class PlanDataInC(PlanData):
             ]
             self._slope, self._road = slope, road
             self._c_slope = _Slope(road[0].size, *map(address, road))
-        self._pose(
-            self._grid_pointer,
-            self._vehicle(state),
-            *self._places(guess),
-            ctypes.byref(motion_of(leader)),
-            ctypes.byref(motion_of(limiting)),
-            ctypes.byref(self._c_slope),
-            known_s,
+        motion = motion_of(leader)
+        limits = motion if limiting is leader else motion_of(limiting)
+        ahead = _Ahead(
+            ctypes.addressof(motion),
+            ctypes.addressof(limits),
+            ctypes.addressof(self._c_slope),
             None if speed_limits_m_s is None else address(speed_limits_m_s),
             None if thermal_samples is None else address(thermal_samples),
+            known_s,
+            charge_w,
+            follows,
+            *_prices_of(value),
+        )
+        start_s, (_, *places) = 0.0 if last is None else last.start_s, self._expected
+        vehicle = ctypes.byref(Vehicle(*numbers_of(state)))
+        self._shift(self._grid_pointer, start_s, *self._places(last), vehicle, *places)
+        self._pose(
+            self._grid_pointer,
+            self._strategy_pointer,
+            vehicle,
+            ctypes.byref(ahead),
+            *places,
             address(variables),
             address(parameters),
         )
@@ -242,32 +279,31 @@ class PlanDataInC(PlanData):
 
     def plan(self, variables: FloatArray, state: VehicleState) -> Plan:
         """See ``PlanData``."""
-        plan, *places = self._empty_plan(state)
+        numbers, *places = self._empty_plan()
         self._read(self._grid_pointer, state.position_m, address(variables), *places)
+        plan = self._plan_of(numbers, state)
+        self._newest = plan, places[0], places[1]
         return plan
 
-    def _vehicle(self, state: VehicleState) -> Any:
-        """Return where the numbers of a state are; a tick asks twice for the same one."""
-        if state is not self._seen:
-            self._seen, self._c_vehicle = state, _Vehicle(*_numbers_of(state))
-        return ctypes.byref(self._c_vehicle)
+    def _empty_plan(self) -> tuple[FloatArray, int, int]:
+        """Return room for the numbers of a plan, and where its states and inputs are."""
+        steps = self._grid.steps
+        numbers: FloatArray = np.empty((steps + 1) * layout.STATES + steps * layout.INPUTS)
+        first = address(numbers)
+        return numbers, first, first + numbers.itemsize * (steps + 1) * layout.STATES
 
-    def _empty_plan(self, state: VehicleState) -> tuple[Plan, int, int]:
-        """Return a plan to be filled, and where the numbers of its states and inputs are."""
-        steps, motion_steps = self._grid.steps, self._c_grid.motion_steps
-        size = (steps + 1) * layout.STATES
-        numbers: FloatArray = np.empty(size + steps * layout.INPUTS)
+    def _plan_of(self, numbers: FloatArray, state: VehicleState) -> Plan:
+        size = (self._grid.steps + 1) * layout.STATES
         states = numbers[:size].reshape(-1, layout.STATES)
         inputs = numbers[size:].reshape(-1, layout.INPUTS)
-        plan = Plan(state.time_s, self._nodes_s, states, inputs, motion_steps)
-        first = address(numbers)
-        self._made.append((plan, first, first + numbers.itemsize * size))
-        return self._made[-1]
+        return Plan(state.time_s, self._nodes_s, states, inputs, self._c_grid.motion_steps)
 
-    def _places(self, plan: Plan) -> tuple[int, int]:
-        for made, *places in self._made:
-            if made is plan:
-                return places[0], places[1]
+    def _places(self, plan: Plan | None) -> tuple[int | None, int | None]:
+        newest, *places = self._newest
+        if plan is None or plan.states.shape != (self._grid.steps + 1, layout.STATES):
+            return None, None
+        if plan is newest:
+            return places[0], places[1]
         return address(plan.states), address(plan.inputs)
 
 

@@ -141,9 +141,9 @@ class RoadEnvelope:
         return LeaderState(state.time_s, position_m, speed_m_s)
 
     def speed_limits_m_s(
-        self, road: RoadAhead | None, expected: tuple[FloatArray, FloatArray, FloatArray]
-    ) -> FloatArray | None:
-        """Return the speed limits at the ends of the motion steps, shape (n,); None without rules.
+        self, road: RoadAhead, expected: tuple[FloatArray, FloatArray, FloatArray]
+    ) -> FloatArray:
+        """Return the speed limits at the ends of the motion steps, shape (n,).
 
         Each is the lowest one around the place where the ego vehicle is expected, a tick to either side, as
         speeds are limited at the nodes only and the plan may come out a little different.
@@ -152,8 +152,8 @@ class RoadEnvelope:
             road: rules, with limits.
             expected: times, positions and speeds of the expected motion at the nodes, shape (n + 1,) each.
         """
-        if road is None or road.limits is None:
-            return None
+        if road.limits is None:
+            raise AssertionError("rules without limits bind to nothing")
         _, places, speeds = expected
         positions_m, reach_m = places[1:], np.maximum(speeds[1:], 0.0) * self._tick_s
         around = np.stack([positions_m - reach_m, positions_m, positions_m + reach_m])

@@ -9,6 +9,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from functools import lru_cache
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,27 @@ INT, DOUBLE, POINTER = ctypes.c_int, ctypes.c_double, ctypes.c_void_p
 _MOTIONS_KEPT = 8
 _motions: dict[int, tuple[LeaderPreview, Motion]] = {}
 """Motions of the newest previews, by the identity of the preview."""
+
+
+_VEHICLE = (
+    "time_s",
+    "position_m",
+    "speed_m_s",
+    "cell_1_temperature_k",
+    "cell_n_temperature_k",
+    "acceleration_m_s2",
+    "compressor_power_w",
+    "cell_1_capacity_loss",
+    "cell_n_capacity_loss",
+)
+numbers_of = attrgetter(*_VEHICLE)
+"""Numbers of a state, in the order of `Vehicle`."""
+
+
+class Vehicle(ctypes.Structure):
+    """The ego vehicle at one instant."""
+
+    _fields_ = tuple((name, DOUBLE) for name in _VEHICLE)
 
 
 class Motion(ctypes.Structure):
@@ -78,7 +100,7 @@ def _library(compiler: tuple[str, ...], *_: object) -> ctypes.PyDLL:
     path = compile_sources([], {**fixed, "layout.h": layout_header()}, compiler)
     arguments = {
         "iptm_shift_plan": [POINTER, DOUBLE, *[POINTER] * 5],
-        "iptm_pose_problem": [*[POINTER] * 7, DOUBLE, *[POINTER] * 4],
+        "iptm_pose_problem": [POINTER] * 8,
         "iptm_read_plan": [POINTER, DOUBLE, *[POINTER] * 3],
         "iptm_follow_preview": [POINTER, DOUBLE, DOUBLE, DOUBLE, INT, *[POINTER] * 5],
         "iptm_collision_threatens": [POINTER, POINTER, *[DOUBLE] * 4],

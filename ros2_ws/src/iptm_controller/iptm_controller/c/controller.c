@@ -5,49 +5,10 @@
 
 #include "fallback.h"
 
-/* Constants of ocp/data.py. */
-static const double COLD_COMPRESSOR_PRICE_1_KW = 100.0;
-static const double COLD_MARGIN_K = 0.05;
 static const double STEP_TOLERANCE_S = 1e-9;
 
 static double larger(double first, double second) { return second > first ? second : first; }
 static double smaller(double first, double second) { return second < first ? second : first; }
-
-/* Write the parameters that all steps share: state of the cells, prices and weights. */
-static void pose_shared(const iptm_vehicle *vehicle, const iptm_inputs *given, iptm_real *parameters) {
-  const iptm_prices *prices = &given->prices;
-  const double scale = iptm_strategy.scale, lowest_k = iptm_limits_of_model.min_temperature_k;
-  const double coldest = smaller(vehicle->cell_1_temperature_k, vehicle->cell_n_temperature_k);
-  const double share =
-      smaller(larger(1.0 - (coldest - lowest_k) / COLD_MARGIN_K, 0.0), 1.0);
-  double planned_k = lowest_k + 2.0 * COLD_MARGIN_K;
-  double weight = iptm_strategy.weights[IPTM_TEMPERATURE_WEIGHT];
-  double reference_k = iptm_strategy.reference_temperature_k;
-  int i;
-  if (share > 0.0) planned_k = smaller(planned_k, coldest - COLD_MARGIN_K);
-  /* Warmth is welcome: nothing is planned to be cooled. */
-  if (prices->cell_1_marginal_cost_1_k + prices->cell_n_marginal_cost_1_k < 0.0) planned_k = 0.0;
-  if (prices->temperature_weight_1_k2_s > 0.0) {
-    /* Two parabolas are one, up to a constant. */
-    const double further = prices->temperature_weight_1_k2_s;
-    reference_k = (weight * reference_k + further * prices->reference_temperature_k) /
-                  (weight + further);
-    weight += further;
-  }
-  parameters[IPTM_GLOBAL_CELL_1_LOSS] = given->cell_1_capacity_loss;
-  parameters[IPTM_GLOBAL_CELL_N_LOSS] = given->cell_n_capacity_loss;
-  parameters[IPTM_GLOBAL_REFERENCE_TEMPERATURE] = reference_k;
-  parameters[IPTM_GLOBAL_CELL_1_PRICE] = scale * prices->cell_1_marginal_cost_1_k;
-  parameters[IPTM_GLOBAL_CELL_N_PRICE] = scale * prices->cell_n_marginal_cost_1_k;
-  parameters[IPTM_GLOBAL_COMPRESSOR_PRICE] = COLD_COMPRESSOR_PRICE_1_KW * share;
-  parameters[IPTM_GLOBAL_LOWEST_TEMPERATURE] = planned_k;
-  parameters[IPTM_GLOBAL_THERMAL_ENERGY_PRICE] = scale * prices->thermal_energy_price_1_j;
-  parameters[IPTM_GLOBAL_CHARGE_POWER] = given->charge_w;
-  for (i = 0; i < IPTM_WEIGHTS; ++i) {
-    parameters[IPTM_GLOBALS - IPTM_WEIGHTS + i] =
-        scale * (i == IPTM_TEMPERATURE_WEIGHT ? weight : iptm_strategy.weights[i]);
-  }
-}
 
 /* Whether the plan covers a trip time; past its end it only repeats its last input. */
 static int covers(const iptm_memory *memory, double time_s) {
@@ -73,16 +34,11 @@ static int plan(iptm_memory *memory, iptm_scratch *scratch, const iptm_vehicle *
     memory->has_solved = 1;
     memory->since_second = iptm_switching_numbers.try_every;
   }
-  if (covers(memory, vehicle->time_s)) {
-    iptm_shift_plan(&iptm_grid_of_horizon, memory->start_s, memory->states, memory->inputs, vehicle,
-                    scratch->states, scratch->inputs);
-  } else {
-    iptm_hold(&iptm_grid_of_horizon, vehicle, scratch->states, scratch->inputs);
-  }
-  pose_shared(vehicle, given, scratch->parameters);
-  iptm_pose_problem(&iptm_grid_of_horizon, vehicle, scratch->states, scratch->inputs,
-                    given->motion, given->limiting, given->slope, given->known_s,
-                    given->speed_limits_m_s, NULL, scratch->guess, scratch->parameters);
+  iptm_shift_plan(&iptm_grid_of_horizon, memory->start_s,
+                  covers(memory, vehicle->time_s) ? memory->states : NULL, memory->inputs, vehicle,
+                  scratch->states, scratch->inputs);
+  iptm_pose_problem(&iptm_grid_of_horizon, &iptm_strategy_of_controller, vehicle, &given->ahead,
+                    scratch->states, scratch->inputs, scratch->guess, scratch->parameters);
   options.clock_s = given->clock_s;
   options.until_s = given->until_s;
   decision->iterations = iptm_solve_checked(
@@ -158,7 +114,7 @@ iptm_decision iptm_decide(iptm_memory *memory, iptm_scratch *scratch, const iptm
                 limits->max_acceleration_m_s2);
     vehicle = &within;
   }
-  if (vehicle != NULL && inputs->motion != NULL &&
+  if (vehicle != NULL && inputs->ahead.motion != NULL &&
       plan(memory, scratch, vehicle, inputs, &decision)) {
     decision.rung = IPTM_OPTIMAL;
     decision.command = planned_command(memory, memory->start_s);

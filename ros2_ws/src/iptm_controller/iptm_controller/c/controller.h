@@ -23,24 +23,11 @@ typedef enum {
   IPTM_STOP = 3
 } iptm_rung;
 
-/* Prices of the temperatures at the end of the horizon, see temperature_value.py; all zero for none. */
-typedef struct {
-  double cell_1_marginal_cost_1_k, cell_n_marginal_cost_1_k, temperature_weight_1_k2_s;
-  double reference_temperature_k, thermal_energy_price_1_j;
-} iptm_prices;
-
 /* What is measured and known at a tick. */
 typedef struct {
   const iptm_vehicle *vehicle; /* NULL: nothing is measured */
-  double cell_1_capacity_loss, cell_n_capacity_loss;
-  const iptm_leader *leader;    /* as measured; NULL: no leader is measured */
-  const iptm_motion *motion;    /* past and expected motion of the leader; NULL: no problem is posed */
-  const iptm_motion *limiting;  /* motion that the gap limits hold for, may be the same */
-  const iptm_slope *slope;
-  double known_s;               /* how far ahead the motion is known */
-  const double *speed_limits_m_s; /* at the ends of the steps, NULL for none */
-  double charge_w;              /* largest charging power of the pack; it counts where the pack has limits */
-  iptm_prices prices;
+  const iptm_leader *leader;   /* as measured; NULL: no leader is measured */
+  iptm_ahead ahead;            /* motion NULL: no problem is posed */
   double (*clock_s)(void);      /* NULL for no deadline */
   double until_s;               /* reading of the clock at which the solver stops */
 } iptm_inputs;

@@ -7,6 +7,9 @@
 /* Constants of ocp/data.py. */
 static const double REFERENCE_WINDOW_S = 2.0;
 static const double SLOPE_DIFFERENCE_M = 25.0;
+static const double HEADWAY_PRICE_1_M2_S = 0.003;
+static const double COLD_COMPRESSOR_PRICE_1_KW = 100.0;
+static const double COLD_MARGIN_K = 0.05;
 
 static const double STATE_SCALE[] = IPTM_STATE_SCALE;
 static const double STATE_OFFSET[] = IPTM_STATE_OFFSET;
@@ -134,8 +137,9 @@ static void roll_out(const iptm_grid *grid, const iptm_vehicle *vehicle, const d
   }
 }
 
-void iptm_hold(const iptm_grid *grid, const iptm_vehicle *vehicle, double *states,
-               double *inputs) {
+/* Make the plan of a vehicle that keeps its speed and the power of its compressor. */
+static void hold(const iptm_grid *grid, const iptm_vehicle *vehicle, double *states,
+                 double *inputs) {
   int k;
   memset(inputs, 0, sizeof(double) * IPTM_INPUTS * (size_t)grid->steps);
   for (k = 0; k < grid->steps; ++k) {
@@ -153,6 +157,10 @@ void iptm_shift_plan(const iptm_grid *grid, double start_s, const double *states
   const int steps = grid->steps;
   const double moved_s = vehicle->time_s - start_s, *nodes = grid->nodes_s;
   int k;
+  if (states == NULL) {
+    hold(grid, vehicle, next_states, next_inputs);
+    return;
+  }
   average_inputs(grid, inputs, moved_s, next_inputs);
   for (k = 1; k <= steps; ++k) {
     double *const next = next_states + (ptrdiff_t)IPTM_STATES * k;
@@ -165,11 +173,47 @@ void iptm_shift_plan(const iptm_grid *grid, double start_s, const double *states
   roll_out(grid, vehicle, next_inputs, next_states);
 }
 
+/* Write the parameters that all steps share: state of the cells, prices and weights. */
+static void pose_shared(const iptm_strategy *strategy, const iptm_vehicle *vehicle,
+                        const iptm_ahead *ahead, iptm_real *parameters) {
+  const iptm_prices *prices = &ahead->prices;
+  const double scale = strategy->scale, lowest_k = strategy->min_temperature_k;
+  const double coldest = least(vehicle->cell_1_temperature_k, vehicle->cell_n_temperature_k);
+  const double share = least(most(1.0 - (coldest - lowest_k) / COLD_MARGIN_K, 0.0), 1.0);
+  const double further = prices->temperature_weight_1_k2_s;
+  double planned_k = lowest_k + 2.0 * COLD_MARGIN_K;
+  double reference_k = strategy->reference_temperature_k;
+  int i;
+  for (i = 0; i < IPTM_WEIGHTS; ++i) {
+    parameters[IPTM_GLOBALS - IPTM_WEIGHTS + i] = scale * strategy->weights[i];
+  }
+  if (share > 0.0) planned_k = least(planned_k, coldest - COLD_MARGIN_K);
+  /* Warmth is welcome: nothing is planned to be cooled. */
+  if (prices->cell_1_marginal_cost_1_k + prices->cell_n_marginal_cost_1_k < 0.0) planned_k = 0.0;
+  if (further > 0.0) {
+    /* Two parabolas are one, up to a constant. */
+    const double weight =
+        strategy->weights[IPTM_GLOBAL_TEMPERATURE_WEIGHT - (IPTM_GLOBALS - IPTM_WEIGHTS)];
+    const double both_k = weight * reference_k + further * prices->reference_temperature_k;
+    parameters[IPTM_GLOBAL_TEMPERATURE_WEIGHT] = scale * (weight + further);
+    reference_k = both_k / (weight + further);
+  }
+  parameters[IPTM_GLOBAL_CELL_1_LOSS] = vehicle->cell_1_capacity_loss;
+  parameters[IPTM_GLOBAL_CELL_N_LOSS] = vehicle->cell_n_capacity_loss;
+  parameters[IPTM_GLOBAL_REFERENCE_TEMPERATURE] = reference_k;
+  parameters[IPTM_GLOBAL_CELL_1_PRICE] = scale * prices->cell_1_marginal_cost_1_k;
+  parameters[IPTM_GLOBAL_CELL_N_PRICE] = scale * prices->cell_n_marginal_cost_1_k;
+  parameters[IPTM_GLOBAL_COMPRESSOR_PRICE] = COLD_COMPRESSOR_PRICE_1_KW * share;
+  parameters[IPTM_GLOBAL_LOWEST_TEMPERATURE] = planned_k;
+  parameters[IPTM_GLOBAL_THERMAL_ENERGY_PRICE] = scale * prices->thermal_energy_price_1_j;
+  parameters[IPTM_GLOBAL_CHARGE_POWER] = ahead->charge_w;
+  parameters[IPTM_GLOBAL_HEADWAY_PRICE] = ahead->follows > 0.0 ? scale * HEADWAY_PRICE_1_M2_S : 0.0;
+}
+
 /* Write the parameters of the steps: gap limits, intervals of the inputs and speed limits. */
 static void pose_steps(const iptm_grid *grid, const iptm_vehicle *vehicle,
-                       const iptm_motion *limiting, double known_s, const double *speed_limits_m_s,
-                       iptm_real *parameters) {
-  int known_nodes = count_up_to(grid->nodes_s + 1, grid->motion_steps, known_s + 1e-6);
+                       const iptm_ahead *ahead, iptm_real *parameters) {
+  int known_nodes = count_up_to(grid->nodes_s + 1, grid->motion_steps, ahead->known_s + 1e-6);
   int k;
   if (known_nodes < 1) known_nodes = 1;
   for (k = 0; k < grid->steps; ++k) {
@@ -177,13 +221,13 @@ static void pose_steps(const iptm_grid *grid, const iptm_vehicle *vehicle,
     const double node_s = vehicle->time_s + grid->nodes_s[k + 1];
     double limit_m_s = grid->max_speed_m_s, leader_m_s;
     step[IPTM_STEP_LEADER_POSITION] =
-        iptm_motion_at(limiting, node_s, &leader_m_s) - vehicle->position_m;
+        iptm_motion_at(ahead->limiting, node_s, &leader_m_s) - vehicle->position_m;
     step[IPTM_STEP_LEADER_SPEED] = leader_m_s;
     step[IPTM_STEP_ACCELERATION_INTERVAL] = grid->acceleration_intervals_s[k];
     step[IPTM_STEP_COMPRESSOR_INTERVAL] = grid->compressor_intervals_s[k];
     step[IPTM_STEP_END_OF_PREVIEW] = k == known_nodes - 1 ? 1.0 : 0.0;
-    if (speed_limits_m_s != NULL && k < grid->motion_steps) {
-      limit_m_s = least(speed_limits_m_s[k], limit_m_s);
+    if (ahead->speed_limits_m_s != NULL && k < grid->motion_steps) {
+      limit_m_s = least(ahead->speed_limits_m_s[k], limit_m_s);
     }
     step[IPTM_STEP_MAX_SPEED] = limit_m_s;
   }
@@ -191,8 +235,10 @@ static void pose_steps(const iptm_grid *grid, const iptm_vehicle *vehicle,
 
 /* Write the parameters of the samples: slope around the plan, and the leader. */
 static void pose_samples(const iptm_grid *grid, const iptm_vehicle *vehicle, const double *states,
-                         const double *inputs, const iptm_motion *leader, const iptm_slope *slope,
-                         const double *thermal_samples, iptm_real *parameters) {
+                         const double *inputs, const iptm_ahead *ahead, iptm_real *parameters) {
+  const iptm_motion *leader = ahead->motion;
+  const iptm_slope *slope = ahead->slope;
+  const double *thermal_samples = ahead->thermal_samples;
   const int motion = thermal_samples == NULL ? grid->samples : grid->motion_samples;
   int i;
   for (i = 0; i < motion; ++i) {
@@ -240,13 +286,13 @@ static void scale_state(const double *state, double position_m, iptm_real *scale
   }
 }
 
-void iptm_pose_problem(const iptm_grid *grid, const iptm_vehicle *vehicle, const double *states,
-                       const double *inputs, const iptm_motion *leader, const iptm_motion *limiting,
-                       const iptm_slope *slope, double known_s, const double *speed_limits_m_s,
-                       const double *thermal_samples, iptm_real *variables, iptm_real *parameters) {
+void iptm_pose_problem(const iptm_grid *grid, const iptm_strategy *strategy,
+                       const iptm_vehicle *vehicle, const iptm_ahead *ahead, const double *states,
+                       const double *inputs, iptm_real *variables, iptm_real *parameters) {
   int k, i;
-  pose_steps(grid, vehicle, limiting, known_s, speed_limits_m_s, parameters);
-  pose_samples(grid, vehicle, states, inputs, leader, slope, thermal_samples, parameters);
+  pose_shared(strategy, vehicle, ahead, parameters);
+  pose_steps(grid, vehicle, ahead, parameters);
+  pose_samples(grid, vehicle, states, inputs, ahead, parameters);
   for (k = 0; k < grid->steps; ++k) {
     iptm_real *const block = variables + (ptrdiff_t)BLOCK * k;
     const double *const input = inputs + (ptrdiff_t)IPTM_INPUTS * k;

@@ -5,7 +5,7 @@
 /* The ego vehicle now; its inputs are the values last actuated. */
 typedef struct {
   double time_s, position_m, speed_m_s, cell_1_temperature_k, cell_n_temperature_k;
-  double acceleration_m_s2, compressor_power_w;
+  double acceleration_m_s2, compressor_power_w, cell_1_capacity_loss, cell_n_capacity_loss;
 } iptm_vehicle;
 
 /* The lead vehicle as measured. */

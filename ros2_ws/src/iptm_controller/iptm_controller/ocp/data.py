@@ -100,6 +100,11 @@ class ProblemDataBuilder:
         """Largest speed of the vehicle."""
         return self._limits.max_speed_m_s
 
+    @property
+    def min_temperature_k(self) -> float:
+        """Lower limit of the cell temperatures."""
+        return self._limits.min_temperature_k
+
     def build(
         self,
         state: VehicleState,

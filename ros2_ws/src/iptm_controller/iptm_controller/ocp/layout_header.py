@@ -21,11 +21,13 @@ def layout_header() -> str:
         "INPUTS": layout.INPUTS,
         "SLACKS": layout.SLACKS,
         "GLOBALS": layout.GLOBALS,
+        "WEIGHTS": len(layout.WEIGHTS),
         "SAMPLE_PARAMETERS": layout.SAMPLE_PARAMETERS,
     }
     places = {
         f"{prefix}_{entry.name}": int(entry) for prefix, kind in _INDICES.items() for entry in kind
     }
+    places |= {f"GLOBAL_{name.upper()}": place for name, place in layout.WEIGHTS.items()}
     scales = {
         "STATE_SCALE": layout.STATE_SCALE,
         "STATE_OFFSET": layout.STATE_OFFSET,
