@@ -1,4 +1,4 @@
-"""Energy, temperatures and ageing of a drive that somebody else drives: a meter that takes its speeds.
+"""Meter: energy, temperatures and ageing of an external drive, computed from its speeds.
 
 The model of a car goes along with the measured motion. Speeds may come at any rate; the model is evaluated
 once per `WINDOW_S`, between the speeds at both ends, so that the kinetic energy is exact and the noise of a

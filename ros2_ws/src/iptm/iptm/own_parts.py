@@ -1,4 +1,4 @@
-"""Objects in the place of names: drive, strategy, vehicle of a trip, and own controllers and predictors."""
+"""User-supplied objects in place of names: drive, strategy, vehicle, controllers and predictors."""
 
 from __future__ import annotations
 

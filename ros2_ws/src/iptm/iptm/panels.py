@@ -1,4 +1,4 @@
-"""What is drawn of runs over time, as data: pictures and interactive pages are made of the same panels."""
+"""Panels of runs over time, as data; pictures and interactive pages are made of the same panels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Parts of the suite that studies are made of, in one place: models, vehicle, controller, radio and judges.
+"""The parts of the suite that studies use, in one place: models, vehicle, controller, radio and judges.
 
 Studies, and tools of your own that go beyond `iptm.simulate`, import from here.
 """

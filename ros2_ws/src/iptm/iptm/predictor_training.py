@@ -1,4 +1,4 @@
-"""Train the regression that predicts a lead vehicle on recorded drives, and try it on others."""
+"""Train the regression that predicts a lead vehicle on recorded drives, and validate it on others."""
 
 from __future__ import annotations
 

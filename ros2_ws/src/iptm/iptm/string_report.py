@@ -1,4 +1,4 @@
-"""What is reported of a string of vehicles: disturbances along it, and what each vehicle saves."""
+"""Report of a string of vehicles: disturbances along it, and the saving of each vehicle."""
 
 from __future__ import annotations
 

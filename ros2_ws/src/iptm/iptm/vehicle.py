@@ -1,4 +1,4 @@
-"""A car of one's own, by the names of car and cell, a pack, and single parameters."""
+"""A user-defined car: car and cell by name, a pack, and single parameters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The limit: a whole trip as one optimal control problem, everything about it known beforehand.
+"""The upper bound: a whole trip as one optimal control problem, with perfect knowledge of it.
 
 The same stages as in the controller, one step per tick from start to end, solved by the
 structure-exploiting solver. The slope depends on the position; it is expanded to second order around the

@@ -1,4 +1,4 @@
-"""What becomes of commands: delay of the actuators, delivery of the brakes, and power of the pack.
+"""Response to commands: delay of the actuators, delivery of the brakes, and power of the pack.
 
 Delay and share are inferred from the actuated values that are measured, so they hold for any actuator,
 whether it reports or not. The state is predicted to the instant at which the next command acts.

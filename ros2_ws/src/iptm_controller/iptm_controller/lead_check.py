@@ -1,4 +1,4 @@
-"""The lead vehicle as the inputs of the controller show it: range sensor and radio, neither trusted alone.
+"""The lead vehicle from range sensor and radio, cross-checked: neither is trusted alone.
 
 The safety monitor of the vehicle follows it with measurements of its own (`iptm_core.lead_track`). Where
 range sensor and radio differ by more than both can be wrong, the nearer and the slower one counts. A radio

@@ -1,4 +1,4 @@
-"""What the controller acts on, and how much of it is plausible before anything is computed from it.
+"""Measurements of the controller, and their plausibility checks.
 
 A temperature sensor is compared with its model, and the cooling with its command; both carry a memory.
 """

@@ -1,4 +1,4 @@
-"""Cell temperatures and cooling compared with what they ought to be: each other, the coolant and a model.
+"""Plausibility of cell temperatures and cooling: compared with each other, the coolant and a model.
 
 A model of the two cells goes along with the heat of the current and the measured coolant. A sensor that is
 silent, impossible, far from the model, or does not move while the model does, is not used: the model takes

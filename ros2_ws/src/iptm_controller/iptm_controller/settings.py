@@ -1,4 +1,4 @@
-"""What a user chooses about the controller; a group of a trip, and parameters of the controller node."""
+"""Settings of the controller: a group of a trip, and parameters of the controller node."""
 
 from __future__ import annotations
 

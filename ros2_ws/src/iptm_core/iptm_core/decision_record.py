@@ -1,4 +1,4 @@
-"""How the decisions of a controller came about: one record, the series of a run, and its statistics.
+"""Origin of a controller's decisions: the record of one, the series of a run, and its statistics.
 
 Controller, topic ``controller/solve``, bags, stored studies and tables use these terms, and `DrivingMode`
 where a car carries the suite.

@@ -1,4 +1,4 @@
-"""What the road ahead allows: speed limits over position, places not to be passed before an instant.
+"""Rules of the road ahead: speed limits over position, and places not to be passed before an instant.
 
 A rule of the road is an upper bound and no vehicle. Limits of signs, curves, the set speed of the driver and
 the end of the route are speeds over position; a closed stop line is a position over time.

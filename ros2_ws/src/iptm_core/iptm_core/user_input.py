@@ -1,4 +1,4 @@
-"""What users hand over as files, names and numbers, read strictly and refused in one form.
+"""User input (files, names, numbers): read strictly, refused in one form.
 
 No mistake hangs or floods the process. Files of the suite (parameter sets, scenarios, studies) are read
 through `StrictMapping`, so that all refusals look alike: where, which key, the value, and what is allowed.

@@ -1,4 +1,4 @@
-"""What the actuators make of a command, and the motion over one interval that follows.
+"""Actuator response to a command, and the resulting motion over one interval.
 
 The plant is the last to touch a command. Whatever a controller sends, the values actuated here lie inside
 the bounds of the paper's Table I and change no faster than it permits; every correction is reported.

@@ -1,4 +1,4 @@
-"""What is known of an interval that the simulated vehicle has driven, and what its battery measures."""
+"""Results of one interval of the simulated vehicle, and the measurements of its battery."""
 
 from __future__ import annotations
 

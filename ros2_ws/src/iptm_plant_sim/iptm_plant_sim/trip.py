@@ -1,4 +1,4 @@
-"""One trip of the simulated vehicle: where it stands in it, what happened so far, what is left."""
+"""One trip of the simulated vehicle: position in it, history, and what is left."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who drives on the corridor: vehicles drawn once from a seed and written as SUMO's routes.
+"""Traffic demand of the corridor: vehicles drawn once from a seed and written as SUMO routes.
 
 Drivers differ in how fast they like to go and are not random otherwise, so that a simulation repeats exactly.
 """

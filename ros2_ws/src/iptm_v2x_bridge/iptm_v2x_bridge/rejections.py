@@ -1,4 +1,4 @@
-"""Why a datagram or a message is not used; each is counted and harms nothing."""
+"""Reasons to reject a datagram or a message; rejections are counted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who drives: an explicit state machine, a row per transition.
+"""Engagement: an explicit state machine, a row per transition.
 
 | from | to | when |
 |---|---|---|

@@ -1,4 +1,4 @@
-"""From the messages of a run, on the graph or in a bag, to the feed of the page: joined by stamp."""
+"""From the messages of a run, on the graph or in a bag, to the feed of the page; joined by stamp."""
 
 from __future__ import annotations
 

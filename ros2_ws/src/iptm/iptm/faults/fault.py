@@ -1,4 +1,4 @@
-"""One fault as data: what, when, how often, how large; and the list of them in a scenario file.
+"""A fault as data (kind, time, frequency, size), and the list of faults in a scenario file.
 
 faults:
   - {kind: preview_lost, start_s: 60, duration_s: 20, probability: 0.5, seed: 3}

@@ -1,4 +1,4 @@
-"""Every kind of fault: where it takes place, what it does, and what its size means."""
+"""Kinds of faults: place, effect, and meaning of the size."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Faults of processes: killed, started again, frozen, doubled, without room on the disk; by trip time.
+"""Process faults by trip time: killed, restarted, frozen, duplicated, disk full.
 
 Trip time may stand still while a process is away, so what follows is timed by the wall clock. The time of a
 double runs from when it takes part: how long a process takes to start is the machine's affair.

@@ -1,4 +1,4 @@
-"""Capacity lost by years of use, of a trip of one's own, by cause, climate and pattern of use.
+"""Capacity loss over years of use: by cause, climate and pattern of use, also for a user's own trip.
 
 The bands come from the spread of published parameters.
 """

@@ -1,4 +1,4 @@
-"""What is solved at every tick, as one description that every solver takes, and its bounds."""
+"""The problem of a tick in one form for every solver, and its bounds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What all stages of the optimal control problem have: symbols, costs, and rows of the temperatures."""
+"""Common parts of all stages of the optimal control problem: symbols, costs, temperature rows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every solver takes and answers: an outcome with a reason, never an exception."""
+"""Interface of all solvers: the outcome carries a reason and is never an exception."""
 
 from __future__ import annotations
 

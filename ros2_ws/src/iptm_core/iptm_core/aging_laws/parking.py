@@ -1,4 +1,4 @@
-"""What the temperature of a parked pack costs in capacity at the end of its service.
+"""Cost of the temperature of a parked pack, in capacity at the end of its service.
 
 A parked pack approaches a temperature T_p with a time constant tau. A kelvin more on arrival decays like
 ``exp(-t / tau)``, and as the damage u of a mechanism adds up (see ``law``), what it costs is a secant:

@@ -1,4 +1,4 @@
-"""What a finished run achieved: energy, degradation, spacing, temperatures and kept limits."""
+"""Results of a finished run: energy, degradation, spacing, temperatures and limits."""
 
 from iptm_core.metrics.constraints import Concern as Concern
 from iptm_core.metrics.constraints import ConstraintCheck as ConstraintCheck

@@ -1,4 +1,4 @@
-"""Every figure of a run that anything shows: of the trip, of the decisions, and of two runs compared."""
+"""All figures of a run: of the trip, of the decisions, and of two runs compared."""
 
 from __future__ import annotations
 

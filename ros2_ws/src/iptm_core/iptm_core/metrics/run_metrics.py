@@ -1,4 +1,4 @@
-"""What a run achieved, in physical units, and how a figure of it is defined, computed and printed."""
+"""Metrics of a run in physical units, and the definition, computation and format of its figures."""
 
 from __future__ import annotations
 

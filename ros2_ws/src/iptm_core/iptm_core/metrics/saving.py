@@ -1,4 +1,4 @@
-"""What one run of a trip saved against another one, compared as if they had ended alike.
+"""Saving of one run of a trip against another, corrected to equal ends.
 
 They end with different temperatures, speeds and distances, and each of these holds energy or ageing that the
 figures of the trip do not show. The corrected figures of a run are

@@ -1,4 +1,4 @@
-"""What a pack takes and gives: limits of current, cell voltage and charge, as terminal powers.
+"""Power limits of a pack: limits of current, cell voltage and charge, as terminal powers.
 
 The paper's pack takes any power at any charge. Here the largest currents are tables over temperature (per
 hour of the capacity) times shares over the state of charge, and no cell may leave its limits of voltage.

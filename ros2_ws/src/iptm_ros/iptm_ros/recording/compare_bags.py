@@ -1,4 +1,4 @@
-"""Did two runs do the same, and where did they first part?
+"""Exact comparison of two bags: whether they agree, and where they first diverge.
 
 Messages are matched by their header stamps where a topic has them, else by their number, so that a single
 lost message is reported as such and not as a thousand differences. Log times do not count: two runs of the

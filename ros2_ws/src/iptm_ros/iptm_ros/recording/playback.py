@@ -1,4 +1,4 @@
-"""What is played when: the part of a bag that was asked for, on a time axis of its own; free of ROS."""
+"""Playback schedule: the requested part of a bag on its own time axis; free of ROS."""
 
 from __future__ import annotations
 

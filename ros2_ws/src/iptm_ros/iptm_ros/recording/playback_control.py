@@ -1,4 +1,4 @@
-"""Where a playback stands, and what changes that: pause, rate, position, single steps; free of ROS."""
+"""Playback position and its controls (pause, rate, seek, single step); free of ROS."""
 
 from __future__ import annotations
 

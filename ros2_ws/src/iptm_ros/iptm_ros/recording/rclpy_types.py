@@ -1,4 +1,4 @@
-"""What rclpy needs in order to publish and subscribe what a bag names: message classes and QoS."""
+"""Message classes and QoS with which rclpy publishes and subscribes the topics of a bag."""
 
 from __future__ import annotations
 

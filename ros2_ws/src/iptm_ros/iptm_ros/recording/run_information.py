@@ -1,4 +1,4 @@
-"""What a run depended on, stored inside its bag so that it can be repeated years later.
+"""Inputs of a run, stored inside its bag so that it can be repeated years later.
 
 The texts travel twice: as `custom_data` of `metadata.yaml`, where `ros2 bag` shows them, and as
 a metadata record at the very start of the MCAP file, where a kill or a lost folder cannot take them.

@@ -1,1 +1,1 @@
-"""From a datagram to a message in SI units, or to the reason why there is none."""
+"""From a datagram to a message in SI units, or to the reason for its rejection."""

@@ -1,4 +1,4 @@
-"""Whether a message was signed by a station that trust anchors vouch for (IEEE 1609.2, TS 103 097).
+"""Verification of signed messages up to a trust anchor (IEEE 1609.2, TS 103 097).
 
 ECDSA over the hash of what is signed and the hash of the certificate of the signer; certificates are signed
 in the same way by their issuers. The curves are the work of cryptography, an optional extra. Signatures of

@@ -1,4 +1,4 @@
-"""What a predictor gets, from a station, and returns; and predictions of a leader of unknown future.
+"""Interface of predictors, and predictions of a leader whose future is unknown.
 
 Its acceleration dies away, or it brakes.
 """

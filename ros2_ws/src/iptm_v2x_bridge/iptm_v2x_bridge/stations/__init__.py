@@ -1,1 +1,1 @@
-"""Which stations there are, which of their messages are plausible, and which one leads."""
+"""Known stations, plausibility of their messages, and selection of the leader."""

@@ -1,4 +1,4 @@
-"""Whether a message can be true: by itself, by the clock, and after the one before of the same station.
+"""Plausibility of a message: by itself, against the clock, and against the previous message of the station.
 
 Signatures are not verified here, so a forger that moves like a car is accepted; these checks stop what no car
 can do, and what an old message cannot hide.
