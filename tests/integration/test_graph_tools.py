@@ -117,18 +117,18 @@ def test_parameters_are_read_as_users_write_numbers(launcher: Any, ask: Ask) -> 
     assert code == 0
     assert out.splitlines()[0].startswith("strategy=energy_aging")
     # A whole number for a float, and what another process reads.
-    assert ask(param, "controller", "deadline_ms=50")[0] == 0
+    assert ask(param, "controller", "speed_weight=50")[0] == 0
     lines = ask(param, "controller")[1].splitlines()
     shown = dict(line.split("    #")[0].split("=") for line in lines)
     assert shown["aging_weight"] == "200000000.0"
-    assert shown["deadline_ms"] == "50.0"
+    assert shown["speed_weight"] == "50.0"
     assert shown["compile_code"] == "false"
     # All or none: the second value is out of range.
     code, _, err = ask(param, "controller", "strategy=aging", "aging_weight=-7")
     assert code == 1
     assert "-7" in err
     assert ask(param, "controller", "strategy")[1].startswith("strategy=energy_aging")
-    code, _, err = ask(param, "controller", "deadline_ms=fast")
+    code, _, err = ask(param, "controller", "speed_weight=fast")
     assert code == 2
     assert "allowed: a number" in err
 

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from threading import Event
 from typing import Any
-from unittest import mock
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
@@ -16,7 +14,7 @@ from tests.integration.node_bench import NodeBench, S, node_bench
 
 from iptm_controller.node import ControllerNode
 from iptm_controller.node_parameters import ControllerNodeParameters
-from iptm_core.errors import BagError, SolverSetupError
+from iptm_core.errors import BagError
 from iptm_core.trajectory import Trajectory
 from iptm_ros.codecs import decode_command, encode_slope, serialized, time_from_ns
 from iptm_ros.diagnostics import CHANGED_SETTINGS, SETTINGS_SINCE, Level, build_status
@@ -52,10 +50,6 @@ def send_tick(bench: NodeBench, tick: int) -> None:
     bench.spin_until(lambda: bench.stamps(Topic.COMMAND)[-1:] == [tick])
 
 
-def plan_steps(bench: NodeBench) -> int:
-    return bench.received[Topic.PLAN][-1].width - 1
-
-
 def test_weights_hold_from_the_next_tick_on(controller: NodeBench) -> None:
     alone = ControllerNodeParameters(**OPTIONS).build_controller()
     for tick in range(6):
@@ -84,9 +78,8 @@ def test_weights_hold_from_the_next_tick_on(controller: NodeBench) -> None:
     ("values", "words"),
     [
         ({"strategy": "fastest"}, "fastest"),
-        ({"horizon": "5x1+3x0.1"}, "horizon"),
-        ({"deadline_ms": 1e6}, "deadline_ms"),
-        ({"speed_weight": 2.0, "horizon": "many"}, "many"),
+        ({"aging_weight": -7.0}, "aging_weight"),
+        ({"speed_weight": 2.0, "horizon": "3x1+3x5"}, "read-only"),
         ({"speed_weight": 2.0, "period_s": 0.5}, "read-only"),
     ],
 )
@@ -103,74 +96,6 @@ def test_a_mistake_is_refused_in_a_sentence_and_changes_nothing(
         assert controller.node.get_parameter(name).value == getattr(
             ControllerNodeParameters(**OPTIONS), name
         )
-
-
-def test_a_horizon_is_built_while_the_node_decides_on(controller: NodeBench) -> None:
-    send_tick(controller, 0)
-    assert plan_steps(controller) == 4
-    assert set_all(controller, horizon="3x1+3x5").successful
-    refused = set_all(controller, speed_weight=2.0)
-    assert not refused.successful
-    assert "another change" in refused.reason
-    tick = 0
-
-    def decides_with_the_new_one() -> bool:
-        nonlocal tick
-        tick += 1
-        send_tick(controller, tick)
-        return plan_steps(controller) == 6
-
-    controller.spin_until(decides_with_the_new_one)
-    assert controller.values["horizon"] == "3x1+3x5"
-    assert controller.values[SETTINGS_SINCE] == str(tick)
-    assert set_all(controller, speed_weight=2.0).successful
-
-
-def test_a_horizon_in_preparation_does_not_delay_a_weight(controller: NodeBench) -> None:
-    """Both are set between two decisions, as of a paused trip."""
-    send_tick(controller, 0)
-    building = Event()
-    build = ControllerNodeParameters.build_controller
-
-    def build_later(options: ControllerNodeParameters) -> Any:
-        assert building.wait(60.0)
-        return build(options)
-
-    with mock.patch.object(ControllerNodeParameters, "build_controller", build_later):
-        assert set_all(controller, speed_weight=2.0).successful
-        assert set_all(controller, horizon="3x1+3x5").successful
-        send_tick(controller, 1)
-        assert controller.values[SETTINGS_SINCE] == "1"
-        assert controller.values[CHANGED_SETTINGS] == "speed_weight=2.0 (was -1.0)"
-        building.set()
-        ticks = iter(range(2, 10_000))
-
-        def has_the_horizon() -> bool:
-            send_tick(controller, next(ticks))
-            return plan_steps(controller) == 6
-
-        controller.spin_until(has_the_horizon)
-    assert "horizon=3x1+3x5" in controller.values[CHANGED_SETTINGS]
-    assert "speed_weight" not in controller.values[CHANGED_SETTINGS]
-
-
-def test_a_problem_that_cannot_be_built_leaves_the_settings_as_they_are(
-    controller: NodeBench,
-) -> None:
-    send_tick(controller, 0)
-    failure = SolverSetupError("the compiler fails")
-    with mock.patch.object(ControllerNodeParameters, "build_controller", side_effect=failure):
-        assert set_all(controller, horizon="3x1+3x5").successful
-        ticks = iter(range(1, 10_000))
-
-        def is_given_up() -> bool:
-            send_tick(controller, next(ticks))
-            return bool(controller.node.get_parameter("horizon").value == SMALL["horizon"])
-
-        controller.spin_until(is_given_up)
-    assert plan_steps(controller) == 4
-    assert controller.values[CHANGED_SETTINGS] == "none"
-    assert set_all(controller, horizon="2x1+3x5").successful
 
 
 def test_a_bag_tells_of_changes_inside_it(tmp_path: Path) -> None:

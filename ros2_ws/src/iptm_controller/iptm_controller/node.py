@@ -243,11 +243,9 @@ class ControllerNode(SuiteNode):
         self._catch_up.note_answer(started_s)
 
     def _take_changes_over(self, stamp_ns: int) -> None:
-        """Apply changed settings that are ready, and report from which tick on."""
-        before = self._changes.options
-        self._controller = self._changes.take_over(self._controller, stamp_ns)
-        self._options = self._changes.options
-        if self._options != before:
+        """Apply changed settings, and report from which tick on."""
+        if self._changes.take_over(self._controller, stamp_ns):
+            self._options = self._changes.options
             self._last_ns = stamp_ns
             level, _ = self._situation()
             self._reporter.report(stamp_ns, level, "settings have been changed", self._values)

@@ -1,19 +1,14 @@
 """Parameters of the controller node, what is built from them, and their changes while it drives.
 
-A change is checked, prepared in another thread, then applied. Weights and strategy are numbers of a problem
-and hold from the next decision on. Another horizon or deadline is another problem, which a thread builds and
-compiles while the node goes on with the present one.
+Strategy and weights are numbers of a problem: a change is checked, and holds from the next decision on.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from pathlib import Path
-from threading import Thread
-from time import perf_counter
 
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
@@ -24,7 +19,7 @@ from iptm_controller.options import ControllerOptions
 from iptm_controller.settings import ControllerSettings
 from iptm_controller.strategy import COST_TERMS
 from iptm_core.declaration import Scalar, parameter, plain
-from iptm_core.errors import IptmError, ParameterError
+from iptm_core.errors import IptmError
 from iptm_core.saved_state import SavedState, from_plain, read_state, to_plain
 from iptm_core.settings import FrameSettings, ModelSettings, SamplingSettings
 from iptm_core.state import NS_PER_S
@@ -33,7 +28,7 @@ from iptm_ros.suite_node import SuiteNode
 
 CONTROLLER_STATE = "controller"
 _OF_A_STATE = ("horizon", "parameter_set", "overrides", "period_s")
-CHANGEABLE = ("strategy", "horizon", *COST_TERMS, "deadline_ms")
+CHANGEABLE = ("strategy", *COST_TERMS)
 """Parameters that may be set while the node runs."""
 
 
@@ -82,11 +77,8 @@ class ControllerNodeParameters(FrameSettings, SamplingSettings, ModelSettings, C
         return Controller(self.model().values, self.controller_options())
 
 
-_NUMBERS_OF_A_PROBLEM = ("strategy", *COST_TERMS)
-
-
 class SettingsChanges:
-    """Takes one change after the other.
+    """Takes changes of strategy and weights.
 
     Attributes:
         options: settings that the decisions are made with.
@@ -96,101 +88,36 @@ class SettingsChanges:
     def __init__(self, node: SuiteNode, options: ControllerNodeParameters) -> None:
         self.options = self._wanted = options
         self.values: dict[str, object] = {CHANGED_SETTINGS: "none", SETTINGS_SINCE: "start"}
-        self._node = node
-        self._prepared: Future[tuple[Controller, float]] | None = None
-        self._is_giving_up = False
+        self._logger = node.get_logger()
         node.add_on_set_parameters_callback(self._check)
-        node.add_post_set_parameters_callback(self._prepare)
+        node.add_post_set_parameters_callback(self._note)
 
     def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         """Refuse all that is asked for in one sentence, or nothing of it."""
-        changes = {each.name: each.value for each in parameters if each.name in CHANGEABLE}
-        if not changes or self._is_giving_up:
-            return SetParametersResult(successful=True)
         try:
-            if self._prepared is not None:
-                raise ParameterError(
-                    f"another change ({self._difference()}) is being prepared; allowed: one at a time"
-                )
-            wanted = replace(self._wanted, **changes)
-            wanted.controller_options()
+            self._changed(parameters).controller_options()
         except IptmError as error:
             return SetParametersResult(successful=False, reason=" ".join(str(error).split()))
         return SetParametersResult(successful=True)
 
-    def _prepare(self, parameters: Sequence[Parameter]) -> None:
+    def _note(self, parameters: Sequence[Parameter]) -> None:
+        self._wanted = self._changed(parameters)
+
+    def _changed(self, parameters: Sequence[Parameter]) -> ControllerNodeParameters:
         changes = {each.name: each.value for each in parameters if each.name in CHANGEABLE}
-        if self._is_giving_up or not changes:
-            return
-        self._wanted = replace(self._wanted, **changes)
-        different = set(self._different())
-        if not different.issubset(_NUMBERS_OF_A_PROBLEM):
-            self._node.get_logger().info(f"prepares {self._difference()}")
-            self._prepared = Future()
-            # A daemon, so that the node can stop without waiting for a compiler.
-            Thread(target=_build, args=(self._wanted, self._prepared), daemon=True).start()
+        return replace(self._wanted, **changes)
 
-    def take_over(self, controller: Controller, stamp_ns: int) -> Controller:
-        """Return the controller to decide a tick with: the present one, or the one that is ready now."""
-        if self._wanted == self.options:
-            return controller
-        if self._prepared is None or not self._prepared.done():
-            # A horizon in preparation does not delay the numbers.
-            numbers = {name: getattr(self._wanted, name) for name in _NUMBERS_OF_A_PROBLEM}
-            options = replace(self.options, **numbers)
-            if options != self.options:
-                controller.use_strategy(options.controller_options().strategy)
-                self._note(options, stamp_ns, "")
-            return controller
-        prepared, self._prepared = self._prepared, None
-        try:
-            ready, took_s = prepared.result()
-        except Exception as error:  # noqa: BLE001  whatever it is, the car must be driven on
-            self._give_up(error)
-            return controller
-        memory = controller.memory
-        if self._wanted.horizon != self.options.horizon:
-            # A plan on another grid cannot start this one.
-            memory = replace(memory, last_plan=None)
-        ready.memory = memory
-        self._note(self._wanted, stamp_ns, f", prepared in {took_s:.2g} s")
-        return ready
-
-    def _note(self, options: ControllerNodeParameters, stamp_ns: int, how: str) -> None:
-        since = f"{stamp_ns / NS_PER_S:.9g}"
-        difference = self._difference(options)
-        self.values = {CHANGED_SETTINGS: difference, SETTINGS_SINCE: since}
-        self._node.get_logger().info(f"from {since} s on: {difference}{how}")
-        self.options = options
-
-    def _give_up(self, error: Exception) -> None:
-        """Keep the present settings, and restore the parameters."""
-        self._node.get_logger().error(f"{self._difference()} cannot be prepared: {error}")
-        back = [Parameter(name, value=getattr(self.options, name)) for name in self._different()]
-        self._wanted = self.options
-        self._is_giving_up = True
-        try:
-            self._node.set_parameters_atomically(back)
-        finally:
-            self._is_giving_up = False
-
-    def _different(self, wanted: ControllerNodeParameters | None = None) -> list[str]:
-        wanted = wanted or self._wanted
-        return [name for name in CHANGEABLE if getattr(wanted, name) != getattr(self.options, name)]
-
-    def _difference(self, wanted: ControllerNodeParameters | None = None) -> str:
-        wanted = wanted or self._wanted
-        return ", ".join(
-            f"{name}={plain(getattr(wanted, name))} (was {plain(getattr(self.options, name))})"
-            for name in self._different(wanted)
+    def take_over(self, controller: Controller, stamp_ns: int) -> bool:
+        """Let a controller decide from a tick on with what has been set; return whether that is new."""
+        before, self.options = self.options, self._wanted
+        difference = ", ".join(
+            f"{name}={plain(getattr(self.options, name))} (was {plain(getattr(before, name))})"
+            for name in CHANGEABLE
+            if getattr(self.options, name) != getattr(before, name)
         )
-
-
-def _build(options: ControllerNodeParameters, prepared: Future[tuple[Controller, float]]) -> None:
-    started_s = perf_counter()
-    try:
-        controller = options.build_controller()
-    except Exception as error:  # noqa: BLE001  handed to the node, which goes on as it is
-        prepared.set_exception(error)
-    else:
-        prepared.set_result((controller, perf_counter() - started_s))
+        if difference:
+            controller.use_strategy(self.options.controller_options().strategy)
+            since = f"{stamp_ns / NS_PER_S:.9g}"
+            self.values = {CHANGED_SETTINGS: difference, SETTINGS_SINCE: since}
+            self._logger.info(f"from {since} s on: {difference}")
+        return bool(difference)
