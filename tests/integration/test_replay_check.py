@@ -13,7 +13,8 @@ from iptm.runner.replay_check import check_node
 from iptm.runner.replay_inputs import OUTPUTS, read_recorded
 from iptm_core.decision_record import DrivingMode
 from iptm_core.errors import BagError, ScenarioError
-from iptm_ros.codecs.cdr import LAYOUTS, serialized
+from iptm_ros.codecs.cdr import serialized
+from iptm_ros.codecs.numbers import LAYOUTS
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.bag_writer import BagWriter
 from iptm_ros.topics import TOPICS, Topic

@@ -3,8 +3,8 @@
 import pytest
 from rclpy.serialization import deserialize_message
 
-from iptm_ros.codecs import ns_from_time, numbers_of, read_numbers
-from iptm_ros.codecs.cdr import LAYOUTS
+from iptm_ros.codecs import numbers_of, read_numbers, stamp_of
+from iptm_ros.codecs.numbers import LAYOUTS
 from iptm_ros.topics import TOPICS, Topic
 
 READ = [topic for topic in LAYOUTS if TOPICS[topic].type_name != "sensor_msgs/msg/Temperature"]
@@ -19,7 +19,7 @@ def test_equal_to_the_decoder(topic, prefix):
         values = [min(value, 1.0) for value in values]
     data = LAYOUTS[topic].data(12_345_678_901, values, prefix)
     found, message = numbers_of(topic, data), deserialize_message(data, TOPICS[topic].message_type)
-    assert found.stamp_ns == ns_from_time(found.header.stamp) == ns_from_time(message.header.stamp)
+    assert found.stamp_ns == stamp_of(found) == stamp_of(message) == 12_345_678_901
     assert read_numbers(topic, found) == read_numbers(topic, message) == values
     padded = bytearray(data)
     padded[12 + 4 + len(f"{prefix}x")] ^= 1  # another frame of the same length

@@ -42,8 +42,8 @@ from iptm_ros.codecs import (
     encode_command,
     encode_decision_record,
     encode_plan,
-    ns_from_time,
     read_numbers,
+    stamp_of,
 )
 from iptm_ros.command_line import node_main
 from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
@@ -129,7 +129,7 @@ class ControllerNode(SuiteNode):
             self._answer(self._held)
 
     def _on_stamped(self, topic: Topic, message: Any) -> None:
-        self._put(topic, ns_from_time(message.header.stamp), message)
+        self._put(topic, stamp_of(message), message)
 
     def _on_engagement(self, message: JointState) -> None:
         """Note whether a car follows the commands, or its driver drives."""

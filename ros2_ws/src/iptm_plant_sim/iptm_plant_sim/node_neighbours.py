@@ -15,7 +15,13 @@ from iptm_core.lead_track import RangeTrack
 from iptm_core.settings import LoopMode
 from iptm_core.state import NS_PER_S, LeaderPreview, VehicleState
 from iptm_plant_sim.node_parameters import PlantNodeParameters
-from iptm_ros.codecs import decode_leader_preview, encode_tracks, ns_from_time, stamp_ns_of
+from iptm_ros.codecs import (
+    decode_leader_preview,
+    encode_tracks,
+    ns_from_time,
+    stamp_ns_of,
+    stamp_of,
+)
 from iptm_ros.node_health import VehiclePresence
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import TOPICS, Topic, topic_of
@@ -94,7 +100,7 @@ class Neighbours:
         held = self._held
         if held is None:
             return
-        if not self.missing(ns_from_time(held.header.stamp) + self._period_ns):
+        if not self.missing(stamp_of(held) + self._period_ns):
             self._held = None
             self._take(held)
 
@@ -174,7 +180,7 @@ class NodeRangeSensor:
         return self._on_command
 
     def _on_command(self, message: JointState) -> None:
-        stamp_ns = ns_from_time(message.header.stamp)
+        stamp_ns = stamp_of(message)
         measured = self.is_silent or stamp_ns in self._samples
         if not self._waits or measured or stamp_ns != self._now_ns():
             self._take(message)
@@ -189,7 +195,7 @@ class NodeRangeSensor:
         while len(self._samples) > _KEPT:
             del self._samples[next(iter(self._samples))]
         held = self._held
-        if held is not None and ns_from_time(held.header.stamp) == stamp_ns:
+        if held is not None and stamp_of(held) == stamp_ns:
             self._release()
 
     def _cancel_timer(self) -> None:
@@ -199,5 +205,5 @@ class NodeRangeSensor:
     def _release(self) -> None:
         self._cancel_timer()
         held, self._held = self._held, None
-        if held is not None and ns_from_time(held.header.stamp) == self._now_ns():
+        if held is not None and stamp_of(held) == self._now_ns():
             self._take(held)

@@ -21,7 +21,7 @@ from iptm_ros.codecs import (
     decode_command,
     encode_battery,
     encode_observation,
-    ns_from_time,
+    stamp_of,
     time_from_ns,
     time_from_s,
 )
@@ -209,7 +209,7 @@ class TripNode(SuiteNode):
             return decode_command(message)
         except MessageError:
             self._rejected_commands += 1
-            return ns_from_time(message.header.stamp), Command(math.nan, math.nan)
+            return stamp_of(message), Command(math.nan, math.nan)
 
     # --- time
 

@@ -14,7 +14,13 @@ from sensor_msgs.msg import JointState, PointCloud2
 from iptm_core.decision_record import Rung
 from iptm_core.errors import ParameterError
 from iptm_core.state import NS_PER_MS, NS_PER_S, FloatArray
-from iptm_ros.codecs import decode_decision_record, decode_motion, decode_plan, ns_from_time
+from iptm_ros.codecs import (
+    decode_decision_record,
+    decode_motion,
+    decode_plan,
+    ns_from_time,
+    stamp_of,
+)
 from iptm_ros.command_line import node_main
 from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
 from iptm_ros.parameters import declare_parameters
@@ -187,7 +193,7 @@ class EgoTicks:
         self._newest_ns = dict.fromkeys(self._newest_ns, stamp_ns - 1)
 
     def _on_solve(self, message: JointState) -> None:
-        stamp_ns = ns_from_time(message.header.stamp)
+        stamp_ns = stamp_of(message)
         self._followed[stamp_ns] = decode_decision_record(message).rung is Rung.OPTIMAL
         self._newest_ns[Topic.SOLVE] = stamp_ns
         self._pass_on()

@@ -31,7 +31,7 @@ from iptm_ros.codecs import (
     s_from_ns,
     time_from_s,
 )
-from iptm_ros.codecs.cdr import LAYOUTS
+from iptm_ros.codecs.numbers import LAYOUTS
 from iptm_ros.command_line import node_main
 from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
 from iptm_ros.node_health import CHECK_PERIOD_S, HeartbeatWatch

@@ -28,9 +28,9 @@ from iptm_ros.codecs import (
     decode_motion,
     decode_observation,
     ns_from_s,
-    ns_from_time,
     numbers_of,
     stamp_ns_of,
+    stamp_of,
 )
 from iptm_ros.connections import StartSignal, full_name
 from iptm_ros.diagnostics import TRIP_TIME, Level, find_status, status_values
@@ -227,7 +227,7 @@ class RunMonitor(SuiteNode):
         if not self.recorded[Topic.LEADER]:
             return math.nan  # an empty road
         leader = self._newest(Topic.LEADER)
-        stamp_ns = ns_from_time(leader.header.stamp)
+        stamp_ns = stamp_of(leader)
         for data in self.recorded[Topic.PLANT_STATE][: -1 - _RECENT_STATES : -1]:
             if stamp_ns_of(data) == stamp_ns:
                 ego = deserialize_message(data, TOPICS[Topic.PLANT_STATE].message_type)

@@ -1,9 +1,10 @@
 """Pure functions between the project's dataclasses and ROS messages, checked on decoding."""
 
-from iptm_ros.codecs.cdr import read_numbers as read_numbers
 from iptm_ros.codecs.cdr import serialized as serialized
 from iptm_ros.codecs.cdr import stamp_ns_of as stamp_ns_of
 from iptm_ros.codecs.numbers import numbers_of as numbers_of
+from iptm_ros.codecs.numbers import read_numbers as read_numbers
+from iptm_ros.codecs.numbers import stamp_of as stamp_of
 from iptm_ros.codecs.road import decode_road_ahead as decode_road_ahead
 from iptm_ros.codecs.road import decode_slope as decode_slope
 from iptm_ros.codecs.road import encode_road_ahead as encode_road_ahead

@@ -22,8 +22,15 @@ from iptm_core.state import (
     VehicleState,
 )
 from iptm_core.units import CELSIUS_ZERO_K
-from iptm_ros.codecs.cdr import LAYOUTS, StampedNumbers, encoder, read_numbers, reject
-from iptm_ros.codecs.numbers import Numbers
+from iptm_ros.codecs.cdr import reject
+from iptm_ros.codecs.numbers import (
+    LAYOUTS,
+    Numbers,
+    StampedNumbers,
+    encoder,
+    read_numbers,
+    stamp_of,
+)
 from iptm_ros.codecs.time import ns_from_s, ns_from_time, s_from_ns, time_from_ns, time_from_s
 from iptm_ros.message_types import (
     BatteryState,
@@ -82,7 +89,7 @@ def encode_leader(state: LeaderState, stamp_ns: int | None = None) -> StampedNum
 def decode_leader(message: Odometry) -> LeaderState:
     """Return the leader's state."""
     numbers = read_numbers(Topic.LEADER, message)
-    return LeaderState(s_from_ns(ns_from_time(message.header.stamp)), *numbers)
+    return LeaderState(s_from_ns(stamp_of(message)), *numbers)
 
 
 def encode_observation(observation: PlantObservation, prefix: str) -> dict[Topic, bytes]:
@@ -134,7 +141,7 @@ def decode_observation(message: JointState) -> PlantObservation:
     motion_and_pack = read_numbers(Topic.PLANT_STATE, message)
     *state, charge, traction_w, auxiliary_w, battery_w, chiller_w = motion_and_pack[:13]
     inlet_k, outlet_k, braking_s, smallest_gap_m, brake_share, heat_w, source = motion_and_pack[13:]
-    time_s = s_from_ns(ns_from_time(message.header.stamp))
+    time_s = s_from_ns(stamp_of(message))
     has_monitor = not math.isnan(braking_s)
     return PlantObservation(
         state=VehicleState(time_s, *state, state_of_charge=charge),
@@ -257,7 +264,7 @@ def decode_command(message: JointState) -> tuple[int, Command]:
     Physical bounds are not checked here: the plant clips, and a sign error must stay visible.
     """
     acceleration_m_s2, compressor_power_w = read_numbers(Topic.COMMAND, message)
-    return ns_from_time(message.header.stamp), Command(acceleration_m_s2, compressor_power_w)
+    return stamp_of(message), Command(acceleration_m_s2, compressor_power_w)
 
 
 @encoder(Topic.SOLVE)

@@ -12,7 +12,7 @@ from iptm_core.decision_record import DecisionSeries
 from iptm_core.errors import BagError, IptmError, MissingTopicError
 from iptm_core.trajectory import Trajectory
 from iptm_ros.assembly import assemble_decisions, assemble_run, last_trip, split_trips
-from iptm_ros.codecs import ns_from_time, numbers_of, s_from_ns
+from iptm_ros.codecs import numbers_of, s_from_ns, stamp_of
 from iptm_ros.recording.bag_reader import BagReader, opened
 from iptm_ros.recording.run_information import stored_losses, stored_pauses
 from iptm_ros.recording.timeline import read_stamp_ns
@@ -230,7 +230,7 @@ def _messages(
     for raw in reader.raw_messages(list(keys)):
         topic = keys[raw.topic]
         message = numbers_of(topic, raw.data) or reader.decode(raw)
-        found[topic].append((ns_from_time(message.header.stamp), message))
+        found[topic].append((stamp_of(message), message))
     return last_trip({topic: messages for topic, messages in found.items() if messages})
 
 
