@@ -53,7 +53,10 @@ def _of_programs() -> Iterator[tuple[Path, str]]:
             yield from ((file, _plain(line)) for line in _LINE.findall(text))
     for folder in ("ros2_ws/src", "studies", "docs"):
         for file in sorted((ROOT / folder).rglob("*.py")):
-            for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            source = file.read_text(encoding="utf-8")
+            if not _LINE.search(source):
+                continue
+            for node in ast.walk(ast.parse(source)):
                 if isinstance(node, ast.Constant) and isinstance(node.value, str):
                     yield from ((file, _plain(line)) for line in _LINE.findall(node.value))
 

@@ -93,8 +93,8 @@ def hardest_once_seen(before: Policy, speed_m_s: float) -> Policy:
     return policy
 
 
-@pytest.mark.parametrize("braking_m_s2", [2.0, 4.0, 8.0])
-@pytest.mark.parametrize("speed_m_s", [8.0, 15.0, 30.0])
+@pytest.mark.parametrize("braking_m_s2", [2.0, 8.0])
+@pytest.mark.parametrize("speed_m_s", [8.0, 30.0])
 @pytest.mark.parametrize("headway_s", [1.0, 1.5, 3.0])
 @pytest.mark.parametrize("solving", [True, False])
 def test_no_collision_that_the_brakes_could_avoid(

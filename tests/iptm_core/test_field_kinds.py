@@ -25,7 +25,7 @@ from iptm_core.errors import RouteError
 from iptm_core.routes.route import UserTrip
 
 FEW = settings(
-    max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=4, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 
 
