@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.interface import RICCATI, SolveResult, SolverOptions, Stopwatch
 from iptm_controller.solvers.riccati.machine_code import (
+    PROGRAMS_KEPT,
     MachineCode,
     Outcome,
     SwitchingNumbers,
@@ -83,7 +85,7 @@ class RiccatiBackend:
 
 def interpreted_method(problem: OptimalControlProblem) -> RiccatiMethod:
     """Return the method in Python on CasADi's virtual machine, with the results of the one in C."""
-    starting_point, search_direction, trial_point = build_program(problem)
+    starting_point, search_direction, trial_point = _program(problem)
     # Iterate and step exist once, in the memory of the last function.
     last = BufferedFunction(trial_point)
     iterate = {name: last.arguments[name] for name in (*ITERATE, "p")}
@@ -93,6 +95,9 @@ def interpreted_method(problem: OptimalControlProblem) -> RiccatiMethod:
         search_direction=BufferedFunction(search_direction, {**iterate, **step}),
         trial_point=last,
     )
+
+
+_program = lru_cache(maxsize=PROGRAMS_KEPT)(build_program)
 
 
 def _beginning_at(initial_state: FloatArray, guess: FloatArray) -> FloatArray:
