@@ -50,13 +50,11 @@ from iptm.parts import (
     table_of,
 )
 
-ROAD = RoadLine.test_road()
-PARAMETERS = load_parameters().values
+ROAD, PARAMETERS = RoadLine.test_road(), load_parameters().values
 BEGIN_S, END_S, TRIP_S = 25, 33, 45
 DEPARTURE_S, BRAKING_TRIP_S = 60, 95
 SENDER = SenderSettings(framing=Framing.BARE, path_points=10)
-LEADER = SENDER.station_id
-FORGER = 666
+LEADER, FORGER = SENDER.station_id, 666
 SPEED_M_S = 12.0
 FLOOD = 10_000
 CLOCKS: Mapping[str, dict[str, float]] = {
@@ -97,7 +95,7 @@ class AttackedRadio(SimulatedRadio):
         route: Route,
         attack: Attack | None,
         settings: SenderSettings = SENDER,
-        silent_from_s: int | None = None,
+        silent_from_s: float = float("inf"),
     ) -> None:
         super().__init__(build_sender(route.leader, ROAD, settings), CamBridge(ROAD))
         self._attack = attack
@@ -112,9 +110,9 @@ class AttackedRadio(SimulatedRadio):
     ) -> BridgeAnswer:
         """Return the answer to one tick."""
         second = time_ns // NS_PER_S
-        silent = self._silent_from_s is not None and second >= self._silent_from_s
         asked = time_ns, ego_position_m, ego_speed_m_s
-        answer = self.bridge.answer(*asked) if silent else super().answer(*asked)
+        is_silent = second >= self._silent_from_s
+        answer = self.bridge.answer(*asked) if is_silent else super().answer(*asked)
         if self._attack is not None and BEGIN_S <= second < END_S:
             if second == BEGIN_S:
                 self._begin_m = ego_position_m
@@ -217,7 +215,6 @@ ATTACKS: Mapping[str, Attack] = {
     "a second sender with the leader's identity that stands 5 m ahead": same_identity,
     "time set back": clock_set_back,
 }
-SILENCE = "silence: jammed while the leader brakes unheard"
 
 
 def written_route(text: str, duration_s: float) -> Route:
@@ -279,10 +276,10 @@ def attack_row(title: str, undisturbed: AttackedRadio, outcome: AttackedRadio) -
     """Return one row of the table of attacks."""
     run, usual = outcome.loop.trajectory, undisturbed.loop.trajectory
     after = slice(BEGIN_S, None)
-    refused = ", ".join(f"`{name}` {count}" for name, count in outcome.refused.items())
+    refused = [f"`{name}` {count}" for name, count in outcome.refused.items()] or ["nothing"]
     return {
         "attack": title,
-        "refused": refused or "nothing",
+        "refused": ", ".join(refused),
         "contested_s": sum(outcome.contested),
         "misled_s": sum(leader != LEADER for leader in outcome.leaders[after]),
         "moved_m": float(np.abs(run.position_m - usual.position_m).max()),
@@ -312,7 +309,7 @@ def measure() -> dict[str, Any]:
         attack_row(title, undisturbed, drive(route, AttackedRadio(route, attack)))
         for title, attack in ATTACKS.items()
     ]
-    attacks.append(attack_row(SILENCE, *silenced()))
+    attacks.append(attack_row("silence: jammed while the leader brakes unheard", *silenced()))
     route = braking_route()
     rows = [impostor_row(without_radio(route), [], "no radio", "-", "-")]
     departures: list[tuple[str, str, dict[str, Any]]] = [("-", "-", {})]

@@ -272,10 +272,7 @@ def test_prices_count_the_change_of_each_cell_and_the_running_compressor() -> No
     assert cost - base == pytest.approx(3.0 * change_1 + 7.0 * change_n + 11.0, rel=1e-6)
 
 
-GRIDS = ["2x1+2x5", "3x1", "1x0.5+1x1+2x10"]
-
-
-@pytest.fixture(params=GRIDS)
+@pytest.fixture(params=["2x1+2x5", "3x1", "1x0.5+1x1+2x10"])
 def grid(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 

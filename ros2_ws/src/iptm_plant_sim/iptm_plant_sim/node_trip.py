@@ -70,9 +70,8 @@ class TripNode(SuiteNode):
         self._phase = TripPhase.WAITING
         self._is_start_due = self._pause_due = False
         self._offered_to: tuple[int, ...] = ()
-        self._steps_due = 0
+        self._steps_due = self._controller_losses = 0
         self._controller_lost = False
-        self._controller_losses = 0
         self._failure = ""
         self._repeated_states = self._rejected_commands = 0
         self._ignored_commands = self._unfitting_commands = 0
@@ -89,12 +88,12 @@ class TripNode(SuiteNode):
         self._watchdog = Watchdog(self._options.command_timeout_wall_s, self._on_silence)
         self._watchdog.attach(self)
         self.watch_peers(Topic.PLANT_STATE, Topic.COMMAND)
-        self._neighbours = Neighbours(self, self._options)
-        self._range_sensor = NodeRangeSensor(self, self._options)
+        self._held: tuple[int, Command] | None = None
+        self._neighbours = Neighbours(self, self._options, self._release)
+        self._range_sensor = NodeRangeSensor(self, self._options, self._release)
         self._friction = FrictionInput(self, self._options.road_friction)
         self._trip.watch(self._range_sensor.measure)
-        measured = self._range_sensor.in_step(self._on_command, lambda: self._trip.stamp_ns)
-        self._commands = self.listen(Topic.COMMAND, self._neighbours.in_step(measured))
+        self._commands = self.listen(Topic.COMMAND, self._on_command)
         self._start_timer = self.every(START_PERIOD_S, self._look_for_start)
 
     def _report(self) -> None:
@@ -104,8 +103,6 @@ class TripNode(SuiteNode):
     @property
     def _is_real_time(self) -> bool:
         return self._options.mode is LoopMode.REAL_TIME
-
-    # --- start
 
     def _look_for_start(self) -> None:
         """Begin when that was asked for; else offer the first state to controllers, one of which begins.
@@ -165,14 +162,25 @@ class TripNode(SuiteNode):
     # --- commands
 
     def _on_command(self, message: JointState) -> None:
-        stamp_ns, command = self._read(message)
-        answers_now = stamp_ns == self._trip.stamp_ns
+        self._held = self._read(message)
+        self._release()
+
+    def _release(self) -> None:
+        """Take the newest command as soon as neighbours and range sensor allow it."""
+        if self._held is None or not self._neighbours.allow_answer_to(self._held[0]):
+            return
+        answers_now = self._held[0] == self._trip.stamp_ns
+        if not answers_now or self._range_sensor.allows_answer_to(self._held[0]):
+            held, self._held = self._held, None
+            self._take(*held, answers_now=answers_now)
+
+    def _take(self, stamp_ns: int, command: Command, *, answers_now: bool) -> None:
         if self._phase is TripPhase.WAITING and self._offered_to and answers_now:
             self._start(is_answered=True)
-        if self._phase is TripPhase.WAITING or self._phase is TripPhase.FINISHED:
+        is_paused = self._phase is TripPhase.PAUSED
+        is_repeated = is_paused and self._hold.answers(stamp_ns)
+        if is_repeated or self._phase in {TripPhase.WAITING, TripPhase.FINISHED}:
             return
-        if self._phase is TripPhase.PAUSED and self._hold.answers(stamp_ns):
-            return  # the answer to a state that is repeated
         usable = self._is_real_time or answers_now
         if not (usable and self._hold.offer(stamp_ns, command, self._trip.stamp_ns)):
             self._ignored_commands += 1
@@ -182,22 +190,14 @@ class TripNode(SuiteNode):
             self._report()
             return
         self._unfitting_commands = 0
-        if self._is_real_time:
+        if self._is_real_time or (is_paused and not self._steps_due):
             return
-        if self._phase is not TripPhase.PAUSED:
-            self._take_back()
-            self._advance(command)
-        elif self._steps_due:
-            self._steps_due -= 1
-            self._advance(command)
-
-    def _take_back(self) -> None:
-        """Lock-step: give the vehicle back to a controller that answers while it is being stopped."""
-        if self._phase is not TripPhase.STOPPING:
-            return
-        self._cancel(self._stop_timer)
-        self._controller_lost = False
-        self._phase = TripPhase.RUNNING
+        if self._phase is TripPhase.STOPPING:  # a controller answers in time
+            self._cancel(self._stop_timer)
+            self._controller_lost = False
+            self._phase = TripPhase.RUNNING
+        self._steps_due -= is_paused
+        self._advance(command)
 
     def _read(self, message: JointState) -> tuple[int, Command]:
         """Return stamp and decision; an unreadable one is treated as NaN.
@@ -285,7 +285,7 @@ class TripNode(SuiteNode):
 
     def _on_silence(self, _: float) -> None:
         """Lock-step: the controller does not answer."""
-        if self._neighbours.is_holding or self._range_sensor.is_holding:
+        if self._held is not None:
             self._watchdog.feed()
             return
         if self._options.on_lost_controller is LostController.WAIT:
