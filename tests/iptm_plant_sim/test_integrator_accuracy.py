@@ -6,10 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from iptm_core.compilation import cache_directory, find_compiler
+from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.power_thermal import CellPair
 from iptm_core.routes import Route, build_route
 from iptm_core.state import Command, VehicleState
+from iptm_plant_sim import integrator
 from iptm_plant_sim.actuators import plan_motion
 from iptm_plant_sim.integrator import IntervalIntegrator
 from iptm_plant_sim.plant import Plant
@@ -131,8 +134,34 @@ def test_order_is_four_where_the_model_is_smooth(make_plant: Callable[..., Plant
 
 
 def test_undeliverable_power_is_seen_in_the_result(parameters: ModelParameters) -> None:
-    integrator = IntervalIntegrator(parameters, 4)
+    exact = IntervalIntegrator(parameters)
     cells = CellPair(308.0, 308.0, 1e-3, 1e-3)
     motion = plan_motion(0.0, 30.0, 1.0, 40.0, 1.0, 4)
-    assert integrator.integrate(cells, 0.0, motion, np.zeros(9)).finite
-    assert not integrator.integrate(cells, 1e6, motion, np.zeros(9)).finite
+    assert exact.integrate(cells, 0.0, motion, np.zeros(9)).finite
+    assert not exact.integrate(cells, 1e6, motion, np.zeros(9)).finite
+
+
+@pytest.mark.parametrize("name", ["paper_identified", "bmw_i3"])
+def test_compiled_and_interpreted_intervals_are_the_same(
+    name: str, us06: Route, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another mass needs no other library; to the last bit, its trip is the one without a compiler."""
+    if find_compiler() is None:
+        pytest.skip("no C compiler on this machine")
+    parameters = load_parameters(name).values
+    heavy = replace(parameters, body=replace(parameters.body, mass_kg=1999.5))
+    ends = []
+    for values in (parameters, heavy, heavy):
+        plant = Plant(values, us06.slope.slope_at)
+        state = plant.initial_state(speed_m_s=20.0)
+        for tick in range(60):
+            state = plant.advance(state, lively_command(state, 15.0, tick)).state
+        ends.append(state)
+        libraries = set(cache_directory().glob("*.so"))
+        if values is parameters:
+            before = libraries
+        else:
+            assert libraries == before
+            monkeypatch.setattr(integrator, "find_compiler", lambda: None)
+            integrator._code.cache_clear()
+    assert ends[1] == ends[2] != ends[0]

@@ -29,11 +29,11 @@ from iptm_controller.tick_library import (
     INT,
     POINTER,
     Vehicle,
-    address,
     motion_of,
     numbers_of,
     tick_library,
 )
+from iptm_core.compilation import address
 from iptm_core.frozen import light
 from iptm_core.state import FloatArray, LeaderPreview, SlopePreview, VehicleState
 

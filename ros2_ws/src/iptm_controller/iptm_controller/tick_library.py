@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from iptm_controller.ocp.layout_header import layout_header
-from iptm_core.compilation import cache_directory, compile_sources, find_compiler
+from iptm_core.compilation import address, cache_directory, compile_sources, find_compiler
 from iptm_core.errors import SolverSetupError
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState
 
@@ -78,14 +78,6 @@ def keep_motion(preview: LeaderPreview, motion: Motion) -> Motion:
         _motions.clear()
     _motions[id(preview)] = preview, motion
     return motion
-
-
-def address(array: FloatArray) -> int:
-    """Return where the numbers of an array are: doubles, one after the other."""
-    try:
-        return ctypes.addressof(DOUBLE.from_buffer(array.data))
-    except (TypeError, ValueError):  # read-only or empty
-        return array.ctypes.data
 
 
 def tick_library(*, is_wanted: bool) -> ctypes.PyDLL | None:

@@ -11,6 +11,7 @@ not loaded.
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import fcntl
 import hashlib
 import importlib.util
@@ -32,6 +33,7 @@ import casadi as ca
 
 from iptm_core.errors import SolverSetupError
 from iptm_core.number_table import split_numbers, table_declaration, table_source, with_numbers
+from iptm_core.state import FloatArray
 
 LOGGER = logging.getLogger(__name__)
 COMPILER_FLAGS = (
@@ -320,3 +322,11 @@ def _numbers_key(numbers: Sequence[float]) -> str:
         return ""
     digest = hashlib.sha256(struct.pack(f"<{len(numbers)}d", *numbers)).hexdigest()
     return f"_{digest[:24]}"
+
+
+def address(array: FloatArray) -> int:
+    """Return where the numbers of an array are: doubles, one after the other."""
+    try:
+        return ctypes.addressof(ctypes.c_double.from_buffer(array.data))
+    except (TypeError, ValueError):  # read-only or empty
+        return array.ctypes.data

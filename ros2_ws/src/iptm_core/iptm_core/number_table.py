@@ -28,8 +28,15 @@ _ELF = b"\x7fELF"
 _HIDDEN = '__attribute__((visibility("hidden")))'
 
 
-def split_numbers(source: str) -> tuple[str, tuple[float, ...]]:
-    """Return generated C that reads its numbers from a table, and the table by first appearance."""
+def split_numbers(
+    source: str, name: str = _NAME, first: int = len(_MARK_NUMBERS)
+) -> tuple[str, tuple[float, ...]]:
+    """Return generated C that reads its numbers from a table, and the table by first appearance.
+
+    Args:
+        name: of the table in the code.
+        first: place of the first number in it.
+    """
     places: dict[float, int] = {}
 
     def entry(found: re.Match[str]) -> str:
@@ -38,7 +45,7 @@ def split_numbers(source: str) -> tuple[str, tuple[float, ...]]:
         number = float(found["number"])
         if number in _LITERAL:
             return found[0]
-        return f"{_NAME}[{places.setdefault(number, len(places)) + len(_MARK_NUMBERS)}]"
+        return f"{name}[{places.setdefault(number, len(places)) + first}]"
 
     text = _TOKEN.sub(entry, source)
     return text, tuple(places)

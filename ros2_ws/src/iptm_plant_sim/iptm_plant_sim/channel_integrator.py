@@ -41,14 +41,12 @@ from iptm_core.physics.thermal_loop import (
 )
 from iptm_core.state import ChannelCells, FloatArray
 from iptm_plant_sim.actuators import Motion
-from iptm_plant_sim.integrator import (
+from iptm_plant_sim.integrator import IntervalResult, PowerBounds
+from iptm_plant_sim.interval_model import (
     INTEGRALS,
-    IntervalResult,
-    PowerBounds,
     bound_symbols,
     cell_voltage_v,
     deliverable,
-    motion_symbols,
 )
 
 SUB_STEPS_PER_CELL_STEP = 20
@@ -124,6 +122,19 @@ class ChannelIntegrator:
         return self._steps[sub_steps]
 
 
+def _motion_symbols(n: int) -> dict[str, ca.SX]:
+    """Return the symbols of compressor power, charge and motion of an interval of n sub-steps."""
+    sizes = {
+        "compressor_power_w": 1,
+        "lengths_s": n,
+        "accelerations_m_s2": n,
+        "slopes_rad": 2 * n + 1,
+        "speeds_m_s": 3 * n,
+        "charge": 1,
+    }
+    return {name: ca.SX.sym(name, size) for name, size in sizes.items()}
+
+
 @lru_cache(maxsize=16)
 def _build(parameters: ModelParameters, n: int, *, bounded: bool = False) -> ca.Function:
     """Return one step of all cells over n sub-steps, which also answers the fields of `IntervalResult`."""
@@ -132,7 +143,7 @@ def _build(parameters: ModelParameters, n: int, *, bounded: bool = False) -> ca.
     count = channel.cells
     before, losses_before = ca.SX.sym("temperatures_k", count), ca.SX.sym("capacity_losses", count)
     bounds = bound_symbols() if bounded else {}
-    given = motion_symbols(n) | bounds
+    given = _motion_symbols(n) | bounds
     lengths, speeds = given["lengths_s"], given["speeds_m_s"]
     parameters = at_charge(parameters, given["charge"])
     pack, cell = parameters.pack, parameters.cell

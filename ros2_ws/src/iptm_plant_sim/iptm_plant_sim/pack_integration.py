@@ -31,7 +31,7 @@ class PackIntegration:
         self._parameters = parameters
         self._is_limited = parameters.pack_limits.limited
         self.depends_on_charge = depends_on_charge(parameters.charge) or self._is_limited
-        self._integrators: dict[tuple[int, bool], IntervalIntegrator] = {}
+        self._integrators: dict[bool, IntervalIntegrator] = {}
         self._channels: dict[bool, ChannelIntegrator] = {}
         if thermal_model is ThermalModel.FULL_CHANNEL:
             self._channels = {
@@ -87,11 +87,10 @@ class PackIntegration:
                 raise StateError("state has two cells; allowed: a state of the full channel")
             channel = self._channels[bounded]
             return channel.integrate(state.cells, power_w, motion, slopes_rad, charge, bounds)
-        key = motion.lengths_s.size, bounded
-        integrator = self._integrators.get(key)
+        integrator = self._integrators.get(bounded)
         if integrator is None:
-            integrator = IntervalIntegrator(self._parameters, key[0], bounded=bounded)
-            self._integrators[key] = integrator
+            integrator = IntervalIntegrator(self._parameters, bounded=bounded)
+            self._integrators[bounded] = integrator
         return integrator.integrate(cells_of(state), power_w, motion, slopes_rad, charge, bounds)
 
 

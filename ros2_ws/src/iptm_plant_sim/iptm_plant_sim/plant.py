@@ -227,7 +227,8 @@ class Plant:
         if motion.accelerations_m_s2.min() < least_m_s2:
             by_motor = np.maximum(motion.accelerations_m_s2, least_m_s2)
             motion = replace(motion, accelerations_m_s2=by_motor)
-        slopes = np.asarray(self._slope_at(motion.positions_m), dtype=float)
+        slopes = np.empty(motion.positions_m.shape)
+        slopes[:] = self._slope_at(motion.positions_m)
         power_w = command.compressor_power_w
         if within_limits:
             return self._pack.integrate(state, power_w, motion, slopes)

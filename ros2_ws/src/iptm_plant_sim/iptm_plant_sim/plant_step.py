@@ -10,7 +10,7 @@ from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import at_charge, pack_capacity_ah
 from iptm_core.state import BatteryReading, FullChannelState, PlantObservation
 from iptm_plant_sim.actuators import ActuatorReport
-from iptm_plant_sim.integrator import cell_voltage_v
+from iptm_plant_sim.interval_model import cell_voltage_v
 from iptm_plant_sim.safety_monitor import MonitorMemory
 
 
