@@ -15,15 +15,29 @@ from iptm.codegen import code_of
 from iptm.commands.drives import codegen as main
 from iptm_controller.ladder import controlled_stop, safe_following
 from iptm_controller.options import ControllerOptions
-from iptm_controller.tick_library import Vehicle, numbers_of
+from iptm_controller.tick_library import Leader, Vehicle, numbers_of
 from iptm_core.compilation import find_compiler
 from iptm_core.parameters import load_parameters
 from iptm_core.state import LeaderState, VehicleState
 
 PARAMETERS = load_parameters().values
 FLAGS = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O1", "-ffp-contract=off"]
-MATHEMATICS = {"cos", "exp", "expm1", "fabs", "fmax", "log", "pow", "sin", "sincos", "sqrt"}
-ALLOWED = {*MATHEMATICS, "memcpy", "memset"}
+MATHEMATICS = {
+    "cos",
+    "exp",
+    "expm1",
+    "fabs",
+    "fmax",
+    "fmod",
+    "log",
+    "log1p",
+    "pow",
+    "rint",
+    "sin",
+    "sincos",
+    "sqrt",
+}
+ALLOWED = {*MATHEMATICS, "memcpy", "memmove", "memset"}
 DOUBLE, INT = ctypes.c_double, ctypes.c_int
 
 
@@ -144,7 +158,7 @@ def test_thermal_phases_are_refused(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 
 class CPair(ctypes.Structure):
-    """A command, or a leader."""
+    """A command."""
 
     _fields_ = [("first", DOUBLE), ("second", DOUBLE)]
 
@@ -191,7 +205,7 @@ def test_fallback_is_that_of_python(library: ctypes.CDLL) -> None:
         following = library.iptm_safe_following(
             ctypes.byref(limits),
             ctypes.byref(Vehicle(*numbers_of(state))),
-            ctypes.byref(CPair(leader.position_m, leader.speed_m_s)),
+            ctypes.byref(Leader(0.0, leader.position_m, leader.speed_m_s)),
         )
         expected = safe_following(state, leader, PARAMETERS)
         assert following.first == pytest.approx(expected.acceleration_m_s2, abs=1e-12)

@@ -42,7 +42,7 @@ def test_consistent_previews_pass_unchanged() -> None:
     for tick in range(30):
         preview = true_preview(tick)
         assert fusion.fused(preview) is preview
-    assert fusion.noise == ""
+    assert fusion.memory.noise == ""
 
 
 @pytest.mark.parametrize("deceleration_m_s2", [1.0, 2.0, 4.0, 6.0, 9.0])
@@ -65,7 +65,7 @@ def test_averages_are_nearer_the_truth_than_the_newest_preview(seed: int) -> Non
         if tick >= 20:
             newest.append(errors(preview))
             averaged.append(errors(fused))
-    assert fusion.noise.startswith("previews ")
+    assert fusion.memory.noise.startswith("previews ")
     # Ten previews with equal weights would leave a third of the error.
     assert np.std(averaged) < 0.5 * np.std(newest)
     near = slice(0, 6)

@@ -16,13 +16,12 @@ from iptm_controller.decision import Decision
 from iptm_controller.horizon import MULTI_HORIZON, Horizon
 from iptm_controller.measurements import Measurements
 from iptm_controller.options import ControllerOptions
-from iptm_controller.plan_data import PosedProblem
 from iptm_controller.solvers.riccati.stage_program import SOURCE_FOLDER
 from iptm_controller.strategy import DEFAULT_STRATEGY, strategy_by_name
 from iptm_core.parameters import DEFAULT_SET, load_parameters
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes import build_route
-from iptm_core.state import FloatArray, LeaderPreview
+from iptm_core.state import FloatArray
 from iptm_plant_sim import safety_monitor
 from iptm_plant_sim.plant import Plant
 
@@ -101,17 +100,17 @@ def recorded_ticks(
     ticks: list[FloatArray] = []
 
     def record(_: int, measured: Measurements, decision: Decision) -> None:
-        ticks.append(_tick(measured, decision, controller.plan_data.posed))
+        ticks.append(_tick(measured, decision, controller.plan_data.charge_w))
 
     run_closed_loop(route, Plant(parameters, route.slope.slope_at), controller, on_tick=record)
     return np.concatenate([[len(ticks)], *ticks])
 
 
-def _tick(measured: Measurements, decision: Decision, posed: PosedProblem | None) -> FloatArray:
+def _tick(measured: Measurements, decision: Decision, charge_w: float) -> FloatArray:
     state, leader = measured.state, measured.leader
-    if state is None or leader is None or posed is None:
-        raise AssertionError("a trip behind a leader has both at every tick, and a problem")
-    value, slope = decision.value, posed.slope
+    if state is None or leader is None:
+        raise AssertionError("a trip behind a leader has both at every tick")
+    value, slope, preview = decision.value, measured.slope, measured.preview
     numbers = [
         state.time_s,
         state.position_m,
@@ -124,9 +123,7 @@ def _tick(measured: Measurements, decision: Decision, posed: PosedProblem | None
         state.cell_n_capacity_loss,
         leader.position_m,
         leader.speed_m_s,
-        posed.known_s,
-        posed.charge_w,
-        posed.follows,
+        charge_w,
         value.cell_1_marginal_cost_1_k,
         value.cell_n_marginal_cost_1_k,
         value.temperature_weight_1_k2_s,
@@ -142,18 +139,11 @@ def _tick(measured: Measurements, decision: Decision, posed: PosedProblem | None
     return np.concatenate(
         [
             numbers,
-            _motion(posed.leader),
-            _motion(None if posed.limiting is posed.leader else posed.limiting),
+            _table(preview.times_s, preview.positions_m, preview.speeds_m_s),
             _table(slope.positions_m[part], slope.slopes_rad[part]),
             [command.acceleration_m_s2, command.compressor_power_w, decision.rung],
         ]
     )
-
-
-def _motion(motion: LeaderPreview | None) -> FloatArray:
-    if motion is None:
-        return np.zeros(1)
-    return _table(motion.times_s, motion.positions_m, motion.speeds_m_s)
 
 
 def _table(*columns: FloatArray) -> FloatArray:

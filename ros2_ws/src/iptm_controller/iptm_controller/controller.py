@@ -12,7 +12,7 @@ from iptm_controller.actuation import ActuationMemory, ActuationObserver, PowerA
 from iptm_controller.charging_value import ChargingValuation
 from iptm_controller.decision import NOTHING, ControllerMemory, Decision
 from iptm_controller.estimator import Estimator
-from iptm_controller.forecast import LeaderForecaster
+from iptm_controller.forecast_in_c import leader_forecaster
 from iptm_controller.ladder import FallbackLadder, safe_following
 from iptm_controller.lead_check import LeadCheck, SenderClock, acceleration_decay_s
 from iptm_controller.measurements import Measurements, trusted_measurements
@@ -78,7 +78,7 @@ class Controller:
         library = tick_library(is_wanted=options.solver.compile_code)
         seen_s = horizon.motion_duration_s, options.max_preview_age_s, options.tick_s
         decay_s = acceleration_decay_s(parameters.gap)
-        self._forecaster = LeaderForecaster(*seen_s, library, decay_s)
+        self._forecaster = leader_forecaster(*seen_s, decay_s, library)
         self._traction = (
             TractionForecaster(parameters, self.grid)
             if horizon.motion_steps < horizon.steps
@@ -130,6 +130,7 @@ class Controller:
     @property
     def memory(self) -> ControllerMemory:
         """State carried from tick to tick; defaults for parts that this strategy or solver does not need."""
+        leaders, fusion, trust = self._forecaster.memory
         memory = ControllerMemory(
             last_trusted=self._last_trusted,
             last_plan=self._ladder.last_plan,
@@ -139,9 +140,9 @@ class Controller:
             lost_ticks=self._guard.lost_ticks,
             lead=self.lead.memory,
             sender_clock=self._clock.memory,
-            leader_past=self._forecaster.past,
-            fusion=self._forecaster.fusion.memory,
-            trust=self._forecaster.trust.memory,
+            leader_past=leaders,
+            fusion=fusion,
+            trust=trust,
             actuation=self._actuation.memory,
             pack=self._pack.memory,
             estimator=self._estimator.memory,
@@ -164,9 +165,7 @@ class Controller:
         guard.leader, guard.lost_ticks = memory.leader, memory.lost_ticks
         guard.deceleration_m_s2 = memory.leader_deceleration_m_s2
         self.lead.memory, self._clock.memory = memory.lead, memory.sender_clock
-        self._forecaster.past = memory.leader_past
-        self._forecaster.fusion.memory = memory.fusion
-        self._forecaster.trust.memory = memory.trust
+        self._forecaster.memory = memory.leader_past, memory.fusion, memory.trust
         self._actuation.memory, self._pack.memory = memory.actuation, memory.pack
         self._estimator.memory = memory.estimator
         self._production.is_cooling, self._road.pace = memory.is_cooling, memory.pace
@@ -236,7 +235,7 @@ class Controller:
             command_delay_s=self._actuation.delay_s,
             brake_share=brake_share,
             pack=pack,
-            noise=", ".join(filter(None, (self._estimator.noise, self._forecaster.fusion.noise))),
+            noise=", ".join(filter(None, (self._estimator.noise, self._forecaster.noise))),
         )
 
     def _fall_back(

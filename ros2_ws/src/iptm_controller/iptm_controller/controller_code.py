@@ -1,7 +1,7 @@
 """A controller as C99 for an electronic control unit: its sources and its numbers.
 
-The folder holds what `Controller` computes from a vehicle, a lead motion and terminal prices to a limited
-command; ``controller.h`` says what is left to the caller.
+The folder holds what `Controller` computes from a vehicle, a leader with its preview and terminal prices to a
+limited command; ``controller.h`` says what is left to the caller.
 """
 
 from __future__ import annotations
@@ -13,9 +13,12 @@ from pathlib import Path
 import numpy as np
 
 from iptm_controller.controller import Controller
+from iptm_controller.forecast_in_c import past_room
+from iptm_controller.lead_check import acceleration_decay_s
 from iptm_controller.ocp.layout_header import layout_header
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.stage import DEFAULT_SMOOTHING
+from iptm_controller.preview_trust import PreviewTrust
 from iptm_controller.solvers.riccati.machine_code import SwitchingNumbers
 from iptm_controller.solvers.riccati.stage_program import SOURCE_FOLDER, stage_program
 from iptm_controller.solvers.switching_check import SwitchingCheck
@@ -23,7 +26,18 @@ from iptm_core.errors import ParameterError
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray
 
-SOURCES = ("riccati", "switching", "tick_data", "lead_motion", "limiter", "fallback", "controller")
+SOURCES = (
+    "riccati",
+    "switching",
+    "tick_data",
+    "forecast",
+    "guard",
+    "limiter",
+    "fallback",
+    "controller",
+)
+PREVIEW_ROOM = 128
+"""Nodes of the longest preview that is taken."""
 HEADERS = ("real", "stages", "vehicle", "solver_size")
 
 
@@ -79,18 +93,24 @@ def limit_numbers(model: ModelParameters, tick_s: float) -> tuple[float, ...]:
 
 def _header(controller: Controller) -> str:
     options, grid = controller.options, controller.grid
+    lead_ticks = PreviewTrust(options.tick_s).lead_ticks
     sizes = {
         "STEPS": grid.steps,
         "PARAMETERS": grid.parameter_count,
         "MAX_ITERATIONS": options.solver.max_iterations,
         "SHIFTED_PLAN_TICKS": options.shifted_plan_ticks,
         "SAFE_LAW_TICKS": options.safe_law_ticks,
+        "LEADS": len(lead_ticks),
+        "PREDICTIONS": lead_ticks[-1] + 1,
+        "PAST_ROOM": past_room(options.tick_s),
+        "PREVIEW_ROOM": PREVIEW_ROOM,
     }
     defines = "".join(f"#define IPTM_{name} {value}\n" for name, value in sizes.items())
     return f"""/* Numbers of one controller: horizon {options.horizon}, strategy {options.strategy.name}. */
 #ifndef IPTM_CONTROLLER_DATA_H
 #define IPTM_CONTROLLER_DATA_H
 
+#include "forecast.h"
 #include "riccati.h"
 #include "switching.h"
 #include "tick_data.h"
@@ -98,6 +118,7 @@ def _header(controller: Controller) -> str:
 
 {defines}
 extern const iptm_limits iptm_limits_of_model;
+extern const iptm_forecaster iptm_forecaster_of_controller;
 extern const iptm_grid iptm_grid_of_horizon;
 extern const iptm_horizon iptm_horizon_of_solver;
 extern const iptm_options iptm_solver_options;
@@ -145,6 +166,17 @@ def _data(
         _struct(
             "iptm_limits iptm_limits_of_model",
             *limit_numbers(controller.model, options.tick_s),
+        ),
+        _struct(
+            "iptm_forecaster iptm_forecaster_of_controller",
+            options.tick_s,
+            horizon.motion_duration_s,
+            options.max_preview_age_s,
+            acceleration_decay_s(controller.model.gap),
+            "IPTM_LEADS",
+            _braced(PreviewTrust(options.tick_s).lead_ticks),
+            "IPTM_PAST_ROOM",
+            "IPTM_PREVIEW_ROOM",
         ),
         _struct(
             "iptm_grid iptm_grid_of_horizon",

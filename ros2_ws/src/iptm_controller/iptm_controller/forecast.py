@@ -8,7 +8,6 @@ extrapolated: its measured acceleration decays. Which of these holds, and why, i
 
 from __future__ import annotations
 
-import ctypes
 from collections import deque
 from dataclasses import dataclass
 from enum import IntEnum
@@ -22,8 +21,13 @@ from iptm_controller.lead_check import (
     extrapolated_motion,
     measured_acceleration_m_s2,
 )
-from iptm_controller.preview_trust import PRESENT_ERROR_M_S, PreviewFusion, PreviewTrust
-from iptm_controller.tick_library import LeadMotionInC
+from iptm_controller.preview_trust import (
+    PRESENT_ERROR_M_S,
+    FusionMemory,
+    PreviewFusion,
+    PreviewTrust,
+    TrustMemory,
+)
 from iptm_core.frozen import light, replace
 from iptm_core.state import SPEED_AT_REST_M_S, LeaderPreview, LeaderState
 
@@ -127,8 +131,17 @@ def _never_backwards(preview: LeaderPreview) -> LeaderPreview:
     )
 
 
+def doubted(trusted_s: float) -> str:
+    """Return the reason of a shorter horizon."""
+    return f"previews were wrong; trusted for {trusted_s:g} s"
+
+
 def _first(flags: NDArray[np.bool_]) -> int:
     return int(np.flatnonzero(flags)[0])
+
+
+ForecastMemory = tuple[tuple[LeaderState, ...], FusionMemory, TrustMemory]
+"""Leader measured in the last seconds, oldest first; average of the previews, and trust in them."""
 
 
 class LeaderForecaster:
@@ -139,14 +152,12 @@ class LeaderForecaster:
         horizon_s: float,
         max_age_s: float,
         tick_s: float = 1.0,
-        library: ctypes.PyDLL | None = None,
         decay_s: float = ACCELERATION_DECAY_S,
     ) -> None:
         """Set up a forecaster that has not measured a leader.
 
         Args:
             horizon_s: time that a full preview covers.
-            library: works the same out in C.
             decay_s: of the measured acceleration where nothing is predicted.
         """
         self._decay_s = decay_s
@@ -154,17 +165,22 @@ class LeaderForecaster:
         self._max_age_s = max_age_s
         self._past: deque[LeaderState] = deque()
         self.trust = PreviewTrust(tick_s)
-        self._in_c = None if library is None else LeadMotionInC(library, self.trust.lead_times_s)
-        self.fusion = PreviewFusion(None if self._in_c is None else self._in_c.roughness_m2_s4)
+        self.fusion = PreviewFusion()
 
     @property
-    def past(self) -> tuple[LeaderState, ...]:
-        """Leader measured in the last seconds, oldest first."""
-        return tuple(self._past)
+    def memory(self) -> ForecastMemory:
+        """What is carried from tick to tick."""
+        return tuple(self._past), self.fusion.memory, self.trust.memory
 
-    @past.setter
-    def past(self, past: tuple[LeaderState, ...]) -> None:
+    @memory.setter
+    def memory(self, memory: ForecastMemory) -> None:
+        past, self.fusion.memory, self.trust.memory = memory
         self._past = deque(past)
+
+    @property
+    def noise(self) -> str:
+        """How rough the previews are, empty if they pass unchanged."""
+        return self.fusion.memory.noise
 
     def leader_at(self, time_s: float, leader: LeaderState | None) -> LeaderState | None:
         """Return a measured leader as extrapolated to a later instant; as measured for the same one."""
@@ -181,38 +197,28 @@ class LeaderForecaster:
         """
         self._remember(leader)
         self.trust.observe(leader)
-        is_sound = self._in_c is not None and self._in_c.is_sound(preview)
-        quality, reason = self._assess(leader, preview, is_sound=is_sound)
+        quality, reason = self._assess(leader, preview)
         age_s = leader.time_s - preview.generated_at_s if preview.times_s.size else float("nan")
         if quality not in {PreviewQuality.FULL, PreviewQuality.SHORT}:
             motion = self._with_past(self._extrapolated(leader))
             return LeaderForecast(motion, motion, quality, reason, age_s, 0.0)
-        if not is_sound:
-            preview = _never_backwards(preview)
+        preview = _never_backwards(preview)
         # An expectation is revised from tick to tick, which is not noise.
         if preview.known_nodes == preview.times_s.size:
             preview = self.fusion.fused(preview)
-        motion = limited = self._joined(leader, preview)
+        future = self._follow_preview(leader, preview)
+        self.trust.remember(leader, future, preview.known_until_s)
+        motion = limited = self._with_past(future)
         known_s = max(preview.known_until_s - leader.time_s, 0.0)
         now_m_s = float(motion.speeds_m_s[len(self._past) - 1])
         is_present = abs(now_m_s - leader.speed_m_s) <= PRESENT_ERROR_M_S
         trusted_s = self.trust.horizon_s if is_present else 0.0
         if trusted_s < known_s:
             known_s, quality = trusted_s, PreviewQuality.DOUBTED
-            reason = f"previews were wrong; trusted for {trusted_s:g} s"
+            reason = doubted(trusted_s)
         if preview.bounds_m.size or trusted_s < NEAR_S:
             motion, limited = self._bounded(leader, preview, motion, known_s, trusted_s)
         return LeaderForecast(motion, limited, quality, reason, age_s, known_s)
-
-    def _joined(self, leader: LeaderState, preview: LeaderPreview) -> LeaderPreview:
-        """Return the past and what a preview says, of which is kept what it asserts."""
-        if self._in_c is not None:
-            motion, asserted_m_s = self._in_c.joined(leader, self._past, preview)
-            self.trust.keep(leader, asserted_m_s)
-            return motion
-        future = self._follow_preview(leader, preview)
-        self.trust.remember(leader, future, preview.known_until_s)
-        return self._with_past(future)
 
     def _bounded(
         self,
@@ -276,12 +282,10 @@ class LeaderForecaster:
         while self._past[0].time_s < leader.time_s - HISTORY_S:
             self._past.popleft()
 
-    def _assess(
-        self, leader: LeaderState, preview: LeaderPreview, *, is_sound: bool
-    ) -> tuple[PreviewQuality, str]:
+    def _assess(self, leader: LeaderState, preview: LeaderPreview) -> tuple[PreviewQuality, str]:
         if preview.times_s.size == 0:
             return PreviewQuality.MISSING, "no preview of the leader received yet"
-        fault = "" if is_sound else preview_fault(preview)
+        fault = preview_fault(preview)
         if fault:
             return PreviewQuality.INVALID, fault
         age_s = leader.time_s - preview.generated_at_s

@@ -216,10 +216,14 @@ def measured_acceleration_m_s2(measured: Sequence[LeaderState]) -> float:
         return 0.0
     since_s = min(last.time_s - ACCELERATION_WINDOW_S - 1e-6, before.time_s)
     recent = [state for state in measured if state.time_s >= since_s]
-    times_s = np.array([state.time_s for state in recent])
-    times_s -= times_s.mean()
-    speeds_m_s = np.array([state.speed_m_s for state in recent])
-    slope_m_s2 = float(times_s @ speeds_m_s / (times_s @ times_s))
+    mean_s = moment = spread = 0.0
+    for state in recent:
+        mean_s += state.time_s
+    mean_s /= len(recent)
+    for state in recent:
+        moment += (state.time_s - mean_s) * state.speed_m_s
+        spread += (state.time_s - mean_s) * (state.time_s - mean_s)
+    slope_m_s2 = moment / spread
     return slope_m_s2 if abs(slope_m_s2) <= LARGEST_ACCELERATION_M_S2 else 0.0
 
 
@@ -250,7 +254,7 @@ def extrapolated_motion(
         if stop_s < _SHORTEST_STOP_S:
             shares = shares[:1]
     elapsed_s = until_s * shares
-    gone = -np.expm1(-elapsed_s / decay_s)
+    gone = -np.array([math.expm1(each) for each in (-elapsed_s / decay_s).tolist()])
     speeds_m_s = np.maximum(leader.speed_m_s + change_m_s * gone, 0.0)
     moved_m = leader.speed_m_s * elapsed_s + change_m_s * (elapsed_s - decay_s * gone)
     return LeaderPreview(leader.time_s + elapsed_s, leader.position_m + moved_m, speeds_m_s)

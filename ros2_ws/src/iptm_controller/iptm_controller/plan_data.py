@@ -7,7 +7,6 @@ compiler, and poses problems on grids whose longer steps are watched inside.
 from __future__ import annotations
 
 import ctypes
-from dataclasses import dataclass
 from operator import attrgetter
 
 import numpy as np
@@ -34,21 +33,7 @@ from iptm_controller.tick_library import (
     tick_library,
 )
 from iptm_core.compilation import address
-from iptm_core.frozen import light
 from iptm_core.state import FloatArray, LeaderPreview, SlopePreview, VehicleState
-
-
-@light
-@dataclass(frozen=True)
-class PosedProblem:
-    """What the newest problem was posed with, see ``PlanData.problem``."""
-
-    leader: LeaderPreview
-    limiting: LeaderPreview
-    slope: SlopePreview
-    known_s: float
-    charge_w: float
-    follows: bool
 
 
 class PlanData:
@@ -56,14 +41,13 @@ class PlanData:
 
     Attributes:
         builder: works the numbers of a problem out.
-        posed: the newest problem, None before the first one.
+        charge_w: charging power that the newest problem was posed with.
     """
-
-    posed: PosedProblem | None = None
 
     def __init__(self, grid: ProblemGrid, builder: ProblemDataBuilder) -> None:
         self._grid = grid
         self._shifter = PlanShifter(grid.horizon)
+        self.charge_w = UNBOUNDED_W
         self.builder = builder
 
     def expected(self, last: Plan | None, state: VehicleState) -> Plan:
@@ -97,7 +81,7 @@ class PlanData:
             charge_w: largest charging power of the pack.
             follows: a lead vehicle is ahead, not only rules of the road.
         """
-        self.posed = PosedProblem(leader, limiting, slope, known_s, charge_w, follows)
+        self.charge_w = charge_w
         guess = self.expected(last, state)
         data = self.builder.build(
             state,
@@ -240,7 +224,7 @@ class PlanDataInC(PlanData):
         follows: bool = True,
     ) -> tuple[ProblemData, FloatArray]:
         """See ``PlanData``."""
-        self.posed = PosedProblem(leader, limiting, slope, known_s, charge_w, follows)
+        self.charge_w = charge_w
         grid = self._grid
         variables, parameters = np.empty(grid.variable_count), np.empty(grid.parameter_count)
         if self._slope is not slope:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -84,14 +84,15 @@ class PreviewTrust:
 
     Attributes:
         horizon_s: lead time up to which previews are trusted, infinite for the whole preview.
-        lead_times_s: at which predictions are compared, shape (n,).
+        lead_ticks: at which predictions are compared, in ticks.
+        lead_times_s: the same in seconds, shape (n,).
     """
 
     def __init__(self, tick_s: float) -> None:
         self._tick_s = tick_s
         whole = range(1, LONGEST_LEAD_S + 1)
-        self._leads = tuple(dict.fromkeys(max(round(lead / tick_s), 1) for lead in whole))
-        lead_times_s = [lead * tick_s for lead in self._leads]
+        self.lead_ticks = tuple(dict.fromkeys(max(round(lead / tick_s), 1) for lead in whole))
+        lead_times_s = [lead * tick_s for lead in self.lead_ticks]
         self.lead_times_s = np.array(lead_times_s)
         self._single_m_s = _tolerances(SINGLE_TOLERANCE_M_S, SINGLE_GROWTH_M_S2, lead_times_s)
         self._mean_m_s = _tolerances(MEAN_TOLERANCE_M_S, MEAN_GROWTH_M_S2, lead_times_s)
@@ -110,7 +111,7 @@ class PreviewTrust:
 
     @memory.setter
     def memory(self, memory: TrustMemory) -> None:
-        count = len(self._leads)
+        count = len(self.lead_ticks)
         ends = range(count, len(memory.errors) + 1, count)
         self._predictions = {entry.tick: entry for entry in memory.predictions}
         self._errors: deque[tuple[float, ...]] = deque(
@@ -130,7 +131,7 @@ class PreviewTrust:
         tick = round(leader.time_s / self._tick_s)
         if self._predictions and tick < next(reversed(self._predictions)):
             self.memory = TrustMemory()
-        earlier = [self._predictions.get(tick - lead) for lead in self._leads]
+        earlier = [self._predictions.get(tick - lead) for lead in self.lead_ticks]
         speed_m_s, excess_m_s = leader.speed_m_s, []
         for place, entry in enumerate(earlier):
             error = 0.0 if entry is None else entry.speeds_m_s[place] - speed_m_s
@@ -139,7 +140,7 @@ class PreviewTrust:
         self._errors.append(errors)
         failed = self._first_failed(errors)
         if failed is not None:
-            trusted_s = self._leads[failed - 1] * self._tick_s if failed else 0.0
+            trusted_s = self.lead_ticks[failed - 1] * self._tick_s if failed else 0.0
             self.horizon_s = min(self.horizon_s, trusted_s)
             self._last_error_tick, self._proved = tick, False
         elif not self.is_full:
@@ -164,7 +165,7 @@ class PreviewTrust:
         """Keep speeds that are predicted for the lead times, NaN for those of which nothing is asserted."""
         tick = round(leader.time_s / self._tick_s)
         self._predictions[tick] = Prediction(tick, leader.speed_m_s, speeds_m_s)
-        while next(iter(self._predictions)) < tick - self._leads[-1]:
+        while next(iter(self._predictions)) < tick - self.lead_ticks[-1]:
             del self._predictions[next(iter(self._predictions))]
 
     def _first_failed(self, errors: tuple[float, ...]) -> int | None:
@@ -172,7 +173,10 @@ class PreviewTrust:
         if max(errors) <= self._mean_m_s[0]:
             return None
         for place, error in enumerate(errors):
-            mean = sum(max(each[place], -1.0) for each in self._errors) / SMOOTHED_TICKS
+            mean = 0.0
+            for each in self._errors:
+                mean += max(each[place], -1.0)
+            mean /= SMOOTHED_TICKS
             if error > self._single_m_s[place] or mean > self._mean_m_s[place]:
                 return place
         return None
@@ -210,8 +214,6 @@ ANOTHER_PLAN_M_S = 5.0
 """A preview that differs from the average by more (root mean square) begins a new average."""
 _ROUNDING_S = 1e-9
 
-Roughness = Callable[[LeaderPreview, LeaderPreview], float]
-
 
 @light
 @dataclass(frozen=True)
@@ -219,7 +221,7 @@ class FusionMemory:
     """What is carried from tick to tick.
 
     Attributes:
-        preview: the newest preview as received; None before the first one.
+        preview: the newest preview as received, whose positions do not count; None before the first one.
         roughness_m2_s4: running mean of the squared rate at which consecutive previews differ.
         speeds_m_s: average speeds at its nodes; None while previews pass unchanged.
         weights: inverse variances of these, in multiples of a single preview far ahead.
@@ -233,23 +235,21 @@ class FusionMemory:
     @property
     def is_noisy(self) -> bool:
         """Whether the previews are averaged."""
-        return self.roughness_m2_s4 >= ROUGH_M_S2**2
+        return self.roughness_m2_s4 >= ROUGH_M_S2 * ROUGH_M_S2
+
+    @property
+    def noise(self) -> str:
+        """How rough the previews are, empty if they pass unchanged."""
+        if not self.is_noisy:
+            return ""
+        return f"previews {math.sqrt(self.roughness_m2_s4):.1f} m/s per s"
 
 
 class PreviewFusion:
     """Passes consistent previews on, averages noisy ones."""
 
-    def __init__(self, roughness: Roughness | None = None) -> None:
-        """Set up without any preview; by default, `roughness_m2_s4` compares two of them."""
-        self._roughness_m2_s4 = roughness or roughness_m2_s4
+    def __init__(self) -> None:
         self.memory = FusionMemory()
-
-    @property
-    def noise(self) -> str:
-        """How rough the previews are, empty if they pass unchanged."""
-        if not self.memory.is_noisy:
-            return ""
-        return f"previews {math.sqrt(self.memory.roughness_m2_s4):.1f} m/s per s"
 
     def fused(self, preview: LeaderPreview) -> LeaderPreview:
         """Return a preview, averaged with those received before if they are noisy.
@@ -262,7 +262,7 @@ class PreviewFusion:
         if before is None or preview.generated_at_s < before.generated_at_s:
             self.memory = FusionMemory(preview)
         elif preview.generated_at_s > before.generated_at_s:
-            self.memory = _updated(memory, before, preview, self._roughness_m2_s4(before, preview))
+            self.memory = _updated(memory, before, preview)
         elif not _are_equal(before, preview):
             self.memory = FusionMemory(preview, memory.roughness_m2_s4)
         speeds = self.memory.speeds_m_s
@@ -292,10 +292,9 @@ def _common(before: LeaderPreview, now: LeaderPreview) -> slice:
     return slice(first, max(first, last))
 
 
-def _updated(
-    memory: FusionMemory, before: LeaderPreview, now: LeaderPreview, differing_m2_s4: float
-) -> FusionMemory:
-    """Return the memory after another preview, which differs from the one before by a roughness."""
+def _updated(memory: FusionMemory, before: LeaderPreview, now: LeaderPreview) -> FusionMemory:
+    """Return the memory after another preview."""
+    differing_m2_s4 = roughness_m2_s4(before, now)
     elapsed_s = now.generated_at_s - before.generated_at_s
     kept = (1.0 - FORGETTING_PER_S) ** elapsed_s
     if math.isnan(differing_m2_s4):
@@ -311,7 +310,9 @@ def _updated(
         earlier, weights = memory.speeds_m_s, memory.weights
     expected = np.interp(times, before.times_s, earlier)
     innovation = (now.speeds_m_s - expected)[common]
-    if float(np.mean(innovation * innovation)) > ANOTHER_PLAN_M_S**2:
+    # Sums in the order of the nodes, which NumPy's own is not.
+    squares = float(np.cumsum(innovation * innovation)[-1])
+    if squares / innovation.size > ANOTHER_PLAN_M_S**2:
         return begun
     old = np.zeros(times.size)
     old[common] = kept * np.interp(times[common], before.times_s, weights)
@@ -329,5 +330,6 @@ def _are_equal(one: LeaderPreview, other: LeaderPreview) -> bool:
 def _weights(preview: LeaderPreview) -> FloatArray:
     """Return the inverse variances of the speeds of one preview, 1 far ahead."""
     lead_s = np.maximum(preview.times_s - preview.generated_at_s, 0.0)
-    variances: FloatArray = -np.expm1(-2.0 * lead_s / ERROR_GROWTH_S)
+    exponents = (-2.0 * lead_s / ERROR_GROWTH_S).tolist()
+    variances: FloatArray = -np.array([math.expm1(each) for each in exponents])
     return 1.0 / np.maximum(variances, LEAST_VARIANCE)

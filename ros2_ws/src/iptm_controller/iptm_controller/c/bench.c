@@ -22,7 +22,7 @@ static const double POWER_TOLERANCE = 1e-9;         /* W */
 
 static iptm_memory memory;
 static iptm_scratch scratch;
-static double tables[8][MOST_NODES];
+static double tables[5][MOST_NODES];
 
 static double number(FILE *file) {
   double value = 0.0;
@@ -65,7 +65,7 @@ int main(int count, char **arguments) {
   for (tick = 0; tick < ticks; ++tick) {
     iptm_vehicle vehicle;
     iptm_leader leader;
-    iptm_motion motion, limiting;
+    iptm_motion preview = {0};
     iptm_slope slope;
     iptm_inputs inputs = {0};
     iptm_decision decision;
@@ -82,31 +82,24 @@ int main(int count, char **arguments) {
     inputs.vehicle = &vehicle;
     vehicle.cell_1_capacity_loss = number(file);
     vehicle.cell_n_capacity_loss = number(file);
+    leader.time_s = vehicle.time_s;
     leader.position_m = number(file);
     leader.speed_m_s = number(file);
     inputs.leader = &leader;
-    inputs.ahead.known_s = number(file);
     inputs.ahead.charge_w = number(file);
-    inputs.ahead.follows = number(file);
     inputs.ahead.prices.cell_1_marginal_cost_1_k = number(file);
     inputs.ahead.prices.cell_n_marginal_cost_1_k = number(file);
     inputs.ahead.prices.temperature_weight_1_k2_s = number(file);
     inputs.ahead.prices.reference_temperature_k = number(file);
     inputs.ahead.prices.thermal_energy_price_1_j = number(file);
-    motion.nodes = numbers(file, 3, tables);
-    motion.times_s = tables[0];
-    motion.positions_m = tables[1];
-    motion.speeds_m_s = tables[2];
-    limiting.nodes = numbers(file, 3, tables + 3);
-    limiting.times_s = tables[3];
-    limiting.positions_m = tables[4];
-    limiting.speeds_m_s = tables[5];
-    slope.nodes = numbers(file, 2, tables + 6);
-    slope.positions_m = tables[6];
-    slope.slopes_rad = tables[7];
-    /* No nodes: a tick at which no problem was posed. */
-    inputs.ahead.motion = motion.nodes > 0 ? &motion : NULL;
-    inputs.ahead.limiting = limiting.nodes > 0 ? &limiting : inputs.ahead.motion;
+    preview.nodes = numbers(file, 3, tables);
+    preview.times_s = tables[0];
+    preview.positions_m = tables[1];
+    preview.speeds_m_s = tables[2];
+    slope.nodes = numbers(file, 2, tables + 3);
+    slope.positions_m = tables[3];
+    slope.slopes_rad = tables[4];
+    inputs.preview = &preview;
     inputs.ahead.slope = &slope;
     acceleration = number(file);
     power = number(file);

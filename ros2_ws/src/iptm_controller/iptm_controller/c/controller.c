@@ -28,7 +28,7 @@ static iptm_command planned_command(const iptm_memory *memory, double time_s) {
 
 /* Solve the problem of a tick; a usable plan is kept. */
 static int plan(iptm_memory *memory, iptm_scratch *scratch, const iptm_vehicle *vehicle,
-                const iptm_inputs *given, iptm_decision *decision) {
+                const iptm_inputs *given, const iptm_ahead *ahead, iptm_decision *decision) {
   iptm_options options = iptm_solver_options;
   if (!memory->has_solved) {
     memory->has_solved = 1;
@@ -37,7 +37,7 @@ static int plan(iptm_memory *memory, iptm_scratch *scratch, const iptm_vehicle *
   iptm_shift_plan(&iptm_grid_of_horizon, memory->start_s,
                   covers(memory, vehicle->time_s) ? memory->states : NULL, memory->inputs, vehicle,
                   scratch->states, scratch->inputs);
-  iptm_pose_problem(&iptm_grid_of_horizon, &iptm_strategy_of_controller, vehicle, &given->ahead,
+  iptm_pose_problem(&iptm_grid_of_horizon, &iptm_strategy_of_controller, vehicle, ahead,
                     scratch->states, scratch->inputs, scratch->guess, scratch->parameters);
   options.clock_s = given->clock_s;
   options.until_s = given->until_s;
@@ -52,6 +52,40 @@ static int plan(iptm_memory *memory, iptm_scratch *scratch, const iptm_vehicle *
   memory->has_plan = 1;
   memory->failures = 0;
   return 1;
+}
+
+/* Forecast the leader, and pose and solve the problem behind it. */
+static int plan_behind(iptm_memory *memory, iptm_scratch *scratch, const iptm_vehicle *vehicle,
+                       const iptm_inputs *given, iptm_decision *decision) {
+  enum { ROOM = IPTM_PAST_ROOM + IPTM_PREVIEW_ROOM + IPTM_EXTRAPOLATED_NODES };
+  iptm_forecast *const forecast = &decision->forecast;
+  iptm_motion motion = {0}, limiting = {0};
+  iptm_ahead ahead = given->ahead;
+  memory->forecast.leaders = memory->leaders;
+  memory->forecast.predictions = memory->predictions;
+  memory->forecast.fused_times_s = memory->previews;
+  memory->forecast.fused_speeds_m_s = memory->previews + IPTM_PREVIEW_ROOM;
+  memory->forecast.averaged_m_s = memory->previews + 2 * IPTM_PREVIEW_ROOM;
+  memory->forecast.weights = memory->previews + 3 * IPTM_PREVIEW_ROOM;
+  memory->forecast.work = scratch->previews;
+  forecast->times_s = scratch->motion;
+  forecast->positions_m = scratch->motion + ROOM;
+  forecast->speeds_m_s = scratch->motion + 2 * ROOM;
+  forecast->limiting_positions_m = scratch->motion + 3 * ROOM;
+  forecast->limiting_speeds_m_s = scratch->motion + 4 * ROOM;
+  iptm_forecast_leader(&iptm_forecaster_of_controller, &memory->forecast, given->leader,
+                       given->preview, forecast);
+  motion.nodes = limiting.nodes = forecast->nodes;
+  motion.times_s = limiting.times_s = forecast->times_s;
+  motion.positions_m = forecast->positions_m;
+  motion.speeds_m_s = forecast->speeds_m_s;
+  limiting.positions_m = forecast->limiting_positions_m;
+  limiting.speeds_m_s = forecast->limiting_speeds_m_s;
+  ahead.motion = &motion;
+  ahead.limiting = forecast->has_limiting ? &limiting : &motion;
+  ahead.known_s = forecast->known_s - (vehicle->time_s - given->leader->time_s);
+  ahead.follows = 1.0;
+  return plan(memory, scratch, vehicle, given, &ahead, decision);
 }
 
 /* Choose the rung of a tick without a usable plan. */
@@ -104,6 +138,7 @@ iptm_decision iptm_decide(iptm_memory *memory, iptm_scratch *scratch, const iptm
   const iptm_vehicle *vehicle = NULL;
   iptm_vehicle within;
   iptm_decision decision;
+  int is_planned = 0;
   memset(&decision, 0, sizeof(decision));
   decision.rung = IPTM_STOP;
   if (inputs->vehicle != NULL) {
@@ -114,8 +149,12 @@ iptm_decision iptm_decide(iptm_memory *memory, iptm_scratch *scratch, const iptm
                 limits->max_acceleration_m_s2);
     vehicle = &within;
   }
-  if (vehicle != NULL && inputs->ahead.motion != NULL &&
-      plan(memory, scratch, vehicle, inputs, &decision)) {
+  if (vehicle != NULL && inputs->leader != NULL && inputs->preview != NULL) {
+    is_planned = plan_behind(memory, scratch, vehicle, inputs, &decision);
+  } else if (vehicle != NULL && inputs->ahead.motion != NULL) {
+    is_planned = plan(memory, scratch, vehicle, inputs, &inputs->ahead, &decision);
+  }
+  if (is_planned) {
     decision.rung = IPTM_OPTIMAL;
     decision.command = planned_command(memory, memory->start_s);
   } else {

@@ -1,10 +1,10 @@
-/* One tick of the controller: problem, solution, fallback, limiter. C99, nothing is allocated.
+/* One tick of the controller: forecast, problem, solution, fallback, limiter. C99, nothing is allocated.
  *
- * In here: the last plan moved on, the problem of the tick, the interior-point method with its second start, the
- * rungs of the fallback ladder and the limiter. Not in here, and to be done before: plausibility checks and noise
- * filters of the measurements, the forecast of the leader with the trust in it, rules of the road as a lead motion,
- * the terminal prices of the temperatures, the limits of pack and drive, and the observer of the actuators;
- * after: the collision guard (lead_motion.h has what it looks at). */
+ * In here: the forecast of the leader with the trust in its previews, the last plan moved on, the problem of the
+ * tick, the interior-point method with its second start, the rungs of the fallback ladder and the limiter. Not in
+ * here, and to be done before: plausibility checks and noise filters of the measurements, rules of the road as a
+ * lead motion, the terminal prices of the temperatures, the limits of pack and drive, and the observer of the
+ * actuators; after: the collision guard (guard.h has what it looks at). */
 #ifndef IPTM_CONTROLLER_H
 #define IPTM_CONTROLLER_H
 
@@ -27,7 +27,8 @@ typedef enum {
 typedef struct {
   const iptm_vehicle *vehicle; /* NULL: nothing is measured */
   const iptm_leader *leader;   /* as measured; NULL: no leader is measured */
-  iptm_ahead ahead;            /* motion NULL: no problem is posed */
+  const iptm_motion *preview;  /* of the leader, the newest one received; NULL: `ahead` has its motion */
+  iptm_ahead ahead;            /* without preview and motion no problem is posed */
   double (*clock_s)(void);      /* NULL for no deadline */
   double until_s;               /* reading of the clock at which the solver stops */
 } iptm_inputs;
@@ -38,12 +39,17 @@ typedef struct {
   double start_s; /* trip time of the plan's first node */
   double states[(IPTM_STEPS + 1) * IPTM_STATES];
   double inputs[IPTM_STEPS * IPTM_INPUTS];
+  iptm_forecast_memory forecast;
+  iptm_leader leaders[IPTM_PAST_ROOM];
+  double predictions[IPTM_PREDICTIONS * (2 + IPTM_LEADS)], previews[4 * IPTM_PREVIEW_ROOM];
   iptm_vehicle trusted; /* that commands are limited against where nothing is measured */
 } iptm_memory;
 
 /* What a tick works on; its content means nothing between ticks. */
 typedef struct {
   double states[(IPTM_STEPS + 1) * IPTM_STATES], inputs[IPTM_STEPS * IPTM_INPUTS];
+  double motion[5 * (IPTM_PAST_ROOM + IPTM_PREVIEW_ROOM + IPTM_EXTRAPOLATED_NODES)];
+  double previews[5 * IPTM_PREVIEW_ROOM];
   iptm_real guess[IPTM_VARIABLES(IPTM_STEPS)], variables[IPTM_VARIABLES(IPTM_STEPS)];
   iptm_real costates[IPTM_STEPS * IPTM_STATES], parameters[IPTM_PARAMETERS];
   iptm_real solver[IPTM_CHECKED_WORK_SIZE(IPTM_STEPS, IPTM_MAX_ITERATIONS)];
@@ -54,6 +60,7 @@ typedef struct {
   iptm_rung rung;
   unsigned limits; /* bounds of the limiter that changed the command, see limiter.h */
   int iterations;
+  iptm_forecast forecast; /* in the scratch; means nothing without leader and preview */
   iptm_outcome outcome; /* of the solver; means nothing without a problem */
 } iptm_decision;
 

@@ -23,10 +23,10 @@ typedef struct {
   double max_speed_m_s;
 } iptm_grid;
 
-/* Motion of a lead vehicle at increasing times. */
+/* Motion of a lead vehicle at increasing times; bounds_m: how far it may be behind, NULL where that is known. */
 typedef struct {
   int nodes;
-  const double *times_s, *positions_m, *speeds_m_s;
+  const double *times_s, *positions_m, *speeds_m_s, *bounds_m;
 } iptm_motion;
 
 /* Slope at increasing positions; the ends are held. */

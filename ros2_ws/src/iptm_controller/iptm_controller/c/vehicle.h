@@ -10,7 +10,7 @@ typedef struct {
 
 /* The lead vehicle as measured. */
 typedef struct {
-  double position_m, speed_m_s;
+  double time_s, position_m, speed_m_s;
 } iptm_leader;
 
 typedef struct {

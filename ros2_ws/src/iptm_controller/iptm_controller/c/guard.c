@@ -1,11 +1,9 @@
-#include "lead_motion.h"
+#include "guard.h"
 
 #include <math.h>
 #include <stddef.h>
 
-/* Constants of forecast.py and safeguards.py. */
-static const double MAX_LEADER_SPEED_M_S = 100.0;
-static const double ROUNDING_S = 1e-9;
+/* Constants of safeguards.py. */
 static const double MARGIN_M = 1.0;
 static const double CONFIRMED_SPEED_ERROR_M_S = 1.0;
 static const double NEAR_S = 3.0;
@@ -13,70 +11,6 @@ enum { CHECKS_PER_TICK = 4 };
 
 static double least(double x, double y) { return y < x ? y : x; }
 static double most(double x, double y) { return y > x ? y : x; }
-
-int iptm_is_sound(const iptm_motion *preview) {
-  const double *times = preview->times_s, *positions = preview->positions_m;
-  int i;
-  for (i = 0; i < preview->nodes; ++i) {
-    const double speed = preview->speeds_m_s[i];
-    if (!(speed >= 0.0 && speed <= MAX_LEADER_SPEED_M_S)) return 0;
-    if (!(isfinite(times[i]) && isfinite(positions[i]))) return 0;
-    if (i > 0) {
-      const double passed_s = times[i] - times[i - 1], moved_m = positions[i] - positions[i - 1];
-      if (!(passed_s > 0.0 && moved_m >= 0.0)) return 0;
-      if (moved_m > 1.0 + MAX_LEADER_SPEED_M_S * passed_s) return 0;
-    }
-  }
-  return preview->nodes > 0;
-}
-
-double iptm_roughness_m2_s4(const iptm_motion *before, const iptm_motion *now) {
-  const double first_s = before->times_s[0] - ROUNDING_S;
-  const double last_s = before->times_s[before->nodes - 1] + ROUNDING_S;
-  double sum = 0.0, last_difference = 0.0;
-  int common = 0, i, last = 0;
-  for (i = 0; i < now->nodes; ++i) {
-    const double time_s = now->times_s[i];
-    double difference;
-    if (time_s < first_s || time_s >= last_s) continue;
-    difference = now->speeds_m_s[i] - iptm_interpolate(time_s, before->times_s, before->speeds_m_s,
-                                                       1, before->nodes);
-    if (common > 0) {
-      const double rate = (difference - last_difference) / (time_s - now->times_s[last]);
-      sum += rate * rate;
-    }
-    last_difference = difference;
-    last = i;
-    ++common;
-  }
-  return common < 2 ? NAN : sum / (common - 1);
-}
-
-int iptm_follow_preview(const iptm_motion *preview, double time_s, double position_m,
-                        double known_until_s, int leads, const double *lead_times_s,
-                        double *times_s, double *positions_m, double *speeds_m_s,
-                        double *asserted_m_s) {
-  double speed_m_s;
-  const double shift_m = position_m - iptm_motion_at(preview, time_s, &speed_m_s);
-  int nodes = 1, i;
-  times_s[0] = time_s;
-  positions_m[0] = position_m;
-  speeds_m_s[0] = speed_m_s;
-  for (i = 0; i < preview->nodes; ++i) {
-    if (!(preview->times_s[i] > time_s + ROUNDING_S)) continue;
-    times_s[nodes] = preview->times_s[i];
-    positions_m[nodes] = preview->positions_m[i] + shift_m;
-    speeds_m_s[nodes] = preview->speeds_m_s[i];
-    ++nodes;
-  }
-  for (i = 0; i < leads; ++i) {
-    const double lead_s = time_s + lead_times_s[i];
-    asserted_m_s[i] = lead_s > times_s[nodes - 1] || lead_s > known_until_s + ROUNDING_S
-                          ? NAN
-                          : iptm_interpolate(lead_s, times_s, speeds_m_s, 1, nodes);
-  }
-  return nodes;
-}
 
 /* Position of a vehicle that keeps its deceleration until it stands. */
 static double braking_on_m(double elapsed_s, double position_m, double speed_m_s,

@@ -1,0 +1,215 @@
+"""The forecast of the leader's motion in C (`iptm_controller/c`), with the memory of the one in Python."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+
+import numpy as np
+
+from iptm_controller.forecast import (
+    HISTORY_S,
+    ForecastMemory,
+    LeaderForecast,
+    LeaderForecaster,
+    PreviewQuality,
+    doubted,
+)
+from iptm_controller.preview_trust import FusionMemory, Prediction, TrustMemory
+from iptm_controller.tick_library import (
+    DOUBLE,
+    INT,
+    POINTER,
+    Leader,
+    Motion,
+    keep_motion,
+    motion_of,
+)
+from iptm_core.compilation import address
+from iptm_core.state import FloatArray, LeaderPreview, LeaderState
+
+_LEADS, _SMOOTHED_TICKS, _EXTRAPOLATED_NODES = 10, 3, 41
+_COLUMNS = ("fused_times_s", "fused_speeds_m_s", "averaged_m_s", "weights")
+_WORK = 5
+_QUALITIES = tuple(PreviewQuality)
+
+
+class _Forecaster(ctypes.Structure):
+    _fields_ = (
+        *((name, DOUBLE) for name in ("tick_s", "horizon_s", "max_age_s", "decay_s")),
+        ("leads", INT),
+        ("lead_ticks", INT * _LEADS),
+        ("past_room", INT),
+        ("preview_room", INT),
+    )
+
+
+class _Memory(ctypes.Structure):
+    _fields_ = (
+        *((name, INT) for name in ("past", "errors", "has_predicted", "is_doubted")),
+        *((name, INT) for name in ("is_unproved", "fused", "is_averaged")),
+        *((name, DOUBLE) for name in ("newest_tick", "last_error_tick", "trusted_s")),
+        *((name, DOUBLE) for name in ("roughness_m2_s4",)),
+        ("errors_m_s", DOUBLE * (_SMOOTHED_TICKS * _LEADS)),
+        *((name, POINTER) for name in ("leaders", "predictions", *_COLUMNS, "work")),
+    )
+
+
+class _Forecast(ctypes.Structure):
+    _fields_ = (
+        *(
+            (name, POINTER)
+            for name in ("times", "positions", "speeds", "limiting", "limiting_speeds")
+        ),
+        *((name, INT) for name in ("nodes", "has_limiting", "quality")),
+        *((name, DOUBLE) for name in ("known_s", "trusted_s")),
+    )
+
+
+def past_room(tick_s: float) -> int:
+    """Return the leaders that a memory has room for."""
+    return round(HISTORY_S / tick_s) + 2
+
+
+class LeaderForecasterInC(LeaderForecaster):
+    """The same in C; what is said about a preview is put into words in Python."""
+
+    def __init__(
+        self,
+        library: ctypes.PyDLL,
+        horizon_s: float,
+        max_age_s: float,
+        tick_s: float,
+        decay_s: float,
+    ) -> None:
+        """Set up a forecaster that has not measured a leader."""
+        self._numbers, self._c_memory = _Forecaster(), _Memory()
+        super().__init__(horizon_s, max_age_s, tick_s, decay_s)
+        leads = self.trust.lead_ticks
+        self._numbers = _Forecaster(
+            tick_s, horizon_s, max_age_s, decay_s, len(leads), (INT * _LEADS)(*leads)
+        )
+        self._predictions = np.zeros((leads[-1] + 1, 2 + len(leads)))
+        self._c_memory.predictions = address(self._predictions)
+        self._leaders, self._columns = np.empty((0, 3)), np.empty((len(_COLUMNS) + _WORK, 0))
+        self._make_room(past_room(tick_s), 128)
+        self._forecast, self._leader_at = library.iptm_forecast_leader, library.iptm_leader_at
+        self._given = ctypes.byref(self._numbers), ctypes.byref(self._c_memory)
+
+    def _make_room(self, past: int, preview: int) -> None:
+        """Let the memory have room for leaders and nodes of a preview."""
+        if past > self._numbers.past_room:
+            kept, self._leaders = self._leaders, np.empty((past, 3))
+            self._leaders[: len(kept)] = kept
+            self._numbers.past_room = len(self._leaders)
+            self._c_memory.leaders = address(self._leaders)
+        if preview > self._numbers.preview_room:
+            columns = self._columns
+            self._columns = np.empty((len(columns), preview))
+            self._columns[:, : columns.shape[1]] = columns
+            self._numbers.preview_room = preview
+            for name, column in zip((*_COLUMNS, "work"), self._columns, strict=False):
+                setattr(self._c_memory, name, address(column))
+
+    @property
+    def memory(self) -> ForecastMemory:
+        """What is carried from tick to tick; see `LeaderForecaster`."""
+        c, leads = self._c_memory, self._numbers.leads
+        times, received, averaged, weights = self._columns[: len(_COLUMNS), : c.fused].copy()
+        preview = LeaderPreview(times, np.zeros(c.fused), received) if c.fused else None
+        average = (averaged, weights) if c.is_averaged else (None, None)
+        oldest = c.newest_tick + 1.0 - (len(self._predictions) - 1)
+        rows = sorted(row for row in self._predictions.tolist() if row[0] >= max(oldest, 1.0))
+        errors = (c.errors_m_s[tick * _LEADS : tick * _LEADS + leads] for tick in range(c.errors))
+        trust = TrustMemory(
+            tuple(Prediction(int(row[0]) - 1, row[1], tuple(row[2:])) for row in rows),
+            tuple(value for each in errors for value in each),
+            c.trusted_s if c.is_doubted else math.inf,
+            int(c.last_error_tick),
+            not c.is_unproved,
+        )
+        past = tuple(LeaderState(*row) for row in self._leaders[: c.past].tolist())
+        return past, FusionMemory(preview, c.roughness_m2_s4, *average), trust
+
+    @memory.setter
+    def memory(self, memory: ForecastMemory) -> None:
+        past, fusion, trust = memory
+        c, leads = self._c_memory, self._numbers.leads
+        self._make_room(len(past), 0 if fusion.preview is None else fusion.preview.times_s.size)
+        for row, each in zip(self._leaders, past, strict=False):
+            row[:] = each.time_s, each.position_m, each.speed_m_s
+        c.past = len(past)
+        c.roughness_m2_s4, c.is_averaged = fusion.roughness_m2_s4, fusion.speeds_m_s is not None
+        c.fused = 0
+        if fusion.preview is not None:
+            columns = [fusion.preview.times_s, fusion.preview.speeds_m_s]
+            columns += [each for each in (fusion.speeds_m_s, fusion.weights) if each is not None]
+            c.fused = columns[0].size
+            self._columns[: len(columns), : c.fused] = columns
+        self._predictions[:] = 0.0
+        for entry in trust.predictions:
+            row = self._predictions[entry.tick % len(self._predictions)]
+            row[:] = entry.tick + 1.0, entry.speed_m_s, *entry.speeds_m_s
+            c.newest_tick = entry.tick
+        c.has_predicted = bool(trust.predictions)
+        c.errors = len(trust.errors) // leads
+        for tick in range(c.errors):
+            c.errors_m_s[tick * _LEADS : tick * _LEADS + leads] = trust.errors[
+                tick * leads : (tick + 1) * leads
+            ]
+        c.is_doubted, c.is_unproved = not math.isinf(trust.horizon_s), not trust.proved
+        c.trusted_s, c.last_error_tick = trust.horizon_s, trust.last_error_tick
+
+    @property
+    def noise(self) -> str:
+        """How rough the previews are, empty if they pass unchanged."""
+        return FusionMemory(roughness_m2_s4=self._c_memory.roughness_m2_s4).noise
+
+    def leader_at(self, time_s: float, leader: LeaderState | None) -> LeaderState | None:
+        """See `LeaderForecaster`."""
+        if leader is None or time_s <= leader.time_s:
+            return leader
+        now = Leader(leader.time_s, leader.position_m, leader.speed_m_s)
+        later = self._leader_at(*self._given, ctypes.byref(now), time_s)
+        return LeaderState(later.time_s, later.position_m, later.speed_m_s)
+
+    def forecast(self, leader: LeaderState, preview: LeaderPreview) -> LeaderForecast:
+        """See `LeaderForecaster`."""
+        size, past = preview.times_s.size, self._c_memory.past + 1
+        if past > self._numbers.past_room or size > self._numbers.preview_room:
+            self._make_room(2 * past, size)
+        columns: FloatArray = np.empty((5, past + max(size + 1, _EXTRAPOLATED_NODES)))
+        first, row = address(columns), columns.strides[0]
+        places = [first + place * row for place in range(5)]
+        found = _Forecast(*places)
+        self._forecast(
+            *self._given,
+            ctypes.byref(Leader(leader.time_s, leader.position_m, leader.speed_m_s)),
+            ctypes.byref(motion_of(preview)),
+            ctypes.byref(found),
+        )
+        nodes = found.nodes
+        motion = limiting = LeaderPreview(*columns[:3, :nodes])
+        keep_motion(motion, Motion(nodes, *places[:3]))
+        if found.has_limiting:
+            limiting = LeaderPreview(motion.times_s, *columns[3:, :nodes])
+            keep_motion(limiting, Motion(nodes, places[0], *places[3:]))
+        quality, reason = _QUALITIES[found.quality], ""
+        if quality is PreviewQuality.DOUBTED:
+            reason = doubted(found.trusted_s)
+        elif quality is not PreviewQuality.FULL:
+            _, reason = self._assess(leader, preview)
+        age_s = leader.time_s - preview.times_s.item(0) if size else math.nan
+        return LeaderForecast(motion, limiting, quality, reason, age_s, found.known_s)
+
+
+def leader_forecaster(
+    horizon_s: float,
+    max_age_s: float,
+    tick_s: float,
+    decay_s: float,
+    library: ctypes.PyDLL | None,
+) -> LeaderForecaster:
+    """Return the form in C where there is a library."""
+    given = horizon_s, max_age_s, tick_s, decay_s
+    return LeaderForecaster(*given) if library is None else LeaderForecasterInC(library, *given)
