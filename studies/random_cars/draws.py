@@ -84,6 +84,8 @@ PREVIEWS = _TABLE["previews"]
 """Settings of a preview that is not perfect; all but the mode differ in every other run."""
 FAULT_SIZES = _TABLE["fault_sizes"]
 """Sizes of faults by kind; the other kinds have their usual one."""
+ORDINARY = (FaultKind.LEADER_CUT_INS_BY_ROOM, FaultKind.LEADER_CUT_INS_BY_HEADWAY)
+"""Kinds that are not drawn: they belong to ordinary traffic."""
 
 
 def random_cases(
@@ -165,7 +167,7 @@ def draw_preview(random: Generator) -> dict[str, Any]:
 
 def draw_faults(random: Generator, duration_s: float) -> tuple[Fault, ...]:
     """Return one fault or a few for a trip, of kinds that happen without ROS."""
-    kinds = [kind for kind in FaultKind if kind.spec.headless]
+    kinds = [kind for kind in FaultKind if kind.spec.headless and kind not in ORDINARY]
     faults: list[Fault] = []
     for _ in range(1 + int(random.integers(MOST_FAULTS))):
         kind = kinds[int(random.integers(len(kinds)))]

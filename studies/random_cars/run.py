@@ -144,7 +144,7 @@ def _drawn_rows() -> list[dict[str, str]]:
     kinds = [
         f"`{kind}`" + (f" {_draw_text(sizes, kind.spec.unit)}" if sizes else "")
         for kind in FaultKind
-        if kind.spec.headless
+        if kind.spec.headless and kind not in draws.ORDINARY
         for sizes in [draws.FAULT_SIZES.get(kind)]
     ]
     lasts = f"1 to 30 s; until the end of the trip ({100.0 * draws.LASTING_SHARE:g} %)"

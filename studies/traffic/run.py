@@ -86,7 +86,7 @@ def row_of(drive: TrafficDrive) -> dict[str, Any]:
         "leaders": len(world.leaders),
         "messages": world.radio.sent,
         "fallback_ticks": result.fallback_ticks,
-        "deviation_m": world.simulation.largest_deviation_m,
+        "deviation_m": world.simulation.ego.largest_deviation_m,
         "times_real_time": result.times_real_time,
         "times_processor_time": result.times_processor_time,
         "digest": result.digest,

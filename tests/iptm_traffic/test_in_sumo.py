@@ -71,11 +71,13 @@ def driven_at_random(network: Network, folder: Path, seconds: int, step_s: float
             here = EgoInstant(state.time_s, state.position_m, state.speed_m_s)
             simulation.move_ego(here, 1.0)
             around = simulation.neighbours()
-            digest.update(repr((simulation.sumo_position_m(), simulation.leader())).encode())
+            digest.update(
+                repr((simulation.ego.sumo_position_m(), simulation.ego.leader())).encode()
+            )
             digest.update(around.positions_m.tobytes())
         assert halts > seconds / 200
         assert state.position_m > 0.5 * seconds
-        assert simulation.largest_deviation_m < 1e-6
+        assert simulation.ego.largest_deviation_m < 1e-6
     return digest.hexdigest()
 
 
@@ -112,7 +114,7 @@ def test_vehicles_lie_where_sumo_has_them(tmp_path: Path) -> None:
     network = corridor(tmp_path)
     with closing(started(network, tmp_path)) as simulation:
         around = simulation.neighbours()
-        leader = simulation.leader()
+        leader = simulation.ego.leader()
         assert leader is not None
         name, gap_m, speed_m_s = leader
         row = around.names.index(name)
@@ -182,7 +184,7 @@ def test_an_hour_without_drift() -> None:
     drive = TrafficDrive(TrafficScenario.FOLLOWING, PredictionInput.SIGNALS, 3600.0)
     result = drive_in_traffic(drive, PARAMETERS)
     assert cli.verdict(result.world) == []
-    assert result.world.simulation.largest_deviation_m < 1e-6
+    assert result.world.simulation.ego.largest_deviation_m < 1e-6
 
 
 def test_sumo_that_ends_is_one_error(tmp_path: Path) -> None:

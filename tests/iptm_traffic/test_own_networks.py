@@ -59,7 +59,7 @@ def test_the_ego_drives_through_the_town_and_repeats_to_the_last_bit() -> None:
     assert cli.verdict(first.world) == []
     assert first.trajectory.position_m[-1] > 910.0  # past the roundabout and the signal
     assert len(first.world.lines) == 1
-    assert first.world.simulation.largest_deviation_m < 1e-6
+    assert first.world.simulation.ego.largest_deviation_m < 1e-6
     assert driven(IN_TOWN, 130.0).digest == first.digest
 
 
@@ -98,7 +98,7 @@ def test_a_line_is_closed_for_who_has_priority_and_open_without(tmp_path: Path) 
             rules = RightOfWay(simulation)
             line_m = network.road.stop_lines_m[0]
             # Near the line: only there the others count.
-            simulation._ego_position_m = line_m - 30.0
+            simulation.ego.position_m = line_m - 30.0
             rules.refresh()
             line = rules.ego.next_after(line_m - 1.0)
             assert line is not None
@@ -170,7 +170,7 @@ def test_people_on_a_crossing_close_the_line(tmp_path: Path) -> None:
     with closing(TrafficSimulation(network, None, STEP_S)) as simulation:
         rules = RightOfWay(simulation)
         line_m = network.road.stop_lines_m[0]
-        simulation._ego_position_m = line_m - 30.0
+        simulation.ego.position_m = line_m - 30.0
         met = set()
         for _ in range(900):
             simulation.step()
@@ -215,7 +215,7 @@ def test_people_who_wait_for_green_close_the_line_before_they_walk(tmp_path: Pat
     with closing(TrafficSimulation(network, None, STEP_S)) as simulation:
         rules = RightOfWay(simulation)
         link, line_m = network.way[0], network.road.stop_lines_m[0]
-        simulation._ego_position_m = line_m - 30.0
+        simulation.ego.position_m = line_m - 30.0
         lights, persons = simulation.connection.trafficlight, simulation.connection.person
         waited = 0
         for _ in range(400):

@@ -5,7 +5,7 @@ Events are ordered as in the lock-step mode of the nodes, so both give the same 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -136,23 +136,53 @@ def run_closed_loop(
         on_step: called with vehicle and leader, if there is one, at every instant, the last one included.
         world: what is around the ego vehicle; None for a leader only, from ``leader`` or the route.
     """
+    source = CycleSource(route) if leader is None else leader
+    around = world or LeaderOnly(source)
+    start = plant.initial_state(start_position_m)
+    answering = bridge or V2xBridge(source, bridge_settings)
+    loop = closed_loop(route, plant, controller, answering, around, start, on_tick, faults, on_step)
+    while True:
+        try:
+            before, after = next(loop)
+        except StopIteration as end:
+            run: ClosedLoopRun = end.value
+            return run
+        around.pass_interval(before, after)
+
+
+def closed_loop(
+    route: Route,
+    plant: Plant,
+    controller: TickController,
+    bridge: TickBridge,
+    world: World,
+    start: VehicleState,
+    on_tick: Callable[[int, Measurements, Decision], None] | None = None,
+    faults: Disturbance | None = None,
+    on_step: Callable[[PlantStep, LeaderState | None], None] | None = None,
+) -> Generator[tuple[VehicleState, VehicleState], None, ClosedLoopRun]:
+    """Drive tick by tick, as `run_closed_loop`; several vehicles of one world can take turns.
+
+    Args:
+        start: state of the vehicle at the beginning.
+
+    Yields:
+        The states at both ends of an interval, which has to pass in the world before the next one.
+    """
     tick_s = controller.options.tick_s
     ticks = round(route.duration_s / tick_s)
     slope = CycleSource(route).slope_ahead()
-    source = CycleSource(route) if leader is None else leader
-    around = world or LeaderOnly(source)
-    answering: TickBridge = bridge or V2xBridge(source, bridge_settings)
-    step = plant.observe(plant.initial_state(start_position_m))
+    step = plant.observe(start)
 
     def measure(step: PlantStep, tick: int) -> tuple[LeaderState | None, Measurements]:
         state = step.state
         time_ns = round(tick * tick_s * NS_PER_S)
-        answer = answering.answer(time_ns, state.position_m, state.speed_m_s)
+        answer = bridge.answer(time_ns, state.position_m, state.speed_m_s)
         measured = Measurements(
             state, answer.leader, answer.preview, slope, road=answer.road, pack=step.pack_reading
         )
         # The trajectory holds the true leader, not the estimated one.
-        return faults.disturb(measured) if faults else (around.leader_at(time_ns), measured)
+        return faults.disturb(measured) if faults else (world.leader_at(time_ns), measured)
 
     leader_now, measured = measure(step, 0)
     tick = 0
@@ -160,7 +190,7 @@ def run_closed_loop(
     def range_sensor(state: VehicleState) -> LeaderPreview | None:
         """Measure the leader that counts."""
         now_ns = round(tick * tick_s * NS_PER_S)
-        own = around.sampled(sampling_times_s(now_ns, tick_s, period_s))
+        own = world.sampled(sampling_times_s(now_ns, tick_s, period_s))
         return faults.sampled(own, state.position_m) if faults else own
 
     plant.watch(range_sensor)
@@ -189,7 +219,7 @@ def run_closed_loop(
             ended = f"at {before.time_s:g} s: {error}"
             records.pop()
             break
-        around.pass_interval(before, step.state)
+        yield before, step.state
         leader_now, measured = measure(step, tick + 1)
     else:
         observe(step, leader_now)

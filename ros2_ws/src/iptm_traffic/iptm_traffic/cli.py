@@ -48,7 +48,7 @@ def traffic_rows(world: SumoWorld) -> dict[str, str]:
         "Cars ahead, one after the other": f"{len(world.leaders)}",
         "Messages sent around the ego vehicle": f"{world.radio.sent}",
         "Collisions of the ego vehicle": f"{len(world.simulation.collisions)}",
-        "Largest deviation of plant and SUMO (m)": f"{world.simulation.largest_deviation_m:.1e}",
+        "Largest deviation of plant and SUMO (m)": f"{world.simulation.ego.largest_deviation_m:.1e}",
     }
 
 
@@ -237,7 +237,7 @@ def verdict(world: SumoWorld) -> list[str]:
     wrong += [f"collision: {text}" for text in world.simulation.collisions]
     if world.smallest_gap_m <= 0.0:
         wrong.append(f"the smallest gap is {world.smallest_gap_m:.2f} m")
-    deviation_m = world.simulation.largest_deviation_m
+    deviation_m = world.simulation.ego.largest_deviation_m
     if deviation_m > LARGEST_DEVIATION_M:
         wrong.append(f"plant and SUMO are {deviation_m:.4f} m apart")
     return wrong

@@ -109,7 +109,7 @@ class TrafficNode(SuiteNode):
         values: dict[str, object] = {
             **self._datagrams.report(),
             "leader": ("none", *self.world.leaders)[-1],
-            "largest_deviation_m": self.world.simulation.largest_deviation_m,
+            "largest_deviation_m": self.world.simulation.ego.largest_deviation_m,
         }
         level, reason = Level.OK, "the traffic follows the plant"
         if ego is None:

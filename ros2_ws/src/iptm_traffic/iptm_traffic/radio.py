@@ -85,7 +85,7 @@ class TrafficRadio:
     def _note(self) -> None:
         around = self._simulation.neighbours()
         self._pending.append(
-            (round(around.time_s * NS_PER_S), around, self._simulation.ego_position_m)
+            (round(around.time_s * NS_PER_S), around, self._simulation.ego.position_m)
         )
 
     def take(

@@ -116,7 +116,7 @@ class RightOfWay:
 
     def refresh(self) -> None:
         """Look at the present tick."""
-        now_s, ego_m = self._simulation.time_s, self._simulation.ego_position_m
+        now_s, ego_m = self._simulation.time_s, self._simulation.ego.position_m
         ahead = [line for line in self._lines if line.position_m > ego_m]
         near = [line for line in ahead if line.position_m < ego_m + AHEAD_M]
         ways = self._ways() if any(line.conflicts for line in near) else []
@@ -246,7 +246,7 @@ class RightOfWay:
         """Return how long the ego takes from a line until it has left the junction, and its speed then."""
         limits = self._simulation.network.limits
         limit = min(limits.approach_at_m_s(line.position_m), limits.approach_at_m_s(line.exit_m))
-        speed = min(self._simulation.ego_speed_m_s, limit)
+        speed = min(self._simulation.ego.speed_m_s, limit)
         way_m = line.exit_m - line.position_m + VEHICLE_LENGTH_M
         clear_s = _duration_s(way_m, speed, START_M_S2, limit)
         return clear_s, min(speed + START_M_S2 * clear_s, limit)

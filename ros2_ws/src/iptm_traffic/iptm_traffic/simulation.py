@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from iptm_core.errors import ScenarioError
 from iptm_core.state import FloatArray, VehicleState
 from iptm_traffic.demand import EGO, EGO_KIND, MAIN_NAMES
+from iptm_traffic.ego_road import EgoRoad
 from iptm_traffic.network import Network
 from iptm_traffic.sumo_process import SumoProcess
 
@@ -75,13 +77,78 @@ def step_options(step_s: float) -> tuple[str, ...]:
     )
 
 
+class MovedCar:
+    """A vehicle in SUMO that moves exactly with its plant.
+
+    Attributes:
+        position_m: latest position from its plant, along the ego vehicle's road.
+        speed_m_s: latest speed from its plant.
+        largest_deviation_m: how far apart SUMO and plant ever had it.
+    """
+
+    def __init__(self, name: str, vehicle: Any, road: EgoRoad) -> None:
+        self.name = name
+        self._vehicle, self._road = vehicle, road
+        self.position_m = self.speed_m_s = self.largest_deviation_m = 0.0
+
+    def sumo_position_m(self) -> float:
+        """Return where it is for SUMO, along the road from where the ego vehicle started."""
+        lane = self._vehicle.getLaneID(self.name)
+        on_lane_m = float(self._vehicle.getLanePosition(self.name))
+        found = self._road.position_on(lane, on_lane_m, self.position_m)
+        if found is None:
+            raise ScenarioError(
+                f"{self.name} is on SUMO's lane {lane!r}; allowed: those of its road"
+            )
+        return found
+
+    def take_over(self, speed_m_s: float) -> bool:
+        """Take a car over from SUMO, once it is on the ego vehicle's road; return whether it is.
+
+        Args:
+            speed_m_s: what it drives.
+        """
+        lane, on_lane_m = (
+            self._vehicle.getLaneID(self.name),
+            self._vehicle.getLanePosition(self.name),
+        )
+        found = self._road.position_on(lane, float(on_lane_m), self.position_m)
+        if found is None or found < 0.0:
+            return False
+        self.position_m, self.speed_m_s = found, max(speed_m_s, 0.0)
+        self.hold()
+        return True
+
+    def hold(self) -> None:
+        """Leave speed and lane to the plant from now on."""
+        self._vehicle.setSpeedMode(self.name, _OBEY_NOTHING)
+        self._vehicle.setLaneChangeMode(self.name, _CHANGE_LANES_NEVER)
+
+    def aim(self, position_m: float, speed_m_s: float, step_s: float) -> None:
+        """Set the speeds with which SUMO's next step ends at a position."""
+        step_m = position_m - self.sumo_position_m()
+        before = max(2.0 * step_m / step_s - speed_m_s, 0.0)
+        self._vehicle.setPreviousSpeed(self.name, before)
+        self._vehicle.setSpeed(self.name, speed_m_s)
+        self.position_m, self.speed_m_s = position_m, speed_m_s
+
+    def leader(self) -> tuple[str, float, float] | None:
+        """Return name, gap and speed of the car ahead in its lane, None if there is none."""
+        found = self._vehicle.getLeader(self.name, LOOKED_AHEAD_M)
+        if found is None or not found[0]:
+            return None
+        gap_m = float(found[1]) + float(self._vehicle.getMinGap(self.name))
+        return found[0], gap_m, float(self._vehicle.getSpeed(found[0]))
+
+
 class TrafficSimulation:
     """SUMO, step by step, to be closed in the end.
 
     Attributes:
         network: what is driven in.
-        largest_deviation_m: how far apart SUMO and plant ever had the ego vehicle.
-        collisions: of the ego vehicle, as SUMO has noticed, junctions and crossings included.
+        ego: the ego vehicle.
+        watched: names of the vehicles whose collisions are noted.
+        collisions: of these vehicles, as SUMO has noticed, junctions and crossings included.
         start_s: SUMO's time at trip time 0.
         after_step: called after every step.
 
@@ -123,10 +190,10 @@ class TrafficSimulation:
         self.connection = self._process.connection
         self._vehicle = self.connection.vehicle
         self._steps = 0
-        self.largest_deviation_m = 0.0
+        self.ego = MovedCar(EGO, self._vehicle, network.road)
         self.after_step: Callable[[], None] = lambda: None
-        self._ego_position_m, self._ego_speed_m_s = 0.0, 0.0
-        self.collisions: list[str] = []
+        self.watched, self.collisions = {EGO}, list[str]()
+        self._departed: list[str] = []
         try:
             self._warm_up(with_ego=with_ego)
         except self._process.refusal as reason:
@@ -163,8 +230,7 @@ class TrafficSimulation:
             departPos=f"{network.start_m:g}",
             departSpeed="0",
         )
-        vehicle.setSpeedMode(EGO, _OBEY_NOTHING)
-        vehicle.setLaneChangeMode(EGO, _CHANGE_LANES_NEVER)
+        self.ego.hold()
         vehicle.setSpeed(EGO, 0.0)
         latest_s = network.start_s + LONGEST_WAIT_S
         while EGO not in vehicle.getIDList():
@@ -190,27 +256,22 @@ class TrafficSimulation:
         """Trip time."""
         return self._steps * self._step_s
 
-    def sumo_position_m(self) -> float:
-        """Return where the ego vehicle is for SUMO, along the road from where it started."""
-        lane = self._vehicle.getLaneID(EGO)
-        on_lane_m = float(self._vehicle.getLanePosition(EGO))
-        found = self.network.road.position_on(lane, on_lane_m, self._ego_position_m)
-        if found is None:
-            raise ScenarioError(
-                f"the ego vehicle is on SUMO's lane {lane!r}; allowed: those of its road"
-            )
-        return found
-
     def step(self) -> None:
         """Let a step pass."""
         self._process.step()
         self._steps += 1
+        self._departed += self.connection.simulation.getDepartedIDList()
         for met in self.connection.simulation.getCollisions():
-            if EGO in {met.collider, met.victim}:
+            if self.watched & {met.collider, met.victim}:
                 self.collisions.append(
                     f"{met.collider} met {met.victim} on {met.lane} at {self.time_s:g} s"
                 )
         self.after_step()
+
+    def departed(self) -> list[str]:
+        """Return the vehicles that have entered in steps since this was last asked for."""
+        names, self._departed = self._departed, []
+        return names
 
     def main_road_places(self) -> list[tuple[str, tuple[float, float]]]:
         """Return where the vehicles of the main road are that have been subscribed to; for rehearsals."""
@@ -221,53 +282,36 @@ class TrafficSimulation:
         return [(name, values[_POSITION]) for name, values in found.items()]
 
     def move_ego(self, ego: EgoMotion, duration_s: float) -> None:
-        """Let an interval pass in which the ego vehicle moves as its plant has moved.
+        """Let an interval pass in which the ego vehicle moves as its plant has moved; see `move`."""
+        self.move([(self.ego, ego)], duration_s)
+
+    def move(self, cars: Sequence[tuple[MovedCar, EgoMotion]], duration_s: float) -> None:
+        """Let an interval pass in which cars move as their plants have moved.
 
         SUMO's ballistic step covers the mean of the speeds at its two ends. The speed at its beginning is set
-        to what leads exactly to the plant's position, so nothing adds up, wherever the ego vehicle halts
-        between.
+        to what leads exactly to the plant's position, so nothing adds up, wherever a car halts between.
 
         Args:
-            ego: ego vehicle at the end of the interval.
+            cars: with where they are at the end of the interval.
             duration_s: length of the interval, a whole number of SUMO's steps.
         """
         count = round(duration_s / self._step_s)
-        start_m, speed = self._ego_position_m, self._ego_speed_m_s
-        moved_m, end_speed = ego.position_m - start_m, ego.speed_m_s
+        starts = [(car.position_m, car.speed_m_s) for car, _ in cars]
         for number in range(1, count + 1):
             at_s = number * self._step_s
-            target_m, target_speed = (
-                (moved_m, end_speed)
-                if number == count
-                else _inside(speed, end_speed, moved_m, duration_s, at_s)
-            )
-            step_m = start_m + target_m - self.sumo_position_m()
-            before = max(2.0 * step_m / self._step_s - target_speed, 0.0)
-            self._vehicle.setPreviousSpeed(EGO, before)
-            self._vehicle.setSpeed(EGO, target_speed)
-            self._ego_position_m, self._ego_speed_m_s = start_m + target_m, target_speed
+            for (car, end), (start_m, speed) in zip(cars, starts, strict=True):
+                moved_m = end.position_m - start_m
+                target_m, target_speed = (
+                    (moved_m, end.speed_m_s)
+                    if number == count
+                    else _inside(speed, end.speed_m_s, moved_m, duration_s, at_s)
+                )
+                car.aim(start_m + target_m, target_speed, self._step_s)
             self.step()
-        self._ego_position_m, self._ego_speed_m_s = ego.position_m, end_speed
-        deviation_m = abs(self.sumo_position_m() - ego.position_m)
-        self.largest_deviation_m = max(self.largest_deviation_m, deviation_m)
-
-    @property
-    def ego_position_m(self) -> float:
-        """Latest position of the ego vehicle from its plant."""
-        return self._ego_position_m
-
-    @property
-    def ego_speed_m_s(self) -> float:
-        """Latest speed of the ego vehicle from its plant."""
-        return self._ego_speed_m_s
-
-    def leader(self) -> tuple[str, float, float] | None:
-        """Return name, gap and speed of the car ahead in the ego vehicle's lane, None if there is none."""
-        found = self._vehicle.getLeader(EGO, LOOKED_AHEAD_M)
-        if found is None or not found[0]:
-            return None
-        gap_m = float(found[1]) + float(self._vehicle.getMinGap(EGO))
-        return found[0], gap_m, float(self._vehicle.getSpeed(found[0]))
+        for car, end in cars:
+            car.position_m = end.position_m
+            deviation_m = abs(car.sumo_position_m() - end.position_m)
+            car.largest_deviation_m = max(car.largest_deviation_m, deviation_m)
 
     def on_lanes(self) -> list[tuple[str, str, float, float, float]]:
         """Return name, lane, position on it, speed and length of the vehicles around the ego, by name."""
@@ -290,7 +334,7 @@ class TrafficSimulation:
 
         places = np.array([row[_POSITION] for row in rows], dtype=np.float64).reshape(-1, 2)
         along, aside = self.network.road.along_and_aside_m(
-            places[:, 0], places[:, 1], self._ego_position_m
+            places[:, 0], places[:, 1], self.ego.position_m
         )
         return Neighbours(
             self.time_s,

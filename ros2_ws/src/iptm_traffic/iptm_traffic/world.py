@@ -91,7 +91,7 @@ class SumoWorld:
         self._look(after.speed_m_s)
 
     def _look(self, ego_speed_m_s: float) -> None:
-        self._leader = found = self.simulation.leader()
+        self._leader = found = self.simulation.ego.leader()
         gap_m, margin_m = math.inf, math.inf
         if found is not None:
             name, gap_m, speed_m_s = found
@@ -118,7 +118,7 @@ class SumoWorld:
 
     def _who_can_cut_in(self) -> str | None:
         around = self.simulation.neighbours()
-        ego_m, speed = self.simulation.ego_position_m, self.simulation.ego_speed_m_s
+        ego_m, speed = self.simulation.ego.position_m, self.simulation.ego.speed_m_s
         nearest = np.inf if self._leader is None else self._leader[1]
         for row, name in enumerate(around.names):
             rear_m = around.positions_m[row] - around.lengths_m[row] - ego_m
@@ -134,7 +134,7 @@ class SumoWorld:
         if self._leader is None:
             return None
         _, gap_m, speed_m_s = self._leader
-        return LeaderState(self._time_s, self.simulation.ego_position_m + gap_m, speed_m_s)
+        return LeaderState(self._time_s, self.simulation.ego.position_m + gap_m, speed_m_s)
 
     def sampled(self, times_s: FloatArray) -> LeaderPreview:
         """Return the car ahead at the present tick; where it will be, SUMO has not decided yet."""
