@@ -30,9 +30,9 @@ from iptm.runner.run_folder import RunFolder
 from iptm.runner.runner import RunOptions, check_over_ros, drive_processes
 from iptm.runner.supervisor import domain_of_run
 from iptm.trip_settings import AUTOMATIC_DOMAIN
+from iptm_core.program import StopRequest
 from iptm_ros.codecs import stamp_ns_of
 from iptm_ros.diagnostics import Level
-from iptm_ros.process import StopRequest
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.topics import Topic
 

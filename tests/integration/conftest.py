@@ -26,11 +26,12 @@ from tests.integration.controller_ticks import ROAD, SMALL, assert_hears
 from tests.integration.node_bench import NodeBench, node_bench
 
 from iptm_controller.node import ControllerNode
+from iptm_core.program import StopRequest
 from iptm_ros.codecs import encode_slope
 from iptm_ros.connections import StartSignal
 from iptm_ros.diagnostics import find_status
 from iptm_ros.discovery import middleware_settings, reserve_domain
-from iptm_ros.process import StopRequest, joined_node
+from iptm_ros.process import joined_node
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import Topic
 

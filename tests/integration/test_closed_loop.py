@@ -31,6 +31,7 @@ NODE_MODULES = {
     "v2x_bridge": "iptm_v2x_bridge.node",
     "recorder": "iptm_ros.recording.recorder_cli",
 }
+"""Name of a fork, and module in the command of a process that is none."""
 ROOT = Path(__file__).resolve().parents[2]
 # Names and standard types as promised to the outside, written down once more on purpose.
 PROMISED = {
@@ -102,11 +103,12 @@ def processes_of(runner: Any) -> dict[str, int]:
     for folder in Path("/proc").iterdir():
         try:
             parent = int((folder / "stat").read_text().rsplit(")", 1)[1].split()[1])
-            command = (folder / "cmdline").read_bytes().decode().split("\0")
+            words = (folder / "cmdline").read_bytes().decode().split("\0")
+            words.append((folder / "comm").read_text().strip())
         except (OSError, ValueError, IndexError):
             continue
         if parent == runner.popen.pid:
-            names = [name for name, module in NODE_MODULES.items() if module in command]
+            names = [name for name, module in NODE_MODULES.items() if {name, module} & {*words}]
             found |= dict.fromkeys(names, int(folder.name))
     return found
 

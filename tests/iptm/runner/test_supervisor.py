@@ -111,25 +111,63 @@ def test_processes_hear_nothing_of_a_terminal(processes: Supervisor) -> None:
     assert processes.log_text("process").split() != ["group", str(os.getpgid(0))]
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="a service of Linux")
-def test_processes_end_with_a_killed_runner(tmp_path: Path) -> None:
-    log = tmp_path / "child.log"
-    program = (
-        "import os, signal, sys, time; from pathlib import Path;"
-        "signal.signal(signal.SIGINT, signal.SIG_IGN);"  # as in the background of a shell
-        "from iptm.runner.supervisor import Supervisor;"
-        f"processes = Supervisor(os.environ, lambda name: Path({str(log)!r}));"
-        "processes.start('child', [sys.executable, '-c',"
-        " 'import os, time; print(os.getpid(), flush=True); time.sleep(60)']); time.sleep(60)"
-    )
-    runner = subprocess.Popen([sys.executable, "-c", program])
+RUNNER = """
+import os, signal, sys, threading, time
+from pathlib import Path
+from iptm.runner.fork import PYTHON
+from iptm.runner.supervisor import Supervisor
+
+signal.signal(signal.SIGINT, signal.SIG_IGN)  # as in the background of a shell
+folder = Path(sys.argv[1])
+sys.path.insert(0, str(folder))
+import program
+program.LOADED_BY = os.getpid()
+held = (folder / "held").open("w")
+if sys.argv[2] == "two threads":
+    threading.Thread(target=time.sleep, args=(60,), daemon=True).start()
+environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "GIVEN": "yes"}
+processes = Supervisor(environment, lambda name: folder / f"{name}.log", forks=True)
+processes.start("child", [*PYTHON, "program", "--one"])
+while processes.is_running("child"):
+    time.sleep(0.01)
+print(processes.endings()[0].code, flush=True)
+"""
+PROGRAM = """
+import os, sys, time
+LOADED_BY = os.getpid()
+def main():
+    is_copy = LOADED_BY != os.getpid()
+    files = [os.readlink(each.path) for each in os.scandir("/proc/self/fd") if int(each.name) > 2
+             and os.path.exists(each.path)]
+    print(os.getpid(), is_copy, sys.argv[1:], os.environ["GIVEN"], os.getpgid(0) == os.getpid(),
+          any(file.endswith("held") for file in files), os.isatty(0), flush=True)
     try:
-        until(lambda: log.exists() and log.read_text().strip(), "the child")
-        child = int(log.read_text())
-    finally:
-        runner.kill()
-        runner.wait()
-    until(lambda: not is_alive(child), "the end of the child")
+        time.sleep(60)
+    except KeyboardInterrupt:
+        return 5
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="services of Linux")
+@pytest.mark.parametrize("threads", ["one thread", "two threads"])
+@pytest.mark.parametrize("end", ["child", "runner"])
+def test_a_program_of_the_suite_is_forked_where_that_is_safe_and_runs_as_if_started(
+    tmp_path: Path, threads: str, end: str
+) -> None:
+    (tmp_path / "program.py").write_text(PROGRAM)
+    log = tmp_path / "child.log"
+    command = [sys.executable, "-c", RUNNER, str(tmp_path), threads]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as runner:
+        try:
+            until(lambda: log.exists() and log.read_text().endswith("\n"), "the child")
+            pid, *heard = log.read_text().split(maxsplit=1)
+            assert heard == [f"{threads == 'one thread'} ['--one'] yes True False False\n"]
+            if end == "child":
+                os.kill(int(pid), signal.SIGINT)
+                assert runner.communicate(timeout=30.0)[0] == "5\n"
+        finally:
+            runner.kill()
+    until(lambda: not is_alive(int(pid)), "the end of the child")
 
 
 def is_alive(pid: int) -> bool:

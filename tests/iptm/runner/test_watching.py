@@ -17,8 +17,8 @@ from iptm.runner import reference_drive, viewer
 from iptm.runner.run_folder import REFERENCE
 from iptm.runner.supervisor import Supervisor
 from iptm.trip import Trip
+from iptm_core.program import StopRequest
 from iptm_core.units import CELSIUS_ZERO_K
-from iptm_ros.process import StopRequest
 from iptm_ros.recording.export import export_table, write_parquet
 
 

@@ -33,8 +33,7 @@ from iptm.trip_files import DEFAULT_TRIP, load_trip, shipped_trips
 from iptm.trip_settings import HOME, NODES, SPECS
 from iptm_core.errors import ScenarioError
 from iptm_core.program import EXIT_USER_ERROR
-from iptm_ros.connections import full_name
-from iptm_ros.topics import BRIDGE, CONTROLLER, PLANT
+from iptm_ros.topics import BRIDGE, CONTROLLER, PLANT, full_name
 from launch import LaunchDescription
 
 EXECUTABLES = {

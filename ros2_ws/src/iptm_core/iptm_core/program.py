@@ -22,6 +22,7 @@ from contextlib import contextmanager, suppress
 from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 PROGRAMS = "iptm.programs"
@@ -34,6 +35,34 @@ EXIT_SIGNAL = 128
 """Added to the number of the signal that ended a program."""
 EXIT_INTERRUPTED = EXIT_SIGNAL + signal.SIGINT
 REAL_TIME_PRIORITY, _NICENESS = 10, -10
+
+
+class StopRequest:
+    """Notes SIGINT and SIGTERM instead of raising an exception in the middle of a callback.
+
+    Launchers and terminals often send the signal twice; the second one changes nothing, so the
+    clean-up can never be interrupted by it.
+
+    Attributes:
+        number: the first signal, None while there was none.
+    """
+
+    def __init__(self) -> None:
+        self.number: signal.Signals | None = None
+
+    @property
+    def is_set(self) -> bool:
+        """Whether a signal has arrived."""
+        return self.number is not None
+
+    def install(self) -> None:
+        """Take over both signals, for the rest of the life of the process."""
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._on_signal)
+
+    def _on_signal(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002
+        if self.number is None:
+            self.number = signal.Signals(number)
 
 
 def go_first(thread: int = 0, priority: int = REAL_TIME_PRIORITY) -> None:

@@ -11,8 +11,9 @@ from std_srvs.srv import Trigger
 from iptm_core.errors import IptmError, ServiceError
 from iptm_core.program import EXIT_INTERRUPTED, EXIT_OK, EXIT_REFUSED, refused
 from iptm_core.user_input import number, suggestion, whole_number
-from iptm_ros.connections import Meeting, full_name
+from iptm_ros.connections import Meeting
 from iptm_ros.graph_client import GraphClient
+from iptm_ros.topics import full_name
 
 PROGRAM = "iptm call"
 _TRIGGER = "std_srvs/srv/Trigger"

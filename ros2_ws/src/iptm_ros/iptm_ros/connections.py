@@ -22,6 +22,7 @@ from std_srvs.srv import Trigger
 
 from iptm_ros.qos import LATCHED_QOS
 from iptm_ros.services import Service
+from iptm_ros.topics import full_name
 
 LOOK_PERIOD_S = 0.05
 _NAME = "_connections"
@@ -118,11 +119,6 @@ def _names(
             names.append(full_name(info.node_namespace, info.node_name))
     is_known = len(names) == matched and not any(name.endswith(_UNNAMED) for name in names)
     return frozenset(names) if is_known else None
-
-
-def full_name(namespace: str, name: str) -> str:
-    """Return the full name of a node, or of a topic relative to its namespace."""
-    return f"{namespace.rstrip('/')}/{name}"
 
 
 def _encode(name: str, present: Connections) -> DiagnosticStatus:

@@ -13,13 +13,11 @@ from __future__ import annotations
 
 import gc
 import os
-import signal
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
 from typing import TypeVar
 
 import rclpy
@@ -32,7 +30,7 @@ from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 
 from iptm_core.errors import IptmError
-from iptm_core.program import EXIT_OK, print_error, refused
+from iptm_core.program import EXIT_OK, StopRequest, print_error, refused
 from iptm_ros.discovery import middleware_settings
 from iptm_ros.suite_node import SuiteNode
 
@@ -47,34 +45,6 @@ _USER_ERRORS = (
     rclpy_implementation.RCLError,
     rclpy_implementation.UnknownROSArgsError,
 )
-
-
-class StopRequest:
-    """Notes SIGINT and SIGTERM instead of raising an exception in the middle of a callback.
-
-    Launchers and terminals often send the signal twice; the second one changes nothing, so the
-    clean-up can never be interrupted by it.
-
-    Attributes:
-        number: the first signal, None while there was none.
-    """
-
-    def __init__(self) -> None:
-        self.number: signal.Signals | None = None
-
-    @property
-    def is_set(self) -> bool:
-        """Whether a signal has arrived."""
-        return self.number is not None
-
-    def install(self) -> None:
-        """Take over both signals, for the rest of the life of the process."""
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._on_signal)
-
-    def _on_signal(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002
-        if self.number is None:
-            self.number = signal.Signals(number)
 
 
 def run_node(

@@ -341,3 +341,8 @@ def frame_in(prefix: str, frame: str) -> str:
     if not prefix or frame in {"", MAP_FRAME} or frame.startswith(f"{prefix}/"):
         return frame
     return f"{prefix}/{frame}"
+
+
+def full_name(namespace: str, name: str) -> str:
+    """Return the full name of a node, or of a topic relative to its namespace."""
+    return f"{namespace.rstrip('/')}/{name}"

@@ -28,7 +28,7 @@ from iptm.trip_files import trip_text
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.program import EXIT_OK, refused
+from iptm_core.program import EXIT_OK, StopRequest, refused
 from iptm_core.routes.cycles import cumulative_integral
 from iptm_core.routes.route import build_route
 from iptm_core.settings import PreviewSettings
@@ -37,7 +37,7 @@ from iptm_core.units import KM_H_PER_M_S
 from iptm_ros.codecs import decode_motion
 from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
 from iptm_ros.discovery import middleware_settings, reserve_domain
-from iptm_ros.process import StopRequest, joined_node
+from iptm_ros.process import joined_node
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import Topic
 from iptm_traffic import cli

@@ -19,9 +19,8 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from iptm_core.errors import IptmError, ViewError
-from iptm_core.program import EXIT_OK, refused
+from iptm_core.program import EXIT_OK, StopRequest, refused
 from iptm_ros.discovery import middleware_settings
-from iptm_ros.process import StopRequest
 from iptm_ros.recording.run_information import load_run_information
 from iptm_view.foxglove_server import FoxgloveServer
 from iptm_view.graph_subscriptions import listening_node

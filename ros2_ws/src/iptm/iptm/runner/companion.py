@@ -1,33 +1,34 @@
 """A process beside a run, of lowest priority: drives the trip to compare with, then draws the picture.
 
-Both need a second or more, which nobody waits for while the trip takes place. Requests, a function and its
-arguments, and answers are pickles on its standard input and output.
+Both need a second or more, which nobody waits for while the trip takes place. Requests are a function and its
+arguments.
 """
 
 from __future__ import annotations
 
 import os
-import pickle
-import sys
-from contextlib import AbstractContextManager, redirect_stdout, suppress
-from functools import cached_property
+import signal
+from collections.abc import Callable
+from contextlib import AbstractContextManager, suppress
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from multiprocessing.context import ForkContext, SpawnContext
 from pathlib import Path
-from subprocess import Popen
 from typing import TYPE_CHECKING, Any
 
-from iptm.runner.supervisor import piped_process
+from iptm.runner.fork import has_one_thread, leave_parent, signals_held
 from iptm.trip import Trip
 from iptm_core.errors import DriveError, IptmError
 
 if TYPE_CHECKING:
     from iptm.run import Run
 
-_MODULE = "iptm.runner.companion"
+_NAME = "companion"
 _NICENESS = 19
 
 
 class Companion(AbstractContextManager["Companion"]):
-    """The process, which ends with the context.
+    """The process, which ends with the context and is idle until the first request.
 
     Args:
         log: file for what it prints.
@@ -35,22 +36,20 @@ class Companion(AbstractContextManager["Companion"]):
 
     def __init__(self, log: Path) -> None:
         self._log = log
+        context: ForkContext | SpawnContext = (
+            get_context("fork") if has_one_thread() else get_context("spawn")
+        )
+        self._requests, end = context.Pipe()
+        given = (os.getpid(), log, end)
+        self._process = context.Process(target=_serve, args=given, daemon=True)
+        with signals_held():
+            self._process.start()
+        end.close()
 
-    @cached_property
-    def _process(self) -> Popen[bytes]:
-        return piped_process([sys.executable, "-m", "iptm_core", _MODULE], self._log)
-
-    def start(self) -> None:
-        """Start ahead of the first request."""
-        self._process.poll()
-
-    def drive(self, trip: Trip, path: Path, heading: str) -> None:
-        """Begin to drive a trip, and to write it to a file, compared with the run of a heading."""
-        self._send(drive, trip, path, heading)
-
-    def draw(self, path: Path, run: Run) -> None:
-        """Begin to draw a run."""
-        self._send(draw, path, run)
+    def request(self, function: Callable[..., Any], *arguments: Any) -> None:
+        """Begin to call a function of this module."""
+        with suppress(BrokenPipeError):  # the answer is missing then
+            self._requests.send((function, arguments))
 
     def answer(self) -> Any:
         """Wait for the end of the oldest request: the run that was driven, or None for a picture.
@@ -58,26 +57,23 @@ class Companion(AbstractContextManager["Companion"]):
         Raises:
             IptmError: the request, or the process, failed.
         """
-        assert self._process.stdout is not None  # noqa: S101  it is a pipe
         try:
-            answer = pickle.load(self._process.stdout)  # noqa: S301  of our own process
-        except EOFError:
+            answer = self._requests.recv()
+        except (EOFError, ConnectionResetError):
             raise DriveError(f"the process beside the run ended; see {self._log}") from None
         if isinstance(answer, Exception):
             raise answer
         return answer
 
-    def _send(self, *request: Any) -> None:
-        assert self._process.stdin is not None  # noqa: S101  it is a pipe
-        with suppress(BrokenPipeError):  # the answer is missing then
-            pickle.dump(request, self._process.stdin)
-            self._process.stdin.flush()
-
     def __exit__(self, *error: object) -> None:
         """End the process."""
-        if "_process" in vars(self):
-            self._process.kill()
-            self._process.communicate()
+        self._process.kill()
+        self._process.join()
+
+
+def prepare() -> None:
+    """Import what a picture needs; without an answer."""
+    import iptm.picture  # noqa: F401, PLC0415
 
 
 def drive(trip: Trip, path: Path, heading: str) -> Run:
@@ -97,18 +93,17 @@ def draw(path: Path, run: Run) -> None:
     save_picture(path, run)
 
 
-def main() -> None:
+def _serve(parent: int, log: Path, requests: Connection) -> None:
     """Answer requests until their pipe is closed."""
+    leave_parent(parent, _NAME, log, requests.fileno())
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     os.nice(_NICENESS)
-    import iptm.picture  # noqa: F401, PLC0415  ahead of the request
-
-    answers = sys.stdout.buffer
-    with redirect_stdout(sys.stderr), suppress(EOFError):
+    with suppress(EOFError):
         while True:
-            function, *given = pickle.load(sys.stdin.buffer)  # noqa: S301  of the runner
+            function, given = requests.recv()
             try:
                 answer = function(*given)
             except (IptmError, OSError) as error:
                 answer = error
-            pickle.dump(answer, answers)
-            answers.flush()
+            if function is not prepare:
+                requests.send(answer)

@@ -6,7 +6,6 @@ The nodes are identified by module and parameter names only, as when started by 
 from __future__ import annotations
 
 import json
-import sys
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -15,19 +14,18 @@ from typing import Any
 from iptm.faults.fault import Fault, at_places, plain_faults
 from iptm.faults.kinds import FaultPlace
 from iptm.faults.signals import faulty_name, route_name
+from iptm.runner.fork import PYTHON
 from iptm.trip import Trip
 from iptm.trip_files import trip_text
 from iptm.trip_settings import NODE_SETTINGS, NODES
 from iptm_core.declaration import Scalar, parameter_specs
 from iptm_core.parameters import to_flat_dict
-from iptm_ros.connections import full_name
 from iptm_ros.recording.run_information import MODEL_KEY
-from iptm_ros.topics import BRIDGE, CONTROLLER, PLANT, Topic
+from iptm_ros.topics import BRIDGE, CONTROLLER, PLANT, Topic, full_name
 
 RECORDER = "recorder"
 INJECTOR = "fault_injector"
 COMMENT_WIDTH = 100
-_PYTHON = (sys.executable, "-m", "iptm_core")
 MODULES = {
     PLANT: "iptm_plant_sim.node",
     BRIDGE: "iptm_v2x_bridge.node",
@@ -119,13 +117,13 @@ def node_command(
     for place, (faulty, other) in FAULTY_NODES.items():
         if node == faulty and at_places(faults, place):
             module = other
-    return [*_PYTHON, module, "--ros-args", *ros_arguments]
+    return [*PYTHON, module, "--ros-args", *ros_arguments]
 
 
 def common_command(parameter_files: Iterable[Path], namespace: str) -> list[str]:
     """Return the command that starts all nodes of the loop in one process."""
     files = [each for path in parameter_files for each in ("--params-file", str(path))]
-    return [*_PYTHON, "iptm.runner.one_process", "--ros-args", *_remaps(namespace), *files]
+    return [*PYTHON, "iptm.runner.one_process", "--ros-args", *_remaps(namespace), *files]
 
 
 def recorder_command(
@@ -133,7 +131,7 @@ def recorder_command(
 ) -> list[str]:
     """Return the command that starts the recorder."""
     options = ["--run-information", str(information), "--compression", compression]
-    command = [*_PYTHON, MODULES[RECORDER], str(output), "--in-existing-folder"]
+    command = [*PYTHON, MODULES[RECORDER], str(output), "--in-existing-folder"]
     command += options
     return [*command, "--ros-args", *_remaps(namespace)]
 

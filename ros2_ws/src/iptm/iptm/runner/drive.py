@@ -8,20 +8,21 @@ from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from enum import Enum
-from importlib import import_module
-
-from rclpy.executors import Executor
+from typing import TYPE_CHECKING
 
 from iptm.runner.composition import RECORDER
-from iptm.runner.monitor import RunMonitor, Snapshot
 from iptm.runner.process_faults import ProcessFaults
 from iptm.runner.progress import Progress
 from iptm.runner.supervisor import ProcessEnd, Supervisor
 from iptm.trip import Trip
-from iptm_core.program import EXIT_USER_ERROR
+from iptm_core.program import EXIT_USER_ERROR, StopRequest
 from iptm_ros.discovery import SERVER_VARIABLE
-from iptm_ros.process import StopRequest
 from iptm_ros.topics import PLANT, Topic
+
+if TYPE_CHECKING:
+    from rclpy.executors import Executor
+
+    from iptm.runner.monitor import RunMonitor, Snapshot
 
 START_TIMEOUT_S = 660.0
 """Time for two compilations at a first start, each of which is aborted after 300 s."""
@@ -35,8 +36,6 @@ AFTER_KILL_S = 10.0
 """Time for which a run continues after a fault has killed its plant."""
 IMPOSSIBLE_GAP_M = -1000.0
 """Gap below which messages of different runs must have mixed; the simulation goes on after a collision."""
-RECKONING = ("iptm.runner.evaluation", "iptm.runner.tables")
-"""Modules that only the end needs: imported while the nodes drive, not while somebody waits."""
 _LAST_ANSWER_TIMEOUT_S = 2.0
 _REST_S = 0.05
 _SPIN_S = 0.001
@@ -106,9 +105,10 @@ class Drive(AbstractContextManager["Drive"]):
             self.supervisor.stop(started)
 
     def start(self, commands: Mapping[str, list[str]]) -> None:
-        """Start processes."""
+        """Start processes, those that have not been started yet."""
         for name, command in commands.items():
-            self.supervisor.start(name, command)
+            if name not in self.supervisor.names:
+                self.supervisor.start(name, command)
         self.process_faults.note(commands)
         self.monitor.expect(commands)
 
@@ -126,12 +126,11 @@ class Drive(AbstractContextManager["Drive"]):
 
         return self._spin_until(lambda: time.monotonic() >= until_s, show)
 
-    def run(self) -> DriveResult:
+    def run(self, begun: Callable[[], None] = lambda: None) -> DriveResult:
         """Wait for the trip to begin and to end; all processes must have been started."""
         result = self._wait_for_start()
         if result.outcome is DriveOutcome.FINISHED:
-            for module in RECKONING:
-                import_module(module)
+            begun()
             result = self._wait_for_end()
         return replace(result, wall_time_s=self._wall_time_s())
 

@@ -32,7 +32,7 @@ from iptm_ros.codecs import (
     stamp_ns_of,
     stamp_of,
 )
-from iptm_ros.connections import StartSignal, full_name
+from iptm_ros.connections import StartSignal
 from iptm_ros.diagnostics import TRIP_TIME, Level, find_status, status_values
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import (
@@ -42,6 +42,7 @@ from iptm_ros.topics import (
     TICK_TOPICS,
     TOPICS,
     Topic,
+    full_name,
 )
 
 NAME = "run_monitor"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console, Group
 from rich.live import Live
@@ -12,9 +13,11 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from iptm.runner.monitor import Snapshot
 from iptm_core.decision_record import Rung
 from iptm_core.units import KM_H_PER_M_S
+
+if TYPE_CHECKING:
+    from iptm.runner.monitor import Snapshot
 
 LINE_PERIOD_S = 5.0
 _BAR_WIDTH = 60

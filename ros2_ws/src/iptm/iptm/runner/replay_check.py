@@ -23,7 +23,7 @@ from iptm.runner.composition import node_command, parameter_file_text
 from iptm.runner.replay_inputs import FINAL_ANSWER, OUTPUTS, read_recorded
 from iptm.runner.supervisor import Supervisor, environment_of_run, process_environment
 from iptm_core.errors import ScenarioError
-from iptm_ros.connections import StartSignal, full_name
+from iptm_ros.connections import StartSignal
 from iptm_ros.discovery import reserve_domain
 from iptm_ros.process import joined_node
 from iptm_ros.recording.bag_reader import BagReader
@@ -36,7 +36,7 @@ from iptm_ros.recording.compare_bags import (
 from iptm_ros.recording.recorded_topics import TopicSelection
 from iptm_ros.recording.timeline import read_stamp_ns
 from iptm_ros.suite_node import SuiteNode
-from iptm_ros.topics import PLANT, TOPICS, Topic
+from iptm_ros.topics import PLANT, TOPICS, Topic, full_name
 
 NAME = "replay_check"
 START_TIMEOUT_S = 180.0

@@ -20,8 +20,7 @@ from iptm.trip import NO_COMPARISON, Trip
 from iptm.vehicle_string import drive_string_in_memory, trips_in_string
 from iptm_core.errors import ScenarioError
 from iptm_core.markdown import cells_of
-from iptm_core.program import EXIT_OK, EXIT_SIGNAL, EXIT_USER_ERROR, print_error
-from iptm_ros.process import StopRequest
+from iptm_core.program import EXIT_OK, EXIT_SIGNAL, EXIT_USER_ERROR, StopRequest, print_error
 
 PROGRAM = "iptm run"
 PICTURE = "string.png"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,12 +11,11 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import yaml
-from rclpy.exceptions import InvalidNamespaceException
-from rclpy.validate_namespace import validate_namespace
 from rich.console import Console
 from rich.text import Text
 
-from iptm.runner.companion import Companion
+from iptm.runner.companion import Companion, draw, prepare
+from iptm.runner.companion import drive as reference
 from iptm.runner.composition import (
     RECORDER,
     common_command,
@@ -27,7 +27,6 @@ from iptm.runner.composition import (
     trip_members,
 )
 from iptm.runner.drive import Drive, DriveOutcome, DriveResult
-from iptm.runner.monitor import RunMonitor
 from iptm.runner.process_faults import ProcessFaults, unclean_ends
 from iptm.runner.progress import Progress, make_progress
 from iptm.runner.run_folder import RunFolder
@@ -43,8 +42,7 @@ from iptm.trip import NO_COMPARISON, Trip
 from iptm.trip_files import trip_text
 from iptm.trip_settings import NODES
 from iptm_core.errors import DriveError, IptmError, ScenarioError
-from iptm_core.program import EXIT_OK, EXIT_SIGNAL, EXIT_USER_ERROR, print_error
-from iptm_ros.process import StopRequest, joined_node
+from iptm_core.program import EXIT_OK, EXIT_SIGNAL, EXIT_USER_ERROR, StopRequest, print_error
 from iptm_ros.recording.run_information import collect_run_information
 from iptm_ros.topics import CONTROLLER, PLANT
 
@@ -113,12 +111,20 @@ def run(trip: Trip, options: RunOptions, console: Console) -> int:
         # The reference would drive the plant of the suite, not the user's.
         is_compared = options.against != NO_COMPARISON and PLANT not in trip.foreign
         companion = stack.enter_context(Companion(folder.log_path("companion")))
-        if options.picture:
-            companion.start()
-        if is_compared:
-            other = trip.against(options.against)
-            companion.drive(other, folder.reference, trip.title)
-        result, drive = drive_processes(folder, trip, options, domain, progress, stop)
+
+        def begun() -> None:
+            """Prepare for the end while the nodes drive."""
+            if options.picture:
+                companion.request(prepare)
+            if is_compared:
+                other = trip.against(options.against)
+                companion.request(reference, other, folder.reference, trip.title)
+            import iptm.runner.evaluation  # noqa: PLC0415
+            import iptm.runner.tables  # noqa: F401, PLC0415
+
+        result, drive = drive_processes(
+            folder, trip, options, domain, progress, stop, begun, forks=True
+        )
         if result.outcome is DriveOutcome.FINISHED:
             driven = (drive, result.wall_time_s)
             options = options if is_compared else replace(options, against=NO_COMPARISON)
@@ -137,34 +143,47 @@ def drive_processes(
     domain: RunDomain,
     progress: Progress,
     stop: StopRequest,
+    begun: Callable[[], None] = lambda: None,
+    *,
+    forks: bool = False,
 ) -> tuple[DriveResult, Drive]:
-    """Start the processes of a trip, watch it, and end them; the folder takes logs and bag."""
-    environment = environment_of_run(domain.number, folder.logs / "ros")
-    supervisor = Supervisor(environment, folder.log_path)
-    process_faults = ProcessFaults(supervisor, trip.conditions.faults)
+    """Start the processes of a trip, watch it, and end them; the folder takes logs and bag.
 
-    with (
-        process_environment(environment),  # the runner takes part in the graph itself
-        joined_node(
-            lambda context: RunMonitor(
-                trip.full_namespace,
-                context,
-                trip.foreign,
-                (*trip_members(trip, recorder=options.record), *options.wait_for),
-            ),
-            domain.number,
-        ) as (monitor, executor),
-        Drive(supervisor, monitor, executor, progress, stop, process_faults, trip) as drive,
-    ):
-        commands = _commands(folder, trip, options)
-        early = {name: commands.pop(name) for name in (CONTROLLER, RECORDER) if name in commands}
+    Args:
+        begun: called when the trip has begun.
+        forks: whether they may be copies of this process.
+    """
+    environment = environment_of_run(domain.number, folder.logs / "ros")
+    supervisor = Supervisor(environment, folder.log_path, forks=forks)
+    process_faults = ProcessFaults(supervisor, trip.conditions.faults)
+    commands = _commands(folder, trip, options)
+    members = (*trip_members(trip, recorder=options.record), *options.wait_for)
+    # A private domain has no other participants to look for.
+    first = commands if domain.is_private else (CONTROLLER, RECORDER)
+    early = {name: command for name, command in commands.items() if name in first}
+    with ExitStack() as stack:
+        stack.callback(supervisor.stop)
+        stack.enter_context(process_environment(environment))  # it takes part in the graph itself
+        for name, command in early.items():
+            supervisor.start(name, command)
+        # Loading ROS starts threads; and the nodes load it at the same time.
+        from iptm.runner.monitor import RunMonitor  # noqa: PLC0415
+        from iptm_ros.process import joined_node  # noqa: PLC0415
+
+        monitor, executor = stack.enter_context(
+            joined_node(
+                lambda context: RunMonitor(trip.full_namespace, context, trip.foreign, members),
+                domain.number,
+            )
+        )
+        drive = Drive(supervisor, monitor, executor, progress, stop, process_faults, trip)
+        stack.enter_context(drive)
         drive.start(early)
-        # A private domain has no other participants.
         result = drive.look_around(0.0 if domain.is_private else LOOK_AROUND_S)
         if result.outcome is DriveOutcome.FINISHED:
             drive.start(commands)
             monitor.expect(NODES)
-            result = drive.run()
+            result = drive.run(begun)
     return result, drive
 
 
@@ -201,7 +220,7 @@ def _report(
     console: Console,
 ) -> int:
     """Evaluate a finished trip, write its files and print its tables."""
-    from iptm.runner.evaluation import results_json  # noqa: PLC0415  see RECKONING
+    from iptm.runner.evaluation import results_json  # noqa: PLC0415  see begun
     from iptm.runner.tables import print_end, print_results  # noqa: PLC0415
 
     drive, wall_time_s = driven
@@ -211,7 +230,7 @@ def _report(
             with console.status(f"driving the same trip with strategy {options.against} ..."):
                 run = replace(run, other=companion.answer())
         if options.picture:
-            companion.draw(folder.picture, run)
+            companion.request(draw, folder.picture, run)
     except IptmError as error:
         unclean = unclean_ends(drive.supervisor, drive.process_faults)
         print_error(PROGRAM, "; ".join((str(error), *unclean)))
@@ -228,7 +247,7 @@ def _report(
 
 def _evaluated(bag: RunFolder | None, trip: Trip, drive: Drive, wall_time_s: float) -> Run:
     """Return the run of a finished trip."""
-    from iptm.runner.evaluation import evaluate  # noqa: PLC0415  see RECKONING
+    from iptm.runner.evaluation import evaluate  # noqa: PLC0415  see begun
 
     return evaluate(
         trip,
@@ -272,6 +291,11 @@ def check_over_ros(trip: Trip) -> Trip:
     """
     trip.checked().vehicle.model()
     trip_text(trip)
+    if trip.full_namespace == "/":
+        return trip
+    from rclpy.exceptions import InvalidNamespaceException  # noqa: PLC0415
+    from rclpy.validate_namespace import validate_namespace  # noqa: PLC0415
+
     try:
         validate_namespace(trip.full_namespace)
     except InvalidNamespaceException as error:

@@ -19,7 +19,7 @@ from iptm.runner.supervisor import ProcessEnd, Supervisor, environment_of_run
 from iptm.trip import Trip
 from iptm.trip_files import trip_text
 from iptm_core.errors import ScenarioError
-from iptm_ros.process import StopRequest
+from iptm_core.program import StopRequest
 
 STOP_PATIENCE_S = 30.0
 """For as long the run of a vehicle may take to end its own processes."""

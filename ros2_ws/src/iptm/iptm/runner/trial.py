@@ -26,6 +26,7 @@ from iptm_controller.measurements import Measurements
 from iptm_controller.node_reports import WEAK_BRAKES, is_about_limits, situation
 from iptm_controller.node_ticks import OperatorWatch
 from iptm_core.declaration import TextEnum
+from iptm_core.program import StopRequest
 from iptm_core.settings import LoopMode
 from iptm_core.state import NS_PER_S
 from iptm_ros.assembly import assemble_decisions, assemble_run, split_trips
@@ -36,7 +37,6 @@ from iptm_ros.codecs import (
     stamp_ns_of,
 )
 from iptm_ros.diagnostics import Level as Level  # noqa: PLC0414  for studies
-from iptm_ros.process import StopRequest
 from iptm_ros.stamp_matcher import LEAST_REACH_NS
 from iptm_ros.topics import CONTROLLER, PLANT, TICK_TOPICS, Topic
 

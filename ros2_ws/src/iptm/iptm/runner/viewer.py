@@ -16,7 +16,7 @@ from rich.console import Console
 from iptm.runner.composition import node_parameters, run_information
 from iptm.runner.supervisor import Supervisor, environment_of_run
 from iptm.trip import NO_COMPARISON, Trip
-from iptm_ros.process import StopRequest
+from iptm_core.program import StopRequest
 
 VIEW = "view"
 MODULE = "iptm.runner.view"

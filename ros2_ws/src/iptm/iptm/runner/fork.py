@@ -1,0 +1,131 @@
+"""Copies of a program that run other programs of the suite, without importing everything again."""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import multiprocessing
+import os
+import signal
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from iptm_core.program import main_of_module
+
+PYTHON = (sys.executable, "-m", "iptm_core")
+"""Start of the command of a program of the suite; its module and arguments follow."""
+_SET_PARENT_DEATH_SIGNAL, _SET_NAME = 1, 15  # PR_SET_PDEATHSIG and PR_SET_NAME of prctl(2)
+# Looked up now: between fork and exec only the plainest things are safe.
+_C_LIBRARY = ctypes.CDLL(None) if sys.platform == "linux" else None
+
+
+def has_one_thread() -> bool:
+    """Return whether this process has no other thread, whose locks would stay locked in a copy.
+
+    Those of libraries count, such as the two that rclpy's tracing starts when it is imported.
+    """
+    tasks = Path("/proc/self/task")
+    return tasks.is_dir() and len(list(tasks.iterdir())) == 1
+
+
+@contextmanager
+def signals_held() -> Iterator[None]:
+    """Hold signals that end a program back, until a copy made in the context can answer them itself."""
+    held = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, held)
+
+
+def leave_parent(parent: int, name: str, log: Path, keep: int = -1) -> None:
+    """Make a copy a process of its own, with a session, a name, an output and no open files of the parent.
+
+    Args:
+        parent: process id.
+        name: which `ps -e` and `top` show.
+        log: file for its output.
+        keep: descriptor that stays open.
+    """
+    os.setsid()
+    end_with_parent(parent)
+    if _C_LIBRARY is not None:
+        _C_LIBRARY.prctl(_SET_NAME, name.encode())
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    nothing, output = os.open(os.devnull, os.O_RDONLY), os.open(log, os.O_WRONLY | os.O_CREAT)
+    for source, target in ((nothing, 0), (output, 1), (output, 2)):
+        os.dup2(source, target)
+    for descriptor in [int(each.name) for each in Path("/proc/self/fd").iterdir()]:
+        if descriptor not in {
+            0,
+            1,
+            2,
+            keep,
+        }:  # a socket that holds the parent's ROS domain, for example
+            with suppress(OSError):
+                os.close(descriptor)
+    sys.stdout, sys.stderr = (
+        open(each, "w", buffering=1, encoding="utf-8", closefd=False)  # noqa: SIM115  as long as it lives
+        for each in (1, 2)
+    )
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
+
+
+class Fork:
+    """A copy of this process that runs a program of the suite.
+
+    Args:
+        name: of the process.
+        arguments: module and arguments of the program.
+        log: file for its output.
+        environment: of the program.
+    """
+
+    def __init__(
+        self, name: str, arguments: Sequence[str], log: Path, environment: Mapping[str, str]
+    ) -> None:
+        given = (os.getpid(), name, arguments, log, environment)
+        fork = multiprocessing.get_context("fork")
+        self._process = fork.Process(target=_run_program, args=given, daemon=True)
+        gc.freeze()  # a collection in the copy would write to all pages that both share
+        with signals_held():
+            self._process.start()
+
+    @property
+    def pid(self) -> int:
+        """Process id."""
+        assert self._process.pid is not None  # noqa: S101  it was started
+        return self._process.pid
+
+    def poll(self) -> int | None:
+        """Return the exit code, negative for a signal; None while it runs."""
+        return self._process.exitcode
+
+    def send_signal(self, number: int, /) -> None:
+        """Send a signal, unless it has ended."""
+        if self.poll() is None:
+            os.kill(self.pid, number)
+
+
+def _run_program(
+    parent: int, name: str, arguments: Sequence[str], log: Path, environment: Mapping[str, str]
+) -> None:
+    leave_parent(parent, name, log)
+    os.environ.clear()
+    os.environ.update(environment)
+    sys.argv = [*PYTHON[2:], *arguments]
+    main_of_module()  # which lets SIGINT through
+
+
+def end_with_parent(parent: int) -> None:
+    """Run in the child before the program: have Linux interrupt it when the runner dies."""
+    # Programs started in the background of a shell ignore SIGINT, and so would their children.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    if _C_LIBRARY is None:
+        return
+    _C_LIBRARY.prctl(_SET_PARENT_DEATH_SIGNAL, int(signal.SIGINT))
+    if os.getppid() != parent:  # the runner died in between
+        os._exit(1)
