@@ -22,6 +22,7 @@ from iptm_core.metrics import gap_margins_m
 from iptm_core.settings import VEHICLE_LENGTH_M
 from iptm_core.state import Command
 from iptm_ros.codecs import decode_command
+from iptm_ros.discovery import PROFILE_VARIABLE
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.trajectory_reader import read_decisions, read_trajectory
 from iptm_ros.topics import TOPICS, Topic
@@ -126,14 +127,18 @@ def pid_of(module: str, namespace: str, parent: str) -> int | None:
 def test_a_vehicle_that_dies_is_reported_and_the_one_behind_goes_on_without_it(
     launcher: Any, tmp_path: Path, wait_until: Callable[..., None]
 ) -> None:
-    output = tmp_path / "run"
+    """DDS is told to take a silent process for dead after 5 s, as it does after 20 s otherwise."""
+    output, profile = tmp_path / "run", tmp_path / "profile.xml"
+    lease = "<leaseDuration><sec>5</sec></leaseDuration><leaseAnnouncement>"
+    shipped = Path(launcher.environment[PROFILE_VARIABLE]).read_text("utf-8")
+    profile.write_text(shipped.replace("<leaseAnnouncement>", lease), "utf-8")
     runner = launcher.start_module(
-        MODULE, "--vehicles", "2", "--duration-s", "100", "--no-picture", "--output", output
+        MODULE, "--vehicles", "2", *OPTIONS, "--output", output, **{PROFILE_VARIABLE: str(profile)}
     )
 
     def under_way() -> bool:
         sizes = [path.stat().st_size for path in (output / "car_2").glob("*.mcap")]
-        return sum(sizes) > 200_000 or not runner.is_running
+        return sum(sizes) > 40_000 or not runner.is_running
 
     wait_until(under_way, RUN_TIMEOUT_S, "messages in the bag of car_2")
     pid = pid_of("iptm_controller.node", "/car_1", str(output))
@@ -143,7 +148,7 @@ def test_a_vehicle_that_dies_is_reported_and_the_one_behind_goes_on_without_it(
     assert "car_1: controller was killed by signal 9 (SIGKILL)" in runner.stderr
     # Behind a leader that is taken to have braked to a halt, car_2 has finished its trip.
     trajectory = read_trajectory(output / "car_2", "car_2")
-    assert trajectory.time_s[-1] == 100.0
+    assert trajectory.time_s[-1] == TICKS
     assert trajectory.gap_m.min() > 0.0
     assert trajectory.leader_speed_m_s[-1] == pytest.approx(0.0, abs=1e-9)
     with BagReader(output / "car_2") as reader:
