@@ -7,18 +7,22 @@ from typing import Any
 
 import numpy as np
 import pytest
+from builtin_interfaces.msg import Time
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.typesys import Stores, get_typestore
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import BatteryState, JointState
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64, Float64MultiArray
 
 from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
 from iptm_core.state import (
+    BatteryReading,
     Command,
     IntervalPowers,
+    LeaderPreview,
     LeaderState,
     PlantObservation,
     SafetyRecord,
@@ -26,14 +30,26 @@ from iptm_core.state import (
 )
 from iptm_ros.codecs import (
     PlanTrajectory,
+    battery_bytes,
+    decode_leader_preview,
+    encode_battery,
+    encode_clock,
     encode_command,
     encode_decision_record,
+    encode_float64,
     encode_leader,
+    encode_leader_preview,
     encode_observation,
     encode_plan,
+    encode_road_ahead,
+    leader_preview_bytes,
+    plan_bytes,
+    road_ahead_bytes,
+    road_of,
     serialized,
+    table_of,
 )
-from iptm_ros.topics import TOPICS, frame_in
+from iptm_ros.topics import TOPICS, Topic, frame_in
 
 number = st.floats(allow_nan=False)
 stamp_s = st.integers(0, 10**6).map(lambda ms: ms / 1e3)
@@ -88,8 +104,65 @@ def test_a_table_has_no_byte_too_many(count: int, stamp_ms: int, prefix: str, ra
     columns = np.array([[random.uniform(-1e3, 1e3) for _ in range(6)] for _ in range(count)])
     times_s = stamp_ms / 1e3 + np.cumsum([random.uniform(0.01, 5.0) for _ in range(count)])
     plan = PlanTrajectory(times_s, *columns.reshape(count, 6).T)
-    message = with_prefix(encode_plan(plan, stamp_ms * 10**6), prefix)
-    assert len(serialize_message(message)) == length(message)
+    stamp_ns = stamp_ms * 10**6
+    message, data = (
+        with_prefix(encode_plan(plan, stamp_ns), prefix),
+        plan_bytes(plan, stamp_ns, prefix),
+    )
+    assert len(serialize_message(message)) == length(message) == len(data)
+    assert deserialize_message(data, type(message)) == message
+    found = table_of(Topic.PLAN, data)
+    assert found is not None
+    assert found.stamp_ns == stamp_ns
+    for name, column in zip(TOPICS[Topic.PLAN].fields, vars(plan).values(), strict=True):
+        assert np.array_equal(found.value[name], column)
+    # Bytes of another form are left to the decoder of their type.
+    at = data.index(b"speed_m_s")
+    for other in (data[:-1], data + b"\0", data[:at] + b"c" + data[at + 1 :], data[:11]):
+        assert table_of(Topic.PLAN, other) is None
+
+
+@pytest.mark.parametrize("topic", [Topic.LEADER_PREVIEW, Topic.LEADER_SAMPLES])
+@pytest.mark.parametrize("bounds_m", [np.empty(0), np.array([0.0, 0.5, 2.0])], ids=["known", "not"])
+def test_a_preview_is_read_from_its_bytes(topic: Topic, bounds_m: np.ndarray) -> None:
+    preview = LeaderPreview(
+        *np.array([[1.0, 2.0, 3.0], [5.0, 7.0, 9.0], [2.0, 2.0, 2.0]]), bounds_m
+    )
+    data = leader_preview_bytes(preview, 1_500_000_000, "car_1", topic)
+    message = with_prefix(encode_leader_preview(preview, 1_500_000_000, topic), "car_1")
+    assert deserialize_message(data, type(message)) == message
+    if bounds_m.size and topic is Topic.LEADER_SAMPLES:
+        assert table_of(topic, data) is None
+        return
+    stamp_ns, found = decode_leader_preview(table_of(topic, data), topic)
+    assert stamp_ns == 1_500_000_000
+    for name, values in vars(found).items():
+        assert np.array_equal(values, getattr(preview, name))
+
+
+@pytest.mark.parametrize("prefix", ["", "car_1", "fleet/car_12"])
+def test_other_bytes_are_those_of_their_messages(prefix: str) -> None:
+    reading = BatteryReading(
+        3.5, 350.0, -12.3, (3.61, 3.62, 3.5), (300.0, 301.0, 302.0), 40, 50, 60
+    )
+    pairs = [(encode_battery(reading), battery_bytes(reading, prefix))]
+    for has_leader in (True, False):
+        road = encode_road_ahead(None, 7, has_leader=has_leader)
+        data = road_ahead_bytes(None, 7, prefix, has_leader=has_leader)
+        assert isinstance(data, bytes)
+        pairs.append((road, data))
+        known = road_of(Topic.ROAD_AHEAD, data)
+        assert known is not None
+        assert (known.stamp_ns, known.value.has_leader) == (7, has_leader)
+        assert road_of(Topic.ROAD_AHEAD, data + b"\0") is None
+    for message, data in pairs:
+        again = serialize_message(with_prefix(message, prefix))
+        assert repr(deserialize_message(data, type(message))) == repr(
+            deserialize_message(again, type(message))
+        )
+        assert len(data) == length(message)
+    assert deserialize_message(encode_clock(5 * 10**9 + 9), Clock).clock == Time(sec=5, nanosec=9)
+    assert deserialize_message(encode_float64(1.25), Float64).data == 1.25
 
 
 def test_a_serialized_message_has_no_byte_too_many() -> None:

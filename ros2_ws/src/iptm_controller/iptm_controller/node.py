@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any
 
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64, Float64MultiArray
+from std_msgs.msg import Float64MultiArray
 
 from iptm_controller.decision import ControllerMemory, Decision
 from iptm_controller.node_parameters import CHANGEABLE, ControllerNodeParameters, SettingsChanges
@@ -41,7 +41,8 @@ from iptm_ros.codecs import (
     decode_slope,
     encode_command,
     encode_decision_record,
-    encode_plan,
+    encode_float64,
+    plan_bytes,
     read_numbers,
     stamp_of,
 )
@@ -264,11 +265,10 @@ class ControllerNode(SuiteNode):
         self._solve_publisher.publish(
             encode_decision_record.data(prefix, stamp_ns, decision.record)
         )
-        plan = encode_plan(plan_trajectory(decision.plan), stamp_ns)
-        plan.header.frame_id = self.frame(plan.header.frame_id)
+        plan = plan_bytes(plan_trajectory(decision.plan), stamp_ns, prefix)
         self._plan_publisher.publish(plan)
-        self._acceleration_publisher.publish(Float64(data=float(command.acceleration_m_s2)))
-        self._power_publisher.publish(Float64(data=float(command.compressor_power_w)))
+        self._acceleration_publisher.publish(encode_float64(command.acceleration_m_s2))
+        self._power_publisher.publish(encode_float64(command.compressor_power_w))
         self._command_publisher.publish(encode_command.data(prefix, stamp_ns, command))
 
     # --- diagnostics

@@ -6,7 +6,6 @@ import math
 from typing import Any
 
 from rclpy.timer import Timer
-from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
 from iptm_core.errors import IptmError, MessageError, PackEmptyError
@@ -18,12 +17,12 @@ from iptm_plant_sim.plant_step import battery_reading
 from iptm_plant_sim.schedule import Schedule, TimeBetweenTicks
 from iptm_plant_sim.trip import CommandHold, TripPhase
 from iptm_ros.codecs import (
+    battery_bytes,
     decode_command,
-    encode_battery,
+    encode_clock,
     encode_observation,
+    ns_from_s,
     stamp_of,
-    time_from_ns,
-    time_from_s,
 )
 from iptm_ros.node_health import Watchdog
 from iptm_ros.parameters import FrictionInput, declare_parameters
@@ -248,11 +247,12 @@ class TripNode(SuiteNode):
     def _publish_state(self) -> None:
         step = self._trip.step
         found: dict[Topic, Any] = dict(encode_observation(step, self.frame_prefix))
-        found[Topic.PLANT_BATTERY] = encode_battery(battery_reading(step, self._trip.parameters))
+        battery = battery_reading(step, self._trip.parameters)
+        found[Topic.PLANT_BATTERY] = battery_bytes(battery, self.frame_prefix)
         for topic in PUBLISHED:
             self._outputs[topic].publish(found[topic])
         self._played_sensor.publish(step.state, self._trip.stamp_ns)
-        self._outputs[Topic.CLOCK].publish(Clock(clock=time_from_s(step.state.time_s)))
+        self._outputs[Topic.CLOCK].publish(encode_clock(ns_from_s(step.state.time_s)))
         self._published_s = self.awake.now_s()
 
     def _repeat_if_unanswered(self) -> None:
@@ -268,7 +268,7 @@ class TripNode(SuiteNode):
     def _publish_time_between(self) -> None:
         time_ns = self._between.take_ns()
         if time_ns is not None:
-            self._outputs[Topic.CLOCK].publish(Clock(clock=time_from_ns(time_ns)))
+            self._outputs[Topic.CLOCK].publish(encode_clock(time_ns))
 
     def _on_wall_tick(self) -> None:
         if self._phase in {TripPhase.PAUSED, TripPhase.FINISHED} or self._schedule is None:

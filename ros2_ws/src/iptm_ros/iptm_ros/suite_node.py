@@ -21,7 +21,7 @@ from std_srvs.srv import Trigger
 from iptm_core.errors import IptmError, ParameterError
 from iptm_core.settings import MOST_PREVIEW_STEPS
 from iptm_core.user_input import suggestion
-from iptm_ros.codecs import numbers_of
+from iptm_ros.codecs import numbers_of, road_of, table_of
 from iptm_ros.connections import LOOK_PERIOD_S, ConnectionsReport
 from iptm_ros.node_health import AwakeClock, Heartbeat, NodeHealth
 from iptm_ros.qos import STREAM_QOS
@@ -287,4 +287,5 @@ class SuiteNode(Node):
 
 
 def _decoded(topic: Topic, kind: type[Any], data: bytes) -> Any:
-    return numbers_of(topic, data) or deserialize_message(data, kind)
+    found = numbers_of(topic, data) or table_of(topic, data) or road_of(topic, data)
+    return found or deserialize_message(data, kind)

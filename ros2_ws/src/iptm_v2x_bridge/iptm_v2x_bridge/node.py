@@ -7,15 +7,13 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-from rosgraph_msgs.msg import Clock
-
 from iptm_core.settings import LeaderSource, PreviewMode
 from iptm_ros.codecs import (
     encode_leader,
-    encode_leader_preview,
-    encode_road_ahead,
     encode_slope,
-    ns_from_time,
+    leader_preview_bytes,
+    road_ahead_bytes,
+    stamp_ns_of,
 )
 from iptm_ros.command_line import node_main
 from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
@@ -75,11 +73,11 @@ class BridgeNode(SuiteNode):
         self.watch_peers(Topic.CLOCK, Topic.LEADER)
         self.every(REPORT_PERIOD_S, self._report)
         self.show_life()
-        self.listen(Topic.CLOCK, self._on_clock)
+        self.listen(Topic.CLOCK, self._on_clock, raw=True)
         self._report()
 
-    def _on_clock(self, message: Clock) -> None:
-        time_ns = ns_from_time(message.clock)
+    def _on_clock(self, clock: bytes) -> None:
+        time_ns = stamp_ns_of(clock)
         if not self._options.is_tick(time_ns):
             return
         verdict = self._gate.judge(time_ns)
@@ -111,16 +109,17 @@ class BridgeNode(SuiteNode):
 
     def _publish(self, answer: BridgeAnswer) -> None:
         time_ns, has_leader = answer.time_ns, answer.leader is not None
-        self._road_publisher.publish(encode_road_ahead(answer.road, time_ns, has_leader=has_leader))
+        prefix = self.frame_prefix
+        road = road_ahead_bytes(answer.road, time_ns, prefix, has_leader=has_leader)
+        self._road_publisher.publish(road)
         if answer.leader is not None:
             # The stamp is the clock's time to the nanosecond, however late the hour.
-            leader = encode_leader.data(self.frame_prefix, answer.leader, time_ns)
+            leader = encode_leader.data(prefix, answer.leader, time_ns)
             self._leader_publisher.publish(leader)
         samples = self._answers.samples(answer)
-        self._samples_publisher.publish(
-            encode_leader_preview(samples, time_ns, Topic.LEADER_SAMPLES)
-        )
-        self._preview_publisher.publish(encode_leader_preview(answer.preview, time_ns))
+        measured = leader_preview_bytes(samples, time_ns, prefix, Topic.LEADER_SAMPLES)
+        self._samples_publisher.publish(measured)
+        self._preview_publisher.publish(leader_preview_bytes(answer.preview, time_ns, prefix))
 
     def _report(self) -> None:
         answer = self._answer

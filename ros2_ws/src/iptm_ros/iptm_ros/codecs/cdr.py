@@ -3,15 +3,30 @@
 from __future__ import annotations
 
 import struct
-from typing import Any, NoReturn
+from dataclasses import dataclass
+from typing import Any, Generic, NoReturn, TypeVar
 
 from iptm_core.errors import MessageError
 from iptm_core.state import NS_PER_S
-from iptm_ros.codecs.time import time_from_ns
+from iptm_ros.codecs.time import parts_of_stamp
 from iptm_ros.topics import Topic
 
+ENCAPSULATION = b"\x00\x01\x00\x00"
 _STAMP = struct.Struct("<iI")
+FRAME_AT = 16
+"""Where the frame of a header starts, behind stamp and length."""
 _STAMP_AT = 4  # the first field of a clock and of every header, after the encapsulation
+
+
+Value = TypeVar("Value")
+
+
+@dataclass(frozen=True)
+class Stamped(Generic[Value]):
+    """What the bytes of a message hold, in its place, with its stamp in integer nanoseconds."""
+
+    stamp_ns: int
+    value: Value
 
 
 def serialized(message: Any) -> bytes:
@@ -46,8 +61,47 @@ def stamp_ns_of(data: bytes) -> int:
 
 def put_stamp(data: bytearray, stamp_ns: int) -> None:
     """Write the stamp of a message that starts with a header into its bytes."""
-    stamp = time_from_ns(stamp_ns)
-    _STAMP.pack_into(data, _STAMP_AT, stamp.sec, stamp.nanosec)
+    _STAMP.pack_into(data, _STAMP_AT, *parts_of_stamp(stamp_ns))
+
+
+def encode_clock(time_ns: int) -> bytes:
+    """Return the bytes of a `rosgraph_msgs/Clock`."""
+    return ENCAPSULATION + _STAMP.pack(*parts_of_stamp(time_ns))
+
+
+def encode_float64(value: float) -> bytes:
+    """Return the bytes of a `std_msgs/Float64`."""
+    return ENCAPSULATION + struct.pack("<d", value)
+
+
+class Writer:
+    """Builds the bytes of a message that starts with a header. Bytes that align the next value are zero.
+
+    Attributes:
+        data: the bytes so far, none more.
+    """
+
+    def __init__(self, frame: str) -> None:
+        self.data = bytearray(ENCAPSULATION)
+        self.put("I", 0, 0)
+        self.put_text(frame)
+
+    def put(self, kind: str, *values: float) -> None:
+        """Append values of a kind of `struct`."""
+        at = len(self.data)
+        self.data += bytes(aligned(at, struct.calcsize(kind)) - at)
+        self.data += struct.pack(f"<{len(values)}{kind}", *values)
+
+    def put_text(self, text: str) -> None:
+        """Append a text."""
+        coded = text.encode() + b"\0"
+        self.put("I", len(coded))
+        self.data += coded
+
+
+def aligned(at: int, size: int) -> int:
+    """Return the next place for a value of a size; the encapsulation does not count."""
+    return at + -(at - _STAMP_AT) % size
 
 
 def _is_whole(data: bytes, message_type: type[Any]) -> bool:

@@ -21,15 +21,13 @@ from operator import attrgetter
 from typing import Any, Generic, ParamSpec, final
 
 from iptm_core.state import NS_PER_S, SPEED_AT_REST_M_S
-from iptm_ros.codecs.cdr import put_stamp, reject, serialized
+from iptm_ros.codecs.cdr import ENCAPSULATION, FRAME_AT, aligned, put_stamp, reject, serialized
 from iptm_ros.codecs.time import ns_from_time, time_from_ns
 from iptm_ros.message_types import AccelStamped, Header, JointState, Odometry, Temperature
 from iptm_ros.topics import TOPICS, Topic, frame_in
 
-_ENCAPSULATION = b"\x00\x01\x00\x00"
 _LENGTH = struct.Struct("<I")
 _STAMP_AND_LENGTH = struct.Struct("<iII")
-_FRAME_AT = 16
 _FROM_POSE_TO_SPEED = 8 * (7 + 36)
 _MOTION_BYTES = _FROM_POSE_TO_SPEED + 8 * (6 + 36)
 _NO_VELOCITY_NO_EFFORT = bytes(8)
@@ -70,22 +68,22 @@ def stamp_of(message: Any) -> int:
 def numbers_of(topic: Topic, data: bytes) -> Numbers | None:
     """Return the numbers of a message; None where its bytes have another form than the suite's."""
     kind = TOPICS[topic].message_type
-    if len(data) < _FRAME_AT or data[:4] != _ENCAPSULATION:
+    if len(data) < FRAME_AT or data[:4] != ENCAPSULATION:
         return None
     seconds, nanoseconds, frame_bytes = _STAMP_AND_LENGTH.unpack_from(data, 4)
-    frame_end = _FRAME_AT + frame_bytes
+    frame_end = FRAME_AT + frame_bytes
     stamp_ns = seconds * NS_PER_S + nanoseconds
     if kind is JointState and topic is not Topic.ROAD_AHEAD:  # its number of values varies
         at = _values_at(topic, frame_bytes)
         end = at + 8 * len(TOPICS[topic].fields)
-        if data[end:] == _NO_VELOCITY_NO_EFFORT and _has_names(topic, data[_FRAME_AT - 4 : at]):
+        if data[end:] == _NO_VELOCITY_NO_EFFORT and _has_names(topic, data[FRAME_AT - 4 : at]):
             return Numbers(stamp_ns, data[at:end])
     elif kind is Odometry:
-        child_at = _aligned(frame_end, 4)
+        child_at = aligned(frame_end, 4)
         if child_at + 4 > len(data):
             return None
         child_end = child_at + 4 + _LENGTH.unpack_from(data, child_at)[0]
-        at = _aligned(child_end, 8)
+        at = aligned(child_end, 8)
         speed_at = at + _FROM_POSE_TO_SPEED
         if len(data) == at + _MOTION_BYTES:
             return Numbers(stamp_ns, data[at : at + 8] + data[speed_at : speed_at + 8])
@@ -95,10 +93,10 @@ def numbers_of(topic: Topic, data: bytes) -> Numbers | None:
 @lru_cache(maxsize=64)
 def _values_at(topic: Topic, frame_bytes: int) -> int:
     """Return where the values of a `sensor_msgs/JointState` start."""
-    at = _aligned(_FRAME_AT + frame_bytes, 4) + 4
+    at = aligned(FRAME_AT + frame_bytes, 4) + 4
     for name in TOPICS[topic].fields:
-        at = _aligned(at, 4) + 4 + len(name) + 1
-    return _aligned(_aligned(at, 4) + 4, 8)
+        at = aligned(at, 4) + 4 + len(name) + 1
+    return aligned(aligned(at, 4) + 4, 8)
 
 
 @lru_cache(maxsize=256)
@@ -107,21 +105,16 @@ def _has_names(topic: Topic, start: bytes) -> bool:
 
     Bytes that align the next entry may be anything.
     """
-    names, shift = TOPICS[topic].fields, _FRAME_AT - 4
+    names, shift = TOPICS[topic].fields, FRAME_AT - 4
     (length,) = _LENGTH.unpack_from(start)
-    at = _aligned(_FRAME_AT + length, 4) - shift
+    at = aligned(FRAME_AT + length, 4) - shift
     parts = [_LENGTH.pack(len(names))]
     parts += [_LENGTH.pack(len(name) + 1) + name.encode() + b"\0" for name in names]
     for part in (*parts, parts[0]):
         if not start.startswith(part, at):
             return False
-        at = _aligned(at + len(part) + shift, 4) - shift
+        at = aligned(at + len(part) + shift, 4) - shift
     return True
-
-
-def _aligned(at: int, size: int) -> int:
-    """Return the next place for a value of a size; the encapsulation does not count."""
-    return at + -(at - 4) % size
 
 
 @dataclass(frozen=True)

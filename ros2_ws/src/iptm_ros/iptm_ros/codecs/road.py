@@ -6,20 +6,22 @@ Each bound has its speed and the end of its validity.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
 from iptm_core.errors import RouteError
 from iptm_core.road_ahead import RoadAhead, SpeedLimits, Stop
 from iptm_core.state import SlopePreview
-from iptm_ros.codecs.cdr import reject
+from iptm_ros.codecs.cdr import FRAME_AT, Stamped, Writer, put_stamp, reject, stamp_ns_of
 from iptm_ros.codecs.table import all_finite, increasing
 from iptm_ros.codecs.time import ns_from_time, time_from_ns
 from iptm_ros.message_types import Float64MultiArray, JointState, MultiArrayDimension
-from iptm_ros.topics import ROAD_FRAME, TOPICS, Topic
+from iptm_ros.topics import ROAD_FRAME, TOPICS, Topic, frame_in
 
 LEAD_VEHICLE, SPEED_LIMIT, STOP = TOPICS[Topic.ROAD_AHEAD].fields
 _SLOPE_LABEL = ", ".join(TOPICS[Topic.SLOPE].fields)
+_LONGEST_FRAME = 256
 _NOTHING_KNOWN = RoadAhead(has_leader=False)
 
 
@@ -46,12 +48,50 @@ def encode_road_ahead(road: RoadAhead | None, stamp_ns: int, *, has_leader: bool
     return message
 
 
-def decode_road_ahead(message: JointState) -> tuple[int, RoadAhead]:
+def road_ahead_bytes(
+    road: RoadAhead | None, stamp_ns: int, prefix: str, *, has_leader: bool
+) -> bytes | JointState:
+    """Return the bytes of `encode_road_ahead` where nothing but the lead vehicle is known, else that."""
+    if road is not None:
+        return encode_road_ahead(road, stamp_ns, has_leader=has_leader)
+    data = bytearray(_without_bounds(frame_in(prefix, ROAD_FRAME), has_leader=has_leader))
+    put_stamp(data, stamp_ns)
+    return bytes(data)
+
+
+def road_of(topic: Topic, data: bytes) -> Stamped[RoadAhead] | None:
+    """Return a road of which nothing but the lead vehicle is known; None for bytes of another form."""
+    if topic is not Topic.ROAD_AHEAD or len(data) < FRAME_AT:
+        return None
+    frame_bytes = int.from_bytes(data[FRAME_AT - 4 : FRAME_AT], "little")
+    for known in (True, False) if 0 < frame_bytes <= _LONGEST_FRAME else ():
+        form = _without_bounds("-" * (frame_bytes - 1), has_leader=known)
+        if data[FRAME_AT + frame_bytes :] == form[FRAME_AT + frame_bytes :]:
+            return Stamped(stamp_ns_of(data), RoadAhead(known))
+    return None
+
+
+@lru_cache(maxsize=16)
+def _without_bounds(frame: str, *, has_leader: bool) -> bytes:
+    message, writer = encode_road_ahead(None, 0, has_leader=has_leader), Writer(frame)
+    writer.put("I", len(message.name))
+    for name in message.name:
+        writer.put_text(name)
+    for values in (message.position, message.velocity, message.effort):
+        writer.put("I", len(values))
+        if values:
+            writer.put("d", *values)
+    return bytes(writer.data)
+
+
+def decode_road_ahead(message: JointState | Stamped[RoadAhead]) -> tuple[int, RoadAhead]:
     """Return stamp (ns) and road ahead of a message; bounds of an unknown kind are refused.
 
     Raises:
         MessageError: lengths differ, a kind is unknown, or a bound is none.
     """
+    if isinstance(message, Stamped):
+        return message.stamp_ns, message.value
     columns = (message.position, message.velocity, message.effort)
     count = len(message.name)
     if any(len(column) != count for column in columns):

@@ -8,22 +8,32 @@ the time of its first row. Where it is uncertain, a further column has its bound
 
 from __future__ import annotations
 
+import struct
 from array import array
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from iptm_core.state import SPEED_AT_REST_M_S, FloatArray, LeaderPreview
-from iptm_ros.codecs.cdr import reject
+from iptm_core.state import FloatArray
+from iptm_ros.codecs.cdr import (
+    FRAME_AT,
+    Stamped,
+    Writer,
+    aligned,
+    put_stamp,
+    reject,
+    stamp_ns_of,
+)
 from iptm_ros.codecs.time import ns_from_time, time_from_ns
 from iptm_ros.message_types import PointCloud2, PointField
-from iptm_ros.topics import ROAD_FRAME, TOPICS, Topic
+from iptm_ros.topics import ROAD_FRAME, TOPICS, Topic, frame_in
 
-TIME, POSITION = "time_s", "position_m"
+TIME, POSITION, SPEED, BOUND = "time_s", "position_m", "speed_m_s", "bound_m"
 _DRAWN = ("x", "y", "z")
+_LENGTH, _TWO, _DENSE = struct.Struct("<I"), struct.Struct("<II"), b"\x01"
 _DRAWN_BYTES = 16  # three float32 and a gap, so that the float64 values are aligned
 
 
@@ -49,6 +59,38 @@ def _layout(names: tuple[str, ...]) -> tuple[Sequence[PointField], np.dtype[np.v
     return [*drawn, *columns], row
 
 
+def _rows(topic: Topic, columns: Mapping[str, FloatArray]) -> NDArray[np.void]:
+    """Return columns, the time and the position among them, as the points of a message."""
+    count = columns[TIME].size
+    if any(column.size != count for column in columns.values()):
+        sizes = ", ".join(str(column.size) for column in columns.values())
+        reject(topic, f"columns have {sizes} entries; allowed: equal numbers")
+    all_finite(topic, TIME, columns[TIME])
+    rows: NDArray[np.void] = np.zeros(count, _layout(tuple(columns))[1])
+    rows["x"] = columns[POSITION]
+    for name, column in columns.items():
+        rows[name] = column
+    return rows
+
+
+def _message(
+    names: tuple[str, ...], rows: NDArray[np.void], stamp_ns: int, frame: str
+) -> PointCloud2:
+    message = PointCloud2(
+        height=1,
+        width=rows.size,
+        fields=_layout(names)[0],
+        is_bigendian=False,
+        point_step=rows.itemsize,
+        row_step=rows.nbytes,
+        data=array("B", rows.tobytes()),
+        is_dense=True,
+    )
+    message.header.stamp = time_from_ns(stamp_ns)
+    message.header.frame_id = frame
+    return message
+
+
 def encode_table(topic: Topic, stamp_ns: int, columns: Mapping[str, FloatArray]) -> PointCloud2:
     """Return a table as a message.
 
@@ -60,33 +102,68 @@ def encode_table(topic: Topic, stamp_ns: int, columns: Mapping[str, FloatArray])
     Raises:
         MessageError: the columns differ in length, or a time is not finite.
     """
-    count = columns[TIME].size
-    if any(column.size != count for column in columns.values()):
-        sizes = ", ".join(str(column.size) for column in columns.values())
-        reject(topic, f"columns have {sizes} entries; allowed: equal numbers")
-    all_finite(topic, TIME, columns[TIME])
-    fields, row = _layout(tuple(columns))
-    rows = np.zeros(count, row)
-    rows["x"] = columns[POSITION]
-    for name, column in columns.items():
-        rows[name] = column
-    message = PointCloud2(
-        height=1,
-        width=count,
-        fields=fields,
-        is_bigendian=False,
-        point_step=row.itemsize,
-        row_step=row.itemsize * count,
-        data=array("B", rows.tobytes()),
-        is_dense=True,
-    )
-    message.header.stamp = time_from_ns(stamp_ns)
-    message.header.frame_id = ROAD_FRAME
-    return message
+    return _message(tuple(columns), _rows(topic, columns), stamp_ns, ROAD_FRAME)
+
+
+def table_bytes(
+    topic: Topic, stamp_ns: int, columns: Mapping[str, FloatArray], prefix: str
+) -> bytes:
+    """Return the bytes of `encode_table`, its frame with the prefix of a vehicle."""
+    rows = _rows(topic, columns)
+    start, fields = _form(tuple(columns), frame_in(prefix, ROAD_FRAME))
+    head = bytearray(start)
+    put_stamp(head, stamp_ns)
+    count, size = _LENGTH.pack(rows.size), _TWO.pack(rows.nbytes, rows.nbytes)
+    return b"".join((head, count, fields, size, rows.data, _DENSE))
+
+
+@lru_cache(maxsize=64)
+def _form(names: tuple[str, ...], frame: str) -> tuple[bytes, bytes]:
+    """Return what is before the number of points, and what is between it and the size of their data."""
+    fields, row = _layout(names)
+    writer = Writer(frame)
+    writer.put("I", 1)  # height
+    count_at = len(writer.data)
+    writer.put("I", 0, len(fields))
+    for field in fields:
+        writer.put_text(field.name)
+        writer.put("I", field.offset)
+        writer.put("B", field.datatype)
+        writer.put("I", field.count)
+    writer.put("B", 0)  # little-endian
+    writer.put("I", row.itemsize)
+    return bytes(writer.data[:count_at]), bytes(writer.data[count_at + _LENGTH.size :])
+
+
+def _count_at(frame_bytes: int) -> int:
+    return aligned(FRAME_AT + frame_bytes, 4) + _LENGTH.size
+
+
+def table_of(topic: Topic, data: bytes) -> Stamped[dict[str, FloatArray]] | None:
+    """Return stamp and columns of a table; None where its bytes have another form than the suite's."""
+    if TOPICS[topic].message_type is not PointCloud2 or len(data) < FRAME_AT:
+        return None
+    at = _count_at(_LENGTH.unpack_from(data, FRAME_AT - _LENGTH.size)[0]) - _LENGTH.size
+    every = tuple(TOPICS[topic].fields)
+    for names in (every, every[:-1]) if every[-1] == BOUND else (every,):
+        fields = _form(names, ROAD_FRAME)[1]
+        first = at + 2 * _LENGTH.size + len(fields) + _TWO.size
+        if data.startswith(fields, at + 2 * _LENGTH.size) and len(data) > first:
+            height, count = _TWO.unpack_from(data, at)
+            step = _DRAWN_BYTES + 8 * len(names)
+            sizes = _TWO.pack(count * step, count * step)
+            is_whole = data.startswith(sizes, first - _TWO.size)
+            if height == 1 and is_whole and len(data) == first + count * step + len(_DENSE):
+                points = np.frombuffer(data, np.float64, count * step // 8, first)
+                columns = points.reshape(count, step // 8)[:, _DRAWN_BYTES // 8 :].T.copy()
+                return Stamped(stamp_ns_of(data), dict(zip(names, columns, strict=True)))
+    return None
 
 
 def decode_table(
-    topic: Topic, message: PointCloud2, optional: Sequence[str] = ()
+    topic: Topic,
+    message: PointCloud2 | Stamped[dict[str, FloatArray]],
+    optional: Sequence[str] = (),
 ) -> tuple[int, dict[str, FloatArray]]:
     """Return the stamp (ns) and the columns of the topic table, shape (n,) each.
 
@@ -94,13 +171,25 @@ def decode_table(
 
     Args:
         topic: gives the names of the columns.
-        message: the table.
+        message: the table, or what was read from its bytes.
         optional: columns that may be missing.
 
     Raises:
         MessageError: a column is missing or no float64, the sizes contradict each other, a value is not
             finite, or the times do not increase.
     """
+    stamp_ns, columns = (
+        (message.stamp_ns, message.value)
+        if isinstance(message, Stamped)
+        else (ns_from_time(message.header.stamp), _columns(topic, message, optional))
+    )
+    for name, column in columns.items():
+        all_finite(topic, name, column)
+    increasing(topic, TIME, columns[TIME])
+    return stamp_ns, columns
+
+
+def _columns(topic: Topic, message: PointCloud2, optional: Sequence[str]) -> dict[str, FloatArray]:
     places = {field.name: field for field in message.fields}
     names = [name for name in TOPICS[topic].fields if name in places or name not in optional]
     missing = [name for name in names if name not in places]
@@ -122,11 +211,7 @@ def decode_table(
             f"big-endian: {bool(message.is_bigendian)}; allowed: one row of little-endian points",
         )
     rows = np.frombuffer(message.data, row, count)
-    columns = {name: rows[name].astype(np.float64) for name in names}
-    for name, column in columns.items():
-        all_finite(topic, name, column)
-    increasing(topic, TIME, columns[TIME])
-    return ns_from_time(message.header.stamp), columns
+    return {name: rows[name].astype(np.float64) for name in names}
 
 
 def _checked(topic: Topic, field: Any, step: int) -> int:
@@ -156,99 +241,3 @@ def increasing(topic: Topic, name: str, values: FloatArray) -> None:
         index = int(good.argmin())
         before, after = values[index], values[index + 1]
         reject(topic, f"values of {name} do not increase: {before} is followed by {after}")
-
-
-SPEED, BOUND = "speed_m_s", "bound_m"
-
-
-def encode_leader_preview(
-    preview: LeaderPreview, stamp_ns: int, topic: Topic = Topic.LEADER_PREVIEW
-) -> PointCloud2:
-    """Return a prediction as a message.
-
-    Raises:
-        MessageError: the arrays differ in length, or a time is not finite.
-    """
-    columns: dict[str, FloatArray] = {
-        TIME: preview.times_s,
-        POSITION: preview.positions_m,
-        SPEED: preview.speeds_m_s,
-    }
-    if preview.bounds_m.size:
-        columns[BOUND] = preview.bounds_m
-    return encode_table(topic, stamp_ns, columns)
-
-
-def decode_leader_preview(
-    message: PointCloud2, topic: Topic = Topic.LEADER_PREVIEW
-) -> tuple[int, LeaderPreview]:
-    """Return the stamp (ns) and the prediction.
-
-    Measured positions, as in ``v2x/leader_samples``, may go back and forth; predicted ones may not.
-
-    Raises:
-        MessageError: see `decode_table`; a leader that drives backwards, a negative bound, or a generation
-            after the publication.
-    """
-    stamp_ns, columns = decode_table(topic, message, optional=(BOUND,))
-    times_s, positions_m, speeds_m_s = columns[TIME], columns[POSITION], columns[SPEED]
-    bounds_m = columns.get(BOUND, np.empty(0))
-    if not times_s.size:
-        return stamp_ns, LeaderPreview.empty()
-    late_ns = round(float(times_s[0]) * 1e9) - stamp_ns
-    if late_ns > 0:
-        reject(topic, f"generated {late_ns} ns after its publication; allowed: at most 0")
-    if float(speeds_m_s.min()) < SPEED_AT_REST_M_S:
-        reject(topic, f"speed is {speeds_m_s.min()}; allowed: at least {SPEED_AT_REST_M_S:g} m/s")
-    if float(bounds_m.min(initial=0.0)) < 0.0:
-        reject(topic, f"bound is {bounds_m.min()} m; allowed: at least 0 m")
-    backwards_m = SPEED_AT_REST_M_S * np.maximum(np.diff(times_s), 1.0)
-    if topic is Topic.LEADER_PREVIEW and (np.diff(positions_m) < backwards_m).any():
-        reject(topic, "positions decrease; allowed: a leader that never drives backwards")
-    return stamp_ns, LeaderPreview(times_s, positions_m, speeds_m_s, bounds_m)
-
-
-PLAN_NAMES = list(TOPICS[Topic.PLAN].fields)
-
-
-@dataclass(frozen=True)
-class PlanTrajectory:
-    """Predicted motion, temperatures and inputs of the ego vehicle at the nodes of the horizon.
-
-    All arrays have shape (n,), in the order of the columns of the message. The inputs hold from their node to
-    the next; the last node repeats the inputs of the last interval.
-
-    Attributes:
-        times_s: node times, increasing, absolute (trip time).
-        positions_m: distance along the road.
-        speeds_m_s: speed.
-        cell_1_temperatures_k: first cell of a coolant channel.
-        cell_n_temperatures_k: last cell of a coolant channel.
-        accelerations_m_s2: acceleration input.
-        compressor_powers_w: compressor power input.
-    """
-
-    times_s: FloatArray
-    positions_m: FloatArray
-    speeds_m_s: FloatArray
-    cell_1_temperatures_k: FloatArray
-    cell_n_temperatures_k: FloatArray
-    accelerations_m_s2: FloatArray
-    compressor_powers_w: FloatArray
-
-
-def encode_plan(plan: PlanTrajectory, stamp_ns: int) -> PointCloud2:
-    """Return a plan as a message, stamped with the state that it starts from."""
-    return encode_table(
-        Topic.PLAN, stamp_ns, dict(zip(PLAN_NAMES, vars(plan).values(), strict=True))
-    )
-
-
-def decode_plan(message: PointCloud2) -> tuple[int, PlanTrajectory]:
-    """Return the stamp (ns) and the plan.
-
-    Raises:
-        MessageError: see `decode_table`.
-    """
-    stamp_ns, columns = decode_table(Topic.PLAN, message)
-    return stamp_ns, PlanTrajectory(*columns.values())

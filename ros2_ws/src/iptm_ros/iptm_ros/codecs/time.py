@@ -33,11 +33,16 @@ def s_from_ns(time_ns: int) -> float:
     return time_ns / NS_PER_S
 
 
-def time_from_ns(stamp_ns: int) -> Time:
-    """Return a stamp message."""
+def parts_of_stamp(stamp_ns: int) -> tuple[int, int]:
+    """Return seconds and nanoseconds of a stamp; `MessageError` where no message can carry it."""
     if not is_stamp(stamp_ns):
         raise MessageError(f"stamp is {stamp_ns} ns; allowed: 0 to {_MAX_STAMP_NS}")
-    seconds, nanoseconds = divmod(stamp_ns, NS_PER_S)
+    return divmod(stamp_ns, NS_PER_S)
+
+
+def time_from_ns(stamp_ns: int) -> Time:
+    """Return a stamp message, see `parts_of_stamp`."""
+    seconds, nanoseconds = parts_of_stamp(stamp_ns)
     return Time(sec=seconds, nanosec=nanoseconds)
 
 

@@ -13,7 +13,6 @@ import numpy as np
 from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
 from iptm_core.lead_track import RangeTrack
 from iptm_core.state import (
-    BatteryReading,
     Command,
     IntervalPowers,
     LeaderState,
@@ -31,9 +30,8 @@ from iptm_ros.codecs.numbers import (
     read_numbers,
     stamp_of,
 )
-from iptm_ros.codecs.time import ns_from_s, ns_from_time, s_from_ns, time_from_ns, time_from_s
+from iptm_ros.codecs.time import ns_from_s, ns_from_time, s_from_ns, time_from_ns
 from iptm_ros.message_types import (
-    BatteryState,
     JointState,
     MultiArrayDimension,
     MultiArrayLayout,
@@ -42,40 +40,7 @@ from iptm_ros.message_types import (
     PointField,
     UInt8MultiArray,
 )
-from iptm_ros.topics import EGO_FRAME, PACK_FRAME, TOPICS, Topic
-
-
-def encode_battery(reading: BatteryReading) -> BatteryState:
-    """Return the pack's terminal values, the current with the sign of ROS."""
-    current_a = -float(reading.pack_current_a)
-    temperatures_c = [float(t) - CELSIUS_ZERO_K for t in reading.cell_temperatures_k]
-    message = BatteryState(
-        voltage=float(reading.pack_voltage_v),
-        current=current_a,
-        temperature=sum(temperatures_c) / len(temperatures_c),
-        charge=float(reading.charge_ah),
-        capacity=float(reading.capacity_ah),
-        design_capacity=float(reading.design_capacity_ah),
-        percentage=float(reading.charge_ah / reading.capacity_ah),
-        power_supply_status=_supply_status(current_a),
-        power_supply_health=BatteryState.POWER_SUPPLY_HEALTH_GOOD,
-        power_supply_technology=BatteryState.POWER_SUPPLY_TECHNOLOGY_LION,
-        present=True,
-        cell_voltage=[float(v) for v in reading.cell_voltages_v],
-        cell_temperature=temperatures_c,
-        location=PACK_FRAME,
-    )
-    message.header.stamp = time_from_s(reading.time_s)
-    message.header.frame_id = PACK_FRAME
-    return message
-
-
-def _supply_status(ros_current_a: float) -> int:
-    if ros_current_a < 0.0:
-        return int(BatteryState.POWER_SUPPLY_STATUS_DISCHARGING)
-    if ros_current_a > 0.0:
-        return int(BatteryState.POWER_SUPPLY_STATUS_CHARGING)
-    return int(BatteryState.POWER_SUPPLY_STATUS_NOT_CHARGING)
+from iptm_ros.topics import EGO_FRAME, TOPICS, Topic
 
 
 @encoder(Topic.LEADER)
