@@ -17,6 +17,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 from studies.speed.harness import machine_in_words, run_benchmark
+from studies.speed.transcription import Transcription, problem_bounds, transcribe
 
 from iptm.parts import (
     DEFAULT_STRATEGY,
@@ -36,9 +37,8 @@ from iptm.parts import (
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.compilation import compile_functions
 from iptm_controller.ocp.data import ProblemData
-from iptm_controller.ocp.problem import OptimalControlProblem, problem_bounds
+from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.stage import DEFAULT_SMOOTHING
-from iptm_controller.ocp.transcription import Transcription, transcribe
 from iptm_controller.solvers.riccati.backend import RiccatiBackend
 from iptm_core.compilation import find_compiler
 from iptm_core.errors import SolverSetupError

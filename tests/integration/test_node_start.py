@@ -84,7 +84,7 @@ def test_a_cache_that_cannot_be_written_is_gone_around(launcher: Any) -> None:
 def test_help_names_every_parameter_and_starts_nothing(launcher: Any) -> None:
     process = launcher.start_module(CONTROLLER, "--help")
     assert process.wait() == 0
-    for name in ("strategy", "horizon", "solver", "deadline_ms", "input_timeout_s"):
+    for name in ("strategy", "horizon", "deadline_ms", "input_timeout_s"):
         assert f"  {name} (default: " in process.stdout
     assert process.stderr == ""
 

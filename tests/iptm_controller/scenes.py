@@ -9,6 +9,8 @@ from functools import lru_cache
 
 import casadi as ca
 import numpy as np
+from studies.speed.transcription import Transcription, transcribe
+from tests.iptm_controller.ipopt_backend import IPOPT, IpoptBackend
 
 from iptm_controller.forecast import LeaderForecaster
 from iptm_controller.horizon import Horizon
@@ -19,7 +21,6 @@ from iptm_controller.ocp.grid import ProblemGrid, quadrature, sample_count
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.stage import DEFAULT_SMOOTHING
 from iptm_controller.ocp.stages import build_stage
-from iptm_controller.ocp.transcription import Transcription, transcribe
 from iptm_controller.plan import PlanShifter, sample_positions_m, variables_from_plan
 from iptm_controller.solvers.factory import build_plain_solver
 from iptm_controller.solvers.interface import (
@@ -140,7 +141,13 @@ def plain_solver(
     horizon: str = "3x1+5x5", name: str = "riccati", *, compile_code: bool = True
 ) -> SolverBackend:
     """Return a solver without the check of the switching."""
-    options = SolverOptions(name=name, compile_code=compile_code)
+    return solver_with(horizon, SolverOptions(compile_code=compile_code), name)
+
+
+def solver_with(horizon: str, options: SolverOptions, name: str = "riccati") -> SolverBackend:
+    """Return the solver, or IPOPT as the reference, with options."""
+    if name == IPOPT:
+        return IpoptBackend(OptimalControlProblem(Horizon.parse(horizon), PARAMETERS), options)
     return build_plain_solver(Horizon.parse(horizon), PARAMETERS, options)
 
 

@@ -13,11 +13,11 @@ from types import ModuleType, SimpleNamespace
 
 import casadi as ca
 import pytest
-from tests.iptm_controller.scenes import PARAMETERS
+from tests.iptm_controller import ipopt_backend
+from tests.iptm_controller.scenes import PARAMETERS, solver_with
 
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp.compilation import compile_functions
-from iptm_controller.solvers import ipopt_backend
 from iptm_controller.solvers.factory import build_plain_solver
 from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.solvers.riccati import machine_code
@@ -99,7 +99,7 @@ def test_a_library_of_something_else_is_a_clear_error(
     foreign = compile_functions([square()], compiler)
     monkeypatch.setattr(module, compile_name, lambda *_: foreign)
     with pytest.raises(SolverSetupError, match=f"'{name}' cannot be set up") as caught:
-        build_plain_solver(Horizon.parse("1x1"), PARAMETERS, SolverOptions(name=name))
+        solver_with("1x1", SolverOptions(), name)
     assert foreign.parent == cache
     assert missing in str(caught.value)
 

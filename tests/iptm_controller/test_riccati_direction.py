@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 import pytest
+from studies.speed.transcription import Transcription
 from tests.iptm_controller.scenes import (
     PARAMETERS,
     Problem,
@@ -20,7 +21,6 @@ from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import BLOCK, ROWS
 from iptm_controller.ocp.problem import OptimalControlProblem
-from iptm_controller.ocp.transcription import Transcription
 from iptm_controller.solvers.riccati.line_search import StepSummary
 from iptm_controller.solvers.riccati.program import ITERATE, build_program
 from iptm_controller.solvers.riccati.recursion import PARTS

@@ -11,6 +11,7 @@ from dataclasses import astuple
 
 import numpy as np
 import pytest
+from studies.speed.transcription import StageFunctions, Transcription
 from tests.iptm_controller.scenes import (
     PARAMETERS,
     SCENES,
@@ -25,7 +26,6 @@ from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import InputIndex, LimitIndex, StepIndex
 from iptm_controller.ocp.stage import DEFAULT_PENALTIES
-from iptm_controller.ocp.transcription import StageFunctions, Transcription
 from iptm_core.decision_record import SolveStatus
 from iptm_core.state import FloatArray
 

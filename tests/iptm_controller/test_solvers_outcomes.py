@@ -7,7 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.iptm_controller.scenes import PARAMETERS, Problem, make_scene, plain_solver, problem_of
+from tests.iptm_controller.scenes import (
+    PARAMETERS,
+    Problem,
+    make_scene,
+    plain_solver,
+    problem_of,
+    solver_with,
+)
 
 from iptm_controller.horizon import Horizon
 from iptm_controller.measurements import Measurements
@@ -57,8 +64,7 @@ def test_solving_changes_neither_problem_nor_guess_nor_an_earlier_answer(
 @pytest.mark.parametrize("name", KINDS)
 def test_iteration_limit_is_a_status(name: str) -> None:
     scene = make_scene(gap_m=10.0, speed_m_s=20.0, leader_speed_m_s=5.0)
-    options = SolverOptions(name=name, compile_code=False, max_iterations=1)
-    solver = build_plain_solver(Horizon.parse(GRID), PARAMETERS, options)
+    solver = solver_with(GRID, SolverOptions(compile_code=False, max_iterations=1), name)
     result = solver.solve(*problem_of(scene, GRID))
     assert result.status is SolveStatus.ITERATION_LIMIT
     assert not result.status.usable

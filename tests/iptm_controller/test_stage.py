@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from studies.speed.transcription import Transcription
 from tests.iptm_controller.scenes import (
     PARAMETERS,
     SCENES,
@@ -27,7 +28,6 @@ from iptm_controller.ocp.grid import quadrature, sample_count
 from iptm_controller.ocp.layout import ROWS, LimitIndex, StateIndex
 from iptm_controller.ocp.stage import DEFAULT_PENALTIES, INACTIVE_ROW_M
 from iptm_controller.ocp.stages import GAP_SMOOTHING_M
-from iptm_controller.ocp.transcription import Transcription
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters, PackLimitParameters

@@ -123,7 +123,6 @@ def test_every_parameter_reaches_the_controller() -> None:
     controller = ControllerNodeParameters(
         strategy="reference",
         horizon="2x1+1x5",
-        solver="ipopt",
         compile_code=False,
         max_iterations=42,
         deadline_ms=80.0,
@@ -137,14 +136,13 @@ def test_every_parameter_reaches_the_controller() -> None:
     options = controller.options
     assert options.strategy == STRATEGIES["reference"]
     assert options.horizon == Horizon.parse("2x1+1x5")
-    assert (options.solver.name, options.solver.compile_code) == ("ipopt", False)
+    assert not options.solver.compile_code
     assert options.solver.max_iterations == 42
     assert options.solver.deadline_s == pytest.approx(0.08)
     assert options.solver.tolerance == 1e-4
     assert (options.shifted_plan_ticks, options.safe_law_ticks) == (7, 9)
     assert options.max_preview_age_s == 3.0
     assert options.tick_s == 0.5
-    assert controller.backend.name == "ipopt"
     assert PARAMETERS.gap.max_gap_m != 80.0
 
 

@@ -39,6 +39,7 @@ MORE = {
     "v2x/load.py": {"iptm_ros", "iptm_v2x_bridge", "rclpy", "sensor_msgs", "rosgraph_msgs"},
     "speed/soak.py": {"iptm_ros"},
     "speed/peers.py": {"iptm_controller", "iptm_core", "casadi"},
+    "speed/transcription.py": {"iptm_controller", "iptm_core", "casadi"},
 }
 """What single studies need beyond that: extras, ROS 2, and the problem that solvers are compared on."""
 

@@ -209,7 +209,7 @@ def _with_own_parts(
         # Strategy and horizon belong to the controller that did not drive.
         planned = f", {trip.controller.horizon}, {trip.controller.strategy}"
         run = replace(run, name=run.name.replace(planned, ""))
-        own = dict.fromkeys(("strategy", "horizon", "solver"), _OWN)
+        own = dict.fromkeys(("strategy", "horizon"), _OWN)
         run = run.labelled(f"controller {type(controller).__name__}", own)
     if aging_law is not None:
         run = run.labelled(f"law {aging_law.name}", {"aging_law": aging_law.name})

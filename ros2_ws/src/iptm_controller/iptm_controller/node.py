@@ -281,7 +281,6 @@ class ControllerNode(SuiteNode):
         values: dict[str, object] = {
             "strategy": self._options.strategy,
             "horizon": self._options.horizon,
-            "solver": self._options.solver,
             **self._changes.values,
             "machine_code": self._controller.backend.compiled,
             "limited_ticks": self._counts.limited,

@@ -10,7 +10,6 @@ from iptm_controller.estimator import NoiseSettings
 from iptm_controller.horizon import MULTI_HORIZON, Horizon
 from iptm_controller.options import ControllerOptions
 from iptm_controller.production import ProductionSettings
-from iptm_controller.solvers.factory import SOLVER_NAMES
 from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.strategy import (
     COST_TERMS,
@@ -107,7 +106,6 @@ class ControllerSettings(
         str(MULTI_HORIZON),
         "prediction grid, <steps>x<seconds> parts joined by +, thermal ones with a t behind",
     )
-    solver: str = parameter(_SOLVER.name, "solver back end", choices=SOLVER_NAMES)
     reference_temperature_k: float = parameter(
         FROM_STRATEGY,
         "r_T, temperature that J2 measures deviations from; -1: as in the strategy",
@@ -188,7 +186,6 @@ class ControllerSettings(
             strategy=self.weighted_strategy(),
             horizon=Horizon.parse(self.horizon),
             solver=SolverOptions(
-                name=self.solver,
                 compile_code=self.compile_code,
                 max_iterations=self.max_iterations,
                 deadline_s=1e-3 * self.deadline_ms,

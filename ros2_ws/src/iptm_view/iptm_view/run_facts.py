@@ -44,7 +44,7 @@ ASKED: Mapping[str, tuple[type[Settings], ...]] = {
 }
 """Settings of the nodes that the view can make use of."""
 
-ASKED_OF_CONTROLLER = ("strategy", "horizon", "solver")
+ASKED_OF_CONTROLLER = ("strategy", "horizon")
 LEADER_SOURCE, FROM_CYCLE = "leader_source", "cycle"
 """Parameter of the bridge, and its value where the leader drives the cycle: else that gives the road only."""
 _OF_THE_PLANT_ALONE = (IntegrationSettings, SamplingSettings)

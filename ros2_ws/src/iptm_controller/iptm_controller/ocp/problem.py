@@ -76,15 +76,3 @@ def stage_bounds(model: ModelParameters) -> Bounds:
         rows_low[layout.STATES + rate] = -1.0
         rows_high[layout.STATES + rate] = 1.0
     return Bounds(variables_low, variables_high, rows_low, rows_high)
-
-
-def problem_bounds(steps: int, model: ModelParameters) -> Bounds:
-    """Return the bounds of all variables and rows of a horizon, in the order of the grid."""
-    stage = stage_bounds(model)
-    last = slice(0, layout.STATES)
-    return Bounds(
-        np.concatenate([np.tile(stage.variables_low, steps), stage.variables_low[last]]),
-        np.concatenate([np.tile(stage.variables_high, steps), stage.variables_high[last]]),
-        np.tile(stage.rows_low, steps),
-        np.tile(stage.rows_high, steps),
-    )

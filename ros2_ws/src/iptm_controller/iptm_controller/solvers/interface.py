@@ -14,14 +14,14 @@ from iptm_core.decision_record import SolveStatus
 from iptm_core.frozen import light
 from iptm_core.state import FloatArray
 
-RICCATI, IPOPT = "riccati", "ipopt"
+RICCATI = "riccati"
 FEASIBILITY_TOLERANCE = 1e-4
 """Largest violation of a row or bound that a usable iterate may have, scaled units."""
 
 
 @dataclass(frozen=True)
 class SolverOptions:
-    """Choice of a solver and its settings.
+    """Settings of a solver.
 
     Attributes:
         compile_code: generate and compile C where a compiler is found.
@@ -34,7 +34,6 @@ class SolverOptions:
         smoothing_factor: factor on the widths of the smoothed kinks of the model.
     """
 
-    name: str = RICCATI
     compile_code: bool = True
     max_iterations: int = 150
     deadline_s: float = 0.0

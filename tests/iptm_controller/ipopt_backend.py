@@ -7,15 +7,14 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from studies.speed.transcription import problem_bounds, transcribe
 
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.compilation import compile_functions
 from iptm_controller.ocp.data import ProblemData
-from iptm_controller.ocp.problem import OptimalControlProblem, problem_bounds
-from iptm_controller.ocp.transcription import transcribe
+from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.interface import (
     FEASIBILITY_TOLERANCE,
-    IPOPT,
     STATUS_TEXT,
     SolveResult,
     SolverOptions,
@@ -27,6 +26,8 @@ from iptm_core.decision_record import SolveStatus
 from iptm_core.errors import SolverSetupError
 from iptm_core.physics.ops import BufferedFunction
 from iptm_core.state import FloatArray
+
+IPOPT = "ipopt"
 
 
 class IpoptBackend:

@@ -1,4 +1,4 @@
-"""The horizon as one nonlinear program with the stage structure kept visible.
+"""The horizon as one nonlinear program, for solvers that are compared with the suite's.
 
 Variables, rows and parameters are ordered as in ``ProblemGrid``. Every derivative is taken once per
 stage kind and mapped over the steps of a phase, so that code size does not grow with the horizon and
@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import ProblemGrid
-from iptm_controller.ocp.problem import OptimalControlProblem
+from iptm_controller.ocp.problem import Bounds, OptimalControlProblem, stage_bounds
 from iptm_controller.ocp.stage import StageExpressions
+from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.ops import named_function
 
 Entries = tuple[NDArray[np.int64], NDArray[np.int64]]
@@ -205,3 +206,15 @@ def _assemble(shape: tuple[int, int], entries: Sequence[Entries], values: ca.MX)
     order = np.lexsort((rows, columns))
     sparsity = ca.Sparsity.triplet(*shape, rows[order].tolist(), columns[order].tolist())
     return ca.MX(sparsity, values[order.tolist()])
+
+
+def problem_bounds(steps: int, model: ModelParameters) -> Bounds:
+    """Return the bounds of all variables and rows of a horizon, in the order of the grid."""
+    stage = stage_bounds(model)
+    last = slice(0, layout.STATES)
+    return Bounds(
+        np.concatenate([np.tile(stage.variables_low, steps), stage.variables_low[last]]),
+        np.concatenate([np.tile(stage.variables_high, steps), stage.variables_high[last]]),
+        np.tile(stage.rows_low, steps),
+        np.tile(stage.rows_high, steps),
+    )
