@@ -14,7 +14,7 @@ from iptm_ros.codecs import (
     decode_leader,
     decode_leader_preview,
     decode_road_ahead,
-    ns_from_time,
+    stamp_of,
     time_from_s,
 )
 from iptm_ros.diagnostics import status_values
@@ -46,7 +46,7 @@ class Ego:
         peer.node.listen(Topic.ROAD_AHEAD, self._on_road)
 
     def _on_leader(self, message: Any) -> None:
-        self.leaders[ns_from_time(message.header.stamp)] = decode_leader(message)
+        self.leaders[stamp_of(message)] = decode_leader(message)
 
     def _on_preview(self, message: Any) -> None:
         stamp_ns, preview = decode_leader_preview(message)

@@ -11,7 +11,7 @@ from tests.integration.node_bench import NodeBench, S, node_bench
 
 from iptm_core.state import Command, VehicleState
 from iptm_plant_sim.node import PlantNode
-from iptm_ros.codecs import decode_observation, encode_command, ns_from_time
+from iptm_ros.codecs import decode_observation, encode_command, ns_from_time, stamp_of
 from iptm_ros.services import Service
 from iptm_ros.topics import Topic
 
@@ -61,7 +61,7 @@ class DrivenPlant:
         return next(
             message
             for message in reversed(self.bench.received[topic])
-            if ns_from_time(message.header.stamp) == stamp_ns
+            if stamp_of(message) == stamp_ns
         )
 
     def states(self) -> list[VehicleState]:

@@ -16,7 +16,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.serialization import deserialize_message, serialize_message
 from std_srvs.srv import Trigger
 
-from iptm_ros.codecs import ns_from_time
+from iptm_ros.codecs import stamp_of
 from iptm_ros.diagnostics import Level, status_values
 from iptm_ros.services import Service
 from iptm_ros.suite_node import SuiteNode
@@ -72,7 +72,7 @@ class NodeBench:
 
     def stamps(self, topic: Topic) -> list[int]:
         """Stamps of the messages of a topic, in s."""
-        return [ns_from_time(message.header.stamp) // S for message in self.received[topic]]
+        return [stamp_of(message) // S for message in self.received[topic]]
 
     @property
     def situation(self) -> tuple[Level, str]:

@@ -8,7 +8,7 @@ from rclpy.clock import ROSClock
 from rclpy.parameter import Parameter
 
 from iptm_core.state import NS_PER_S
-from iptm_ros.codecs import ns_from_time
+from iptm_ros.codecs import ns_from_time, stamp_of
 from iptm_ros.topics import Topic
 
 RATE = {"mode": "real_time", "rate_factor": 2.5, "clock_hz": 50.0}
@@ -27,7 +27,7 @@ def test_a_timer_on_trip_time_runs_between_the_ticks_which_alone_are_answered(
     assert isinstance(clock, ROSClock)
     node.create_timer(0.25, lambda: calls.append(clock.now().nanoseconds), clock=clock)
     node.listen(Topic.CLOCK, lambda message: times.append(ns_from_time(message.clock)))
-    node.listen(Topic.LEADER, lambda m: answered.append(ns_from_time(m.header.stamp)))
+    node.listen(Topic.LEADER, lambda m: answered.append(stamp_of(m)))
     launcher.start_node(
         "iptm_v2x_bridge.node",
         parameters={"cycle": "nycc", "clock_hz": RATE["clock_hz"]},

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from iptm_ros.codecs import ns_from_time
+from iptm_ros.codecs import ns_from_time, stamp_of
 from iptm_ros.topics import Topic
 
 S = 1_000_000_000
@@ -36,9 +36,7 @@ def test_a_killed_node_that_is_started_again_is_part_of_the_trip(
     commands: list[int] = []
     peer.node.listen(Topic.CLOCK, lambda message: clocks.append(ns_from_time(message.clock)))
     peer.node.listen(Topic.PLANT_STATE, lambda _: None)
-    peer.node.listen(
-        Topic.COMMAND, lambda message: commands.append(ns_from_time(message.header.stamp))
-    )
+    peer.node.listen(Topic.COMMAND, lambda message: commands.append(stamp_of(message)))
     processes = {
         name: launcher.start_node(module, parameters=PARAMETERS[name])
         for name, module in MODULES.items()

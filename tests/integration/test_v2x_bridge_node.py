@@ -16,7 +16,7 @@ from iptm_ros.codecs import (
     decode_leader,
     decode_leader_preview,
     decode_slope,
-    ns_from_time,
+    stamp_of,
     time_from_s,
 )
 from iptm_ros.diagnostics import Level
@@ -142,4 +142,4 @@ def test_a_namespace_moves_everything_and_the_slope_reaches_who_comes_late(
         return len(heard) == 3
 
     peer.wait_until(is_answered, what="all three topics in the namespace")
-    assert ns_from_time(heard[Topic.LEADER].header.stamp) == S
+    assert stamp_of(heard[Topic.LEADER]) == S
