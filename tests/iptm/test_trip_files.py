@@ -125,7 +125,6 @@ def test_options_come_last(tmp_path: Path) -> None:
         ("leader: {dropout_probability: 1.5}", ("dropout_probability is 1.5", "0 to 1")),
         ("leader: {dropout_burst: 2.5}", ("dropout_burst is 2.5", "whole number")),
         ("controller: {strategy: fastest}", ("strategy is 'fastest'", "reference", "aging")),
-        ("controller: {solver: magic}", ("solver is 'magic'", "riccati")),
         ("conditions: {mode: slow}", ("mode is 'slow'", "lock_step, real_time")),
         ("road: {slope: steep}", ("slope is 'steep'", "as_designed")),
         ("road: {cycle: 5}", ("cycle is 5", "a text")),
