@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from rclpy.timer import Timer
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 
@@ -121,7 +122,6 @@ class NodeRangeSensor:
     ) -> None:
         """Listen to the sensor; `retry` is called when what was waited for may be there."""
         self._is_used = options.safety_monitor
-        self._waits = self._is_used and options.mode is LoopMode.LOCK_STEP
         self._samples: dict[int, LeaderPreview] = {}
         self._retry = retry
         self._awaited_ns = self._given_up_ns = -1
@@ -130,8 +130,10 @@ class NodeRangeSensor:
         # The first message must not be missed: the publisher keeps it.
         qos = TOPICS[Topic.LEADER_SAMPLES].offered_qos
         node.listen(Topic.LEADER_SAMPLES, self._on_samples, qos=qos)
-        self._timer = node.every(WAIT_S, self._give_up)
-        self._timer.cancel()
+        self._timer: Timer | None = None
+        if self._is_used and options.mode is LoopMode.LOCK_STEP:
+            self._timer = node.every(WAIT_S, self._give_up)
+            self._timer.cancel()
 
     def begin_trip(self) -> None:
         """Forget the measurements of another trip."""
@@ -151,7 +153,7 @@ class NodeRangeSensor:
     def allows_answer_to(self, stamp_ns: int) -> bool:
         """Return whether the present state, of a stamp, may be answered; else wait for its measurements."""
         known = stamp_ns in self._samples or stamp_ns == self._given_up_ns
-        if known or self.is_silent or not self._waits:
+        if self._timer is None or self.is_silent or known:
             return True
         if stamp_ns != self._awaited_ns:
             self._awaited_ns = stamp_ns
@@ -166,6 +168,7 @@ class NodeRangeSensor:
         self._retry()
 
     def _give_up(self) -> None:
-        self._timer.cancel()
+        if self._timer is not None:
+            self._timer.cancel()
         self._given_up_ns = self._awaited_ns
         self._retry()
