@@ -3,27 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import difflib
 import sys
-import tempfile
-from collections.abc import Iterator, Sequence
-from concurrent.futures import Executor
-from contextlib import contextmanager
-from dataclasses import replace
-from importlib import import_module
+from collections.abc import Sequence
 from pathlib import Path
-from types import ModuleType
-
-from studies.pages import PAGE, STUDIES, Record, code_of, digest_of, numbers_of, today
-from studies.session import RESULTS, Session
-
-from iptm.parts import IptmError, ScenarioError, refused
 
 PROGRAM = "study"
-NAMES = tuple(sorted(path.parent.name for path in STUDIES.glob(f"*/{PAGE}")))
+NAMES = tuple(sorted(path.parent.name for path in Path(__file__).parent.glob("*/README.md")))
 ALL, STALE, CONFIRM = "all", "stale", "confirm"
 EXIT_OK, EXIT_NOT_HELD = 0, 1
-TIMES_OUT_OF_DATE = "the code has changed since these times were measured"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -33,151 +20,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0 when everything is as it should be, 1 when something did not hold, failed or is stale, 2 for a
         refusal.
     """
-    try:
-        return _main(sys.argv[1:] if arguments is None else list(arguments))
-    except IptmError as error:
-        return refused(PROGRAM, error)
-
-
-def _main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(PROGRAM, description=__doc__)
     parser.add_argument("what", choices=[*NAMES, ALL, STALE, CONFIRM], help="study or command")
     parser.add_argument(
         "rest", nargs=argparse.REMAINDER, help="options, see scripts/study NAME --help"
     )
     chosen = parser.parse_args(arguments)
-    if chosen.what == STALE:
-        stale = list(stale_pages())
-        print("\n".join(stale) or "no page is stale")
-        return EXIT_NOT_HELD if stale else EXIT_OK
-    if chosen.what == CONFIRM:
-        unknown = sorted({*chosen.rest} - {*NAMES})
-        if unknown:
-            raise ScenarioError(f"study is {unknown[0]!r}; allowed: {', '.join(NAMES)}")
-        return max(map(confirm, chosen.rest or NAMES), default=EXIT_OK)
-    names = NAMES if chosen.what == ALL else (chosen.what,)
-    return max(run_study(name, chosen.rest) for name in names)
+    from studies.running import answer  # noqa: PLC0415  a second of imports, not for --help
 
-
-def module_of(name: str) -> ModuleType:
-    """Return the module of a study."""
-    return import_module(f"studies.{name}.run")
-
-
-def run_study(name: str, arguments: Sequence[str]) -> int:
-    """Run a study by its command line; returns the exit code."""
-    module = module_of(name)
-    parser = argparse.ArgumentParser(f"{PROGRAM} {name}", description=module.__doc__)
-    add = parser.add_argument
-    add("--short", action="store_true", help="a little of everything, in seconds")
-    add("--page", action="store_true", help=f"write the page in studies/{name} itself")
-    add("--output", type=Path, metavar="DIR", help=f"folder of the page (results/{name})")
-    add("--workers", type=int, metavar="N", help="processes (one per core)")
-    add("--cluster", metavar="ADDRESS", help="scheduler of dask.distributed that computes instead")
-    add("--cache", type=Path, metavar="DIR", help="folder of finished runs")
-    add("--no-cache", action="store_true", help="keep no finished runs, and use none")
-    add("--quiet", action="store_true", help="no progress")
-    if hasattr(module, "add_options"):
-        module.add_options(parser)
-    options = parser.parse_args(arguments)
-    if options.page and (options.short or options.output):
-        raise ScenarioError("--page with --short or --output; allowed: one of them")
-    output = STUDIES / name if options.page else options.output or RESULTS / name
-    with executor_of(options.cluster) as executor:
-        session = Session(name, options, output, executor)
-        held = module.run(session)
-    if options.page:
-        code = code_of(name)
-        made = {page: digest_of(text) for page, text in session.pages.items()}
-        record = Record(today(), today(), code, made, short_numbers(name))
-        record.write(name)
-    for run, cause in session.failures.items():
-        print(f"{run}: {cause}", file=sys.stderr)
-    return EXIT_OK if held and not session.failures else EXIT_NOT_HELD
-
-
-@contextmanager
-def executor_of(address: str | None) -> Iterator[Executor | None]:
-    """Yield the executor of a cluster, None without an address.
-
-    Raises:
-        ScenarioError: the extra is not installed, or nobody answers at the address.
-    """
-    if address is None:
-        yield None
-        return
-    try:
-        distributed = import_module("distributed")
-    except ImportError as error:
-        raise ScenarioError(
-            "--cluster needs dask.distributed; install requirements/cluster.txt"
-        ) from error
-    try:
-        client = distributed.Client(address, timeout="10s")
-    except OSError as error:
-        raise ScenarioError(f"cluster is {address!r}: {error}") from error
-    with client:
-        yield client.get_executor()
-
-
-def short_numbers(name: str) -> dict[str, str]:
-    """Return the numbers of the short form of a study, by page; nothing where they are times of a machine."""
-    module = module_of(name)
-    if getattr(module, "MEASURES_TIME", False):
-        return {}
-    with tempfile.TemporaryDirectory() as folder:
-        parser = argparse.ArgumentParser()
-        if hasattr(module, "add_options"):
-            module.add_options(parser)
-        options = parser.parse_args([])
-        shared = {"short": True, "no_cache": True, "cache": None, "workers": 1, "quiet": True}
-        session = Session(name, argparse.Namespace(**vars(options), **shared), Path(folder))
-        module.run(session)
-    return {page: numbers_of(text) for page, text in session.pages.items()}
-
-
-def stale_pages() -> Iterator[str]:
-    """Yield a line per study whose code or data have changed since its page was made or confirmed."""
-    for name in NAMES:
-        record = Record.of(name)
-        if record.code != code_of(name):
-            why = f"; out of date: {record.out_of_date}" if record.out_of_date else ""
-            yield f"{name}: made on {record.made}, confirmed on {record.confirmed}{why}"
-
-
-def changes(name: str) -> list[str]:
-    """Return how the numbers of the short form differ from the record, a line each, empty if they do not."""
-    found, lines = short_numbers(name), []
-    known = Record.of(name).short
-    for page in sorted({*found, *known}):
-        before, after = known.get(page, "").split(), found.get(page, "").split()
-        differing = difflib.unified_diff(before, after, "recorded", "now", lineterm="", n=2)
-        lines += [f"{name}/{page}: {line}" for line in differing]
-    return lines
-
-
-def confirm(name: str) -> int:
-    """Run the short form of a study; if its numbers are as recorded, note that the page holds.
-
-    A page with times of a machine gets a note in its foot if the code has changed since.
-    """
-    record, code = Record.of(name), code_of(name)
-    if not record.short:
-        print(f"{name}: times of a machine cannot be confirmed; make the page anew")
-        if code != record.code and not record.out_of_date:
-            replace(record, out_of_date=TIMES_OUT_OF_DATE).write(name)
-        return EXIT_OK
-    differing = changes(name)
-    if differing:
-        print("\n".join(differing))
-        print(
-            f"{name}: the short form has changed; make the page anew: scripts/study {name} --page"
-        )
-        return EXIT_NOT_HELD
-    if code != record.code:
-        replace(record, code=code, confirmed=today(), out_of_date="").write(name)
-    print(f"{name}: confirmed")
-    return EXIT_OK
+    return answer(chosen.what, chosen.rest)
 
 
 if __name__ == "__main__":

@@ -22,7 +22,16 @@ import numpy as np
 from studies.speed.harness import run_benchmark
 
 import iptm
-from iptm.parts import NS_PER_S, Fault, FaultKind, FaultPlace, ScenarioError, in_order, load_cycle
+from iptm.parts import (
+    NS_PER_S,
+    Fault,
+    FaultKind,
+    FaultPlace,
+    ScenarioError,
+    StopRequest,
+    in_order,
+    load_cycle,
+)
 from iptm.runner.drive import Drive, DriveOutcome
 from iptm.runner.monitor import Snapshot
 from iptm.runner.progress import Progress
@@ -30,7 +39,6 @@ from iptm.runner.run_folder import RunFolder
 from iptm.runner.runner import RunOptions, check_over_ros, drive_processes
 from iptm.runner.supervisor import domain_of_run
 from iptm.trip_settings import AUTOMATIC_DOMAIN
-from iptm_core.program import StopRequest
 from iptm_ros.codecs import stamp_ns_of
 from iptm_ros.diagnostics import Level
 from iptm_ros.recording.bag_reader import BagReader

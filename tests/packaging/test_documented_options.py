@@ -8,7 +8,8 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from studies.__main__ import NAMES, module_of
+from studies.__main__ import NAMES
+from studies.running import module_of
 from tests.packaging.packages import ROOT
 
 from iptm.commands.run import build_parser

@@ -9,7 +9,7 @@ from itertools import islice
 from pathlib import Path
 
 import pytest
-from studies.__main__ import NAMES, changes, main, module_of
+from studies.__main__ import NAMES, main
 from studies.embedded import run as embedded
 from studies.embedded import safeguards
 from studies.embedded.run import TOOLS
@@ -24,6 +24,7 @@ from studies.pages import (
     used_by,
     without_foot,
 )
+from studies.running import changes, module_of
 
 from iptm_core.user_input import shown
 

@@ -103,6 +103,7 @@ from iptm_core.physics.traction import regenerative_torque_nm as regenerative_to
 from iptm_core.physics.traction import traction_force_n as traction_force_n
 from iptm_core.physics.traction import traction_power_w as traction_power_w
 from iptm_core.physics.traction import warm_up_force_n as warm_up_force_n
+from iptm_core.program import StopRequest as StopRequest
 from iptm_core.program import refused as refused
 from iptm_core.road_ahead import SpeedLimits as SpeedLimits
 from iptm_core.road_friction import GRAVITY_M_S2 as GRAVITY_M_S2
