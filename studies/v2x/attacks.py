@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from studies.v2x.impostor import CLOCKS, DEPARTURE_S, ContestedSender, Impostor
 
 from iptm.parts import (
     MULTI_HORIZON,
@@ -30,7 +31,6 @@ from iptm.parts import (
     FloatArray,
     Foresight,
     Framing,
-    Impostor,
     Plant,
     PreviewMode,
     PreviewSettings,
@@ -41,7 +41,6 @@ from iptm.parts import (
     TickBridge,
     Trajectory,
     build_route,
-    build_sender,
     car_on_road,
     encode_cam,
     gap_margins_m,
@@ -52,18 +51,11 @@ from iptm.parts import (
 
 ROAD, PARAMETERS = RoadLine.test_road(), load_parameters().values
 BEGIN_S, END_S, TRIP_S = 25, 33, 45
-DEPARTURE_S, BRAKING_TRIP_S = 60, 95
+BRAKING_TRIP_S = 95
 SENDER = SenderSettings(framing=Framing.BARE, path_points=10)
 LEADER, FORGER = SENDER.station_id, 666
 SPEED_M_S = 12.0
 FLOOD = 10_000
-CLOCKS: Mapping[str, dict[str, float]] = {
-    "100 ms ahead": {"impostor_clock_ahead_s": 0.1},
-    "150 ms ahead, arriving later": {"impostor_clock_ahead_s": 0.15, "impostor_delay_s": 0.05},
-    "the same, arriving first": {"link_delay_s": 0.02, "impostor_delay_s": -0.01},
-    "50 ms behind": {"impostor_clock_ahead_s": -0.05},
-}
-"""Stamps of the impostor, and settings of the sender."""
 
 
 class Moment(NamedTuple):
@@ -96,8 +88,9 @@ class AttackedRadio(SimulatedRadio):
         attack: Attack | None,
         settings: SenderSettings = SENDER,
         silent_from_s: float = float("inf"),
+        impostor: Impostor | None = None,
     ) -> None:
-        super().__init__(build_sender(route.leader, ROAD, settings), CamBridge(ROAD))
+        super().__init__(ContestedSender(route.leader, ROAD, settings, impostor), CamBridge(ROAD))
         self._attack = attack
         self._leader = CamSender(route.leader, ROAD, SENDER)
         self._begin_m = 0.0
@@ -257,9 +250,12 @@ def without_radio(route: Route) -> Trajectory:
     return looped(route, settings=PreviewSettings(preview_mode=PreviewMode.NONE)).trajectory
 
 
-def impersonated(route: Route, **settings: Any) -> AttackedRadio:
+def impersonated(
+    route: Route, foresight: Foresight, impostor: Impostor | None, delay_s: float = 0.0
+) -> AttackedRadio:
     """Drive behind a leader whose identity another sender uses."""
-    return drive(route, AttackedRadio(route, None, replace(SENDER, **settings)))
+    settings = replace(SENDER, foresight=foresight, link_delay_s=delay_s)
+    return drive(route, AttackedRadio(route, None, settings, impostor=impostor))
 
 
 def silenced() -> tuple[AttackedRadio, AttackedRadio]:
@@ -312,11 +308,12 @@ def measure() -> dict[str, Any]:
     attacks.append(attack_row("silence: jammed while the leader brakes unheard", *silenced()))
     route = braking_route()
     rows = [impostor_row(without_radio(route), [], "no radio", "-", "-")]
-    departures: list[tuple[str, str, dict[str, Any]]] = [("-", "-", {})]
-    for kind, (stamps, clocks) in product(list(Impostor)[1:], CLOCKS.items()):
-        departures.append((str(kind).replace("_", " "), stamps, {"impostor": kind, **clocks}))
-    for foresight, (name, stamps, more) in product(Foresight, departures):
-        outcome = impersonated(route, foresight=foresight, **more)
+    departures: list[tuple[str, str, Impostor | None, float]] = [("-", "-", None, 0.0)]
+    for drifts, (stamps, (impostor, delay_s)) in product((False, True), CLOCKS.items()):
+        name = "drifts aside" if drifts else "keeps speed"
+        departures.append((name, stamps, replace(impostor, drifts_aside=drifts), delay_s))
+    for foresight, (name, stamps, who, delay_s) in product(Foresight, departures):
+        outcome = impersonated(route, foresight, who, delay_s)
         paths = "yes" if foresight is Foresight.PATH else "no"
         rows.append(impostor_row(outcome.loop.trajectory, outcome.contested, name, stamps, paths))
     return {"attacks": attacks, "impostors": rows}

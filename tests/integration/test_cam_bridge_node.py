@@ -5,20 +5,22 @@ from __future__ import annotations
 import signal
 import socket
 from collections.abc import Callable
+from contextlib import closing
 from typing import Any
 
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
+from studies.v2x.impostor import ContestedSender, Impostor
 from tests.integration.cam_ego import BRIDGE, SENDER, Ego, free_port
 
 from iptm_core.routes import build_route
 from iptm_ros.diagnostics import status_values
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.captures import SimulatedRadio
-from iptm_v2x_bridge.datagrams import EndOfTick
+from iptm_v2x_bridge.datagrams import DatagramSender, EndOfTick
 from iptm_v2x_bridge.sending.sender import CamSender
-from iptm_v2x_bridge.settings import SenderSettings
+from iptm_v2x_bridge.settings import Foresight, SenderSettings
 
 
 @pytest.fixture
@@ -69,12 +71,20 @@ def test_over_the_wire_the_answers_are_those_without_it(launcher: Any, ego: Ego)
 
 def test_a_contested_identity_is_on_diagnostics_within_a_second(launcher: Any, ego: Ego) -> None:
     """A second sender keeps the speed of 10 s while the leader accelerates."""
-    start(
-        launcher, free_port(), impostor="keeps_speed", impostor_departure_s=10.0, foresight="none"
+    port, route = free_port(), build_route("us06", initial_gap_m=15.0)
+    launcher.start_node(
+        BRIDGE, parameters={"leader_source": "cam", "cam_port": port, "cycle": "us06"}
     )
-    ego.wait_for(2)
-    for tick in range(13):
-        ego.tick(float(tick))
+    settings = SenderSettings(foresight=Foresight.NONE)
+    sender = ContestedSender(route.leader, route.road_line, settings, Impostor(10.0))
+    with closing(DatagramSender("127.0.0.1", port)) as radio:
+        ego.wait_for(1)
+        for tick in range(13):
+            now_ns = tick * 10**9
+            for datagram in sender.take(now_ns - 10**9 if tick else None, now_ns)[0]:
+                radio.send(datagram[1])
+            radio.end_tick(now_ns)
+            ego.tick(float(tick))
     ego.peer.wait_until(
         lambda: any("contradict" in status.message for status in ego.statuses),
         what="the contested identity on /diagnostics",

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from studies.v2x.impostor import ContestedSender, Impostor
 from tests.iptm_v2x_bridge.radio import ROAD, station
 
 from iptm_core.routes.cycles import LeaderMotion
@@ -14,8 +15,8 @@ from iptm_v2x_bridge.bridge import BridgeAnswer
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.messages.cam import CamMessage
 from iptm_v2x_bridge.rejections import Rejection
-from iptm_v2x_bridge.sending.sender import build_sender
-from iptm_v2x_bridge.settings import Foresight, Framing, Impostor, SenderSettings
+from iptm_v2x_bridge.sending.sender import CamSender
+from iptm_v2x_bridge.settings import Foresight, Framing, SenderSettings
 from iptm_v2x_bridge.stations.table import STATION_TIMEOUT_MS, StationTable
 
 NS = 10**9
@@ -26,24 +27,23 @@ MOTION = LeaderMotion(
 )
 """A leader at 15 m/s that brakes to a halt with 2.5 m/s2."""
 
-CLOCKS: dict[str, dict[str, float]] = {
-    "100 ms ahead": {"impostor_clock_ahead_s": 0.1},
-    "150 ms ahead, later": {"impostor_clock_ahead_s": 0.15, "impostor_delay_s": 0.05},
-    "equal, first": {"link_delay_s": 0.02, "impostor_delay_s": -0.01},
-    "equal, later": {},
-    "20 ms ahead": {"impostor_clock_ahead_s": 0.02},
-    "50 ms behind": {"impostor_clock_ahead_s": -0.05},
-    "100 ms behind, first": {
-        "link_delay_s": 0.02,
-        "impostor_clock_ahead_s": -0.1,
-        "impostor_delay_s": -0.01,
-    },
+CLOCKS = {
+    "100 ms ahead": (Impostor(DEPARTURE_S, clock_ahead_s=0.1), 0.0),
+    "150 ms ahead, later": (Impostor(DEPARTURE_S, clock_ahead_s=0.15, delay_s=0.05), 0.0),
+    "equal, first": (Impostor(DEPARTURE_S, delay_s=-0.01), 0.02),
+    "equal, later": (Impostor(DEPARTURE_S), 0.0),
+    "20 ms ahead": (Impostor(DEPARTURE_S, clock_ahead_s=0.02), 0.0),
+    "50 ms behind": (Impostor(DEPARTURE_S, clock_ahead_s=-0.05), 0.0),
+    "100 ms behind, first": (Impostor(DEPARTURE_S, clock_ahead_s=-0.1, delay_s=-0.01), 0.02),
 }
+"""Impostors by their stamps, and the delay (s) of the messages of both."""
 
 
-def answers(bridge: CamBridge, settings: SenderSettings, ticks: int) -> Iterator[BridgeAnswer]:
+def answers(
+    bridge: CamBridge, settings: SenderSettings, impostor: Impostor, ticks: int
+) -> Iterator[BridgeAnswer]:
     """Yield the answers to an ego vehicle 25 m behind the leader; datagrams count when they arrive."""
-    sender = build_sender(MOTION, ROAD, settings)
+    sender = ContestedSender(MOTION, ROAD, settings, impostor)
     after_ns = -(10**12)
     for tick in range(ticks):
         for arrival_ns, datagram in sender.arrivals(after_ns, tick * NS):
@@ -53,28 +53,20 @@ def answers(bridge: CamBridge, settings: SenderSettings, ticks: int) -> Iterator
 
 
 @pytest.mark.parametrize(
-    ("impostor", "foresight"),
-    [
-        (Impostor.KEEPS_SPEED, Foresight.NONE),
-        (Impostor.KEEPS_SPEED, Foresight.PATH),
-        (Impostor.DRIFTS_ASIDE, Foresight.NONE),
-    ],
+    ("drifts", "foresight"),
+    [(False, Foresight.NONE), (False, Foresight.PATH), (True, Foresight.NONE)],
 )
 @pytest.mark.parametrize("clock", CLOCKS)
-def test_the_nearer_of_two_senders_leads(
-    clock: str, impostor: Impostor, foresight: Foresight
-) -> None:
+def test_the_nearer_of_two_senders_leads(clock: str, drifts: bool, foresight: Foresight) -> None:
     """From the first tick after the two part, whichever of them is heard first."""
     settings = SenderSettings(
         framing=Framing.BARE,
         foresight=foresight,
         path_points=10,
-        impostor=impostor,
-        impostor_departure_s=DEPARTURE_S,
-        **CLOCKS[clock],  # type: ignore[arg-type]
+        link_delay_s=CLOCKS[clock][1],
     )
-    bridge = CamBridge(ROAD)
-    for answer in answers(bridge, settings, DEPARTURE_S + 6):
+    bridge, impostor = CamBridge(ROAD), replace(CLOCKS[clock][0], drifts_aside=drifts)
+    for answer in answers(bridge, settings, impostor, DEPARTURE_S + 6):
         time_s = answer.time_ns / NS
         if time_s <= DEPARTURE_S:
             continue
@@ -89,13 +81,10 @@ def test_the_nearer_of_two_senders_leads(
 
 def test_the_contest_ends_when_one_of_the_two_falls_silent() -> None:
     settings = SenderSettings(foresight=Foresight.PATH, path_points=10)
-    contested = replace(
-        settings, impostor=Impostor.KEEPS_SPEED, impostor_departure_s=0.0, path_period_s=60.0
-    )
     bridge = CamBridge(ROAD)
-    *_, last = answers(bridge, contested, 12)
+    *_, last = answers(bridge, replace(settings, path_period_s=60.0), Impostor(0.0), 12)
     assert last.contested
-    sender, end_s = build_sender(MOTION, ROAD, settings), 11 + STATION_TIMEOUT_MS // 1000
+    sender, end_s = CamSender(MOTION, ROAD, settings), 11 + STATION_TIMEOUT_MS // 1000
     for tick in range(12, end_s + 2):
         for arrival_ns, datagram in sender.arrivals((tick - 1) * NS, tick * NS):
             bridge.receive(datagram, arrival_ns)

@@ -33,7 +33,7 @@ from studies.v2x.attacks import (
 )
 
 from iptm_core.routes import Route
-from iptm_v2x_bridge.settings import Foresight, Impostor
+from iptm_v2x_bridge.settings import Foresight
 from iptm_v2x_bridge.stations.table import STATION_TIMEOUT_MS
 
 ATTACK_S = END_S - BEGIN_S
@@ -123,12 +123,7 @@ def test_an_identity_that_contradicts_itself_is_contested_as_long_as_it_does(
 def test_an_impostor_of_the_leader_does_not_hide_that_it_brakes(foresight: Foresight) -> None:
     """The smallest gap is that of a vehicle without radio, to within the controller's tolerance."""
     route = braking_route()
-    outcome = impersonated(
-        route,
-        impostor=Impostor.KEEPS_SPEED,
-        foresight=foresight,
-        **CLOCKS["150 ms ahead, arriving later"],
-    )
+    outcome = impersonated(route, foresight, *CLOCKS["150 ms ahead, arriving later"])
     assert outcome.contested.index(True) == DEPARTURE_S + 1
     smallest_gap_m = float(without_radio(route).gap_m.min())
     assert outcome.loop.trajectory.gap_m.min() > smallest_gap_m - 0.05

@@ -140,6 +140,7 @@ from iptm_v2x_bridge.bridge import TickBridge as TickBridge
 from iptm_v2x_bridge.bridge import V2xBridge as V2xBridge
 from iptm_v2x_bridge.cam_bridge import CamBridge as CamBridge
 from iptm_v2x_bridge.captures import SimulatedRadio as SimulatedRadio
+from iptm_v2x_bridge.messages.cam import CamMessage as CamMessage
 from iptm_v2x_bridge.messages.cam import decode_datagram as decode_datagram
 from iptm_v2x_bridge.messages.cam import encode_cam as encode_cam
 from iptm_v2x_bridge.messages.mapem import IntersectionMap as IntersectionMap
@@ -163,10 +164,8 @@ from iptm_v2x_bridge.rejections import Rejection as Rejection
 from iptm_v2x_bridge.rules_of_the_road import OF_THE_CYCLE as OF_THE_CYCLE
 from iptm_v2x_bridge.rules_of_the_road import given_rules as given_rules
 from iptm_v2x_bridge.sending.sender import CamSender as CamSender
-from iptm_v2x_bridge.sending.sender import build_sender as build_sender
 from iptm_v2x_bridge.sending.sender import car_on_road as car_on_road
 from iptm_v2x_bridge.settings import Foresight as Foresight
 from iptm_v2x_bridge.settings import Framing as Framing
-from iptm_v2x_bridge.settings import Impostor as Impostor
 from iptm_v2x_bridge.settings import SenderSettings as SenderSettings
 from iptm_v2x_bridge.stations.station import Station as Station

@@ -36,7 +36,7 @@ from iptm_v2x_bridge.messages.cam import specification
 from iptm_v2x_bridge.messages.packets import its_timestamp_ms
 from iptm_v2x_bridge.node_parameters import SenderNodeParameters, SentDrive
 from iptm_v2x_bridge.sending.plan_sender import EgoTick, PlanSender
-from iptm_v2x_bridge.sending.sender import LONG_BEFORE_NS, CamSender, build_sender
+from iptm_v2x_bridge.sending.sender import LONG_BEFORE_NS, CamSender
 
 WALL_PERIOD_S = 0.01
 
@@ -120,7 +120,7 @@ class SenderNode(SuiteNode):
         self._last_ns = time_ns
 
     def _start(self, time_ns: int) -> CamSender:
-        self._sender = build_sender(
+        self._sender = CamSender(
             self._route.leader, self._route.road_line, self._options, self._start_ms(time_ns)
         )
         return self._sender

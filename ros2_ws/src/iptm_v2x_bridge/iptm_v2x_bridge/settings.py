@@ -220,16 +220,6 @@ class Foresight(TextEnum):
     """Its path with times: the path prediction of the second release."""
 
 
-class Impostor(TextEnum):
-    """A second sender with the identity of the first, whose motion it repeats until its departure."""
-
-    NONE = "none"
-    KEEPS_SPEED = "keeps_speed"
-    """Drives on at the speed that it has then."""
-    DRIFTS_ASIDE = "drifts_aside"
-    """As before, and moves to the left by 1 m/s, out of the lane."""
-
-
 MAX_POINT_INTERVAL_S = 12.6
 """Longest time between two points of a path on the wire."""
 
@@ -271,23 +261,6 @@ class SenderSettings(Settings):
     )
     loss_probability: float = parameter(0.0, "share of the messages lost", "", 0.0, 1.0)
     sender_seed: int = parameter(0, "seed of loss and jitter", "", 0, MAX_SEED)
-    impostor: Impostor = parameter(
-        Impostor.NONE,
-        "second sender with the same identity and settings: none, keeps_speed or drifts_aside",
-    )
-    impostor_departure_s: float = parameter(
-        60.0, "trip time at which the impostor departs from the motion of the leader", "s", 0.0, 1e6
-    )
-    impostor_clock_ahead_s: float = parameter(
-        0.0, "how far the clock of the impostor is ahead", "s", -2.0, 2.0
-    )
-    impostor_delay_s: float = parameter(
-        0.01,
-        "additional delay of the messages of the impostor; negative: they arrive first",
-        "s",
-        -1.0,
-        1.0,
-    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -6,9 +6,7 @@ it is cut into ticks.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -23,13 +21,7 @@ from iptm_v2x_bridge.messages.cam import (
     encode_cam,
 )
 from iptm_v2x_bridge.messages.packets import delta_time_ms, wrap
-from iptm_v2x_bridge.settings import (
-    Foresight,
-    Framing,
-    Impostor,
-    SenderSettings,
-    path_times_s,
-)
+from iptm_v2x_bridge.settings import Foresight, Framing, SenderSettings, path_times_s
 
 BEFORE_START_S = 3.0
 """Time before the trip for which the standing leader sends messages."""
@@ -38,9 +30,6 @@ POSITION_BOUND_M = 0.02
 
 LONG_BEFORE_NS = 10**12
 """Negative, the trip time from which everything has been sent."""
-DRIFT_M_S = 1.0
-"""Lateral speed of an impostor that drifts aside."""
-LONGEST_DRIVE_S = 1e6
 _ACCELERATION_WINDOW_S = 0.2
 HIGHEST_ACCELERATION_M_S2 = 16.0
 """Range of accelerations on the wire."""
@@ -106,8 +95,6 @@ class CamSender:
         settings: SenderSettings,
         start_timestamp_ms: int = 0,
         *,
-        clock_ahead_ms: int = 0,
-        drifts_from_s: float = math.inf,
         plan: tuple[int, float] | None = None,
     ) -> None:
         """Set up a sender.
@@ -117,19 +104,15 @@ class CamSender:
             road: where it drives.
             settings: what is sent.
             start_timestamp_ms: TimestampIts at trip time 0.
-            clock_ahead_ms: messages state the motion at a time that is ahead by this.
-            drifts_from_s: trip time at which it begins to drift to the left.
             plan: tick (ns) whose message alone carries a path, and end (s) of that; None for the settings.
         """
         self._motion, self._road, self._settings = motion, road, settings
         self._start_ms, self._plan = start_timestamp_ms, plan
-        self._clock_ahead_ns, self._drifts_from_s = clock_ahead_ms * NS_PER_MS, drifts_from_s
         self._period_ns = max(round(NS_PER_S / settings.rate_hz / NS_PER_MS), 1) * NS_PER_MS
         self._first = -round(BEFORE_START_S * NS_PER_S) // self._period_ns
 
     def message_at(self, time_ns: int) -> CamMessage:
         """Return the message of an instant (whole milliseconds of trip time, in ns)."""
-        time_ns += self._clock_ahead_ns
         time_s, settings = time_ns / NS_PER_S, self._settings
         around = time_s + np.array([-_ACCELERATION_WINDOW_S, 0.0])
         speed_before, speed = self._motion.speeds_at(around).tolist()
@@ -141,7 +124,6 @@ class CamSender:
             speed,
             acceleration_m_s2=(speed - speed_before) / _ACCELERATION_WINDOW_S,
             length_m=settings.vehicle_length_m,
-            left_m=DRIFT_M_S * max(time_s - self._drifts_from_s, 0.0),
             position_bound_m=settings.position_accuracy_m,
             path=self._path(time_ns),
         )
@@ -208,58 +190,3 @@ class CamSender:
                 delay_s += min(draws.exponential(), 40.0) * settings.link_jitter_s
             generated_ns = number * self._period_ns
             yield generated_ns + round(delay_s * NS_PER_S), generated_ns
-
-
-class _ContestedSender(CamSender):
-    """Merges the messages of a sender and of an impostor with its identity in the order of their arrival.
-
-    The impostor repeats the motion of the leader until it departs from it; its stamps come from its own
-    clock. What both send at one instant agrees: it is the motion at the instant of the stamp.
-    """
-
-    def __init__(
-        self,
-        motion: LeaderMotion,
-        road: RoadLine,
-        settings: SenderSettings,
-        start_timestamp_ms: int = 0,
-    ) -> None:
-        super().__init__(motion, road, settings, start_timestamp_ms)
-        departure_s = settings.impostor_departure_s
-        drifts = settings.impostor is Impostor.DRIFTS_ASIDE
-        self._impostor = CamSender(
-            _departing(motion, departure_s),
-            road,
-            replace(settings, sender_seed=settings.sender_seed ^ 1),
-            start_timestamp_ms,
-            clock_ahead_ms=round(settings.impostor_clock_ahead_s * NS_PER_S) // NS_PER_MS,
-            drifts_from_s=departure_s if drifts else math.inf,
-        )
-        self._delay_ns = round(settings.impostor_delay_s * NS_PER_S)
-
-    def arrivals(self, after_ns: int, until_ns: int) -> list[tuple[int, bytes]]:
-        delay_ns = self._delay_ns
-        forged = self._impostor.arrivals(after_ns - delay_ns, until_ns - delay_ns)
-        found = super().arrivals(after_ns, until_ns)
-        found += [(arrival_ns + delay_ns, datagram) for arrival_ns, datagram in forged]
-        return sorted(found, key=lambda entry: entry[0])
-
-
-def _departing(motion: LeaderMotion, departure_s: float) -> LeaderMotion:
-    """Return a motion that keeps its speed from an instant on."""
-    known = motion.times_s < departure_s
-    speed_m_s = float(motion.speeds_at(departure_s))
-    end_s = departure_s + LONGEST_DRIVE_S
-    return LeaderMotion(
-        np.concatenate([motion.times_s[known], [departure_s, end_s, end_s + 1.0]]),
-        np.concatenate([motion.speeds_m_s[known], [speed_m_s, speed_m_s, 0.0]]),
-        motion.start_position_m,
-    )
-
-
-def build_sender(
-    motion: LeaderMotion, road: RoadLine, settings: SenderSettings, start_timestamp_ms: int = 0
-) -> CamSender:
-    """Return the sender of a drive, with its impostor where the settings ask for one."""
-    kind = CamSender if settings.impostor is Impostor.NONE else _ContestedSender
-    return kind(motion, road, settings, start_timestamp_ms)
