@@ -241,7 +241,7 @@ class TripNode(SuiteNode):
             self._between.begin(self._trip.stamp_ns)
             if not self._is_real_time:
                 self._watchdog.feed()
-                self._outputs[Topic.CLOCK].let_listeners_follow()
+                self._outputs[Topic.CLOCK].let_listeners_follow(self._outputs.values())
         self._report()
 
     def _publish_state(self) -> None:

@@ -224,7 +224,7 @@ class Plant:
     ) -> IntervalResult:
         # Friction brakes supply what the motor does not take; it costs no power.
         least_m_s2 = -self.parameters.brakes.regenerative_deceleration_m_s2
-        if motion.accelerations_m_s2.min() < least_m_s2:
+        if motion.accelerations_m_s2[0] < least_m_s2:  # what follows, if anything, is a hold
             by_motor = np.maximum(motion.accelerations_m_s2, least_m_s2)
             motion = replace(motion, accelerations_m_s2=by_motor)
         slopes = np.empty(motion.positions_m.shape)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
 
@@ -73,18 +73,23 @@ class FramedPublisher(Publisher):
                 msg.child_frame_id = frame_in(self.frame_prefix, msg.child_frame_id)
         super().publish(msg)
 
-    def let_listeners_follow(self) -> None:
+    def let_listeners_follow(self, others: Iterable[Publisher] = ()) -> None:
         """Wait, each time half a queue has been published, until every listener has it, as a recorder must.
 
-        One that has stopped holds this up once, for a second. It is not waited for again until all have
-        followed, or it has left the graph.
+        A listener that has stopped holds this up once, for a second. It is not waited for again until all
+        have followed, or it has left the graph.
+
+        Args:
+            others: waited for as well, as what is lost on the way is sent again topic by topic.
         """
         self._unheard += 1
         if self._unheard < STREAM_QOS.depth // 2:
             return
         self._unheard = 0
         patience_s = 0.0 if self.is_left_behind else _PATIENCE_S
-        self.is_left_behind = not self.wait_for_all_acked(Duration(seconds=patience_s))
+        self.is_left_behind = not all(
+            each.wait_for_all_acked(Duration(seconds=patience_s)) for each in (self, *others)
+        )
 
 
 class SuiteNode(Node):
