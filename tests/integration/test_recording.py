@@ -176,7 +176,7 @@ def test_a_run_started_by_hand_keeps_its_parameters(
 def test_messages_that_a_frozen_recorder_missed_are_counted(
     peer: Any, record: Callable[..., Any], tmp_path: Path
 ) -> None:
-    """The nodes do not wait for a recorder; a publisher keeps ten messages for it."""
+    """The nodes do not wait for a recorder; a publisher keeps a hundred messages for it."""
     reports = peer.statuses("/recorder")
     recorder = record("bag", "--topics", f"/{STATE.value}", "/clock")
     state, clock = peer.node.advertise(STATE), peer.node.advertise(CLOCK)
