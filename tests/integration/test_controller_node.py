@@ -6,7 +6,6 @@ import math
 import time
 from dataclasses import replace
 from functools import reduce
-from itertools import groupby
 from typing import Any
 from unittest import mock
 
@@ -228,22 +227,6 @@ def test_a_new_trip_is_reported_for_three_ticks_and_late_messages_are_counted(
     driving.hear(tick_messages(4.0))
     driving.spin_until(lambda: driving.values["late_messages"] == "3")
     assert driving.stamps(Topic.COMMAND) == answered
-
-
-def test_a_limit_broken_for_long_is_a_warning_once() -> None:
-    with node_bench(ControllerNode, **SMALL, temperature_warning_s=2.5) as bench:
-        bench.hear({Topic.SLOPE: encode_slope(ROAD)})
-        begun = len(bench.reasons())
-        for tick, cell_k in enumerate([320.0] * 5 + [308.5] * 3):
-            cells = {"cell_1_temperature_k": cell_k - 0.5, "cell_n_temperature_k": cell_k}
-            bench.hear(tick_messages(float(tick), **cells))
-            await_answer(bench, tick)
-        bench.spin_until(lambda: bench.values["ticks_optimal"] == "8")
-        assert bench.values["cell_above_limit_s"] == "0"
-        reasons = [reason for reason, _ in groupby(bench.reasons()[begun:])]
-    broken = "plans break limits of temperature"
-    hot = f"{broken}, cell above its highest temperature for long"
-    assert reasons == [broken, hot, WELL[1]]
 
 
 def test_a_burst_of_foreign_messages_fits_into_the_queues(fresh: NodeBench) -> None:

@@ -46,10 +46,8 @@ def test_the_last_state_sent_again_gets_the_same_answer(driving: NodeBench) -> N
     assert_hears(driving, 503)
 
 
-@pytest.mark.parametrize("ahead_s", [3, 1000, 2**31 - 100])
-@pytest.mark.parametrize(
-    "topics", [LINK, LINK[:1], (Topic.PLANT_STATE,), (Topic.PLANT_STATE, *LINK)]
-)
+@pytest.mark.parametrize("ahead_s", [3, 2**31 - 100])
+@pytest.mark.parametrize("topics", [LINK, (Topic.PLANT_STATE,), (Topic.PLANT_STATE, *LINK)])
 def test_stray_stamps_from_the_future_do_not_deafen_the_controller(
     driving: NodeBench, topics: tuple[Topic, ...], ahead_s: int
 ) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -60,12 +59,6 @@ def test_a_process_ends_with_the_code_of_a_mistake(launcher: Any) -> None:
     assert len(process.stderr.splitlines()) == 1
 
 
-def test_bad_cycle_file_names_the_fault(refused: Callable[..., str], tmp_path: Path) -> None:
-    path = tmp_path / "bad.csv"
-    path.write_text("time_s,speed_m_s\n0.0,0.0\n1.0,-3.0\n")
-    assert "bad.csv" in refused(BRIDGE, parameters={"cycle": path})
-
-
 @pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
 def test_a_cache_that_cannot_be_written_is_gone_around(launcher: Any) -> None:
     (launcher.directory / "file").write_text("in the way")
@@ -79,14 +72,6 @@ def test_a_cache_that_cannot_be_written_is_gone_around(launcher: Any) -> None:
     assert process.is_running, process.stderr
     assert f"{cache}/user_" in process.stderr
     assert "Traceback" not in process.stderr
-
-
-def test_help_names_every_parameter_and_starts_nothing(launcher: Any) -> None:
-    process = launcher.start_module(CONTROLLER, "--help")
-    assert process.wait() == 0
-    for name in ("strategy", "horizon", "deadline_ms", "input_timeout_s"):
-        assert f"  {name} (default: " in process.stdout
-    assert process.stderr == ""
 
 
 @pytest.mark.usefixtures("ros_environment")

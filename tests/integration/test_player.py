@@ -130,18 +130,6 @@ def test_player_stops_on_request(
     assert waiting.stop(signal.SIGTERM) == 0
 
 
-def test_bags_that_cannot_be_played(refused: Callable[..., str], bag: Path, tmp_path: Path) -> None:
-    whole = (bag / "bag_0.mcap").read_bytes()
-    (tmp_path / "cut.mcap").write_bytes(whole[:-200])
-    (tmp_path / "foreign.mcap").write_bytes(b"text" * 100)
-    for unsound, message in (
-        (tmp_path / "none", "does not exist"),
-        (tmp_path / "cut.mcap", "scripts/iptm recover"),
-        (tmp_path / "foreign.mcap", "not an MCAP file"),
-    ):
-        assert message in refused(PLAYER, unsound)
-
-
 def test_a_damaged_bag_ends_the_player_with_one_sentence(
     play: Callable[..., Any], tmp_path: Path
 ) -> None:

@@ -135,18 +135,6 @@ def test_everything_in_the_graph_with_its_own_quality_of_service(
         assert "/rosout" in reader.topics
 
 
-def test_existing_bag_and_missing_information_are_mistakes_of_the_user(
-    refused: Callable[..., str], tmp_path: Path
-) -> None:
-    (tmp_path / "bag").mkdir()
-    for arguments, message in (
-        (("bag",), "record: "),
-        (("new", "--run-information", "none.yaml"), "none.yaml: no such file"),
-        (("new", "--exclude", "/clock"), "--time wall"),
-    ):
-        assert message in refused(RECORDER, *arguments)
-
-
 def test_a_run_started_by_hand_keeps_its_parameters(
     launcher: Any, record: Callable[..., Any], tmp_path: Path
 ) -> None:

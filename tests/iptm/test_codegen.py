@@ -89,16 +89,13 @@ def test_recorded_ticks_are_decided_alike(
     assert subprocess.run([bench, ticks], check=False).returncode == 1
 
 
-@pytest.mark.parametrize(("precision", "median"), [("OFF", 0.0), ("ON", 1e-4)])
-def test_build_of_cmake(
-    tmp_path: Path, compiler: tuple[str, ...], precision: str, median: float
-) -> None:
-    """Solver in double and in single precision; in the latter, some ticks choose another plan."""
+def test_build_of_cmake(tmp_path: Path, compiler: tuple[str, ...]) -> None:
+    """In single precision, in which some ticks choose another plan."""
     if shutil.which("cmake") is None:
         pytest.skip("no CMake on this machine")
     folder = written(tmp_path, "--ticks", "90")
     build, decisions = tmp_path / "build", tmp_path / "decisions.txt"
-    configure = ["cmake", "-S", folder, "-B", build, f"-DIPTM_FLOAT={precision}"]
+    configure = ["cmake", "-S", folder, "-B", build, "-DIPTM_FLOAT=ON"]
     for command in (
         [*configure, f"-DCMAKE_C_COMPILER={';'.join(compiler)}"],
         ["cmake", "--build", build],
@@ -107,9 +104,9 @@ def test_build_of_cmake(
     ):
         subprocess.run(command, check=True, timeout=300, capture_output=True)
     off_m_s2, off_w = np.loadtxt(decisions)[:, :2].T
-    assert np.median(np.abs(off_m_s2)) <= median
-    assert np.median(np.abs(off_w)) <= 1000.0 * median
-    assert np.any(off_m_s2) == np.any(off_w) == (precision == "ON")
+    assert np.median(np.abs(off_m_s2)) <= 1e-4
+    assert np.median(np.abs(off_w)) <= 0.1
+    assert np.any(off_m_s2)
 
 
 def test_no_object_asks_for_memory(tmp_path: Path, compiler: tuple[str, ...]) -> None:

@@ -132,15 +132,6 @@ def test_shift_starts_at_the_measured_state_and_obeys_the_kinematics(
     assert (shifted.inputs >= plan.inputs.min(axis=0) - 1e-7).all()
 
 
-def test_shift_by_one_step_on_an_even_grid_moves_the_inputs_by_one() -> None:
-    horizon = Horizon.parse("15x1")
-    plan = random_plan(horizon, 3, make_state())
-    shifted = PlanShifter(horizon).shift(plan, make_state(time_s=plan.start_s + 1.0))
-    np.testing.assert_allclose(shifted.inputs[:-1], plan.inputs[1:], atol=1e-9)
-    np.testing.assert_allclose(shifted.inputs[-1], plan.inputs[-1], atol=1e-9)
-    np.testing.assert_allclose(shifted.states[1:-1, 2:4], plan.states[2:, 2:4], atol=1e-9)
-
-
 @pytest.mark.parametrize("text", ["15x1", "3x1+5x5"])
 def test_cold_start_rolls_on(text: str) -> None:
     state = make_state(compressor_power_w=450.0, acceleration_m_s2=0.8)
@@ -166,14 +157,3 @@ def test_positions_between_the_nodes(text: str, seed: int, elapsed_s: float) -> 
     np.testing.assert_allclose(
         sample_positions_m(plan, plan.node_times_s), plan.states[:, 0], atol=1e-7
     )
-
-
-def test_slacks_are_the_worst_of_each_group() -> None:
-    plan = random_plan(Horizon.parse("3x1+5x5"), 0, make_state())
-    plan.inputs[:, InputIndex.GAP_SHORT :] = -1e-9
-    assert set(plan.slacks.values()) == {0.0}
-    plan.inputs[4, InputIndex.GAP_LONG] = 3.0
-    plan.inputs[2, InputIndex.GAP_SHORT] = 2.0
-    plan.inputs[7, InputIndex.SPEED_EXCESS] = 0.5
-    plan.inputs[0, InputIndex.TEMPERATURE_EXCESS] = 1.5
-    assert list(plan.slacks.values()) == [3.0, 0.5, 1.5]

@@ -233,18 +233,6 @@ def test_a_trial_point_is_a_step_away(program: Program, problem: Problem, iterat
     assert largest == pytest.approx(np.abs(residual).max())
 
 
-def test_code_does_not_grow_with_the_horizon() -> None:
-    """A step adds some index tables, not a copy of its stage, which has tens of thousands of characters."""
-
-    def length(grid: str) -> int:
-        generator = ca.CodeGenerator("code.c", {"with_header": False})
-        for function in build_program(OptimalControlProblem(Horizon.parse(grid), PARAMETERS)):
-            generator.add(function)
-        return len(generator.dump())
-
-    assert length("200x1") - length("20x1") < 180 * 3000
-
-
 def test_soft_slacks_start_as_guessed_or_relaxed(program: Program) -> None:
     """Far too close: relaxed, the slacks leave no soft limit out of reach."""
     data, guess = problem_of(make_scene(gap_m=-20.0), GRID, "aging")

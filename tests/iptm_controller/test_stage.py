@@ -22,10 +22,9 @@ from tests.iptm_controller.scenes import (
     transcription_of,
 )
 
-from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import UNBOUNDED_W
 from iptm_controller.ocp.grid import quadrature, sample_count
-from iptm_controller.ocp.layout import ROWS, LimitIndex, StateIndex
+from iptm_controller.ocp.layout import LimitIndex, StateIndex
 from iptm_controller.ocp.stage import DEFAULT_PENALTIES, INACTIVE_ROW_M
 from iptm_controller.ocp.stages import GAP_SMOOTHING_M
 from iptm_controller.strategy import STRATEGIES
@@ -110,20 +109,6 @@ def test_no_more_is_regenerated_than_the_pack_takes(charge_w: float) -> None:
     assert cost_rate(car, charge_w, *aging) == pytest.approx(
         cost_rate(free, charge_w, *aging), rel=1e-12
     )
-
-
-@pytest.mark.parametrize("term", range(4))
-def test_cost_counts_with_the_length_of_the_step(term: int) -> None:
-    """A strategy means the same on every grid: a sum over seconds, not over steps."""
-    weights = np.zeros(4)
-    weights[term] = (1.0, 1.0, 1e-3, 1e9)[term]
-    costs = {
-        step_s: run_stage(make_state(speed_m_s=25.0), 0.0, 900.0, step_s, tuple(weights))[1]
-        for step_s in (0.5, 1.0, 5.0)
-    }
-    # Within the longer step the cells already cool down a little.
-    assert costs[0.5] == pytest.approx(0.5 * costs[1.0], rel=1e-3)
-    assert costs[5.0] == pytest.approx(5.0 * costs[1.0], rel=2e-2)
 
 
 def test_slacks_cost_their_penalty_per_second() -> None:
@@ -322,17 +307,6 @@ def test_hessian_is_casadis_own(
     mine, reference = (value.full() for value in function(*point, 0.7, multipliers))
     np.testing.assert_allclose(mine, reference, rtol=1e-8, atol=1e-8)
     np.testing.assert_allclose(mine, mine.T, rtol=1e-12, atol=1e-12)
-
-
-def test_dynamics_rows_vanish_on_a_trajectory(transcription: Transcription, grid: str) -> None:
-    """Where position and speed follow the inputs, only the temperatures are left over."""
-    data, guess = problem_of(SCENES["cruise"], grid)
-    function = ca.Function(
-        "rows", [transcription.variables, transcription.parameters], [transcription.rows]
-    )
-    table = numbers(function, guess, data.parameters).reshape(-1, ROWS)[:, : layout.STATES]
-    np.testing.assert_allclose(np.delete(table, [2, 3], axis=1), 0.0, atol=1e-12)
-    assert (np.abs(table[:, 2:4]) > 0.0).all()
 
 
 @pytest.mark.parametrize("strategy", sorted(STRATEGIES))

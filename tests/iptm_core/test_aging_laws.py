@@ -138,18 +138,6 @@ def test_a_use_outside_the_experiments_is_flagged() -> None:
     assert cold == ("rest temperature", "depth of discharge", "C-rate")
 
 
-def test_all_backends_agree(agree_in_all_backends: object) -> None:
-    random = np.random.default_rng(4)
-    kelvin, charge = random.uniform(268.0, 318.0, 20), random.uniform(0.05, 0.95, 20)
-    for law in ALL_LAWS:
-        for part in law.mechanisms:
-            agree_in_all_backends(  # type: ignore[operator]
-                lambda t, s, part=part: part.damage_rate_1_s(Load(t, 0.5, s, 0.4, 0.1, 0.2)),
-                kelvin,
-                charge,
-            )
-
-
 USE = AgingSettings(
     parking_air_k=300.0, parking_air_swing_k=6.0, year_air_k=290.0, daily_discharge=0.0
 )

@@ -66,30 +66,22 @@ def nothing_in(name: str, write: Callable[[Path, Driven], Path]) -> Callable[[Pa
 
 POINT = "<rtept lat='1' lon='2'/>"
 NEITHER = "neither speeds nor places"
-UNSEEN = candump(DRIVE.times_s, speed_bytes(DRIVE.speeds), number="321")
 UNMEASURED = candump(DRIVE.times_s, speed_bytes(NOTHING.speeds))
-SHORT = candump(DRIVE.times_s, [b"\1"] * 121)
 # fmt: off
 WITHOUT_A_DRIVE = {
     "gpx: no point": (text_file("a.gpx", "<gpx/>"), "0 track points"),
     "gpx: no time": (text_file("a.gpx", f"<gpx>{2 * POINT}</gpx>"), "time is missing"),
     "gpx: no place": (nothing_in("a.gpx", write_gpx), NEITHER),
-    "csv: empty": (text_file("a.csv", ""), "the file is empty"),
-    "csv: no row": (text_file("a.csv", "time_s,speed_m_s\n"), "no rows after the header"),
     "csv: no header": (text_file("a.csv", "0,0\n1,2\n"), "are numbers; allowed: a header"),
-    "csv: no speed": (text_file("a.csv", "time_s,rpm\n0,0\n1,2\n"), "exactly one of speed_m_s"),
     "csv: no value": (nothing_in("a.csv", write_csv), NEITHER),
     "library: no value": (lambda _: trip_from_columns(columns_of(NOTHING, places=True)), NEITHER),
     "library: no row": (lambda _: trip_from_columns({"time_s": [], "speed_m_s": []}), "one per row"),
-    "fcd: no vehicle": (text_file("a.xml", '<fcd-export><timestep time="0"/></fcd-export>'), "it holds none"),
     "fcd: another output": (text_file("a.xml", '<routes><vehicle id="a"/></routes>'), "--fcd-output"),
     "fcd: no value": (nothing_in("a.xml", write_fcd), NEITHER),
     "bag: no odometry": (bag_of({"/chatter": "std_msgs/msg/String"}), r"no odometry .* topics are: /chatter"),
     "bag: no message": (bag_of({"/odom": ODOMETRY}), "0 messages"),
     "bag: no value": (nothing_in("bag", write_bag), NEITHER),
     "can: empty": (text_file("a.log", ""), "0 frames"),
-    "can: another message": (text_file("a.log", UNSEEN), "121 frames, 0 of them of Motion"),
-    "can: short frames": (text_file("a.log", SHORT), r"Motion \(0x100, 1 bytes long, in the DBC 8"),
     "can: not available": (text_file("a.log", UNMEASURED), "121 values outside of the range"),
 }
 # fmt: on

@@ -66,15 +66,6 @@ def test_emergency_reserve_is_what_the_safety_monitor_leaves(parameters: ModelPa
     assert worse == {0, 1}
 
 
-def test_all_backends_agree(parameters: ModelParameters, agree_in_all_backends: Agree) -> None:
-    random = np.random.default_rng(11)
-    agree_in_all_backends(
-        lambda v, leader: minimum_gap_m(v, leader, parameters.gap, parameters.limits),
-        random.uniform(0.0, 37.5, 40),
-        random.uniform(0.0, 37.5, 40),
-    )
-
-
 STEP_S = 0.01
 
 

@@ -6,7 +6,6 @@ import math
 from dataclasses import replace
 from itertools import product
 
-import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import given
@@ -208,15 +207,6 @@ def test_the_chiller_takes_what_the_cells_give(cells: FloatArray, power: float) 
     assert coolant[-1] == pytest.approx(loop.outlet_k, rel=1e-11)
     given_w = PACK.modules * COOLING.convective_coefficient_w_k * np.sum(cells - coolant[:-1])
     assert given_w == pytest.approx(loop.cooling_rate_w, rel=1e-8, abs=1e-6)
-
-
-def test_symbols_and_arrays_agree() -> None:
-    cells = np.linspace(300.0, 305.0, CHANNEL.cells) + np.sin(np.arange(CHANNEL.cells))
-    symbol = ca.SX.sym("cells", CHANNEL.cells)
-    function = ca.Function("f", [symbol], [ca.vertcat(*CHANNEL.coolant_k(295.0, symbol))])
-    assert np.array(function(cells)).ravel() == pytest.approx(
-        CHANNEL.coolant_k(295.0, cells), rel=1e-14
-    )
 
 
 @given(currents=st.lists(st.floats(-20.0, 20.0), min_size=1, max_size=10).map(np.array))

@@ -22,7 +22,6 @@ from iptm_core.physics.electrical import (
 )
 
 VALUES = load_parameters().values
-LOSSY_PACK = replace(VALUES.pack, battery_efficiency=0.95)
 TRACTION = st.floats(-60e3, 90e3)
 COMPRESSOR = st.floats(0.0, 4500.0)
 
@@ -56,18 +55,6 @@ def test_one_convex_kink_is_the_two_printed_cases(
     assert power == pytest.approx(
         by_the_printed_cases(traction, compressor, efficiency), rel=1e-13, abs=1e-9
     )
-
-
-@given(traction=TRACTION, width=st.floats(1.0, 1000.0))
-def test_the_smoothed_power_errs_by_a_known_amount(traction: float, width: float) -> None:
-    """Above the exact power by at most (1/eta_b - eta_b zeta) width / 2, less away from zero."""
-    spread = 1.0 / 0.95 - 0.95 * 0.3
-    arguments = (traction, 500.0, 200.0, LOSSY_PACK, VALUES.powertrain)
-    error = battery_power_w(*arguments, power_smoothing_w=width) - battery_power_w(*arguments)
-    bound = 0.5 * spread * width
-    if abs(traction) > width:
-        bound = 0.25 * spread * width**2 / abs(traction)
-    assert -1e-9 <= error <= bound + 1e-9
 
 
 CELL, PACK = VALUES.cell, VALUES.pack

@@ -91,18 +91,6 @@ def test_torque_is_the_printed_equation(force_n: float) -> None:
     assert smooth == pytest.approx(force_n / RATIO_1_M, rel=1e-12, abs=1e-300)
 
 
-@given(force_n=FORCES, width_n=st.floats(1.0, 500.0))
-def test_the_smoothed_torque_errs_by_a_known_amount(force_n: float, width_n: float) -> None:
-    """Above the exact torque, by at most (1/eta - eta) width / 2 of wheel force, less away from 0."""
-    spread = 1.0 / 0.9 - 0.9
-    exact = motor_torque_nm(force_n, POWERTRAIN)
-    error_n = RATIO_1_M * (motor_torque_nm(force_n, POWERTRAIN, force_smoothing_n=width_n) - exact)
-    bound_n = 0.5 * spread * width_n
-    if abs(force_n) > width_n:
-        bound_n = 0.25 * spread * width_n**2 / abs(force_n)
-    assert -1e-9 <= error_n <= bound_n + 1e-9
-
-
 @pytest.mark.parametrize(
     ("speed", "acceleration", "share"),
     [(0.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 1e-9, 1.0), (1e-9, -2.0, 1.0), (20.0, 0.0, 1.0)],

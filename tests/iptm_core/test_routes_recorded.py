@@ -172,19 +172,6 @@ def paused(after_s: float, lasts_s: float) -> FloatArray:
     return np.where(after_s < SECONDS, SECONDS + lasts_s, SECONDS)
 
 
-@pytest.mark.parametrize("inside", ["", "{}"])
-def test_a_clock_that_is_set_ahead_in_full_drive_is_no_pause(
-    write: Callable[..., Path], inside: str
-) -> None:
-    """From 15 m/s no car stands after 15 m, and drives on at once."""
-    text = with_speeds(gpx(PLACES, seconds=paused(50.0, 600.0), inside=inside))
-    trip = read_user_trip(write(text))
-    assert trip.cycle.duration_s == pytest.approx(120.0, abs=1.0)
-    assert trip.cycle.distance_m == pytest.approx(PLACES[-1], rel=0.01)
-    assert np.abs(trip.cycle.speeds_m_s[:120] - SPEEDS[:120]).max() < 1.0
-    assert "clock set ahead by 600 s at track point 52" in "; ".join(trip.notes)
-
-
 def test_a_gap_in_which_the_car_drove_on_is_refused(write: Callable[..., Path]) -> None:
     far = np.where(SECONDS > 50.0, PLACES + 500.0, PLACES)
     with pytest.raises(RouteError, match="a pause at one place"):

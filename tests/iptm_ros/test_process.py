@@ -24,7 +24,6 @@ from iptm_ros.suite_node import SuiteNode
 @dataclass(frozen=True)
 class Parameters:
     behaviour: str = parameter("wait", "what to do")
-    limit_s: float = parameter(1.0, "some limit", "s", 0.0, 2.0)
 
 class Example(SuiteNode):
     def __init__(self):
@@ -129,36 +128,6 @@ def test_user_error_is_one_line_and_exit_code_2(start: Start) -> None:
     code, _, err = finish(start("user_error"))
     assert code == 2
     assert err == "example_program: file x.csv, line 3: speed is -1; allowed: at least 0\n"
-
-
-@pytest.mark.parametrize(
-    ("arguments", "expected"),
-    [
-        (
-            ("-p", "limit_s:=3.0"),
-            "parameter limit_s is 3.0 (float); allowed: a number from 0 to 2 s",
-        ),
-        (("-p", "limt_s:=1.0"), "parameter limt_s is unknown to example; did you mean 'limit_s'?"),
-    ],
-)
-def test_wrong_parameter_is_one_line(
-    start: Start, arguments: tuple[str, ...], expected: str
-) -> None:
-    code, _, err = finish(start("wait", *arguments))
-    assert code == 2
-    assert err.startswith(f"example_program: {expected}")
-    assert err.count("\n") == 1
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [("--params-file", "/nowhere/p.yaml"), ("--no-such-argument",), ("-r", "__node:=not valid")],
-)
-def test_wrong_ros_arguments_are_no_traceback(start: Start, arguments: tuple[str, ...]) -> None:
-    code, _, err = finish(start("wait", *arguments))
-    assert code == 2
-    assert "Traceback" not in err
-    assert err.splitlines()[-1].startswith("example_program: ")
 
 
 def test_a_defect_in_a_callback_is_logged_with_its_place_and_ends_nothing(start: Start) -> None:

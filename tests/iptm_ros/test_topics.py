@@ -3,56 +3,27 @@ from __future__ import annotations
 import re
 
 import pytest
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
-from iptm_ros.qos import LATCHED_QOS, RAW_QOS, STREAM_QOS, describe_qos
 from iptm_ros.topics import (
     TOPICS,
     Topic,
-    TopicSpec,
     frame_in,
     topic_of,
 )
 from iptm_ros.visual_topics import VISUAL_TOPICS
 
-ALL = [*TOPICS.values(), *VISUAL_TOPICS.values()]
-
-
-def test_every_key_has_a_specification() -> None:
-    assert set(TOPICS) | set(VISUAL_TOPICS) == set(Topic)
-    assert set(TOPICS).isdisjoint(VISUAL_TOPICS)
-
-
 PACKAGES = "rosgraph|nav|geometry|sensor|std|trajectory|diagnostic|visualization"
 ROOTS = "plant|v2x|controller|visual|sensor|vehicle"
 
 
-@pytest.mark.parametrize("spec", ALL, ids=lambda spec: spec.name)
-def test_a_topic_is_relative_of_a_standard_type_and_described(spec: TopicSpec) -> None:
-    if spec.topic not in (Topic.DIAGNOSTICS, Topic.CLOCK):
-        assert re.fullmatch(rf"({ROOTS})/[a-z0-9_]+", spec.name)
-    assert re.fullmatch(rf"({PACKAGES})_msgs/msg/[A-Z]\w+", spec.type_name)
-    assert all((spec.unit, spec.frame, spec.meaning, spec.rate, spec.publisher))
-    assert spec.fields or spec.message_type is not JointState
-
-
-@pytest.mark.parametrize("spec", ALL, ids=lambda spec: spec.name)
-def test_only_static_data_is_latched(spec: TopicSpec) -> None:
-    latched = dict.fromkeys((Topic.SLOPE, Topic.VISUAL_ROAD), LATCHED_QOS)
-    requested = (Topic.DATAGRAMS, Topic.RANGE_TRACKS, Topic.ENGAGEMENT, Topic.ROAD_FRICTION)
-    bursts = dict.fromkeys(requested, RAW_QOS)
-    special = {**latched, **bursts}
-    assert spec.qos is special.get(spec.topic, STREAM_QOS)
-
-
-def test_profiles() -> None:
-    assert STREAM_QOS.reliability is ReliabilityPolicy.RELIABLE
-    assert STREAM_QOS.history is HistoryPolicy.KEEP_LAST
-    assert (STREAM_QOS.depth, LATCHED_QOS.depth) == (100, 1)
-    assert LATCHED_QOS.durability is DurabilityPolicy.TRANSIENT_LOCAL
-    assert describe_qos(STREAM_QOS) == "reliable, keep last 100"
-    assert describe_qos(LATCHED_QOS) == "reliable, keep last 1, transient-local"
+def test_a_topic_is_relative_of_a_standard_type_and_described() -> None:
+    for spec in (*TOPICS.values(), *VISUAL_TOPICS.values()):
+        if spec.topic not in (Topic.DIAGNOSTICS, Topic.CLOCK):
+            assert re.fullmatch(rf"({ROOTS})/[a-z0-9_]+", spec.name)
+        assert re.fullmatch(rf"({PACKAGES})_msgs/msg/[A-Z]\w+", spec.type_name)
+        assert all((spec.unit, spec.frame, spec.meaning, spec.rate, spec.publisher)), spec.name
+        assert spec.fields or spec.message_type is not JointState
 
 
 @pytest.mark.parametrize(

@@ -24,10 +24,6 @@ def fresh_copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return copy
 
 
-def test_the_commands_of_the_readme_exist() -> None:
-    assert {"run_demo", "test", "setup", "plant", "v2x_bridge", "controller"} <= set(COMMANDS)
-
-
 @pytest.mark.parametrize("command", COMMANDS)
 def test_help_before_set_up(command: str, fresh_copy: Path) -> None:
     result = subprocess.run(
@@ -54,9 +50,3 @@ def test_environment_says_what_is_missing(fresh_copy: Path) -> None:
     )
     assert result.stdout == "refused\n"
     assert "scripts/setup" in result.stderr
-
-
-def test_continuous_integration_runs_the_test_command() -> None:
-    script = ROOT / ".ci" / "run"
-    assert os.access(script, os.X_OK)
-    assert "exec scripts/test" in script.read_text(encoding="utf-8")

@@ -59,14 +59,6 @@ def texts(notebook: Any) -> Iterator[str]:
             yield output.get("text") or output["data"].get("text/plain", "")
 
 
-def test_there_are_three() -> None:
-    assert [path.stem for path in NOTEBOOKS] == [
-        "first_trip",
-        "own_controller",
-        "vehicle_and_climate",
-    ]
-
-
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_is_stored_with_its_outputs(path: Path) -> None:
     notebook = read(path)

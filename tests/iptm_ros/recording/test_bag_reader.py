@@ -201,18 +201,6 @@ def test_malformed_run_information(tmp_path: Path) -> None:
         reader.run_information()
 
 
-def test_split_bag(small_bag: Path, tmp_path: Path, encode: Encode) -> None:
-    with BagWriter(tmp_path / "more") as writer:
-        topic = writer.add_topic("/a", FLOAT)
-        writer.write(topic, encode(99.0), 30 * 10**9)
-    (tmp_path / "more" / "more_0.mcap").rename(small_bag / "small_1.mcap")
-    edit_metadata(small_bag, relative_file_paths=["small_0.mcap", "small_1.mcap"], message_count=41)
-    with BagReader(small_bag) as reader:
-        assert reader.topics["/a"].message_count == 21
-        assert reader.end_ns == 30 * 10**9
-        assert [m.message.data for m in reader.messages(["/a"])][-1] == 99.0
-
-
 def without_a_chunk(file: Path, *, checksum: bool) -> None:
     """Change one byte of the summary: the entry of a chunk becomes a record that readers skip."""
     with file.open("rb") as stream:
@@ -246,26 +234,6 @@ def test_messages_that_the_summary_hides_are_missed(chunked_bag: Path, *, checks
         BagReader(chunked_bag) as reader,
     ):
         list(reader.raw_messages(["/a"]))
-
-
-@pytest.mark.parametrize("compression", ["lz4", "zstd"])
-def test_a_damaged_compressed_chunk_is_one_sentence(
-    compression: str, tmp_path: Path, encode: Encode
-) -> None:
-    with BagWriter(tmp_path / "bag", compression=compression) as writer:
-        topic = writer.add_topic("/a", FLOAT)
-        for k in range(200):
-            writer.write(topic, encode(k), k)
-    file = tmp_path / "bag" / "bag_0.mcap"
-    whole = file.read_bytes()
-    start = whole.index(compression.encode()) + len(compression) + 8
-    for offset in range(0, 60, 3):
-        file.write_bytes(whole[: start + offset] + b"\x5a\xa5" + whole[start + offset + 2 :])
-        with (
-            BagReader(tmp_path / "bag") as reader,
-            pytest.raises(BagError, match=r"damaged.*iptm recover"),
-        ):
-            list(reader.raw_messages())
 
 
 def test_texts_about_the_run_are_covered_by_a_checksum(small_bag: Path) -> None:

@@ -53,19 +53,6 @@ def test_latched_messages_come_first_when_starting_late(tmp_path: Path, encode: 
     ]
 
 
-def test_own_clock_replaces_the_recorded_one(tmp_path: Path, encode: Encode) -> None:
-    bag = tmp_path / "bag"
-    with BagWriter(bag) as writer:
-        for name in ("/clock", "/a"):
-            topic = writer.add_topic(name, "std_msgs/msg/Float64")
-            for k in range(3):
-                writer.write(topic, encode(k), (100 + k) * S)
-    with BagReader(bag) as reader:
-        assert len(Playback(reader, PlaybackOptions(bag)).topics) == 2
-        own = Playback(reader, PlaybackOptions(bag, rate=4.0, clock_hz=10.0))
-        assert [topic.name for topic in own.topics] == ["/a"]
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [

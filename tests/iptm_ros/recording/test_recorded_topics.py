@@ -9,14 +9,12 @@ from rclpy.qos import (
     DurabilityPolicy,
     HistoryPolicy,
     LivelinessPolicy,
-    QoSProfile,
     ReliabilityPolicy,
 )
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosReliability, QosTime
 
 from iptm_core.errors import BagError
-from iptm_ros.qos import LATCHED_QOS, STREAM_QOS
-from iptm_ros.recording.rclpy_types import from_profile, message_class, to_profile
+from iptm_ros.recording.rclpy_types import message_class, to_profile
 from iptm_ros.recording.recorded_topics import (
     DEFAULT_QOS,
     TopicRecord,
@@ -174,16 +172,6 @@ def test_request_is_satisfied_by_every_publisher() -> None:
 )
 def test_offer_satisfies_every_former_subscriber(recorded: tuple[Qos, ...], offer: Qos) -> None:
     assert offer_for(TopicRecord("/a", "std_msgs/msg/Float64", "", recorded, 1)) == offer
-
-
-@pytest.mark.parametrize("profile", [STREAM_QOS, LATCHED_QOS])
-def test_suite_profiles_survive_the_way_to_a_bag_and_back(profile: QoSProfile) -> None:
-    (qos,) = parse_profiles(dump_profiles([from_profile(profile)]))
-    back = to_profile(qos)
-    assert back.depth == profile.depth
-    assert back.reliability == profile.reliability == ReliabilityPolicy.RELIABLE
-    assert back.durability == profile.durability
-    assert profile.durability in (DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 @pytest.mark.parametrize("name", ["Odometry", "nav_msgs/srv/GetMap", "no_msgs/msg/X", "a/msg/b/c"])

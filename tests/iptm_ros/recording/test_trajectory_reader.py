@@ -58,13 +58,6 @@ def test_run_comes_back_exactly(
         np.testing.assert_array_equal(found, expected, err_msg=name)
 
 
-def test_single_file_serves_as_well(
-    trajectory: Trajectory, write_run: WriteRun, tmp_path: Path
-) -> None:
-    bag = write_run(tmp_path / "bag", trajectory)
-    assert len(read_trajectory(bag / "bag_0.mcap")) == len(trajectory)
-
-
 def test_lost_message_inside_the_run_is_an_error(
     trajectory: Trajectory, write_run: WriteRun, tmp_path: Path
 ) -> None:
@@ -127,14 +120,6 @@ def test_the_clock_of_a_bag_in_a_namespace_may_be_the_global_one(tmp_path: Path)
 def test_missing_topic(small_bag: Path) -> None:
     with pytest.raises(BagError, match=r"no topic 'plant/state'; its topics are: /a, /b"):
         read_trajectory(small_bag)
-
-
-def test_wrong_type(tmp_path: Path) -> None:
-    with BagWriter(tmp_path / "bag") as writer:
-        topic = writer.add_topic("/plant/state", "std_msgs/msg/Float64")
-        writer.write(topic, b"\x00\x01\x00\x00" + bytes(8), 0)
-    with pytest.raises(BagError, match="allowed: sensor_msgs/msg/JointState"):
-        read_trajectory(tmp_path / "bag")
 
 
 def test_empty_bag(tmp_path: Path) -> None:
