@@ -32,6 +32,7 @@ FROM_OUTSIDE = {"iptm", "studies", "numpy", "pandas", "matplotlib", "jinja2", "y
 MORE = {
     "embedded/safeguard": {"iptm_controller", "iptm_core", "iptm_plant_sim"},
     "traffic": {"iptm_traffic"},
+    "fleet": {"iptm_traffic"},
     "v2x/prediction.py": {"iptm_traffic"},
     "validation": {"scipy"},
     "vehicle": {"iptm_core", "iptm_vehicle_interface"},
@@ -53,7 +54,7 @@ def test_the_short_form_has_the_numbers_of_the_record(
 
     ``scripts/study NAME --page`` makes it.
     """
-    if name == "traffic":
+    if name in {"fleet", "traffic"}:
         pytest.importorskip("traci")
     if name == "vehicle":
         pytest.importorskip("cantools")
