@@ -14,6 +14,7 @@ from iptm_controller.temperature_value import (
     mean_c_rate_1_h,
     mixing_weights,
 )
+from iptm_controller.tick_library import tick_library
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import capacity_loss_rate_1_s
@@ -151,3 +152,24 @@ def test_mixing_keeps_the_weighted_mean(name: str) -> None:
     rate_n = loop.cell_n_temperature_rate_k_s - even.cell_n_temperature_rate_k_s
     assert first * rate_1 + last * rate_n == pytest.approx(0.0, abs=2e-5)
     assert rate_1 - rate_n == pytest.approx(decay_1_s * 10.0, rel=1e-3)
+
+
+def test_prices_in_c_are_those_of_python() -> None:
+    library = tick_library(is_wanted=True)
+    if library is None:
+        pytest.skip("no C compiler on this machine")
+    rng = np.random.default_rng(4)
+    for trip_s in (math.inf, 3000.0):
+        given = PARAMETERS, WEIGHT, 28.0, trip_s
+        forms = [TemperatureValuation(*given), TemperatureValuation(*given, library)]
+        loss = 1e-3
+        for tick in range(400):
+            loss += float(rng.uniform(-1e-9, 1e-7))
+            state = make_state(
+                time_s=10.0 * tick,
+                cell_1_temperature_k=float(rng.uniform(270.0, 325.0)),
+                cell_1_capacity_loss=loss,
+                cell_n_capacity_loss=1.1 * loss,
+            )
+            in_python, in_c = (form.value(state, STEADY) for form in forms)
+            assert in_c == in_python

@@ -100,13 +100,13 @@ def recorded_ticks(
     ticks: list[FloatArray] = []
 
     def record(_: int, measured: Measurements, decision: Decision) -> None:
-        ticks.append(_tick(measured, decision, controller.plan_data.charge_w))
+        ticks.append(_tick(measured, decision, controller))
 
     run_closed_loop(route, Plant(parameters, route.slope.slope_at), controller, on_tick=record)
     return np.concatenate([[len(ticks)], *ticks])
 
 
-def _tick(measured: Measurements, decision: Decision, charge_w: float) -> FloatArray:
+def _tick(measured: Measurements, decision: Decision, controller: Controller) -> FloatArray:
     state, leader = measured.state, measured.leader
     if state is None or leader is None:
         raise AssertionError("a trip behind a leader has both at every tick")
@@ -123,12 +123,13 @@ def _tick(measured: Measurements, decision: Decision, charge_w: float) -> FloatA
         state.cell_n_capacity_loss,
         leader.position_m,
         leader.speed_m_s,
-        charge_w,
+        controller.plan_data.charge_w,
         value.cell_1_marginal_cost_1_k,
         value.cell_n_marginal_cost_1_k,
         value.temperature_weight_1_k2_s,
         value.reference_temperature_k,
         value.thermal_energy_price_1_j,
+        controller.memory.foreseen_1_s,
     ]
     # The slope as far as a plan looks.
     first, last = slope.positions_m.searchsorted(

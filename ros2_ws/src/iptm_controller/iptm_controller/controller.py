@@ -48,6 +48,7 @@ class Controller:
         model: the parameters that they are posed with.
         lead: compares the sources of the vehicle ahead; its friction may change from tick to tick.
         plan_data: poses them.
+        valuation: prices the temperatures, None where the strategy has no price of them.
     """
 
     def __init__(
@@ -105,7 +106,7 @@ class Controller:
 
     def _pose(self, strategy: Strategy) -> None:
         """Set up what depends on the cost terms and their weights, which are numbers of a problem."""
-        strategy, price_1_j, self._valuation = valuation_of(
+        strategy, price_1_j, self.valuation = valuation_of(
             strategy, self.options, self._parked, self.model
         )
         builder = ProblemDataBuilder(self.grid, strategy, self.model, self.options.tick_s)
@@ -149,7 +150,7 @@ class Controller:
             is_cooling=self._production.is_cooling,
             pace=self._road.pace,
         )
-        if isinstance(trip := self._valuation, TemperatureValuation):
+        if isinstance(trip := self.valuation, TemperatureValuation):
             memory = replace(memory, trip_start=trip.start, foreseen_1_s=trip.foreseen_1_s)
         if (past := self._traction) is not None:
             memory = replace(memory, powers_w=past.powers_w, speeds_m_s=past.speeds_m_s)
@@ -169,7 +170,7 @@ class Controller:
         self._actuation.memory, self._pack.memory = memory.actuation, memory.pack
         self._estimator.memory = memory.estimator
         self._production.is_cooling, self._road.pace = memory.is_cooling, memory.pace
-        if isinstance(trip := self._valuation, TemperatureValuation):
+        if isinstance(trip := self.valuation, TemperatureValuation):
             trip.start, trip.foreseen_1_s = memory.trip_start, memory.foreseen_1_s
         if (past := self._traction) is not None:
             past.powers_w, past.speeds_m_s = memory.powers_w, memory.speeds_m_s
@@ -288,8 +289,8 @@ class Controller:
             further_m = self._further_stopping_distance_m(state.speed_m_s)
             motion, limiting = motion.nearer_by(further_m), limiting.nearer_by(further_m)
         value = NO_VALUE
-        if self._valuation is not None:
-            value = self._valuation.value(state, motion)
+        if self.valuation is not None:
+            value = self.valuation.value(state, motion)
         if self._charging is not None:
             value = self._charging.added_to(value, state)
         thermal = None

@@ -1,11 +1,12 @@
 """A controller as C99 for an electronic control unit: its sources and its numbers.
 
-The folder holds what `Controller` computes from a vehicle, a leader with its preview and terminal prices to a
-limited command; ``controller.h`` says what is left to the caller.
+The folder holds what `Controller` computes from a vehicle and a leader with its preview to a limited
+command; ``controller.h`` says what is left to the caller.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import astuple
 from pathlib import Path
@@ -22,6 +23,7 @@ from iptm_controller.preview_trust import PreviewTrust
 from iptm_controller.solvers.riccati.machine_code import SwitchingNumbers
 from iptm_controller.solvers.riccati.stage_program import SOURCE_FOLDER, stage_program
 from iptm_controller.solvers.switching_check import SwitchingCheck
+from iptm_controller.temperature_value import TemperatureValuation
 from iptm_core.errors import ParameterError
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray
@@ -32,6 +34,7 @@ SOURCES = (
     "tick_data",
     "forecast",
     "guard",
+    "prices",
     "limiter",
     "fallback",
     "controller",
@@ -111,6 +114,7 @@ def _header(controller: Controller) -> str:
 #define IPTM_CONTROLLER_DATA_H
 
 #include "forecast.h"
+#include "prices.h"
 #include "riccati.h"
 #include "switching.h"
 #include "tick_data.h"
@@ -123,6 +127,7 @@ extern const iptm_grid iptm_grid_of_horizon;
 extern const iptm_horizon iptm_horizon_of_solver;
 extern const iptm_options iptm_solver_options;
 extern const iptm_switching iptm_switching_numbers;
+extern const iptm_valuation iptm_valuation_of_strategy;
 extern const iptm_strategy iptm_strategy_of_controller;
 
 #endif
@@ -151,9 +156,10 @@ def _data(
         "sample_places": grid.sample_places,
         "kind_steps": [kind.count for kind in grid.stages],
     }
-    strategy = builder.strategy
+    strategy, valuation = builder.strategy, controller.valuation
+    numbers = valuation.numbers if isinstance(valuation, TemperatureValuation) else [0.0] * 17
     lines = [
-        '#include "controller_data.h"\n\n#include <stddef.h>\n',
+        '#include "controller_data.h"\n\n#include <math.h>\n#include <stddef.h>\n',
         *(
             f"static const double {name}[] = {_braced(map(float, values))};"
             for name, values in tables.items()
@@ -178,6 +184,7 @@ def _data(
             "IPTM_PAST_ROOM",
             "IPTM_PREVIEW_ROOM",
         ),
+        _struct("iptm_valuation iptm_valuation_of_strategy", *numbers),
         _struct(
             "iptm_grid iptm_grid_of_horizon",
             grid.steps,
@@ -234,7 +241,9 @@ def _struct(declaration: str, *values: float | str) -> str:
 
 
 def _number(value: float) -> str:
-    return str(value) if isinstance(value, int) else repr(float(value))
+    if isinstance(value, int):
+        return str(value)
+    return repr(float(value)) if math.isfinite(value) else "INFINITY"
 
 
 def _braced(values: Iterable[float]) -> str:

@@ -26,6 +26,7 @@ from iptm_controller.temperature_value import (
     TemperatureValue,
     mixing_weights,
 )
+from iptm_controller.tick_library import tick_library
 from iptm_core.aging_laws.parking import END_OF_LIFE_LOSS, AgingSettings, ParkedAging
 from iptm_core.parameters.model import AgingParameters, ModelParameters
 from iptm_core.physics.cell import (
@@ -292,6 +293,7 @@ def valuation_of(
     if aging is not None and weighs_aging:
         return strategy, price_1_j, CellLawValuation(aging, strategy, price_1_j, model, *times_s)
     if strategy.cost_to_go:
-        by_law_of_paper = TemperatureValuation(model, strategy.aging_weight, *times_s)
+        library = tick_library(is_wanted=options.solver.compile_code)
+        by_law_of_paper = TemperatureValuation(model, strategy.aging_weight, *times_s, library)
         return strategy, price_1_j, by_law_of_paper
     return strategy, price_1_j, None

@@ -20,17 +20,20 @@ The derivation and a comparison with the costates of whole trips: docs/explanati
 
 from __future__ import annotations
 
+import ctypes
 import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from iptm_controller.tick_library import DOUBLE
 from iptm_core.frozen import light
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.cell import capacity_loss_rate_1_s
+from iptm_core.physics.cell import aging_current_a, capacity_loss_rate_1_s
 from iptm_core.physics.power_thermal import CellPair, power_thermal_rates
 from iptm_core.physics.thermal_loop import most_efficient_cooling, reduce_channel
 from iptm_core.state import FloatArray, LeaderPreview, VehicleState
+from iptm_core.units import SECONDS_PER_HOUR
 
 FORECAST_WEIGHT_S = 60.0
 """Prior weight of the initial forecast, in seconds of trip data."""
@@ -129,11 +132,13 @@ class TemperatureValuation:
         aging_weight: float,
         horizon_s: float,
         trip_duration_s: float = math.inf,
+        library: ctypes.PyDLL | None = None,
     ) -> None:
         """Keep what does not change.
 
         Args:
             aging_weight: lambda_Q.
+            library: works the price out in C.
         """
         self._parameters = parameters
         self._heat_capacity_j_k = parameters.pack_heat_capacity_j_k
@@ -144,8 +149,36 @@ class TemperatureValuation:
         _, self._performance = most_efficient_cooling(
             parameters.limits.min_temperature_k, parameters
         )
+        self._library, self._numbers = library, (DOUBLE * 17)(*self.numbers)
         self.start: VehicleState | None = None
         self.foreseen_1_s = 0.0
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """What does not change, in the order of ``iptm_valuation`` in C."""
+        aging, cell, pack = self._parameters.aging, self._parameters.cell, self._parameters.pack
+        z, capacity_ah = aging.throughput_exponent, cell.nominal_capacity_ah
+        scale = z * aging.pre_exponential_factor ** (1.0 / z) / SECONDS_PER_HOUR
+        c_rate_1_h = aging_current_a(capacity_ah, capacity_ah, aging) / capacity_ah
+        return (
+            self._aging_weight,
+            self._horizon_s,
+            self._trip_duration_s,
+            self._share_1,
+            self._share_n,
+            self._performance,
+            self._heat_capacity_j_k,
+            scale * capacity_ah,
+            aging.compensation_factor_j_mol * c_rate_1_h - aging.activation_energy_j_mol,
+            aging.activation_energy_j_mol,
+            aging.compensation_factor_j_mol,
+            aging.gas_constant_j_mol_k,
+            z,
+            1.0 - 1.0 / z,
+            capacity_ah,
+            pack.parallel,
+            pack.open_circuit_voltage_v,
+        )
 
     def value(self, state: VehicleState, leader: LeaderPreview) -> TemperatureValue:
         """Price the temperatures at a tick.
@@ -159,11 +192,16 @@ class TemperatureValuation:
             self.foreseen_1_s = self._foresee(state, leader)
         elapsed_s = state.time_s - start.time_s
         lost = max(_loss(state) - _loss(start), 0.0)
+        temperature_k = 0.5 * (state.cell_1_temperature_k + state.cell_n_temperature_k)
+        if self._library is not None:
+            aged = state.time_s, temperature_k, _loss(state), elapsed_s, lost, self.foreseen_1_s
+            found = (DOUBLE * 5)()
+            self._library.iptm_value_temperatures(self._numbers, (DOUBLE * 6)(*aged), found)
+            return TemperatureValue(*found)
         rate = (lost + self.foreseen_1_s * FORECAST_WEIGHT_S) / (elapsed_s + FORECAST_WEIGHT_S)
         rate = max(rate, _LEAST_RATE_1_S)
         values = self._parameters
         aging = values.aging
-        temperature_k = 0.5 * (state.cell_1_temperature_k + state.cell_n_temperature_k)
         c_rate = mean_c_rate_1_h(0.5 * rate, temperature_k, 0.5 * _loss(state), values)
         load = _load_factor_h(temperature_k, values) * c_rate
         molar_k = aging.throughput_exponent * aging.gas_constant_j_mol_k * temperature_k**2

@@ -20,7 +20,7 @@ from iptm_core.errors import SolverSetupError
 from iptm_core.state import LeaderPreview
 
 _SOURCE_FOLDER = Path(__file__).resolve().parent / "c"
-_UNITS = "tick_data", "forecast", "guard"
+_UNITS = "tick_data", "forecast", "guard", "prices"
 _FILES = (*(f"{name}.{end}" for name in _UNITS for end in "ch"), "vehicle.h", "real.h")
 INT, DOUBLE, POINTER = ctypes.c_int, ctypes.c_double, ctypes.c_void_p
 _MOTIONS_KEPT = 8
@@ -105,6 +105,7 @@ def _library(compiler: tuple[str, ...], *_: object) -> ctypes.PyDLL:
         "iptm_read_plan": [POINTER, DOUBLE, *[POINTER] * 3],
         "iptm_collision_threatens": [POINTER, POINTER, *[DOUBLE] * 4],
         "iptm_forecast_leader": [POINTER] * 5,
+        "iptm_value_temperatures": [POINTER] * 3,
         "iptm_leader_at": [POINTER, POINTER, POINTER, DOUBLE],
     }
     results: dict[str, Any] = dict.fromkeys(arguments) | {

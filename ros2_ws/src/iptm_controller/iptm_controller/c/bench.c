@@ -92,6 +92,7 @@ int main(int count, char **arguments) {
     inputs.ahead.prices.temperature_weight_1_k2_s = number(file);
     inputs.ahead.prices.reference_temperature_k = number(file);
     inputs.ahead.prices.thermal_energy_price_1_j = number(file);
+    inputs.foreseen_1_s = number(file);
     preview.nodes = numbers(file, 3, tables);
     preview.times_s = tables[0];
     preview.positions_m = tables[1];

@@ -26,18 +26,43 @@ static iptm_command planned_command(const iptm_memory *memory, double time_s) {
   return command;
 }
 
+/* Price the temperatures; a state before the first one begins another trip. */
+static void price(iptm_memory *memory, const iptm_vehicle *vehicle, double foreseen_1_s,
+                  iptm_prices *prices) {
+  const double loss = vehicle->cell_1_capacity_loss + vehicle->cell_n_capacity_loss;
+  iptm_temperature_value value;
+  iptm_aged aged;
+  if (!memory->has_begun || vehicle->time_s < memory->begun_s) {
+    memory->has_begun = 1;
+    memory->begun_s = vehicle->time_s;
+    memory->begun_loss = loss;
+  }
+  aged.time_s = vehicle->time_s;
+  aged.temperature_k = 0.5 * (vehicle->cell_1_temperature_k + vehicle->cell_n_temperature_k);
+  aged.capacity_loss = loss;
+  aged.elapsed_s = vehicle->time_s - memory->begun_s;
+  aged.lost = larger(loss - memory->begun_loss, 0.0);
+  aged.foreseen_1_s = foreseen_1_s;
+  iptm_value_temperatures(&iptm_valuation_of_strategy, &aged, &value);
+  memset(prices, 0, sizeof(*prices));
+  prices->cell_1_marginal_cost_1_k = value.cell_1_marginal_cost_1_k;
+  prices->cell_n_marginal_cost_1_k = value.cell_n_marginal_cost_1_k;
+}
+
 /* Solve the problem of a tick; a usable plan is kept. */
 static int plan(iptm_memory *memory, iptm_scratch *scratch, const iptm_vehicle *vehicle,
-                const iptm_inputs *given, const iptm_ahead *ahead, iptm_decision *decision) {
+                const iptm_inputs *given, const iptm_ahead *known, iptm_decision *decision) {
+  iptm_ahead ahead = *known;
   iptm_options options = iptm_solver_options;
   if (!memory->has_solved) {
     memory->has_solved = 1;
     memory->since_second = iptm_switching_numbers.try_every;
   }
+  if (given->foreseen_1_s > 0.0) price(memory, vehicle, given->foreseen_1_s, &ahead.prices);
   iptm_shift_plan(&iptm_grid_of_horizon, memory->start_s,
                   covers(memory, vehicle->time_s) ? memory->states : NULL, memory->inputs, vehicle,
                   scratch->states, scratch->inputs);
-  iptm_pose_problem(&iptm_grid_of_horizon, &iptm_strategy_of_controller, vehicle, ahead,
+  iptm_pose_problem(&iptm_grid_of_horizon, &iptm_strategy_of_controller, vehicle, &ahead,
                     scratch->states, scratch->inputs, scratch->guess, scratch->parameters);
   options.clock_s = given->clock_s;
   options.until_s = given->until_s;

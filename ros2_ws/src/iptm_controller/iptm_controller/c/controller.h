@@ -1,9 +1,9 @@
 /* One tick of the controller: forecast, problem, solution, fallback, limiter. C99, nothing is allocated.
  *
- * In here: the forecast of the leader with the trust in its previews, the last plan moved on, the problem of the
- * tick, the interior-point method with its second start, the rungs of the fallback ladder and the limiter. Not in
+ * In here: the forecast of the leader with the trust in its previews, the prices of the temperatures by the law of
+ * the paper, the last plan moved on, the problem of the tick, the interior-point method with its second start, the rungs of the fallback ladder and the limiter. Not in
  * here, and to be done before: plausibility checks and noise filters of the measurements, rules of the road as a
- * lead motion, the terminal prices of the temperatures, the limits of pack and drive, and the observer of the
+ * lead motion, the limits of pack and drive, and the observer of the
  * actuators; after: the collision guard (guard.h has what it looks at). */
 #ifndef IPTM_CONTROLLER_H
 #define IPTM_CONTROLLER_H
@@ -29,13 +29,17 @@ typedef struct {
   const iptm_leader *leader;   /* as measured; NULL: no leader is measured */
   const iptm_motion *preview;  /* of the leader, the newest one received; NULL: `ahead` has its motion */
   iptm_ahead ahead;            /* without preview and motion no problem is posed */
+  /* Aging rate of both cells, from the start of the trip expected for it: prices are worked out; 0: `ahead` has
+   * them. */
+  double foreseen_1_s;
   double (*clock_s)(void);      /* NULL for no deadline */
   double until_s;               /* reading of the clock at which the solver stops */
 } iptm_inputs;
 
 /* What is carried from tick to tick. All zero begins a trip. */
 typedef struct {
-  int has_plan, failures, has_trusted, has_solved, since_second;
+  int has_plan, failures, has_trusted, has_solved, since_second, has_begun;
+  double begun_s, begun_loss;  /* time and losses of both cells where the trip began */
   double start_s; /* trip time of the plan's first node */
   double states[(IPTM_STEPS + 1) * IPTM_STATES];
   double inputs[IPTM_STEPS * IPTM_INPUTS];
