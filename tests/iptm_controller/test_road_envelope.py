@@ -33,11 +33,6 @@ def ego(speed_m_s: float, position_m: float = 0.0, time_s: float = 0.0) -> objec
     return make_state(speed_m_s=speed_m_s, position_m=position_m, time_s=time_s)
 
 
-def test_without_rules_the_lead_vehicle_is_taken_as_it_is() -> None:
-    forecast = of_leader(30.0, 10.0)
-    assert envelope().lead(ego(10.0), None, forecast) == (forecast.motion, forecast.limiting)
-
-
 def test_what_is_followed_is_the_lead_vehicle_or_a_rule() -> None:
     """A desired headway is one to the lead vehicle; rules alone are not followed."""
     road, near, far = envelope(), of_leader(30.0, 10.0), of_leader(300.0, 14.0)

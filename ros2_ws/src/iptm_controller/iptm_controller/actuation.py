@@ -116,6 +116,11 @@ class ActuationObserver:
             parts.append(f"brakes deliver {self.brake_share:.0%} of the commanded deceleration")
         return "; ".join(parts)
 
+    @property
+    def found(self) -> tuple[str, float, float]:
+        """Reason, delay and share of the brakes."""
+        return self.reason, self.delay_s, self.brake_share
+
     def issue(self, time_s: float, command: Command) -> None:
         """Note the command that answers the measurements of a trip time."""
         tick = round(time_s / self._tick_s)

@@ -12,11 +12,12 @@ from iptm_controller.actuation import ActuationMemory, ActuationObserver, PowerA
 from iptm_controller.charging_value import ChargingValuation
 from iptm_controller.decision import NOTHING, ControllerMemory, Decision
 from iptm_controller.estimator import Estimator
+from iptm_controller.forecast import LeaderForecast
 from iptm_controller.forecast_in_c import leader_forecaster
 from iptm_controller.ladder import FallbackLadder, safe_following
 from iptm_controller.lead_check import LeadCheck, SenderClock, acceleration_decay_s
 from iptm_controller.measurements import Measurements, trusted_measurements
-from iptm_controller.ocp.data import ProblemData, ProblemDataBuilder
+from iptm_controller.ocp.data import UNBOUNDED_W, ProblemData, ProblemDataBuilder
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.options import ControllerOptions
 from iptm_controller.pack_model import CELLS, cyclic_parameters, valuation_of
@@ -33,11 +34,15 @@ from iptm_controller.temperature_value import NO_VALUE, TemperatureValuation
 from iptm_controller.tick_library import tick_library
 from iptm_controller.traction_forecast import TractionForecaster
 from iptm_core.aging_laws.parking import ParkedAging
-from iptm_core.decision_record import Rung
+from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.frozen import replace
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import nominal_charge_parameters
-from iptm_core.state import Command, FloatArray, LeaderState, VehicleState
+from iptm_core.physics.pack_limits import UNLIMITED
+from iptm_core.road_ahead import RoadAhead
+from iptm_core.state import Command, FloatArray, LeaderPreview, LeaderState, VehicleState
+
+_USABLE = frozenset(status for status in SolveStatus if status.usable)
 
 
 class Controller:
@@ -109,6 +114,7 @@ class Controller:
         strategy, price_1_j, self.valuation = valuation_of(
             strategy, self.options, self._parked, self.model
         )
+        self._is_rule_based = strategy.is_rule_based
         builder = ProblemDataBuilder(self.grid, strategy, self.model, self.options.tick_s)
         self.plan_data = plan_data(
             self.grid, builder, compile_code=self.options.solver.compile_code
@@ -199,7 +205,7 @@ class Controller:
             self._power.update(state, measured.slope, pack.power_share)
         if state is None or fault or (leader is None and not is_free):
             planned = Decision(reason=fault)
-        elif self.options.strategy.is_rule_based:
+        elif self._is_rule_based:
             lawful = self._road.command_m_s2(state, measured.rules)
             command = self._production.command(state, leader, lawful, self.options.strategy.rules)
             planned = Decision(self._ladder.accept_command(command), Rung.OPTIMAL)
@@ -211,8 +217,8 @@ class Controller:
         command = self._power.within(command)
         limited, limits = self._limit(command, state)
         doubted = doubt if doubt != planned.reason else ""
-        reasons = [doubted, planned.reason, self._actuation.reason, pack.reason]
-        brake_share = self._actuation.brake_share
+        actuation, delay_s, brake_share = self._actuation.found
+        reasons = [doubted, planned.reason, actuation, pack.reason]
         if state is not None:
             self._guard.observe(leader, is_free=is_free)
             if self._guard.collision_threatens(
@@ -233,7 +239,7 @@ class Controller:
             rung=rung,
             reason="; ".join(filter(None, reasons)),
             limits=limits,
-            command_delay_s=self._actuation.delay_s,
+            command_delay_s=delay_s,
             brake_share=brake_share,
             pack=pack,
             noise=", ".join(filter(None, (self._estimator.noise, self._forecaster.noise))),
@@ -279,11 +285,7 @@ class Controller:
         """
         rules, last = measured.rules, self._ladder.plan_at(state.time_s)
         forecast = None if leader is None else self._forecaster.forecast(leader, measured.preview)
-        motion, limiting = self._road.lead(state, rules, forecast)
-        known_s, follows = LOOK_AHEAD_S, False
-        if forecast is not None and leader is not None:
-            known_s = forecast.known_s - (state.time_s - leader.time_s)
-            follows = self._road.follows(state.time_s, motion, forecast)
+        motion, limiting, known_s, follows = self._ahead(state, rules, leader, forecast)
         if self._actuation.has_weak_brakes:
             known_s = 0.0
             further_m = self._further_stopping_distance_m(state.speed_m_s)
@@ -301,11 +303,13 @@ class Controller:
         if rules is not None:
             expected = self.plan_data.expected(last, state)
             lawful_m_s = self._road.speed_limits_m_s(rules, expected.motion)
-        limits_m_s = self._power.slower(lawful_m_s)
+        limits_m_s, charge_w = lawful_m_s, UNBOUNDED_W
+        if self._power.limits is not UNLIMITED:
+            limits_m_s, charge_w = self._power.slower(lawful_m_s), self._power.charge_w
         known = state, last, motion, limiting, measured.slope, known_s, value, thermal, limits_m_s
-        data, start = self.plan_data.problem(*known, self._power.charge_w, follows=follows)
+        data, start = self.plan_data.problem(*known, charge_w, follows=follows)
         result = self._solve(data, start)
-        if not result.status.usable:
+        if result.status not in _USABLE:
             return Decision(reason=result.reason, result=result, forecast=forecast, value=value)
         plan = self.plan_data.plan(result.variables, state)
         reason = "" if forecast is None else forecast.reason
@@ -319,13 +323,31 @@ class Controller:
             value=value,
         )
 
+    def _ahead(
+        self,
+        state: VehicleState,
+        rules: RoadAhead | None,
+        leader: LeaderState | None,
+        forecast: LeaderForecast | None,
+    ) -> tuple[LeaderPreview, LeaderPreview, float, bool]:
+        """Return the motion ahead, the one that limits hold for, how far it is known, and whether it is a vehicle."""
+        known_s = LOOK_AHEAD_S
+        if forecast is not None and leader is not None:
+            known_s = forecast.known_s - (state.time_s - leader.time_s)
+        if rules is not None:
+            motion, limiting = self._road.lead(state, rules, forecast)
+            follows = self._road.follows(state.time_s, motion, forecast)
+            return motion, limiting, known_s, follows
+        if forecast is None:
+            raise AssertionError("a plan needs a lead vehicle or rules of the road")
+        return forecast.motion, forecast.limiting, known_s, True
+
     def _solve(self, data: ProblemData, guess: FloatArray) -> SolveResult:
         """Solve a problem; a back end that raises, against its promise, has broken off."""
-        clock = Stopwatch()
         try:
             return self.backend.solve(data, guess)
         except Exception as error:  # noqa: BLE001  whatever it is, the car must be driven on
-            return broken(guess, clock, f"{type(error).__name__}: {error}")
+            return broken(guess, Stopwatch(), f"{type(error).__name__}: {error}")
 
     def _limit(
         self, command: Command, state: VehicleState | None

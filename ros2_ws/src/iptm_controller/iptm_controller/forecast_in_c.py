@@ -15,7 +15,7 @@ from iptm_controller.forecast import (
     PreviewQuality,
     doubted,
 )
-from iptm_controller.preview_trust import FusionMemory, Prediction, TrustMemory
+from iptm_controller.preview_trust import ROUGH_M2_S4, FusionMemory, Prediction, TrustMemory
 from iptm_controller.tick_library import (
     DOUBLE,
     INT,
@@ -163,7 +163,8 @@ class LeaderForecasterInC(LeaderForecaster):
     @property
     def noise(self) -> str:
         """How rough the previews are, empty if they pass unchanged."""
-        return FusionMemory(roughness_m2_s4=self._c_memory.roughness_m2_s4).noise
+        found = self._c_memory.roughness_m2_s4
+        return FusionMemory(roughness_m2_s4=found).noise if found >= ROUGH_M2_S4 else ""
 
     def leader_at(self, time_s: float, leader: LeaderState | None) -> LeaderState | None:
         """See `LeaderForecaster`."""
@@ -178,8 +179,10 @@ class LeaderForecasterInC(LeaderForecaster):
         size, past = preview.times_s.size, self._c_memory.past + 1
         if past > self._numbers.past_room or size > self._numbers.preview_room:
             self._make_room(2 * past, size)
-        columns: FloatArray = np.empty((5, past + max(size + 1, _EXTRAPOLATED_NODES)))
-        first, row = address(columns), columns.strides[0]
+        room = past + max(size + 1, _EXTRAPOLATED_NODES)
+        numbers = (DOUBLE * (5 * room))()
+        columns: FloatArray = np.frombuffer(numbers).reshape(5, room)
+        first, row = ctypes.addressof(numbers), columns.strides[0]
         places = [first + place * row for place in range(5)]
         found = _Forecast(*places)
         self._forecast(

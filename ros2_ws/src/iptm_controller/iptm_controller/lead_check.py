@@ -111,8 +111,8 @@ class LeadCheck:
         sizes = preview.times_s.size, preview.positions_m.size, preview.speeds_m_s.size
         if not min(sizes):
             return None
-        speed_m_s, age_s = float(preview.speeds_m_s[0]), state.time_s - preview.generated_at_s
-        position_m = float(preview.positions_m[0]) + speed_m_s * age_s
+        speed_m_s, age_s = preview.speeds_m_s.item(0), state.time_s - preview.times_s.item(0)
+        position_m = preview.positions_m.item(0) + speed_m_s * age_s
         if not (0.0 <= age_s <= FRESH_S and math.isfinite(position_m)):
             return None
         if speed_m_s < SPEED_AT_REST_M_S:
@@ -172,7 +172,7 @@ class SenderClock:
         memory = self.memory
         if now_s < memory.shown_s or now_s - memory.shown_s > FORGOTTEN_AFTER_S:
             memory = ClockMemory()
-        ahead_s = preview.generated_at_s - now_s if preview.times_s.size else 0.0
+        ahead_s = preview.times_s.item(0) - now_s if preview.times_s.size else 0.0
         if _RESOLUTION_S < ahead_s <= LARGEST_OFFSET_S and ahead_s >= memory.ahead_s:
             memory = ClockMemory(ahead_s, now_s)
         self.memory = memory

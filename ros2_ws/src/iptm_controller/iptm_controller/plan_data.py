@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 from operator import attrgetter
+from typing import Any
 
 import numpy as np
 
@@ -193,6 +194,10 @@ class PlanDataInC(PlanData):
             builder.min_temperature_k,
         )
         self._strategy_pointer = ctypes.byref(self._strategy)
+        plan_size = (grid.steps + 1) * layout.STATES + grid.steps * layout.INPUTS
+        self._plan_numbers: Any = DOUBLE * plan_size
+        self._variables: Any = DOUBLE * grid.variable_count
+        self._parameters: Any = DOUBLE * grid.parameter_count
         self._expected = self._empty_plan()
         self._slope: SlopePreview | None = None
         self._newest: tuple[Plan | None, int, int] = None, 0, 0
@@ -225,8 +230,7 @@ class PlanDataInC(PlanData):
     ) -> tuple[ProblemData, FloatArray]:
         """See ``PlanData``."""
         self.charge_w = charge_w
-        grid = self._grid
-        variables, parameters = np.empty(grid.variable_count), np.empty(grid.parameter_count)
+        variables, parameters = self._variables(), self._parameters()
         if self._slope is not slope:
             road = [
                 np.ascontiguousarray(each, dtype=np.float64)
@@ -256,10 +260,11 @@ class PlanDataInC(PlanData):
             vehicle,
             ctypes.byref(ahead),
             *places,
-            address(variables),
-            address(parameters),
+            variables,
+            parameters,
         )
-        return ProblemData(variables[: layout.STATES].copy(), parameters), variables
+        start = np.frombuffer(variables)
+        return ProblemData(start[: layout.STATES].copy(), np.frombuffer(parameters)), start
 
     def plan(self, variables: FloatArray, state: VehicleState) -> Plan:
         """See ``PlanData``."""
@@ -271,10 +276,10 @@ class PlanDataInC(PlanData):
 
     def _empty_plan(self) -> tuple[FloatArray, int, int]:
         """Return room for the numbers of a plan, and where its states and inputs are."""
-        steps = self._grid.steps
-        numbers: FloatArray = np.empty((steps + 1) * layout.STATES + steps * layout.INPUTS)
-        first = address(numbers)
-        return numbers, first, first + numbers.itemsize * (steps + 1) * layout.STATES
+        numbers = self._plan_numbers()
+        first = ctypes.addressof(numbers)
+        size = ctypes.sizeof(DOUBLE) * (self._grid.steps + 1) * layout.STATES
+        return np.frombuffer(numbers), first, first + size
 
     def _plan_of(self, numbers: FloatArray, state: VehicleState) -> Plan:
         size = (self._grid.steps + 1) * layout.STATES

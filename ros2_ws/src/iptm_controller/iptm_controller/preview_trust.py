@@ -206,6 +206,7 @@ FORGETTING_PER_S = 0.1
 ROUGH_M_S2 = 0.3
 """Root mean square of the rate at which differences vary along the preview, from which on they are noise.
 Errors of 0.5 m/s that are correlated over 5 s reach it."""
+ROUGH_M2_S4 = ROUGH_M_S2 * ROUGH_M_S2
 ERROR_GROWTH_S = 5.0
 """The error of a preview is small now and reaches its standard deviation at lead times beyond this."""
 LEAST_VARIANCE = 1e-3
@@ -235,7 +236,7 @@ class FusionMemory:
     @property
     def is_noisy(self) -> bool:
         """Whether the previews are averaged."""
-        return self.roughness_m2_s4 >= ROUGH_M_S2 * ROUGH_M_S2
+        return self.roughness_m2_s4 >= ROUGH_M2_S4
 
     @property
     def noise(self) -> str:

@@ -42,22 +42,18 @@ class RoadEnvelope:
         self.pace: PaceMemory | None = None
 
     def lead(
-        self, state: VehicleState, road: RoadAhead | None, forecast: LeaderForecast | None
+        self, state: VehicleState, road: RoadAhead, forecast: LeaderForecast | None
     ) -> tuple[LeaderPreview, LeaderPreview]:
         """Return the lead motion: at every instant the nearer one of lead vehicle and rules.
 
         Args:
-            road: rules, None without any; with limits.
+            road: rules, with limits.
             forecast: of the lead vehicle, None without one. Where the rules are nowhere nearer, its motion is
                 returned as it is.
 
         Returns:
             The expected motion, past and future, and the one that the gap limits hold for.
         """
-        if road is None:
-            if forecast is None:
-                raise AssertionError("a plan needs a lead vehicle or rules of the road")
-            return forecast.motion, forecast.limiting
         rules = self._of_rules(state, road)
         if forecast is None:
             return rules, rules
@@ -69,8 +65,10 @@ class RoadEnvelope:
         return motion, limiting
 
     @staticmethod
-    def follows(time_s: float, motion: LeaderPreview, forecast: LeaderForecast) -> bool:
+    def follows(time_s: float, motion: LeaderPreview, forecast: LeaderForecast | None) -> bool:
         """Return whether the nearest ahead at an instant, ``motion``, is the lead vehicle and not a rule."""
+        if forecast is None:
+            return False
         if motion is forecast.motion:
             return True
         now = np.array([time_s])

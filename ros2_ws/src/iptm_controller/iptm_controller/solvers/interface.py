@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass, field
+from enum import Enum
 from typing import Protocol
 
 import numpy as np
@@ -108,6 +109,61 @@ def broken(guess: FloatArray, clock: Stopwatch, message: str) -> SolveResult:
         time_s=clock.processor_s,
         wall_time_s=clock.wall_s,
         infeasibility=math.inf,
+    )
+
+
+class Termination(Enum):
+    """Why the iteration stopped; the second value is the outcome without a usable iterate."""
+
+    CONVERGED = "converged", SolveStatus.NUMERICAL_ERROR
+    ITERATIONS = "bound on the iterations", SolveStatus.ITERATION_LIMIT
+    DEADLINE = "time limit", SolveStatus.DEADLINE
+    STALLED = "no step was accepted", SolveStatus.NUMERICAL_ERROR
+    NOT_FINITE = "data, model or step not finite", SolveStatus.NUMERICAL_ERROR
+
+    def status(self, infeasibility: float) -> SolveStatus:
+        """Return the outcome of a solve by the largest violation of its iterate."""
+        # The negated comparison also catches a violation that is not a number.
+        if not infeasibility <= FEASIBILITY_TOLERANCE:
+            return self.value[1]
+        return SolveStatus.SOLVED if self is Termination.CONVERGED else SolveStatus.FEASIBLE
+
+
+def result_of(
+    termination: Termination,
+    cost: float,
+    infeasibility: float,
+    iterations: int,
+    clock: Stopwatch,
+    *,
+    variables: FloatArray,
+    costates: FloatArray,
+    cold_starts: int,
+    total_iterations: int | None = None,
+) -> SolveResult:
+    """Return the result of a solve by the Riccati method.
+
+    Args:
+        cost: at the iterate that it ended with.
+        infeasibility: largest violation there.
+        iterations: of this solve.
+        total_iterations: including another solve for the same result, None without one.
+    """
+    status = termination.status(infeasibility)
+    reason = STATUS_TEXT[status]
+    if status is not SolveStatus.SOLVED:
+        reason += f" ({RICCATI}: {termination.value[0]}, {iterations} iterations)"
+    return SolveResult(
+        status=status,
+        reason=reason,
+        variables=variables,
+        objective=cost,
+        iterations=iterations if total_iterations is None else total_iterations,
+        time_s=clock.processor_s,
+        wall_time_s=clock.wall_s,
+        infeasibility=infeasibility,
+        costates=costates,
+        cold_starts=cold_starts,
     )
 
 

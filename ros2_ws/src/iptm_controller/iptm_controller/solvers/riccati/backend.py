@@ -8,7 +8,14 @@ from functools import lru_cache
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.problem import OptimalControlProblem
-from iptm_controller.solvers.interface import RICCATI, SolveResult, SolverOptions, Stopwatch
+from iptm_controller.solvers.interface import (
+    RICCATI,
+    SolveResult,
+    SolverOptions,
+    Stopwatch,
+    Termination,
+    result_of,
+)
 from iptm_controller.solvers.riccati.machine_code import (
     PROGRAMS_KEPT,
     MachineCode,
@@ -16,10 +23,12 @@ from iptm_controller.solvers.riccati.machine_code import (
     SwitchingNumbers,
     as_machine_code,
 )
-from iptm_controller.solvers.riccati.method import RiccatiMethod, Termination, result_of
+from iptm_controller.solvers.riccati.method import RiccatiMethod
 from iptm_controller.solvers.riccati.program import ITERATE, STEP, build_program
 from iptm_core.physics.ops import BufferedFunction
 from iptm_core.state import FloatArray
+
+_TERMINATIONS = tuple(Termination)
 
 
 class RiccatiBackend:
@@ -108,8 +117,9 @@ def _beginning_at(initial_state: FloatArray, guess: FloatArray) -> FloatArray:
 
 def _result(outcome: Outcome, iterations: int, clock: Stopwatch) -> SolveResult:
     return result_of(
-        tuple(Termination)[outcome.termination],
-        outcome.point,
+        _TERMINATIONS[outcome.termination],
+        outcome.point.cost,
+        outcome.point.largest_violation,
         outcome.iterations,
         clock,
         variables=outcome.variables,

@@ -9,21 +9,19 @@ from __future__ import annotations
 
 import math
 import time
-from enum import Enum
 
 import numpy as np
 
 from iptm_controller.solvers.interface import (
     FEASIBILITY_TOLERANCE,
-    RICCATI,
-    STATUS_TEXT,
     SolveResult,
     SolverOptions,
     Stopwatch,
+    Termination,
+    result_of,
 )
 from iptm_controller.solvers.riccati.line_search import FilterPoint, LineSearchFilter, StepSummary
 from iptm_controller.solvers.riccati.program import ITERATE
-from iptm_core.decision_record import SolveStatus
 from iptm_core.physics.ops import BufferedFunction
 from iptm_core.state import FloatArray
 
@@ -36,23 +34,6 @@ FIRST_REGULARISATION = 1e-3
 REGULARISATION_FACTOR = 8.0
 LEAST_REGULARISATION = 1e-5
 NOWHERE = FilterPoint(math.nan, math.nan, math.inf, math.inf)
-
-
-class Termination(Enum):
-    """Why the iteration stopped; the second value is the outcome without a usable iterate."""
-
-    CONVERGED = "converged", SolveStatus.NUMERICAL_ERROR
-    ITERATIONS = "bound on the iterations", SolveStatus.ITERATION_LIMIT
-    DEADLINE = "time limit", SolveStatus.DEADLINE
-    STALLED = "no step was accepted", SolveStatus.NUMERICAL_ERROR
-    NOT_FINITE = "data, model or step not finite", SolveStatus.NUMERICAL_ERROR
-
-    def status(self, infeasibility: float) -> SolveStatus:
-        """Return the outcome of a solve by the largest violation of its iterate."""
-        # The negated comparison also catches a violation that is not a number.
-        if not infeasibility <= FEASIBILITY_TOLERANCE:
-            return self.value[1]
-        return SolveStatus.SOLVED if self is Termination.CONVERGED else SolveStatus.FEASIBLE
 
 
 class RiccatiMethod:
@@ -109,7 +90,8 @@ class RiccatiMethod:
         variables, point = self._answer(point, termination)
         return result_of(
             termination,
-            point,
+            point.cost,
+            point.largest_violation,
             iterations,
             clock,
             variables=variables,
@@ -245,41 +227,6 @@ class RiccatiMethod:
                 return trial
             backtracking *= BACKTRACKING
         return None
-
-
-def result_of(
-    termination: Termination,
-    point: FilterPoint,
-    iterations: int,
-    clock: Stopwatch,
-    *,
-    variables: FloatArray,
-    costates: FloatArray,
-    cold_starts: int,
-    total_iterations: int | None = None,
-) -> SolveResult:
-    """Return the result of a solve that ended at a point.
-
-    Args:
-        iterations: of this solve.
-        total_iterations: including another solve for the same result, None without one.
-    """
-    status = termination.status(point.largest_violation)
-    reason = STATUS_TEXT[status]
-    if status is not SolveStatus.SOLVED:
-        reason += f" ({RICCATI}: {termination.value[0]}, {iterations} iterations)"
-    return SolveResult(
-        status=status,
-        reason=reason,
-        variables=variables,
-        objective=point.cost,
-        iterations=iterations if total_iterations is None else total_iterations,
-        time_s=clock.processor_s,
-        wall_time_s=clock.wall_s,
-        infeasibility=point.largest_violation,
-        costates=costates,
-        cold_starts=cold_starts,
-    )
 
 
 def _is_finite(guess: FloatArray, parameters: FloatArray, point: FilterPoint) -> bool:
