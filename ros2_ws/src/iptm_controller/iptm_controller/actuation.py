@@ -116,6 +116,10 @@ class ActuationObserver:
             parts.append(f"brakes deliver {self.brake_share:.0%} of the commanded deceleration")
         return "; ".join(parts)
 
+    def further_way_m(self, speed_m_s: float, hardest_m_s2: float) -> float:
+        """Return by how much weak brakes lengthen a stop that would be as hard as stated."""
+        return speed_m_s * speed_m_s / (2.0 * hardest_m_s2) * (1.0 / self.brake_share - 1.0)
+
     @property
     def found(self) -> tuple[str, float, float]:
         """Reason, delay and share of the brakes."""

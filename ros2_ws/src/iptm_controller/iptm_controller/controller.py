@@ -83,8 +83,7 @@ class Controller:
         self._pose(options.strategy)
         library = tick_library(is_wanted=options.solver.compile_code)
         seen_s = horizon.motion_duration_s, options.max_preview_age_s, options.tick_s
-        decay_s = acceleration_decay_s(parameters.gap)
-        self._forecaster = leader_forecaster(*seen_s, decay_s, library)
+        self._forecaster = leader_forecaster(*seen_s, acceleration_decay_s(parameters.gap), library)
         self._traction = (
             TractionForecaster(parameters, self.grid)
             if horizon.motion_steps < horizon.steps
@@ -106,7 +105,6 @@ class Controller:
         self._power = PowerAuthority(self._vehicle, options.tick_s, ends_s)
         self._production = ProductionLikeController(parameters, options.production, options.tick_s)
         self._road = RoadEnvelope(parameters, options.tick_s)
-        self._hardest_m_s2 = parameters.limits.min_acceleration_m_s2
         self._last_trusted: VehicleState | None = None
 
     def _pose(self, strategy: Strategy) -> None:
@@ -201,7 +199,7 @@ class Controller:
             if not measured.is_followed:
                 self._actuation.memory = ActuationMemory()
             self._actuation.observe(state)
-            state = self._within_comfort(self._actuation.predicted(state))
+            state = self._limiter.within_comfort(self._actuation.predicted(state))
             self._power.update(state, measured.slope, pack.power_share)
         if state is None or fault or (leader is None and not is_free):
             planned = Decision(reason=fault)
@@ -229,7 +227,9 @@ class Controller:
             ):
                 rung = Rung.EMERGENCY_BRAKING
                 reasons.insert(0, EMERGENCY)
-                hardest = replace(command, acceleration_m_s2=self._hardest_m_s2)
+                hardest = replace(
+                    command, acceleration_m_s2=self.model.limits.min_acceleration_m_s2
+                )
                 limited, limits = self._limit(hardest, state)
         if trusted is not None:
             self._actuation.issue(trusted.time_s, limited)
@@ -264,18 +264,6 @@ class Controller:
             slower = min(slower, law.acceleration_m_s2)
         return rung, replace(command, acceleration_m_s2=slower)
 
-    def _within_comfort(self, state: VehicleState) -> VehicleState:
-        """Return a state whose acceleration ordinary commands can follow; service brakes go beyond."""
-        limits = self.model.limits
-        own = state.acceleration_m_s2
-        clipped = min(max(own, limits.min_acceleration_m_s2), limits.max_acceleration_m_s2)
-        return state if clipped == own else replace(state, acceleration_m_s2=clipped)
-
-    def _further_stopping_distance_m(self, speed_m_s: float) -> float:
-        """Return by how much the weak brakes lengthen an emergency stop; kept as an additional gap."""
-        stated_m = speed_m_s * speed_m_s / (2.0 * self.model.brakes.max_deceleration_m_s2)
-        return stated_m * (1.0 / self._actuation.brake_share - 1.0)
-
     def _plan(
         self, state: VehicleState, leader: LeaderState | None, measured: Measurements
     ) -> Decision:
@@ -285,10 +273,14 @@ class Controller:
         """
         rules, last = measured.rules, self._ladder.plan_at(state.time_s)
         forecast = None if leader is None else self._forecaster.forecast(leader, measured.preview)
-        motion, limiting, known_s, follows = self._ahead(state, rules, leader, forecast)
+        motion, limiting, follows = self._ahead(state, rules, forecast)
+        known_s = LOOK_AHEAD_S
+        if forecast is not None and leader is not None:
+            known_s = forecast.known_s - (state.time_s - leader.time_s)
         if self._actuation.has_weak_brakes:
             known_s = 0.0
-            further_m = self._further_stopping_distance_m(state.speed_m_s)
+            hardest_m_s2 = self.model.brakes.max_deceleration_m_s2
+            further_m = self._actuation.further_way_m(state.speed_m_s, hardest_m_s2)
             motion, limiting = motion.nearer_by(further_m), limiting.nearer_by(further_m)
         value = NO_VALUE
         if self.valuation is not None:
@@ -301,8 +293,8 @@ class Controller:
             thermal = self._traction.samples(state, motion, known_s, measured.slope)
         lawful_m_s = None
         if rules is not None:
-            expected = self.plan_data.expected(last, state)
-            lawful_m_s = self._road.speed_limits_m_s(rules, expected.motion)
+            expected = self.plan_data.expected(last, state).motion
+            lawful_m_s = self._road.speed_limits_m_s(rules, expected)
         limits_m_s, charge_w = lawful_m_s, UNBOUNDED_W
         if self._power.limits is not UNLIMITED:
             limits_m_s, charge_w = self._power.slower(lawful_m_s), self._power.charge_w
@@ -312,11 +304,10 @@ class Controller:
         if result.status not in _USABLE:
             return Decision(reason=result.reason, result=result, forecast=forecast, value=value)
         plan = self.plan_data.plan(result.variables, state)
-        reason = "" if forecast is None else forecast.reason
         return Decision(
             self._ladder.accept(plan),
             Rung.OPTIMAL,
-            reason,
+            "" if forecast is None else forecast.reason,
             plan=plan,
             result=result,
             forecast=forecast,
@@ -324,23 +315,15 @@ class Controller:
         )
 
     def _ahead(
-        self,
-        state: VehicleState,
-        rules: RoadAhead | None,
-        leader: LeaderState | None,
-        forecast: LeaderForecast | None,
-    ) -> tuple[LeaderPreview, LeaderPreview, float, bool]:
-        """Return the motion ahead, the one that limits hold for, how far it is known, and whether it is a vehicle."""
-        known_s = LOOK_AHEAD_S
-        if forecast is not None and leader is not None:
-            known_s = forecast.known_s - (state.time_s - leader.time_s)
+        self, state: VehicleState, rules: RoadAhead | None, forecast: LeaderForecast | None
+    ) -> tuple[LeaderPreview, LeaderPreview, bool]:
+        """Return the motion ahead, the one that limits hold for, and whether a vehicle moves like that."""
         if rules is not None:
             motion, limiting = self._road.lead(state, rules, forecast)
-            follows = self._road.follows(state.time_s, motion, forecast)
-            return motion, limiting, known_s, follows
+            return motion, limiting, self._road.follows(state.time_s, motion, forecast)
         if forecast is None:
             raise AssertionError("a plan needs a lead vehicle or rules of the road")
-        return forecast.motion, forecast.limiting, known_s, True
+        return forecast.motion, forecast.limiting, True
 
     def _solve(self, data: ProblemData, guess: FloatArray) -> SolveResult:
         """Solve a problem; a back end that raises, against its promise, has broken off."""

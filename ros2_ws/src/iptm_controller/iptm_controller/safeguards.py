@@ -18,6 +18,7 @@ import numpy as np
 
 from iptm_controller.forecast import NEAR_S, LeaderForecast
 from iptm_controller.tick_library import DOUBLE, motion_of
+from iptm_core.frozen import replace
 from iptm_core.parameters.model import LimitParameters
 from iptm_core.state import Command, FloatArray, LeaderPreview, LeaderState, VehicleState
 
@@ -31,6 +32,12 @@ class CommandLimiter:
         self._limits = limits
         self._power_range_w = limits.lowest_thermal_power_w, limits.max_compressor_power_w
         self._tick_s = tick_s
+
+    def within_comfort(self, state: VehicleState) -> VehicleState:
+        """Return a state whose acceleration ordinary commands can follow; service brakes go beyond."""
+        limits, own = self._limits, state.acceleration_m_s2
+        clipped = min(max(own, limits.min_acceleration_m_s2), limits.max_acceleration_m_s2)
+        return state if clipped == own else replace(state, acceleration_m_s2=clipped)
 
     def limit(self, command: Command, state: VehicleState) -> tuple[Command, tuple[str, ...]]:
         """Limit a command relative to what is actuated now (``state``).

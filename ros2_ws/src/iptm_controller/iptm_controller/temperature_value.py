@@ -26,7 +26,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iptm_controller.tick_library import DOUBLE
 from iptm_core.frozen import light
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import aging_current_a, capacity_loss_rate_1_s
@@ -149,7 +148,7 @@ class TemperatureValuation:
         _, self._performance = most_efficient_cooling(
             parameters.limits.min_temperature_k, parameters
         )
-        self._library, self._numbers = library, (DOUBLE * 17)(*self.numbers)
+        self._library, self._numbers = library, (ctypes.c_double * 17)(*self.numbers)
         self.start: VehicleState | None = None
         self.foreseen_1_s = 0.0
 
@@ -195,8 +194,10 @@ class TemperatureValuation:
         temperature_k = 0.5 * (state.cell_1_temperature_k + state.cell_n_temperature_k)
         if self._library is not None:
             aged = state.time_s, temperature_k, _loss(state), elapsed_s, lost, self.foreseen_1_s
-            found = (DOUBLE * 5)()
-            self._library.iptm_value_temperatures(self._numbers, (DOUBLE * 6)(*aged), found)
+            found = (ctypes.c_double * 5)()
+            self._library.iptm_value_temperatures(
+                self._numbers, (ctypes.c_double * 6)(*aged), found
+            )
             return TemperatureValue(*found)
         rate = (lost + self.foreseen_1_s * FORECAST_WEIGHT_S) / (elapsed_s + FORECAST_WEIGHT_S)
         rate = max(rate, _LEAST_RATE_1_S)
