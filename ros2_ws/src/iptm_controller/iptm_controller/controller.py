@@ -282,22 +282,19 @@ class Controller:
             hardest_m_s2 = self.model.brakes.max_deceleration_m_s2
             further_m = self._actuation.further_way_m(state.speed_m_s, hardest_m_s2)
             motion, limiting = motion.nearer_by(further_m), limiting.nearer_by(further_m)
-        value = NO_VALUE
-        if self.valuation is not None:
-            value = self.valuation.value(state, motion)
+        value = NO_VALUE if self.valuation is None else self.valuation.value(state, motion)
         if self._charging is not None:
             value = self._charging.added_to(value, state)
         thermal = None
         if self._traction is not None:
             self._traction.remember(state, measured.slope)
             thermal = self._traction.samples(state, motion, known_s, measured.slope)
-        lawful_m_s = None
+        limits_m_s, charge_w = None, UNBOUNDED_W
         if rules is not None:
             expected = self.plan_data.expected(last, state).motion
-            lawful_m_s = self._road.speed_limits_m_s(rules, expected)
-        limits_m_s, charge_w = lawful_m_s, UNBOUNDED_W
+            limits_m_s = self._road.speed_limits_m_s(rules, expected)
         if self._power.limits is not UNLIMITED:
-            limits_m_s, charge_w = self._power.slower(lawful_m_s), self._power.charge_w
+            limits_m_s, charge_w = self._power.slower(limits_m_s), self._power.charge_w
         known = state, last, motion, limiting, measured.slope, known_s, value, thermal, limits_m_s
         data, start = self.plan_data.problem(*known, charge_w, follows=follows)
         result = self._solve(data, start)
