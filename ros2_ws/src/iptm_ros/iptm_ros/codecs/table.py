@@ -141,10 +141,10 @@ def _count_at(frame_bytes: int) -> int:
 
 def table_of(topic: Topic, data: bytes) -> Stamped[dict[str, FloatArray]] | None:
     """Return stamp and columns of a table; None where its bytes have another form than the suite's."""
-    if TOPICS[topic].message_type is not PointCloud2 or len(data) < FRAME_AT:
+    every = tuple(TOPICS[topic].fields)
+    if TOPICS[topic].message_type is not PointCloud2 or TIME not in every or len(data) < FRAME_AT:
         return None
     at = _count_at(_LENGTH.unpack_from(data, FRAME_AT - _LENGTH.size)[0]) - _LENGTH.size
-    every = tuple(TOPICS[topic].fields)
     for names in (every, every[:-1]) if every[-1] == BOUND else (every,):
         fields = _form(names, ROAD_FRAME)[1]
         first = at + 2 * _LENGTH.size + len(fields) + _TWO.size
