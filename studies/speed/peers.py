@@ -11,8 +11,8 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, cast
 
 import casadi as ca
 import numpy as np
@@ -39,13 +39,17 @@ from iptm_controller.ocp.compilation import compile_functions
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.stage import DEFAULT_SMOOTHING
+from iptm_controller.solvers.factory import build_solver
+from iptm_controller.solvers.interface import SolverBackend
 from iptm_controller.solvers.riccati.backend import RiccatiBackend
 from iptm_core.compilation import find_compiler
+from iptm_core.decision_record import SolveStatus
 from iptm_core.errors import SolverSetupError
 from iptm_core.physics.cell import nominal_charge_parameters
 from iptm_core.physics.ops import named_function
 
 OURS, CHECKED = "riccati", "riccati, switching check"
+SIMULATED = "riccati, other cooling simulated"
 BETTER_BY = 1e-3
 """A cost that is higher than the best one by more is another local minimum."""
 TOLERANCE, BARRIER, FEASIBLE = 1e-5, 1e-4, 1e-4
@@ -239,23 +243,28 @@ def peers(cycle: str = "comprehensive", ticks: int = 10000, problems: int = 150)
     problem = OptimalControlProblem(
         Horizon.parse(str(MULTI_HORIZON)), nominal_charge_parameters(parameters), DEFAULT_SMOOTHING
     )
+    simulating = build_solver(
+        MULTI_HORIZON, problem.model, replace(options.solver, simulate_cooling=True)
+    )
+    checks = [check, cast("SwitchingCheck", simulating)]
     plain = RiccatiBackend(problem, options.solver)
-
-    def ours(data: ProblemData, guess: FloatArray) -> Answer:
-        result = plain.solve(data, guess)
-        return result.objective, result.iterations, result.status.name == "SOLVED"
-
-    def checked(data: ProblemData, guess: FloatArray) -> Answer:
-        result = check.solve(data, guess)
-        return result.objective, result.iterations, result.status.name == "SOLVED"
-
-    solvers: dict[str, Solve] = {OURS: ours, CHECKED: checked, **casadi_solvers(problem)}
-    rows = _measured(some, solvers, check)
+    backends: dict[str, SolverBackend] = {OURS: plain, CHECKED: check, SIMULATED: checks[1]}
+    solvers = {name: _answers_of(each) for name, each in backends.items()}
+    solvers |= casadi_solvers(problem)
+    rows = _measured(some, solvers, checks)
     return {"machine": machine_in_words(), "problems": len(some), "rows": rows}
 
 
+def _answers_of(backend: SolverBackend) -> Solve:
+    def solve(data: ProblemData, guess: FloatArray) -> Answer:
+        result = backend.solve(data, guess)
+        return result.objective, result.iterations, result.status is SolveStatus.SOLVED
+
+    return solve
+
+
 def _measured(
-    problems: Sequence[Recorded], solvers: dict[str, Solve], check: SwitchingCheck
+    problems: Sequence[Recorded], solvers: dict[str, Solve], checks: Sequence[SwitchingCheck]
 ) -> list[dict[str, Any]]:
     times: dict[str, list[float]] = {name: [] for name in solvers}
     answers: dict[str, list[Answer]] = {name: [] for name in solvers}
@@ -263,7 +272,8 @@ def _measured(
         # Who comes first in a turn finds the caches of the processor as the one before has left them.
         first = place % len(solvers)
         for name, solve in [*solvers.items()][first:] + [*solvers.items()][:first]:
-            check.since_second = each.since_second
+            for check in checks:
+                check.since_second = each.since_second
             began = time.process_time()
             answers[name].append(solve(each.data, each.guess))
             times[name].append(1e3 * (time.process_time() - began))

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -137,11 +138,13 @@ class InPython:
         self.solve = backend(grid, compiled=False).solve
 
 
+@pytest.mark.parametrize("simulates", [False, True])
 @pytest.mark.parametrize("grid", GRIDS)
-def test_second_starts_are_those_of_the_check_in_python(grid: str) -> None:
+def test_second_starts_are_those_of_the_check_in_python(grid: str, *, simulates: bool) -> None:
     problem = OptimalControlProblem(Horizon.parse(grid), PARAMETERS)
-    in_c = SwitchingCheck(backend(grid, compiled=True), problem, try_every=3)
-    in_python = SwitchingCheck(InPython(grid), problem, compile_code=False, try_every=3)
+    every: dict[str, Any] = {"try_every": 3, "simulates": simulates}
+    in_c = SwitchingCheck(backend(grid, compiled=True), problem, **every)
+    in_python = SwitchingCheck(InPython(grid), problem, compile_code=False, **every)
     random = np.random.default_rng(2)
     counts = set()
     for data, guess in problems(grid):

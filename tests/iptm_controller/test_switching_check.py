@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -19,7 +20,8 @@ from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import GlobalIndex, InputIndex, StateIndex
 from iptm_controller.ocp.problem import OptimalControlProblem
-from iptm_controller.solvers.interface import SolveResult
+from iptm_controller.solvers.factory import build_solver
+from iptm_controller.solvers.interface import SolveResult, SolverOptions
 from iptm_controller.solvers.switching_check import TRY_EVERY, SwitchingCheck
 from iptm_core.decision_record import SolveStatus
 from iptm_core.state import FloatArray
@@ -105,6 +107,28 @@ def test_stops_the_compressor_where_that_pays() -> None:
     assert powers_w(inner.answers[0].variables)[-1] > 500.0
     assert powers_w(result.variables).max() < 1.0
     assert result.objective < inner.answers[0].objective - 0.1
+
+
+@pytest.mark.parametrize(
+    ("scene", "price_1_k", "gain"), [("cruise", 4.0, 0.2), ("hills", 6.0, 0.1)]
+)
+def test_simulated_plans_find_cooling_that_the_hamiltonian_does_not_see(
+    scene: str, price_1_k: float, gain: float
+) -> None:
+    """Cooling pays only at the end of the horizon, in several steps at once."""
+    data, guess = problem_of(SCENES[scene], GRID, "aging")
+    data = with_price(data, price_1_k)
+    plans = []
+    for simulates in (False, True):
+        options = SolverOptions(simulate_cooling=simulates)
+        solver = cast("SwitchingCheck", build_solver(Horizon.parse(GRID), PARAMETERS, options))
+        solver.since_second = 0
+        plans.append(solver.solve(data, guess))
+    without, simulated = plans
+    assert simulated.objective < without.objective - gain
+    powers = powers_w(simulated.variables)
+    assert powers[:5].max() < 10.0
+    assert powers[6:].min() > 700.0
 
 
 def test_the_second_start_keeps_the_ramp() -> None:

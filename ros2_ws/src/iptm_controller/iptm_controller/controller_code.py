@@ -222,7 +222,9 @@ def _data(
             "iptm_switching iptm_switching_numbers",
             _braced(switching.candidates),
             switching.rate_1_s,
+            _braced(switching.levels),
             switching.try_every,
+            int(switching.simulates),
         ),
         _struct(
             "iptm_strategy iptm_strategy_of_controller",

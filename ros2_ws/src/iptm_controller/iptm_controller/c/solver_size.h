@@ -3,6 +3,7 @@
 #define IPTM_SOLVER_SIZE_H
 
 #include "stage_sizes.h"
+#include "switching.h"
 
 #define IPTM_VARIABLES(steps) ((steps) * (IPTM_STATES + IPTM_INPUTS) + IPTM_STATES)
 #define IPTM_WORK_PER_STEP                                                                        \
@@ -13,9 +14,10 @@
 #define IPTM_WORK_SIZE(steps, most_iterations)                                          \
   (5 * IPTM_VARIABLES(steps) + 4 * IPTM_STATES + (steps) * IPTM_WORK_PER_STEP +         \
    IPTM_STATES * (IPTM_STATES + 1) / 2 + 2 * IPTM_STATES + 1 + 4 * ((most_iterations) + 1))
-/* With the check: powers and Hamiltonians of three options, ramps, powers, gains, and a second solution. */
+/* With the check: powers and Hamiltonians of three options, ramps, powers, gains, a second solution, and other
+ * plans with their states, powers and costs. */
 #define IPTM_CHECKED_WORK_SIZE(steps, most_iterations)                                      \
   (IPTM_WORK_SIZE(steps, most_iterations) + 9 * (steps) + 2 * IPTM_VARIABLES(steps) +       \
-   (steps) * IPTM_STATES)
+   (steps) * IPTM_STATES + IPTM_PROPOSALS * ((steps) + 2 * IPTM_STATES + 3))
 
 #endif

@@ -25,7 +25,8 @@
 typedef void (*iptm_stage_map)(const iptm_real *const *arg, iptm_real *const *res, int count);
 
 /* One entry per stage kind. */
-extern const iptm_stage_map iptm_linearise[], iptm_evaluate[], iptm_least_slacks[], iptm_hamiltonian[];
+extern const iptm_stage_map iptm_linearise[], iptm_evaluate[], iptm_least_slacks[], iptm_hamiltonian[],
+    iptm_follow[];
 /* Parameters of a step. */
 extern const int iptm_kind_parameters[];
 

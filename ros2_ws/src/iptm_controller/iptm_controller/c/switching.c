@@ -11,12 +11,16 @@ static const iptm_real LEAST_GAIN = 1e-4;
 static const iptm_real DISTINCT_POWER = 0.35;
 static const iptm_real AT_LIMIT_K = 0.1;
 
+/* Why a solve is done once more. */
+typedef enum { NONE, TRIED, PROMISING } start_kind;
+
 enum { OPTIONS = IPTM_CANDIDATES + 1, POWER = IPTM_STATES + IPTM_INPUT_COMPRESSOR_POWER };
 
 /* Memory of a check, from the caller's. */
 typedef struct {
   iptm_real *powers, *values; /* own and candidate powers and their Hamiltonians, option after option */
   iptm_real *ramps, *chosen, *start, *variables, *costates, *gains, *solve;
+  iptm_real *proposals, *states, *ends, *inputs, *costs, *step_costs; /* of the plans that are simulated */
 } memory;
 
 static size_t lay_out(memory *m, const iptm_horizon *horizon, iptm_real *work) {
@@ -39,6 +43,18 @@ static size_t lay_out(memory *m, const iptm_horizon *horizon, iptm_real *work) {
   free += variables;
   m->costates = free;
   free += steps * IPTM_STATES;
+  m->proposals = free;
+  free += IPTM_PROPOSALS * steps;
+  m->states = free;
+  free += IPTM_PROPOSALS * IPTM_STATES;
+  m->ends = free;
+  free += IPTM_PROPOSALS * IPTM_STATES;
+  m->inputs = free;
+  free += IPTM_PROPOSALS;
+  m->costs = free;
+  free += IPTM_PROPOSALS;
+  m->step_costs = free;
+  free += IPTM_PROPOSALS;
   m->solve = free;
   return (size_t)(free - work);
 }
@@ -133,8 +149,8 @@ static int concentrate(const iptm_horizon *horizon, const memory *m, iptm_real b
   return 1;
 }
 
-/* Find the powers of a second start; returns 0 where the expected gain is too small. */
-static int find_better_powers(const iptm_horizon *horizon, const iptm_switching *switching,
+/* Find the powers of a second start; returns the kind of it, NONE where the expected gain is too small. */
+static start_kind find_better_powers(const iptm_horizon *horizon, const iptm_switching *switching,
                               const memory *m, const iptm_real *parameters, const iptm_real *w,
                               const iptm_real *costates, iptm_real objective, int due) {
   const int steps = horizon->steps;
@@ -154,7 +170,7 @@ static int find_better_powers(const iptm_horizon *horizon, const iptm_switching 
   find_hamiltonians(horizon, m, parameters, w, costates);
   if (IPTM_TEMPERATURE_OFFSET_K + coldest < parameters[IPTM_GLOBAL_LOWEST_TEMPERATURE] + AT_LIMIT_K) {
     /* The costates include the penalty below the limit and are not valid for less cooling. */
-    return due && concentrate(horizon, m, switching->candidates[IPTM_CANDIDATES - 1]);
+    return due && concentrate(horizon, m, switching->candidates[IPTM_CANDIDATES - 1]) ? TRIED : NONE;
   }
   for (k = 0; k < steps; ++k) {
     const iptm_real own = m->powers[k];
@@ -178,12 +194,110 @@ static int find_better_powers(const iptm_horizon *horizon, const iptm_switching 
   }
   is_promising = expected > LEAST_GAIN &&
                  expected > PROMISING_SHARE * cost_without_slacks(horizon, w, objective);
-  if (!is_promising && (!due || all_alike)) return 0;
+  if (!is_promising && (!due || all_alike)) return NONE;
   threshold = best_gain < 0.0 ? best_gain : 0.0;
   for (k = 0; k < steps; ++k) {
     const int is_chosen = is_promising ? m->gains[k] > 0.0 : m->gains[k] >= threshold;
     if (!is_chosen) m->chosen[k] = m->powers[k];
   }
+  return is_promising ? PROMISING : TRIED;
+}
+
+/* Find the first steps of the parts that are switched as one, and the end; returns how many parts. */
+static int find_blocks(const iptm_horizon *horizon, int *starts) {
+  iptm_real duration_s = 0.0, block_s = 0.0;
+  int k, blocks = 0;
+  for (k = 0; k < horizon->steps; ++k) duration_s += horizon->lengths_s[k];
+  for (k = 0; k < horizon->steps && blocks < IPTM_BLOCKS; ++k) {
+    if (block_s == 0.0) starts[blocks++] = k;
+    block_s += horizon->lengths_s[k];
+    if (block_s >= duration_s / IPTM_BLOCKS) block_s = 0.0;
+  }
+  starts[blocks] = horizon->steps;
+  return blocks;
+}
+
+/* Write the plans to simulate one after the other, the present one first; returns how many there are. */
+static int propose(const iptm_horizon *horizon, const iptm_switching *switching, const iptm_real *own,
+                   iptm_real *proposals) {
+  const iptm_real *const lengths_s = horizon->lengths_s;
+  const iptm_real off = switching->candidates[0], on = switching->candidates[IPTM_CANDIDATES - 1];
+  const int steps = horizon->steps;
+  int starts[IPTM_BLOCKS + 1], blocks = find_blocks(horizon, starts), block, level, k;
+  iptm_real *next = proposals, work = 0.0;
+  for (k = 0; k < steps; ++k) {
+    *next++ = own[k];
+    if (own[k] > 0.1 * on) work += own[k] * lengths_s[k];
+  }
+  for (block = 1; block < blocks; ++block) {
+    for (level = 0; level <= IPTM_LEVELS; ++level) {
+      for (k = 0; k < steps; ++k) {
+        const iptm_real power = level < IPTM_LEVELS ? switching->levels[level] : own[k];
+        *next++ = k < starts[block] ? off : power;
+      }
+    }
+  }
+  for (block = 0; block < blocks; ++block) {
+    const int first = starts[block], end = starts[block + 1], last = starts[blocks - 1];
+    int is_on = 0, ends_on = 0;
+    iptm_real rest = 0.0, scale = 1.0;
+    for (k = 0; k < steps; ++k) {
+      const int inside = k >= first && k < end;
+      if (own[k] > 0.1 * on) {
+        is_on |= inside;
+        ends_on |= k >= last;
+        if (!inside) rest += own[k] * lengths_s[k];
+      }
+    }
+    /* Work of a block that is switched off is done at the end, or in the other steps if the end has work. */
+    if (is_on && ends_on && rest > 0.0) scale = work / rest;
+    for (k = 0; k < steps; ++k) {
+      if (k >= first && k < end) {
+        *next++ = is_on ? off : on;
+      } else if (is_on && !ends_on && k >= last) {
+        *next++ = on;
+      } else {
+        *next++ = own[k] > 0.1 * on ? scale * own[k] : own[k];
+      }
+    }
+  }
+  return (int)((next - proposals) / steps);
+}
+
+/* Find the powers of the plan that is cheapest when it is driven; returns 0 where that is the present one. */
+static int find_cheaper_powers(const iptm_horizon *horizon, const iptm_switching *switching,
+                               const memory *m, const iptm_real *parameters, const iptm_real *w) {
+  const int steps = horizon->steps, count = propose(horizon, switching, m->powers, m->proposals);
+  const iptm_real *step_parameters = parameters + IPTM_GLOBALS;
+  iptm_real *states = m->states, *ends = m->ends;
+  int kind, k = 0, i, each, best = 0;
+  for (each = 0; each < count; ++each) {
+    memcpy(states + (ptrdiff_t)IPTM_STATES * each, w, sizeof(iptm_real) * IPTM_STATES);
+    m->costs[each] = 0.0;
+  }
+  for (kind = 0; kind < IPTM_KINDS; ++kind) {
+    for (i = 0; i < horizon->kind_steps[kind]; ++i, ++k) {
+      const iptm_real *const arg[] = {states, w + (ptrdiff_t)IPTM_BLOCK * k + IPTM_STATES, step_parameters,
+                                      parameters, m->inputs};
+      iptm_real *const res[] = {ends, m->step_costs};
+      for (each = 0; each < count; ++each) {
+        iptm_real *const power = m->proposals + (ptrdiff_t)steps * each + k;
+        const iptm_real last = states[IPTM_STATES * each + IPTM_STATE_LAST_COMPRESSOR_POWER];
+        *power = clamp(*power, last - m->ramps[k], last + m->ramps[k]);
+        m->inputs[each] = *power;
+      }
+      iptm_follow[kind](arg, res, count);
+      for (each = 0; each < count; ++each) m->costs[each] += m->step_costs[each];
+      ends = states;
+      states = res[0];
+      step_parameters += iptm_kind_parameters[kind];
+    }
+  }
+  for (each = 1; each < count; ++each) {
+    if (m->costs[each] < m->costs[best]) best = each;
+  }
+  if (m->costs[best] >= m->costs[0] - LEAST_GAIN) return 0;
+  memcpy(m->chosen, m->proposals + (ptrdiff_t)steps * best, sizeof(iptm_real) * (size_t)steps);
   return 1;
 }
 
@@ -215,8 +329,11 @@ int iptm_solve_checked(const iptm_horizon *horizon, const iptm_options *options,
   is_usable = iptm_is_usable(outcome);
   find_ramps(horizon, switching->rate_1_s, parameters, m.ramps);
   if (is_usable) {
-    has_second = find_better_powers(horizon, switching, &m, parameters, variables, costates,
-                                    outcome->point.cost, *since_second >= switching->try_every);
+    const start_kind kind = find_better_powers(horizon, switching, &m, parameters, variables, costates,
+                                               outcome->point.cost, *since_second >= switching->try_every);
+    const int is_cheaper = kind != PROMISING && switching->simulates &&
+                           find_cheaper_powers(horizon, switching, &m, parameters, variables);
+    has_second = kind != NONE || is_cheaper;
     if (second_options.max_iterations > SECOND_ITERATIONS) {
       second_options.max_iterations = SECOND_ITERATIONS;
     }

@@ -5,12 +5,18 @@
 #include "riccati.h"
 
 #define IPTM_CANDIDATES 2
+#define IPTM_LEVELS 2
+#define IPTM_BLOCKS 10
+/* The plan, cooling from a block on at each level and as it is, and each block switched over. */
+#define IPTM_PROPOSALS (1 + (IPTM_BLOCKS - 1) * (IPTM_LEVELS + 1) + IPTM_BLOCKS)
 
 /* What the check compares; powers in scaled units. */
 typedef struct {
   iptm_real candidates[IPTM_CANDIDATES]; /* off, and the most efficient power */
   iptm_real rate_1_s;                    /* largest change of the power */
+  iptm_real levels[IPTM_LEVELS];         /* powers of the plans that are simulated */
   int try_every;                      /* solves until a second one is tried that promises little */
+  int simulates;                      /* whether other plans are simulated */
 } iptm_switching;
 
 /* Number of reals that iptm_solve_checked works on. */

@@ -22,6 +22,7 @@ def build_solver(
         _problem(horizon, parameters, options),
         compile_code=options.compile_code,
         warm_iterations=options.warm_start_iterations,
+        simulates=options.simulate_cooling,
     )
 
 

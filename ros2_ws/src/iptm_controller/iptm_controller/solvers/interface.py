@@ -33,6 +33,7 @@ class SolverOptions:
         warm_start_iterations: iterations after which the Riccati method gives the warm start up and
             starts again with a large barrier parameter, 0 to begin with it; other solvers ignore it.
         smoothing_factor: factor on the widths of the smoothed kinks of the model.
+        simulate_cooling: simulate other cooling after every solve, and begin again from a cheaper plan.
     """
 
     compile_code: bool = True
@@ -42,6 +43,7 @@ class SolverOptions:
     initial_barrier: float = 1e-4
     warm_start_iterations: int = 20
     smoothing_factor: float = 1.0
+    simulate_cooling: bool = False
 
 
 STATUS_TEXT: dict[SolveStatus, str] = {

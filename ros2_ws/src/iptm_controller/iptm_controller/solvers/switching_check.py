@@ -10,6 +10,9 @@ not only near the power found. If standstill or the most efficient power gives a
 problem is solved again from there, and the better plan is used. What the Hamiltonian cannot
 see (how cooling down to the lower limit is best spread over the steps, driving that changes with the
 cooling) is tried every few solves: one further solve at most each time.
+
+On request other plans are simulated after every solve for which the Hamiltonian promises little, and the
+solver begins again from one that is cheaper; see ``CoolingSearch``.
 """
 
 from __future__ import annotations
@@ -24,6 +27,7 @@ from iptm_controller.ocp.compilation import as_machine_code
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import GlobalIndex, InputIndex, StateIndex, StepIndex
 from iptm_controller.ocp.problem import OptimalControlProblem
+from iptm_controller.solvers.cooling_search import LEAST_GAIN, CoolingSearch, ordered_sum
 from iptm_controller.solvers.interface import SolverBackend, SolveResult, SolverOptions, Stopwatch
 from iptm_controller.solvers.riccati.backend import RiccatiBackend
 from iptm_controller.solvers.riccati.machine_code import SwitchingNumbers
@@ -38,7 +42,8 @@ SECOND_ITERATIONS = 40
 """Largest number of iterations of a second solve; bounds the time of a tick."""
 TRY_EVERY = 10
 """Interval, in solves, at which a second solve with a smaller expected gain is tried."""
-LEAST_GAIN = 1e-4
+SIMULATED_SHARES = (0.8, 1.3)
+"""Powers of the simulated plans, relative to the most efficient one."""
 DISTINCT_POWER_KW = 0.35
 """Difference in power (kW) from which a candidate is not in the basin of the plan's local minimum."""
 AT_LIMIT_K = 0.1
@@ -62,12 +67,14 @@ class SwitchingCheck:
         compile_code: bool = True,
         try_every: int = TRY_EVERY,
         warm_iterations: int = SolverOptions.warm_start_iterations,
+        simulates: bool = SolverOptions.simulate_cooling,
     ) -> None:
         """Write the Hamiltonian of a problem down and compile it.
 
         Args:
             try_every: solves without a second one after which one is tried that promises little.
             warm_iterations: largest number of iterations of a start that trusts its guess.
+            simulates: whether other plans are simulated.
         """
         self._inner = inner
         self._grid = problem.grid
@@ -84,12 +91,19 @@ class SwitchingCheck:
         self._try_every, self._warm_iterations = try_every, warm_iterations
         self.since_second: int | None = None
         off, on = self._candidates.ravel().tolist()
-        self.numbers = SwitchingNumbers((off, on), self._rate_1_s, try_every)
+        most = limits.max_compressor_power_w / _POWER_SCALE_W
+        low, high = (min(share * on, most) for share in SIMULATED_SHARES)
+        self.numbers = SwitchingNumbers(
+            (off, on), self._rate_1_s, (low, high), try_every, simulates
+        )
         self._code = inner if isinstance(inner, RiccatiBackend) and inner.compiled else None
         if self._code is not None:
             return
         functions, _ = as_machine_code(
             [_hamiltonians(problem, len(self._candidates) + 1)], inner.name, is_wanted=compile_code
+        )
+        self._search = (
+            CoolingSearch(problem, self.numbers, compile_code=compile_code) if simulates else None
         )
         self._hamiltonian = BufferedFunction(functions[0])
         # Own and candidate powers, and their Hamiltonians, in the memory of the function.
@@ -169,24 +183,24 @@ class SwitchingCheck:
         )
         if coldest_k < data.parameters[GlobalIndex.LOWEST_TEMPERATURE] + AT_LIMIT_K:
             # The costates include the penalty below the limit and are not valid for less cooling.
-            return self._concentrated(own, self._values) if due else None
+            tried = self._concentrated(own, self._values) if due else None
+            return self._cheaper_powers(variables, data, tried)
         alike = np.abs(self._options[1:] - own) < DISTINCT_POWER_KW
         gains = np.where(alike, -np.inf, self._values[0] - self._values[1:])
         best = gains.max(axis=0)
-        expected = _total(best[best > 0.0])
-        if expected > LEAST_GAIN and expected > PROMISING_SHARE * self._cost(result, table):
-            chosen = best > 0.0
-        elif due and not alike.all():
-            chosen = best >= min(float(best.max()), 0.0)
-        else:
-            return None
         powers = self._options[1:][gains.argmax(axis=0), np.arange(own.size)]
-        return np.where(chosen, powers, own)
+        expected = ordered_sum(best[best > 0.0])
+        if expected > LEAST_GAIN and expected > PROMISING_SHARE * self._cost(result, table):
+            return np.where(best > 0.0, powers, own)
+        tried = None
+        if due and not alike.all():
+            tried = np.where(best >= min(float(best.max()), 0.0), powers, own)
+        return self._cheaper_powers(variables, data, tried)
 
     def _cost(self, result: SolveResult, table: FloatArray) -> float:
         """Return the magnitude of what a plan costs without its slacks."""
         slacks = table[:, layout.BLOCK - layout.SLACKS :]
-        return abs(result.objective - _total((slacks * self._slack_prices).ravel()))
+        return abs(result.objective - ordered_sum((slacks * self._slack_prices).ravel()))
 
     def _concentrated(self, own: FloatArray, values: FloatArray) -> FloatArray | None:
         """Return powers that do the work of the plan in fewer steps, the cheapest ones, at the best power.
@@ -199,13 +213,22 @@ class SwitchingCheck:
         if not running.any() or own[running].min() >= 0.95 * best:
             return None
         lengths_s = self._lengths_s
-        work = _total(own * lengths_s)
+        work = ordered_sum(own * lengths_s)
         order = np.argsort((values[2] - values[1]) / lengths_s, kind="stable")
         done = np.cumsum(best * lengths_s[order])
         chosen = order[: int(np.searchsorted(done, work)) + 1]
         powers = np.zeros_like(own)
         powers[chosen] = best
         return powers
+
+    def _cheaper_powers(
+        self, variables: FloatArray, data: ProblemData, tried: FloatArray | None
+    ) -> FloatArray | None:
+        """Return the powers of a simulated plan that is cheaper, those to be tried where there is none."""
+        if self._search is None:
+            return tried
+        cheaper = self._search.cheaper_powers(variables, data, self._ramps(data))
+        return tried if cheaper is None else cheaper
 
     def _within_ramps(self, powers: FloatArray, data: ProblemData) -> FloatArray:
         """Return the powers as the rate limit lets the compressor follow them from where it is."""
@@ -259,11 +282,6 @@ def _hamiltonians(problem: OptimalControlProblem, options: int) -> ca.Function:
         {"w": w, "p": p, "lam": lam, "powers": powers},
         {"hamiltonians": ca.vec(ca.horzcat(*values))},
     )
-
-
-def _total(values: FloatArray) -> float:
-    """Return a sum in the order of the values, which NumPy's own is not."""
-    return float(values.cumsum()[-1]) if values.size else 0.0
 
 
 def _is_better(second: SolveResult, first: SolveResult) -> bool:

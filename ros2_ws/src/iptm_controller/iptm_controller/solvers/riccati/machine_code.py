@@ -29,7 +29,7 @@ from iptm_core.compilation import cache_directory, compile_sources, compiler_fla
 from iptm_core.errors import SolverSetupError
 from iptm_core.state import FloatArray
 
-CANDIDATES = 2
+CANDIDATES, LEVELS = 2, 2
 PROGRAMS_KEPT = 32
 """Problems of a process whose code is not written anew for another solver."""
 _INT, _DOUBLE, _POINTER = ctypes.c_int, ctypes.c_double, ctypes.c_void_p
@@ -60,7 +60,9 @@ class _Switching(ctypes.Structure):
     _fields_ = (
         ("candidates", _DOUBLE * CANDIDATES),
         ("rate_1_s", _DOUBLE),
+        ("levels", _DOUBLE * LEVELS),
         ("try_every", _INT),
+        ("simulates", _INT),
     )
 
 
@@ -82,7 +84,9 @@ class SwitchingNumbers:
 
     candidates: tuple[float, float]
     rate_1_s: float
+    levels: tuple[float, float]
     try_every: int
+    simulates: bool
 
 
 @dataclass(frozen=True)
@@ -211,7 +215,9 @@ class MachineCode:
             self._compared = switching
             self._switching.candidates[:] = switching.candidates
             self._switching.rate_1_s = switching.rate_1_s
+            self._switching.levels[:] = switching.levels
             self._switching.try_every = switching.try_every
+            self._switching.simulates = switching.simulates
         self._since_second.value = since_second
         parameters_and_guess, answers = self._arguments[:2], self._arguments[2:]
         *numbers, since = self._given_pointers

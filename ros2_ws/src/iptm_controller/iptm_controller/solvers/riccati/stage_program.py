@@ -53,6 +53,7 @@ def stage_program(problem: OptimalControlProblem, *, lanes: int = LANES) -> Stag
         "evaluate": [],
         "least_slacks": [],
         "hamiltonian": [],
+        "follow": [],
     }
     for index, (system, stage) in enumerate(zip(systems, stages, strict=True)):
         strides = {
@@ -73,8 +74,10 @@ def stage_program(problem: OptimalControlProblem, *, lanes: int = LANES) -> Stag
             ("evaluate", system.evaluate(f"evaluate_{index}")),
             ("least_slacks", system.least_soft_slacks(f"least_slacks_{index}")),
             ("hamiltonian", _hamiltonian(stage, f"hamiltonian_{index}")),
+            ("follow", system.follow(f"follow_{index}")),
         ):
-            maps[name].append(StageMap(function, strides))
+            one_step = {"x": layout.STATES, "u": 0, "p": 0} if name == "follow" else {}
+            maps[name].append(StageMap(function, strides | one_step))
     singles = [backward_step(sparsity), forward_step(sparsity)]
     # The largest functions by themselves, each as long to compile as all the others.
     groups = [[each] for each in maps["linearise"]]

@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 
 from iptm_controller.ocp import layout
+from iptm_controller.ocp.layout import InputIndex
 from iptm_controller.ocp.problem import stage_bounds
 from iptm_controller.ocp.stage import StageExpressions
 from iptm_core.parameters.model import ModelParameters
@@ -166,6 +167,29 @@ class StageSystem:
 
         The slacks of u itself and the next state are ignored.
         """
+        point = self._point(ca.SX.sym("x_next", layout.STATES))
+        return named_function(name, point, {"soft_slacks": self._least_soft_slacks()}, cse=True)
+
+    def follow(self, name: str) -> ca.Function:
+        """Return a function of ``x, u, p, g, power``: next state, and cost with the least soft slacks.
+
+        The power stands for the compressor power of u.
+        """
+        stage, power = self._stage, ca.SX.sym("power")
+        inputs = [*ca.vertsplit(stage.inputs)]
+        inputs[InputIndex.COMPRESSOR_POWER] = power
+        inputs[layout.INPUTS - layout.SLACKS :] = ca.vertsplit(
+            ca.substitute(self._least_soft_slacks(), stage.inputs, ca.vertcat(*inputs))
+        )
+        ends = ca.substitute(
+            ca.vertcat(ca.densify(stage.next_state), stage.cost), stage.inputs, ca.vertcat(*inputs)
+        )
+        given = {"x": stage.state, "u": stage.inputs, "p": stage.step_parameters}
+        given |= {"g": stage.global_parameters, "power": power}
+        results = {"next_state": ends[:-1], "cost": ends[-1]}
+        return named_function(name, given, results, cse=True)
+
+    def _least_soft_slacks(self) -> ca.SX:
         soft_slacks = self._stage.inputs[layout.INPUTS - layout.SLACKS :]
         softened = self._inequalities[: self.inequality_count - layout.SLACKS]
         unsoftened = ca.substitute(softened, soft_slacks, ca.SX.zeros(layout.SLACKS))
@@ -174,8 +198,7 @@ class StageSystem:
         for column in range(layout.SLACKS):
             rows = softens.row()[softens.colind()[column] : softens.colind()[column + 1]]
             least.append(ca.fmax(0.0, ca.mmax(-unsoftened[rows])))
-        point = self._point(ca.SX.sym("x_next", layout.STATES))
-        return named_function(name, point, {"soft_slacks": ca.vertcat(*least)}, cse=True)
+        return ca.vertcat(*least)
 
     def evaluate(self, name: str) -> ca.Function:
         """Return a function of ``x, u, x_next, p, g``: constraints c, residual of the dynamics, cost."""
