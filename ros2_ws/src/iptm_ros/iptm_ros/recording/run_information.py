@@ -15,19 +15,13 @@ from typing import Any
 import yaml
 
 from iptm_core.errors import BagError, ParameterError
-from iptm_core.parameters import (
-    ModelParameters,
-    flat_to_parameters,
-    load_parameters,
-    to_flat_dict,
-)
+from iptm_core.parameters import ModelParameters, flat_to_parameters
 from iptm_core.parameters.strict_yaml import parse_yaml, read_yaml
 from iptm_core.provenance import UNKNOWN, git_revision, versions
 from iptm_core.user_input import shown
 
 RECORD_NAME = "iptm_run"
 MODEL_KEY = "model"
-_BRAKES = "brakes."
 """Entry of the run's parameters that holds the model's, as `to_flat_dict` gives them."""
 PAUSES_KEY = "pauses"
 """Key of the text of a bag that lists the pauses of the recording."""
@@ -170,11 +164,6 @@ def stored_model_parameters(information: RunInformation) -> ModelParameters | No
     if not isinstance(parameters, dict) or MODEL_KEY not in parameters:
         return None
     try:
-        stored = parameters[MODEL_KEY]
-        if isinstance(stored, dict) and not any(key.startswith(_BRAKES) for key in stored):
-            # Runs recorded before the brakes were parameters.
-            default = to_flat_dict(load_parameters().values)
-            stored |= {key: value for key, value in default.items() if key.startswith(_BRAKES)}
-        return flat_to_parameters(stored, "parameters of the run")
+        return flat_to_parameters(parameters[MODEL_KEY], "parameters of the run")
     except ParameterError as error:
         raise BagError(str(error)) from None
