@@ -7,7 +7,7 @@ where a car carries the suite.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from enum import IntEnum
 from operator import attrgetter
@@ -131,13 +131,12 @@ class DecisionSeries(Columns):
 
     @classmethod
     def from_records(
-        cls, times_s: Sequence[float], records: Sequence[DecisionRecord]
+        cls, times_s: Sequence[float], records: Iterable[DecisionRecord]
     ) -> DecisionSeries:
         """Put records together."""
         names = [entry.name for entry in fields(DecisionRecord)]
-        columns = (
-            zip(*map(attrgetter(*names), records), strict=True) if records else [()] * len(names)
-        )
+        rows = [*map(attrgetter(*names), records)]
+        columns = zip(*rows, strict=True) if rows else [()] * len(names)
         return cls.from_arrays({"time_s": times_s, **dict(zip(names, columns, strict=True))})
 
 

@@ -142,5 +142,5 @@ def assemble_decisions(messages: ByStamp) -> DecisionSeries:
     """Put the decisions of a run together from the messages of ``controller/solve``."""
     return DecisionSeries.from_records(
         [s_from_ns(stamp_ns) for stamp_ns in messages],
-        [decode_decision_record(message) for message in messages.values()],
+        map(decode_decision_record, messages.values()),
     )

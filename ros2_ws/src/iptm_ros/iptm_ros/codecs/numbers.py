@@ -3,8 +3,9 @@
 Building and serialising such a message object takes Python much longer than its few numbers justify, about a
 dozen times per tick. The layout of the bytes is constant, so they are built once and only the numbers are
 written afterwards. They are read from bytes, too: to build a `nav_msgs/Odometry` of which two numbers count
-takes 45 us, to read them 1 us. Bytes of another form (names in another order, further values, another byte
-order) are left to the decoder of their type.
+takes 50 us, to read them 1 us; for a drive of ten hours, rclpy's deserialiser adds 3 s to `iptm info`. Bytes
+of another form (names in another order, further values, another byte order) are left to the decoder of their
+type.
 
 Named values are the `position[]` of a `sensor_msgs/JointState`; their names carry the units.
 """

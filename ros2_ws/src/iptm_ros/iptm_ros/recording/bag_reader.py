@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, closing, nullcontext
 from dataclasses import replace
+from functools import cached_property
 from heapq import merge
 from pathlib import Path
 from typing import Any, final
@@ -73,7 +74,7 @@ class BagReader(AbstractContextManager["BagReader"]):
         """Time between the first and the last message."""
         return (self.end_ns - self.start_ns) * 1e-9
 
-    @property
+    @cached_property  # all of the file is checked for them
     def custom_data(self) -> dict[str, str]:
         """Texts about the run, from the files themselves (later ones count) or else from `metadata.yaml`."""
         found = [file.metadata_record(RECORD_NAME) for file in self._files]

@@ -1,12 +1,14 @@
 """An MCAP file of a bag, opened for reading: its messages and texts, its checksums and statistics.
 
 Own code on the records of `mcap`: the readers of rosbags give no publication times, and check neither the
-summary nor the data section against their checksums, and that of `mcap` makes an object of every message.
+summary nor the data section against their checksums, and that of `mcap` makes an object of every message: it
+takes three times as long, 4 s for each pass through a drive of ten hours, of which `iptm info` makes four.
 """
 
 from __future__ import annotations
 
 import mmap
+import os
 import struct
 import zlib
 from bisect import bisect_left
@@ -17,7 +19,6 @@ from operator import attrgetter
 from pathlib import Path
 from typing import final
 
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
 from mcap.records import Chunk, ChunkIndex
@@ -330,8 +331,14 @@ class BagFile:
             del held[:ready]
 
     def _records(self, index: ChunkIndex) -> bytes:
-        self._file.seek(index.chunk_start_offset + PREFIX.size)
-        chunk = Chunk.read(ReadDataStream(self._file))
+        # In one read, and not from the map, whose pages would count as memory of the process.
+        record = os.pread(self._file.fileno(), index.chunk_length, index.chunk_start_offset)
+        start_ns, end_ns, size, checksum, name_bytes = CHUNK_HEAD.unpack_from(record, PREFIX.size)
+        at = PREFIX.size + CHUNK_HEAD.size + name_bytes
+        compression, content = record[at - name_bytes : at].decode(), record[at + 8 :]
+        if not compression and checksum in {0, zlib.crc32(content)}:
+            return content
+        chunk = Chunk(compression, content, end_ns, start_ns, checksum, size)
         return (opened := get_chunk_data_stream(chunk, validate_crc=True))[0].read(opened[1])
 
 

@@ -75,12 +75,11 @@ def read_settings_changes(
 
     name = TOPICS[Topic.DIAGNOSTICS].name
     prefix = None if namespace is None else f"/{namespace.strip('/')}/".replace("//", "/")
-    changes: list[SettingsChange] = []
+    found: list[tuple[int, float, str]] = []
     since: dict[str, str] = {}
     with opened(bag) as reader:
         if name not in reader.topics:
             return []
-        last_trip_ns = _last_trip_ns(reader, namespace)
         for item in reader.messages([name]):
             for status in item.message.status:
                 values = status_values(status)
@@ -90,9 +89,9 @@ def read_settings_changes(
                 before = since.get(status.name, now)
                 since[status.name] = now
                 if now != before and CHANGED_SETTINGS in values and _is_number(now):
-                    is_last = item.log_time_ns >= last_trip_ns
-                    changes.append(SettingsChange(float(now), values[CHANGED_SETTINGS], is_last))
-    return changes
+                    found.append((item.log_time_ns, float(now), values[CHANGED_SETTINGS]))
+        last_trip_ns = _last_trip_ns(reader, namespace) if found else 0
+    return [SettingsChange(since_s, what, at_ns >= last_trip_ns) for at_ns, since_s, what in found]
 
 
 def refuse_changed_settings(path: Path, namespace: str | None = None) -> None:
