@@ -13,12 +13,14 @@ from iptm_controller.forecast import LeaderForecaster
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import (
+    HEADWAY_PRICE_1_M2_S,
     REFERENCE_WINDOW_S,
+    UNBOUNDED_W,
     ProblemData,
     ProblemDataBuilder,
 )
 from iptm_controller.ocp.grid import ProblemGrid, quadrature, sample_count
-from iptm_controller.ocp.layout import SampleIndex, StepIndex
+from iptm_controller.ocp.layout import GlobalIndex, SampleIndex, StepIndex
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.state import FloatArray, LeaderPreview, SlopePreview, VehicleState
 
@@ -59,6 +61,24 @@ def build(
 @pytest.fixture
 def steady() -> LeaderPreview:
     return LeaderPreview(np.array([0.0]), np.array([0.0]), np.array([10.5]))
+
+
+def test_globals(steady: LeaderPreview) -> None:
+    data = build(make_state(cell_1_capacity_loss=2e-3, cell_n_capacity_loss=3e-3), steady)
+    expected = {
+        GlobalIndex.CELL_1_LOSS: 2e-3,
+        GlobalIndex.CELL_N_LOSS: 3e-3,
+        GlobalIndex.REFERENCE_TEMPERATURE: 299.15,
+        GlobalIndex.LOWEST_TEMPERATURE: 298.25,
+        GlobalIndex.CHARGE_POWER: UNBOUNDED_W,
+        GlobalIndex.HEADWAY_PRICE: HEADWAY_PRICE_1_M2_S,
+        layout.WEIGHTS["speed_weight"]: 0.5,
+        layout.WEIGHTS["temperature_weight"]: 0.1,
+        layout.WEIGHTS["energy_weight_1_j"]: 1e-4,
+        layout.WEIGHTS["aging_weight"]: 1e8,
+    }
+    for index in range(layout.GLOBALS):
+        assert data.parameters[index] == expected.get(index, 0.0)
 
 
 def test_initial_state_is_scaled_and_starts_at_position_zero(steady: LeaderPreview) -> None:

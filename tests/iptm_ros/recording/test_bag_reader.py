@@ -236,6 +236,26 @@ def test_messages_that_the_summary_hides_are_missed(chunked_bag: Path, *, checks
         list(reader.raw_messages(["/a"]))
 
 
+@pytest.mark.parametrize("compression", ["lz4", "zstd"])
+def test_a_damaged_compressed_chunk_is_one_sentence(
+    compression: str, tmp_path: Path, encode: Encode
+) -> None:
+    with BagWriter(tmp_path / "bag", compression=compression) as writer:
+        topic = writer.add_topic("/a", FLOAT)
+        for k in range(200):
+            writer.write(topic, encode(k), k)
+    file = tmp_path / "bag" / "bag_0.mcap"
+    whole = file.read_bytes()
+    start = whole.index(compression.encode()) + len(compression) + 8
+    for offset in range(0, 60, 3):
+        file.write_bytes(whole[: start + offset] + b"\x5a\xa5" + whole[start + offset + 2 :])
+        with (
+            BagReader(tmp_path / "bag") as reader,
+            pytest.raises(BagError, match=r"damaged.*iptm recover"),
+        ):
+            list(reader.raw_messages())
+
+
 def test_texts_about_the_run_are_covered_by_a_checksum(small_bag: Path) -> None:
     file = small_bag / "small_0.mcap"
     file.write_bytes(file.read_bytes().replace(b"\x01\0\0\x007", b"\x01\0\0\x008", 1))
