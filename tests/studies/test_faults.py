@@ -188,8 +188,10 @@ def test_a_restart_of_the_plant_is_judged_by_the_trip_that_it_begins(observe: Ob
 
 
 def test_the_shipped_catalogue_has_every_kind() -> None:
+    """Those that happen at one instant; cars that cut in at random have the study `cut_ins`."""
     cycles, entries = read_catalogue()
     assert len(cycles) >= 2
-    assert {entry.fault.kind for entry in entries} == set(FaultKind)
+    at_random = {FaultKind.LEADER_CUT_INS_BY_ROOM, FaultKind.LEADER_CUT_INS_BY_HEADWAY}
+    assert {entry.fault.kind for entry in entries} == set(FaultKind) - at_random
     names = [entry.name for entry in entries]
     assert len(names) == len(set(names))
