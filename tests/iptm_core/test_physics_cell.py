@@ -157,21 +157,6 @@ TABLE = ChargeTable((0.1, 0.5, 0.9), (3.3, 3.7, 4.1))
 FLAT = ChargeTable((0.0, 1.0), (1.0, 1.0))
 
 
-@given(current=st.floats(-15.0, 15.0), temperature=TEMPERATURES, width=st.floats(0.001, 0.1))
-def test_the_smoothed_rate_errs_by_a_known_amount(
-    current: float, temperature: float, width: float
-) -> None:
-    """The magnitude is at most the width too high, so the rate is at most this current's slope off.
-
-    With w = width: rate(|I| + e) - rate(|I|) for 0 <= e <= min(w, w^2 / (2 |I|)).
-    """
-    excess = width if current == 0.0 else min(width, width**2 / (2.0 * abs(current)))
-    exact = rate(current, temperature, 0.001)
-    error = rate(current, temperature, 0.001, width) - exact
-    bound = rate(abs(current) + excess, temperature, 0.001) - exact
-    assert -1e-12 * exact <= error <= bound + 1e-12 * (exact + bound)
-
-
 def test_table_is_linear_between_nodes_and_constant_outside() -> None:
     charges = np.array([0.0, 0.1, 0.3, 0.5, 0.8, 1.0])
     expected = np.interp(charges, TABLE.charges, TABLE.values)
