@@ -19,7 +19,9 @@ from studies.acc.variants import (
     CLIMATES_C,
     EQUAL_HEADWAY,
     EQUAL_S,
+    ROOM_S,
     ROUNDS,
+    SHORTEST_HEADWAY_S,
     VARIANTS,
     Setting,
     driven,
@@ -97,10 +99,10 @@ def run(session: Session) -> bool:
     count, seconds = (SHORT_SCENES, SHORTEST_S) if session.short else (LONG_SCENES, LONG_S)
     scenes, pairs = long_scenes(count, seconds)
     settings = [Setting(scene, car, c) for car, c, scene in product(cars, climates_c, scenes)]
-    limits_s = equal_headways(session, settings, 1 if session.short else ROUNDS)
+    desired_s = equal_headways(session, settings, 1 if session.short else ROUNDS)
     cases = [
-        setting.case(variant, session.scratch / "leads", limit_s)
-        for setting, limit_s in zip(settings, limits_s, strict=True)
+        setting.case(variant, session.scratch / "leads", each_s)
+        for setting, each_s in zip(settings, desired_s, strict=True)
         for variant in VARIANTS
     ]
     runs = driven(session, cases)
@@ -132,6 +134,8 @@ def run(session: Session) -> bool:
         production_s=_headway_s(rows, PRODUCTION),
         baseline_s=_headway_s(rows, BASELINE),
         equal_s=EQUAL_S,
+        room_s=ROOM_S,
+        shortest_s=SHORTEST_HEADWAY_S,
         descriptions={car: load_parameters(car).description for car in cars},
         tables=tables,
         equal=pd.DataFrame(

@@ -16,13 +16,9 @@ from studies.session import Case, Session
 import iptm
 from iptm.parts import DEFAULT_SET, ModelParameters, load_parameters
 
-SMALL_INITIAL_GAP_M = 8.0
-"""Gap at standstill with a largest time headway, which does not count below it."""
 SHORTEST_HEADWAY_S, LONGEST_HEADWAY_S = 0.3, 1.5
-ROOM_S = 0.3
-"""Time headway between the lower and the upper limit of the gap at the mean speed."""
-FIRST_MORE_S = 0.2
-"""Largest headway beyond the real follower's median with which the search for it begins."""
+ROOM_S = 0.25
+"""Time headway between the lower limit of the gap and the desired one."""
 ROUNDS = 3
 CLOSE_S = 0.1
 """Difference of the median headways at which the search ends."""
@@ -73,17 +69,12 @@ VARIANTS = (
 )
 
 
-def headway_overrides(scene: Scene, car: str, largest_s: float) -> dict[str, float]:
-    """Return gap limits with a largest time headway.
-
-    Where the lower limit would be above the upper one at the mean speed, its time headway is cut.
-    """
-    standstill_m = load_parameters(car).values.gap.standstill_gap_m
-    room_s = largest_s - standstill_m / scene.mean_speed_m_s - ROOM_S
+def headway_overrides(desired_s: float) -> dict[str, float]:
+    """Return a desired time headway, and the lower limit of the gap below it, at most the shipped one."""
+    lower_s = min(max(desired_s - ROOM_S, SHORTEST_HEADWAY_S), LONGEST_HEADWAY_S)
     return {
-        "gap.max_time_headway_s": round(largest_s, 2),
-        "gap.time_headway_s": round(min(max(room_s, SHORTEST_HEADWAY_S), LONGEST_HEADWAY_S), 2),
-        "gap.initial_gap_m": SMALL_INITIAL_GAP_M,
+        "gap.desired_time_headway_s": round(desired_s, 2),
+        "gap.time_headway_s": round(lower_s, 2),
     }
 
 
@@ -100,20 +91,21 @@ class Setting:
         """What tables group it by."""
         return {"scene": self.scene.name, "car": self.car, "ambient_c": self.ambient_c}
 
-    def case(self, variant: Variant, folder: Path, largest_s: float) -> Case:
+    def case(self, variant: Variant, folder: Path, desired_s: float) -> Case:
         """Return a trip; the drive of the lead vehicle is written to a folder."""
         labels = {**self.labels, "variant": variant.name}
-        limits = headway_overrides(self.scene, self.car, largest_s)
+        equal = variant.distance == EQUAL
         call = trip(
             self.scene.write(folder),
             variant.role,
             self.car,
             self.ambient_c,
-            limits if variant.distance == EQUAL else None,
+            headway_overrides(desired_s) if equal else None,
             duration_s=float(self.scene.duration_s),
             preview_mode="full" if variant.perfect else "none",
+            value_beyond_trip=equal,
         )
-        name = f"{self.scene.name}/{self.car}/{self.ambient_c:g}/{variant.name}/{largest_s:.2f}"
+        name = f"{self.scene.name}/{self.car}/{self.ambient_c:g}/{variant.name}/{desired_s:.2f}"
         return Case(name, labels, call)
 
     @property
@@ -123,17 +115,21 @@ class Setting:
 
 
 def equal_headways(session: Session, settings: Sequence[Setting], rounds: int) -> list[float]:
-    """Return the largest headways with which the default, given a preview, has the real median headway.
+    """Return the desired headways with which the default, given a preview, has the real median headway.
 
     Each is moved by what the trip before it was off, until it is off by `CLOSE_S` or all rounds are driven;
     the nearest of the trips counts.
     """
-    limits_s = [setting.headway_s + FIRST_MORE_S for setting in settings]
-    best = [(np.inf, limit_s) for limit_s in limits_s]
+    desired_s = [
+        setting.headway_s
+        - load_parameters(setting.car).values.gap.standstill_gap_m / setting.scene.mean_speed_m_s
+        for setting in settings
+    ]
+    best = [(np.inf, each_s) for each_s in desired_s]
     for _ in range(rounds):
         open_ones = [place for place, (off_s, _) in enumerate(best) if off_s > CLOSE_S]
         cases = [
-            settings[place].case(EQUAL_HEADWAY, session.scratch / "leads", limits_s[place])
+            settings[place].case(EQUAL_HEADWAY, session.scratch / "leads", desired_s[place])
             for place in open_ones
         ]
         for place, run in zip(open_ones, driven(session, cases), strict=True):
@@ -141,9 +137,9 @@ def equal_headways(session: Session, settings: Sequence[Setting], rounds: int) -
                 continue
             begin = settings[place].scene.run_in_s
             off_s = road_taken([run.trajectory], begin)["headway_s"] - settings[place].headway_s
-            best[place] = min(best[place], (abs(off_s), limits_s[place]))
-            limits_s[place] = max(limits_s[place] - off_s, SHORTEST_HEADWAY_S + ROOM_S)
-    return [limit_s for _, limit_s in best]
+            best[place] = min(best[place], (abs(off_s), desired_s[place]))
+            desired_s[place] = max(desired_s[place] - off_s, SHORTEST_HEADWAY_S + ROOM_S)
+    return [each_s for _, each_s in best]
 
 
 def driven(session: Session, cases: Sequence[Case]) -> list[iptm.Run | None]:
