@@ -33,8 +33,11 @@ ROWS = 21
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the file that takes longest: files are not shared between workers, so none must be last."""
-    items.sort(key=lambda item: item.path.name != "test_studies.py")
+    """Begin with the files that take longest: files are not shared between workers, so none must be last."""
+    long = ("integration", "packaging", "studies")
+    items.sort(
+        key=lambda item: (item.path.name != "test_studies.py", item.path.parent.name not in long)
+    )
 
 
 @pytest.fixture(scope="session", autouse=True)

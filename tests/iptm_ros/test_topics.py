@@ -5,6 +5,7 @@ import re
 import pytest
 from sensor_msgs.msg import JointState
 
+from iptm_ros.qos import LATCHED_QOS, STREAM_QOS, describe_qos
 from iptm_ros.topics import (
     TOPICS,
     Topic,
@@ -24,6 +25,12 @@ def test_a_topic_is_relative_of_a_standard_type_and_described() -> None:
         assert re.fullmatch(rf"({PACKAGES})_msgs/msg/[A-Z]\w+", spec.type_name)
         assert all((spec.unit, spec.frame, spec.meaning, spec.rate, spec.publisher)), spec.name
         assert spec.fields or spec.message_type is not JointState
+
+
+def test_profiles() -> None:
+    """A hundred ticks fit into the queue of a listener that has stopped."""
+    assert describe_qos(STREAM_QOS) == "reliable, keep last 100"
+    assert describe_qos(LATCHED_QOS) == "reliable, keep last 1, transient-local"
 
 
 @pytest.mark.parametrize(
