@@ -9,7 +9,7 @@ import pytest
 
 from iptm_core.program import EXIT_USER_ERROR
 from iptm_traffic import cli
-from iptm_traffic.simulation import EgoInstant
+from iptm_traffic.moved_car import EgoInstant
 from iptm_traffic.world import line_passed
 from iptm_v2x_bridge.prediction.road_rules import RoadRules, Signal
 

@@ -29,8 +29,9 @@ from iptm_traffic.demand import (
     write_demand,
 )
 from iptm_traffic.drive import PredictionInput, TrafficDrive, drive_in_traffic
+from iptm_traffic.moved_car import EgoInstant
 from iptm_traffic.network import CYCLE_S, SIGNALS, Network, build_network
-from iptm_traffic.simulation import EgoInstant, TrafficSimulation
+from iptm_traffic.simulation import TrafficSimulation
 from iptm_traffic.sumo_process import SumoProcess
 
 PARAMETERS = load_parameters().values

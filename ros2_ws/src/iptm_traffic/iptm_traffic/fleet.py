@@ -36,8 +36,9 @@ from iptm_traffic.demand import (
     write_demand,
 )
 from iptm_traffic.drive import DRIVER_FORESIGHT_S
+from iptm_traffic.moved_car import MovedCar
 from iptm_traffic.network import CYCLE_S, EGO_LANE, LONGEST_TRIP_S, MAIN_EDGES, build_network
-from iptm_traffic.simulation import MovedCar, TrafficSimulation
+from iptm_traffic.simulation import TrafficSimulation
 from iptm_v2x_bridge.bridge import V2xBridge, single_sample
 from iptm_v2x_bridge.rules_of_the_road import RulesOfTheRoad
 

@@ -10,10 +10,11 @@ from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.car_following import minimum_gap_m
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState
 from iptm_traffic.demand import LEADER, TrafficScenario
+from iptm_traffic.moved_car import EgoMotion
 from iptm_traffic.network import EGO_LANE
 from iptm_traffic.radio import TrafficRadio
 from iptm_traffic.right_of_way import RightOfWay
-from iptm_traffic.simulation import EgoMotion, TrafficSimulation
+from iptm_traffic.simulation import TrafficSimulation
 from iptm_v2x_bridge.bridge import single_sample
 from iptm_v2x_bridge.prediction.road_rules import RoadRules
 
