@@ -15,7 +15,7 @@ from iptm_controller.estimator import Estimator
 from iptm_controller.forecast import LeaderForecast
 from iptm_controller.forecast_in_c import leader_forecaster
 from iptm_controller.ladder import FallbackLadder, safe_following
-from iptm_controller.lead_check import LeadCheck, SenderClock, acceleration_decay_s
+from iptm_controller.lead_check import LeadCheck, SenderClock
 from iptm_controller.measurements import Measurements, trusted_measurements
 from iptm_controller.ocp.data import UNBOUNDED_W, ProblemData, ProblemDataBuilder
 from iptm_controller.ocp.grid import ProblemGrid
@@ -83,7 +83,7 @@ class Controller:
         self._pose(options.strategy)
         library = tick_library(is_wanted=options.solver.compile_code)
         seen_s = horizon.motion_duration_s, options.max_preview_age_s, options.tick_s
-        self._forecaster = leader_forecaster(*seen_s, acceleration_decay_s(parameters.gap), library)
+        self._forecaster = leader_forecaster(*seen_s, parameters.gap.leader_return_s, library)
         self._traction = (
             TractionForecaster(parameters, self.grid)
             if horizon.motion_steps < horizon.steps
@@ -135,7 +135,7 @@ class Controller:
     @property
     def memory(self) -> ControllerMemory:
         """State carried from tick to tick; defaults for parts that this strategy or solver does not need."""
-        leaders, fusion, trust = self._forecaster.memory
+        leaders, fusion, trust, usual = self._forecaster.memory
         memory = ControllerMemory(
             last_trusted=self._last_trusted,
             last_plan=self._ladder.last_plan,
@@ -148,6 +148,7 @@ class Controller:
             leader_past=leaders,
             fusion=fusion,
             trust=trust,
+            usual_speed=usual,
             actuation=self._actuation.memory,
             pack=self._pack.memory,
             estimator=self._estimator.memory,
@@ -170,7 +171,8 @@ class Controller:
         guard.leader, guard.lost_ticks = memory.leader, memory.lost_ticks
         guard.deceleration_m_s2 = memory.leader_deceleration_m_s2
         self.lead.memory, self._clock.memory = memory.lead, memory.sender_clock
-        self._forecaster.memory = memory.leader_past, memory.fusion, memory.trust
+        leaders, usual = memory.leader_past, memory.usual_speed
+        self._forecaster.memory = leaders, memory.fusion, memory.trust, usual
         self._actuation.memory, self._pack.memory = memory.actuation, memory.pack
         self._estimator.memory = memory.estimator
         self._production.is_cooling, self._road.pace = memory.is_cooling, memory.pace

@@ -18,6 +18,7 @@ from iptm_controller.plan import SLACKS, Plan
 from iptm_controller.preview_trust import FusionMemory, TrustMemory
 from iptm_controller.solvers.interface import SolveResult
 from iptm_controller.temperature_value import NO_VALUE, TemperatureValue
+from iptm_controller.usual_speed import UsualSpeed
 from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
 from iptm_core.frozen import light
 from iptm_core.state import Command, LeaderState, VehicleState
@@ -111,6 +112,7 @@ class ControllerMemory:
         lead: lead vehicle by range sensor and by radio, see `iptm_controller.lead_check`.
         sender_clock: offset of the clock of who sends previews.
         leader_past: leader measured in the last seconds, oldest first.
+        usual_speed: of the leader.
         pace: of the road ahead, None where no rule has bound the vehicle.
         solves_since_second: of the check for better switching; None for one that has not solved anything.
     """
@@ -129,6 +131,7 @@ class ControllerMemory:
     lead: LeadMemory = field(default_factory=LeadMemory)
     sender_clock: ClockMemory = field(default_factory=ClockMemory)
     leader_past: tuple[LeaderState, ...] = ()
+    usual_speed: UsualSpeed = field(default_factory=UsualSpeed)
     fusion: FusionMemory = field(default_factory=FusionMemory)
     trust: TrustMemory = field(default_factory=TrustMemory)
     actuation: ActuationMemory = field(default_factory=ActuationMemory)

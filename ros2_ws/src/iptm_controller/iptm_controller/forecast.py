@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iptm_controller.lead_check import (
-    ACCELERATION_DECAY_S,
     LARGEST_SPEED_ERROR_M_S,
     extrapolated_motion,
     measured_acceleration_m_s2,
@@ -28,6 +27,7 @@ from iptm_controller.preview_trust import (
     PreviewTrust,
     TrustMemory,
 )
+from iptm_controller.usual_speed import UsualSpeed, returning_motion
 from iptm_core.frozen import light, replace
 from iptm_core.state import SPEED_AT_REST_M_S, LeaderPreview, LeaderState
 
@@ -140,7 +140,7 @@ def _first(flags: NDArray[np.bool_]) -> int:
     return int(np.flatnonzero(flags)[0])
 
 
-ForecastMemory = tuple[tuple[LeaderState, ...], FusionMemory, TrustMemory]
+ForecastMemory = tuple[tuple[LeaderState, ...], FusionMemory, TrustMemory, UsualSpeed]
 """Leader measured in the last seconds, oldest first; average of the previews, and trust in them."""
 
 
@@ -152,15 +152,17 @@ class LeaderForecaster:
         horizon_s: float,
         max_age_s: float,
         tick_s: float = 1.0,
-        decay_s: float = ACCELERATION_DECAY_S,
+        return_s: float = 0.0,
     ) -> None:
         """Set up a forecaster that has not measured a leader.
 
         Args:
             horizon_s: time that a full preview covers.
-            decay_s: of the measured acceleration where nothing is predicted.
+            return_s: time constant with which the leader returns to its usual speed where nothing is
+                predicted; 0: it is extrapolated.
         """
-        self._decay_s = decay_s
+        self._return_s = return_s
+        self._usual = UsualSpeed()
         self._horizon_s = horizon_s
         self._max_age_s = max_age_s
         self._past: deque[LeaderState] = deque()
@@ -170,11 +172,11 @@ class LeaderForecaster:
     @property
     def memory(self) -> ForecastMemory:
         """What is carried from tick to tick."""
-        return tuple(self._past), self.fusion.memory, self.trust.memory
+        return tuple(self._past), self.fusion.memory, self.trust.memory, self._usual
 
     @memory.setter
     def memory(self, memory: ForecastMemory) -> None:
-        past, self.fusion.memory, self.trust.memory = memory
+        past, self.fusion.memory, self.trust.memory, self._usual = memory
         self._past = deque(past)
 
     @property
@@ -271,7 +273,11 @@ class LeaderForecaster:
         )
 
     def _extrapolated(self, leader: LeaderState) -> LeaderPreview:
-        return extrapolated_motion(leader, measured_acceleration_m_s2(self._past), self._decay_s)
+        acceleration_m_s2 = measured_acceleration_m_s2(self._past)
+        if not self._return_s:
+            return extrapolated_motion(leader, acceleration_m_s2)
+        usual_m_s = self._usual.speed_m_s
+        return returning_motion(leader, acceleration_m_s2, usual_m_s, self._return_s)
 
     def _remember(self, leader: LeaderState) -> None:
         if self._past and leader.time_s < self._past[-1].time_s:
@@ -281,6 +287,8 @@ class LeaderForecaster:
         self._past.append(leader)
         while self._past[0].time_s < leader.time_s - HISTORY_S:
             self._past.popleft()
+        if self._return_s:
+            self._usual = self._usual.with_measured(leader)
 
     def _assess(self, leader: LeaderState, preview: LeaderPreview) -> tuple[PreviewQuality, str]:
         if preview.times_s.size == 0:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+from dataclasses import astuple
 
 import numpy as np
 
@@ -25,18 +26,20 @@ from iptm_controller.tick_library import (
     keep_motion,
     motion_of,
 )
+from iptm_controller.usual_speed import UsualSpeed
 from iptm_core.compilation import address
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState
 
 _LEADS, _SMOOTHED_TICKS, _EXTRAPOLATED_NODES = 10, 3, 41
 _COLUMNS = ("fused_times_s", "fused_speeds_m_s", "averaged_m_s", "weights")
+_USUAL = ("usual_m_s", "usual_measured_s", "usual_until_s")
 _WORK = 5
 _QUALITIES = tuple(PreviewQuality)
 
 
 class _Forecaster(ctypes.Structure):
     _fields_ = (
-        *((name, DOUBLE) for name in ("tick_s", "horizon_s", "max_age_s", "decay_s")),
+        *((name, DOUBLE) for name in ("tick_s", "horizon_s", "max_age_s", "return_s")),
         ("leads", INT),
         ("lead_ticks", INT * _LEADS),
         ("past_room", INT),
@@ -49,7 +52,7 @@ class _Memory(ctypes.Structure):
         *((name, INT) for name in ("past", "errors", "has_predicted", "is_doubted")),
         *((name, INT) for name in ("is_unproved", "fused", "is_averaged")),
         *((name, DOUBLE) for name in ("newest_tick", "last_error_tick", "trusted_s")),
-        *((name, DOUBLE) for name in ("roughness_m2_s4",)),
+        *((name, DOUBLE) for name in ("roughness_m2_s4", *_USUAL)),
         ("errors_m_s", DOUBLE * (_SMOOTHED_TICKS * _LEADS)),
         *((name, POINTER) for name in ("leaders", "predictions", *_COLUMNS, "work")),
     )
@@ -80,14 +83,14 @@ class LeaderForecasterInC(LeaderForecaster):
         horizon_s: float,
         max_age_s: float,
         tick_s: float,
-        decay_s: float,
+        return_s: float,
     ) -> None:
         """Set up a forecaster that has not measured a leader."""
         self._numbers, self._c_memory = _Forecaster(), _Memory()
-        super().__init__(horizon_s, max_age_s, tick_s, decay_s)
+        super().__init__(horizon_s, max_age_s, tick_s, return_s)
         leads = self.trust.lead_ticks
         self._numbers = _Forecaster(
-            tick_s, horizon_s, max_age_s, decay_s, len(leads), (INT * _LEADS)(*leads)
+            tick_s, horizon_s, max_age_s, return_s, len(leads), (INT * _LEADS)(*leads)
         )
         self._predictions = np.zeros((leads[-1] + 1, 2 + len(leads)))
         self._c_memory.predictions = address(self._predictions)
@@ -129,16 +132,18 @@ class LeaderForecasterInC(LeaderForecaster):
             not c.is_unproved,
         )
         past = tuple(LeaderState(*row) for row in self._leaders[: c.past].tolist())
-        return past, FusionMemory(preview, c.roughness_m2_s4, *average), trust
+        usual = UsualSpeed(*(getattr(c, name) for name in _USUAL))
+        return past, FusionMemory(preview, c.roughness_m2_s4, *average), trust, usual
 
     @memory.setter
     def memory(self, memory: ForecastMemory) -> None:
-        past, fusion, trust = memory
+        past, fusion, trust, usual = memory
         c, leads = self._c_memory, self._numbers.leads
         self._make_room(len(past), 0 if fusion.preview is None else fusion.preview.times_s.size)
         for row, each in zip(self._leaders, past, strict=False):
             row[:] = each.time_s, each.position_m, each.speed_m_s
         c.past = len(past)
+        c.usual_m_s, c.usual_measured_s, c.usual_until_s = astuple(usual)
         c.roughness_m2_s4, c.is_averaged = fusion.roughness_m2_s4, fusion.speeds_m_s is not None
         c.fused = 0
         if fusion.preview is not None:
@@ -210,9 +215,9 @@ def leader_forecaster(
     horizon_s: float,
     max_age_s: float,
     tick_s: float,
-    decay_s: float,
+    return_s: float,
     library: ctypes.PyDLL | None,
 ) -> LeaderForecaster:
     """Return the form in C where there is a library."""
-    given = horizon_s, max_age_s, tick_s, decay_s
+    given = horizon_s, max_age_s, tick_s, return_s
     return LeaderForecaster(*given) if library is None else LeaderForecasterInC(library, *given)

@@ -4,7 +4,7 @@
 #include <stddef.h>
 #include <string.h>
 
-/* Constants of forecast.py, lead_check.py, preview_trust.py and iptm_core/state.py. */
+/* Constants of forecast.py, lead_check.py, preview_trust.py, usual_speed.py and iptm_core/state.py. */
 static const double HISTORY_S = 3.0;
 static const double MAX_LEADER_SPEED_M_S = 100.0;
 static const double SPEED_AT_REST_M_S = -0.5;
@@ -26,13 +26,28 @@ static const double ANOTHER_PLAN_M_S = 5.0;
 static const double ACCELERATION_WINDOW_S = 1.0;
 static const double LARGEST_ACCELERATION_M_S2 = 10.0;
 static const double RANGE_ERROR_M = 1.0;
-static const double EXTRAPOLATED_DECAYS = 5.0;
+static const double ACCELERATION_DECAY_S = 4.0, EXTRAPOLATED_DECAYS = 5.0;
+static const double MEMORY_S = 300.0, FIRST_S = 1.0, FARTHEST_S = 40.0;
+static const double BRAKING_DECAY_S = 4.0, DRIVING_DECAY_S = 2.0;
 static const double SHORTEST_STOP_S = 1e-3;
 
 static double least(double x, double y) { return y < x ? y : x; }
 static double most(double x, double y) { return y > x ? y : x; }
 
 /* The past. */
+
+static void remember_usual(iptm_forecast_memory *memory, const iptm_leader *leader) {
+  const double passed_s = leader->time_s - memory->usual_until_s;
+  if (passed_s < 0.0 || memory->usual_measured_s == 0.0) {
+    memory->usual_m_s = leader->speed_m_s;
+    memory->usual_measured_s = FIRST_S;
+  } else {
+    memory->usual_measured_s = least(memory->usual_measured_s + passed_s, MEMORY_S);
+    memory->usual_m_s += least(passed_s / memory->usual_measured_s, 1.0) *
+                         (leader->speed_m_s - memory->usual_m_s);
+  }
+  memory->usual_until_s = leader->time_s;
+}
 
 static void remember(const iptm_forecaster *forecaster, iptm_forecast_memory *memory,
                      const iptm_leader *leader) {
@@ -45,6 +60,7 @@ static void remember(const iptm_forecaster *forecaster, iptm_forecast_memory *me
   memory->past -= gone;
   memmove(leaders, leaders + gone, sizeof(*leaders) * (size_t)memory->past);
   leaders[memory->past++] = *leader;
+  if (forecaster->return_s > 0.0) remember_usual(memory, leader);
 }
 
 static double measured_acceleration_m_s2(const iptm_forecast_memory *memory) {
@@ -73,14 +89,44 @@ static double measured_acceleration_m_s2(const iptm_forecast_memory *memory) {
   return fabs(moment) <= LARGEST_ACCELERATION_M_S2 ? moment : 0.0;
 }
 
+/* Write how a leader goes on that returns to its usual speed, see returning_motion; returns the nodes. */
+static int return_to_usual(const iptm_forecaster *forecaster, const iptm_forecast_memory *memory,
+                           const iptm_leader *leader, double *times_s, double *positions_m,
+                           double *speeds_m_s) {
+  const double acceleration_m_s2 = measured_acceleration_m_s2(memory);
+  const double decay_s = acceleration_m_s2 < 0.0 ? BRAKING_DECAY_S : DRIVING_DECAY_S;
+  const double change_m_s = decay_s * acceleration_m_s2;
+  const double kept_m_s = least(memory->usual_m_s, leader->speed_m_s);
+  double moved_m = 0.0, before_s = 0.0;
+  int i;
+  times_s[0] = leader->time_s;
+  positions_m[0] = leader->position_m;
+  speeds_m_s[0] = leader->speed_m_s;
+  for (i = 1; i < IPTM_EXTRAPOLATED_NODES; ++i) {
+    const double share = i / (double)(IPTM_EXTRAPOLATED_NODES - 1);
+    const double elapsed_s = FARTHEST_S * share * share;
+    const double driven_m_s =
+        most(leader->speed_m_s - change_m_s * expm1(-elapsed_s / decay_s), 0.0);
+    speeds_m_s[i] = kept_m_s + (driven_m_s - kept_m_s) * exp(-elapsed_s / forecaster->return_s);
+    moved_m += 0.5 * (elapsed_s - before_s) * (speeds_m_s[i - 1] + speeds_m_s[i]);
+    times_s[i] = leader->time_s + elapsed_s;
+    positions_m[i] = leader->position_m + moved_m;
+    before_s = elapsed_s;
+  }
+  return IPTM_EXTRAPOLATED_NODES;
+}
+
 /* Write how a leader goes on of which only the present is known, see extrapolated_motion; returns the nodes. */
 static int extrapolate(const iptm_forecaster *forecaster, const iptm_forecast_memory *memory,
                        const iptm_leader *leader, double *times_s, double *positions_m,
                        double *speeds_m_s) {
-  const double decay_s = forecaster->decay_s;
+  const double decay_s = ACCELERATION_DECAY_S;
   const double change_m_s = decay_s * measured_acceleration_m_s2(memory);
   double until_s = EXTRAPOLATED_DECAYS * decay_s;
   int nodes = IPTM_EXTRAPOLATED_NODES, i;
+  if (forecaster->return_s > 0.0) {
+    return return_to_usual(forecaster, memory, leader, times_s, positions_m, speeds_m_s);
+  }
   if (leader->speed_m_s + change_m_s < 0.0) {
     const double stop_s = -decay_s * log1p(leader->speed_m_s / change_m_s);
     until_s = least(until_s, stop_s);

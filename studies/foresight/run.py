@@ -1,0 +1,111 @@
+"""What foresight is worth at the headway of production cars, and what is made without it.
+
+Behind the same leaders: with a perfect preview of some seconds, and with the range sensor alone, where the
+leader is extrapolated or expected to return to its usual speed. The optimum of a whole trip knows all.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Any
+
+import pandas as pd
+from studies.acc.variants import CARS, CLIMATES_C
+from studies.drives import DEFAULT, trip
+from studies.headway.effects import CYCLES, SHORT_S, WHOLE_S, drive
+from studies.road_space.run import DESIRED_S
+from studies.savings import PRODUCTION, road_taken, saved
+from studies.session import Session
+
+JERK_M_S3 = 2.0
+"""Of both: with the paper's 0.5 brakes take 4 s to build up 2 m/s²; ISO 15622 allows cruise controls 2.5."""
+PREVIEWS_S = (60.0, 20.0, 10.0, 5.0, 2.0, 1.0)
+RETURNS_S = (30.0, 12.0)
+RETURN_DESIRED_S, RETURN_SHORTEST_S = 1.35, 1.25
+"""With the return the gap grows beyond the desired one, and s_min leaves room for it to shrink."""
+OPTIMUM = "optimum of the whole trip"
+EXTRAPOLATED, RETURNING = "no preview, extrapolated", "no preview, usual speed in {:g} s"
+
+
+def controls() -> dict[str, tuple[str, dict[str, Any], dict[str, Any]]]:
+    """Return role, settings and the way of driving by the name of a row, `production` first."""
+    quick = {"limits.max_jerk_m_s3": JERK_M_S3}
+    blind = {"preview_mode": "none"}
+    equal = {
+        "value_beyond_trip": True,
+        "overrides": {**quick, "gap.desired_time_headway_s": DESIRED_S},
+    }
+    nearer = {
+        **quick,
+        "gap.desired_time_headway_s": RETURN_DESIRED_S,
+        "gap.time_headway_s": RETURN_SHORTEST_S,
+    }
+    returning = {
+        RETURNING.format(return_s): {
+            **equal,
+            **blind,
+            "overrides": {**nearer, "gap.leader_return_s": return_s},
+        }
+        for return_s in RETURNS_S
+    }
+    last, settings = list(returning.items())[-1]
+    return {
+        PRODUCTION: (PRODUCTION, {**blind, "overrides": quick}, {}),
+        OPTIMUM: (DEFAULT, equal, {"whole": True}),
+        **{
+            f"perfect preview of {seen_s:g} s": (DEFAULT, {**equal, "preview_length_s": seen_s}, {})
+            for seen_s in PREVIEWS_S
+        },
+        EXTRAPOLATED: (DEFAULT, {**equal, **blind}, {}),
+        **{name: (DEFAULT, each, {}) for name, each in returning.items()},
+        f"{last}, thermostat": (DEFAULT, settings, {"others": "cooling"}),
+    }
+
+
+def run(session: Session) -> bool:
+    """Run the study; returns whether no lead vehicle was touched."""
+    settings: dict[str, Any] = {"duration_s": SHORT_S if session.short else WHOLE_S}
+    if session.short:
+        settings |= {"compile_code": False}
+    cycles, cars = (CYCLES[:1], CARS[:1]) if session.short else (CYCLES, CARS)
+    rows = controls()
+    places = list(product(cycles, cars, rows))
+    calls = [
+        {"call": trip(cycle, role, car, CLIMATES_C[0], **own, **settings), **how}
+        for cycle, car, name in places
+        for role, own, how in [rows[name]]
+    ]
+    driven = session.compute(drive, calls, ["/".join(place) for place in places])
+    found = dict(zip(places, driven, strict=True))
+    table = pd.DataFrame(
+        {
+            "control": name,
+            "trip": (cycle, car),
+            **road_taken([run.trajectory]),
+            **saved([run.metrics], [base.metrics], run.parameters),
+            "smallest_gap_m": float(run.trajectory.gap_m.min()),
+            "interventions": float(run.metrics.interventions),
+        }
+        for (cycle, car, name), run in found.items()
+        for base in [found[cycle, car, PRODUCTION]]
+        if run is not None and base is not None
+    )
+    by_trip = table.pivot_table(index="trip", columns="control", values=["ageing", "headway_s"])
+    shares = by_trip.ageing.div(by_trip.ageing[OPTIMUM], axis=0)
+    further = by_trip.headway_s.sub(by_trip.headway_s[PRODUCTION], axis=0)
+    grouped = table.groupby("control", sort=False)
+    summary = grouped[["headway_s", "ageing", "energy"]].median()
+    summary["share"] = 100.0 * shares.median()
+    summary["further_s"] = further.median()
+    summary["smallest_gap_m"] = grouped.smallest_gap_m.min()
+    summary["interventions"] = grouped.interventions.sum()
+    session.render(
+        table=summary.drop(index=PRODUCTION).reset_index(),
+        trips=len(by_trip),
+        whole_s=WHOLE_S,
+        jerk_m_s3=JERK_M_S3,
+        desired_s=DESIRED_S,
+        return_desired_s=RETURN_DESIRED_S,
+        return_shortest_s=RETURN_SHORTEST_S,
+    )
+    return bool((table.smallest_gap_m > 0.0).all())
