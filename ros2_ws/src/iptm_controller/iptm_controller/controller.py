@@ -171,11 +171,10 @@ class Controller:
         guard.leader, guard.lost_ticks = memory.leader, memory.lost_ticks
         guard.deceleration_m_s2 = memory.leader_deceleration_m_s2
         self.lead.memory, self._clock.memory = memory.lead, memory.sender_clock
-        leaders, usual = memory.leader_past, memory.usual_speed
-        self._forecaster.memory = leaders, memory.fusion, memory.trust, usual
-        self._actuation.memory, self._pack.memory = memory.actuation, memory.pack
-        self._estimator.memory = memory.estimator
-        self._production.is_cooling, self._road.pace = memory.is_cooling, memory.pace
+        self._forecaster.memory = memory.forecast
+        self._actuation.memory, self._estimator.memory = memory.actuation, memory.estimator
+        self._pack.memory, self._road.pace = memory.pack, memory.pace
+        self._production.is_cooling = memory.is_cooling
         if isinstance(trip := self.valuation, TemperatureValuation):
             trip.start, trip.foreseen_1_s = memory.trip_start, memory.foreseen_1_s
         if (past := self._traction) is not None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from iptm_controller.actuation import ActuationMemory
 from iptm_controller.estimator import EstimatorMemory
-from iptm_controller.forecast import LeaderForecast
+from iptm_controller.forecast import ForecastMemory, LeaderForecast
 from iptm_controller.lead_check import ClockMemory, LeadMemory
 from iptm_controller.pack_observer import PackMemory, PackReport
 from iptm_controller.plan import SLACKS, Plan
@@ -140,3 +140,8 @@ class ControllerMemory:
     is_cooling: bool = False
     pace: PaceMemory | None = None
     solves_since_second: int | None = None
+
+    @property
+    def forecast(self) -> ForecastMemory:
+        """The part of the leader's forecast."""
+        return self.leader_past, self.fusion, self.trust, self.usual_speed
