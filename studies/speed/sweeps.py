@@ -1,6 +1,6 @@
 """What sweeps and first trips cost: runs with other masses, workers, and the compiler on an empty cache.
 
-python -m studies.speed.waiting
+python -m studies.speed.sweeps
 """
 
 from __future__ import annotations
@@ -17,12 +17,11 @@ import numpy as np
 from studies.speed.harness import machine_in_words, run_benchmark
 
 import iptm
-from iptm_core.compilation import CACHE_VARIABLE
 
 FIRST_TRIP = "import iptm; iptm.simulate('us06', duration_s=10.0)"
 
 
-def waiting(runs: int = 200, duration_s: float = 60.0, turns: int = 3) -> dict[str, Any]:
+def sweeps(runs: int = 200, duration_s: float = 60.0, turns: int = 3) -> dict[str, Any]:
     """Time sweeps over the mass of the vehicle, and first trips.
 
     Args:
@@ -67,11 +66,11 @@ def _first_trip_s() -> float:
     """Return the wall time of a process that drives 10 s on an empty compiler cache."""
     with tempfile.TemporaryDirectory() as empty:
         began_s = time.monotonic()
-        environment = {**os.environ, CACHE_VARIABLE: empty}
+        environment = {**os.environ, "IPTM_CACHE_DIR": empty}
         command = [sys.executable, "-c", FIRST_TRIP]
         subprocess.run(command, env=environment, check=True)  # noqa: S603 - this interpreter
         return time.monotonic() - began_s
 
 
 if __name__ == "__main__":
-    sys.exit(run_benchmark(waiting))
+    sys.exit(run_benchmark(sweeps))
