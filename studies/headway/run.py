@@ -68,9 +68,6 @@ SETTINGS = (
         f"2 s, jerk up to {QUICK_M_S3:g} m/s³",
         {**EQUAL, "overrides": {**EQUAL["overrides"], **QUICK}},
         {"overrides": QUICK},
-        (False,),
-        cars=CARS[:1],
-        kinds=(LEVEL, MEASURED),
     ),
     Setting(
         "2 s, known dry road",
