@@ -13,6 +13,7 @@ from iptm_core.physics.electrical import pack_current_a, pack_resistance_ohm, te
 from iptm_core.physics.pack_limits import (
     VOLTAGE_MARGIN_V,
     current_limits_a,
+    largest_within,
     least_traction_power_w,
     power_limits,
 )
@@ -104,3 +105,24 @@ def test_auxiliaries_use_what_the_motor_feeds_back_first() -> None:
 def test_an_unknown_charge_is_that_of_the_start() -> None:
     known = power_limits(_cells(25.0), I3.charge.initial_charge, I3, 1.0)
     assert power_limits(_cells(25.0), math.nan, I3, 1.0) == known
+
+
+@pytest.mark.parametrize("power", [1.0, 3.0])
+@pytest.mark.parametrize("limit", [-0.6, -0.5, 0.0, 0.3, 1.7, 2.0, 2.1])
+def test_the_largest_argument_within_a_limit_is_that_of_bisection(
+    limit: float, power: float
+) -> None:
+    """To the last bit, in a third of the evaluations."""
+
+    def excess(value: float) -> float:
+        calls.append(value)
+        return math.copysign(abs(value - limit) ** power, value - limit) + max(value - 1.0, 0.0)
+
+    calls: list[float] = []
+    low, high = -0.5, 2.0
+    found = largest_within(excess, low, high)
+    assert len(calls) < 60
+    for _ in range(24):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if excess(middle) <= 0.0 else (low, middle)
+    assert found == (2.0 if excess(2.0) <= 0.0 else low)

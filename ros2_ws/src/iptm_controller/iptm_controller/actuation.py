@@ -19,7 +19,7 @@ from iptm_controller.ocp.data import UNBOUNDED_W
 from iptm_core.frozen import light, replace
 from iptm_core.parameters.model import LimitParameters, ModelParameters
 from iptm_core.physics.electrical import battery_power_w
-from iptm_core.physics.pack_limits import UNLIMITED, PowerLimits, power_limits
+from iptm_core.physics.pack_limits import UNLIMITED, PowerLimits, largest_within, power_limits
 from iptm_core.physics.power_thermal import CellPair, electric_traction_power_w
 from iptm_core.state import Command, FloatArray, SlopePreview, VehicleState
 
@@ -224,7 +224,6 @@ REFERENCE_RATE_1_H = 2.0
 """Power over energy of a pack without limits, of which a failed sensor leaves a share."""
 GENTLE_M_S2 = -0.5
 """A pack that gives less than the road asks for lets the car slow down, but does not brake it harder."""
-_BISECTIONS = 24
 
 
 class PowerAuthority:
@@ -304,16 +303,11 @@ class PowerAuthority:
     ) -> float:
         """Return the largest acceleration that the pack can supply, not below `GENTLE_M_S2`."""
         largest, most_w = self._parameters.limits.max_acceleration_m_s2, self.limits.discharge_w
-        if self._drawn_w(speed_m_s, largest, slope_rad, thermal_w) <= most_w:
-            return largest
-        low, high = GENTLE_M_S2, largest
-        for _ in range(_BISECTIONS):
-            middle = 0.5 * (low + high)
-            if self._drawn_w(speed_m_s, middle, slope_rad, thermal_w) <= most_w:
-                low = middle
-            else:
-                high = middle
-        return low
+
+        def excess_w(acceleration_m_s2: float) -> float:
+            return self._drawn_w(speed_m_s, acceleration_m_s2, slope_rad, thermal_w) - most_w
+
+        return largest_within(excess_w, GENTLE_M_S2, largest)
 
     def _reachable_speeds_m_s(self, state: VehicleState, slope: SlopePreview) -> FloatArray:
         """Return the speeds that the car cannot exceed at the ends of the motion steps."""

@@ -10,6 +10,7 @@ Current and power are positive when discharging.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from iptm_core.parameters.model import ModelParameters, PackLimitParameters
@@ -28,6 +29,7 @@ VOLTAGE_MARGIN_V = 1e-3
 """Kept from the limits of cell voltage, as temperature and charge change within an interval."""
 _CHARGE_NODES = (0.7, 0.8, 0.9, 1.0)
 _DISCHARGE_NODES = (0.0, 0.1, 0.2, 0.3)
+_PARTS = 2**24
 
 
 @dataclass(frozen=True)
@@ -147,3 +149,33 @@ def least_traction_power_w(
 
 
 _NODES_K = tuple(CELSIUS_ZERO_K + node for node in PackLimitParameters.NODES_C)
+
+
+def largest_within(excess: Callable[[float], float], low: float, high: float) -> float:
+    """Return the largest argument at which an increasing excess is not positive, to 2**-24 of the range.
+
+    By false position in whole parts of the range; the excess of an end that stays twice is halved (Illinois).
+
+    Args:
+        excess: amount above a limit.
+        low: returned where the limit is exceeded everywhere.
+        high: returned where it is not exceeded.
+    """
+    above, below = excess(high), excess(low)
+    if above <= 0.0:
+        return high
+    if below > 0.0:
+        return low
+    step, first, last, moved = (high - low) / _PARTS, 0, _PARTS, 0
+    while last - first > 1:
+        between = first + round((last - first) * below / (below - above))
+        between = min(max(between, first + 1), last - 1)
+        found = excess(low + step * between)
+        side = 1 if found > 0.0 else -1
+        stayed = 0.5 if side == moved else 1.0
+        if side < 0:
+            first, below, above = between, found, above * stayed
+        else:
+            last, above, below = between, found, below * stayed
+        moved = side
+    return low + step * first
