@@ -15,7 +15,7 @@ from iptm_controller.estimator import Estimator
 from iptm_controller.forecast import LeaderForecast
 from iptm_controller.forecast_in_c import leader_forecaster
 from iptm_controller.ladder import FallbackLadder, safe_following
-from iptm_controller.lead_check import LeadCheck, SenderClock
+from iptm_controller.lead_check import LeadCheck, SenderClock, unpredicted_s
 from iptm_controller.measurements import Measurements, trusted_measurements
 from iptm_controller.ocp.data import UNBOUNDED_W, ProblemData, ProblemDataBuilder
 from iptm_controller.ocp.grid import ProblemGrid
@@ -83,7 +83,7 @@ class Controller:
         self._pose(options.strategy)
         library = tick_library(is_wanted=options.solver.compile_code)
         seen_s = horizon.motion_duration_s, options.max_preview_age_s, options.tick_s
-        self._forecaster = leader_forecaster(*seen_s, parameters.gap.leader_return_s, library)
+        self._forecaster = leader_forecaster(*seen_s, *unpredicted_s(parameters.gap), library)
         self._traction = (
             TractionForecaster(parameters, self.grid)
             if horizon.motion_steps < horizon.steps

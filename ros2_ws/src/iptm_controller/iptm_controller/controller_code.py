@@ -15,6 +15,7 @@ import numpy as np
 
 from iptm_controller.controller import Controller
 from iptm_controller.forecast_in_c import past_room
+from iptm_controller.lead_check import unpredicted_s
 from iptm_controller.ocp.layout_header import layout_header
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.stage import DEFAULT_SMOOTHING
@@ -177,7 +178,7 @@ def _data(
             options.tick_s,
             horizon.motion_duration_s,
             options.max_preview_age_s,
-            controller.model.gap.leader_return_s,
+            *unpredicted_s(controller.model.gap),
             "IPTM_LEADS",
             _braced(PreviewTrust(options.tick_s).lead_ticks),
             "IPTM_PAST_ROOM",

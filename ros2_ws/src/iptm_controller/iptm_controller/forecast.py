@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iptm_controller.lead_check import (
+    ACCELERATION_DECAY_S,
     LARGEST_SPEED_ERROR_M_S,
     extrapolated_motion,
     measured_acceleration_m_s2,
@@ -153,6 +154,7 @@ class LeaderForecaster:
         max_age_s: float,
         tick_s: float = 1.0,
         return_s: float = 0.0,
+        decay_s: float = ACCELERATION_DECAY_S,
     ) -> None:
         """Set up a forecaster that has not measured a leader.
 
@@ -160,8 +162,9 @@ class LeaderForecaster:
             horizon_s: time that a full preview covers.
             return_s: time constant with which the leader returns to its usual speed where nothing is
                 predicted; 0: it is extrapolated.
+            decay_s: time constant with which its measured acceleration decays then.
         """
-        self._return_s = return_s
+        self._return_s, self._decay_s = return_s, decay_s
         self._usual = UsualSpeed()
         self._horizon_s = horizon_s
         self._max_age_s = max_age_s
@@ -275,7 +278,7 @@ class LeaderForecaster:
     def _extrapolated(self, leader: LeaderState) -> LeaderPreview:
         acceleration_m_s2 = measured_acceleration_m_s2(self._past)
         if not self._return_s:
-            return extrapolated_motion(leader, acceleration_m_s2)
+            return extrapolated_motion(leader, acceleration_m_s2, self._decay_s)
         usual_m_s = self._usual.speed_m_s
         return returning_motion(leader, acceleration_m_s2, usual_m_s, self._return_s)
 

@@ -39,7 +39,7 @@ _QUALITIES = tuple(PreviewQuality)
 
 class _Forecaster(ctypes.Structure):
     _fields_ = (
-        *((name, DOUBLE) for name in ("tick_s", "horizon_s", "max_age_s", "return_s")),
+        *((name, DOUBLE) for name in ("tick_s", "horizon_s", "max_age_s", "return_s", "decay_s")),
         ("leads", INT),
         ("lead_ticks", INT * _LEADS),
         ("past_room", INT),
@@ -84,13 +84,14 @@ class LeaderForecasterInC(LeaderForecaster):
         max_age_s: float,
         tick_s: float,
         return_s: float,
+        decay_s: float,
     ) -> None:
         """Set up a forecaster that has not measured a leader."""
         self._numbers, self._c_memory = _Forecaster(), _Memory()
-        super().__init__(horizon_s, max_age_s, tick_s, return_s)
+        super().__init__(horizon_s, max_age_s, tick_s, return_s, decay_s)
         leads = self.trust.lead_ticks
         self._numbers = _Forecaster(
-            tick_s, horizon_s, max_age_s, return_s, len(leads), (INT * _LEADS)(*leads)
+            tick_s, horizon_s, max_age_s, return_s, decay_s, len(leads), (INT * _LEADS)(*leads)
         )
         self._predictions = np.zeros((leads[-1] + 1, 2 + len(leads)))
         self._c_memory.predictions = address(self._predictions)
@@ -216,8 +217,9 @@ def leader_forecaster(
     max_age_s: float,
     tick_s: float,
     return_s: float,
+    decay_s: float,
     library: ctypes.PyDLL | None,
 ) -> LeaderForecaster:
     """Return the form in C where there is a library."""
-    given = horizon_s, max_age_s, tick_s, return_s
+    given = horizon_s, max_age_s, tick_s, return_s, decay_s
     return LeaderForecaster(*given) if library is None else LeaderForecasterInC(library, *given)

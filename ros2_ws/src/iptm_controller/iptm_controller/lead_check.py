@@ -20,7 +20,7 @@ import numpy as np
 from iptm_core.frozen import light, replace
 from iptm_core.lead_track import LeadTrack, Sample, followed
 from iptm_core.monitor_settings import SafetyMonitorSettings, SensorAccuracySettings
-from iptm_core.parameters.model import LimitParameters
+from iptm_core.parameters.model import GapParameters, LimitParameters
 from iptm_core.road_friction import (
     RoadFrictionSettings,
     braking_capability,
@@ -185,6 +185,9 @@ ACCELERATION_DECAY_S = 4.0
 """Time constant with which the lead vehicle's acceleration decays where nothing is predicted. In every
 published cycle positions 3 to 8 s ahead are predicted better than at a constant speed, and over all of them
 together better than with half or twice the constant (a test checks both)."""
+BRIEF_DECAY_S = 0.5
+"""The same for plans that are drawn to a desired headway. A longer one predicts better and saves less there:
+with little room a wrong guess costs more than a late one, and equipped cars behind each other amplify it."""
 ACCELERATION_WINDOW_S = 1.0
 """The acceleration is the least-squares slope of the speeds in this window, of at least two samples."""
 LARGEST_ACCELERATION_M_S2 = 10.0
@@ -222,6 +225,16 @@ def measured_acceleration_m_s2(measured: Sequence[LeaderState]) -> float:
         spread += (state.time_s - mean_s) * (state.time_s - mean_s)
     slope_m_s2 = moment / spread
     return slope_m_s2 if abs(slope_m_s2) <= LARGEST_ACCELERATION_M_S2 else 0.0
+
+
+def unpredicted_s(gap: GapParameters) -> tuple[float, float]:
+    """Return time constants of a leader of which nothing is predicted: of its return to its usual speed (0: it
+    is extrapolated), and of the decay of its acceleration.
+    """
+    return (
+        gap.leader_return_s,
+        BRIEF_DECAY_S if gap.desired_time_headway_s else ACCELERATION_DECAY_S,
+    )
 
 
 def extrapolated_motion(

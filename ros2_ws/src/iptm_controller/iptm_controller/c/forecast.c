@@ -26,7 +26,7 @@ static const double ANOTHER_PLAN_M_S = 5.0;
 static const double ACCELERATION_WINDOW_S = 1.0;
 static const double LARGEST_ACCELERATION_M_S2 = 10.0;
 static const double RANGE_ERROR_M = 1.0;
-static const double ACCELERATION_DECAY_S = 4.0, EXTRAPOLATED_DECAYS = 5.0;
+static const double EXTRAPOLATED_DECAYS = 5.0;
 static const double MEMORY_S = 300.0, FIRST_S = 1.0, FARTHEST_S = 40.0;
 static const double BRAKING_DECAY_S = 4.0, DRIVING_DECAY_S = 2.0;
 static const double SHORTEST_STOP_S = 1e-3;
@@ -120,7 +120,7 @@ static int return_to_usual(const iptm_forecaster *forecaster, const iptm_forecas
 static int extrapolate(const iptm_forecaster *forecaster, const iptm_forecast_memory *memory,
                        const iptm_leader *leader, double *times_s, double *positions_m,
                        double *speeds_m_s) {
-  const double decay_s = ACCELERATION_DECAY_S;
+  const double decay_s = forecaster->decay_s;
   const double change_m_s = decay_s * measured_acceleration_m_s2(memory);
   double until_s = EXTRAPOLATED_DECAYS * decay_s;
   int nodes = IPTM_EXTRAPOLATED_NODES, i;
