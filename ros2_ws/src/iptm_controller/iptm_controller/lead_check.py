@@ -228,7 +228,7 @@ def measured_acceleration_m_s2(measured: Sequence[LeaderState]) -> float:
 
 
 def unpredicted_s(gap: GapParameters) -> tuple[float, float]:
-    """Return time constants of a leader of which nothing is predicted: of its return, and of its acceleration.
+    """Return time constants of a leader without a prediction: of its return, and of its acceleration.
 
     The first is `gap.leader_return_s`, the second the one with which the measured acceleration decays.
     """
