@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 from studies.drives import DEFAULT, REFERENCE, trip
+from studies.road_space import run as road_space
 from studies.savings import BASELINE, PREVIEWS, PRODUCTION, road_taken
 from studies.session import Case
 
@@ -15,7 +16,7 @@ from iptm.parts import CELSIUS_ZERO_K, AgingSettings, Trajectory, load_parameter
 from iptm.service_life.trip_map import START_C, TripMap, nominal_energy_j, trip_map
 from iptm.service_life.year import CITY, MOTORWAY, NO_COOLING
 
-THERMOSTAT, EQUAL_ROAD = "thermostat", "default, 3 s"
+THERMOSTAT, EQUAL_ROAD = "thermostat", "default, 2 s"
 
 
 @dataclass(frozen=True)
@@ -26,11 +27,13 @@ class Control:
         role: of the controller.
         distance: for tables.
         overrides: further parameters.
+        value_beyond_trip: whether a kelvin keeps its value beyond the trip.
     """
 
     role: str
     distance: str
     overrides: Mapping[str, float] = field(default_factory=dict)
+    value_beyond_trip: bool = False
 
 
 CONTROLS: Mapping[str, Control] = {
@@ -38,7 +41,9 @@ CONTROLS: Mapping[str, Control] = {
     NO_COOLING: Control(PRODUCTION, "1.6 s", {"limits.max_compressor_power_w": 1.0}),
     BASELINE: Control(BASELINE, "3.5 s"),
     REFERENCE: Control(REFERENCE, "120 m"),
-    EQUAL_ROAD: Control(DEFAULT, "at most 3 s", {"gap.max_time_headway_s": 3.0}),
+    EQUAL_ROAD: Control(
+        DEFAULT, road_space.EQUAL_ROAD, road_space.EQUAL["overrides"], value_beyond_trip=True
+    ),
     DEFAULT: Control(DEFAULT, "120 m"),
 }
 """The first is the one with which all others are compared."""
@@ -55,7 +60,7 @@ def trip_case(
     """Return a trip under a control, of the default with another ageing law under a name of its own."""
     driven = CONTROLS[control]
     start = {"environment.initial_cell_temperature_k": start_c + CELSIUS_ZERO_K}
-    settings = asdict(aging or AgingSettings())
+    settings = {**asdict(aging or AgingSettings()), "value_beyond_trip": driven.value_beyond_trip}
     call = trip(cycle, driven.role, overrides={**driven.overrides, **start}, **settings)
     control = name or control
     labels = {"cycle": cycle, "control": control, "start_c": start_c}

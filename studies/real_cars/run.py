@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 from studies.drives import DEFAULT, STRATEGIES, trip
 from studies.measured_cycles import trip_cycles
+from studies.road_space.run import EQUAL, EQUAL_ROAD
 from studies.savings import COLUMNS, PREVIEWS, PRODUCTION, road_taken, savings
 from studies.session import Case, Session
 
@@ -34,9 +35,9 @@ ROLES = tuple(STRATEGIES)
 CYCLE, CAR = "wltc_class3b", "bmw_i3"
 CARS: tuple[str, ...] = (DEFAULT_SET, CAR, "chevrolet_bolt", "tesla_model_3")
 CLIMATES_C: tuple[float, ...] = (-10.0, 10.0, 25.0, 35.0)
-HEADWAY = "gap.max_time_headway_s"
-GAPS = {0.0: "120 m", 3.0: "3 s"}
-"""Limits of the gap by the largest time headway in s; 0 is none, the largest gap counts alone."""
+GAPS: Mapping[str, Mapping[str, Any]] = {"120 m": {}, EQUAL_ROAD: EQUAL}
+"""Settings of the default by the distance that it keeps; all others keep their own."""
+FAR = next(iter(GAPS))
 SHORT_S = 20.0
 LARGEST_LOSS = 0.5
 """Percentage points of the saving that a simplification may cost."""
@@ -150,16 +151,14 @@ def savings_cases(
 ) -> list[Case]:
     """Return all trips that the tables of the savings need."""
     cases = []
-    for car, ambient_c, cycle, role, headway_s in product(
+    for car, ambient_c, cycle, role, distance in product(
         cars, climates_c, (CYCLE, *trips), ROLES, GAPS
     ):
-        # What the default strategy is compared with keeps its own distance.
-        if role == DEFAULT or not headway_s:
-            name = f"{car}/{ambient_c}/{Path(cycle).stem}/{role}/{headway_s}"
+        if role == DEFAULT or distance == FAR:
+            name = f"{car}/{ambient_c}/{Path(cycle).stem}/{role}/{distance}"
             labels = {"car": car, "ambient_c": ambient_c, "trip": Path(cycle).stem, "role": role}
-            overrides = {HEADWAY: headway_s} if headway_s else None
-            call = trip(cycle, role, car, ambient_c, overrides)
-            cases.append(Case(name, {**labels, "headway_s": headway_s}, call))
+            call = trip(cycle, role, car, ambient_c, **GAPS[distance])
+            cases.append(Case(name, {**labels, "distance": distance}, call))
     return cases
 
 
@@ -176,11 +175,11 @@ def savings_on(found: pd.DataFrame, trips: Sequence[str]) -> pd.DataFrame:
     found = found[found.trip.isin([Path(cycle).stem for cycle in trips])]
     rows = []
     for (car, ambient_c), part in found.groupby(["car", "ambient_c"], sort=False):
-        for headway_s, gap in GAPS.items():
-            limit_s = part.role.map({DEFAULT: headway_s}).fillna(0.0)
-            runs = part[part.headway_s == limit_s].groupby("role").run.agg(list)
+        for distance in GAPS:
+            kept = part.role.map({DEFAULT: distance}).fillna(FAR)
+            runs = part[part.distance == kept].groupby("role").run.agg(list)
             if all(len(runs.get(role, ())) == len(trips) for role in ROLES):
-                labels = {"car": car, "ambient_c": ambient_c, "distance": gap}
+                labels = {"car": car, "ambient_c": ambient_c, "distance": distance}
                 rows.append(labels | _savings(runs, load_parameters(car).values))
     return pd.DataFrame(rows)
 
