@@ -239,13 +239,12 @@ class Drive(AbstractContextManager["Drive"]):
 
     @property
     def _is_all_answered(self) -> bool:
-        """Whether the state at the end of the trip, and every answer to it, has arrived."""
+        """Whether the state at the end of the trip, and every answer to it, has arrived, of this run alone."""
         last_ns = self.monitor.time_ns or 0
         is_over = last_ns * 1e-9 >= self.trip.route.duration_s - _TIME_TOLERANCE_S
-        return is_over and all(
-            self.monitor.newest_stamp_ns(topic) == last_ns
-            for topic in (Topic.PLANT_STATE, *_LAST_ANSWERS)
-        )
+        topics = Topic.PLANT_STATE, *_LAST_ANSWERS
+        is_answered = all(self.monitor.newest_stamp_ns(topic) == last_ns for topic in topics)
+        return is_over and is_answered and not self.monitor.crowded_topics
 
     def _contradiction(self, snapshot: Snapshot) -> str:
         """Return evidence that messages of another run are mixed in, empty if there is none."""
