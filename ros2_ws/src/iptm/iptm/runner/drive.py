@@ -239,7 +239,7 @@ class Drive(AbstractContextManager["Drive"]):
 
     @property
     def _is_all_answered(self) -> bool:
-        """Whether the state at the end of the trip, and every answer to it, has arrived, of this run alone."""
+        """Whether the last state of the trip, and every answer to it, has arrived, of this run alone."""
         last_ns = self.monitor.time_ns or 0
         is_over = last_ns * 1e-9 >= self.trip.route.duration_s - _TIME_TOLERANCE_S
         topics = Topic.PLANT_STATE, *_LAST_ANSWERS
