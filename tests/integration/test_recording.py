@@ -215,6 +215,8 @@ def test_a_stopped_listener_holds_a_publisher_up_once(peer: Any, record: Any) ->
         return time.monotonic() - began_s
 
     recorder.send(signal.SIGSTOP)
+    stat = Path(f"/proc/{recorder.popen.pid}/stat")
+    peer.wait_until(lambda: stat.read_text().rpartition(")")[2].split()[0] == "T", what="the stop")
     assert publish_half_a_queue() >= 1.0
     assert clock.is_left_behind
     assert publish_half_a_queue() < 1.0
