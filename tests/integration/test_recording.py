@@ -224,6 +224,7 @@ def test_a_stopped_listener_holds_a_publisher_up_once(peer: Any, record: Any) ->
     peer.wait_until(
         lambda: publish_half_a_queue() and not clock.is_left_behind, what="the listener"
     )
+    assert recorder.stop() == 0
 
 
 def call(peer: Any, name: str) -> Trigger.Response:

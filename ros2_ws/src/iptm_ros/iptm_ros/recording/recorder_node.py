@@ -191,6 +191,7 @@ class RecorderNode(SuiteNode):
         if now_s >= self._next_adaption_s or not self._topics.has_data:
             self._next_adaption_s = now_s + _ADAPTION_PERIOD_S
             self._topics.adapt()
+            self._topics.count_lost()
         if now_s >= self._next_progress_s:
             self._next_progress_s = now_s + _PROGRESS_PERIOD_S
             print(self._progress(), flush=True)
@@ -276,6 +277,7 @@ class RecorderNode(SuiteNode):
         if self._closed:
             return
         self._closed = True
+        self._topics.count_lost()
         lost = self._topics.lost_counts
         try:
             if lost:

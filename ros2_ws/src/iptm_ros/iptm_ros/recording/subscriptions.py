@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
 
-from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.event_handler import QoSSubscriptionEventType
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 from rosbags.interfaces import Qos, QosHistory
@@ -34,6 +34,7 @@ class _Subscribed:
     take: Callable[[bytes], None]
     request: Qos
     subscription: Subscription
+    losses: rclpy_implementation.EventHandle
     lost: int = 0
     lost_before: int = 0
     """Lost by subscriptions that were replaced."""
@@ -113,19 +114,35 @@ class TopicSubscriber:
         for name, type_names in list(self._published()):
             self._subscribe_to(name, type_names)
 
+    def count_lost(self) -> None:
+        """Update `lost_counts`; call it seldom.
+
+        An event callback would be simpler, but deadlocks: each loss would read the status under the
+        lock of the event, which Fast DDS takes the other way round while it receives. A status that
+        is reported as changed is read without the lock of the receiver.
+        """
+        entries = list(self._subscribed.values())
+        with self._node.context.handle:
+            handle = self._node.context.handle
+            changes = rclpy_implementation.WaitSet(0, 0, 0, 0, 0, len(entries), handle)
+            indices = [changes.add_event(entry.losses) for entry in entries]
+            changes.wait(0)
+            for entry, index in zip(entries, indices, strict=True):
+                if changes.is_ready("event", index):
+                    entry.lost = entry.losses.take_event().total_count
+
     def adapt(self) -> None:
         """Subscribe again where a new publisher offers less than was asked for; call it seldom."""
         for name, subscribed in self._subscribed.items():
             offered = self._offered_qos(name, subscribed.type_name)
             request = self._request(name, offered)
             if offered and request != subscribed.request:
+                subscribed.losses.destroy_when_not_in_use()
                 self._node.destroy_subscription(subscribed.subscription)
                 subscribed.request = request
-                subscribed.lost_before, subscribed.lost = (
-                    subscribed.lost_before + subscribed.lost,
-                    0,
-                )
-                subscribed.subscription = self._raw_subscription(
+                subscribed.lost_before += subscribed.lost
+                subscribed.lost = 0
+                subscribed.subscription, subscribed.losses = self._raw_subscription(
                     name, subscribed.type_name, subscribed.take, request
                 )
 
@@ -174,26 +191,20 @@ class TopicSubscriber:
                 self.has_data = True
 
         request = self._request(name, offered)
-        subscription = self._raw_subscription(name, type_name, take, request)
-        self._subscribed[name] = _Subscribed(type_name, take, request, subscription)
+        self._subscribed[name] = _Subscribed(
+            type_name, take, request, *self._raw_subscription(name, type_name, take, request)
+        )
 
     def _raw_subscription(
         self, name: str, type_name: str, take: Callable[[bytes], None], request: Qos
-    ) -> Subscription:
-        kind = message_class(type_name)
-
-        def count_lost(event: Any) -> None:
-            if name in self._subscribed:
-                self._subscribed[name].lost = event.total_count
-
-        return self._node.create_subscription(
-            kind,
-            name,
-            take,
-            to_profile(request),
-            raw=True,
-            event_callbacks=SubscriptionEventCallbacks(message_lost=count_lost),
+    ) -> tuple[Subscription, rclpy_implementation.EventHandle]:
+        """Return a subscription to raw bytes and the status of its losses."""
+        subscription = self._node.create_subscription(
+            message_class(type_name), name, take, to_profile(request), raw=True
         )
+        kind = QoSSubscriptionEventType.RCL_SUBSCRIPTION_MESSAGE_LOST
+        with subscription.handle:
+            return subscription, rclpy_implementation.EventHandle(subscription.handle, kind)
 
     def _request(self, name: str, offered: list[Qos]) -> Qos:
         """Return the quality of service to ask for."""
