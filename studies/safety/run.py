@@ -73,7 +73,7 @@ def run(session: Session) -> bool:
     (r157,) = session.compute(outcomes, [{"stride": stride}], ["grids of UN R157"])
     findings = Findings(
         _braking(session, driving, drives, braking, seed),
-        _judged(disturbed, disturbed_runs, session),
+        judged_runs(disturbed, disturbed_runs, session),
         with_figures(drives),
         delays_of(delays),
         ({}, "") if session.short else read_before(BEFORE),
@@ -100,7 +100,8 @@ def _braking(
     return braking_outcomes(session, undisturbed, trials, seed)
 
 
-def _judged(cases: Sequence[Case], found: pd.DataFrame, session: Session) -> list[Judged]:
+def judged_runs(cases: Sequence[Case], found: pd.DataFrame, session: Session) -> list[Judged]:
+    """Judge what was driven; a trial that failed is a problem of its own."""
     judged = []
     for case, run in zip(cases, found.run, strict=True):
         if run is None:

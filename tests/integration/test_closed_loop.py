@@ -31,7 +31,7 @@ NODE_MODULES = {
     "v2x_bridge": "iptm_v2x_bridge.node",
     "recorder": "iptm_ros.recording.recorder_cli",
 }
-"""Name of a fork, and module in the command of a process that is none."""
+"""Name of a fork, and module in the command of a process that was not forked."""
 ROOT = Path(__file__).resolve().parents[2]
 # Names and standard types as promised to the outside, written down once more on purpose.
 PROMISED = {

@@ -185,7 +185,7 @@ ACCELERATION_DECAY_S = 4.0
 """Time constant with which the lead vehicle's acceleration decays where nothing is predicted. In every
 published cycle positions 3 to 8 s ahead are predicted better than at a constant speed, and over all of them
 together better than with half or twice the constant (a test checks both)."""
-BRIEF_DECAY_S = 0.5
+BRIEF_DECAY_S = 1.0
 """The same for plans that are drawn to a desired headway. A longer one predicts better and saves less there:
 with little room a wrong guess costs more than a late one, and equipped cars behind each other amplify it."""
 ACCELERATION_WINDOW_S = 1.0

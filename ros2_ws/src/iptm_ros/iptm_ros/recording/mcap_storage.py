@@ -43,7 +43,6 @@ from iptm_ros.recording.storage import (
 
 MAGIC = b"\x89MCAP0\r\n"
 _OTHER_MAGIC = (b"SQLite format 3\0", b"#ROSBAG V2.0\n", ZSTD_MAGIC)
-_LONGEST_MAGIC = max(map(len, _OTHER_MAGIC))
 CONVERT = (
     "{path} is no plain MCAP bag; convert it with: "
     "rosbags-convert --src {source} --dst DIR --dst-storage mcap"
@@ -94,11 +93,10 @@ def _checksum(data: bytes | mmap.mmap, start: int, end: int) -> int:
     """Return the CRC-32 of a part, without a copy of all of it."""
     checksum = 0
     for at in range(start, end, _BLOCK_BYTES):
-        checksum = zlib.crc32(data[at : min(at + _BLOCK_BYTES, end)], checksum)
+        size = min(_BLOCK_BYTES, end - at)
+        checksum = zlib.crc32(data[at : at + size], checksum)
         if isinstance(data, mmap.mmap) and at % _BLOCK_BYTES == 0:
-            data.madvise(
-                mmap.MADV_DONTNEED, at, min(_BLOCK_BYTES, len(data) - at)
-            )  # no more needed
+            data.madvise(mmap.MADV_DONTNEED, at, size)  # not needed any more
     return checksum
 
 
@@ -129,10 +127,10 @@ class BagFile:
         self._counts_topics = True
         try:
             with path.open("rb") as file:
-                start = file.read(_LONGEST_MAGIC)
+                start = file.read(max(map(len, _OTHER_MAGIC)))
         except OSError as error:
             raise BagError(f"cannot read {path}: {error}") from None
-        if any(start.startswith(other) for other in _OTHER_MAGIC):
+        if start.startswith(_OTHER_MAGIC):
             raise BagError(CONVERT.format(path=path, source=path))
         if not start.startswith(MAGIC):
             raise BagError(f"{path} is not an MCAP file: it starts with {start[: len(MAGIC)]!r}")
@@ -166,9 +164,8 @@ class BagFile:
                 yield message
         except DAMAGE as error:
             raise self.damaged(error) from None
-        from_start = start_ns is None or start_ns <= self.start_ns
-        to_end = end_ns is None or end_ns > self.end_ns
-        if from_start and to_end and self._counts_topics:
+        is_whole = (start_ns or 0) <= self.start_ns and (end_ns is None or end_ns > self.end_ns)
+        if is_whole and self._counts_topics:
             self._compare_counts(topics, found)
 
     def damaged(self, error: Exception | str) -> BagError:
@@ -193,10 +190,8 @@ class BagFile:
         self._content = self._opened.enter_context(
             mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         )
-        if (
-            len(self._content) < 2 * len(MAGIC) + FOOTER.size
-            or self._content[-len(MAGIC) :] != MAGIC
-        ):
+        ends_whole = self._content[-len(MAGIC) :] == MAGIC
+        if not ends_whole or len(self._content) < 2 * len(MAGIC) + FOOTER.size:
             raise BagError(
                 f"{self.path} ends without its footer: its recording was cut short;"
                 f" repair it with: scripts/iptm recover {self.path}"
@@ -269,11 +264,9 @@ class BagFile:
             budget.take(stated)
 
     def _read_statistics(self, summary: Summary) -> None:
-        statistics = summary.statistics
-        if statistics is None:
-            raise BagError(
-                f"{self.path} has no statistics; rewrite it with: scripts/iptm recover {self.path}"
-            )
+        if (statistics := summary.statistics) is None:
+            rewrite = f"rewrite it with: scripts/iptm recover {self.path}"
+            raise BagError(f"{self.path} has no statistics; {rewrite}")
         self.message_count = statistics.message_count
         if self.message_count:
             self.start_ns, self.end_ns = statistics.message_start_time, statistics.message_end_time
