@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import ast
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 
 PROGRAM = "study"
@@ -26,9 +28,39 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "rest", nargs=argparse.REMAINDER, help="options, see scripts/study NAME --help"
     )
     chosen = parser.parse_args(arguments)
+    names = NAMES if chosen.what == ALL else (chosen.what,)
+    options = {name: parser_of(name).parse_args(chosen.rest) for name in names}
     from studies.running import answer  # noqa: PLC0415  a second of imports, not for --help
 
-    return answer(chosen.what, chosen.rest)
+    return answer(options)
+
+
+def parser_of(name: str) -> argparse.ArgumentParser:
+    """Return the parser of a study, which is not loaded for that, or of a command."""
+    parser = argparse.ArgumentParser(f"{PROGRAM} {name}")
+    add = parser.add_argument
+    if name == STALE:
+        parser.description = "Lists pages whose code or data have changed since."
+        return parser
+    if name == CONFIRM:
+        parser.description = (
+            "Runs the short forms; a page whose short form is the same still holds."
+        )
+        add("names", nargs="*", metavar="NAME", help="studies (all)")
+        return parser
+    folder = Path(__file__).parent / name
+    parser.description = ast.get_docstring(ast.parse((folder / "run.py").read_text("utf-8")))
+    add("--short", action="store_true", help="a little of everything, in seconds")
+    add("--page", action="store_true", help=f"write the page in studies/{name} itself")
+    add("--output", type=Path, metavar="DIR", help=f"folder of the page (results/{name})")
+    add("--workers", type=int, metavar="N", help="processes (one per core)")
+    add("--cluster", metavar="ADDRESS", help="scheduler of dask.distributed that computes instead")
+    add("--cache", type=Path, metavar="DIR", help="folder of finished runs")
+    add("--no-cache", action="store_true", help="keep no finished runs, and use none")
+    add("--quiet", action="store_true", help="no progress")
+    if (folder / "options.py").exists():
+        import_module(f"studies.{name}.options").add_options(parser)
+    return parser
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ import argparse
 import difflib
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import replace
@@ -14,7 +14,7 @@ from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
-from studies.__main__ import ALL, CONFIRM, EXIT_NOT_HELD, EXIT_OK, NAMES, PROGRAM, STALE
+from studies.__main__ import CONFIRM, EXIT_NOT_HELD, EXIT_OK, NAMES, PROGRAM, STALE, parser_of
 from studies.pages import STUDIES, Record, code_of, digest_of, numbers_of, today
 from studies.session import RESULTS, Session
 
@@ -23,25 +23,25 @@ from iptm.parts import IptmError, ScenarioError, refused
 TIMES_OUT_OF_DATE = "the code has changed since these times were measured"
 
 
-def answer(what: str, rest: Sequence[str]) -> int:
-    """Run a study or command; returns the exit code."""
+def answer(given: Mapping[str, argparse.Namespace]) -> int:
+    """Run studies or a command with their options; returns the exit code."""
     try:
-        return _answer(what, list(rest))
+        return max(_answer(what, options) for what, options in given.items())
     except IptmError as error:
         return refused(PROGRAM, error)
 
 
-def _answer(what: str, rest: list[str]) -> int:
+def _answer(what: str, options: argparse.Namespace) -> int:
     if what == STALE:
         stale = list(stale_pages())
         print("\n".join(stale) or "no page is stale")
         return EXIT_NOT_HELD if stale else EXIT_OK
     if what == CONFIRM:
-        unknown = sorted({*rest} - {*NAMES})
+        unknown = sorted({*options.names} - {*NAMES})
         if unknown:
             raise ScenarioError(f"study is {unknown[0]!r}; allowed: {', '.join(NAMES)}")
-        return max(map(confirm, rest or NAMES), default=EXIT_OK)
-    return max(run_study(name, rest) for name in (NAMES if what == ALL else (what,)))
+        return max(map(confirm, options.names or NAMES), default=EXIT_OK)
+    return run_study(what, options)
 
 
 def module_of(name: str) -> ModuleType:
@@ -49,22 +49,9 @@ def module_of(name: str) -> ModuleType:
     return import_module(f"studies.{name}.run")
 
 
-def run_study(name: str, arguments: Sequence[str]) -> int:
-    """Run a study by its command line; returns the exit code."""
+def run_study(name: str, options: argparse.Namespace) -> int:
+    """Run a study; returns the exit code."""
     module = module_of(name)
-    parser = argparse.ArgumentParser(f"{PROGRAM} {name}", description=module.__doc__)
-    add = parser.add_argument
-    add("--short", action="store_true", help="a little of everything, in seconds")
-    add("--page", action="store_true", help=f"write the page in studies/{name} itself")
-    add("--output", type=Path, metavar="DIR", help=f"folder of the page (results/{name})")
-    add("--workers", type=int, metavar="N", help="processes (one per core)")
-    add("--cluster", metavar="ADDRESS", help="scheduler of dask.distributed that computes instead")
-    add("--cache", type=Path, metavar="DIR", help="folder of finished runs")
-    add("--no-cache", action="store_true", help="keep no finished runs, and use none")
-    add("--quiet", action="store_true", help="no progress")
-    if hasattr(module, "add_options"):
-        module.add_options(parser)
-    options = parser.parse_args(arguments)
     if options.page and (options.short or options.output):
         raise ScenarioError("--page with --short or --output; allowed: one of them")
     output = STUDIES / name if options.page else options.output or RESULTS / name
@@ -111,12 +98,8 @@ def short_numbers(name: str) -> dict[str, str]:
     if getattr(module, "MEASURES_TIME", False):
         return {}
     with tempfile.TemporaryDirectory() as folder:
-        parser = argparse.ArgumentParser()
-        if hasattr(module, "add_options"):
-            module.add_options(parser)
-        options = parser.parse_args([])
-        shared = {"short": True, "no_cache": True, "cache": None, "workers": 1, "quiet": True}
-        session = Session(name, argparse.Namespace(**vars(options), **shared), Path(folder))
+        given = ["--short", "--no-cache", "--workers", "1", "--quiet"]
+        session = Session(name, parser_of(name).parse_args(given), Path(folder))
         module.run(session)
     return {page: numbers_of(text) for page, text in session.pages.items()}
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 import os
 import re
 from collections import Counter
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 from studies.faults import catalogue, judge
@@ -47,16 +45,6 @@ _EXPECTED = {
 }
 _FOLDER_OF_A_BAG = re.compile(r"/\S*/(?=\S+\.mcap)")
 """Folder part of a bag's path, removed because it depends on the machine."""
-
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this study."""
-    modes = [mode.value for mode in DriveMode]
-    add = parser.add_argument
-    add("--only", action="append", metavar="KIND", help="only this kind of fault; repeatable")
-    add("--mode", action="append", choices=modes, help="only this mode; repeatable")
-    add("--cycle", action="append", metavar="NAME", help="another cycle; repeatable")
-    add("--catalogue", type=Path, metavar="FILE", help="of faults (default: the shipped one)")
 
 
 def run(session: Session) -> bool:

@@ -6,7 +6,6 @@ with the first set, for a page of their own.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -31,11 +30,6 @@ SETS: dict[str, tuple[trips.Settings, float]] = {
 
 
 MEASURES_TIME = True
-
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the option of this study."""
-    parser.add_argument("--beyond", action="store_true", help="48 more trips, for beyond.md")
 
 
 def run(session: Any) -> bool:

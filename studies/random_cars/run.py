@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -19,31 +18,10 @@ from iptm.parts import (
     FaultKind,
     PreviewSettings,
     field_specs,
-    number,
     parameter_specs,
-    whole_number,
 )
 
-RUNS, DURATION_S = 1000, 200.0
 SHORT_RUNS, SHORT_S = 4, 60.0
-SEED = 1
-
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this study."""
-    for name, usual, text in (
-        ("runs", RUNS, "number of runs"),
-        ("seed", SEED, "seed of all draws"),
-    ):
-        text = f"{text}, {usual} by default"  # noqa: PLW2901
-        parser.add_argument(f"--{name}", type=whole_number, default=usual, metavar="N", help=text)
-    parser.add_argument(
-        "--duration-s",
-        type=number,
-        metavar="T",
-        default=DURATION_S,
-        help=f"length of all trips, {DURATION_S:g} by default; 0 for those drawn",
-    )
 
 
 def run(session: Session) -> bool:

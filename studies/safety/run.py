@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 from collections.abc import Iterator, Sequence
 
@@ -13,6 +12,7 @@ from studies.measured_cycles import lead_cycles
 from studies.safety.braking import braking_outcomes
 from studies.safety.findings import BEFORE, Findings, delays_of, read_before, with_figures
 from studies.safety.judging import judge_trial, trial_of
+from studies.safety.options import USUAL
 from studies.safety.page import safety_values
 from studies.safety.r157 import outcomes
 from studies.safety.trials import (
@@ -31,24 +31,10 @@ import iptm
 from iptm.parts import CYCLE_NAMES, FaultKind, Report, Reporter
 from iptm.runner.trial import DriveMode, DrivenTrial, Level, drive_over_ros
 
-USUAL = {"trials": 400, "braking": 8000, "ros": 8, "seed": 1}
-"""Options: numbers of trials, and the seed of all draws."""
 SHORT = {"trials": 2, "braking": 4, "ros": 0, "seed": 1}
 SHORT_S = 40.0
 R157_STRIDE, R157_SHORT_STRIDE = 2, 24
 """Stride of the distances and sideways speeds of the grids of UN R157."""
-
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this study."""
-    for name, text in (
-        ("trials", "disturbed trials"),
-        ("braking", "trials with a braking lead vehicle"),
-        ("ros", "of the disturbed trials that are driven over ROS 2 as well"),
-        ("seed", "seed of all draws"),
-    ):
-        text = f"{text}, {USUAL[name]} by default"  # noqa: PLW2901
-        parser.add_argument(f"--{name}", type=int, metavar="N", help=text)
 
 
 def run(session: Session) -> bool:

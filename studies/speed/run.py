@@ -5,7 +5,6 @@ Processor times equal wall times on a quiet machine.
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -108,11 +107,6 @@ def headless(
         "statuses": dict(Counter(SolveStatus(int(code)).name.lower() for code in codes)),
         "fallback_ticks": int(np.count_nonzero(run.decisions.rung)),
     }
-
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this study."""
-    parser.add_argument("--without-ros", action="store_true", help="leave ROS 2 out")
 
 
 def run(session: Session) -> bool:

@@ -5,7 +5,6 @@ Needs requirements/traffic.txt. The wall times hold for this machine, whatever e
 
 from __future__ import annotations
 
-import argparse
 import os
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,8 +17,9 @@ from studies.session import Session
 
 from iptm.parts import KM_H_PER_M_S, RunMetrics, load_parameters, table_of
 from iptm_traffic.demand import DemandSettings, TrafficScenario
-from iptm_traffic.drive import PredictionInput, TrafficDrive, drive_in_traffic
+from iptm_traffic.drive import drive_in_traffic
 from iptm_traffic.own_network import OwnNetwork
+from iptm_traffic.trip import PredictionInput, TrafficDrive
 
 MEASURES_TIME = True
 SHORT_S = 60.0
@@ -47,19 +47,6 @@ COLUMNS = {
     "times real time:": "{times_real_time:.0f}",
     "by processor time:": "{times_processor_time:.0f}",
 }
-
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this study."""
-    add = parser.add_argument
-    add("--duration-s", type=float, default=600.0, help="length of each trip, s (600)")
-    add("--seed", type=int, default=1, help="of the traffic (1)")
-    add(
-        "--scenario",
-        action="append",
-        help="only this one, or the example of an own network; repeatable",
-    )
-    add("--know", action="append", help="only with this knowledge; repeatable")
 
 
 def row_of(drive: TrafficDrive) -> dict[str, Any]:

@@ -32,7 +32,8 @@ from iptm.parts import (
     load_parameters,
     table_of,
 )
-from iptm_traffic.drive import PredictionInput, TrafficDrive, opened_traffic
+from iptm_traffic.drive import opened_traffic
+from iptm_traffic.trip import PredictionInput, TrafficDrive
 
 # The bounds of the predictors were read off udds, hwfet, us06 and sc03.
 NOT_FITTED_ON = ("wltc_class3b", "nycc")

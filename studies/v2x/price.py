@@ -155,7 +155,7 @@ def drive(
 
 
 def cases_of(
-    cycles: Sequence[str], leaders: Sequence[str] = LEADERS, cells: int = len(CELLS)
+    cycles: Sequence[str], leaders: Sequence[str] = LEADERS, cells: int | None = None
 ) -> list[tuple[Any, ...]]:
     """Return what is driven, in the order of `KEY`: the first ``cells`` pairs of accuracy and link."""
     cases = [(trip, known, 0.0, 0.0, 0.0) for known in (FILE, SENSOR) for trip in cycles]

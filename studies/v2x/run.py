@@ -2,25 +2,14 @@
 
 from __future__ import annotations
 
-import argparse
 from typing import Any
 
 from studies.session import Session
 from studies.v2x import attacks, prediction, price
+from studies.v2x.options import PARTS
 
-PARTS = ("prediction", "price", "attacks", "load")
 SHORT_S = 60.0
 FLOOD = {"seconds": 30, "maps_per_s": 1000, "loops_beside": 1}
-
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of this study."""
-    parser.add_argument("--only", action="append", choices=PARTS, help="only this part; repeatable")
-    parser.add_argument("--trip", action="append", help="trip of the price; repeatable")
-    parser.add_argument("--leader", action="append", help="how the leader is predicted; repeatable")
-    text = "pairs of accuracy and link, the most usual ones first"
-    parser.add_argument("--cells", type=int, default=len(price.CELLS), help=text)
-    parser.add_argument("--seed", type=int, default=1, help="of loss on the radio (1)")
 
 
 def run(session: Session) -> bool:

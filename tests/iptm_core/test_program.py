@@ -26,7 +26,7 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     def entry_points(**wanted: Any) -> EntryPoints:
         return EntryPoints([entry]).select(**wanted)
 
-    monkeypatch.setattr(program, "entry_points", entry_points)
+    monkeypatch.setattr("importlib.metadata.entry_points", entry_points)
     monkeypatch.setattr(sys, "argv", ["/install/iptm_plant_sim/lib/iptm_plant_sim/plant", "-x"])
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "made_up", raising=False)

@@ -20,7 +20,6 @@ from iptm_traffic.demand import (
     signal_offsets_s,
     write_demand,
 )
-from iptm_traffic.drive import TrafficDrive
 from iptm_traffic.ego_road import EgoRoad
 from iptm_traffic.network import (
     BLOCK_M,
@@ -32,6 +31,7 @@ from iptm_traffic.network import (
     ONCOMING_EDGES,
     SIGNALS,
 )
+from iptm_traffic.trip import TrafficDrive
 
 
 def vehicles(folder: Path, scenario: TrafficScenario, seed: int = 1) -> dict[str, ET.Element]:

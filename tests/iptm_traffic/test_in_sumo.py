@@ -28,11 +28,12 @@ from iptm_traffic.demand import (
     signal_offsets_s,
     write_demand,
 )
-from iptm_traffic.drive import PredictionInput, TrafficDrive, drive_in_traffic
+from iptm_traffic.drive import drive_in_traffic
 from iptm_traffic.moved_car import EgoInstant
 from iptm_traffic.network import CYCLE_S, SIGNALS, Network, build_network
 from iptm_traffic.simulation import TrafficSimulation
 from iptm_traffic.sumo_process import SumoProcess
+from iptm_traffic.trip import PredictionInput, TrafficDrive
 
 PARAMETERS = load_parameters().values
 SETTINGS = DemandSettings(traffic_seed=3)

@@ -17,11 +17,12 @@ from iptm_core.parameters import load_parameters
 from iptm_core.program import EXIT_USER_ERROR
 from iptm_traffic import cli
 from iptm_traffic.demand import EGO
-from iptm_traffic.drive import TrafficDrive, TrafficResult, drive_in_traffic
+from iptm_traffic.drive import TrafficResult, drive_in_traffic
 from iptm_traffic.network import Network
 from iptm_traffic.own_network import OwnNetwork, build_own_network
 from iptm_traffic.right_of_way import RightOfWay
 from iptm_traffic.simulation import TrafficSimulation
+from iptm_traffic.trip import TrafficDrive
 
 TOWN = Path(__file__).resolve().parents[2] / "docs" / "examples" / "town"
 NET, ROUTES = TOWN / "town.netccfg", TOWN / "town.rou.xml"

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import argparse
 import re
 from functools import cache
 from pathlib import Path
 
 import pytest
-from studies.__main__ import NAMES
-from studies.running import module_of
+from studies.__main__ import NAMES, parser_of
 from tests.packaging.packages import ROOT
 
 from iptm.commands.run import build_parser
@@ -46,9 +44,7 @@ def known_options() -> set[str]:
                 for name in OPTION.findall(line)
             }
     for name in NAMES:
-        parser = argparse.ArgumentParser()
-        getattr(module_of(name), "add_options", lambda _: None)(parser)
-        known |= set(parser._option_string_actions)
+        known |= set(parser_of(name)._option_string_actions)
     for folder in ("ros2_ws/src", "studies", "docs"):
         for file in (ROOT / folder).rglob("*.py"):
             known |= set(QUOTED.findall(file.read_text(encoding="utf-8")))

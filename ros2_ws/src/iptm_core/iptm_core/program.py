@@ -20,7 +20,6 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from importlib import import_module
-from importlib.metadata import entry_points
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -161,6 +160,8 @@ def main() -> None:
     name = Path(sys.argv[0]).name
 
     def load() -> Callable[[], Any]:
+        from importlib.metadata import entry_points  # noqa: PLC0415  slow, and for executables only
+
         (program,) = entry_points(group=PROGRAMS, name=name)
         function: Callable[[], Any] = program.load()
         return function

@@ -8,10 +8,9 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
 from iptm_controller.settings import ControllerSettings
 from iptm_controller.strategy import STRATEGIES
@@ -22,9 +21,15 @@ from iptm_core.parameters import DEFAULT_SET, ModelParameters, load_parameters
 from iptm_core.program import EXIT_OK, refused
 from iptm_core.user_input import number
 from iptm_traffic.demand import DemandSettings, TrafficScenario
-from iptm_traffic.drive import PredictionInput, TrafficDrive, TrafficResult, drive_in_traffic
 from iptm_traffic.own_network import DEPART_S, OwnNetwork
-from iptm_traffic.world import SumoWorld
+from iptm_traffic.trip import PredictionInput, TrafficDrive
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+    from iptm_traffic.drive import TrafficResult
+    from iptm_traffic.world import SumoWorld
 
 PROGRAM = "traffic"
 OVER_ROS = "iptm_traffic.node_drive"
@@ -195,6 +200,8 @@ def drive_from(arguments: argparse.Namespace) -> TrafficDrive:
 
 def results_table(result: TrafficResult, other: TrafficResult | None) -> Table:
     """Return the figures of a drive, compared with another one in the same traffic."""
+    from rich.table import Table  # noqa: PLC0415
+
     title = f"{result.drive.title}, {result.drive.knowledge} known"
     table = Table(title=title, title_justify="left")
     for head in ("figure", result.drive.strategy):
@@ -277,6 +284,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if parsed.bag is not None:
         given = sys.argv[1:] if arguments is None else arguments
         os.execv(sys.executable, [sys.executable, "-m", OVER_ROS, *given])  # noqa: S606
+    from rich.console import Console  # noqa: PLC0415  a third of a second of imports, not for --help
+
+    from iptm_traffic.drive import drive_in_traffic  # noqa: PLC0415
+
     console = Console(width=None if sys.stdout.isatty() else TABLES_WIDTH)
     try:
         drive = drive_from(parsed)

@@ -41,12 +41,13 @@ from iptm_ros.process import joined_node
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import Topic
 from iptm_traffic import cli
-from iptm_traffic.drive import DRIVER_FORESIGHT_S, PredictionInput, TrafficDrive, opened_traffic
+from iptm_traffic.drive import DRIVER_FORESIGHT_S, opened_traffic
 from iptm_traffic.ego_road import EgoRoad
 from iptm_traffic.moved_car import EgoInstant
 from iptm_traffic.network import CYCLE_S, MAIN_OPEN_S, Network
 from iptm_traffic.radio import TrafficRadio
 from iptm_traffic.simulation import TrafficSimulation
+from iptm_traffic.trip import PredictionInput, TrafficDrive
 from iptm_traffic.world import SumoWorld
 from iptm_v2x_bridge.datagrams import (
     NOT_ALL_SENT,
