@@ -20,7 +20,7 @@ from iptm_controller.horizon import Horizon
 from iptm_controller.ocp.compilation import compile_functions
 from iptm_controller.solvers.factory import build_plain_solver
 from iptm_controller.solvers.interface import SolverOptions
-from iptm_controller.solvers.riccati import machine_code
+from iptm_controller.solvers.riccati import backend
 from iptm_core import compilation
 from iptm_core.compilation import CACHE_VARIABLE, WHEEL_COMPILER, cache_directory, find_compiler
 from iptm_core.errors import SolverSetupError
@@ -84,7 +84,7 @@ def test_a_damaged_library_is_compiled_again(
     ("name", "module", "compile_name", "missing"),
     [
         ("ipopt", ipopt_backend, "compile_functions", "nlp"),
-        ("riccati", machine_code, "compile_sources", "iptm_checked_work_size"),
+        ("riccati", backend, "compile_sources", "iptm_checked_work_size"),
     ],
 )
 def test_a_library_of_something_else_is_a_clear_error(

@@ -26,8 +26,7 @@ from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import GlobalIndex, InputIndex
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.interface import SolveResult, SolverOptions
-from iptm_controller.solvers.riccati.backend import RiccatiBackend
-from iptm_controller.solvers.riccati.machine_code import as_machine_code
+from iptm_controller.solvers.riccati.backend import RiccatiBackend, as_machine_code
 from iptm_controller.solvers.switching_check import SwitchingCheck
 from iptm_core.decision_record import SolveStatus
 

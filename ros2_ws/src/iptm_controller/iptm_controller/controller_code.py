@@ -20,7 +20,7 @@ from iptm_controller.ocp.layout_header import layout_header
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.stage import DEFAULT_SMOOTHING
 from iptm_controller.preview_trust import PreviewTrust
-from iptm_controller.solvers.riccati.machine_code import SwitchingNumbers
+from iptm_controller.solvers.riccati.backend import SwitchingNumbers
 from iptm_controller.solvers.riccati.stage_program import SOURCE_FOLDER, stage_program
 from iptm_controller.solvers.switching_check import SwitchingCheck
 from iptm_controller.temperature_value import TemperatureValuation

@@ -137,7 +137,7 @@ class DecisionSeries(Columns):
         names = [entry.name for entry in fields(DecisionRecord)]
         rows = [*map(attrgetter(*names), records)]
         columns = zip(*rows, strict=True) if rows else [()] * len(names)
-        return cls.from_arrays({"time_s": times_s, **dict(zip(names, columns, strict=True))})
+        return cls(np.array(times_s), *map(np.array, columns))
 
 
 Distribution = Mapping[str, float]

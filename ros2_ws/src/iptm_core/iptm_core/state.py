@@ -100,6 +100,7 @@ class FullChannelState(VehicleState):
                 raise StateError(f"state: {name} is {stated}; allowed: that of the cell, {value}")
 
 
+@light
 @dataclass(frozen=True)
 class IntervalPowers:
     """Mean powers over one interval in watts; mean times duration is the energy.
@@ -132,6 +133,7 @@ class CommandSource(IntEnum):
     """The controlled stop, for want of a command that can be carried out."""
 
 
+@light
 @dataclass(frozen=True)
 class SafetyRecord:
     """What the vehicle did of its own accord over an interval, and what its safety monitor measured.
@@ -150,6 +152,7 @@ class SafetyRecord:
     command_source: float = float(CommandSource.ANSWER)
 
 
+@light
 @dataclass(frozen=True)
 class PackReading:
     """What is measured of the pack beside its cells; what is not is NaN.

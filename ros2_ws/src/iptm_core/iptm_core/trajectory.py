@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import math
-from array import array
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
+from operator import attrgetter
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from iptm_core.errors import StateError
-from iptm_core.state import FloatArray, LeaderState, PlantObservation
+from iptm_core.state import (
+    FloatArray,
+    IntervalPowers,
+    LeaderState,
+    PlantObservation,
+    VehicleState,
+)
 
 AnyColumns = TypeVar("AnyColumns", bound="Columns")
 _ALWAYS_KNOWN = frozenset({"time_s", "position_m", "speed_m_s"})
@@ -174,33 +180,32 @@ class Trajectory(Columns):
     @classmethod
     def from_ticks(cls, ticks: Iterable[tuple[PlantObservation, LeaderState | None]]) -> Trajectory:
         """Build a trajectory from plant and leader, if measured, tick by tick."""
-        columns = {name: array("d") for name in TRAJECTORY_COLUMNS}
-        for observed, leader in ticks:
-            row = _row(observed, leader)
-            for name, column in columns.items():
-                column.append(row[name])
-        return cls(**{name: np.array(values) for name, values in columns.items()})
+        rows = [
+            (*_observed(observed), *((math.nan, math.nan) if leader is None else _motion(leader)))
+            for observed, leader in ticks
+        ]
+        table = np.array(rows, dtype=np.float64).reshape(len(rows), len(_OBSERVED) + len(_LEADER))
+        columns = dict(zip((*_OBSERVED, *_LEADER), np.ascontiguousarray(table.T), strict=True))
+        columns["state_of_charge"] = columns["state_of_charge"].astype(np.float32)
+        gap_m = columns["leader_position_m"] - columns["position_m"]
+        columns["smallest_gap_m"] = np.fmin(gap_m, columns["smallest_gap_m"])
+        return cls(**columns)
 
 
-def _row(observed: PlantObservation, leader: LeaderState | None) -> dict[str, float]:
-    leader_m, leader_m_s = (leader.position_m, leader.speed_m_s) if leader else (math.nan, math.nan)
-    gap_m = leader_m - observed.state.position_m
-    return {
-        # The compressor power stands in powers and state; the state holds the commanded one.
-        **vars(observed.powers),
-        **vars(observed.state),
-        "state_of_charge": float(np.float32(observed.state.state_of_charge)),
-        "coolant_inlet_temperature_k": observed.coolant_inlet_temperature_k,
-        "coolant_outlet_temperature_k": observed.coolant_outlet_temperature_k,
-        "leader_position_m": leader_m,
-        "leader_speed_m_s": leader_m_s,
-        "service_braking_s": observed.safety.service_braking_s,
-        "smallest_gap_m": float(np.fmin(gap_m, observed.safety.smallest_gap_m)),
-        "command_source": observed.safety.command_source,
-    }
-
-
-_OF_LEADER = frozenset(("leader_position_m", "leader_speed_m_s", "smallest_gap_m"))
+_OBSERVED = {
+    # The compressor power stands in powers and state; the state holds the commanded one.
+    **{entry.name: f"powers.{entry.name}" for entry in fields(IntervalPowers)},
+    **{entry.name: f"state.{entry.name}" for entry in fields(VehicleState)},
+    "coolant_inlet_temperature_k": "coolant_inlet_temperature_k",
+    "coolant_outlet_temperature_k": "coolant_outlet_temperature_k",
+    "service_braking_s": "safety.service_braking_s",
+    "smallest_gap_m": "safety.smallest_gap_m",
+    "command_source": "safety.command_source",
+}
+"""Where the columns of the vehicle are in a `PlantObservation`."""
+_LEADER = "leader_position_m", "leader_speed_m_s"
+_observed, _motion = attrgetter(*_OBSERVED.values()), attrgetter("position_m", "speed_m_s")
+_OF_LEADER = frozenset((*_LEADER, "smallest_gap_m"))
 
 TRAJECTORY_COLUMNS = Trajectory.names()
 """Names of the columns of a `Trajectory`."""

@@ -16,7 +16,7 @@ from iptm_controller.ocp.compilation import as_machine_code
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import InputIndex, StateIndex
 from iptm_controller.ocp.problem import OptimalControlProblem
-from iptm_controller.solvers.riccati.machine_code import SwitchingNumbers
+from iptm_controller.solvers.riccati.backend import SwitchingNumbers
 from iptm_controller.solvers.riccati.stage_system import StageSystem
 from iptm_core.physics.ops import named_function
 from iptm_core.state import FloatArray

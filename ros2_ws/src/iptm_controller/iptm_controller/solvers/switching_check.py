@@ -29,8 +29,7 @@ from iptm_controller.ocp.layout import GlobalIndex, InputIndex, StateIndex, Step
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.cooling_search import LEAST_GAIN, CoolingSearch, ordered_sum
 from iptm_controller.solvers.interface import SolverBackend, SolveResult, SolverOptions, Stopwatch
-from iptm_controller.solvers.riccati.backend import RiccatiBackend
-from iptm_controller.solvers.riccati.machine_code import SwitchingNumbers
+from iptm_controller.solvers.riccati.backend import RiccatiBackend, SwitchingNumbers
 from iptm_core.physics.ops import BufferedFunction, named_function
 from iptm_core.physics.thermal_loop import most_efficient_cooling
 from iptm_core.state import FloatArray

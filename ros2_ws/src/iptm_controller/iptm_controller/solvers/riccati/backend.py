@@ -1,12 +1,23 @@
-"""The default back end: the Riccati interior-point method, compiled where a C compiler is at hand."""
+"""The default back end: the Riccati interior-point method, in C where a compiler is at hand.
+
+The C code (`iptm_controller/c`) works on NumPy's memory. A library holds the method and the stages of a
+problem; all horizons with these stage kinds use it.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import ctypes
+import time
+from dataclasses import astuple, dataclass, replace
 from functools import lru_cache
+from typing import Any
 
+import numpy as np
+
+from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
+from iptm_controller.ocp.layout_header import layout_header
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.interface import (
     RICCATI,
@@ -16,19 +27,235 @@ from iptm_controller.solvers.interface import (
     Termination,
     result_of,
 )
-from iptm_controller.solvers.riccati.machine_code import (
-    PROGRAMS_KEPT,
-    MachineCode,
-    Outcome,
-    SwitchingNumbers,
-    as_machine_code,
-)
 from iptm_controller.solvers.riccati.method import RiccatiMethod
 from iptm_controller.solvers.riccati.program import ITERATE, STEP, build_program
+from iptm_controller.solvers.riccati.stage_program import (
+    HEADERS,
+    SOLVER_SOURCES,
+    SOURCE_FOLDER,
+    stage_program,
+)
+from iptm_core.compilation import cache_directory, compile_sources, compiler_flags, find_compiler
+from iptm_core.errors import SolverSetupError
 from iptm_core.physics.ops import BufferedFunction
 from iptm_core.state import FloatArray
 
+CANDIDATES, LEVELS = 2, 2
+PROGRAMS_KEPT = 32
+"""Problems of a process whose code is not written anew for another solver."""
 _TERMINATIONS = tuple(Termination)
+_INT, _DOUBLE, _POINTER = ctypes.c_int, ctypes.c_double, ctypes.c_void_p
+
+
+class _Horizon(ctypes.Structure):
+    _fields_ = (
+        ("steps", _INT),
+        ("most_iterations", _INT),
+        ("kind_steps", _POINTER),
+        ("soft_prices", _POINTER),
+        ("lengths_s", _POINTER),
+    )
+
+
+class _Options(ctypes.Structure):
+    _fields_ = (
+        ("tolerance", _DOUBLE),
+        ("initial_barrier", _DOUBLE),
+        ("until_s", _DOUBLE),
+        ("clock_s", _POINTER),
+        ("warm_start_iterations", _INT),
+        ("max_iterations", _INT),
+    )
+
+
+class _Switching(ctypes.Structure):
+    _fields_ = (
+        ("candidates", _DOUBLE * CANDIDATES),
+        ("rate_1_s", _DOUBLE),
+        ("levels", _DOUBLE * LEVELS),
+        ("try_every", _INT),
+        ("simulates", _INT),
+    )
+
+
+class _Outcome(ctypes.Structure):
+    _fields_ = (
+        ("cost", _DOUBLE),
+        ("log_sum", _DOUBLE),
+        ("violation", _DOUBLE),
+        ("largest_violation", _DOUBLE),
+        ("termination", _INT),
+        ("iterations", _INT),
+        ("cold_starts", _INT),
+    )
+
+
+@dataclass(frozen=True)
+class SwitchingNumbers:
+    """What the check for better switching compares, see ``SwitchingCheck``; powers in scaled units."""
+
+    candidates: tuple[float, float]
+    rate_1_s: float
+    levels: tuple[float, float]
+    try_every: int
+    simulates: bool
+
+
+class MachineCode:
+    """The method for one horizon, with memory of its own; serves one thread."""
+
+    def __init__(self, problem: OptimalControlProblem, library: ctypes.PyDLL) -> None:
+        grid = problem.grid
+        self._library = library
+        self._kind_steps = np.array([kind.count for kind in grid.stages], dtype=np.intc)
+        self._lengths_s = grid.horizon.step_lengths_s
+        self._prices = np.outer(self._lengths_s, astuple(problem.penalties))
+        self._horizon = _Horizon(
+            grid.steps,
+            0,
+            self._kind_steps.ctypes.data,
+            self._prices.ctypes.data,
+            self._lengths_s.ctypes.data,
+        )
+        self._options, self._outcome = _Options(), _Outcome()
+        self._given: SolverOptions | None = None
+        self._switching, self._since_second = _Switching(), _INT()
+        self._parameters = np.empty(grid.parameter_count)
+        self._guess = np.empty(grid.variable_count)
+        self._variables = np.empty(grid.variable_count)
+        self._costates = np.empty(layout.STATES * grid.steps)
+        self._clock = ctypes.cast(library.iptm_monotonic_s, _POINTER).value
+        self._work = np.empty(0)
+        self._solve, self._solve_checked = library.iptm_solve, library.iptm_solve_checked
+        self._arguments: tuple[Any, ...] = ()
+        self._compared: SwitchingNumbers | None = None
+        given = self._horizon, self._options, self._switching, self._since_second
+        self._given_pointers = tuple(map(ctypes.byref, given))
+
+    def _prepare(
+        self, data: ProblemData, guess: FloatArray, options: SolverOptions, most: int | None
+    ) -> Stopwatch:
+        clock = Stopwatch()
+        if options is not self._given:
+            self._use(options)
+        bound = options.max_iterations
+        self._options.max_iterations = bound if most is None else min(most, bound)
+        if options.deadline_s:
+            self._options.until_s = time.monotonic() + options.deadline_s
+        self._guess[:] = guess
+        self._guess[: layout.STATES] = data.initial_state
+        self._parameters[:] = data.parameters
+        return clock
+
+    def _use(self, options: SolverOptions) -> None:
+        self._given = options
+        self._options.tolerance = options.tolerance
+        self._options.initial_barrier = options.initial_barrier
+        self._options.warm_start_iterations = options.warm_start_iterations
+        self._options.clock_s = self._clock if options.deadline_s else None
+        if options.max_iterations > self._horizon.most_iterations or not self._work.size:
+            self._horizon.most_iterations = options.max_iterations
+            size = self._library.iptm_checked_work_size(ctypes.byref(self._horizon))
+            self._work = np.zeros(size)
+        self._arguments = (
+            self._parameters.ctypes.data,
+            self._guess.ctypes.data,
+            self._variables.ctypes.data,
+            self._costates.ctypes.data,
+            self._work.ctypes.data,
+            ctypes.byref(self._outcome),
+        )
+
+    def _result(self, clock: Stopwatch, total_iterations: int | None = None) -> SolveResult:
+        ended = self._outcome
+        return result_of(
+            _TERMINATIONS[ended.termination],
+            ended.cost,
+            ended.largest_violation,
+            ended.iterations,
+            clock,
+            variables=self._variables.copy(),
+            costates=self._costates.copy(),
+            cold_starts=ended.cold_starts,
+            total_iterations=total_iterations,
+        )
+
+    def solve(
+        self, data: ProblemData, guess: FloatArray, options: SolverOptions, most: int | None
+    ) -> SolveResult:
+        """Solve one problem, in at most so many iterations."""
+        clock = self._prepare(data, guess, options, most)
+        self._solve(ctypes.byref(self._horizon), ctypes.byref(self._options), *self._arguments)
+        return self._result(clock)
+
+    def solve_checked(
+        self,
+        data: ProblemData,
+        guess: FloatArray,
+        options: SolverOptions,
+        most: int | None,
+        switching: SwitchingNumbers,
+        since_second: int,
+    ) -> tuple[SolveResult, int]:
+        """Solve one problem, and again where another switching of the compressor may improve the plan.
+
+        Returns:
+            The better result with the iterations of both solves, and the solves since the last second one.
+        """
+        clock = self._prepare(data, guess, options, most)
+        if switching is not self._compared:
+            self._compared = switching
+            self._switching.candidates[:] = switching.candidates
+            self._switching.rate_1_s = switching.rate_1_s
+            self._switching.levels[:] = switching.levels
+            self._switching.try_every = switching.try_every
+            self._switching.simulates = switching.simulates
+        self._since_second.value = since_second
+        parameters_and_guess, answers = self._arguments[:2], self._arguments[2:]
+        *numbers, since = self._given_pointers
+        iterations = self._solve_checked(*numbers, *parameters_and_guess, since, *answers)
+        return self._result(clock, iterations), self._since_second.value
+
+
+def as_machine_code(problem: OptimalControlProblem, *, is_wanted: bool) -> MachineCode | None:
+    """Return the method for a problem; None where it is not wanted or no compiler was found."""
+    compiler = find_compiler() if is_wanted else None
+    if compiler is None:
+        return None
+    # The number of steps is not part of the code.
+    phases = tuple(replace(phase, steps=1) for phase in problem.horizon.phases)
+    stages = replace(problem, horizon=Horizon(phases))
+    library = _library(stages, compiler, compiler_flags(), cache_directory())
+    return MachineCode(problem, library)
+
+
+@lru_cache(maxsize=PROGRAMS_KEPT)
+def _library(problem: OptimalControlProblem, compiler: tuple[str, ...], *_: object) -> ctypes.PyDLL:
+    """Load the library of a problem; what further decides which one it is, is part of the key only."""
+    program = _stage_program(problem)
+    fixed = {
+        name: (SOURCE_FOLDER / name).read_text("ascii") for name in (*SOLVER_SOURCES, *HEADERS)
+    }
+    path = compile_sources(
+        program.sources,
+        {**fixed, "layout.h": layout_header(), "stage_sizes.h": program.header},
+        compiler,
+    )
+    try:
+        # The interpreter lock is held: a solve is shorter than it takes to get the lock again.
+        library = ctypes.PyDLL(str(path))
+        library.iptm_checked_work_size.argtypes = [_POINTER]
+        library.iptm_checked_work_size.restype = ctypes.c_size_t
+        library.iptm_solve.argtypes = [_POINTER] * 8
+        library.iptm_solve.restype = None
+        library.iptm_solve_checked.argtypes = [_POINTER] * 10
+        library.iptm_solve_checked.restype = _INT
+    except (OSError, AttributeError) as error:
+        raise SolverSetupError(f"solver '{RICCATI}' cannot be set up: {error}") from error
+    return library
+
+
+_stage_program = lru_cache(maxsize=PROGRAMS_KEPT)(stage_program)
 
 
 class RiccatiBackend:
@@ -55,14 +282,13 @@ class RiccatiBackend:
         self, data: ProblemData, guess: FloatArray, *, most_iterations: int | None = None
     ) -> SolveResult:
         """Solve one problem; see ``SolverBackend``."""
-        first = _beginning_at(data.initial_state, guess)
         if isinstance(self._method, MachineCode):
-            clock = Stopwatch()
-            outcome = self._method.solve(first, data.parameters, self.options, most_iterations)
-            return _result(outcome, outcome.iterations, clock)
+            return self._method.solve(data, guess, self.options, most_iterations)
         options = self.options
         if most_iterations is not None and most_iterations < options.max_iterations:
             options = replace(options, max_iterations=most_iterations)
+        first = guess.copy()
+        first[: layout.STATES] = data.initial_state
         return self._method.run(first, data.parameters, options)
 
     def solve_checked(
@@ -80,16 +306,9 @@ class RiccatiBackend:
         """
         if not isinstance(self._method, MachineCode):
             raise TypeError("the check in C is for the method in C")
-        clock = Stopwatch()
-        outcome, iterations, since_second = self._method.solve_checked(
-            _beginning_at(data.initial_state, guess),
-            data.parameters,
-            self.options,
-            most_iterations,
-            switching,
-            since_second,
+        return self._method.solve_checked(
+            data, guess, self.options, most_iterations, switching, since_second
         )
-        return _result(outcome, iterations, clock), since_second
 
 
 def interpreted_method(problem: OptimalControlProblem) -> RiccatiMethod:
@@ -107,23 +326,3 @@ def interpreted_method(problem: OptimalControlProblem) -> RiccatiMethod:
 
 
 _program = lru_cache(maxsize=PROGRAMS_KEPT)(build_program)
-
-
-def _beginning_at(initial_state: FloatArray, guess: FloatArray) -> FloatArray:
-    first = guess.copy()
-    first[: layout.STATES] = initial_state
-    return first
-
-
-def _result(outcome: Outcome, iterations: int, clock: Stopwatch) -> SolveResult:
-    return result_of(
-        _TERMINATIONS[outcome.termination],
-        outcome.point.cost,
-        outcome.point.largest_violation,
-        outcome.iterations,
-        clock,
-        variables=outcome.variables,
-        costates=outcome.costates,
-        cold_starts=outcome.cold_starts,
-        total_iterations=iterations,
-    )
