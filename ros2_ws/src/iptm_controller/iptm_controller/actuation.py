@@ -132,7 +132,14 @@ class ActuationObserver:
             entry for entry in self.memory.issued if tick - len(self._delays) <= entry.tick < tick
         ]
         issued = IssuedCommand(tick, command.acceleration_m_s2, command.compressor_power_w)
-        self.memory = replace(self.memory, issued=(*kept, issued))
+        self.memory = ActuationMemory(
+            (*kept, issued),
+            self.memory.mismatches,
+            self.memory.delay_ticks,
+            self.memory.delivered,
+            self.memory.commanded,
+            self.memory.candidate,
+        )
 
     def observe(self, state: VehicleState) -> None:
         """Compare the acceleration of the tick that ended now with the commands of earlier ticks."""
@@ -149,13 +156,15 @@ class ActuationObserver:
         overridden = measured < self._limits.min_acceleration_m_s2 - 0.05
         if prompt is None or at_rest or overridden:
             return
-        mismatches = memory.mismatches or (0.0,) * len(answered)
+        before = memory.mismatches or (0.0,) * len(answered)
         mismatches = tuple(
-            FORGETTING * before + self._mismatch(measured, commanded)
-            for before, commanded in zip(mismatches, answered, strict=True)
+            [
+                FORGETTING * mismatch + self._mismatch(measured, commanded)
+                for mismatch, commanded in zip(before, answered, strict=True)
+            ]
         )
         delay = memory.delay_ticks
-        best = min(self._delays, key=lambda each: (mismatches[each], each))
+        best = mismatches.index(min(mismatches))
         explains = mismatches[best] < EXPLAINED * mismatches[delay] - self._noticeable
         candidate = best if explains else None
         if candidate is not None and candidate == memory.candidate:

@@ -42,7 +42,7 @@ from iptm_core.physics.pack_limits import UNLIMITED
 from iptm_core.road_ahead import RoadAhead
 from iptm_core.state import Command, FloatArray, LeaderPreview, LeaderState, VehicleState
 
-_USABLE = frozenset(status for status in SolveStatus if status.usable)
+_USABLE = tuple(status for status in SolveStatus if status.usable)
 
 
 class Controller:
@@ -186,7 +186,7 @@ class Controller:
     def decide(self, measured: Measurements) -> Decision:
         """Decide one tick."""
         pack = self._pack.observe(measured, self._actuation.last_command)
-        measured = replace(measured, state=pack.state)
+        measured = measured.with_state(pack.state)
         trusted, leader, fault = trusted_measurements(measured)
         state, doubt, is_free = trusted, "", measured.is_free
         if state is not None:

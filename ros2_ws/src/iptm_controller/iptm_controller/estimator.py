@@ -44,6 +44,7 @@ MARGIN_SIGMAS = 3.0
 """The lead vehicle is taken to be nearer by this many standard deviations of gap less s_min."""
 ALPHA_PER_S, BETA_PER_S = 0.2, 0.02
 """Gains of the temperature filter for a tick of 1 s."""
+_SQRT_2 = math.sqrt(2.0)
 
 
 @dataclass(frozen=True)
@@ -128,14 +129,23 @@ class Estimator:
             memory = EstimatorMemory()
         residuals = self._residuals(memory, state, leader)
         # Noise changes from tick to tick; a constant inconsistency is something else.
-        squared = tuple(
-            mean
-            if math.isnan(now - before)
-            else mean + self._share * ((now - before) ** 2 / 3.0 - mean)
-            for mean, now, before in zip(memory.squared, residuals, memory.residuals, strict=True)
+        squared = [*memory.squared]
+        for place, (now, before) in enumerate(zip(residuals, memory.residuals, strict=True)):
+            change = now - before
+            if not math.isnan(change):
+                mean = squared[place]
+                squared[place] = mean + self._share * (change**2 / 3.0 - mean)
+        self.memory = memory = EstimatorMemory(
+            state,
+            leader,
+            residuals,
+            tuple(squared),
+            memory.lead,
+            memory.covariance,
+            memory.ego,
+            memory.temperatures,
+            memory.doubted,
         )
-        memory = replace(memory, state=state, leader=leader, residuals=residuals, squared=squared)
-        self.memory = memory
         speed, gap, temperature = self._levels
         if temperature > 0.0:
             state = self._filter_temperatures(state)
@@ -155,19 +165,12 @@ class Estimator:
     @property
     def _levels(self) -> tuple[float, float, float]:
         """Standard deviations of speeds (m/s), gap (m) and temperatures (K), 0 for perfect ones."""
-        stated = (
-            self._noise.speed_noise_m_s,
-            self._noise.gap_noise_m,
-            self._noise.temperature_noise_k,
+        speed, gap, temperature = self.memory.squared
+        return (
+            self._noise.speed_noise_m_s or _seen(speed, NOISY_SPEED_M_S),
+            self._noise.gap_noise_m or _seen(gap, NOISY_GAP_M),
+            self._noise.temperature_noise_k or _seen(temperature, NOISY_TEMPERATURE_K),
         )
-        floors = (NOISY_SPEED_M_S, NOISY_GAP_M, NOISY_TEMPERATURE_K)
-        levels = []
-        for known, squared, floor in zip(stated, self.memory.squared, floors, strict=True):
-            # A residual is the difference of two measurements, and its change has three times its variance.
-            seen = math.sqrt(0.5 * squared) if squared > floor * floor else 0.0
-            levels.append(known or seen)
-        speed, gap, temperature = levels
-        return speed, gap, temperature
 
     def _residuals(
         self, memory: EstimatorMemory, state: VehicleState, leader: LeaderState | None
@@ -197,12 +200,13 @@ class Estimator:
             - last.cell_n_temperature_k
         )
         # The mean of two independent cells varies less than one of them.
-        residuals = (speed, gap, math.sqrt(2.0) * temperature)
-        speed, gap, temperature = (
-            value if abs(value) < largest else math.nan
-            for value, largest in zip(residuals, LARGEST_RESIDUALS, strict=True)
+        temperature *= _SQRT_2
+        largest_speed, largest_gap, largest_temperature = LARGEST_RESIDUALS
+        return (
+            speed if abs(speed) < largest_speed else math.nan,
+            gap if abs(gap) < largest_gap else math.nan,
+            temperature if abs(temperature) < largest_temperature else math.nan,
         )
-        return speed, gap, temperature
 
     def _filter_speed(self, state: VehicleState, noise_m_s: float) -> VehicleState:
         measured = state.speed_m_s
@@ -285,6 +289,12 @@ class Estimator:
             rates.append(rate + beta / self._tick_s * (value - expected))
         self.memory = replace(self.memory, temperatures=(*estimates, *rates))
         return replace(state, cell_1_temperature_k=estimates[0], cell_n_temperature_k=estimates[1])
+
+
+def _seen(squared: float, floor: float) -> float:
+    """Return the standard deviation of a measurement by the squared changes of its residuals."""
+    # A residual is the difference of two measurements, and its change has three times its variance.
+    return math.sqrt(0.5 * squared) if squared > floor * floor else 0.0
 
 
 def _jerk_covariance(dt: float) -> FloatArray:

@@ -21,13 +21,12 @@ from iptm_controller.tick_library import (
     DOUBLE,
     INT,
     POINTER,
-    Leader,
     Motion,
     keep_motion,
     motion_of,
 )
 from iptm_controller.usual_speed import UsualSpeed
-from iptm_core.compilation import address
+from iptm_core.compilation import address, doubles
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState
 
 _LEADS, _SMOOTHED_TICKS, _EXTRAPOLATED_NODES = 10, 3, 41
@@ -98,6 +97,7 @@ class LeaderForecasterInC(LeaderForecaster):
         self._leaders, self._columns = np.empty((0, 3)), np.empty((len(_COLUMNS) + _WORK, 0))
         self._make_room(past_room(tick_s), 128)
         self._forecast, self._leader_at = library.iptm_forecast_leader, library.iptm_leader_at
+        self._leader, self._write_leader = doubles(3)
         self._given = ctypes.byref(self._numbers), ctypes.byref(self._c_memory)
 
     def _make_room(self, past: int, preview: int) -> None:
@@ -176,8 +176,8 @@ class LeaderForecasterInC(LeaderForecaster):
         """See `LeaderForecaster`."""
         if leader is None or time_s <= leader.time_s:
             return leader
-        now = Leader(leader.time_s, leader.position_m, leader.speed_m_s)
-        later = self._leader_at(*self._given, ctypes.byref(now), time_s)
+        self._write_leader(leader.time_s, leader.position_m, leader.speed_m_s)
+        later = self._leader_at(*self._given, self._leader, time_s)
         return LeaderState(later.time_s, later.position_m, later.speed_m_s)
 
     def forecast(self, leader: LeaderState, preview: LeaderPreview) -> LeaderForecast:
@@ -186,17 +186,13 @@ class LeaderForecasterInC(LeaderForecaster):
         if past > self._numbers.past_room or size > self._numbers.preview_room:
             self._make_room(2 * past, size)
         room = past + max(size + 1, _EXTRAPOLATED_NODES)
-        numbers = (DOUBLE * (5 * room))()
-        columns: FloatArray = np.frombuffer(numbers).reshape(5, room)
-        first, row = ctypes.addressof(numbers), columns.strides[0]
-        places = [first + place * row for place in range(5)]
+        columns: FloatArray = np.empty((5, room))
+        first, row = address(columns), columns.itemsize * room
+        places = range(first, first + 5 * row, row)
         found = _Forecast(*places)
-        self._forecast(
-            *self._given,
-            ctypes.byref(Leader(leader.time_s, leader.position_m, leader.speed_m_s)),
-            ctypes.byref(motion_of(preview)),
-            ctypes.byref(found),
-        )
+        self._write_leader(leader.time_s, leader.position_m, leader.speed_m_s)
+        received = ctypes.byref(motion_of(preview))
+        self._forecast(*self._given, self._leader, received, ctypes.byref(found))
         nodes = found.nodes
         motion = limiting = LeaderPreview(*columns[:3, :nodes])
         keep_motion(motion, Motion(nodes, *places[:3]))

@@ -67,7 +67,7 @@ class FallbackLadder:
     def accept(self, plan: Plan) -> Command:
         """Go back to the top, as a usable plan was found; returns its first command."""
         self.last_plan, self.failures = plan, 0
-        return plan.command_at(plan.start_s)
+        return plan.first_command
 
     def accept_command(self, command: Command) -> Command:
         """Go back to the top: a strategy that optimises nothing has decided, and leaves no plan."""

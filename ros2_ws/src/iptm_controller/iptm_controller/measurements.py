@@ -82,6 +82,10 @@ class Measurements:
         """Whether no vehicle is ahead, and the rules of the road apply."""
         return self.leader is None and self.rules is not None and not self.rules.has_leader
 
+    def with_state(self, state: VehicleState | None) -> Measurements:
+        """Return the same with another state."""
+        return self if state is self.state else replace(self, state=state)
+
 
 Trusted = tuple[VehicleState | None, LeaderState | None, str]
 """State and leader that may be used, and why no problem can be posed; empty if one can."""
@@ -189,10 +193,12 @@ FOLLOW_W, FOLLOW_SHARE, FOLLOW_S = 30.0, 0.3, 8.0
 """A compressor that draws less than this share of a command of at least this power does not follow it."""
 
 
+_COLDEST_K, _WARMEST_K = PACK_RANGES["cell_1_temperature_k"]
+
+
 def is_temperature(value_k: float) -> bool:
     """Return whether a cell or its coolant may have a temperature."""
-    low, high = PACK_RANGES["cell_1_temperature_k"]
-    return low <= value_k <= high
+    return _COLDEST_K <= value_k <= _WARMEST_K
 
 
 @light
@@ -218,18 +224,17 @@ class SensorMemory:
     bad_s: float = 0.0
     sound_s: float = 0.0
 
-    def moved(self, by_k: float) -> SensorMemory:
-        """Return the sensor with a model that has moved."""
-        return replace(self, model_k=self.model_k + by_k, moved_k=self.moved_k + abs(by_k))
+    def judged(self, value_k: float, by_k: float, elapsed_s: float) -> SensorMemory:
+        """Return the sensor at a tick: whether it is used, from its value and the model.
 
-    def judged(self, value_k: float, elapsed_s: float) -> SensorMemory:
-        """Return the sensor at a tick: whether it is used, from its value and the model."""
-        apart_k = value_k - self.model_k
+        Args:
+            by_k: by how much the model has moved.
+        """
+        model_k, step_k, moved_k = self.model_k + by_k, self.step_k, self.moved_k + abs(by_k)
+        apart_k = value_k - model_k
         noise_k = NOISE_FACTOR * math.sqrt(self.noise_k2)
         tolerance_k = min(max(TOLERANCE_K, noise_k), 2.0 * TOLERANCE_K)
-        changed = value_k != self.value_k
-        step_k, moved_k = self.step_k, self.moved_k
-        if changed:
+        if value_k != self.value_k:
             moved_k = 0.0
             if math.isfinite(self.value_k) and math.isfinite(value_k):
                 step_k = min(step_k, abs(value_k - self.value_k))
@@ -244,14 +249,18 @@ class SensorMemory:
         noise_k2 = self.noise_k2
         if not bad_s:
             noise_k2 += min(elapsed_s / 60.0, 1.0) * (apart_k * apart_k - noise_k2)
-        return replace(
-            self,
-            value_k=value_k,
-            moved_k=moved_k,
-            step_k=step_k,
-            noise_k2=noise_k2,
-            bad_s=bad_s,
-            sound_s=sound_s,
+        return SensorMemory(model_k, value_k, moved_k, step_k, noise_k2, bad_s, sound_s)
+
+    def corrected(self, by_k: float) -> SensorMemory:
+        """Return the sensor with a model that is corrected."""
+        return SensorMemory(
+            self.model_k + by_k,
+            self.value_k,
+            self.moved_k,
+            self.step_k,
+            self.noise_k2,
+            self.bad_s,
+            self.sound_s,
         )
 
 
@@ -304,9 +313,10 @@ class CoolingMemory:
 
 def are_alike(sensors: list[SensorMemory], measured_k: list[float]) -> bool:
     """Return whether both sensors contradict the model, but not each other."""
-    possible = all(is_temperature(value_k) for value_k in measured_k)
-    apart_k = abs(measured_k[0] - measured_k[1])
-    return possible and all(sensor.bad_s for sensor in sensors) and apart_k <= APART_K
+    (first, last), (first_k, last_k) = sensors, measured_k
+    contradict = bool(first.bad_s and last.bad_s)
+    possible = is_temperature(first_k) and is_temperature(last_k)
+    return contradict and possible and abs(first_k - last_k) <= APART_K
 
 
 def corrected(
@@ -314,12 +324,10 @@ def corrected(
 ) -> list[SensorMemory]:
     """Return the sensors with their models corrected: by its value, the other sensor, or the coolant."""
     gain = min(CORRECTION_1_S * elapsed_s, 1.0)
-    apart_k = [
-        value_k - sensor.model_k for sensor, value_k in zip(sensors, measured_k, strict=True)
-    ]
-    sound = [apart for sensor, apart in zip(sensors, apart_k, strict=True) if not sensor.bad_s]
-    common_k = sound[0] if sound else offset_k
-    return [
-        replace(sensor, model_k=sensor.model_k + gain * (common_k if sensor.bad_s else apart))
-        for sensor, apart in zip(sensors, apart_k, strict=True)
-    ]
+    (first, last), (first_k, last_k) = sensors, measured_k
+    apart_k, last_apart_k = first_k - first.model_k, last_k - last.model_k
+    if first.bad_s:
+        apart_k = offset_k if last.bad_s else last_apart_k
+    if last.bad_s:
+        last_apart_k = offset_k if first.bad_s else apart_k
+    return [first.corrected(gain * apart_k), last.corrected(gain * last_apart_k)]

@@ -13,6 +13,7 @@ The problem stays as it is compiled for the paper's law; the law of a cell enter
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 
@@ -28,6 +29,7 @@ from iptm_controller.temperature_value import (
 )
 from iptm_controller.tick_library import tick_library
 from iptm_core.aging_laws.parking import END_OF_LIFE_LOSS, AgingSettings, ParkedAging
+from iptm_core.compilation import doubles
 from iptm_core.parameters.model import AgingParameters, ModelParameters
 from iptm_core.physics.cell import (
     cell_heat_w,
@@ -61,8 +63,8 @@ class PackModel:
 
     def __init__(self, parameters: ModelParameters) -> None:
         rates, cooling = _build(parameters)
-        self._rates, self._given = _with_one_argument(rates)
-        self._cooling, self._given_cooling = _with_one_argument(cooling)
+        self._rates, self._write = _with_one_argument(rates)
+        self._cooling, self._write_cooling = _with_one_argument(cooling)
 
     def rates_k_s(
         self,
@@ -81,7 +83,7 @@ class PackModel:
             battery_power_w: measured at the terminals; NaN takes the one of the motion.
             coolant_inlet_k: measured; NaN takes the one of the coolant loop.
         """
-        self._given[:] = (
+        self._write(
             *_pack(state, cells_k),
             state.acceleration_m_s2,
             slope_rad or 0.0,
@@ -97,17 +99,18 @@ class PackModel:
 
     def cooling_w(self, state: VehicleState, cells_k: tuple[float, float]) -> float:
         """Return the heat that the coolant loses on its way round, negative where it is heated."""
-        self._given_cooling[:] = _pack(state, cells_k)
+        self._write_cooling(*_pack(state, cells_k))
         self._cooling()
         return self._cooling.results["cooling_w"].item()
 
 
-def _with_one_argument(function: ca.Function) -> tuple[BufferedFunction, FloatArray]:
-    """Return a function of numbers, and the array of all of them in their order."""
+def _with_one_argument(function: ca.Function) -> tuple[BufferedFunction, Callable[..., None]]:
+    """Return a function of numbers, and what writes all of them in their order."""
     names = function.name_in()
-    given: FloatArray = np.zeros(len(names))
+    array, write = doubles(len(names))
+    given: FloatArray = np.frombuffer(array)
     places = {name: given[place : place + 1] for place, name in enumerate(names)}
-    return BufferedFunction(function, places), given
+    return BufferedFunction(function, places), write
 
 
 def _pack(state: VehicleState, cells_k: tuple[float, float]) -> tuple[float, ...]:

@@ -102,7 +102,13 @@ class PackObserver:
         self._parameters = parameters
         self._outlet = reduce_channel(parameters.cooling, parameters.pack).outlet
         self._model = PackModel(parameters)
-        cooling = parameters.cooling
+        loss, cooling = parameters.aging.initial_capacity_loss, parameters.cooling
+        usual = {
+            "compressor_power_w": 0.0,
+            "cell_1_capacity_loss": loss,
+            "cell_n_capacity_loss": loss,
+        }
+        self._usual = [(name, PACK_RANGES[name], value) for name, value in usual.items()]
         self._flow_w_k = cooling.coolant_mass_flow_kg_s * cooling.coolant_specific_heat_j_kg_k
         self.memory = PackMemory()
 
@@ -127,31 +133,30 @@ class PackObserver:
             memory = memory if is_same else replace(PackMemory(), last=memory.last)
             elapsed_s = 0.0
         state, other = self._with_other_values(state, memory.last)
-        measured_k = [*_temperatures(state)]
+        measured_k = [state.cell_1_temperature_k, state.cell_n_temperature_k]
+        (first, last), (first_by_k, last_by_k) = self._moved(memory, state, measured, elapsed_s)
         sensors = [
-            sensor.judged(value_k, elapsed_s)
-            for sensor, value_k in zip(
-                self._predicted(memory, state, measured, elapsed_s), measured_k, strict=True
-            )
+            first.judged(measured_k[0], first_by_k, elapsed_s),
+            last.judged(measured_k[1], last_by_k, elapsed_s),
         ]
         if memory.age_s < START_S and are_alike(sensors, measured_k):
             sensors = [SensorMemory(value_k, value_k) for value_k in measured_k]
         offset_k = self._coolant_offset_k(sensors, reading)
         sensors = corrected(sensors, measured_k, offset_k, elapsed_s)
-        used_k = [self._used_k(*pair) for pair in zip(sensors, measured_k, strict=True)]
-        known = state
-        if used_k != measured_k:
+        sound = not (sensors[0].bad_s or sensors[1].bad_s)
+        used_k, known = measured_k, state
+        if not sound:
+            used_k = [self._used_k(*pair) for pair in zip(sensors, measured_k, strict=True)]
             known = replace(state, **dict(zip(_TEMPERATURES, used_k, strict=True)))
-        sound = all(not sensor.bad_s for sensor in sensors)
         differs = sound and abs(offset_k) > CONTRADICTION_K
         self.memory = memory = PackMemory(
-            time_s=state.time_s,
-            age_s=memory.age_s + elapsed_s,
-            cell_1=sensors[0],
-            cell_n=sensors[1],
-            last=known,
-            contradicted_s=memory.contradicted_s + elapsed_s if differs else 0.0,
-            cooling=self._cooling_judged(memory.cooling, known, reading, commanded, elapsed_s),
+            state.time_s,
+            memory.age_s + elapsed_s,
+            sensors[0],
+            sensors[1],
+            known,
+            memory.contradicted_s + elapsed_s if differs else 0.0,
+            self._cooling_judged(memory.cooling, known, reading, commanded, elapsed_s),
         )
         if memory.contradicted_s > CONTRADICTION_S:
             warmer_k = [max(value_k, value_k + offset_k) for value_k in used_k]
@@ -162,13 +167,7 @@ class PackObserver:
         self, state: VehicleState, last: VehicleState | None
     ) -> tuple[VehicleState, str]:
         """Return a state whose power and ageing are possible, and what was not."""
-        usual = {
-            "compressor_power_w": 0.0,
-            "cell_1_capacity_loss": self._parameters.aging.initial_capacity_loss,
-            "cell_n_capacity_loss": self._parameters.aging.initial_capacity_loss,
-        }
-        for name, value in usual.items():
-            low, high = PACK_RANGES[name]
+        for name, (low, high), value in self._usual:
             measured = getattr(state, name)
             if not low <= measured <= high:
                 known = value if last is None else getattr(last, name)
@@ -176,19 +175,19 @@ class PackObserver:
                 return self._with_other_values(state, last)[0], f"measured {name} is {measured}"
         return state, ""
 
-    def _predicted(
+    def _moved(
         self,
         memory: PackMemory,
         state: VehicleState,
         measured: Measurements,
         elapsed_s: float,
-    ) -> tuple[SensorMemory, SensorMemory]:
-        """Return the sensors with the model at this tick; at the first one it starts as measured."""
+    ) -> tuple[tuple[SensorMemory, SensorMemory], tuple[float, float]]:
+        """Return the sensors before this tick, at first as measured, and how far their models have moved."""
         reading = measured.pack
         t_1, t_n = memory.cell_1.model_k, memory.cell_n.model_k
         if math.isnan(t_1):
             t_1, t_n = self._start_k(state, reading)
-            return SensorMemory(t_1), SensorMemory(t_n)
+            return (SensorMemory(t_1), SensorMemory(t_n)), (0.0, 0.0)
         slope_rad = None
         if not slope_fault(measured.slope):
             slope_rad = slope_at_rad(measured.slope, state.position_m)
@@ -198,8 +197,8 @@ class PackObserver:
             if is_temperature(reading.coolant_inlet_k):
                 inlet_k = reading.coolant_inlet_k
         rates = self._model.rates_k_s(state, (t_1, t_n), slope_rad, power_w, inlet_k)
-        by_1_k, by_n_k = (rate_k_s * elapsed_s for rate_k_s in rates)
-        return memory.cell_1.moved(by_1_k), memory.cell_n.moved(by_n_k)
+        by_k = rates[0] * elapsed_s, rates[1] * elapsed_s
+        return (memory.cell_1, memory.cell_n), by_k
 
     def _start_k(self, state: VehicleState, reading: PackReading | None) -> tuple[float, float]:
         """Return where the model starts: as measured where that is possible and the cells are alike."""
@@ -260,11 +259,13 @@ class PackObserver:
     def _report(
         self, state: VehicleState, memory: PackMemory, measured_k: list[float], other: str
     ) -> PackReport:
-        sensors = {"1": memory.cell_1, "N": memory.cell_n}
-        bad = [name for name, sensor in sensors.items() if sensor.bad_s]
-        cooling, contradicts = memory.cooling, memory.contradicted_s > CONTRADICTION_S
-        if not (bad or other or contradicts or cooling.has_no_effect or cooling.is_ignored):
+        first, last, cooling = memory.cell_1, memory.cell_n, memory.cooling
+        contradicts = memory.contradicted_s > CONTRADICTION_S
+        is_bad = bool(first.bad_s or last.bad_s or other or contradicts)
+        if not (is_bad or cooling.has_no_effect or cooling.is_ignored):
             return PackReport(state)
+        sensors = {"1": first, "N": last}
+        bad = [name for name, sensor in sensors.items() if sensor.bad_s]
         both = len(bad) == len(sensors)
         cases = (
             (both, PackFault.BOTH_SENSORS),

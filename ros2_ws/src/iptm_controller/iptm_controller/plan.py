@@ -53,6 +53,12 @@ class Plan:
         return Command(row[InputIndex.ACCELERATION], row[InputIndex.COMPRESSOR_POWER])
 
     @property
+    def first_command(self) -> Command:
+        """The planned inputs of the first step."""
+        row = self.inputs[0].tolist()
+        return Command(row[InputIndex.ACCELERATION], row[InputIndex.COMPRESSOR_POWER])
+
+    @property
     def motion(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Trip times, positions and speeds at the nodes of the motion, shape (motion_steps + 1,) each."""
         nodes = slice(self.motion_steps + 1)
@@ -66,7 +72,7 @@ class Plan:
     @property
     def slacks(self) -> dict[str, float]:
         """Largest violation of each group of `SLACKS`; the solver's own round-off below zero is cut."""
-        worst = self.inputs.max(axis=0).tolist()
+        worst = np.maximum.reduce(self.inputs).tolist()
         return {name: max(0.0, *(worst[i] for i in group)) for name, group in SLACKS.items()}
 
 

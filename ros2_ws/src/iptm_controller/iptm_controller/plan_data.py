@@ -7,6 +7,7 @@ compiler, and poses problems on grids whose longer steps are watched inside.
 from __future__ import annotations
 
 import ctypes
+import struct
 from operator import attrgetter
 from typing import Any
 
@@ -28,10 +29,10 @@ from iptm_controller.tick_library import (
     DOUBLE,
     INT,
     POINTER,
-    Vehicle,
     motion_of,
     numbers_of,
     tick_library,
+    vehicle,
 )
 from iptm_core.compilation import address
 from iptm_core.state import FloatArray, LeaderPreview, SlopePreview, VehicleState
@@ -148,11 +149,8 @@ _PRICES = (
 _prices_of = attrgetter(*_PRICES)
 
 
-class _Ahead(ctypes.Structure):
-    _fields_ = (
-        *((name, POINTER) for name in ("motion", "limiting", "slope", "limits", "samples")),
-        *((name, DOUBLE) for name in ("known_s", "charge_w", "follows", *_PRICES)),
-    )
+_AHEAD = struct.Struct("5P8d")
+"""Of ``iptm_ahead``: where motion, limiting motion, slope, speed limits and samples are, then the numbers."""
 
 
 class PlanDataInC(PlanData):
@@ -201,16 +199,18 @@ class PlanDataInC(PlanData):
         self._expected = self._empty_plan()
         self._slope: SlopePreview | None = None
         self._newest: tuple[Plan | None, int, int] = None, 0, 0
+        self._vehicle, self._write_vehicle = vehicle()
+        self._ahead = ctypes.create_string_buffer(_AHEAD.size)
         self._shift = library.iptm_shift_plan
         self._pose = library.iptm_pose_problem
         self._read = library.iptm_read_plan
 
     def expected(self, last: Plan | None, state: VehicleState) -> Plan:
         """See ``PlanData``."""
-        vehicle = ctypes.byref(Vehicle(*numbers_of(state)))
+        self._write_vehicle(*numbers_of(state))
         numbers, *places = self._empty_plan()
         start_s = 0.0 if last is None else last.start_s
-        self._shift(self._grid_pointer, start_s, *self._places(last), vehicle, *places)
+        self._shift(self._grid_pointer, start_s, *self._places(last), self._vehicle, *places)
         return self._plan_of(numbers, state)
 
     def problem(
@@ -240,25 +240,27 @@ class PlanDataInC(PlanData):
             self._c_slope = _Slope(road[0].size, *map(address, road))
         motion = motion_of(leader)
         limits = motion if limiting is leader else motion_of(limiting)
-        ahead = _Ahead(
+        _AHEAD.pack_into(
+            self._ahead,
+            0,
             ctypes.addressof(motion),
             ctypes.addressof(limits),
             ctypes.addressof(self._c_slope),
-            None if speed_limits_m_s is None else address(speed_limits_m_s),
-            None if thermal_samples is None else address(thermal_samples),
+            0 if speed_limits_m_s is None else address(speed_limits_m_s),
+            0 if thermal_samples is None else address(thermal_samples),
             known_s,
             charge_w,
             follows,
             *_prices_of(value),
         )
         start_s, (_, *places) = 0.0 if last is None else last.start_s, self._expected
-        vehicle = ctypes.byref(Vehicle(*numbers_of(state)))
-        self._shift(self._grid_pointer, start_s, *self._places(last), vehicle, *places)
+        self._write_vehicle(*numbers_of(state))
+        self._shift(self._grid_pointer, start_s, *self._places(last), self._vehicle, *places)
         self._pose(
             self._grid_pointer,
             self._strategy_pointer,
-            vehicle,
-            ctypes.byref(ahead),
+            self._vehicle,
+            self._ahead,
             *places,
             variables,
             parameters,

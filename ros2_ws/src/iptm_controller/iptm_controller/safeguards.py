@@ -17,7 +17,8 @@ import math
 import numpy as np
 
 from iptm_controller.forecast import NEAR_S, LeaderForecast
-from iptm_controller.tick_library import DOUBLE, motion_of
+from iptm_controller.tick_library import motion_of
+from iptm_core.compilation import doubles
 from iptm_core.frozen import replace
 from iptm_core.parameters.model import LimitParameters
 from iptm_core.state import Command, FloatArray, LeaderPreview, LeaderState, VehicleState
@@ -72,23 +73,18 @@ class CommandLimiter:
             ("jerk", last_acceleration - jerk_step, last_acceleration + jerk_step),
         )
         for label, low, high in steps:
-            acceleration = _clamp(acceleration, low, high, label, reasons, TOLERANCE)
+            wanted, acceleration = acceleration, min(max(acceleration, low), high)
+            if abs(acceleration - wanted) > TOLERANCE:
+                reasons.append(label)
         power_steps = (
             ("compressor power bound", low_w, high_w),
             ("compressor rate", last_power - rate_step, last_power + rate_step),
         )
         for label, low, high in power_steps:
-            power = _clamp(power, low, high, label, reasons, TOLERANCE * 1000.0)
+            wanted, power = power, min(max(power, low), high)
+            if abs(power - wanted) > TOLERANCE * 1000.0:
+                reasons.append(label)
         return Command(acceleration, power), tuple(reasons)
-
-
-def _clamp(
-    value: float, low: float, high: float, label: str, reasons: list[str], tolerance: float
-) -> float:
-    clamped = min(max(value, low), high)
-    if abs(clamped - value) > tolerance:
-        reasons.append(label)
-    return clamped
 
 
 MARGIN_M = 1.0
@@ -96,23 +92,6 @@ MARGIN_M = 1.0
 CONFIRMED_SPEED_ERROR_M_S = 1.0
 """Largest speed deficit of the leader, against its preview, at which the preview is used."""
 CHECKS_PER_TICK = 4
-_GUARDED = (
-    "tick_s",
-    "jerk_step_m_s2",
-    "hardest_m_s2",
-    "brake_share",
-    "leader_time_s",
-    "leader_position_m",
-    "leader_speed_m_s",
-    "leader_deceleration_m_s2",
-    "known_s",
-)
-
-
-class _Guarded(ctypes.Structure):
-    _fields_ = tuple((name, DOUBLE) for name in _GUARDED)
-
-
 EMERGENCY = "a collision threatens, hardest braking"
 
 
@@ -143,6 +122,7 @@ class CollisionGuard:
             library: works the same out in C.
         """
         self._library = library
+        self._guarded, self._write = doubles(9)
         self._limits = limits
         self._tick_s = tick_s
         self._lost_after_ticks = lost_after_ticks
@@ -211,7 +191,7 @@ class CollisionGuard:
         brake_share: float,
     ) -> bool:
         limits = self._limits
-        guarded = _Guarded(
+        self._write(
             self._tick_s,
             limits.max_jerk_m_s3 * self._tick_s,
             limits.min_acceleration_m_s2,
@@ -224,7 +204,7 @@ class CollisionGuard:
         )
         motion = None if forecast is None else ctypes.byref(motion_of(forecast.motion))
         ego = acceleration_m_s2, state.time_s, state.position_m, state.speed_m_s
-        found = library.iptm_collision_threatens(ctypes.byref(guarded), motion, *ego)
+        found = library.iptm_collision_threatens(self._guarded, motion, *ego)
         return bool(found)
 
     def _braking_distance(

@@ -26,6 +26,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from iptm_core.compilation import doubles
 from iptm_core.frozen import light
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import aging_current_a, capacity_loss_rate_1_s
@@ -149,6 +150,8 @@ class TemperatureValuation:
             parameters.limits.min_temperature_k, parameters
         )
         self._library, self._numbers = library, (ctypes.c_double * 17)(*self.numbers)
+        self._aged, self._write = doubles(6)
+        self._found = (ctypes.c_double * 5)()
         self.start: VehicleState | None = None
         self.foreseen_1_s = 0.0
 
@@ -194,11 +197,9 @@ class TemperatureValuation:
         temperature_k = 0.5 * (state.cell_1_temperature_k + state.cell_n_temperature_k)
         if self._library is not None:
             aged = state.time_s, temperature_k, _loss(state), elapsed_s, lost, self.foreseen_1_s
-            found = (ctypes.c_double * 5)()
-            self._library.iptm_value_temperatures(
-                self._numbers, (ctypes.c_double * 6)(*aged), found
-            )
-            return TemperatureValue(*found)
+            self._write(*aged)
+            self._library.iptm_value_temperatures(self._numbers, self._aged, self._found)
+            return TemperatureValue(*self._found)
         rate = (lost + self.foreseen_1_s * FORECAST_WEIGHT_S) / (elapsed_s + FORECAST_WEIGHT_S)
         rate = max(rate, _LEAST_RATE_1_S)
         values = self._parameters

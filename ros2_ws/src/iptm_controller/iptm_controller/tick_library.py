@@ -7,6 +7,7 @@ last bit.
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 from functools import lru_cache
 from operator import attrgetter
 from pathlib import Path
@@ -15,7 +16,13 @@ from typing import Any
 import numpy as np
 
 from iptm_controller.ocp.layout_header import layout_header
-from iptm_core.compilation import address, cache_directory, compile_sources, find_compiler
+from iptm_core.compilation import (
+    address,
+    cache_directory,
+    compile_sources,
+    doubles,
+    find_compiler,
+)
 from iptm_core.errors import SolverSetupError
 from iptm_core.state import LeaderPreview
 
@@ -40,13 +47,12 @@ _VEHICLE = (
     "cell_n_capacity_loss",
 )
 numbers_of = attrgetter(*_VEHICLE)
-"""Numbers of a state, in the order of `Vehicle`."""
+"""Numbers of a state, in the order of `vehicle`."""
 
 
-class Vehicle(ctypes.Structure):
-    """The ego vehicle at one instant."""
-
-    _fields_ = tuple((name, DOUBLE) for name in _VEHICLE)
+def vehicle() -> tuple[Any, Callable[..., None]]:
+    """Return the ego vehicle at one instant, as `doubles`."""
+    return doubles(len(_VEHICLE))
 
 
 class Leader(ctypes.Structure):
@@ -75,8 +81,8 @@ def motion_of(preview: LeaderPreview) -> Motion:
     columns = [preview.times_s, preview.positions_m, preview.speeds_m_s]
     columns += [preview.bounds_m] if preview.bounds_m.size else []
     arrays = [np.ascontiguousarray(each, dtype=np.float64) for each in columns]
-    is_whole = all(each.size == arrays[0].size for each in arrays)
-    motion = Motion(arrays[0].size if is_whole else -1, *map(address, arrays))
+    (size, *others) = {each.size for each in arrays}
+    motion = Motion(-1 if others else size, *[address(each) for each in arrays])
     motion.kept = arrays
     return keep_motion(preview, motion)
 

@@ -195,9 +195,17 @@ def followed(track: LeadTrack, sample: Sample) -> LeadTrack:
     interval_s = sample.time_s - last.time_s
     if interval_s <= _RESOLUTION_S:  # measured again
         return replace(track, seen=sample.lead, recent=(*track.recent[:-1], sample))
-    recent = (*track.recent[1 - KEPT :], sample)
-    period_s = min(interval_s, LONGEST_PERIOD_S)
-    track = replace(track, recent=recent, period_s=period_s, empty_since_s=math.nan)
+    track = LeadTrack(
+        track.seen,
+        track.acceleration_m_s2,
+        min(interval_s, LONGEST_PERIOD_S),
+        track.frozen,
+        track.ghost,
+        track.sound_steps,
+        (*track.recent[1 - KEPT :], sample),
+        track.before,
+        track.appeared_s,
+    )
     first = _frozen_since(track, sample)
     if first is not None:
         return _as_frozen(track, first)
@@ -235,7 +243,17 @@ def _stepped(track: LeadTrack, last: Sample, sample: Sample) -> LeadTrack:
     acceleration = 0.0
     if interval_s <= LARGEST_MEASURING_INTERVAL_S:
         acceleration = (sample.speed_m_s - last.speed_m_s) / interval_s
-    return replace(track, seen=sample.lead, acceleration_m_s2=acceleration)
+    return LeadTrack(
+        sample.lead,
+        acceleration,
+        track.period_s,
+        track.frozen,
+        track.ghost,
+        track.sound_steps,
+        track.recent,
+        track.before,
+        track.appeared_s,
+    )
 
 
 def emptied(track: LeadTrack, time_s: float) -> LeadTrack:
@@ -255,7 +273,10 @@ def _frozen_since(track: LeadTrack, sample: Sample) -> Sample | None:
     that comes back after a large change is, too.
     """
     time_s, position_m, speed_m_s, own_m, own_m_s = sample
-    if all(abs(entry[2] - speed_m_s) > IDENTICAL_M_S for entry in track.recent[:-1]):
+    for entry in track.recent[:-1]:
+        if not abs(entry[2] - speed_m_s) > IDENTICAL_M_S:
+            break
+    else:
         return None
     gap_m, run, unbroken = position_m - own_m, 0, True
     first: Sample | None = None

@@ -203,16 +203,18 @@ def plan_motion(
 def _stages(
     position_m: float, speed_m_s: float, acceleration_m_s2: float, duration_s: float, count: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Speeds (2 count + 1,) and positions (2 count + 1,) over a stretch of constant acceleration."""
-    times = _stage_times_s(duration_s, count)
-    speeds = speed_m_s + acceleration_m_s2 * times
+    """Speeds (count, 3) and positions (2 count + 1,) over a stretch of constant acceleration."""
+    times, by_sub_step = _stage_times_s(duration_s, count)
+    speeds = speed_m_s + acceleration_m_s2 * by_sub_step
     positions = position_m + times * (speed_m_s + 0.5 * acceleration_m_s2 * times)
     return speeds, positions
 
 
 @lru_cache(maxsize=64)
-def _stage_times_s(duration_s: float, count: int) -> FloatArray:
-    return np.linspace(0.0, duration_s, 2 * count + 1, dtype=np.float64)
+def _stage_times_s(duration_s: float, count: int) -> tuple[FloatArray, FloatArray]:
+    """Times of the stages in order, and start, middle and end of each sub-step."""
+    times: FloatArray = np.linspace(0.0, duration_s, 2 * count + 1, dtype=np.float64)
+    return times, np.column_stack([times[:-1].reshape(-1, 2), times[2::2]])
 
 
 @lru_cache(maxsize=64)
@@ -220,25 +222,19 @@ def _equal_lengths_s(duration_s: float, count: int) -> FloatArray:
     return np.full(count, duration_s / count)
 
 
-def _by_sub_step(nodes: FloatArray) -> FloatArray:
-    """Start, middle and end of each sub-step, shape (n, 3), from the (2 n + 1,) nodes."""
-    sub_steps: FloatArray = np.empty((nodes.size // 2, 3))
-    sub_steps[:, :2] = nodes[:-1].reshape(-1, 2)
-    sub_steps[:, 2] = nodes[2::2]
-    return sub_steps
-
-
 def _uniform(
     position_m: float, speed_m_s: float, acceleration_m_s2: float, duration_s: float, count: int
 ) -> Motion:
     speeds, positions = _stages(position_m, speed_m_s, acceleration_m_s2, duration_s, count)
+    accelerations: FloatArray = np.empty(count)
+    accelerations.fill(acceleration_m_s2)
     return Motion(
         _equal_lengths_s(duration_s, count),
-        np.full(count, acceleration_m_s2),
-        _by_sub_step(speeds),
+        accelerations,
+        speeds,
         positions,
-        float(positions[-1]),
-        float(speeds[-1]),
+        positions.item(-1),
+        speeds.item(-1),
         acceleration_m_s2,
     )
 
@@ -263,7 +259,7 @@ def _cut(
     return Motion(
         np.concatenate((np.full(before, until_s / before), np.full(after, rest_s / after))),
         np.concatenate((np.full(before, acceleration_m_s2), np.zeros(after))),
-        np.concatenate((_by_sub_step(speeds), _by_sub_step(held))),
+        np.concatenate((speeds, held)),
         np.concatenate((positions, further[1:])),
         float(further[-1]),
         reached_m_s,

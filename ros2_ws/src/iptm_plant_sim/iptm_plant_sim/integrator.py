@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+import struct
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -33,6 +34,9 @@ from iptm_plant_sim.interval_model import AT_END, INTEGRALS, STATES, sub_step
 
 _SOURCE = Path(__file__).resolve().parent / "c" / "interval.c"
 _states_of = attrgetter(*STATES)
+_NOTHING = (-0.0,) * len(INTEGRALS)
+"""Plus any number, it is that number."""
+_START = struct.Struct(f"{len(STATES) + len(INTEGRALS)}d")
 
 
 @light
@@ -102,8 +106,6 @@ class IntervalIntegrator:
         code = _code(parameters, bounded=bounded)
         self._held = np.zeros(4 if bounded else 2)
         self._found = np.zeros(len(STATES) + len(INTEGRALS) + len(AT_END))
-        self._states = self._found[: len(STATES)]
-        self._integrals = self._found[len(STATES) :][: len(INTEGRALS)]
         self._integrate = code.on(self._held, self._found)
 
     def integrate(
@@ -124,11 +126,10 @@ class IntervalIntegrator:
             charge: state of charge at the start; NaN where nothing depends on it.
             bounds: of the interval, where it is bounded.
         """
-        self._held[:2] = compressor_power_w, charge
+        self._held[0], self._held[1] = compressor_power_w, charge
         if bounds is not None:
-            self._held[2:] = bounds.traction_w, bounds.battery_w
-        self._states[:] = _states_of(cells)
-        self._integrals[:] = -0.0  # plus any number, it is that number
+            self._held[2], self._held[3] = bounds.traction_w, bounds.battery_w
+        _START.pack_into(self._found.data, 0, *_states_of(cells), *_NOTHING)
         self._integrate(motion, slopes_rad)
         found: Sequence[Any] = self._found.tolist()
         return IntervalResult(*found)

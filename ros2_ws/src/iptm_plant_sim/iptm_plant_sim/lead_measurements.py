@@ -6,8 +6,8 @@ import math
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from itertools import accumulate, pairwise
-from operator import attrgetter
+from itertools import accumulate
+from operator import itemgetter
 
 from iptm_core.frozen import replace
 from iptm_core.lead_track import (
@@ -32,7 +32,7 @@ _RESOLUTION_S = 1e-9
 OwnMotion = Callable[[float], "tuple[float, float]"]
 """From the time since the start of an interval to position and speed of the ego vehicle."""
 
-_time_s = attrgetter("time_s")
+_time_s = itemgetter(0)
 
 
 class LeadMeasurements:
@@ -55,43 +55,44 @@ class LeadMeasurements:
             start_s: trip time at which the interval begins.
         """
         self._before = track
-        self._samples: list[Sample] = []
+        self._rows: list[tuple[float, ...]] = []
         if samples is not None and samples.times_s.size:
             columns = samples.times_s, samples.positions_m, samples.speeds_m_s
-            self._samples = [
-                Sample(time_s, position_m, speed_m_s, *own(time_s - start_s))
+            self._rows = [
+                (time_s, position_m, speed_m_s, *own(time_s - start_s))
                 for time_s, position_m, speed_m_s in zip(
-                    *(values.tolist() for values in columns), strict=True
+                    *[values.tolist() for values in columns], strict=True
                 )
             ]
         elif samples is not None:
             self._before = track = emptied(track, start_s)
-        plain = plainly_followed(track, self._samples) if self._samples else track
+        plain = plainly_followed(track, self._rows) if self._rows else track
         self._are_sound = plain is not None
         self.track = self._tracks[-1] if plain is None else plain
 
     @cached_property
     def _tracks(self) -> list[LeadTrack]:
         """The track at every measurement."""
-        return list(accumulate(self._samples, followed, initial=self._before))[1:]
+        samples = map(Sample._make, self._rows)
+        return list(accumulate(samples, followed, initial=self._before))[1:]
 
     @property
-    def _sound(self) -> list[Sample]:
-        """Measurements that show where the vehicle ahead is."""
+    def _sound(self) -> list[tuple[float, ...]]:
+        """Measurements that show where the vehicle ahead is, as `Sample`."""
         if self._are_sound:
-            return self._samples
+            return self._rows
         return [
-            sample
-            for sample, track in zip(self._samples, self._tracks, strict=True)
-            if track.seen is not None and track.seen.time_s == sample.time_s
+            row
+            for row, track in zip(self._rows, self._tracks, strict=True)
+            if track.seen is not None and track.seen.time_s == row[0]
         ]
 
     def bounds(self) -> tuple[float, float] | None:
         """Return smallest position and speed measured; None unless all of several measurements are sound."""
         sound = self._sound
-        if len(self._samples) < 2 or len(sound) < len(self._samples):
+        if len(self._rows) < 2 or len(sound) < len(self._rows):
             return None
-        return min(each.position_m for each in sound), min(each.speed_m_s for each in sound)
+        return min([row[1] for row in sound]), min([row[2] for row in sound])
 
     def at(self, time_s: float, deceleration_m_s2: float) -> tuple[LeaderState | None, float, bool]:
         """Return the vehicle ahead at an instant, None for a free lane.
@@ -102,11 +103,11 @@ class LeadMeasurements:
         Returns:
             The vehicle, for how long its measurements have been missing, and whether it is measured now.
         """
-        index = bisect_right(self._samples, time_s + _RESOLUTION_S, key=_time_s) - 1
+        index = bisect_right(self._rows, time_s + _RESOLUTION_S, key=_time_s) - 1
         if self._are_sound and index >= 0:
-            newest = self._samples[index]
+            newest = LeaderState(*self._rows[index][:3])
             if abs(time_s - newest.time_s) <= _RESOLUTION_S:
-                return newest.lead, 0.0, True
+                return newest, 0.0, True
         track = self._before if index < 0 else self._tracks[index]
         if track.seen is not None and abs(time_s - track.seen.time_s) <= _RESOLUTION_S:
             return track.seen, 0.0, True
@@ -114,24 +115,28 @@ class LeadMeasurements:
 
     def smallest_gap_m(self, after_s: float) -> float:
         """Return the smallest gap that is soundly measured after an instant, NaN for none."""
-        gaps_m = (
-            each.position_m - each.own_position_m
-            for each in self._sound
-            if each.time_s > after_s + _RESOLUTION_S
-        )
-        return min(gaps_m, default=math.nan)
+        after_s += _RESOLUTION_S
+        return min([row[1] - row[3] for row in self._sound if row[0] > after_s], default=math.nan)
 
 
 def _are_apart(values: list[float], by: float) -> bool:
     """Return whether any two values differ by more than a distance."""
     values.sort()
-    return all(larger - smaller > by for smaller, larger in pairwise(values))
+    last = -math.inf
+    for value in values:
+        if not value - last > by:
+            return False
+        last = value
+    return True
 
 
-def plainly_followed(track: LeadTrack, samples: Sequence[Sample]) -> LeadTrack | None:
+def plainly_followed(track: LeadTrack, samples: Sequence[tuple[float, ...]]) -> LeadTrack | None:
     """Return a track after measurements in order, of which none repeats or contradicts another.
 
     The same as `followed` sample by sample; None where one of them needs a closer look.
+
+    Args:
+        samples: numbers of a `Sample` each.
     """
     if track.frozen or track.seen is None or not track.recent:
         return None
@@ -161,7 +166,7 @@ def plainly_followed(track: LeadTrack, samples: Sequence[Sample]) -> LeadTrack |
         last_s, last_m, last_m_s = time_s, position_m, speed_m_s
     return replace(
         track,
-        seen=samples[-1].lead,
+        seen=LeaderState(*samples[-1][:3]),
         acceleration_m_s2=acceleration_m_s2,
         period_s=min(interval_s, LONGEST_PERIOD_S),
         recent=rows[-KEPT:],

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 from iptm_core.frozen import light, replace
@@ -117,11 +118,19 @@ class MonitoredInterval:
         self._monitor, self._brakes, self._drive_interval = monitor, brakes, drive_interval
         self._state, self._report, self._duration_s = state, report, duration_s
         self._slope_rad = slope_rad
-        period_s = monitor.settings.monitor_period_s
-        count = max(1, math.ceil((duration_s - _RESOLUTION_S) / period_s))
-        self._instants_s = [index * period_s for index in range(count)]
         self._requested_m_s2 = report.actuated.acceleration_m_s2
         self._delivered_m_s2 = brakes.delivered_m_s2(self._requested_m_s2)
+        self._stands = (
+            state.speed_m_s < STANDSTILL_SPEED_M_S
+            and self._delivered_m_s2 < STANDSTILL_ACCELERATION_M_S2
+        )
+
+    @cached_property
+    def _instants_s(self) -> list[float]:
+        """Instants at which the monitor looks, from the start of the interval on."""
+        period_s = self._monitor.settings.monitor_period_s
+        count = max(1, math.ceil((self._duration_s - _RESOLUTION_S) / period_s))
+        return [index * period_s for index in range(count)]
 
     def drive(self, memory: MonitorMemory, samples: LeaderPreview | None) -> PlantStep:
         """Drive the interval.
@@ -130,18 +139,18 @@ class MonitoredInterval:
             samples: measurements of the vehicle ahead; see `LeadMeasurements`.
         """
         leads = LeadMeasurements(memory.lead, samples, self._motion_at, self._state.time_s)
-        memory = replace(memory, lead=leads.track)
         calm = not memory.braking and self._is_comfort(memory.requested_m_s2)
         if calm and not self._is_ever_unsafe(memory, leads):
             step = self._piece(self._state, self._requested_m_s2, self._duration_s)
             memory = replace(
                 self._learned(memory, self._requested_m_s2, step, self._duration_s),
                 requested_m_s2=self._requested_m_s2,
+                lead=leads.track,
             )
             gap_m = leads.smallest_gap_m(self._state.time_s)
             record = SafetyRecord(0.0, gap_m, memory.brake_share, self._report.source)
             return replace(step, memory=memory, safety=record)
-        return self._drive_in_pieces(memory, leads)
+        return self._drive_in_pieces(replace(memory, lead=leads.track), leads)
 
     def _is_comfort(self, acceleration_m_s2: float) -> bool:
         return acceleration_m_s2 >= self._brakes.parameters.limits.min_acceleration_m_s2
@@ -168,9 +177,9 @@ class MonitoredInterval:
     def _motion_at(self, after_s: float) -> tuple[float, float]:
         """Return position and speed if the command is carried out; the top speed is not looked at."""
         state, a = self._state, self._delivered_m_s2
-        speed = state.speed_m_s
-        if speed < STANDSTILL_SPEED_M_S and a < STANDSTILL_ACCELERATION_M_S2:
+        if self._stands:
             return state.position_m, 0.0
+        speed = state.speed_m_s
         if a < 0.0:
             after_s = min(after_s, speed / -a)
         position_m = state.position_m + after_s * (speed + 0.5 * a * after_s)
