@@ -16,7 +16,7 @@ from studies.savings import PREVIEWS, PRODUCTION, road_taken, saved
 from studies.session import Case, Session
 
 import iptm
-from iptm.faults.cut_ins import TRAFFIC_GAP_S, TRAFFIC_SPREAD
+from iptm.faults.events import TRAFFIC_GAP_S, TRAFFIC_SPREAD
 from iptm.parts import WHOLE_TRIP_S, Fault, FaultKind
 
 CYCLES = ("wltc_class3b", "us06", "hwfet")

@@ -19,7 +19,7 @@ from iptm_ros.diagnostics import status_values
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.captures import SimulatedRadio
 from iptm_v2x_bridge.datagrams import DatagramSender, EndOfTick
-from iptm_v2x_bridge.sending.sender import CamSender
+from iptm_v2x_bridge.sender import CamSender
 from iptm_v2x_bridge.settings import Foresight, SenderSettings
 
 

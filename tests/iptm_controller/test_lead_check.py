@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from iptm_controller.lead_check import FROZEN, LeadCheck
-from iptm_core.monitor_settings import SensorAccuracySettings
+from iptm_core.braking import RoadFrictionSettings, SensorAccuracySettings
 from iptm_core.parameters import load_parameters
-from iptm_core.road_friction import RoadFrictionSettings
 from iptm_core.state import LeaderPreview, LeaderState, VehicleState
 
 LIMITS = load_parameters().values.limits

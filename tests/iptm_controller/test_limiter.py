@@ -13,8 +13,8 @@ from tests.iptm_controller.scenes import PARAMETERS, make_state
 from iptm_controller.actuation import PowerAuthority
 from iptm_controller.safeguards import CommandLimiter
 from iptm_core.parameters import load_parameters
-from iptm_core.physics.electrical import battery_power_w
 from iptm_core.physics.power_thermal import electric_traction_power_w
+from iptm_core.physics.powertrain import battery_power_w
 from iptm_core.state import Command, SlopePreview
 
 ANYTHING = st.floats(allow_nan=True, allow_infinity=True)

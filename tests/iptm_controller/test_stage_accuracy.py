@@ -16,9 +16,8 @@ from tests.iptm_controller.scenes import PARAMETERS, make_state, run_stage
 from iptm_controller.ocp.grid import MIDPOINT_UP_TO_S
 from iptm_controller.ocp.layout import StateIndex
 from iptm_controller.ocp.stage import DEFAULT_SMOOTHING
-from iptm_core.physics.electrical import battery_power_w
 from iptm_core.physics.power_thermal import EXACT, electric_traction_power_w
-from iptm_core.physics.traction import motor_torque_nm, traction_force_n
+from iptm_core.physics.powertrain import battery_power_w, motor_torque_nm, traction_force_n
 from iptm_core.state import Command, VehicleState
 from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_step import PlantStep

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 
-from iptm_core.monitor_settings import SafetyMonitorSettings
+from iptm_core.braking import SafetyMonitorSettings
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.car_following import (

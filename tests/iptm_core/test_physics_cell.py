@@ -29,8 +29,8 @@ from iptm_core.physics.cell import (
     nominal_charge_parameters,
     pack_capacity_ah,
 )
-from iptm_core.physics.electrical import pack_current_a, pack_resistance_ohm
 from iptm_core.physics.power_thermal import electric_traction_power_w
+from iptm_core.physics.powertrain import pack_current_a, pack_resistance_ohm
 
 VALUES = load_parameters().values
 CELL, COOLING, PACK, AGING = VALUES.cell, VALUES.cooling, VALUES.pack, VALUES.aging

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from iptm_core.errors import PowerLimitError
 from iptm_core.parameters import load_parameters
-from iptm_core.physics.electrical import (
+from iptm_core.physics.powertrain import (
     battery_power_w,
     cell_current_a,
     effective_source_voltage_v,

@@ -9,7 +9,6 @@ import pytest
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import at_charge, pack_capacity_ah
-from iptm_core.physics.electrical import pack_current_a, pack_resistance_ohm, terminal_power_w
 from iptm_core.physics.pack_limits import (
     VOLTAGE_MARGIN_V,
     current_limits_a,
@@ -18,6 +17,7 @@ from iptm_core.physics.pack_limits import (
     power_limits,
 )
 from iptm_core.physics.power_thermal import CellPair
+from iptm_core.physics.powertrain import pack_current_a, pack_resistance_ohm, terminal_power_w
 from iptm_core.units import CELSIUS_ZERO_K
 
 I3 = load_parameters("bmw_i3").values

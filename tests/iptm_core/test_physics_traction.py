@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import RegenerationParameters
-from iptm_core.physics.traction import (
+from iptm_core.physics.powertrain import (
     advance_position_m,
     advance_speed_m_s,
     brake_release,

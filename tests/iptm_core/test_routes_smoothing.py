@@ -8,9 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from iptm_core.routes.cycles import CYCLE_NAMES, DrivingCycle, load_cycle
+from iptm_core.routes.cycles import (
+    CYCLE_NAMES,
+    NOTED_NOISE_M_S,
+    DrivingCycle,
+    load_cycle,
+    smoothed,
+    speed_noise_m_s,
+)
 from iptm_core.routes.route import build_route
-from iptm_core.routes.smoothing import NOTED_NOISE_M_S, smoothed, speed_noise_m_s
 
 LOGGER_M_S = 0.6 / 3.6
 

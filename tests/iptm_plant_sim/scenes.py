@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from iptm_core.monitor_settings import SafetyMonitorSettings
+from iptm_core.braking import SafetyMonitorSettings
 from iptm_core.parameters import load_parameters
 from iptm_core.state import Command, LeaderPreview, VehicleState
 from iptm_plant_sim.plant import Plant

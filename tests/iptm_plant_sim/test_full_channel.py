@@ -20,13 +20,13 @@ from iptm_core.physics.cell import (
     cell_temperature_rate_k_s,
 )
 from iptm_core.physics.chiller import chiller_line
-from iptm_core.physics.electrical import (
+from iptm_core.physics.power_thermal import electric_traction_power_w
+from iptm_core.physics.powertrain import (
     battery_power_w,
     cell_current_a,
     pack_current_a,
     pack_resistance_ohm,
 )
-from iptm_core.physics.power_thermal import electric_traction_power_w
 from iptm_core.physics.thermal_loop import FullChannel, exchange_ratio, solve_coolant_loop
 from iptm_core.settings import ThermalModel
 from iptm_core.state import ChannelCells, Command, FloatArray, FullChannelState, VehicleState

@@ -20,9 +20,8 @@ from tests.iptm_plant_sim.scenes import (
     lead_at,
 )
 
+from iptm_core.braking import BrakingCapability, SafetyMonitorSettings
 from iptm_core.errors import ParameterError
-from iptm_core.monitor_settings import SafetyMonitorSettings
-from iptm_core.road_friction import BrakingCapability
 from iptm_core.state import FloatArray, LeaderState
 from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.safety_monitor import (

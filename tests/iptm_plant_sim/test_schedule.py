@@ -2,7 +2,7 @@
 
 import pytest
 
-from iptm_plant_sim.schedule import Schedule, TimeBetweenTicks
+from iptm_plant_sim.trip import Schedule, TimeBetweenTicks
 
 
 class FakeClock:

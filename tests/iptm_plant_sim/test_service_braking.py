@@ -17,8 +17,8 @@ from tests.iptm_plant_sim.scenes import (
     lead_at,
 )
 
+from iptm_core.braking import BrakingCapability
 from iptm_core.physics.power_thermal import electric_traction_power_w
-from iptm_core.road_friction import BrakingCapability
 from iptm_core.saved_state import from_plain, to_plain
 from iptm_core.state import Command
 from iptm_plant_sim.plant import Plant

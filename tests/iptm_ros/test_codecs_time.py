@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from iptm_core.errors import MessageError
-from iptm_ros.codecs.time import (
+from iptm_ros.codecs.cdr import (
     ns_from_s,
     ns_from_time,
     s_from_ns,

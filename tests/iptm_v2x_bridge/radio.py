@@ -10,7 +10,7 @@ from iptm_core.settings import PreviewSettings
 from iptm_core.state import LeaderPreview
 from iptm_v2x_bridge.bridge import CycleSource, preview_times_s
 from iptm_v2x_bridge.messages.cam import CamMessage, encode_cam
-from iptm_v2x_bridge.sending.sender import car_on_road
+from iptm_v2x_bridge.sender import car_on_road
 
 ROAD = RoadLine.test_road()
 NS = 10**9

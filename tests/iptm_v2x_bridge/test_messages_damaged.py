@@ -14,7 +14,7 @@ from iptm_core.routes import build_route
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.messages.cam import decode_datagram
 from iptm_v2x_bridge.rejections import Rejection
-from iptm_v2x_bridge.sending.sender import CamSender
+from iptm_v2x_bridge.sender import CamSender
 from iptm_v2x_bridge.settings import Foresight, Framing, SenderSettings
 
 LEADER = build_route("us06", initial_gap_m=15.0).leader

@@ -9,7 +9,7 @@ from tests.iptm_v2x_bridge.radio import ROAD
 from iptm_core.state import FloatArray
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.messages.cam import CamMessage, decode_datagram
-from iptm_v2x_bridge.sending.plan_sender import EgoTick, PlanSender
+from iptm_v2x_bridge.sender import EgoTick, PlanSender
 from iptm_v2x_bridge.settings import Foresight, SenderSettings
 
 NS = 10**9

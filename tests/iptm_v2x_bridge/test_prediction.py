@@ -10,11 +10,16 @@ from iptm_core.road_ahead import SpeedLimits
 from iptm_core.routes import build_route
 from iptm_core.state import FloatArray
 from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile, ReceivedPath, monotone_spline
-from iptm_v2x_bridge.prediction.predictor import History, LeaderTrack, Predictor, PredictorName
+from iptm_v2x_bridge.prediction.predictor import (
+    History,
+    LeaderTrack,
+    Observation,
+    Predictor,
+    PredictorName,
+)
 from iptm_v2x_bridge.prediction.regression import Regression, RegressionModel
 from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules
 from iptm_v2x_bridge.settings import path_times_s
-from iptm_v2x_bridge.stations.station import Observation
 
 AHEAD = np.arange(0.0, 61.0)
 

@@ -23,7 +23,7 @@ from iptm_v2x_bridge.captures import (
 from iptm_v2x_bridge.datagrams import EndOfTick
 from iptm_v2x_bridge.messages.packets import its_timestamp_ms
 from iptm_v2x_bridge.rejections import Rejection
-from iptm_v2x_bridge.sending.sender import CamSender
+from iptm_v2x_bridge.sender import CamSender
 from iptm_v2x_bridge.settings import Framing, SenderSettings
 
 NS = 10**9

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from iptm_core.errors import RouteError
 from iptm_core.routes import build_route
 from iptm_core.routes.cycles import LeaderMotion, load_cycle
-from iptm_v2x_bridge.prediction.predictor import History, LeaderTrack
+from iptm_v2x_bridge.prediction.predictor import History, LeaderTrack, Observation
 from iptm_v2x_bridge.prediction.regression import (
     FEATURES,
     NEAR_S,
@@ -23,7 +23,6 @@ from iptm_v2x_bridge.prediction.regression import (
     RegressionModel,
     regression_features,
 )
-from iptm_v2x_bridge.stations.station import Observation
 
 SHIPPED = RegressionModel.load()
 BY_HAND = RegressionModel(

@@ -31,12 +31,11 @@ from iptm_v2x_bridge.messages.spatem import (
     resolve_second_s,
     second_of_hour,
 )
-from iptm_v2x_bridge.prediction.predictor import History, LeaderTrack, PredictorName
+from iptm_v2x_bridge.prediction.predictor import History, LeaderTrack, Observation, PredictorName
 from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules, Signal
 from iptm_v2x_bridge.rejections import Rejection
 from iptm_v2x_bridge.roadside.interpretation import stop_lines
 from iptm_v2x_bridge.roadside.table import PHASES_KNOWN_MS, RoadsideTable
-from iptm_v2x_bridge.stations.station import Observation
 
 NOW_MS = its_timestamp_ms(1_790_000_000 * 10**9)
 NOW_S = NOW_MS / 1000.0

@@ -18,7 +18,7 @@ from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.messages.cam import CamMessage, decode_cam, decode_fields, encode_cam
 from iptm_v2x_bridge.messages.packets import MessageKind, OpenedDatagram, open_datagram
 from iptm_v2x_bridge.messages.ros_cam import bits_of, message_type
-from iptm_v2x_bridge.node_datagrams import open_source
+from iptm_v2x_bridge.node_leader_answers import open_source
 from iptm_v2x_bridge.rejections import Rejection
 from iptm_v2x_bridge.settings import CamSettings
 

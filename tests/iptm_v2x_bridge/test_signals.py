@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 from iptm_core.errors import RouteError
 from iptm_core.road_ahead import SpeedLimits
 from iptm_core.state import FloatArray, LeaderPreview
-from iptm_v2x_bridge.prediction.predictor import History, LeaderTrack, PredictorName
+from iptm_v2x_bridge.prediction.predictor import History, LeaderTrack, Observation, PredictorName
 from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules, Signal
-from iptm_v2x_bridge.stations.station import Observation
 
 TIMES: FloatArray = np.arange(0.0, 61.0)
 FREE = SpeedLimits(np.array([0.0]), np.array([50.0]))

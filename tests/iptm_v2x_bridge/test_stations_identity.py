@@ -15,7 +15,7 @@ from iptm_v2x_bridge.bridge import BridgeAnswer
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.messages.cam import CamMessage
 from iptm_v2x_bridge.rejections import Rejection
-from iptm_v2x_bridge.sending.sender import CamSender
+from iptm_v2x_bridge.sender import CamSender
 from iptm_v2x_bridge.settings import Foresight, Framing, SenderSettings
 from iptm_v2x_bridge.stations.table import STATION_TIMEOUT_MS, StationTable
 

@@ -11,7 +11,7 @@ from tests.iptm_v2x_bridge.radio import ROAD, station
 from iptm_core.routes.road_line import RoadLine
 from iptm_v2x_bridge.messages.packets import its_timestamp_ms, resolve_delta_ms
 from iptm_v2x_bridge.rejections import Rejection
-from iptm_v2x_bridge.sending.sender import car_on_road
+from iptm_v2x_bridge.sender import car_on_road
 from iptm_v2x_bridge.stations.table import MAX_CONFIRMED, MAX_NEWCOMERS, StationTable
 
 NOW_MS = 700_000_000_000

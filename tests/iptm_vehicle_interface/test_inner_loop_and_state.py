@@ -7,7 +7,7 @@ import pytest
 
 from iptm_core.parameters import load_parameters
 from iptm_core.physics.cell import capacity_loss_rate_1_s
-from iptm_core.physics.electrical import cell_current_a
+from iptm_core.physics.powertrain import cell_current_a
 from iptm_core.state import Command, LeaderState
 from iptm_vehicle_interface.driving import KEPT_CHANGES, DriveLog, LateSteps
 from iptm_vehicle_interface.engagement import Engagement

@@ -24,7 +24,7 @@ from iptm_ros.codecs import (
     encode_leader_preview,
     encode_plan,
 )
-from iptm_ros.codecs.time import time_from_s
+from iptm_ros.codecs.cdr import time_from_s
 from iptm_ros.diagnostics import TRIP_TIME, Level
 from iptm_ros.recording.bag_reader import BagReader, read_model_parameters
 from iptm_ros.recording.trajectory_reader import read_decisions

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from iptm.faults.cut_ins import BY_HEADWAY, BY_ROOM, CutInLaw, mean_share
+from iptm.faults.events import BY_HEADWAY, BY_ROOM, CutInLaw, mean_share
 from iptm.faults.fault import Fault
 from iptm.faults.kinds import FaultKind
 from iptm.faults.signals import Traffic

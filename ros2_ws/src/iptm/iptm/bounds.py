@@ -13,8 +13,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from iptm_core.braking import SafetyMonitorSettings
 from iptm_core.metrics.constraints import GAP_TOLERANCE_M, gap_margins_m
-from iptm_core.monitor_settings import SafetyMonitorSettings
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.car_following import minimum_gap_m
 from iptm_core.physics.chiller import largest_useful_power_w

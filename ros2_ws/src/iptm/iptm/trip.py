@@ -15,7 +15,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
-from iptm.climate import air_overrides
 from iptm.faults.fault import check_empty_road
 from iptm.own_parts import flat_settings
 from iptm.trip_settings import (
@@ -39,8 +38,7 @@ from iptm_controller.strategy import COST_TERMS
 from iptm_core.declaration import Scalar, parameter_specs, plain
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters import ModelParameters, ParameterSet, load_parameters
-from iptm_core.parameters.loading import parse_overrides
-from iptm_core.parameters.notes import belonging_notes
+from iptm_core.parameters.loading import belonging_notes, parse_overrides
 from iptm_core.physics.thermal_loop import refuse_freezing_coolant
 from iptm_core.road_ahead import RoadAheadSettings
 from iptm_core.routes import Route, build_route
@@ -125,6 +123,8 @@ class Trip:
         trip = replace(self, **changed, **own)
         if climate is None:
             return trip
+        from iptm.climate import air_overrides  # noqa: PLC0415  few trips state one
+
         before = parse_overrides(trip.vehicle.overrides)
         given = parse_overrides(overrides_text(flat.get("overrides") or {}))
         air = air_overrides(climate, trip.vehicle.parameter_set)

@@ -10,9 +10,9 @@ from typing import Any
 from iptm.faults.fault import Fault, in_order
 from iptm_controller.horizon import Horizon
 from iptm_controller.settings import ControllerSettings
+from iptm_core.braking import RangeSensorSettings
 from iptm_core.declaration import ParameterSpec, Settings, declared, parameter, parameter_specs
 from iptm_core.errors import ParameterError
-from iptm_core.monitor_settings import RangeSensorSettings
 from iptm_core.parameters.loading import parse_overrides
 from iptm_core.road_ahead import LeaderSourceSettings, RoadAheadSettings, RoadRuleSettings
 from iptm_core.settings import (

@@ -12,7 +12,7 @@ from typing import Any
 from iptm_core.errors import ParameterError
 from iptm_core.parameters import DEFAULT_SET, field_specs, load_parameters
 from iptm_core.parameters.catalogue import FITTED_CAR, cells, pack_entries
-from iptm_core.parameters.notes import belonging_notes
+from iptm_core.parameters.loading import belonging_notes
 from iptm_core.user_input import check_known, shown
 
 _LAYOUT = re.compile(r"(\d{1,3})s(\d{1,3})p")

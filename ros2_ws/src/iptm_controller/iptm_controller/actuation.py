@@ -18,9 +18,9 @@ from iptm_controller.measurements import slope_at_rad
 from iptm_controller.ocp.data import UNBOUNDED_W
 from iptm_core.frozen import light, replace
 from iptm_core.parameters.model import LimitParameters, ModelParameters
-from iptm_core.physics.electrical import battery_power_w
 from iptm_core.physics.pack_limits import UNLIMITED, PowerLimits, largest_within, power_limits
 from iptm_core.physics.power_thermal import CellPair, electric_traction_power_w
+from iptm_core.physics.powertrain import battery_power_w
 from iptm_core.state import Command, FloatArray, SlopePreview, VehicleState
 
 LONGEST_DELAY_S = 2.0

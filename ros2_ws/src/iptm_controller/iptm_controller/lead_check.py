@@ -17,15 +17,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from iptm_core.frozen import light, replace
-from iptm_core.lead_track import LeadTrack, Sample, followed
-from iptm_core.monitor_settings import SafetyMonitorSettings, SensorAccuracySettings
-from iptm_core.parameters.model import GapParameters, LimitParameters
-from iptm_core.road_friction import (
+from iptm_core.braking import (
     RoadFrictionSettings,
+    SafetyMonitorSettings,
+    SensorAccuracySettings,
     braking_capability,
     further_gap_m,
 )
+from iptm_core.frozen import light, replace
+from iptm_core.lead_track import LeadTrack, Sample, followed
+from iptm_core.parameters.model import GapParameters, LimitParameters
 from iptm_core.state import SPEED_AT_REST_M_S, FloatArray, LeaderPreview, LeaderState, VehicleState
 
 FRESH_S = 1.5

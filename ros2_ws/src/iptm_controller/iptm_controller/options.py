@@ -12,10 +12,9 @@ from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.strategy import DEFAULT_STRATEGY, STRATEGIES, Strategy
 from iptm_core.aging_laws.law import AgingLaw
 from iptm_core.aging_laws.parking import AgingSettings
+from iptm_core.braking import RoadFrictionSettings, SensorAccuracySettings
 from iptm_core.charging_stop import ChargingStopSettings
 from iptm_core.errors import ParameterError
-from iptm_core.monitor_settings import SensorAccuracySettings
-from iptm_core.road_friction import RoadFrictionSettings
 
 
 @dataclass(frozen=True)

@@ -37,17 +37,17 @@ from iptm_core.physics.cell import (
     cell_temperature_rate_k_s,
     heat_from_air_w,
 )
-from iptm_core.physics.electrical import (
-    cell_current_a,
-    extended_pack_current_a,
-    pack_resistance_ohm,
-)
 from iptm_core.physics.ops import BufferedFunction, Scalar, named_function, where
 from iptm_core.physics.power_thermal import (
     CellPair,
     Smoothing,
     electric_traction_power_w,
     rates_at_traction_power,
+)
+from iptm_core.physics.powertrain import (
+    cell_current_a,
+    extended_pack_current_a,
+    pack_resistance_ohm,
 )
 from iptm_core.physics.thermal_loop import cooling_supply, reduce_channel
 from iptm_core.state import FloatArray, LeaderPreview, VehicleState

@@ -20,11 +20,10 @@ from iptm_controller.strategy import (
     strategy_by_name,
 )
 from iptm_core.aging_laws.parking import AgingSettings
+from iptm_core.braking import RoadFrictionSettings, SensorAccuracySettings
 from iptm_core.charging_stop import ChargingStopSettings
 from iptm_core.declaration import Settings, parameter
 from iptm_core.metrics.constraints import Concern
-from iptm_core.monitor_settings import SensorAccuracySettings
-from iptm_core.road_friction import RoadFrictionSettings
 
 _SOLVER = SolverOptions()
 FROM_STRATEGY = -1.0

@@ -18,7 +18,7 @@ from iptm_core.declaration import Settings, parameter
 from iptm_core.errors import ParameterError
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import at_charge, cell_heat_w, cell_resistance_ohm, heat_from_air_w
-from iptm_core.physics.electrical import pack_current_a, pack_resistance_ohm
+from iptm_core.physics.powertrain import pack_current_a, pack_resistance_ohm
 from iptm_core.state import FloatArray
 from iptm_core.units import CELSIUS_ZERO_K, SECONDS_PER_HOUR
 

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from iptm_core.braking import SafetyMonitorSettings
 from iptm_core.declaration import Settings, TextEnum, parameter
 from iptm_core.errors import ParameterError
-from iptm_core.monitor_settings import SafetyMonitorSettings
 from iptm_core.parameters import DEFAULT_SET, ParameterSet, load_parameters
 from iptm_core.parameters.loading import parse_overrides
 from iptm_core.routes import SLOPE_CHOICES, Route, build_route

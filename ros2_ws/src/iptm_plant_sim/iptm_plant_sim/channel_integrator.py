@@ -24,14 +24,14 @@ from iptm_core.physics.cell import (
     heat_from_air_w,
 )
 from iptm_core.physics.chiller import chiller_line
-from iptm_core.physics.electrical import (
+from iptm_core.physics.ops import BufferedFunction, Scalar, maximum, named_function
+from iptm_core.physics.power_thermal import electric_traction_power_w
+from iptm_core.physics.powertrain import (
     battery_power_w,
     cell_current_a,
     pack_current_a,
     pack_resistance_ohm,
 )
-from iptm_core.physics.ops import BufferedFunction, Scalar, maximum, named_function
-from iptm_core.physics.power_thermal import electric_traction_power_w
 from iptm_core.physics.thermal_loop import (
     CoolantLoop,
     FullChannel,

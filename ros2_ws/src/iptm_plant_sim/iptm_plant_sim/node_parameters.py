@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from iptm_core.braking import SafetyMonitorSettings
 from iptm_core.declaration import Scalar, declared, parameter, parameter_specs, plain
 from iptm_core.errors import StateError
-from iptm_core.monitor_settings import SafetyMonitorSettings
 from iptm_core.road_ahead import LeaderSourceSettings
 from iptm_core.routes.cycles import LeaderMotion
 from iptm_core.saved_state import SavedState, from_plain, read_state, to_plain

@@ -14,8 +14,7 @@ from iptm_core.state import Command, CommandSource
 from iptm_plant_sim.node_neighbours import Neighbours, NodeRangeSensor, PlayedRangeSensor
 from iptm_plant_sim.node_parameters import WAIT, PlantNodeParameters
 from iptm_plant_sim.plant_step import battery_reading
-from iptm_plant_sim.schedule import Schedule, TimeBetweenTicks
-from iptm_plant_sim.trip import CommandHold, TripPhase
+from iptm_plant_sim.trip import CommandHold, Schedule, TimeBetweenTicks, TripPhase
 from iptm_ros.codecs import (
     battery_bytes,
     decode_command,

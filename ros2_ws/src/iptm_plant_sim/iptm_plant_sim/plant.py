@@ -8,15 +8,15 @@ from dataclasses import fields
 
 import numpy as np
 
-from iptm_core.errors import PackEmptyError, StateError
-from iptm_core.frozen import replace
-from iptm_core.monitor_settings import SafetyMonitorSettings
-from iptm_core.parameters.model import ModelParameters
-from iptm_core.road_friction import (
+from iptm_core.braking import (
     GRAVITY_M_S2,
     LEAST_DECELERATION_M_S2,
+    SafetyMonitorSettings,
     tyre_deceleration_m_s2,
 )
+from iptm_core.errors import PackEmptyError, StateError
+from iptm_core.frozen import replace
+from iptm_core.parameters.model import ModelParameters
 from iptm_core.settings import IntegrationSettings, ThermalModel
 from iptm_core.state import (
     ChannelCells,
@@ -28,8 +28,7 @@ from iptm_core.state import (
     VehicleState,
 )
 from iptm_plant_sim.actuators import ActuatorReport, Clamp, Motion, limit_command, plan_motion
-from iptm_plant_sim.integrator import IntervalResult
-from iptm_plant_sim.pack_integration import PackIntegration
+from iptm_plant_sim.integrator import IntervalResult, PackIntegration
 from iptm_plant_sim.plant_step import PlantStep
 from iptm_plant_sim.safety_monitor import MonitorMemory, SafetyMonitor
 from iptm_plant_sim.service_braking import MonitoredInterval, RangeSensor, ServiceBrakes

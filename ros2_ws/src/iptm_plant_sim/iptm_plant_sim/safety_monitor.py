@@ -16,11 +16,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from iptm_core.braking import (
+    RELIED_SHARE,
+    SLIPPERY_LEAD_SHARE,
+    BrakingCapability,
+    SafetyMonitorSettings,
+    braking_capability,
+)
 from iptm_core.frozen import light, replace
 from iptm_core.lead_track import LeadTrack
-from iptm_core.monitor_settings import SLIPPERY_LEAD_SHARE, SafetyMonitorSettings
 from iptm_core.parameters.model import BrakeParameters
-from iptm_core.road_friction import RELIED_SHARE, BrakingCapability, braking_capability
 from iptm_core.state import LeaderState
 
 SHARE_TIME_CONSTANT_S = 0.3

@@ -17,7 +17,7 @@ from enum import Enum
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from iptm_ros.codecs.time import s_from_ns
+from iptm_ros.codecs.cdr import s_from_ns
 from iptm_ros.node_health import NodeHealth
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import Topic

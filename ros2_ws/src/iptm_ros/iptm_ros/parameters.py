@@ -19,9 +19,9 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 from std_msgs.msg import Float64
 
+from iptm_core.braking import MOST_FRICTION
 from iptm_core.declaration import ParameterSpec, Value, checked_value, parameter_specs, plain
 from iptm_core.errors import MessageError, ParameterError
-from iptm_core.road_friction import MOST_FRICTION
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import Topic
 

@@ -17,7 +17,7 @@ from typing import Any, Generic, TypeVar
 
 from iptm_core.errors import ParameterError
 from iptm_core.state import NS_PER_S
-from iptm_ros.codecs.time import is_stamp
+from iptm_ros.codecs.cdr import is_stamp
 
 LEAST_REACH_NS = 10 * NS_PER_S
 """Smallest limit on the trip time between two ticks."""

@@ -18,7 +18,7 @@ from iptm_traffic.roadside import RoadsideStations
 from iptm_traffic.simulation import Neighbours, TrafficSimulation
 from iptm_v2x_bridge.messages.cam import ASSUMED_WIDTH_M, CamMessage, PredictedPath
 from iptm_v2x_bridge.messages.packets import delta_time_ms
-from iptm_v2x_bridge.sending.sender import (
+from iptm_v2x_bridge.sender import (
     HIGHEST_ACCELERATION_M_S2,
     POSITION_BOUND_M,
     packet_of,

@@ -31,10 +31,9 @@ from iptm_v2x_bridge.prediction.predictor import (
     Predictor,
     PredictorName,
     joined_motion,
-    leader_track,
 )
 from iptm_v2x_bridge.rejections import Rejection, RejectionCounts
-from iptm_v2x_bridge.stations.station import Station
+from iptm_v2x_bridge.stations.station import Station, leader_track
 from iptm_v2x_bridge.stations.table import LeaderSelector, StationTable
 
 if TYPE_CHECKING:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from iptm_core.braking import RangeSensorSettings
 from iptm_core.declaration import TextEnum, declared, parameter
-from iptm_core.monitor_settings import RangeSensorSettings
 from iptm_core.road_ahead import RoadAheadSettings
 from iptm_core.settings import (
     FrameSettings,

@@ -35,8 +35,7 @@ from iptm_v2x_bridge.datagrams import (
 from iptm_v2x_bridge.messages.cam import specification
 from iptm_v2x_bridge.messages.packets import its_timestamp_ms
 from iptm_v2x_bridge.node_parameters import SenderNodeParameters, SentDrive
-from iptm_v2x_bridge.sending.plan_sender import EgoTick, PlanSender
-from iptm_v2x_bridge.sending.sender import LONG_BEFORE_NS, CamSender
+from iptm_v2x_bridge.sender import LONG_BEFORE_NS, CamSender, EgoTick, PlanSender
 
 WALL_PERIOD_S = 0.01
 

@@ -11,7 +11,7 @@ import math
 
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import capacity_loss_rate_1_s, pack_capacity_ah
-from iptm_core.physics.electrical import cell_current_a
+from iptm_core.physics.powertrain import cell_current_a
 from iptm_core.state import (
     BatteryReading,
     IntervalPowers,

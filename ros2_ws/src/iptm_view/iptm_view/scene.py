@@ -18,7 +18,7 @@ from iptm_core.routes.route import RoadCourse, RoadPoses
 from iptm_core.settings import VEHICLE_LENGTH_M
 from iptm_core.state import NS_PER_S, FloatArray, LeaderState
 from iptm_core.units import KM_H_PER_M_S
-from iptm_ros.codecs.time import time_from_ns, time_from_s
+from iptm_ros.codecs.cdr import time_from_ns, time_from_s
 from iptm_ros.topics import MAP_FRAME
 from iptm_view.vehicle_description import CLEARANCE_M, body_size_m
 

@@ -18,7 +18,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from iptm_core.routes.route import RoadCourse
 from iptm_core.state import FloatArray
-from iptm_ros.codecs.time import time_from_ns
+from iptm_ros.codecs.cdr import time_from_ns
 from iptm_ros.topics import (
     EGO_FRAME,
     LEADER_FRAME,

@@ -44,7 +44,7 @@ from iptm_core.state import (
     SlopePreview,
     VehicleState,
 )
-from iptm_plant_sim.pack_integration import PackIntegration
+from iptm_plant_sim.integrator import PackIntegration
 from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_step import PlantStep
 

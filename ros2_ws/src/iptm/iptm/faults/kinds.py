@@ -9,7 +9,7 @@ from enum import Enum
 from functools import partial
 from typing import TYPE_CHECKING
 
-from iptm.faults import cut_ins, effects, events
+from iptm.faults import effects, events
 from iptm_core.declaration import TextEnum
 
 if TYPE_CHECKING:
@@ -98,10 +98,10 @@ class FaultKind(TextEnum):
     LEADER_CUT_INS_BY_ROOM = "leader_cut_ins_by_room", KindSpec(
         FaultPlace.TRAFFIC, "cars cut in at random and leave again, the more often the more room the ego "
         "leaves; the size is the mean rate per 100 km in other traffic", 12.4, "1", 0.1, 1000.0,
-        event=partial(cut_ins.CutIns, law=cut_ins.BY_ROOM))
+        event=partial(events.CutIns, law=events.BY_ROOM))
     LEADER_CUT_INS_BY_HEADWAY = "leader_cut_ins_by_headway", KindSpec(
         FaultPlace.TRAFFIC, "the same, the more often the more drivers accept the time gap that is left", 7.2,
-        "1", 0.1, 1000.0, event=partial(cut_ins.CutIns, law=cut_ins.BY_HEADWAY))
+        "1", 0.1, 1000.0, event=partial(events.CutIns, law=events.BY_HEADWAY))
     COMMAND_DELAYED = "command_delayed", KindSpec(
         FaultPlace.VEHICLE, "the vehicle carries out the command of the size earlier", 1.0, "ticks", 1.0,
         20.0, whole=True)

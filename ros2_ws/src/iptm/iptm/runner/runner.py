@@ -14,8 +14,6 @@ import yaml
 from rich.console import Console
 from rich.text import Text
 
-from iptm.runner.companion import Companion, draw, prepare
-from iptm.runner.companion import drive as reference
 from iptm.runner.composition import (
     RECORDER,
     common_command,
@@ -27,6 +25,8 @@ from iptm.runner.composition import (
     trip_members,
 )
 from iptm.runner.drive import Drive, DriveOutcome, DriveResult
+from iptm.runner.fork import Companion, draw, prepare
+from iptm.runner.fork import drive as reference
 from iptm.runner.process_faults import ProcessFaults, unclean_ends
 from iptm.runner.progress import Progress, make_progress
 from iptm.runner.run_folder import RunFolder
@@ -37,7 +37,6 @@ from iptm.runner.supervisor import (
     environment_of_run,
     process_environment,
 )
-from iptm.runner.viewer import live_view
 from iptm.trip import NO_COMPARISON, Trip
 from iptm.trip_files import trip_text
 from iptm.trip_settings import NODES
@@ -104,6 +103,8 @@ def run(trip: Trip, options: RunOptions, console: Console) -> int:
         console.print(_introduction(trip, domain.number), soft_wrap=True)
         stay_open = None
         if options.view:
+            from iptm.runner.viewer import live_view  # noqa: PLC0415  few runs are watched
+
             bags = {trip.conditions.namespace: folder.output if options.record else None}
             view = live_view(trip, domain.number, folder.logs, bags, console, options.against)
             stay_open = stack.enter_context(view)

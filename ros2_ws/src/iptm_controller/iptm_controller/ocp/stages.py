@@ -59,8 +59,8 @@ from iptm_core.physics.power_thermal import (
     power_thermal_rates,
     rates_at_traction_power,
 )
+from iptm_core.physics.powertrain import advance_position_m, advance_speed_m_s
 from iptm_core.physics.thermal_loop import reduce_channel
-from iptm_core.physics.traction import advance_position_m, advance_speed_m_s
 
 LONGEST_STEP_WITHOUT_SAMPLED_GAP_S = 2.5
 GAP_SMOOTHING_M = 0.3

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from iptm_core.monitor_settings import SLIPPERY_LEAD_SHARE, SafetyMonitorSettings
+from iptm_core.braking import SLIPPERY_LEAD_SHARE, SafetyMonitorSettings
 from iptm_core.parameters.model import BrakeParameters, GapParameters, LimitParameters
 from iptm_core.physics.ops import Scalar, maximum, minimum
 from iptm_core.state import Command, VehicleState

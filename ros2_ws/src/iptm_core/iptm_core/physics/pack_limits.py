@@ -15,13 +15,13 @@ from dataclasses import dataclass
 
 from iptm_core.parameters.model import ModelParameters, PackLimitParameters
 from iptm_core.physics.cell import ChargeTable, at_charge, cell_resistance_ohm, pack_capacity_ah
-from iptm_core.physics.electrical import (
+from iptm_core.physics.power_thermal import CellPair
+from iptm_core.physics.powertrain import (
     effective_source_voltage_v,
     largest_power_w,
     pack_resistance_ohm,
     terminal_power_w,
 )
-from iptm_core.physics.power_thermal import CellPair
 from iptm_core.physics.thermal_loop import thermal_actuation
 from iptm_core.units import CELSIUS_ZERO_K, SECONDS_PER_HOUR
 

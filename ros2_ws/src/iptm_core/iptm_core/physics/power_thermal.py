@@ -17,28 +17,26 @@ from iptm_core.physics.cell import (
     heat_from_air_w,
 )
 from iptm_core.physics.chiller import chiller_line
-from iptm_core.physics.electrical import (
+from iptm_core.physics.ops import Scalar, excess
+from iptm_core.physics.powertrain import (
     battery_power_w,
+    brake_release,
     cell_current_a,
+    drag_loss_w,
     extended_pack_current_a,
+    motor_speed_rad_s,
+    motor_torque_nm,
     pack_current_a,
     pack_resistance_ohm,
+    regenerative_torque_nm,
+    traction_force_n,
+    traction_power_w,
 )
-from iptm_core.physics.ops import Scalar, excess
 from iptm_core.physics.thermal_loop import (
     Channel,
     CoolantLoop,
     solve_coolant_loop,
     thermal_actuation,
-)
-from iptm_core.physics.traction import (
-    brake_release,
-    drag_loss_w,
-    motor_speed_rad_s,
-    motor_torque_nm,
-    regenerative_torque_nm,
-    traction_force_n,
-    traction_power_w,
 )
 
 

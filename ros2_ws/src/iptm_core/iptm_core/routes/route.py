@@ -20,14 +20,16 @@ from iptm_core.routes.comprehensive import (
 )
 from iptm_core.routes.cycles import (
     CYCLE_NAMES,
+    NOTED_NOISE_M_S,
     DrivingCycle,
     LeaderMotion,
     load_cycle,
     smooth_cycle,
+    smoothed,
+    speed_noise_m_s,
 )
 from iptm_core.routes.road_line import RoadLine, east_north_m
 from iptm_core.routes.slope import PEAK_GRADES, SlopeProfile
-from iptm_core.routes.smoothing import NOTED_NOISE_M_S, smoothed, speed_noise_m_s
 from iptm_core.state import FloatArray, SlopePreview
 from iptm_core.user_input import is_path, nearest
 

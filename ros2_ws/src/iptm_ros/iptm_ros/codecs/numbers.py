@@ -22,8 +22,16 @@ from operator import attrgetter
 from typing import Any, Generic, ParamSpec, final
 
 from iptm_core.state import NS_PER_S, SPEED_AT_REST_M_S
-from iptm_ros.codecs.cdr import ENCAPSULATION, FRAME_AT, aligned, put_stamp, reject, serialized
-from iptm_ros.codecs.time import ns_from_time, time_from_ns
+from iptm_ros.codecs.cdr import (
+    ENCAPSULATION,
+    FRAME_AT,
+    aligned,
+    ns_from_time,
+    put_stamp,
+    reject,
+    serialized,
+    time_from_ns,
+)
 from iptm_ros.message_types import AccelStamped, Header, JointState, Odometry, Temperature
 from iptm_ros.topics import TOPICS, Topic, frame_in
 
@@ -310,11 +318,10 @@ def _named_values(topic: Topic) -> NumberMessage:
 
 def _motion(topic: Topic) -> NumberMessage:
     frame, _, body = TOPICS[topic].frame.partition(" -> ")
-    at_rest = f"at least {SPEED_AT_REST_M_S:g} m/s"
     return NumberMessage(
         lambda: Odometry(header=Header(frame_id=frame), child_frame_id=body),
         Number("position", "pose.pose.position.x"),
-        Number("speed", "twist.twist.linear.x", SPEED_AT_REST_M_S, allowed=at_rest),
+        Number("speed", "twist.twist.linear.x", *_RANGES["speed_m_s"]),
     )
 
 

@@ -23,11 +23,12 @@ from iptm_ros.codecs.cdr import (
     Stamped,
     Writer,
     aligned,
+    ns_from_time,
     put_stamp,
     reject,
     stamp_ns_of,
+    time_from_ns,
 )
-from iptm_ros.codecs.time import ns_from_time, time_from_ns
 from iptm_ros.message_types import PointCloud2, PointField
 from iptm_ros.topics import ROAD_FRAME, TOPICS, Topic, frame_in
 

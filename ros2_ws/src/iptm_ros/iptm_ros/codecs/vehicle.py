@@ -1,11 +1,13 @@
-"""Messages between vehicle and controller: state, leader, tracks, datagrams, command and solve record."""
+"""Messages between vehicle and controller: state, leader, tracks, datagrams, command, record, battery."""
 
 from __future__ import annotations
 
 import math
+import struct
 from array import array
 from collections.abc import Sequence
 from enum import IntEnum
+from functools import lru_cache
 from typing import TypeVar
 
 import numpy as np
@@ -13,6 +15,7 @@ import numpy as np
 from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
 from iptm_core.lead_track import RangeTrack
 from iptm_core.state import (
+    BatteryReading,
     Command,
     IntervalPowers,
     LeaderState,
@@ -21,7 +24,18 @@ from iptm_core.state import (
     VehicleState,
 )
 from iptm_core.units import CELSIUS_ZERO_K
-from iptm_ros.codecs.cdr import reject
+from iptm_ros.codecs.cdr import (
+    FRAME_AT,
+    aligned,
+    ns_from_s,
+    ns_from_time,
+    put_stamp,
+    reject,
+    s_from_ns,
+    serialized,
+    time_from_ns,
+    time_from_s,
+)
 from iptm_ros.codecs.numbers import (
     LAYOUTS,
     Numbers,
@@ -30,8 +44,8 @@ from iptm_ros.codecs.numbers import (
     read_numbers,
     stamp_of,
 )
-from iptm_ros.codecs.time import ns_from_s, ns_from_time, s_from_ns, time_from_ns
 from iptm_ros.message_types import (
+    BatteryState,
     JointState,
     MultiArrayDimension,
     MultiArrayLayout,
@@ -40,7 +54,7 @@ from iptm_ros.message_types import (
     PointField,
     UInt8MultiArray,
 )
-from iptm_ros.topics import EGO_FRAME, TOPICS, Topic
+from iptm_ros.topics import EGO_FRAME, PACK_FRAME, TOPICS, Topic, frame_in
 
 
 @encoder(Topic.LEADER)
@@ -256,3 +270,76 @@ def _enumerated(kind: type[E], name: str, value: float) -> E:
             return entry
     allowed = ", ".join(f"{entry.value} ({entry.name.lower()})" for entry in kind)
     return reject(Topic.SOLVE, f"{name} is {value:g}; allowed: {allowed}")
+
+
+_FLOATS, _COUNT_BYTES = struct.Struct("<7f"), 4
+
+
+def encode_battery(reading: BatteryReading) -> BatteryState:
+    """Return the pack's terminal values, the current with the sign of ROS."""
+    current_a = -float(reading.pack_current_a)
+    temperatures_c = [float(t) - CELSIUS_ZERO_K for t in reading.cell_temperatures_k]
+    message = BatteryState(
+        voltage=float(reading.pack_voltage_v),
+        current=current_a,
+        temperature=sum(temperatures_c) / len(temperatures_c),
+        charge=float(reading.charge_ah),
+        capacity=float(reading.capacity_ah),
+        design_capacity=float(reading.design_capacity_ah),
+        percentage=float(reading.charge_ah / reading.capacity_ah),
+        power_supply_status=_supply_status(current_a),
+        power_supply_health=BatteryState.POWER_SUPPLY_HEALTH_GOOD,
+        power_supply_technology=BatteryState.POWER_SUPPLY_TECHNOLOGY_LION,
+        present=True,
+        cell_voltage=[float(v) for v in reading.cell_voltages_v],
+        cell_temperature=temperatures_c,
+        location=PACK_FRAME,
+    )
+    message.header.stamp = time_from_s(reading.time_s)
+    message.header.frame_id = PACK_FRAME
+    return message
+
+
+def _supply_status(ros_current_a: float) -> int:
+    if ros_current_a < 0.0:
+        return int(BatteryState.POWER_SUPPLY_STATUS_DISCHARGING)
+    if ros_current_a > 0.0:
+        return int(BatteryState.POWER_SUPPLY_STATUS_CHARGING)
+    return int(BatteryState.POWER_SUPPLY_STATUS_NOT_CHARGING)
+
+
+def battery_bytes(reading: BatteryReading, prefix: str) -> bytes:
+    """Return the bytes of `encode_battery`, its frame with the prefix of a vehicle."""
+    current_a = -float(reading.pack_current_a)
+    temperatures_c = [float(t) - CELSIUS_ZERO_K for t in reading.cell_temperatures_k]
+    count = len(temperatures_c)
+    frame = frame_in(prefix, PACK_FRAME)
+    data = bytearray(_form(frame, count, len(reading.cell_voltages_v)))
+    put_stamp(data, ns_from_s(reading.time_s))
+    at = aligned(FRAME_AT + len(frame) + 1, 4)
+    _FLOATS.pack_into(
+        data,
+        at,
+        reading.pack_voltage_v,
+        sum(temperatures_c) / count,
+        current_a,
+        reading.charge_ah,
+        reading.capacity_ah,
+        reading.design_capacity_ah,
+        reading.charge_ah / reading.capacity_ah,
+    )
+    data[at + _FLOATS.size] = _supply_status(current_a)
+    at += _FLOATS.size + 4  # status, health, technology and presence, a byte each
+    for values in (reading.cell_voltages_v, temperatures_c):
+        at += _COUNT_BYTES
+        struct.pack_into(f"<{len(values)}f", data, at, *values)
+        at += 4 * len(values)
+    return bytes(data)
+
+
+@lru_cache(maxsize=16)
+def _form(frame: str, temperatures: int, voltages: int) -> bytes:
+    cells = (0.0,) * voltages, (0.0,) * temperatures
+    message = encode_battery(BatteryReading(0.0, 0.0, 0.0, *cells, 0.0, 1.0, 1.0))
+    message.header.frame_id = frame
+    return serialized(message)

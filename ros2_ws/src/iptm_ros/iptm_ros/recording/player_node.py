@@ -17,7 +17,7 @@ from rosgraph_msgs.msg import Clock
 
 from iptm_core.errors import BagError
 from iptm_core.program import EXIT_USER_ERROR
-from iptm_ros.codecs.time import time_from_ns
+from iptm_ros.codecs.cdr import time_from_ns
 from iptm_ros.process import EXIT_DEFECT
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.playback import LEAST_RATE, MOST_RATE, Playback, PlaybackOptions

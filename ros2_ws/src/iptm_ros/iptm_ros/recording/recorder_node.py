@@ -22,11 +22,10 @@ from iptm_ros.codecs import s_from_ns
 from iptm_ros.diagnostics import DiagnosticsReporter, Level
 from iptm_ros.recording.bag_writer import BagWriter
 from iptm_ros.recording.mcap_file import FileLimits
-from iptm_ros.recording.node_parameters import ParameterCollector, with_model
 from iptm_ros.recording.recorded_topics import QosOverrides, TopicSelection
 from iptm_ros.recording.run_information import LOST_KEY, PAUSES_KEY, RunInformation
 from iptm_ros.recording.session import RecordingSession
-from iptm_ros.recording.subscriptions import TopicSubscriber
+from iptm_ros.recording.subscriptions import ParameterCollector, TopicSubscriber, with_model
 from iptm_ros.recording.timeline import CLOCK_TYPE, Timeline, TimeSource, with_clock
 from iptm_ros.services import Service
 from iptm_ros.suite_node import SuiteNode

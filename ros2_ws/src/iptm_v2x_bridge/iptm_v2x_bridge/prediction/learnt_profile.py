@@ -9,13 +9,13 @@ import numpy as np
 from iptm_core.errors import RouteError
 from iptm_core.state import FloatArray, LeaderPreview
 from iptm_v2x_bridge.prediction.predictor import (
+    CREEP_M_S,
     DECAY_S,
     ErrorGrowth,
     LeaderTrack,
     PredictorName,
     present_acceleration_m_s2,
 )
-from iptm_v2x_bridge.stations.station import CREEP_M_S
 
 SPACING_M = 5.0
 """Grid of the profile along the road."""

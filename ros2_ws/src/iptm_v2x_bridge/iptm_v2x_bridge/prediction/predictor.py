@@ -6,16 +6,14 @@ Its acceleration dies away, or it brakes.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from iptm_core.declaration import TextEnum
-from iptm_core.routes.road_line import NEAR_M, RoadLine
+from iptm_core.settings import VEHICLE_LENGTH_M
 from iptm_core.state import FloatArray, LeaderPreview
-from iptm_v2x_bridge.messages.cam import ASSUMED_LENGTH_M
-from iptm_v2x_bridge.stations.station import Observation, Station
 
 
 class PredictorName(TextEnum):
@@ -28,6 +26,33 @@ class PredictorName(TextEnum):
     REGRESSION = "regression"
     HISTORY = "history"
     ASSUMED_BRAKING = "assumed_braking"
+
+
+CREEP_M_S = 0.5
+"""Speed below which a vehicle is taken to stand."""
+
+
+@dataclass(frozen=True)
+class Observation:
+    """A vehicle at the generation of one message.
+
+    Attributes:
+        time_s: time of generation, s of TimestampIts.
+        position_m: rear end along the road.
+        speed_m_s: speed along the road.
+        acceleration_m_s2: acceleration, None if not sent.
+        bound_m: 95 % bound of the position as its sender states it, 0 if it does not.
+    """
+
+    time_s: float
+    position_m: float
+    speed_m_s: float
+    acceleration_m_s2: float | None
+    bound_m: float = 0.0
+
+    def moved_on_m(self, time_s: float) -> float:
+        """Return where the rear end is at another time if the speed is kept."""
+        return self.position_m + self.speed_m_s * (time_s - self.time_s)
 
 
 @dataclass(frozen=True)
@@ -46,7 +71,7 @@ class LeaderTrack:
 
     observations: Sequence[Observation]
     path: tuple[FloatArray, FloatArray] | None = None
-    length_m: float = ASSUMED_LENGTH_M
+    length_m: float = VEHICLE_LENGTH_M
     stood_s: float = 0.0
     age_s: float = 0.0
 
@@ -117,82 +142,6 @@ def joined_motion(predictions: Sequence[LeaderPreview]) -> LeaderPreview:
     speeds = np.min([each.lowest_speeds_m_s[:count] for each in predictions], axis=0)
     bounds = np.maximum(positions - nearest, 0.0)
     return LeaderPreview(predictions[0].times_s[:count], positions, speeds, bounds)
-
-
-DRIVES_OFF_M_S2 = 2.5
-"""Acceleration that a vehicle may have just begun with."""
-MAX_PATH_AGE_MS = 10_000
-"""Age up to which the last received path is used, as not every message carries one and some are lost."""
-AROUND_M, AROUND_M_S = 200.0, 100.0
-"""How far from a point of a path the next one is looked for, and how much farther with the time between."""
-MAX_ASIDE_M = 10.0
-"""A predicted path that leaves the road by more than this ends there: the leader means to turn off."""
-
-
-def leader_track(station: Station, road: RoadLine, now_s: float | None = None) -> LeaderTrack:
-    """Return the observations of a station, and its predicted path as far as it stays on the road.
-
-    Args:
-        station: the station.
-        road: the road of the ego vehicle.
-        now_s: s of TimestampIts; what was observed later is left out where there is anything before. None
-            for the time of the last observation.
-    """
-    length_m = station.message.front_to_rear_m
-    stood_s = station.last.time_s - station.moved_s
-    observations = _allowing_for_its_clock(station)
-    if now_s is not None:
-        by_then = tuple(each for each in observations if each.time_s <= now_s)
-        observations = by_then or observations[:1]
-    age_s = 0.0 if now_s is None else max(now_s - observations[-1].time_s, 0.0)
-    return LeaderTrack(observations, _road_path(station, road), length_m, stood_s, age_s)
-
-
-def _allowing_for_its_clock(station: Station) -> tuple[Observation, ...]:
-    """Return what a station sent; the way that it moves while its clock is behind widens the bounds.
-
-    A clock that is ahead makes the station seem nearer, which needs no bound. Its times are not moved back:
-    one of two senders with the same identity could place the other one farther away.
-    """
-    behind_s = station.clock.behind_s
-    if not behind_s:
-        return tuple(station.observations)
-    return tuple(
-        replace(each, bound_m=each.bound_m + _moved_m(each, behind_s))
-        for each in station.observations
-    )
-
-
-def _moved_m(observed: Observation, duration_s: float) -> float:
-    """Return how far a vehicle moves at most in a short time, even if it drives off."""
-    faster_m_s = max(observed.acceleration_m_s2 or 0.0, DRIVES_OFF_M_S2) * duration_s
-    return duration_s * (observed.speed_m_s + 0.5 * faster_m_s)
-
-
-def _road_path(station: Station, road: RoadLine) -> tuple[FloatArray, FloatArray] | None:
-    if station.path is None or station.generated_ms - station.path[0] > MAX_PATH_AGE_MS:
-        return None
-    generated_ms, path, rear_m = station.path
-    length_m = station.message.front_to_rear_m
-    times, places = [generated_ms / 1000.0], [rear_m]
-    near_m = rear_m + length_m
-    points = zip(
-        path.times_s.tolist(),
-        path.latitudes_deg.tolist(),
-        path.longitudes_deg.tolist(),
-        strict=True,
-    )
-    for time_s, latitude, longitude in points:
-        # Most of the time goes into the road that is looked at; no leader gets farther between two points.
-        elapsed_s = generated_ms / 1000.0 + time_s - times[-1]
-        around_m = min(AROUND_M + AROUND_M_S * elapsed_s, NEAR_M)
-        fix = road.project(latitude, longitude, near_m, around_m)
-        if abs(fix.lateral_m) > MAX_ASIDE_M:
-            break
-        near_m = fix.position_m
-        times.append(generated_ms / 1000.0 + time_s)
-        places.append(near_m - length_m)
-    return (np.array(times), np.array(places)) if len(times) > 1 else None
 
 
 DECAY_S = 4.0

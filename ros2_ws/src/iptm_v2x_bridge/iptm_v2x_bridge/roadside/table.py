@@ -27,8 +27,7 @@ from iptm_v2x_bridge.roadside.interpretation import (
     stop_lines,
     surely_closed,
 )
-from iptm_v2x_bridge.stations.plausibility import LARGEST_OFFSET_MS, MAX_AGE_MS
-from iptm_v2x_bridge.stations.station import ClockOffset
+from iptm_v2x_bridge.stations.plausibility import LARGEST_OFFSET_MS, MAX_AGE_MS, ClockOffset
 
 PHASES_KNOWN_MS = 5000
 """Age at which phases expire; the line is then treated as one without a signal."""

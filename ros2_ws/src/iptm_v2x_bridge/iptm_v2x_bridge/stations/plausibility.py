@@ -7,6 +7,8 @@ can do, and what an old message cannot hide.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from dataclasses import dataclass
 
 from iptm_core.routes.road_line import step_m
 from iptm_v2x_bridge.messages.cam import SLOW_M_S, CamMessage
@@ -148,3 +150,25 @@ def deviation(before: CamMessage, after: CamMessage, elapsed_ms: int) -> float:
         east - distance_m * math.sin(heading), north - distance_m * math.cos(heading)
     )
     return aside_m + abs(after.speed_m_s - before.speed_m_s)
+
+
+@dataclass(frozen=True)
+class ClockOffset:
+    """Of the clock of a sender, in s; at most one of both is not 0.
+
+    No message arrives before it was sent: a smallest age below zero proves that the clock is ahead by as
+    much, at least. One above zero is the delay of the fastest message and what the clock is behind.
+
+    Attributes:
+        ahead_s: by how much it is ahead at least.
+        behind_s: by how much it may be behind.
+    """
+
+    ahead_s: float = 0.0
+    behind_s: float = 0.0
+
+    @classmethod
+    def of(cls, ages_ms: Iterable[int]) -> ClockOffset:
+        """Return what the ages of messages show; there is at least one."""
+        age_s = 1e-3 * min(max(min(ages_ms), -LARGEST_OFFSET_MS), LARGEST_OFFSET_MS)
+        return cls(max(-age_s, 0.0), max(age_s, 0.0))

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import replace
 
-from iptm_core.routes.road_line import RoadFix, RoadLine
+import numpy as np
+
+from iptm_core.routes.road_line import NEAR_M, RoadFix, RoadLine
+from iptm_core.state import FloatArray
 from iptm_v2x_bridge.messages.cam import ASSUMED_WIDTH_M, SLOW_M_S, CamMessage, PredictedPath
+from iptm_v2x_bridge.prediction.predictor import CREEP_M_S, LeaderTrack, Observation
 from iptm_v2x_bridge.rejections import Rejection
 from iptm_v2x_bridge.stations.plausibility import (
-    LARGEST_OFFSET_MS,
+    ClockOffset,
     contradiction,
     lies_between,
     same_measurement,
@@ -24,8 +27,6 @@ OBSERVATIONS = 128
 """Observations kept of a station: twelve seconds at 10 Hz, for predictors."""
 CONFIRMED_AFTER_MS = 300
 """A station counts once two or more messages over this time agree with each other."""
-CREEP_M_S = 0.5
-"""Speed below which a station is taken to stand."""
 LANE_HALF_WIDTH_M = 1.5
 """A station whose middle is closer to the ego vehicle's path than this is in the ego vehicle's lane ..."""
 LEFT_LANE_M = 2.5
@@ -58,51 +59,6 @@ CLOCK_LEARNING_MS = 1000
 """Time after its first message in which the clock offset of a station is learnt."""
 CLOCK_TOLERANCE_MS = 50
 """Tolerance of the clock offset after that."""
-
-
-@dataclass(frozen=True)
-class Observation:
-    """A station at the generation of one message.
-
-    Attributes:
-        time_s: time of generation, s of TimestampIts.
-        position_m: rear end along the road.
-        speed_m_s: speed along the road.
-        acceleration_m_s2: acceleration, None if not sent.
-        bound_m: 95 % bound of the position as its sender states it, 0 if it does not.
-    """
-
-    time_s: float
-    position_m: float
-    speed_m_s: float
-    acceleration_m_s2: float | None
-    bound_m: float = 0.0
-
-    def moved_on_m(self, time_s: float) -> float:
-        """Return where the rear end is at another time if the speed is kept."""
-        return self.position_m + self.speed_m_s * (time_s - self.time_s)
-
-
-@dataclass(frozen=True)
-class ClockOffset:
-    """Of the clock of a sender, in s; at most one of both is not 0.
-
-    No message arrives before it was sent: a smallest age below zero proves that the clock is ahead by as
-    much, at least. One above zero is the delay of the fastest message and what the clock is behind.
-
-    Attributes:
-        ahead_s: by how much it is ahead at least.
-        behind_s: by how much it may be behind.
-    """
-
-    ahead_s: float = 0.0
-    behind_s: float = 0.0
-
-    @classmethod
-    def of(cls, ages_ms: Iterable[int]) -> ClockOffset:
-        """Return what the ages of messages show; there is at least one."""
-        age_s = 1e-3 * min(max(min(ages_ms), -LARGEST_OFFSET_MS), LARGEST_OFFSET_MS)
-        return cls(max(-age_s, 0.0), max(age_s, 0.0))
 
 
 class Station:
@@ -307,3 +263,79 @@ class Station:
             return True
         apart = (heading_deg - self.fix.heading_deg + 180.0) % 360.0 - 180.0
         return abs(apart) < MAX_HEADING_APART_DEG
+
+
+DRIVES_OFF_M_S2 = 2.5
+"""Acceleration that a vehicle may have just begun with."""
+MAX_PATH_AGE_MS = 10_000
+"""Age up to which the last received path is used, as not every message carries one and some are lost."""
+AROUND_M, AROUND_M_S = 200.0, 100.0
+"""How far from a point of a path the next one is looked for, and how much farther with the time between."""
+MAX_ASIDE_M = 10.0
+"""A predicted path that leaves the road by more than this ends there: the leader means to turn off."""
+
+
+def leader_track(station: Station, road: RoadLine, now_s: float | None = None) -> LeaderTrack:
+    """Return the observations of a station, and its predicted path as far as it stays on the road.
+
+    Args:
+        station: the station.
+        road: the road of the ego vehicle.
+        now_s: s of TimestampIts; what was observed later is left out where there is anything before. None
+            for the time of the last observation.
+    """
+    length_m = station.message.front_to_rear_m
+    stood_s = station.last.time_s - station.moved_s
+    observations = _allowing_for_its_clock(station)
+    if now_s is not None:
+        by_then = tuple(each for each in observations if each.time_s <= now_s)
+        observations = by_then or observations[:1]
+    age_s = 0.0 if now_s is None else max(now_s - observations[-1].time_s, 0.0)
+    return LeaderTrack(observations, _road_path(station, road), length_m, stood_s, age_s)
+
+
+def _allowing_for_its_clock(station: Station) -> tuple[Observation, ...]:
+    """Return what a station sent; the way that it moves while its clock is behind widens the bounds.
+
+    A clock that is ahead makes the station seem nearer, which needs no bound. Its times are not moved back:
+    one of two senders with the same identity could place the other one farther away.
+    """
+    behind_s = station.clock.behind_s
+    if not behind_s:
+        return tuple(station.observations)
+    return tuple(
+        replace(each, bound_m=each.bound_m + _moved_m(each, behind_s))
+        for each in station.observations
+    )
+
+
+def _moved_m(observed: Observation, duration_s: float) -> float:
+    """Return how far a vehicle moves at most in a short time, even if it drives off."""
+    faster_m_s = max(observed.acceleration_m_s2 or 0.0, DRIVES_OFF_M_S2) * duration_s
+    return duration_s * (observed.speed_m_s + 0.5 * faster_m_s)
+
+
+def _road_path(station: Station, road: RoadLine) -> tuple[FloatArray, FloatArray] | None:
+    if station.path is None or station.generated_ms - station.path[0] > MAX_PATH_AGE_MS:
+        return None
+    generated_ms, path, rear_m = station.path
+    length_m = station.message.front_to_rear_m
+    times, places = [generated_ms / 1000.0], [rear_m]
+    near_m = rear_m + length_m
+    points = zip(
+        path.times_s.tolist(),
+        path.latitudes_deg.tolist(),
+        path.longitudes_deg.tolist(),
+        strict=True,
+    )
+    for time_s, latitude, longitude in points:
+        # Most of the time goes into the road that is looked at; no leader gets farther between two points.
+        elapsed_s = generated_ms / 1000.0 + time_s - times[-1]
+        around_m = min(AROUND_M + AROUND_M_S * elapsed_s, NEAR_M)
+        fix = road.project(latitude, longitude, near_m, around_m)
+        if abs(fix.lateral_m) > MAX_ASIDE_M:
+            break
+        near_m = fix.position_m
+        times.append(generated_ms / 1000.0 + time_s)
+        places.append(near_m - length_m)
+    return (np.array(times), np.array(places)) if len(times) > 1 else None
