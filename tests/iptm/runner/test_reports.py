@@ -19,7 +19,8 @@ from iptm.runner.evaluation import evaluate
 from iptm.runner.monitor import Snapshot
 from iptm.runner.progress import make_progress
 from iptm.runner.run_folder import RunFolder
-from iptm.runner.tables import TABLES_WIDTH, print_end, print_results, save_picture
+from iptm.runner.summary import print_end, print_results, save_picture
+from iptm.runner.tables import TABLES_WIDTH
 from iptm.trip import Trip
 from iptm_core.decision_record import DecisionSeries, Rung
 from iptm_core.metrics import FIGURES, TRIP_FIGURES, figure_values

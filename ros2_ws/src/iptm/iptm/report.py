@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
     from iptm.panels import Panel
     from iptm.picture import Picture
+    from iptm.run import Run
 
 _STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; max-width: 78rem; margin: 2rem auto; padding: 0 1rem; }
@@ -142,3 +144,29 @@ def curves_html(panels: Sequence[Panel], plot: Callable[[], Picture]) -> str:
         how = "With plotly installed (pip install plotly) the curves can be moved, zoomed and hovered."
         return f'<img alt="curves over time" src="data:image/png;base64,{data}"><p>{how}</p>'
     return interactive_html(panels)
+
+
+def write_run(
+    run: Run, path: str | Path, against: Run | None, panels: Sequence[Panel], *, explained: bool
+) -> Path:
+    """Write the page of a run; see `Run.report`."""
+    import pandas as pd  # noqa: PLC0415  a second of its own
+
+    saved = "" if against is None else saving_html(against.strategy, run.saving(against))
+    runs = {"value": run.metrics}
+    if against is not None:
+        runs = {against.strategy: against.metrics, run.strategy: run.metrics}
+    sections = {"Result": saved + outcome_html(run.metrics)}
+    if explained:
+        why = run.explain(against)
+        table = html_table(why.table.map("{:+.1f}".format))
+        sections["Why, in percentage points"] = f"<p>{escape(why.sentence)}</p>{table}"
+    sections |= {
+        "Over time": curves_html(panels, partial(run.plot, against)),
+        "Figures": figures_html(runs),
+    }
+    if run.settings:
+        sections["Settings"] = html_table(pd.DataFrame({"settings": {**run.settings}}))
+    if run.warnings:
+        sections["Notes"] = html_table(pd.DataFrame({"notes": run.warnings}))
+    return write_page(path, run.name, sections)

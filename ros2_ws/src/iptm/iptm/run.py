@@ -5,21 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
-from html import escape
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from iptm.panels import Panel, Shown, run_panels
-from iptm.report import (
-    curves_html,
-    figures_html,
-    html_table,
-    outcome_html,
-    outcome_lines,
-    saving_html,
-    write_page,
-)
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.declaration import TextEnum
 from iptm_core.errors import ScenarioError
@@ -40,6 +29,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from iptm.explanation import Explanation
+    from iptm.panels import Panel
     from iptm.picture import Picture
     from iptm.trip import Trip
     from iptm.whole_trip import WholeTripRecord
@@ -221,6 +211,7 @@ class Run:
             A matplotlib figure; notebooks show it, and ``savefig`` writes it.
         """
         from iptm.picture import picture  # noqa: PLC0415  matplotlib takes a moment to load
+        from iptm.report import outcome_lines  # noqa: PLC0415
 
         if against is not None and not remarks:
             remarks = [f"{self.saving(against).headline}, against {against.strategy}"]
@@ -228,6 +219,8 @@ class Run:
         return picture(self._panels(against), [self.name, *remarks], outcome)
 
     def _panels(self, against: Run | None) -> list[Panel]:
+        from iptm.panels import Shown, run_panels  # noqa: PLC0415  only a picture has them
+
         behind = None if against is None else (against.strategy, against.trajectory)
         road = self.slope or SlopeProfile.flat()
         return run_panels(Shown(self.trajectory, self.parameters, self.decisions, road, behind))
@@ -246,27 +239,10 @@ class Run:
             StoreError: the file exists, or cannot be written.
             ScenarioError: it cannot be explained, see `explain`.
         """
-        import pandas as pd  # noqa: PLC0415  a second of its own
+        from iptm.report import write_run  # noqa: PLC0415  few runs become a page
 
         against = against or self.other
-        saved = "" if against is None else saving_html(against.strategy, self.saving(against))
-        runs = {"value": self.metrics}
-        if against is not None:
-            runs = {against.strategy: against.metrics, self.strategy: self.metrics}
-        sections = {"Result": saved + outcome_html(self.metrics)}
-        if explained:
-            why = self.explain(against)
-            table = html_table(why.table.map("{:+.1f}".format))
-            sections["Why, in percentage points"] = f"<p>{escape(why.sentence)}</p>{table}"
-        sections |= {
-            "Over time": curves_html(self._panels(against), partial(self.plot, against)),
-            "Figures": figures_html(runs),
-        }
-        if self.settings:
-            sections["Settings"] = html_table(pd.DataFrame({"settings": {**self.settings}}))
-        if self.warnings:
-            sections["Notes"] = html_table(pd.DataFrame({"notes": self.warnings}))
-        return write_page(path, self.name, sections)
+        return write_run(self, path, against, self._panels(against), explained=explained)
 
     def save(self, path: str | Path) -> Path:
         """Write the run to a new file that `iptm.load` reads back.

@@ -16,7 +16,7 @@ from rclpy.publisher import Publisher
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState, PointCloud2
 
-from iptm.faults.fault import Fault, InjectorNodeParameters, at_places
+from iptm.faults.fault import Fault, InjectorNodeParameters, at_places, faulty_name, route_name
 from iptm.faults.kinds import FaultKind, FaultPlace
 from iptm.faults.node_messages import changed_state_message, with_stamp, with_stamp_of
 from iptm.faults.signals import (
@@ -25,9 +25,7 @@ from iptm.faults.signals import (
     RangeSensorFaults,
     StateFaults,
     Traffic,
-    faulty_name,
     faulty_slope,
-    route_name,
 )
 from iptm_core.errors import MessageError
 from iptm_core.state import NS_PER_S, LeaderPreview, SlopePreview

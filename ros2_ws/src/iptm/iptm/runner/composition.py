@@ -11,9 +11,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from iptm.faults.fault import Fault, at_places, plain_faults
+from iptm.faults.fault import Fault, at_places, faulty_name, plain_faults, route_name
 from iptm.faults.kinds import FaultPlace
-from iptm.faults.signals import faulty_name, route_name
 from iptm.runner.fork import PYTHON
 from iptm.trip import Trip
 from iptm.trip_files import trip_text

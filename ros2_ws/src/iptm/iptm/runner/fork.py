@@ -208,7 +208,7 @@ def drive(trip: Trip, path: Path, heading: str) -> Run:
 
 def draw(path: Path, run: Run) -> None:
     """Draw a run."""
-    from iptm.runner.tables import save_picture  # noqa: PLC0415
+    from iptm.runner.summary import save_picture  # noqa: PLC0415
 
     save_picture(path, run)
 

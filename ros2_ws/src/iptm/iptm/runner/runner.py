@@ -120,8 +120,7 @@ def run(trip: Trip, options: RunOptions, console: Console) -> int:
             if is_compared:
                 other = trip.against(options.against)
                 companion.request(reference, other, folder.reference, trip.title)
-            import iptm.runner.evaluation  # noqa: PLC0415
-            import iptm.runner.tables  # noqa: F401, PLC0415
+            import iptm.runner.evaluation  # noqa: F401, PLC0415
 
         result, drive = drive_processes(
             folder, trip, options, domain, progress, stop, begun, forks=True
@@ -222,7 +221,7 @@ def _report(
 ) -> int:
     """Evaluate a finished trip, write its files and print its tables."""
     from iptm.runner.evaluation import results_json  # noqa: PLC0415  see begun
-    from iptm.runner.tables import print_end, print_results  # noqa: PLC0415
+    from iptm.runner.summary import print_end, print_results  # noqa: PLC0415
 
     drive, wall_time_s = driven
     try:

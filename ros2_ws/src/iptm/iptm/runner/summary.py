@@ -1,12 +1,21 @@
-"""The result of a run in a few lines, in the units people use; the same figures stand in results.json."""
+"""The result of a run: in a few lines, in the units people use, on the terminal and below the picture.
+
+The same figures stand in results.json.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
 
 from iptm.run import Run
+from iptm.runner.run_folder import LOGS, RunFolder
 from iptm_core.decision_record import DecisionStatistics
 from iptm_core.metrics import Judgement, RunMetrics, Saving, figure_values, judge_saving
 from iptm_core.metrics.figures import PPM
@@ -170,3 +179,60 @@ def _solver_text(values: Mapping[str, float], decisions: DecisionStatistics) -> 
         f"{significant(values['solve_median_ms'])} ms median, {significant(values['solve_longest_ms'])} ms "
         f"longest; {decisions.decisions} decisions, {decisions.fallbacks_text}"
     )
+
+
+def print_results(run: Run, console: Console, *, full: bool = False) -> None:
+    """Print the summary of a run; with `full`, all figures, decisions and limits before."""
+    console.print()
+    if full:
+        from iptm.runner.tables import print_tables  # noqa: PLC0415  few ask for them
+
+        print_tables(run, console)
+    for warning in run.warnings:
+        console.print(Text.assemble(("note  ", "yellow"), warning), soft_wrap=True)
+    console.print(Text(run.name, "bold"))
+    lines = Table.grid(padding=(0, 2))
+    for label, text in headline(run).lines:
+        style = "bold green" if label == AGING_SAVED else ""
+        lines.add_row(Text(label, "dim"), Text(text, style))
+    console.print(lines)
+
+
+def print_end(run: Run, folder: RunFolder, console: Console) -> None:
+    """Print the files of a run, and whether it is sound."""
+    # In one piece, so that the path can be copied.
+    console.print(Text.assemble(("files          ", "dim"), _files(run, folder)), soft_wrap=True)
+    console.print(_verdict(run))
+
+
+def save_picture(path: Path, run: Run) -> None:
+    """Draw a run, as a PNG file; see `Run.plot`."""
+    lines = dict(headline(run).lines)
+    remarks = [
+        f"{label}: {lines[label]}"
+        for label in (AGING_SAVED, "energy", "as driven")
+        if label in lines
+    ]
+    footer = "" if run.trip is None else f"model {run.trip.model.name}"
+    if run.trip is not None and math.isfinite(run.speed_up):
+        mode = run.trip.conditions.mode.replace("_", "-")
+        footer += f"; {mode} over ROS 2, {run.speed_up:.0f} × real time"
+    picture = run.plot(run.other, remarks, footer)
+    picture.savefig(path, metadata={"Software": "iptm"}, pil_kwargs={"compress_level": 9})
+
+
+def _files(run: Run, folder: RunFolder) -> str:
+    bag = [] if run.bag_messages is None else ["bag"]
+    others = [
+        path.name
+        for path in (folder.picture, folder.report, folder.reference, folder.results)
+        if path.exists()
+    ]
+    return f"{folder.output} ({', '.join([*bag, *others, LOGS])})"
+
+
+def _verdict(run: Run) -> Text:
+    if run.problems:
+        return Text("\n".join(f"PROBLEM  {problem}" for problem in run.problems), "bold red")
+    bag = "not recorded" if run.bag_messages is None else "bag complete"
+    return Text(f"trip finished, no hard limit broken, {bag}", "bold green")

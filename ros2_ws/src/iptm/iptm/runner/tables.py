@@ -1,10 +1,9 @@
-"""The results of a run on a terminal: a summary, and tables of everything."""
+"""All results of a run on a terminal: figures, decisions and limits as tables."""
 
 from __future__ import annotations
 
 import math
 from enum import Enum
-from pathlib import Path
 
 from rich.console import Console
 from rich.padding import Padding
@@ -13,8 +12,6 @@ from rich.text import Text
 
 from iptm.report import change_text, relative_changes
 from iptm.run import Run
-from iptm.runner.run_folder import LOGS, RunFolder
-from iptm.runner.summary import AGING_SAVED, headline
 from iptm_core.decision_record import DecisionStatistics
 from iptm_core.metrics import (
     FIGURES,
@@ -31,44 +28,6 @@ COMPARISON_WIDTH = 24
 """Columns that a comparison adds."""
 
 
-def print_results(run: Run, console: Console, *, full: bool = False) -> None:
-    """Print the summary of a run; with `full`, all figures, decisions and limits before."""
-    console.print()
-    if full:
-        print_tables(run, console)
-    for warning in run.warnings:
-        console.print(Text.assemble(("note  ", "yellow"), warning), soft_wrap=True)
-    console.print(Text(run.name, "bold"))
-    lines = Table.grid(padding=(0, 2))
-    for label, text in headline(run).lines:
-        style = "bold green" if label == AGING_SAVED else ""
-        lines.add_row(Text(label, "dim"), Text(text, style))
-    console.print(lines)
-
-
-def print_end(run: Run, folder: RunFolder, console: Console) -> None:
-    """Print the files of a run, and whether it is sound."""
-    # In one piece, so that the path can be copied.
-    console.print(Text.assemble(("files          ", "dim"), _files(run, folder)), soft_wrap=True)
-    console.print(_verdict(run))
-
-
-def save_picture(path: Path, run: Run) -> None:
-    """Draw a run, as a PNG file; see `Run.plot`."""
-    lines = dict(headline(run).lines)
-    remarks = [
-        f"{label}: {lines[label]}"
-        for label in (AGING_SAVED, "energy", "as driven")
-        if label in lines
-    ]
-    footer = "" if run.trip is None else f"model {run.trip.model.name}"
-    if run.trip is not None and math.isfinite(run.speed_up):
-        mode = run.trip.conditions.mode.replace("_", "-")
-        footer += f"; {mode} over ROS 2, {run.speed_up:.0f} × real time"
-    picture = run.plot(run.other, remarks, footer)
-    picture.savefig(path, metadata={"Software": "iptm"}, pil_kwargs={"compress_level": 9})
-
-
 def print_tables(run: Run, console: Console) -> None:
     """Print all figures, how the decisions came about, and the limits that were exceeded."""
     tables = (figures_table(run), details_table(run))
@@ -77,16 +36,6 @@ def print_tables(run: Run, console: Console) -> None:
     else:
         console.print(*tables)
     console.print(limits_table(run.metrics))
-
-
-def _files(run: Run, folder: RunFolder) -> str:
-    bag = [] if run.bag_messages is None else ["bag"]
-    others = [
-        path.name
-        for path in (folder.picture, folder.report, folder.reference, folder.results)
-        if path.exists()
-    ]
-    return f"{folder.output} ({', '.join([*bag, *others, LOGS])})"
 
 
 def figures_table(run: Run) -> Table:
@@ -174,13 +123,6 @@ def _counts(decisions: DecisionStatistics) -> dict[str, str]:
         "largest gap slack (m)": _known(decisions.gap_slack_m["largest"]),
         "largest temperature slack (K)": _known(decisions.temperature_slack_k["largest"]),
     }
-
-
-def _verdict(run: Run) -> Text:
-    if run.problems:
-        return Text("\n".join(f"PROBLEM  {problem}" for problem in run.problems), "bold red")
-    bag = "not recorded" if run.bag_messages is None else "bag complete"
-    return Text(f"trip finished, no hard limit broken, {bag}", "bold green")
 
 
 def _side_by_side(left: Table, right: Table) -> Table:
