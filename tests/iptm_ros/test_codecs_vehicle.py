@@ -1,7 +1,10 @@
+"""State, leader, tracks of a range sensor (our own and foreign ones) and battery on the wire."""
+
 from __future__ import annotations
 
 import dataclasses
 import math
+from array import array
 from dataclasses import replace
 from typing import Any
 
@@ -9,17 +12,28 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from sensor_msgs.msg import BatteryState, PointCloud2, PointField
 from tests.plant_messages import plant_messages
 
 from iptm_core.errors import MessageError
+from iptm_core.lead_track import RangeTrack
 from iptm_core.state import (
+    BatteryReading,
     IntervalPowers,
     LeaderState,
     PlantObservation,
     SafetyRecord,
     VehicleState,
 )
-from iptm_ros.codecs import decode_leader, decode_motion, decode_observation, encode_leader
+from iptm_ros.codecs import (
+    decode_leader,
+    decode_motion,
+    decode_observation,
+    decode_tracks,
+    encode_battery,
+    encode_leader,
+    encode_tracks,
+)
 from iptm_ros.topics import TOPICS, Topic
 
 STATE = VehicleState(
@@ -144,3 +158,93 @@ def test_leader_driving_backwards_is_refused() -> None:
 def test_impossible_safety_records_are_refused(safety: SafetyRecord, reason: str) -> None:
     with pytest.raises(MessageError, match=reason):
         decode_observation(plant_messages(STATE, safety=safety)[Topic.PLANT_STATE])
+
+
+def driver_message() -> PointCloud2:
+    """Two points as a radar driver publishes them: float32, further fields, big-endian."""
+    row = np.dtype([(name, ">f4") for name in ("x", "y", "z", "rcs", "vx")])
+    points = np.array([(50.0, -0.5, 0.7, 9.0, -1.5), (np.nan, 0.0, 0.0, 0.0, 0.0)], row)
+    fields = [
+        PointField(name=name, offset=4 * place, datatype=PointField.FLOAT32, count=1)
+        for place, name in enumerate(row.names or ())
+    ]
+    message = PointCloud2(
+        height=1, width=2, fields=fields, is_bigendian=True, point_step=20, row_step=40,
+        data=array("B", points.tobytes()),
+    )  # fmt: skip
+    message.header.stamp.sec = 7
+    return message
+
+
+@pytest.mark.parametrize(
+    "tracks", [(), (RangeTrack(42.5, 0.25, -1.5), RangeTrack(90.0, -3.0, 0.1))]
+)
+def test_round_trip(tracks: tuple[RangeTrack, ...]) -> None:
+    message = encode_tracks(tracks, 1_795_749_682_123_456_789)
+    assert message.header.frame_id == "base_link"
+    assert decode_tracks(message) == (1_795_749_682_123_456_789, tracks)
+
+
+def test_points_of_a_driver_are_read_and_what_is_not_finite_is_left_out() -> None:
+    assert decode_tracks(driver_message()) == (7_000_000_000, (RangeTrack(50.0, -0.5, -1.5),))
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "refusal"),
+    [
+        ("fields", [], "missing x; got no fields"),
+        ("width", 3, "40 bytes for 3 points of 20"),
+        ("point_step", 16, "field vx has datatype 7 at 16 of 16 bytes"),
+    ],
+)
+def test_a_malformed_message_is_refused(name: str, value: object, refusal: str) -> None:
+    message = driver_message()
+    setattr(message, name, value)
+    with pytest.raises(MessageError, match=refusal):
+        decode_tracks(message)
+
+
+READING = BatteryReading(
+    time_s=5.0,
+    pack_voltage_v=345.5,
+    pack_current_a=40.25,
+    cell_voltages_v=(3.5, 3.25),
+    cell_temperatures_k=(300.0, 303.0),
+    charge_ah=30.0,
+    capacity_ah=60.0,
+    design_capacity_ah=62.5,
+)
+
+
+def test_discharging_is_negative_on_the_wire_and_positive_inside() -> None:
+    message = encode_battery(READING)
+    assert message.current == -40.25
+    assert message.power_supply_status == BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
+
+
+@pytest.mark.parametrize(
+    ("current_a", "status"),
+    [
+        (-3.0, BatteryState.POWER_SUPPLY_STATUS_CHARGING),
+        (0.0, BatteryState.POWER_SUPPLY_STATUS_NOT_CHARGING),
+    ],
+)
+def test_status_follows_the_current(current_a: float, status: int) -> None:
+    reading = BatteryReading(0.0, 350.0, current_a, (3.6, 3.6), (300.0, 300.0))
+    assert encode_battery(reading).power_supply_status == status
+
+
+def test_values_are_those_of_ros_in_single_precision() -> None:
+    message = encode_battery(READING)
+    assert (message.header.stamp.sec, message.header.frame_id) == (5, "battery_pack")
+    assert message.voltage == READING.pack_voltage_v
+    assert tuple(message.cell_voltage) == READING.cell_voltages_v
+    assert list(message.cell_temperature) == pytest.approx([26.85, 29.85], abs=1e-5)
+    assert message.temperature == pytest.approx(28.35, abs=1e-5)
+    assert (message.charge, message.capacity, message.percentage) == (30.0, 60.0, 0.5)
+
+
+def test_unmeasured_values_are_nan_as_ros_defines() -> None:
+    message = encode_battery(BatteryReading(0.0, 350.0, 1.0, (3.6, 3.6), (300.0, 300.0)))
+    assert math.isnan(message.charge)
+    assert math.isnan(message.percentage)

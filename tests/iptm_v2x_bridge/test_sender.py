@@ -1,6 +1,9 @@
-"""A car that tells its plan: what the car behind it makes of that."""
+"""What a receiver gets of a tick, and what the car behind makes of an announced plan."""
 
 from __future__ import annotations
+
+import socket
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -8,6 +11,7 @@ from tests.iptm_v2x_bridge.radio import ROAD
 
 from iptm_core.state import FloatArray
 from iptm_v2x_bridge.cam_bridge import CamBridge
+from iptm_v2x_bridge.datagrams import DatagramSender, EndOfTick
 from iptm_v2x_bridge.messages.cam import CamMessage, decode_datagram
 from iptm_v2x_bridge.sender import EgoTick, PlanSender
 from iptm_v2x_bridge.settings import Foresight, SenderSettings
@@ -104,3 +108,30 @@ def test_a_drive_that_is_joined_under_way_begins_with_its_tick(first: int) -> No
     assert len(messages(sender, first + 1)) == 10
     # A gap in the ticks is not filled with what nobody knows.
     assert len(messages(sender, first + 20)) == 1
+
+
+TOO_LONG = bytes(70_000)
+
+
+def test_the_mark_of_a_tick_counts_what_was_lost_on_the_way() -> None:
+    with (
+        closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as receiver,
+        closing(DatagramSender("127.0.0.1", _port(receiver))) as sender,
+    ):
+        sender.repeat_end()  # before the first tick there is nothing to say
+        for datagram in (b"first", TOO_LONG, b"third"):
+            sender.send(datagram)
+        sender.end_tick(5)
+        sender.repeat_end()
+        heard = [receiver.recv(100) for _ in range(4)]
+        assert heard == [b"first", b"third", EndOfTick(5, 3).encode(), EndOfTick(5, 3).encode()]
+        assert sender.failed == 1
+        sender.sent = 0
+        sender.end_tick(0)
+        assert EndOfTick.decode(receiver.recv(100)) == EndOfTick(0, 0)
+
+
+def _port(receiver: socket.socket) -> int:
+    receiver.bind(("127.0.0.1", 0))
+    receiver.settimeout(10.0)
+    return int(receiver.getsockname()[1])
