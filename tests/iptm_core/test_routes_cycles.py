@@ -1,4 +1,4 @@
-"""The cycle files against the figures published for the schedules, noise in logged speeds, and the motion of a leader."""
+"""The cycle files against published figures of the schedules, noise in logged speeds, motion of a leader."""
 
 from __future__ import annotations
 
