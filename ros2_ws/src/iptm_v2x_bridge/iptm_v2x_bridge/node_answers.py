@@ -31,7 +31,6 @@ from iptm_v2x_bridge.bridge import (
 from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
 from iptm_v2x_bridge.prediction.predictor import PredictorName
 from iptm_v2x_bridge.prediction.road_rules import RoadRules
-from iptm_v2x_bridge.range_sensor import VehicleAhead
 from iptm_v2x_bridge.rules_of_the_road import given_rules, with_rules
 
 KEPT = 16
@@ -192,6 +191,8 @@ class VehicleAnswers(TickAnswers[V2xBridge]):
                 f"vehicle_ahead is {name!r} with leader_source vehicle; allowed: the namespace of a vehicle"
             )
         super().__init__(context, needs_ego=context.options.keeps_rules)
+        from iptm_v2x_bridge.range_sensor import VehicleAhead  # noqa: PLC0415  most leaders are none
+
         self._vehicle = VehicleAhead(context.options.leader_length_m, KEPT)
         self._assumed = 0
         node, retry = context.node, context.retry
