@@ -6,8 +6,14 @@ import numpy as np
 import pytest
 
 import iptm
-from iptm.bounds import avoidable_collisions, avoidably_below_s_min, below_s_min, fully_cooled_k
-from iptm.emergency_stop import braking_leads, emergency_stops
+from iptm.bounds import (
+    avoidable_collisions,
+    avoidably_below_s_min,
+    below_s_min,
+    braking_leads,
+    emergency_stops,
+    fully_cooled_k,
+)
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import BrakeParameters
 from iptm_core.routes import build_route

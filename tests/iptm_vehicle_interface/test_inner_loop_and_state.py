@@ -11,13 +11,13 @@ from iptm_core.physics.powertrain import cell_current_a
 from iptm_core.state import Command, LeaderState
 from iptm_vehicle_interface.driving import KEPT_CHANGES, DriveLog, LateSteps
 from iptm_vehicle_interface.engagement import Engagement
+from iptm_vehicle_interface.frames import SignalTable
 from iptm_vehicle_interface.inner_loop import (
     LARGEST_JERK_M_S3,
     Followed,
     followed,
     wanted_acceleration_m_s2,
 )
-from iptm_vehicle_interface.signals import SignalTable
 from iptm_vehicle_interface.vehicle import Vehicle
 from iptm_vehicle_interface.vehicle_state import VehicleStateEstimator
 

@@ -14,9 +14,8 @@ from iptm_core.errors import MessageError, ParameterError
 from iptm_core.state import Command
 from iptm_vehicle_interface.bus import Frame
 from iptm_vehicle_interface.driving import Driver
-from iptm_vehicle_interface.frames import FrameCodec, FrameFault
+from iptm_vehicle_interface.frames import FrameCodec, FrameFault, RangeWatch, SignalTable
 from iptm_vehicle_interface.gateway import Gateway
-from iptm_vehicle_interface.signals import RangeWatch, SignalTable
 from iptm_vehicle_interface.vehicle import VEHICLES, Vehicle, load_vehicle
 
 OTHER_DBC = """VERSION ""

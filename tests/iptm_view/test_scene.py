@@ -25,13 +25,15 @@ from iptm_core.vehicle_string import vehicles_in_string
 from iptm_view.scene import (
     EGO_LENGTH_M,
     LEADER_LENGTH_M,
+    PACK_PLACE_M,
     Scene,
+    body_size_m,
     path_message,
     road_message,
     scene_message,
+    vehicle_urdf,
 )
 from iptm_view.transforms import TransformPublisher, inverse, product, rotated, scene_transforms
-from iptm_view.vehicle_description import PACK_PLACE_M, body_size_m, vehicle_urdf
 from iptm_view.visualizer_node import VisualizerParameters
 
 S = 10**9

@@ -16,10 +16,9 @@ from iptm_core.errors import ViewError
 from iptm_core.trajectory import Trajectory
 from iptm_view.judged_feed import JudgedFeed
 from iptm_view.page_feed import Cursor
-from iptm_view.page_server import PAGE
+from iptm_view.page_server import PAGE, save_page, stored_page
 from iptm_view.reference_car import put_stored_run
 from iptm_view.sources import BagSource
-from iptm_view.stored_page import save_page, stored_page
 
 
 @pytest.fixture(scope="module")

@@ -7,14 +7,14 @@ from iptm.bounds import BoolArray as BoolArray
 from iptm.bounds import avoidable_collisions as avoidable_collisions
 from iptm.bounds import avoidably_below_s_min as avoidably_below_s_min
 from iptm.bounds import below_s_min as below_s_min
+from iptm.bounds import braking_leads as braking_leads
+from iptm.bounds import emergency_stops as emergency_stops
 from iptm.bounds import episodes as episodes
 from iptm.bounds import fully_cooled_k as fully_cooled_k
 from iptm.bounds import gaps_when_braking as gaps_when_braking
 from iptm.bounds import seen_from as seen_from
 from iptm.closed_loop import ClosedLoopRun as ClosedLoopRun
 from iptm.closed_loop import run_closed_loop as run_closed_loop
-from iptm.emergency_stop import braking_leads as braking_leads
-from iptm.emergency_stop import emergency_stops as emergency_stops
 from iptm.faults.fault import WHOLE_TRIP_S as WHOLE_TRIP_S
 from iptm.faults.fault import Fault as Fault
 from iptm.faults.fault import at_places as at_places

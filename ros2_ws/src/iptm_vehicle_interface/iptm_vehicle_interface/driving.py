@@ -19,14 +19,13 @@ from iptm_core.parameters import load_parameters
 from iptm_core.state import Command, FloatArray, LeaderState, PlantObservation
 from iptm_vehicle_interface.bus import Frame
 from iptm_vehicle_interface.engagement import Conditions, Engagement
-from iptm_vehicle_interface.frames import FrameCodec
+from iptm_vehicle_interface.frames import FrameCodec, RangeWatch, SignalTable
 from iptm_vehicle_interface.inner_loop import (
     LONGEST_FOLLOWED_S,
     Followed,
     followed,
     wanted_acceleration_m_s2,
 )
-from iptm_vehicle_interface.signals import RangeWatch, SignalTable
 from iptm_vehicle_interface.vehicle import Vehicle
 from iptm_vehicle_interface.vehicle_state import LEADER, NEEDED, VehicleStateEstimator
 

@@ -20,9 +20,8 @@ from dataclasses import dataclass
 from iptm_core.errors import IptmError, MessageError
 from iptm_core.program import EXIT_OK, go_first, refused
 from iptm_vehicle_interface.bus import BusReader, open_bus, send
-from iptm_vehicle_interface.frames import FrameCodec
+from iptm_vehicle_interface.frames import FrameCodec, SignalTable
 from iptm_vehicle_interface.safety_layer import Passed, Request, checked
-from iptm_vehicle_interface.signals import SignalTable
 from iptm_vehicle_interface.vehicle import Vehicle, load_vehicle
 
 PERIOD_S = 0.02

@@ -10,6 +10,7 @@ import json
 import math
 import sys
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +18,11 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, PointCloud2
 
 from iptm_core.decision_record import DrivingMode
+from iptm_core.declaration import parameter
 from iptm_core.errors import ParameterError
 from iptm_core.lead_track import RangeTrack
 from iptm_core.program import go_first
+from iptm_core.settings import FrameSettings, SamplingSettings
 from iptm_core.state import Command, FloatArray, PlantObservation
 from iptm_ros.codecs import (
     decode_command,
@@ -42,9 +45,36 @@ from iptm_ros.topics import VEHICLE, Topic
 from iptm_vehicle_interface.bus import BusReader, open_bus, send
 from iptm_vehicle_interface.drive_record import DriveRecorder, whole_microseconds
 from iptm_vehicle_interface.driving import LOOP_S, Driver
-from iptm_vehicle_interface.node_parameters import VehicleNodeParameters
 from iptm_vehicle_interface.vehicle import load_vehicle
 from iptm_vehicle_interface.vehicle_state import LEADER
+
+
+@dataclass(frozen=True)
+class VehicleNodeParameters(FrameSettings, SamplingSettings):
+    """Parameters of the node: its groups, the last of the bases first, then its own."""
+
+    vehicle: str = parameter("bench", "name of a shipped vehicle, or a folder with vehicle.yaml")
+    bus: str = parameter(
+        "udp:43113", "bus of the gateway as python-can names it, such as socketcan:can0"
+    )
+    shadow: bool = parameter(
+        default=False, description="send nothing: decide beside a driver, and record it"
+    )
+    awaited_nodes: str = parameter(
+        "controller, v2x_bridge",
+        "names of the nodes whose end or halt makes the car inactive within 100 ms, separated by commas; "
+        "empty for none",
+    )
+    record: str = parameter(
+        "", "folder to create for raw frames, steps and decisions, to be replayed; empty for none"
+    )
+    capacity_loss_file: str = parameter(
+        "",
+        "file with the capacity losses of the cells, read at the start and written while driving; empty "
+        "starts from the parameter set",
+    )
+    log: str = parameter("", "file for the figures of the drive as JSON; empty for none")
+
 
 PUBLISHED = (
     Topic.PLANT_CELL_1_TEMPERATURE,

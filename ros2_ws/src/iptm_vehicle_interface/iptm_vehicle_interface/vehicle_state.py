@@ -20,7 +20,7 @@ from iptm_core.state import (
     SafetyRecord,
     VehicleState,
 )
-from iptm_vehicle_interface.signals import SignalTable
+from iptm_vehicle_interface.frames import SignalTable
 
 LONGEST_STEP_S = 0.5
 """Longer gaps between two updates are not integrated over: position and ageing would be guesses."""

@@ -1,9 +1,10 @@
-"""The messages of the visualizer: paths along the road, and the scene of both cars as markers."""
+"""The scene of the visualizer: paths along the road, both cars as markers, and a URDF of the ego vehicle."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from xml.etree import ElementTree as ET
 
 import numpy as np
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Vector3
@@ -19,8 +20,80 @@ from iptm_core.settings import VEHICLE_LENGTH_M
 from iptm_core.state import NS_PER_S, FloatArray, LeaderState
 from iptm_core.units import KM_H_PER_M_S
 from iptm_ros.codecs.cdr import time_from_ns, time_from_s
-from iptm_ros.topics import MAP_FRAME
-from iptm_view.vehicle_description import CLEARANCE_M, body_size_m
+from iptm_ros.topics import EGO_FRAME, MAP_FRAME, PACK_FRAME, frame_in
+
+Triple = tuple[float, float, float]
+
+# The model has none of these: they are for drawing, of a car of the compact class.
+WIDTH_M = 1.8
+CLEARANCE_M = 0.2
+_AXLES_M = (-0.85, -3.55)  # behind the front bumper, where the frame of the body lies
+_TYRE_WIDTH_M = 0.2
+_PACK_SIZE_M = (2.0, 1.4, 0.12)
+
+PACK_PLACE_M: Triple = (-0.5 * VEHICLE_LENGTH_M, 0.0, CLEARANCE_M + 0.5 * _PACK_SIZE_M[2])
+"""Middle of the battery pack in the frame of the body."""
+
+
+def body_size_m(parameters: ModelParameters) -> Triple:
+    """Return length, width and height of the body, whose front has the area of the parameter set."""
+    return VEHICLE_LENGTH_M, WIDTH_M, parameters.body.frontal_area_m2 / WIDTH_M
+
+
+def vehicle_urdf(parameters: ModelParameters, prefix: str = "") -> str:
+    """Return the URDF of the ego vehicle: body, wheels and the battery pack in it.
+
+    It has no masses: it is made to be looked at.
+    """
+    body, pack = frame_in(prefix, EGO_FRAME), frame_in(prefix, PACK_FRAME)
+    robot = ET.Element("robot", name="iptm_vehicle")
+    size = body_size_m(parameters)
+    link = ET.SubElement(robot, "link", name=body)
+    place = (-0.5 * VEHICLE_LENGTH_M, 0.0, CLEARANCE_M + 0.5 * size[2])
+    _box(link, size, place, "body", (0.0, 0.45, 0.7, 0.5))
+    radius_m = parameters.powertrain.wheel_radius_m
+    for x in _AXLES_M:
+        for y in (-0.5 * (WIDTH_M - _TYRE_WIDTH_M), 0.5 * (WIDTH_M - _TYRE_WIDTH_M)):
+            visual = _visual(link, (x, y, radius_m), "tyre", (0.1, 0.1, 0.1, 1.0), "1.570796 0 0")
+            ET.SubElement(
+                ET.SubElement(visual, "geometry"),
+                "cylinder",
+                radius=f"{radius_m:g}",
+                length=f"{_TYRE_WIDTH_M:g}",
+            )
+    link = ET.SubElement(robot, "link", name=pack)
+    _box(link, _PACK_SIZE_M, (0.0, 0.0, 0.0), "pack", (0.9, 0.6, 0.0, 1.0))
+    joint = ET.SubElement(robot, "joint", name=f"{body}_to_{pack}", type="fixed")
+    ET.SubElement(joint, "parent", link=body)
+    ET.SubElement(joint, "child", link=pack)
+    ET.SubElement(joint, "origin", xyz=_words(PACK_PLACE_M), rpy="0 0 0")
+    ET.indent(robot)
+    return ET.tostring(robot, encoding="unicode", xml_declaration=True) + "\n"
+
+
+def _box(
+    link: ET.Element, size_m: Triple, place_m: Triple, name: str, color: tuple[float, ...]
+) -> None:
+    visual = _visual(link, place_m, name, color)
+    ET.SubElement(ET.SubElement(visual, "geometry"), "box", size=_words(size_m))
+
+
+def _visual(
+    link: ET.Element,
+    place_m: Triple,
+    material: str,
+    color: tuple[float, ...],
+    rpy: str = "0 0 0",
+) -> ET.Element:
+    visual = ET.SubElement(link, "visual")
+    ET.SubElement(visual, "origin", xyz=_words(place_m), rpy=rpy)
+    ET.SubElement(ET.SubElement(visual, "material", name=material), "color", rgba=_words(color))
+    return visual
+
+
+def _words(numbers: tuple[float, ...]) -> str:
+    return " ".join(f"{number:.6g}" for number in numbers)
+
 
 EGO_LENGTH_M = -VEHICLE_LENGTH_M
 """From the position of the ego vehicle, its front bumper, to its other end."""

@@ -26,11 +26,10 @@ from iptm_view.foxglove_server import FoxgloveServer
 from iptm_view.graph_subscriptions import listening_node
 from iptm_view.judged_feed import JudgedFeed
 from iptm_view.options import PROGRAM
-from iptm_view.page_server import PageServer
+from iptm_view.page_server import PageServer, save_page
 from iptm_view.reference_car import NO_REFERENCE, ReferenceCar, put_stored_run
 from iptm_view.run_facts import RunFacts
 from iptm_view.sources import NAME, BagSource, GraphSource
-from iptm_view.stored_page import save_page
 
 _POLL_S = 0.1
 _FRAME_S = 0.1

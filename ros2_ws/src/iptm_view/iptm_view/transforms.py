@@ -27,8 +27,7 @@ from iptm_ros.topics import (
     ROAD_FRAME,
     frame_in,
 )
-from iptm_view.scene import EGO_LENGTH_M, LEADER_LENGTH_M, Scene
-from iptm_view.vehicle_description import PACK_PLACE_M
+from iptm_view.scene import EGO_LENGTH_M, LEADER_LENGTH_M, PACK_PLACE_M, Scene
 
 ABSENT = (
     "tf2_msgs is not installed, so no transforms are published; paths and markers are in the frame map and "

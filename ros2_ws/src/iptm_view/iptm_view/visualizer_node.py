@@ -50,9 +50,9 @@ from iptm_view.scene import (
     path_message,
     road_message,
     scene_message,
+    vehicle_urdf,
 )
 from iptm_view.transforms import TransformPublisher
-from iptm_view.vehicle_description import vehicle_urdf
 
 
 @dataclass(frozen=True)

@@ -238,7 +238,7 @@ def _run(parsed: argparse.Namespace) -> int:
         progress=parsed.progress,
     )
     if parsed.vehicles is not None:
-        from iptm.runner.run_string import run_string  # noqa: PLC0415
+        from iptm.runner.string_run import run_string  # noqa: PLC0415
         from iptm_core.vehicle_string import vehicle_count  # noqa: PLC0415
 
         count = vehicle_count(parsed.vehicles, "--vehicles")
