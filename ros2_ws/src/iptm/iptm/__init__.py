@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from iptm.faults.fault import Fault as Fault
     from iptm.own_parts import Controller as Controller
     from iptm.own_parts import Predictor as Predictor
+    from iptm.own_settings import Vehicle as Vehicle
+    from iptm.own_settings import cell_names as cell_names
     from iptm.run import Run as Run
     from iptm.run_file import load as load
     from iptm.service_life.life import Life as Life
@@ -28,8 +30,6 @@ if TYPE_CHECKING:
     from iptm.trip import Trip as Trip
     from iptm.trip_files import load_trip as load_trip
     from iptm.trip_files import trip_text as trip_text
-    from iptm.vehicle import Vehicle as Vehicle
-    from iptm.vehicle import cell_names as cell_names
     from iptm_controller.measurements import Measurements as Measurements
     from iptm_controller.strategy import STRATEGIES as STRATEGIES
     from iptm_controller.strategy import Strategy as Strategy
@@ -66,8 +66,8 @@ _HOMES = {
     "Trip": "iptm.trip",
     "load_trip": "iptm.trip_files",
     "trip_text": "iptm.trip_files",
-    "Vehicle": "iptm.vehicle",
-    "cell_names": "iptm.vehicle",
+    "Vehicle": "iptm.own_settings",
+    "cell_names": "iptm.own_settings",
     "Measurements": "iptm_controller.measurements",
     "STRATEGIES": "iptm_controller.strategy",
     "Strategy": "iptm_controller.strategy",

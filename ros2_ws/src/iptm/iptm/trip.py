@@ -16,7 +16,7 @@ from functools import cached_property, lru_cache
 from typing import Any
 
 from iptm.faults.fault import check_empty_road
-from iptm.own_parts import flat_settings
+from iptm.own_settings import flat_settings
 from iptm.trip_settings import (
     CONTROLLER,
     HOME,
@@ -101,7 +101,7 @@ class Trip:
         """Return this trip with other settings; None stands for a default.
 
         Args:
-            settings: by their flat names, and objects in their place, see `iptm.own_parts`; in addition
+            settings: by their flat names, and objects in their place, see `iptm.own_settings`; in addition
                 ``climate``, by name (its warmest month), an `iptm.Climate` or a temperature in degC, which
                 sets what depends on the air; overrides in the same call come after it.
 
