@@ -21,8 +21,8 @@ from iptm_core.routes import build_route
 from iptm_core.settings import ThermalModel
 from iptm_core.state import Command, FullChannelState, VehicleState
 from iptm_core.units import CELSIUS_ZERO_K
+from iptm_plant_sim.interval import PlantStep
 from iptm_plant_sim.plant import Plant
-from iptm_plant_sim.plant_step import PlantStep
 from iptm_plant_sim.trip import Trip
 from iptm_ros.codecs import decode_observation, ns_from_time
 from iptm_ros.diagnostics import Level

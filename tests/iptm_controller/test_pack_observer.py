@@ -14,8 +14,8 @@ from iptm_controller.pack_observer import PackFault, PackObserver, PackReport
 from iptm_core.parameters import load_parameters
 from iptm_core.state import Command, LeaderPreview, SlopePreview, VehicleState
 from iptm_core.units import CELSIUS_ZERO_K
+from iptm_plant_sim.interval import PlantStep
 from iptm_plant_sim.plant import Plant
-from iptm_plant_sim.plant_step import PlantStep
 
 VALUES = load_parameters(
     overrides={"environment.initial_cell_temperature_k": 36.0 + CELSIUS_ZERO_K}

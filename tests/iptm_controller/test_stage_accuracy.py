@@ -19,8 +19,8 @@ from iptm_controller.ocp.stage import DEFAULT_SMOOTHING
 from iptm_core.physics.power_thermal import EXACT, electric_traction_power_w
 from iptm_core.physics.powertrain import battery_power_w, motor_torque_nm, traction_force_n
 from iptm_core.state import Command, VehicleState
+from iptm_plant_sim.interval import PlantStep
 from iptm_plant_sim.plant import Plant
-from iptm_plant_sim.plant_step import PlantStep
 
 GRADE, WAVE_M = 0.05, 120.0
 ENERGY = (0.0, 0.0, 1.0, 0.0)

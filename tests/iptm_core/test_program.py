@@ -1,10 +1,8 @@
-"""How programs start and end, and the commit and versions behind their results."""
+"""How programs start and end."""
 
 from __future__ import annotations
 
 import os
-import platform
-import re
 import signal
 import subprocess
 import sys
@@ -15,7 +13,6 @@ from typing import Any
 import pytest
 
 from iptm_core import program
-from iptm_core.provenance import UNKNOWN, git_revision, versions
 
 
 @pytest.fixture
@@ -136,32 +133,3 @@ def test_output_that_is_closed_full_or_not_in_utf_8(tmp_path: Path, redirection:
     assert (ended.returncode, ended.stderr) == (0, b"")
     assert ended.stdout == (b"? dt\n" if not redirection else b"")
     assert (tmp_path / "done").exists()
-
-
-def test_revision_of_a_work_tree_and_of_a_changed_one(tmp_path: Path) -> None:
-    def git(*arguments: str) -> None:
-        identity = ["-c", "user.name=a", "-c", "user.email=a@example.org"]
-        subprocess.run(["git", *identity, *arguments], cwd=tmp_path, check=True)
-
-    (tmp_path / "file").write_text("1", encoding="utf-8")
-    git("init", "-q")
-    git("add", "file")
-    git("commit", "-qm", "first")
-    assert re.fullmatch("[0-9a-f]{40}", git_revision(tmp_path))
-    (tmp_path / "file").write_text("2", encoding="utf-8")
-    git_revision.cache_clear()
-    assert re.fullmatch("[0-9a-f]{40}-dirty", git_revision(tmp_path))
-
-
-def test_outside_git_and_without_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path.parent))
-    assert git_revision(tmp_path) == UNKNOWN
-    monkeypatch.setenv("PATH", str(tmp_path))
-    assert git_revision(tmp_path / "other") == UNKNOWN
-
-
-def test_versions_of_what_is_installed() -> None:
-    found = versions(["numpy", "no-such-package"])
-    assert found["python"] == platform.python_version()
-    assert found["numpy"]
-    assert "no-such-package" not in found

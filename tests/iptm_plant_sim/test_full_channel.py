@@ -31,8 +31,8 @@ from iptm_core.physics.thermal_loop import FullChannel, exchange_ratio, solve_co
 from iptm_core.settings import ThermalModel
 from iptm_core.state import ChannelCells, Command, FloatArray, FullChannelState, VehicleState
 from iptm_plant_sim.actuators import Clamp
+from iptm_plant_sim.interval import PlantStep
 from iptm_plant_sim.plant import Plant
-from iptm_plant_sim.plant_step import PlantStep
 
 FULL = ThermalModel.FULL_CHANNEL
 TICKS = 60

@@ -15,8 +15,8 @@ from iptm_core.state import Command, VehicleState
 from iptm_plant_sim import integrator
 from iptm_plant_sim.actuators import plan_motion
 from iptm_plant_sim.integrator import IntervalIntegrator
+from iptm_plant_sim.interval import PlantStep
 from iptm_plant_sim.plant import Plant
-from iptm_plant_sim.plant_step import PlantStep
 
 REFERENCE_STEP_S = 0.1 / 16.0
 TICKS = 600

@@ -12,8 +12,8 @@ from iptm_core.settings import ThermalModel
 from iptm_core.state import Command
 from iptm_core.units import CELSIUS_ZERO_K
 from iptm_plant_sim.actuators import Clamp
+from iptm_plant_sim.interval import PlantStep
 from iptm_plant_sim.plant import Plant
-from iptm_plant_sim.plant_step import PlantStep
 
 QUICK = (("paper_calibrated", 25.0), ("bmw_i3", -20.0), ("bmw_i3", 45.0))
 CASES = [

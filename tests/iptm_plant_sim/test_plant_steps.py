@@ -11,8 +11,8 @@ from iptm_core.errors import StateError
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import Command, IntervalPowers, VehicleState
 from iptm_plant_sim.actuators import Clamp
+from iptm_plant_sim.interval import PlantStep
 from iptm_plant_sim.plant import Plant
-from iptm_plant_sim.plant_step import PlantStep
 
 
 def energies_balance(step: PlantStep, parameters: ModelParameters, duration: float) -> None:

@@ -21,8 +21,8 @@ from iptm_core.braking import BrakingCapability
 from iptm_core.physics.power_thermal import electric_traction_power_w
 from iptm_core.saved_state import from_plain, to_plain
 from iptm_core.state import Command
+from iptm_plant_sim.interval import PlantStep
 from iptm_plant_sim.plant import Plant
-from iptm_plant_sim.plant_step import PlantStep
 
 
 def test_brakes_act_after_their_delay_and_build_up_inside_the_interval() -> None:

@@ -23,7 +23,7 @@ from iptm_core.routes import build_route
 from iptm_core.settings import ThermalModel
 from iptm_core.state import Command
 from iptm_core.units import CELSIUS_ZERO_K
-from iptm_plant_sim.plant_step import PlantStep
+from iptm_plant_sim.interval import PlantStep
 
 HOT = load_parameters(
     overrides={"environment.initial_cell_temperature_k": 36.0 + CELSIUS_ZERO_K}

@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from iptm.climate import Climate as Climate
     from iptm.comparison import Comparison as Comparison
     from iptm.comparison import compare as compare
-    from iptm.driving import drive as drive
     from iptm.driving import drive_whole_trip as drive_whole_trip
     from iptm.driving import simulate as simulate
     from iptm.explanation import Explanation as Explanation
@@ -28,6 +27,7 @@ if TYPE_CHECKING:
     from iptm.sweeping import Sweep as Sweep
     from iptm.sweeping import sweep as sweep
     from iptm.trip import Trip as Trip
+    from iptm.trip_drive import drive as drive
     from iptm.trip_files import load_trip as load_trip
     from iptm.trip_files import trip_text as trip_text
     from iptm_controller.measurements import Measurements as Measurements
@@ -49,7 +49,7 @@ _HOMES = {
     "cached_calls": "iptm.call_cache",
     "Comparison": "iptm.comparison",
     "compare": "iptm.comparison",
-    "drive": "iptm.driving",
+    "drive": "iptm.trip_drive",
     "drive_whole_trip": "iptm.driving",
     "Explanation": "iptm.explanation",
     "Fault": "iptm.faults.fault",

@@ -25,8 +25,8 @@ from iptm_core.state import (
     VehicleState,
 )
 from iptm_core.trajectory import Trajectory
+from iptm_plant_sim.interval import PlantStep
 from iptm_plant_sim.plant import Plant
-from iptm_plant_sim.plant_step import PlantStep
 from iptm_v2x_bridge.bridge import (
     CycleSource,
     PreviewSource,

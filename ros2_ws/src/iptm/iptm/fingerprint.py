@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 
 from iptm_core.errors import ParameterError
-from iptm_core.provenance import installed_version
 from iptm_core.user_input import shown
+from iptm_ros.recording.run_information import installed_version
 
 SUITE = ("iptm_core", "iptm_plant_sim", "iptm_v2x_bridge", "iptm_controller", "iptm")
 """Packages that a trip without ROS runs through."""

@@ -38,7 +38,7 @@ from iptm_core.physics.power_thermal import CellPair
 from iptm_core.settings import ThermalModel
 from iptm_core.state import ChannelCells, FloatArray, FullChannelState, VehicleState
 from iptm_plant_sim.actuators import Motion
-from iptm_plant_sim.interval_model import AT_END, INTEGRALS, STATES, sub_step
+from iptm_plant_sim.interval import AT_END, INTEGRALS, STATES, sub_step
 
 if TYPE_CHECKING:
     from iptm_plant_sim.channel_integrator import ChannelIntegrator

@@ -23,8 +23,8 @@ from iptm_core.settings import (
     VehicleSettings,
 )
 from iptm_core.state import NS_PER_S
+from iptm_plant_sim.interval import PlantStep
 from iptm_plant_sim.plant import Plant
-from iptm_plant_sim.plant_step import PlantStep
 from iptm_plant_sim.trip import Trip
 
 WAIT = "wait"

@@ -11,9 +11,9 @@ from sensor_msgs.msg import JointState
 from iptm_core.errors import IptmError, MessageError, PackEmptyError
 from iptm_core.settings import LoopMode, LostController
 from iptm_core.state import Command, CommandSource
+from iptm_plant_sim.interval import battery_reading
 from iptm_plant_sim.node_neighbours import Neighbours, NodeRangeSensor, PlayedRangeSensor
 from iptm_plant_sim.node_parameters import WAIT, PlantNodeParameters
-from iptm_plant_sim.plant_step import battery_reading
 from iptm_plant_sim.trip import CommandHold, Schedule, TimeBetweenTicks, TripPhase
 from iptm_ros.codecs import (
     battery_bytes,

@@ -21,8 +21,8 @@ from iptm_plant_sim.actuators import (
     STANDSTILL_SPEED_M_S,
     ActuatorReport,
 )
+from iptm_plant_sim.interval import PlantStep, joined
 from iptm_plant_sim.lead_measurements import LeadMeasurements
-from iptm_plant_sim.plant_step import PlantStep, joined
 from iptm_plant_sim.safety_monitor import (
     MonitorMemory,
     RoadBraking,

@@ -12,8 +12,8 @@ from iptm_core.errors import StateError
 from iptm_core.physics.car_following import controlled_stop_command
 from iptm_core.state import NS_PER_S, Command, CommandSource, VehicleState
 from iptm_plant_sim.actuators import Clamp
+from iptm_plant_sim.interval import PlantStep
 from iptm_plant_sim.plant import Plant
-from iptm_plant_sim.plant_step import PlantStep
 from iptm_plant_sim.service_braking import RangeSensor
 
 RECENT_TICKS = 10

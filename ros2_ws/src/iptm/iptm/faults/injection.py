@@ -45,8 +45,8 @@ from iptm_core.state import (
     VehicleState,
 )
 from iptm_plant_sim.integrator import PackIntegration
+from iptm_plant_sim.interval import PlantStep
 from iptm_plant_sim.plant import Plant
-from iptm_plant_sim.plant_step import PlantStep
 
 NO_LEADER = "no measurement of the leader received"
 

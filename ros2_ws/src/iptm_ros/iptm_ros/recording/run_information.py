@@ -6,9 +6,14 @@ a metadata record at the very start of the MCAP file, where a kill or a lost fol
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import platform
+import shutil
+import subprocess
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
+from functools import lru_cache
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +22,51 @@ import yaml
 from iptm_core.errors import BagError, ParameterError
 from iptm_core.parameters import ModelParameters, flat_to_parameters
 from iptm_core.parameters.strict_yaml import parse_yaml, read_yaml
-from iptm_core.provenance import UNKNOWN, git_revision, versions
 from iptm_core.user_input import shown
+
+UNKNOWN = "unknown"
+_GIT_TIMEOUT_S = 10.0
+
+
+@lru_cache(maxsize=4)
+def git_revision(folder: Path | None = None) -> str:
+    """Return the commit of the work tree that holds a folder (None: this package), as at the first call.
+
+    It is the full hash, with ``-dirty`` appended if a tracked file was changed; ``unknown`` outside git.
+    """
+    git = shutil.which("git")
+    if git is None:
+        return UNKNOWN
+    try:
+        done = subprocess.run(  # noqa: S603 - fixed arguments
+            [git, "describe", "--always", "--abbrev=40", "--dirty", "--exclude=*"],
+            cwd=folder or Path(__file__).resolve().parent,
+            capture_output=True,
+            check=True,
+            text=True,
+            timeout=_GIT_TIMEOUT_S,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return UNKNOWN
+    return done.stdout.strip() or UNKNOWN
+
+
+def versions(packages: Iterable[str]) -> dict[str, str]:
+    """Return the versions of Python, the platform and the installed packages."""
+    return {
+        "python": platform.python_version(),
+        "platform": f"{platform.system()} {platform.machine()}",
+        **{name: version for name in packages if (version := installed_version(name)) != UNKNOWN},
+    }
+
+
+def installed_version(package: str) -> str:
+    """Return the version of a distribution, ``unknown`` if it is not installed."""
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return UNKNOWN
+
 
 RECORD_NAME = "iptm_run"
 MODEL_KEY = "model"
