@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -26,7 +25,7 @@ from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 settings.register_profile("iptm", deadline=None, derandomize=True)
 settings.load_profile("iptm")
 
-WORKER_VARIABLE = "PYTEST_XDIST_WORKER"
+ROOT = Path(__file__).resolve().parents[1]
 
 ROWS = 21
 """Ticks of the made-up run."""
@@ -41,12 +40,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def compile_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Keep compiled problems out of the user's cache, and share them between tests and their processes."""
-    base = tmp_path_factory.getbasetemp()
-    # A worker of pytest-xdist has a folder of its own below that of the whole run.
-    folder = (base.parent if WORKER_VARIABLE in os.environ else base) / "compiled"
-    folder.mkdir(exist_ok=True)
+def compile_cache() -> Iterator[Path]:
+    """Keep compiled problems out of the user's cache; tests, their processes and later runs share them."""
+    folder = ROOT / ".pytest_cache" / "compiled"
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(CACHE_VARIABLE, str(folder))
         yield folder

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from studies.savings import BASELINE, BASES, PRODUCTION
-from studies.session import SHORT_SOLVER, Session, inputs_of
+from studies.session import Session, inputs_of
 
 import iptm
 from iptm.parts import (
@@ -69,7 +69,7 @@ def drive(road: str, strategy: str, duration_s: float | None = None) -> dict[str
         "leader_source": LeaderSource.NONE,
         "speed_limits_km_h": OF_THE_CYCLE,
         "signals": signals,
-        **({} if duration_s is None else {"duration_s": duration_s, **SHORT_SOLVER}),
+        "duration_s": duration_s,
     }
     run = iptm.simulate(**call)
     inputs = inputs_of(call)

@@ -6,15 +6,10 @@ leader is extrapolated or expected to return to its usual speed. The optimum of 
 
 from __future__ import annotations
 
-from itertools import product
-from typing import Any
-
-import pandas as pd
-from studies.acc.variants import CARS, CLIMATES_C
-from studies.drives import DEFAULT, trip
-from studies.headway.effects import CYCLES, SHORT_S, WHOLE_S, drive
+from studies.drives import DEFAULT
+from studies.headway.effects import WHOLE_S, Controls, drive_controls
 from studies.road_space.run import DESIRED_S
-from studies.savings import PRODUCTION, road_taken, saved
+from studies.savings import PRODUCTION
 from studies.session import Session
 
 JERK_M_S3 = 2.0
@@ -27,8 +22,8 @@ OPTIMUM = "optimum of the whole trip"
 EXTRAPOLATED, RETURNING = "no preview, extrapolated", "no preview, usual speed in {:g} s"
 
 
-def controls() -> dict[str, tuple[str, dict[str, Any], dict[str, Any]]]:
-    """Return role, settings and the way of driving by the name of a row, `production` first."""
+def controls() -> Controls:
+    """Return the controls of the table, `production` first."""
     quick = {"limits.max_jerk_m_s3": JERK_M_S3}
     blind = {"preview_mode": "none"}
     equal = {
@@ -64,33 +59,10 @@ def controls() -> dict[str, tuple[str, dict[str, Any], dict[str, Any]]]:
 
 def run(session: Session) -> bool:
     """Run the study; returns whether no lead vehicle was touched."""
-    settings: dict[str, Any] = {"duration_s": SHORT_S if session.short else WHOLE_S}
-    if session.short:
-        settings |= {"compile_code": False}
-    cycles, cars = (CYCLES[:1], CARS[:1]) if session.short else (CYCLES, CARS)
-    rows = controls()
-    places = list(product(cycles, cars, rows))
-    calls = [
-        {"call": trip(cycle, role, car, CLIMATES_C[0], **own, **settings), **how}
-        for cycle, car, name in places
-        for role, own, how in [rows[name]]
-    ]
-    driven = session.compute(drive, calls, ["/".join(place) for place in places])
-    found = dict(zip(places, driven, strict=True))
-    table = pd.DataFrame(
-        {
-            "control": name,
-            "trip": (cycle, car),
-            **road_taken([run.trajectory]),
-            **saved([run.metrics], [base.metrics], run.parameters),
-            "smallest_gap_m": float(run.trajectory.gap_m.min()),
-            "interventions": float(run.metrics.interventions),
-        }
-        for (cycle, car, name), run in found.items()
-        for base in [found[cycle, car, PRODUCTION]]
-        if run is not None and base is not None
+    table = drive_controls(session, controls())
+    by_trip = table.pivot_table(
+        index=["cycle", "car"], columns="control", values=["ageing", "headway_s"]
     )
-    by_trip = table.pivot_table(index="trip", columns="control", values=["ageing", "headway_s"])
     shares = by_trip.ageing.div(by_trip.ageing[OPTIMUM], axis=0)
     further = by_trip.headway_s.sub(by_trip.headway_s[PRODUCTION], axis=0)
     grouped = table.groupby("control", sort=False)

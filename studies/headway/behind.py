@@ -46,7 +46,7 @@ def cars_behind(session: Session) -> list[dict[str, Any]]:
     cars = SHORT_CARS if session.short else STRING_CARS
     settings: dict[str, Any] = {"preview_mode": "none"}
     if session.short:
-        settings |= {"duration_s": SHORT_S, "compile_code": False}
+        settings["duration_s"] = SHORT_S
     strings = {"0 %": [False] * cars}
     strings |= {
         share: [place % every == 0 for place in range(cars)] for share, every in EVERY.items()

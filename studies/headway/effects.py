@@ -33,6 +33,8 @@ COOLING = "its cooling, no preview, with the motion of `production`"
 CYCLES = ("us06", "udds", "wltc_class3b")
 WHOLE_S = 600.0
 SHORT_S = 60.0
+Controls = Mapping[str, tuple[str, Mapping[str, Any], Mapping[str, Any]]]
+"""Role, settings and keywords of `drive` by the name of a control, `production` among them."""
 
 
 class MixedController:
@@ -62,44 +64,56 @@ def drive(call: Mapping[str, Any], *, whole: bool = False, others: str = "") -> 
     return iptm.simulate(**call, controller=MixedController(*parts))
 
 
-def effects(session: Session) -> tuple[pd.DataFrame, dict[str, float]]:
-    """Return a row per control, and the shares of the optimum that the default saves in the median."""
+def drive_controls(session: Session, controls: Controls) -> pd.DataFrame:
+    """Drive every control behind the same leaders; return a row per trip, of `production` as well.
+
+    Returns:
+        ``control``, ``cycle``, ``car``, the road taken, what is saved against `production`,
+        ``smallest_gap_m`` and ``interventions``.
+    """
     length_s = SHORT_S if session.short else WHOLE_S
-    settings: dict[str, Any] = {"duration_s": length_s}
-    if session.short:
-        settings |= {"compile_code": False}
     cycles, cars = (CYCLES[:1], CARS[:1]) if session.short else (CYCLES, CARS)
-    blind = {"preview_mode": "none"}
-    controls: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
-        PRODUCTION: (PRODUCTION, blind, {}),
-        OPTIMUM: (DEFAULT, EQUAL, {"whole": True}),
-        FAR: (DEFAULT, {"value_beyond_trip": True}, {}),
-        BOTH: (DEFAULT, EQUAL, {}),
-        BRIEF: (DEFAULT, {**EQUAL, "preview_length_s": BRIEF_S}, {}),
-        BLIND: (DEFAULT, {**EQUAL, **blind}, {}),
-        SMOOTHING: (DEFAULT, {**EQUAL, **blind}, {"others": "cooling"}),
-        COOLING: (DEFAULT, {**EQUAL, **blind}, {"others": "motion"}),
-    }
     places = list(product(cycles, cars, controls))
     calls = [
-        {"call": trip(cycle, role, car, CLIMATES_C[0], **own, **settings), **how}
+        {"call": trip(cycle, role, car, CLIMATES_C[0], **own, duration_s=length_s), **how}
         for cycle, car, name in places
         for role, own, how in [controls[name]]
     ]
     driven = session.compute(drive, calls, ["/".join(place) for place in places])
     found = dict(zip(places, driven, strict=True))
-    rows = pd.DataFrame(
+    return pd.DataFrame(
         {
             "control": name,
             "cycle": cycle,
             "car": car,
             **road_taken([run.trajectory]),
             **saved([run.metrics], [base.metrics], run.parameters),
+            "smallest_gap_m": float(run.trajectory.gap_m.min()),
+            "interventions": float(run.metrics.interventions),
         }
         for (cycle, car, name), run in found.items()
         for base in [found[cycle, car, PRODUCTION]]
-        if name != PRODUCTION and run is not None and base is not None
+        if run is not None and base is not None
     )
+
+
+def effects(session: Session) -> tuple[pd.DataFrame, dict[str, float]]:
+    """Return a row per control, and the shares of the optimum that the default saves in the median."""
+    blind = {"preview_mode": "none"}
+    rows = drive_controls(
+        session,
+        {
+            PRODUCTION: (PRODUCTION, blind, {}),
+            OPTIMUM: (DEFAULT, EQUAL, {"whole": True}),
+            FAR: (DEFAULT, {"value_beyond_trip": True}, {}),
+            BOTH: (DEFAULT, EQUAL, {}),
+            BRIEF: (DEFAULT, {**EQUAL, "preview_length_s": BRIEF_S}, {}),
+            BLIND: (DEFAULT, {**EQUAL, **blind}, {}),
+            SMOOTHING: (DEFAULT, {**EQUAL, **blind}, {"others": "cooling"}),
+            COOLING: (DEFAULT, {**EQUAL, **blind}, {"others": "motion"}),
+        },
+    )
+    rows = rows[rows.control != PRODUCTION]
     by_trip = rows.pivot_table(index=["cycle", "car"], columns="control", values="ageing")
     shares = {
         name: 100.0 * float((by_trip[name] / by_trip[OPTIMUM]).median()) for name in (BOTH, BLIND)

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from studies.drives import climate, trip
-from studies.session import SHORT_SOLVER
 
 import iptm
 from iptm.parts import (
@@ -43,7 +42,7 @@ MINUTE_VALUES_KWH = (0.05, 0.1, 0.25, 0.5, 1.0)
 MINUTE_VALUES_AIR_C = 5.0
 HEATER_W = 5000.0
 LAST_S = 1200.0
-SHORT: Mapping[str, Any] = {"duration_s": 60.0, **SHORT_SOLVER}
+SHORT: Mapping[str, Any] = {"duration_s": 60.0, "compile_code": False}
 """Settings of runs that only try the command."""
 Overrides = Mapping[str, float]
 

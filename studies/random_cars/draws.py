@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.random import Generator
-from studies.session import SHORT_SOLVER, Case, inputs_of
+from studies.session import Case, inputs_of
 
 from iptm.parts import (
     CYCLE_NAMES,
@@ -200,7 +200,7 @@ def _draw_run(random: Generator, duration_s: float | None) -> tuple[dict[str, An
         for key, draw in SOMETIMES.items():
             if random.random() < OVERRIDE_SHARE:
                 overrides[key] = drawn(draw, random)
-        call = {**settings, "overrides": overrides, **SHORT_SOLVER}
+        call = {**settings, "overrides": overrides, "compile_code": False}
         try:
             return call, inputs_of(call)
         except IptmError as error:

@@ -44,7 +44,6 @@ def drive_string(
         preview_length_s=PreviewSettings.preview_length_s,
         latency_s=latency_s,
         **(settings or {}),
-        compile_code=duration_s is None,
     )
     return list(drive_string_in_memory(trip, vehicles))
 

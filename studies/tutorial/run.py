@@ -53,7 +53,7 @@ def drive_command(command: str, against: str = "", duration_s: float | None = No
     """Drive the trip of a command line in memory, or the one that it is compared with."""
     trip = chosen_trip(parsed_options(build_parser(), shlex.split(command)[1:]))
     if duration_s is not None:
-        trip = trip.changed(duration_s=duration_s, compile_code=False)
+        trip = trip.changed(duration_s=duration_s)
     return iptm.drive(trip.against(against) if against else trip)
 
 

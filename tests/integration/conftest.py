@@ -175,16 +175,22 @@ def wait_until_fixture() -> Callable[..., None]:
     return wait_until
 
 
-@pytest.fixture
-def ros_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, str]]:
-    """Give the test and its processes a domain of their own, fast discovery and checked fields."""
+@contextmanager
+def own_domain(folder: Path) -> Iterator[dict[str, str]]:
+    """Reserve a domain; yield what sets it for a process, with fast discovery and checked fields."""
     with reserve_domain() as domain:
-        settings = {
+        yield {
             "ROS_DOMAIN_ID": str(domain),
             "ROS_PYTHON_CHECK_FIELDS": "1",
-            "ROS_LOG_DIR": str(tmp_path / "ros_log"),
+            "ROS_LOG_DIR": str(folder / "ros_log"),
             **middleware_settings({}),
         }
+
+
+@pytest.fixture
+def ros_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, str]]:
+    """Give the test and its processes a domain of their own."""
+    with own_domain(tmp_path) as settings:
         for name, value in settings.items():
             monkeypatch.setenv(name, value)
         yield {**os.environ, **settings}

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
 import io
+import os
 import re
 from collections.abc import Callable
+from contextlib import ExitStack, closing, redirect_stdout
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from tests.integration.conftest import ProcessLauncher, own_domain
 from tests.integration.page_browser import Browser
 
 import iptm
@@ -20,39 +22,52 @@ from iptm.trip_files import trip_text
 from iptm_core.state import CommandSource
 from iptm_core.units import J_PER_KWH
 
+KINDS = (FaultKind.PROCESS_RESTARTED, FaultKind.PROCESS_FROZEN)
 
-@pytest.fixture(params=[FaultKind.PROCESS_RESTARTED, FaultKind.PROCESS_FROZEN])
-def stopped(request: Any, launcher: Any, tmp_path: Path) -> tuple[Path, str]:
-    """Drive with a controller that is away for 5 s; return the folder of the run and what the terminal said.
+
+@pytest.fixture(scope="module")
+def drives(tmp_path_factory: pytest.TempPathFactory) -> dict[FaultKind, tuple[Path, str]]:
+    """Drive with controllers that are away for 5 s, at the same time, each in a domain of its own.
 
     A frozen one answers afterwards what it missed, when the vehicle has stopped on its own already.
+
+    Returns:
+        Folder of the run and output of the terminal, by fault.
     """
-    away = iptm.Fault(request.param, 10.0, size=5.0, target="controller")
-    trip = iptm.Trip.of(
-        "us06",
-        duration_s=25.0,
-        horizon="15x1",
-        mode="real_time",
-        rate_factor=2.0,
-        command_timeout_s=1.0,
-        faults=(away,),
-        compile_code=False,
-    )
-    file, output = tmp_path / "lost.yaml", tmp_path / "run"
-    file.write_text(trip_text(trip), encoding="utf-8")
-    options = ("--no-picture", "--against", "none", "--output", str(output))
-    process = launcher.start_module("iptm.commands.run", str(file), *options)
-    assert process.wait(240.0) == 0
-    return output, process.stdout
+    folder = tmp_path_factory.mktemp("drives")
+    with ExitStack() as stack:
+        launcher = stack.enter_context(closing(ProcessLauncher(folder, os.environ)))
+        started = {}
+        for kind in KINDS:
+            trip = iptm.Trip.of(
+                "us06",
+                duration_s=25.0,
+                horizon="15x1",
+                mode="real_time",
+                rate_factor=2.0,
+                command_timeout_s=1.0,
+                faults=(iptm.Fault(kind, 10.0, size=5.0, target="controller"),),
+                compile_code=False,
+            )
+            file, output = folder / f"{kind}.yaml", folder / kind
+            file.write_text(trip_text(trip), encoding="utf-8")
+            options = ("--no-picture", "--against", "none", "--output", output)
+            domain = stack.enter_context(own_domain(folder))
+            process = launcher.start_module("iptm.commands.run", file, *options, **domain)
+            started[kind] = (output, process)
+        assert [process.wait(240.0) for _, process in started.values()] == [0, 0]
+        return {kind: (output, process.stdout) for kind, (output, process) in started.items()}
 
 
+@pytest.mark.parametrize("kind", KINDS)
 def test_every_output_agrees_on_lost_commands(
-    stopped: tuple[Path, str],
+    kind: FaultKind,
+    drives: dict[FaultKind, tuple[Path, str]],
     launcher: Any,
     wait_until: Callable[..., None],
     tmp_path: Path,
 ) -> None:
-    output, printed = stopped
+    output, printed = drives[kind]
     run = iptm.load(output)
     figures = run.figures
     lost, held = int(figures["undecided"]), int(figures["held"])
@@ -68,7 +83,7 @@ def test_every_output_agrees_on_lost_commands(
     side = "above" if margin_m >= 0.0 else "below"
     assert f"{abs(margin_m):.2f} m {side} s_min" in terminal
 
-    with contextlib.redirect_stdout(io.StringIO()) as shown:
+    with redirect_stdout(io.StringIO()) as shown:
         assert info([str(output)]) == 0
     listed = " ".join(shown.getvalue().split())
     assert re.search(rf"Ticks without a decision\W+{lost}\b", listed)
