@@ -30,6 +30,9 @@ from iptm_core.user_input import shown
 
 FROM_OUTSIDE = {"iptm", "studies", "numpy", "pandas", "matplotlib", "jinja2", "yaml"}
 MORE = {
+    # Options are read before `iptm` is loaded.
+    "faults/options.py": {"iptm_core"},
+    "random_cars/options.py": {"iptm_core"},
     "embedded/safeguard": {"iptm_controller", "iptm_core", "iptm_plant_sim"},
     "traffic": {"iptm_traffic"},
     "fleet": {"iptm_traffic"},
