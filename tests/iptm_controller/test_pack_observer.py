@@ -11,6 +11,8 @@ import pytest
 
 from iptm_controller.measurements import Measurements
 from iptm_controller.pack_observer import PackFault, PackObserver, PackReport
+from iptm_controller.pack_observer_in_c import pack_observer
+from iptm_controller.tick_library import tick_library
 from iptm_core.parameters import load_parameters
 from iptm_core.state import Command, LeaderPreview, SlopePreview, VehicleState
 from iptm_core.units import CELSIUS_ZERO_K
@@ -39,8 +41,9 @@ def drive(
     compressor_w: float = 1200.0,
     dead: bool = False,
 ) -> list[tuple[PackReport, VehicleState]]:
-    """Drive in waves; a dead compressor echoes its command."""
+    """Drive in waves; a dead compressor echoes its command. C reports as Python does, to the last bit."""
     plant, observer = Plant(VALUES, np.zeros_like), PackObserver(VALUES)
+    in_c = pack_observer(VALUES, tick_library(is_wanted=True))
     step = plant.observe(plant.initial_state(speed_m_s=20.0))
     command, found = Command(0.0, 0.0), []
     for tick in range(seconds):
@@ -48,7 +51,10 @@ def drive(
         shown = replace(state, compressor_power_w=command.compressor_power_w) if dead else state
         shown = lie(shown) if state.time_s >= fault_s else shown
         scene = measured(shown, step, coolant=coolant)
-        found.append((observer.observe(scene, command if tick else None), state))
+        report = observer.observe(scene, command if tick else None)
+        assert repr(in_c.observe(scene, command if tick else None)) == repr(report)
+        assert repr(in_c.memory) == repr(observer.memory)
+        found.append((report, state))
         asked_w = min(command.compressor_power_w + 200.0, compressor_w)
         command = Command(1.5 * math.sin(tick / 5.0), asked_w)
         step = plant.advance(state, replace(command, compressor_power_w=0.0) if dead else command)

@@ -21,7 +21,7 @@ from iptm_controller.ocp.data import UNBOUNDED_W, ProblemData, ProblemDataBuilde
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.options import ControllerOptions
 from iptm_controller.pack_model import CELLS, cyclic_parameters, valuation_of
-from iptm_controller.pack_observer import PackObserver
+from iptm_controller.pack_observer_in_c import pack_observer
 from iptm_controller.plan_data import plan_data
 from iptm_controller.production import ProductionLikeController
 from iptm_controller.road_envelope import LOOK_AHEAD_S, RoadEnvelope
@@ -100,7 +100,7 @@ class Controller:
         self._actuation = ActuationObserver(parameters.limits, options.tick_s)
         self.lead = LeadCheck(options.accuracy, options.road, parameters.limits)
         self._clock = SenderClock()
-        self._pack = PackObserver(parameters)
+        self._pack = pack_observer(parameters, library)
         ends_s = horizon.node_times_s[1 : horizon.motion_steps + 1]
         self._power = PowerAuthority(self._vehicle, options.tick_s, ends_s)
         self._production = ProductionLikeController(parameters, options.production, options.tick_s)

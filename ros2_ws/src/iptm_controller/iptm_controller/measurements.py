@@ -32,7 +32,7 @@ LARGEST_GAP_M = 1e4
 MAX_SPEED_M_S = 100.0
 STEEPEST_RAD = 1.5
 
-_MOTION: dict[str, tuple[float, float]] = {
+MOTION_RANGES: dict[str, tuple[float, float]] = {
     "time_s": (0.0, float(2**31)),
     "position_m": (-1e9, 1e9),
     "speed_m_s": (SPEED_AT_REST_M_S, MAX_SPEED_M_S),
@@ -121,7 +121,7 @@ def _at_rest_if_negative(vehicle: Vehicle) -> Vehicle:
 
 def motion_fault(state: VehicleState) -> str:
     """Return why a motion cannot belong to a vehicle, empty if it can."""
-    return _out_of_range(state, _MOTION)
+    return _out_of_range(state, MOTION_RANGES)
 
 
 def _out_of_range(state: VehicleState, ranges: Mapping[str, tuple[float, float]]) -> str:

@@ -41,7 +41,7 @@ REDUCTION_EVERY_S, REDUCTION, LEAST_SHARE = 30.0, 0.2, 0.3
 CONTRADICTION_K, CONTRADICTION_S = 5.0, 10.0
 LEAST_OUTLET_WEIGHT = 0.02
 """Part of the outlet temperature that comes from the cells, below which it shows nothing about them."""
-_MOST_TICK_S = 10.0
+MOST_TICK_S = 10.0
 _TEMPERATURES = ("cell_1_temperature_k", "cell_n_temperature_k")
 
 
@@ -125,7 +125,7 @@ class PackObserver:
             return PackReport(state)
         memory = self.memory
         elapsed_s = state.time_s - memory.time_s
-        if not 0.0 < elapsed_s <= _MOST_TICK_S:
+        if not 0.0 < elapsed_s <= MOST_TICK_S:
             # The first tick, another trip or a long silence; or the same tick again, where nothing moves on.
             before = memory.time_s, memory.cell_1.value_k, memory.cell_n.value_k
             now = state.time_s, *_temperatures(state)

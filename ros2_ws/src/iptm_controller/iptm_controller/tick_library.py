@@ -27,7 +27,7 @@ from iptm_core.errors import SolverSetupError
 from iptm_core.state import LeaderPreview
 
 _SOURCE_FOLDER = Path(__file__).resolve().parent / "c"
-_UNITS = "tick_data", "forecast", "guard", "prices"
+_UNITS = "tick_data", "forecast", "guard", "prices", "pack"
 _FILES = (*(f"{name}.{end}" for name in _UNITS for end in "ch"), "vehicle.h", "real.h")
 INT, DOUBLE, POINTER = ctypes.c_int, ctypes.c_double, ctypes.c_void_p
 _MOTIONS_KEPT = 8
@@ -35,7 +35,7 @@ _motions: dict[int, tuple[LeaderPreview, Motion]] = {}
 """Motions of the newest previews, by the identity of the preview."""
 
 
-_VEHICLE = (
+VEHICLE = (
     "time_s",
     "position_m",
     "speed_m_s",
@@ -46,13 +46,13 @@ _VEHICLE = (
     "cell_1_capacity_loss",
     "cell_n_capacity_loss",
 )
-numbers_of = attrgetter(*_VEHICLE)
+numbers_of = attrgetter(*VEHICLE)
 """Numbers of a state, in the order of `vehicle`."""
 
 
 def vehicle() -> tuple[Any, Callable[..., None]]:
     """Return the ego vehicle at one instant, as `doubles`."""
-    return doubles(len(_VEHICLE))
+    return doubles(len(VEHICLE))
 
 
 class Leader(ctypes.Structure):
@@ -112,10 +112,12 @@ def _library(compiler: tuple[str, ...], *_: object) -> ctypes.PyDLL:
         "iptm_collision_threatens": [POINTER, POINTER, *[DOUBLE] * 4],
         "iptm_forecast_leader": [POINTER] * 5,
         "iptm_value_temperatures": [POINTER] * 3,
+        "iptm_watch_pack": [POINTER] * 4,
         "iptm_leader_at": [POINTER, POINTER, POINTER, DOUBLE],
     }
     results: dict[str, Any] = dict.fromkeys(arguments) | {
         "iptm_collision_threatens": INT,
+        "iptm_watch_pack": INT,
         "iptm_leader_at": Leader,
     }
     try:
