@@ -48,7 +48,7 @@ class DrivenPlant:
                 command = script(stamp_ns // S)
                 if command is not None and stamp_ns % S == 0:
                     self.answer(stamp_ns / S, command)
-            return self.bench.node.finished if until is None else until()
+            return self.bench.node.ended.done() if until is None else until()
 
         self.bench.spin_until(is_reached)
 

@@ -243,7 +243,7 @@ def test_a_model_that_fails_ends_the_trip_as_a_defect() -> None:
         with mock.patch.object(Trip, "advance", side_effect=IptmError("no next state")):
             plant.answer(0, Command(0.3, 0.0))
         assert plant.bench.situation == (Level.ERROR, "the vehicle model failed")
-        plant.bench.spin_until(lambda: plant.bench.node.finished)
+        plant.bench.spin_until(plant.bench.node.ended.done)
         assert plant.bench.node.exit_code == 1
 
 

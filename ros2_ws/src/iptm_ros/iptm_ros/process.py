@@ -37,7 +37,8 @@ from iptm_ros.suite_node import SuiteNode
 AnyNode = TypeVar("AnyNode", bound=SuiteNode)
 
 EXIT_DEFECT = 1
-_SPIN_TIMEOUT_S = 0.1
+_LOOK_PERIOD_S = 0.02
+"""Between two looks for a request to stop."""
 _USER_ERRORS = (
     IptmError,
     NameValidationException,
@@ -127,12 +128,11 @@ def _spin(nodes: Sequence[SuiteNode], stop: StopRequest, program: str) -> int:
         executor.add_node(node)
     first, code = nodes[0], EXIT_OK
     try:
-        # A timeout is essential: without one this executor never runs a callback.
-        while rclpy.ok() and not first.finished:
+        while rclpy.ok() and not first.ended.done():
             if stop.is_set:
                 for node in nodes:
                     node.stop()
-            executor.spin_once(timeout_sec=_SPIN_TIMEOUT_S)
+            executor.spin_until_future_complete(first.ended, _LOOK_PERIOD_S)
         code = first.exit_code
     except ExternalShutdownException:
         code = first.exit_code

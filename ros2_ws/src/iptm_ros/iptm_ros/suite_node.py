@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
-from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from rclpy.service import Service as RclpyService
 from rclpy.subscription import Subscription
+from rclpy.task import Future
 from rclpy.timer import Timer
 from std_srvs.srv import Trigger
 
@@ -24,7 +23,7 @@ from iptm_core.user_input import suggestion
 from iptm_ros.codecs import numbers_of, road_of, table_of
 from iptm_ros.connections import LOOK_PERIOD_S, ConnectionsReport
 from iptm_ros.node_health import AwakeClock, Heartbeat, NodeHealth
-from iptm_ros.qos import STREAM_QOS
+from iptm_ros.publishers import FramedPublisher, Listeners
 from iptm_ros.services import Service
 from iptm_ros.topics import TOPICS, Topic, frame_in, topic_of
 
@@ -41,79 +40,36 @@ _LARGER_BYTES = {
 _LOG_THROTTLE_S = 5.0
 _KNOWN_DEFECTS = 20
 _GRAPH_PERIOD_S = 1.0
-_PATIENCE_S = 1.0
 _QOS_OVERRIDES = "qos_overrides."
 _ROS_PARAMETERS = ("use_sim_time", _QOS_OVERRIDES, "start_type_description_service")
 # Topics of ROS itself, which files of parameters that were dumped may name.
 _OVERRIDABLE = (f"{_QOS_OVERRIDES}/clock.", f"{_QOS_OVERRIDES}/parameter_events.")
 
 
-class FramedPublisher(Publisher):
-    """A publisher that prefixes the frames of its messages.
-
-    Codecs use the frames of the topic table only. Serialised bytes are sent unchanged: their encoder
-    sets the right frame.
-
-    Attributes:
-        frame_prefix: of the vehicle, empty for none.
-        is_left_behind: whether a listener did not follow when it was last waited for.
-    """
-
-    frame_prefix = ""
-    is_left_behind = False
-    _unheard = 0
-
-    def publish(self, msg: Any) -> None:
-        """Publish a message, or its serialised bytes."""
-        if self.frame_prefix and not isinstance(msg, bytes):
-            header = getattr(msg, "header", None)
-            if header is not None:
-                header.frame_id = frame_in(self.frame_prefix, header.frame_id)
-            if hasattr(msg, "child_frame_id"):
-                msg.child_frame_id = frame_in(self.frame_prefix, msg.child_frame_id)
-        super().publish(msg)
-
-    def let_listeners_follow(self, others: Iterable[Publisher] = ()) -> None:
-        """Wait, each time half a queue has been published, until every listener has it, as a recorder must.
-
-        A listener that has stopped holds this up once, for a second. It is not waited for again until all
-        have followed, or it has left the graph.
-
-        Args:
-            others: waited for as well, as what is lost on the way is sent again topic by topic.
-        """
-        self._unheard += 1
-        if self._unheard < STREAM_QOS.depth // 2:
-            return
-        self._unheard = 0
-        patience_s = 0.0 if self.is_left_behind else _PATIENCE_S
-        self.is_left_behind = not all(
-            each.wait_for_all_acked(Duration(seconds=patience_s)) for each in (self, *others)
-        )
-
-
 class SuiteNode(Node):
     """A node that takes names, types and QoS from the topic table.
 
-    Run it with `iptm_ros.process.run_node`, which watches `finished`.
+    Run it with `iptm_ros.process.run_node`, which watches `ended`.
 
     Messages are looked at before they are decoded, and an exception of a callback is logged, counted and
     reported on the diagnostics instead of ending the node.
 
     Attributes:
-        finished: the node has asked for its end.
+        ended: done when the node has asked for its end.
         exit_code: what the process shall return.
         health: what the node survived.
         connections: reports which nodes hear this one, and which it hears.
+        listeners: of what it publishes in lock-step.
         awake: steady time without the stretches in which the process did not run.
         frame_prefix: of the frames of this vehicle: its namespace unless set by `use_frame_prefix`.
     """
 
     def __init__(self, name: str, **options: Any) -> None:
         super().__init__(name, **options)
-        self.finished = False
+        self.ended = Future()
         self.exit_code = 0
         self.health = NodeHealth()
+        self.listeners = Listeners()
         self.awake = AwakeClock()
         self.frame_prefix = self.get_namespace().strip("/")
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
@@ -165,8 +121,9 @@ class SuiteNode(Node):
         """
         spec = TOPICS[topic]
         name = topic_of(vehicle, topic) if vehicle else spec.name
-        kind = None if raw else spec.message_type
-        take = partial(self._let_in, topic, kind, callback)
+        decode = None if raw else partial(_decoded, topic, spec.message_type)
+        allowed = _LARGER_BYTES.get(topic, _MESSAGE_BYTES)
+        take = partial(self._let_in, topic.value, allowed, decode, callback)
         wanted = qos or (spec.offered_qos if vehicle else spec.qos)
         return self.create_subscription(spec.message_type, name, take, wanted, raw=True)
 
@@ -190,19 +147,23 @@ class SuiteNode(Node):
         return self.create_service(Trigger, service.private_name, answer)
 
     def _let_in(
-        self, topic: Topic, kind: type[Any] | None, callback: Callable[[Any], None], data: bytes
+        self,
+        name: str,
+        allowed: int,
+        decode: Callable[[bytes], Any] | None,
+        callback: Callable[[Any], None],
+        data: bytes,
     ) -> None:
-        """Decode a message as a kind, unless it is too large, and hand it over."""
-        allowed = _LARGER_BYTES.get(topic, _MESSAGE_BYTES)
+        """Decode the message of a topic, unless it has more than the allowed bytes, and hand it over."""
         if len(data) > allowed:
-            self.refuse(f"{topic.value}: {len(data)} bytes; allowed: up to {allowed}")
+            self.refuse(f"{name}: {len(data)} bytes; allowed: up to {allowed}")
             return
         try:
-            message = data if kind is None else _decoded(topic, kind, data)
+            message = data if decode is None else decode(data)
         except Exception as error:  # noqa: BLE001  the binding raises error types of its own
-            self.refuse(f"{topic.value}: {len(data)} bytes cannot be decoded: {error}")
+            self.refuse(f"{name}: {len(data)} bytes cannot be decoded: {error}")
             return
-        self.guard(topic.value, callback, message)
+        self.guard(name, callback, message)
 
     def refuse(self, what: str) -> None:
         """Count and log a message that is not taken; `what` names topic, value and rule."""
@@ -243,7 +204,8 @@ class SuiteNode(Node):
         self._heartbeat = Heartbeat(self)
 
     def destroy_node(self) -> None:
-        """End the signs of life, too."""
+        """End the signs of life and the look at listeners, too."""
+        self.listeners.end()
         if self._heartbeat is not None:
             self._heartbeat.end()
         super().destroy_node()
@@ -288,7 +250,7 @@ class SuiteNode(Node):
     def finish(self, exit_code: int = 0) -> None:
         """Ask for the end of the process; the current callback still completes."""
         self.exit_code = exit_code
-        self.finished = True
+        self.ended.set_result(None)
 
 
 def _decoded(topic: Topic, kind: type[Any], data: bytes) -> Any:
