@@ -15,7 +15,7 @@ from iptm.codegen import code_of
 from iptm.commands.drives import codegen as main
 from iptm_controller.ladder import controlled_stop, safe_following
 from iptm_controller.options import ControllerOptions
-from iptm_controller.tick_library import Leader, Vehicle, numbers_of
+from iptm_controller.tick_library import Leader, numbers_of, vehicle
 from iptm_core.compilation import find_compiler
 from iptm_core.parameters import load_parameters
 from iptm_core.state import LeaderState, VehicleState
@@ -192,24 +192,24 @@ def some_state(rng: np.random.Generator) -> VehicleState:
 
 
 def test_fallback_is_that_of_python(library: ctypes.CDLL) -> None:
+    ego, write = vehicle()
     limits = ctypes.c_char.in_dll(library, "iptm_limits_of_model")
     rng = np.random.default_rng(2)
     for _ in range(3000):
         state = some_state(rng)
+        write(*numbers_of(state))
         leader = LeaderState(
             0.0, state.position_m + float(rng.uniform(-2.0, 80.0)), float(rng.uniform(0.0, 40.0))
         )
         following = library.iptm_safe_following(
             ctypes.byref(limits),
-            ctypes.byref(Vehicle(*numbers_of(state))),
+            ctypes.byref(ego),
             ctypes.byref(Leader(0.0, leader.position_m, leader.speed_m_s)),
         )
         expected = safe_following(state, leader, PARAMETERS)
         assert following.first == pytest.approx(expected.acceleration_m_s2, abs=1e-12)
         assert following.second == expected.compressor_power_w
-        stop = library.iptm_controlled_stop(
-            ctypes.byref(limits), ctypes.byref(Vehicle(*numbers_of(state)))
-        )
+        stop = library.iptm_controlled_stop(ctypes.byref(limits), ctypes.byref(ego))
         expected = controlled_stop(state, PARAMETERS, 1.0)
         assert (stop.first, stop.second) == (
             expected.acceleration_m_s2,
