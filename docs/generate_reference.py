@@ -32,7 +32,8 @@ from iptm_core.parameters.catalogue import cars
 from iptm_plant_sim.node_parameters import PlantNodeParameters
 from iptm_ros.topics import BRIDGE, CONTROLLER, PLANT
 from iptm_ros.visual_topics import PUBLISHER
-from iptm_v2x_bridge.node_parameters import BridgeNodeParameters, SenderNodeParameters
+from iptm_v2x_bridge.node_answers import BridgeNodeParameters
+from iptm_v2x_bridge.node_sender import SenderNodeParameters
 from iptm_view.visualizer_node import VisualizerParameters
 
 DOCS = Path(__file__).resolve().parent

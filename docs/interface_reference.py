@@ -12,7 +12,7 @@ from iptm_core.markdown import render_page
 from iptm_core.state import Command
 from iptm_ros import topics
 from iptm_ros.codecs import encode_command
-from iptm_ros.qos import describe_qos
+from iptm_ros.publishers import describe_qos
 from iptm_ros.services import MEANINGS
 from iptm_ros.topics import TOPICS, TopicSpec
 from iptm_ros.visual_topics import VISUAL_TOPICS

@@ -12,7 +12,7 @@ from std_msgs.msg import String
 
 from iptm_core.settings import VEHICLE_LENGTH_M
 from iptm_ros.codecs import ns_from_time
-from iptm_ros.qos import LATCHED_QOS
+from iptm_ros.publishers import LATCHED_QOS
 from iptm_ros.recording.trajectory_reader import read_trajectory
 from iptm_ros.topics import Topic
 from iptm_ros.visual_topics import VISUAL_TOPICS

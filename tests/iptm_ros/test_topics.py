@@ -5,7 +5,7 @@ import re
 import pytest
 from sensor_msgs.msg import JointState
 
-from iptm_ros.qos import LATCHED_QOS, STREAM_QOS, describe_qos
+from iptm_ros.publishers import LATCHED_QOS, STREAM_QOS, describe_qos
 from iptm_ros.topics import (
     TOPICS,
     Topic,

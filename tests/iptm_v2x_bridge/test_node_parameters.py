@@ -9,7 +9,7 @@ from iptm_core.errors import ParameterError
 from iptm_core.parameters import load_parameters
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.settings import LeaderSource
-from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
+from iptm_v2x_bridge.node_answers import BridgeNodeParameters
 from iptm_v2x_bridge.prediction.predictor import LeaderTrack, Observation, PredictorName
 from iptm_v2x_bridge.rules_of_the_road import given_rules
 

@@ -27,7 +27,7 @@ from iptm_ros.discovery import reserve_domain
 from iptm_ros.recording.recorder_cli import build_parser
 from iptm_ros.recording.run_information import load_run_information, stored_model_parameters
 from iptm_ros.topics import BRIDGE, CONTROLLER, PLANT
-from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
+from iptm_v2x_bridge.node_answers import BridgeNodeParameters
 
 NODES: dict[str, type[Any]] = {
     PLANT: PlantNodeParameters,

@@ -19,7 +19,7 @@ from iptm_controller.node_parameters import ControllerNodeParameters
 from iptm_core.declaration import checked_value, parameter_specs, plain
 from iptm_core.errors import ScenarioError
 from iptm_plant_sim.node_parameters import PlantNodeParameters
-from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
+from iptm_v2x_bridge.node_answers import BridgeNodeParameters
 
 CONFIG = Path(iptm.runner.__file__).parent / "config" / "nodes"
 SOURCE = Path(iptm.runner.__file__).parents[3]

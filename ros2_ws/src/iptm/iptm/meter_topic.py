@@ -13,7 +13,7 @@ from iptm_core.state import NS_PER_S
 from iptm_core.units import J_PER_KWH
 from iptm_ros.codecs import encode_battery, ns_from_time
 from iptm_ros.process import joined_node
-from iptm_ros.qos import SENSOR_QOS, STREAM_QOS
+from iptm_ros.publishers import SENSOR_QOS, STREAM_QOS
 from iptm_ros.suite_node import SuiteNode
 
 _SPIN_S = 0.1

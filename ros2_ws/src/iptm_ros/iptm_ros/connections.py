@@ -20,7 +20,7 @@ from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from iptm_ros.qos import LATCHED_QOS
+from iptm_ros.publishers import LATCHED_QOS
 from iptm_ros.services import Service
 from iptm_ros.topics import full_name
 

@@ -1,4 +1,4 @@
-"""Publishers of the suite: frames of the vehicle, and listeners that must not miss a message."""
+"""Publishers of the suite: quality of service, frames of the vehicle, listeners that must miss nothing."""
 
 from __future__ import annotations
 
@@ -8,9 +8,42 @@ from typing import Any
 
 from rclpy.duration import Duration
 from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from iptm_ros.qos import STREAM_QOS
 from iptm_ros.topics import frame_in
+
+
+def _keep_last(
+    depth: int,
+    durability: DurabilityPolicy = DurabilityPolicy.VOLATILE,
+    reliability: ReliabilityPolicy = ReliabilityPolicy.RELIABLE,
+) -> QoSProfile:
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST, depth=depth, reliability=reliability, durability=durability
+    )
+
+
+STREAM_QOS = _keep_last(100)
+"""State, previews and commands: reliable, volatile, and deep, as foreign messages must not displace due ones
+in a subscription, and a listener may be a moment late.
+"""
+KEPT_STREAM_QOS = _keep_last(100, DurabilityPolicy.TRANSIENT_LOCAL)
+"""A stream that late subscribers receive from its beginning, as far as the history is kept."""
+LATCHED_QOS = _keep_last(1, DurabilityPolicy.TRANSIENT_LOCAL)
+"""Static data: reliable, keep last 1, transient-local (a late subscriber still gets it)."""
+RAW_QOS = _keep_last(5000)
+"""What comes in bursts and must not be lost: reliable, keep last 5000, volatile."""
+SENSOR_QOS = _keep_last(100, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Requested of sensors of any origin: best effort, which reliable publishers meet as well, keep last 100."""
+
+
+def describe_qos(profile: QoSProfile) -> str:
+    """Return a profile in words, for tables and error texts, e.g. `reliable, keep last 100`."""
+    reliability = profile.reliability.name.lower().replace("_", " ")
+    durability = profile.durability.name.lower().replace("_", "-")
+    text = f"{reliability}, keep last {profile.depth}"
+    return text if durability == "volatile" else f"{text}, {durability}"
+
 
 _PATIENCE_S = 1.0
 _LOOK_PERIOD_S = 0.02

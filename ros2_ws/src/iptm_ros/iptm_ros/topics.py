@@ -129,18 +129,18 @@ class TopicSpec:
     @property
     def qos(self) -> QoSProfile:
         """Profile requested by subscribers, and offered by the publisher unless it keeps a stream."""
-        from iptm_ros import qos  # noqa: PLC0415  readers of bags do without ROS
+        from iptm_ros import publishers  # noqa: PLC0415  readers of bags do without ROS
 
         if self.on_request:
-            return qos.RAW_QOS
-        return qos.LATCHED_QOS if self.latched else qos.STREAM_QOS
+            return publishers.RAW_QOS
+        return publishers.LATCHED_QOS if self.latched else publishers.STREAM_QOS
 
     @property
     def offered_qos(self) -> QoSProfile:
         """Profile offered by the publisher; who must not miss the beginning of a stream requests it, too."""
-        from iptm_ros import qos  # noqa: PLC0415  readers of bags do without ROS
+        from iptm_ros import publishers  # noqa: PLC0415  readers of bags do without ROS
 
-        return qos.KEPT_STREAM_QOS if self.kept else self.qos
+        return publishers.KEPT_STREAM_QOS if self.kept else self.qos
 
     @property
     def type_name(self) -> str:

@@ -23,8 +23,13 @@ from iptm_ros.stamp_matcher import StampGate, Verdict
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import BRIDGE, TOPICS, Topic
 from iptm_v2x_bridge.bridge import BridgeAnswer, CycleSource
-from iptm_v2x_bridge.node_answers import AnswerContext, CycleAnswers, TickAnswers, VehicleAnswers
-from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
+from iptm_v2x_bridge.node_answers import (
+    AnswerContext,
+    BridgeNodeParameters,
+    CycleAnswers,
+    TickAnswers,
+    VehicleAnswers,
+)
 from iptm_v2x_bridge.prediction.predictor import PredictorName
 
 CLOCK_TIMEOUT_S = 5.0

@@ -1,4 +1,4 @@
-"""The node's answers to the clock: what they have in common, and a leader of a cycle, none, or a vehicle."""
+"""The node's parameters, and its answers to the clock: of any kind, for a cycle, no leader, and a vehicle."""
 
 from __future__ import annotations
 
@@ -10,9 +10,18 @@ from typing import Generic, TypeVar
 
 from sensor_msgs.msg import JointState, PointCloud2
 
+from iptm_core.braking import RangeSensorSettings
+from iptm_core.declaration import parameter
 from iptm_core.errors import ParameterError
+from iptm_core.road_ahead import RoadAheadSettings
 from iptm_core.routes import Route
-from iptm_core.settings import LeaderSource
+from iptm_core.settings import (
+    FrameSettings,
+    LeaderSource,
+    ModelSettings,
+    TickSettings,
+    TripSettings,
+)
 from iptm_core.state import NS_PER_S, LeaderPreview
 from iptm_ros.codecs import decode_motion, decode_plan
 from iptm_ros.node_health import VehiclePresence
@@ -28,10 +37,41 @@ from iptm_v2x_bridge.bridge import (
     sampling_times_s,
     single_sample,
 )
-from iptm_v2x_bridge.node_parameters import BridgeNodeParameters
 from iptm_v2x_bridge.prediction.predictor import PredictorName
 from iptm_v2x_bridge.prediction.road_rules import RoadRules
 from iptm_v2x_bridge.rules_of_the_road import given_rules, with_rules
+from iptm_v2x_bridge.settings import LeaderSettings
+
+
+@dataclass(frozen=True)
+class BridgeNodeParameters(
+    RangeSensorSettings,
+    LeaderSettings,
+    FrameSettings,
+    TickSettings,
+    ModelSettings,
+    RoadAheadSettings,
+    TripSettings,
+):
+    """Parameters of the node: its groups, the last of the bases first, and its own."""
+
+    initial_gap_m: float = parameter(
+        15.0, "position of the leader at t = 0, the ego vehicle being at 0", "m", 1.0, 500.0
+    )
+    start_time_s: float = parameter(
+        0.0,
+        "cycle: trip time at which a trip that starts from a saved state is taken up; predictions of the "
+        "ticks before are known then",
+        "s",
+        0.0,
+        1e6,
+    )
+
+    @property
+    def earlier_ticks_ns(self) -> range:
+        """Ticks before the one at which the trip is taken up, in integer nanoseconds."""
+        return range(0, round(self.start_time_s * NS_PER_S), round(self.period_s * NS_PER_S))
+
 
 KEPT = 16
 """States and plans kept: neighbours keep step within one tick, and a repeated tick is asked for again."""

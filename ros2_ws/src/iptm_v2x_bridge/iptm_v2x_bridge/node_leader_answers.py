@@ -17,7 +17,7 @@ from iptm_core.errors import BagError, ParameterError
 from iptm_core.settings import LeaderSource
 from iptm_core.state import NS_PER_MS
 from iptm_ros.codecs import decode_raw_datagram, decode_tracks, encode_raw_datagram
-from iptm_ros.qos import SENSOR_QOS
+from iptm_ros.publishers import SENSOR_QOS
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import TOPICS, Topic
 from iptm_v2x_bridge.bridge import BridgeAnswer, TickBridge

@@ -6,13 +6,16 @@ import socket
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, PointCloud2
 
 from iptm_core.decision_record import Rung
+from iptm_core.declaration import TextEnum, declared, parameter
 from iptm_core.errors import ParameterError
+from iptm_core.settings import RoadSettings, TickSettings
 from iptm_core.state import NS_PER_MS, NS_PER_S, FloatArray
 from iptm_ros.codecs import (
     decode_decision_record,
@@ -24,7 +27,7 @@ from iptm_ros.codecs import (
 from iptm_ros.command_line import node_main
 from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
 from iptm_ros.parameters import declare_parameters
-from iptm_ros.qos import RAW_QOS
+from iptm_ros.publishers import RAW_QOS
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import Topic
 from iptm_v2x_bridge.datagrams import (
@@ -34,10 +37,48 @@ from iptm_v2x_bridge.datagrams import (
 )
 from iptm_v2x_bridge.messages.cam import specification
 from iptm_v2x_bridge.messages.packets import its_timestamp_ms
-from iptm_v2x_bridge.node_parameters import SenderNodeParameters, SentDrive
+from iptm_v2x_bridge.node_answers import BridgeNodeParameters
 from iptm_v2x_bridge.sender import LONG_BEFORE_NS, CamSender, EgoTick, PlanSender
+from iptm_v2x_bridge.settings import LOCALHOST, CamSettings, SenderSettings
 
 WALL_PERIOD_S = 0.01
+
+
+class SentDrive(TextEnum):
+    """Drive that the sender sends."""
+
+    CYCLE = "cycle"
+    """The leader in the cycle."""
+    EGO = "ego"
+    """The vehicle whose topics it hears, with its plan as path prediction."""
+
+
+@dataclass(frozen=True)
+class SenderNodeParameters(SenderSettings, TickSettings, RoadSettings):
+    """Parameters of the node: its groups, the last of the bases first, and its own."""
+
+    sent_drive: SentDrive = parameter(
+        SentDrive.CYCLE,
+        "cycle: the leader in the cycle; ego: the vehicle in the namespace of the node, at "
+        "every decision, with its plan as path prediction, on the road of the cycle and initial_gap_m ahead "
+        "of its own position",
+    )
+    initial_gap_m: float = declared(BridgeNodeParameters, "initial_gap_m")
+    to_address: str = parameter(LOCALHOST, "address that the messages are sent to")
+    to_port: int = declared(CamSettings, "cam_port", minimum=1)
+    follow_clock: bool = parameter(
+        default=True,
+        description="send at every tick of the clock, with a mark at its end (lock-step); false sends by "
+        "the clock of the computer, from drive_began_s on",
+    )
+    drive_began_s: float = parameter(
+        0.0,
+        "follow_clock false: Unix time at which the drive began; 0: with the start of the node",
+        "s",
+        0.0,
+        1e11,
+    )
+    trip_start_timestamp_ms: int = declared(CamSettings, "trip_start_timestamp_ms")
 
 
 class SenderNode(SuiteNode):

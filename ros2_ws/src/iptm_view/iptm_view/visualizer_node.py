@@ -37,7 +37,7 @@ from iptm_ros.codecs import (
 from iptm_ros.command_line import node_main
 from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
 from iptm_ros.parameters import declare_parameters
-from iptm_ros.qos import LATCHED_QOS
+from iptm_ros.publishers import LATCHED_QOS
 from iptm_ros.recording.timeline import read_stamp_ns
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import TOPICS, Topic
