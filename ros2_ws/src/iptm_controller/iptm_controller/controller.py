@@ -234,16 +234,19 @@ class Controller:
                 limited, limits = self._limit(hardest, state)
         if trusted is not None:
             self._actuation.issue(trusted.time_s, limited)
-        return replace(
-            planned,
-            command=limited,
-            rung=rung,
-            reason="; ".join(filter(None, reasons)),
-            limits=limits,
-            command_delay_s=delay_s,
-            brake_share=brake_share,
-            pack=pack,
-            noise=", ".join(filter(None, (self._estimator.noise, self._forecaster.noise))),
+        return Decision(
+            limited,
+            rung,
+            "; ".join(filter(None, reasons)),
+            limits,
+            planned.plan,
+            planned.result,
+            planned.forecast,
+            planned.value,
+            delay_s,
+            brake_share,
+            ", ".join(filter(None, (self._estimator.noise, self._forecaster.noise))),
+            pack,
         )
 
     def _fall_back(

@@ -26,7 +26,7 @@ from iptm_controller.tick_library import (
     motion_of,
 )
 from iptm_controller.usual_speed import UsualSpeed
-from iptm_core.compilation import address, doubles
+from iptm_core.physics.ops import address, doubles
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState
 
 _LEADS, _SMOOTHED_TICKS, _EXTRAPOLATED_NODES = 10, 3, 41

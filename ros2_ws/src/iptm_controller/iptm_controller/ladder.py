@@ -7,6 +7,7 @@ law. A usable solution leads back to the top at once.
 
 from __future__ import annotations
 
+from iptm_controller.ocp.layout import InputIndex
 from iptm_controller.plan import Plan
 from iptm_core.decision_record import Rung
 from iptm_core.frozen import replace
@@ -62,12 +63,15 @@ class FallbackLadder:
         Past its end a plan only repeats its last input, which leads to absurd speeds.
         """
         plan = self.last_plan
-        return plan if plan is not None and plan.covers(time_s) else None
+        if plan is None or not 0.0 <= time_s - plan.start_s < plan.node_times_s.item(-1):
+            return None
+        return plan
 
     def accept(self, plan: Plan) -> Command:
         """Go back to the top, as a usable plan was found; returns its first command."""
         self.last_plan, self.failures = plan, 0
-        return plan.first_command
+        row = plan.inputs[0].tolist()
+        return Command(row[InputIndex.ACCELERATION], row[InputIndex.COMPRESSOR_POWER])
 
     def accept_command(self, command: Command) -> Command:
         """Go back to the top: a strategy that optimises nothing has decided, and leaves no plan."""

@@ -85,9 +85,13 @@ class LeadCheck:
         own = state.position_m, state.speed_m_s
         radio = self._radioed(state, preview)
         if radio is not None:
-            radioed = followed(radioed, Sample.of(radio, *own))
+            radioed = followed(
+                radioed, Sample(radio.time_s, radio.position_m, radio.speed_m_s, *own)
+            )
         if leader is not None:
-            ranged = followed(ranged, Sample.of(leader, *own))
+            ranged = followed(
+                ranged, Sample(leader.time_s, leader.position_m, leader.speed_m_s, *own)
+            )
         self.memory = LeadMemory(ranged, radioed)
         if leader is None:
             return None, ""

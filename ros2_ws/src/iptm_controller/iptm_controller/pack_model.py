@@ -29,7 +29,6 @@ from iptm_controller.temperature_value import (
 )
 from iptm_controller.tick_library import tick_library
 from iptm_core.aging_laws.parking import END_OF_LIFE_LOSS, AgingSettings, ParkedAging
-from iptm_core.compilation import doubles
 from iptm_core.parameters.model import AgingParameters, ModelParameters
 from iptm_core.physics.cell import (
     cell_heat_w,
@@ -37,7 +36,7 @@ from iptm_core.physics.cell import (
     cell_temperature_rate_k_s,
     heat_from_air_w,
 )
-from iptm_core.physics.ops import BufferedFunction, Scalar, named_function, where
+from iptm_core.physics.ops import BufferedFunction, Scalar, doubles, named_function, where
 from iptm_core.physics.power_thermal import (
     CellPair,
     Smoothing,

@@ -35,8 +35,8 @@ from iptm_controller.pack_observer import (
     PackReport,
 )
 from iptm_controller.tick_library import VEHICLE, numbers_of, vehicle
-from iptm_core.compilation import doubles
 from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.ops import doubles
 from iptm_core.state import Command, PackReading, VehicleState
 
 _UNKNOWN = PackReading()

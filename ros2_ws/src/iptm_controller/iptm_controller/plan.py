@@ -40,22 +40,12 @@ class Plan:
     inputs: FloatArray
     motion_steps: int
 
-    def covers(self, time_s: float) -> bool:
-        """Return whether a trip time lies inside the plan."""
-        return 0.0 <= time_s - self.start_s < float(self.node_times_s[-1])
-
     def command_at(self, time_s: float) -> Command:
         """Return the planned inputs of the step that holds at a trip time; the last step is held on."""
         elapsed = time_s - self.start_s
         step = int(self.node_times_s.searchsorted(elapsed + 1e-9, side="right")) - 1
         step = min(max(step, 0), self.inputs.shape[0] - 1)
         row = self.inputs[step].tolist()
-        return Command(row[InputIndex.ACCELERATION], row[InputIndex.COMPRESSOR_POWER])
-
-    @property
-    def first_command(self) -> Command:
-        """The planned inputs of the first step."""
-        row = self.inputs[0].tolist()
         return Command(row[InputIndex.ACCELERATION], row[InputIndex.COMPRESSOR_POWER])
 
     @property

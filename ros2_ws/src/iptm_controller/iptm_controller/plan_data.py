@@ -34,7 +34,7 @@ from iptm_controller.tick_library import (
     tick_library,
     vehicle,
 )
-from iptm_core.compilation import address
+from iptm_core.physics.ops import address
 from iptm_core.state import FloatArray, LeaderPreview, SlopePreview, VehicleState
 
 

@@ -18,9 +18,9 @@ import numpy as np
 
 from iptm_controller.forecast import NEAR_S, LeaderForecast
 from iptm_controller.tick_library import motion_of
-from iptm_core.compilation import doubles
 from iptm_core.frozen import replace
 from iptm_core.parameters.model import LimitParameters
+from iptm_core.physics.ops import doubles
 from iptm_core.state import Command, FloatArray, LeaderPreview, LeaderState, VehicleState
 
 TOLERANCE = 1e-6

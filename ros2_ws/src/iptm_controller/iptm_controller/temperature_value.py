@@ -26,10 +26,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iptm_core.compilation import doubles
 from iptm_core.frozen import light
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import aging_current_a, capacity_loss_rate_1_s
+from iptm_core.physics.ops import doubles
 from iptm_core.physics.power_thermal import CellPair, power_thermal_rates
 from iptm_core.physics.thermal_loop import most_efficient_cooling, reduce_channel
 from iptm_core.state import FloatArray, LeaderPreview, VehicleState

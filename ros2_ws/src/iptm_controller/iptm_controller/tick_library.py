@@ -16,14 +16,9 @@ from typing import Any
 import numpy as np
 
 from iptm_controller.ocp.layout_header import layout_header
-from iptm_core.compilation import (
-    address,
-    cache_directory,
-    compile_sources,
-    doubles,
-    find_compiler,
-)
+from iptm_core.compilation import cache_directory, compile_sources, find_compiler
 from iptm_core.errors import SolverSetupError
+from iptm_core.physics.ops import address, doubles
 from iptm_core.state import LeaderPreview
 
 _SOURCE_FOLDER = Path(__file__).resolve().parent / "c"

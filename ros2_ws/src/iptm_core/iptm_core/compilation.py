@@ -11,7 +11,6 @@ not loaded.
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import fcntl
 import hashlib
 import importlib.util
@@ -24,17 +23,15 @@ import struct
 import subprocess
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
-from typing import Any
 
 import casadi as ca
 
 from iptm_core.errors import SolverSetupError
 from iptm_core.number_table import split_numbers, table_declaration, table_source, with_numbers
-from iptm_core.state import FloatArray
 
 LOGGER = logging.getLogger(__name__)
 COMPILER_FLAGS = (
@@ -323,17 +320,3 @@ def _numbers_key(numbers: Sequence[float]) -> str:
         return ""
     digest = hashlib.sha256(struct.pack(f"<{len(numbers)}d", *numbers)).hexdigest()
     return f"_{digest[:24]}"
-
-
-def address(array: FloatArray) -> int:
-    """Return where the numbers of an array are: doubles, one after the other."""
-    try:
-        return ctypes.addressof(ctypes.c_double.from_buffer(array.data))
-    except (TypeError, ValueError):  # read-only or empty
-        return array.ctypes.data
-
-
-def doubles(count: int) -> tuple[Any, Callable[..., None]]:
-    """Return an array of C, and what writes all of its numbers at once: a structure takes thrice as long."""
-    array = (ctypes.c_double * count)()
-    return array, partial(struct.Struct(f"{count}d").pack_into, array, 0)

@@ -16,6 +16,7 @@ the own motion. Controller and safety monitor follow the vehicle ahead each on i
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
@@ -90,11 +91,6 @@ class Sample(NamedTuple):
     speed_m_s: float
     own_position_m: float
     own_speed_m_s: float
-
-    @classmethod
-    def of(cls, lead: LeaderState, own_position_m: float, own_speed_m_s: float) -> Sample:
-        """Return the measurement of a vehicle ahead."""
-        return cls(lead.time_s, lead.position_m, lead.speed_m_s, own_position_m, own_speed_m_s)
 
     @property
     def lead(self) -> LeaderState:
@@ -191,37 +187,42 @@ def followed(track: LeadTrack, sample: Sample) -> LeadTrack:
         track = LeadTrack(period_s=track.period_s)
     if not track.recent or track.seen is None:
         return LeadTrack(seen=sample.lead, period_s=track.period_s, recent=(sample,))
-    last = Sample(*track.recent[-1])
-    interval_s = sample.time_s - last.time_s
+    last = Sample._make(track.recent[-1])
+    interval_s, change_m_s = sample.time_s - last.time_s, sample.speed_m_s - last.speed_m_s
     if interval_s <= _RESOLUTION_S:  # measured again
         return replace(track, seen=sample.lead, recent=(*track.recent[:-1], sample))
-    track = LeadTrack(
-        track.seen,
-        track.acceleration_m_s2,
-        min(interval_s, LONGEST_PERIOD_S),
-        track.frozen,
-        track.ghost,
-        track.sound_steps,
-        (*track.recent[1 - KEPT :], sample),
-        track.before,
-        track.appeared_s,
+    recent, period_s = (*track.recent[1 - KEPT :], sample), min(interval_s, LONGEST_PERIOD_S)
+    first = _frozen_since(recent, sample)
+    moved_m = sample.position_m - last.position_m
+    farther_m = moved_m - 0.5 * (last.speed_m_s + sample.speed_m_s) * interval_s
+    jumped = (
+        abs(farther_m) > ANOTHER_LEAD_M
+        or abs(change_m_s) > ANOTHER_LEAD_M_S + ANOTHER_LEAD_M_S2 * interval_s
     )
-    first = _frozen_since(track, sample)
+    if first is None and not (track.frozen or jumped):
+        return LeadTrack(
+            sample.lead,
+            change_m_s / interval_s if interval_s <= LARGEST_MEASURING_INTERVAL_S else 0.0,
+            period_s,
+            ghost=track.ghost,
+            sound_steps=track.sound_steps,
+            recent=recent,
+            before=track.before,
+            appeared_s=track.appeared_s,
+        )
+    track = replace(track, recent=recent, period_s=period_s, empty_since_s=math.nan)
     if first is not None:
         return _as_frozen(track, first)
-    return _stepped(track, last, sample)
+    return _stepped(track, last, sample, farther_m, jumped=jumped)
 
 
-def _stepped(track: LeadTrack, last: Sample, sample: Sample) -> LeadTrack:
-    """Return a track after a measurement that repeats no other one."""
-    interval_s = sample.time_s - last.time_s
-    foreseen_m = 0.5 * (last.speed_m_s + sample.speed_m_s) * interval_s
-    moved_m = sample.position_m - last.position_m
-    farther_m = moved_m - foreseen_m
-    faster_m_s = abs(sample.speed_m_s - last.speed_m_s)
-    jumped = abs(farther_m) > ANOTHER_LEAD_M
-    jumped |= faster_m_s > ANOTHER_LEAD_M_S + ANOTHER_LEAD_M_S2 * interval_s
+def _stepped(
+    track: LeadTrack, last: Sample, sample: Sample, farther_m: float, *, jumped: bool
+) -> LeadTrack:
+    """Return a track after a measurement that repeats no other one, but jumps or follows a frozen one."""
+    interval_s, change_m_s = sample.time_s - last.time_s, sample.speed_m_s - last.speed_m_s
     if track.frozen:
+        moved_m = sample.position_m - last.position_m
         repeated = abs(moved_m) < IDENTICAL_M and sample.speed_m_s > MOVING_M_S
         steps = 0 if jumped or repeated else track.sound_steps + 1
         if steps < _needed_steps(track, sample, interval_s):
@@ -229,7 +230,7 @@ def _stepped(track: LeadTrack, last: Sample, sample: Sample) -> LeadTrack:
         track = replace(track, frozen=False, ghost=False, sound_steps=0, before=None)
     if jumped:
         is_new = sample.time_s - track.appeared_s <= GHOST_S
-        if is_new and faster_m_s <= IDENTICAL_M_S and farther_m > 0.0:
+        if is_new and abs(change_m_s) <= IDENTICAL_M_S and farther_m > 0.0:
             without = _without_newest(track, sample.speed_m_s)
             if without.ghost:
                 return without
@@ -242,18 +243,8 @@ def _stepped(track: LeadTrack, last: Sample, sample: Sample) -> LeadTrack:
         )
     acceleration = 0.0
     if interval_s <= LARGEST_MEASURING_INTERVAL_S:
-        acceleration = (sample.speed_m_s - last.speed_m_s) / interval_s
-    return LeadTrack(
-        sample.lead,
-        acceleration,
-        track.period_s,
-        track.frozen,
-        track.ghost,
-        track.sound_steps,
-        track.recent,
-        track.before,
-        track.appeared_s,
-    )
+        acceleration = change_m_s / interval_s
+    return replace(track, seen=sample.lead, acceleration_m_s2=acceleration)
 
 
 def emptied(track: LeadTrack, time_s: float) -> LeadTrack:
@@ -266,21 +257,21 @@ def emptied(track: LeadTrack, time_s: float) -> LeadTrack:
     return LeadTrack(period_s=track.period_s) if confirmed else track
 
 
-def _frozen_since(track: LeadTrack, sample: Sample) -> Sample | None:
+def _frozen_since(recent: Sequence[tuple[float, ...]], sample: Sample) -> Sample | None:
     """Return the measurement that a sensor repeats with the newest one, None if it does not repeat any.
 
     Three in a row are frozen when a change is missing that the sensor would have shown; an earlier one
     that comes back after a large change is, too.
     """
     time_s, position_m, speed_m_s, own_m, own_m_s = sample
-    for entry in track.recent[:-1]:
+    for entry in recent[:-1]:
         if not abs(entry[2] - speed_m_s) > IDENTICAL_M_S:
             break
     else:
         return None
     gap_m, run, unbroken = position_m - own_m, 0, True
     first: Sample | None = None
-    for entry in reversed(track.recent[:-1]):
+    for entry in reversed(recent[:-1]):
         then_s, then_m, then_m_s, then_own_m, _ = entry
         if abs(then_m_s - speed_m_s) > IDENTICAL_M_S:
             unbroken = False
@@ -300,15 +291,15 @@ def _frozen_since(track: LeadTrack, sample: Sample) -> Sample | None:
         run += unbroken
         missing_m = expected_m - (0.0 if unbroken and run >= 2 else ANOTHER_LEAD_M)
         if missing_m > FROZEN_CHANGE_M and missing_m > FROZEN_CHANGE_M + _rounding_m(
-            track, speed_m_s, elapsed_s
+            recent, speed_m_s, elapsed_s
         ):
             first = Sample(*entry)
     return first
 
 
-def _rounding_m(track: LeadTrack, speed_m_s: float, elapsed_s: float) -> float:
+def _rounding_m(recent: Sequence[tuple[float, ...]], speed_m_s: float, elapsed_s: float) -> float:
     """Return by how much the change of a gap may be off where a sensor rounds gap and speed."""
-    coarsest_m = max(resolution(position_m - own_m) for _, position_m, _, own_m, _ in track.recent)
+    coarsest_m = max(resolution(position_m - own_m) for _, position_m, _, own_m, _ in recent)
     return 2.0 * coarsest_m + resolution(speed_m_s) * elapsed_s
 
 

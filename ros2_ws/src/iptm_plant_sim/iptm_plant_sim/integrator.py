@@ -26,13 +26,13 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
-from iptm_core.compilation import address, cache_directory, compile_sources, find_compiler
+from iptm_core.compilation import cache_directory, compile_sources, find_compiler
 from iptm_core.errors import StateError
 from iptm_core.frozen import light
 from iptm_core.number_table import split_numbers
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import charge_after, depends_on_charge, pack_capacity_ah
-from iptm_core.physics.ops import BufferedFunction
+from iptm_core.physics.ops import BufferedFunction, address
 from iptm_core.physics.pack_limits import PowerLimits, least_traction_power_w, power_limits
 from iptm_core.physics.power_thermal import CellPair
 from iptm_core.settings import ThermalModel

@@ -122,8 +122,6 @@ class SafetyMonitor:
         self.friction = settings.road_friction
         self._brakes = brakes
         self._own_m_s2 = min(settings.monitor_own_deceleration_m_s2, brakes.max_deceleration_m_s2)
-        self._asked = 0.0, 0.0, self.friction
-        self._road = self._braking_at(0.0, 0.0)
 
     @property
     def gentle_deceleration_m_s2(self) -> float:
@@ -137,12 +135,6 @@ class SafetyMonitor:
             slope_rad: slope there, positive uphill.
             shown_m_s2: deceleration at which the road met its limit, 0 for none.
         """
-        asked = slope_rad, shown_m_s2, self.friction
-        if asked != self._asked:
-            self._asked, self._road = asked, self._braking_at(slope_rad, shown_m_s2)
-        return self._road
-
-    def _braking_at(self, slope_rad: float, shown_m_s2: float) -> RoadBraking:
         settings, lead_m_s2 = self.settings, self.settings.monitor_lead_deceleration_m_s2
         slippery_m_s2 = min(settings.monitor_slippery_deceleration_m_s2, self._own_m_s2)
         full = braking_capability(self._own_m_s2, lead_m_s2, self.friction, slope_rad)

@@ -5,13 +5,16 @@ problem differentiates the very same function.
 
 The usual call of a CasADi function converts every argument to a CasADi matrix and back, checks names, and
 collects statistics in a dictionary of all sub-functions: as long as half of a small solve.
-`BufferedFunction` works on NumPy's own memory.
+`BufferedFunction` works on NumPy's own memory; `address` and `doubles` do so for code in C.
 """
 
 from __future__ import annotations
 
+import ctypes
 import math
+import struct
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, TypeAlias
 
 import casadi as ca
@@ -161,3 +164,17 @@ def _array(given: Mapping[str, FloatArray], name: str, size: int) -> FloatArray:
     if array.shape != (size,):
         raise ValueError(f"memory for '{name}' has shape {array.shape}, needed is ({size},)")
     return array
+
+
+def address(array: FloatArray) -> int:
+    """Return where the numbers of an array are: doubles, one after the other."""
+    try:
+        return ctypes.addressof(ctypes.c_double.from_buffer(array.data))
+    except (TypeError, ValueError):  # read-only or empty
+        return array.ctypes.data
+
+
+def doubles(count: int) -> tuple[Any, Callable[..., None]]:
+    """Return an array of C, and what writes all of its numbers at once: a structure takes thrice as long."""
+    array = (ctypes.c_double * count)()
+    return array, partial(struct.Struct(f"{count}d").pack_into, array, 0)
