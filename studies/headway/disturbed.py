@@ -19,8 +19,10 @@ TRIALS, SEED = 200, 1
 SHORT_TRIALS, SHORT_S = 2, 40.0
 
 
-def disturbed_trials(session: Session, settings: Mapping[str, Mapping[str, Any]]) -> pd.DataFrame:
-    """Return a row per setting: its trials, collisions, smallest gap and other problems.
+def disturbed_trials(
+    session: Session, settings: Mapping[str, Mapping[str, Any]]
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return a row per setting (trials, collisions, smallest gap, other problems), and one per collision.
 
     Every setting is driven through the same trials, with the preview that each of them has.
 
@@ -31,15 +33,25 @@ def disturbed_trials(session: Session, settings: Mapping[str, Mapping[str, Any]]
     count, longest_s = (SHORT_TRIALS, SHORT_S) if session.short else (TRIALS, DISTURBED_S)
     leads: Sequence[str] = [] if session.short else lead_cycles(session.scratch / "leads")
     trials = disturbed_cases(count, SEED, CYCLES, leads, longest_s)
-    rows = []
+    rows: list[dict[str, Any]] = []
+    collisions: list[dict[str, Any]] = []
     for name, own in settings.items():
         cases = list(_with(trials, name, own))
         if session.short:
             cases = [case.shortened(SHORT_S) for case in cases]
-        rows.append(
-            {"setting": name, **_counted(judged_runs(cases, session.drive(cases), session))}
-        )
-    return pd.DataFrame(rows)
+        judged = judged_runs(cases, session.drive(cases), session)
+        rows.append({"setting": name, **_counted(judged)})
+        collisions += [
+            {
+                "setting": name,
+                "what": trial.what,
+                "avoidable": "yes" if AVOIDABLE in trial.problems else "no",
+            }
+            | dict(trial.figures)
+            for trial in judged
+            if "bound_m" in trial.figures
+        ]
+    return pd.DataFrame(rows), pd.DataFrame(collisions)
 
 
 def _with(trials: Sequence[Case], name: str, own: Mapping[str, Any]) -> Iterator[Case]:

@@ -132,7 +132,7 @@ def run(session: Session) -> bool:
     groups = _summary(table, ["setting", "perfect", "preview", "kind", "car", "ambient_c"])
     measured = table[table.kind == MEASURED]
     origins, shares = effects(session)
-    disturbed = disturbed_trials(
+    disturbed, collisions = disturbed_trials(
         session, {each.name: each.own for each in SETTINGS[: 2 if session.short else 3]}
     )
     session.render(
@@ -148,6 +148,7 @@ def run(session: Session) -> bool:
         previews=PREVIEWS,
         behind=cars_behind(session),
         disturbed=disturbed,
+        collisions=collisions,
         cars=STRING_CARS,
         origins=origins,
         share=shares[BOTH],
