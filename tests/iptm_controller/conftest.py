@@ -40,12 +40,12 @@ def compilations(cache: Path, monkeypatch: pytest.MonkeyPatch) -> list[list[str]
     """Command lines of the compiler, questions for its version left out."""
     del cache
     commands: list[list[str]] = []
-    original = subprocess.run
+    original = subprocess.Popen
 
-    def run(command: list[str], **options: Any) -> Any:
+    def start(command: list[str], **options: Any) -> Any:
         if "--version" not in command:
             commands.append(command)
         return original(command, **options)
 
-    monkeypatch.setattr(subprocess, "run", run)
+    monkeypatch.setattr(subprocess, "Popen", start)
     return commands

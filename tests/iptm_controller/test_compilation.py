@@ -10,11 +10,13 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
+from typing import Any
 
 import casadi as ca
+import numpy as np
 import pytest
 from tests.iptm_controller import ipopt_backend
-from tests.iptm_controller.scenes import PARAMETERS, solver_with
+from tests.iptm_controller.scenes import PARAMETERS, SCENES, problem_of, solver_with
 
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp.compilation import compile_functions
@@ -22,7 +24,8 @@ from iptm_controller.solvers.factory import build_plain_solver
 from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.solvers.riccati import backend
 from iptm_core import compilation
-from iptm_core.compilation import CACHE_VARIABLE, WHEEL_COMPILER, cache_directory, find_compiler
+from iptm_core.compilation import CACHE_VARIABLE, cache_directory, find_compiler
+from iptm_core.compiler import WHEEL_COMPILER, Background, NewestLibrary
 from iptm_core.errors import SolverSetupError
 
 
@@ -64,6 +67,26 @@ def test_processes_that_need_a_problem_at_once_compile_it_once(
     assert len(compilations) == 1
 
 
+def test_a_solver_begins_unoptimised_and_goes_on_optimised_with_the_same_numbers(
+    cache: Path, compiler: tuple[str, ...]
+) -> None:
+    del compiler
+    problems = [problem_of(scene, "2x1") for scene in SCENES.values()]
+    with Background.turn:  # the optimised code is not compiled yet
+        solver = solver_with("2x1", SolverOptions())
+        assert len(list(cache.glob("*.so"))) == 1
+        before = [solver.solve(*problem) for problem in problems]
+    deadline = time.monotonic() + 120.0
+    while len(list(cache.glob("*.so"))) < 2 and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert len(list(cache.glob("*.so"))) == 2
+    for later in (solver, solver_with("2x1", SolverOptions())):
+        for problem, expected in zip(problems, before, strict=True):
+            found = later.solve(*problem)
+            assert np.array_equal(found.variables, expected.variables)
+            assert found.iterations == expected.iterations
+
+
 @pytest.mark.parametrize("damage", [lambda c: c[:2000], lambda c: c + b"x", lambda _: b""])
 def test_a_damaged_library_is_compiled_again(
     cache: Path,
@@ -84,7 +107,7 @@ def test_a_damaged_library_is_compiled_again(
     ("name", "module", "compile_name", "missing"),
     [
         ("ipopt", ipopt_backend, "compile_functions", "nlp"),
-        ("riccati", backend, "compile_sources", "iptm_checked_work_size"),
+        ("riccati", backend, "compile_in_steps", "iptm_checked_work_size"),
     ],
 )
 def test_a_library_of_something_else_is_a_clear_error(
@@ -97,7 +120,11 @@ def test_a_library_of_something_else_is_a_clear_error(
     missing: str,
 ) -> None:
     foreign = compile_functions([square()], compiler)
-    monkeypatch.setattr(module, compile_name, lambda *_: foreign)
+
+    def compile_nothing(*given: Any) -> Path | NewestLibrary:
+        return foreign if name == "ipopt" else NewestLibrary(foreign, None, given[-1])
+
+    monkeypatch.setattr(module, compile_name, compile_nothing)
     with pytest.raises(SolverSetupError, match=f"'{name}' cannot be set up") as caught:
         solver_with("1x1", SolverOptions(), name)
     assert foreign.parent == cache
@@ -155,7 +182,7 @@ def test_a_compiler_that_hangs_is_given_up(tmp_path: Path, monkeypatch: pytest.M
     fake = tmp_path / "cc_slow"
     fake.write_text('#!/bin/sh\n[ "$1" = --version ] && exit 0\nexec sleep 60\n')
     fake.chmod(0o755)
-    monkeypatch.setattr(compilation, "COMPILE_TIMEOUT_S", 0.2)
+    monkeypatch.setattr("iptm_core.compiler.COMPILE_TIMEOUT_S", 0.2)
     with pytest.raises(SolverSetupError, match="did not finish within"):
         compile_functions([square()], [str(fake)])
 

@@ -16,7 +16,8 @@ from iptm_controller.ocp.vectorised_map import vectorise_maps
 from iptm_controller.solvers.riccati.program import build_program
 from iptm_controller.solvers.riccati.stage_system import StageSystem, common_sparsity
 from iptm_core import compilation
-from iptm_core.compilation import COMPILER_FLAGS, compiler_flags, find_compiler
+from iptm_core.compilation import find_compiler
+from iptm_core.compiler import COMPILER_FLAGS, compiler_flags
 from iptm_core.parameters import load_parameters
 from iptm_core.state import FloatArray
 
@@ -138,7 +139,7 @@ def test_avx2_is_used_where_the_processor_has_it(
     info = tmp_path / "cpuinfo"
     if text is not None:
         info.write_text(text)
-    monkeypatch.setattr(compilation, "_CPU_INFO", info)
+    monkeypatch.setattr("iptm_core.compiler._CPU_INFO", info)
     assert compiler_flags() == (*COMPILER_FLAGS, *expected)
 
 
@@ -149,7 +150,7 @@ def test_an_older_processor_computes_the_same(
     function = ca.Function("terms", [x], [ca.fmax(x[0] / x[1], ca.sqrt(x[2])) * x]).map(7)
     arguments = random_arguments(function, np.random.default_rng(1))
     (newest,) = load([function])
-    monkeypatch.setattr(compilation, "_CPU_INFO", tmp_path / "none")
+    monkeypatch.setattr("iptm_core.compiler._CPU_INFO", tmp_path / "none")
     (oldest,) = load([function])
     assert_same(newest, oldest, arguments)
 

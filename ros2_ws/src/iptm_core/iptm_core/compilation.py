@@ -11,51 +11,47 @@ not loaded.
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import fcntl
 import hashlib
-import importlib.util
 import logging
 import os
 import platform
 import shutil
 import stat
-import struct
-import subprocess
 import tempfile
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 import casadi as ca
 
+from iptm_core.compiler import (
+    COMPILE_TIMEOUT_S,
+    COMPILER_FLAGS,
+    QUICK_FLAGS,
+    Background,
+    NewestLibrary,
+    compiler_flags,
+    compiler_version,
+    installed_compiler,
+    run_compilers,
+)
 from iptm_core.errors import SolverSetupError
-from iptm_core.number_table import split_numbers, table_declaration, table_source, with_numbers
+from iptm_core.number_table import (
+    numbers_key,
+    split_numbers,
+    table_declaration,
+    table_source,
+    with_numbers,
+)
 
 LOGGER = logging.getLogger(__name__)
-COMPILER_FLAGS = (
-    # What straight lines and short loops gain from -O3, in half of its time; clang ignores what it lacks.
-    "-O1",
-    "-ftree-vectorize",
-    "-finline-functions",
-    "-finline-small-functions",
-    "-fpeel-loops",
-    # Operations are done as they are written, on every machine.
-    "-ffp-contract=off",
-    "-fno-math-errno",
-    "-fno-semantic-interposition",
-    "-fPIC",
-    "-shared",
-)
-COMPILE_TIMEOUT_S = 300.0
 CACHE_VARIABLE = "IPTM_CACHE_DIR"
-WHEEL_COMPILER = "ziglang"
 LIBRARIES_KEPT = 200
 """Libraries of up to half a megabyte; the ones unused for longest are removed."""
-OLDEST_GLIBC = "2.28"
-"""What the wheels of ROS need, see scripts/setup."""
-_CPU_INFO = Path("/proc/cpuinfo")
 _OF_OTHERS = stat.S_IRWXG | stat.S_IRWXO
 _WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 _SCRATCH_PREFIX = "build_"
@@ -110,86 +106,137 @@ def find_compiler() -> tuple[str, ...] | None:
             f"no code can be run in '{place}': the problem runs interpreted, several times slower"
         )
         return None
-    for candidate in (os.environ.get("CC", ""), "cc", "gcc", "clang"):
-        program, *arguments = candidate.split() or [""]
-        path = shutil.which(program)
-        if path is not None:
-            return (path, *arguments)
-    wheel = importlib.util.find_spec(WHEEL_COMPILER)
-    for folder in () if wheel is None else wheel.submodule_search_locations or ():
-        path = shutil.which("zig", path=folder)
-        if path is not None:
-            # Named, the target is any processor and every supported C library, as with a system's
-            # compiler; left alone, it would be this very machine, and the cache may be shared.
-            return (path, "cc", "-target", f"{platform.machine()}-linux-gnu.{OLDEST_GLIBC}")
-    LOGGER.warning("no C compiler found: the problem runs interpreted, several times slower")
-    return None
+    found = installed_compiler()
+    if found is None:
+        LOGGER.warning("no C compiler found: the problem runs interpreted, several times slower")
+    return found
 
 
-def compiler_flags() -> tuple[str, ...]:
-    """Return the flags for this machine: ``COMPILER_FLAGS``, and AVX2 where the processor has it."""
-    with contextlib.suppress(OSError), _CPU_INFO.open(encoding="ascii", errors="replace") as lines:
-        features = next((line for line in lines if line.startswith("flags")), "")
-        if "avx2" in features.split():
-            return (*COMPILER_FLAGS, "-mavx2")
-    return COMPILER_FLAGS
+@dataclass(frozen=True)
+class Compilation:
+    """C code for one shared library, and where in the cache it belongs.
+
+    Attributes:
+        sources: C files and headers by name, but for the table of numbers.
+        numbers: the table.
+        command: the compiler with its flags.
+        code: name of the code; libraries with the same code differ in numbers alone.
+    """
+
+    sources: Mapping[str, str]
+    numbers: tuple[float, ...]
+    command: tuple[str, ...]
+    code: Path
+
+    @classmethod
+    def of(
+        cls,
+        generated: Sequence[str],
+        fixed: Mapping[str, str],
+        compiler: Sequence[str],
+        flags: Sequence[str],
+    ) -> Compilation:
+        """Return the compilation of C code.
+
+        Args:
+            generated: C files whose numbers may differ from problem to problem.
+            fixed: further files by name, headers included.
+
+        Raises:
+            SolverSetupError: the cache folder cannot be written or is not private.
+        """
+        text, numbers = split_numbers(_BETWEEN_FILES.join(generated))
+        declaration = table_declaration() if numbers else ""
+        parts = text.split(_BETWEEN_FILES)
+        sources = {f"ocp_{place}.c": declaration + part for place, part in enumerate(parts)}
+        sources.update(fixed)
+        folder = cache_directory()
+        _make_private(folder)
+        code = folder / f"ocp_{_cache_key(sources, compiler, flags)}"
+        return cls(sources, numbers, (*compiler, *flags), code)
+
+    @property
+    def library(self) -> Path:
+        """The library, whether it is there or not."""
+        return self.code.with_name(f"{self.code.name}{numbers_key(self.numbers)}.so")
+
+    def find(self) -> Path | None:
+        """Return the library from the cache, or a copy with other numbers of one with the same code."""
+        if _is_intact(self.library):
+            with contextlib.suppress(OSError):
+                os.utime(self.library)  # it is not the one unused for longest
+            return self.library
+        # What cannot be read or written here is compiled, which reports it.
+        with contextlib.suppress(OSError):
+            for other in filter(_is_intact, self.code.parent.glob(f"{self.code.name}_*.so")):
+                content = with_numbers(other.read_bytes()[:-DIGEST_SIZE], self.numbers)
+                if content is not None:
+                    with _scratch_in(self.code.parent) as scratch:
+                        _put(self.library, content, scratch)
+                    _remove_unused(self.code.parent)
+                    return self.library
+        return None
+
+    def make(self) -> Path:
+        """Compile the library, unless another process has done so meanwhile.
+
+        Raises:
+            SolverSetupError: the compiler fails, or the cache folder cannot be written.
+        """
+        folder = self.library.parent
+        try:
+            with _locked(self.code.with_suffix(".lock")):
+                if self.find() is not None:
+                    return self.library
+                LOGGER.info("compiling the optimal control problem (once per horizon and model)")
+                _remove_abandoned(folder)
+                with _scratch_in(folder) as scratch:
+                    _put(self.library, self._build(scratch).read_bytes(), scratch)
+                _remove_unused(folder)
+        except OSError as error:
+            raise _not_writable(folder, error) from error
+        return self.library
+
+    def _build(self, scratch: Path) -> Path:
+        """Compile files into a library, at the same time if there is more than one."""
+        sources = {**self.sources, "numbers.c": table_source(self.numbers)}
+        for name, text in sources.items():
+            (scratch / name).write_text(text, encoding="ascii")
+        files = [str(scratch / name) for name in sources if name.endswith(".c")]
+        if len(files) > 2:
+            run_compilers([*self.command, "-c", file, "-o", f"{file}.o"] for file in files)
+            files = [f"{file}.o" for file in files]
+        built = scratch / "ocp.so"
+        run_compilers([[*self.command, *files, "-o", str(built), "-lm"]])
+        return built
 
 
 def compile_sources(
     generated: Sequence[str], fixed: Mapping[str, str], compiler: Sequence[str]
 ) -> Path:
-    """Compile C code into one shared library, or find it in the cache.
+    """Compile C code into one shared library, or find it in the cache; see `Compilation`."""
+    compilation = Compilation.of(generated, fixed, compiler, compiler_flags())
+    return compilation.find() or compilation.make()
+
+
+def compile_in_steps(
+    generated: Sequence[str],
+    fixed: Mapping[str, str],
+    compiler: Sequence[str],
+    load: Callable[[Path], ctypes.PyDLL],
+) -> NewestLibrary:
+    """Compile C code without optimisation, and optimised beside what calls it; see `Compilation`.
 
     Args:
-        generated: C files whose numbers may differ from problem to problem.
-        fixed: further files by name, headers included.
-
-    Raises:
-        SolverSetupError: the compiler fails, or the cache folder cannot be written or is not private.
+        load: returns the library of a file, ready for calls.
     """
-    text, numbers = split_numbers(_BETWEEN_FILES.join(generated))
-    declaration = table_declaration() if numbers else ""
-    parts = text.split(_BETWEEN_FILES)
-    sources = {f"ocp_{place}.c": declaration + part for place, part in enumerate(parts)}
-    sources.update(fixed)
-    flags = compiler_flags()
-    folder = cache_directory()
-    code = f"ocp_{_cache_key(sources, compiler, flags)}"
-    library = folder / f"{code}{_numbers_key(numbers)}.so"
-    _make_private(folder)
-    if _is_intact(library):
-        _note_use(library)
-        return library
-    try:
-        with _locked(folder / f"{code}.lock"):
-            others = folder.glob(f"{code}_*.so")
-            if _is_intact(library) or _copy_is_made(library, others, numbers):
-                return library
-            LOGGER.info("compiling the optimal control problem (once per horizon and model)")
-            _remove_abandoned(folder)
-            with tempfile.TemporaryDirectory(prefix=_SCRATCH_PREFIX, dir=folder) as scratch:
-                sources["numbers.c"] = table_source(numbers)
-                built = _build(Path(scratch), sources, [*compiler, *flags])
-                _put(library, built.read_bytes(), Path(scratch))
-            _remove_unused(folder)
-    except OSError as error:
-        raise _not_writable(folder, error) from error
-    return library
-
-
-def _build(scratch: Path, sources: Mapping[str, str], command: Sequence[str]) -> Path:
-    """Compile files into a library, at the same time if there is more than one."""
-    for name, text in sources.items():
-        (scratch / name).write_text(text, encoding="ascii")
-    files = [str(scratch / name) for name in sources if name.endswith(".c")]
-    if len(files) > 2:
-        jobs = [[*command, "-c", file, "-o", f"{file}.o"] for file in files]
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            list(pool.map(_run_compiler, jobs))
-        files = [f"{file}.o" for file in files]
-    built = scratch / "ocp.so"
-    _run_compiler([*command, *files, "-o", str(built), "-lm"])
-    return built
+    optimised, quick = (
+        Compilation.of(generated, fixed, compiler, compiler_flags(flags))
+        for flags in (COMPILER_FLAGS, QUICK_FLAGS)
+    )
+    if found := optimised.find():
+        return NewestLibrary(found, None, load)
+    return NewestLibrary(quick.find() or quick.make(), Background(optimised.make), load)
 
 
 @contextlib.contextmanager
@@ -202,22 +249,20 @@ def _locked(path: Path) -> Iterator[None]:
             fcntl.flock(descriptor, fcntl.LOCK_EX)
         yield
     finally:
+        # Closed alone, it would stay locked in a fork of this process.
+        with contextlib.suppress(OSError):
+            fcntl.flock(descriptor, fcntl.LOCK_UN)
         os.close(descriptor)
 
 
-def _copy_is_made(library: Path, others: Iterable[Path], numbers: Sequence[float]) -> bool:
-    """Make a library of one with the same code and other numbers, if there is any."""
-    # What cannot be read or written here is compiled, which reports it.
-    with contextlib.suppress(OSError):
-        for other in filter(_is_intact, others):
-            content = with_numbers(other.read_bytes()[:-DIGEST_SIZE], numbers)
-            if content is not None:
-                folder = tempfile.TemporaryDirectory(prefix=_SCRATCH_PREFIX, dir=library.parent)
-                with folder as scratch:
-                    _put(library, content, Path(scratch))
-                _remove_unused(library.parent)
-                return True
-    return False
+@contextlib.contextmanager
+def _scratch_in(folder: Path) -> Iterator[Path]:
+    """Provide a folder for a while; one of `tempfile` is removed as soon as the program ends."""
+    scratch = Path(tempfile.mkdtemp(prefix=_SCRATCH_PREFIX, dir=folder))
+    try:
+        yield scratch
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
 
 
 def _put(library: Path, content: bytes, scratch: Path) -> None:
@@ -257,12 +302,6 @@ def _remove_abandoned(folder: Path) -> None:
                 shutil.rmtree(scratch)
 
 
-def _note_use(library: Path) -> None:
-    """Keep a library from being the one unused for longest."""
-    with contextlib.suppress(OSError):
-        os.utime(library)
-
-
 def _remove_unused(folder: Path) -> None:
     """Remove the libraries unused for longest, so that the cache does not grow without end."""
     with contextlib.suppress(OSError):
@@ -285,38 +324,9 @@ def _is_intact(library: Path) -> bool:
     return hashlib.sha256(content[:-DIGEST_SIZE]).digest() == content[-DIGEST_SIZE:]
 
 
-def _run_compiler(command: list[str]) -> None:
-    try:
-        done = subprocess.run(  # noqa: S603 - the compiler is found on the user's own path
-            command, capture_output=True, text=True, timeout=COMPILE_TIMEOUT_S, check=False
-        )
-    except subprocess.TimeoutExpired as error:
-        raise SolverSetupError(
-            f"compiler {command[0]} did not finish within {COMPILE_TIMEOUT_S:g} s"
-        ) from error
-    if done.returncode != 0:
-        lines = done.stderr.strip().splitlines()
-        errors = [line for line in lines if "error" in line] or lines[-1:] or ["no message"]
-        raise SolverSetupError(
-            f"compiler {command[0]} failed with exit code {done.returncode}: {errors[0]}"
-        )
-
-
 def _cache_key(sources: Mapping[str, str], compiler: Sequence[str], flags: Sequence[str]) -> str:
-    answer = subprocess.run(  # noqa: S603 - as above
-        [*compiler, "--version"], capture_output=True, text=True, timeout=30, check=False
-    ).stdout
-    # The further lines may name folders and the kernel, which change nothing.
-    version = answer.partition("\n")[0]
+    version = compiler_version(tuple(compiler))
     arguments = " ".join([*compiler[1:], *flags])
     code = [part for file in sources.items() for part in file]
     parts = (*code, version, arguments, platform.machine(), ca.CasadiMeta.version())
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
-
-
-def _numbers_key(numbers: Sequence[float]) -> str:
-    """Return what stands behind the key of the code; nothing where the code has no numbers."""
-    if not numbers:
-        return ""
-    digest = hashlib.sha256(struct.pack(f"<{len(numbers)}d", *numbers)).hexdigest()
-    return f"_{digest[:24]}"

@@ -9,6 +9,7 @@ bit.
 
 from __future__ import annotations
 
+import hashlib
 import re
 import struct
 from collections.abc import Sequence
@@ -74,3 +75,11 @@ def with_numbers(library: bytes, numbers: Sequence[float]) -> bytes | None:
         return None
     table = struct.pack(f"<{len(numbers)}d", *numbers)
     return library[:start] + table + library[start + len(table) :]
+
+
+def numbers_key(numbers: Sequence[float]) -> str:
+    """Return what stands behind the key of the code; nothing where the code has no numbers."""
+    if not numbers:
+        return ""
+    digest = hashlib.sha256(struct.pack(f"<{len(numbers)}d", *numbers)).hexdigest()
+    return f"_{digest[:24]}"

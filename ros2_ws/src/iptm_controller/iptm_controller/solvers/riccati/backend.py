@@ -10,6 +10,7 @@ import ctypes
 import time
 from dataclasses import astuple, dataclass, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -35,7 +36,8 @@ from iptm_controller.solvers.riccati.stage_program import (
     SOURCE_FOLDER,
     stage_program,
 )
-from iptm_core.compilation import cache_directory, compile_sources, compiler_flags, find_compiler
+from iptm_core.compilation import cache_directory, compile_in_steps, find_compiler
+from iptm_core.compiler import NewestLibrary, compiler_flags
 from iptm_core.errors import SolverSetupError
 from iptm_core.physics.ops import BufferedFunction
 from iptm_core.state import FloatArray
@@ -104,7 +106,7 @@ class SwitchingNumbers:
 class MachineCode:
     """The method for one horizon, with memory of its own; serves one thread."""
 
-    def __init__(self, problem: OptimalControlProblem, library: ctypes.PyDLL) -> None:
+    def __init__(self, problem: OptimalControlProblem, library: NewestLibrary) -> None:
         grid = problem.grid
         self._library = library
         self._kind_steps = np.array([kind.count for kind in grid.stages], dtype=np.intc)
@@ -124,9 +126,8 @@ class MachineCode:
         self._guess = np.empty(grid.variable_count)
         self._variables = np.empty(grid.variable_count)
         self._costates = np.empty(layout.STATES * grid.steps)
-        self._clock = ctypes.cast(library.iptm_monotonic_s, _POINTER).value
+        self._clock = ctypes.cast(library.newest().iptm_monotonic_s, _POINTER).value
         self._work = np.empty(0)
-        self._solve, self._solve_checked = library.iptm_solve, library.iptm_solve_checked
         self._arguments: tuple[Any, ...] = ()
         self._compared: SwitchingNumbers | None = None
         given = self._horizon, self._options, self._switching, self._since_second
@@ -155,7 +156,7 @@ class MachineCode:
         self._options.clock_s = self._clock if options.deadline_s else None
         if options.max_iterations > self._horizon.most_iterations or not self._work.size:
             self._horizon.most_iterations = options.max_iterations
-            size = self._library.iptm_checked_work_size(ctypes.byref(self._horizon))
+            size = self._library.newest().iptm_checked_work_size(ctypes.byref(self._horizon))
             self._work = np.zeros(size)
         self._arguments = (
             self._parameters.ctypes.data,
@@ -185,7 +186,8 @@ class MachineCode:
     ) -> SolveResult:
         """Solve one problem, in at most so many iterations."""
         clock = self._prepare(data, guess, options, most)
-        self._solve(ctypes.byref(self._horizon), ctypes.byref(self._options), *self._arguments)
+        solve = self._library.newest().iptm_solve
+        solve(ctypes.byref(self._horizon), ctypes.byref(self._options), *self._arguments)
         return self._result(clock)
 
     def solve_checked(
@@ -213,7 +215,8 @@ class MachineCode:
         self._since_second.value = since_second
         parameters_and_guess, answers = self._arguments[:2], self._arguments[2:]
         *numbers, since = self._given_pointers
-        iterations = self._solve_checked(*numbers, *parameters_and_guess, since, *answers)
+        solve = self._library.newest().iptm_solve_checked
+        iterations = solve(*numbers, *parameters_and_guess, since, *answers)
         return self._result(clock, iterations), self._since_second.value
 
 
@@ -230,17 +233,19 @@ def as_machine_code(problem: OptimalControlProblem, *, is_wanted: bool) -> Machi
 
 
 @lru_cache(maxsize=PROGRAMS_KEPT)
-def _library(problem: OptimalControlProblem, compiler: tuple[str, ...], *_: object) -> ctypes.PyDLL:
-    """Load the library of a problem; what further decides which one it is, is part of the key only."""
+def _library(
+    problem: OptimalControlProblem, compiler: tuple[str, ...], *_: object
+) -> NewestLibrary:
+    """Return the library of a problem; what further decides which one it is, is part of the key only."""
     program = _stage_program(problem)
     fixed = {
         name: (SOURCE_FOLDER / name).read_text("ascii") for name in (*SOLVER_SOURCES, *HEADERS)
     }
-    path = compile_sources(
-        program.sources,
-        {**fixed, "layout.h": layout_header(), "stage_sizes.h": program.header},
-        compiler,
-    )
+    given = {**fixed, "layout.h": layout_header(), "stage_sizes.h": program.header}
+    return compile_in_steps(program.sources, given, compiler, _loaded)
+
+
+def _loaded(path: Path) -> ctypes.PyDLL:
     try:
         # The interpreter lock is held: a solve is shorter than it takes to get the lock again.
         library = ctypes.PyDLL(str(path))

@@ -1,0 +1,206 @@
+"""The C compiler: which one, its flags, and its processes, also in the background of a trip.
+
+The first trip with a problem begins with code that is not optimised. Optimised code does the same operations,
+takes several times as long to compile, and is compiled while the trip goes on.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib.util
+import os
+import platform
+import shutil
+import signal
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack, suppress
+from functools import cache
+from multiprocessing import util
+from pathlib import Path
+
+from iptm_core.errors import SolverSetupError
+
+COMPILER_FLAGS = (
+    # What straight lines and short loops gain from -O3, in half of its time; clang ignores what it lacks.
+    "-O1",
+    "-ftree-vectorize",
+    "-finline-functions",
+    "-finline-small-functions",
+    "-fpeel-loops",
+    # Operations are done as they are written, on every machine.
+    "-ffp-contract=off",
+    "-fno-math-errno",
+    "-fno-semantic-interposition",
+    "-fPIC",
+    "-shared",
+)
+QUICK_FLAGS = (
+    "-O0",
+    "-fno-sanitize=undefined",
+    "-ffp-contract=off",
+    "-fno-math-errno",
+    "-fPIC",
+    "-shared",
+)
+"""Nothing is optimised, or checked, as some compilers do then: a third of the time to compile."""
+COMPILE_TIMEOUT_S = 300.0
+EXIT_PATIENCE_S = 3.0
+"""How long a process waits at its end for what compiles in the background; nodes are given 5 s to end."""
+WHEEL_COMPILER = "ziglang"
+OLDEST_GLIBC = "2.28"
+"""What the wheels of ROS need, see scripts/setup."""
+_CPU_INFO = Path("/proc/cpuinfo")
+_NICENESS = 10
+_given_way: set[subprocess.Popen[str]] = set()
+"""Compilers in the background."""
+
+
+def installed_compiler() -> tuple[str, ...] | None:
+    """Return the command of a C compiler, None if there is none.
+
+    That is ``$CC``, ``cc``, ``gcc`` or ``clang``, else the one that the set-up installs as a wheel
+    on machines without.
+    """
+    for candidate in (os.environ.get("CC", ""), "cc", "gcc", "clang"):
+        program, *arguments = candidate.split() or [""]
+        path = shutil.which(program)
+        if path is not None:
+            return (path, *arguments)
+    wheel = importlib.util.find_spec(WHEEL_COMPILER)
+    for folder in () if wheel is None else wheel.submodule_search_locations or ():
+        path = shutil.which("zig", path=folder)
+        if path is not None:
+            # Named, the target is any processor and every supported C library, as with a system's
+            # compiler; left alone, it would be this very machine, and the cache may be shared.
+            return (path, "cc", "-target", f"{platform.machine()}-linux-gnu.{OLDEST_GLIBC}")
+    return None
+
+
+def compiler_flags(flags: tuple[str, ...] = COMPILER_FLAGS) -> tuple[str, ...]:
+    """Return flags for this machine: with AVX2 where the processor has it."""
+    with suppress(OSError), _CPU_INFO.open(encoding="ascii", errors="replace") as lines:
+        features = next((line for line in lines if line.startswith("flags")), "")
+        if "avx2" in features.split():
+            return (*flags, "-mavx2")
+    return flags
+
+
+@cache
+def compiler_version(compiler: tuple[str, ...]) -> str:
+    """Return the first line of what a compiler answers about its version."""
+    answer = subprocess.run(  # noqa: S603 - the compiler is found on the user's own path
+        [*compiler, "--version"], capture_output=True, text=True, timeout=30, check=False
+    ).stdout
+    # The further lines may name folders and the kernel, which change nothing.
+    return answer.partition("\n")[0]
+
+
+def run_compilers(commands: Iterable[Sequence[str]]) -> None:
+    """Run compilers at the same time; those that a `Background` starts give way to other processes.
+
+    Raises:
+        SolverSetupError: one of them fails, or takes too long.
+    """
+    until_s = time.monotonic() + COMPILE_TIMEOUT_S
+    with ExitStack() as ending:
+        jobs = []
+        for command in commands:
+            job = subprocess.Popen(  # noqa: S603 - the compiler is found on the user's own path
+                command,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.PIPE,
+                text=True,
+                start_new_session=True,
+            )
+            ending.enter_context(job)
+            ending.callback(_kill, job)
+            if isinstance(threading.current_thread(), Background):
+                _given_way.add(job)
+                ending.callback(_given_way.discard, job)
+                with suppress(OSError):
+                    os.setpriority(os.PRIO_PROCESS, job.pid, _NICENESS)
+            jobs.append((command[0], job))
+        for compiler, job in jobs:
+            try:
+                _, complaints = job.communicate(timeout=max(until_s - time.monotonic(), 0.0))
+            except subprocess.TimeoutExpired:
+                raise SolverSetupError(
+                    f"compiler {compiler} did not finish within {COMPILE_TIMEOUT_S:g} s"
+                ) from None
+            if job.returncode != 0:
+                lines = complaints.strip().splitlines()
+                errors = [line for line in lines if "error" in line] or lines[-1:] or ["no message"]
+                raise SolverSetupError(
+                    f"compiler {compiler} failed with exit code {job.returncode}: {errors[0]}"
+                )
+
+
+def _kill(job: subprocess.Popen[str]) -> None:
+    """Kill a compiler with the processes that it has started, unless it has ended."""
+    if job.poll() is None:
+        with suppress(OSError):
+            os.killpg(job.pid, signal.SIGKILL)
+
+
+class Background(threading.Thread):
+    """A compilation beside the trip.
+
+    One at a time. Where it has not ended some seconds after the program, it is given up, and the next program
+    begins again with it.
+
+    Attributes:
+        library: the library, once it is compiled; None before, and where that failed.
+    """
+
+    turn = threading.Lock()
+
+    def __init__(self, make: Callable[[], Path]) -> None:
+        super().__init__(daemon=True)
+        self._make = make
+        self.library: Path | None = None
+        util.Finalize(None, self._end, exitpriority=0)  # workers do not call what atexit holds
+        self.start()
+
+    def run(self) -> None:
+        """Compile."""
+        with Background.turn, suppress(SolverSetupError):
+            self.library = self._make()
+
+    def _end(self) -> None:
+        with suppress(KeyboardInterrupt):
+            self.join(EXIT_PATIENCE_S)
+        for job in list(_given_way):
+            _kill(job)
+        self.join(1.0)
+
+
+class NewestLibrary:
+    """A library, replaced by the optimised one between two calls.
+
+    Args:
+        optimised: compiles it; None where the library is it.
+        load: returns the library of a file, ready for calls.
+    """
+
+    def __init__(
+        self, path: Path, optimised: Background | None, load: Callable[[Path], ctypes.PyDLL]
+    ) -> None:
+        self._library, self._optimised, self._load = load(path), optimised, load
+
+    def newest(self) -> ctypes.PyDLL:
+        """Return the library for the next call."""
+        if self._optimised is not None and self._optimised.library is not None:
+            self._library = self._load(self._optimised.library)
+            self._optimised = None
+        return self._library
+
+
+def _new_turn() -> None:
+    """Let a fork compile: the thread that has the turn is not in it."""
+    Background.turn = threading.Lock()
+
+
+os.register_at_fork(after_in_child=_new_turn)
