@@ -70,8 +70,10 @@ class PackObserverInC(PackObserver):
     @property
     def memory(self) -> PackMemory:
         """What is carried from tick to tick; see `PackObserver`."""
-        time_s, age_s, contradicted_s, *cooling = self._numbers[: _SENSORS[0].start]
-        first, last = (SensorMemory(*self._numbers[place]) for place in _SENSORS)
+        # One object for all that is not known, so that equal memories compare as equal.
+        numbers = [math.nan if math.isnan(value) else value for value in self._numbers]
+        time_s, age_s, contradicted_s, *cooling = numbers[: _SENSORS[0].start]
+        first, last = (SensorMemory(*numbers[place]) for place in _SENSORS)
         cooled = CoolingMemory(*cooling)
         return PackMemory(time_s, age_s, first, last, self._last, contradicted_s, cooled)
 
