@@ -63,7 +63,7 @@ class Plan:
     def slacks(self) -> dict[str, float]:
         """Largest violation of each group of `SLACKS`; the solver's own round-off below zero is cut."""
         worst = np.maximum.reduce(self.inputs).tolist()
-        return {name: max(0.0, *(worst[i] for i in group)) for name, group in SLACKS.items()}
+        return {name: max(0.0, *[worst[i] for i in group]) for name, group in SLACKS.items()}
 
 
 def plan_from_variables(variables: FloatArray, grid: ProblemGrid, state: VehicleState) -> Plan:

@@ -258,17 +258,20 @@ class LeaderMotion:
 
     def motion_at(self, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Positions and speeds at increasing times, shape (n,) each."""
-        if not self.times_s[0] <= times_s[0] <= times_s[-1] < self.times_s[-1]:
+        known_s = self._lists[0]
+        if not known_s[0] <= times_s.item(0) <= times_s.item(-1) < known_s[-1]:
             return self.positions_at(times_s), self.speeds_at(times_s)
         left = self.times_s.searchsorted(times_s, side="right") - 1
-        tau = times_s - self.times_s[left]
-        speeds, rates = self.speeds_m_s[left], self._rates_m_s2[left]
-        return self.positions_m[left] + tau * (speeds + 0.5 * rates * tau), rates * tau + speeds
+        starts_s, speeds, positions, rates = self._nodes.take(left, axis=0).T
+        tau = times_s - starts_s
+        return positions + tau * (speeds + 0.5 * rates * tau), rates * tau + speeds
 
     @cached_property
-    def _rates_m_s2(self) -> FloatArray:
-        rates: FloatArray = np.diff(self.speeds_m_s) / np.diff(self.times_s)
-        return rates
+    def _nodes(self) -> FloatArray:
+        """Times, speeds, positions and accelerations at the starts of the intervals, shape (n - 1, 4)."""
+        rates = np.diff(self.speeds_m_s) / np.diff(self.times_s)
+        starts = self.times_s[:-1], self.speeds_m_s[:-1], self.positions_m[:-1]
+        return np.column_stack([*starts, rates])
 
     def state_at(self, time_s: float) -> LeaderState:
         """Position and speed at one instant."""
