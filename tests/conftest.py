@@ -32,11 +32,20 @@ ROWS = 21
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the files that take longest: files are not shared between workers, so none must be last."""
-    long = ("integration", "packaging", "studies")
+    """Mix files that wait for processes with files that compute: every core has work at any time.
+
+    Files are not shared between workers: the longest ones come first, and those that wait not last.
+    """
+    waiting, long = "integration", ("packaging", "studies")
     items.sort(
         key=lambda item: (item.path.name != "test_studies.py", item.path.parent.name not in long)
     )
+    files = list(dict.fromkeys(item.path for item in items))
+    waits = [path for path in files if path.parent.name == waiting]
+    computes = [path for path in files if path.parent.name != waiting]
+    places = {path: place / len(computes) for place, path in enumerate(computes)}
+    places |= {path: 0.85 * place / len(waits) for place, path in enumerate(waits, start=1)}
+    items.sort(key=lambda item: places[item.path])
 
 
 @pytest.fixture(scope="session", autouse=True)
