@@ -166,4 +166,4 @@ def save_string_picture(path: Path, runs: Sequence[Run]) -> None:
             axes.margins(x=0.0)
         speed.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=count + 1)
         margin.set_xlabel("time (s)")
-        figure.savefig(path, metadata={"Software": "iptm"}, pil_kwargs={"compress_level": 9})
+        figure.savefig(path, metadata={"Software": "iptm"})

@@ -264,7 +264,7 @@ def broken_limits(at: Situation, parameters: ModelParameters) -> dict[Concern, S
 
 def cooling_at_limit(at: Situation, parameters: ModelParameters) -> Scalar:
     """Return whether the compressor runs near its largest useful power while a cell is too hot."""
-    hot = broken_limits(at, parameters)[Concern.HOT_CELL]
+    hot = at.warmest_cell_k > parameters.limits.max_temperature_k + TEMPERATURE_TOLERANCE_K
     useful_w = largest_useful_power_w(parameters.chiller, parameters.limits)
     return both(hot, at.compressor_power_w >= NEAR_FULL_POWER * useful_w)
 

@@ -140,14 +140,22 @@ def _count_at(frame_bytes: int) -> int:
     return aligned(FRAME_AT + frame_bytes, 4) + _LENGTH.size
 
 
-def table_of(topic: Topic, data: bytes) -> Stamped[dict[str, FloatArray]] | None:
-    """Return stamp and columns of a table; None where its bytes have another form than the suite's."""
+@lru_cache(maxsize=16)
+def _forms_of(topic: Topic) -> tuple[tuple[tuple[str, ...], bytes], ...]:
+    """Return the names of columns that a table may have, and the form of each; nothing for no table."""
     every = tuple(TOPICS[topic].fields)
-    if TOPICS[topic].message_type is not PointCloud2 or TIME not in every or len(data) < FRAME_AT:
+    if TOPICS[topic].message_type is not PointCloud2 or TIME not in every:
+        return ()
+    choices = (every, every[:-1]) if every[-1] == BOUND else (every,)
+    return tuple((names, _form(names, ROAD_FRAME)[1]) for names in choices)
+
+
+def table_of(topic: Topic, data: bytes) -> Stamped[dict[str, FloatArray]] | None:
+    """Return stamp and columns of a table of finite values; None where its bytes have another form."""
+    if len(data) < FRAME_AT:
         return None
     at = _count_at(_LENGTH.unpack_from(data, FRAME_AT - _LENGTH.size)[0]) - _LENGTH.size
-    for names in (every, every[:-1]) if every[-1] == BOUND else (every,):
-        fields = _form(names, ROAD_FRAME)[1]
+    for names, fields in _forms_of(topic):
         first = at + 2 * _LENGTH.size + len(fields) + _TWO.size
         if data.startswith(fields, at + 2 * _LENGTH.size) and len(data) > first:
             height, count = _TWO.unpack_from(data, at)
@@ -157,7 +165,8 @@ def table_of(topic: Topic, data: bytes) -> Stamped[dict[str, FloatArray]] | None
             if height == 1 and is_whole and len(data) == first + count * step + len(_DENSE):
                 points = np.frombuffer(data, np.float64, count * step // 8, first)
                 columns = points.reshape(count, step // 8)[:, _DRAWN_BYTES // 8 :].T.copy()
-                return Stamped(stamp_ns_of(data), dict(zip(names, columns, strict=True)))
+                if np.isfinite(columns).all():
+                    return Stamped(stamp_ns_of(data), dict(zip(names, columns, strict=True)))
     return None
 
 
@@ -179,13 +188,12 @@ def decode_table(
         MessageError: a column is missing or no float64, the sizes contradict each other, a value is not
             finite, or the times do not increase.
     """
-    stamp_ns, columns = (
-        (message.stamp_ns, message.value)
-        if isinstance(message, Stamped)
-        else (ns_from_time(message.header.stamp), _columns(topic, message, optional))
-    )
-    for name, column in columns.items():
-        all_finite(topic, name, column)
+    if isinstance(message, Stamped):
+        stamp_ns, columns = message.stamp_ns, message.value
+    else:
+        stamp_ns, columns = ns_from_time(message.header.stamp), _columns(topic, message, optional)
+        for name, column in columns.items():
+            all_finite(topic, name, column)
     increasing(topic, TIME, columns[TIME])
     return stamp_ns, columns
 
