@@ -204,26 +204,25 @@ def test_messages_that_a_frozen_recorder_missed_are_counted(
 def test_a_stopped_listener_holds_a_publisher_up_once(peer: Any, record: Any) -> None:
     """It is waited for again when it has followed."""
     recorder, clock = record("bag", "--topics", "/clock"), peer.node.advertise(CLOCK)
-    listeners = peer.node.listeners
     peer.wait_until(clock.get_subscription_count, 60.0, "subscription to the clock")
 
     def publish_half_a_queue() -> float:
         """Return how long it took, in s."""
         began_s = time.monotonic()
         for _ in range(50):
-            listeners.let_follow([clock])
             clock.publish(Clock())
+            clock.let_listeners_follow()
         return time.monotonic() - began_s
 
     recorder.send(signal.SIGSTOP)
     stat = Path(f"/proc/{recorder.popen.pid}/stat")
     peer.wait_until(lambda: stat.read_text().rpartition(")")[2].split()[0] == "T", what="the stop")
     assert publish_half_a_queue() >= 1.0
-    assert listeners.are_left_behind
+    assert clock.is_left_behind
     assert publish_half_a_queue() < 1.0
     recorder.send(signal.SIGCONT)
     peer.wait_until(
-        lambda: publish_half_a_queue() and not listeners.are_left_behind, what="the listener"
+        lambda: publish_half_a_queue() and not clock.is_left_behind, what="the listener"
     )
     assert recorder.stop() == 0
 

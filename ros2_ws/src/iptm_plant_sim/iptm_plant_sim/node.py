@@ -157,7 +157,7 @@ class PlantNode(TripNode):
             "brake_share": trip.step.safety.brake_share,
             "state_of_charge": trip.step.state.state_of_charge,
             "intervals_without_range_sensor": self._range_sensor.silent_intervals,
-            "listener_left_behind": self.listeners.are_left_behind,
+            "listener_left_behind": self._outputs[Topic.CLOCK].is_left_behind,
         }
         if self._schedule is not None:
             values["overruns"] = self._schedule.overruns
@@ -182,7 +182,7 @@ class PlantNode(TripNode):
         warning = self._safety_warning() or self._charge_warning()
         if not warning and self._trip.is_limited:
             warning = "commands exceed what the vehicle can do and are limited"
-        if not warning and self.listeners.are_left_behind:
+        if not warning and self._outputs[Topic.CLOCK].is_left_behind:
             warning = "a listener of the clock does not follow and is not waited for"
         return (Level.WARN, warning) if warning else (Level.OK, "running")
 

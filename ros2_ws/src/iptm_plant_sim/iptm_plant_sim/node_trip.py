@@ -230,17 +230,17 @@ class TripNode(SuiteNode):
 
     def _publish(self) -> None:
         """Publish the present state and expect an answer to it, or end with it."""
-        if self._trip.is_over:
+        over = self._trip.is_over
+        if over:
             self._finish()
         elif self._pause_due:
             self._hold_trip()
-        is_answer_due = self._phase not in {TripPhase.PAUSED, TripPhase.FINISHED}
-        if is_answer_due and not self._is_real_time:
-            self.listeners.let_follow(self._outputs.values())
-            self._watchdog.feed()
         self._publish_state()
-        if is_answer_due:
+        if not over and self._phase is not TripPhase.PAUSED:
             self._between.begin(self._trip.stamp_ns)
+            if not self._is_real_time:
+                self._watchdog.feed()
+                self._outputs[Topic.CLOCK].let_listeners_follow(self._outputs.values())
         self._report()
 
     def _publish_state(self) -> None:

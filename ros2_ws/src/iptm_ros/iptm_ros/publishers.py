@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Collection
+from collections.abc import Iterable
 from typing import Any
 
 from rclpy.duration import Duration
@@ -46,9 +45,6 @@ def describe_qos(profile: QoSProfile) -> str:
 
 
 _PATIENCE_S = 1.0
-_LOOK_PERIOD_S = 0.02
-_LONGEST_LOOK = Duration(seconds=0.1)
-_MOST_UNHEARD = STREAM_QOS.depth // 2
 
 
 class FramedPublisher(Publisher):
@@ -59,9 +55,12 @@ class FramedPublisher(Publisher):
 
     Attributes:
         frame_prefix: of the vehicle, empty for none.
+        is_left_behind: whether a listener did not follow when it was last waited for.
     """
 
     frame_prefix = ""
+    is_left_behind = False
+    _unheard = 0
 
     def publish(self, msg: Any) -> None:
         """Publish a message, or its serialised bytes."""
@@ -78,63 +77,20 @@ class FramedPublisher(Publisher):
                 msg.child_frame_id = frame_in(self.frame_prefix, msg.child_frame_id)
         super().publish(msg)
 
-
-class Listeners:
-    """See that every listener has what is published in lock-step, as a recorder must.
-
-    A thread waits for their acknowledgements while the node goes on; the node waits only where half a
-    queue is on its way.
-
-    Attributes:
-        are_left_behind: whether one did not follow when it was last waited for.
-    """
-
-    def __init__(self) -> None:
-        self.are_left_behind = False
-        self._sent = self._heard = 0
-        self._has_heard = threading.Condition()
-        self._ended = threading.Event()
-        self._thread: threading.Thread | None = None
-
-    def let_follow(self, publishers: Collection[Publisher]) -> None:
-        """Before a message to each topic, wait until half a queue at most has not reached all listeners.
+    def let_listeners_follow(self, others: Iterable[Publisher] = ()) -> None:
+        """Wait, each time half a queue has been published, until every listener has it, as a recorder must.
 
         A listener that has stopped holds this up once, for a second. It is not waited for again until all
         have followed, or it has left the graph.
 
         Args:
-            publishers: the same at every call.
+            others: waited for as well, as what is lost on the way is sent again topic by topic.
         """
-        if self._thread is None:
-            look = (tuple(publishers),)
-            self._thread = threading.Thread(target=self._look, args=look, daemon=True)
-            self._thread.start()
-        self._sent += 1
-        if self._sent - self._heard < _MOST_UNHEARD:
-            self.are_left_behind = False
+        self._unheard += 1
+        if self._unheard < STREAM_QOS.depth // 2:
             return
-        patience_s = 0.0 if self.are_left_behind else _PATIENCE_S
-        with self._has_heard:
-            self.are_left_behind = not self._has_heard.wait_for(
-                lambda: self._sent - self._heard < _MOST_UNHEARD, patience_s
-            )
-
-    def end(self) -> None:
-        """End the thread; before the publishers are destroyed."""
-        self._ended.set()
-        if self._thread is not None:
-            self._thread.join()
-
-    def _look(self, publishers: Collection[Publisher]) -> None:
-        """Note, time and again, of how many messages all listeners have acknowledged.
-
-        What is lost on the way is sent again topic by topic, so each is waited for.
-        """
-        while not self._ended.wait(_LOOK_PERIOD_S):
-            sent = self._sent - 1  # the last ones may be yet to come
-            if sent > self._heard and all(
-                publisher.wait_for_all_acked(_LONGEST_LOOK) for publisher in publishers
-            ):
-                with self._has_heard:
-                    self._heard = sent
-                    self._has_heard.notify()
+        self._unheard = 0
+        patience_s = 0.0 if self.is_left_behind else _PATIENCE_S
+        self.is_left_behind = not all(
+            each.wait_for_all_acked(Duration(seconds=patience_s)) for each in (self, *others)
+        )

@@ -23,7 +23,7 @@ from iptm_core.user_input import suggestion
 from iptm_ros.codecs import numbers_of, road_of, table_of
 from iptm_ros.connections import LOOK_PERIOD_S, ConnectionsReport
 from iptm_ros.node_health import AwakeClock, Heartbeat, NodeHealth
-from iptm_ros.publishers import FramedPublisher, Listeners
+from iptm_ros.publishers import FramedPublisher
 from iptm_ros.services import Service
 from iptm_ros.topics import TOPICS, Topic, frame_in, topic_of
 
@@ -59,7 +59,6 @@ class SuiteNode(Node):
         exit_code: what the process shall return.
         health: what the node survived.
         connections: reports which nodes hear this one, and which it hears.
-        listeners: of what it publishes in lock-step.
         awake: steady time without the stretches in which the process did not run.
         frame_prefix: of the frames of this vehicle: its namespace unless set by `use_frame_prefix`.
     """
@@ -69,7 +68,6 @@ class SuiteNode(Node):
         self.ended = Future()
         self.exit_code = 0
         self.health = NodeHealth()
-        self.listeners = Listeners()
         self.awake = AwakeClock()
         self.frame_prefix = self.get_namespace().strip("/")
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
@@ -204,8 +202,7 @@ class SuiteNode(Node):
         self._heartbeat = Heartbeat(self)
 
     def destroy_node(self) -> None:
-        """End the signs of life and the look at listeners, too."""
-        self.listeners.end()
+        """End the signs of life, too."""
         if self._heartbeat is not None:
             self._heartbeat.end()
         super().destroy_node()
