@@ -132,6 +132,7 @@ class Compilation:
     def of(
         cls,
         generated: Sequence[str],
+        numbers: tuple[float, ...],
         fixed: Mapping[str, str],
         compiler: Sequence[str],
         flags: Sequence[str],
@@ -139,16 +140,15 @@ class Compilation:
         """Return the compilation of C code.
 
         Args:
-            generated: C files whose numbers may differ from problem to problem.
+            generated: C files that read their numbers from a table, see `split_numbers`.
+            numbers: the table.
             fixed: further files by name, headers included.
 
         Raises:
             SolverSetupError: the cache folder cannot be written or is not private.
         """
-        text, numbers = split_numbers(_BETWEEN_FILES.join(generated))
         declaration = table_declaration() if numbers else ""
-        parts = text.split(_BETWEEN_FILES)
-        sources = {f"ocp_{place}.c": declaration + part for place, part in enumerate(parts)}
+        sources = {f"ocp_{place}.c": declaration + part for place, part in enumerate(generated)}
         sources.update(fixed)
         folder = cache_directory()
         _make_private(folder)
@@ -215,12 +215,15 @@ def compile_sources(
     generated: Sequence[str], fixed: Mapping[str, str], compiler: Sequence[str]
 ) -> Path:
     """Compile C code into one shared library, or find it in the cache; see `Compilation`."""
-    compilation = Compilation.of(generated, fixed, compiler, compiler_flags())
+    text, numbers = split_numbers(_BETWEEN_FILES.join(generated))
+    parts = text.split(_BETWEEN_FILES) if generated else []
+    compilation = Compilation.of(parts, numbers, fixed, compiler, compiler_flags())
     return compilation.find() or compilation.make()
 
 
 def compile_in_steps(
     generated: Sequence[str],
+    numbers: tuple[float, ...],
     fixed: Mapping[str, str],
     compiler: Sequence[str],
     load: Callable[[Path], ctypes.PyDLL],
@@ -230,12 +233,11 @@ def compile_in_steps(
     Args:
         load: returns the library of a file, ready for calls.
     """
-    optimised, quick = (
-        Compilation.of(generated, fixed, compiler, compiler_flags(flags))
-        for flags in (COMPILER_FLAGS, QUICK_FLAGS)
-    )
+    given = generated, numbers, fixed, compiler
+    optimised = Compilation.of(*given, compiler_flags(COMPILER_FLAGS))
     if found := optimised.find():
         return NewestLibrary(found, None, load)
+    quick = Compilation.of(*given, compiler_flags(QUICK_FLAGS))
     return NewestLibrary(quick.find() or quick.make(), Background(optimised.make), load)
 
 

@@ -16,9 +16,11 @@ from collections.abc import Sequence
 
 _NAME = "iptm_numbers"
 _TOKEN = re.compile(
+    # The set in front lets the search leap to what may be a token.
+    r"[s\d](?:"
     # Arrays of constants need literals; they stay what they are.
-    r"static const casadi_\w+ [^;]*;"
-    r"|(?<![\w.])(?P<number>\d+\.\d*(?:[eE][-+]?\d+)?|\d+[eE][-+]?\d+)(?![\w.])"
+    r"(?<=s)tatic const casadi_\w+ [^;]*;"
+    r"|(?<=[^\w.]\d)(?:\d*\.\d*(?:[eE][-+]?\d+)?|\d*[eE][-+]?\d+)(?![\w.]))"
 )
 _LITERAL = frozenset({0.0, 0.5, 1.0, 2.0})
 """Numbers for which compilers simplify operations."""
@@ -41,9 +43,9 @@ def split_numbers(
     places: dict[float, int] = {}
 
     def entry(found: re.Match[str]) -> str:
-        if found["number"] is None:
+        if found[0].startswith("s"):
             return found[0]
-        number = float(found["number"])
+        number = float(found[0])
         if number in _LITERAL:
             return found[0]
         return f"{name}[{places.setdefault(number, len(places)) + first}]"

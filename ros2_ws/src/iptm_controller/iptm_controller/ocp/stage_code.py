@@ -10,10 +10,12 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import casadi as ca
 
 from iptm_controller.ocp.vectorised_map import LANES, PREAMBLE, STRAIGHT_LINE, in_lanes
+from iptm_core.number_table import split_numbers
 
 _WRAPPER = re.compile(
     r"CASADI_SYMBOL_EXPORT int (\w+)\(const casadi_real\*\* arg[^{]*\{\s*return (casadi_f\d+)\("
@@ -82,6 +84,16 @@ static iptm_real iptm_fmax(iptm_real x, iptm_real y) {
 
 
 @dataclass(frozen=True)
+class _Shape:
+    """Name of a map in C, and the sizes and strides of what it reads and writes."""
+
+    name: str
+    sizes: tuple[int, ...]
+    strides: tuple[int, ...]
+    result_sizes: tuple[int, ...]
+
+
+@dataclass(frozen=True)
 class StageMap:
     """A function of one stage that is evaluated for many steps.
 
@@ -92,30 +104,55 @@ class StageMap:
     function: ca.Function
     strides: Mapping[str, int]
 
+    @property
+    def shape(self) -> _Shape:
+        """Its shape."""
+        f = self.function
+        return _Shape(
+            f.name(),
+            tuple(f.nnz_in(index) for index in range(f.n_in())),
+            tuple(self.strides[f.name_in(index)] for index in range(f.n_in())),
+            tuple(f.nnz_out(index) for index in range(f.n_out())),
+        )
+
 
 def stage_sources(
     maps: Sequence[Sequence[StageMap]], singles: Sequence[ca.Function], *, lanes: int = LANES
-) -> list[str]:
+) -> tuple[tuple[str, ...], tuple[float, ...]]:
     """Return C code of maps, ``name(arg, res, count)``, and of single functions, ``name(arg, res)``.
 
     Args:
         maps: one file for each group of them, so that they can be compiled at the same time; the single
             functions are in the last one.
         lanes: steps that are evaluated at once; 1 gives plain C99.
+
+    Returns:
+        The files, and the table of their numbers, see `split_numbers`; plain C99 has them as literals.
     """
-    every = [each for group in maps for each in group]
     generator = ca.CodeGenerator("stages.c", {"with_header": False})
-    for function in (*(each.function for each in every), *singles):
+    for function in (*(each.function for group in maps for each in group), *singles):
         generator.add(function)
     source: str = generator.dump()
+    numbers: tuple[float, ...] = ()
+    if lanes > 1:
+        source, numbers = split_numbers(source)
+    shapes = tuple(tuple(each.shape for each in group) for group in maps)
+    return _files(source, shapes, tuple(each.name() for each in singles), lanes), numbers
+
+
+@lru_cache(maxsize=8)  # other numbers have the same code
+def _files(
+    source: str, maps: tuple[tuple[_Shape, ...], ...], singles: tuple[str, ...], lanes: int
+) -> tuple[str, ...]:
+    every = [each for group in maps for each in group]
     bodies = {found["name"]: found for found in STRAIGHT_LINE.finditer(source)}
     by_name = {name: bodies[body] for name, body in _WRAPPER.findall(source)}
     helpers = source[: min(found.start() for found in bodies.values())]
     # The comment that describes the first function stays behind, and what describes arguments to CasADi.
     helpers = _DESCRIPTION.sub("", helpers[: helpers.rindex("/*")])
     helpers = _HELPER.sub(r"static \g<0>", _MAXIMUM.sub("", helpers))
-    most_arguments = max(each.function.n_in() for each in every)
-    most_results = max(each.function.n_out() for each in every)
+    most_arguments = max(len(each.sizes) for each in every)
+    most_results = max(len(each.result_sizes) for each in every)
     preamble = (
         (PREAMBLE if lanes > 1 else "")
         + '#include <stddef.h>\n#include <string.h>\n#include "stages.h"\n#define casadi_real iptm_real\n'
@@ -123,14 +160,12 @@ def stage_sources(
         + f"#define MOST_ARGUMENTS {most_arguments}\n#define MOST_RESULTS {most_results}\n{_MAP}"
     )
     files = [
-        [preamble, *(_mapped(by_name[each.function.name()], each, lanes) for each in group)]
-        for group in maps
+        [preamble, *(_mapped(by_name[each.name], each, lanes) for each in group)] for group in maps
     ]
-    for function in singles:
-        name = function.name()
+    for name in singles:
         head = f"void {name}(const iptm_real *const *arg, iptm_real *const *res)"
         files[-1].append(f"{head};\n{head} {{\n{_scalar_body(by_name[name])}}}\n")
-    return ["\n".join(parts) for parts in files]
+    return tuple("\n".join(parts) for parts in files)
 
 
 def _scalar_body(body: re.Match[str]) -> str:
@@ -144,12 +179,8 @@ def _scalar_body(body: re.Match[str]) -> str:
     return "".join(pointers) + text.replace("casadi_fmax(", "iptm_fmax(")
 
 
-def _mapped(body: re.Match[str], each: StageMap, lanes: int) -> str:
-    function = each.function
-    name = function.name()
-    sizes = [function.nnz_in(index) for index in range(function.n_in())]
-    strides = [each.strides[function.name_in(index)] for index in range(function.n_in())]
-    result_sizes = [function.nnz_out(index) for index in range(function.n_out())]
+def _mapped(body: re.Match[str], each: _Shape, lanes: int) -> str:
+    name, sizes, strides, result_sizes = each.name, each.sizes, each.strides, each.result_sizes
     group = f"static void {name}_group(const iptm_real *const *arg, iptm_real *const *res) {{\n"
     if lanes == 1:
         group += _scalar_body(body)

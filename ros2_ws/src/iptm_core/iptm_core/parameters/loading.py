@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -226,6 +227,15 @@ def _read_layers(path: Path) -> list[_Layer]:
 def _read_layer(path: Path) -> _Layer:
     if path.parent == CARS_FILE:
         return _car_layer(cars()[path.name])
+    return _shipped_layer(path) if path.parent == _sets_folder() else _layer_of_file(path)
+
+
+@cache
+def _shipped_layer(path: Path) -> _Layer:
+    return _layer_of_file(path)
+
+
+def _layer_of_file(path: Path) -> _Layer:
     origin = str(path)
     groups = dict.fromkeys(key.split(".")[0] for key in field_specs())
     document = StrictMapping(

@@ -242,7 +242,7 @@ def _library(
         name: (SOURCE_FOLDER / name).read_text("ascii") for name in (*SOLVER_SOURCES, *HEADERS)
     }
     given = {**fixed, "layout.h": layout_header(), "stage_sizes.h": program.header}
-    return compile_in_steps(program.sources, given, compiler, _loaded)
+    return compile_in_steps(program.sources, program.numbers, given, compiler, _loaded)
 
 
 def _loaded(path: Path) -> ctypes.PyDLL:

@@ -7,6 +7,7 @@ stage kinds and not on how many steps there are of each.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import casadi as ca
@@ -37,10 +38,12 @@ class StageProgram:
     Attributes:
         header: content of ``stage_sizes.h``.
         sources: C files.
+        numbers: their table, see `split_numbers`.
     """
 
     header: str
     sources: tuple[str, ...]
+    numbers: tuple[float, ...]
 
 
 def stage_program(problem: OptimalControlProblem, *, lanes: int = LANES) -> StageProgram:
@@ -78,11 +81,12 @@ def stage_program(problem: OptimalControlProblem, *, lanes: int = LANES) -> Stag
         ):
             one_step = {"x": layout.STATES, "u": 0, "p": 0} if name == "follow" else {}
             maps[name].append(StageMap(function, strides | one_step))
-    singles = [backward_step(sparsity), forward_step(sparsity)]
+    patterns = sparsity.dynamics, sparsity.inequalities, sparsity.hessian
+    singles = _recursion(*(each.serialize() for each in patterns))
     # The largest functions by themselves, each as long to compile as all the others.
     groups = [[each] for each in maps["linearise"]]
     groups.append([each for name, kinds in maps.items() if name != "linearise" for each in kinds])
-    sources = stage_sources(groups, singles, lanes=lanes)
+    sources, numbers = stage_sources(groups, singles, lanes=lanes)
     tables = [
         f"const iptm_stage_map iptm_{name}[] = {{{', '.join(m.function.name() for m in kinds)}}};"
         for name, kinds in maps.items()
@@ -97,7 +101,14 @@ def stage_program(problem: OptimalControlProblem, *, lanes: int = LANES) -> Stag
     return StageProgram(
         _header(systems[0].inequality_count, len(stages), sparsity),
         (*sources[:-1], "\n".join([sources[-1], *tables, ""])),
+        numbers,
     )
+
+
+@lru_cache(maxsize=8)
+def _recursion(*patterns: str) -> tuple[ca.Function, ca.Function]:
+    sparsity = StageSparsity(*map(ca.Sparsity.deserialize, patterns))
+    return backward_step(sparsity), forward_step(sparsity)
 
 
 def _hamiltonian(stage: StageExpressions, name: str) -> ca.Function:
