@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from iptm_core.compilation import CACHE_VARIABLE
+from iptm_core.compilation import CACHE_VARIABLE, cache_directory, find_compiler
 from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
 from iptm_core.state import (
     BatteryReading,
@@ -55,6 +55,22 @@ def compile_cache() -> Iterator[Path]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(CACHE_VARIABLE, str(folder))
         yield folder
+
+
+@pytest.fixture(scope="session")
+def compiler() -> tuple[str, ...]:
+    """Command of the C compiler."""
+    found = find_compiler()
+    if found is None:
+        pytest.skip("no C compiler on this machine")
+    return found
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of its own for compiled problems."""
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
+    return cache_directory()
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.iptm_core.made_runs import make_run
 
 import iptm
 from iptm.bounds import (
@@ -17,7 +18,7 @@ from iptm.bounds import (
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import BrakeParameters
 from iptm_core.routes import build_route
-from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
+from iptm_core.trajectory import Trajectory
 
 PARAMETERS = load_parameters(
     overrides={
@@ -33,14 +34,7 @@ PARAMETERS = load_parameters(
 def trip(**columns: object) -> Trajectory:
     """A trip of a row per second with the given columns, at 30 degC and 100 m behind a standing leader."""
     rows = max(np.size(column) for column in columns.values())
-    calm = dict.fromkeys(TRAJECTORY_COLUMNS, np.zeros(rows))
-    calm["time_s"] = np.arange(float(rows))
-    calm["leader_position_m"] = np.full(rows, 100.0)
-    calm["smallest_gap_m"] = np.full(rows, 1e3)
-    for name in TRAJECTORY_COLUMNS:
-        if name.endswith("temperature_k"):
-            calm[name] = np.full(rows, 303.15)
-    return Trajectory.from_arrays({**calm, **columns})  # type: ignore[dict-item]
+    return make_run(rows, **{"leader_position_m": np.full(rows, 100.0), **columns})
 
 
 def approach(wall_m: float, appears_s: int = 0) -> Trajectory:

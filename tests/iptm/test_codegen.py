@@ -16,7 +16,6 @@ from iptm.commands.drives import codegen as main
 from iptm_controller.ladder import controlled_stop, safe_following
 from iptm_controller.options import ControllerOptions
 from iptm_controller.tick_library import Leader, numbers_of, vehicle
-from iptm_core.compilation import find_compiler
 from iptm_core.parameters import load_parameters
 from iptm_core.state import LeaderState, VehicleState
 
@@ -39,14 +38,6 @@ MATHEMATICS = {
 }
 ALLOWED = {*MATHEMATICS, "memcpy", "memmove", "memset"}
 DOUBLE, INT = ctypes.c_double, ctypes.c_int
-
-
-@pytest.fixture(scope="session")
-def compiler() -> tuple[str, ...]:
-    found = find_compiler()
-    if found is None:
-        pytest.skip("no C compiler on this machine")
-    return found
 
 
 def written(tmp_path: Path, *arguments: str) -> Path:

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.iptm_controller.scenes import SCENES
+from tests.iptm_controller.scenes import MAX_AGE_S, SCENES
 
+from iptm_controller.forecast import LeaderForecaster
 from iptm_controller.measurements import Measurements
-from iptm_core.compilation import CACHE_VARIABLE, cache_directory, find_compiler
 
 
 @pytest.fixture(params=sorted(SCENES))
@@ -20,19 +20,9 @@ def ordinary_scene(request: pytest.FixtureRequest) -> Measurements:
 
 
 @pytest.fixture
-def compiler() -> tuple[str, ...]:
-    """Command of the C compiler."""
-    found = find_compiler()
-    if found is None:
-        pytest.skip("no C compiler on this machine")
-    return found
-
-
-@pytest.fixture
-def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder of its own for compiled problems."""
-    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
-    return cache_directory()
+def forecaster() -> LeaderForecaster:
+    """Over the default horizon."""
+    return LeaderForecaster(28.0, MAX_AGE_S)
 
 
 @pytest.fixture

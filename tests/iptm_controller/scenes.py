@@ -34,7 +34,13 @@ from iptm_controller.strategy import REFERENCE_TEMPERATURE_K, strategy_by_name
 from iptm_core.decision_record import SolveStatus
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
-from iptm_core.physics.power_thermal import Smoothing
+from iptm_core.physics.power_thermal import (
+    CellPair,
+    PowerThermalRates,
+    Smoothing,
+    power_thermal_rates,
+)
+from iptm_core.physics.thermal_loop import reduce_channel
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState, SlopePreview, VehicleState
 
 PARAMETERS = load_parameters().values
@@ -43,6 +49,8 @@ Problem = tuple[ProblemData, FloatArray]
 FLAT = SlopePreview(np.zeros(1), np.zeros(1))
 NOW_S = 100.0
 HERE_M = 1000.0
+MAX_AGE_S = 10.0
+"""Of a preview that is used."""
 
 
 def make_state(**changes: float) -> VehicleState:
@@ -225,6 +233,22 @@ def run_stage(
     following = following.full().ravel() * layout.STATE_SCALE + layout.STATE_OFFSET
     following[0] += state.position_m
     return following, float(cost), limits.full().ravel()
+
+
+def exact_rates(
+    state: VehicleState, acceleration_m_s2: float = 0.0, power_w: float = 0.0
+) -> PowerThermalRates:
+    """Rates of a state on a flat road."""
+    cells = CellPair(
+        state.cell_1_temperature_k,
+        state.cell_n_temperature_k,
+        state.cell_1_capacity_loss,
+        state.cell_n_capacity_loss,
+    )
+    channel = reduce_channel(PARAMETERS.cooling, PARAMETERS.pack)
+    return power_thermal_rates(
+        state.speed_m_s, acceleration_m_s2, 0.0, power_w, cells, PARAMETERS, channel
+    )
 
 
 class FailingSolver:

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from tests.iptm_controller.scenes import (
+    MAX_AGE_S,
     expect_constant_speed,
     make_leader,
     make_preview,
@@ -21,14 +22,6 @@ from iptm_controller.lead_check import (
     extrapolated_motion,
 )
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState
-
-HORIZON_S = 28.0
-MAX_AGE_S = 10.0
-
-
-@pytest.fixture
-def forecaster() -> LeaderForecaster:
-    return LeaderForecaster(HORIZON_S, MAX_AGE_S)
 
 
 @pytest.fixture
@@ -164,7 +157,7 @@ def test_prediction_starts_where_the_leader_is_seen(offset_m: float, age_s: floa
     leader = make_leader()
     preview = make_preview(leader, acceleration_m_s2=-0.6)
     preview = replace(moved(preview, -age_s), positions_m=preview.positions_m + offset_m)
-    forecast = LeaderForecaster(HORIZON_S, MAX_AGE_S).forecast(leader, preview)
+    forecast = LeaderForecaster(28.0, MAX_AGE_S).forecast(leader, preview)
     assert forecast.quality is PreviewQuality.FULL
     now = np.array([leader.time_s])
     assert forecast.motion.at(now)[0][0] == leader.position_m

@@ -17,14 +17,6 @@ from iptm_controller.lead_check import (
 from iptm_core.routes.cycles import CYCLE_NAMES, LeaderMotion, load_cycle
 from iptm_core.state import FloatArray, LeaderState
 
-HORIZON_S = 28.0
-MAX_AGE_S = 10.0
-
-
-@pytest.fixture
-def forecaster() -> LeaderForecaster:
-    return LeaderForecaster(HORIZON_S, MAX_AGE_S)
-
 
 def test_without_a_preview_the_acceleration_decays(forecaster: LeaderForecaster) -> None:
     """From 14 to 15 m/s within a second: v(t) = 15 + 4 (1 - exp(-t / 4)), and its integral."""

@@ -15,6 +15,7 @@ from studies.speed.transcription import Transcription
 from tests.iptm_controller.scenes import (
     PARAMETERS,
     SCENES,
+    exact_rates,
     make_state,
     plain_solver,
     problem_of,
@@ -30,9 +31,7 @@ from iptm_controller.ocp.stages import GAP_SMOOTHING_M
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters, PackLimitParameters
-from iptm_core.physics.power_thermal import CellPair, PowerThermalRates, power_thermal_rates
-from iptm_core.physics.thermal_loop import reduce_channel
-from iptm_core.state import FloatArray, VehicleState
+from iptm_core.state import FloatArray
 
 STEP_LENGTHS = st.sampled_from([0.2, 1.0, 2.0, 5.0, 10.0])
 
@@ -54,19 +53,6 @@ def test_motion_is_exact_and_inputs_are_remembered(
     assert following[StateIndex.SPEED] == pytest.approx(speed + acceleration * step_s, abs=1e-9)
     assert following[StateIndex.LAST_ACCELERATION] == pytest.approx(acceleration)
     assert following[StateIndex.LAST_COMPRESSOR_POWER] == pytest.approx(power)
-
-
-def exact_rates(state: VehicleState, acceleration: float, power: float) -> PowerThermalRates:
-    cells = CellPair(
-        state.cell_1_temperature_k,
-        state.cell_n_temperature_k,
-        state.cell_1_capacity_loss,
-        state.cell_n_capacity_loss,
-    )
-    channel = reduce_channel(PARAMETERS.cooling, PARAMETERS.pack)
-    return power_thermal_rates(
-        state.speed_m_s, acceleration, 0.0, power, cells, PARAMETERS, channel
-    )
 
 
 def test_cost_terms_far_from_the_kinks() -> None:

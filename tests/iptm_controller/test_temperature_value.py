@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from tests.iptm_controller.scenes import PARAMETERS, make_state
+from tests.iptm_controller.scenes import PARAMETERS, exact_rates, make_state
 
 from iptm_controller.temperature_value import (
     TemperatureValuation,
@@ -105,16 +105,8 @@ def test_cooling_pays_back_after_the_time_that_a_kelvin_lasts() -> None:
 
 def test_the_first_tick_uses_only_the_forecast() -> None:
     valuation = TemperatureValuation(PARAMETERS, WEIGHT, 28.0)
-    state = make_state()
-    value = valuation.value(state, STEADY)
-    cells = CellPair(
-        state.cell_1_temperature_k,
-        state.cell_n_temperature_k,
-        state.cell_1_capacity_loss,
-        state.cell_n_capacity_loss,
-    )
-    channel = reduce_channel(PARAMETERS.cooling, PARAMETERS.pack)
-    rates = power_thermal_rates(25.0, 0.0, 0.0, 0.0, cells, PARAMETERS, channel)
+    value = valuation.value(make_state(), STEADY)
+    rates = exact_rates(make_state(speed_m_s=25.0))
     expected = rates.cell_1_capacity_loss_rate_1_s + rates.cell_n_capacity_loss_rate_1_s
     assert value.aging_rate_1_s == pytest.approx(expected, rel=1e-6)
 
