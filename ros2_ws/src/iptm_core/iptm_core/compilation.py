@@ -32,7 +32,6 @@ from iptm_core.compiler import (
     COMPILE_TIMEOUT_S,
     COMPILER_FLAGS,
     QUICK_FLAGS,
-    Background,
     NewestLibrary,
     compiler_flags,
     compiler_version,
@@ -238,7 +237,7 @@ def compile_in_steps(
     if found := optimised.find():
         return NewestLibrary(found, None, load)
     quick = Compilation.of(*given, compiler_flags(QUICK_FLAGS))
-    return NewestLibrary(quick.find() or quick.make(), Background(optimised.make), load)
+    return NewestLibrary(quick.find() or quick.make(), optimised.make, load)
 
 
 @contextlib.contextmanager

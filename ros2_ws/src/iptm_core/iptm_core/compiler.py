@@ -151,23 +151,22 @@ class Background(threading.Thread):
     One at a time. Where it has not ended some seconds after the program, it is given up, and the next program
     begins again with it.
 
-    Attributes:
-        library: the library, once it is compiled; None before, and where that failed.
+    Args:
+        then: called with the library, once it is compiled; not where that failed.
     """
 
     turn = threading.Lock()
 
-    def __init__(self, make: Callable[[], Path]) -> None:
+    def __init__(self, make: Callable[[], Path], then: Callable[[Path], None]) -> None:
         super().__init__(daemon=True)
-        self._make = make
-        self.library: Path | None = None
+        self._make, self._then = make, then
         util.Finalize(None, self._end, exitpriority=0)  # workers do not call what atexit holds
         self.start()
 
     def run(self) -> None:
         """Compile."""
         with Background.turn, suppress(SolverSetupError):
-            self.library = self._make()
+            self._then(self._make())
 
     def _end(self) -> None:
         with suppress(KeyboardInterrupt):
@@ -178,24 +177,28 @@ class Background(threading.Thread):
 
 
 class NewestLibrary:
-    """A library, replaced by the optimised one between two calls.
+    """A library, replaced by the optimised one as soon as that is compiled.
 
     Args:
-        optimised: compiles it; None where the library is it.
+        optimise: compiles it; None where the library is it.
         load: returns the library of a file, ready for calls.
+
+    Attributes:
+        newest: the library for the next call.
     """
 
     def __init__(
-        self, path: Path, optimised: Background | None, load: Callable[[Path], ctypes.PyDLL]
+        self,
+        path: Path,
+        optimise: Callable[[], Path] | None,
+        load: Callable[[Path], ctypes.PyDLL],
     ) -> None:
-        self._library, self._optimised, self._load = load(path), optimised, load
+        self.newest, self._load = load(path), load
+        if optimise is not None:
+            Background(optimise, self._replace)
 
-    def newest(self) -> ctypes.PyDLL:
-        """Return the library for the next call."""
-        if self._optimised is not None and self._optimised.library is not None:
-            self._library = self._load(self._optimised.library)
-            self._optimised = None
-        return self._library
+    def _replace(self, path: Path) -> None:
+        self.newest = self._load(path)
 
 
 def _new_turn() -> None:

@@ -126,7 +126,7 @@ class MachineCode:
         self._guess = np.empty(grid.variable_count)
         self._variables = np.empty(grid.variable_count)
         self._costates = np.empty(layout.STATES * grid.steps)
-        self._clock = ctypes.cast(library.newest().iptm_monotonic_s, _POINTER).value
+        self._clock = ctypes.cast(library.newest.iptm_monotonic_s, _POINTER).value
         self._work = np.empty(0)
         self._arguments: tuple[Any, ...] = ()
         self._compared: SwitchingNumbers | None = None
@@ -156,7 +156,7 @@ class MachineCode:
         self._options.clock_s = self._clock if options.deadline_s else None
         if options.max_iterations > self._horizon.most_iterations or not self._work.size:
             self._horizon.most_iterations = options.max_iterations
-            size = self._library.newest().iptm_checked_work_size(ctypes.byref(self._horizon))
+            size = self._library.newest.iptm_checked_work_size(ctypes.byref(self._horizon))
             self._work = np.zeros(size)
         self._arguments = (
             self._parameters.ctypes.data,
@@ -186,7 +186,7 @@ class MachineCode:
     ) -> SolveResult:
         """Solve one problem, in at most so many iterations."""
         clock = self._prepare(data, guess, options, most)
-        solve = self._library.newest().iptm_solve
+        solve = self._library.newest.iptm_solve
         solve(ctypes.byref(self._horizon), ctypes.byref(self._options), *self._arguments)
         return self._result(clock)
 
@@ -215,7 +215,7 @@ class MachineCode:
         self._since_second.value = since_second
         parameters_and_guess, answers = self._arguments[:2], self._arguments[2:]
         *numbers, since = self._given_pointers
-        solve = self._library.newest().iptm_solve_checked
+        solve = self._library.newest.iptm_solve_checked
         iterations = solve(*numbers, *parameters_and_guess, since, *answers)
         return self._result(clock, iterations), self._since_second.value
 
