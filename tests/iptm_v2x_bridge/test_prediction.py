@@ -9,13 +9,14 @@ from iptm_core.errors import RouteError
 from iptm_core.road_ahead import SpeedLimits
 from iptm_core.routes import build_route
 from iptm_core.state import FloatArray
-from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile, ReceivedPath, monotone_spline
+from iptm_v2x_bridge.prediction.expected_motion import History, LearntProfile
 from iptm_v2x_bridge.prediction.predictor import (
-    History,
     LeaderTrack,
     Observation,
     Predictor,
     PredictorName,
+    ReceivedPath,
+    monotone_spline,
 )
 from iptm_v2x_bridge.prediction.regression import Regression, RegressionModel
 from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules

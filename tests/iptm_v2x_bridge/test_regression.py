@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from iptm_core.errors import RouteError
 from iptm_core.routes import build_route
 from iptm_core.routes.cycles import LeaderMotion, load_cycle
-from iptm_v2x_bridge.prediction.predictor import History, LeaderTrack, Observation
+from iptm_v2x_bridge.prediction.expected_motion import History
+from iptm_v2x_bridge.prediction.predictor import LeaderTrack, Observation
 from iptm_v2x_bridge.prediction.regression import (
     FEATURES,
     NEAR_S,

@@ -31,7 +31,8 @@ from iptm_v2x_bridge.messages.spatem import (
     resolve_second_s,
     second_of_hour,
 )
-from iptm_v2x_bridge.prediction.predictor import History, LeaderTrack, Observation, PredictorName
+from iptm_v2x_bridge.prediction.expected_motion import History
+from iptm_v2x_bridge.prediction.predictor import LeaderTrack, Observation, PredictorName
 from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules, Signal
 from iptm_v2x_bridge.rejections import Rejection
 from iptm_v2x_bridge.roadside.interpretation import stop_lines

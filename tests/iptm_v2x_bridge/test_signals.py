@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from iptm_core.errors import RouteError
 from iptm_core.road_ahead import SpeedLimits
 from iptm_core.state import FloatArray, LeaderPreview
-from iptm_v2x_bridge.prediction.predictor import History, LeaderTrack, Observation, PredictorName
+from iptm_v2x_bridge.prediction.expected_motion import History
+from iptm_v2x_bridge.prediction.predictor import LeaderTrack, Observation, PredictorName
 from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules, Signal
 
 TIMES: FloatArray = np.arange(0.0, 61.0)

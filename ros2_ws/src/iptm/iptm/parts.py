@@ -148,12 +148,12 @@ from iptm_v2x_bridge.messages.mapem import Lane as Lane
 from iptm_v2x_bridge.messages.mapem import encode_mapem as encode_mapem
 from iptm_v2x_bridge.messages.packets import delta_time_ms as delta_time_ms
 from iptm_v2x_bridge.messages.packets import its_timestamp_ms as its_timestamp_ms
-from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile as LearntProfile
-from iptm_v2x_bridge.prediction.learnt_profile import ReceivedPath as ReceivedPath
-from iptm_v2x_bridge.prediction.predictor import History as History
+from iptm_v2x_bridge.prediction.expected_motion import History as History
+from iptm_v2x_bridge.prediction.expected_motion import LearntProfile as LearntProfile
 from iptm_v2x_bridge.prediction.predictor import LeaderTrack as LeaderTrack
 from iptm_v2x_bridge.prediction.predictor import Predictor as Predictor
 from iptm_v2x_bridge.prediction.predictor import PredictorName as PredictorName
+from iptm_v2x_bridge.prediction.predictor import ReceivedPath as ReceivedPath
 from iptm_v2x_bridge.prediction.regression import GAIN_FACTOR as GAIN_FACTOR
 from iptm_v2x_bridge.prediction.regression import Regression as Regression
 from iptm_v2x_bridge.prediction.regression import RegressionModel as RegressionModel

@@ -43,8 +43,8 @@ from iptm_traffic.trip import PredictionInput, TrafficDrive
 from iptm_traffic.world import SumoWorld
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.captures import SimulatedRadio
-from iptm_v2x_bridge.prediction.learnt_profile import ReceivedPath
-from iptm_v2x_bridge.prediction.predictor import History, Predictor
+from iptm_v2x_bridge.prediction.expected_motion import History
+from iptm_v2x_bridge.prediction.predictor import Predictor, ReceivedPath
 from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules
 from iptm_v2x_bridge.roadside.table import RoadsideTable
 from iptm_v2x_bridge.rules_of_the_road import RulesOfTheRoad

@@ -23,13 +23,12 @@ from iptm_v2x_bridge.bridge import BridgeAnswer, preview_times_s
 from iptm_v2x_bridge.messages.cam import decode_cam
 from iptm_v2x_bridge.messages.packets import MessageKind, open_datagram
 from iptm_v2x_bridge.messages.signatures import Verifier
-from iptm_v2x_bridge.prediction.learnt_profile import ReceivedPath
+from iptm_v2x_bridge.prediction.expected_motion import AssumedBraking, History
 from iptm_v2x_bridge.prediction.predictor import (
-    AssumedBraking,
-    History,
     LeaderTrack,
     Predictor,
     PredictorName,
+    ReceivedPath,
     joined_motion,
 )
 from iptm_v2x_bridge.rejections import Rejection, RejectionCounts

@@ -18,7 +18,8 @@ from iptm_core.declaration import TextEnum
 from iptm_core.lead_track import ANOTHER_LEAD_M, RangeTrack
 from iptm_core.state import NS_PER_S, FloatArray, LeaderPreview, LeaderState
 from iptm_v2x_bridge.bridge import BridgeAnswer, TickBridge, single_sample
-from iptm_v2x_bridge.prediction.predictor import AssumedBraking, LeaderTrack, Observation
+from iptm_v2x_bridge.prediction.expected_motion import AssumedBraking
+from iptm_v2x_bridge.prediction.predictor import LeaderTrack, Observation
 
 LANE_HALF_WIDTH_M = 1.8
 """A track farther to the side is in another lane; the road is taken as straight up to it."""

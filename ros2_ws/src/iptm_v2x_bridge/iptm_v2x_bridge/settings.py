@@ -173,8 +173,8 @@ class CamSettings(Settings):
         Raises:
             IptmError: a file is not usable.
         """
-        from iptm_v2x_bridge.prediction.learnt_profile import LearntProfile, ReceivedPath  # noqa: PLC0415
-        from iptm_v2x_bridge.prediction.predictor import History  # noqa: PLC0415
+        from iptm_v2x_bridge.prediction.expected_motion import History, LearntProfile  # noqa: PLC0415
+        from iptm_v2x_bridge.prediction.predictor import ReceivedPath  # noqa: PLC0415
         from iptm_v2x_bridge.prediction.regression import Regression, RegressionModel  # noqa: PLC0415
         from iptm_v2x_bridge.prediction.road_rules import BoundedByRules  # noqa: PLC0415
 

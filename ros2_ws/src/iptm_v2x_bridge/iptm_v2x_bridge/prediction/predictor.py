@@ -1,7 +1,4 @@
-"""Interface of predictors, and predictions of a leader whose future is unknown.
-
-Its acceleration dies away, or it brakes.
-"""
+"""Interface of predictors, and the prediction along the path that the leader sends."""
 
 from __future__ import annotations
 
@@ -144,96 +141,120 @@ def joined_motion(predictions: Sequence[LeaderPreview]) -> LeaderPreview:
     return LeaderPreview(predictions[0].times_s[:count], positions, speeds, bounds)
 
 
-DECAY_S = 4.0
-"""Time constant with which an acceleration dies away."""
-SLOPE_WINDOW_S = 1.0
-GROWTH = ErrorGrowth(
-    (0.0, 0.2, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 40.0, 60.0),
-    (0.02, 0.03, 0.07, 0.26, 0.65, 1.3, 3.5, 12.2, 57.0, 193.0, 571.0, 945.0),
-)
+RESOLUTION_M = 0.02
+"""Resolution of the points on the wire (m), and of the speed (m/s)."""
+CHANGE_SHARE = 0.25
+"""Error of the speed at a point per change of the acceleration from the points before and to those behind it,
+and time between them. A kink of the acceleration at the point alone makes 1 / (4 sqrt 3) = 0.144."""
+UNSEEN_JERK_M_S3 = 1.0
+"""Changes of the acceleration between two points that do not show at them."""
+MAX_SPEED_M_S = 70.0
+MAX_DEVIATION_M = 1.0
+"""Deviation from its path beyond which the leader is considered to have left it."""
+MIN_AHEAD_S = 0.05
+BACKWARD_TOLERANCE_M = 0.5
 
 
-class History:
-    """Lets the present acceleration decay; the leader never drives backwards."""
+class ReceivedPath:
+    """Follows the path prediction of the leader's newest message.
 
-    name = PredictorName.HISTORY
+    Positions are sent at the points only. Speeds, and positions between the points, follow from the cubic
+    spline through them; what the leader may do otherwise is bounded by how its acceleration changes from
+    point to point.
+    """
 
-    def predict(self, track: LeaderTrack, times_s: FloatArray) -> LeaderPreview:
-        """Return the motion at all times asked for."""
+    name = PredictorName.RECEIVED_PATH
+
+    def predict(self, track: LeaderTrack, times_s: FloatArray) -> LeaderPreview | None:
+        """Return the motion up to the last point of the path; None without a plausible one."""
         last = track.last
-        elapsed = np.maximum(times_s - last.time_s, 0.0)
-        acceleration = present_acceleration_m_s2(track)
-        gone = 1.0 - np.exp(-elapsed / DECAY_S)
-        speeds = last.speed_m_s + acceleration * DECAY_S * gone
-        moved = last.speed_m_s * elapsed + acceleration * DECAY_S * (elapsed - DECAY_S * gone)
-        if speeds.min(initial=0.0) < 0.0:
-            # It halts where the speed reaches zero, and stays.
-            ratio = 1.0 + last.speed_m_s / (acceleration * DECAY_S)
-            halt_s = -DECAY_S * float(np.log(max(ratio, 1e-12)))
-            halted = 1.0 - np.exp(-halt_s / DECAY_S)
-            way = last.speed_m_s * halt_s + acceleration * DECAY_S * (halt_s - DECAY_S * halted)
-            moved = np.where(elapsed < halt_s, moved, max(way, 0.0))
-            speeds = np.maximum(speeds, 0.0)
+        if track.path is None:
+            return None
+        path_times, path_places = track.path
+        ahead = path_times > last.time_s + MIN_AHEAD_S
+        announced_m = float(np.interp(last.time_s, path_times, path_places))
+        if not ahead.any() or abs(announced_m - last.position_m) > MAX_DEVIATION_M:
+            return None
+        nodes = np.concatenate([[last.time_s], path_times[ahead]])
+        places = np.concatenate([[last.position_m], path_places[ahead]])
+        steps = np.diff(places)
+        if steps.min() < -BACKWARD_TOLERANCE_M:
+            return None
+        if np.any(steps > MAX_SPEED_M_S * np.diff(nodes) + BACKWARD_TOLERANCE_M):
+            return None
+        places = np.maximum.accumulate(places)
+        times = times_s[times_s <= nodes[-1] + 1e-9]
+        positions, speeds = monotone_spline(nodes, places, last.speed_m_s, times)
+        late_m, slow_m_s = between_points(nodes, places, last.speed_m_s, times)
         return LeaderPreview(
-            times_s,
-            last.position_m + np.maximum.accumulate(moved),
+            times,
+            positions,
             speeds,
-            np.maximum(GROWTH.at(elapsed), unheard_braking_m(track, elapsed, speeds))
-            + last.bound_m,
+            np.maximum.accumulate(late_m) + RESOLUTION_M + last.bound_m,
+            slow_m_s,
         )
 
 
-def present_acceleration_m_s2(track: LeaderTrack) -> float:
-    """Return the acceleration that the leader sends, else the one of its last second."""
-    last = track.last
-    if last.acceleration_m_s2 is not None:
-        return last.acceleration_m_s2
-    for earlier in track.observations:
-        elapsed_s = last.time_s - earlier.time_s
-        if 0.0 < elapsed_s <= SLOPE_WINDOW_S + 1e-9:
-            return (last.speed_m_s - earlier.speed_m_s) / elapsed_s
-    return 0.0
-
-
-ASSUMED_BRAKING_M_S2 = 3.0
-"""Harder than drivers brake without an emergency. A harder braking leader is known once it is heard again."""
-
-
-def unheard_braking_m(
-    track: LeaderTrack, elapsed_s: FloatArray, speeds_m_s: FloatArray
-) -> FloatArray:
-    """Return how far behind the expectation a leader may be that has braked since its last message.
-
-    The braking reserve of the controller assumes that the leader begins to brake at the first node ahead. One
-    that was last heard a second before the tick may have begun then, which is rarer than the 1 % that
-    the bounds leave out, and no less to be allowed for. Up to the tick nothing is added.
+def between_points(
+    nodes: FloatArray, values: FloatArray, first_slope: float, at: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return 99 % bounds of position (m) and speed (m/s) that points leave open, shape of the times each.
 
     Args:
-        track: messages of the leader.
-        elapsed_s: times since the last one, shape (n,).
-        speeds_m_s: expected speeds there, shape (n,).
+        nodes: times of the points, s, shape (n,), increasing, n >= 2.
+        values: positions of the points, m, shape (n,), never decreasing.
+        first_slope: speed at the first point, m/s.
+        at: times, s, shape (m,), inside the nodes.
     """
-    lowest_m_s = max(track.last.speed_m_s - ASSUMED_BRAKING_M_S2 * track.age_s, 0.0)
-    lost_m_s = max(float(np.interp(track.age_s, elapsed_s, speeds_m_s)) - lowest_m_s, 0.0)
-    ahead = elapsed_s > track.age_s + 1e-6
-    behind_m: FloatArray = np.where(ahead, 0.5 * lost_m_s * elapsed_s, 0.0)
-    return behind_m
+    widths = np.diff(nodes)
+    secants = np.diff(values) / widths
+    middles = np.concatenate([nodes[:1], 0.5 * (nodes[1:] + nodes[:-1])])
+    accelerations = np.diff(np.concatenate([[first_slope], secants])) / np.diff(middles)
+    changes = np.abs(np.diff(accelerations, append=accelerations[-1:]))
+    around = np.concatenate([changes[:1], changes]) + np.concatenate([changes, [0.0]])
+    longest = np.maximum(np.concatenate([widths[:1], widths]), np.concatenate([widths, [0.0]]))
+    slow = CHANGE_SHARE * longest * around + UNSEEN_JERK_M_S3 * longest**2 / 12.0 + RESOLUTION_M
+    slow[0] = 0.0  # the first speed is sent
+    index = np.clip(np.searchsorted(nodes, at, side="right") - 1, 0, widths.size - 1)
+    share = (at - nodes[index]) / widths[index]
+    larger = np.maximum(slow[1:], slow[:-1])[index]
+    return larger * widths[index] * share * (1.0 - share), np.interp(at, nodes, slow)
 
 
-class AssumedBraking:
-    """Lets a silent leader brake to a halt since its last message: the worst case, so its bounds are 0."""
+def monotone_spline(
+    nodes: FloatArray, values: FloatArray, first_slope: float, at: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Interpolate values that never decrease by a cubic spline that never does either.
 
-    name = PredictorName.ASSUMED_BRAKING
+    Slopes belong to the spline with continuous curvature, reduced where it would overshoot (Fritsch and
+    Carlson, 1980).
 
-    def predict(self, track: LeaderTrack, times_s: FloatArray) -> LeaderPreview:
-        """Return the motion at all times asked for."""
-        last = track.last
-        halt_s = last.speed_m_s / ASSUMED_BRAKING_M_S2
-        elapsed = np.clip(times_s - last.time_s, 0.0, halt_s)
-        moved = elapsed * (last.speed_m_s - 0.5 * ASSUMED_BRAKING_M_S2 * elapsed)
-        return LeaderPreview(
-            times_s,
-            last.position_m - last.bound_m + moved,
-            np.maximum(last.speed_m_s - ASSUMED_BRAKING_M_S2 * elapsed, 0.0),
-            np.zeros_like(times_s),
-        )
+    Args:
+        nodes: abscissae, shape (n,), increasing, n >= 2.
+        values: ordinates, shape (n,), never decreasing.
+        first_slope: slope at the first node, reduced where it would overshoot.
+        at: where to evaluate, shape (m,), inside the nodes.
+
+    Returns:
+        Values and slopes, shape (m,) each.
+    """
+    widths = np.diff(nodes)
+    secants = np.diff(values) / widths
+    inverse = np.concatenate([1.0 / widths, [0.0]])
+    before = np.concatenate([[0.0], inverse[:-1]])
+    matrix = (
+        np.diag(2.0 * (before + inverse)) + np.diag(inverse[:-1], 1) + np.diag(inverse[:-1], -1)
+    )
+    right = 3.0 * np.concatenate([[0.0], secants * inverse[:-1]])
+    right[:-1] += 3.0 * secants * inverse[:-1]
+    matrix[0], right[0] = np.eye(nodes.size)[0], first_slope
+    slopes = np.maximum(np.linalg.solve(matrix, right), 0.0)
+    slopes[:-1] = np.minimum(slopes[:-1], 3.0 * secants)
+    slopes[1:] = np.minimum(slopes[1:], 3.0 * secants)
+    index = np.clip(np.searchsorted(nodes, at, side="right") - 1, 0, secants.size - 1)
+    width, share = widths[index], (at - nodes[index]) / widths[index]
+    secant, start, end = secants[index], slopes[index], slopes[index + 1]
+    square, cube = 3.0 * secant - 2.0 * start - end, start + end - 2.0 * secant
+    rise = share * (start + share * (square + share * cube))
+    slope = start + share * (2.0 * square + 3.0 * share * cube)
+    return values[index] + width * rise, np.maximum(slope, 0.0)

@@ -17,12 +17,8 @@ import numpy as np
 
 from iptm_core.errors import RouteError
 from iptm_core.state import FloatArray, LeaderPreview
-from iptm_v2x_bridge.prediction.predictor import (
-    History,
-    LeaderTrack,
-    PredictorName,
-    unheard_braking_m,
-)
+from iptm_v2x_bridge.prediction.expected_motion import History, unheard_braking_m
+from iptm_v2x_bridge.prediction.predictor import LeaderTrack, PredictorName
 
 PAST_S = 10
 """Seconds of the past that count."""
