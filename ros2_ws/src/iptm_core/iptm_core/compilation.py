@@ -3,7 +3,7 @@
 The cache key is a hash of everything the machine code depends on: the generated source, the compiler with its
 version and flags, and the machine architecture. A hash of the numbers follows (model parameters, smoothing
 widths, step lengths). A second start with the same problem compiles nothing, and neither does a problem that
-differs in numbers alone: a library of the same code is copied with its numbers (see `number_table`). Each
+differs in numbers alone: a library of the same code is copied with its numbers (see `compiler`). Each
 library ends with the digest of what is before it, which the loader ignores: a damaged one is compiled again,
 not loaded.
 """
@@ -36,16 +36,14 @@ from iptm_core.compiler import (
     compiler_flags,
     compiler_version,
     installed_compiler,
-    run_compilers,
-)
-from iptm_core.errors import SolverSetupError
-from iptm_core.number_table import (
     numbers_key,
+    run_compilers,
     split_numbers,
     table_declaration,
     table_source,
     with_numbers,
 )
+from iptm_core.errors import SolverSetupError
 
 LOGGER = logging.getLogger(__name__)
 CACHE_VARIABLE = "IPTM_CACHE_DIR"

@@ -27,9 +27,9 @@ import casadi as ca
 import numpy as np
 
 from iptm_core.compilation import cache_directory, compile_sources, find_compiler
+from iptm_core.compiler import split_numbers
 from iptm_core.errors import StateError
 from iptm_core.frozen import light
-from iptm_core.number_table import split_numbers
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import charge_after, depends_on_charge, pack_capacity_ah
 from iptm_core.physics.ops import BufferedFunction, address

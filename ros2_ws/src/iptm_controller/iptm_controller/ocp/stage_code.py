@@ -15,7 +15,7 @@ from functools import lru_cache
 import casadi as ca
 
 from iptm_controller.ocp.vectorised_map import LANES, PREAMBLE, STRAIGHT_LINE, in_lanes
-from iptm_core.number_table import split_numbers
+from iptm_core.compiler import split_numbers
 
 _WRAPPER = re.compile(
     r"CASADI_SYMBOL_EXPORT int (\w+)\(const casadi_real\*\* arg[^{]*\{\s*return (casadi_f\d+)\("
