@@ -220,17 +220,12 @@ class Controller:
         reasons = [doubted, planned.reason, actuation, pack.reason]
         if state is not None:
             self._guard.observe(leader, is_free=is_free)
-            if self._guard.collision_threatens(
-                limited.acceleration_m_s2,
-                state,
-                planned.forecast,
-                min(brake_share, self.lead.braking_share),
-            ):
+            asked_m_s2, share = limited.acceleration_m_s2, min(brake_share, self.lead.braking_share)
+            if self._guard.collision_threatens(asked_m_s2, state, planned.forecast, share):
                 rung = Rung.EMERGENCY_BRAKING
                 reasons.insert(0, EMERGENCY)
-                hardest = replace(
-                    command, acceleration_m_s2=self.model.limits.min_acceleration_m_s2
-                )
+                hardest_m_s2 = self.model.limits.min_acceleration_m_s2
+                hardest = Command(hardest_m_s2, command.compressor_power_w)
                 limited, limits = self._limit(hardest, state)
         if trusted is not None:
             self._actuation.issue(trusted.time_s, limited)
