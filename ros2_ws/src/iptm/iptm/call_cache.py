@@ -215,5 +215,5 @@ def _context() -> multiprocessing.context.BaseContext:
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["iptm"])
+    context.set_forkserver_preload(["iptm.driving"])  # once, for the workers of all calls
     return context
