@@ -48,14 +48,17 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def wait_until(
-    condition: Callable[[], object], timeout_s: float = 30.0, what: str = "condition"
+    condition: Callable[[], object],
+    timeout_s: float = 30.0,
+    what: str = "condition",
+    pause: Callable[[float], object] = time.sleep,
 ) -> None:
     """Wait until a condition is true; fail the test, naming it, if that takes too long."""
     deadline = time.monotonic() + timeout_s
     while not condition():
         if time.monotonic() > deadline:
             pytest.fail(f"timed out after {timeout_s} s waiting for: {what}")
-        time.sleep(POLL_S)
+        pause(POLL_S)
 
 
 @dataclass
@@ -252,11 +255,7 @@ class Peer:
         self, condition: Callable[[], object], timeout_s: float = 30.0, what: str = "condition"
     ) -> None:
         """Spin until a condition is true; fail the test, naming it, if that takes too long."""
-        deadline = time.monotonic() + timeout_s
-        while not condition():
-            if time.monotonic() > deadline:
-                pytest.fail(f"timed out after {timeout_s} s waiting for: {what}")
-            self.executor.spin_once(timeout_sec=POLL_S)  # type: ignore[attr-defined]
+        wait_until(condition, timeout_s, what, self.executor.spin_once)  # type: ignore[attr-defined]
 
     def begin(self, *names: str, timeout_s: float = 120.0) -> None:
         """Have the plant begin as soon as nodes, given by name, and this one hear each other."""
