@@ -202,8 +202,12 @@ class NewestLibrary:
         optimise: Callable[[], Path] | None,
         load: Callable[[Path], ctypes.PyDLL],
     ) -> None:
-        self.newest, self._load = load(path), load
-        if optimise is not None:
+        self.newest, self._optimise, self._load = load(path), optimise, load
+
+    def improve(self) -> None:
+        """Begin to optimise, unless that was done: at the first call, when the set-up needs no compiler."""
+        if self._optimise is not None:
+            optimise, self._optimise = self._optimise, None
             Background(optimise, self._replace)
 
     def _replace(self, path: Path) -> None:

@@ -150,6 +150,7 @@ class MachineCode:
 
     def _use(self, options: SolverOptions) -> None:
         self._given = options
+        self._library.improve()
         self._options.tolerance = options.tolerance
         self._options.initial_barrier = options.initial_barrier
         self._options.warm_start_iterations = options.warm_start_iterations
