@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import logging
 import os
 import sys
@@ -85,6 +86,23 @@ def test_a_solver_begins_unoptimised_and_goes_on_optimised_with_the_same_numbers
             found = later.solve(*problem)
             assert np.array_equal(found.variables, expected.variables)
             assert found.iterations == expected.iterations
+
+
+def test_a_failure_to_optimise_is_reported(
+    compiler: tuple[str, ...], caplog: pytest.LogCaptureFixture
+) -> None:
+    def fail() -> Path:
+        raise SolverSetupError("compiler cc failed with exit code 1: no space left")
+
+    path = compile_functions([square()], compiler)
+    library = NewestLibrary(path, fail, ctypes.PyDLL)
+    quick = library.newest
+    library.improve()
+    deadline = time.monotonic() + 60.0
+    while "no space left" not in caplog.text and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert "no space left" in caplog.text
+    assert library.newest is quick
 
 
 @pytest.mark.parametrize("damage", [lambda c: c[:2000], lambda c: c + b"x", lambda _: b""])

@@ -15,6 +15,7 @@ from __future__ import annotations
 import ctypes
 import hashlib
 import importlib.util
+import logging
 import os
 import platform
 import re
@@ -32,6 +33,7 @@ from pathlib import Path
 
 from iptm_core.errors import SolverSetupError
 
+LOGGER = logging.getLogger(__name__)
 COMPILER_FLAGS = (
     # What straight lines and short loops gain from -O3, in half of its time; clang ignores what it lacks.
     "-O1",
@@ -168,18 +170,23 @@ class Background(threading.Thread):
 
     def __init__(self, make: Callable[[], Path], then: Callable[[Path], None]) -> None:
         super().__init__(daemon=True)
-        self._make, self._then = make, then
+        self._make, self._then, self._is_given_up = make, then, False
         util.Finalize(None, self._end, exitpriority=0)  # workers do not call what atexit holds
         self.start()
 
     def run(self) -> None:
         """Compile."""
-        with Background.turn, suppress(SolverSetupError):
-            self._then(self._make())
+        with Background.turn:
+            try:
+                self._then(self._make())
+            except SolverSetupError as error:
+                if not self._is_given_up:
+                    LOGGER.warning("unoptimised code is used, twice as slow: %s", error)
 
     def _end(self) -> None:
         with suppress(KeyboardInterrupt):
             self.join(EXIT_PATIENCE_S)
+        self._is_given_up = True
         for job in list(_given_way):
             _kill(job)
         self.join(1.0)
