@@ -59,6 +59,11 @@ class StopRequest:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._on_signal)
 
+    def end(self) -> None:
+        """Ignore both signals from now on: while Python ends, they would kill the process by default."""
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
+
     def _on_signal(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002
         if self.number is None:
             self.number = signal.Signals(number)

@@ -18,9 +18,7 @@ from iptm_core.frozen import light, replace
 
 NS_PER_S = 1_000_000_000
 NS_PER_MS = 1_000_000
-
 FloatArray = NDArray[np.float64]
-
 SPEED_AT_REST_M_S = -0.5
 """Measured speeds from here to 0 mean a vehicle at rest, with an error of the measurement."""
 KNOWN_BOUND_M = 1.0
@@ -74,11 +72,10 @@ class ChannelCells:
     @classmethod
     def between(cls, state: VehicleState, count: int) -> ChannelCells:
         """Return cells that lie evenly between the first and the last cell of a state."""
-        temperatures_k = state.cell_1_temperature_k, state.cell_n_temperature_k
-        losses = state.cell_1_capacity_loss, state.cell_n_capacity_loss
-        return cls(
-            *(np.linspace(*ends, count, dtype=np.float64) for ends in (temperatures_k, losses))
-        )
+        inlet_k, outlet_k = state.cell_1_temperature_k, state.cell_n_temperature_k
+        first, last = state.cell_1_capacity_loss, state.cell_n_capacity_loss
+        temperatures_k = np.linspace(inlet_k, outlet_k, count, dtype=np.float64)
+        return cls(temperatures_k, np.linspace(first, last, count, dtype=np.float64))
 
 
 @dataclass(frozen=True)

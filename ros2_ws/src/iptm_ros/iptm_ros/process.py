@@ -146,5 +146,6 @@ def _spin(nodes: Sequence[SuiteNode], stop: StopRequest, program: str) -> int:
             node.destroy_node()
         executor.shutdown()
         rclpy.try_shutdown()
+        stop.end()
         gc.freeze()  # the end of the process need not look through all objects
     return code
