@@ -72,9 +72,9 @@ class ChannelCells:
     @classmethod
     def between(cls, state: VehicleState, count: int) -> ChannelCells:
         """Return cells that lie evenly between the first and the last cell of a state."""
-        inlet_k, outlet_k = state.cell_1_temperature_k, state.cell_n_temperature_k
+        first_k, last_k = state.cell_1_temperature_k, state.cell_n_temperature_k
         first, last = state.cell_1_capacity_loss, state.cell_n_capacity_loss
-        temperatures_k = np.linspace(inlet_k, outlet_k, count, dtype=np.float64)
+        temperatures_k = np.linspace(first_k, last_k, count, dtype=np.float64)
         return cls(temperatures_k, np.linspace(first, last, count, dtype=np.float64))
 
 
