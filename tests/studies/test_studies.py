@@ -24,7 +24,6 @@ from studies.pages import (
     used_by,
     without_foot,
 )
-from studies.paper import trips
 from studies.running import changes, module_of
 
 from iptm_core.user_input import shown
@@ -69,10 +68,6 @@ def test_the_short_form_has_the_numbers_of_the_record(
         monkeypatch.setattr(embedded, "BUILDS", (embedded.BUILDS[0], embedded.BUILDS[-1]))
         few = safeguards.mutants
         monkeypatch.setattr(safeguards, "mutants", lambda *given: islice(few(*given), 0, None, 10))
-    if name == "paper":
-        # Two of five lengths and steps of the long horizon; `test_paper` checks that all runs have a name.
-        monkeypatch.setattr(trips, "STEPS_S", trips.STEPS_S[::4])
-        monkeypatch.setattr(trips, "LONG_STEPS", trips.LONG_STEPS[::4])
     record = Record.of(name)
     if getattr(module_of(name), "MEASURES_TIME", False):
         assert not record.short

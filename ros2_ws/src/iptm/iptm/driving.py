@@ -275,7 +275,8 @@ class ProgressLine(AbstractContextManager["ProgressLine"]):
 
     def __init__(self, name: str, steps: int) -> None:
         self._name, self._steps = name, steps
-        self._is_shown = sys.stderr.isatty() or "ipykernel" in sys.modules
+        in_notebook = type(sys.stderr).__module__.startswith("ipykernel")
+        self._is_shown = sys.stderr.isatty() or in_notebook
         self._began_s = self._shown_s = time.monotonic()
         self._first_s = self._began_s
         self._done = self._width = 0

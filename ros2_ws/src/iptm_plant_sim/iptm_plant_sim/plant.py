@@ -83,7 +83,6 @@ class Plant:
         self._sensor: RangeSensor | None = None
         self._memory = MonitorMemory()
         self._slope_at = slope_at
-        self._ended = math.nan, 0.0  # position and slope at the end of the last interval
         self._step_s = step_s
         self._pack = PackIntegration(parameters, thermal_model)
         self._has_all_cells = thermal_model is ThermalModel.FULL_CHANNEL
@@ -164,9 +163,7 @@ class Plant:
         Raises:
             StateError: the state leads nowhere (not finite or out of range).
         """
-        if state.position_m != self._ended[0]:
-            self._ended = state.position_m, self._slope_at(np.array([state.position_m])).item()
-        slope_rad = self._ended[1]
+        slope_rad = self._slope_at(np.array([state.position_m])).item()
         brakes = ServiceBrakes(
             self.parameters, self.brake_strength, self._largest_deceleration_m_s2(slope_rad)
         )
@@ -231,7 +228,6 @@ class Plant:
             motion = replace(motion, accelerations_m_s2=by_motor)
         slopes = np.empty(motion.positions_m.shape)
         slopes[:] = self._slope_at(motion.positions_m)
-        self._ended = motion.end_position_m, slopes.item(-1)
         power_w = command.compressor_power_w
         if within_limits:
             return self._pack.integrate(state, power_w, motion, slopes)
