@@ -10,7 +10,7 @@ import numpy as np
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, PointCloud2, Temperature
-from std_msgs.msg import Float64
+from std_msgs.msg import Float64, UInt8MultiArray
 
 from iptm_core.lead_track import RangeTrack
 from iptm_ros.codecs import time_from_ns
@@ -50,6 +50,8 @@ def message_of(topic: Topic, tick: int) -> Any:
         message.temperature = 20.0 + tick
     elif isinstance(message, Float64):
         message.data = float(tick)
+    elif isinstance(message, UInt8MultiArray):
+        message.data = bytes([tick % 256])
     if isinstance(message, Clock):
         message.clock = time_from_ns(tick * S)
     elif hasattr(message, "header"):
