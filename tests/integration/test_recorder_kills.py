@@ -74,7 +74,7 @@ def test_a_killed_recorder_loses_at_most_one_tick(
         assert last - 2 <= reader.end_ns / S <= last  # in the time of the trip
         for topic, name in names.items():
             # Between topics the middleware promises no order, so a log time may be that of the next tick, and
-            # so may the time of publication of a message without a stamp; its number is that of its tick.
+            # so may the time of publication of a message without a stamp; its number identifies its tick.
             ticks = [
                 entry.publish_time_ns // S
                 if topic in STAMPED

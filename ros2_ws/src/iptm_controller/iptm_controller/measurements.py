@@ -84,7 +84,7 @@ class Measurements:
         return self.leader is None and self.rules is not None and not self.rules.has_leader
 
     def with_state(self, state: VehicleState | None) -> Measurements:
-        """Return the same with another state."""
+        """Return a copy with another state."""
         return self if state is self.state else replace(self, state=state)
 
 

@@ -45,7 +45,7 @@ _SENSORS = slice(5, 12), slice(12, 19)
 
 
 class PackObserverInC(PackObserver):
-    """The same with a memory in C; what is not plausible is left to the form in Python."""
+    """The same with a memory in C; implausible measurements are left to the Python form."""
 
     def __init__(self, parameters: ModelParameters, library: ctypes.PyDLL) -> None:
         self._numbers, self._write_numbers = doubles(19)

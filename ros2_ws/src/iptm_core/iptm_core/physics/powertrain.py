@@ -4,7 +4,7 @@ Road load, driveline, motor and regeneration give the electric traction power, e
 the paper: losses that grow with speed, limits of regenerative braking and measured road loads, fitted to cars
 in ``studies/validation``.
 
-Terminal power and current of the pack are those of its equivalent circuit, eqs. (4), (6) and (7):
+Terminal power and current of the pack follow from its equivalent circuit, eqs. (4), (6) and (7):
 P_b = (E_b - T_b dV_b/dT_b) I_b - R_b I_b^2. Current is positive when discharging. The entropic term keeps the
 paper's sign: with a positive ``dV/dT`` it draws on the terminal power and heats the cell on discharge, and
 cools it on charge.

@@ -189,8 +189,8 @@ class RecorderNode(SuiteNode):
             self._collector.look()
         if now_s >= self._next_adaption_s or not self._topics.has_data:
             self._next_adaption_s = now_s + _ADAPTION_PERIOD_S
-            self._topics.adapt()
             self._topics.count_lost()
+            self._topics.adapt()
         if now_s >= self._next_progress_s:
             self._next_progress_s = now_s + _PROGRESS_PERIOD_S
             print(self._progress(), flush=True)

@@ -185,7 +185,7 @@ class MachineCode:
     def solve(
         self, data: ProblemData, guess: FloatArray, options: SolverOptions, most: int | None
     ) -> SolveResult:
-        """Solve one problem, in at most so many iterations."""
+        """Solve one problem, in at most ``most`` iterations."""
         clock = self._prepare(data, guess, options, most)
         solve = self._library.newest.iptm_solve
         solve(ctypes.byref(self._horizon), ctypes.byref(self._options), *self._arguments)
