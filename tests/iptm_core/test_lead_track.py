@@ -205,6 +205,15 @@ def test_what_has_been_measured_goes_on_with_its_deceleration_until_the_next_one
     )
 
 
+def test_two_steps_show_how_hard_a_vehicle_brakes() -> None:
+    speeds = ((20.0, 0.0), (19.6, 0.0), (19.0, 4.0), (18.5, 5.0), (18.6, 0.0), (18.0, 0.0))
+    track, position_m = LeadTrack(), 50.0
+    for index, (speed_m_s, shown_m_s2) in enumerate(speeds):
+        track = followed(track, Sample(0.1 * index, position_m, speed_m_s, 2.0 * index, 20.0))
+        assert track.shown_deceleration_m_s2 == pytest.approx(shown_m_s2), index
+        position_m += 0.1 * speed_m_s
+
+
 def test_another_vehicle_and_another_trip_begin_without_a_past() -> None:
     track = track_of([Sample(5.0, 50.0, 20.0, 0.0, 20.0), Sample(6.0, 40.0, 5.0, 20.0, 20.0)])
     assert track.acceleration_m_s2 == 0.0

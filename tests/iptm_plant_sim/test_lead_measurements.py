@@ -40,6 +40,18 @@ def test_a_vehicle_brakes_as_hard_as_it_can_from_the_first_measurement_that_is_m
     assert lead == LeaderState(60.0, pytest.approx(82.0 + 144.0 / 18.0), 0.0)
 
 
+def test_hard_braking_shows_in_two_steps_across_the_start_of_an_interval() -> None:
+    before = LeadMeasurements(
+        LeadTrack(), measured((0.8, 50.0, 20.0), (0.9, 52.0, 20.0)), still, 0.0
+    ).track
+    once = LeadMeasurements(before, measured((1.0, 53.95, 19.0)), still, 1.0)
+    assert not once.brakes_harder_than(9.0)
+    for last_m_s, harder in ((18.2, False), (18.0, True)):
+        twice = LeadMeasurements(once.track, measured((1.1, 55.8, last_m_s)), still, 1.1)
+        assert twice.brakes_harder_than(9.0) is harder
+        assert twice.shown_deceleration_m_s2(1.1) == pytest.approx(10.0 * (19.0 - last_m_s))
+
+
 def test_an_empty_lane_is_free_when_it_has_been_empty_for_long_or_a_source_reports_it() -> None:
     track = LeadMeasurements(LeadTrack(), measured((0.0, 50.0, 20.0)), still, 0.0).track
     for now_s in range(1, 11):

@@ -134,6 +134,28 @@ def test_where_only_a_slippery_road_calls_for_it_the_vehicle_brakes_with_what_th
     assert step.state.acceleration_m_s2 == pytest.approx(-2.75 / 0.875)
 
 
+@pytest.mark.parametrize("gap_m", [40.6, 55.0])
+def test_a_vehicle_ahead_may_brake_harder_than_the_road_under_the_own_vehicle_permits(
+    gap_m: float,
+) -> None:
+    plant, state = driving(18.1)
+    plant.road_friction = 0.3
+    plant.watch(lead_at(gap_m, 18.1, 5.9))
+    step = plant.advance(state, COAST)
+    assert step.memory.since_s == pytest.approx(0.2), "two steps of its speed show it"
+    smallest_m = step.safety.smallest_gap_m
+    while step.state.speed_m_s > 0.0:
+        step = plant.advance(step.state, COAST)
+        smallest_m = min(smallest_m, step.safety.smallest_gap_m)
+    assert smallest_m > 1.0
+
+
+def test_a_vehicle_ahead_that_brakes_as_in_published_cycles_may_be_on_a_slippery_road() -> None:
+    plant, state = driving(18.1)
+    plant.watch(lead_at(55.0, 18.1, 3.9))
+    assert not plant.advance(state, COAST).memory.braking
+
+
 def test_downhill_it_brakes_earlier() -> None:
     plant = Plant(PARAMETERS, lambda x: np.full_like(x, -0.1))
     state = plant.initial_state(speed_m_s=20.0)

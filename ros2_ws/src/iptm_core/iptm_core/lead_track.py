@@ -135,6 +135,15 @@ class LeadTrack:
             return LeadStatus.FROZEN
         return LeadStatus.LOST if self.unseen_s(time_s) > 0.0 else LeadStatus.MEASURED
 
+    @property
+    def shown_deceleration_m_s2(self) -> float:
+        """Deceleration that each of the last two steps between measurements shows, not negative."""
+        newest_m_s2 = -self.acceleration_m_s2
+        if newest_m_s2 <= 0.0 or len(self.recent) < 3:
+            return 0.0
+        first, second = self.recent[-3], self.recent[-2]
+        return max(min(newest_m_s2, (first[2] - second[2]) / (second[0] - first[0])), 0.0)
+
     def unseen_s(self, time_s: float) -> float:
         """Return for how long measurements have been missing at a trip time, 0 if none is."""
         if self.seen is None:

@@ -6,7 +6,7 @@ import math
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from itertools import accumulate
+from itertools import accumulate, pairwise
 from operator import itemgetter
 
 from iptm_core.frozen import replace
@@ -112,6 +112,22 @@ class LeadMeasurements:
         if track.seen is not None and abs(time_s - track.seen.time_s) <= _RESOLUTION_S:
             return track.seen, 0.0, True
         return track.assumed_at(time_s, deceleration_m_s2), track.unseen_s(time_s), False
+
+    def shown_deceleration_m_s2(self, time_s: float) -> float:
+        """Return how hard the vehicle ahead is seen to brake at an instant; see `LeadTrack`."""
+        index = bisect_right(self._rows, time_s + _RESOLUTION_S, key=_time_s) - 1
+        return (self._before if index < 0 else self._tracks[index]).shown_deceleration_m_s2
+
+    def brakes_harder_than(self, deceleration_m_s2: float) -> bool:
+        """Return whether any two steps in a row may show more than a deceleration."""
+        rows = (*self._before.recent[-2:], *self._rows)
+        was_harder = False
+        for (then_s, _, then_m_s, *_), (time_s, _, speed_m_s, *_) in pairwise(rows):
+            is_harder = then_m_s - speed_m_s > deceleration_m_s2 * (time_s - then_s)
+            if is_harder and was_harder:
+                return True
+            was_harder = is_harder
+        return False
 
     def smallest_gap_m(self, after_s: float) -> float:
         """Return the smallest gap that is soundly measured after an instant, NaN for none."""

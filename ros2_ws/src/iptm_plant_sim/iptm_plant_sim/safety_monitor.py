@@ -8,7 +8,9 @@ brakes then. UN R157 has the same form. Other than in definition 1 the brakes ha
 
 The rule holds on the present road. Where its friction is known, both decelerations are limited by that
 road. Where it is not, the rule is asked twice: for a dry road, and for a slippery one, on which both vehicles
-brake badly. The first one calls for full braking, the second one for what a slippery road gives.
+brake badly. The first one calls for full braking, the second one for what a slippery road gives. A vehicle
+ahead that is seen to brake harder than a slippery road permits has a dry one under it, or better tyres; the
+ego vehicle may still be on the slippery one.
 """
 
 from __future__ import annotations
@@ -39,6 +41,9 @@ DELIVERED_SHARE = 0.95
 SATURATED_SHARE = 1.2
 """Brakes that deliver no more than this times what they once delivered in full have met the limit of the
 road; weak brakes fall short of gentle requests as well."""
+HARDER_SHARE = 1.4
+"""A vehicle ahead brakes harder than a slippery road permits from this times that deceleration on: 4.1 m/s^2
+with the default settings, more than in any published cycle and beyond noise of its measured speed."""
 WAITED_S = 0.3
 """Part of the reaction time that may pass while a measurement is awaited; the monitor itself needs less."""
 
@@ -108,6 +113,17 @@ class RoadBraking:
 
     full: BrakingCapability
     slippery: BrakingCapability | None
+
+    @property
+    def better_grip_m_s2(self) -> float:
+        """Deceleration beyond which the vehicle ahead has a better road; infinite for a known one."""
+        return HARDER_SHARE * self.slippery.lead_m_s2 if self.slippery is not None else math.inf
+
+    def behind(self, shown_m_s2: float) -> RoadBraking:
+        """Return the same behind a vehicle that is seen to brake with a deceleration."""
+        if self.slippery is None or shown_m_s2 <= self.better_grip_m_s2:
+            return self
+        return replace(self, slippery=replace(self.slippery, lead_m_s2=self.full.lead_m_s2))
 
 
 class SafetyMonitor:

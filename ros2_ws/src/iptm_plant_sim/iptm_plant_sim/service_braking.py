@@ -140,7 +140,7 @@ class MonitoredInterval:
         """
         leads = LeadMeasurements(memory.lead, samples, self._motion_at, self._state.time_s)
         calm = not memory.braking and self._is_comfort(memory.requested_m_s2)
-        if calm and not self._is_ever_unsafe(memory, leads):
+        if calm and not self._may_be_unsafe(memory, leads):
             step = self._piece(self._state, self._requested_m_s2, self._duration_s)
             memory = replace(
                 self._learned(memory, self._requested_m_s2, step, self._duration_s),
@@ -185,8 +185,11 @@ class MonitoredInterval:
         position_m = state.position_m + after_s * (speed + 0.5 * a * after_s)
         return position_m, max(speed + a * after_s, 0.0)
 
-    def _is_ever_unsafe(self, memory: MonitorMemory, leads: LeadMeasurements) -> bool:
+    def _may_be_unsafe(self, memory: MonitorMemory, leads: LeadMeasurements) -> bool:
+        """Return whether the monitor has to look at every instant."""
         road = self._monitor.road_braking(self._slope_rad, memory.road_m_s2)
+        if leads.brakes_harder_than(road.better_grip_m_s2):
+            return True
         if self._is_safe_throughout(memory, leads, road):
             return False
         start_s = self._state.time_s
@@ -240,6 +243,7 @@ class MonitoredInterval:
             if lead is not None and measured and begin_s > 0.0:
                 gap_m = lead.position_m - state.position_m
                 smallest_m = gap_m if math.isnan(smallest_m) else min(smallest_m, gap_m)
+            road = road.behind(leads.shown_deceleration_m_s2(start_s + begin_s))
             ego = (state.position_m, state.speed_m_s, command_m_s2)
             memory = self._monitor.judge(memory, start_s + begin_s, ego, lead, road, unseen_s)
             for length_s, target in self._parts(memory, begin_s, end_s):
