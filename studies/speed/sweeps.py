@@ -11,12 +11,15 @@ import subprocess
 import sys
 import tempfile
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from studies.speed.harness import machine_in_words, run_benchmark
 
 import iptm
+from iptm_core.compilation import locked
+from iptm_core.optimised_code import TURN
 
 FIRST_TRIP = "import iptm; iptm.simulate('us06', duration_s=10.0)"
 
@@ -64,12 +67,15 @@ def _sweep_s(workers: int, duration_s: float, turn: int) -> float:
 
 def _first_trip_s() -> float:
     """Return the wall time of a process that drives 10 s on an empty compiler cache."""
-    with tempfile.TemporaryDirectory() as empty:
+    # Optimised code is still compiled when the process has ended.
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as empty:
         began_s = time.monotonic()
         environment = {**os.environ, "IPTM_CACHE_DIR": empty}
         command = [sys.executable, "-c", FIRST_TRIP]
         subprocess.run(command, env=environment, check=True)  # noqa: S603 - this interpreter
-        return time.monotonic() - began_s
+        wall_s = time.monotonic() - began_s
+        with locked(next(Path(empty).glob("user_*")) / TURN):  # nor does it slow the next one down
+            return wall_s
 
 
 if __name__ == "__main__":

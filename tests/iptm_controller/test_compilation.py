@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import logging
 import os
 import sys
@@ -14,10 +13,9 @@ from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import casadi as ca
-import numpy as np
 import pytest
 from tests.iptm_controller import ipopt_backend
-from tests.iptm_controller.scenes import PARAMETERS, SCENES, problem_of, solver_with
+from tests.iptm_controller.scenes import PARAMETERS, solver_with
 
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp.compilation import compile_functions
@@ -26,8 +24,9 @@ from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.solvers.riccati import backend
 from iptm_core import compilation
 from iptm_core.compilation import CACHE_VARIABLE, cache_directory, find_compiler
-from iptm_core.compiler import WHEEL_COMPILER, Background, NewestLibrary
+from iptm_core.compiler import WHEEL_COMPILER
 from iptm_core.errors import SolverSetupError
+from iptm_core.optimised_code import NewestLibrary
 
 
 def square(factor: float = 1.0) -> ca.Function:
@@ -66,43 +65,6 @@ def test_processes_that_need_a_problem_at_once_compile_it_once(
         libraries = list(pool.map(lambda _: compile_functions([square()], [str(slow)]), range(3)))
     assert len(set(libraries)) == 1
     assert len(compilations) == 1
-
-
-def test_a_solver_begins_unoptimised_and_goes_on_optimised_with_the_same_numbers(
-    cache: Path, compiler: tuple[str, ...]
-) -> None:
-    del compiler
-    problems = [problem_of(scene, "2x1") for scene in SCENES.values()]
-    with Background.turn:  # the optimised code is not compiled yet
-        solver = solver_with("2x1", SolverOptions())
-        assert len(list(cache.glob("*.so"))) == 1
-        before = [solver.solve(*problem) for problem in problems]
-    deadline = time.monotonic() + 120.0
-    while len(list(cache.glob("*.so"))) < 2 and time.monotonic() < deadline:
-        time.sleep(0.05)
-    assert len(list(cache.glob("*.so"))) == 2
-    for later in (solver, solver_with("2x1", SolverOptions())):
-        for problem, expected in zip(problems, before, strict=True):
-            found = later.solve(*problem)
-            assert np.array_equal(found.variables, expected.variables)
-            assert found.iterations == expected.iterations
-
-
-def test_a_failure_to_optimise_is_reported(
-    compiler: tuple[str, ...], caplog: pytest.LogCaptureFixture
-) -> None:
-    def fail() -> Path:
-        raise SolverSetupError("compiler cc failed with exit code 1: no space left")
-
-    path = compile_functions([square()], compiler)
-    library = NewestLibrary(path, fail, ctypes.PyDLL)
-    quick = library.newest
-    library.improve()
-    deadline = time.monotonic() + 60.0
-    while "no space left" not in caplog.text and time.monotonic() < deadline:
-        time.sleep(0.01)
-    assert "no space left" in caplog.text
-    assert library.newest is quick
 
 
 @pytest.mark.parametrize("damage", [lambda c: c[:2000], lambda c: c + b"x", lambda _: b""])

@@ -11,7 +11,6 @@ not loaded.
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import fcntl
 import hashlib
 import logging
@@ -21,18 +20,13 @@ import shutil
 import stat
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-import casadi as ca
-
 from iptm_core.compiler import (
     COMPILE_TIMEOUT_S,
-    COMPILER_FLAGS,
-    QUICK_FLAGS,
-    NewestLibrary,
     compiler_flags,
     compiler_version,
     installed_compiler,
@@ -182,7 +176,7 @@ class Compilation:
         """
         folder = self.library.parent
         try:
-            with _locked(self.code.with_suffix(".lock")):
+            with locked(self.code.with_suffix(".lock")):
                 if self.find() is not None:
                     return self.library
                 LOGGER.info("compiling the optimal control problem (once per horizon and model)")
@@ -193,6 +187,25 @@ class Compilation:
         except OSError as error:
             raise _not_writable(folder, error) from error
         return self.library
+
+    @property
+    def _failure(self) -> Path:
+        return self.library.with_suffix(".failed")
+
+    def note_failure(self, reason: str) -> None:
+        """Keep in the cache why the library could not be compiled."""
+        with _scratch_in(self._failure.parent) as scratch:
+            (scratch / "reason").write_text(reason, encoding="utf-8")
+            (scratch / "reason").replace(self._failure)
+
+    def take_failure(self) -> str:
+        """Return, and remove from the cache, why the library could not be compiled; empty if it could."""
+        try:
+            reason = self._failure.read_text(encoding="utf-8")
+            self._failure.unlink()
+        except OSError:
+            return ""
+        return reason
 
     def _build(self, scratch: Path) -> Path:
         """Compile files into a library, at the same time if there is more than one."""
@@ -218,28 +231,8 @@ def compile_sources(
     return compilation.find() or compilation.make()
 
 
-def compile_in_steps(
-    generated: Sequence[str],
-    numbers: tuple[float, ...],
-    fixed: Mapping[str, str],
-    compiler: Sequence[str],
-    load: Callable[[Path], ctypes.PyDLL],
-) -> NewestLibrary:
-    """Compile C code without optimisation, and optimised beside what calls it; see `Compilation`.
-
-    Args:
-        load: returns the library of a file, ready for calls.
-    """
-    given = generated, numbers, fixed, compiler
-    optimised = Compilation.of(*given, compiler_flags(COMPILER_FLAGS))
-    if found := optimised.find():
-        return NewestLibrary(found, None, load)
-    quick = Compilation.of(*given, compiler_flags(QUICK_FLAGS))
-    return NewestLibrary(quick.find() or quick.make(), optimised.make, load)
-
-
 @contextlib.contextmanager
-def _locked(path: Path) -> Iterator[None]:
+def locked(path: Path) -> Iterator[None]:
     """Let one process at a time compile a problem: those that start together need it once."""
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
     try:
@@ -324,6 +317,8 @@ def _is_intact(library: Path) -> bool:
 
 
 def _cache_key(sources: Mapping[str, str], compiler: Sequence[str], flags: Sequence[str]) -> str:
+    import casadi as ca  # noqa: PLC0415  not for the process that only compiles
+
     version = compiler_version(tuple(compiler))
     arguments = " ".join([*compiler[1:], *flags])
     code = [part for file in sources.items() for part in file]

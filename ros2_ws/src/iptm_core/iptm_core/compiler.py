@@ -1,7 +1,4 @@
-"""The C compiler: its flags and processes, also in the background of a trip, and numbers that need none.
-
-The first trip with a problem begins with code that is not optimised. Optimised code does the same operations,
-takes several times as long to compile, and is compiled while the trip goes on.
+"""The C compiler: its flags and processes, and numbers that need none.
 
 Generated C holds the numbers of a model as hundreds of literals, and to compile it takes seconds. Read from
 a table instead, they are data at one place of the library, behind a mark that occurs nowhere else; for
@@ -12,10 +9,8 @@ bit.
 
 from __future__ import annotations
 
-import ctypes
 import hashlib
 import importlib.util
-import logging
 import os
 import platform
 import re
@@ -23,17 +18,14 @@ import shutil
 import signal
 import struct
 import subprocess
-import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack, suppress
 from functools import cache
-from multiprocessing import util
 from pathlib import Path
 
 from iptm_core.errors import SolverSetupError
 
-LOGGER = logging.getLogger(__name__)
 COMPILER_FLAGS = (
     # What straight lines and short loops gain from -O3, in half of its time; clang ignores what it lacks.
     "-O1",
@@ -58,15 +50,10 @@ QUICK_FLAGS = (
 )
 """Nothing is optimised, or checked, as some compilers do then: a third of the time to compile."""
 COMPILE_TIMEOUT_S = 300.0
-EXIT_PATIENCE_S = 3.0
-"""How long a process waits at its end for what compiles in the background; nodes are given 5 s to end."""
 WHEEL_COMPILER = "ziglang"
 OLDEST_GLIBC = "2.28"
 """What the wheels of ROS need, see scripts/setup."""
 _CPU_INFO = Path("/proc/cpuinfo")
-_NICENESS = 10
-_given_way: set[subprocess.Popen[str]] = set()
-"""Compilers in the background."""
 
 
 def installed_compiler() -> tuple[str, ...] | None:
@@ -110,7 +97,7 @@ def compiler_version(compiler: tuple[str, ...]) -> str:
 
 
 def run_compilers(commands: Iterable[Sequence[str]]) -> None:
-    """Run compilers at the same time; those that a `Background` starts give way to other processes.
+    """Run compilers at the same time.
 
     Raises:
         SolverSetupError: one of them fails, or takes too long.
@@ -128,11 +115,6 @@ def run_compilers(commands: Iterable[Sequence[str]]) -> None:
             )
             ending.enter_context(job)
             ending.callback(_kill, job)
-            if isinstance(threading.current_thread(), Background):
-                _given_way.add(job)
-                ending.callback(_given_way.discard, job)
-                with suppress(OSError):
-                    os.setpriority(os.PRIO_PROCESS, job.pid, _NICENESS)
             jobs.append((command[0], job))
         for compiler, job in jobs:
             try:
@@ -154,79 +136,6 @@ def _kill(job: subprocess.Popen[str]) -> None:
     if job.poll() is None:
         with suppress(OSError):
             os.killpg(job.pid, signal.SIGKILL)
-
-
-class Background(threading.Thread):
-    """A compilation beside the trip.
-
-    One at a time. Where it has not ended some seconds after the program, it is given up, and the next program
-    begins again with it.
-
-    Args:
-        then: called with the library, once it is compiled; not where that failed.
-    """
-
-    turn = threading.Lock()
-
-    def __init__(self, make: Callable[[], Path], then: Callable[[Path], None]) -> None:
-        super().__init__(daemon=True)
-        self._make, self._then, self._is_given_up = make, then, False
-        util.Finalize(None, self._end, exitpriority=0)  # workers do not call what atexit holds
-        self.start()
-
-    def run(self) -> None:
-        """Compile."""
-        with Background.turn:
-            try:
-                self._then(self._make())
-            except SolverSetupError as error:
-                if not self._is_given_up:
-                    LOGGER.warning("unoptimised code is used, twice as slow: %s", error)
-
-    def _end(self) -> None:
-        with suppress(KeyboardInterrupt):
-            self.join(EXIT_PATIENCE_S)
-        self._is_given_up = True
-        for job in list(_given_way):
-            _kill(job)
-        self.join(1.0)
-
-
-class NewestLibrary:
-    """A library, replaced by the optimised one as soon as that is compiled.
-
-    Args:
-        optimise: compiles it; None where the library is it.
-        load: returns the library of a file, ready for calls.
-
-    Attributes:
-        newest: the library for the next call.
-    """
-
-    def __init__(
-        self,
-        path: Path,
-        optimise: Callable[[], Path] | None,
-        load: Callable[[Path], ctypes.PyDLL],
-    ) -> None:
-        self.newest, self._optimise, self._load = load(path), optimise, load
-
-    def improve(self) -> None:
-        """Begin to optimise, unless that was done: at the first call, when the set-up needs no compiler."""
-        if self._optimise is not None:
-            optimise, self._optimise = self._optimise, None
-            Background(optimise, self._replace)
-
-    def _replace(self, path: Path) -> None:
-        self.newest = self._load(path)
-
-
-def _new_turn() -> None:
-    """Let a fork compile: the thread that has the turn is not in it."""
-    Background.turn = threading.Lock()
-
-
-os.register_at_fork(after_in_child=_new_turn)
 
 
 _NAME = "iptm_numbers"

@@ -36,9 +36,10 @@ from iptm_controller.solvers.riccati.stage_program import (
     SOURCE_FOLDER,
     stage_program,
 )
-from iptm_core.compilation import cache_directory, compile_in_steps, find_compiler
-from iptm_core.compiler import NewestLibrary, compiler_flags
+from iptm_core.compilation import cache_directory, find_compiler
+from iptm_core.compiler import compiler_flags
 from iptm_core.errors import SolverSetupError
+from iptm_core.optimised_code import NewestLibrary, compile_in_steps
 from iptm_core.physics.ops import BufferedFunction
 from iptm_core.state import FloatArray
 
