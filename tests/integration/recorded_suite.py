@@ -14,7 +14,7 @@ from std_msgs.msg import Float64, UInt8MultiArray
 
 from iptm_core.lead_track import RangeTrack
 from iptm_ros.codecs import time_from_ns
-from iptm_ros.codecs.table import encode_table
+from iptm_ros.codecs.motion import encode_table
 from iptm_ros.codecs.vehicle import encode_tracks
 from iptm_ros.diagnostics import status_values
 from iptm_ros.topics import TOPICS, Topic

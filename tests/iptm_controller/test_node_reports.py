@@ -12,10 +12,16 @@ from tests.iptm_controller.scenes import NOW_S, PARAMETERS, make_scene, plain_so
 
 from iptm_controller.controller import Controller
 from iptm_controller.decision import Decision
-from iptm_controller.node_reports import plan_trajectory, road_warning, situation
-from iptm_controller.node_ticks import COLD, OperatorWatch, WarningSettings
+from iptm_controller.node_reports import (
+    COLD,
+    OperatorWatch,
+    plan_trajectory,
+    road_warning,
+    situation,
+)
 from iptm_controller.ocp.layout import InputIndex, StateIndex
 from iptm_controller.options import ControllerOptions
+from iptm_controller.settings import WarningSettings
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.metrics import Concern
 from iptm_core.state import LeaderPreview

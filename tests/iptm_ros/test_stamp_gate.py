@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from iptm_ros.stamp_matcher import StampGate, Verdict
+from iptm_ros.stamp_gate import StampGate, Verdict
 
 S = 1_000_000_000
 STRAYS_S = (-5.0, -1e-9, 1e-9, 3.0, 400.0, 520.0, 1e4, 1.7e9, 2.0**31 - 1.0, 2.0**31, 9e9)

@@ -16,14 +16,12 @@ from iptm_controller.forecast import (
     PreviewQuality,
     doubted,
 )
+from iptm_controller.plan_data import Motion, keep_motion, motion_of
 from iptm_controller.preview_trust import ROUGH_M2_S4, FusionMemory, Prediction, TrustMemory
 from iptm_controller.tick_library import (
     DOUBLE,
     INT,
     POINTER,
-    Motion,
-    keep_motion,
-    motion_of,
 )
 from iptm_controller.usual_speed import UsualSpeed
 from iptm_core.physics.ops import address, doubles

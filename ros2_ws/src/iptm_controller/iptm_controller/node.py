@@ -16,6 +16,7 @@ from iptm_controller.decision import ControllerMemory, Decision
 from iptm_controller.node_parameters import CHANGEABLE, ControllerNodeParameters, SettingsChanges
 from iptm_controller.node_reports import (
     DecisionCounts,
+    OperatorWatch,
     decision_values,
     plan_trajectory,
     road_warning,
@@ -25,7 +26,8 @@ from iptm_controller.node_ticks import (
     OTHER_INPUTS,
     CatchUp,
     CompleteTick,
-    OperatorWatch,
+    MatchedSet,
+    StampMatcher,
     read_measurements,
 )
 from iptm_core.decision_record import DrivingMode
@@ -51,7 +53,7 @@ from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
 from iptm_ros.node_health import Watchdog
 from iptm_ros.parameters import FrictionInput, declare_parameters
 from iptm_ros.services import Service, state_path
-from iptm_ros.stamp_matcher import MatchedSet, StampMatcher, Verdict
+from iptm_ros.stamp_gate import Verdict
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import CONTROLLER, TOPICS, Topic
 

@@ -1,38 +1,24 @@
-"""Which tick is answered (a complete one, of several the newest), and conditions that last too long.
-
-The latter are for the operator: broken limits, futile cooling, plans out of limits.
-"""
+"""Which tick is answered: one whose messages have the very same stamp, of several the newest."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections import Counter
+from collections.abc import Callable, Hashable, Iterable, Mapping
+from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from iptm_controller.decision import Decision
-from iptm_controller.measurements import Measurements, trusted_measurements
-from iptm_controller.ocp.layout import StateIndex
-from iptm_controller.settings import WarningSettings
-from iptm_core.errors import MessageError
-from iptm_core.metrics.constraints import (
-    TEMPERATURE_TOLERANCE_K,
-    Concern,
-    IneffectiveCooling,
-    Situation,
-    Streak,
-    broken_limits,
-    cooling_at_limit,
-)
-from iptm_core.parameters.model import ModelParameters
+from iptm_controller.measurements import Measurements
+from iptm_core.errors import MessageError, ParameterError
 from iptm_core.road_ahead import RoadAhead
 from iptm_core.state import LeaderPreview, LeaderState, PackReading, SlopePreview, VehicleState
 from iptm_ros.codecs import decode_leader, decode_observation
-from iptm_ros.stamp_matcher import MatchedSet
+from iptm_ros.codecs.cdr import is_stamp
+from iptm_ros.stamp_gate import StampGate, Verdict
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import Topic
 
@@ -43,6 +29,168 @@ CATCH_UP_S = 0.002
 OTHER_INPUTS = (Topic.LEADER_PREVIEW, Topic.ROAD_AHEAD, Topic.LEADER)
 """What a decision takes besides the state."""
 FLAT_ROAD = SlopePreview(np.zeros(1), np.zeros(1))
+
+
+K = TypeVar("K", bound=Hashable)
+
+
+@dataclass(frozen=True)
+class MatchedSet(Generic[K]):
+    """Messages of one stamp.
+
+    Attributes:
+        stamp_ns: the stamp.
+        values: one value per slot; not all of them if it was handed out incomplete, none if it is the
+            last set that was sent again.
+        verdict: what the stamp is to the trip.
+    """
+
+    stamp_ns: int
+    values: Mapping[K, Any]
+    verdict: Verdict
+
+
+class StampMatcher(Generic[K]):
+    """Collects one value per named slot for each stamp and hands out complete sets.
+
+    Stamps are compared as integer nanoseconds, never approximately. Only the leading slot, the state of the
+    plant, advances the trip: messages in the other slots with stray stamps are discarded first. Sets leave in
+    the order of the trip: once a set is complete, older ones are dropped, except those of a trip that a new
+    one has just interrupted.
+
+    Attributes:
+        gate: judges the stamps of sets; it counts the stray ones.
+        counts: sets `matched` (handed out) and `abandoned` (given up, because a newer one was handed out or
+            memory was full); messages `late` (for a stamp not newer than the last set) and `duplicate`
+            (replaced one of the same slot and stamp).
+    """
+
+    def __init__(
+        self,
+        leading: K,
+        others: Iterable[K] = (),
+        max_pending: int = 16,
+        gate: StampGate | None = None,
+        is_complete: Callable[[Mapping[K, Any]], bool] | None = None,
+    ) -> None:
+        """Set up a matcher.
+
+        Args:
+            leading: the slot that advances the time of the trip.
+            others: further slots.
+            max_pending: incomplete sets kept; beyond it one that is least likely the next tick is given up.
+            is_complete: whether the values of a stamp make a set, by default of all slots.
+        """
+        if max_pending < 1:
+            raise ParameterError(f"matcher has room for {max_pending} sets; allowed: at least 1")
+        self._leading = leading
+        self._slots = tuple(dict.fromkeys((leading, *others)))
+        self._max_pending = max_pending
+        self.gate = gate or StampGate()
+        self._is_complete = is_complete or (lambda values: len(values) == len(self._slots))
+        self._pending: dict[int, dict[K, Any]] = {}
+        self.counts: Counter[str] = Counter()
+
+    @property
+    def last_ns(self) -> int | None:
+        """Stamp of the last set handed out."""
+        return self.gate.now_ns
+
+    def put(self, slot: K, stamp_ns: int, value: Any) -> MatchedSet[K] | None:
+        """Add a value; return the set if this was the last one missing.
+
+        The last set is returned once more, without values, when its leading slot came again.
+        """
+        if slot not in self._slots:
+            allowed = ", ".join(map(str, self._slots))
+            raise ParameterError(f"matcher has no slot {slot!r}; allowed: {allowed}")
+        if not is_stamp(stamp_ns):
+            self.gate.turn_away()
+            return None
+        if self.gate.is_late(stamp_ns):
+            self.counts["late"] += 1
+            if stamp_ns == self.gate.now_ns:
+                is_again = slot == self._leading
+                return MatchedSet(stamp_ns, {}, self.gate.judge(stamp_ns)) if is_again else None
+        values = self._pending.setdefault(stamp_ns, {})
+        if slot in values:
+            self.counts["duplicate"] += 1
+        values[slot] = value
+        if self._is_complete(values):
+            return self._hand_out(stamp_ns)
+        if len(self._pending) > self._max_pending:
+            del self._pending[min(self._pending, key=self._likelihood)]
+            self.counts["abandoned"] += 1
+        return None
+
+    def _hand_out(self, stamp_ns: int) -> MatchedSet[K] | None:
+        values = self._pending.pop(stamp_ns)
+        verdict = self.gate.judge(stamp_ns)
+        if verdict is Verdict.STRAY:
+            return None
+        later = verdict is Verdict.NEXT
+        over = [stamp for stamp in self._pending if not later or stamp < stamp_ns]
+        for other in over:
+            # A beginning may be a stray stamp, then the trip before goes on with what has come of its tick.
+            if self.gate.may_resume(other):
+                continue
+            del self._pending[other]
+            self.counts["abandoned"] += 1
+        self.counts["matched"] += 1
+        return MatchedSet(stamp_ns, values, verdict)
+
+    def _likelihood(self, stamp_ns: int) -> tuple[bool, bool, int]:
+        """Return what orders pending sets by how likely they become the next tick."""
+        distance_ns = abs(stamp_ns - self.gate.expected_ns)
+        return self.gate.follows(stamp_ns), self._leading in self._pending[stamp_ns], -distance_ns
+
+    def _candidates(self) -> list[int]:
+        """Stamps of the pending sets that may be handed out as they are, of the trip if there are any.
+
+        They have the leading slot; or it alone is missing, in a set of the trip.
+        """
+        led = [stamp for stamp, values in self._pending.items() if self._leading in values]
+        of_trip = [stamp for stamp in led if self.gate.follows(stamp)]
+        answered = [
+            stamp
+            for stamp, values in self._pending.items()
+            if self.gate.follows(stamp) and self._is_complete({**values, self._leading: None})
+        ]
+        return of_trip or answered or led
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether a set is there that lacks something."""
+        return bool(self._candidates())
+
+    @property
+    def backlog_ns(self) -> int:
+        """Time from the last set to the newest one of the trip that has the leading slot.
+
+        0 while there is only one such set: then the plant may be waiting for the answer.
+        """
+        led = [
+            stamp
+            for stamp, values in self._pending.items()
+            if self._leading in values and self.gate.follows(stamp)
+        ]
+        if len(led) < 2:
+            return 0
+        last_ns = self.gate.now_ns
+        return max(led) - (min(led) if last_ns is None else last_ns)
+
+    def missing(self) -> tuple[int, tuple[K, ...]] | None:
+        """Return stamp and missing slots of the set that `take_incomplete` would hand out."""
+        stamp_ns = max(self._candidates(), default=None)
+        if stamp_ns is None:
+            return None
+        values = self._pending[stamp_ns]
+        return stamp_ns, tuple(slot for slot in self._slots if slot not in values)
+
+    def take_incomplete(self) -> MatchedSet[K] | None:
+        """Hand out the newest of the sets that may be the next tick, for a fallback answer."""
+        waiting = self.missing()
+        return None if waiting is None else self._hand_out(waiting[0])
 
 
 class CompleteTick:
@@ -156,95 +304,3 @@ def read_measurements(values: Mapping[Topic, Any], slope: SlopePreview | None) -
         faults.append(str(error))
     preview: LeaderPreview = values.get(Topic.LEADER_PREVIEW) or LeaderPreview.empty()
     return Measurements(state, leader, preview, slope or FLAT_ROAD, "; ".join(faults), road, pack)
-
-
-_WARNINGS = {
-    Concern.SHORT_GAP: "gap below s_min for long",
-    Concern.LONG_GAP: "gap above s_max for long",
-    Concern.SPEED: "speed out of its limits for long",
-    Concern.HOT_CELL: "cell above its highest temperature for long",
-    Concern.COOLING: "compressor at its limit without effect",
-    Concern.PLAN: "plans never get back within limits",
-}
-CONCERNS = frozenset(_WARNINGS.values())
-"""All reasons to warn of something that has gone on for too long."""
-COLD = "cells below their lowest temperature, which forbids cooling"
-
-
-class OperatorWatch:
-    """Follows the trip tick by tick.
-
-    Attributes:
-        lasted_s: for how long each concern has lasted now, in s.
-        in_contact: whether the measured gap is zero or negative.
-        note: informational note that is not a warning, empty for none.
-    """
-
-    def __init__(self, parameters: ModelParameters, settings: WarningSettings) -> None:
-        self._parameters = parameters
-        self._settings = settings
-        self._streaks = {concern: Streak() for concern in Concern}
-        self._cooling = IneffectiveCooling()
-        self.lasted_s: dict[Concern, float] = dict.fromkeys(Concern, 0.0)
-        self.in_contact = False
-        self.note = ""
-
-    def update(self, measured: Measurements, decision: Decision) -> None:
-        """Update with a tick; one without a plausible state or leader is ignored."""
-        if decision.pack is not None and decision.pack.faults:
-            measured = replace(measured, state=decision.pack.state)
-        state, leader, _ = trusted_measurements(measured)
-        if state is not None and leader is not None:
-            self._watch_trip(state, leader)
-            ends_outside = self._ends_outside(decision)
-            if ends_outside is not None:
-                self._count(Concern.PLAN, state.time_s, holds=ends_outside)
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Reasons to warn, without numbers; empty if there is none."""
-        return tuple(
-            text
-            for concern, text in _WARNINGS.items()
-            if self.lasted_s[concern] > self._settings.after_s(concern)
-        )
-
-    @property
-    def values(self) -> Mapping[str, object]:
-        """Times that the concerns have lasted, by the key of a diagnostic value."""
-        return {f"{concern.value}_s": lasted for concern, lasted in self.lasted_s.items()}
-
-    def _watch_trip(self, state: VehicleState, leader: LeaderState) -> None:
-        at = Situation.at(state, leader)
-        self.in_contact = bool(at.gap_m <= 0.0)
-        for concern, broken in broken_limits(at, self._parameters).items():
-            self._count(concern, state.time_s, holds=bool(broken))
-        at_limit = bool(cooling_at_limit(at, self._parameters))
-        self.lasted_s[Concern.COOLING] = self._cooling.update(
-            state.time_s, at.warmest_cell_k, at_limit=at_limit
-        )
-        coldest_k = min(state.cell_1_temperature_k, state.cell_n_temperature_k)
-        lowest_k = self._parameters.limits.min_temperature_k - TEMPERATURE_TOLERANCE_K
-        self.note = COLD if coldest_k < lowest_k else ""
-
-    def _count(self, concern: Concern, time_s: float, *, holds: bool) -> None:
-        self.lasted_s[concern] = self._streaks[concern].update(time_s, holds=holds)
-
-    def _ends_outside(self, decision: Decision) -> bool | None:
-        """Return whether the last node of the plan breaks a watched limit, None without a plan."""
-        plan, forecast = decision.plan, decision.forecast
-        if plan is None or forecast is None:
-            return None
-        moving, last = plan.states[plan.motion_steps], plan.states[-1]
-        end_s = plan.start_s + plan.node_times_s[plan.motion_steps]
-        positions, speeds = forecast.motion.at(np.array([end_s]))
-        end = Situation(
-            gap_m=float(positions[0] - moving[StateIndex.POSITION]),
-            speed_m_s=float(moving[StateIndex.SPEED]),
-            leader_speed_m_s=float(speeds[0]),
-            warmest_cell_k=float(
-                max(last[StateIndex.CELL_1_TEMPERATURE], last[StateIndex.CELL_N_TEMPERATURE])
-            ),
-            compressor_power_w=float(last[StateIndex.LAST_COMPRESSOR_POWER]),
-        )
-        return any(bool(broken) for broken in broken_limits(end, self._parameters).values())

@@ -29,7 +29,6 @@ from iptm_controller.tick_library import (
     DOUBLE,
     INT,
     POINTER,
-    motion_of,
     numbers_of,
     tick_library,
     vehicle,
@@ -104,6 +103,45 @@ class PlanData:
     def plan(self, variables: FloatArray, state: VehicleState) -> Plan:
         """Return a solution in physical units."""
         return plan_from_variables(variables, self._grid, state)
+
+
+_MOTIONS_KEPT = 8
+_motions: dict[int, tuple[LeaderPreview, Motion]] = {}
+"""Motions of the newest previews, by the identity of the preview."""
+
+
+class Motion(ctypes.Structure):
+    """The nodes of a preview."""
+
+    _fields_ = (
+        ("nodes", INT),
+        ("times_s", POINTER),
+        ("positions_m", POINTER),
+        ("speeds_m_s", POINTER),
+        ("bounds_m", POINTER),
+    )
+
+
+def motion_of(preview: LeaderPreview) -> Motion:
+    """Return the nodes of a preview; -1 of them where its columns differ in length."""
+    kept = _motions.get(id(preview))
+    if kept is not None:
+        return kept[1]
+    columns = [preview.times_s, preview.positions_m, preview.speeds_m_s]
+    columns += [preview.bounds_m] if preview.bounds_m.size else []
+    arrays = [np.ascontiguousarray(each, dtype=np.float64) for each in columns]
+    (size, *others) = {each.size for each in arrays}
+    motion = Motion(-1 if others else size, *[address(each) for each in arrays])
+    motion.kept = arrays
+    return keep_motion(preview, motion)
+
+
+def keep_motion(preview: LeaderPreview, motion: Motion) -> Motion:
+    """Note the motion of a preview, whose arrays it points to."""
+    if len(_motions) >= _MOTIONS_KEPT:
+        _motions.clear()
+    _motions[id(preview)] = preview, motion
+    return motion
 
 
 class _Grid(ctypes.Structure):

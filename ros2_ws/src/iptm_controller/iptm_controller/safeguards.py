@@ -17,7 +17,7 @@ import math
 import numpy as np
 
 from iptm_controller.forecast import NEAR_S, LeaderForecast
-from iptm_controller.tick_library import motion_of
+from iptm_controller.plan_data import motion_of
 from iptm_core.frozen import replace
 from iptm_core.parameters.model import LimitParameters
 from iptm_core.physics.ops import doubles

@@ -13,22 +13,15 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from iptm_controller.ocp.layout_header import layout_header
 from iptm_core.compilation import cache_directory, compile_sources, find_compiler
 from iptm_core.errors import SolverSetupError
-from iptm_core.physics.ops import address, doubles
-from iptm_core.state import LeaderPreview
+from iptm_core.physics.ops import doubles
 
 _SOURCE_FOLDER = Path(__file__).resolve().parent / "c"
 _UNITS = "tick_data", "forecast", "guard", "prices", "pack"
 _FILES = (*(f"{name}.{end}" for name in _UNITS for end in "ch"), "vehicle.h", "real.h")
 INT, DOUBLE, POINTER = ctypes.c_int, ctypes.c_double, ctypes.c_void_p
-_MOTIONS_KEPT = 8
-_motions: dict[int, tuple[LeaderPreview, Motion]] = {}
-"""Motions of the newest previews, by the identity of the preview."""
-
 
 VEHICLE = (
     "time_s",
@@ -54,40 +47,6 @@ class Leader(ctypes.Structure):
     """A lead vehicle at one instant."""
 
     _fields_ = (("time_s", DOUBLE), ("position_m", DOUBLE), ("speed_m_s", DOUBLE))
-
-
-class Motion(ctypes.Structure):
-    """The nodes of a preview."""
-
-    _fields_ = (
-        ("nodes", INT),
-        ("times_s", POINTER),
-        ("positions_m", POINTER),
-        ("speeds_m_s", POINTER),
-        ("bounds_m", POINTER),
-    )
-
-
-def motion_of(preview: LeaderPreview) -> Motion:
-    """Return the nodes of a preview; -1 of them where its columns differ in length."""
-    kept = _motions.get(id(preview))
-    if kept is not None:
-        return kept[1]
-    columns = [preview.times_s, preview.positions_m, preview.speeds_m_s]
-    columns += [preview.bounds_m] if preview.bounds_m.size else []
-    arrays = [np.ascontiguousarray(each, dtype=np.float64) for each in columns]
-    (size, *others) = {each.size for each in arrays}
-    motion = Motion(-1 if others else size, *[address(each) for each in arrays])
-    motion.kept = arrays
-    return keep_motion(preview, motion)
-
-
-def keep_motion(preview: LeaderPreview, motion: Motion) -> Motion:
-    """Note the motion of a preview, whose arrays it points to."""
-    if len(_motions) >= _MOTIONS_KEPT:
-        _motions.clear()
-    _motions[id(preview)] = preview, motion
-    return motion
 
 
 def tick_library(*, is_wanted: bool) -> ctypes.PyDLL | None:

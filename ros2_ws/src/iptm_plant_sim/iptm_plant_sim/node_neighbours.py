@@ -97,6 +97,7 @@ class PlayedRangeSensor:
     def __init__(self, node: SuiteNode, options: PlantNodeParameters) -> None:
         self._lead = options.lead_motion()
         self._publisher = node.advertise(Topic.RANGE_TRACKS) if self._lead else None
+        self._prefix = node.frame_prefix
 
     def publish(self, own: VehicleState, stamp_ns: int) -> None:
         """Publish the vehicle ahead at a state of the own one, if it is in range."""
@@ -105,7 +106,8 @@ class PlayedRangeSensor:
         ahead = self._lead.state_at(own.time_s)
         gap_m = ahead.position_m - own.position_m
         track = RangeTrack(gap_m, 0.0, ahead.speed_m_s - own.speed_m_s)
-        self._publisher.publish(encode_tracks((track,) if gap_m <= RANGE_M else (), stamp_ns))
+        seen = (track,) if gap_m <= RANGE_M else ()
+        self._publisher.publish(encode_tracks(seen, stamp_ns, self._prefix))
 
 
 class NodeRangeSensor:

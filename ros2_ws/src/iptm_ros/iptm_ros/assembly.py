@@ -24,7 +24,7 @@ from iptm_ros.codecs import (
     decode_observation,
     s_from_ns,
 )
-from iptm_ros.stamp_matcher import LEAST_REACH_NS
+from iptm_ros.stamp_gate import LEAST_REACH_NS
 from iptm_ros.topics import Topic
 
 M = TypeVar("M")

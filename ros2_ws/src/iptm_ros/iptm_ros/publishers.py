@@ -1,15 +1,12 @@
-"""Publishers of the suite: quality of service, frames of the vehicle, listeners that must miss nothing."""
+"""Publishers of the suite: quality of service, and listeners that must miss nothing."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 from rclpy.duration import Duration
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
-
-from iptm_ros.topics import frame_in
 
 
 def _keep_last(
@@ -47,35 +44,15 @@ def describe_qos(profile: QoSProfile) -> str:
 _PATIENCE_S = 1.0
 
 
-class FramedPublisher(Publisher):
-    """A publisher that prefixes the frames of its messages.
-
-    Codecs use the frames of the topic table only. Serialised bytes are sent unchanged: their encoder
-    sets the right frame.
+class PatientPublisher(Publisher):
+    """A publisher that can wait for its listeners.
 
     Attributes:
-        frame_prefix: of the vehicle, empty for none.
         is_left_behind: whether a listener did not follow when it was last waited for.
     """
 
-    frame_prefix = ""
     is_left_behind = False
     _unheard = 0
-
-    def publish(self, msg: Any) -> None:
-        """Publish a message, or its serialised bytes."""
-        if isinstance(msg, bytes):
-            handle = self.handle
-            with handle:
-                handle.publish_raw(msg)
-            return
-        if self.frame_prefix:
-            header = getattr(msg, "header", None)
-            if header is not None:
-                header.frame_id = frame_in(self.frame_prefix, header.frame_id)
-            if hasattr(msg, "child_frame_id"):
-                msg.child_frame_id = frame_in(self.frame_prefix, msg.child_frame_id)
-        super().publish(msg)
 
     def let_listeners_follow(self, others: Iterable[Publisher] = ()) -> None:
         """Wait, each time half a queue has been published, until every listener has it, as a recorder must.

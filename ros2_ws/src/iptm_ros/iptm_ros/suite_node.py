@@ -23,7 +23,7 @@ from iptm_core.user_input import suggestion
 from iptm_ros.codecs import numbers_of, road_of, table_of
 from iptm_ros.connections import LOOK_PERIOD_S, ConnectionsReport
 from iptm_ros.node_health import AwakeClock, Heartbeat, NodeHealth
-from iptm_ros.publishers import FramedPublisher
+from iptm_ros.publishers import PatientPublisher
 from iptm_ros.services import Service
 from iptm_ros.topics import TOPICS, Topic, frame_in, topic_of
 
@@ -80,14 +80,12 @@ class SuiteNode(Node):
         self.connections = ConnectionsReport(self)
         self.every(LOOK_PERIOD_S, self.connections.look, self._upkeep_clock)
 
-    def advertise(self, topic: Topic) -> FramedPublisher:
-        """Return a publisher for a topic of the table, with the frames of the vehicle."""
+    def advertise(self, topic: Topic) -> PatientPublisher:
+        """Return a publisher for a topic of the table."""
         spec = TOPICS[topic]
-        publisher = self.create_publisher(
-            spec.message_type, spec.name, spec.offered_qos, publisher_class=FramedPublisher
+        return self.create_publisher(
+            spec.message_type, spec.name, spec.offered_qos, publisher_class=PatientPublisher
         )
-        publisher.frame_prefix = self.frame_prefix
-        return publisher
 
     def use_frame_prefix(self, prefix: str) -> None:
         """Take the prefix of frames that a user asks for; empty keeps the namespace, `/` is none."""

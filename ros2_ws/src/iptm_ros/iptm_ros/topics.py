@@ -4,7 +4,7 @@ Names are relative, so that a namespace moves a whole vehicle with its clock; on
 global. Without a namespace the clock is `/clock`, to which nodes with `use_sim_time` listen. "Named
 values" are `sensor_msgs/JointState` messages of which only the stamp, `name[]` and `position[]` are
 used: a stamped vector of named float64 numbers. "Tables" are `sensor_msgs/PointCloud2` messages of one row of
-points with a float64 field per column, see `iptm_ros.codecs.table`.
+points with a float64 field per column, see `iptm_ros.codecs.motion`.
 """
 
 from __future__ import annotations

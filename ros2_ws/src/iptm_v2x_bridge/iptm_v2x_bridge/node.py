@@ -19,7 +19,7 @@ from iptm_ros.command_line import node_main
 from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
 from iptm_ros.node_health import Watchdog
 from iptm_ros.parameters import declare_parameters
-from iptm_ros.stamp_matcher import StampGate, Verdict
+from iptm_ros.stamp_gate import StampGate, Verdict
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import BRIDGE, TOPICS, Topic
 from iptm_v2x_bridge.bridge import BridgeAnswer, CycleSource

@@ -219,9 +219,8 @@ class VehicleNode(SuiteNode):
                 self._record.received(frame)
             message = self._driver.receive(frame)
             if self._tracks is not None and message == self._radar:
-                self._tracks.publish(
-                    encode_tracks(self._seen(frame.time_s), ns_from_s(frame.time_s))
-                )
+                seen, stamp_ns = self._seen(frame.time_s), ns_from_s(frame.time_s)
+                self._tracks.publish(encode_tracks(seen, stamp_ns, self.frame_prefix))
         tick_ns = ns_from_s(now_s) // self._period_ns * self._period_ns
         if tick_ns > self._tick_ns:
             self._tick_ns = tick_ns

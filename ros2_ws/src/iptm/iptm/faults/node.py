@@ -13,12 +13,12 @@ from typing import Any
 
 from nav_msgs.msg import Odometry
 from rclpy.publisher import Publisher
-from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState, PointCloud2
 
 from iptm.faults.fault import Fault, InjectorNodeParameters, at_places, faulty_name, route_name
 from iptm.faults.kinds import FaultKind, FaultPlace
-from iptm.faults.node_messages import changed_state_message, with_stamp, with_stamp_of
+from iptm.faults.node_messages import changed_state_message, with_stamp
 from iptm.faults.signals import (
     Delay,
     PreviewFaults,
@@ -28,15 +28,15 @@ from iptm.faults.signals import (
     faulty_slope,
 )
 from iptm_core.errors import MessageError
-from iptm_core.state import NS_PER_S, LeaderPreview, SlopePreview
+from iptm_core.state import NS_PER_S, SlopePreview
 from iptm_ros.codecs import (
     decode_leader,
     decode_leader_preview,
     decode_motion,
     decode_slope,
     encode_leader,
-    encode_leader_preview,
     encode_slope,
+    leader_preview_bytes,
     serialized,
     stamp_ns_of,
 )
@@ -44,7 +44,7 @@ from iptm_ros.command_line import node_main
 from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
 from iptm_ros.parameters import declare_parameters
 from iptm_ros.suite_node import SuiteNode
-from iptm_ros.topics import ROAD_FRAME, TOPICS, Topic
+from iptm_ros.topics import TOPICS, Topic
 
 FOREIGN_MESSAGES_PER_TICK = 20
 """Foreign messages sent per tick while such a fault is active."""
@@ -208,15 +208,14 @@ class InjectorNode(SuiteNode):
             self._forward(Topic.LEADER, data)
             return
         true = self._traffic.leader(own, ego_m)
-        true_data = data if true is own else with_stamp_of(encode_leader(true), data)
+        encode = partial(encode_leader.data, self.frame_prefix)
+        true_data = data if true is own else encode(true, stamp_ns)
         self._true[Topic.LEADER].publish(true_data)
         faulty = self._sensor.leader(stamp_ns, true, ego_m)
         if faulty is None:
             self._changed += 1
         else:
-            faulty_data = (
-                true_data if faulty is true else with_stamp_of(encode_leader(faulty), data)
-            )
+            faulty_data = true_data if faulty is true else encode(faulty, stamp_ns)
             self._forward(Topic.LEADER, faulty_data, changed=faulty is not true)
         self._leader_ns = stamp_ns
         for waiting_ns in sorted(self._waiting_samples):
@@ -244,7 +243,9 @@ class InjectorNode(SuiteNode):
         if faulty is None:
             return
         if faulty is not own:
-            publisher.publish(encode_leader_preview(faulty, stamp_ns, Topic.LEADER_SAMPLES))
+            publisher.publish(
+                leader_preview_bytes(faulty, stamp_ns, self.frame_prefix, Topic.LEADER_SAMPLES)
+            )
         else:
             publisher.publish(data)
 
@@ -265,7 +266,7 @@ class InjectorNode(SuiteNode):
             self._forward(Topic.LEADER_PREVIEW, data)
             return
         true = self._traffic.preview(own)
-        true_data = data if true is own else self._encoded(true, stamp_ns)
+        true_data = data if true is own else leader_preview_bytes(true, stamp_ns, self.frame_prefix)
         self._true[Topic.LEADER_PREVIEW].publish(true_data)
         faulty = self._previews.apply(stamp_ns, true)
         if faulty is None:
@@ -273,12 +274,8 @@ class InjectorNode(SuiteNode):
         elif faulty is true:
             self._forward(Topic.LEADER_PREVIEW, true_data)
         else:
-            self._forward(Topic.LEADER_PREVIEW, self._encoded(faulty, stamp_ns), changed=True)
-
-    def _encoded(self, preview: LeaderPreview, stamp_ns: int) -> bytes:
-        message = encode_leader_preview(preview, stamp_ns)
-        message.header.frame_id = self.frame(ROAD_FRAME)
-        return bytes(serialize_message(message))
+            faulty_data = leader_preview_bytes(faulty, stamp_ns, self.frame_prefix)
+            self._forward(Topic.LEADER_PREVIEW, faulty_data, changed=True)
 
     def _on_slope(self, data: bytes) -> None:
         self._outputs[Topic.SLOPE].publish(data)

@@ -6,13 +6,12 @@ import math
 import struct
 from dataclasses import fields
 
-from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from iptm.faults.signals import StateFaults
 from iptm_core.state import NS_PER_S, VehicleState
-from iptm_ros.codecs import serialized, stamp_ns_of
+from iptm_ros.codecs import serialized
 
 _STAMP = struct.Struct("<iI")
 _STAMP_OFFSET = 4  # behind the CDR prefix: first field of a clock and of every header
@@ -41,8 +40,3 @@ def changed_state_message(faults: StateFaults, stamp_ns: int, data: bytes) -> by
     for name in changed:
         message.position[places[name]] = float(getattr(faulty, name))
     return serialized(message) if changed else data
-
-
-def with_stamp_of(message: Odometry, data: bytes) -> bytes:
-    """Return a message as bytes, with the exact stamp of the one that it replaces."""
-    return with_stamp(serialized(message), stamp_ns_of(data))

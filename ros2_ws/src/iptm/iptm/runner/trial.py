@@ -23,8 +23,7 @@ from iptm.trip_files import trip_text
 from iptm.trip_settings import AUTOMATIC_DOMAIN
 from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements
-from iptm_controller.node_reports import WEAK_BRAKES, is_about_limits, situation
-from iptm_controller.node_ticks import OperatorWatch
+from iptm_controller.node_reports import WEAK_BRAKES, OperatorWatch, is_about_limits, situation
 from iptm_core.declaration import TextEnum
 from iptm_core.program import StopRequest
 from iptm_core.settings import LoopMode
@@ -37,7 +36,7 @@ from iptm_ros.codecs import (
     stamp_ns_of,
 )
 from iptm_ros.diagnostics import Level as Level  # noqa: PLC0414  for studies
-from iptm_ros.stamp_matcher import LEAST_REACH_NS
+from iptm_ros.stamp_gate import LEAST_REACH_NS
 from iptm_ros.topics import CONTROLLER, PLANT, TICK_TOPICS, Topic
 
 REAL_TIME_RATE = 10.0

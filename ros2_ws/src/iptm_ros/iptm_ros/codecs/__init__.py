@@ -1,16 +1,13 @@
 """Pure functions between the project's dataclasses and ROS messages, checked on decoding."""
 
 from iptm_ros.codecs.ahead import PlanTrajectory as PlanTrajectory
-from iptm_ros.codecs.ahead import decode_leader_preview as decode_leader_preview
 from iptm_ros.codecs.ahead import decode_plan as decode_plan
 from iptm_ros.codecs.ahead import decode_road_ahead as decode_road_ahead
 from iptm_ros.codecs.ahead import decode_slope as decode_slope
-from iptm_ros.codecs.ahead import encode_leader_preview as encode_leader_preview
 from iptm_ros.codecs.ahead import encode_plan as encode_plan
 from iptm_ros.codecs.ahead import encode_road_ahead as encode_road_ahead
 from iptm_ros.codecs.ahead import encode_slope as encode_slope
 from iptm_ros.codecs.ahead import has_leader as has_leader
-from iptm_ros.codecs.ahead import leader_preview_bytes as leader_preview_bytes
 from iptm_ros.codecs.ahead import plan_bytes as plan_bytes
 from iptm_ros.codecs.ahead import road_ahead_bytes as road_ahead_bytes
 from iptm_ros.codecs.ahead import road_of as road_of
@@ -23,14 +20,18 @@ from iptm_ros.codecs.cdr import serialized as serialized
 from iptm_ros.codecs.cdr import stamp_ns_of as stamp_ns_of
 from iptm_ros.codecs.cdr import time_from_ns as time_from_ns
 from iptm_ros.codecs.cdr import time_from_s as time_from_s
+from iptm_ros.codecs.motion import decode_leader as decode_leader
+from iptm_ros.codecs.motion import decode_leader_preview as decode_leader_preview
+from iptm_ros.codecs.motion import encode_leader as encode_leader
+from iptm_ros.codecs.motion import encode_leader_preview as encode_leader_preview
+from iptm_ros.codecs.motion import leader_preview_bytes as leader_preview_bytes
+from iptm_ros.codecs.motion import table_of as table_of
 from iptm_ros.codecs.numbers import numbers_of as numbers_of
 from iptm_ros.codecs.numbers import read_numbers as read_numbers
 from iptm_ros.codecs.numbers import stamp_of as stamp_of
-from iptm_ros.codecs.table import table_of as table_of
 from iptm_ros.codecs.vehicle import battery_bytes as battery_bytes
 from iptm_ros.codecs.vehicle import decode_command as decode_command
 from iptm_ros.codecs.vehicle import decode_decision_record as decode_decision_record
-from iptm_ros.codecs.vehicle import decode_leader as decode_leader
 from iptm_ros.codecs.vehicle import decode_motion as decode_motion
 from iptm_ros.codecs.vehicle import decode_observation as decode_observation
 from iptm_ros.codecs.vehicle import decode_raw_datagram as decode_raw_datagram
@@ -38,7 +39,6 @@ from iptm_ros.codecs.vehicle import decode_tracks as decode_tracks
 from iptm_ros.codecs.vehicle import encode_battery as encode_battery
 from iptm_ros.codecs.vehicle import encode_command as encode_command
 from iptm_ros.codecs.vehicle import encode_decision_record as encode_decision_record
-from iptm_ros.codecs.vehicle import encode_leader as encode_leader
 from iptm_ros.codecs.vehicle import encode_observation as encode_observation
 from iptm_ros.codecs.vehicle import encode_raw_datagram as encode_raw_datagram
 from iptm_ros.codecs.vehicle import encode_tracks as encode_tracks

@@ -1,7 +1,7 @@
-"""What lies ahead, as messages: predicted motions, and the road.
+"""What lies ahead of the ego vehicle, as messages: its plan, and the road.
 
-Previews of the leader, measured samples of it, and plans are tables. The slope of the road is given over
-position, its bounds by kind and place, each with its speed and the end of its validity.
+The slope of the road is given over position, its bounds by kind and place, each with its speed and the end
+of its validity.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from iptm_core.errors import RouteError
 from iptm_core.road_ahead import RoadAhead, SpeedLimits, Stop
-from iptm_core.state import SPEED_AT_REST_M_S, FloatArray, LeaderPreview, SlopePreview
+from iptm_core.state import FloatArray, SlopePreview
 from iptm_ros.codecs.cdr import (
     FRAME_AT,
     Stamped,
@@ -25,11 +25,7 @@ from iptm_ros.codecs.cdr import (
     stamp_ns_of,
     time_from_ns,
 )
-from iptm_ros.codecs.table import (
-    BOUND,
-    POSITION,
-    SPEED,
-    TIME,
+from iptm_ros.codecs.motion import (
     all_finite,
     decode_table,
     encode_table,
@@ -38,60 +34,6 @@ from iptm_ros.codecs.table import (
 )
 from iptm_ros.message_types import Float64MultiArray, JointState, MultiArrayDimension, PointCloud2
 from iptm_ros.topics import ROAD_FRAME, TOPICS, Topic, frame_in
-
-
-def encode_leader_preview(
-    preview: LeaderPreview, stamp_ns: int, topic: Topic = Topic.LEADER_PREVIEW
-) -> PointCloud2:
-    """Return a prediction as a message.
-
-    Raises:
-        MessageError: the arrays differ in length, or a time is not finite.
-    """
-    return encode_table(topic, stamp_ns, _of_preview(preview))
-
-
-def leader_preview_bytes(
-    preview: LeaderPreview, stamp_ns: int, prefix: str, topic: Topic = Topic.LEADER_PREVIEW
-) -> bytes:
-    """Return the bytes of `encode_leader_preview`, its frame with the prefix of a vehicle."""
-    return table_bytes(topic, stamp_ns, _of_preview(preview), prefix)
-
-
-def _of_preview(preview: LeaderPreview) -> dict[str, FloatArray]:
-    columns = {TIME: preview.times_s, POSITION: preview.positions_m, SPEED: preview.speeds_m_s}
-    return columns | {BOUND: preview.bounds_m} if preview.bounds_m.size else columns
-
-
-def decode_leader_preview(
-    message: PointCloud2 | Stamped[dict[str, FloatArray]], topic: Topic = Topic.LEADER_PREVIEW
-) -> tuple[int, LeaderPreview]:
-    """Return the stamp (ns) and the prediction.
-
-    Measured positions, as in ``v2x/leader_samples``, may go back and forth; predicted ones may not.
-
-    Raises:
-        MessageError: see `decode_table`; a leader that drives backwards, a negative bound, or a generation
-            after the publication.
-    """
-    stamp_ns, columns = decode_table(topic, message, optional=(BOUND,))
-    times_s, positions_m, speeds_m_s = columns[TIME], columns[POSITION], columns[SPEED]
-    bounds_m = columns.get(BOUND, np.empty(0))
-    if not times_s.size:
-        return stamp_ns, LeaderPreview.empty()
-    late_ns = round(float(times_s[0]) * 1e9) - stamp_ns
-    if late_ns > 0:
-        reject(topic, f"generated {late_ns} ns after its publication; allowed: at most 0")
-    if float(speeds_m_s.min()) < SPEED_AT_REST_M_S:
-        reject(topic, f"speed is {speeds_m_s.min()}; allowed: at least {SPEED_AT_REST_M_S:g} m/s")
-    if float(bounds_m.min(initial=0.0)) < 0.0:
-        reject(topic, f"bound is {bounds_m.min()} m; allowed: at least 0 m")
-    if topic is Topic.LEADER_PREVIEW:
-        backwards_m = SPEED_AT_REST_M_S * np.maximum(times_s[1:] - times_s[:-1], 1.0)
-        if (positions_m[1:] - positions_m[:-1] < backwards_m).any():
-            reject(topic, "positions decrease; allowed: a leader that never drives backwards")
-    return stamp_ns, LeaderPreview(times_s, positions_m, speeds_m_s, bounds_m)
-
 
 PLAN_NAMES = list(TOPICS[Topic.PLAN].fields)
 
@@ -154,8 +96,10 @@ _LONGEST_FRAME = 256
 _NOTHING_KNOWN = RoadAhead(has_leader=False)
 
 
-def encode_road_ahead(road: RoadAhead | None, stamp_ns: int, *, has_leader: bool) -> JointState:
-    """Return the road ahead as a message."""
+def encode_road_ahead(
+    road: RoadAhead | None, stamp_ns: int, prefix: str = "", *, has_leader: bool
+) -> JointState:
+    """Return the road ahead as a message, its frame with the prefix of a vehicle."""
     known = road or _NOTHING_KNOWN
     rows: list[tuple[str, float, float, float]] = []
     if has_leader:
@@ -173,16 +117,16 @@ def encode_road_ahead(road: RoadAhead | None, stamp_ns: int, *, has_leader: bool
         effort=[row[3] for row in rows],
     )
     message.header.stamp = time_from_ns(stamp_ns)
-    message.header.frame_id = ROAD_FRAME
+    message.header.frame_id = frame_in(prefix, ROAD_FRAME)
     return message
 
 
 def road_ahead_bytes(
     road: RoadAhead | None, stamp_ns: int, prefix: str, *, has_leader: bool
 ) -> bytes | JointState:
-    """Return the bytes of `encode_road_ahead` where nothing but the lead vehicle is known, else that."""
+    """Return `encode_road_ahead`, as bytes where nothing but the lead vehicle is known."""
     if road is not None:
-        return encode_road_ahead(road, stamp_ns, has_leader=has_leader)
+        return encode_road_ahead(road, stamp_ns, prefix, has_leader=has_leader)
     data = bytearray(_without_bounds(frame_in(prefix, ROAD_FRAME), has_leader=has_leader))
     put_stamp(data, stamp_ns)
     return bytes(data)

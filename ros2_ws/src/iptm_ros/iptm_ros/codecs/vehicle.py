@@ -1,4 +1,4 @@
-"""Messages between vehicle and controller: state, leader, tracks, datagrams, command, record, battery."""
+"""Messages between vehicle and controller: state, tracks, datagrams, command, record, battery."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ from iptm_core.state import (
     BatteryReading,
     Command,
     IntervalPowers,
-    LeaderState,
     PlantObservation,
     SafetyRecord,
     VehicleState,
@@ -49,26 +48,11 @@ from iptm_ros.message_types import (
     JointState,
     MultiArrayDimension,
     MultiArrayLayout,
-    Odometry,
     PointCloud2,
     PointField,
     UInt8MultiArray,
 )
 from iptm_ros.topics import EGO_FRAME, PACK_FRAME, TOPICS, Topic, frame_in
-
-
-@encoder(Topic.LEADER)
-def encode_leader(state: LeaderState, stamp_ns: int | None = None) -> StampedNumbers:
-    """Return the leader's position (m) and speed (m/s), at a stamp where its time is not exact enough."""
-    if stamp_ns is None:
-        stamp_ns = ns_from_s(state.time_s)
-    return stamp_ns, (state.position_m, state.speed_m_s)
-
-
-def decode_leader(message: Odometry) -> LeaderState:
-    """Return the leader's state."""
-    numbers = read_numbers(Topic.LEADER, message)
-    return LeaderState(s_from_ns(stamp_of(message)), *numbers)
 
 
 def encode_observation(observation: PlantObservation, prefix: str) -> dict[Topic, bytes]:
@@ -151,8 +135,8 @@ _MOST_TRACKS = 1000
 _FORMATS = {PointField.FLOAT32: ("f4", 4), PointField.FLOAT64: ("f8", 8)}
 
 
-def encode_tracks(tracks: tuple[RangeTrack, ...], stamp_ns: int) -> PointCloud2:
-    """Return tracks as a message, stamped with the instant at which they were measured."""
+def encode_tracks(tracks: tuple[RangeTrack, ...], stamp_ns: int, prefix: str = "") -> PointCloud2:
+    """Return tracks at the instant of their measurement, the frame with the prefix of a vehicle."""
     step = 8 * len(_NAMES)
     values = np.array([[t.gap_m, t.left_m, t.relative_speed_m_s] for t in tracks], "<f8")
     message = PointCloud2(
@@ -169,7 +153,7 @@ def encode_tracks(tracks: tuple[RangeTrack, ...], stamp_ns: int) -> PointCloud2:
         is_dense=True,
     )
     message.header.stamp = time_from_ns(stamp_ns)
-    message.header.frame_id = EGO_FRAME
+    message.header.frame_id = frame_in(prefix, EGO_FRAME)
     return message
 
 

@@ -6,13 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from iptm_controller.node_ticks import MatchedSet, StampMatcher
 from iptm_core.errors import ParameterError
-from iptm_ros.stamp_matcher import (
-    MatchedSet,
-    StampGate,
-    StampMatcher,
-    Verdict,
-)
+from iptm_ros.stamp_gate import StampGate, Verdict
 
 SLOTS = ("state", "leader", "preview")
 LEAD = ("state", ("leader", "preview"))

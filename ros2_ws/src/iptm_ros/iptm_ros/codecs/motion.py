@@ -1,9 +1,9 @@
-"""Tables over time: one flat standard message for previews, measured samples and plans.
+"""Motions: the lead vehicle now, and tables over time for its previews, its measured samples and plans.
 
-A `sensor_msgs/PointCloud2` with a point per row. RViz and Foxglove draw its `x`, `y`, `z` (float32: the
-position along the road, 0, 0); the columns that the topic table names follow as float64, absolute and in SI
-units. A preview carries two times: the stamp of its publication and the instant of its generation, which is
-the time of its first row. Where it is uncertain, a further column has its bounds.
+A table is a `sensor_msgs/PointCloud2` with a point per row. RViz and Foxglove draw its `x`, `y`, `z`
+(float32: the position along the road, 0, 0); the columns that the topic table names follow as float64,
+absolute and in SI units. A preview carries two times: the stamp of its publication and the instant of its
+generation, which is the time of its first row. Where it is uncertain, a further column has its bounds.
 """
 
 from __future__ import annotations
@@ -17,19 +17,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from iptm_core.state import FloatArray
+from iptm_core.state import SPEED_AT_REST_M_S, FloatArray, LeaderPreview, LeaderState
 from iptm_ros.codecs.cdr import (
     FRAME_AT,
     Stamped,
     Writer,
     aligned,
+    ns_from_s,
     ns_from_time,
     put_stamp,
     reject,
+    s_from_ns,
     stamp_ns_of,
     time_from_ns,
 )
-from iptm_ros.message_types import PointCloud2, PointField
+from iptm_ros.codecs.numbers import StampedNumbers, encoder, read_numbers, stamp_of
+from iptm_ros.message_types import Odometry, PointCloud2, PointField
 from iptm_ros.topics import ROAD_FRAME, TOPICS, Topic, frame_in
 
 TIME, POSITION, SPEED, BOUND = "time_s", "position_m", "speed_m_s", "bound_m"
@@ -250,3 +253,70 @@ def increasing(topic: Topic, name: str, values: FloatArray) -> None:
         index = int(good.argmin())
         before, after = values[index], values[index + 1]
         reject(topic, f"values of {name} do not increase: {before} is followed by {after}")
+
+
+@encoder(Topic.LEADER)
+def encode_leader(state: LeaderState, stamp_ns: int | None = None) -> StampedNumbers:
+    """Return the leader's position (m) and speed (m/s), at a stamp where its time is not exact enough."""
+    if stamp_ns is None:
+        stamp_ns = ns_from_s(state.time_s)
+    return stamp_ns, (state.position_m, state.speed_m_s)
+
+
+def decode_leader(message: Odometry) -> LeaderState:
+    """Return the leader's state."""
+    numbers = read_numbers(Topic.LEADER, message)
+    return LeaderState(s_from_ns(stamp_of(message)), *numbers)
+
+
+def encode_leader_preview(
+    preview: LeaderPreview, stamp_ns: int, topic: Topic = Topic.LEADER_PREVIEW
+) -> PointCloud2:
+    """Return a prediction as a message.
+
+    Raises:
+        MessageError: the arrays differ in length, or a time is not finite.
+    """
+    return encode_table(topic, stamp_ns, _of_preview(preview))
+
+
+def leader_preview_bytes(
+    preview: LeaderPreview, stamp_ns: int, prefix: str, topic: Topic = Topic.LEADER_PREVIEW
+) -> bytes:
+    """Return the bytes of `encode_leader_preview`, its frame with the prefix of a vehicle."""
+    return table_bytes(topic, stamp_ns, _of_preview(preview), prefix)
+
+
+def _of_preview(preview: LeaderPreview) -> dict[str, FloatArray]:
+    columns = {TIME: preview.times_s, POSITION: preview.positions_m, SPEED: preview.speeds_m_s}
+    return columns | {BOUND: preview.bounds_m} if preview.bounds_m.size else columns
+
+
+def decode_leader_preview(
+    message: PointCloud2 | Stamped[dict[str, FloatArray]], topic: Topic = Topic.LEADER_PREVIEW
+) -> tuple[int, LeaderPreview]:
+    """Return the stamp (ns) and the prediction.
+
+    Measured positions, as in ``v2x/leader_samples``, may go back and forth; predicted ones may not.
+
+    Raises:
+        MessageError: see `decode_table`; a leader that drives backwards, a negative bound, or a generation
+            after the publication.
+    """
+    stamp_ns, columns = decode_table(topic, message, optional=(BOUND,))
+    times_s, positions_m, speeds_m_s = columns[TIME], columns[POSITION], columns[SPEED]
+    bounds_m = columns.get(BOUND, np.empty(0))
+    if not times_s.size:
+        return stamp_ns, LeaderPreview.empty()
+    late_ns = round(float(times_s[0]) * 1e9) - stamp_ns
+    if late_ns > 0:
+        reject(topic, f"generated {late_ns} ns after its publication; allowed: at most 0")
+    if float(speeds_m_s.min()) < SPEED_AT_REST_M_S:
+        reject(topic, f"speed is {speeds_m_s.min()}; allowed: at least {SPEED_AT_REST_M_S:g} m/s")
+    if float(bounds_m.min(initial=0.0)) < 0.0:
+        reject(topic, f"bound is {bounds_m.min()} m; allowed: at least 0 m")
+    if topic is Topic.LEADER_PREVIEW:
+        backwards_m = SPEED_AT_REST_M_S * np.maximum(times_s[1:] - times_s[:-1], 1.0)
+        if (positions_m[1:] - positions_m[:-1] < backwards_m).any():
+            reject(topic, "positions decrease; allowed: a leader that never drives backwards")
+    return stamp_ns, LeaderPreview(times_s, positions_m, speeds_m_s, bounds_m)
