@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import io
 import textwrap
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, cast
 
 import numpy as np
 from matplotlib import rc_context
@@ -46,10 +46,11 @@ STYLE: Any = {
 class Picture(Figure):
     """A matplotlib figure that notebooks show without pyplot."""
 
-    def png(self) -> bytes:
-        """Return the content of a PNG file."""
-        file = io.BytesIO()
-        self.savefig(file)
+    def png(self, metadata: Mapping[str, str] | None = None) -> bytes:
+        """Return the content of a PNG file, the one that `savefig` writes: that draws twice."""
+        file, canvas = io.BytesIO(), cast("Any", FigureCanvasAgg(self))
+        with rc_context(STYLE):
+            canvas.print_png(file, metadata=metadata)
         return file.getvalue()
 
     _repr_png_ = png

@@ -1,8 +1,7 @@
 """Copies of a program that run other programs of the suite, without importing everything again.
 
-The companion is a copy of lowest priority beside a run: it drives the trip to compare with, then draws the
-picture. Both need a second or more, which must not delay the trip. Its requests are a
-function and its arguments.
+Companions are copies beside a run: one of lowest priority drives the trip to compare with, which must not
+delay the trip, another draws the picture. Their requests are a function and its arguments.
 """
 
 from __future__ import annotations
@@ -143,24 +142,25 @@ def end_with_parent(parent: int) -> None:
         os._exit(1)
 
 
-_NAME = "companion"
-_NICENESS = 19
+LOWEST_PRIORITY = 19
+"""As niceness."""
 
 
 class Companion(AbstractContextManager["Companion"]):
     """The process, which ends with the context and is idle until the first request.
 
     Args:
-        log: file for what it prints.
+        log: file for what it prints, with the name of the process.
+        niceness: lowers its priority.
     """
 
-    def __init__(self, log: Path) -> None:
+    def __init__(self, log: Path, niceness: int = 0) -> None:
         self._log = log
         context: ForkContext | SpawnContext = (
             get_context("fork") if has_one_thread() else get_context("spawn")
         )
         self._requests, end = context.Pipe()
-        given = (os.getpid(), log, end)
+        given = (os.getpid(), log, niceness, end)
         self._process = context.Process(target=_serve, args=given, daemon=True)
         with signals_held():
             self._process.start()
@@ -213,11 +213,11 @@ def draw(path: Path, run: Run) -> None:
     save_picture(path, run)
 
 
-def _serve(parent: int, log: Path, requests: Connection) -> None:
+def _serve(parent: int, log: Path, niceness: int, requests: Connection) -> None:
     """Answer requests until their pipe is closed."""
-    leave_parent(parent, _NAME, log, requests.fileno())
+    leave_parent(parent, log.stem, log, requests.fileno())
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-    os.nice(_NICENESS)
+    os.nice(niceness)
     with suppress(EOFError):
         while True:
             function, given = requests.recv()

@@ -25,7 +25,7 @@ from iptm.runner.composition import (
     trip_members,
 )
 from iptm.runner.drive import Drive, DriveOutcome, DriveResult
-from iptm.runner.fork import Companion, draw, prepare
+from iptm.runner.fork import LOWEST_PRIORITY, Companion, draw, prepare
 from iptm.runner.fork import drive as reference
 from iptm.runner.process_faults import ProcessFaults, unclean_ends
 from iptm.runner.progress import Progress, make_progress
@@ -111,12 +111,15 @@ def run(trip: Trip, options: RunOptions, console: Console) -> int:
         progress = make_progress(console, trip.route.duration_s, options.progress)
         # The reference would drive the plant of the suite, not the user's.
         is_compared = options.against != NO_COMPARISON and PLANT not in trip.foreign
-        companion = stack.enter_context(Companion(folder.log_path("companion")))
+        companion, painter = (
+            stack.enter_context(Companion(folder.log_path(name), niceness))
+            for name, niceness in (("companion", LOWEST_PRIORITY), ("painter", 0))
+        )
 
         def begun() -> None:
             """Prepare for the end while the nodes drive."""
             if options.picture:
-                companion.request(prepare)
+                painter.request(prepare)
             if is_compared:
                 other = trip.against(options.against)
                 companion.request(reference, other, folder.reference, trip.title)
@@ -128,7 +131,7 @@ def run(trip: Trip, options: RunOptions, console: Console) -> int:
         if result.outcome is DriveOutcome.FINISHED:
             driven = (drive, result.wall_time_s)
             options = options if is_compared else replace(options, against=NO_COMPARISON)
-            code = _report(folder, trip, options, driven, companion, console)
+            code = _report(folder, trip, options, driven, (companion, painter), console)
         else:
             code = _report_failure(result, folder, stop)
         if stay_open is not None and result.outcome is not DriveOutcome.REFUSED:
@@ -216,7 +219,7 @@ def _report(
     trip: Trip,
     options: RunOptions,
     driven: tuple[Drive, float],
-    companion: Companion,
+    companions: tuple[Companion, Companion],
     console: Console,
 ) -> int:
     """Evaluate a finished trip, write its files and print its tables."""
@@ -224,13 +227,14 @@ def _report(
     from iptm.runner.summary import print_end, print_results  # noqa: PLC0415
 
     drive, wall_time_s = driven
+    companion, painter = companions
     try:
         run = _evaluated(folder if options.record else None, trip, drive, wall_time_s)
         if options.against != NO_COMPARISON:
             with console.status(f"driving the same trip with strategy {options.against} ..."):
                 run = replace(run, other=companion.answer())
         if options.picture:
-            companion.request(draw, folder.picture, run)
+            painter.request(draw, folder.picture, run)
     except IptmError as error:
         unclean = unclean_ends(drive.supervisor, drive.process_faults)
         print_error(PROGRAM, "; ".join((str(error), *unclean)))
@@ -240,7 +244,7 @@ def _report(
         run.report(folder.report, run.other)
     print_results(run, console, full=options.full)
     if options.picture:
-        companion.answer()
+        painter.answer()
     print_end(run, folder, console)
     return EXIT_RUN_FAILED if run.problems else EXIT_OK
 

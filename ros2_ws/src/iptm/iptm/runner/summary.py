@@ -218,7 +218,7 @@ def save_picture(path: Path, run: Run) -> None:
         mode = run.trip.conditions.mode.replace("_", "-")
         footer += f"; {mode} over ROS 2, {run.speed_up:.0f} × real time"
     picture = run.plot(run.other, remarks, footer)
-    picture.savefig(path, metadata={"Software": "iptm"})
+    path.write_bytes(picture.png({"Software": "iptm"}))
 
 
 def _files(run: Run, folder: RunFolder) -> str:
