@@ -36,6 +36,8 @@ COMPILER_FLAGS = (
     # Operations are done as they are written, on every machine.
     "-ffp-contract=off",
     "-fno-math-errno",
+    # Comparisons may become selections: no operation stops the program, and results stay.
+    "-fno-trapping-math",
     "-fno-semantic-interposition",
     "-fPIC",
     "-shared",
