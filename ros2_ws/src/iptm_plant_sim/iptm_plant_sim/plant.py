@@ -28,6 +28,7 @@ from iptm_core.state import (
     VehicleState,
 )
 from iptm_plant_sim.actuators import ActuatorReport, Clamp, Motion, limit_command, plan_motion
+from iptm_plant_sim.calm_interval import CalmInterval, calm_interval
 from iptm_plant_sim.integrator import IntervalResult, PackIntegration
 from iptm_plant_sim.interval import PlantStep
 from iptm_plant_sim.safety_monitor import MonitorMemory, SafetyMonitor
@@ -81,6 +82,7 @@ class Plant:
         self.brake_strength = 1.0
         self.road_friction = 0.0
         self._sensor: RangeSensor | None = None
+        self._calm: CalmInterval | None = None
         self._memory = MonitorMemory()
         self._slope_at = slope_at
         self._step_s = step_s
@@ -94,6 +96,8 @@ class Plant:
             sensor: called once at the start of every interval, in order; None for no monitor.
         """
         self._sensor = sensor
+        if sensor is not None:
+            self._calm = calm_interval(self.monitor.settings, self.parameters.brakes)
         self.resume(memory or MonitorMemory())
 
     def resume(self, memory: MonitorMemory) -> None:
@@ -175,9 +179,8 @@ class Plant:
             delivered = brakes.delivered_m_s2(report.actuated.acceleration_m_s2)
             actuated = replace(report.actuated, acceleration_m_s2=delivered)
             return self._drive_interval(state, replace(report, actuated=actuated), duration_s)
-        interval = MonitoredInterval(
-            self.monitor, brakes, self._drive_interval, state, report, duration_s, slope_rad
-        )
+        driven = self.monitor, brakes, self._drive_interval, state, report, duration_s, slope_rad
+        interval = MonitoredInterval(*driven, self._calm)
         step = interval.drive(self._memory, self._sensor(state))
         self._memory = step.memory
         return step
