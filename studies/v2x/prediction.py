@@ -11,6 +11,7 @@ from iptm.parts import (
     KM_H_PER_M_S,
     BoundedByRules,
     CamSender,
+    Heard,
     History,
     LeaderMotion,
     LeaderTrack,
@@ -65,12 +66,12 @@ def track_at(sender: CamSender, road: RoadLine, time_ms: int, since_ms: int = 0)
         if isinstance(read, Rejection):
             raise SystemExit(f"own message is rejected: {read}")
         if station is None:
-            station = Station(read[0], at_ms, road)
+            station = Station(Heard(read[0], at_ms), road)
         else:
-            station.update(read[0], at_ms)
+            station.update(Heard(read[0], at_ms))
     if station is None:
         raise SystemExit("no message")
-    return leader_track(station, road)
+    return leader_track(station)
 
 
 def other_drive(motion: LeaderMotion, source: np.random.Generator) -> LeaderMotion:

@@ -10,6 +10,7 @@ from tests.iptm_v2x_bridge.radio import ROAD, station
 
 from iptm_core.routes.road_line import RoadLine, step_deg
 from iptm_v2x_bridge.messages.cam import CamMessage
+from iptm_v2x_bridge.stations.plausibility import Heard
 from iptm_v2x_bridge.stations.station import Station
 from iptm_v2x_bridge.stations.table import LeaderSelector
 
@@ -40,8 +41,8 @@ def taken(
 ) -> Station:
     """Take a message of a station, the first one or another."""
     if known is None:
-        return Station(message, at_ms, road, 0, near_m)
-    known.update(message, at_ms)
+        return Station(Heard(message, at_ms), road, near_m)
+    known.update(Heard(message, at_ms))
     return known
 
 
@@ -119,8 +120,8 @@ def test_noise_of_the_position_changes_nothing() -> None:
 
 def test_a_late_message_of_a_fast_leader_does_not_put_it_behind() -> None:
     """Two seconds old at 30 m/s: the ego vehicle is already where the leader was then."""
-    known = Station(station(1, 0, 40.0, 30.0), 0, ROAD)
-    known.update(station(1, 1000, 70.0, 30.0), 1000)
+    known = Station(Heard(station(1, 0, 40.0, 30.0), 0), ROAD)
+    known.update(Heard(station(1, 1000, 70.0, 30.0), 1000))
     selector = LeaderSelector()
     assert selector.select([known], 100.0, 3.0) is known
     assert selector.select([known], 100.0, 1.0) is None
@@ -138,7 +139,7 @@ def test_a_ghost_inside_the_leader_is_no_car() -> None:
 @pytest.mark.parametrize("length_m", [4.5, 16.5])
 def test_the_leader_ends_where_its_length_says(length_m: float) -> None:
     """The reference position is the middle of the front."""
-    known = Station(station(1, 0, 80.0, 0.0, length_m=length_m), 0, ROAD)
+    known = Station(Heard(station(1, 0, 80.0, 0.0, length_m=length_m), 0), ROAD)
     assert known.last.position_m == pytest.approx(84.5 - length_m, abs=0.02)
 
 
@@ -148,7 +149,7 @@ def test_a_vehicle_without_length_is_as_long_as_its_kind_may_be(
 ) -> None:
     """A truck is not published as far away as a car, and leads also where it would overlap the ego."""
     message = station(1, 0, 80.0, 0.0, length_m=None, station_type=station_type)
-    known = Station(message, 0, ROAD)
+    known = Station(Heard(message, 0), ROAD)
     assert known.last.position_m == pytest.approx(84.5 - longest_m, abs=0.02)
     assert LeaderSelector().select([known], 70.0, 0.0) is known
     assert LeaderSelector().select([known], 90.0, 0.0) is None
@@ -156,17 +157,17 @@ def test_a_vehicle_without_length_is_as_long_as_its_kind_may_be(
 
 def test_a_truck_without_length_does_not_hide_the_car_behind_it() -> None:
     """The truck has been known for longer; were it the longest, the car would be inside of it."""
-    truck = Station(station(1, 0, 90.0, 0.0, length_m=None, station_type=8), 0, ROAD)
-    car = Station(station(2, 100, 74.0, 0.0), 100, ROAD)
+    truck = Station(Heard(station(1, 0, 90.0, 0.0, length_m=None, station_type=8), 0), ROAD)
+    car = Station(Heard(station(2, 100, 74.0, 0.0), 100), ROAD)
     assert LeaderSelector().select([truck, car], EGO_M, 0.1) is car
 
 
 def stopping(headings_deg: list[float | None]) -> Station:
     """A car that drives at 10 m/s, then stands and sends these headings."""
-    known = Station(station(1, 0, 80.0, 10.0), 0, ROAD)
+    known = Station(Heard(station(1, 0, 80.0, 10.0), 0), ROAD)
     for number, heading_deg in enumerate(headings_deg, start=1):
         message = station(1, 1000 * number, 88.0, 0.0, heading_deg=heading_deg)
-        known.update(message, 1000 * number)
+        known.update(Heard(message, 1000 * number))
     return known
 
 
@@ -179,12 +180,12 @@ def test_a_car_that_stands_keeps_its_heading(heading_deg: float | None) -> None:
 def test_a_car_that_reverses_slowly_towards_the_ego_leads_on() -> None:
     """Its heading is that of the movement in EN 302 637-2."""
     known = stopping([0.0])
-    known.update(station(1, 2000, 87.0, 1.0, heading_deg=180.0), 2000)
+    known.update(Heard(station(1, 2000, 87.0, 1.0, heading_deg=180.0), 2000))
     assert LeaderSelector().select([known], 70.0, 2.0) is known
 
 
 def test_a_car_that_was_never_heard_driving_stands_in_the_way_without_a_heading() -> None:
-    known = Station(station(1, 0, 80.0, 0.0, heading_deg=None), 0, ROAD)
+    known = Station(Heard(station(1, 0, 80.0, 0.0, heading_deg=None), 0), ROAD)
     assert LeaderSelector().select([known], 70.0, 0.0) is known
 
 
@@ -264,7 +265,7 @@ def test_a_car_on_another_level_does_not_lead(
 def test_a_road_without_heights_excludes_nobody() -> None:
     road = replace(spiral(), heights_m=None)
     message = car_at(road, 100.0, 0, altitude_m=9000.0, altitude_bound_m=0.01)
-    assert not Station(message, 0, road, 0, 90.0).is_on_another_level
+    assert not Station(Heard(message, 0), road, 90.0).is_on_another_level
 
 
 def test_a_leader_is_kept_on_all_turns_of_a_ramp() -> None:

@@ -167,5 +167,6 @@ from iptm_v2x_bridge.sender import car_on_road as car_on_road
 from iptm_v2x_bridge.settings import Foresight as Foresight
 from iptm_v2x_bridge.settings import Framing as Framing
 from iptm_v2x_bridge.settings import SenderSettings as SenderSettings
+from iptm_v2x_bridge.stations.plausibility import Heard as Heard
 from iptm_v2x_bridge.stations.station import Station as Station
 from iptm_v2x_bridge.stations.station import leader_track as leader_track

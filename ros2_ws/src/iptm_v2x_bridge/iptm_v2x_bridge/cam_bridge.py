@@ -252,7 +252,7 @@ class CamBridge:
         """
         times = nodes + self.start_timestamp_ms / 1000.0
         now = now_s + self.start_timestamp_ms / 1000.0
-        track = leader_track(station, self._road, now)
+        track = leader_track(station, now)
         if round(1000.0 * now) - station.heard_ms > SILENT_MS:
             return AssumedBraking.name, AssumedBraking().predict(track, times)
         if contested:

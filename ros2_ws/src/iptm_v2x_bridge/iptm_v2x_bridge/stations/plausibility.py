@@ -41,10 +41,27 @@ SAME_SPEED_M_S = 0.1
 """Two messages of one sender with the same time of generation differ by their rounding at most."""
 
 
-def generation_time_ms(
-    message: CamMessage, packet_timestamp_ms: int | None, now_ms: int
-) -> int | Rejection:
-    """Return the TimestampIts at which a message was generated, or what is wrong with its time."""
+@dataclass(frozen=True)
+class Heard:
+    """A message with its times, TimestampIts.
+
+    Attributes:
+        message: the message.
+        generated_ms: when it was generated.
+        heard_ms: when it arrived, by the receiver's clock.
+    """
+
+    message: CamMessage
+    generated_ms: int
+    heard_ms: int = 0
+
+    def since_s(self, earlier: Heard) -> float:
+        """Return the time between the generation of another message and of this one."""
+        return (self.generated_ms - earlier.generated_ms) / 1000.0
+
+
+def dated(message: CamMessage, packet_timestamp_ms: int | None, now_ms: int) -> Heard | Rejection:
+    """Return a message with the time of its generation, or what is wrong with that."""
     generated_ms = resolve_delta_ms(message.delta_time_ms, now_ms, DELTA_MODULUS_MS // 2)
     if packet_timestamp_ms is not None:
         apart = (packet_timestamp_ms - generated_ms) % TIMESTAMP_MODULUS_MS
@@ -54,7 +71,7 @@ def generation_time_ms(
         return Rejection.FUTURE
     if generated_ms < now_ms - MAX_AGE_MS:
         return Rejection.STALE
-    return generated_ms
+    return Heard(message, generated_ms, now_ms)
 
 
 def absurd(message: CamMessage) -> bool:
@@ -63,8 +80,9 @@ def absurd(message: CamMessage) -> bool:
     return message.speed_m_s > MAX_SPEED_M_S or abs(acceleration_m_s2) > MAX_ACCELERATION_M_S2
 
 
-def contradiction(before: CamMessage, after: CamMessage, elapsed_s: float) -> Rejection | None:
+def contradiction(earlier: Heard, later: Heard) -> Rejection | None:
     """Return why one message cannot follow another one of the same station, None if it can."""
+    before, after, elapsed_s = earlier.message, later.message, later.since_s(earlier)
     change_m_s = abs(after.speed_m_s - before.speed_m_s)
     if change_m_s > MAX_ACCELERATION_M_S2 * elapsed_s + SPEED_TOLERANCE_M_S:
         return Rejection.SPEED_JUMP
@@ -107,17 +125,13 @@ def same_measurement(one: CamMessage, other: CamMessage) -> bool:
     )
 
 
-def lies_between(
-    before: CamMessage,
-    message: CamMessage,
-    after: CamMessage,
-    elapsed_s: float,
-    remaining_s: float,
-) -> bool:
+def lies_between(earlier: Heard, middle: Heard, later: Heard) -> bool:
     """Return whether a message agrees with those shortly before and after it.
 
     The error of a position, however large, is the same for all three of them.
     """
+    before, message, after = earlier.message, middle.message, later.message
+    elapsed_s, remaining_s = middle.since_s(earlier), later.since_s(middle)
     share = elapsed_s / (elapsed_s + remaining_s)
     place = (
         before.latitude_deg + share * (after.latitude_deg - before.latitude_deg),
@@ -133,17 +147,16 @@ def lies_between(
     return abs(message.speed_m_s - speed_m_s) <= tolerance_m_s
 
 
-def deviation(before: CamMessage, after: CamMessage, elapsed_ms: int) -> float:
+def deviation(earlier: Heard, later: Heard) -> float:
     """Return by how much a message deviates from constant speed since another one, m plus m/s.
 
-    Args:
-        before: a message of a station.
-        after: another one.
-        elapsed_ms: time between their generations; negative if the other one is older.
+    Either may be the older one.
     """
+    before, after = earlier.message, later.message
     east, north = step_m(
         after.latitude_deg, after.longitude_deg, (before.latitude_deg, before.longitude_deg)
     )
+    elapsed_ms = later.generated_ms - earlier.generated_ms
     distance_m = 0.5 * (before.speed_m_s + after.speed_m_s) * elapsed_ms / 1000.0
     heading = math.radians(before.heading_deg or 0.0)  # without one it hardly moves
     aside_m = math.hypot(

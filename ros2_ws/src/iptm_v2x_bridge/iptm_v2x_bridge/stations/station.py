@@ -14,6 +14,7 @@ from iptm_v2x_bridge.prediction.predictor import CREEP_M_S, LeaderTrack, Observa
 from iptm_v2x_bridge.rejections import Rejection
 from iptm_v2x_bridge.stations.plausibility import (
     ClockOffset,
+    Heard,
     contradiction,
     lies_between,
     same_measurement,
@@ -65,9 +66,11 @@ class Station:
     """Follows one station from message to message.
 
     Attributes:
-        message: newest accepted message.
+        road: the road of the ego vehicle.
+        newest: newest accepted message with its times.
+        message: this message itself.
         generated_ms: when it was generated, TimestampIts.
-        heard_ms: when it arrived, TimestampIts of the receiver's clock.
+        heard_ms: when it arrived, TimestampIts of the receiver's clock; never before its generation.
         fix: its reference position as seen from the road.
         observations: accepted messages, oldest first.
         moved_s: when it was last heard moving, s of TimestampIts; when it was first heard if it never was.
@@ -75,39 +78,31 @@ class Station:
         in_lane: whether it is in the lane of the ego vehicle.
     """
 
-    def __init__(
-        self,
-        message: CamMessage,
-        generated_ms: int,
-        road: RoadLine,
-        heard_ms: int = 0,
-        near_m: float | None = None,
-    ) -> None:
-        self._road = road
-        self.first_ms = generated_ms
+    def __init__(self, heard: Heard, road: RoadLine, near_m: float | None = None) -> None:
+        self.road = road
+        self.first_ms = heard.generated_ms
         self.in_lane = False
-        self._learns_clock_until_ms = heard_ms + CLOCK_LEARNING_MS
+        self._learns_clock_until_ms = heard.heard_ms + CLOCK_LEARNING_MS
         self._clock_ahead_ms = 0
         self._ages_ms: deque[int] = deque(maxlen=OBSERVATIONS)
-        self._messages: deque[tuple[int, CamMessage]] = deque(maxlen=HISTORY)
+        self._messages: deque[Heard] = deque(maxlen=HISTORY)
         self.observations: deque[Observation] = deque(maxlen=OBSERVATIONS)
         self._asides: deque[tuple[float, float]] = deque(maxlen=LATERALS)
         """When (s of TimestampIts) it was how far from the path of the ego vehicle (m)."""
         self.path: tuple[int, PredictedPath, float] | None = None
         self._votes = LANE_VOTES - 1
         self._driven_heading_deg: float | None = None
-        self._take(message, generated_ms, heard_ms, near_m)
+        self._take(heard, near_m)
 
-    def _take(
-        self, message: CamMessage, generated_ms: int, heard_ms: int, near_m: float | None
-    ) -> None:
-        self.message = message
-        self.generated_ms = generated_ms
-        self.heard_ms = max(heard_ms, generated_ms)
-        self._ages_ms.append(heard_ms - generated_ms)
-        self._messages.append((generated_ms, message))
-        if heard_ms <= self._learns_clock_until_ms:
-            self._clock_ahead_ms = max(self._clock_ahead_ms, generated_ms - heard_ms)
+    def _take(self, heard: Heard, near_m: float | None) -> None:
+        message, generated_ms = heard.message, heard.generated_ms
+        self.newest, self.message, self.generated_ms = heard, message, generated_ms
+        self.heard_ms = max(heard.heard_ms, generated_ms)
+        age_ms = heard.heard_ms - generated_ms
+        self._ages_ms.append(age_ms)
+        self._messages.append(heard)
+        if heard.heard_ms <= self._learns_clock_until_ms:
+            self._clock_ahead_ms = max(self._clock_ahead_ms, -age_ms)
         if message.speed_m_s >= SLOW_M_S and not message.reversing:
             self._driven_heading_deg = message.heading_deg
         self.fix: RoadFix = self._project(message, near_m)
@@ -130,27 +125,27 @@ class Station:
         """Return the place on the road, near the expected one if the road passes there."""
         place = message.latitude_deg, message.longitude_deg
         if near_m is not None:
-            fix = self._road.project(*place, near_m, heading_deg=self._driven_heading_deg)
+            fix = self.road.project(*place, near_m, heading_deg=self._driven_heading_deg)
             if self.observations or abs(fix.lateral_m) <= NEAR_EGO_M:
                 return fix
-        return self._road.project(*place)
+        return self.road.project(*place)
 
-    def update(self, message: CamMessage, generated_ms: int, heard_ms: int = 0) -> None:
+    def update(self, heard: Heard) -> None:
         """Take the next accepted message."""
-        self._take(message, generated_ms, heard_ms, self.fix.position_m)
+        self._take(heard, self.fix.position_m)
 
-    def refusal(self, message: CamMessage, generated_ms: int, now_ms: int) -> Rejection | None:
+    def refusal(self, heard: Heard) -> Rejection | None:
         """Return why a message cannot be the next one of this station, None if it can.
 
         `DUPLICATE` and `OLDER` are repetitions that agree with what is known; other reasons contradict it.
         """
-        elapsed_ms = generated_ms - self.generated_ms
+        elapsed_ms = heard.generated_ms - self.generated_ms
         if elapsed_ms > 0:
-            reason = contradiction(self.message, message, elapsed_ms / 1000.0)
-            if reason is None and self._is_ahead_of_its_clock(generated_ms, now_ms):
+            reason = contradiction(self.newest, heard)
+            if reason is None and self._is_ahead_of_its_clock(heard):
                 return Rejection.FUTURE
             return reason
-        if elapsed_ms >= -OVERLAP_MS and self._is_at_odds(message, generated_ms):
+        if elapsed_ms >= -OVERLAP_MS and self._is_at_odds(heard):
             return Rejection.CONTRADICTION
         return Rejection.OLDER if elapsed_ms else Rejection.DUPLICATE
 
@@ -159,41 +154,39 @@ class Station:
 
         Only known for a message with others of this station before and after it, not long ago.
         """
-        return 0 <= self.generated_ms - other.generated_ms <= 2 * OVERLAP_MS and self._is_at_odds(
-            other.message, other.generated_ms
-        )
+        elapsed_ms = self.generated_ms - other.generated_ms
+        return 0 <= elapsed_ms <= 2 * OVERLAP_MS and self._is_at_odds(other.newest)
 
-    def _is_at_odds(self, message: CamMessage, generated_ms: int) -> bool:
+    def _is_at_odds(self, heard: Heard) -> bool:
         """Return whether a message no newer than the last one contradicts those around its time."""
-        later: tuple[int, CamMessage] | None = None
-        earlier: tuple[int, CamMessage] | None = None
+        later: Heard | None = None
+        earlier: Heard | None = None
         for entry in reversed(self._messages):
-            if entry[0] == generated_ms:
-                return not same_measurement(entry[1], message)
-            if entry[0] < generated_ms:
+            if entry.generated_ms == heard.generated_ms:
+                return not same_measurement(entry.message, heard.message)
+            if entry.generated_ms < heard.generated_ms:
                 earlier = entry
                 break
             later = entry
         if later is None:
             return False
-        remaining_s = (later[0] - generated_ms) / 1000.0
         if earlier is not None:
-            elapsed_s = (generated_ms - earlier[0]) / 1000.0
-            if later[0] - earlier[0] <= DENSE_MS:
-                return not lies_between(earlier[1], message, later[1], elapsed_s, remaining_s)
+            if later.generated_ms - earlier.generated_ms <= DENSE_MS:
+                return not lies_between(earlier, heard, later)
             # Late news from before a jump of the position agree with what was known then.
-            if contradiction(earlier[1], message, elapsed_s) is None:
+            if contradiction(earlier, heard) is None:
                 return False
-        return contradiction(message, later[1], remaining_s) is not None
+        return contradiction(heard, later) is not None
 
-    def _is_ahead_of_its_clock(self, generated_ms: int, now_ms: int) -> bool:
+    def _is_ahead_of_its_clock(self, heard: Heard) -> bool:
         """Return whether a stamp lies farther ahead than the clock of this station, which was measured.
 
         A clock that was set, the receiver's or the sender's, is accepted after a second of silence.
         """
+        now_ms = heard.heard_ms
         if now_ms <= self._learns_clock_until_ms or now_ms - self.heard_ms > CLOCK_LEARNING_MS:
             return False
-        return generated_ms - now_ms > self._clock_ahead_ms + CLOCK_TOLERANCE_MS
+        return heard.generated_ms - now_ms > self._clock_ahead_ms + CLOCK_TOLERANCE_MS
 
     @property
     def clock(self) -> ClockOffset:
@@ -218,7 +211,7 @@ class Station:
     @property
     def is_on_another_level(self) -> bool:
         """Whether its altitude contradicts the road's, as on a bridge; never where either is unknown."""
-        message, road_m = self.message, self._road.height_at_m(self.fix.position_m)
+        message, road_m = self.message, self.road.height_at_m(self.fix.position_m)
         if road_m is None or message.altitude_m is None or message.altitude_bound_m is None:
             return False
         return abs(message.altitude_m - road_m) > (
@@ -275,12 +268,11 @@ MAX_ASIDE_M = 10.0
 """A predicted path that leaves the road by more than this ends there: the leader means to turn off."""
 
 
-def leader_track(station: Station, road: RoadLine, now_s: float | None = None) -> LeaderTrack:
+def leader_track(station: Station, now_s: float | None = None) -> LeaderTrack:
     """Return the observations of a station, and its predicted path as far as it stays on the road.
 
     Args:
         station: the station.
-        road: the road of the ego vehicle.
         now_s: s of TimestampIts; what was observed later is left out where there is anything before. None
             for the time of the last observation.
     """
@@ -291,7 +283,7 @@ def leader_track(station: Station, road: RoadLine, now_s: float | None = None) -
         by_then = tuple(each for each in observations if each.time_s <= now_s)
         observations = by_then or observations[:1]
     age_s = 0.0 if now_s is None else max(now_s - observations[-1].time_s, 0.0)
-    return LeaderTrack(observations, _road_path(station, road), length_m, stood_s, age_s)
+    return LeaderTrack(observations, _road_path(station), length_m, stood_s, age_s)
 
 
 def _allowing_for_its_clock(station: Station) -> tuple[Observation, ...]:
@@ -315,7 +307,7 @@ def _moved_m(observed: Observation, duration_s: float) -> float:
     return duration_s * (observed.speed_m_s + 0.5 * faster_m_s)
 
 
-def _road_path(station: Station, road: RoadLine) -> tuple[FloatArray, FloatArray] | None:
+def _road_path(station: Station) -> tuple[FloatArray, FloatArray] | None:
     if station.path is None or station.generated_ms - station.path[0] > MAX_PATH_AGE_MS:
         return None
     generated_ms, path, rear_m = station.path
@@ -332,7 +324,7 @@ def _road_path(station: Station, road: RoadLine) -> tuple[FloatArray, FloatArray
         # Most of the time goes into the road that is looked at; no leader gets farther between two points.
         elapsed_s = generated_ms / 1000.0 + time_s - times[-1]
         around_m = min(AROUND_M + AROUND_M_S * elapsed_s, NEAR_M)
-        fix = road.project(latitude, longitude, near_m, around_m)
+        fix = station.road.project(latitude, longitude, near_m, around_m)
         if abs(fix.lateral_m) > MAX_ASIDE_M:
             break
         near_m = fix.position_m

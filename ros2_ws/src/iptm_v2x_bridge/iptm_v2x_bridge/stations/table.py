@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from iptm_core.routes.road_line import RoadLine
 from iptm_v2x_bridge.messages.cam import CamMessage
 from iptm_v2x_bridge.rejections import Rejection, RejectionCounts
-from iptm_v2x_bridge.stations.plausibility import absurd, deviation, generation_time_ms
+from iptm_v2x_bridge.stations.plausibility import Heard, absurd, dated, deviation
 from iptm_v2x_bridge.stations.station import Station
 
 STATION_TIMEOUT_MS = 5000
@@ -56,69 +56,45 @@ class Identity:
         """Whether the messages of one of its stations have agreed for long enough."""
         return any(station.is_confirmed for station in self.hypotheses)
 
-    def receive(
-        self,
-        message: CamMessage,
-        generated_ms: int,
-        now_ms: int,
-        road: RoadLine,
-        ego_position_m: float,
-    ) -> Rejection | None:
+    def receive(self, heard: Heard, ego_position_m: float) -> Rejection | None:
         """Take a message in; return why not, None if it was accepted."""
         if self.contested_since_ms is not None:
-            return self._receive_contested(message, generated_ms, now_ms, road, ego_position_m)
-        refused = self.first.refusal(message, generated_ms, now_ms)
+            return self._receive_contested(heard, ego_position_m)
+        refused = self.first.refusal(heard)
         if refused is None:
-            self.first.update(message, generated_ms, now_ms)
-        elif refused not in REPEATED and self._proves_another(
-            message, generated_ms, now_ms, road, ego_position_m
-        ):
+            self.first.update(heard)
+        elif refused not in REPEATED and self._proves_another(heard, ego_position_m):
             return None
         return refused
 
-    def _receive_contested(
-        self,
-        message: CamMessage,
-        generated_ms: int,
-        now_ms: int,
-        road: RoadLine,
-        ego_position_m: float,
-    ) -> Rejection | None:
-        refusals = [station.refusal(message, generated_ms, now_ms) for station in self.hypotheses]
+    def _receive_contested(self, heard: Heard, ego_position_m: float) -> Rejection | None:
+        refusals = [station.refusal(heard) for station in self.hypotheses]
         fitting = [
-            (deviation(station.message, message, generated_ms - station.generated_ms), number)
+            (deviation(station.newest, heard), number)
             for number, station in enumerate(self.hypotheses)
             if refusals[number] is None or refusals[number] in REPEATED
         ]
         if not fitting:
-            proven = self._proves_another(message, generated_ms, now_ms, road, ego_position_m)
-            return None if proven else refusals[0]
+            return None if self._proves_another(heard, ego_position_m) else refusals[0]
         best = min(fitting)[1]
         if refusals[best] is None:
             station = self.hypotheses[best]
-            station.update(message, generated_ms, now_ms)
+            station.update(heard)
             if any(station.contradicts(other) for other in self.hypotheses):
-                self._at_odds_ms = generated_ms
+                self._at_odds_ms = heard.generated_ms
         return refusals[best]
 
-    def _proves_another(
-        self,
-        message: CamMessage,
-        generated_ms: int,
-        now_ms: int,
-        road: RoadLine,
-        ego_position_m: float,
-    ) -> bool:
+    def _proves_another(self, heard: Heard, ego_position_m: float) -> bool:
         """Take in what no hypothesis can have sent; return whether it proves another one."""
         for station in self._candidates:
-            refused = station.refusal(message, generated_ms, now_ms)
+            refused = station.refusal(heard)
             if refused in REPEATED:
                 return False
             if refused is None:
                 at_odds_ms = station.generated_ms
                 proven = any(known.contradicts(station) for known in self.hypotheses)
                 self._candidates[station] += proven
-                station.update(message, generated_ms, now_ms)
+                station.update(heard)
                 if self._candidates[station] < PROOFS:
                     return False
                 del self._candidates[station]
@@ -126,10 +102,10 @@ class Identity:
                 self._at_odds_ms = at_odds_ms
                 self.contested_since_ms = self.contested_since_ms or at_odds_ms
                 return True
-        near_m = self.first.fix.position_m
         if len(self._candidates) >= MAX_CANDIDATES:
             del self._candidates[next(iter(self._candidates))]
-        self._candidates[Station(message, generated_ms, road, now_ms, near_m)] = 0
+        first = self.first
+        self._candidates[Station(heard, first.road, first.fix.position_m)] = 0
         return False
 
     def _add_hypothesis(self, station: Station, ego_position_m: float) -> None:
@@ -233,18 +209,17 @@ class StationTable:
     ) -> Rejection | None:
         if absurd(message):
             return Rejection.ABSURD
-        generated_ms = generation_time_ms(message, packet_timestamp_ms, now_ms)
-        if isinstance(generated_ms, Rejection):
-            return generated_ms
+        heard = dated(message, packet_timestamp_ms, now_ms)
+        if isinstance(heard, Rejection):
+            return heard
         station_id = message.station_id
         identity = self._confirmed.get(station_id) or self._newcomers.get(station_id)
         if identity is None or not identity.forget_silent(now_ms):
             self._confirmed.pop(station_id, None)
             self._newcomers.pop(station_id, None)
-            station = Station(message, generated_ms, self._road, now_ms, ego_position_m)
-            self._admit(station_id, Identity(station))
+            self._admit(station_id, Identity(Station(heard, self._road, ego_position_m)))
             return None
-        refused = identity.receive(message, generated_ms, now_ms, self._road, ego_position_m)
+        refused = identity.receive(heard, ego_position_m)
         if refused is None and station_id in self._newcomers and identity.is_confirmed:
             del self._newcomers[station_id]
             self._confirm(station_id, identity, ego_position_m)
