@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,8 @@ from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 # The same examples in every run, and no deadline: a busy machine must not fail a test.
 settings.register_profile("iptm", deadline=None, derandomize=True)
 settings.load_profile("iptm")
+# Thousands of tests are collected, and all of them stay.
+gc.disable()
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -46,6 +49,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     places = {path: place / len(computes) for place, path in enumerate(computes)}
     places |= {path: 0.85 * place / len(waits) for place, path in enumerate(waits, start=1)}
     items.sort(key=lambda item: places[item.path])
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -55,6 +60,15 @@ def compile_cache() -> Iterator[Path]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(CACHE_VARIABLE, str(folder))
         yield folder
+
+
+@pytest.fixture(scope="module", autouse=True)
+def short_trips(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Leave code for short trips unoptimised: it computes the same, and to optimise it takes longer."""
+    with pytest.MonkeyPatch.context() as patch:
+        if request.path.parent.name in {"iptm", "studies"}:
+            patch.setattr("iptm_core.optimised_code.NewestLibrary.improve", lambda _: None)
+        yield
 
 
 @pytest.fixture(scope="session")

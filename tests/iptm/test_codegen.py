@@ -100,15 +100,19 @@ def test_build_of_cmake(tmp_path: Path, compiler: tuple[str, ...]) -> None:
     assert np.any(off_m_s2)
 
 
-def test_no_object_asks_for_memory(tmp_path: Path, compiler: tuple[str, ...]) -> None:
-    """Seen from what the linker would have to find."""
+def test_memory_is_static_and_what_the_solver_lays_out(
+    tmp_path: Path, compiler: tuple[str, ...]
+) -> None:
+    """That no object asks for memory is seen from what the linker would have to find."""
     if shutil.which("nm") is None:
         pytest.skip("no nm on this machine")
-    folder = written(tmp_path, "--ticks", "1", "--horizon", "2x1")
-    sources = [path for path in folder.glob("*.c") if path.name != "bench.c"]
-    subprocess.run([*compiler, *FLAGS, "-c", *sources], cwd=folder, check=True, timeout=300)
+    folder = written(tmp_path, "--ticks", "1", "--horizon", "2x1+3x5")
+    (folder / "bench.c").unlink()
+    command = [*compiler, *FLAGS, "-c", *folder.glob("*.c")]
+    subprocess.run(command, cwd=folder, check=True, timeout=300)
+    objects = [*folder.glob("*.o")]
     listed = subprocess.run(
-        ["nm", "-P", *folder.glob("*.o")], capture_output=True, text=True, check=True
+        ["nm", "-P", *objects], capture_output=True, text=True, check=True
     ).stdout
     kinds = [line.split()[:2] for line in listed.splitlines() if not line.endswith(":")]
     outside = {name for name, kind in kinds if kind == "U"} - {
@@ -117,24 +121,17 @@ def test_no_object_asks_for_memory(tmp_path: Path, compiler: tuple[str, ...]) ->
     assert {"log", "exp"} <= outside
     assert outside <= ALLOWED
 
-
-def test_static_memory_is_what_the_solver_lays_out(
-    tmp_path: Path, compiler: tuple[str, ...]
-) -> None:
-    folder = written(tmp_path, "--ticks", "1", "--horizon", "2x1+3x5")
-    (folder / "bench.c").write_text(
+    (folder / "sizes.c").write_text(
         '#include "controller.h"\n#include <stdio.h>\n'
         "int main(void) {\n"
         '  printf("%d %d\\n", (int)iptm_checked_work_size(&iptm_horizon_of_solver),\n'
         "         (int)IPTM_CHECKED_WORK_SIZE(IPTM_STEPS, IPTM_MAX_ITERATIONS));\n"
         "  return 0;\n}\n"
     )
-    bench = folder / "bench"
-    subprocess.run(
-        [*compiler, *FLAGS, *folder.glob("*.c"), "-o", bench, "-lm"], check=True, timeout=300
-    )
+    command = [*compiler, *FLAGS, folder / "sizes.c", *objects, "-o", folder / "sizes", "-lm"]
+    subprocess.run(command, check=True, timeout=300)
     laid_out, reserved = subprocess.run(
-        [bench], capture_output=True, text=True, check=True
+        [folder / "sizes"], capture_output=True, text=True, check=True
     ).stdout.split()
     assert laid_out == reserved
 

@@ -42,9 +42,9 @@ MORE = {
     "vehicle/in_steps.py": {"iptm_controller", "iptm_v2x_bridge"},
     # They load real nodes and listen to them.
     "v2x/load.py": {"iptm_ros", "iptm_v2x_bridge", "rclpy", "sensor_msgs", "rosgraph_msgs"},
-    "speed/soak.py": {"iptm_ros"},
     "speed/peers.py": {"iptm_controller", "iptm_core", "casadi"},
     "speed/transcription.py": {"iptm_controller", "iptm_core", "casadi"},
+    "speed/sweeps.py": {"iptm_core"},
 }
 """What single studies need beyond that: extras, ROS 2, and the problem that solvers are compared on."""
 

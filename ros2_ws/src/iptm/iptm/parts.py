@@ -97,7 +97,6 @@ from iptm_core.physics.cell import ChargeTable as ChargeTable
 from iptm_core.physics.cell import ChargeTransfer as ChargeTransfer
 from iptm_core.physics.cell import ResistanceLaw as ResistanceLaw
 from iptm_core.physics.cell import ambient_temperature_rate_k_s as ambient_temperature_rate_k_s
-from iptm_core.physics.cell import cell_resistance_ohm as cell_resistance_ohm
 from iptm_core.physics.powertrain import coast_down_force_n as coast_down_force_n
 from iptm_core.physics.powertrain import drag_loss_w as drag_loss_w
 from iptm_core.physics.powertrain import motor_torque_nm as motor_torque_nm
@@ -105,7 +104,6 @@ from iptm_core.physics.powertrain import regenerative_torque_nm as regenerative_
 from iptm_core.physics.powertrain import traction_force_n as traction_force_n
 from iptm_core.physics.powertrain import traction_power_w as traction_power_w
 from iptm_core.physics.powertrain import warm_up_force_n as warm_up_force_n
-from iptm_core.program import StopRequest as StopRequest
 from iptm_core.program import refused as refused
 from iptm_core.road_ahead import SpeedLimits as SpeedLimits
 from iptm_core.routes import Route as Route
@@ -132,7 +130,6 @@ from iptm_core.units import KM_H_PER_M_S as KM_H_PER_M_S
 from iptm_core.user_input import StrictMapping as StrictMapping
 from iptm_core.user_input import check_known as check_known
 from iptm_core.user_input import number as number
-from iptm_core.user_input import whole_number as whole_number
 from iptm_plant_sim.plant import Plant as Plant
 from iptm_v2x_bridge.bridge import BridgeAnswer as BridgeAnswer
 from iptm_v2x_bridge.bridge import CycleSource as CycleSource
