@@ -52,9 +52,17 @@ def drive(solver: SolverBackend, *faults: Fault) -> Drive:
         assert decision.pack is not None
         reported.append(decision.pack.faults)
 
-    run = run_closed_loop(route, plant, controller, on_tick=keep, faults=FaultInjection(faults))
+    steps: list[PlantStep] = []
+    run = run_closed_loop(
+        route,
+        plant,
+        controller,
+        on_tick=keep,
+        faults=FaultInjection(faults),
+        on_step=lambda step, _: steps.append(step),
+    )
     assert not run.ended
-    return reported, list(run.steps)
+    return reported, steps
 
 
 @pytest.mark.parametrize(

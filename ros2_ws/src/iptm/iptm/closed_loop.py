@@ -5,6 +5,7 @@ Events are ordered as in the lock-step mode of the nodes, so both give the same 
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from typing import Protocol
@@ -24,7 +25,7 @@ from iptm_core.state import (
     LeaderState,
     VehicleState,
 )
-from iptm_core.trajectory import Trajectory
+from iptm_core.trajectory import Trajectory, trajectory_row
 from iptm_plant_sim.interval import PlantStep
 from iptm_plant_sim.plant import Plant
 from iptm_v2x_bridge.bridge import (
@@ -94,15 +95,16 @@ class TickController(Protocol):
 
 @dataclass(frozen=True)
 class ClosedLoopRun:
-    """A finished trip, with all quantities of the simulated vehicle at every instant.
+    """A finished trip.
 
     Attributes:
+        last: the simulated vehicle at the end.
         ended: why it ended before its time, empty if it did not.
     """
 
     trajectory: Trajectory
     decisions: DecisionSeries
-    steps: tuple[PlantStep, ...]
+    last: PlantStep
     ended: str = ""
 
 
@@ -195,10 +197,10 @@ def closed_loop(
 
     plant.watch(range_sensor)
     period_s = plant.monitor.settings.monitor_period_s
-    observed: list[tuple[PlantStep, LeaderState | None]] = []
+    rows = array("d")
 
     def observe(step: PlantStep, leader_now: LeaderState | None) -> None:
-        observed.append((step, leader_now))
+        rows.extend(trajectory_row(step, leader_now))
         if on_step is not None:
             on_step(step, leader_now)
 
@@ -224,10 +226,10 @@ def closed_loop(
     else:
         observe(step, leader_now)
     plant.watch(None)  # its sensor belongs to this trip
-    trajectory = Trajectory.from_ticks(observed)
+    trajectory = Trajectory.from_rows(rows)
     return ClosedLoopRun(
         trajectory,
         DecisionSeries.from_records(trajectory.time_s[:-1].tolist(), records),
-        tuple(step for step, _ in observed),
+        step,
         ended,
     )

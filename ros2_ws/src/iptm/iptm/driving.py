@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from typing import Any
@@ -74,12 +74,20 @@ def drive_in_memory(
         else OwnController(controller, trip.parameters.limits, conditions.period_s)
     )
     reports: list[Report] = []
+    of_vehicle: list[Report] = []
 
     def note(tick: int, measured: Measurements, decision: Decision) -> None:
         if on_tick is not None:
             on_tick(tick, measured, decision)
         if decision.reason != (reports[-1].text if reports else ""):
             reports.append(Report(tick * conditions.period_s, Reporter.CONTROLLER, decision.reason))
+
+    def observe(step: PlantStep, leader: LeaderState | None) -> None:
+        if on_step is not None:
+            on_step(step, leader)
+        report = vehicle_report(step, of_vehicle[-1].text if of_vehicle else "")
+        if report is not None:
+            of_vehicle.append(report)
 
     loop = run_closed_loop(
         route,
@@ -90,7 +98,7 @@ def drive_in_memory(
         bridge=bridge,
         leader=around,
         start_position_m=trip.vehicle.start_position_m,
-        on_step=on_step,
+        on_step=observe,
     )
     run = Run(
         name=trip.heading,
@@ -100,7 +108,7 @@ def drive_in_memory(
         decisions=loop.decisions,
         slope=route.slope,
         trip=trip,
-        reports=(*reports, *vehicle_reports(loop.steps)),
+        reports=(*reports, *of_vehicle),
         wall_time_s=time.perf_counter() - began_s,
         warnings=trip.notes,
     )
@@ -180,19 +188,21 @@ def controller_for(trip: Trip, own_law: AgingLaw | None = None) -> TickControlle
     return FaultyController(model, controller, faults, lambda _: None) if faults else controller
 
 
-def vehicle_reports(steps: Iterable[PlantStep]) -> Iterator[Report]:
-    """Yield what the safety monitor and the brakes reported, on every change."""
-    last = ""
-    for step in steps:
-        texts, share = [], step.safety.brake_share
-        if step.safety.service_braking_s > 0.0:
-            texts.append(f"service braking: {step.memory.reason}")
-        if share < NOTICED_SHARE:
-            texts.append(f"brakes deliver {100.0 * share:.0f} %")
-        text = ", ".join(texts)
-        if text != last:
-            yield Report(step.state.time_s, Reporter.VEHICLE, text, share < NOTICED_SHARE)
-        last = text
+def vehicle_report(step: PlantStep, last: str) -> Report | None:
+    """Return what safety monitor and brakes report at an instant; None where it is the same as before.
+
+    Args:
+        last: text of the report before, empty for none.
+    """
+    texts, share = [], step.safety.brake_share
+    if step.safety.service_braking_s > 0.0:
+        texts.append(f"service braking: {step.memory.reason}")
+    if share < NOTICED_SHARE:
+        texts.append(f"brakes deliver {100.0 * share:.0f} %")
+    text = ", ".join(texts)
+    if text == last:
+        return None
+    return Report(step.state.time_s, Reporter.VEHICLE, text, share < NOTICED_SHARE)
 
 
 def _with_own_parts(

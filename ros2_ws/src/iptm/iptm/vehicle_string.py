@@ -74,7 +74,7 @@ def run_string(
             leader=ahead,
             start_position_m=vehicle.start_position_m,
         )
-        _note_tick(vehicle_ahead, run.steps[-1].state, None)
+        _note_tick(vehicle_ahead, run.last.state, None)
         yield run
         ahead = vehicle_ahead
 

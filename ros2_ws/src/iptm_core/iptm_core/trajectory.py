@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from operator import attrgetter
 from typing import Any, ClassVar, TypeVar
@@ -180,11 +180,12 @@ class Trajectory(Columns):
     @classmethod
     def from_ticks(cls, ticks: Iterable[tuple[PlantObservation, LeaderState | None]]) -> Trajectory:
         """Build a trajectory from plant and leader, if measured, tick by tick."""
-        rows = [
-            (*_observed(observed), *((math.nan, math.nan) if leader is None else _motion(leader)))
-            for observed, leader in ticks
-        ]
-        table = np.array(rows, dtype=np.float64).reshape(len(rows), len(_OBSERVED) + len(_LEADER))
+        return cls.from_rows([value for tick in ticks for value in trajectory_row(*tick)])
+
+    @classmethod
+    def from_rows(cls, numbers: Sequence[float]) -> Trajectory:
+        """Build a trajectory from the numbers of its rows, one `trajectory_row` after the other."""
+        table = np.array(numbers, dtype=np.float64).reshape(-1, len(_OBSERVED) + len(_LEADER))
         columns = dict(zip((*_OBSERVED, *_LEADER), np.ascontiguousarray(table.T), strict=True))
         columns["state_of_charge"] = columns["state_of_charge"].astype(np.float32)
         gap_m = columns["leader_position_m"] - columns["position_m"]
@@ -205,7 +206,14 @@ _OBSERVED = {
 """Where the columns of the vehicle are in a `PlantObservation`."""
 _LEADER = "leader_position_m", "leader_speed_m_s"
 _observed, _motion = attrgetter(*_OBSERVED.values()), attrgetter("position_m", "speed_m_s")
+_UNKNOWN = math.nan, math.nan
 _OF_LEADER = frozenset((*_LEADER, "smallest_gap_m"))
+
+
+def trajectory_row(observed: PlantObservation, leader: LeaderState | None) -> tuple[float, ...]:
+    """Return the numbers of an instant, with the leader if it was measured."""
+    return (*_observed(observed), *(_UNKNOWN if leader is None else _motion(leader)))
+
 
 TRAJECTORY_COLUMNS = Trajectory.names()
 """Names of the columns of a `Trajectory`."""
