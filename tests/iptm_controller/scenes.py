@@ -40,6 +40,7 @@ from iptm_core.physics.power_thermal import (
     Smoothing,
     power_thermal_rates,
 )
+from iptm_core.physics.powertrain import MassLoad
 from iptm_core.physics.thermal_loop import reduce_channel
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState, SlopePreview, VehicleState
 
@@ -223,7 +224,7 @@ def run_stage(
         step_parameters += [*around, moved, speed_reference_m_s, ahead, leader[1]]
     losses = [state.cell_1_capacity_loss, state.cell_n_capacity_loss]
     shared = [*losses, REFERENCE_TEMPERATURE_K, *prices, lowest_k, thermal_energy_price_1_j]
-    shared += [charge_w, headway_price_1_m2_s, *weights]
+    shared += [charge_w, headway_price_1_m2_s, *MassLoad.of(model.body), *weights]
     following, cost, limits = _stage_function(step_s, count, smoothing, model)(
         (physical - layout.STATE_OFFSET) / layout.STATE_SCALE,
         np.array([acceleration_m_s2, compressor_power_w, *slacks]) / layout.INPUT_SCALE,

@@ -10,15 +10,23 @@ import pytest
 from tests.iptm_controller.scenes import PARAMETERS
 
 from iptm_controller.horizon import Horizon
+from iptm_controller.ocp import layout, stages
 from iptm_controller.ocp.compilation import compile_functions
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.vectorised_map import vectorise_maps
+from iptm_controller.solvers.riccati.backend import as_machine_code
 from iptm_controller.solvers.riccati.program import build_program
-from iptm_controller.solvers.riccati.stage_system import StageSystem, common_sparsity
+from iptm_controller.solvers.riccati.stage_program import stage_program
+from iptm_controller.solvers.riccati.stage_system import (
+    StageSparsity,
+    StageSystem,
+    common_sparsity,
+)
 from iptm_core import compilation
 from iptm_core.compilation import find_compiler
 from iptm_core.compiler import COMPILER_FLAGS, compiler_flags
 from iptm_core.parameters import load_parameters
+from iptm_core.physics.powertrain import MassLoad
 from iptm_core.state import FloatArray
 
 ALL_KINDS = "3x1+5x5+10x30t"
@@ -212,3 +220,45 @@ def test_another_vehicle_shares_the_machine_code_bit_by_bit(
         )
         for one, other in zip(own, expected, strict=True):
             assert np.array_equal(np.asarray(one), np.asarray(other), equal_nan=True)
+
+
+@pytest.mark.parametrize("name", ["paper_calibrated", "bmw_i3"])
+@pytest.mark.parametrize("mass_kg", [921.3, 1850.0, 40e3 / 3.0])
+def test_a_mass_in_the_data_gives_the_bits_of_one_in_the_code(
+    name: str, mass_kg: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = load_parameters(name, {"body.mass_kg": mass_kg}).values
+    problem = OptimalControlProblem(Horizon.parse(ALL_KINDS), model)
+    in_data = problem.without_load.stage_expressions()
+    load = MassLoad.of(model.body)
+    monkeypatch.setattr(stages, "MassLoad", lambda *_: load)
+    in_code = problem.stage_expressions()
+    rng = np.random.default_rng(7)
+    both_forms = [[StageSystem(stage, model) for stage in form] for form in (in_data, in_code)]
+    sparsity = common_sparsity(both_forms[0])
+    assert sparsity == common_sparsity(both_forms[1])
+    for systems in zip(*both_forms, strict=True):
+        for own, expected in zip(*(_functions(each, sparsity) for each in systems), strict=True):
+            for _ in range(20):
+                arguments = random_arguments(own, rng)
+                arguments[own.index_in("g")][layout.MASS_LOAD, 0] = load
+                assert_same(own, expected, arguments)
+
+
+def _functions(system: StageSystem, sparsity: StageSparsity) -> list[ca.Function]:
+    written = (
+        system.evaluate("evaluate"),
+        system.least_soft_slacks("slacks"),
+        system.follow("follow"),
+    )
+    return [system.linearise(sparsity, "linearise"), *written]
+
+
+def test_other_masses_share_one_library(cache: Path) -> None:
+    """No number of the mass is left in the code."""
+    for mass_kg in (1500.0, 1234.5, 3000.0):
+        model = load_parameters(overrides={"body.mass_kg": mass_kg}).values
+        problem = OptimalControlProblem(Horizon.parse("2x3"), model)
+        assert as_machine_code(problem, is_wanted=True) is not None
+    assert len(list(cache.glob("*.so"))) == 1
+    assert "NAN" not in "".join(stage_program(problem.without_load).sources)

@@ -232,6 +232,7 @@ def _data(
             _braced(strategy.weights.values()),
             strategy.reference_temperature_k,
             limits.min_temperature_k,
+            *builder.load,
         ),
     ]
     return "\n".join(lines)

@@ -34,6 +34,7 @@ from iptm_controller.tick_library import (
     vehicle,
 )
 from iptm_core.physics.ops import address
+from iptm_core.physics.powertrain import MassLoad
 from iptm_core.state import FloatArray, LeaderPreview, SlopePreview, VehicleState
 
 
@@ -170,6 +171,7 @@ class _Strategy(ctypes.Structure):
         ("weights", DOUBLE * len(layout.WEIGHTS)),
         ("reference_temperature_k", DOUBLE),
         ("min_temperature_k", DOUBLE),
+        *((name, DOUBLE) for name in MassLoad._fields),
     )
 
 
@@ -228,6 +230,7 @@ class PlanDataInC(PlanData):
             tuple(strategy.weights.values()),
             strategy.reference_temperature_k,
             builder.min_temperature_k,
+            *builder.load,
         )
         self._strategy_pointer = ctypes.byref(self._strategy)
         plan_size = (grid.steps + 1) * layout.STATES + grid.steps * layout.INPUTS

@@ -35,9 +35,10 @@ typedef struct {
   const double *positions_m, *slopes_rad;
 } iptm_slope;
 
-/* Weights of the cost, their common factor, and the temperatures that they refer to. */
+/* Weights of the cost, their common factor, the temperatures that they refer to, and the load of the vehicle. */
 typedef struct {
   double scale, weights[IPTM_WEIGHTS], reference_temperature_k, min_temperature_k;
+  double weight_n, rolling_n, inertia_kg;
 } iptm_strategy;
 
 /* Prices of the temperatures at the end of the horizon, see temperature_value.py; all zero for none. */

@@ -16,6 +16,7 @@ from iptm_controller.temperature_value import NO_VALUE, TemperatureValue
 from iptm_core.frozen import light
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.car_following import minimum_gap_m
+from iptm_core.physics.powertrain import MassLoad
 from iptm_core.state import FloatArray, LeaderPreview, SlopePreview, VehicleState
 
 REFERENCE_WINDOW_S = 2.0
@@ -55,6 +56,7 @@ class ProblemDataBuilder:
 
     Attributes:
         strategy: cost terms and their weights.
+        load: what of the road load grows with the mass of the vehicle.
         acceleration_intervals_s: times in which the acceleration changes on the way into each step.
         compressor_intervals_s: the same for the power of the compressor.
     """
@@ -78,6 +80,7 @@ class ProblemDataBuilder:
         # Behind what changes from tick to tick.
         weighted = [self._scale * weight for weight in strategy.weights.values()]
         self._weighted: FloatArray = np.array([math.nan] * len(GlobalIndex) + weighted)
+        self.load = self._weighted[layout.MASS_LOAD] = MassLoad.of(model.body)
         self._model = model
         self._limits = model.limits
         lengths = grid.horizon.step_lengths_s

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,6 +17,7 @@ from iptm_controller.ocp.stages import build_stage, build_thermal_stage
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.chiller import largest_useful_power_w
 from iptm_core.physics.power_thermal import Smoothing
+from iptm_core.physics.powertrain import MASS_LOAD_OF
 from iptm_core.state import FloatArray
 
 
@@ -32,6 +34,13 @@ class OptimalControlProblem:
     def grid(self) -> ProblemGrid:
         """Order of the flat vectors."""
         return ProblemGrid(self.horizon)
+
+    @property
+    def without_load(self) -> OptimalControlProblem:
+        """The problem without what `MassLoad` is made of, which comes with the data: it has the same code."""
+        unknown = dict.fromkeys(MASS_LOAD_OF, math.nan)
+        body = replace(self.model.body, **unknown)
+        return replace(self, model=replace(self.model, body=body))
 
     def stage_expressions(self) -> list[StageExpressions]:
         """Return the symbolic stages, one per kind of the grid."""

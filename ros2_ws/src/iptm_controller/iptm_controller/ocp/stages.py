@@ -59,7 +59,7 @@ from iptm_core.physics.power_thermal import (
     power_thermal_rates,
     rates_at_traction_power,
 )
-from iptm_core.physics.powertrain import advance_position_m, advance_speed_m_s
+from iptm_core.physics.powertrain import MassLoad, advance_position_m, advance_speed_m_s
 from iptm_core.physics.thermal_loop import reduce_channel
 
 LONGEST_STEP_WITHOUT_SAMPLED_GAP_S = 2.5
@@ -158,6 +158,7 @@ def _integrate(
             channel,
             smoothing,
             charge_limit_w(parameters, g),
+            MassLoad(*ca.vertsplit(g[layout.MASS_LOAD])),
         )
         speed_error = sample_speed - sample[SampleIndex.SPEED_REFERENCE]
         cost += share_s * cost_rate(rates, speed_error, sample_1, sample_n, g)

@@ -19,6 +19,7 @@ from iptm_core.physics.cell import (
 from iptm_core.physics.chiller import chiller_line
 from iptm_core.physics.ops import Scalar, excess
 from iptm_core.physics.powertrain import (
+    MassLoad,
     battery_power_w,
     brake_release,
     cell_current_a,
@@ -105,13 +106,17 @@ def electric_traction_power_w(
     slope_rad: Scalar,
     parameters: ModelParameters,
     smoothing: Smoothing = EXACT,
+    load: MassLoad | None = None,
 ) -> Scalar:
     """Traction power from motion and slope (eqs. 2, 3 and 5) with the brake hold at standstill.
 
     Where they are given, the limits of regeneration bound the torque, and the drag loss is added.
+
+    Args:
+        load: see `traction_force_n`.
     """
     powertrain = parameters.powertrain
-    force = traction_force_n(speed_m_s, acceleration_m_s2, slope_rad, parameters.body)
+    force = traction_force_n(speed_m_s, acceleration_m_s2, slope_rad, parameters.body, load)
     torque = motor_torque_nm(force, powertrain, force_smoothing_n=smoothing.force_n)
     if parameters.regeneration.limited:
         torque = regenerative_torque_nm(
@@ -141,14 +146,16 @@ def power_thermal_rates(
     channel: Channel,
     smoothing: Smoothing = EXACT,
     charge_w: Scalar | None = None,
+    load: MassLoad | None = None,
 ) -> PowerThermalRates:
     """Evaluate the coupled model at one instant of a motion; a negative power drives the heater.
 
     Args:
         charge_w: see `rates_at_traction_power`.
+        load: see `traction_force_n`.
     """
     traction = electric_traction_power_w(
-        speed_m_s, acceleration_m_s2, slope_rad, parameters, smoothing
+        speed_m_s, acceleration_m_s2, slope_rad, parameters, smoothing, load
     )
     return rates_at_traction_power(
         traction, speed_m_s, compressor_power_w, cells, parameters, channel, smoothing, charge_w

@@ -229,7 +229,7 @@ def as_machine_code(problem: OptimalControlProblem, *, is_wanted: bool) -> Machi
         return None
     # The number of steps is not part of the code.
     phases = tuple(replace(phase, steps=1) for phase in problem.horizon.phases)
-    stages = replace(problem, horizon=Horizon(phases))
+    stages = replace(problem.without_load, horizon=Horizon(phases))
     library = _library(stages, compiler, compiler_flags(), cache_directory())
     return MachineCode(problem, library)
 
@@ -320,7 +320,7 @@ class RiccatiBackend:
 
 def interpreted_method(problem: OptimalControlProblem) -> RiccatiMethod:
     """Return the method in Python on CasADi's virtual machine, with the results of the one in C."""
-    starting_point, search_direction, trial_point = _program(problem)
+    starting_point, search_direction, trial_point = _program(problem.without_load)
     # Iterate and step exist once, in the memory of the last function.
     last = BufferedFunction(trial_point)
     iterate = {name: last.arguments[name] for name in (*ITERATE, "p")}
