@@ -25,7 +25,7 @@ from iptm_core.errors import SolverSetupError
 LOGGER = logging.getLogger(__name__)
 TURN = "optimising.lock"
 """File in the cache that is locked by the process whose turn it is: one at a time."""
-_NICENESS = 10
+_NICENESS = 19
 _PROGRAM = "import sys; sys.path[:] = {}; from {} import compile_given; compile_given()"
 
 
