@@ -67,10 +67,10 @@ typedef struct {
 static iptm_real larger(iptm_real x, iptm_real y) { return y > x ? y : x; }
 static iptm_real smaller(iptm_real x, iptm_real y) { return y < x ? y : x; }
 
-/* As fmax of the C library, which ignores what is not a number. */
+/* As fmax of the C library, which ignores what is not a number; a selection where neither can be foreseen. */
 static iptm_real maximum(iptm_real x, iptm_real y) {
-  if (x > y) return x;
-  return x < y ? y : fmax(x, y);
+  const iptm_real found = x > y ? x : y;
+  return islessgreater(x, y) ? found : fmax(x, y);
 }
 
 static iptm_real *cut(iptm_real **free, size_t size) {
