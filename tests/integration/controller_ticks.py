@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from tests.integration.node_bench import NodeBench, S
 from tests.plant_messages import plant_messages
+from tests.table_messages import encode_leader_preview
 
 from iptm_controller.measurements import Measurements
 from iptm_core.state import LeaderPreview, LeaderState, SlopePreview, VehicleState
@@ -17,7 +18,6 @@ from iptm_ros.codecs import (
     decode_leader_preview,
     decode_observation,
     encode_leader,
-    encode_leader_preview,
 )
 from iptm_ros.diagnostics import Level
 from iptm_ros.topics import Topic

@@ -11,10 +11,10 @@ from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, PointCloud2, Temperature
 from std_msgs.msg import Float64, UInt8MultiArray
+from tests.table_messages import encode_table
 
 from iptm_core.lead_track import RangeTrack
 from iptm_ros.codecs import time_from_ns
-from iptm_ros.codecs.motion import encode_table
 from iptm_ros.codecs.vehicle import encode_tracks
 from iptm_ros.diagnostics import status_values
 from iptm_ros.topics import TOPICS, Topic
@@ -45,7 +45,7 @@ def message_of(topic: Topic, tick: int) -> Any:
         message = encode_tracks((RangeTrack(tick + 1.0, 0.0, 0.0),), tick * S)
     elif isinstance(message, PointCloud2):
         numbers = np.arange(16.0) + tick
-        message = encode_table(topic, tick * S, dict.fromkeys(spec.fields, numbers))
+        message = encode_table(tick * S, dict.fromkeys(spec.fields, numbers))
     elif isinstance(message, Temperature):
         message.temperature = 20.0 + tick
     elif isinstance(message, Float64):

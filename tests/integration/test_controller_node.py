@@ -24,6 +24,7 @@ from tests.integration.controller_ticks import (
     tick_messages,
 )
 from tests.integration.node_bench import NodeBench, S, node_bench
+from tests.table_messages import encode_leader_preview
 
 from iptm_controller.controller import Controller
 from iptm_controller.node import ControllerNode
@@ -33,7 +34,7 @@ from iptm_controller.node_ticks import read_measurements
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.settings import MOST_PREVIEW_STEPS
 from iptm_core.state import LeaderPreview, PackReading, SlopePreview
-from iptm_ros.codecs import decode_decision_record, decode_plan, encode_leader_preview, encode_slope
+from iptm_ros.codecs import decode_decision_record, decode_plan, encode_slope
 from iptm_ros.diagnostics import Level
 from iptm_ros.topics import Topic
 

@@ -12,13 +12,13 @@ import pytest
 from rosgraph_msgs.msg import Clock
 from tests.integration.cam_ego import BRIDGE, SENDER, Ego, free_port
 from tests.plant_messages import plant_messages
+from tests.table_messages import encode_plan
 
 from iptm_core.decision_record import DecisionRecord, Rung
 from iptm_core.state import VehicleState
 from iptm_ros.codecs import (
     PlanTrajectory,
     encode_decision_record,
-    encode_plan,
     time_from_s,
 )
 from iptm_ros.diagnostics import status_values

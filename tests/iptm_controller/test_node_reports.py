@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from tests.iptm_controller.scenes import NOW_S, PARAMETERS, make_scene, plain_solver
+from tests.table_messages import encode_plan
 
 from iptm_controller.controller import Controller
 from iptm_controller.decision import Decision
@@ -29,7 +30,6 @@ from iptm_ros.codecs import (
     decode_decision_record,
     decode_plan,
     encode_decision_record,
-    encode_plan,
 )
 from iptm_ros.diagnostics import Level
 

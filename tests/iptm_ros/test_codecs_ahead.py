@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from tests.table_messages import encode_plan
 
 from iptm_core.errors import MessageError
 from iptm_core.road_ahead import RoadAhead, SpeedLimits, Stop
@@ -14,7 +15,6 @@ from iptm_ros.codecs import (
     PlanTrajectory,
     decode_plan,
     decode_road_ahead,
-    encode_plan,
     encode_road_ahead,
     has_leader,
     serialized,

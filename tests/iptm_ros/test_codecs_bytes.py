@@ -16,6 +16,7 @@ from rosbags.typesys import Stores, get_typestore
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import BatteryState, JointState
 from std_msgs.msg import Float64, Float64MultiArray
+from tests.table_messages import encode_table
 
 from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
 from iptm_core.errors import MessageError
@@ -39,9 +40,7 @@ from iptm_ros.codecs import (
     encode_decision_record,
     encode_float64,
     encode_leader,
-    encode_leader_preview,
     encode_observation,
-    encode_plan,
     encode_road_ahead,
     leader_preview_bytes,
     plan_bytes,
@@ -113,10 +112,9 @@ def test_a_table_has_no_byte_too_many(count: int, stamp_ms: int, prefix: str, ra
     times_s = stamp_ms / 1e3 + np.cumsum([random.uniform(0.01, 5.0) for _ in range(count)])
     plan = PlanTrajectory(times_s, *columns.reshape(count, 6).T)
     stamp_ns = stamp_ms * 10**6
-    message, data = (
-        with_prefix(encode_plan(plan, stamp_ns), prefix),
-        plan_bytes(plan, stamp_ns, prefix),
-    )
+    named = dict(zip(TOPICS[Topic.PLAN].fields, vars(plan).values(), strict=True))
+    message = with_prefix(encode_table(stamp_ns, named), prefix)
+    data = plan_bytes(plan, stamp_ns, prefix)
     assert len(serialize_message(message)) == length(message) == len(data)
     assert deserialize_message(data, type(message)) == message
     found = table_of(Topic.PLAN, data)
@@ -137,7 +135,9 @@ def test_a_preview_is_read_from_its_bytes(topic: Topic, bounds_m: np.ndarray) ->
         *np.array([[1.0, 2.0, 3.0], [5.0, 7.0, 9.0], [2.0, 2.0, 2.0]]), bounds_m
     )
     data = leader_preview_bytes(preview, 1_500_000_000, "car_1", topic)
-    message = with_prefix(encode_leader_preview(preview, 1_500_000_000, topic), "car_1")
+    columns = list(vars(preview).values())[: 4 if bounds_m.size else 3]
+    named = dict(zip(TOPICS[Topic.LEADER_PREVIEW].fields, columns, strict=False))
+    message = with_prefix(encode_table(1_500_000_000, named), "car_1")
     assert deserialize_message(data, type(message)) == message
     if bounds_m.size and topic is Topic.LEADER_SAMPLES:
         assert table_of(topic, data) is None

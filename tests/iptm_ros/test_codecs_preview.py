@@ -12,13 +12,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import PointCloud2, PointField
+from tests.table_messages import encode_leader_preview
 
 from iptm_core.errors import MessageError
 from iptm_core.state import LeaderPreview, SlopePreview
 from iptm_ros.codecs import (
     decode_leader_preview,
     decode_slope,
-    encode_leader_preview,
     encode_slope,
 )
 from iptm_ros.topics import Topic

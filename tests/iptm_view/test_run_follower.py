@@ -13,6 +13,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.serialization import deserialize_message, serialize_message
 from tests.plant_messages import plant_messages
+from tests.table_messages import encode_leader_preview, encode_plan
 
 from iptm_core.errors import BagError
 from iptm_core.metrics import gap_margins_m
@@ -21,8 +22,6 @@ from iptm_core.state import LeaderPreview, SafetyRecord, VehicleState
 from iptm_core.trajectory import Trajectory
 from iptm_ros.codecs import (
     PlanTrajectory,
-    encode_leader_preview,
-    encode_plan,
 )
 from iptm_ros.codecs.cdr import time_from_s
 from iptm_ros.diagnostics import TRIP_TIME, Level

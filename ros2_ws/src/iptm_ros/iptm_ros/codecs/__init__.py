@@ -4,7 +4,6 @@ from iptm_ros.codecs.ahead import PlanTrajectory as PlanTrajectory
 from iptm_ros.codecs.ahead import decode_plan as decode_plan
 from iptm_ros.codecs.ahead import decode_road_ahead as decode_road_ahead
 from iptm_ros.codecs.ahead import decode_slope as decode_slope
-from iptm_ros.codecs.ahead import encode_plan as encode_plan
 from iptm_ros.codecs.ahead import encode_road_ahead as encode_road_ahead
 from iptm_ros.codecs.ahead import encode_slope as encode_slope
 from iptm_ros.codecs.ahead import has_leader as has_leader
@@ -23,7 +22,6 @@ from iptm_ros.codecs.cdr import time_from_s as time_from_s
 from iptm_ros.codecs.motion import decode_leader as decode_leader
 from iptm_ros.codecs.motion import decode_leader_preview as decode_leader_preview
 from iptm_ros.codecs.motion import encode_leader as encode_leader
-from iptm_ros.codecs.motion import encode_leader_preview as encode_leader_preview
 from iptm_ros.codecs.motion import leader_preview_bytes as leader_preview_bytes
 from iptm_ros.codecs.motion import table_of as table_of
 from iptm_ros.codecs.numbers import numbers_of as numbers_of

@@ -28,7 +28,6 @@ from iptm_ros.codecs.cdr import (
 from iptm_ros.codecs.motion import (
     all_finite,
     decode_table,
-    encode_table,
     increasing,
     table_bytes,
 )
@@ -64,18 +63,13 @@ class PlanTrajectory:
     compressor_powers_w: FloatArray
 
 
-def encode_plan(plan: PlanTrajectory, stamp_ns: int) -> PointCloud2:
-    """Return a plan as a message, stamped with the state that it starts from."""
-    return encode_table(Topic.PLAN, stamp_ns, _of_plan(plan))
-
-
 def plan_bytes(plan: PlanTrajectory, stamp_ns: int, prefix: str) -> bytes:
-    """Return the bytes of `encode_plan`, its frame with the prefix of a vehicle."""
-    return table_bytes(Topic.PLAN, stamp_ns, _of_plan(plan), prefix)
+    """Return a plan as the bytes of a message, stamped with the state that it starts from.
 
-
-def _of_plan(plan: PlanTrajectory) -> dict[str, FloatArray]:
-    return dict(zip(PLAN_NAMES, vars(plan).values(), strict=True))
+    Its frame has the prefix of a vehicle.
+    """
+    columns = dict(zip(PLAN_NAMES, vars(plan).values(), strict=True))
+    return table_bytes(Topic.PLAN, stamp_ns, columns, prefix)
 
 
 def decode_plan(

@@ -9,7 +9,6 @@ generation, which is the time of its first row. Where it is uncertain, a further
 from __future__ import annotations
 
 import struct
-from array import array
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any
@@ -29,7 +28,6 @@ from iptm_ros.codecs.cdr import (
     reject,
     s_from_ns,
     stamp_ns_of,
-    time_from_ns,
 )
 from iptm_ros.codecs.numbers import StampedNumbers, encoder, read_numbers, stamp_of
 from iptm_ros.message_types import Odometry, PointCloud2, PointField
@@ -77,42 +75,20 @@ def _rows(topic: Topic, columns: Mapping[str, FloatArray]) -> NDArray[np.void]:
     return rows
 
 
-def _message(
-    names: tuple[str, ...], rows: NDArray[np.void], stamp_ns: int, frame: str
-) -> PointCloud2:
-    message = PointCloud2(
-        height=1,
-        width=rows.size,
-        fields=_layout(names)[0],
-        is_bigendian=False,
-        point_step=rows.itemsize,
-        row_step=rows.nbytes,
-        data=array("B", rows.tobytes()),
-        is_dense=True,
-    )
-    message.header.stamp = time_from_ns(stamp_ns)
-    message.header.frame_id = frame
-    return message
-
-
-def encode_table(topic: Topic, stamp_ns: int, columns: Mapping[str, FloatArray]) -> PointCloud2:
-    """Return a table as a message.
+def table_bytes(
+    topic: Topic, stamp_ns: int, columns: Mapping[str, FloatArray], prefix: str
+) -> bytes:
+    """Return a table as the bytes of a message.
 
     Args:
         topic: names the columns in refusals.
         stamp_ns: of the message.
         columns: float64, shape (n,) each, the time and the position among them.
+        prefix: of the frame of a vehicle.
 
     Raises:
         MessageError: the columns differ in length, or a time is not finite.
     """
-    return _message(tuple(columns), _rows(topic, columns), stamp_ns, ROAD_FRAME)
-
-
-def table_bytes(
-    topic: Topic, stamp_ns: int, columns: Mapping[str, FloatArray], prefix: str
-) -> bytes:
-    """Return the bytes of `encode_table`, its frame with the prefix of a vehicle."""
     rows = _rows(topic, columns)
     start, fields = _form(tuple(columns), frame_in(prefix, ROAD_FRAME))
     head = bytearray(start)
@@ -269,27 +245,18 @@ def decode_leader(message: Odometry) -> LeaderState:
     return LeaderState(s_from_ns(stamp_of(message)), *numbers)
 
 
-def encode_leader_preview(
-    preview: LeaderPreview, stamp_ns: int, topic: Topic = Topic.LEADER_PREVIEW
-) -> PointCloud2:
-    """Return a prediction as a message.
-
-    Raises:
-        MessageError: the arrays differ in length, or a time is not finite.
-    """
-    return encode_table(topic, stamp_ns, _of_preview(preview))
-
-
 def leader_preview_bytes(
     preview: LeaderPreview, stamp_ns: int, prefix: str, topic: Topic = Topic.LEADER_PREVIEW
 ) -> bytes:
-    """Return the bytes of `encode_leader_preview`, its frame with the prefix of a vehicle."""
-    return table_bytes(topic, stamp_ns, _of_preview(preview), prefix)
+    """Return a prediction as the bytes of a message, its frame with the prefix of a vehicle.
 
-
-def _of_preview(preview: LeaderPreview) -> dict[str, FloatArray]:
+    Raises:
+        MessageError: see `table_bytes`.
+    """
     columns = {TIME: preview.times_s, POSITION: preview.positions_m, SPEED: preview.speeds_m_s}
-    return columns | {BOUND: preview.bounds_m} if preview.bounds_m.size else columns
+    if preview.bounds_m.size:
+        columns[BOUND] = preview.bounds_m
+    return table_bytes(topic, stamp_ns, columns, prefix)
 
 
 def decode_leader_preview(
