@@ -21,11 +21,11 @@ from pathlib import Path
 from iptm_core.compilation import Compilation, locked
 from iptm_core.compiler import COMPILER_FLAGS, QUICK_FLAGS, compiler_flags
 from iptm_core.errors import SolverSetupError
+from iptm_core.program import LOWEST_PRIORITY
 
 LOGGER = logging.getLogger(__name__)
 TURN = "optimising.lock"
 """File in the cache that is locked by the process whose turn it is: one at a time."""
-_NICENESS = 19
 _PROGRAM = "import sys; sys.path[:] = {}; from {} import compile_given; compile_given()"
 
 
@@ -50,9 +50,14 @@ class NewestLibrary:
 
     def improve(self) -> None:
         """Begin to optimise, unless that was done: at the first call, when the set-up needs no compiler."""
-        if self._optimised is not None:
-            given = self._optimised, _start(self._optimised)
-            self._optimised = None
+        if self._optimised is None:
+            return
+        optimised, self._optimised = self._optimised, None
+        try:
+            given = optimised, _start(optimised)
+        except OSError as error:
+            _warn(str(error))
+        else:
             threading.Thread(target=self._replace, args=given, daemon=True).start()
 
     def _replace(self, optimised: Compilation, process: subprocess.Popen[bytes]) -> None:
@@ -105,7 +110,9 @@ def _start(compilation: Compilation) -> subprocess.Popen[bytes]:
 def compile_given() -> None:
     """Do the compilation on the standard input: all that the process does."""
     compilation: Compilation = pickle.load(sys.stdin.buffer)  # noqa: S301  of the program that started it
-    os.nice(_NICENESS)
+    # A node that drives a car runs before all others, and so would what it starts.
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    os.nice(LOWEST_PRIORITY)
     try:
         with locked(compilation.code.with_name(TURN)):
             compilation.make()

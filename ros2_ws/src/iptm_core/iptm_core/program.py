@@ -34,6 +34,8 @@ EXIT_SIGNAL = 128
 """Added to the number of the signal that ended a program."""
 EXIT_INTERRUPTED = EXIT_SIGNAL + signal.SIGINT
 REAL_TIME_PRIORITY, _NICENESS = 10, -10
+LOWEST_PRIORITY = 19
+"""As niceness."""
 
 
 class StopRequest:

@@ -142,10 +142,6 @@ def end_with_parent(parent: int) -> None:
         os._exit(1)
 
 
-LOWEST_PRIORITY = 19
-"""As niceness."""
-
-
 class Companion(AbstractContextManager["Companion"]):
     """The process, which ends with the context and is idle until the first request.
 

@@ -23,7 +23,7 @@ from iptm.trip_settings import HOME
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.errors import BagError, IptmError, ScenarioError
 from iptm_core.parameters.strict_yaml import parse_yaml
-from iptm_core.program import EXIT_OK, refused
+from iptm_core.program import EXIT_OK, LOWEST_PRIORITY, refused
 from iptm_core.trajectory import Trajectory
 from iptm_core.units import CELSIUS_ZERO_K
 from iptm_core.user_input import StrictMapping
@@ -44,8 +44,6 @@ COLUMNS = (
     "cell_n_capacity_loss",
     "state_of_charge",
 )
-_NICENESS = 19
-"""Lowers the priority below the run and its view."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -111,5 +109,5 @@ def _write(content: object) -> None:
 
 
 if __name__ == "__main__":
-    os.nice(_NICENESS)
+    os.nice(LOWEST_PRIORITY)  # below the run and its view
     sys.exit(main())

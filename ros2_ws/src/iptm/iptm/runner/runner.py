@@ -25,7 +25,7 @@ from iptm.runner.composition import (
     trip_members,
 )
 from iptm.runner.drive import Drive, DriveOutcome, DriveResult
-from iptm.runner.fork import LOWEST_PRIORITY, Companion, draw, prepare
+from iptm.runner.fork import Companion, draw, prepare
 from iptm.runner.fork import drive as reference
 from iptm.runner.process_faults import ProcessFaults, unclean_ends
 from iptm.runner.progress import Progress, make_progress
@@ -41,7 +41,14 @@ from iptm.trip import NO_COMPARISON, Trip
 from iptm.trip_files import trip_text
 from iptm.trip_settings import NODES
 from iptm_core.errors import DriveError, IptmError, ScenarioError
-from iptm_core.program import EXIT_OK, EXIT_SIGNAL, EXIT_USER_ERROR, StopRequest, print_error
+from iptm_core.program import (
+    EXIT_OK,
+    EXIT_SIGNAL,
+    EXIT_USER_ERROR,
+    LOWEST_PRIORITY,
+    StopRequest,
+    print_error,
+)
 from iptm_ros.recording.run_information import collect_run_information
 from iptm_ros.topics import CONTROLLER, PLANT
 
