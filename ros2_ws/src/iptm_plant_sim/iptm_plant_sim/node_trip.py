@@ -235,12 +235,13 @@ class TripNode(SuiteNode):
             self._finish()
         elif self._pause_due:
             self._hold_trip()
+        if not self._is_real_time:
+            self._outputs[Topic.CLOCK].let_listeners_follow(self._outputs.values())
         self._publish_state()
         if not over and self._phase is not TripPhase.PAUSED:
             self._between.begin(self._trip.stamp_ns)
             if not self._is_real_time:
                 self._watchdog.feed()
-                self._outputs[Topic.CLOCK].let_listeners_follow(self._outputs.values())
         self._report()
 
     def _publish_state(self) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from rclpy.duration import Duration
 from rclpy.publisher import Publisher
@@ -41,7 +41,10 @@ def describe_qos(profile: QoSProfile) -> str:
     return text if durability == "volatile" else f"{text}, {durability}"
 
 
-_PATIENCE_S = 1.0
+_LOOK_AFTER, _WAIT_AFTER = 3 * STREAM_QOS.depth // 8, STREAM_QOS.depth // 2
+PATIENCE_S = 1.0
+"""Longest wait for listeners."""
+_PATIENCE, _NO_PATIENCE = Duration(seconds=PATIENCE_S), Duration()
 
 
 class PatientPublisher(Publisher):
@@ -53,21 +56,30 @@ class PatientPublisher(Publisher):
 
     is_left_behind = False
     _unheard = 0
+    _behind: Sequence[Publisher] = ()
 
     def let_listeners_follow(self, others: Iterable[Publisher] = ()) -> None:
-        """Wait, each time half a queue has been published, until every listener has it, as a recorder must.
+        """Hold up a tick that is about to be published until no listener is more than half a queue behind.
+
+        Listeners acknowledge once in several ticks. In the last of the ticks that may pass unacknowledged,
+        publishers of which all has arrived are found without waiting, and then the others are waited for.
 
         A listener that has stopped holds this up once, for a second. It is not waited for again until all
         have followed, or it has left the graph.
 
         Args:
-            others: waited for as well, as what is lost on the way is sent again topic by topic.
+            others: looked at as well, as what is lost on the way is sent again topic by topic.
         """
         self._unheard += 1
-        if self._unheard < STREAM_QOS.depth // 2:
+        if self._unheard < _LOOK_AFTER:
             return
-        self._unheard = 0
-        patience_s = 0.0 if self.is_left_behind else _PATIENCE_S
-        self.is_left_behind = not all(
-            each.wait_for_all_acked(Duration(seconds=patience_s)) for each in (self, *others)
-        )
+        is_late = self._unheard >= _WAIT_AFTER and not self.is_left_behind
+        patience = _PATIENCE if is_late else _NO_PATIENCE
+        behind = list(self._behind or (self, *others))
+        while behind and behind[-1].wait_for_all_acked(patience):
+            behind.pop()
+        self._behind = behind
+        if not behind:
+            self._unheard, self.is_left_behind = 0, False
+        elif is_late:
+            self.is_left_behind = True

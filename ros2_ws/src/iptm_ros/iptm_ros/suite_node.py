@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import time
 import traceback
 from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
@@ -23,7 +25,7 @@ from iptm_core.user_input import suggestion
 from iptm_ros.codecs import numbers_of, road_of, table_of
 from iptm_ros.connections import LOOK_PERIOD_S, ConnectionsReport
 from iptm_ros.node_health import AwakeClock, Heartbeat, NodeHealth
-from iptm_ros.publishers import PatientPublisher
+from iptm_ros.publishers import PATIENCE_S, PatientPublisher
 from iptm_ros.services import Service
 from iptm_ros.topics import TOPICS, Topic, frame_in, topic_of
 
@@ -200,7 +202,11 @@ class SuiteNode(Node):
         self._heartbeat = Heartbeat(self)
 
     def destroy_node(self) -> None:
-        """End the signs of life, too."""
+        """Let listeners receive the last messages first; end the signs of life, too."""
+        if self.context.ok():
+            until_s = time.monotonic() + PATIENCE_S
+            for publisher in self.publishers:
+                publisher.wait_for_all_acked(Duration(seconds=max(0.0, until_s - time.monotonic())))
         if self._heartbeat is not None:
             self._heartbeat.end()
         super().destroy_node()
