@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -32,6 +31,7 @@ from iptm_controller.node_ticks import (
 )
 from iptm_core.decision_record import DrivingMode
 from iptm_core.errors import MessageError, ServiceError
+from iptm_core.frozen import replace
 from iptm_core.saved_state import write_state
 from iptm_core.state import (
     NS_PER_S,

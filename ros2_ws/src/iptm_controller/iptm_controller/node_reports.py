@@ -253,7 +253,7 @@ class OperatorWatch:
 
     def __init__(self, parameters: ModelParameters, settings: WarningSettings) -> None:
         self._parameters = parameters
-        self._settings = settings
+        self._allowed_s = {concern: settings.after_s(concern) for concern in Concern}
         self._streaks = {concern: Streak() for concern in Concern}
         self._cooling = IneffectiveCooling()
         self.lasted_s: dict[Concern, float] = dict.fromkeys(Concern, 0.0)
@@ -277,7 +277,7 @@ class OperatorWatch:
         return tuple(
             text
             for concern, text in _WARNINGS.items()
-            if self.lasted_s[concern] > self._settings.after_s(concern)
+            if self.lasted_s[concern] > self._allowed_s[concern]
         )
 
     @property

@@ -161,7 +161,8 @@ class StampMatcher(Generic[K]):
     @property
     def is_waiting(self) -> bool:
         """Whether a set is there that lacks something."""
-        return bool(self._candidates())
+        has_state = any(self._leading in values for values in self._pending.values())
+        return has_state or bool(self._candidates())
 
     @property
     def backlog_ns(self) -> int:

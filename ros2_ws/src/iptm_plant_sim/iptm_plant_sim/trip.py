@@ -5,10 +5,10 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import replace
 from enum import Enum
 
 from iptm_core.errors import StateError
+from iptm_core.frozen import replace
 from iptm_core.physics.car_following import controlled_stop_command
 from iptm_core.state import NS_PER_S, Command, CommandSource, VehicleState
 from iptm_plant_sim.actuators import Clamp
