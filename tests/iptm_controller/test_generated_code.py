@@ -11,9 +11,8 @@ from tests.iptm_controller.scenes import PARAMETERS
 
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout, stages
-from iptm_controller.ocp.compilation import compile_functions
+from iptm_controller.ocp.compilation import compile_functions, vectorise_maps
 from iptm_controller.ocp.problem import OptimalControlProblem
-from iptm_controller.ocp.vectorised_map import vectorise_maps
 from iptm_controller.solvers.riccati.backend import as_machine_code
 from iptm_controller.solvers.riccati.program import build_program
 from iptm_controller.solvers.riccati.stage_program import stage_program

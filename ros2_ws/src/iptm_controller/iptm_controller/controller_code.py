@@ -16,7 +16,7 @@ import numpy as np
 from iptm_controller.controller import Controller
 from iptm_controller.forecast_in_c import past_room
 from iptm_controller.lead_check import unpredicted_s
-from iptm_controller.ocp.layout_header import layout_header
+from iptm_controller.ocp.layout import layout_header
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.stage import DEFAULT_SMOOTHING
 from iptm_controller.preview_trust import PreviewTrust

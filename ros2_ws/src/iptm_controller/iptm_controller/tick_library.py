@@ -13,7 +13,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
-from iptm_controller.ocp.layout_header import layout_header
+from iptm_controller.ocp.layout import layout_header
 from iptm_core.compilation import cache_directory, compile_sources, find_compiler
 from iptm_core.errors import SolverSetupError
 from iptm_core.physics.ops import doubles

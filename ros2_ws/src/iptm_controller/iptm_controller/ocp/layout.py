@@ -1,4 +1,4 @@
-"""Order and scaling of the variables of one stage.
+"""Order and scaling of the variables of one stage, for Python and for C.
 
 The optimiser works on scaled variables of order one; their scales are defined here only. Positions are
 relative to the ego vehicle at the present tick, temperatures relative to 30 degC.
@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from iptm_controller.strategy import COST_TERMS
+from iptm_core.state import FloatArray
 
 Index = TypeVar("Index", bound=IntEnum)
 
@@ -150,3 +151,40 @@ def in_order(index: type[Index], values: Mapping[Index, Any]) -> list[Any]:
 def step_parameter_count(samples: int) -> int:
     """Return the number of parameters of a step with `samples` samples."""
     return STEP_PARAMETERS + samples * SAMPLE_PARAMETERS
+
+
+_INDICES = {
+    "STATE": StateIndex,
+    "INPUT": InputIndex,
+    "GLOBAL": GlobalIndex,
+    "STEP": StepIndex,
+    "SAMPLE": SampleIndex,
+}
+
+
+def layout_header() -> str:
+    """Return ``layout.h``: the sizes of a stage, the places in its vectors, and its scales."""
+    sizes = {
+        "STATES": STATES,
+        "INPUTS": INPUTS,
+        "SLACKS": SLACKS,
+        "GLOBALS": GLOBALS,
+        "WEIGHTS": len(WEIGHTS),
+        "SAMPLE_PARAMETERS": SAMPLE_PARAMETERS,
+    }
+    places = {
+        f"{prefix}_{entry.name}": int(entry) for prefix, kind in _INDICES.items() for entry in kind
+    }
+    places |= {f"GLOBAL_{name.upper()}": place for name, place in WEIGHTS.items()}
+    scales = {
+        "STATE_SCALE": STATE_SCALE,
+        "STATE_OFFSET": STATE_OFFSET,
+        "INPUT_SCALE": INPUT_SCALE,
+    }
+    lines = [f"#define IPTM_{name} {value}" for name, value in (sizes | places).items()]
+    lines += [f"#define IPTM_{name} {_braced(values)}" for name, values in scales.items()]
+    return "\n".join(["#ifndef IPTM_LAYOUT_H", "#define IPTM_LAYOUT_H", *lines, "#endif", ""])
+
+
+def _braced(values: FloatArray) -> str:
+    return "{" + ", ".join(map(repr, values.tolist())) + "}"

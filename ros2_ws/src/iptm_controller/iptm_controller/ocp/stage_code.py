@@ -2,7 +2,7 @@
 
 CasADi writes a function of one stage as scalar statements. Here each becomes a C function that evaluates
 it for ``count`` steps at given places of flat arrays, four steps at a time in vector registers (see
-`vectorised_map`). The number of steps is an argument, so horizons of the same stage kinds share their code.
+`compilation`). The number of steps is an argument, so horizons of the same stage kinds share their code.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from functools import lru_cache
 
 import casadi as ca
 
-from iptm_controller.ocp.vectorised_map import LANES, PREAMBLE, STRAIGHT_LINE, in_lanes
+from iptm_controller.ocp.compilation import LANES, PREAMBLE, STRAIGHT_LINE, in_lanes
 from iptm_core.compiler import split_numbers
 
 _WRAPPER = re.compile(

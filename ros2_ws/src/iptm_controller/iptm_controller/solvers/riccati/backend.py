@@ -18,7 +18,7 @@ import numpy as np
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
-from iptm_controller.ocp.layout_header import layout_header
+from iptm_controller.ocp.layout import layout_header
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.interface import (
     RICCATI,

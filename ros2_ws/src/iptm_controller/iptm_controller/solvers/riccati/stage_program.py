@@ -13,11 +13,11 @@ from pathlib import Path
 import casadi as ca
 
 from iptm_controller.ocp import layout
+from iptm_controller.ocp.compilation import LANES
 from iptm_controller.ocp.layout import InputIndex, StateIndex
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.stage import StageExpressions
 from iptm_controller.ocp.stage_code import StageMap, stage_sources
-from iptm_controller.ocp.vectorised_map import LANES
 from iptm_controller.solvers.riccati.recursion import backward_step, forward_step
 from iptm_controller.solvers.riccati.stage_system import (
     StageSparsity,
