@@ -136,22 +136,21 @@ def survivors(folder: Path, source: str) -> tuple[int, list[Mutant]]:
     return len(every), left
 
 
-def lines_covered(folder: Path, source: str) -> str:
-    """Return the share of a source's lines that the cases reach, and their number, as gcov prints them."""
-    for name in SOURCES:
-        command = ["gcc", "--coverage", "-O0", "-fPIC", "-c", name]
-        subprocess.run(command, cwd=folder, check=True, timeout=60)  # noqa: S603
+def lines_covered(folder: Path) -> dict[str, str]:
+    """Return the share of each source's lines that the cases reach, and their number, as gcov prints them."""
+    command = ["gcc", "--coverage", "-O0", "-fPIC", "-c", *SOURCES]
+    subprocess.run(command, cwd=folder, check=True, timeout=60)  # noqa: S603
     objects = [name.replace(".c", ".o") for name in SOURCES]
     command = ["gcc", "--coverage", "-shared", *objects, "-o", "covered.so", "-lm"]
     subprocess.run(command, cwd=folder, check=True, timeout=60)  # noqa: S603
     # Counts are written when a process ends.
     call = [sys.executable, "-m", "studies.embedded.safeguard_cases", str(folder / "covered.so")]
     subprocess.run(call, cwd=ROOT, check=True, timeout=300)  # noqa: S603
-    command = ["gcov", "-n", source]
+    command = ["gcov", "-n", *SOURCES]
     found = subprocess.run(  # noqa: S603
         command, cwd=folder, check=True, capture_output=True, text=True, timeout=60
     ).stdout
-    return found[found.index(f"File '{source}'") :].split("Lines executed:")[1].splitlines()[0]
+    return dict(re.findall(r"^File '(.+)'\nLines executed:(.*)", found, re.MULTILINE))
 
 
 def misra_findings(folder: Path) -> dict[str, int]:

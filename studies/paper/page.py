@@ -28,7 +28,6 @@ def parts(
     runs: Mapping[str, Mapping[str, Any]],
     figures: Mapping[str, pd.DataFrame],
     verdicts: Mapping[str, pd.DataFrame],
-    terms: pd.DataFrame,
 ) -> dict[str, str]:
     """Texts of the template by name."""
     texts = {
@@ -42,7 +41,6 @@ def parts(
         "absolute": tables.absolute_figures(figures),
         "headline": tables.headline(figures),
         "statements": tables.by_topic(verdicts),
-        "terms": tables.markdown(terms.columns, terms.itertuples(index=False)),
         "search": search(),
         "printed_parameters": printed_parameters(),
         "cooling": cooling.table(),

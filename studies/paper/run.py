@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from studies.paper import checks, equations, figures, page, terms, trips
+from studies.paper import checks, equations, figures, page, trips
 
 import iptm
 
@@ -35,13 +35,10 @@ MEASURES_TIME = True
 def run(session: Any) -> bool:
     """Drive, check, and write the page; the short version drives the paper's runs for some seconds."""
     found = {name: paper(session, name, *given) for name, given in SETS.items()}
-    plan = terms.calls(session.short)
-    done = session.compute(terms.drive, list(plan.values()), list(plan))
     tables = {name: table(runs, timed=not session.short) for name, runs in found.items()}
     verdicts = {name: checks.all_checks(each) for name, each in tables.items()}
-    driven = {address: run for address, run in zip(plan, done, strict=True) if run is not None}
     regeneration = page.regeneration(table(drive(session, trips.regeneration_runs())))
-    parts = page.parts(found, tables, verdicts, terms.table(driven))
+    parts = page.parts(found, tables, verdicts)
     session.render(**parts, regeneration=regeneration)
     page.draw(session.output / "pictures", found, tables)
     if session.options.beyond:

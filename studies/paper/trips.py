@@ -36,13 +36,6 @@ SPLITS = {"3+12": (3, 12), "5+10": (5, 10), "8+7": (8, 7), "10+5": (10, 5), "12+
 SHORT_S = 2.0
 STEPS_S = (2, 5, 8, 10, 15)
 LONG_STEPS = (5, 10, 12, 15, 20)
-PAPER_STUDIES = (
-    "weighting",
-    "strategies",
-    "prediction_horizon",
-    "sampling_time",
-    "long_horizon",
-)
 
 
 def weighted(base: str, energy_1_j: float = 0.0, aging: float = 0.0) -> Settings:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from iptm_core.routes import Route, build_route
@@ -18,10 +16,3 @@ def route() -> Route:
 @pytest.fixture(scope="session")
 def source(route: Route) -> CycleSource:
     return CycleSource(route)
-
-
-@pytest.fixture
-def user_cycle(tmp_path: Path) -> Path:
-    path = tmp_path / "ramp.csv"
-    path.write_text("time_s,speed_m_s\n0,0\n1,1\n2,2\n3,2\n4,0\n")
-    return path

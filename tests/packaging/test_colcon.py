@@ -9,7 +9,7 @@ from tests.packaging.packages import ROOT
 pytestmark = pytest.mark.integration
 TEST = (
     "source scripts/env.sh; cd ros2_ws; colcon test --return-code-on-test-failure "
-    "--packages-select iptm --pytest-args -k test_traffic"
+    "--packages-select iptm_plant_sim --pytest-args -k test_motion"
 )
 """What was built is tested by the tests of its package; one small file stands for all."""
 
@@ -36,5 +36,5 @@ def test_workspace_builds_and_executables_run() -> None:
     ):
         assert f"runs: install/{package}/lib/{package}/{name}\n" in printed
     run("bash", "-c", TEST)
-    results = ET.parse(ROOT / "ros2_ws" / "build" / "iptm" / "pytest.xml").getroot()  # noqa: S314 (our own file)
+    results = ET.parse(ROOT / "ros2_ws" / "build" / "iptm_plant_sim" / "pytest.xml").getroot()  # noqa: S314 (our own file)
     assert int(results.find("testsuite").get("tests", 0)) > 0

@@ -72,17 +72,12 @@ def text_of(raw: bytes) -> str:
         return raw.decode("latin-1")
 
 
-def read_text_table(path: Path, columns: str = "") -> DriveTable:
-    """Read a table.
+def parse_text_table(text: str, source: str, columns: str = "") -> DriveTable:
+    """Parse the text of a table.
 
     Args:
         columns: which column is what, where its name does not say: ``speed=Vehicle_Speed[km/h],time=t[ms]``.
     """
-    return parse_text_table(text_of(read_content(path, MAX_BYTES)), str(path), columns)
-
-
-def parse_text_table(text: str, source: str, columns: str = "") -> DriveTable:
-    """Parse the text of a table; see `read_text_table`."""
     whole = text.rstrip("\0")
     notes = [] if whole == text else [f"{len(text) - len(whole)} empty bytes at its end left out"]
     if whole.startswith(REPAIRED):  # the log that the file was made of
