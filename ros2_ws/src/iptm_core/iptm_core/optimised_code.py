@@ -16,16 +16,18 @@ import sys
 import tempfile
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from iptm_core.compilation import Compilation, locked
 from iptm_core.compiler import COMPILER_FLAGS, QUICK_FLAGS, compiler_flags
 from iptm_core.errors import SolverSetupError
-from iptm_core.program import LOWEST_PRIORITY
 
 LOGGER = logging.getLogger(__name__)
 TURN = "optimising.lock"
 """File in the cache that is locked by the process whose turn it is: one at a time."""
+_NICENESS = 10
+"""It gives way to programs, but ends while others compute, too."""
 _PROGRAM = "import sys; sys.path[:] = {}; from {} import compile_given; compile_given()"
 
 
@@ -112,7 +114,9 @@ def compile_given() -> None:
     compilation: Compilation = pickle.load(sys.stdin.buffer)  # noqa: S301  of the program that started it
     # A node that drives a car runs before all others, and so would what it starts.
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-    os.nice(LOWEST_PRIORITY)
+    os.nice(_NICENESS)
+    with suppress(OSError):  # Linux may schedule sessions as groups, within which niceness counts
+        Path("/proc/self/autogroup").write_text(str(_NICENESS), encoding="ascii")
     try:
         with locked(compilation.code.with_name(TURN)):
             compilation.make()
