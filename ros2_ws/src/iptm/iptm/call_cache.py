@@ -7,7 +7,7 @@ import multiprocessing
 import os
 import pickle
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, redirect_stderr
 from dataclasses import dataclass
@@ -161,20 +161,18 @@ def _submitted(
     futures: dict[Future[tuple[Any, str]], int] = {
         executor.submit(_quiet_call, function, calls[index]): index for index in waiting
     }
+    broken: BrokenProcessPool | None = None
     try:
-        while futures:
-            done, _ = wait(futures, return_when=FIRST_COMPLETED)
-            broken: BrokenProcessPool | None = None
-            for future in done:
-                index, error = futures.pop(future), future.exception()
-                if isinstance(error, BrokenProcessPool):
-                    broken = error
-                elif error is not None:
-                    yield Outcome(index, failure=_cause(error))
-                else:
-                    yield Outcome(index, *future.result())
-            if broken is not None:
-                raise broken
+        for future in as_completed(futures):
+            index, error = futures.pop(future), future.exception()
+            if isinstance(error, BrokenProcessPool):
+                broken = error
+            elif error is not None:
+                yield Outcome(index, failure=_cause(error))
+            else:
+                yield Outcome(index, *future.result())
+        if broken is not None:
+            raise broken
     finally:
         for future in futures:
             future.cancel()
