@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import subprocess
 from collections.abc import Iterator
 from dataclasses import replace
@@ -26,6 +27,7 @@ from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import GlobalIndex, InputIndex
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.interface import SolveResult, SolverOptions
+from iptm_controller.solvers.riccati import backend as riccati
 from iptm_controller.solvers.riccati.backend import RiccatiBackend, as_machine_code
 from iptm_controller.solvers.switching_check import SwitchingCheck
 from iptm_core.decision_record import SolveStatus
@@ -184,3 +186,20 @@ def test_nothing_is_allocated(cache: Path) -> None:
     names = {line.split()[-1].partition("@")[0] for line in listed.splitlines()}
     assert {"log", "exp"} <= names
     assert not names & {"malloc", "calloc", "realloc", "free", "printf", "exit", "abort"}
+
+
+@pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="no list of what is loaded")
+def test_libraries_of_earlier_models_are_closed(cache: Path) -> None:
+    def loaded() -> set[Path]:
+        lines = Path("/proc/self/maps").read_text().splitlines()
+        return set(cache.glob("*.so")) & {Path(line.split()[-1]) for line in lines}
+
+    problem = OptimalControlProblem(Horizon.parse("2x3"), PARAMETERS)
+    code = as_machine_code(problem, is_wanted=True)
+    if code is None:
+        pytest.skip("no C compiler on this machine")
+    riccati._library.cache_clear()
+    assert loaded()
+    del code
+    gc.collect()
+    assert not loaded()

@@ -7,6 +7,7 @@ process outlives the program, so that a short trip ends at once and the next one
 
 from __future__ import annotations
 
+import _ctypes
 import ctypes
 import logging
 import os
@@ -15,6 +16,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+import weakref
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -34,6 +36,8 @@ _PROGRAM = "import sys; sys.path[:] = {}; from {} import compile_given; compile_
 class NewestLibrary:
     """A library, replaced by the optimised one as soon as that is compiled.
 
+    Both are closed with this object: of many models, those in use stay in memory.
+
     Args:
         optimised: its compilation; None where the library is it.
         load: returns the library of a file, ready for calls.
@@ -49,6 +53,8 @@ class NewestLibrary:
         load: Callable[[Path], ctypes.PyDLL],
     ) -> None:
         self.newest, self._optimised, self._load = load(path), optimised, load
+        self._opened = [self.newest]
+        weakref.finalize(self, _close, self._opened).atexit = False
 
     def improve(self) -> None:
         """Begin to optimise, unless that was done: at the first call, when the set-up needs no compiler."""
@@ -67,10 +73,16 @@ class NewestLibrary:
         try:
             if (path := optimised.find()) is not None:
                 self.newest = self._load(path)
+                self._opened.append(self.newest)
             elif not _warn_of_failure(optimised):
                 _warn(f"the process that compiles ended with exit code {code}")
         except SolverSetupError as error:
             _warn(str(error))
+
+
+def _close(libraries: Sequence[ctypes.PyDLL]) -> None:
+    for library in libraries:
+        _ctypes.dlclose(library._handle)  # noqa: SLF001  ctypes never does
 
 
 def compile_in_steps(
