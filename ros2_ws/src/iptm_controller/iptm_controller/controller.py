@@ -8,6 +8,9 @@ raises for bad measurements or failed solves: both are outcomes, reported in the
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 from iptm_controller.actuation import ActuationMemory, ActuationObserver, PowerAuthority
 from iptm_controller.charging_value import ChargingValuation
 from iptm_controller.decision import NOTHING, ControllerMemory, Decision
@@ -135,34 +138,7 @@ class Controller:
     @property
     def memory(self) -> ControllerMemory:
         """State carried from tick to tick; defaults for parts that this strategy or solver does not need."""
-        leaders, fusion, trust, usual = self._forecaster.memory
-        memory = ControllerMemory(
-            last_trusted=self._last_trusted,
-            last_plan=self._ladder.last_plan,
-            failures=self._ladder.failures,
-            leader=self._guard.leader,
-            leader_deceleration_m_s2=self._guard.deceleration_m_s2,
-            lost_ticks=self._guard.lost_ticks,
-            lead=self.lead.memory,
-            sender_clock=self._clock.memory,
-            leader_past=leaders,
-            fusion=fusion,
-            trust=trust,
-            usual_speed=usual,
-            actuation=self._actuation.memory,
-            pack=self._pack.memory,
-            estimator=self._estimator.memory,
-            is_cooling=self._production.is_cooling,
-            pace=self._road.pace,
-        )
-        if isinstance(trip := self.valuation, TemperatureValuation):
-            memory = replace(memory, trip_start=trip.start, foreseen_1_s=trip.foreseen_1_s)
-        if (past := self._traction) is not None:
-            memory = replace(memory, powers_w=past.powers_w, speeds_m_s=past.speeds_m_s)
-            memory = replace(memory, powers_until_s=past.until_s)
-        if isinstance(self.backend, SwitchingCheck):
-            memory = replace(memory, solves_since_second=self.backend.since_second)
-        return memory
+        return self.kept_memory()()
 
     @memory.setter
     def memory(self, memory: ControllerMemory) -> None:
@@ -182,6 +158,32 @@ class Controller:
             past.until_s = memory.powers_until_s
         if isinstance(self.backend, SwitchingCheck):
             self.backend.since_second = memory.solves_since_second
+
+    def kept_memory(self) -> Callable[[], ControllerMemory]:
+        """Return what builds the memory of now, whenever it is called: nearly all of its time is building."""
+        forecast, pack = self._forecaster.kept_memory(), self._pack.kept_memory()
+        parts: dict[str, object] = {
+            "last_trusted": self._last_trusted,
+            "last_plan": self._ladder.last_plan,
+            "failures": self._ladder.failures,
+            "leader": self._guard.leader,
+            "leader_deceleration_m_s2": self._guard.deceleration_m_s2,
+            "lost_ticks": self._guard.lost_ticks,
+            "lead": self.lead.memory,
+            "sender_clock": self._clock.memory,
+            "actuation": self._actuation.memory,
+            "estimator": self._estimator.memory,
+            "is_cooling": self._production.is_cooling,
+            "pace": self._road.pace,
+        }
+        if isinstance(trip := self.valuation, TemperatureValuation):
+            parts |= {"trip_start": trip.start, "foreseen_1_s": trip.foreseen_1_s}
+        if (past := self._traction) is not None:
+            parts |= {"powers_w": past.powers_w, "speeds_m_s": past.speeds_m_s}
+            parts["powers_until_s"] = past.until_s
+        if isinstance(self.backend, SwitchingCheck):
+            parts["solves_since_second"] = self.backend.since_second
+        return partial(ControllerMemory.built, forecast, pack, parts)
 
     def decide(self, measured: Measurements) -> Decision:
         """Decide one tick."""

@@ -7,7 +7,9 @@ another one with the same options decides on as that one would.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from iptm_controller.actuation import ActuationMemory
 from iptm_controller.estimator import EstimatorMemory
@@ -140,6 +142,18 @@ class ControllerMemory:
     is_cooling: bool = False
     pace: PaceMemory | None = None
     solves_since_second: int | None = None
+
+    @classmethod
+    def built(
+        cls,
+        forecast: Callable[[], ForecastMemory],
+        pack: Callable[[], PackMemory],
+        parts: Mapping[str, Any],
+    ) -> ControllerMemory:
+        """Return the memory with its other parts, by their names."""
+        names = "leader_past", "fusion", "trust", "usual_speed"
+        forecasts: dict[str, Any] = dict(zip(names, forecast(), strict=True))
+        return cls(**parts, **forecasts, pack=pack())
 
     @property
     def forecast(self) -> ForecastMemory:

@@ -9,6 +9,7 @@ extrapolated: its measured acceleration decays. Which of these holds, and why, i
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -175,12 +176,17 @@ class LeaderForecaster:
     @property
     def memory(self) -> ForecastMemory:
         """What is carried from tick to tick."""
-        return tuple(self._past), self.fusion.memory, self.trust.memory, self._usual
+        return self.kept_memory()()
 
     @memory.setter
     def memory(self, memory: ForecastMemory) -> None:
         past, self.fusion.memory, self.trust.memory, self._usual = memory
         self._past = deque(past)
+
+    def kept_memory(self) -> Callable[[], ForecastMemory]:
+        """Return what builds the memory of now, whenever it is called."""
+        memory = tuple(self._past), self.fusion.memory, self.trust.memory, self._usual
+        return lambda: memory
 
     @property
     def noise(self) -> str:
@@ -245,11 +251,7 @@ class LeaderForecaster:
         return joined[0], joined[-1]
 
     def _limiting(
-        self,
-        leader: LeaderState,
-        preview: LeaderPreview,
-        future: LeaderPreview,
-        known_s: float,
+        self, leader: LeaderState, preview: LeaderPreview, future: LeaderPreview, known_s: float
     ) -> LeaderPreview:
         cautious = self._follow_preview(leader, preview.cautious())
         bounded = future.times_s <= leader.time_s + known_s + 1e-9
@@ -301,10 +303,8 @@ class LeaderForecaster:
             return PreviewQuality.INVALID, fault
         age_s = leader.time_s - preview.generated_at_s
         if age_s > self._max_age_s:
-            return (
-                PreviewQuality.STALE,
-                f"preview is {age_s:.1f} s old; allowed: up to {self._max_age_s:g} s",
-            )
+            reason = f"preview is {age_s:.1f} s old; allowed: up to {self._max_age_s:g} s"
+            return PreviewQuality.STALE, reason
         if age_s < -1e-6:
             return PreviewQuality.INVALID, f"preview was generated {-age_s:.3f} s in the future"
         last_s = float(preview.times_s[-1])
@@ -318,9 +318,8 @@ class LeaderForecaster:
             )
         until_s = min(last_s, preview.known_until_s)
         if until_s < leader.time_s + self._horizon_s - 1e-6:
-            verb, ahead_s = "covers", max(until_s - leader.time_s, 0.0)
-            if until_s < last_s:
-                verb = "is known for"
+            verb = "is known for" if until_s < last_s else "covers"
+            ahead_s = max(until_s - leader.time_s, 0.0)
             return (
                 PreviewQuality.SHORT,
                 f"preview {verb} {ahead_s:.1f} s of a {self._horizon_s:g} s horizon",

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import ctypes
 import math
+from collections.abc import Callable
 from dataclasses import astuple
+from functools import partial
 
 import numpy as np
 
@@ -116,23 +118,7 @@ class LeaderForecasterInC(LeaderForecaster):
     @property
     def memory(self) -> ForecastMemory:
         """What is carried from tick to tick; see `LeaderForecaster`."""
-        c, leads = self._c_memory, self._numbers.leads
-        times, received, averaged, weights = self._columns[: len(_COLUMNS), : c.fused].copy()
-        preview = LeaderPreview(times, np.zeros(c.fused), received) if c.fused else None
-        average = (averaged, weights) if c.is_averaged else (None, None)
-        oldest = c.newest_tick + 1.0 - (len(self._predictions) - 1)
-        rows = sorted(row for row in self._predictions.tolist() if row[0] >= max(oldest, 1.0))
-        errors = (c.errors_m_s[tick * _LEADS : tick * _LEADS + leads] for tick in range(c.errors))
-        trust = TrustMemory(
-            tuple(Prediction(int(row[0]) - 1, row[1], tuple(row[2:])) for row in rows),
-            tuple(value for each in errors for value in each),
-            c.trusted_s if c.is_doubted else math.inf,
-            int(c.last_error_tick),
-            not c.is_unproved,
-        )
-        past = tuple(LeaderState(*row) for row in self._leaders[: c.past].tolist())
-        usual = UsualSpeed(*(getattr(c, name) for name in _USUAL))
-        return past, FusionMemory(preview, c.roughness_m2_s4, *average), trust, usual
+        return self.kept_memory()()
 
     @memory.setter
     def memory(self, memory: ForecastMemory) -> None:
@@ -163,6 +149,34 @@ class LeaderForecasterInC(LeaderForecaster):
             ]
         c.is_doubted, c.is_unproved = not math.isinf(trust.horizon_s), not trust.proved
         c.trusted_s, c.last_error_tick = trust.horizon_s, trust.last_error_tick
+
+    def kept_memory(self) -> Callable[[], ForecastMemory]:
+        """See `LeaderForecaster`."""
+        c, rows = _Memory.from_buffer_copy(self._c_memory), self._predictions.copy()
+        columns = self._columns[: len(_COLUMNS), : c.fused].copy()
+        return partial(self._built, c, self._leaders[: c.past].copy(), columns, rows)
+
+    def _built(
+        self, c: _Memory, leaders: FloatArray, columns: FloatArray, predictions: FloatArray
+    ) -> ForecastMemory:
+        """Return the memory from copies of its arrays."""
+        leads = self._numbers.leads
+        times, received, averaged, weights = columns
+        preview = LeaderPreview(times, np.zeros(c.fused), received) if c.fused else None
+        average = (averaged, weights) if c.is_averaged else (None, None)
+        oldest = c.newest_tick + 1.0 - (len(predictions) - 1)
+        rows = sorted(row for row in predictions.tolist() if row[0] >= max(oldest, 1.0))
+        errors = (c.errors_m_s[tick * _LEADS : tick * _LEADS + leads] for tick in range(c.errors))
+        trust = TrustMemory(
+            tuple(Prediction(int(row[0]) - 1, row[1], tuple(row[2:])) for row in rows),
+            tuple(value for each in errors for value in each),
+            c.trusted_s if c.is_doubted else math.inf,
+            int(c.last_error_tick),
+            not c.is_unproved,
+        )
+        past = tuple(LeaderState(*row) for row in leaders.tolist())
+        usual = UsualSpeed(*(getattr(c, name) for name in _USUAL))
+        return past, FusionMemory(preview, c.roughness_m2_s4, *average), trust, usual
 
     @property
     def noise(self) -> str:

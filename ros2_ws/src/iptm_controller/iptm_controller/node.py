@@ -81,7 +81,7 @@ class ControllerNode(SuiteNode):
         self._model = self._options.model().values
         self._watch = OperatorWatch(self._model, self._options)
         self._start_memories = self._options.start_memories()
-        self._before: tuple[int, ControllerMemory] | None = None
+        self._before: tuple[int, Callable[[], ControllerMemory]] | None = None
         self._trip_before = (self._controller.memory, self._watch)
         self._slope: SlopePreview | None = None
         self._slope_fault = ""
@@ -235,7 +235,7 @@ class ControllerNode(SuiteNode):
         self._take_changes_over(matched.stamp_ns)
         measured = read_measurements(matched.values, self._slope)
         measured = replace(measured, is_followed=self._is_followed)
-        self._before = (matched.stamp_ns, self._controller.memory)
+        self._before = (matched.stamp_ns, self._controller.kept_memory())
         self._controller.lead.friction = self._friction.coefficient
         decision = self._controller.decide(measured)
         self._last, self._last_ns = decision, matched.stamp_ns
@@ -256,9 +256,10 @@ class ControllerNode(SuiteNode):
     def _save_state(self) -> str:
         if self._before is None:
             raise ServiceError("no decision has been made; allowed: a state of a trip under way")
-        path = state_path(self, self._options.state_folder, self._before[0])
-        write_state(path, self._options.saved_state(*self._before))
-        return f"saved {self._before[0] / NS_PER_S:g} s in {path}"
+        stamp_ns, memory = self._before
+        path = state_path(self, self._options.state_folder, stamp_ns)
+        write_state(path, self._options.saved_state(stamp_ns, memory()))
+        return f"saved {stamp_ns / NS_PER_S:g} s in {path}"
 
     def _publish(self, stamp_ns: int, decision: Decision) -> None:
         """Publish the command last, so that it completes the tick."""

@@ -11,6 +11,7 @@ Compressor, pump and fan are judged by what they do: the heat that the coolant l
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -111,6 +112,11 @@ class PackObserver:
         self._usual = [(name, PACK_RANGES[name], value) for name, value in usual.items()]
         self._flow_w_k = cooling.coolant_mass_flow_kg_s * cooling.coolant_specific_heat_j_kg_k
         self.memory = PackMemory()
+
+    def kept_memory(self) -> Callable[[], PackMemory]:
+        """Return what builds the memory of now, whenever it is called."""
+        memory = self.memory
+        return lambda: memory
 
     def observe(self, measured: Measurements, commanded: Command | None = None) -> PackReport:
         """Judge a tick.

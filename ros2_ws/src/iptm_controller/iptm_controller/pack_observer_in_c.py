@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import ctypes
 import math
+from collections.abc import Callable, Sequence
+from functools import partial
 
 from iptm_controller.measurements import (
     CORRECTION_1_S,
@@ -70,12 +72,7 @@ class PackObserverInC(PackObserver):
     @property
     def memory(self) -> PackMemory:
         """What is carried from tick to tick; see `PackObserver`."""
-        # One object for all that is not known, so that equal memories compare as equal.
-        numbers = [math.nan if math.isnan(value) else value for value in self._numbers]
-        time_s, age_s, contradicted_s, *cooling = numbers[: _SENSORS[0].start]
-        first, last = (SensorMemory(*numbers[place]) for place in _SENSORS)
-        cooled = CoolingMemory(*cooling)
-        return PackMemory(time_s, age_s, first, last, self._last, contradicted_s, cooled)
+        return self.kept_memory()()
 
     @memory.setter
     def memory(self, memory: PackMemory) -> None:
@@ -85,6 +82,10 @@ class PackObserverInC(PackObserver):
         )
         times_s = memory.time_s, memory.age_s, memory.contradicted_s
         self._write_numbers(*times_s, *vars(memory.cooling).values(), *sensors)
+
+    def kept_memory(self) -> Callable[[], PackMemory]:
+        """See `PackObserver`."""
+        return partial(_built, self._numbers[:], self._last)
 
     def observe(self, measured: Measurements, commanded: Command | None = None) -> PackReport:
         """See `PackObserver`."""
@@ -106,6 +107,16 @@ class PackObserverInC(PackObserver):
             return super().observe(measured, commanded)
         self._last = state
         return PackReport(state)
+
+
+def _built(known: Sequence[float], last: VehicleState | None) -> PackMemory:
+    """Return a memory from its numbers in C."""
+    # One object for all that is not known, so that equal memories compare as equal.
+    numbers = [math.nan if math.isnan(value) else value for value in known]
+    time_s, age_s, contradicted_s, *cooling = numbers[: _SENSORS[0].start]
+    cell_1, cell_n = (SensorMemory(*numbers[place]) for place in _SENSORS)
+    cooled = CoolingMemory(*cooling)
+    return PackMemory(time_s, age_s, cell_1, cell_n, last, contradicted_s, cooled)
 
 
 def pack_observer(parameters: ModelParameters, library: ctypes.PyDLL | None) -> PackObserver:
