@@ -108,6 +108,18 @@ def test_foreign_messages_and_a_restart_are_reported_and_survived(over_ros: Over
     assert [verdict.problem_text for verdict in verdicts] == ["", "", ""]
 
 
+def test_a_plant_that_is_started_again_is_resumed_and_drives_another_trip(
+    over_ros: OverRos,
+) -> None:
+    trial = planned(Fault(FaultKind.PROCESS_RESTARTED, 20.0, target="plant"))
+    driven = over_ros(trial)
+    assert driven.ended == ""
+    assert driven.run.trajectory.time_s[-1] == TRIP_S
+    free = drive_headless(planned(mode=DriveMode.HEADLESS))
+    rows = [Entry(fault, normal_within=60) for fault in trial.placed]
+    assert [verdict.problem_text for verdict in judge_trial(driven, rows, free)] == [""]
+
+
 @pytest.mark.parametrize(
     ("kind", "within_s", "report"),
     [

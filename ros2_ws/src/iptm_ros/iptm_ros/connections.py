@@ -159,6 +159,10 @@ class Meeting:
     def _take(self, name: str, message: DiagnosticStatus) -> None:
         self._reports[name] = _decode(message)
 
+    def forget(self, name: str) -> None:
+        """Wait for another report of a node, which was started again."""
+        self._reports.pop(name, None)
+
     @property
     def absent(self) -> tuple[str, ...]:
         """Nodes that have not reported yet."""
@@ -202,9 +206,15 @@ class StartSignal:
 
     def __init__(self, node: Node, names: Iterable[str], plant: str) -> None:
         self.meeting = Meeting(node, names)
+        self._plant = plant
         self._client = node.create_client(Trigger, full_name(plant, Service.RESUME.base_name))
         self._answer: Future | None = None
         self.called_s: float | None = None
+
+    def renew(self) -> None:
+        """Resume the plant once more: it was started again."""
+        self.meeting.forget(self._plant)
+        self._answer = self.called_s = None
 
     def give(self) -> bool:
         """Call the plant when it is time to; return whether it has answered. Call this repeatedly."""

@@ -189,7 +189,8 @@ class Drive(AbstractContextManager["Drive"]):
         return self.monitor.plant_reason or "waiting for the plant"
 
     def _wait_for_end(self) -> DriveResult:
-        """Spin until the plant has ended by itself."""
+        """Spin until the plant has ended by itself; resume one that a fault has started again."""
+        plant = PLANT
 
         def show() -> DriveResult | None:
             snapshot = self.monitor.snapshot()
@@ -213,7 +214,8 @@ class Drive(AbstractContextManager["Drive"]):
                     now_ns * 1e-9 >= self.trip.route.duration_s - _TIME_TOLERANCE_S
                     or PLANT in self.monitor.awaited_nodes
                 )
-            plant = self.process_faults.current(PLANT)
+            nonlocal plant
+            plant = self._resumed(plant)
             running = self.supervisor.is_running(plant)
             if running and self._is_all_answered:
                 self.supervisor.stop([plant])  # it waits for late listeners
@@ -245,6 +247,15 @@ class Drive(AbstractContextManager["Drive"]):
         topics = Topic.PLANT_STATE, *_LAST_ANSWERS
         is_answered = all(self.monitor.newest_stamp_ns(topic) == last_ns for topic in topics)
         return is_over and is_answered and not self.monitor.crowded_topics
+
+    def _resumed(self, before: str) -> str:
+        """Return what the plant is called now; resume it if it was called otherwise before."""
+        plant = self.process_faults.current(PLANT)
+        if plant != before:
+            self.monitor.start_signal.renew()
+        if not self._is_held:
+            self.monitor.start_signal.give()
+        return plant
 
     def _contradiction(self, snapshot: Snapshot) -> str:
         """Return evidence that messages of another run are mixed in, empty if there is none."""
