@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import ReliabilityPolicy
 from sensor_msgs.msg import Temperature
@@ -97,3 +98,13 @@ def test_a_viewer_that_looks_seldom_takes_no_more_than_the_newest(published: Pub
     # The same thread of the middleware delivers to both.
     published.peer.wait_until(lambda: len(heard) == MESSAGES, what="all messages")
     assert 0 < len(published.listener.take()) <= DEPTH + 1
+
+
+def test_what_has_arrived_of_a_topic_that_ends_is_not_lost(published: Published) -> None:
+    published.listen(*WATCHED)
+    for publisher in published.publishers:
+        publisher.publish(Temperature())
+        assert publisher.wait_for_all_acked(Duration(seconds=10.0))
+    published.listener.look(())
+    assert not published.listener.joined
+    assert [topic for topic, _ in published.listener.take()] == list(WATCHED)

@@ -50,6 +50,7 @@ class GraphSubscriptions:
         self._depth = depth
         self._specs = specs
         self._joined: dict[Topic, _Joined] = {}
+        self._received: list[tuple[int, Topic, bytes]] = []
 
     @property
     def joined(self) -> Collection[Topic]:
@@ -79,22 +80,23 @@ class GraphSubscriptions:
 
     def take(self) -> list[tuple[Topic, bytes]]:
         """Return what has arrived since, in the order in which it was published, as CDR bytes."""
-        taken: list[tuple[int, Topic, bytes]] = []
         for topic, joined in self._joined.items():
-            subscription = joined.subscription
-            with subscription.handle:
-                while True:
-                    found = subscription.handle.take_message(
-                        subscription.msg_type, subscription.raw
-                    )
-                    if found is None:
-                        break
-                    data, about = found
-                    taken.append((about["source_timestamp"], topic, data))
+            self._receive(topic, joined.subscription)
+        taken, self._received = self._received, []
         if any(topic in OF_A_TRIP for _, topic, _ in taken):
             self.is_running = True
         taken.sort(key=lambda entry: entry[0])
         return [(topic, data) for _, topic, data in taken]
+
+    def _receive(self, topic: Topic, subscription: Subscription) -> None:
+        """Take what the middleware has of a topic."""
+        with subscription.handle:
+            while True:
+                found = subscription.handle.take_message(subscription.msg_type, subscription.raw)
+                if found is None:
+                    return
+                data, about = found
+                self._received.append((about["source_timestamp"], topic, data))
 
     def _join(self, topic: Topic, *, is_whole: bool) -> None:
         joined = self._joined.get(topic)
@@ -115,6 +117,7 @@ class GraphSubscriptions:
     def _leave(self, topic: Topic) -> None:
         joined = self._joined.pop(topic, None)
         if joined is not None:
+            self._receive(topic, joined.subscription)  # the last ones of a node that has ended
             self._node.destroy_subscription(joined.subscription)
 
 
