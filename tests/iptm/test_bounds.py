@@ -14,6 +14,7 @@ from iptm.bounds import (
     braking_leads,
     emergency_stops,
     fully_cooled_k,
+    gaps_when_braking,
 )
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import BrakeParameters
@@ -57,6 +58,11 @@ def test_a_wall_that_was_seen_in_time_is_avoidable() -> None:
     assert below.any()
     assert not below[0]
     assert np.array_equal(avoidably_below_s_min(run, PARAMETERS, 60.0), below)
+
+
+def test_a_single_row_has_its_gap() -> None:
+    run = approach(380.0)
+    assert gaps_when_braking(run, PARAMETERS, 15, 15) == pytest.approx([380.0 - 300.0])
 
 
 def test_a_wall_out_of_nowhere_is_not_avoidable() -> None:

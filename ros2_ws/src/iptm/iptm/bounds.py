@@ -179,6 +179,8 @@ def _leader_positions_m(run: Trajectory, start: int, last: int, times_s: FloatAr
     rows = slice(start, last + 1)
     nodes = run.time_s[rows] - run.time_s[start]
     positions, speeds = run.leader_position_m[rows], run.leader_speed_m_s[rows]
+    if start == last:
+        return np.full(times_s.size, positions[0])
     index = np.clip(np.searchsorted(nodes, times_s, side="right") - 1, 0, nodes.size - 2)
     length = nodes[index + 1] - nodes[index]
     part = (times_s - nodes[index]) / length
