@@ -80,8 +80,10 @@ def _judge(
     levels = [report.level for report in worst]
     normal = _normal_row(driven, fault_free, worst, end)
     last = len(run) - 1 if normal is None else min(normal + LATE_REPORT_TICKS, len(run) - 1)
+    # What a disturbed range sensor measures between two rows is not a distance.
+    gaps_m = run.gap_m if fault.spec.place is FaultPlace.LEADER else run.closest_m
     figures = {
-        "smallest_gap_m": float(run.closest_m[first : last + 1].min()),
+        "smallest_gap_m": float(gaps_m[first : last + 1].min()),
         "braking_gap_m": _braking_gap_m(driven, fault, first, last),
     }
     if normal is not None:

@@ -21,6 +21,7 @@ from iptm_core.parameters import load_parameters
 from iptm_core.trajectory import TRAJECTORY_COLUMNS
 
 TRIP_S = 120.0
+WLTC_S = 1800.0
 PARAMETERS = load_parameters().values
 OverRos = Callable[[Trial], DrivenTrial]
 
@@ -111,13 +112,12 @@ def test_foreign_messages_and_a_restart_are_reported_and_survived(over_ros: Over
 def test_a_plant_that_is_started_again_is_resumed_and_drives_another_trip(
     over_ros: OverRos,
 ) -> None:
-    trial = planned(Fault(FaultKind.PROCESS_RESTARTED, 20.0, target="plant"))
-    driven = over_ros(trial)
+    """The trip is long enough for the runner to see its beginning, however fast the machine."""
+    fault = Fault(FaultKind.PROCESS_RESTARTED, 20.0, target="plant")
+    driven = over_ros(trial_on("wltc_class3b", WLTC_S, DriveMode.LOCK_STEP, [fault]))
     assert driven.ended == ""
-    assert driven.run.trajectory.time_s[-1] == TRIP_S
-    free = drive_headless(planned(mode=DriveMode.HEADLESS))
-    rows = [Entry(fault, normal_within=60) for fault in trial.placed]
-    assert [verdict.problem_text for verdict in judge_trial(driven, rows, free)] == [""]
+    assert driven.run.trajectory.time_s[-1] == WLTC_S
+    assert "another trip has begun" in {one.reason for one in driven.reports}
 
 
 @pytest.mark.parametrize(

@@ -206,18 +206,21 @@ class StartSignal:
 
     def __init__(self, node: Node, names: Iterable[str], plant: str) -> None:
         self.meeting = Meeting(node, names)
-        self._plant = plant
+        self._plant, self._process = plant, ""
         self._client = node.create_client(Trigger, full_name(plant, Service.RESUME.base_name))
         self._answer: Future | None = None
         self.called_s: float | None = None
 
-    def renew(self) -> None:
-        """Resume the plant once more: it was started again."""
-        self.meeting.forget(self._plant)
-        self._answer = self.called_s = None
+    def give(self, process: str = "") -> bool:
+        """Call the plant when it is time to; return whether it has answered. Call this repeatedly.
 
-    def give(self) -> bool:
-        """Call the plant when it is time to; return whether it has answered. Call this repeatedly."""
+        Args:
+            process: what runs the plant; another one than before, which was started again, is called as well.
+        """
+        if self._process not in {"", process}:
+            self.meeting.forget(self._plant)
+            self._answer = self.called_s = None
+        self._process = process
         now_s = time.monotonic()
         if self._answer is not None and self._answer.done():
             return True

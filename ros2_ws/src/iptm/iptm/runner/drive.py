@@ -113,11 +113,7 @@ class Drive(AbstractContextManager["Drive"]):
         self.monitor.expect(commands)
 
     def look_around(self, duration_s: float) -> DriveResult:
-        """Give the middleware time to discover the other participants of the domain.
-
-        Returns:
-            FINISHED, unless a process ended or another run was found.
-        """
+        """Let the middleware discover others; FINISHED unless a process ended or another run was found."""
         until_s = time.monotonic() + duration_s
 
         def show() -> DriveResult | None:
@@ -141,7 +137,7 @@ class Drive(AbstractContextManager["Drive"]):
 
         def begun() -> bool:
             if not (self._is_held or self.monitor.awaited_nodes or self.monitor.deaf_nodes):
-                self.monitor.start_signal.give()
+                self.monitor.start_signal.give(PLANT)
             return self.monitor.began_s is not None or self._has_ended()
 
         def show() -> DriveResult | None:
@@ -190,7 +186,6 @@ class Drive(AbstractContextManager["Drive"]):
 
     def _wait_for_end(self) -> DriveResult:
         """Spin until the plant has ended by itself; resume one that a fault has started again."""
-        plant = PLANT
 
         def show() -> DriveResult | None:
             snapshot = self.monitor.snapshot()
@@ -214,8 +209,8 @@ class Drive(AbstractContextManager["Drive"]):
                     now_ns * 1e-9 >= self.trip.route.duration_s - _TIME_TOLERANCE_S
                     or PLANT in self.monitor.awaited_nodes
                 )
-            nonlocal plant
-            plant = self._resumed(plant)
+            plant = self.process_faults.current(PLANT)
+            self._resume(plant)
             running = self.supervisor.is_running(plant)
             if running and self._is_all_answered:
                 self.supervisor.stop([plant])  # it waits for late listeners
@@ -248,14 +243,9 @@ class Drive(AbstractContextManager["Drive"]):
         is_answered = all(self.monitor.newest_stamp_ns(topic) == last_ns for topic in topics)
         return is_over and is_answered and not self.monitor.crowded_topics
 
-    def _resumed(self, before: str) -> str:
-        """Return what the plant is called now; resume it if it was called otherwise before."""
-        plant = self.process_faults.current(PLANT)
-        if plant != before:
-            self.monitor.start_signal.renew()
+    def _resume(self, plant: str) -> None:
         if not self._is_held:
-            self.monitor.start_signal.give()
-        return plant
+            self.monitor.start_signal.give(plant)
 
     def _contradiction(self, snapshot: Snapshot) -> str:
         """Return evidence that messages of another run are mixed in, empty if there is none."""
