@@ -58,7 +58,7 @@ def _resident_mb() -> float:
 
 def _sweep_s(workers: int, duration_s: float, turn: int) -> float:
     began_s = time.monotonic()
-    masses_kg = (np.linspace(1200.0, 2400.0, 60) + 0.1 * (2 * turn + workers)).tolist()
+    masses_kg = (np.linspace(1200.0, 2400.0, 400) + 0.1 * (2 * turn + workers)).tolist()
     iptm.sweep(
         cycle="us06", duration_s=duration_s, overrides={"body.mass_kg": masses_kg}, workers=workers
     )
