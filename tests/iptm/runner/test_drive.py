@@ -31,7 +31,7 @@ def drive_of(
         plant_reason="",
         awaited_nodes=(),
         deaf_nodes=(),
-        start_signal=SimpleNamespace(give=lambda: False, meeting=meeting),
+        start_signal=SimpleNamespace(give=lambda _: False, meeting=meeting),
         crowded_topics=("clock",) if snapshot else (),
         newest_stamp_ns=lambda _: None,
         snapshot=lambda: snapshot,
