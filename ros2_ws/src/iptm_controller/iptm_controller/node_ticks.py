@@ -131,7 +131,7 @@ class StampMatcher(Generic[K]):
         later = verdict is Verdict.NEXT
         over = [stamp for stamp in self._pending if not later or stamp < stamp_ns]
         for other in over:
-            # A beginning may be a stray stamp, then the trip before goes on with what has come of its tick.
+            # A beginning may be a stray stamp, then the trip before goes on with the messages of its tick.
             if self.gate.may_resume(other):
                 continue
             del self._pending[other]

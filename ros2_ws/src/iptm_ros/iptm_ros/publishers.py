@@ -68,7 +68,7 @@ class PatientPublisher(Publisher):
         have followed, or it has left the graph.
 
         Args:
-            others: looked at as well, as what is lost on the way is sent again topic by topic.
+            others: checked as well, as each topic sends its lost messages again by itself.
         """
         self._unheard += 1
         if self._unheard < _LOOK_AFTER:

@@ -75,7 +75,7 @@ def traction_force_n(
     negative, slopes positive uphill.
 
     Args:
-        load: what depends on the mass; None for that of the body.
+        load: terms that depend on the mass; None for the mass of the body.
     """
     weight_n, rolling_n, inertia_kg = load or MassLoad.of(body)
     grade = weight_n * sin(slope_rad)

@@ -61,7 +61,7 @@ class Heard:
 
 
 def dated(message: CamMessage, packet_timestamp_ms: int | None, now_ms: int) -> Heard | Rejection:
-    """Return a message with the time of its generation, or what is wrong with that."""
+    """Return a message with the time of its generation, or the reason for its refusal."""
     generated_ms = resolve_delta_ms(message.delta_time_ms, now_ms, DELTA_MODULUS_MS // 2)
     if packet_timestamp_ms is not None:
         apart = (packet_timestamp_ms - generated_ms) % TIMESTAMP_MODULUS_MS
