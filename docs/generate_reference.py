@@ -16,7 +16,7 @@ from interface_reference import TEMPLATES, services_page, topics_page
 from library_reference import library_page
 
 import iptm.runner
-from iptm.commands.tree import COMMANDS
+from iptm.commands.tree import all_commands
 from iptm.faults.fault import Fault
 from iptm.faults.kinds import FaultKind
 from iptm.runner.composition import parameter_file_text
@@ -63,7 +63,7 @@ def commands_page() -> str:
             head = next(line for line in text.splitlines() if line.startswith("# "))
             summary = head.removeprefix("# ").partition(": usage:")[0].removesuffix(":")
             scripts.append({"name": path.name, "summary": summary})
-    commands = [{"name": name, "summary": each.summary} for name, each in COMMANDS.items()]
+    commands = [{"name": name, "summary": each.summary} for name, each in all_commands().items()]
     return render_page(TEMPLATES, "commands.md.j2", scripts=scripts, commands=commands)
 
 

@@ -9,7 +9,7 @@
 # shellcheck shell=bash
 
 _iptm_enter() {
-    local root="$1" stamp venv mode package entry modules
+    local root="$1" stamp venv mode entry modules
     venv="$root/.venv"
     stamp="$venv/iptm-setup.stamp"
     if [ ! -f "$stamp" ] || [ ! -x "$venv/bin/python" ]; then
@@ -37,9 +37,8 @@ _iptm_enter() {
     fi
 
     modules="${PYTHONPATH:-}"
-    for package in iptm iptm_vehicle_interface iptm_view iptm_traffic iptm_controller iptm_v2x_bridge \
-        iptm_plant_sim iptm_ros iptm_core; do
-        entry="$root/ros2_ws/src/$package"
+    for entry in "$root"/ros2_ws/src/iptm* "$root"/ros2_ws/src/extras/*; do
+        [ -d "$entry" ] || continue
         case ":$modules:" in *":$entry:"*) ;; *) modules="$entry${modules:+:$modules}" ;; esac
     done
     # The studies are no package of the suite: the root itself, last.

@@ -6,7 +6,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from tests.packaging.packages import PACKAGES, ROOT
+from tests.packaging.packages import FOLDERS, PACKAGES, ROOT
 
 
 @pytest.fixture(scope="session")
@@ -69,7 +69,7 @@ class Clone:
         shutil.copytree(ROOT / "scripts", folder / "scripts")
         shutil.copytree(ROOT / "requirements", folder / "requirements")
         for package in PACKAGES:
-            (folder / "ros2_ws" / "src" / package).mkdir(parents=True)
+            (folder / FOLDERS[package].relative_to(ROOT)).mkdir(parents=True)
 
     def add_program(self, name: str, text: str) -> None:
         program = self.bin / name

@@ -12,7 +12,13 @@ from xml.etree import ElementTree as ET
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCE = ROOT / "ros2_ws" / "src"
-PACKAGES = sorted(path.parent.name for path in SOURCE.glob("*/package.xml"))
+FOLDERS = {
+    path.parent.name: path.parent
+    for pattern in ("*/package.xml", "extras/*/package.xml")
+    for path in SOURCE.glob(pattern)
+}
+EXTRAS = sorted(name for name, folder in FOLDERS.items() if folder.parent != SOURCE)
+PACKAGES = sorted(FOLDERS)
 
 
 @dataclass(frozen=True)
@@ -47,7 +53,7 @@ def _imported_names(tree: ast.AST, module: str, *, is_package: bool) -> frozense
 
 @cache
 def _read_module(package: str, path: Path) -> Module:
-    parts = list(path.relative_to(SOURCE / package).with_suffix("").parts)
+    parts = list(path.relative_to(FOLDERS[package]).with_suffix("").parts)
     is_package = parts[-1] == "__init__"
     name = ".".join(parts[:-1] if is_package else parts)
     tree = ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
@@ -56,20 +62,20 @@ def _read_module(package: str, path: Path) -> Module:
 
 def modules_of(package: str) -> list[Module]:
     """Return all modules of a package."""
-    paths = sorted((SOURCE / package / package).rglob("*.py"))
+    paths = sorted((FOLDERS[package] / package).rglob("*.py"))
     return [_read_module(package, path) for path in paths]
 
 
 def launch_files_of(package: str) -> list[Module]:
     """Return all launch files of a package."""
-    paths = sorted((SOURCE / package / "launch").glob("*.launch.py"))
+    paths = sorted((FOLDERS[package] / "launch").glob("*.launch.py"))
     return [_read_module(package, path) for path in paths]
 
 
 @cache
 def manifest_of(package: str) -> Any:
     """Return the package.xml of a package."""
-    return ET.parse(SOURCE / package / "package.xml").getroot()  # noqa: S314 (our own file)
+    return ET.parse(FOLDERS[package] / "package.xml").getroot()  # noqa: S314 (our own file)
 
 
 @cache
@@ -77,7 +83,7 @@ def setup_of(package: str) -> dict[str, Any]:
     """Return what the setup.py of a package hands to setuptools."""
     seen: dict[str, Any] = {}
     before = Path.cwd()
-    os.chdir(SOURCE / package)
+    os.chdir(FOLDERS[package])
     try:
         with mock.patch("setuptools.setup", seen.update):
             runpy.run_path("setup.py", run_name="__main__")

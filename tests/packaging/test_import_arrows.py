@@ -3,7 +3,7 @@
 import re
 
 import pytest
-from tests.packaging.packages import PACKAGES, modules_of
+from tests.packaging.packages import EXTRAS, FOLDERS, PACKAGES, ROOT, modules_of
 
 # Package -> the packages of this project that its modules may import.
 ALLOWED = {
@@ -12,7 +12,6 @@ ALLOWED = {
     "iptm_plant_sim": {"iptm_core", "iptm_ros"},
     "iptm_v2x_bridge": {"iptm_core", "iptm_ros"},
     "iptm_controller": {"iptm_core", "iptm_ros"},
-    "iptm_vehicle_interface": {"iptm_core", "iptm_ros", "iptm_controller", "iptm_plant_sim"},
     "iptm_view": {"iptm_core", "iptm_ros"},
     "iptm": {
         "iptm_core",
@@ -22,15 +21,10 @@ ALLOWED = {
         "iptm_controller",
         "iptm_view",
     },
-    "iptm_traffic": {
-        "iptm_core",
-        "iptm_ros",
-        "iptm_plant_sim",
-        "iptm_v2x_bridge",
-        "iptm_controller",
-        "iptm",
-    },
 }
+CORE = sorted(set(ALLOWED))
+# An extra may import all of the core, and the extras that its package.xml names (test_packages.py).
+ALLOWED |= {extra: set(PACKAGES) for extra in EXTRAS}
 
 # All of these run without ROS, but for the node modules of those that have one.
 PURE = {
@@ -38,10 +32,10 @@ PURE = {
     "iptm_plant_sim",
     "iptm_v2x_bridge",
     "iptm_controller",
-    "iptm_vehicle_interface",
     "iptm.faults",
-    "iptm_traffic",
 }
+# So do these extras, where they are installed.
+PURE |= {"iptm_vehicle_interface", "iptm_traffic"} & set(EXTRAS)
 
 # Nodes with faults inside are the nodes themselves but for that; the table of faults shows what the
 # controller node reports in trips without it.
@@ -74,6 +68,18 @@ def our_packages(imports: frozenset[str]) -> set[str]:
 
 def test_no_package_is_forgotten() -> None:
     assert set(PACKAGES) == set(ALLOWED)
+
+
+@pytest.mark.parametrize("package", CORE)
+def test_the_core_neither_imports_nor_names_an_extra(package: str) -> None:
+    named = [
+        f"{path.relative_to(ROOT)}: {extra}"
+        for path in FOLDERS[package].rglob("*")
+        if path.suffix in {".py", ".xml", ".yaml"}
+        for extra in EXTRAS
+        if re.search(rf"\b{extra}\b", path.read_text(encoding="utf-8"))
+    ]
+    assert named == []
 
 
 @pytest.mark.parametrize("package", ALLOWED)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 from packaging.requirements import Requirement
-from tests.packaging.packages import ROOT, manifest_of
+from tests.packaging.packages import FOLDERS, ROOT, manifest_of
 
 import iptm
 
@@ -137,7 +137,7 @@ def test_what_is_declared_is_true_at_both_ends(tmp_path: Path, end: str) -> None
         check=True,
         env=clean(),
     )
-    paths = [str(folder) for folder in (ROOT / "ros2_ws" / "src").iterdir() if folder.is_dir()]
+    paths = [str(folder) for folder in FOLDERS.values()]
     tests = [str(ROOT / name) for name in LIBRARY_TESTS]
     for command in (
         ["-c", TRY_IT.replace("assert iptm.__file__", "#"), ROOT / "bags" / "example_us06_120s"],

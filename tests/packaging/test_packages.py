@@ -10,9 +10,10 @@ from pathlib import Path
 
 import pytest
 from tests.packaging.packages import (
+    EXTRAS,
+    FOLDERS,
     PACKAGES,
     ROOT,
-    SOURCE,
     Module,
     launch_files_of,
     manifest_of,
@@ -72,7 +73,7 @@ def test_manifest_is_complete_and_setup_agrees_with_it(package: str) -> None:
     assert ("share/ament_index/resource_index/packages", f"resource/{package}") in installed
     assert (f"share/{package}", "package.xml") in installed
     for _, name in installed:
-        assert (SOURCE / package / name).is_file(), f"{package}/setup.py installs {name}"
+        assert (FOLDERS[package] / name).is_file(), f"{package}/setup.py installs {name}"
 
 
 def test_one_version_and_one_maintainer() -> None:
@@ -85,7 +86,7 @@ def test_one_version_and_one_maintainer() -> None:
 def test_everything_is_installed(package: str) -> None:
     """Each folder with Python in it is a package that is installed, and so is each data file."""
     setup = setup_of(package)
-    code = SOURCE / package / package
+    code = FOLDERS[package] / package
     files = [
         path.relative_to(code.parent)
         for path in code.rglob("*")
@@ -129,7 +130,7 @@ def test_executables_exist(package: str) -> None:
         assert f"def {function}(" in source, (
             f"executable {executable}: {module} has no {function}()"
         )
-    config = (SOURCE / package / "setup.cfg").read_text(encoding="utf-8")
+    config = (FOLDERS[package] / "setup.cfg").read_text(encoding="utf-8")
     # `ros2 run` looks for executables in lib/<package>.
     assert f"script_dir=$base/lib/{package}\n" in config
     assert f"install_scripts=$base/lib/{package}\n" in config
@@ -179,8 +180,9 @@ def test_setup_requires_exactly_the_imported_libraries(package: str) -> None:
 def test_colcon_test_runs_the_tests_of_the_package(package: str) -> None:
     """`colcon test` starts pytest with the test folder that `setup.cfg` of the package names."""
     settings = configparser.ConfigParser()
-    settings.read(SOURCE / package / "setup.cfg")
+    settings.read(FOLDERS[package] / "setup.cfg")
     (folder,) = settings["tool:pytest"]["testpaths"].split()
-    assert (SOURCE / package / folder).resolve() == ROOT / "tests" / package
-    assert (SOURCE / package / settings["tool:pytest"]["pythonpath"]).resolve() == ROOT
-    assert list((ROOT / "tests" / package).glob("test_*.py"))
+    tests = ROOT / "tests" / ("extras" if package in EXTRAS else "") / package
+    assert (FOLDERS[package] / folder).resolve() == tests
+    assert (FOLDERS[package] / settings["tool:pytest"]["pythonpath"]).resolve() == ROOT
+    assert list(tests.glob("test_*.py"))

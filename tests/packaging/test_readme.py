@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from tests.packaging.packages import ROOT
+from tests.packaging.packages import FOLDERS, ROOT
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 INSTALLATION = (ROOT / "docs" / "how-to" / "installation.md").read_text(encoding="utf-8")
@@ -75,7 +75,7 @@ def test_savings_stand_beside_their_road_their_preview_and_both_bases() -> None:
 
 
 def test_rosdep_skips_exactly_what_comes_with_pip() -> None:
-    manifests = (ROOT / "ros2_ws" / "src").glob("*/package.xml")
+    manifests = (folder / "package.xml" for folder in FOLDERS.values())
     keys = {
         key
         for manifest in manifests

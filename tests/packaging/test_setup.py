@@ -7,6 +7,8 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
+from tests.packaging.packages import FOLDERS, ROOT
+
 
 def test_second_call_does_nothing(clone: Any) -> None:
     assert clone.setup("--check")[0] == 1
@@ -191,7 +193,7 @@ def test_entering_shuts_out_another_ros(clone: Any) -> None:
     venv = clone.folder / ".venv"
     assert environment["AMENT_PREFIX_PATH"] == str(venv)
     assert environment["PATH"].startswith(f"{venv}/bin:")
-    packages = [str(path) for path in sorted((clone.folder / "ros2_ws" / "src").glob("iptm*"))]
+    packages = [str(clone.folder / path.relative_to(ROOT)) for path in FOLDERS.values()]
     # The root is there for the studies, which are no package.
     assert sorted(environment["PYTHONPATH"].split(":")) == sorted([str(clone.folder), *packages])
     assert "LD_LIBRARY_PATH" not in environment

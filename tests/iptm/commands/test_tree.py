@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 
 import iptm
-from iptm.commands.tree import COMMANDS, main
+from iptm.commands.tree import all_commands, main
 
+COMMANDS = all_commands()
 BAG = Path(__file__).parents[3] / "bags" / "example_us06_120s"
 MOST_LINES = 60
 """A screen and a half of 40 lines."""

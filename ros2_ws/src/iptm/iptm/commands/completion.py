@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 
 from iptm.commands.run import build_parser
-from iptm.commands.tree import COMMANDS
+from iptm.commands.tree import all_commands
 from iptm_core.program import EXIT_OK
 
 _SCRIPT = """\
@@ -32,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:  # noqa: ARG001
 
     options = [name for action in build_parser()._actions for name in action.option_strings]  # noqa: SLF001
     settings = [f"{group}.{name}=" for name, group in HOME.items()]
-    listed = {"commands": COMMANDS, "options": options, "settings": settings}
+    listed = {"commands": all_commands(), "options": options, "settings": settings}
     print(_SCRIPT.format(**{key: " ".join(names) for key, names in listed.items()}))
     return EXIT_OK
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from iptm.commands.tree import all_commands
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.program import EXIT_OK, refused
 from iptm_core.user_input import nearest
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 PROGRAM = "iptm run"
 DEFAULT_TRIP = "wltc"
 NO_COMPARISON = "none"
+BENCH = "bench"
+"""The command that drives a car on a bus, of an extra."""
 NODES = ("plant", "v2x_bridge", "controller")
 WATCHING_RATE = 10.0
 """Seconds of trip time per second of wall time when someone watches: WLTC class 3b in three minutes."""
@@ -247,9 +250,16 @@ def _run(parsed: argparse.Namespace) -> int:
 
 
 def _run_vehicle(trip: Trip, parsed: argparse.Namespace) -> int:
-    """Drive a car on a bus with the cycle, length and strategy of the trip."""
-    from importlib import import_module  # noqa: PLC0415
+    """Drive a car on a bus with the cycle, length and strategy of the trip.
 
+    Raises:
+        ScenarioError: an option does not fit, or the extra with the bench is not installed.
+    """
+    bench = all_commands().get(BENCH)
+    if bench is None:
+        raise ScenarioError(
+            f"--vehicle is {parsed.vehicle}; allowed: where the command {BENCH} is installed (an extra)"
+        )
     for name in ("view", "without", "report", "vehicles", "full", "one_process"):
         if getattr(parsed, name):
             raise ScenarioError(f"--{name} is given with --vehicle; allowed: --output")
@@ -260,8 +270,7 @@ def _run_vehicle(trip: Trip, parsed: argparse.Namespace) -> int:
         f"--strategy={trip.controller.strategy}",
         *([f"--output={parsed.output}"] if parsed.output else []),
     ]
-    code: int = import_module("iptm_vehicle_interface.node_bench").main(given)
-    return code
+    return bench.load()(given) or EXIT_OK
 
 
 def _run_in_memory(trip: Trip, parsed: argparse.Namespace, console: Console) -> int:

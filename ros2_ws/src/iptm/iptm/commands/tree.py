@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
+from importlib.util import find_spec
+from pkgutil import iter_modules
 
 from iptm_core.program import EXIT_OK, EXIT_USER_ERROR, print_error, refused
 from iptm_core.user_input import suggestion
@@ -21,16 +23,22 @@ class Command:
     function: str
     summary: str
 
+    def load(self) -> Callable[..., int | None]:
+        """Return the function.
+
+        Raises:
+            ModuleNotFoundError: a library that it needs is not installed.
+        """
+        module, _, function = self.function.partition(":")
+        loaded: Callable[..., int | None] = getattr(import_module(module), function)
+        return loaded
+
 
 COMMANDS = {
     "run": Command("iptm.commands.run:main", "drive a trip, record it and report it"),
-    "bench": Command(
-        "iptm_vehicle_interface.node_bench:main", "drive a car on a CAN bus in real time"
-    ),
     "meter": Command(
         "iptm.meter:main", "energy, temperatures and ageing of a recorded or a live drive"
     ),
-    "traffic": Command("iptm_traffic.cli:main", "drive through simulated traffic (SUMO)"),
     "view": Command("iptm.runner.view:main", "show a run in the browser, live or from its bag"),
     "visualize": Command("iptm_view.visualizer_node:main", "draw a run for RViz and Foxglove"),
     "info": Command("iptm.commands.bags:info", "list what a bag holds, and the figures of its run"),
@@ -54,6 +62,21 @@ COMMANDS = {
 }
 
 
+EXTRA, EXTRA_COMMANDS = "iptm_", "extra_commands"
+"""An installed package whose name begins so is an extra if it has a module of this name, with a mapping
+``COMMANDS`` of names to pairs of function and summary."""
+
+
+def all_commands() -> dict[str, Command]:
+    """Return the commands of the suite, then those of the extras that are installed."""
+    found = dict(COMMANDS)
+    for package in sorted(module.name for module in iter_modules()):
+        if package.startswith(EXTRA) and find_spec(f"{package}.{EXTRA_COMMANDS}") is not None:
+            extra = import_module(f"{package}.{EXTRA_COMMANDS}").COMMANDS
+            found |= {name: Command(*row) for name, row in extra.items()}
+    return found
+
+
 def build_parser() -> argparse.ArgumentParser:
     """Return the parser of the program; commands parse what follows them."""
     parser = argparse.ArgumentParser(
@@ -64,7 +87,7 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="store_true", help="print the version and end")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
-    for name, command in COMMANDS.items():
+    for name, command in all_commands().items():
         commands.add_parser(name, help=command.summary, add_help=False)
     return parser
 
@@ -76,10 +99,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         The exit code of the command; 2 for a command that does not exist, or lacks what it needs.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
-    if given and given[0] in COMMANDS:
-        return _run(*given)
+    # Extras are looked for where the suite has no such command: that takes some milliseconds.
+    known = COMMANDS if given and given[0] in COMMANDS else all_commands()
+    if given and given[0] in known:
+        return _run(known[given[0]], *given)
     if given and not given[0].startswith("-"):
-        print_error(PROGRAM, f"command {given[0]!r} is unknown; {suggestion(given[0], COMMANDS)}")
+        print_error(PROGRAM, f"command {given[0]!r} is unknown; {suggestion(given[0], known)}")
         return EXIT_USER_ERROR
     parsed = build_parser().parse_args(given)
     if parsed.version:
@@ -91,12 +116,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return EXIT_OK
 
 
-def _run(name: str, *rest: str) -> int:
-    module, _, function = COMMANDS[name].function.partition(":")
+def _run(command: Command, name: str, *rest: str) -> int:
     # Nodes take the arguments of ROS from the command line of the process.
     sys.argv = [f"{PROGRAM} {name}", *rest]
     try:
-        code: int | None = getattr(import_module(module), function)()
+        code = command.load()()
     except ModuleNotFoundError as error:
         return refused(
             f"{PROGRAM} {name}", f"{error}; needed: ROS 2 and the extras of this command"

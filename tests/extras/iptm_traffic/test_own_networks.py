@@ -24,7 +24,7 @@ from iptm_traffic.right_of_way import RightOfWay
 from iptm_traffic.simulation import TrafficSimulation
 from iptm_traffic.trip import TrafficDrive
 
-TOWN = Path(__file__).resolve().parents[2] / "docs" / "examples" / "town"
+TOWN = Path(__file__).resolve().parents[3] / "docs" / "examples" / "town"
 NET, ROUTES = TOWN / "town.netccfg", TOWN / "town.rou.xml"
 IN_TOWN = OwnNetwork(NET, (ROUTES,), "round_trip")
 PARAMETERS = load_parameters().values

@@ -1,0 +1,5 @@
+"""Commands that this extra adds to the program `iptm`."""
+
+COMMANDS = {
+    "bench": ("iptm_vehicle_interface.node_bench:main", "drive a car on a CAN bus in real time"),
+}
