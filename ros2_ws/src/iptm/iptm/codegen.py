@@ -10,19 +10,19 @@ from pathlib import Path
 import numpy as np
 
 from iptm.closed_loop import run_closed_loop
+from iptm_controller.c_sources import C_SOURCES
 from iptm_controller.controller import Controller
 from iptm_controller.controller_code import controller_code, write_files
 from iptm_controller.decision import Decision
 from iptm_controller.horizon import MULTI_HORIZON, Horizon
 from iptm_controller.measurements import Measurements
 from iptm_controller.options import ControllerOptions
-from iptm_controller.solvers.riccati.stage_program import SOURCE_FOLDER
 from iptm_controller.strategy import DEFAULT_STRATEGY, strategy_by_name
 from iptm_core.parameters import DEFAULT_SET, load_parameters
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes import build_route
 from iptm_core.state import FloatArray
-from iptm_plant_sim import safety_monitor
+from iptm_plant_sim.c_sources import C_SOURCES as PLANT_SOURCES
 from iptm_plant_sim.plant import Plant
 
 CMAKE = """cmake_minimum_required(VERSION 3.16)
@@ -84,10 +84,8 @@ def write_controller(
 def code_of(parameters: ModelParameters, options: ControllerOptions) -> dict[str, str]:
     """Return the files of a controller, of the safety monitor and of their build, by name."""
     files = controller_code(Controller(parameters, options))
-    folder = Path(safety_monitor.__file__).parent / "c"
-    for name in ("safety_monitor.c", "safety_monitor.h"):
-        files[name] = (folder / name).read_text("ascii")
-    files["bench.c"] = (SOURCE_FOLDER / "bench.c").read_text("ascii")
+    files |= PLANT_SOURCES.read("safety_monitor.c", "safety_monitor.h")
+    files |= C_SOURCES.read("bench.c")
     return files | {"CMakeLists.txt": CMAKE}
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from iptm_controller.c_sources import C_SOURCES
 from iptm_controller.controller import Controller
 from iptm_controller.forecast_in_c import past_room
 from iptm_controller.lead_check import unpredicted_s
@@ -21,7 +22,7 @@ from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.stage import DEFAULT_SMOOTHING
 from iptm_controller.preview_trust import PreviewTrust
 from iptm_controller.solvers.riccati.backend import SwitchingNumbers
-from iptm_controller.solvers.riccati.stage_program import SOURCE_FOLDER, stage_program
+from iptm_controller.solvers.riccati.stage_program import stage_program
 from iptm_controller.solvers.switching_check import SwitchingCheck
 from iptm_controller.temperature_value import TemperatureValuation
 from iptm_core.errors import ParameterError
@@ -67,7 +68,7 @@ def controller_code(controller: Controller) -> dict[str, str]:
     program = stage_program(problem, lanes=1)
     names = [*(f"{name}.c" for name in SOURCES), *(f"{name}.h" for name in SOURCES)]
     names += [f"{name}.h" for name in HEADERS]
-    files = {name: (SOURCE_FOLDER / name).read_text("ascii") for name in names}
+    files = C_SOURCES.read(*names)
     files |= {f"stages_{place}.c": text for place, text in enumerate(program.sources)}
     files |= {"layout.h": layout_header(), "stage_sizes.h": program.header}
     files["controller_data.h"] = _header(controller)

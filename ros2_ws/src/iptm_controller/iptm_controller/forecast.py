@@ -31,7 +31,13 @@ from iptm_controller.preview_trust import (
 )
 from iptm_controller.usual_speed import UsualSpeed, returning_motion
 from iptm_core.frozen import light, replace
-from iptm_core.state import SPEED_AT_REST_M_S, LeaderPreview, LeaderState
+from iptm_core.state import (
+    ROUNDING_S,
+    SPEED_AT_REST_M_S,
+    TOLERANCE_S,
+    LeaderPreview,
+    LeaderState,
+)
 
 HISTORY_S = 3.0
 MAX_LEADER_SPEED_M_S = 100.0
@@ -254,7 +260,7 @@ class LeaderForecaster:
         self, leader: LeaderState, preview: LeaderPreview, future: LeaderPreview, known_s: float
     ) -> LeaderPreview:
         cautious = self._follow_preview(leader, preview.cautious())
-        bounded = future.times_s <= leader.time_s + known_s + 1e-9
+        bounded = future.times_s <= leader.time_s + known_s + ROUNDING_S
         bounded[:2] = True
         return LeaderPreview(
             future.times_s,
@@ -268,7 +274,7 @@ class LeaderForecaster:
         What it loses there stays lost behind; its speeds there are the predicted ones.
         """
         positions_m, speeds_m_s = self._extrapolated(leader).at(future.times_s)
-        near = future.times_s <= leader.time_s + NEAR_S + 1e-9
+        near = future.times_s <= leader.time_s + NEAR_S + ROUNDING_S
         excess_m = np.maximum(future.positions_m - positions_m, 0.0)
         lost_m = np.where(near, excess_m, excess_m[near][-1])
         return LeaderPreview(
@@ -305,7 +311,7 @@ class LeaderForecaster:
         if age_s > self._max_age_s:
             reason = f"preview is {age_s:.1f} s old; allowed: up to {self._max_age_s:g} s"
             return PreviewQuality.STALE, reason
-        if age_s < -1e-6:
+        if age_s < -TOLERANCE_S:
             return PreviewQuality.INVALID, f"preview was generated {-age_s:.3f} s in the future"
         last_s = float(preview.times_s[-1])
         if last_s <= leader.time_s:
@@ -317,7 +323,7 @@ class LeaderForecaster:
                 f"more than {LARGEST_SPEED_ERROR_M_S:g} m/s"
             )
         until_s = min(last_s, preview.known_until_s)
-        if until_s < leader.time_s + self._horizon_s - 1e-6:
+        if until_s < leader.time_s + self._horizon_s - TOLERANCE_S:
             verb = "is known for" if until_s < last_s else "covers"
             ahead_s = max(until_s - leader.time_s, 0.0)
             return (
@@ -330,7 +336,7 @@ class LeaderForecaster:
     def _follow_preview(leader: LeaderState, preview: LeaderPreview) -> LeaderPreview:
         now = np.array([leader.time_s])
         position_now, speed_now = preview.at(now)
-        ahead = preview.times_s > leader.time_s + 1e-9
+        ahead = preview.times_s > leader.time_s + ROUNDING_S
         shift_m = leader.position_m - float(position_now[0])
         return LeaderPreview(
             np.concatenate([now, preview.times_s[ahead]]),

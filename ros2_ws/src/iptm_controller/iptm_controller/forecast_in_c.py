@@ -18,8 +18,16 @@ from iptm_controller.forecast import (
     PreviewQuality,
     doubted,
 )
+from iptm_controller.lead_check import EXTRAPOLATED_NODES
 from iptm_controller.plan_data import Motion, keep_motion, motion_of
-from iptm_controller.preview_trust import ROUGH_M2_S4, FusionMemory, Prediction, TrustMemory
+from iptm_controller.preview_trust import (
+    LONGEST_LEAD_S,
+    ROUGH_M2_S4,
+    SMOOTHED_TICKS,
+    FusionMemory,
+    Prediction,
+    TrustMemory,
+)
 from iptm_controller.tick_library import (
     DOUBLE,
     INT,
@@ -29,7 +37,6 @@ from iptm_controller.usual_speed import UsualSpeed
 from iptm_core.physics.ops import address, doubles
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState
 
-_LEADS, _SMOOTHED_TICKS, _EXTRAPOLATED_NODES = 10, 3, 41
 _COLUMNS = ("fused_times_s", "fused_speeds_m_s", "averaged_m_s", "weights")
 _USUAL = ("usual_m_s", "usual_measured_s", "usual_until_s")
 _WORK = 5
@@ -40,7 +47,7 @@ class _Forecaster(ctypes.Structure):
     _fields_ = (
         *((name, DOUBLE) for name in ("tick_s", "horizon_s", "max_age_s", "return_s", "decay_s")),
         ("leads", INT),
-        ("lead_ticks", INT * _LEADS),
+        ("lead_ticks", INT * LONGEST_LEAD_S),
         ("past_room", INT),
         ("preview_room", INT),
     )
@@ -52,7 +59,7 @@ class _Memory(ctypes.Structure):
         *((name, INT) for name in ("is_unproved", "fused", "is_averaged")),
         *((name, DOUBLE) for name in ("newest_tick", "last_error_tick", "trusted_s")),
         *((name, DOUBLE) for name in ("roughness_m2_s4", *_USUAL)),
-        ("errors_m_s", DOUBLE * (_SMOOTHED_TICKS * _LEADS)),
+        ("errors_m_s", DOUBLE * (SMOOTHED_TICKS * LONGEST_LEAD_S)),
         *((name, POINTER) for name in ("leaders", "predictions", *_COLUMNS, "work")),
     )
 
@@ -90,7 +97,13 @@ class LeaderForecasterInC(LeaderForecaster):
         super().__init__(horizon_s, max_age_s, tick_s, return_s, decay_s)
         leads = self.trust.lead_ticks
         self._numbers = _Forecaster(
-            tick_s, horizon_s, max_age_s, return_s, decay_s, len(leads), (INT * _LEADS)(*leads)
+            tick_s,
+            horizon_s,
+            max_age_s,
+            return_s,
+            decay_s,
+            len(leads),
+            (INT * LONGEST_LEAD_S)(*leads),
         )
         self._predictions = np.zeros((leads[-1] + 1, 2 + len(leads)))
         self._c_memory.predictions = address(self._predictions)
@@ -144,7 +157,7 @@ class LeaderForecasterInC(LeaderForecaster):
         c.has_predicted = bool(trust.predictions)
         c.errors = len(trust.errors) // leads
         for tick in range(c.errors):
-            c.errors_m_s[tick * _LEADS : tick * _LEADS + leads] = trust.errors[
+            c.errors_m_s[tick * LONGEST_LEAD_S : tick * LONGEST_LEAD_S + leads] = trust.errors[
                 tick * leads : (tick + 1) * leads
             ]
         c.is_doubted, c.is_unproved = not math.isinf(trust.horizon_s), not trust.proved
@@ -166,7 +179,10 @@ class LeaderForecasterInC(LeaderForecaster):
         average = (averaged, weights) if c.is_averaged else (None, None)
         oldest = c.newest_tick + 1.0 - (len(predictions) - 1)
         rows = sorted(row for row in predictions.tolist() if row[0] >= max(oldest, 1.0))
-        errors = (c.errors_m_s[tick * _LEADS : tick * _LEADS + leads] for tick in range(c.errors))
+        errors = (
+            c.errors_m_s[tick * LONGEST_LEAD_S : tick * LONGEST_LEAD_S + leads]
+            for tick in range(c.errors)
+        )
         trust = TrustMemory(
             tuple(Prediction(int(row[0]) - 1, row[1], tuple(row[2:])) for row in rows),
             tuple(value for each in errors for value in each),
@@ -197,7 +213,7 @@ class LeaderForecasterInC(LeaderForecaster):
         size, past = preview.times_s.size, self._c_memory.past + 1
         if past > self._numbers.past_room or size > self._numbers.preview_room:
             self._make_room(2 * past, size)
-        room = past + max(size + 1, _EXTRAPOLATED_NODES)
+        room = past + max(size + 1, EXTRAPOLATED_NODES)
         columns: FloatArray = np.empty((5, room))
         first, row = address(columns), columns.itemsize * room
         places = range(first, first + 5 * row, row)

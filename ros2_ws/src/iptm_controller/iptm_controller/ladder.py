@@ -24,7 +24,9 @@ THERMOSTAT_ON_K = 305.15  # full cooling is asked for 6 K above
 THERMOSTAT_SPAN_K = 6.0
 THERMOSTAT_POWER_W = 1500.0
 FREE_FLOW_EXPONENT = 4
+LEAST_GAP_M = 0.1
 BISECTIONS = 30
+LEAST_BRAKING_M_S2 = 1e-9
 BLIND_BRAKING_M_S2 = -1.0
 """Nothing is known about the vehicle: brake gently, the limiter keeps the jerk."""
 
@@ -132,7 +134,7 @@ def safe_following(
         state: ego vehicle; its acceleration is the one last actuated.
     """
     limits, policy = parameters.limits, parameters.gap
-    gap_m = max(leader.position_m - state.position_m, 0.1)
+    gap_m = max(leader.position_m - state.position_m, LEAST_GAP_M)
     desired = minimum_gap_m(state.speed_m_s, leader.speed_m_s, policy, limits)
     desired = max(float(desired), policy.standstill_gap_m)
     free_flow = (state.speed_m_s / limits.max_speed_m_s) ** FREE_FLOW_EXPONENT
@@ -173,7 +175,7 @@ def _distance_to_stop_m(
     """Return the distance to standstill where an acceleration is held for a tick and brakes build up then."""
     after_m_s = speed_m_s + acceleration_m_s2 * tick_s
     if after_m_s <= 0.0:
-        return 0.5 * speed_m_s * speed_m_s / max(-acceleration_m_s2, 1e-9)
+        return 0.5 * speed_m_s * speed_m_s / max(-acceleration_m_s2, LEAST_BRAKING_M_S2)
     held_m = 0.5 * (speed_m_s + after_m_s) * tick_s
     return held_m + float(stopping_distance_m(after_m_s, acceleration_m_s2, limits))
 

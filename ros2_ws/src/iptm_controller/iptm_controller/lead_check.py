@@ -27,7 +27,14 @@ from iptm_core.braking import (
 from iptm_core.frozen import light, replace
 from iptm_core.lead_track import LeadTrack, Sample, followed
 from iptm_core.parameters.model import GapParameters, LimitParameters
-from iptm_core.state import SPEED_AT_REST_M_S, FloatArray, LeaderPreview, LeaderState, VehicleState
+from iptm_core.state import (
+    SPEED_AT_REST_M_S,
+    TOLERANCE_S,
+    FloatArray,
+    LeaderPreview,
+    LeaderState,
+    VehicleState,
+)
 
 FRESH_S = 1.5
 """Age up to which a preview shows where the lead vehicle is."""
@@ -201,7 +208,8 @@ RANGE_ERROR_M = 1.0
 """A position jump larger than this, beyond what the speeds explain, means that another vehicle leads."""
 _EXTRAPOLATED_DECAYS = 5.0
 _SHORTEST_STOP_S = 1e-3
-_SHARES: FloatArray = np.array([node / 40.0 for node in range(41)])
+EXTRAPOLATED_NODES = 41
+_SHARES: FloatArray = np.arange(EXTRAPOLATED_NODES) / (EXTRAPOLATED_NODES - 1)
 
 
 def measured_acceleration_m_s2(measured: Sequence[LeaderState]) -> float:
@@ -219,7 +227,7 @@ def measured_acceleration_m_s2(measured: Sequence[LeaderState]) -> float:
     unexplained_m = abs(moved_m - 0.5 * passed_s * (last.speed_m_s + before.speed_m_s))
     if unexplained_m > 0.5 * passed_s * abs(changed_m_s) + RANGE_ERROR_M:
         return 0.0
-    since_s = min(last.time_s - ACCELERATION_WINDOW_S - 1e-6, before.time_s)
+    since_s = min(last.time_s - ACCELERATION_WINDOW_S - TOLERANCE_S, before.time_s)
     recent = [state for state in measured if state.time_s >= since_s]
     mean_s = moment = spread = 0.0
     for state in recent:

@@ -28,6 +28,8 @@ from iptm_core.state import (
 Vehicle = TypeVar("Vehicle", VehicleState, LeaderState)
 
 MAX_TIME_APART_S = 60.0
+NOISE_TIME_S = 60.0
+"""Time over which the noise of a sensor is averaged."""
 LARGEST_GAP_M = 1e4
 """Ahead or behind: an overlap is a measurement like any other, and calls for the brakes."""
 MAX_SPEED_M_S = 100.0
@@ -258,7 +260,7 @@ class SensorMemory:
             bad_s = 0.0
         noise_k2 = self.noise_k2
         if not bad_s:
-            noise_k2 += min(elapsed_s / 60.0, 1.0) * (apart_k * apart_k - noise_k2)
+            noise_k2 += min(elapsed_s / NOISE_TIME_S, 1.0) * (apart_k * apart_k - noise_k2)
         return SensorMemory(model_k, value_k, moved_k, step_k, noise_k2, bad_s, sound_s)
 
     def corrected(self, by_k: float) -> SensorMemory:

@@ -11,7 +11,7 @@ from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import InputIndex, StateIndex
 from iptm_core.frozen import light
-from iptm_core.state import Command, FloatArray, VehicleState
+from iptm_core.state import ROUNDING_S, Command, FloatArray, VehicleState
 
 SLACKS = {
     "gap_slack_m": (InputIndex.GAP_SHORT, InputIndex.GAP_LONG),
@@ -43,7 +43,7 @@ class Plan:
     def command_at(self, time_s: float) -> Command:
         """Return the planned inputs of the step that holds at a trip time; the last step is held on."""
         elapsed = time_s - self.start_s
-        step = int(self.node_times_s.searchsorted(elapsed + 1e-9, side="right")) - 1
+        step = int(self.node_times_s.searchsorted(elapsed + ROUNDING_S, side="right")) - 1
         step = min(max(step, 0), self.inputs.shape[0] - 1)
         row = self.inputs[step].tolist()
         return Command(row[InputIndex.ACCELERATION], row[InputIndex.COMPRESSOR_POWER])

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from iptm_core.frozen import light, replace
-from iptm_core.state import FloatArray, LeaderPreview, LeaderState
+from iptm_core.state import ROUNDING_S, FloatArray, LeaderPreview, LeaderState
 
 LONGEST_LEAD_S = 10
 """Longest lead time at which predictions are compared with measurements."""
@@ -158,7 +158,7 @@ class PreviewTrust:
         """
         times_s = leader.time_s + self.lead_times_s
         speeds = np.interp(times_s, future.times_s, future.speeds_m_s, right=math.nan)
-        speeds[times_s > known_until_s + 1e-9] = math.nan
+        speeds[times_s > known_until_s + ROUNDING_S] = math.nan
         self.keep(leader, tuple(speeds.tolist()))
 
     def keep(self, leader: LeaderState, speeds_m_s: tuple[float, ...]) -> None:
@@ -213,7 +213,6 @@ LEAST_VARIANCE = 1e-3
 """Of the speed now, as a share of that at long lead times."""
 ANOTHER_PLAN_M_S = 5.0
 """A preview that differs from the average by more (root mean square) begins a new average."""
-_ROUNDING_S = 1e-9
 
 
 @light
@@ -288,7 +287,7 @@ def roughness_m2_s4(before: LeaderPreview, now: LeaderPreview) -> float:
 
 def _common(before: LeaderPreview, now: LeaderPreview) -> slice:
     """Return the nodes of a preview that lie within the one before."""
-    ends_s = before.times_s[[0, -1]] + _ROUNDING_S * np.array([-1, 1])
+    ends_s = before.times_s[[0, -1]] + ROUNDING_S * np.array([-1, 1])
     first, last = np.searchsorted(now.times_s, ends_s).tolist()
     return slice(first, max(first, last))
 

@@ -23,7 +23,8 @@ from iptm_core.parameters.model import LimitParameters
 from iptm_core.physics.ops import doubles
 from iptm_core.state import Command, FloatArray, LeaderPreview, LeaderState, VehicleState
 
-TOLERANCE = 1e-6
+TOLERANCE, POWER_TOLERANCE_W = 1e-6, 1e-3
+"""Changes of an acceleration (m/s^2) and of a power that are round-off."""
 
 
 class CommandLimiter:
@@ -82,7 +83,7 @@ class CommandLimiter:
         )
         for label, low, high in power_steps:
             wanted, power = power, min(max(power, low), high)
-            if abs(power - wanted) > TOLERANCE * 1000.0:
+            if abs(power - wanted) > POWER_TOLERANCE_W:
                 reasons.append(label)
         return Command(acceleration, power), tuple(reasons)
 
@@ -91,6 +92,8 @@ MARGIN_M = 1.0
 """Smallest permitted gap: margin for errors of range and prediction within a tick."""
 CONFIRMED_SPEED_ERROR_M_S = 1.0
 """Largest speed deficit of the leader, against its preview, at which the preview is used."""
+ROUNDING_M = 1e-6
+"""A gap that becomes smaller by less does not change."""
 CHECKS_PER_TICK = 4
 EMERGENCY = "a collision threatens, hardest braking"
 
@@ -179,7 +182,7 @@ class CollisionGuard:
         gaps_m = self._leader_position_m(state.time_s + times_s, leader, forecast)
         gaps_m = gaps_m - state.position_m - distance_m
         # Below the margin already, the gap must not become smaller still.
-        return bool(np.any(gaps_m < min(MARGIN_M, float(gaps_m[0]) - 1e-6)))
+        return bool(np.any(gaps_m < min(MARGIN_M, float(gaps_m[0]) - ROUNDING_M)))
 
     def _threatens_in_c(
         self,

@@ -10,15 +10,14 @@ import ctypes
 from collections.abc import Callable
 from functools import lru_cache
 from operator import attrgetter
-from pathlib import Path
 from typing import Any
 
+from iptm_controller.c_sources import C_SOURCES
 from iptm_controller.ocp.layout import layout_header
 from iptm_core.compilation import cache_directory, compile_sources, find_compiler
 from iptm_core.errors import SolverSetupError
 from iptm_core.physics.ops import doubles
 
-_SOURCE_FOLDER = Path(__file__).resolve().parent / "c"
 _UNITS = "tick_data", "forecast", "guard", "prices", "pack"
 _FILES = (*(f"{name}.{end}" for name in _UNITS for end in "ch"), "vehicle.h", "real.h")
 INT, DOUBLE, POINTER = ctypes.c_int, ctypes.c_double, ctypes.c_void_p
@@ -57,8 +56,8 @@ def tick_library(*, is_wanted: bool) -> ctypes.PyDLL | None:
 
 @lru_cache
 def _library(compiler: tuple[str, ...], *_: object) -> ctypes.PyDLL:
-    fixed = {name: (_SOURCE_FOLDER / name).read_text("ascii") for name in _FILES}
-    path = compile_sources([], {**fixed, "layout.h": layout_header()}, compiler)
+    files = {**C_SOURCES.read(*_FILES), "layout.h": layout_header()}
+    path = compile_sources([], files, compiler)
     arguments = {
         "iptm_shift_plan": [POINTER, DOUBLE, *[POINTER] * 5],
         "iptm_pose_problem": [POINTER] * 8,

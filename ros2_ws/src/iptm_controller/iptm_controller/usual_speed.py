@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from iptm_controller.lead_check import EXTRAPOLATED_NODES
 from iptm_core.frozen import light
 from iptm_core.state import LeaderPreview, LeaderState
 
@@ -25,7 +26,10 @@ BRAKING_DECAY_S, DRIVING_DECAY_S = 4.0, 2.0
 """Time constants with which a measured acceleration decays: braking as it is predicted best, an increase of
 speed sooner, because a gap that was closed too soon costs more than one that is closed late."""
 FARTHEST_S = 40.0
-_ELAPSED_S: list[float] = [FARTHEST_S * (node / 40.0) * (node / 40.0) for node in range(41)]
+_ELAPSED_S: list[float] = [
+    FARTHEST_S * (node / (EXTRAPOLATED_NODES - 1)) * (node / (EXTRAPOLATED_NODES - 1))
+    for node in range(EXTRAPOLATED_NODES)
+]
 
 
 @light

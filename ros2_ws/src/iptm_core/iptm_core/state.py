@@ -19,6 +19,8 @@ from iptm_core.frozen import light, replace
 NS_PER_S = 1_000_000_000
 NS_PER_MS = 1_000_000
 FloatArray = NDArray[np.float64]
+ROUNDING_S, TOLERANCE_S = 1e-9, 1e-6
+"""Instants closer to each other are the same: computed from the same numbers, and stamped by others."""
 SPEED_AT_REST_M_S = -0.5
 """Measured speeds from here to 0 mean a vehicle at rest, with an error of the measurement."""
 KNOWN_BOUND_M = 1.0
@@ -296,7 +298,7 @@ class LeaderPreview:
         """
         if not self.bounds_m.size:
             return self
-        since = np.maximum(self.times_s - self.times_s[0], 1e-9)
+        since = np.maximum(self.times_s - self.times_s[0], ROUNDING_S)
         rates = 2.0 * (self.bounds_m - self.bounds_m[0]) / since
         return LeaderPreview(
             self.times_s,

@@ -10,7 +10,6 @@ import ctypes
 import math
 import struct
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,9 +21,9 @@ from iptm_core.lead_track import KEPT, LeadTrack
 from iptm_core.parameters.model import BrakeParameters
 from iptm_core.physics.ops import address, doubles
 from iptm_core.state import LeaderPreview, LeaderState, VehicleState
+from iptm_plant_sim.c_sources import C_SOURCES
 from iptm_plant_sim.safety_monitor import RoadBraking
 
-_FOLDER = Path(__file__).resolve().parent / "c"
 _FILES = ("calm_interval.c", "safety_monitor.c", "safety_monitor.h")
 _ROW = struct.Struct("5d")
 _MOST_MEASURED = 64
@@ -125,8 +124,7 @@ def calm_interval(settings: SafetyMonitorSettings, brakes: BrakeParameters) -> C
 
 @lru_cache
 def _library(compiler: tuple[str, ...], *_: object) -> ctypes.PyDLL:
-    files = {name: (_FOLDER / name).read_text("ascii") for name in _FILES}
-    library = ctypes.PyDLL(str(compile_sources([], files, compiler)))
+    library = ctypes.PyDLL(str(compile_sources([], C_SOURCES.read(*_FILES), compiler)))
     pointer, count = ctypes.c_void_p, ctypes.c_int
     library.iptm_calm_interval.argtypes = [*[pointer] * 3, count, count, *[pointer] * 4]
     library.iptm_calm_interval.restype = count

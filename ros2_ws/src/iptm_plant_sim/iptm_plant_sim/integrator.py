@@ -20,7 +20,6 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from operator import attrgetter
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -38,16 +37,17 @@ from iptm_core.physics.power_thermal import CellPair
 from iptm_core.settings import ThermalModel
 from iptm_core.state import ChannelCells, FloatArray, FullChannelState, VehicleState
 from iptm_plant_sim.actuators import Motion
+from iptm_plant_sim.c_sources import C_SOURCES
 from iptm_plant_sim.interval import AT_END, INTEGRALS, STATES, sub_step
 
 if TYPE_CHECKING:
     from iptm_plant_sim.channel_integrator import ChannelIntegrator
 
-_SOURCE = Path(__file__).resolve().parent / "c" / "interval.c"
 _states_of = attrgetter(*STATES)
 _NOTHING = (-0.0,) * len(INTEGRALS)
 """Plus any number, it is that number."""
-_START = struct.Struct(f"{len(STATES) + len(INTEGRALS)}d")
+_VALUES = len(STATES) + len(INTEGRALS)
+_START = struct.Struct(f"{_VALUES}d")
 
 
 @light
@@ -175,7 +175,7 @@ class _Code:
         self, held: FloatArray, found: FloatArray
     ) -> Callable[[Motion, FloatArray], None]:
         """Return the reference of `iptm_integrate`."""
-        values, at_end = np.split(found, [len(STATES) + len(INTEGRALS)])
+        values, at_end = np.split(found, [_VALUES])
         step, end = (BufferedFunction(each, {"held": held}) for each in self._functions)
 
         def integrate(motion: Motion, slopes_rad: FloatArray) -> None:
@@ -208,7 +208,7 @@ def _code(parameters: ModelParameters, *, bounded: bool) -> _Code:
 @lru_cache(maxsize=16)
 def _library(text: str, compiler: tuple[str, ...], *_: object) -> ctypes.PyDLL:
     """Return the library of a generated model, whose numbers are arguments."""
-    files = {_SOURCE.name: _SOURCE.read_text("ascii"), "model.c": text}
+    files = {**C_SOURCES.read("interval.c"), "model.c": text}
     library = ctypes.PyDLL(str(compile_sources([], files, compiler)))
     library.iptm_integrate.argtypes = [ctypes.c_int, *[ctypes.c_void_p] * 7]
     library.iptm_integrate.restype = None

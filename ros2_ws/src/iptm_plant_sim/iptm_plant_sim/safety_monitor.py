@@ -28,7 +28,7 @@ from iptm_core.braking import (
 from iptm_core.frozen import light, replace
 from iptm_core.lead_track import LeadTrack
 from iptm_core.parameters.model import BrakeParameters
-from iptm_core.state import LeaderState
+from iptm_core.state import ROUNDING_S, LeaderState
 
 SHARE_TIME_CONSTANT_S = 0.3
 """Time constant of the estimated brake share, which settles within 1 s of braking."""
@@ -233,7 +233,7 @@ class SafetyMonitor:
             unseen_s: time for which measurements of the vehicle ahead have been missing.
         """
         position_m, speed_m_s, acceleration_m_s2 = ego
-        held = time_s - memory.since_s >= self.settings.monitor_hold_s - 1e-9
+        held = time_s - memory.since_s >= self.settings.monitor_hold_s - ROUNDING_S
         if lead is None:
             return replace(memory, braking=memory.braking and not held)
         gap_m = lead.position_m - position_m

@@ -4,8 +4,7 @@
 #include <string.h>
 
 #include "fallback.h"
-
-static const double STEP_TOLERANCE_S = 1e-9;
+#include "controller_constants.h"
 
 static double larger(double first, double second) { return second > first ? second : first; }
 static double smaller(double first, double second) { return second < first ? second : first; }
@@ -17,7 +16,7 @@ static int covers(const iptm_memory *memory, double time_s) {
 }
 
 static iptm_command planned_command(const iptm_memory *memory, double time_s) {
-  const double elapsed_s = time_s - memory->start_s + STEP_TOLERANCE_S;
+  const double elapsed_s = time_s - memory->start_s + ROUNDING_S;
   iptm_command command;
   int step = 0;
   while (step < IPTM_STEPS - 1 && iptm_grid_of_horizon.nodes_s[step + 1] <= elapsed_s) ++step;

@@ -1,18 +1,8 @@
 #include "fallback.h"
+#include "fallback_constants.h"
 
 #include <math.h>
 #include <stddef.h>
-
-/* Constants of ladder.py and of iptm_core/physics/car_following.py. */
-static const double THERMOSTAT_ON_K = 305.15;
-static const double THERMOSTAT_SPAN_K = 6.0;
-static const double THERMOSTAT_POWER_W = 1500.0;
-static const double FREE_FLOW_EXPONENT = 4.0;
-static const int BISECTIONS = 30;
-static const double BLIND_BRAKING_M_S2 = -1.0;
-static const double COMFORTABLE_DECELERATION_M_S2 = 1.0;
-static const double LEAST_GAP_M = 0.1;
-static const double LEAST_BRAKING_M_S2 = 1e-9;
 
 static double larger(double first, double second) { return second > first ? second : first; }
 static double smaller(double first, double second) { return second < first ? second : first; }

@@ -1,35 +1,9 @@
 #include "forecast.h"
+#include "forecast_constants.h"
 
 #include <math.h>
 #include <stddef.h>
 #include <string.h>
-
-/* Constants of forecast.py, lead_check.py, preview_trust.py, usual_speed.py and iptm_core/state.py. */
-static const double HISTORY_S = 3.0;
-static const double MAX_LEADER_SPEED_M_S = 100.0;
-static const double SPEED_AT_REST_M_S = -0.5;
-static const double KNOWN_BOUND_M = 1.0;
-static const double NEAR_S = 3.0;
-static const double LARGEST_SPEED_ERROR_M_S = 6.0;
-static const double ROUNDING_S = 1e-9;
-static const double TOLERANCE_S = 1e-6;
-static const double SINGLE_TOLERANCE_M_S = 3.0, SINGLE_GROWTH_M_S2 = 0.4;
-static const double MEAN_TOLERANCE_M_S = 1.5, MEAN_GROWTH_M_S2 = 0.2;
-static const double PRESENT_ERROR_M_S = 1.5;
-static const double PROBATION_S = 10.0;
-static const double CREDITED_LEAD_S = 3.0, CREDITED_SLOWDOWN_M_S = 1.0;
-static const double KEPT_1_S = 1.0 - 0.1;
-static const double ROUGH_M_S2 = 0.3;
-static const double ERROR_GROWTH_S = 5.0;
-static const double LEAST_VARIANCE = 1e-3;
-static const double ANOTHER_PLAN_M_S = 5.0;
-static const double ACCELERATION_WINDOW_S = 1.0;
-static const double LARGEST_ACCELERATION_M_S2 = 10.0;
-static const double RANGE_ERROR_M = 1.0;
-static const double EXTRAPOLATED_DECAYS = 5.0;
-static const double MEMORY_S = 300.0, FIRST_S = 1.0, FARTHEST_S = 40.0;
-static const double BRAKING_DECAY_S = 4.0, DRIVING_DECAY_S = 2.0;
-static const double SHORTEST_STOP_S = 1e-3;
 
 static double least(double x, double y) { return y < x ? y : x; }
 static double most(double x, double y) { return y > x ? y : x; }
@@ -419,7 +393,7 @@ static void fuse(iptm_forecast_memory *memory, iptm_motion *preview, double *pos
     if (isnan(differing)) {
       memory->is_averaged = 0;
     } else {
-      const double kept = pow(KEPT_1_S, times[0] - memory->fused_times_s[0]);
+      const double kept = pow((1.0 - FORGETTING_PER_S), times[0] - memory->fused_times_s[0]);
       memory->roughness_m2_s4 += (1.0 - kept) * (differing - memory->roughness_m2_s4);
       if (memory->roughness_m2_s4 >= ROUGH_M_S2 * ROUGH_M_S2) {
         average(memory, preview, kept, first, last, work);
@@ -493,7 +467,7 @@ static void limit(const iptm_motion *preview, const iptm_leader *leader, double 
   iptm_motion cautious = *preview;
   int nodes, i;
   for (i = 0; i < preview->nodes; ++i) {
-    const double since_s = most(preview->times_s[i] - preview->times_s[0], 1e-9);
+    const double since_s = most(preview->times_s[i] - preview->times_s[0], ROUNDING_S);
     const double rate = 2.0 * (preview->bounds_m[i] - preview->bounds_m[0]) / since_s;
     const double position_m = preview->positions_m[i] - preview->bounds_m[i];
     cautious_m[i] = i > 0 ? most(cautious_m[i - 1], position_m) : position_m;

@@ -3,8 +3,9 @@
 #define IPTM_FORECAST_H
 
 #include "tick_data.h"
+#include "forecast_size_constants.h"
 
-enum { IPTM_MOST_LEADS = 10, IPTM_SMOOTHED_TICKS = 3, IPTM_EXTRAPOLATED_NODES = 41 };
+enum { IPTM_MOST_LEADS = IPTM_LONGEST_LEAD_S };
 
 /* Quality of a preview, see PreviewQuality. */
 typedef enum {

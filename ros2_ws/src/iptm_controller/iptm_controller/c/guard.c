@@ -1,13 +1,9 @@
 #include "guard.h"
+#include "guard_constants.h"
 
 #include <math.h>
 #include <stddef.h>
 
-/* Constants of safeguards.py. */
-static const double MARGIN_M = 1.0;
-static const double CONFIRMED_SPEED_ERROR_M_S = 1.0;
-static const double NEAR_S = 3.0;
-enum { CHECKS_PER_TICK = 4 };
 
 static double least(double x, double y) { return y < x ? y : x; }
 static double most(double x, double y) { return y > x ? y : x; }
@@ -75,7 +71,7 @@ int iptm_collision_threatens(const iptm_guarded *guarded, const iptm_motion *mot
     if (pass > 0) {
       /* Below the margin already, the gap must not become smaller still. */
       predicted = predict(guarded, motion);
-      limit_m = least(MARGIN_M, leader_position_m(guarded, &predicted, time_s) - position_m - 1e-6);
+      limit_m = least(MARGIN_M, leader_position_m(guarded, &predicted, time_s) - position_m - ROUNDING_M);
     }
     for (i = 0; i < ticks; ++i) {
       const double acceleration = most(acceleration_m_s2 - step * i, hardest);

@@ -1,9 +1,7 @@
 #include "limiter.h"
+#include "limiter_constants.h"
 
 #include <math.h>
-
-static const double TOLERANCE = 1e-6;
-static const double POWER_TOLERANCE_W = 1e-3;
 
 static double clamp(double value, double low, double high) {
   const double raised = low > value ? low : value;

@@ -1,4 +1,5 @@
 #include "pack.h"
+#include "pack_constants.h"
 
 #include <math.h>
 
@@ -30,7 +31,7 @@ static int judge(const iptm_pack *pack, iptm_sensor *sensor, double value_k, dou
   sensor->value_k = value_k;
   sensor->moved_k = moved_k;
   sensor->noise_k2 +=
-      least(elapsed_s / 60.0, 1.0) * (apart_k * apart_k - sensor->noise_k2);
+      least(elapsed_s / NOISE_TIME_S, 1.0) * (apart_k * apart_k - sensor->noise_k2);
   sensor->sound_s += elapsed_s;
   return 1;
 }

@@ -1,12 +1,9 @@
 #include "prices.h"
+#include "prices_constants.h"
 
 #include <math.h>
 
-/* Constants of temperature_value.py. */
-static const double FORECAST_WEIGHT_S = 60.0;
-static const double LEAST_RATE_1_S = 1e-15;
 static const volatile double TWO = 2.0; /* with pow it squares as Python does, where a product may differ in the last bit */
-enum { C_RATE_ITERATIONS = 6 };
 
 static double least(double x, double y) { return y < x ? y : x; }
 static double most(double x, double y) { return y > x ? y : x; }

@@ -3,29 +3,7 @@
 #include <string.h>
 
 #include "stages.h"
-
-/* Constants of method.py, line_search.py and program.py. */
-static const iptm_real COLD_START_BARRIER = 10.0;
-static const iptm_real COLD_START_SAFEGUARD = 0.03;
-static const iptm_real BACKTRACKING = 0.3;
-static const int MAX_TRIALS = 3;
-static const int MAX_REGULARISATIONS = 12;
-static const iptm_real FIRST_REGULARISATION = 1e-3;
-static const iptm_real REGULARISATION_FACTOR = 8.0;
-static const iptm_real LEAST_REGULARISATION = 1e-5;
-static const iptm_real FEASIBILITY_TOLERANCE = 1e-4;
-static const iptm_real MARGIN = 1e-5;
-static const iptm_real ARMIJO = 1e-4;
-static const iptm_real SWITCHING_SLOPE_EXPONENT = 2.3;
-static const iptm_real SWITCHING_VIOLATION_EXPONENT = 1.1;
-static const iptm_real MAX_VIOLATION_FACTOR = 1e4;
-static const iptm_real MIN_VIOLATION_FACTOR = 1e-4;
-static const iptm_real MULTIPLIER_SCALE = 100.0;
-static const iptm_real CENTRING_EXPONENT = 3.0;
-static const iptm_real LEAST_BARRIER = 0.05;
-static const iptm_real LEAST_PRIMAL_STEP = 0.01;
-static const iptm_real FRACTION_TO_BOUNDARY = 0.995;
-static const iptm_real LEAST_SLACK = 1e-3;
+#include "riccati_constants.h"
 
 enum { LOWER = IPTM_STATES * (IPTM_STATES + 1) / 2, FEEDBACK = IPTM_INPUTS * IPTM_STATES };
 

@@ -3,13 +3,7 @@
 #include <string.h>
 
 #include "stages.h"
-
-/* Constants of switching_check.py. */
-static const iptm_real PROMISING_SHARE = 0.03;
-static const int SECOND_ITERATIONS = 40;
-static const iptm_real LEAST_GAIN = 1e-4;
-static const iptm_real DISTINCT_POWER = 0.35;
-static const iptm_real AT_LIMIT_K = 0.1;
+#include "switching_constants.h"
 
 /* Why a solve is done once more. */
 typedef enum { NONE, TRIED, PROMISING } start_kind;
@@ -129,12 +123,12 @@ static int concentrate(const iptm_horizon *horizon, const memory *m, iptm_real b
   iptm_real least = INFINITY, work = 0.0, done = 0.0;
   int k;
   for (k = 0; k < steps; ++k) {
-    if (own[k] > 0.1 * best && own[k] < least) least = own[k];
+    if (own[k] > RUNNING_SHARE * best && own[k] < least) least = own[k];
     work += own[k] * horizon->lengths_s[k];
     m->gains[k] = (on[k] - off[k]) / horizon->lengths_s[k];
     m->chosen[k] = 0.0;
   }
-  if (least >= 0.95 * best) return 0;
+  if (least >= FULL_SHARE * best) return 0;
   /* One more after the work is done, as searchsorted(cumsum) + 1 counts. */
   while (1) {
     int cheapest = -1;
@@ -179,7 +173,7 @@ static start_kind find_better_powers(const iptm_horizon *horizon, const iptm_swi
     for (option = 1; option < OPTIONS; ++option) {
       const int place = option * steps + k;
       iptm_real gain = -INFINITY;
-      if (!(fabs(m->powers[place] - own) < DISTINCT_POWER)) {
+      if (!(fabs(m->powers[place] - own) < DISTINCT_POWER_KW)) {
         gain = m->values[k] - m->values[place];
         all_alike = 0;
       }
@@ -227,7 +221,7 @@ static int propose(const iptm_horizon *horizon, const iptm_switching *switching,
   iptm_real *next = proposals, work = 0.0;
   for (k = 0; k < steps; ++k) {
     *next++ = own[k];
-    if (own[k] > 0.1 * on) work += own[k] * lengths_s[k];
+    if (own[k] > RUNNING_SHARE * on) work += own[k] * lengths_s[k];
   }
   for (block = 1; block < blocks; ++block) {
     for (level = 0; level <= IPTM_LEVELS; ++level) {
@@ -243,7 +237,7 @@ static int propose(const iptm_horizon *horizon, const iptm_switching *switching,
     iptm_real rest = 0.0, scale = 1.0;
     for (k = 0; k < steps; ++k) {
       const int inside = k >= first && k < end;
-      if (own[k] > 0.1 * on) {
+      if (own[k] > RUNNING_SHARE * on) {
         is_on |= inside;
         ends_on |= k >= last;
         if (!inside) rest += own[k] * lengths_s[k];
@@ -257,7 +251,7 @@ static int propose(const iptm_horizon *horizon, const iptm_switching *switching,
       } else if (is_on && !ends_on && k >= last) {
         *next++ = on;
       } else {
-        *next++ = own[k] > 0.1 * on ? scale * own[k] : own[k];
+        *next++ = own[k] > RUNNING_SHARE * on ? scale * own[k] : own[k];
       }
     }
   }

@@ -3,10 +3,8 @@
 #define IPTM_SWITCHING_H
 
 #include "riccati.h"
+#include "switching_size_constants.h"
 
-#define IPTM_CANDIDATES 2
-#define IPTM_LEVELS 2
-#define IPTM_BLOCKS 10
 /* The plan, cooling from a block on at each level and as it is, and each block switched over. */
 #define IPTM_PROPOSALS (1 + (IPTM_BLOCKS - 1) * (IPTM_LEVELS + 1) + IPTM_BLOCKS)
 

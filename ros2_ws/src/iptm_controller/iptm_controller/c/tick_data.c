@@ -1,15 +1,9 @@
 #include "tick_data.h"
+#include "tick_data_constants.h"
 
 #include <math.h>
 #include <stddef.h>
 #include <string.h>
-
-/* Constants of ocp/data.py. */
-static const double REFERENCE_WINDOW_S = 2.0;
-static const double SLOPE_DIFFERENCE_M = 25.0;
-static const double HEADWAY_PRICE_1_M2_S = 0.003;
-static const double COLD_COMPRESSOR_PRICE_1_KW = 100.0;
-static const double COLD_MARGIN_K = 0.05;
 
 static const double STATE_SCALE[] = IPTM_STATE_SCALE;
 static const double STATE_OFFSET[] = IPTM_STATE_OFFSET;
@@ -216,7 +210,7 @@ static void pose_shared(const iptm_strategy *strategy, const iptm_vehicle *vehic
 /* Write the parameters of the steps: gap limits, intervals of the inputs and speed limits. */
 static void pose_steps(const iptm_grid *grid, const iptm_vehicle *vehicle,
                        const iptm_ahead *ahead, iptm_real *parameters) {
-  int known_nodes = count_up_to(grid->nodes_s + 1, grid->motion_steps, ahead->known_s + 1e-6);
+  int known_nodes = count_up_to(grid->nodes_s + 1, grid->motion_steps, ahead->known_s + TOLERANCE_S);
   int k;
   if (known_nodes < 1) known_nodes = 1;
   for (k = 0; k < grid->steps; ++k) {

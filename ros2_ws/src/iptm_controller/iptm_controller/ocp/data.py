@@ -17,7 +17,7 @@ from iptm_core.frozen import light
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.car_following import minimum_gap_m
 from iptm_core.physics.powertrain import MassLoad
-from iptm_core.state import FloatArray, LeaderPreview, SlopePreview, VehicleState
+from iptm_core.state import TOLERANCE_S, FloatArray, LeaderPreview, SlopePreview, VehicleState
 
 REFERENCE_WINDOW_S = 2.0
 LONGEST_ACCELERATION_CHANGE_S = 1.0
@@ -162,7 +162,7 @@ class ProblemDataBuilder:
             slower = np.minimum(speed_limits_m_s, self._limits.max_speed_m_s)
             steps[: slower.size, StepIndex.MAX_SPEED] = slower
         motion_nodes = self._node_times_s[1 : grid.horizon.motion_steps + 1]
-        known_nodes = int(np.searchsorted(motion_nodes, known_s + 1e-6, side="right"))
+        known_nodes = int(np.searchsorted(motion_nodes, known_s + TOLERANCE_S, side="right"))
         steps[max(known_nodes, 1) - 1, StepIndex.END_OF_PREVIEW] = 1.0
         around = np.concatenate(
             [

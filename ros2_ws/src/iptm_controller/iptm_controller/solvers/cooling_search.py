@@ -24,6 +24,8 @@ from iptm_core.state import FloatArray
 LEAST_GAIN = 1e-4
 """Smallest difference in cost that makes a plan better."""
 BLOCKS = 10
+RUNNING_SHARE = 0.1
+"""A compressor runs from this share of its most efficient power on."""
 """Most parts of the horizon that are switched as one."""
 
 
@@ -72,7 +74,7 @@ class CoolingSearch:
     def _proposals(self, own: FloatArray) -> FloatArray:
         """Return the powers of the plans on trial, the present ones first, shape (plans, N)."""
         off, on = self._numbers.candidates
-        is_on = own > 0.1 * on
+        is_on = own > RUNNING_SHARE * on
         works = own * self._lengths_s
         rows = [own]
         for block in self._blocks[1:]:

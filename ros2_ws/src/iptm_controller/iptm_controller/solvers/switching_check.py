@@ -27,7 +27,12 @@ from iptm_controller.ocp.compilation import as_machine_code
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import GlobalIndex, InputIndex, StateIndex, StepIndex
 from iptm_controller.ocp.problem import OptimalControlProblem
-from iptm_controller.solvers.cooling_search import LEAST_GAIN, CoolingSearch, ordered_sum
+from iptm_controller.solvers.cooling_search import (
+    LEAST_GAIN,
+    RUNNING_SHARE,
+    CoolingSearch,
+    ordered_sum,
+)
 from iptm_controller.solvers.interface import SolverBackend, SolveResult, SolverOptions, Stopwatch
 from iptm_controller.solvers.riccati.backend import RiccatiBackend, SwitchingNumbers
 from iptm_core.physics.ops import BufferedFunction, named_function
@@ -46,6 +51,8 @@ SIMULATED_SHARES = (0.8, 1.3)
 DISTINCT_POWER_KW = 0.35
 """Difference in power (kW) from which a candidate is not in the basin of the plan's local minimum."""
 AT_LIMIT_K = 0.1
+FULL_SHARE = 0.95
+"""Of the most efficient power: from there on the work of a plan is not concentrated further."""
 _TEMPERATURE_OFFSET_K = float(layout.STATE_OFFSET[StateIndex.CELL_1_TEMPERATURE])
 _POWER_SCALE_W = float(layout.INPUT_SCALE[InputIndex.COMPRESSOR_POWER])
 
@@ -208,8 +215,8 @@ class SwitchingCheck:
         not spread that over the whole horizon.
         """
         best = float(self._candidates[-1, 0])
-        running = own > 0.1 * best
-        if not running.any() or own[running].min() >= 0.95 * best:
+        running = own > RUNNING_SHARE * best
+        if not running.any() or own[running].min() >= FULL_SHARE * best:
             return None
         lengths_s = self._lengths_s
         work = ordered_sum(own * lengths_s)

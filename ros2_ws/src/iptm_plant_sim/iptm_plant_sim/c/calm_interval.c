@@ -4,18 +4,9 @@
 #include <string.h>
 
 #include "safety_monitor.h"
+#include "calm_interval_constants.h"
 
-/* Constants of lead_track.py. */
-static const double ANOTHER_LEAD_M = 3.0;
-static const double ANOTHER_LEAD_M_S = 3.0;
-static const double FREE_POSITION_M = 1e9;
-static const double IDENTICAL_M = 1e-6;
-static const double IDENTICAL_M_S = 1e-9;
-static const double LARGEST_MEASURING_INTERVAL_S = 5.0;
-static const double LONGEST_PERIOD_S = 1.5;
-static const double MOVING_M_S = 0.5;
-static const double RESOLUTION_S = 1e-9;
-enum { KEPT = 12, MOST_MEASURED = 64, ROOM = KEPT + MOST_MEASURED };
+enum { ROOM = KEPT + MOST_MEASURED };
 
 /* A measurement, and the own vehicle at the same instant. */
 typedef struct {

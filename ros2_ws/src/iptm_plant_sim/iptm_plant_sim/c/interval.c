@@ -3,10 +3,10 @@
  * Generated functions take a vector per argument and have no state. They are called with a table of numbers in
  * place of work memory, of which they need none; see integrator.py. */
 
+#include "interval_constants.h"
+
 typedef int iptm_generated(const double **arguments, double **results, long long *, double *, int);
 iptm_generated sub_step, interval_end;
-
-enum { VALUES = 10 }; /* STATES and INTEGRALS */
 
 /* Integrate an interval of n sub-steps.
  *

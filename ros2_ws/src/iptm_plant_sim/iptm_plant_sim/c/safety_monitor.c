@@ -1,16 +1,7 @@
 #include "safety_monitor.h"
+#include "safety_monitor_constants.h"
 
 #include <math.h>
-
-/* Constants of safety_monitor.py. */
-static const double SHARE_TIME_CONSTANT_S = 0.3;
-static const double LEAST_SHARE = 0.1;
-static const double JUDGED_FROM_M_S2 = 0.3;
-static const double JUDGED_FROM_M_S = 0.5;
-static const double DELIVERED_SHARE = 0.95;
-static const double SATURATED_SHARE = 1.2;
-static const double WAITED_S = 0.3;
-static const double HOLD_TOLERANCE_S = 1e-9;
 
 static double larger(double first, double second) { return second > first ? second : first; }
 static double smaller(double first, double second) { return second < first ? second : first; }
@@ -55,7 +46,7 @@ double iptm_safe_distance_m(const iptm_monitor_settings *settings, double speed_
 void iptm_monitor_judge(const iptm_monitor_settings *settings, iptm_monitor_memory *memory,
                         const iptm_monitored *ego, bool has_lead, double lead_position_m,
                         double lead_speed_m_s, const iptm_road_braking *road, double unseen_s) {
-  const bool held = ego->time_s - memory->since_s >= settings->hold_s - HOLD_TOLERANCE_S;
+  const bool held = ego->time_s - memory->since_s >= settings->hold_s - ROUNDING_S;
   const bool was_braking = memory->braking, was_full = was_braking && !memory->gently;
   const double gap_m = lead_position_m - ego->position_m;
   const double onset_m_s2 = ego->acceleration_m_s2, onset_s = -smaller(unseen_s, WAITED_S);

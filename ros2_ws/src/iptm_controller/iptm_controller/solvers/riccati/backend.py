@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from iptm_controller.c_sources import C_SOURCES
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
@@ -33,7 +34,6 @@ from iptm_controller.solvers.riccati.program import ITERATE, STEP, build_program
 from iptm_controller.solvers.riccati.stage_program import (
     HEADERS,
     SOLVER_SOURCES,
-    SOURCE_FOLDER,
     stage_program,
 )
 from iptm_core.compilation import cache_directory, find_compiler
@@ -240,9 +240,7 @@ def _library(
 ) -> NewestLibrary:
     """Return the library of a problem; what further decides which one it is, is part of the key only."""
     program = _stage_program(problem)
-    fixed = {
-        name: (SOURCE_FOLDER / name).read_text("ascii") for name in (*SOLVER_SOURCES, *HEADERS)
-    }
+    fixed = C_SOURCES.read(*SOLVER_SOURCES, *HEADERS)
     given = {**fixed, "layout.h": layout_header(), "stage_sizes.h": program.header}
     return compile_in_steps(program.sources, program.numbers, given, compiler, _loaded)
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 
 import casadi as ca
 
@@ -26,7 +25,6 @@ from iptm_controller.solvers.riccati.stage_system import (
 )
 from iptm_core.physics.ops import named_function
 
-SOURCE_FOLDER = Path(__file__).resolve().parents[2] / "c"
 SOLVER_SOURCES = ("riccati.c", "switching.c", "clock.c")
 HEADERS = ("riccati.h", "switching.h", "stages.h", "real.h", "clock.h")
 
