@@ -57,6 +57,8 @@ iptm_module() {
 # iptm_start MODULE ARGUMENTS...: the same without the script's own text.
 iptm_start() {
     iptm_prepare
+    # A file of the current folder must not take the place of a library's (Python 3.11 on; see iptm_core/__main__.py).
+    export PYTHONSAFEPATH=1
     # Ctrl-C is held back until iptm_core can take it: Python itself would answer with a traceback.
     local -a start=()
     ! env --block-signal=INT true 2> /dev/null || start=(env --block-signal=INT)

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from tests.iptm_controller.scenes import SCENES, problem_of, solver_with
 
 from iptm_controller.solvers.interface import SolverOptions
 from iptm_core.compilation import locked
-from iptm_core.optimised_code import TURN, NewestLibrary, compile_in_steps
+from iptm_core.optimised_code import TURN, WAITING, NewestLibrary, compile_in_steps
 
 
 def await_(condition: Callable[[], bool]) -> None:
@@ -42,6 +43,37 @@ def test_a_solver_begins_unoptimised_and_goes_on_optimised_with_the_same_numbers
             found = later.solve(*problem)
             assert np.array_equal(found.variables, expected.variables)
             assert found.iterations == expected.iterations
+
+
+def optimising(cache: Path) -> int:
+    """Return how many processes optimise or wait for it: each has the file of its place open."""
+    places = [str(path) for path in cache.glob("optimising_*.lock")]
+    opened = 0
+    for process in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            opened += any(str(each.readlink()) in places for each in (process / "fd").iterdir())
+    return opened
+
+
+def test_few_processes_wait_for_their_turn(cache: Path, compiler: tuple[str, ...]) -> None:
+    """Of twelve models, each with code of its own; what was left out is optimised later."""
+    sources = [f"int number(void) {{ return {number}; }}" for number in range(12)]
+
+    def load(path: Path) -> ctypes.PyDLL:
+        return ctypes.PyDLL(str(path))
+
+    def improve_all() -> None:
+        for source in sources:
+            compile_in_steps([source], (), {}, compiler, load).improve()
+
+    cache.mkdir(parents=True)
+    with locked(cache / TURN):
+        improve_all()
+        assert optimising(cache) == WAITING
+    await_(lambda: optimising(cache) == 0)
+    while len(list(cache.glob("*.so"))) < 2 * len(sources):
+        improve_all()
+        await_(lambda: optimising(cache) == 0)
 
 
 def in_steps(compiler: Sequence[str]) -> NewestLibrary:

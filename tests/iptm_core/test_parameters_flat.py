@@ -93,14 +93,23 @@ def test_any_number_in_range_is_taken_as_an_override(data: st.DataObject) -> Non
 @given(st.data())
 def test_any_number_out_of_range_is_refused_with_key_value_and_range(data: st.DataObject) -> None:
     spec = data.draw(st.sampled_from(SPECS))
-    below = st.floats(max_value=math.nextafter(spec.minimum, -math.inf), allow_infinity=False)
-    above = st.floats(min_value=math.nextafter(spec.maximum, math.inf), allow_infinity=False)
+    ends = [end + sign * 1e-8 * abs(end) for end, sign in ((spec.minimum, -1), (spec.maximum, 1))]
+    below = st.floats(max_value=math.nextafter(ends[0], -math.inf), allow_infinity=False)
+    above = st.floats(min_value=math.nextafter(ends[1], math.inf), allow_infinity=False)
     number = data.draw(below | above)
     with pytest.raises(ParameterError) as caught:
         load_parameters(overrides={spec.name: number})
     message = str(caught.value)
     assert message.startswith(f"overrides: {spec.name} is {number!r}")
     assert f"{spec.minimum:g} to {spec.maximum:g}" in message
+
+
+@pytest.mark.parametrize(("key", "celsius"), [("initial_cell", -20.0), ("ambient", -40.0)])
+def test_the_round_off_of_a_conversion_is_not_out_of_range(key: str, celsius: float) -> None:
+    name = f"environment.{key}_temperature_k"
+    kelvin = celsius + 273.15
+    assert kelvin < round(kelvin, 2)
+    assert to_flat_dict(load_parameters(overrides={name: kelvin}).values)[name] == round(kelvin, 2)
 
 
 def test_an_overridden_coefficient_is_not_interpolated_away() -> None:

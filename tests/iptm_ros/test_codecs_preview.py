@@ -161,6 +161,10 @@ def _outside(message: PointCloud2) -> None:
     message.fields[5].offset = message.point_step - 7
 
 
+def _long_points(message: PointCloud2) -> None:
+    message.width, message.point_step = 0, 2**31
+
+
 def _cut(message: PointCloud2) -> None:
     message.data = message.data[:-1]
 
@@ -186,6 +190,7 @@ def _big_endian(message: PointCloud2) -> None:
             "field position_m has datatype 7, count 1 at 24 of 40 bytes; allowed: one float64",
         ),
         (_outside, "field speed_m_s has datatype 8, count 1 at 33 of 40 bytes"),
+        (_long_points, "point_step is 2147483648; allowed: up to"),
         (_cut, "119 bytes in 1 rows of 3 points of 40"),
         (_wide, "120 bytes in 1 rows of 4 points of 40"),
         (_many_rows, "120 bytes in 3 rows of 1 points"),

@@ -194,6 +194,7 @@ def test_points_of_a_driver_are_read_and_what_is_not_finite_is_left_out() -> Non
     [
         ("fields", [], "missing x; got no fields"),
         ("width", 3, "40 bytes for 3 points of 20"),
+        ("point_step", 2**31, "point_step is 2147483648; allowed: up to"),
         ("point_step", 16, "field vx has datatype 7 at 16 of 16 bytes"),
     ],
 )

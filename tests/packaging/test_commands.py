@@ -50,3 +50,12 @@ def test_environment_says_what_is_missing(fresh_copy: Path) -> None:
     )
     assert result.stdout == "refused\n"
     assert "scripts/setup" in result.stderr
+
+
+def test_files_of_the_current_folder_are_not_run(tmp_path: Path) -> None:
+    """A folder of data that somebody else made."""
+    for name in ("yaml", "numpy", "can", "csv", "iptm"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('ran')\n", encoding="utf-8")
+    command = [ROOT / "scripts" / "iptm", "run", "--list"]
+    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stdout + result.stderr

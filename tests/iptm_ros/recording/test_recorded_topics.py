@@ -178,3 +178,19 @@ def test_offer_satisfies_every_former_subscriber(recorded: tuple[Qos, ...], offe
 def test_class_of_an_unknown_type(name: str) -> None:
     with pytest.raises(BagError, match="message type"):
         message_class(name)
+
+
+def test_the_type_of_a_bag_is_not_imported_from_the_current_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A folder of somebody else holds a bag, and a package with the name of its type."""
+    package = tmp_path / "evil" / "msg"
+    package.mkdir(parents=True)
+    ran = tmp_path / "ran"
+    for folder in (package.parent, package):
+        text = f"open({str(ran)!r}, 'w')\nclass X: pass\n"
+        (folder / "__init__.py").write_text(text, "utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(BagError, match="evil/msg/X: no installed package"):
+        message_class("evil/msg/X")
+    assert not ran.exists()

@@ -29,6 +29,9 @@ class TextEnum(str, Enum):
         return str(self.value)
 
 
+_ROUND_OFF = 1e-9
+"""-20 degC are 253.14999999999998 K: by this share a number may be outside of its range."""
+
 Scalar = bool | int | float | str
 """A value as files and messages hold it."""
 
@@ -194,7 +197,7 @@ def checked_value(spec: ParameterSpec, given: Any) -> Any:
     value: Any = plain(given) if isinstance(given, Enum) else given
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         if spec.kind is float:
-            value = _as_float(value)
+            value = without_round_off(spec, _as_float(value))
         if not _is_inside(spec, value):
             raise _error(spec, given)
     if type(value) is not spec.kind:
@@ -208,6 +211,12 @@ def checked_value(spec: ParameterSpec, given: Any) -> Any:
 def plain(value: Value) -> Scalar:
     """Return a value as files and messages hold it: a text for an `Enum`."""
     return str(value.value) if isinstance(value, Enum) else value
+
+
+def without_round_off(spec: ParameterSpec, number: float) -> float:
+    """Return a number; beyond an end of the range by the round-off of a conversion, that end."""
+    end = min(max(number, spec.minimum), spec.maximum)
+    return end if math.isclose(number, end, rel_tol=_ROUND_OFF) else number
 
 
 def _is_inside(spec: ParameterSpec, number: float) -> bool:

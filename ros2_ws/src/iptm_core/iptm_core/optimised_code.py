@@ -2,13 +2,15 @@
 
 The first trip with a problem begins with code that is not optimised. Optimised code does the same operations,
 takes several times as long to compile, and is compiled by a process of its own while the trip goes on. That
-process outlives the program, so that a short trip ends at once and the next one finds optimised code.
+process outlives the program, so that a short trip ends at once and the next one finds optimised code. At most
+`WAITING` of them wait for their turn: of a sweep over many models the others are optimised by later trips.
 """
 
 from __future__ import annotations
 
 import _ctypes
 import ctypes
+import fcntl
 import logging
 import os
 import pickle
@@ -28,6 +30,8 @@ from iptm_core.errors import SolverSetupError
 LOGGER = logging.getLogger(__name__)
 TURN = "optimising.lock"
 """File in the cache that is locked by the process whose turn it is: one at a time."""
+WAITING = 3
+"""Processes per cache, the one whose turn it is included; each needs 10 MB."""
 _NICENESS = 10
 """It gives way to programs, but ends while others compute, too."""
 _PROGRAM = "import sys; sys.path[:] = {}; from {} import compile_given; compile_given()"
@@ -57,16 +61,21 @@ class NewestLibrary:
         weakref.finalize(self, _close, self._opened).atexit = False
 
     def improve(self) -> None:
-        """Begin to optimise, unless that was done: at the first call, when the set-up needs no compiler."""
+        """Begin to optimise, unless that was done: at the first call, when the set-up needs no compiler.
+
+        Where enough others wait for their turn, the code stays as it is.
+        """
         if self._optimised is None:
             return
         optimised, self._optimised = self._optimised, None
         try:
-            given = optimised, _start(optimised)
+            process = _start(optimised)
         except OSError as error:
             _warn(str(error))
         else:
-            threading.Thread(target=self._replace, args=given, daemon=True).start()
+            if process is not None:
+                given = optimised, process
+                threading.Thread(target=self._replace, args=given, daemon=True).start()
 
     def _replace(self, optimised: Compilation, process: subprocess.Popen[bytes]) -> None:
         code = process.wait()
@@ -106,10 +115,13 @@ def compile_in_steps(
     return NewestLibrary(quick.find() or quick.make(), optimised, load)
 
 
-def _start(compilation: Compilation) -> subprocess.Popen[bytes]:
-    """Start the process; it does not end with this one, nor with its session."""
+def _start(compilation: Compilation) -> subprocess.Popen[bytes] | None:
+    """Start the process, None where `WAITING` are there; it ends neither with this one nor its session."""
+    place = _free_place(compilation.code.parent)
+    if place is None:
+        return None
     program = _PROGRAM.format(sys.path, __name__)
-    with tempfile.TemporaryFile() as order:
+    with os.fdopen(place), tempfile.TemporaryFile() as order:
         pickle.dump(compilation, order)
         order.seek(0)
         return subprocess.Popen(  # noqa: S603  this module
@@ -118,7 +130,24 @@ def _start(compilation: Compilation) -> subprocess.Popen[bytes]:
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             start_new_session=True,
+            pass_fds=(place,),
         )
+
+
+def _free_place(folder: Path) -> int | None:
+    """Return the locked file of a free place, which stays locked while a process has it open."""
+    for number in range(WAITING):
+        flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC
+        place = os.open(folder / f"optimising_{number}.lock", flags, 0o600)
+        try:
+            fcntl.flock(place, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(place)
+        except OSError:  # a file system without locks
+            return place
+        else:
+            return place
+    return None
 
 
 def compile_given() -> None:

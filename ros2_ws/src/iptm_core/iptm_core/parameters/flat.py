@@ -23,6 +23,7 @@ from iptm_core.declaration import (
     accepted_units,
     parameter_specs,
     to_model_unit,
+    without_round_off,
 )
 from iptm_core.errors import ParameterError
 from iptm_core.parameters.model import ModelParameters
@@ -197,7 +198,7 @@ def checked_number(
         number = float(value)
     except OverflowError:
         number = math.inf
-    number = to_model_unit(number, written_unit, spec.unit)
+    number = without_round_off(spec, to_model_unit(number, written_unit, spec.unit))
     if written_unit != spec.unit:
         where = f"{where} {written_unit} = {number!r} {spec.unit}"
     is_whole = spec.kind is int

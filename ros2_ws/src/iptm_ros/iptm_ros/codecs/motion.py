@@ -36,6 +36,7 @@ from iptm_ros.topics import ROAD_FRAME, TOPICS, Topic, frame_in
 TIME, POSITION, SPEED, BOUND = "time_s", "position_m", "speed_m_s", "bound_m"
 _DRAWN = ("x", "y", "z")
 _LENGTH, _TWO, _DENSE = struct.Struct("<I"), struct.Struct("<II"), b"\x01"
+_MOST_POINT_BYTES = 65_536
 _DRAWN_BYTES = 16  # three float32 and a gap, so that the float64 values are aligned
 
 
@@ -184,6 +185,7 @@ def _columns(topic: Topic, message: PointCloud2, optional: Sequence[str]) -> dic
     if missing:
         reject(topic, f"missing {', '.join(missing)}; got {', '.join(places) or 'no fields'}")
     count, step = message.width * message.height, message.point_step
+    check_point_step(topic, step)
     row = np.dtype(
         {
             "names": names,
@@ -200,6 +202,12 @@ def _columns(topic: Topic, message: PointCloud2, optional: Sequence[str]) -> dic
         )
     rows = np.frombuffer(message.data, row, count)
     return {name: rows[name].astype(np.float64) for name in names}
+
+
+def check_point_step(topic: Topic, step: int) -> None:
+    """Check the length of a point in bytes: a message without points may state any."""
+    if step > _MOST_POINT_BYTES:
+        reject(topic, f"point_step is {step}; allowed: up to {_MOST_POINT_BYTES}")
 
 
 def _checked(topic: Topic, field: Any, step: int) -> int:

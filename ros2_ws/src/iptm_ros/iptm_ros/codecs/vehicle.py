@@ -35,6 +35,7 @@ from iptm_ros.codecs.cdr import (
     time_from_ns,
     time_from_s,
 )
+from iptm_ros.codecs.motion import check_point_step
 from iptm_ros.codecs.numbers import (
     LAYOUTS,
     Numbers,
@@ -165,6 +166,7 @@ def decode_tracks(message: PointCloud2) -> tuple[int, tuple[RangeTrack, ...]]:
     """
     topic, places = Topic.RANGE_TRACKS, {field.name: field for field in message.fields}
     count, step = message.width * message.height, message.point_step
+    check_point_step(topic, step)
     formats, order = [], ">" if message.is_bigendian else "<"
     for name in _NAMES:
         field = places.get(name)

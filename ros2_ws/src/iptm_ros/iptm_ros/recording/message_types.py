@@ -68,8 +68,7 @@ def message_definition(type_name: str) -> MessageDefinition:
 
 @lru_cache(maxsize=256)
 def _cached_definition(type_name: str, prefix_path: str) -> MessageDefinition:
-    prefixes = [Path(entry) for entry in prefix_path.split(os.pathsep) if entry]
-    shares = [prefix / "share" for prefix in (*prefixes, Path(sys.prefix))]
+    shares = _shares(prefix_path)
     text = _installed_text(type_name, shares)
     store = standard_typestore()
     if not text:
@@ -87,6 +86,15 @@ def _cached_definition(type_name: str, prefix_path: str) -> MessageDefinition:
     return MessageDefinition(type_name, text, type_hash)
 
 
+def is_installed(type_name: str) -> bool:
+    """Return whether a package below AMENT_PREFIX_PATH, or of this Python, defines a message type."""
+    match = _TYPE_NAME.match(type_name)
+    shares = _shares(os.environ.get("AMENT_PREFIX_PATH", ""))
+    return match is not None and any(
+        _find(type_name, suffix, shares) for suffix in (".msg", ".idl")
+    )
+
+
 def known_hashes(type_name: str) -> set[str]:
     """Return the hashes of a type as it is installed here, by ROS and by rosbags; none if it is not known."""
     standard = standard_typestore()
@@ -102,6 +110,11 @@ def known_hashes(type_name: str) -> set[str]:
 def standard_typestore() -> Typestore:
     """Return the message types of ROS 2 Jazzy; shared, so never register types in it."""
     return get_typestore(Stores.ROS2_JAZZY)
+
+
+def _shares(prefix_path: str) -> list[Path]:
+    prefixes = [Path(entry) for entry in prefix_path.split(os.pathsep) if entry]
+    return [prefix / "share" for prefix in (*prefixes, Path(sys.prefix))]
 
 
 def _find(type_name: str, suffix: str, shares: list[Path]) -> Path | None:

@@ -24,19 +24,21 @@ from rosbags.interfaces import (
 
 from iptm_core.errors import BagError
 from iptm_core.state import NS_PER_S
-from iptm_ros.recording.message_types import known_hashes
+from iptm_ros.recording.message_types import is_installed, known_hashes
 from iptm_ros.recording.recorded_topics import UNLIMITED, TopicRecord
 
 
 def message_class(type_name: str) -> type[Any]:
-    """Return the Python class of a message type.
+    """Return the Python class of a message type; a bag names any, so only installed ones are imported.
 
     Raises:
-        BagError: the package is not installed or has no such type.
+        BagError: no installed package defines it.
     """
     package, kind, name = (*type_name.split("/"), "", "")[:3]
     if kind != "msg":
         raise BagError(f"message type is {type_name!r}; allowed: package/msg/Type")
+    if not is_installed(type_name):
+        raise BagError(f"message type {type_name}: no installed package defines it")
     try:
         found: type[Any] = getattr(importlib.import_module(f"{package}.msg"), name)
     except ImportError:
