@@ -16,6 +16,14 @@ from iptm.runner import supervisor as module
 from iptm.runner.supervisor import LAST_LINES, Supervisor
 
 OBEDIENT = "import time; print('ready', flush=True); time.sleep(60)"
+CALM = """
+import time
+try:
+    print('ready', flush=True)
+    time.sleep(60)
+except KeyboardInterrupt:
+    pass
+"""
 DEAF = (
     "import signal, time; signal.signal({0}, signal.SIG_IGN); print('ready', flush=True);"
     "time.sleep(60)"
@@ -89,8 +97,7 @@ def test_ends_with_as_much_force_as_it_takes(
 
 def test_a_frozen_process_can_end(processes: Supervisor) -> None:
     """As one that a fault froze in the last second of a trip: it counts as ended well."""
-    start(processes, "process", "import time; print('ready', flush=True)\n"
-          "try: time.sleep(60)\nexcept KeyboardInterrupt: pass")  # fmt: skip
+    start(processes, "process", CALM)
     until(lambda: "ready" in processes.log_text("process"), "the process")
     processes.send("process", signal.SIGSTOP)
     processes.stop()
@@ -139,9 +146,9 @@ def main():
     is_copy = LOADED_BY != os.getpid()
     files = [os.readlink(each.path) for each in os.scandir("/proc/self/fd") if int(each.name) > 2
              and os.path.exists(each.path)]
-    print(os.getpid(), is_copy, sys.argv[1:], os.environ["GIVEN"], os.getpgid(0) == os.getpid(),
-          any(file.endswith("held") for file in files), os.isatty(0), flush=True)
     try:
+        print(os.getpid(), is_copy, sys.argv[1:], os.environ["GIVEN"], os.getpgid(0) == os.getpid(),
+              any(file.endswith("held") for file in files), os.isatty(0), flush=True)
         time.sleep(60)
     except KeyboardInterrupt:
         return 5
