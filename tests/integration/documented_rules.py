@@ -79,7 +79,7 @@ RULES = (
         r"scripts/iptm traffic.*|scripts/iptm view bags/traffic|.*main_7",
         "SUMO, requirements/traffic.txt",
     ),
-    Rule(Way.NOT, r"python -m tests.iptm_view.screenshot", "a browser"),
+    Rule(Way.NOT, r"python -m tests.extras.iptm_view.screenshot", "a browser"),
     Rule(Way.NOT, r".*(ROS_SECURITY|--enclave).*", "DDS security, which the wheels lack"),
     Rule(Way.NOT, r"export .*", "sets a variable"),
     Rule(

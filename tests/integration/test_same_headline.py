@@ -2,29 +2,24 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
-from tests.iptm_view.test_judged_feed import rows_of, savings
 
 import iptm
 from iptm.run import figure_title
-from iptm.runner.reference_drive import COLUMNS
 from iptm.runner.summary import headline
 from iptm.string_report import string_parts
 from iptm.sweeping import Sweep
 from iptm.trip_files import load_trip
 from iptm_core.parameters import to_flat_dict
-from iptm_view.judged_feed import JudgedFeed
-from iptm_view.page_feed import END, REFERENCE, ROWS
-from iptm_view.page_row import PAGE_COLUMNS
-from iptm_view.reference_car import STATE
 
 GPX = Path(__file__).parents[2] / "docs" / "examples" / "phone_drive.gpx"
 FLAT = (np.arange(121.0), np.full(121, 50.0 / 3.6))
@@ -133,19 +128,10 @@ def shown(own: iptm.Run, other: iptm.Run, folder: Path) -> Iterator[tuple[str, s
     yield "report", own.report(folder / "report.html").read_text(encoding="utf-8")
     yield "picture", own.plot(other).get_suptitle()
     yield "string", str(string_parts([own], [other])[1].rows["aging_saved"][0])
-    yield "view", _page(own, other)
+    if find_spec("iptm_view") is not None:
+        page = import_module("tests.extras.iptm_view.judged_page")
+        yield "view", page.last_savings(own, other)
     yield "explain", own.explain(other).sentence
-
-
-def _page(own: iptm.Run, other: iptm.Run) -> str:
-    feed = JudgedFeed()
-    feed.parameters = own.parameters
-    feed.put(STATE, {"state": "known", "strategy": "reference", "columns": list(COLUMNS)})
-    for stream, run, columns in ((REFERENCE, other, COLUMNS), (ROWS, own, tuple(PAGE_COLUMNS))):
-        for row in rows_of(run.trajectory, columns):
-            feed.append(stream, row)
-    feed.put(END, {"ended": True})
-    return json.dumps(savings(feed)[-1])
 
 
 def test_every_output_has_the_headline_of_the_rows(

@@ -27,6 +27,7 @@ from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.trajectory_reader import read_decisions, read_trajectory
 from iptm_ros.topics import TOPICS, Topic
 
+pytest.importorskip("iptm_view", reason="the extra is not installed")
 MODULE = "iptm.commands.run"
 TICKS = 40
 OPTIONS = ("--cycle", "us06", "--slope", "large", "--duration-s", str(TICKS), "--no-picture")

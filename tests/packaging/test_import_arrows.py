@@ -12,14 +12,12 @@ ALLOWED = {
     "iptm_plant_sim": {"iptm_core", "iptm_ros"},
     "iptm_v2x_bridge": {"iptm_core", "iptm_ros"},
     "iptm_controller": {"iptm_core", "iptm_ros"},
-    "iptm_view": {"iptm_core", "iptm_ros"},
     "iptm": {
         "iptm_core",
         "iptm_ros",
         "iptm_plant_sim",
         "iptm_v2x_bridge",
         "iptm_controller",
-        "iptm_view",
     },
 }
 CORE = sorted(set(ALLOWED))

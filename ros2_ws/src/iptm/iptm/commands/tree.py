@@ -39,8 +39,6 @@ COMMANDS = {
     "meter": Command(
         "iptm.meter:main", "energy, temperatures and ageing of a recorded or a live drive"
     ),
-    "view": Command("iptm.runner.view:main", "show a run in the browser, live or from its bag"),
-    "visualize": Command("iptm_view.visualizer_node:main", "draw a run for RViz and Foxglove"),
     "info": Command("iptm.commands.bags:info", "list what a bag holds, and the figures of its run"),
     "compare": Command(
         "iptm.commands.bags:compare", "compare runs, or two bags message by message (--exact)"

@@ -19,7 +19,7 @@ from iptm.trip import NO_COMPARISON, Trip
 from iptm_core.program import StopRequest
 
 VIEW = "view"
-MODULE = "iptm.runner.view"
+"""The command that shows it, of an extra, and the name of its process."""
 _START_TIMEOUT_S = 20.0
 _POLL_S = 0.05
 _ADDRESS = re.compile(r"http://\S+")
@@ -54,7 +54,8 @@ def live_view(
     file = logs / "view_information.yaml"
     file.write_text(yaml.safe_dump(known, sort_keys=False), encoding="utf-8")
     recorded = [bag for bag in bags.values() if bag is not None]
-    command = [sys.executable, "-m", MODULE, "--against", against, "--run-information", str(file)]
+    command = [sys.executable, "-m", "iptm", VIEW, "--against", against]
+    command += [f"--run-information={file}"]
     command += [f"--namespace={name}" for name in bags]
     command += [f"--afterwards={bag}" for bag in recorded]
     supervisor.start(VIEW, command)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from iptm.runner.view import main
+from iptm_view.view import main
 
 
 @pytest.mark.parametrize("mistake", [["--params-file", "/nonexistent.yaml"], ["-p", "foo"]])

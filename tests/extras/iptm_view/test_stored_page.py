@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.iptm_view.screenshot import Picture
-from tests.iptm_view.test_page_in_browser import assert_shows
+from tests.extras.iptm_view.screenshot import Picture
+from tests.extras.iptm_view.test_page_in_browser import assert_shows
 
 from iptm_core.errors import ViewError
 from iptm_core.trajectory import Trajectory

@@ -1,6 +1,6 @@
 """Drives a trip with another strategy, without ROS, and writes every row as it is computed.
 
-The live view runs it as a process of its own: `python -m iptm.runner.reference_drive < settings.yaml`. The
+The live view runs it as a process of its own: `python -m iptm_view.reference_drive < settings.yaml`. The
 first line of the output is a JSON object with strategy, columns and duration, the others are JSON arrays.
 Nothing is driven where the folder of the run keeps the trajectory of that strategy.
 """

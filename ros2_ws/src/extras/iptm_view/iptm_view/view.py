@@ -1,4 +1,4 @@
-"""The command `view`: the live view of `iptm_view`, with the reference car that this package can drive."""
+"""The command `view`: a run in the browser beside the car that it is compared with."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from iptm_core.program import refused
 from iptm_ros.command_line import own_arguments
 from iptm_view.options import PROGRAM, build_parser
 
-REFERENCE_COMMAND = (sys.executable, "-m", "iptm.runner.reference_drive")
+REFERENCE_COMMAND = (sys.executable, "-m", "iptm_view.reference_drive")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

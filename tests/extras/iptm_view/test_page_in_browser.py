@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 from matplotlib.image import imread
-from tests.iptm_view.screenshot import Picture, served_bag, take_screenshot
+from tests.extras.iptm_view.screenshot import Picture, served_bag, take_screenshot
 
 from iptm_core.trajectory import Trajectory
 from iptm_view.page_feed import PageFeed

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from tests.iptm_view.screenshot import Picture
+from tests.extras.iptm_view.screenshot import Picture
 
 from iptm_core.decision_record import Rung
 from iptm_core.parameters import load_parameters

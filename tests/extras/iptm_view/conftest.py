@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.iptm_view.screenshot import BROWSERS, Picture, opened_page, started_browser
+from tests.extras.iptm_view.screenshot import BROWSERS, Picture, opened_page, started_browser
 
 from iptm_core.trajectory import Trajectory
 from iptm_ros.recording.trajectory_reader import read_trajectory
 
-BAG = Path(__file__).resolve().parents[2] / "bags" / "example_us06_120s"
+BAG = Path(__file__).resolve().parents[3] / "bags" / "example_us06_120s"
 
 
 @pytest.fixture(scope="session")

@@ -16,7 +16,7 @@ from tests.integration.page_browser import Browser, Terminal, followed
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.trajectory_reader import read_trajectory
 
-BAG = Path(__file__).resolve().parents[2] / "bags" / "example_us06_120s"
+BAG = Path(__file__).resolve().parents[4] / "bags" / "example_us06_120s"
 
 
 @pytest.fixture
@@ -24,7 +24,7 @@ def view(launcher: Any, wait_until: Callable[..., None]) -> Callable[..., tuple[
     """Start a view and follow its page."""
 
     def start(*arguments: str) -> tuple[Any, Browser]:
-        process = launcher.start_module("iptm.runner.view", "--against", "none", *arguments)
+        process = launcher.start_module("iptm_view.view", "--against", "none", *arguments)
         address = re.compile(r"http://\S+")
         wait_until(lambda: address.search(process.stdout), what="address of the page")
         found = address.search(process.stdout)
@@ -103,7 +103,7 @@ def test_mistakes_are_one_line(launcher: Any, tmp_path: Path) -> None:
         (str(BAG), "--rate", "-1"): "rate is -1; allowed",
     }
     started = [
-        (launcher.start_module("iptm.runner.view", "--no-foxglove", *arguments), message)
+        (launcher.start_module("iptm_view.view", "--no-foxglove", *arguments), message)
         for arguments, message in mistakes.items()
     ]
     for process, message in started:

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from tests.iptm_core.made_runs import make_run
 
-from iptm.runner.reference_drive import COLUMNS
 from iptm_core.metrics import FIGURES, Saving, compute_metrics, judge_saving
 from iptm_core.metrics.saving import SHORTEST_TRIP_S
 from iptm_core.parameters import load_parameters
@@ -20,6 +19,7 @@ from iptm_view.judged_feed import EVERY_S, JudgedFeed
 from iptm_view.page_feed import END, REFERENCE, ROWS, Cursor
 from iptm_view.page_row import PAGE_COLUMNS
 from iptm_view.reference_car import STATE
+from iptm_view.reference_drive import COLUMNS
 from iptm_view.run_facts import RunFacts
 
 PARAMETERS = load_parameters().values

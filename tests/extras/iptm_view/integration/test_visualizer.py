@@ -17,7 +17,7 @@ from iptm_ros.recording.trajectory_reader import read_trajectory
 from iptm_ros.topics import Topic
 from iptm_ros.visual_topics import VISUAL_TOPICS
 
-BAG = Path(__file__).resolve().parents[2] / "bags" / "example_us06_120s"
+BAG = Path(__file__).resolve().parents[4] / "bags" / "example_us06_120s"
 
 
 def test_a_replay_is_drawn_as_the_bag_says(launcher: Any, peer: Any) -> None:

@@ -1,6 +1,6 @@
 """The page in a Chromium without a window: for tests, and for the pictures in ``docs/images``.
 
-python -m tests.iptm_view.screenshot    # of the run in bags/docs
+python -m tests.extras.iptm_view.screenshot    # of the run in bags/docs
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from iptm.runner.view import REFERENCE_COMMAND
 from iptm_core.errors import ViewError
 from iptm_view.judged_feed import JudgedFeed
 from iptm_view.page_server import PageServer
 from iptm_view.reference_car import NO_REFERENCE, ReferenceCar
 from iptm_view.sources import BagSource
+from iptm_view.view import REFERENCE_COMMAND
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 _FLAGS = (
@@ -137,6 +137,6 @@ def take_screenshot(bag: Path, file: Path, picture: Picture, strategy: str) -> N
 
 
 if __name__ == "__main__":
-    root = Path(__file__).resolve().parents[2]
+    root = Path(__file__).resolve().parents[3]
     for name, look in DOCUMENTED.items():
         take_screenshot(root / "bags" / "docs", root / "docs" / "images" / name, look, "reference")
