@@ -21,6 +21,7 @@ from iptm_core.state import (
     VehicleState,
 )
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
+from iptm_ros.shared_memory import remove_dead_shared_memory
 
 # The same examples in every run, and no deadline: a busy machine must not fail a test.
 settings.register_profile("iptm", deadline=None, derandomize=True)
@@ -51,6 +52,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: places[item.path])
     gc.freeze()
     gc.enable()
+
+
+def pytest_unconfigure() -> None:
+    """Remove what processes that tests have killed left in shared memory."""
+    remove_dead_shared_memory()
 
 
 @pytest.fixture(scope="session", autouse=True)

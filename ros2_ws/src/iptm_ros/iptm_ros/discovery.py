@@ -20,6 +20,7 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from iptm_core.errors import ScenarioError
+from iptm_ros.shared_memory import tidy_shared_memory
 
 PROFILE_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 """Environment variable from which Fast DDS 2.14 (Jazzy) reads its profile."""
@@ -146,7 +147,7 @@ def reserve_domain() -> Iterator[int]:
         reservation = _reserved(domain)
         if reservation is None:
             continue
-        with reservation:
+        with reservation, tidy_shared_memory():
             yield domain
         return
     raise ScenarioError(
@@ -176,6 +177,7 @@ def lock_run(domain: int, namespace: str) -> Iterator[None]:
         reservation = _reserved(domain)  # none where the caller's parent has reserved the domain
         if reservation is not None:
             stack.enter_context(reservation)
+        stack.enter_context(tidy_shared_memory())
         yield
 
 

@@ -74,19 +74,24 @@ def run_nodes(
     stop.install()
     # As well where no script has prepared the shell: under `ros2 run` and `ros2 launch`.
     os.environ.update(middleware_settings())
+    nodes: list[SuiteNode] = []
     try:
         rclpy.init(args=command, signal_handler_options=SignalHandlerOptions.NO)
-        nodes = [factory() for factory in factories]
+        nodes.extend(factory() for factory in factories)
         for node in nodes:
             node.reject_unknown_parameters()
     except _USER_ERRORS as error:
-        rclpy.try_shutdown()
-        return refused(program, error)
+        code = refused(program, error)
     except Exception:  # noqa: BLE001  the last line of defence of the process
         get_logger(program).fatal("unexpected error at start:\n" + traceback.format_exc())
-        rclpy.try_shutdown()
-        return EXIT_DEFECT
-    return _spin(nodes, stop, program)
+        code = EXIT_DEFECT
+    else:
+        return _spin(nodes, stop, program)
+    rclpy.try_shutdown()
+    for node in nodes:
+        node.destroy_node()
+    gc.collect()  # a node that was half built is in the graph, with files in shared memory, until then
+    return code
 
 
 @contextmanager

@@ -138,6 +138,7 @@ class RecorderNode(SuiteNode):
     def destroy_node(self) -> None:
         """Close the bag, should that not have happened yet, and destroy the node."""
         self._close()
+        self._topics.close()
         super().destroy_node()
 
     def _pause(self) -> str:

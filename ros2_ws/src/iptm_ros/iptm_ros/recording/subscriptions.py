@@ -157,6 +157,11 @@ class TopicSubscriber:
                     name, subscribed.type_name, subscribed.take, request
                 )
 
+    def close(self) -> None:
+        """Give up the statuses of losses, which keep the node in the graph after it was destroyed."""
+        for entry in self._subscribed.values():
+            entry.losses.destroy_when_not_in_use()
+
     def _published(self) -> Iterator[tuple[str, list[str]]]:
         """Yield the wanted topics with a publisher, and their types, that are still to be taken."""
         if not self._discover:

@@ -1,0 +1,135 @@
+"""Shared memory: nodes that end on a signal leave none; what killed ones leave is removed."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from iptm_ros.discovery import reserve_domain
+from iptm_ros.shared_memory import FOLDER, remove_dead_shared_memory
+
+COPY = """
+import os, sys, time
+from pathlib import Path
+from iptm.runner.fork import Fork
+
+fork = Fork("node", sys.argv[2:], Path(sys.argv[1]), dict(os.environ))
+print(fork.pid, flush=True)
+while fork.poll() is None:
+    time.sleep(0.01)
+sys.exit(fork.poll())
+"""
+NODES = {
+    "plant": "iptm_plant_sim.node",
+    "v2x_bridge": "iptm_v2x_bridge.node",
+    "controller": "iptm_controller.node",
+    "recorder": "iptm_ros.recording.recorder_cli",
+}
+
+
+def files_of(pid: int) -> set[Path]:
+    """Return the files in shared memory on which a process holds locks, and those that belong to them."""
+    names = set()
+    for each in Path(f"/proc/{pid}/fd").iterdir():
+        with suppress(FileNotFoundError):  # closed meanwhile
+            opened = each.readlink()
+            if opened.parent == FOLDER and opened.name.endswith("_el"):
+                names.add(opened.name.removesuffix("_el"))
+    return {FOLDER / each for name in names for each in (name, f"{name}_el", f"sem.{name}_mutex")}
+
+
+def is_alive(pid: int) -> bool:
+    """Return whether a process is there and neither dead nor a zombie."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except FileNotFoundError:
+        return False
+
+
+def left(files: set[Path]) -> list[Path]:
+    return sorted(path for path in files if path.exists())
+
+
+@pytest.mark.parametrize("node", NODES)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_copy_of_the_runner_that_ends_on_a_signal_leaves_no_shared_memory(
+    launcher: Any,
+    wait_until: Callable[..., None],
+    tmp_path: Path,
+    node: str,
+    number: signal.Signals,
+) -> None:
+    given = [str(tmp_path / "bag")] if node == "recorder" else []
+    log = tmp_path / "node.log"
+    runner = launcher.start("copy", sys.executable, "-c", COPY, log, NODES[node], *given)
+    wait_until(runner.stdout_path.read_text, what="the copy")
+    pid = int(runner.stdout)
+    wait_until(lambda: len(files_of(pid)) > 3, what="its files")
+    files = files_of(pid)
+    assert left(files)
+    os.kill(pid, number)
+    assert runner.wait() == 0, log.read_text()
+    assert left(files) == []
+
+
+def test_shared_memory_of_killed_processes_is_removed_at_the_next_start(
+    launcher: Any, wait_until: Callable[..., None], tmp_path: Path
+) -> None:
+    trip = ("--cycle", "wltc_class3b", "--horizon", "3x1", "--no-picture")
+    runner = launcher.start_module("iptm.commands.run", *trip, "--output", tmp_path / "bag")
+
+    def processes() -> list[int]:
+        children = Path(f"/proc/{runner.popen.pid}/task/{runner.popen.pid}/children").read_text()
+        return [*map(int, children.split()), runner.popen.pid]
+
+    def files() -> set[Path]:
+        return {file for each in processes() for file in files_of(each)}
+
+    wait_until(
+        lambda: len(files()) >= 5 * 6, what="five participants with a segment and a port each"
+    )
+    own, started = files(), processes()
+    for each in started:
+        os.kill(each, signal.SIGKILL)
+    runner.wait()
+    wait_until(lambda: not any(map(is_alive, started)), what="their end")
+    assert left(own)
+    with reserve_domain():
+        assert left(own) == []
+
+
+@pytest.fixture
+def segment() -> Iterator[Path]:
+    """Return the path of a segment that does not exist."""
+    path = FOLDER / f"fastrtps_{os.getpid():016x}"
+    yield path
+    for each in FOLDER.glob(f"{path.name}*"):
+        each.unlink()
+
+
+def test_shared_memory_with_an_owner_or_a_user_is_kept(segment: Path) -> None:
+    lock = segment.with_name(f"{segment.name}_el")
+    segment.write_bytes(bytes(4096))
+    held = f"import fcntl; f = open({str(lock)!r}, 'w'); fcntl.flock(f, fcntl.LOCK_EX)"
+    mapped = (
+        f"import mmap; f = open({str(segment)!r}, 'r+b'); m = mmap.mmap(f.fileno(), 0); f.close()"
+    )
+    for hold in (held, mapped):
+        program = f"{hold}; print(flush=True); input()"
+        with subprocess.Popen(
+            [sys.executable, "-c", program], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        ) as process:
+            assert process.stdout is not None
+            process.stdout.readline()
+            assert segment.name not in remove_dead_shared_memory()
+            process.kill()
+    assert segment.name in remove_dead_shared_memory()
+    assert left({segment, lock}) == []
