@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import iptm
-from iptm.drive_meter import DriveMeter
 from iptm_core.markdown import render_page
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.catalogue import CHARGING_EFFICIENCY, FITTED_CAR, cars, cells
@@ -14,6 +13,7 @@ from iptm_core.parameters.model import CellParameters
 from iptm_core.physics.cell import cell_resistance_ohm
 from iptm_core.routes.cycles import load_cycle
 from iptm_core.units import CELSIUS_ZERO_K
+from iptm_vehicle_interface.drive_meter import DriveMeter
 
 _ROOM_K = CELSIUS_ZERO_K + 24.0
 _AIR = {

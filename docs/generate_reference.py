@@ -13,7 +13,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from cars_reference import cars_page
 from interface_reference import TEMPLATES, services_page, topics_page
 from library_reference import library_page
 
@@ -39,8 +38,8 @@ from iptm_v2x_bridge.node_sender import SenderNodeParameters
 
 DOCS = Path(__file__).resolve().parent
 CONFIG = Path(iptm.runner.__file__).parent / "config" / "nodes"
-VIEW = "iptm_view"
-EXTRAS = ("iptm_traffic", "iptm_vehicle_interface", VIEW)
+METER, VIEW = "iptm_vehicle_interface", "iptm_view"
+EXTRAS = (METER, "iptm_traffic", VIEW)
 ABSENT = {name for name in EXTRAS if find_spec(name) is None}
 """Extras that are not installed: what is made then lacks the lines of the committed pages on them."""
 NOTICE = "<!-- Made by scripts/dev docs from the code; do not edit. -->\n\n"
@@ -193,7 +192,6 @@ def faults_page() -> str:
 
 
 PAGES = {
-    DOCS / "reference" / "cars.md": cars_page,
     DOCS / "reference" / "commands.md": commands_page,
     DOCS / "reference" / "faults.md": faults_page,
     DOCS / "reference" / "figures.md": figures_page,
@@ -205,6 +203,8 @@ PAGES = {
     DOCS / "reference" / "strategies.md": strategies_page,
     **{CONFIG / f"{node}.yaml": partial(node_file, node) for node in NODES},
 }
+if METER not in ABSENT:
+    PAGES[DOCS / "reference" / "cars.md"] = import_module("cars_reference").cars_page
 
 
 def _agree(made: str, committed: str) -> bool:

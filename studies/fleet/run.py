@@ -15,10 +15,10 @@ from studies.road_space.run import DESIRED_S, EQUAL
 from studies.savings import PRODUCTION
 from studies.session import Session
 
-from iptm.drive_meter import DriveMeter
 from iptm.parts import DEFAULT_SET, DEFAULT_STRATEGY, load_parameters, saved_percent
 from iptm_traffic.demand import DemandSettings
 from iptm_traffic.fleet import FleetCar, FleetDrive, FleetResult, drive_fleet
+from iptm_vehicle_interface.drive_meter import DriveMeter
 
 EVERY = {"5 %": 20, "20 %": 5, "100 %": 1}
 """Distance between equipped cars among those that go all the way, by their share."""

@@ -110,7 +110,9 @@ RULES = (
         "tests/extras/iptm_vehicle_interface/test_bench.py, or a bus that is not there",
     ),
     Rule(Way.ELSEWHERE, r"source <\(scripts/iptm completion\)", "tests/iptm/commands"),
-    Rule(Way.ELSEWHERE, r"scripts/iptm meter .*", "tests/iptm/test_meter.py"),
+    Rule(
+        Way.ELSEWHERE, r"scripts/iptm meter .*", "tests/extras/iptm_vehicle_interface/test_meter.py"
+    ),
     Rule(Way.ELSEWHERE, r"scripts/dev (build|docs|site).*", "tests/packaging"),
     Rule(Way.NOT, r"dask .*|.*dask worker .*", "an extra, on several machines"),
     # Seconds.

@@ -36,9 +36,6 @@ class Command:
 
 COMMANDS = {
     "run": Command("iptm.commands.run:main", "drive a trip, record it and report it"),
-    "meter": Command(
-        "iptm.meter:main", "energy, temperatures and ageing of a recorded or a live drive"
-    ),
     "info": Command("iptm.commands.bags:info", "list what a bag holds, and the figures of its run"),
     "compare": Command(
         "iptm.commands.bags:compare", "compare runs, or two bags message by message (--exact)"

@@ -7,7 +7,6 @@ import time
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState
 
-from iptm.drive_meter import DriveMeter
 from iptm_core.program import EXIT_OK, StopRequest
 from iptm_core.state import NS_PER_S
 from iptm_core.units import J_PER_KWH
@@ -15,6 +14,7 @@ from iptm_ros.codecs import encode_battery, ns_from_time
 from iptm_ros.process import joined_node
 from iptm_ros.publishers import SENSOR_QOS, STREAM_QOS
 from iptm_ros.suite_node import SuiteNode
+from iptm_vehicle_interface.drive_meter import DriveMeter
 
 _SPIN_S = 0.1
 _SHOW_S = 5.0

@@ -9,8 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from iptm.drive_meter import DriveMeter
-from iptm.meter import main, metered
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
 from iptm_core.routes.cycles import DrivingCycle
@@ -18,6 +16,8 @@ from iptm_core.routes.route import UserTrip
 from iptm_core.routes.slope import SlopeProfile
 from iptm_core.state import Command
 from iptm_plant_sim.plant import Plant
+from iptm_vehicle_interface.drive_meter import DriveMeter
+from iptm_vehicle_interface.meter import main, metered
 
 PARAMETERS = load_parameters("bmw_i3").values
 

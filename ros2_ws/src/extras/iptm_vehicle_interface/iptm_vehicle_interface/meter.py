@@ -18,7 +18,6 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from iptm.drive_meter import DriveMeter, MeterReading
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters import DEFAULT_SET, load_parameters
 from iptm_core.parameters.loading import parse_overrides
@@ -29,6 +28,7 @@ from iptm_core.routes.route import USER_FILES, UserTrip
 from iptm_core.routes.user_csv import read_drive_table, trip_of_table
 from iptm_core.state import FloatArray, VehicleState
 from iptm_core.units import CELSIUS_ZERO_K, J_PER_KWH
+from iptm_vehicle_interface.drive_meter import DriveMeter, MeterReading
 
 PROGRAM = "iptm meter"
 
@@ -122,7 +122,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             kelvin = given.cell_temperature_c + CELSIUS_ZERO_K
         if given.topic:
             meter = DriveMeter(parameters, cell_temperature_k=kelvin)
-            topic = import_module("iptm.meter_topic")
+            topic = import_module("iptm_vehicle_interface.node_meter")
             code: int = topic.follow(meter, given.topic, given.battery, given.consumers_w)
             return code
         trip = _trip(given)
