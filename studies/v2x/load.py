@@ -26,17 +26,15 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
 from iptm.parts import (
-    IntersectionMap,
-    Lane,
     RoadLine,
     ScenarioError,
     car_on_road,
     delta_time_ms,
     encode_cam,
-    encode_mapem,
     its_timestamp_ms,
 )
 from iptm.runner.supervisor import environment_of_run, process_environment
+from iptm_its.mapem import IntersectionMap, Lane, encode_mapem
 from iptm_ros.codecs import ns_from_time, time_from_s
 from iptm_ros.diagnostics import find_status, status_values
 from iptm_ros.discovery import reserve_domain

@@ -17,8 +17,8 @@ from tests.integration.cam_ego import BRIDGE, SENDER, Ego, free_port
 from iptm_core.routes import build_route
 from iptm_ros.diagnostics import status_values
 from iptm_v2x_bridge.cam_bridge import CamBridge
-from iptm_v2x_bridge.captures import SimulatedRadio
 from iptm_v2x_bridge.datagrams import DatagramSender, EndOfTick
+from iptm_v2x_bridge.radio_recording import SimulatedRadio
 from iptm_v2x_bridge.sender import CamSender
 from iptm_v2x_bridge.settings import Foresight, SenderSettings
 

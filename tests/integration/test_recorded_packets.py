@@ -15,8 +15,8 @@ from iptm_core.state import LeaderPreview
 from iptm_ros.diagnostics import status_values
 from iptm_ros.topics import TOPICS, Topic
 from iptm_v2x_bridge.cam_bridge import CamBridge
-from iptm_v2x_bridge.captures import SimulatedRadio
 from iptm_v2x_bridge.node_leader_answers import read_recording
+from iptm_v2x_bridge.radio_recording import SimulatedRadio
 
 TICKS = 4
 QUIET_TICKS = 2

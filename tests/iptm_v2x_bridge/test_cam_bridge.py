@@ -11,7 +11,7 @@ from iptm_core.routes import Route
 from iptm_core.settings import PreviewMode, PreviewSettings
 from iptm_v2x_bridge.bridge import BridgeAnswer
 from iptm_v2x_bridge.cam_bridge import CamBridge
-from iptm_v2x_bridge.captures import SimulatedRadio
+from iptm_v2x_bridge.radio_recording import SimulatedRadio
 from iptm_v2x_bridge.sender import CamSender
 from iptm_v2x_bridge.settings import Foresight, Framing, SenderSettings
 

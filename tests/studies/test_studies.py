@@ -41,7 +41,14 @@ MORE = {
     "vehicle": {"iptm_core", "iptm_vehicle_interface"},
     "vehicle/in_steps.py": {"iptm_controller", "iptm_v2x_bridge"},
     # They load real nodes and listen to them.
-    "v2x/load.py": {"iptm_ros", "iptm_v2x_bridge", "rclpy", "sensor_msgs", "rosgraph_msgs"},
+    "v2x/load.py": {
+        "iptm_its",
+        "iptm_ros",
+        "iptm_v2x_bridge",
+        "rclpy",
+        "sensor_msgs",
+        "rosgraph_msgs",
+    },
     "speed/peers.py": {"iptm_controller", "iptm_core", "casadi"},
     "speed/transcription.py": {"iptm_controller", "iptm_core", "casadi"},
     "speed/sweeps.py": {"iptm_core"},

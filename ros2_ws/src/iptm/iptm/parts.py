@@ -136,13 +136,9 @@ from iptm_v2x_bridge.bridge import CycleSource as CycleSource
 from iptm_v2x_bridge.bridge import TickBridge as TickBridge
 from iptm_v2x_bridge.bridge import V2xBridge as V2xBridge
 from iptm_v2x_bridge.cam_bridge import CamBridge as CamBridge
-from iptm_v2x_bridge.captures import SimulatedRadio as SimulatedRadio
 from iptm_v2x_bridge.messages.cam import CamMessage as CamMessage
 from iptm_v2x_bridge.messages.cam import decode_datagram as decode_datagram
 from iptm_v2x_bridge.messages.cam import encode_cam as encode_cam
-from iptm_v2x_bridge.messages.mapem import IntersectionMap as IntersectionMap
-from iptm_v2x_bridge.messages.mapem import Lane as Lane
-from iptm_v2x_bridge.messages.mapem import encode_mapem as encode_mapem
 from iptm_v2x_bridge.messages.packets import delta_time_ms as delta_time_ms
 from iptm_v2x_bridge.messages.packets import its_timestamp_ms as its_timestamp_ms
 from iptm_v2x_bridge.prediction.expected_motion import History as History
@@ -156,6 +152,7 @@ from iptm_v2x_bridge.prediction.regression import Regression as Regression
 from iptm_v2x_bridge.prediction.regression import RegressionModel as RegressionModel
 from iptm_v2x_bridge.prediction.road_rules import BoundedByRules as BoundedByRules
 from iptm_v2x_bridge.prediction.road_rules import RoadRules as RoadRules
+from iptm_v2x_bridge.radio_recording import SimulatedRadio as SimulatedRadio
 from iptm_v2x_bridge.rejections import Rejection as Rejection
 from iptm_v2x_bridge.rules_of_the_road import OF_THE_CYCLE as OF_THE_CYCLE
 from iptm_v2x_bridge.rules_of_the_road import given_rules as given_rules

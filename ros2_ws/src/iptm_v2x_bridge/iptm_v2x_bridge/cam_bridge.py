@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,9 +19,9 @@ from iptm_core.routes.road_line import RoadLine
 from iptm_core.settings import PreviewMode, PreviewSettings
 from iptm_core.state import NS_PER_MS, NS_PER_S, FloatArray, LeaderPreview, LeaderState
 from iptm_v2x_bridge.bridge import BridgeAnswer, preview_times_s
+from iptm_v2x_bridge.its import RoadsideRules, Unverified, Verification
 from iptm_v2x_bridge.messages.cam import decode_cam
 from iptm_v2x_bridge.messages.packets import MessageKind, open_datagram
-from iptm_v2x_bridge.messages.signatures import Verifier
 from iptm_v2x_bridge.prediction.expected_motion import AssumedBraking, History
 from iptm_v2x_bridge.prediction.predictor import (
     LeaderTrack,
@@ -34,9 +33,6 @@ from iptm_v2x_bridge.prediction.predictor import (
 from iptm_v2x_bridge.rejections import Rejection, RejectionCounts
 from iptm_v2x_bridge.stations.station import Station, leader_track
 from iptm_v2x_bridge.stations.table import LeaderSelector, StationTable
-
-if TYPE_CHECKING:
-    from iptm_v2x_bridge.roadside.table import RoadsideTable
 
 SILENT_MS = 1500
 """Silence after which a leader is assumed to brake."""
@@ -70,8 +66,8 @@ class CamBridge:
         predictors: Sequence[Predictor] | None = None,
         start_timestamp_ms: int = 0,
         datagram_offset_bytes: int = 0,
-        roadside: RoadsideTable | None = None,
-        verifier: Verifier | None = None,
+        roadside: RoadsideRules | None = None,
+        verifier: Verification | None = None,
     ) -> None:
         """Set up a bridge.
 
@@ -86,7 +82,7 @@ class CamBridge:
         """
         self._road = road
         self._roadside = roadside
-        self._verifier = verifier or Verifier()
+        self._verifier = verifier or Unverified()
         self._kinds = tuple(MessageKind) if roadside else (MessageKind.CAM,)
         self._settings = settings or PreviewSettings()
         self._predictors = tuple(predictors or (ReceivedPath(), History()))

@@ -30,6 +30,7 @@ from iptm_v2x_bridge.datagrams import (
     Received,
     SocketSource,
 )
+from iptm_v2x_bridge.its import CAPTURE_SUFFIXES, extra_for
 from iptm_v2x_bridge.messages.cam import specification
 from iptm_v2x_bridge.messages.packets import its_timestamp_ms
 from iptm_v2x_bridge.node_answers import AnswerContext, TickAnswers
@@ -37,7 +38,7 @@ from iptm_v2x_bridge.range_sensor import RangeSensorBridge
 from iptm_v2x_bridge.settings import CamSettings
 
 if TYPE_CHECKING:
-    from iptm_v2x_bridge.captures import RadioRecording
+    from iptm_v2x_bridge.radio_recording import RadioRecording
 
 MAX_WAITING = 1000
 """Messages of a topic that the middleware keeps."""
@@ -127,15 +128,14 @@ def read_recording(
         IptmError: there is none, or it cannot be read.
     """
     # Only here: most bridges read none, and what reads bags takes long to import.
-    from iptm_v2x_bridge.captures import (  # noqa: PLC0415
-        CAPTURE_SUFFIXES,
-        read_capture,
+    from iptm_v2x_bridge.radio_recording import (  # noqa: PLC0415
         recording_by_time,
         recording_with_marks,
     )
 
     if path.suffix.lower() in CAPTURE_SUFFIXES:
-        captured = read_capture(path, port, warn)
+        extra = extra_for("recorded_packets", str(path))
+        captured = extra.read_capture(path, port, warn)
         start_ms = max(start_timestamp_ms, 0)
         marked = recording_with_marks(captured, str(path), start_ms)
         return marked or recording_by_time(captured, start_ms)

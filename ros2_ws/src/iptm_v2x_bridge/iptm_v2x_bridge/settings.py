@@ -25,10 +25,9 @@ from iptm_core.settings import (
 from iptm_core.state import FloatArray
 
 if TYPE_CHECKING:
-    from iptm_v2x_bridge.messages.signatures import Verifier
+    from iptm_v2x_bridge.its import RoadsideRules, Verification
     from iptm_v2x_bridge.prediction.predictor import Predictor
     from iptm_v2x_bridge.prediction.road_rules import RoadRules
-    from iptm_v2x_bridge.roadside.table import RoadsideTable
 
 
 DEFAULT_CAM_PORT = 8947
@@ -141,31 +140,40 @@ class CamSettings(Settings):
             return replace(road, heights_m=None)
         return replace(road, heights_m=heights_m + self.height_datum_m)
 
-    def build_verifier(self) -> Verifier:
-        """Return what verifies signatures."""
-        # Only a bridge that listens to a radio needs them.
-        from iptm_v2x_bridge.messages.signatures import Verifier, read_anchors  # noqa: PLC0415
+    def build_verifier(self) -> Verification:
+        """Return what verifies signatures.
+
+        Raises:
+            ParameterError: the extra, its library or a certificate is missing.
+        """
+        from iptm_v2x_bridge.its import Unverified, extra_for  # noqa: PLC0415
 
         if self.refuse_unverified and not self.trust_anchors:
             raise ParameterError(
                 "refuse_unverified is True, but trust_anchors is ''; allowed: a folder with certificates"
             )
-        anchors = read_anchors(self.trust_anchors) if self.trust_anchors else ()
-        return Verifier(anchors, refuses_unverified=self.refuse_unverified)
+        if not self.trust_anchors:
+            return Unverified()
+        extra = extra_for("trust_anchors", self.trust_anchors)
+        found: Verification = extra.verifier(
+            self.trust_anchors, refuses_unverified=self.refuse_unverified
+        )
+        return found
 
-    def build_heard_rules(self, given: RoadRules, road: RoadLine) -> RoadsideTable | None:
+    def build_heard_rules(self, given: RoadRules, road: RoadLine) -> RoadsideRules | None:
         """Return the rules as they are heard, None where they are not to be.
 
         Raises:
-            ParameterError: the codec of these messages is not installed.
+            ParameterError: the extra, or the codec of these messages, is not installed.
         """
         if not self.roadside_messages:
             return None
-        from iptm_v2x_bridge.messages.pycrate_codec import specification  # noqa: PLC0415
-        from iptm_v2x_bridge.roadside.table import RoadsideTable  # noqa: PLC0415
+        from iptm_v2x_bridge.its import extra_for  # noqa: PLC0415
 
-        specification()
-        return RoadsideTable(road, given)
+        found: RoadsideRules = extra_for("roadside_messages", value=True).roadside_rules(
+            road, given
+        )
+        return found
 
     def build_predictors(self, route: Route, rules: RoadRules) -> tuple[Predictor, ...]:
         """Return the predictors, the best informed first.

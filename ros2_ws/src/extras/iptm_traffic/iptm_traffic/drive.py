@@ -28,6 +28,7 @@ from iptm_core.routes.cycles import LeaderMotion
 from iptm_core.routes.route import Route
 from iptm_core.settings import PreviewSettings
 from iptm_core.trajectory import Trajectory
+from iptm_its.table import RoadsideTable
 from iptm_plant_sim.plant import Plant
 from iptm_traffic.demand import (
     BEFORE_TRIP_S,
@@ -42,11 +43,10 @@ from iptm_traffic.simulation import TrafficSimulation
 from iptm_traffic.trip import PredictionInput, TrafficDrive
 from iptm_traffic.world import SumoWorld
 from iptm_v2x_bridge.cam_bridge import CamBridge
-from iptm_v2x_bridge.captures import SimulatedRadio
 from iptm_v2x_bridge.prediction.expected_motion import History
 from iptm_v2x_bridge.prediction.predictor import Predictor, ReceivedPath
 from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules
-from iptm_v2x_bridge.roadside.table import RoadsideTable
+from iptm_v2x_bridge.radio_recording import SimulatedRadio
 from iptm_v2x_bridge.rules_of_the_road import RulesOfTheRoad
 
 DRIVER_FORESIGHT_S = 15.0

@@ -17,10 +17,10 @@ import numpy as np
 
 from iptm_core.road_ahead import HARDEST_M_S2, START_M_S2, STRAIGHT_M_S, SpeedLimits
 from iptm_core.settings import VEHICLE_LENGTH_M
+from iptm_its.interpretation import joined
 from iptm_traffic.simulation import TrafficSimulation
 from iptm_traffic.sumo_net import Junction, Link
 from iptm_v2x_bridge.prediction.road_rules import ALWAYS, RoadRules, Signal, Span
-from iptm_v2x_bridge.roadside.interpretation import joined
 from iptm_v2x_bridge.rules_of_the_road import PASS_MARGIN_S
 
 AHEAD_M = 200.0

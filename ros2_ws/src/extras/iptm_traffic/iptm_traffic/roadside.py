@@ -9,6 +9,18 @@ from __future__ import annotations
 import math
 
 from iptm_core.routes.road_line import RoadLine, step_deg, step_m
+from iptm_its.mapem import (
+    SCALE_DEG,
+    IntersectionMap,
+    Lane,
+    encode_mapem,
+)
+from iptm_its.spatem import (
+    IntersectionPhases,
+    Phase,
+    SignalState,
+    encode_spatem,
+)
 from iptm_traffic.network import (
     CLEARING_S,
     CROSS_STREET_M,
@@ -18,19 +30,7 @@ from iptm_traffic.network import (
     Network,
 )
 from iptm_traffic.simulation import RADIO_RANGE_M
-from iptm_v2x_bridge.messages.mapem import (
-    SCALE_DEG,
-    IntersectionMap,
-    Lane,
-    encode_mapem,
-)
 from iptm_v2x_bridge.messages.packets import ROADSIDE_UNIT, MessageKind, wrap
-from iptm_v2x_bridge.messages.spatem import (
-    IntersectionPhases,
-    Phase,
-    SignalState,
-    encode_spatem,
-)
 from iptm_v2x_bridge.prediction.road_rules import Signal
 
 SENT_PHASES = 6

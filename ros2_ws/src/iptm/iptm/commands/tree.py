@@ -7,9 +7,8 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from importlib.util import find_spec
-from pkgutil import iter_modules
 
+from iptm_core.extras import offered
 from iptm_core.program import EXIT_OK, EXIT_USER_ERROR, print_error, refused
 from iptm_core.user_input import suggestion
 
@@ -57,18 +56,14 @@ COMMANDS = {
 }
 
 
-EXTRA, EXTRA_COMMANDS = "iptm_", "extra_commands"
-"""An installed package whose name begins so is an extra if it has a module of this name, with a mapping
-``COMMANDS`` of names to pairs of function and summary."""
-
-
 def all_commands() -> dict[str, Command]:
-    """Return the commands of the suite, then those of the extras that are installed."""
+    """Return the commands of the suite, then those of extras.
+
+    The module ``extra_commands`` of an extra has a mapping ``COMMANDS`` of names to function and summary.
+    """
     found = dict(COMMANDS)
-    for package in sorted(module.name for module in iter_modules()):
-        if package.startswith(EXTRA) and find_spec(f"{package}.{EXTRA_COMMANDS}") is not None:
-            extra = import_module(f"{package}.{EXTRA_COMMANDS}").COMMANDS
-            found |= {name: Command(*row) for name, row in extra.items()}
+    for extra in offered("commands"):
+        found |= {name: Command(*row) for name, row in extra.COMMANDS.items()}
     return found
 
 

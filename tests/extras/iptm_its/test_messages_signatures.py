@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.iptm_v2x_bridge import real_packets
-from tests.iptm_v2x_bridge.certificates import (
+from tests.extras.iptm_its.certificates import (
     ALL,
     NAMES,
     NOW_S,
@@ -18,23 +17,21 @@ from tests.iptm_v2x_bridge.certificates import (
     owner,
     services,
 )
+from tests.iptm_v2x_bridge import real_packets
 from tests.iptm_v2x_bridge.radio import ROAD, datagram
 
 from iptm_core.errors import ParameterError
+from iptm_its import signatures
+from iptm_its.certificate import Certificate, read_certificate
+from iptm_its.signatures import Verifier, is_signed_by, read_anchors
+from iptm_its.signed_message import read_signed_message
 from iptm_v2x_bridge.cam_bridge import CamBridge
-from iptm_v2x_bridge.messages import signatures
-from iptm_v2x_bridge.messages.certificate import (
-    Certificate,
-    UnreadableError,
-    read_certificate,
-)
+from iptm_v2x_bridge.messages.octets import UnreadableError
 from iptm_v2x_bridge.messages.packets import (
     MessageKind,
     OpenedDatagram,
     open_datagram,
-    read_signed_message,
 )
-from iptm_v2x_bridge.messages.signatures import Verifier, is_signed_by, read_anchors
 from iptm_v2x_bridge.rejections import Rejection
 from iptm_v2x_bridge.settings import CamSettings
 

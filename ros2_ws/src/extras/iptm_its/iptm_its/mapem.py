@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from iptm_core.routes.road_line import step_m
+from iptm_its.pycrate_codec import decode_fields, encode_fields
+from iptm_its.spatem import IntersectionId, id_fields, intersection_id
 from iptm_v2x_bridge.messages.packets import MessageKind
-from iptm_v2x_bridge.messages.pycrate_codec import decode_fields, encode_fields
-from iptm_v2x_bridge.messages.spatem import IntersectionId, id_fields, intersection_id
 from iptm_v2x_bridge.rejections import LeftOut, Rejection
 
 SCALE_DEG = 1e7

@@ -6,23 +6,23 @@ from collections import Counter
 from dataclasses import replace
 
 import pytest
+from tests.extras.iptm_its.roadside import GREEN, HERE, LINE_M, STATION, lanes, phases
 from tests.iptm_v2x_bridge.radio import ROAD, datagram
-from tests.iptm_v2x_bridge.roadside import GREEN, HERE, LINE_M, STATION, lanes, phases
 
-from iptm_v2x_bridge.cam_bridge import CamBridge
-from iptm_v2x_bridge.captures import RadioRecording, SimulatedRadio
-from iptm_v2x_bridge.messages.mapem import encode_mapem
-from iptm_v2x_bridge.messages.packets import MessageKind, OpenedDatagram
-from iptm_v2x_bridge.messages.pycrate_codec import (
+from iptm_its import table as table_module
+from iptm_its.mapem import encode_mapem
+from iptm_its.pycrate_codec import (
     BURST_BYTES,
     BYTES_PER_MS,
     KEPT_PER_STATION,
     MAX_STATIONS,
     WaitingMessages,
 )
-from iptm_v2x_bridge.messages.spatem import encode_spatem
-from iptm_v2x_bridge.roadside import table as table_module
-from iptm_v2x_bridge.roadside.table import RoadsideTable
+from iptm_its.spatem import encode_spatem
+from iptm_its.table import RoadsideTable
+from iptm_v2x_bridge.cam_bridge import CamBridge
+from iptm_v2x_bridge.messages.packets import MessageKind, OpenedDatagram
+from iptm_v2x_bridge.radio_recording import RadioRecording, SimulatedRadio
 
 NS_PER_MS = 1_000_000
 LONGEST = 1300

@@ -12,13 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from iptm_core.routes.road_line import RoadLine
-from iptm_v2x_bridge.messages.mapem import IntersectionMap, decode_mapem
-from iptm_v2x_bridge.messages.packets import MessageKind, OpenedDatagram
-from iptm_v2x_bridge.messages.pycrate_codec import WaitingMessages
-from iptm_v2x_bridge.messages.spatem import IntersectionId, IntersectionPhases, decode_spatem
-from iptm_v2x_bridge.prediction.road_rules import ALWAYS, RoadRules, Signal
-from iptm_v2x_bridge.rejections import LeftOut, Rejection, RejectionCounts
-from iptm_v2x_bridge.roadside.interpretation import (
+from iptm_its.interpretation import (
     SAME_LINE_M,
     StopLine,
     joined,
@@ -27,6 +21,12 @@ from iptm_v2x_bridge.roadside.interpretation import (
     stop_lines,
     surely_closed,
 )
+from iptm_its.mapem import IntersectionMap, decode_mapem
+from iptm_its.pycrate_codec import WaitingMessages
+from iptm_its.spatem import IntersectionId, IntersectionPhases, decode_spatem
+from iptm_v2x_bridge.messages.packets import MessageKind, OpenedDatagram
+from iptm_v2x_bridge.prediction.road_rules import ALWAYS, RoadRules, Signal
+from iptm_v2x_bridge.rejections import LeftOut, Rejection, RejectionCounts
 from iptm_v2x_bridge.stations.plausibility import LARGEST_OFFSET_MS, MAX_AGE_MS, ClockOffset
 
 PHASES_KNOWN_MS = 5000

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from iptm_core.routes.road_line import RoadFix, RoadLine, step_deg
-from iptm_v2x_bridge.messages.mapem import IntersectionMap, Lane
-from iptm_v2x_bridge.messages.spatem import IntersectionId, IntersectionPhases, Phase
+from iptm_its.mapem import IntersectionMap, Lane
+from iptm_its.spatem import IntersectionId, IntersectionPhases, Phase
 from iptm_v2x_bridge.prediction.road_rules import Span
 from iptm_v2x_bridge.stations.station import LANE_HALF_WIDTH_M, MAX_HEADING_APART_DEG
 

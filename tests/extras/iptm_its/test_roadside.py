@@ -8,8 +8,7 @@ from datetime import datetime, timezone
 
 import numpy as np
 import pytest
-from tests.iptm_v2x_bridge.radio import ROAD
-from tests.iptm_v2x_bridge.roadside import (
+from tests.extras.iptm_its.roadside import (
     GREEN,
     LINE_M,
     RED,
@@ -19,11 +18,12 @@ from tests.iptm_v2x_bridge.roadside import (
     lanes,
     phases,
 )
+from tests.iptm_v2x_bridge.radio import ROAD
 
 from iptm_core.road_ahead import SpeedLimits
-from iptm_v2x_bridge.messages.mapem import IntersectionMap, Lane
-from iptm_v2x_bridge.messages.packets import its_timestamp_ms
-from iptm_v2x_bridge.messages.spatem import (
+from iptm_its.interpretation import stop_lines
+from iptm_its.mapem import IntersectionMap, Lane
+from iptm_its.spatem import (
     IntersectionPhases,
     SignalState,
     minute_of_year,
@@ -31,12 +31,12 @@ from iptm_v2x_bridge.messages.spatem import (
     resolve_second_s,
     second_of_hour,
 )
+from iptm_its.table import PHASES_KNOWN_MS, RoadsideTable
+from iptm_v2x_bridge.messages.packets import its_timestamp_ms
 from iptm_v2x_bridge.prediction.expected_motion import History
 from iptm_v2x_bridge.prediction.predictor import LeaderTrack, Observation, PredictorName
 from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules, Signal
 from iptm_v2x_bridge.rejections import Rejection
-from iptm_v2x_bridge.roadside.interpretation import stop_lines
-from iptm_v2x_bridge.roadside.table import PHASES_KNOWN_MS, RoadsideTable
 
 NOW_MS = its_timestamp_ms(1_790_000_000 * 10**9)
 NOW_S = NOW_MS / 1000.0

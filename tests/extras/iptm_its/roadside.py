@@ -7,8 +7,8 @@ from typing import Any
 from tests.iptm_v2x_bridge.radio import ROAD
 
 from iptm_core.routes.road_line import step_m
-from iptm_v2x_bridge.messages.mapem import SCALE_DEG, IntersectionMap, Lane
-from iptm_v2x_bridge.messages.spatem import (
+from iptm_its.mapem import SCALE_DEG, IntersectionMap, Lane
+from iptm_its.spatem import (
     IntersectionPhases,
     Phase,
     SignalState,

@@ -12,15 +12,25 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from tests.extras.iptm_its.roadside import GREEN, HERE, RED, STATION, lane, lanes, phases
 from tests.iptm_v2x_bridge.cams import cam
-from tests.iptm_v2x_bridge.roadside import GREEN, HERE, RED, STATION, lane, lanes, phases
 from tests.iptm_v2x_bridge.test_messages_oracles import capture, find
 
 pytest.importorskip("pycrate_asn1dir.ITS_IS", reason="requirements/roadside.txt is not installed")
 
 from iptm_core.errors import MessageError
+from iptm_its.mapem import decode_mapem, encode_mapem
+from iptm_its.pycrate_codec import decode_fields, encode_fields
+from iptm_its.spatem import (
+    IntersectionPhases,
+    Phase,
+    SignalState,
+    decode_spatem,
+    encode_spatem,
+    resolve_minute_ms,
+    resolve_second_s,
+)
 from iptm_v2x_bridge.messages.cam import encode_cam
-from iptm_v2x_bridge.messages.mapem import decode_mapem, encode_mapem
 from iptm_v2x_bridge.messages.packets import (
     HEADER_BYTES,
     ROADSIDE_UNIT,
@@ -29,16 +39,6 @@ from iptm_v2x_bridge.messages.packets import (
     its_timestamp_ms,
     open_datagram,
     wrap,
-)
-from iptm_v2x_bridge.messages.pycrate_codec import decode_fields, encode_fields
-from iptm_v2x_bridge.messages.spatem import (
-    IntersectionPhases,
-    Phase,
-    SignalState,
-    decode_spatem,
-    encode_spatem,
-    resolve_minute_ms,
-    resolve_second_s,
 )
 from iptm_v2x_bridge.rejections import LeftOut, Rejection
 

@@ -14,20 +14,10 @@ from pathlib import Path
 from typing import Any
 
 from iptm_core.errors import ParameterError
-from iptm_v2x_bridge.messages.certificate import (
-    Certificate,
-    Curve,
-    PublicKey,
-    Signature,
-    UnreadableError,
-    read_certificate,
-)
-from iptm_v2x_bridge.messages.packets import (
-    MessageKind,
-    OpenedDatagram,
-    SignedMessage,
-    read_signed_message,
-)
+from iptm_its.certificate import Certificate, Curve, PublicKey, Signature, read_certificate
+from iptm_its.signed_message import SignedMessage, read_signed_message
+from iptm_v2x_bridge.messages.octets import UnreadableError
+from iptm_v2x_bridge.messages.packets import MessageKind, OpenedDatagram
 from iptm_v2x_bridge.rejections import Rejection
 
 HOW_TO = ".venv/bin/python -m pip install --require-hashes -r requirements/security.txt"

@@ -14,12 +14,12 @@ from datetime import datetime, timezone
 from typing import Any
 
 from iptm_core.declaration import TextEnum
+from iptm_its.pycrate_codec import decode_fields, encode_fields
 from iptm_v2x_bridge.messages.packets import (
     ITS_EPOCH_UNIX_S,
     LEAP_SECONDS_SINCE_2004,
     MessageKind,
 )
-from iptm_v2x_bridge.messages.pycrate_codec import decode_fields, encode_fields
 from iptm_v2x_bridge.rejections import Rejection
 
 _OVER_AN_HOUR, _UNKNOWN = 36_000, 36_001
