@@ -24,8 +24,8 @@ from studies.embedded.safeguards import (
 )
 from studies.session import Session
 
-from iptm.codegen import write_controller
 from iptm.parts import FloatArray, StoreError, table_of
+from iptm_ecu.codegen import write_controller
 
 MEASURES_TIME = True
 """Counts of a compiler rather than numbers of the suite alone."""

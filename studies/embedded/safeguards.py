@@ -13,8 +13,8 @@ from pathlib import Path
 
 from studies.embedded.safeguard_cases import PARAMETERS, Case, all_cases, loaded
 
-from iptm.codegen import code_of
 from iptm_controller.options import ControllerOptions
+from iptm_ecu.codegen import code_of
 
 SOURCES = ("limiter.c", "safety_monitor.c")
 ROOT = Path(__file__).resolve().parents[2]

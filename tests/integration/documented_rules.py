@@ -102,7 +102,7 @@ RULES = (
     Rule(
         Way.ELSEWHERE,
         r"scripts/iptm codegen .*|cmake .*|ecu/build/bench .*|cp studies/embedded/cortex_m7\.c ecu",
-        "tests/iptm/test_codegen.py and tests/studies/test_embedded.py",
+        "tests/extras/iptm_ecu/test_codegen.py and tests/studies/test_embedded.py",
     ),
     Rule(
         Way.ELSEWHERE,

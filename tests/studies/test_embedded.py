@@ -19,7 +19,7 @@ from studies.embedded.safeguards import (
     write_sources,
 )
 
-from iptm.codegen import write_controller
+from iptm_ecu.codegen import write_controller
 
 
 def need(*programs: str) -> None:

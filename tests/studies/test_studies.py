@@ -33,9 +33,10 @@ MORE = {
     # Options are read before `iptm` is loaded.
     "faults/options.py": {"iptm_core"},
     "random_cars/options.py": {"iptm_core"},
+    "embedded": {"iptm_ecu"},
     "embedded/safeguard": {"iptm_controller", "iptm_core", "iptm_plant_sim"},
     "traffic": {"iptm_traffic"},
-    "fleet": {"iptm_traffic"},
+    "fleet": {"iptm_traffic", "iptm_vehicle_interface"},
     "v2x/prediction.py": {"iptm_traffic"},
     "validation": {"scipy"},
     "vehicle": {"iptm_core", "iptm_vehicle_interface"},

@@ -1,4 +1,4 @@
-"""Commands on drives and for other computers: `drive`, `train`, `codegen` and `send`.
+"""Commands on drives: `drive`, `train` and `send`.
 
 What they need is imported where it is used: their ``--help`` is there at once.
 """
@@ -13,10 +13,9 @@ from pathlib import Path
 
 from iptm_core.errors import IptmError, RouteError
 from iptm_core.program import EXIT_OK, refused
-from iptm_core.user_input import number
 
 # ruff: noqa: PLC0415
-DRIVE, TRAIN, CODEGEN, SEND = (f"iptm {name}" for name in ("drive", "train", "codegen", "send"))
+DRIVE, TRAIN, SEND = (f"iptm {name}" for name in ("drive", "train", "send"))
 
 
 def drive(arguments: Sequence[str] | None = None) -> int:
@@ -114,45 +113,6 @@ def train(arguments: Sequence[str] | None = None) -> int:
         return refused(TRAIN, error)
     except OSError as error:
         return refused(TRAIN, f"{error.filename}: {error.strerror}")
-    return EXIT_OK
-
-
-def codegen(arguments: Sequence[str] | None = None) -> int:
-    """Write a controller as C99.
-
-    Returns:
-        0 on success, 2 when an argument is refused or a file cannot be written.
-    """
-    parser = argparse.ArgumentParser(
-        CODEGEN,
-        description="Write a controller as C99 into a folder: sources, a CMake file, and recorded ticks with"
-        " a program that drives the controller through them and compares its commands.",
-    )
-    parser.add_argument("folder", type=Path, help="is made; files of the same names are replaced")
-    parser.add_argument("--horizon", help="default: the controller's")
-    parser.add_argument("--strategy", help="default: the controller's")
-    parser.add_argument("--parameter-set", help="parameters of the model; default: the paper's")
-    parser.add_argument("--cycle", default="wltc_class3b", help="of the recorded ticks")
-    parser.add_argument(
-        "--ticks", type=number, default=600.0, help="length of the record, default: %(default)g s"
-    )
-    given = parser.parse_args(arguments)
-    from iptm.codegen import write_controller
-
-    try:
-        count = write_controller(
-            given.folder,
-            strategy=given.strategy,
-            horizon=given.horizon,
-            parameter_set=given.parameter_set,
-            cycle=given.cycle,
-            duration_s=given.ticks,
-        )
-    except IptmError as error:
-        return refused(CODEGEN, error)
-    except OSError as error:
-        return refused(CODEGEN, f"{given.folder} cannot be written: {error}")
-    print(f"{count} files in {given.folder}")
     return EXIT_OK
 
 

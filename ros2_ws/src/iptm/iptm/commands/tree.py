@@ -49,7 +49,6 @@ COMMANDS = {
     ),
     "train": Command("iptm.commands.drives:train", "train the predictor of the leader"),
     "send": Command("iptm.commands.drives:send", "send a drive as V2X messages (ETSI CAM)"),
-    "codegen": Command("iptm.commands.drives:codegen", "write the controller as C99"),
     "call": Command("iptm_ros.call:main", "call a service of a node: pause, step, reset, save"),
     "param": Command("iptm_ros.param:main", "read and set parameters of nodes"),
     "completion": Command("iptm.commands.completion:main", "print the tab completion of bash"),

@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from iptm.codegen import code_of
-from iptm.commands.drives import codegen as main
 from iptm_controller.ladder import controlled_stop, safe_following
 from iptm_controller.options import ControllerOptions
 from iptm_controller.tick_library import Leader, numbers_of, vehicle
 from iptm_core.parameters import load_parameters
 from iptm_core.state import LeaderState, VehicleState
+from iptm_ecu.codegen import code_of
+from iptm_ecu.command import main
 
 PARAMETERS = load_parameters().values
 FLAGS = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O1", "-ffp-contract=off"]

@@ -1,0 +1,1 @@
+"""The controller as C99 for a control unit."""
