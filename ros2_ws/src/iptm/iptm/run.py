@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from iptm.explanation import Explanation
+    from iptm.judging import Verdicts
     from iptm.panels import Panel
     from iptm.picture import Picture
     from iptm.trip import Trip
@@ -196,6 +197,18 @@ class Run:
         if against is None:
             raise ScenarioError("explain: other is None; allowed: a run of the same trip")
         return explain(self, against)
+
+    def judge(self, other: Run | None = None, by: Sequence[str] = (), **options: Any) -> Verdicts:
+        """Judge the ageing by several laws: the paper's, measured cells', and those of extras.
+
+        Args:
+            other: see `saving`; without one, this run alone is judged.
+            by: groups or judges, see `iptm.judging.judge`, where the options are, too; by default the paper's
+                law and the measured cells of the suite.
+        """
+        from iptm.judging import BY, judge  # noqa: PLC0415  pandas takes a second to load
+
+        return judge(self, other or self.other, by or BY, **options)
 
     def plot(
         self, against: Run | None = None, remarks: Sequence[str] = (), footer: str = ""
