@@ -39,7 +39,15 @@ from iptm_v2x_bridge.node_sender import SenderNodeParameters
 DOCS = Path(__file__).resolve().parent
 CONFIG = Path(iptm.runner.__file__).parent / "config" / "nodes"
 METER, VIEW = "iptm_vehicle_interface", "iptm_view"
-EXTRAS = (METER, "iptm_ecu", "iptm_its", "iptm_judges", "iptm_traffic", VIEW)
+EXTRAS = (
+    METER,
+    "iptm_bags",
+    "iptm_ecu",
+    "iptm_its",
+    "iptm_judges",
+    "iptm_traffic",
+    VIEW,
+)
 ABSENT = {name for name in EXTRAS if find_spec(name) is None}
 """Extras that are not installed: what is made then lacks the lines of the committed pages on them."""
 NOTICE = "<!-- Made by scripts/dev docs from the code; do not edit. -->\n\n"

@@ -86,6 +86,6 @@ def test_the_completion_names_commands_options_and_settings(
     monkeypatch.setattr(sys, "argv", sys.argv)
     assert main(["completion"]) == 0
     text = capsys.readouterr().out
-    for word in ("recover", "--duration-s", "leader.latency_s=", "conditions.faults="):
+    for word in ("compare", "--duration-s", "leader.latency_s=", "conditions.faults="):
         assert word in text
     subprocess.run(["bash", "-n"], input=text, text=True, check=True)

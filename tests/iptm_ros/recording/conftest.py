@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from mcap.exceptions import EndOfFile
+from mcap.records import Message
+from mcap.stream_reader import StreamReader
 from std_msgs.msg import Float64
 
 from iptm_core.decision_record import DecisionRecord
@@ -22,6 +27,15 @@ SECOND_NS = 10**9
 
 def float_bytes(value: float) -> bytes:
     return serialized(Float64(data=float(value)))
+
+
+def messages_of_unfinished(file: Path) -> int:
+    """Return how many messages stand in a file without an end, by the library alone."""
+    found = 0
+    with file.open("rb") as stream, suppress(EndOfFile, struct.error):
+        for record in StreamReader(stream).records:
+            found += isinstance(record, Message)
+    return found
 
 
 @pytest.fixture

@@ -14,7 +14,6 @@ from tests.foreign_readers import assert_read_by_all, with_rosbags
 from iptm_core.errors import BagError
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.bag_writer import BagWriter
-from iptm_ros.recording.recover import recover
 
 EXAMPLE = Path(__file__).resolve().parents[3] / "bags" / "example_us06_120s"
 SURPLUS = {"sensor_msgs/msg/JointState": 8, "nav_msgs/msg/Odometry": 140}
@@ -74,15 +73,3 @@ def test_a_bag_with_surplus_bytes_is_refused_with_the_remedy(old_bag: Path) -> N
         pytest.raises(BagError, match=r"bytes follow its end; scripts/iptm recover removes them"),
     ):
         list(reader.messages())
-
-
-def test_recovery_removes_surplus_bytes_and_counts_them(old_bag: Path) -> None:
-    report = recover(old_bag)
-    counts = assert_read_by_all(report.output)
-    assert list(with_rosbags(report.output)) == list(with_rosbags(EXAMPLE))
-    states = counts["/plant/odometry"]
-    note = (
-        f"topic /plant/odometry: {140 * states} bytes after the ends of {states} messages removed"
-    )
-    assert note in str(report)
-    assert report.lost_count == 0

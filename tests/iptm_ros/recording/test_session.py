@@ -6,15 +6,14 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from mcap.records import Message
 from rosbags.interfaces import Qos, QosDurability
+from tests.iptm_ros.recording.conftest import messages_of_unfinished
 
 from iptm_core.errors import BagError
 from iptm_ros.recording import session as session_module
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.bag_writer import BagWriter
 from iptm_ros.recording.recorded_topics import DEFAULT_QOS
-from iptm_ros.recording.salvage import SalvageReader
 from iptm_ros.recording.session import RecordingSession
 from iptm_ros.recording.timeline import Timeline, TimeSource
 
@@ -40,8 +39,7 @@ def recorded(tmp_path: Path) -> list[tuple[str, int]]:
 
 def saved(tmp_path: Path) -> int:
     """Return how many messages a kill could not take away."""
-    records = SalvageReader(tmp_path / "bag" / "bag_0.mcap").records()
-    return sum(isinstance(record, Message) for record in records)
+    return messages_of_unfinished(tmp_path / "bag" / "bag_0.mcap")
 
 
 @pytest.mark.parametrize("is_first_missed", [False, True])

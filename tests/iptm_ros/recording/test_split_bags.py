@@ -15,7 +15,6 @@ from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.bag_writer import BagWriter
 from iptm_ros.recording.compare_bags import compare_bags
 from iptm_ros.recording.mcap_file import MOST_INDEX_BYTES, FileLimits
-from iptm_ros.recording.recover import recover
 
 FLOAT = "std_msgs/msg/Float64"
 SECOND_NS = 10**9
@@ -133,21 +132,6 @@ def test_a_clock_that_goes_back_keeps_the_order_of_time(tmp_path: Path, encode: 
     with BagReader(tmp_path / "bag") as reader:
         times = [message.log_time_ns for message in reader.raw_messages()]
     assert times == sorted(SECOND_NS * k for k in (*range(25), *range(5, 40)))
-
-
-@pytest.mark.parametrize("left", [0, 8, 40, 0.5, 1.0])
-def test_a_kill_around_a_change_of_files(left: float, split_bag: Path) -> None:
-    (split_bag / "metadata.yaml").unlink()
-    last = split_bag / "split_5.mcap"
-    whole = last.read_bytes()
-    last.write_bytes(whole[: left if isinstance(left, int) else int(left * len(whole))])
-    with pytest.raises(BagError, match="iptm recover"):
-        BagReader(split_bag)
-    report = recover(split_bag)
-    assert report.message_count >= 119
-    with BagReader(report.output) as reader:
-        assert reader.custom_data["late"] == "found out while driving"
-        assert len(list(reader.raw_messages(["/a"], 0, 50 * SECOND_NS))) == 50
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Commands that read bags: `info`, `compare`, `export`, `recover` and `check`.
+"""Commands that read bags: `info`, `compare`, `export` and `check`.
 
 What they need is imported where it is used: their ``--help`` is there at once.
 """
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from iptm_core.errors import BagError, IptmError, ScenarioError, StoreError
-from iptm_core.program import EXIT_OK, EXIT_REFUSED, print_error, refused
+from iptm_core.program import EXIT_OK, refused
 from iptm_core.user_input import number
 
 # ruff: noqa: PLC0415
@@ -23,9 +23,7 @@ if TYPE_CHECKING:
 
     from iptm.comparison import Comparison
 
-INFO, COMPARE, EXPORT, RECOVER, CHECK = (
-    f"iptm {name}" for name in ("info", "compare", "export", "recover", "check")
-)
+INFO, COMPARE, EXPORT, CHECK = (f"iptm {name}" for name in ("info", "compare", "export", "check"))
 EXIT_DIFFERENT = 1
 PIPE_WIDTH = 160
 _BAG = "bag folder or file"
@@ -222,32 +220,6 @@ def export(arguments: Sequence[str] | None = None) -> int:
     except IptmError as error:
         return refused(EXPORT, error)
     print(f"{table.num_rows} rows, {table.num_columns} columns in {given.output}")
-    return EXIT_OK
-
-
-def recover(arguments: Sequence[str] | None = None) -> int:
-    """Make a sound bag of a damaged one.
-
-    Returns:
-        0 on success, 1 when nothing could be recovered.
-    """
-    parser = argparse.ArgumentParser(
-        RECOVER,
-        description="Make a sound bag of one that was killed, cut short or damaged, and list the losses.",
-    )
-    parser.add_argument("source", type=Path, help="bag folder or .mcap file; it is not changed")
-    parser.add_argument(
-        "-o", "--output", type=Path, help="bag folder to create (default: <source>_recovered)"
-    )
-    given = parser.parse_args(arguments)
-    from iptm_ros.recording.recover import recover as recover_bag
-
-    try:
-        report = recover_bag(given.source, given.output)
-    except IptmError as error:
-        print_error(RECOVER, error)
-        return EXIT_REFUSED
-    print(report)
     return EXIT_OK
 
 

@@ -42,7 +42,6 @@ COMMANDS = {
     "export": Command("iptm.commands.bags:export", "write a run or a topic as CSV or Parquet"),
     "record": Command("iptm_ros.recording.recorder_cli:main", "record topics into a bag"),
     "replay": Command("iptm_ros.recording.player_cli:main", "play a bag with its recorded timing"),
-    "recover": Command("iptm.commands.bags:recover", "rescue the messages of a damaged bag"),
     "check": Command("iptm.commands.bags:check", "compare a node with what it answered in a bag"),
     "drive": Command(
         "iptm.commands.drives:drive", "show a recorded drive, or read one from a CAN log"

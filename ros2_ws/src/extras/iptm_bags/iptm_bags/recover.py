@@ -16,6 +16,7 @@ from pathlib import Path
 from mcap.records import Channel, Message, Metadata, Schema
 from mcap.well_known import MessageEncoding
 
+from iptm_bags.salvage import SalvageReader
 from iptm_core.errors import BagError
 from iptm_core.parameters.strict_yaml import MAX_BYTES
 from iptm_core.user_input import shown
@@ -29,7 +30,6 @@ from iptm_ros.recording.message_types import (
 )
 from iptm_ros.recording.recorded_topics import parse_profiles
 from iptm_ros.recording.run_information import RECORD_NAME
-from iptm_ros.recording.salvage import SalvageReader
 from iptm_ros.recording.storage import METADATA_FILE, read_metadata
 
 _UNKNOWN_TOPIC = "unknown topic"

@@ -16,12 +16,12 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.records import ChunkIndex, Message
 
-from iptm.commands import bags
+from iptm_bags import command
+from iptm_bags.recover import recover
+from iptm_bags.salvage import MAGIC, SalvageReader
 from iptm_core.errors import BagError
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.bag_writer import BagWriter
-from iptm_ros.recording.recover import recover
-from iptm_ros.recording.salvage import MAGIC, SalvageReader
 from iptm_ros.recording.storage import BagMessage
 
 FLOAT = "std_msgs/msg/Float64"
@@ -254,9 +254,9 @@ def test_command(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     source = cut(tmp_path / "bag", content["none"][0][:3000])
-    assert bags.recover([str(source), "-o", str(tmp_path / "out")]) == 0
+    assert command.main([str(source), "-o", str(tmp_path / "out")]) == 0
     assert "bytes dropped" in capsys.readouterr().out
-    assert bags.recover([str(source), "-o", str(tmp_path / "out")]) == 1
+    assert command.main([str(source), "-o", str(tmp_path / "out")]) == 1
     assert "exists already" in capsys.readouterr().err
 
 

@@ -11,10 +11,10 @@ import pytest
 import yaml
 from mcap.writer import CompressionType, Writer
 
+from iptm_bags.recover import recover
 from iptm_core.errors import BagError
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.bag_writer import BagWriter
-from iptm_ros.recording.recover import recover
 from iptm_ros.recording.storage import (
     LARGEST_RATIO,
     MOST_PART_BYTES,
@@ -166,7 +166,7 @@ def test_a_full_disk_leaves_no_folder_behind(small_bag: Path, tmp_path: Path) ->
     script = (
         "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000));"
         "import signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN);"
-        "from iptm.commands.bags import recover; sys.exit(recover(sys.argv[1:]))"
+        "from iptm_bags.command import main; sys.exit(main(sys.argv[1:]))"
     )
     output = tmp_path / "out"
     arguments = [str(small_bag), "-o", str(output)]

@@ -19,14 +19,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.iptm_ros.recording.bag_damage import CORRUPTIONS
+from tests.extras.iptm_bags.bag_damage import CORRUPTIONS
 
 from iptm.commands import bags
+from iptm_bags.recover import recover
 from iptm_core.errors import BagError
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.bag_writer import COMPRESSIONS, BagWriter
 from iptm_ros.recording.playback import Playback, PlaybackOptions
-from iptm_ros.recording.recover import recover
 from iptm_ros.recording.storage import BagMessage
 from iptm_ros.recording.trajectory_reader import read_decisions, read_trajectory
 

@@ -19,9 +19,9 @@ from sensor_msgs.msg import Temperature
 from tests.integration.conftest import joined_peer
 from tests.integration.recorded_suite import RECORDER, STAMPED, TICK, RecordedSuite, S
 
+from iptm_bags.recover import recover
 from iptm_ros.codecs import time_from_ns
 from iptm_ros.recording.bag_reader import BagReader
-from iptm_ros.recording.recover import recover
 from iptm_ros.topics import TOPICS, Topic
 
 MOST_TICKS = 60

@@ -288,7 +288,7 @@ def _is_chunk(data: mmap.mmap, position: int) -> bool:
         return False
     length = PREFIX.unpack_from(data, position)[1]
     name_length = CHUNK_HEAD.unpack_from(data, body)[-1]
-    rest = length - CHUNK_HEAD.size - name_length - 8
+    rest: int = length - CHUNK_HEAD.size - name_length - 8
     if body + length > len(data) or name_length > _LONGEST_COMPRESSION_NAME or rest < 0:
         return False
     size: int = struct.unpack_from("<Q", data, body + CHUNK_HEAD.size + name_length)[0]

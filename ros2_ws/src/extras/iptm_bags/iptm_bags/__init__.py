@@ -1,0 +1,1 @@
+"""Sound bags of those that were killed, cut short or damaged."""
