@@ -19,6 +19,7 @@ from iptm_core.decision_record import DrivingMode
 from iptm_core.lead_track import RangeTrack
 from iptm_core.state import NS_PER_S, PlantObservation
 from iptm_v2x_bridge.range_sensor import RangeSensorBridge
+from iptm_vehicle_interface.authority import report_frame
 from iptm_vehicle_interface.bench_car import STEP_S, BenchCar
 from iptm_vehicle_interface.bus import Frame
 from iptm_vehicle_interface.driving import Driver, controller_limits
@@ -71,6 +72,7 @@ class BenchInSteps:
         for _, frame_id, data in self.car.frames():
             if not self._gateway.from_car(frame_id, data, now_s):
                 continue
+            self._driver.receive(Frame(*report_frame(self._gateway.report), now_s))
             if self._driver.receive(Frame(frame_id, data, now_s)) == self._radar:
                 gap_m, relative_m_s, seen = (signals.value(name, now_s) for name in LEADER)
                 track = RangeTrack(gap_m, 0.0, relative_m_s)
@@ -85,6 +87,7 @@ class BenchInSteps:
             self._gateway.from_suite(frame_id, data, now_s)
         for frame_id, data in self._gateway.frames(now_s):
             self.car.receive(frame_id, data)
+        self._driver.receive(Frame(*report_frame(self._gateway.report), now_s))
 
     def _decide(self) -> None:
         if self._waiting is None:

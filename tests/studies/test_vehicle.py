@@ -12,8 +12,9 @@ pytest.importorskip("can", reason="requirements/can.txt is not installed")
 from studies.vehicle.bench import other_dbc
 from studies.vehicle.in_steps import BenchInSteps
 
+from iptm_vehicle_interface.channel import Vehicle
 from iptm_vehicle_interface.frames import FrameCodec
-from iptm_vehicle_interface.vehicle import Vehicle, load_vehicle
+from iptm_vehicle_interface.vehicle import load_vehicle
 
 
 def test_the_suite_drives_the_bench_in_steps_and_twice_the_same() -> None:

@@ -13,7 +13,7 @@ collect_ignore_glob = (
 """Without the libraries of requirements/can.txt only the meter can be tested."""
 
 if TYPE_CHECKING:
-    from iptm_vehicle_interface.vehicle import Vehicle
+    from iptm_vehicle_interface.channel import Vehicle
 
 
 @pytest.fixture(scope="session")

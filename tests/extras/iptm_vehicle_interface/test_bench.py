@@ -15,7 +15,8 @@ import pytest
 from iptm_core.state import NS_PER_S
 from iptm_ros.codecs import decode_leader_preview, decode_slope
 from iptm_ros.recording.bag_reader import BagReader
-from iptm_vehicle_interface.bus import BusReader, open_bus, send
+from iptm_vehicle_interface.bus import LOOPBACK, LOOPBACK_GROUP, BusReader, open_bus, send
+from iptm_vehicle_interface.channel import Vehicle
 from iptm_vehicle_interface.drive_record import replayed
 from iptm_vehicle_interface.driving import Driver
 from iptm_vehicle_interface.frames import FrameCodec
@@ -29,7 +30,6 @@ from iptm_vehicle_interface.node_bench import (
     BenchProcesses,
     free_ports,
 )
-from iptm_vehicle_interface.vehicle import Vehicle
 
 pytestmark = pytest.mark.integration
 PATIENCE_S = 30.0
@@ -64,9 +64,10 @@ def test_what_is_no_frame_does_not_end_the_reader(vehicle: Vehicle) -> None:
         until_s = time.monotonic() + PATIENCE_S
         frames = []
         while not (frames and reader.unreadable) and time.monotonic() < until_s:
-            # Both buses listen at the port: which of them gets it depends on the port of the sender.
             with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as foreign:
-                foreign.sendto(b"RTPS, not a frame", ("127.0.0.1", port))
+                interface = socket.inet_aton(LOOPBACK)
+                foreign.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, interface)
+                foreign.sendto(b"RTPS, not a frame", (LOOPBACK_GROUP, port))
             assert send(sender, *FrameCodec(vehicle).encode("SPEED", {"VehicleSpeed": 50.0}))
             time.sleep(0.05)
             frames += reader.taken()

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
+import pytest
+
+from iptm_vehicle_interface.authority import BENCH_BUTTON_ID, Loss, Report, decision_frame
+from iptm_vehicle_interface.channel import Vehicle
 from iptm_vehicle_interface.frames import FrameCodec
 from iptm_vehicle_interface.gateway import PERIOD_S, Gateway
-from iptm_vehicle_interface.vehicle import Vehicle
 
 
 class Bench:
@@ -17,8 +23,14 @@ class Bench:
             FrameCodec(vehicle),
             FrameCodec(vehicle),
         )
-        self.now_s = 100.0
+        self.now_s, self.decisions, self.sent_frames = 100.0, 0, 0
+        self.press()
+
+    def press(self) -> None:
+        """Let the driver press the button for a period, and the suite let go before."""
         self.let_go()
+        for pressed in (False, True):
+            self.step(None, button=pressed)
 
     def let_go(self) -> None:
         """Send a request that leaves the car to its driver."""
@@ -31,29 +43,60 @@ class Bench:
         *,
         speed_m_s: float = 20.0,
         gap_m: float = 100.0,
+        relative_m_s: float | None = 0.0,
         brake: bool = False,
+        accelerator: bool = False,
+        cancel: bool = False,
+        fault: bool = False,
+        button: bool = False,
+        confirms: bool = True,
+        decides: bool = True,
     ) -> tuple[float, bool]:
         """Run one period; None for a silent suite. Return what reaches the car."""
         self.now_s += PERIOD_S
+        pedals = {
+            "BrakePressed": brake,
+            "AcceleratorPressed": accelerator,
+            "EnableButton": button,
+            "CancelButton": cancel,
+            "VehicleFault": fault,
+            "ControlActive": confirms and self.gateway.report.is_active,
+        }
         for message, values in (
             ("SPEED", {"VehicleSpeed": 3.6 * speed_m_s}),
-            ("PEDALS", {"BrakePressed": float(brake)}),
-            ("RADAR", {"TargetValid": 1.0, "Distance": gap_m}),
+            ("PEDALS", {name: float(value) for name, value in pedals.items()}),
         ):
             assert self.gateway.from_car(*self.car.encode(message, values), self.now_s)
+        self.gateway.from_car(*self._radar(gap_m, relative_m_s), self.now_s)
+        self.decisions += decides
+        self.gateway.from_suite(*decision_frame(self.decisions), self.now_s)
         if wanted is not None:
             frame = self.suite.encode_command(self.vehicle.acceleration, wanted, enabled=True)
             self.gateway.from_suite(*frame, self.now_s)
-        command = self.judge.command(*self.gateway.frames(self.now_s)[0])
+        sent = self.gateway.frames(self.now_s)
+        self.sent_frames = len(sent)
+        command = self.judge.command(*sent[0])
         assert command is not None
         return command[1], command[2]
+
+    def _radar(self, gap_m: float, relative_m_s: float | None) -> tuple[int, bytes]:
+        """Return a frame of the range sensor; None for a relative speed that is not available."""
+        values = {"TargetValid": 1.0, "Distance": gap_m, "RelativeSpeed": relative_m_s or 0.0}
+        frame_id, data = self.car.encode("RADAR", values)
+        if relative_m_s is None:
+            message = self.vehicle.messages["RADAR"]
+            raw = message.decode(data) | {"RelativeSpeed": -81.92}
+            checksum = self.vehicle.protections["RADAR"].checksum
+            assert checksum is not None
+            data = checksum.put(frame_id, message.encode(raw, strict=False), int(raw["Counter"]))
+        return frame_id, data
 
 
 def test_a_command_passes_within_the_rate(vehicle: Vehicle) -> None:
     bench = Bench(vehicle)
     sent = [bench.step(1.0) for _ in range(30)]
     assert all(enabled for _, enabled in sent)
-    assert [round(value, 2) for value, _ in sent[:3]] == [0.08, 0.12, 0.16]
+    assert [round(value, 2) for value, _ in sent[:3]] == [0.04, 0.08, 0.12]
     assert sent[-1] == (1.0, True)
 
 
@@ -103,9 +146,147 @@ def test_inactive_is_inactive_until_the_suite_has_let_go(vehicle: Vehicle) -> No
             bench.step(**cause)  # type: ignore[arg-type]
         assert not any(bench.step(0.0)[1] for _ in range(20))
         bench.let_go()
+        assert not bench.step(0.0)[1]
+        bench.press()
         assert bench.step(0.0)[1]
     bench.gateway = Gateway(vehicle)
     assert not any(bench.step(0.0)[1] for _ in range(20))
+
+
+def test_a_suite_that_asks_without_the_button_drives_nothing(vehicle: Vehicle) -> None:
+    """However often it lets go and asks again; and a press counts for a second."""
+    bench = Bench(vehicle)
+    bench.gateway = Gateway(vehicle)
+    for _ in range(20):
+        bench.let_go()
+        assert not any(bench.step(0.0)[1] for _ in range(5))
+    assert bench.gateway.report.loss is Loss.NOT_ENABLED
+    bench.press()
+    for _ in range(round(1.2 / PERIOD_S)):
+        bench.let_go()
+        bench.step(None)
+    assert not bench.step(0.0)[1]
+    bench.press()
+    assert bench.step(0.0)[1]
+
+
+def test_a_button_of_the_suite_counts_on_the_bench_only(vehicle: Vehicle) -> None:
+    for is_bench in (False, True):
+        bench = Bench(vehicle)
+        bench.gateway = Gateway(vehicle, is_bench=is_bench)
+        bench.let_go()
+        bench.step(None)
+        bench.gateway.from_suite(BENCH_BUTTON_ID, b"", bench.now_s)
+        assert bench.step(0.0)[1] is is_bench
+
+
+def test_the_accelerator_overrides_and_its_release_gives_back(vehicle: Vehicle) -> None:
+    bench = Bench(vehicle)
+    assert bench.step(0.5)[1]
+    assert not any(bench.step(0.5, accelerator=True)[1] for _ in range(3))
+    bench.let_go()
+    for _ in range(100):
+        assert not bench.step(None, accelerator=True)[1]
+    assert bench.step(0.5)[1]
+
+
+@pytest.mark.parametrize(
+    ("pressed", "loss"),
+    [
+        ({"cancel": True}, Loss.CANCEL),
+        ({"brake": True}, Loss.BRAKE),
+        ({"fault": True}, Loss.FAULT),
+    ],
+)
+def test_what_the_car_states_ends_the_authority_until_the_button(
+    vehicle: Vehicle, pressed: dict[str, Any], loss: Loss
+) -> None:
+    bench = Bench(vehicle)
+    assert bench.step(0.0)[1]
+    assert not bench.step(0.0, **pressed)[1]
+    assert bench.gateway.report == Report(is_armed=False, is_active=False, loss=loss)
+    bench.let_go()
+    assert not any(bench.step(0.0)[1] for _ in range(20))
+    bench.press()
+    assert bench.step(0.0)[1]
+
+
+def test_another_sender_of_the_command_is_named(vehicle: Vehicle) -> None:
+    bench, rival = Bench(vehicle), FrameCodec(vehicle)
+    for _ in range(5):
+        assert bench.step(0.0)[1]
+    frame = rival.encode_command(vehicle.acceleration, 2.0, enabled=True)
+    bench.gateway.from_car(*frame, bench.now_s)
+    assert not bench.step(0.0)[1]
+    assert bench.gateway.report.loss is Loss.RIVAL
+    bench.press()
+    assert not bench.step(0.0)[1]  # it may be there still
+    bench.now_s += 1.0
+    bench.press()
+    assert bench.step(0.0)[1]
+
+
+def test_a_car_that_does_not_confirm_is_named(vehicle: Vehicle) -> None:
+    bench = Bench(vehicle)
+    sent = [bench.step(0.0, confirms=False)[1] for _ in range(30)]
+    assert sent.index(False) * PERIOD_S == pytest.approx(0.32, abs=0.04)
+    assert bench.gateway.report.loss is Loss.UNCONFIRMED
+
+
+def test_a_counter_with_two_senders_does_not_count(vehicle: Vehicle) -> None:
+    """Their frames alternate; a tenth of lost frames is none."""
+    bench, other = Bench(vehicle), FrameCodec(vehicle)
+    for _ in range(7):
+        other.encode("SPEED", {})
+    passed = 0
+    for _ in range(40):
+        bench.gateway.from_car(*other.encode("SPEED", {"VehicleSpeed": 10.0}), bench.now_s)
+        if not bench.step(0.0)[1]:
+            break
+        passed += 1
+    assert 2 <= passed <= 10
+    assert any("second sender" in name for name in bench.gateway.counts)
+    assert bench.gateway.report.loss is Loss.STALE
+    codec, random = FrameCodec(vehicle), np.random.default_rng(5)
+    lossy = [bench.car.encode("SPEED", {}) for _ in range(3000)]
+    kept = [frame for frame in lossy if random.random() > 0.1]
+    assert sum(codec.decode(*frame).fault is not None for frame in kept) <= 3
+
+
+def test_a_vehicle_ahead_without_a_relative_speed_counts_as_standing(vehicle: Vehicle) -> None:
+    """Outside of the range of the DBC means not available; 12 m ahead at 100 km/h."""
+    bench = Bench(vehicle)
+    ahead = {"speed_m_s": 100.0 / 3.6, "gap_m": 12.0}
+    sent = [bench.step(1.5, relative_m_s=-3.0, **ahead)[0] for _ in range(60)]
+    assert sent[-1] == vehicle.limits.min_acceleration_m_s2
+    sent = [bench.step(1.5, relative_m_s=None, **ahead)[0] for _ in range(60)]
+    assert set(sent) == {vehicle.limits.min_acceleration_m_s2}
+
+
+def test_a_decision_that_is_not_renewed_ends_the_compressor_and_then_the_drive(
+    vehicle: Vehicle,
+) -> None:
+    bench = Bench(vehicle)
+    assert bench.step(0.0)[1]
+    cooled, driven = [], []
+    for step in range(400):
+        compressor = bench.suite.encode_command(vehicle.compressor, 2000.0, enabled=True)
+        bench.gateway.from_suite(*compressor, bench.now_s)
+        driven.append(bench.step(0.0, decides=step < 50)[1])
+        cooled.append(bench.sent_frames == 2)
+    assert cooled.index(False) * PERIOD_S == pytest.approx(1.0 + 3.0, abs=0.05)
+    assert driven.index(False) * PERIOD_S == pytest.approx(1.0 + 3.0 + 3.5, abs=0.05)
+    assert bench.gateway.report.loss is Loss.DECISION
+
+
+def test_before_anybody_enables_no_compressor_frame_leaves(vehicle: Vehicle) -> None:
+    bench = Bench(vehicle)
+    bench.gateway = Gateway(vehicle)
+    for _ in range(50):
+        compressor = bench.suite.encode_command(vehicle.compressor, 2000.0, enabled=True)
+        bench.gateway.from_suite(*compressor, bench.now_s)
+        bench.step(None)
+        assert bench.sent_frames == 1
 
 
 def test_below_the_safe_gap_it_brakes_whatever_the_suite_wants(vehicle: Vehicle) -> None:
@@ -117,9 +298,14 @@ def test_below_the_safe_gap_it_brakes_whatever_the_suite_wants(vehicle: Vehicle)
 
 def test_without_speed_or_brake_nothing_passes(vehicle: Vehicle) -> None:
     bench = Bench(vehicle)
+    assert bench.step(0.5)[1]
+    bench.now_s += 0.2
     frame = bench.suite.encode_command(vehicle.acceleration, 0.5, enabled=True)
-    bench.gateway.from_suite(*frame, 100.0)
-    assert not bench.gateway.passed(100.0).enabled
+    bench.gateway.from_suite(*frame, bench.now_s)
+    command = bench.judge.command(*bench.gateway.frames(bench.now_s)[0])
+    assert command is not None
+    assert not command[2]
+    assert bench.gateway.report.loss is Loss.STALE
 
 
 def test_what_the_gateway_sends_is_no_command_of_the_suite(vehicle: Vehicle) -> None:

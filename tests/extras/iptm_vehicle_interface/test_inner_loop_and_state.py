@@ -9,6 +9,7 @@ from iptm_core.parameters import load_parameters
 from iptm_core.physics.cell import capacity_loss_rate_1_s
 from iptm_core.physics.powertrain import cell_current_a
 from iptm_core.state import Command, LeaderState
+from iptm_vehicle_interface.channel import Vehicle
 from iptm_vehicle_interface.driving import KEPT_CHANGES, DriveLog, LateSteps
 from iptm_vehicle_interface.engagement import Engagement
 from iptm_vehicle_interface.frames import SignalTable
@@ -18,7 +19,6 @@ from iptm_vehicle_interface.inner_loop import (
     followed,
     wanted_acceleration_m_s2,
 )
-from iptm_vehicle_interface.vehicle import Vehicle
 from iptm_vehicle_interface.vehicle_state import VehicleStateEstimator
 
 STEP_S = 0.02

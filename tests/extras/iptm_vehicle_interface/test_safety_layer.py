@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from iptm_vehicle_interface.channel import ActuationLimits
 from iptm_vehicle_interface.safety_layer import Request, Violation, checked, safe_gap_m
-from iptm_vehicle_interface.vehicle import ActuationLimits
 
 LIMITS = ActuationLimits(
     min_acceleration_m_s2=-3.5,
@@ -38,7 +38,7 @@ REQUEST = Request(
 def test_a_sound_request_passes_unchanged() -> None:
     passed = checked(REQUEST, LIMITS)
     assert passed.enabled
-    assert passed.acceleration_m_s2 == 0.5
+    assert passed.value == 0.5
     assert passed.violations == ()
 
 
@@ -62,7 +62,7 @@ def test_a_request_beyond_a_limit_is_cut(
     passed = checked(replace(REQUEST, **change), LIMITS)
     assert passed.enabled
     assert violation in passed.violations
-    assert passed.acceleration_m_s2 == pytest.approx(sent, abs=1e-3)
+    assert passed.value == pytest.approx(sent, abs=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -80,7 +80,7 @@ def test_an_old_or_overridden_request_makes_the_car_inactive(
 ) -> None:
     passed = checked(replace(REQUEST, **change), LIMITS)
     assert not passed.enabled
-    assert passed.acceleration_m_s2 == 0.0
+    assert passed.value == 0.0
     assert passed.violations == (violation,)
 
 
@@ -132,11 +132,11 @@ def test_whatever_is_asked_what_is_sent_keeps_range_and_rate(
 ) -> None:
     request = Request(wanted, enabled, age, last, 0.02, speed, gap, relative, pedal)
     passed = checked(request, LIMITS)
-    assert -3.5 <= passed.acceleration_m_s2 <= 2.0
+    assert -3.5 <= passed.value <= 2.0
     if passed.enabled:
         assert enabled
         assert not pedal
         assert age <= LIMITS.max_command_age_s
-        assert abs(passed.acceleration_m_s2 - last) <= 5.0 * 0.02 + 1e-9
+        assert abs(passed.value - last) <= 5.0 * 0.02 + 1e-9
     else:
-        assert passed.acceleration_m_s2 == 0.0
+        assert passed.value == 0.0

@@ -12,11 +12,14 @@ import pytest
 from iptm_core.decision_record import DrivingMode
 from iptm_core.errors import MessageError, ParameterError
 from iptm_core.state import Command
+from iptm_vehicle_interface.authority import report_frame
 from iptm_vehicle_interface.bus import Frame
+from iptm_vehicle_interface.channel import Vehicle
 from iptm_vehicle_interface.driving import Driver
-from iptm_vehicle_interface.frames import FrameCodec, FrameFault, RangeWatch, SignalTable
+from iptm_vehicle_interface.frames import FrameCodec, RangeWatch, SignalTable
 from iptm_vehicle_interface.gateway import Gateway
-from iptm_vehicle_interface.vehicle import VEHICLES, Vehicle, load_vehicle
+from iptm_vehicle_interface.protection import FrameFault
+from iptm_vehicle_interface.vehicle import VEHICLES, load_vehicle
 
 OTHER_DBC = """VERSION ""
 
@@ -27,6 +30,7 @@ BU_: CAR SUITE
 BO_ 1168 ESP: 8 CAR
  SG_ v_mph : 7|16@0+ (0.01,0) [0|200] "mph" SUITE
  SG_ brake : 16|1@1+ (1,0) [0|1] "" SUITE
+ SG_ set : 17|1@1+ (1,0) [0|1] "" SUITE
 
 BO_ 1200 REQUEST: 4 SUITE
  SG_ a_req : 7|16@0- (0.001,0) [-8|8] "m/s^2" CAR
@@ -38,6 +42,7 @@ database: other.dbc
 signals:
   speed_m_s: {message: ESP, signal: v_mph, timeout_s: 0.2}
   brake_pressed: {message: ESP, signal: brake, timeout_s: 0.2}
+  enable_button: {message: ESP, signal: set, timeout_s: 0.2}
 commands:
   acceleration: {message: REQUEST, signal: a_req, enable: a_on}
 protection: {}
@@ -71,7 +76,11 @@ def test_a_second_vehicle_is_a_folder(other: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("signal: v_mph", "signal: v_kmh", r"signal is 'v_kmh'; allowed: one of ESP: brake, v_mph"),
+        (
+            "signal: v_mph",
+            "signal: v_kmh",
+            r"signal is 'v_kmh'; allowed: one of ESP: brake, set, v_mph",
+        ),
         (
             "message: ESP, signal: brake",
             "message: BCM, signal: brake",
@@ -88,6 +97,11 @@ def test_a_second_vehicle_is_a_folder(other: Path) -> None:
             r"the DBC states None|the DBC states ''",
         ),
         ("other.dbc", "none.dbc", r"no such file; allowed: a DBC"),
+        (
+            "  enable_button: {message: ESP, signal: set, timeout_s: 0.2}\n",
+            "",
+            r"enable_button is None; allowed: enable_button or cruise_engaged: only the driver",
+        ),
     ],
 )
 def test_a_malformed_vehicle_is_refused(other: Path, old: str, new: str, message: str) -> None:
@@ -136,7 +150,7 @@ def test_a_repeated_or_short_frame_does_not_count(vehicle: Vehicle) -> None:
 
 
 def test_a_value_outside_of_the_range_of_the_dbc_is_missing(vehicle: Vehicle) -> None:
-    message = vehicle.database.get_message_by_name("BATTERY")
+    message = vehicle.messages["BATTERY"]
     data = message.encode(
         {"PackVoltage": 350.0, "PackCurrent": 20.0, "StateOfCharge": 102.3}, strict=False
     )
@@ -163,9 +177,9 @@ def test_ages_and_timeouts(vehicle: Vehicle) -> None:
 
 
 def test_a_second_vehicle_drives_without_another_line(other: Path) -> None:
-    """Speed, brake and a request are all that it has: no buttons, no radar, no pack, no compressor.
+    """Speed, brake, a button and a request are all that it has: no radar, no pack, no compressor.
 
-    The service engages, the request follows the plan within the limits of its folder, and the brake ends it.
+    The button engages, the request follows the plan within the limits of its folder, and the brake ends it.
     """
     lines = [line for path in other.iterdir() for line in path.read_text("utf-8").splitlines()]
     assert len(lines) <= 200
@@ -175,18 +189,18 @@ def test_a_second_vehicle_drives_without_another_line(other: Path) -> None:
     received: list[tuple[float, bool]] = []
     for step in range(200):
         now_s = 1000.0 + 0.02 * step
-        values = {"v_mph": 45.0, "brake": float(step >= 180)}
+        pressed = {"brake": float(step >= 180), "set": float(step == 60)}
+        values = {"v_mph": 45.0, **pressed}
         frame_id, data = car.encode("ESP", values)
         assert gateway.from_car(frame_id, data, now_s)
         driver.receive(Frame(frame_id, data, now_s))
+        driver.receive(Frame(*report_frame(gateway.report), now_s))
         if step % 50 == 0:
             observed = driver.measured(now_s, now_s)
             assert observed is not None
             nodes = now_s + np.arange(4.0)
             plan = (nodes, 20.0 + 0.5 * np.arange(4.0), np.full(4, 0.5))
             assert driver.follow(now_s, plan, Command(0.5, 0.0))
-        if step == 60:
-            driver.press("enable_button", now_s)
         for frame in driver.step(now_s):
             gateway.from_suite(*frame, now_s)
         for frame in gateway.frames(now_s):

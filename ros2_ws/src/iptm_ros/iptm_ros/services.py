@@ -26,7 +26,7 @@ class Service(Enum):
     RESET = "plant/reset"
     SAVE_PLANT = "plant/save_state"
     SAVE_CONTROLLER = "controller/save_state"
-    ENABLE = "vehicle_interface/enable"
+    BENCH_ENABLE = "vehicle_interface/bench_enable"
     CANCEL = "vehicle_interface/cancel"
     PLAYER_PAUSE = "player/pause"
     PLAYER_RESUME = "player/resume"
@@ -70,7 +70,7 @@ MEANINGS: Mapping[Service, str] = MappingProxyType(
             "write the state of the controller before its newest decision into a file of `state_folder`, "
             "to start from with `start_state`"
         ),
-        Service.ENABLE: "as the enable button of the car: let the suite drive",
+        Service.BENCH_ENABLE: "as the enable button, on the bench only (`bench:=true`, gateway with `--bench`)",
         Service.CANCEL: "as the cancel button of the car: the suite stops driving",
         Service.PLAYER_PAUSE: "hold the playback",
         Service.PLAYER_RESUME: "go on with a playback that is paused",

@@ -23,14 +23,16 @@ from iptm_core.routes import build_route
 from iptm_core.state import Command, LeaderState, VehicleState
 from iptm_core.units import CELSIUS_ZERO_K
 from iptm_plant_sim.plant import Plant
+from iptm_vehicle_interface.channel import Vehicle
 from iptm_vehicle_interface.frames import FrameCodec
-from iptm_vehicle_interface.vehicle import Vehicle
 
 STEP_S = 0.01
 DEAD_TIME_S = 0.1
 LAG_S = 0.2
 TIMEOUT_S = 0.08
 """Age of the last command from which the car is inactive by itself."""
+COMPRESSOR_TIMEOUT_S = 0.5
+"""The same for the compressor, which then runs as the car's own control has it: not at all."""
 DRIVER_REACTION_S = 1.0
 """Time after the car has become inactive in which neither suite nor driver acts: it coasts."""
 DRIVER_MARGIN_M = 2.0
@@ -115,6 +117,7 @@ class BenchCar:
         self._requests: deque[tuple[float, float]] = deque()
         self._request, self._enabled, self._command_s = 0.0, False, -math.inf
         self._compressor_w, self._acceleration, self._count = 0.0, 0.0, 0
+        self._compressor_s = -math.inf
         self._wanted_m_s2 = 0.0
         self._inactive_since_s = -math.inf
         self._was_active = False
@@ -162,7 +165,7 @@ class BenchCar:
                 )
             self._request, self._enabled, self._command_s = value, enabled, self.time_s
         else:
-            self._compressor_w = value
+            self._compressor_w, self._compressor_s = value, self.time_s
 
     def advance(self) -> None:
         """Move on by one step."""
@@ -178,7 +181,8 @@ class BenchCar:
             self._wanted_m_s2 = self._requests.popleft()[1]
         self._acceleration += (self._wanted_m_s2 - self._acceleration) * STEP_S / LAG_S
         before = self.state
-        command = Command(self._acceleration, self._compressor_w)
+        is_commanded = self.time_s - self._compressor_s <= COMPRESSOR_TIMEOUT_S
+        command = Command(self._acceleration, self._compressor_w if is_commanded else 0.0)
         self._step = self._plant.advance(before, command, STEP_S)
         self.state = self._step.state
         self._count += 1

@@ -47,7 +47,7 @@ class DriveRecorder:
 
     def received(self, frame: Frame) -> None:
         """Record a frame of the car."""
-        self._frame(frame.time_s, frame.frame_id, frame.data, "R")
+        self._frame(frame.time_s, frame.frame_id, frame.data, "R", frame.bus)
 
     def stepped(self, now_s: float, sent: Sequence[tuple[int, bytes]]) -> None:
         """Record a step of the inner loop and the frames that it sends."""
@@ -77,8 +77,10 @@ class DriveRecorder:
         self._frames.close()
         self._decisions.close()
 
-    def _frame(self, time_s: float, frame_id: int, data: bytes, direction: str) -> None:
-        self._frames.write(log_line(time_s, frame_id, data, direction))
+    def _frame(
+        self, time_s: float, frame_id: int, data: bytes, direction: str, bus: int = 0
+    ) -> None:
+        self._frames.write(log_line(time_s, frame_id, data, direction, bus))
         self._order += 1
 
     def _note(self, kind: str, time_s: float, value: Any) -> None:
@@ -99,9 +101,11 @@ def read_frames(path: Path) -> list[tuple[Frame, bool]]:
         raise RouteError(f"{path}: {error.strerror}; allowed: the record of a drive") from error
     for number, line in enumerate(lines, start=1):
         try:
-            time, _, frame, direction = line.split()
+            time, channel, frame, direction = line.split()
             identifier, _, data = frame.partition("#")
-            each = Frame(int(identifier, 16), bytes.fromhex(data), float(time.strip("()")))
+            data = data[2:] if data.startswith("#") else data  # flags of a frame of CAN FD
+            place = int(identifier, 16), bytes.fromhex(data), float(time.strip("()"))
+            each = Frame(*place, bus=int(channel.removeprefix("car") or 0))
         except ValueError:
             raise RouteError(
                 f"{path}, line {number}: {line!r}; allowed: (time) bus ID#DATA R or T"

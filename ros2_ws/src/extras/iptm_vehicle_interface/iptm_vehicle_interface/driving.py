@@ -17,7 +17,15 @@ import numpy as np
 from iptm_core.decision_record import DrivingMode
 from iptm_core.parameters import load_parameters
 from iptm_core.state import Command, FloatArray, LeaderState, PlantObservation
+from iptm_vehicle_interface.authority import (
+    REPORT_ID,
+    REPORT_TIMEOUT_S,
+    Report,
+    decision_frame,
+    read_report,
+)
 from iptm_vehicle_interface.bus import Frame
+from iptm_vehicle_interface.channel import Vehicle
 from iptm_vehicle_interface.engagement import Conditions, Engagement
 from iptm_vehicle_interface.frames import FrameCodec, RangeWatch, SignalTable
 from iptm_vehicle_interface.inner_loop import (
@@ -26,7 +34,6 @@ from iptm_vehicle_interface.inner_loop import (
     followed,
     wanted_acceleration_m_s2,
 )
-from iptm_vehicle_interface.vehicle import Vehicle
 from iptm_vehicle_interface.vehicle_state import LEADER, NEEDED, VehicleStateEstimator
 
 LOOP_S = 0.02
@@ -34,6 +41,8 @@ ACTIVE_WITHIN_S = 0.3
 """Time after which a car that is enabled has to act on requests."""
 PRESSED_S = 0.3
 """For how long a request of a service counts as a pressed button."""
+SET_SPEED_AHEAD_S = 2.0
+"""The plan's speed this long from now is the set speed: a cruise control needs about that to reach it."""
 KEPT_CHANGES = 1000
 """Changes of the engagement that a log keeps, the newest: a flickering signal makes some every second."""
 _KEPT_TICKS = 16
@@ -151,6 +160,7 @@ class Driver:
         self.estimator = VehicleStateEstimator(self.parameters, capacity_losses)
         self.engagement = Engagement()
         self._range, self._is_range_frozen = RangeWatch(), False
+        self._report: tuple[Report, float] | None = None
         self.log = DriveLog()
         self.requested_m_s2 = 0.0
         self._followed: Followed | None = None
@@ -163,7 +173,11 @@ class Driver:
 
     def receive(self, frame: Frame) -> str:
         """Take a frame of the car; return the name of its message, empty for one that does not count."""
-        decoded = self._codec.decode(frame.frame_id, frame.data)
+        if frame.frame_id == REPORT_ID:
+            report = read_report(frame.data)
+            self._report = self._report if report is None else (report, frame.time_s)
+            return ""
+        decoded = self._codec.decode(frame.frame_id, frame.data, frame.bus)
         if decoded.fault is not None:
             key = f"{decoded.message}: {decoded.fault.value}"
             self.log.faults[key] = self.log.faults.get(key, 0) + 1
@@ -214,6 +228,8 @@ class Driver:
         stale = self.signals.stale((*NEEDED, *LEADER, "control_active"), now_s)
         if stale:
             return f"no fresh {', '.join(stale)}"
+        if why := self._without_authority(now_s):
+            return why
         if self._is_range_frozen:
             return "the range sensor repeats itself"
         if self.signals.is_set("vehicle_fault", now_s):
@@ -231,6 +247,20 @@ class Driver:
             return f"no decision for {now_s - self._followed.made_s:.1f} s"
         return ""
 
+    def _without_authority(self, now_s: float) -> str:
+        """Return why the gateway does not let the suite drive; empty where it does, or there is none."""
+        if self._report is None:
+            return ""
+        report, heard_s = self._report
+        if now_s - heard_s > REPORT_TIMEOUT_S:
+            return "no sign of life from the gateway"
+        return report.loss.value if self._engaged_s < math.inf and not report.is_armed else ""
+
+    def _is_enabled(self, now_s: float) -> bool:
+        """Return whether the driver enables the suite, where there is a gateway by its reading, too."""
+        button = any(self.is_pressed(name, now_s) for name in ("enable_button", "cruise_engaged"))
+        return button and (self._report is None or self._report[0].is_armed)
+
     def step(self, now_s: float) -> list[tuple[int, bytes]]:
         """Run one step of the inner loop; return the frames for the gateway."""
         signals = self.signals
@@ -245,7 +275,7 @@ class Driver:
         conditions = Conditions(
             brake=signals.is_set("brake_pressed", now_s),
             accelerator=signals.is_set("accelerator_pressed", now_s),
-            enable=self.is_pressed("enable_button", now_s),
+            enable=self._is_enabled(now_s),
             cancel=self.is_pressed("cancel_button", now_s),
             hindrance=self.hindrance(now_s),
             stopped=f"no sign of life from {', '.join(self._silent)}" if self._silent else "",
@@ -257,18 +287,35 @@ class Driver:
             self._engaged_s = now_s if engaged else math.inf
             self.log.note_change(now_s - self._start_s, self.engagement)
         self.requested_m_s2 = self._wanted(now_s, since_s)
-        acceleration = self.vehicle.acceleration
+        request, is_active = self.requested_m_s2, self.engagement.is_active
+        if self.vehicle.set_speed is not None:
+            # A set speed has no ramp: the car's own cruise control goes on with what it was given.
+            is_active = self.engagement.mode is DrivingMode.ENGAGED
+            request = self._set_speed_m_s(now_s) if is_active else 0.0
         frames = [
-            self._codec.encode_command(
-                acceleration, self.requested_m_s2, enabled=self.engagement.is_active
-            )
+            self._codec.encode_command(self.vehicle.motion, request, enabled=is_active),
+            decision_frame(self.log.decisions),
         ]
-        if self.vehicle.compressor is not None and self._followed is not None:
-            power_w = max(self._followed.compressor_power_w, 0.0)
+        if self.vehicle.compressor is not None and self._may_cool(now_s):
+            power_w = self._followed.compressor_power_w if self._followed else 0.0
             frames.append(
                 self._codec.encode_command(self.vehicle.compressor, power_w, enabled=True)
             )
         return frames
+
+    def _may_cool(self, now_s: float) -> bool:
+        """Return whether the compressor's power is the suite's: of a new decision, in a car it drives."""
+        drives = self.engagement.mode in {DrivingMode.ENGAGED, DrivingMode.OVERRIDDEN}
+        made_s = self._followed.made_s if self._followed else -math.inf
+        return drives and now_s - made_s <= LONGEST_FOLLOWED_S
+
+    def _set_speed_m_s(self, now_s: float) -> float:
+        """Return the speed that the plan has a moment from now."""
+        if self._followed is None:
+            return 0.0
+        at_s = now_s + SET_SPEED_AHEAD_S
+        planned = np.interp(at_s, self._followed.node_times_s, self._followed.speeds_m_s)
+        return float(min(max(planned, 0.0), self.vehicle.limits.max_set_speed_m_s))
 
     def _wanted(self, now_s: float, since_s: float) -> float:
         mode = self.engagement.mode

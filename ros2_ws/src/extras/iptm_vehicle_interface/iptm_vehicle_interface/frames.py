@@ -1,9 +1,6 @@
 """Frames of a CAN bus: decoded into SI values with their faults, and encoded with counter and checksum.
 
 Signals arrive at 1 to 100 Hz and are seen at one instant: the newest value of each with its age.
-
-The checksum is the sum of the identifier's bytes and of all bytes of the frame but its own, inverted, in its
-lowest bits. A vehicle with another one is a vehicle with another function here.
 """
 
 from __future__ import annotations
@@ -13,17 +10,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from iptm_core.declaration import TextEnum
 from iptm_core.errors import MessageError
-from iptm_vehicle_interface.vehicle import CommandTarget, SignalSource, Vehicle
+from iptm_vehicle_interface.channel import CommandTarget, SignalSource, Vehicle
+from iptm_vehicle_interface.protection import CounterWatch, FrameFault, Protection
 
-
-class FrameFault(TextEnum):
-    """Why a frame does not count."""
-
-    LENGTH = "shorter than the DBC states"
-    CHECKSUM = "wrong checksum"
-    COUNTER = "repeated counter"
+UNPROTECTED = Protection()
 
 
 @dataclass(frozen=True)
@@ -41,12 +32,6 @@ class Decoded:
     fault: FrameFault | None = None
 
 
-def checksum_of(frame_id: int, data: bytes, bits: int) -> int:
-    """Return the checksum of a frame whose own checksum bits are 0."""
-    total = sum(frame_id.to_bytes(4, "big")) + sum(data)
-    return ~total & ((1 << bits) - 1)
-
-
 class FrameCodec:
     """Decodes and encodes the frames of a vehicle; remembers counters, so one per direction and process."""
 
@@ -55,49 +40,59 @@ class FrameCodec:
         self._by_message: dict[str, list[tuple[str, SignalSource]]] = {}
         for name, source in vehicle.signals.items():
             self._by_message.setdefault(source.message, []).append((name, source))
-        self._messages = {each.frame_id: each for each in vehicle.database.messages}
-        self._protected = {
-            each.name: {s.name: s for s in each.signals} for each in self._messages.values()
+        self._messages = {
+            (vehicle.buses[name], each.frame_id): each for name, each in vehicle.messages.items()
         }
-        self._received: dict[str, int] = {}
+        self._signals = {
+            name: {signal.name: signal for signal in each.signals}
+            for name, each in vehicle.messages.items()
+        }
+        self._targets = {target.message: target for target in vehicle.commands}
+        repeated = {message for each in vehicle.commands for message, _ in each.copied.values()}
+        self._heard = {*self._by_message, *repeated}
+        self._copied: dict[tuple[str, str], float] = {}
+        self._received: dict[str, CounterWatch] = {}
         self._sent: dict[str, int] = {}
 
-    def decode(self, frame_id: int, data: bytes) -> Decoded:
+    def decode(self, frame_id: int, data: bytes, bus: int = 0) -> Decoded:
         """Return what a frame carries, or why it does not count."""
-        message = self._messages.get(frame_id)
-        if message is None or message.name not in self._by_message:
+        message = self._messages.get((bus, frame_id))
+        if message is None or message.name not in self._heard:
             return Decoded()
         raw, fault = self._checked(message, data)
         if fault is not None:
             return Decoded(message.name, fault=fault)
+        for target in self.vehicle.commands:
+            for place in target.copied.values():
+                if place[0] == message.name:
+                    self._copied[place] = float(raw[place[1]])
         values = {}
-        for name, source in self._by_message[message.name]:
+        for name, source in self._by_message.get(message.name, ()):
             value = float(raw[source.signal])
-            signal = self._protected[message.name][source.signal]
-            low = -float("inf") if signal.minimum is None else signal.minimum
-            high = float("inf") if signal.maximum is None else signal.maximum
+            signal = self._signals[message.name][source.signal]
+            low = -math.inf if signal.minimum is None else signal.minimum
+            high = math.inf if signal.maximum is None else signal.maximum
             if low <= value <= high:
                 values[name] = source.to_si(value)
         return Decoded(message.name, values)
 
-    def command(self, frame_id: int, data: bytes) -> tuple[CommandTarget, float, bool] | None:
+    def command(
+        self, frame_id: int, data: bytes, bus: int | None = None
+    ) -> tuple[CommandTarget, float, bool] | None:
         """Return which command a frame is, its SI value and whether it is enabled; None for another frame.
 
         Raises:
             MessageError: the frame is a command and does not count.
         """
-        message = self._messages.get(frame_id)
-        targets = (self.vehicle.acceleration, self.vehicle.compressor)
-        target = next(
-            (t for t in targets if message is not None and t and t.message == message.name), None
-        )
+        route = self.vehicle.route(frame_id)[0]
+        message = self._messages.get((route, frame_id)) if bus in {None, route} else None
+        target = None if message is None else self._targets.get(message.name)
         if message is None or target is None:
             return None
         raw, fault = self._checked(message, data)
         if fault is not None:
             raise MessageError(f"{message.name}: {fault.value}")
-        value = float(raw[target.signal]) * target.factor + target.offset
-        return target, value, bool(raw[target.enable]) if target.enable else True
+        return target, target.to_si(float(raw[target.signal])), target.is_enabled(raw)
 
     def encode(self, message_name: str, values: Mapping[str, float]) -> tuple[int, bytes]:
         """Return identifier and bytes of a message, with the next counter and its checksum.
@@ -108,56 +103,72 @@ class FrameCodec:
         Raises:
             MessageError: a value does not fit into its signal.
         """
-        message = self.vehicle.database.get_message_by_name(message_name)
-        signals = self._protected[message_name]
-        full = dict.fromkeys(signals, 0.0) | dict(values)
-        protection = self.vehicle.protection
-        if protection.counter in signals:
-            count = (self._sent.get(message_name, -1) + 1) % (
-                1 << signals[protection.counter].length
-            )
+        message = self.vehicle.messages[message_name]
+        signals = self._signals[message_name]
+        # What has an offset cannot be 0 everywhere: the nearest value of its range then.
+        full = {name: _nearest(signal, 0.0) for name, signal in signals.items()} | dict(values)
+        protection = self.vehicle.protections.get(message_name, UNPROTECTED)
+        count = 0
+        if protection.counter:
+            count = (self._sent.get(message_name, -1) + 1) % protection.modulo
             self._sent[message_name] = count
             full[protection.counter] = count
         try:
-            data = message.encode(full, strict=True)
-            if protection.checksum in signals:
-                bits = signals[protection.checksum].length
-                full[protection.checksum] = checksum_of(message.frame_id, data, bits)
-                data = message.encode(full, strict=True)
+            data = bytes(message.encode(full, strict=True))
         except Exception as error:
             raise MessageError(f"{message_name} cannot carry {dict(values)}: {error}") from error
+        if protection.checksum is not None:
+            data = protection.checksum.put(message.frame_id, data, count)
         return message.frame_id, data
 
     def encode_command(
-        self, target: CommandTarget, value: float, *, enabled: bool
+        self, target: CommandTarget, value: float, *, enabled: bool, standing: bool = False
     ) -> tuple[int, bytes]:
-        """Return the frame of a command in SI units; a value beyond the signal's range is cut to it."""
-        signal = self._protected[target.message][target.signal]
-        in_dbc = target.from_si(value)
-        if signal.minimum is not None and signal.maximum is not None:
-            in_dbc = min(max(in_dbc, signal.minimum), signal.maximum)
-        values = {target.signal: in_dbc}
-        if target.enable:
-            values[target.enable] = float(enabled)
-        return self.encode(target.message, values)
+        """Return the frame of a command in SI units; a value beyond the signal's range is cut to it.
+
+        Args:
+            standing: whether the car stands, where `hold` and `resume` count.
+        """
+        signals = self._signals[target.message]
+        values = dict(target.fixed)
+        for name, place in target.copied.items():
+            if place in self._copied:
+                values[name] = self._copied[place]
+        request = target.from_si(value)
+        values |= dict.fromkeys((target.signal, *target.same), request)
+        values |= dict.fromkeys(target.positive, max(request, target.from_si(0.0)))
+        values |= target.active if enabled else target.inactive
+        for name, wanted in ((target.hold, value <= 0.0), (target.resume, value > 0.0)):
+            if name:
+                values[name] = float(enabled and standing and wanted)
+        cut = {name: _nearest(signals[name], number) for name, number in values.items()}
+        return self.encode(target.message, cut)
 
     def _checked(self, message: Any, data: bytes) -> tuple[Mapping[str, Any], FrameFault | None]:
         """Return raw values by signal, and the fault of length, checksum or counter."""
         if len(data) < message.length:
             return {}, FrameFault.LENGTH
         raw = message.decode(data, decode_choices=False)
-        signals, protection = self._protected[message.name], self.vehicle.protection
-        if protection.checksum in signals:
-            without = message.encode({**raw, protection.checksum: 0}, strict=False)
-            bits = signals[protection.checksum].length
-            if int(raw[protection.checksum]) != checksum_of(message.frame_id, without, bits):
-                return raw, FrameFault.CHECKSUM
-        if protection.counter in signals:
-            count = int(raw[protection.counter])
-            if self._received.get(message.name) == count:
-                return raw, FrameFault.COUNTER
-            self._received[message.name] = count
+        protection = self.vehicle.protections.get(message.name, UNPROTECTED)
+        count = int(raw[protection.counter]) if protection.counter else 0
+        checksum = protection.checksum
+        if protection.counter and count >= protection.modulo:
+            return raw, FrameFault.CHECKSUM
+        if checksum is not None and checksum.stated(data) != checksum.value(
+            message.frame_id, data[: message.length], count
+        ):
+            return raw, FrameFault.CHECKSUM
+        if protection.counter:
+            watch = self._received.setdefault(message.name, CounterWatch())
+            return raw, watch.fault(count, protection.modulo)
         return raw, None
+
+
+def _nearest(signal: Any, value: float) -> float:
+    """Return a value within the range that the DBC states for a signal."""
+    if signal.minimum is None or signal.maximum is None or signal.minimum >= signal.maximum:
+        return value
+    return float(min(max(value, signal.minimum), signal.maximum))
 
 
 class SignalTable:

@@ -42,7 +42,9 @@ from iptm_ros.parameters import declare_parameters
 from iptm_ros.services import Service
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import VEHICLE, Topic
-from iptm_vehicle_interface.bus import BusReader, open_bus, send
+from iptm_vehicle_interface import bus_key
+from iptm_vehicle_interface.authority import BENCH_BUTTON_ID
+from iptm_vehicle_interface.bus import BusReader, send
 from iptm_vehicle_interface.drive_record import DriveRecorder, whole_microseconds
 from iptm_vehicle_interface.driving import LOOP_S, Driver
 from iptm_vehicle_interface.vehicle import load_vehicle
@@ -55,7 +57,16 @@ class VehicleNodeParameters(FrameSettings, SamplingSettings):
 
     vehicle: str = parameter("bench", "name of a shipped vehicle, or a folder with vehicle.yaml")
     bus: str = parameter(
-        "udp:43113", "bus of the gateway as python-can names it, such as socketcan:can0"
+        "udp:43113",
+        "bus of the gateway as python-can names it, such as socketcan:can0; separated by commas, one per "
+        "database of the vehicle",
+    )
+    bus_key: str = parameter(
+        "", "file with the key of these buses, where they leave the machine; empty for none"
+    )
+    bench: bool = parameter(
+        default=False,
+        description="offer the service bench_enable as the button; a gateway obeys it with --bench only",
     )
     shadow: bool = parameter(
         default=False, description="send nothing: decide beside a driver, and record it"
@@ -121,8 +132,8 @@ class _SystemClock:
 class VehicleNode(SuiteNode):
     """Publishes what the car measures, and sends what follows the controller's plans.
 
-    Subscribes to `controller/command` and `controller/plan`; the services ~/enable and ~/cancel act as the
-    buttons of the car.
+    Subscribes to `controller/command` and `controller/plan`; the service ~/cancel acts as the button of the
+    car. There is one for the enable button on the bench only.
     """
 
     def __init__(self) -> None:
@@ -135,8 +146,14 @@ class VehicleNode(SuiteNode):
         self._driver = Driver(self._vehicle, self._saved_losses())
         self._time = _SystemClock()
         self._record = DriveRecorder(Path(self._options.record)) if self._options.record else None
-        self._bus = open_bus(self._options.bus)
-        self._reader = BusReader(self._bus, self._time.now_s)
+        key_file = self._options.bus_key
+        key = bus_key.read_key(Path(key_file)) if key_file else None
+        addresses = [each.strip() for each in self._options.bus.split(",")]
+        self._buses = bus_key.open_keyed(addresses, self._vehicle.has_fd, key, bus_key.SUITE)
+        self._readers = [
+            BusReader(bus, self._time.now_s, number=number)
+            for number, bus in enumerate(self._buses)
+        ]
         radar = self._vehicle.signals.get("gap_m")
         self._radar = radar.message if radar else ""
         self._outputs = {topic: self.advertise(topic) for topic in (*PUBLISHED, Topic.CLOCK)}
@@ -157,7 +174,8 @@ class VehicleNode(SuiteNode):
         self.listen(Topic.PLAN, self._on_plan)
         self.listen(Topic.COMMAND, self._on_command)
         self.watch_peers(Topic.PLANT_STATE, Topic.COMMAND)
-        self.serve(Service.ENABLE, lambda: self._press("enable_button"))
+        if self._options.bench:
+            self.serve(Service.BENCH_ENABLE, self._press_on_bench)
         self.serve(Service.CANCEL, lambda: self._press("cancel_button"))
         self.every(LOOP_S, self._step)
         self.every(REPORT_PERIOD_S, self._report)
@@ -196,6 +214,10 @@ class VehicleNode(SuiteNode):
             self._record.pressed(button, now_s)
         return f"pressed, {self._driver.engagement.mode.value} before"
 
+    def _press_on_bench(self) -> str:
+        send(self._buses[0], BENCH_BUTTON_ID, b"")
+        return self._press("enable_button")
+
     # --- the loop
 
     def _check_alive(self) -> None:
@@ -214,7 +236,7 @@ class VehicleNode(SuiteNode):
         before_s, self._stepped_s = self._stepped_s, time.monotonic()
         self._driver.log.late.add(max(self._stepped_s - before_s - LOOP_S, 0.0))
         now_s = self._time.now_s()
-        for frame in self._reader.taken():
+        for frame in (frame for reader in self._readers for frame in reader.taken()):
             if self._record:
                 self._record.received(frame)
             message = self._driver.receive(frame)
@@ -229,7 +251,8 @@ class VehicleNode(SuiteNode):
         sent = self._driver.step(now_s)
         if not self._options.shadow:
             for frame_id, data in sent:
-                send(self._bus, frame_id, data)
+                number, is_fd = self._vehicle.route(frame_id)
+                send(self._buses[number], frame_id, data, is_fd=is_fd)
         if self._record:
             self._record.stepped(now_s, sent)
         if self._driver.engagement.mode is not mode:
@@ -295,7 +318,8 @@ class VehicleNode(SuiteNode):
             "cell_n_capacity_loss": driver.estimator.capacity_losses[1],
             "late_max_s": driver.log.late.take_recent_s(),
             "clock_behind_s": self._time.behind_s,
-            "unreadable_frames": self._reader.unreadable,
+            "unreadable_frames": sum(reader.unreadable for reader in self._readers),
+            "cooling": self._vehicle.cooling,
             **{f"rejected {name}": count for name, count in driver.log.faults.items()},
         }
 
@@ -318,7 +342,8 @@ class VehicleNode(SuiteNode):
 
     def destroy_node(self) -> None:
         """Give the bus back, and complete the files."""
-        self._reader.close()
+        for reader in self._readers:
+            reader.close()
         if self._record:
             self._record.close()
         if self._options.capacity_loss_file:

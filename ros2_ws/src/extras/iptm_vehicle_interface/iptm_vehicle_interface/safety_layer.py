@@ -11,13 +11,13 @@ import math
 from dataclasses import dataclass
 
 from iptm_core.declaration import TextEnum
-from iptm_vehicle_interface.vehicle import ActuationLimits
+from iptm_vehicle_interface.channel import ActuationLimits
 
 
 class Violation(TextEnum):
     """What a request violates."""
 
-    RANGE = "acceleration outside the limits"
+    RANGE = "value outside the limits"
     RATE = "acceleration changes too fast"
     GAP = "gap below what braking within the limits needs"
     AGE = "command too old"
@@ -31,7 +31,6 @@ COMFORTABLE_JERK_M_S3 = 2.0
 """Rate of everything except braking below the safe gap."""
 RESOLUTION_M_S2 = 0.02
 """A rate that is missed by less is jitter of the period."""
-INACTIVATING = frozenset({Violation.AGE, Violation.DRIVER, Violation.NOT_FINITE})
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,7 @@ class Request:
         since_last_s: time since then.
         speed_m_s: of the ego vehicle; NaN where it is not known.
         gap_m: to the vehicle ahead; NaN for none.
-        relative_speed_m_s: of the vehicle ahead less the own.
+        relative_speed_m_s: of the vehicle ahead less the own; NaN where it is not known.
         pedal: whether the driver has a foot on brake or accelerator.
     """
 
@@ -63,9 +62,9 @@ class Request:
 
 @dataclass(frozen=True)
 class Passed:
-    """What may be sent."""
+    """What may be sent: an acceleration in m/s^2, or a set speed in m/s."""
 
-    acceleration_m_s2: float
+    value: float
     enabled: bool
     violations: tuple[Violation, ...] = ()
 
@@ -95,12 +94,13 @@ def permitted_m_s2(
     """Return the hardest acceleration that a measured gap permits.
 
     Below the safe gap it is the hardest braking; above, it rises to the hardest acceleration, which holds
-    where there is no gap, too.
+    where there is no gap, too. A vehicle ahead without a relative speed counts as standing.
     """
     hardest, most = limits.min_acceleration_m_s2, limits.max_acceleration_m_s2
     if math.isnan(gap_m) or math.isnan(speed_m_s):
         return most
-    safe_m = safe_gap_m(speed_m_s, max(speed_m_s + relative_m_s, 0.0), limits)
+    lead_m_s = 0.0 if math.isnan(relative_m_s) else max(speed_m_s + relative_m_s, 0.0)
+    safe_m = safe_gap_m(speed_m_s, lead_m_s, limits)
     share = (gap_m - safe_m) / (SOFT_SHARE * safe_m + SOFT_M)
     return hardest + min(max(share, 0.0), 1.0) * (most - hardest)
 
@@ -110,24 +110,39 @@ def too_old(age_s: float, limits: ActuationLimits) -> bool:
     return not age_s <= limits.max_command_age_s
 
 
+def inactivating(request: Request, limits: ActuationLimits) -> list[Violation]:
+    """Return why a request makes the car inactive."""
+    found = {
+        Violation.NOT_FINITE: not math.isfinite(request.acceleration_m_s2),
+        Violation.AGE: too_old(request.age_s, limits),
+        Violation.DRIVER: request.pedal,
+    }
+    return [violation for violation, holds in found.items() if holds and request.enabled]
+
+
+def checked_set_speed(request: Request, limits: ActuationLimits) -> Passed:
+    """Return what may be sent of a set speed, which stands in place of the acceleration of a request.
+
+    The car keeps the gap, and limits how fast it follows.
+    """
+    found = inactivating(request, limits)
+    if found or not request.enabled:
+        return Passed(0.0, enabled=False, violations=tuple(found))
+    wanted = request.acceleration_m_s2
+    sent = min(max(wanted, 0.0), limits.max_set_speed_m_s)
+    return Passed(sent, enabled=True, violations=(Violation.RANGE,) if sent != wanted else ())
+
+
 def checked(request: Request, limits: ActuationLimits) -> Passed:
     """Return what may be sent of a request.
 
     Below the safe gap the car brakes as hard as rate and range allow, everything else keeps the comfortable
     rate. Every value that is sent keeps range and rate.
     """
-    if not request.enabled:
-        return Passed(0.0, enabled=False)
-    wanted = request.acceleration_m_s2
-    found = []
-    if not math.isfinite(wanted):
-        found.append(Violation.NOT_FINITE)
-    if too_old(request.age_s, limits):
-        found.append(Violation.AGE)
-    if request.pedal:
-        found.append(Violation.DRIVER)
-    if INACTIVATING & {*found}:
+    found = inactivating(request, limits)
+    if found or not request.enabled:
         return Passed(0.0, enabled=False, violations=tuple(found))
+    wanted = request.acceleration_m_s2
     if outside_range(wanted, limits):
         found.append(Violation.RANGE)
     permitted = permitted_m_s2(request.speed_m_s, request.gap_m, request.relative_speed_m_s, limits)
