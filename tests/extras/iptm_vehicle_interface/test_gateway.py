@@ -16,8 +16,8 @@ from iptm_vehicle_interface.gateway import PERIOD_S, Gateway
 class Bench:
     """Both ends of a gateway, in steps of its period."""
 
-    def __init__(self, vehicle: Vehicle) -> None:
-        self.vehicle, self.gateway = vehicle, Gateway(vehicle)
+    def __init__(self, vehicle: Vehicle, speed_m_s: float = 20.0) -> None:
+        self.vehicle, self.gateway, self.speed_m_s = vehicle, Gateway(vehicle), speed_m_s
         self.car, self.suite, self.judge = (
             FrameCodec(vehicle),
             FrameCodec(vehicle),
@@ -41,7 +41,7 @@ class Bench:
         self,
         wanted: float | None = 0.0,
         *,
-        speed_m_s: float = 20.0,
+        speed_m_s: float | None = None,
         gap_m: float = 100.0,
         relative_m_s: float | None = 0.0,
         brake: bool = False,
@@ -63,7 +63,7 @@ class Bench:
             "ControlActive": confirms and self.gateway.report.is_active,
         }
         for message, values in (
-            ("SPEED", {"VehicleSpeed": 3.6 * speed_m_s}),
+            ("SPEED", {"VehicleSpeed": 3.6 * (speed_m_s or self.speed_m_s)}),
             ("PEDALS", {name: float(value) for name, value in pedals.items()}),
         ):
             assert self.gateway.from_car(*self.car.encode(message, values), self.now_s)
@@ -240,7 +240,7 @@ def test_a_counter_with_two_senders_does_not_count(vehicle: Vehicle) -> None:
         other.encode("SPEED", {})
     passed = 0
     for _ in range(40):
-        bench.gateway.from_car(*other.encode("SPEED", {"VehicleSpeed": 10.0}), bench.now_s)
+        bench.gateway.from_car(*other.encode("SPEED", {"VehicleSpeed": 72.0}), bench.now_s)
         if not bench.step(0.0)[1]:
             break
         passed += 1
@@ -255,12 +255,23 @@ def test_a_counter_with_two_senders_does_not_count(vehicle: Vehicle) -> None:
 
 def test_a_vehicle_ahead_without_a_relative_speed_counts_as_standing(vehicle: Vehicle) -> None:
     """Outside of the range of the DBC means not available; 12 m ahead at 100 km/h."""
-    bench = Bench(vehicle)
-    ahead = {"speed_m_s": 100.0 / 3.6, "gap_m": 12.0}
-    sent = [bench.step(1.5, relative_m_s=-3.0, **ahead)[0] for _ in range(60)]
+    bench = Bench(vehicle, speed_m_s=100.0 / 3.6)
+    sent = [bench.step(1.5, gap_m=12.0)[0] for _ in range(60)]
     assert sent[-1] == vehicle.limits.min_acceleration_m_s2
-    sent = [bench.step(1.5, relative_m_s=None, **ahead)[0] for _ in range(60)]
+    sent = [bench.step(1.5, gap_m=12.0, relative_m_s=None)[0] for _ in range(60)]
     assert set(sent) == {vehicle.limits.min_acceleration_m_s2}
+
+
+def test_measurements_that_contradict_each_other_are_named(vehicle: Vehicle) -> None:
+    """A gap that stays while the vehicle ahead comes nearer, and a speed without its acceleration."""
+    for changed, loss in (({"relative_m_s": -3.0}, Loss.RANGE), ({"speeds": True}, Loss.SPEED)):
+        bench = Bench(vehicle)
+        for step in range(200):
+            speed = 20.0 + 0.02 * step * ("speeds" in changed)
+            found = {name: value for name, value in changed.items() if name != "speeds"}
+            if not bench.step(0.0, speed_m_s=speed, **found)[1]:
+                break
+        assert bench.gateway.report.loss is loss
 
 
 def test_a_decision_that_is_not_renewed_ends_the_compressor_and_then_the_drive(

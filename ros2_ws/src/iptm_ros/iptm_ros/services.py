@@ -70,7 +70,7 @@ MEANINGS: Mapping[Service, str] = MappingProxyType(
             "write the state of the controller before its newest decision into a file of `state_folder`, "
             "to start from with `start_state`"
         ),
-        Service.BENCH_ENABLE: "as the enable button, on the bench only (`bench:=true`, gateway with `--bench`)",
+        Service.BENCH_ENABLE: "as the enable button, on the bench: `bench:=true`, gateway with `--bench`",
         Service.CANCEL: "as the cancel button of the car: the suite stops driving",
         Service.PLAYER_PAUSE: "hold the playback",
         Service.PLAYER_RESUME: "go on with a playback that is paused",

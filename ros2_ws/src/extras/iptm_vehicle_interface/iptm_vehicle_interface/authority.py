@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from iptm_core.declaration import TextEnum
+from iptm_core.signal_residuals import Contradiction
 
 ARMED_S = 1.0
 """A press of the button without a request counts for this long."""
@@ -33,7 +34,8 @@ class Loss(TextEnum):
     RIVAL = "another sender of the command"
     UNCONFIRMED = "the car does not act on requests"
     DECISION = "no new decision"
-    RESIDUAL = "measurements contradict each other"
+    RANGE = Contradiction.RANGE.value
+    SPEED = Contradiction.SPEED.value
 
 
 _LOSSES = tuple(Loss)

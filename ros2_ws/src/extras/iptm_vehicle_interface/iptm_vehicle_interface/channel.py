@@ -35,7 +35,8 @@ SIGNALS: Mapping[str, str] = {
     "control_active": "1",
 }
 """Signals that the suite has a use for, and their SI units. Currents are positive when discharging, relative
-speeds when the vehicle ahead pulls away. `control_active` is 1 while the car acts on requests;
+speeds when the vehicle ahead pulls away. `acceleration_m_s2` is
+the change of the speed, without gravity on a slope. `control_active` is 1 while the car acts on requests;
 `cruise_engaged` while the car's own cruise control is on, which the driver does, in place of a button."""
 FLAGS = frozenset(name for name, unit in SIGNALS.items() if unit == "1") - {"state_of_charge"}
 REQUIRED = ("speed_m_s", "brake_pressed")

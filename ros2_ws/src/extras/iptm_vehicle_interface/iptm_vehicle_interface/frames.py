@@ -6,11 +6,12 @@ Signals arrive at 1 to 100 Hz and are seen at one instant: the newest value of e
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from iptm_core.errors import MessageError
+from iptm_core.signal_residuals import SignalWatch
 from iptm_vehicle_interface.channel import CommandTarget, SignalSource, Vehicle
 from iptm_vehicle_interface.protection import CounterWatch, FrameFault, Protection
 
@@ -206,6 +207,19 @@ class SignalTable:
             for name in names
             if name in self._timeouts_s and math.isnan(self.value(name, now_s))
         )
+
+
+def compare(
+    watch: SignalWatch, signals: SignalTable, arrived: Collection[str], time_s: float
+) -> None:
+    """Give signals that belong together to a watch, when those of one of its pairs have arrived."""
+    if "gap_m" in arrived:
+        seen = signals.is_set("target_valid", time_s)
+        gap_m = signals.value("gap_m", time_s) if seen else math.nan
+        watch.see_gap(time_s, gap_m, signals.value("relative_speed_m_s", time_s))
+    if "speed_m_s" in arrived:
+        acceleration_m_s2 = signals.value("acceleration_m_s2", time_s)
+        watch.see_speed(time_s, signals.value("speed_m_s", time_s), acceleration_m_s2)
 
 
 MISSING_CHANGE_M = 0.3
