@@ -41,6 +41,7 @@ CONFIG = Path(iptm.runner.__file__).parent / "config" / "nodes"
 METER, VIEW = "iptm_vehicle_interface", "iptm_view"
 EXTRAS = (
     METER,
+    "iptm_drives",
     "iptm_bags",
     "iptm_ecu",
     "iptm_its",

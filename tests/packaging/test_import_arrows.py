@@ -33,7 +33,7 @@ PURE = {
     "iptm.faults",
 }
 # So do these extras, where they are installed.
-PURE |= {"iptm_its", "iptm_vehicle_interface", "iptm_traffic"} & set(EXTRAS)
+PURE |= {"iptm_drives", "iptm_its", "iptm_vehicle_interface", "iptm_traffic"} & set(EXTRAS)
 
 # Nodes with faults inside are the nodes themselves but for that; the table of faults shows what the
 # controller node reports in trips without it.

@@ -112,8 +112,8 @@ def test_the_library_works_without_ros(library: Path, tmp_path: Path) -> None:
 
 LIBRARY_TESTS = (
     "tests/iptm/test_simulation.py",
-    "tests/iptm_core/test_routes_user_csv.py",
-    "tests/iptm_core/test_routes_recorded.py",
+    "tests/extras/iptm_drives/test_routes_user_csv.py",
+    "tests/extras/iptm_drives/test_routes_recorded.py",
     "tests/iptm_core/test_metrics_run.py",
     "tests/iptm_controller/test_compilation.py",
 )

@@ -6,7 +6,7 @@ import json
 
 from studies.validation.excerpts import Driver, drives
 
-from iptm.predictor_training import evaluate
+from iptm_drives.predictor_training import evaluate
 from iptm_v2x_bridge.prediction.regression import RegressionModel
 
 

@@ -39,6 +39,7 @@ MORE = {
     "fleet": {"iptm_traffic", "iptm_vehicle_interface"},
     "v2x/prediction.py": {"iptm_traffic"},
     "validation": {"scipy"},
+    "validation/drivers.py": {"iptm_drives"},
     "vehicle": {"iptm_core", "iptm_vehicle_interface"},
     "vehicle/in_steps.py": {"iptm_controller", "iptm_v2x_bridge"},
     # They load real nodes and listen to them.

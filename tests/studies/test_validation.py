@@ -14,7 +14,7 @@ from studies.validation.i3_drivetrain import (
 )
 from studies.validation.outcome import Figure
 
-from iptm.parts import predicted_distance_m
+from iptm_drives.predictor_training import predicted_distance_m
 
 RANDOM = np.random.default_rng(3)
 

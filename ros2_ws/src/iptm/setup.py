@@ -31,7 +31,6 @@ setup(
         "pandas>=2.1",
         "PyYAML>=6.0",
         "rich>=13",
-        "scipy>=1.10",
     ],
     extras_require={"test": ["pytest"]},
     python_requires=">=3.10",

@@ -3,7 +3,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-
 from iptm.commands.drives import drive as main
 
 ROOT = Path(__file__).resolve().parents[3]

@@ -19,11 +19,15 @@ from typing import Any
 import numpy as np
 
 from iptm_core.errors import ParameterError
+from iptm_core.extras import offered
 from iptm_core.user_input import shown
 from iptm_ros.recording.run_information import installed_version
 
-SUITE = ("iptm_core", "iptm_plant_sim", "iptm_v2x_bridge", "iptm_controller", "iptm")
-"""Packages that a trip without ROS runs through."""
+SUITE = (
+    *("iptm_core", "iptm_plant_sim", "iptm_v2x_bridge", "iptm_controller", "iptm"),
+    *(extra.__name__.partition(".")[0] for extra in offered("drives")),
+)
+"""Packages that a trip without ROS runs through, and extras that read drives."""
 LIBRARIES = ("casadi", "numpy")
 _DATA = frozenset({".yaml", ".json", ".csv", ".gz", ".npz"})
 

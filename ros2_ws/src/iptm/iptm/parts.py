@@ -22,7 +22,6 @@ from iptm.faults.fault import faults_from as faults_from
 from iptm.faults.fault import in_order as in_order
 from iptm.faults.kinds import FaultKind as FaultKind
 from iptm.faults.kinds import FaultPlace as FaultPlace
-from iptm.predictor_training import predicted_distance_m as predicted_distance_m
 from iptm.run import Report as Report
 from iptm.run import Reporter as Reporter
 from iptm.vehicle_string import drive_string_in_memory as drive_string_in_memory

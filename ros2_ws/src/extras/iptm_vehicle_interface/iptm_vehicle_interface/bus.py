@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from iptm_core.errors import MessageError, ScenarioError
-from iptm_core.routes.can_files import library
+from iptm_drives.can_files import library
 
 LOOPBACK_GROUP, LOOPBACK = "239.74.163.2", "127.0.0.1"
 FAILED_S = 0.1

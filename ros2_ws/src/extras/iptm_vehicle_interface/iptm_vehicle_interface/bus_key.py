@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from iptm_core.errors import MessageError, ScenarioError
-from iptm_core.routes.can_files import library
+from iptm_drives.can_files import library
 from iptm_vehicle_interface.bus import open_buses
 
 GATEWAY, SUITE = b"gateway", b"suite"

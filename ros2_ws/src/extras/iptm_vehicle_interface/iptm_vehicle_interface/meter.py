@@ -23,11 +23,12 @@ from iptm_core.parameters import DEFAULT_SET, load_parameters
 from iptm_core.parameters.loading import parse_overrides
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.program import EXIT_OK, refused
-from iptm_core.routes.can_log import CAN_COLUMNS, read_can_log
 from iptm_core.routes.route import USER_FILES, UserTrip
-from iptm_core.routes.user_csv import read_drive_table, trip_of_table
+from iptm_core.routes.user_csv import read_user_trip
 from iptm_core.state import FloatArray, VehicleState
 from iptm_core.units import CELSIUS_ZERO_K, J_PER_KWH
+from iptm_drives.can_log import CAN_COLUMNS, read_can_log
+from iptm_drives.reading import trip_of_table
 from iptm_vehicle_interface.drive_meter import DriveMeter, MeterReading
 
 PROGRAM = "iptm meter"
@@ -142,7 +143,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _trip(given: argparse.Namespace) -> UserTrip:
     if not given.signal:
-        return trip_of_table(given.file, read_drive_table(given.file))
+        return read_user_trip(given.file)
     signals = {}
     for text in given.signal:
         column, separator, signal = text.partition("=")

@@ -11,9 +11,9 @@ from typing import Any, NoReturn
 from iptm_core.errors import ParameterError
 from iptm_core.parameters import available_parameter_sets
 from iptm_core.parameters.strict_yaml import read_yaml
-from iptm_core.routes.can_files import library
 from iptm_core.units import CELSIUS_ZERO_K
 from iptm_core.user_input import StrictMapping, shown
+from iptm_drives.can_files import library
 from iptm_vehicle_interface.channel import (
     ENABLES,
     FLAGS,

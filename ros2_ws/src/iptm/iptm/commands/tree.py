@@ -43,11 +43,7 @@ COMMANDS = {
     "record": Command("iptm_ros.recording.recorder_cli:main", "record topics into a bag"),
     "replay": Command("iptm_ros.recording.player_cli:main", "play a bag with its recorded timing"),
     "check": Command("iptm.commands.bags:check", "compare a node with what it answered in a bag"),
-    "drive": Command(
-        "iptm.commands.drives:drive", "show a recorded drive, or read one from a CAN log"
-    ),
-    "train": Command("iptm.commands.drives:train", "train the predictor of the leader"),
-    "send": Command("iptm.commands.drives:send", "send a drive as V2X messages (ETSI CAM)"),
+    "send": Command("iptm.commands.send:main", "send a drive as V2X messages (ETSI CAM)"),
     "call": Command("iptm_ros.call:main", "call a service of a node: pause, step, reset, save"),
     "param": Command("iptm_ros.param:main", "read and set parameters of nodes"),
     "completion": Command("iptm.commands.completion:main", "print the tab completion of bash"),

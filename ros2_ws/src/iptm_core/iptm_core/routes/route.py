@@ -148,9 +148,9 @@ def build_route(
         notes = (*notes, f"the drive ends at {trace.duration_s:g} s: then the leader stands")
     leader = LeaderMotion.from_cycle(trace, initial_gap_m)
     if is_road_file:
-        from iptm_core.routes.user_csv import read_gpx_road  # noqa: PLC0415
+        from iptm_core.routes.user_csv import read_road  # noqa: PLC0415
 
-        line, measured = read_gpx_road(Path(slope))
+        line, measured = read_road(Path(slope))
         driven_m = float(leader.positions_at(min(duration_s or np.inf, trace.duration_s)))
         if line.length_m < driven_m:
             raise RouteError(

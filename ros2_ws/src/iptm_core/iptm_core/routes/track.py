@@ -84,7 +84,7 @@ class RecordedDrive:
     """A trip read out of a track.
 
     Attributes:
-        raw: the recording, after the repairs of `iptm_core.routes.cleaning`.
+        raw: the recording, after repairs.
         times_s: whole seconds, shape (m,).
         speeds_m_s: smoothed speeds, shape (m,).
         point_positions_m: position of every raw point along the road, shape (n,).

@@ -1,50 +1,54 @@
-"""A user's own trip: a table of speed over time, optionally with slope or height, in a file.
+"""A user's own trip: a plain table of speed over time, optionally with slope or height and places, in a file.
 
 Columns of a CSV file, in any order: ``time_s`` (any zero), exactly one of ``speed_m_s``, ``speed_kmh`` and
-``speed_mph``, and ``slope_percent`` (rise over run), ``slope_rad`` or ``elevation_m``; other names with a
-unit (see `iptm_core.routes.column_names`), or ``FILE.csv#speed=NAME[UNIT]``. Lines that start with ``#``
-are comments.
+``speed_mph``, optionally one of ``slope_percent`` (rise over run), ``slope_rad`` and ``elevation_m``, and
+``latitude_deg`` with ``longitude_deg``. Lines that start with ``#`` are comments. A table that is not whole
+is refused with its row.
 
-A file with ``latitude_deg`` and ``longitude_deg`` is a recorded drive (see `iptm_core.routes.track`): its
-speed column may be missing, and its heights are smoothed along the road. So is a GPX file.
-
-Other files hold the drives of several vehicles, one of which is named behind a ``#``: SUMO's floating car
-data (see `iptm_core.routes.xml_drives`), and bags of ROS (see `iptm_core.routes.bag`). Whatever the file,
-what it states is cleaned in one way (see `iptm_core.routes.cleaning`).
+An extra (a module ``extra_drives``) reads all other files, and repairs them: `drive_in_file(path)` and
+`drive_in_columns(columns, name)` return the cleaned drive, `read_road(path)` a road without times. Where one
+is installed it reads plain tables, too, and leaves what needs no repair as it is, to the last bit.
 """
 
 from __future__ import annotations
 
 import csv
-import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from iptm_core.errors import RouteError
-from iptm_core.routes.cleaning import clean
-from iptm_core.routes.column_names import columns_table
+from iptm_core.extras import offered
 from iptm_core.routes.cycles import DrivingCycle, cumulative_integral, integral_at
 from iptm_core.routes.drive_table import DriveTable
-from iptm_core.routes.road_line import RoadLine
-from iptm_core.routes.route import BAG_SUFFIXES, GPX_SUFFIX, UserTrip
+from iptm_core.routes.road_line import MAX_LATITUDE_DEG, RoadLine
+from iptm_core.routes.route import UserTrip
 from iptm_core.routes.slope import SlopeProfile
-from iptm_core.routes.text_table import MAX_BYTES as MAX_TEXT_BYTES
-from iptm_core.routes.text_table import parse_text_table, read_content, text_of
-from iptm_core.routes.track import by_position, read_out, road_through
-from iptm_core.routes.xml_drives import (
-    FCD_NAME,
-    FCD_TIME,
-    MAX_FCD_BYTES,
-    read_fcd,
-    read_fcd_rows,
-    read_gpx,
-)
+from iptm_core.routes.track import by_position, read_out
 from iptm_core.state import FloatArray
-from iptm_core.user_input import file_and_name
+from iptm_core.units import KM_H_PER_M_S, M_S_PER_MPH
+from iptm_core.user_input import file_and_name, number, read_file, shown
 
+COLUMNS: Mapping[str, tuple[str, float]] = {
+    "time_s": ("time_s", 1.0),
+    "speed_m_s": ("speed_m_s", 1.0),
+    "speed_kmh": ("speed_m_s", 1.0 / KM_H_PER_M_S),
+    "speed_mph": ("speed_m_s", M_S_PER_MPH),
+    "slope_percent": ("slope_rad", 1.0e-2),
+    "slope_rad": ("slope_rad", 1.0),
+    "elevation_m": ("elevation_m", 1.0),
+    "latitude_deg": ("latitude_deg", 1.0),
+    "longitude_deg": ("longitude_deg", 1.0),
+}
+"""Quantity of a column of a plain table by its name, and SI units in one of its unit; a slope in percent is
+rise over run."""
+MAX_BYTES = 100_000_000
+"""A day at 100 Hz, or a week at 10 Hz."""
+MAX_STEP_S = 60.0
+"""Longest time between two rows."""
 LAUNCH_ACCELERATION_M_S2 = 1.5
 """Acceleration of the ramp put in front of a trace that starts at speed."""
 
@@ -61,95 +65,147 @@ def read_user_trip(path: Path) -> UserTrip:
     starts at standstill.
 
     Args:
-        path: the file, or the folder of a bag, and behind a ``#`` the vehicle.
+        path: the file; with an extra also the folder of a bag, and behind a ``#`` the vehicle.
     """
-    return trip_of_table(path, read_drive_table(path))
+    for extra in offered("drives"):
+        return trip_of(path, extra.drive_in_file(path))
+    return trip_of(path, plain_table(path))
 
 
 def trip_from_columns(columns: Mapping[str, object], name: str = "own drive") -> UserTrip:
     """Return the trip of a table in memory: columns as in a CSV file, each of shape (n,)."""
-    trip = trip_of_table(Path(name), columns_table(columns, name))
+    extras = offered("drives")
+    drive = (extras[0].drive_in_columns if extras else _plain_columns)(columns, name)
+    trip = trip_of(Path(name), drive)
     return replace(trip, cycle=replace(trip.cycle, source=trip.cycle.source.removeprefix("file ")))
 
 
-def trip_of_table(path: Path, table: DriveTable) -> UserTrip:
-    """Return the trip in a table that was read from a file."""
-    drive = clean(table)
+def read_road(path: Path) -> tuple[RoadLine, SlopeProfile | None]:
+    """Read the road of a recorded drive or a plan without times; no slope where no point has a height.
+
+    Raises:
+        RouteError: the file is not usable, or no extra that reads it is installed.
+    """
+    for extra in offered("drives"):
+        road: tuple[RoadLine, SlopeProfile | None] = extra.read_road(path)
+        return road
+    raise RouteError(f"{path} is no plain table; allowed: with an extra that reads drives")
+
+
+def plain_table(path: Path) -> DriveTable:
+    """Read a plain table.
+
+    Raises:
+        RouteError: it is not whole, or no plain table.
+    """
+    file, name = file_and_name(path)
+    if name or not file.name.lower().endswith(".csv"):
+        raise RouteError(
+            f"{path} is no plain table; allowed: a .csv file with {', '.join(COLUMNS)}, or others with an "
+            "extra that reads drives"
+        )
+    lines = (
+        read_file(file, MAX_BYTES, RouteError).decode("utf-8-sig", errors="replace").splitlines()
+    )
+    numbered = [(at, line) for at, line in enumerate(lines, 1) if line.strip() and line[0] != "#"]
+    if len(numbered) < 3:
+        raise RouteError(f"{path}: {len(numbered)} lines; allowed: a header and 2 rows or more")
+    header, *rows = (next(csv.reader([line])) for _, line in numbered)
+    places = np.array([at for at, _ in numbered[1:]])
+    values = [
+        [_value(path, at, cell) for cell in row] for at, row in zip(places, rows, strict=True)
+    ]
+    for at, row in zip(places, values, strict=True):
+        if len(row) != len(header):
+            raise RouteError(f"{path}, line {at}: {len(row)} values; allowed: {len(header)}")
+    names = [title.strip() for title in header]
+    return _plain(str(path), names, list(np.array(values).T), places, "line")
+
+
+def _value(path: Path, line: int, text: str) -> float:
+    try:
+        return number(text.strip())
+    except ValueError:
+        raise RouteError(f"{path}, line {line}: {shown(text)}; allowed: a finite number") from None
+
+
+def _plain_columns(columns: Mapping[str, object], name: str) -> DriveTable:
+    arrays = [np.asarray(values, dtype=np.float64) for values in columns.values()]
+    sizes = {array.shape for array in arrays}
+    if len(sizes) != 1 or len(next(iter(sizes))) != 1:
+        raise RouteError(
+            f"{name}: columns have shapes {sorted(sizes)}; allowed: (n,), one n for all"
+        )
+    return _plain(name, list(columns), arrays, np.arange(arrays[0].size), "row")
+
+
+def _plain(
+    source: str, names: Sequence[str], values: Sequence[FloatArray], rows: Any, counted: str
+) -> DriveTable:
+    """Return the checked table of columns in the units of their names, times from 0 on."""
+    unknown = [title for title in names if title not in COLUMNS]
+    if unknown:
+        raise RouteError(
+            f"{source}: unknown column {unknown[0]!r}; allowed: {', '.join(COLUMNS)}, or others with an "
+            "extra that reads drives"
+        )
+    columns: dict[str, FloatArray] = {}
+    for title, column in zip(names, values, strict=True):
+        quantity, factor = COLUMNS[title]
+        if quantity in columns:
+            raise RouteError(f"{source}: columns have several of {quantity}; allowed: one")
+        # As the extra computes it, to the last bit.
+        columns[quantity] = (
+            np.arctan(column / 100.0) if title == "slope_percent" else column * factor
+        )
+    lacking = {"time_s", "speed_m_s"} - columns.keys()
+    if {"latitude_deg", "longitude_deg"} & columns.keys():
+        lacking |= {"latitude_deg", "longitude_deg"} - columns.keys()
+    if lacking:
+        raise RouteError(
+            f"{source}: columns {sorted(lacking)} are missing; allowed: {list(COLUMNS)}"
+        )
+    shown_as = {COLUMNS[title][0]: (title, COLUMNS[title][1]) for title in names}
+    table = DriveTable(source, columns, rows, counted, shown_as)
+    steps = np.diff(columns["time_s"], prepend=columns["time_s"][0] - 1.0)
+    wrong = {
+        "time_s": (
+            ~((steps > 0.0) & (steps <= MAX_STEP_S)),
+            f"0 to {MAX_STEP_S:g} s after the row before",
+        ),
+        "speed_m_s": (columns["speed_m_s"] < 0.0, "0 or more"),
+        "latitude_deg": (
+            np.abs(columns.get("latitude_deg", steps * 0.0)) > MAX_LATITUDE_DEG,
+            f"up to {MAX_LATITUDE_DEG:g}",
+        ),
+    }
+    for quantity, column in columns.items():
+        bad, allowed = wrong.get(quantity, (np.zeros(column.size, dtype=np.bool_), ""))
+        if (~np.isfinite(column)).any():
+            bad, allowed = ~np.isfinite(column), "a finite number"
+        if bad.any():
+            raise table.refuse(int(np.argmax(bad)), quantity, allowed)
+    return table.from_zero()
+
+
+def trip_of(path: Path, drive: DriveTable) -> UserTrip:
+    """Return the trip of a whole table, by the name of its file.
+
+    Raises:
+        RouteError: it is too short, or changes too fast for 1 Hz.
+    """
     if "latitude_deg" in drive.columns:
         return _recorded_trip(path, drive)
     times, speeds = drive.columns["time_s"], drive.columns["speed_m_s"]
     if times[-1] < 2.0:
         raise RouteError(
-            f"{table.source}: the trip lasts {times[-1]:g} s in {times.size} rows; "
+            f"{drive.source}: the trip lasts {times[-1]:g} s in {times.size} rows; "
             "at least 2 s are needed"
         )
     cycle, launch_s = _launched(path, times, speeds)
     launch_m = 0.5 * launch_s * float(speeds[0])
     slope = _road(drive, launch_m + cumulative_integral(times, speeds))
     return UserTrip(cycle, slope, notes=drive.notes, launch_s=launch_s)
-
-
-def read_gpx_road(path: Path) -> tuple[RoadLine, SlopeProfile | None]:
-    """Read the road of a recorded drive or a plan without times; no slope where no point has a height."""
-    table = read_gpx(path)
-    if np.isfinite(table.columns["time_s"]).any():
-        drive = read_out(clean(table))
-        return drive.line, drive.slope
-    known = np.isfinite(table.columns["latitude_deg"]) & np.isfinite(table.columns["longitude_deg"])
-    places = {name: values[known] for name, values in table.columns.items()}
-    heights = places.get("elevation_m")
-    if heights is not None:
-        stated, points = np.isfinite(heights), np.arange(heights.size)
-        heights = np.interp(points, points[stated], heights[stated])
-    return road_through(str(path), places["latitude_deg"], places["longitude_deg"], heights)
-
-
-def read_drive_table(path: Path) -> DriveTable:
-    """Read what a file states, whatever its kind; behind a ``#`` stands the vehicle, or the columns."""
-    file, name = file_and_name(path)
-    kind = file.name.lower().removesuffix(".gz")
-    if kind.endswith(GPX_SUFFIX):
-        table = read_gpx(file)
-        if not np.isfinite(table.columns["time_s"]).any():
-            raise RouteError(
-                f"{path}: time is missing at all points, so it is a road and no drive; allowed: as slope "
-                "of another cycle"
-            )
-        return table
-    if kind.endswith(".xml"):
-        return read_fcd(file, name)
-    if kind.endswith(".parquet"):
-        return _of_parquet(file, name)
-    if kind.endswith(BAG_SUFFIXES) or file.is_dir():
-        # Loaded only now: no other cycle needs it, and every node would wait for it.
-        from iptm_core.routes.bag import read_bag  # noqa: PLC0415
-
-        return read_bag(file, name)
-    raw = read_content(file, MAX_FCD_BYTES)
-    head = raw.partition(b"\n")[0]
-    if FCD_TIME.encode() in head and FCD_NAME.encode() in head:
-        separator = ";" if b";" in head else ","
-        return read_fcd_rows(
-            file, name, csv.DictReader(io.StringIO(text_of(raw)), delimiter=separator)
-        )
-    if len(raw) > MAX_TEXT_BYTES:
-        raise RouteError(f"{file}: {len(raw)} bytes; at most {MAX_TEXT_BYTES} are read")
-    return parse_text_table(text_of(raw), str(file), name)
-
-
-def _of_parquet(path: Path, name: str) -> DriveTable:
-    import pandas as pd  # noqa: PLC0415 - and pyarrow, which no other cycle needs
-
-    if not path.is_file():
-        raise RouteError(f"{path}: no such file; allowed: the path of an existing one")
-    try:
-        frame = pd.read_parquet(path)
-        frame = frame if frame.index.name is None else frame.reset_index()
-    except Exception as reason:  # pyarrow has error types of its own
-        raise RouteError(f"{path}: cannot be read as Parquet ({reason})") from reason
-    if FCD_NAME in frame and FCD_TIME in frame:
-        return read_fcd_rows(path, name, frame.to_dict("records"))
-    return columns_table({str(key): frame[key].to_numpy() for key in frame}, str(path))
 
 
 def _launched(path: Path, times: FloatArray, speeds: FloatArray) -> tuple[DrivingCycle, float]:

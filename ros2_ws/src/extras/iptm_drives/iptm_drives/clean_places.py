@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iptm_core.errors import RouteError
-from iptm_core.routes.contradictions import summed, windows
 from iptm_core.routes.cycles import cumulative_integral
-from iptm_core.routes.drive_table import MOST_INVALID, DriveTable, lengths
+from iptm_core.routes.drive_table import DriveTable, lengths
 from iptm_core.routes.slope import MAX_GRADE
 from iptm_core.state import FloatArray
+from iptm_drives.cells import MOST_INVALID
+from iptm_drives.contradictions import summed, windows
 
 LONGEST_OUTLIER_S, LONGEST_LOST_FIX_S = 5.0, 60.0
 PLACES = ("latitude_deg", "longitude_deg", "east_m", "north_m", "position_m")

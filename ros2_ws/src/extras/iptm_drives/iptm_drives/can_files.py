@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from iptm_core.errors import RouteError
-from iptm_core.routes.text_table import read_content, text_of
+from iptm_drives.text_table import read_content, text_of
 
 CAN_SUFFIXES = (".mf4", ".blf", ".asc", ".log", ".trc", ".csv")
 _HOW_TO = ".venv/bin/python -m pip install --require-hashes -r requirements/can.txt"

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from tests.iptm_core.field_drives import (
+from tests.extras.iptm_drives.field_drives import (
     BEGIN,
     DRIVE,
     GRADE,

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from iptm.commands.drives import train as train_command
-from iptm.predictor_training import (
+from iptm_drives.commands import train as train_command
+from iptm_drives.predictor_training import (
     LEADS_S,
     evaluate,
     samples_of,

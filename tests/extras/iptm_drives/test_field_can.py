@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.iptm_core.field_drives import (
+from tests.extras.iptm_drives.field_drives import (
     Driven,
     candump,
     is_the_drive,

@@ -1,4 +1,4 @@
-"""Commands on drives: `drive`, `train` and `send`.
+"""The commands `drive` and `train`.
 
 What they need is imported where it is used: their ``--help`` is there at once.
 """
@@ -6,25 +6,24 @@ What they need is imported where it is used: their ``--help`` is there at once.
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
-from importlib import import_module
 from pathlib import Path
 
 from iptm_core.errors import IptmError, RouteError
 from iptm_core.program import EXIT_OK, refused
 
 # ruff: noqa: PLC0415
-DRIVE, TRAIN, SEND = (f"iptm {name}" for name in ("drive", "train", "send"))
+DRIVE, TRAIN = "iptm drive", "iptm train"
 
 
 def drive(arguments: Sequence[str] | None = None) -> int:
     """Show a recorded drive as it is read, or make one from a CAN log; return the exit code."""
     given = _drive_parser().parse_args(arguments)
-    from iptm.runner.recorded_drive import description, draw
-    from iptm_core.routes.can_log import can_log_csv
-    from iptm_core.routes.text_table import parse_text_table
-    from iptm_core.routes.user_csv import read_user_trip, trip_of_table
+    from iptm_core.routes.user_csv import read_user_trip
+    from iptm_drives.can_log import can_log_csv
+    from iptm_drives.picture import description, draw
+    from iptm_drives.reading import trip_of_table
+    from iptm_drives.text_table import parse_text_table
 
     try:
         if given.command == "can":
@@ -105,7 +104,7 @@ def train(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--output", type=Path, metavar="FILE", help="write the model there")
     parser.add_argument("--source", default="", help="source and licence, to be noted in the model")
     given = parser.parse_args(arguments)
-    from iptm.predictor_training import train_and_try
+    from iptm_drives.predictor_training import train_and_try
 
     try:
         train_and_try(given.sources, given.output, given.source)
@@ -113,30 +112,4 @@ def train(arguments: Sequence[str] | None = None) -> int:
         return refused(TRAIN, error)
     except OSError as error:
         return refused(TRAIN, f"{error.filename}: {error.strerror}")
-    return EXIT_OK
-
-
-_SEND_HELP = f"""\
-usage: {SEND} [--help] [--ros-args -p NAME:=VALUE ...]
-
-Sends a drive as V2X messages (ETSI CAM) on a UDP port, as a car ahead would send them: with or without path
-prediction, lost, late and jittered. By default it follows /clock, so that a bridge with leader_source:=cam
-hears the same in every run. All parameters: docs/reference/nodes.md. Examples:
-
-  scripts/iptm send --ros-args -p cycle:=us06 -p foresight:=none -p rate_hz:=1.0
-  scripts/iptm send --ros-args -p cycle:=drive.gpx -p loss_probability:=0.2 -p link_delay_s:=0.3
-  scripts/iptm send --ros-args -p cycle:=bags/example_us06_120s
-  scripts/iptm send --ros-args -p cycle:=traffic.fcd.xml#leader
-  scripts/iptm send --ros-args -p sent_drive:=ego -p cycle:=us06 -r __ns:=/car_1
-  scripts/iptm send --ros-args -p follow_clock:=false -p trip_start_timestamp_ms:=-1 -p to_address:=192.0.2.7
-"""
-
-
-def send() -> int:
-    """Send a drive as messages: the node of the bridge that does it, with the arguments of the process."""
-    if sys.argv[1:2] in (["--help"], ["-h"]):
-        print(_SEND_HELP, end="")
-        return EXIT_OK
-    # The one node among the commands; it ends the process with its exit code.
-    import_module("iptm_v2x_bridge.node_sender").main()
     return EXIT_OK

@@ -1,8 +1,8 @@
 """The one pass that makes a drive of a table, whatever file it is from.
 
-Times are put in order first (`iptm_core.routes.clean_times`). A value that is missing, invalid or not
+Times are put in order first (`iptm_drives.clean_times`). A value that is missing, invalid or not
 plausible costs that value: it is interpolated. Speeds are compared with places, heights with slopes
-(`iptm_core.routes.contradictions`). Every repair is a note; what cannot be repaired is refused with its row.
+(`iptm_drives.contradictions`). Every repair is a note; what cannot be repaired is refused with its row.
 Values that need no repair are left as they are, to the last bit.
 """
 
@@ -14,12 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iptm_core.errors import RouteError
-from iptm_core.routes.clean_motion import MAX_ACCELERATION_M_S2, cleaned_motion
-from iptm_core.routes.clean_places import cleaned_road
-from iptm_core.routes.clean_times import MAX_STEP_S, in_order, usual_step_s
 from iptm_core.routes.drive_table import DriveTable, counted, lengths
 from iptm_core.routes.track import SPEED_WINDOW_S, STANDSTILL_M_S, local_line
+from iptm_core.routes.user_csv import MAX_STEP_S
 from iptm_core.state import FloatArray
+from iptm_drives.clean_motion import MAX_ACCELERATION_M_S2, cleaned_motion
+from iptm_drives.clean_places import cleaned_road
+from iptm_drives.clean_times import in_order, usual_step_s
 
 _TOLD_GAP_S = 10.0
 _DRIVES_M_S = 5.0

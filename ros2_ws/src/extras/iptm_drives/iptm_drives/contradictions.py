@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from iptm_core.routes.clean_times import usual_step_s
 from iptm_core.routes.cycles import cumulative_integral
 from iptm_core.routes.drive_table import lengths
 from iptm_core.state import FloatArray
+from iptm_drives.clean_times import usual_step_s
 
 FACTORS = {
     3.6: "km/h and m/s",

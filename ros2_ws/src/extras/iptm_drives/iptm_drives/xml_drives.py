@@ -19,11 +19,12 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from iptm_core.errors import RouteError
-from iptm_core.routes.drive_table import Cells, DriveTable, cell_value, seconds_of
+from iptm_core.routes.drive_table import DriveTable
 from iptm_core.routes.road_line import MAX_LATITUDE_DEG
-from iptm_core.routes.text_table import read_content
 from iptm_core.state import FloatArray
 from iptm_core.user_input import suggestion
+from iptm_drives.cells import Cells, cell_value, seconds_of
+from iptm_drives.text_table import read_content
 
 _DOCUMENT_TYPE = re.compile(rb"<!DOCTYPE\s+([^\s>\[]*)")
 

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from iptm.commands.drives import drive as main
 from iptm_core.errors import RouteError
 from iptm_core.routes import build_route
-from iptm_core.routes.can_log import can_log_csv
 from iptm_core.routes.user_csv import read_user_trip
+from iptm_drives.can_log import can_log_csv
+from iptm_drives.commands import drive as main
 
 REASON = "requirements/can.txt is not installed"
 DBC = """VERSION ""

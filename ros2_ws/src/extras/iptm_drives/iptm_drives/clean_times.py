@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from iptm_core.errors import RouteError
 from iptm_core.routes.drive_table import DriveTable, counted, lengths
+from iptm_core.routes.user_csv import MAX_STEP_S
 from iptm_core.state import FloatArray
 
 MAX_CLOCK_STEP_S = 10.0
@@ -182,7 +183,6 @@ def set_back_refused(table: DriveTable, times: FloatArray, row: int) -> RouteErr
     )
 
 
-MAX_STEP_S = 60.0
 _FEW_LATE_ROWS = 2
 _SHORTEST_USUAL_STEP_S = 5e-5
 _MOST_PER_TIME = 10

@@ -6,17 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iptm_core.errors import RouteError
-from iptm_core.routes.clean_places import (
+from iptm_core.routes.cycles import cumulative_integral
+from iptm_core.routes.drive_table import DriveTable, lengths
+from iptm_core.routes.road_line import MAX_LATITUDE_DEG
+from iptm_core.state import FloatArray
+from iptm_drives.cells import MOST_INVALID
+from iptm_drives.clean_places import (
     LONGEST_OUTLIER_S,
     PLACES,
     cleaned_places,
     consistent,
 )
-from iptm_core.routes.contradictions import distances, factors_near, windows
-from iptm_core.routes.cycles import cumulative_integral
-from iptm_core.routes.drive_table import MOST_INVALID, DriveTable, lengths
-from iptm_core.routes.road_line import MAX_LATITUDE_DEG
-from iptm_core.state import FloatArray
+from iptm_drives.contradictions import distances, factors_near, windows
 
 MAX_SPEED_M_S = 70.0
 """252 km/h: no road car follows anything faster."""

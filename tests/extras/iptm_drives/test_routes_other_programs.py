@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
-from tests.iptm_core.field_drives import ODOMETRY, STORE, message
+from tests.extras.iptm_drives.field_drives import ODOMETRY, STORE, message
 
 from iptm_core.errors import RouteError
 from iptm_core.routes import build_route
-from iptm_core.routes.bag import OWN_ODOMETRY, OWN_SLOPE
 from iptm_core.routes.road_line import RoadLine
 from iptm_core.routes.user_csv import read_user_trip
+from iptm_drives.bag import OWN_ODOMETRY, OWN_SLOPE
 from iptm_ros.codecs import decode_slope
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.trajectory_reader import read_trajectory
@@ -90,7 +90,7 @@ def test_files_without_the_drive_are_refused(
     assert "traffic.fcd.xml" in str(refusal.value)
 
 
-BAG = Path(__file__).resolve().parents[2] / "bags" / "example_us06_120s"
+BAG = Path(__file__).resolve().parents[3] / "bags" / "example_us06_120s"
 Rows = Sequence[tuple[float, float, float]]
 """Stamp in s, position, speed."""
 RAMP = [(float(k), 0.5 * k * k, float(k)) for k in range(11)]

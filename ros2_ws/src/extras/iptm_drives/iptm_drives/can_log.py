@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from iptm_core.errors import RouteError
-from iptm_core.routes.can_files import CAN_SUFFIXES, frames_of, library
-from iptm_core.routes.cleaning import clean
-from iptm_core.routes.column_names import KNOWN_COLUMNS, Meaning, meaning_of, stated_unit
 from iptm_core.routes.drive_table import DriveTable
-from iptm_core.routes.text_table import REPAIRED
 from iptm_core.state import FloatArray
 from iptm_core.user_input import suggestion
+from iptm_drives.can_files import CAN_SUFFIXES, frames_of, library
+from iptm_drives.cleaning import clean
+from iptm_drives.column_names import KNOWN_COLUMNS, Meaning, meaning_of, stated_unit
+from iptm_drives.text_table import REPAIRED
 
 if TYPE_CHECKING:
     import pandas as pd

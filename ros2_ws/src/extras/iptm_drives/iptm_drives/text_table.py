@@ -16,7 +16,11 @@ from pathlib import Path
 import numpy as np
 
 from iptm_core.errors import RouteError
-from iptm_core.routes.column_names import (
+from iptm_core.routes.drive_table import DriveTable
+from iptm_core.state import FloatArray
+from iptm_core.user_input import read_file, shown
+from iptm_drives.cells import MISSING, MOST_INVALID, Cells, cell_value, seconds_of
+from iptm_drives.column_names import (
     KNOWN_COLUMNS,
     UNITS,
     Meaning,
@@ -25,19 +29,7 @@ from iptm_core.routes.column_names import (
     stated_unit,
     table_of,
 )
-from iptm_core.routes.drive_table import (
-    MISSING,
-    MOST_INVALID,
-    Cells,
-    DriveTable,
-    cell_value,
-    seconds_of,
-)
-from iptm_core.state import FloatArray
-from iptm_core.user_input import read_file, shown
 
-MAX_BYTES = 100_000_000
-"""A day at 100 Hz, or a week at 10 Hz."""
 REPAIRED = "# repaired:"
 _MOST_TITLES = 20
 _MOST_PER_SECOND = 20

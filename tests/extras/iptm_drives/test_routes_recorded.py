@@ -16,7 +16,7 @@ from iptm_core.routes.track import MAX_RECORDED_GRADE
 from iptm_core.routes.user_csv import read_user_trip
 from iptm_core.state import FloatArray
 
-EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "phone_drive.gpx"
+EXAMPLE = Path(__file__).resolve().parents[3] / "docs" / "examples" / "phone_drive.gpx"
 ROAD = RoadLine.test_road()
 SECONDS = np.arange(0.0, 121.0)
 SPEEDS = np.interp(SECONDS, [0, 10, 30, 80, 100, 120], [0, 0, 15, 15, 0, 0])
@@ -156,7 +156,7 @@ def test_the_example_is_the_cycle_that_it_was_made_from() -> None:
 def test_a_track_that_is_too_long_is_refused_while_it_is_read(
     write: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("iptm_core.routes.xml_drives.MAX_POINTS", 20)
+    monkeypatch.setattr("iptm_drives.xml_drives.MAX_POINTS", 20)
     with pytest.raises(RouteError, match=r"drive.gpx: more than 20 track points"):
         read_user_trip(write(gpx(PLACES)))
 

@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 
 from iptm_core.errors import RouteError
 from iptm_core.routes import SlopeProfile
-from iptm_core.routes.cleaning import clean
 from iptm_core.routes.cycles import DrivingCycle
-from iptm_core.routes.text_table import parse_text_table
 from iptm_core.routes.user_csv import read_user_trip
+from iptm_drives.cleaning import clean
+from iptm_drives.text_table import parse_text_table
 
 Reader = Callable[..., tuple[DrivingCycle, SlopeProfile | None]]
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from tests.iptm_core.field_drives import (
+from tests.extras.iptm_drives.field_drives import (
     LASTS_S,
     READERS,
     WITH_BOTH,

@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.iptm_core.field_drives import (
+from tests.extras.iptm_drives.field_drives import (
     DRIVE,
     ODOMETRY,
     STORE,
@@ -33,9 +33,9 @@ from tests.iptm_core.field_drives import (
 )
 
 from iptm_core.errors import RouteError
-from iptm_core.routes.can_log import read_can_log
 from iptm_core.routes.route import UserTrip
 from iptm_core.routes.user_csv import read_user_trip, trip_from_columns
+from iptm_drives.can_log import read_can_log
 
 NOTHING = DRIVE.but(speeds=np.full(121, np.nan), along_m=np.full(121, np.nan))
 

@@ -17,9 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iptm_core.errors import RouteError
-from iptm_core.routes.drive_table import MISSING, DriveTable, seconds_of
+from iptm_core.routes.drive_table import DriveTable
 from iptm_core.state import FloatArray
 from iptm_core.user_input import shown, suggestion
+from iptm_drives.cells import MISSING, seconds_of
 
 KNOWN_COLUMNS = (
     "time_s",

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from tests.iptm_core.field_drives import (
+from tests.extras.iptm_drives.field_drives import (
     DRIVE,
     LENGTH_M,
     Driven,
@@ -253,10 +253,10 @@ def test_speeds_that_drop_to_0_at_single_rows(tmp_path: Path) -> None:
 def test_files_that_are_much_larger_unpacked(
     tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for limit in ("text_table.MAX_BYTES", "user_csv.MAX_TEXT_BYTES", "user_csv.MAX_FCD_BYTES"):
-        monkeypatch.setattr(f"iptm_core.routes.{limit}", 1_000_000)
+    for limit in ("MAX_BYTES", "MAX_FCD_BYTES"):
+        monkeypatch.setattr(f"iptm_drives.reading.{limit}", 1_000_000)
     for limit in ("MAX_GPX_BYTES", "MAX_FCD_BYTES"):
-        monkeypatch.setattr(f"iptm_core.routes.xml_drives.{limit}", 1_000_000)
+        monkeypatch.setattr(f"iptm_drives.xml_drives.{limit}", 1_000_000)
     (tmp_path / name).write_bytes(gzip.compress(b"<a>" + b" " * 30_000_000))
     with pytest.raises(RouteError, match="more than 1000000 bytes; at most"):
         read_user_trip(tmp_path / name)
