@@ -38,7 +38,8 @@ _iptm_enter() {
 
     modules="${PYTHONPATH:-}"
     for entry in "$root"/ros2_ws/src/iptm* "$root"/ros2_ws/src/extras/*; do
-        [ -d "$entry" ] || continue
+        # IPTM_EXTRAS=none leaves out the extras, as on a machine that has none.
+        [ -d "$entry" ] && [[ "${IPTM_EXTRAS:-} $entry" != none\ */extras/* ]] || continue
         case ":$modules:" in *":$entry:"*) ;; *) modules="$entry${modules:+:$modules}" ;; esac
     done
     # The studies are no package of the suite: the root itself, last.
