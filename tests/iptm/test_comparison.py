@@ -101,7 +101,11 @@ def test_a_page_holds_what_differs(runs: list[iptm.Run], tmp_path: Path) -> None
     path = iptm.compare(one=runs[0], two=runs[1]).report(tmp_path / "page.html")
     text = path.read_text(encoding="utf-8")
     parts = ("<th>strategy</th>", "<td>reference</td>", "two: change", "Battery energy")
-    for part in (*parts, "ageing: too short to judge", "per distance driven; motion and heat"):
+    for part in (
+        *parts,
+        "energy: too short to judge",
+        "per distance driven; motion and heat",
+    ):
         assert part in text
     with pytest.raises(iptm.IptmError, match=r"page\.html exists already; allowed: a new file"):
         runs[0].report(path)
@@ -114,7 +118,7 @@ def test_the_command_prints_draws_and_writes(
     files = ["--picture", str(picture), "--report", str(page)]
     assert main([str(BAG), str(BAG), *files]) == 0
     out = capsys.readouterr().out
-    assert "too short to judge (ageing as driven 0.0 % saved" in out
+    assert "too short to judge (energy as driven 0.0 % saved" in out
     assert "Battery energy per distance [kWh/100 km]" in out
     assert "the settings do not differ" in out
     assert picture.read_bytes().startswith(b"\x89PNG")

@@ -1,4 +1,4 @@
-"""Why a run saves: the parts add up to the saving, and the drives behind them agree with the plant."""
+"""Why a run saves: the parts add up to the saving, and each is what a drive or the law gives by itself."""
 
 from __future__ import annotations
 
@@ -8,57 +8,60 @@ import numpy as np
 import pytest
 
 import iptm
-from iptm.explanation import Cause, replayed
-from iptm_core.metrics import Judgement
+from iptm.explanation import AGING, DISTANCE, ENERGY, FORESIGHT, SAVED
+from iptm_core.metrics.saving_parts import Part
 
-TRIP = {"cycle": "nycc", "duration_s": 60.0, "compile_code": False}
+TRIP = {"cycle": "nycc", "duration_s": 60.0, "compile_code": False, "horizon": "15x1"}
 
 
 @pytest.fixture(scope="module")
 def runs() -> tuple[iptm.Run, iptm.Run]:
-    own = iptm.simulate(**TRIP, horizon="15x1")
-    return own, iptm.simulate(**TRIP, horizon="15x1", strategy="reference")
+    return iptm.simulate(**TRIP), iptm.simulate(**TRIP, strategy="reference")
 
 
 def test_the_parts_add_up_to_the_saving_with_equal_ends(runs: tuple[iptm.Run, iptm.Run]) -> None:
     run, other = runs
     found = run.explain(other)
-    assert found.table.index.tolist() == [str(cause) for cause in Cause]
     saving = run.saving(other)
-    assert found.table["aging"].sum() == pytest.approx(saving.aging.equal_ends_percent)
-    assert found.table["energy"].sum() == pytest.approx(saving.energy.equal_ends_percent)
-    remainder = found.table.loc[str(Cause.REMAINDER)]
-    assert np.abs(remainder).max() < 0.1
-    ends = saving.aging.equal_ends_percent - saving.aging.as_driven_percent
-    assert found.table.at[str(Cause.END_STATE), "aging"] == pytest.approx(ends)
-    percent = saving.aging.equal_ends_percent
-    assert found.sentence.startswith(f"Too short to judge, {percent:+.1f} points")
-    judged = replace(saving, aging=replace(saving.aging, judgement=Judgement.JUDGED))
-    assert replace(found, saving=judged).sentence.startswith(f"{abs(percent):.1f} % ")
+    assert found.table.loc[AGING, SAVED].sum() == pytest.approx(saving.aging.equal_ends_percent)
+    assert found.table.loc[ENERGY, SAVED].sum() == pytest.approx(saving.energy.equal_ends_percent)
+    causes = found.table.drop(columns=SAVED).sum(axis="columns")
+    np.testing.assert_allclose(causes, found.table[SAVED], atol=1e-9)
+    np.testing.assert_allclose(found.table[SAVED], iptm.compare(other, run).parts.iloc[:, 0])
+    assert found.sentence.startswith("energy: too short to judge (as driven")
+    assert f"{found.table.loc[AGING, FORESIGHT].sum():+.1f} foresight" in found.sentence
 
 
-def test_a_drive_with_the_motion_and_the_cooling_of_a_run_is_the_run(
-    runs: tuple[iptm.Run, iptm.Run],
-) -> None:
-    run, _ = runs
-    again = replayed(run, run.trajectory, run.trajectory.compressor_power_w)
-    for name in ("speed_m_s", "battery_power_w", "cell_n_temperature_k", "cell_1_capacity_loss"):
-        expected = getattr(run.trajectory, name)
-        np.testing.assert_allclose(getattr(again, name), expected, rtol=1e-6, atol=1e-3)
+def test_a_run_without_preview_has_no_foresight(runs: tuple[iptm.Run, iptm.Run]) -> None:
+    """Another desired headway is another distance, not another vehicle."""
+    blind = iptm.simulate(
+        **TRIP, preview_mode="none", overrides={"gap.desired_time_headway_s": 1.7}
+    )
+    table = blind.explain(runs[1]).table
+    assert np.abs(table[FORESIGHT]).max() < 1e-9
+    assert np.abs(table[DISTANCE]).max() > 1e-9
 
 
-def test_the_thermal_parts_are_one_drive_apart(runs: tuple[iptm.Run, iptm.Run]) -> None:
-    """The motion of the run with the cooling of the other one, against the run."""
+def test_parts_by_hand(runs: tuple[iptm.Run, iptm.Run]) -> None:
+    """Throughput from the charge alone; half the current at the same temperatures has no other part."""
     run, other = runs
-    found = run.explain(other).table["aging"]
-    warmer = replayed(run, run.trajectory, other.trajectory.compressor_power_w)
-    losses = [
-        float(np.sum([drive.cell_1_capacity_loss[-1], drive.cell_n_capacity_loss[-1]]))
-        for drive in (warmer, run.trajectory)
-    ]
-    points = 100.0 * (losses[0] - losses[1]) / other.metrics.degradation
-    thermal = found[str(Cause.TEMPERATURE)] + found[str(Cause.COOLING)]
-    assert thermal == pytest.approx(points, abs=0.05)
+    points = iptm.compare(other, run).parts.iloc[:, 0]
+    moved = [np.abs(np.diff(each.trajectory.state_of_charge)).sum() for each in runs]
+    by_hand = 100.0 * (1.0 - moved[0] / moved[1])
+    assert points[AGING, str(Part.THROUGHPUT)] == pytest.approx(by_hand)
+    rows = other.trajectory
+    charge = rows.state_of_charge[0] + 0.5 * (rows.state_of_charge - rows.state_of_charge[0])
+    half = replace(other, trajectory=replace(rows, state_of_charge=charge))
+    points = iptm.compare(other, half).parts.iloc[:, 0]
+    assert points[AGING, str(Part.THROUGHPUT)] == pytest.approx(50.0, abs=0.01)
+    assert points[AGING, str(Part.TEMPERATURE)] == pytest.approx(0.0, abs=1e-6)
+    assert points[AGING, str(Part.C_RATE)] > 0.0, "the law counts high rates more"
+    cooling = [each.metrics.cooling_energy_j / each.metrics.distance_m for each in runs]
+    used = other.metrics.battery_energy_j / other.metrics.distance_m
+    points = iptm.compare(other, run).parts.iloc[:, 0]
+    assert points[ENERGY, str(Part.COOLING)] == pytest.approx(
+        100.0 * (cooling[1] - cooling[0]) / used
+    )
 
 
 def test_what_cannot_be_explained_is_refused(runs: tuple[iptm.Run, iptm.Run]) -> None:
@@ -71,3 +74,8 @@ def test_what_cannot_be_explained_is_refused(runs: tuple[iptm.Run, iptm.Run]) ->
     ):
         with pytest.raises(iptm.IptmError, match=message):
             own.explain(against)
+    unknown = np.full(len(run.trajectory), np.nan)
+    dark = replace(run, trajectory=replace(run.trajectory, state_of_charge=unknown))
+    points = iptm.compare(other, dark).parts.iloc[:, 0]
+    assert points[AGING].isna().all()
+    assert points[ENERGY].notna().all()

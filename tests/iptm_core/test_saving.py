@@ -10,7 +10,15 @@ import numpy as np
 import pytest
 from tests.iptm_core.made_runs import make_run
 
-from iptm_core.metrics import Judgement, RunMetrics, Saving, compute_metrics, judge_saving
+from iptm_core.metrics import (
+    Following,
+    Judgement,
+    RunMetrics,
+    Saving,
+    compute_metrics,
+    gap_margins_m,
+    judge_saving,
+)
 from iptm_core.metrics.saving import (
     LARGEST_CORRECTION_POINTS,
     SHORTEST_TRIP_S,
@@ -29,6 +37,8 @@ OTHER = replace(
     cell_n_degradation=6e-6,
     final_cell_losses=(1e-3, 1e-3),
     final_charge=0.5,
+    following=Following(),
+    cell_losses={},
 )
 
 
@@ -41,9 +51,8 @@ def test_runs_with_the_same_end_are_compared_as_driven() -> None:
     assert found.aging.judgement is found.energy.judgement is Judgement.JUDGED
     assert found.aging.percent == found.aging.as_driven_percent == pytest.approx(20.0)
     assert found.energy.percent == pytest.approx(25.0)
-    assert found.headline == (
-        "ageing: 20.0 % saved (as driven 20.0 % saved); energy: 25.0 % saved (as driven 25.0 % saved)"
-    )
+    assert found.lines[:1] == [("energy", "25.0 % saved (as driven 25.0 % saved)")]
+    assert "ageing, paper's law: 20.0 % saved (as driven 20.0 % saved)" in found.headline
     lost = judged(cell_n_degradation=7e-6)
     assert lost.aging.text == "10.0 % lost"
 
@@ -100,7 +109,7 @@ def test_a_trip_whose_ends_decide_is_too_short() -> None:
     assert correction > LARGEST_CORRECTION_POINTS
     assert found.energy.judgement is Judgement.TOO_SHORT
     behind = f"as driven 0.0 % saved, equal ends change it by {-correction:.0f} points"
-    assert found.headline.endswith(f"energy: too short to judge ({behind})")
+    assert found.headline.startswith(f"energy: too short to judge ({behind})")
 
 
 @pytest.mark.parametrize("charges", [[0.02, 0.01, 0.0, -0.01], [0.99, 1.0, 1.0, 1.1]])
@@ -119,3 +128,38 @@ def test_savings_in_words() -> None:
     assert saved_text(49.84) == "49.8 % saved"
     assert saved_text(-150.2) == "150 % lost"
     assert saved_text(math.nan) == "–"
+
+
+def test_ageing_is_stated_by_the_median_and_the_range_of_the_measured_cells() -> None:
+    other = replace(OTHER, cell_losses={"a": 1e-2, "b": 2e-2, "c": 4e-2})
+    found = judged(other, cell_losses={"a": 0.9e-2, "b": 1.6e-2, "c": 4.4e-2})
+    assert found.cells.percents == pytest.approx({"a": 10.0, "b": 20.0, "c": -10.0})
+    assert found.cells.text == "10.0 % saved (-10.0 to 20.0 %)"
+    assert found.values["aging_saved_by_cells"] == pytest.approx(10.0)
+    short = judged(other, cell_losses=other.cell_losses, duration_s=100.0)
+    assert short.cells.text == "too short to judge"
+    assert math.isnan(short.values["aging_saved_by_cells"])
+    assert math.isnan(judged().cells.median), "current or temperature is not known"
+
+
+def test_a_statement_has_the_distance_and_the_preview() -> None:
+    run = make_run(
+        6,
+        speed_m_s=np.full(6, 10.0),
+        leader_position_m=np.array([30.0, 15.0, 14.0, 30.0, 16.0, 30.0]),
+        leader_speed_m_s=np.full(6, 10.0),
+        position_m=np.zeros(6),
+    )
+    kept = compute_metrics(run, PARAMETERS).following
+    least_m = 30.0 - gap_margins_m(run, PARAMETERS)[0]
+    assert least_m > 16.0
+    assert (kept.below_s, kept.longest_below_s) == (3.0, 1.0)
+    assert kept.smallest_margin_m == pytest.approx(14.0 - least_m)
+    assert (kept.mean_headway_s, kept.headway_s) == pytest.approx((2.25, 2.3))
+    found = judge_saving(
+        replace(OTHER, following=kept), OTHER, PARAMETERS, preview="60 s, perfect"
+    ).headline
+    text = "headway 2.25 s mean, 2.30 s median, below s_min for 3 s, 1 s in a row, by up to"
+    assert text in found
+    assert "preview: 60 s, perfect" in found
+    assert "distance kept" not in judged().headline, "no leader was measured"

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from tests.iptm_core.made_runs import make_run
 
-from iptm_core.metrics import FIGURES, Saving, compute_metrics, judge_saving
+from iptm_core.metrics import FIGURES, Saving, compute_metrics, gap_margins_m, judge_saving
 from iptm_core.metrics.saving import SHORTEST_TRIP_S
 from iptm_core.parameters import load_parameters
 from iptm_core.trajectory import Trajectory
@@ -54,6 +54,7 @@ def rows_of(run: Trajectory, columns: tuple[str, ...]) -> list[list[float]]:
         "gap_m": run.gap_m,
         "cell_1_temperature_c": run.cell_1_temperature_k - CELSIUS_ZERO_K,
         "cell_n_temperature_c": run.cell_n_temperature_k - CELSIUS_ZERO_K,
+        "min_gap_m": run.gap_m - gap_margins_m(run, PARAMETERS),
         "capacity_loss": run.cell_1_capacity_loss + run.cell_n_capacity_loss,
     }
     unknown = np.full(len(run), math.nan)
@@ -91,11 +92,14 @@ def test_a_saving_every_ten_seconds_and_at_the_end(reference_is_first: bool) -> 
     assert np.diff(times_s).max() == EVERY_S
     for entry in (found[0], found[-1]):
         expected = judged(round(entry["time_s"]) + 1)
-        for name, share in (("aging", expected.aging), ("energy", expected.energy)):
-            assert (entry[name]["text"], entry[name]["as_driven"]) == (share.text, share.as_driven)
-    assert found[0]["aging"]["text"] == "too short to judge"
-    assert found[0]["aging"]["percent"] is None
-    assert found[-1]["aging"]["percent"] == pytest.approx(judged(LAST_S + 1).aging.percent)
+        share = expected.energy
+        shown = entry["energy"]["text"], entry["energy"]["as_driven"]
+        assert shown == (share.text, share.as_driven)
+        for label, text in expected.lines[1:4]:
+            assert f"{label}: {text}" in entry["others"]
+    assert found[0]["energy"]["text"] == "too short to judge"
+    assert found[0]["energy"]["percent"] is None
+    assert found[-1]["energy"]["percent"] == pytest.approx(judged(LAST_S + 1).energy.percent)
 
 
 def test_another_trip_begins_without_savings() -> None:

@@ -136,7 +136,7 @@ def test_the_saving_is_shown_as_far_as_the_reference_car_has_come(
     judged = {"percent": 31.25, "text": "31.3 % saved", **driven}
     short = {"percent": None, "text": "too short to judge", **driven}
     for time_s, share in ((10.0, short), (40.0, judged)):
-        feed.append("savings", {"time_s": time_s, "aging": share, "energy": share})
+        feed.append("savings", {"time_s": time_s, "energy": share, "others": "ageing: 7 %"})
     page.wait_for_selector("#saved:text-is('31.3 %')")
     note = (
         "after 40 s, against a car with strategy reference; as driven 50.0 % saved;"
@@ -145,8 +145,8 @@ def test_the_saving_is_shown_as_far_as_the_reference_car_has_come(
     assert page.inner_text("#saved-note") == note
     # 7.2 kW at 20 m/s are 10 kWh per 100 km.
     assert page.inner_text("#figure-energy") == "10.0"
-    energy = "reference 20.0; 31.3 % saved, as driven 50.0 % saved"
-    assert page.inner_text("#figures .note >> nth=0") == energy
+    assert page.inner_text("#figures .note >> nth=0") == "reference 20.0"
+    assert page.inner_text("#saved-others") == "ageing: 7 %"
     sizes = page.evaluate(
         "[...document.querySelectorAll('dd, .value')].map((n) => parseFloat(getComputedStyle(n).fontSize))"
     )

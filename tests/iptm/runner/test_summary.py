@@ -12,11 +12,11 @@ from tests.iptm.runner.conftest import with_metrics
 
 from iptm.driving import drive_in_memory
 from iptm.run import Run
-from iptm.runner.summary import AGING_SAVED, Summary, summarise
+from iptm.runner.summary import Summary, summarise
 from iptm.trip import Trip
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.metrics import RunMetrics
-from iptm_core.metrics.saving import SHORTEST_TRIP_S
+from iptm_core.metrics.saving import ENERGY_SAVED, SHORTEST_TRIP_S
 from iptm_core.state import CommandSource
 
 TRIP = Trip.of("nycc", duration_s=60.0)
@@ -46,7 +46,7 @@ def test_figures_by_hand(comparison: Run) -> None:
     assert found.values["energy_kwh"] == pytest.approx(0.5)
     assert found.values["consumption_kwh_per_100_km"] == pytest.approx(25.0)
     lines = dict(found.lines)
-    assert AGING_SAVED not in lines
+    assert ENERGY_SAVED not in lines
     assert lines["capacity lost"].startswith("0.500 ppm, both cells: cyclic aging")
     assert "not calendar aging" in lines["capacity lost"]
     assert lines["energy used"] == (
@@ -72,11 +72,9 @@ def test_the_headline_is_the_saving_with_equal_ends(comparison: Run) -> None:
     saved = found.values["aging_saved_percent"]
     assert 25.0 < saved < found.values["aging_saved_as_driven_percent"] == pytest.approx(30.0)
     lines = dict(found.lines)
-    assert lines[AGING_SAVED].startswith(
-        f"{saved:.1f} % saved against the reference strategy, with"
-    )
-    assert lines["as driven"].startswith("ageing 30.0 % saved, energy")
-    assert next(iter(lines)) == AGING_SAVED
+    assert lines["ageing, paper's law"] == f"{saved:.1f} % saved (as driven 30.0 % saved)"
+    assert lines["compared"].startswith("with the reference strategy, with equal ends")
+    assert next(iter(lines)) == ENERGY_SAVED
     assert found.judgement == "judged"
 
 
@@ -84,8 +82,8 @@ def test_a_short_trip_has_no_number_in_its_headline(comparison: Run) -> None:
     found = summary_of(comparison.metrics, comparison, comparison)
     assert math.isnan(found.values["aging_saved_percent"])
     lines = dict(found.lines)
-    assert lines[AGING_SAVED] == "too short to judge against the reference strategy"
-    assert lines["energy"] == found.judgement == "too short to judge"
+    assert lines[ENERGY_SAVED].startswith("too short to judge (as driven")
+    assert lines["ageing, 6 cells"] == found.judgement == "too short to judge"
 
 
 def test_broken_limits_and_missing_decisions_are_named() -> None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from iptm.explanation import parts
 from iptm.panels import Panel, overlay_panels
 from iptm.report import (
     curves_html,
@@ -69,6 +70,16 @@ class Comparison:
         return {label: self.runs[label].saving(self.runs[first]) for label in others}
 
     @property
+    def parts(self) -> pd.DataFrame:
+        """What the savings are made of, in percentage points that add up to the saving with equal ends.
+
+        Rows are the parts of energy and ageing, see `iptm_core.metrics.saving_parts`; a column per run but
+        the first.
+        """
+        first, *others = self.runs
+        return pd.DataFrame({label: parts(self.runs[label], self.runs[first]) for label in others})
+
+    @property
     def headlines(self) -> list[str]:
         """Savings of every other run, one line each."""
         return [f"{label}: {found.headline}" for label, found in self.savings.items()]
@@ -102,6 +113,9 @@ class Comparison:
         )
         sections = {
             "Results": results,
+            "What the savings are made of, in percentage points": html_table(
+                self.parts.map("{:+.1f}".format)
+            ),
             "Over time": curves_html(self._panels(), self.plot),
             "Figures": figures_html({label: run.metrics for label, run in self.runs.items()}),
             "What differs": html_table(differences) if len(differences) else "<p>no setting</p>",

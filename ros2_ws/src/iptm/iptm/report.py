@@ -73,12 +73,12 @@ def figures_html(runs: Mapping[str, RunMetrics]) -> str:
 
 
 def saving_html(name: str, saving: Saving) -> str:
-    """Return what a run saved against another one: the headline large, the figures as driven small."""
-    shares = (("ageing", saving.aging), ("energy per distance", saving.energy))
-    return "".join(
-        f'<p class="saved">{escape(f"{what}: {share.text}")}</p>'
-        f"<small>against {escape(name)}, with equal ends; {escape(share.as_driven)}</small>"
-        for what, share in shares
+    """Return what a run saved against another one: its statement, the first line large."""
+    (label, text), *others = saving.lines
+    rest = "".join(f"<li>{escape(f'{each}: {line}')}</li>" for each, line in others)
+    return (
+        f'<p class="saved">{escape(f"{label}: {text}")}</p>'
+        f"<small>against {escape(name)}; energy and the paper's law with equal ends</small><ul>{rest}</ul>"
     )
 
 

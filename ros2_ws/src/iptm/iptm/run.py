@@ -23,6 +23,7 @@ from iptm_core.metrics import (
 )
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes.slope import SlopeProfile
+from iptm_core.settings import LeaderSource, PreviewMode
 from iptm_core.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -152,7 +153,23 @@ class Run:
         against = other or self.other
         if against is None:
             raise ScenarioError("saving: other is None; allowed: a run of the same trip")
-        return judge_saving(self.metrics, against.metrics, self.parameters, against.parameters)
+        return judge_saving(
+            self.metrics, against.metrics, self.parameters, against.parameters, self.preview
+        )
+
+    @property
+    def preview(self) -> str:
+        """Preview of the leader that the run had, in words; empty where its settings are not known."""
+        if "preview_mode" not in self.settings:
+            return ""
+        if self.settings["preview_mode"] == PreviewMode.NONE:
+            return str(PreviewMode.NONE)
+        defects = ("latency_s", "dropout_probability", "noise_std_m_s", "predictor")
+        is_perfect = self.settings["leader_source"] == LeaderSource.CYCLE and not any(
+            self.settings.get(name) for name in defects
+        )
+        length = f"{self.settings['preview_length_s']:g} s"
+        return f"{length}, perfect" if is_perfect else length
 
     @property
     def frame(self) -> pd.DataFrame:
@@ -227,7 +244,11 @@ class Run:
         from iptm.report import outcome_lines  # noqa: PLC0415
 
         if against is not None and not remarks:
-            remarks = [f"{self.saving(against).headline}, against {against.strategy}"]
+            lines = self.saving(against).lines
+            remarks = [
+                f"against {against.strategy}",
+                *(f"{label}: {text}" for label, text in lines),
+            ]
         outcome = "; ".join(filter(None, [footer, *outcome_lines(self.metrics)]))
         return picture(self._panels(against), [self.name, *remarks], outcome)
 

@@ -76,14 +76,19 @@ def _savings(runs: Sequence[Run], others: Sequence[Run]) -> Part:
     for name, string in (("own_m_s2", runs), ("other_m_s2", others)):
         rows[name] = _deviations(string).acceleration_m_s2[1:].to_numpy()
     savings = [own.saving(other) for own, other in zip(runs, others, strict=True)]
-    rows["aging_saved"] = [found.aging.text for found in savings]
-    rows["as_driven"] = [found.aging.as_driven for found in savings]
+    rows["energy_saved"] = [f"{found.energy.text} ({found.energy.as_driven})" for found in savings]
+    rows["cells"] = [found.cells.text for found in savings]
+    rows["aging_saved"] = [f"{found.aging.text} ({found.aging.as_driven})" for found in savings]
+    rows["kept"] = [found.following.text for found in savings]
     return Part(
         "What each vehicle saves",
         f"Against a string that drives by `{others[0].strategy}`, each vehicle against the one in its place.",
         {
             "": "{name}",
-            "aging saved while driving, equal ends:": "{aging_saved} ({as_driven})",
+            "energy saved, equal ends:": "{energy_saved}",
+            "ageing saved, measured cells:": "{cells}",
+            "by the paper's law:": "{aging_saved}",
+            "distance kept:": "{kept}",
             "cooling energy:": "{cooling_energy:+.1f} %",
             "traction energy:": "{traction_energy:+.1f} %",
             "acceleration, rms (m/s²):": "{own_m_s2:.3f}",

@@ -5,11 +5,16 @@ from __future__ import annotations
 import json
 import math
 import threading
+from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from iptm_core.metrics import SavedShare, judge_saving
+import numpy as np
+
+from iptm_core.aging_laws.judging import Exposure, losses_of_cells
+from iptm_core.errors import StateError
+from iptm_core.metrics import Following, SavedShare, judge_saving
 from iptm_core.parameters import ModelParameters
 from iptm_core.state import NS_PER_S
 from iptm_core.units import CELSIUS_ZERO_K
@@ -35,6 +40,9 @@ class SoFar:
     final_cell_losses: tuple[float, float]
     final_charge: float
     moving_mass_kg: float = 0.0
+    following: Following = field(default_factory=Following)
+    cell_losses: Mapping[str, float] = field(default_factory=dict)
+    unbalanced_heat_share: float = math.nan
 
     @property
     def final_kinetic_energy_j(self) -> float:
@@ -48,6 +56,7 @@ class _Rows:
 
     columns: Sequence[str]
     so_far: dict[int, SoFar] = field(default_factory=dict)
+    _columns: dict[str, list[float]] = field(default_factory=dict)
     _first: dict[str, float] = field(default_factory=dict)
     _last: dict[str, float] = field(default_factory=dict)
 
@@ -77,19 +86,44 @@ class _Rows:
             final_charge=known["state_of_charge"],
         )
         self._first, self._last = first, known
+        for name in _OVER_TIME:
+            self._columns.setdefault(name, []).append(known[name])
+
+    def up_to(self, stamp_ns: int, moving_mass_kg: float) -> SoFar:
+        """Return the figures up to a row, with how the car followed and what the measured cells lost."""
+        count = bisect_right(self._columns["time_s"], (stamp_ns + 1) / NS_PER_S)
+        time_s, speed_m_s, gap_m, least_m, charge, first_c, last_c = (
+            np.array(self._columns[name][:count]) for name in _OVER_TIME
+        )
+        try:
+            mean_k = 0.5 * (first_c + last_c) + CELSIUS_ZERO_K
+            lost = losses_of_cells(Exposure(time_s, charge, mean_k))
+        except StateError:
+            lost = {}
+        return replace(
+            self.so_far[stamp_ns],
+            moving_mass_kg=moving_mass_kg,
+            following=Following.of(time_s, speed_m_s, gap_m, gap_m - least_m),
+            cell_losses=lost,
+        )
 
 
-_NEEDED = (
+_OVER_TIME = (
     "time_s",
-    "position_m",
     "speed_m_s",
     "gap_m",
-    "battery_power_w",
+    "min_gap_m",
+    "state_of_charge",
     "cell_1_temperature_c",
     "cell_n_temperature_c",
+)
+"""Columns of which every row counts."""
+_NEEDED = (
+    *_OVER_TIME,
+    "position_m",
+    "battery_power_w",
     "cell_1_capacity_loss",
     "cell_n_capacity_loss",
-    "state_of_charge",
 )
 
 
@@ -147,17 +181,21 @@ class JudgedFeed(PageFeed):
             is_end = self._has_ended and stamp_ns == last_ns
             is_due = stamp_ns >= due_ns or (is_end and stamp_ns > self._judged_ns)
             if is_due and stamp_ns <= newest_ns and stamp_ns in other:
-                self._show(stamp_ns, own[stamp_ns], other[stamp_ns], self.parameters)
+                self._show(stamp_ns, self.parameters)
                 self._judged_ns = stamp_ns
                 due_ns = stamp_ns + round(EVERY_S * NS_PER_S)
 
-    def _show(self, stamp_ns: int, own: SoFar, other: SoFar, parameters: ModelParameters) -> None:
+    def _show(self, stamp_ns: int, parameters: ModelParameters) -> None:
         body = parameters.body
         mass_kg = body.rotational_inertia_factor * body.mass_kg
-        own, other = (replace(car, moving_mass_kg=mass_kg) for car in (own, other))
+        own, other = (self._rows[stream].up_to(stamp_ns, mass_kg) for stream in (ROWS, REFERENCE))
         found = judge_saving(own, other, parameters)
-        shares = {"aging": _shown(found.aging), "energy": _shown(found.energy)}
-        super().append_text(SAVINGS, json.dumps({"time_s": stamp_ns / NS_PER_S, **shares}))
+        entry = {
+            "time_s": stamp_ns / NS_PER_S,
+            "energy": _shown(found.energy),
+            "others": "; ".join(f"{label}: {text}" for label, text in found.lines[1:]),
+        }
+        super().append_text(SAVINGS, json.dumps(entry))
 
 
 def _shown(share: SavedShare) -> dict[str, Any]:

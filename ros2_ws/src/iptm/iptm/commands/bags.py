@@ -168,6 +168,9 @@ def _print_figures(comparison: Comparison) -> None:
         for line in outcome_lines(run.metrics):
             console.print(Text(f"{label}: {line}"), soft_wrap=True)
     figures = figure_table({label: run.metrics for label, run in comparison.runs.items()})
+    made_of = comparison.parts.map("{:+.1f}".format)
+    made_of.index = made_of.index.map(": ".join)
+    console.print(_table("points of the saving", made_of))
     console.print(_table("figure", figures))
     if len(comparison.differences):
         console.print(_table("what differs", comparison.differences.astype(str)))

@@ -17,14 +17,13 @@ from rich.text import Text
 from iptm.run import Run
 from iptm.runner.run_folder import LOGS, RunFolder
 from iptm_core.decision_record import DecisionStatistics
-from iptm_core.metrics import Judgement, RunMetrics, Saving, figure_values, judge_saving
+from iptm_core.metrics import RunMetrics, Saving, figure_values
 from iptm_core.metrics.figures import PPM
 from iptm_core.metrics.run_metrics import NO_VALUE, significant
-from iptm_core.metrics.saving import saved_text
+from iptm_core.metrics.saving import ENERGY_SAVED
 from iptm_core.units import CELSIUS_ZERO_K, J_PER_KWH
 from iptm_ros.topics import PLANT
 
-AGING_SAVED = "driving aging"
 OWN_AGING = "both cells, as your plant reports it"
 PAPER_AGING = (
     "both cells: cyclic aging by the paper's law while driving, not calendar aging (studies/life)"
@@ -64,12 +63,11 @@ def summarise(run: Run, against: Run | None, aging_counts: str = PAPER_AGING) ->
     if against is not None:
         name, other = against.strategy, _of_run(against.metrics)
         values |= {f"{name}_{key}": value for key, value in other.items()}
-        found = judge_saving(metrics, against.metrics, run.parameters, against.parameters)
+        found = run.saving(against)
         values |= {f"{key}_percent": value for key, value in found.values.items()}
         values |= _at_equal_ends(found)
-        lines.append((AGING_SAVED, f"{found.aging.text} against the {name} strategy{_ends(found)}"))
-        lines.append(("energy", f"{found.energy.text}{_ends_of_energy(found, name)}"))
-        lines.append(("as driven", _as_driven_text(found)))
+        lines += found.lines
+        lines.append(("compared", f"with the {name} strategy{_ends(found)}"))
     lines.append(("capacity lost", f"{_aging_text(values, other, name)}, {aging_counts}"))
     lines.append(("energy used", _energy_text(values, other, name)))
     lines.append(("at the end", _end_text(values, other, name)))
@@ -91,6 +89,10 @@ def _of_run(metrics: RunMetrics) -> dict[str, float]:
         "final_speed_km_h": figures.get("final_speed", math.nan),
         "final_kinetic_energy_kwh": metrics.final_kinetic_energy_j / J_PER_KWH,
         "smallest_gap_m": metrics.smallest_gap_m,
+        "mean_headway_s": metrics.following.mean_headway_s,
+        "median_headway_s": metrics.following.headway_s,
+        "below_s_min_s": metrics.following.below_s,
+        "longest_below_s_min_s": metrics.following.longest_below_s,
         "smallest_margin_m": metrics.smallest_margin_m,
         "smallest_margin_time_s": metrics.smallest_margin_time_s,
     }
@@ -118,22 +120,10 @@ def _at_equal_ends(found: Saving) -> dict[str, float]:
 
 
 def _ends(found: Saving) -> str:
-    if found.ends is None or found.aging.judgement is not Judgement.JUDGED:
+    if found.ends is None:
         return ""
     cooled = significant(found.ends[0].temperature_k - CELSIUS_ZERO_K)
     return f", with equal ends (both packs cooled to {cooled} °C, motion given back)"
-
-
-def _ends_of_energy(found: Saving, name: str) -> str:
-    if found.ends is None or found.energy.judgement is not Judgement.JUDGED:
-        return ""
-    own, other = (significant(end.energy_per_distance_j_m * 1e5 / J_PER_KWH) for end in found.ends)
-    return f" with equal ends, {own} kWh/100 km ({name} {other})"
-
-
-def _as_driven_text(found: Saving) -> str:
-    parts = ((found.aging.as_driven_percent, "ageing"), (found.energy.as_driven_percent, "energy"))
-    return ", ".join(f"{name} {saved_text(percent)}" for percent, name in parts)
 
 
 def _aging_text(values: Mapping[str, float], other: Mapping[str, float] | None, name: str) -> str:
@@ -193,8 +183,7 @@ def print_results(run: Run, console: Console, *, full: bool = False) -> None:
     console.print(Text(run.name, "bold"))
     lines = Table.grid(padding=(0, 2))
     for label, text in headline(run).lines:
-        style = "bold green" if label == AGING_SAVED else ""
-        lines.add_row(Text(label, "dim"), Text(text, style))
+        lines.add_row(Text(label, "dim"), Text(text, "bold green" if label == ENERGY_SAVED else ""))
     console.print(lines)
 
 
@@ -207,17 +196,11 @@ def print_end(run: Run, folder: RunFolder, console: Console) -> None:
 
 def save_picture(path: Path, run: Run) -> None:
     """Draw a run, as a PNG file; see `Run.plot`."""
-    lines = dict(headline(run).lines)
-    remarks = [
-        f"{label}: {lines[label]}"
-        for label in (AGING_SAVED, "energy", "as driven")
-        if label in lines
-    ]
     footer = "" if run.trip is None else f"model {run.trip.model.name}"
     if run.trip is not None and math.isfinite(run.speed_up):
         mode = run.trip.conditions.mode.replace("_", "-")
         footer += f"; {mode} over ROS 2, {run.speed_up:.0f} × real time"
-    picture = run.plot(run.other, remarks, footer)
+    picture = run.plot(run.other, footer=footer)
     path.write_bytes(picture.png({"Software": "iptm"}))
 
 

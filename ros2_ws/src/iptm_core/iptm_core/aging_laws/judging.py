@@ -197,3 +197,8 @@ class Judge:
 CELLS = "laws of cells"
 CELL_JUDGES = tuple(Judge(name, CELLS, loss_by_cell, {"cell": name}) for name in AGING_CELLS)
 """The measured cells of the suite."""
+
+
+def losses_of_cells(exposure: Exposure) -> dict[str, float]:
+    """Return the capacity that the measured cells of the suite lose, by the names of their laws."""
+    return {judge.name: judge.loss(exposure) for judge in CELL_JUDGES}

@@ -109,6 +109,9 @@ _FIGURES = (
            "the cells: "
            "an error of the model.",
            lambda run: 1e-3 * run.unbalanced_heat_j, "∫(q - Q_co) dt - C ΔT"),
+    Figure("unbalanced_heat_share", "Unbalanced heat over heat taken", "%", 1,
+           "That heat, per heat taken by the chiller: the cooling that a comparison gets for nothing.",
+           lambda run: 1e2 * run.unbalanced_heat_share),
     Figure("smallest_gap", "Smallest gap", "m", 2, "Smallest distance to the rear bumper of the leader.",
            lambda run: run.smallest_gap_m, "min s"),
     Figure("mean_gap", "Mean gap", "m", 1, "Mean distance to the rear bumper of the leader, over time.",
@@ -139,6 +142,12 @@ _FIGURES = (
            lambda run: float(run.soft_violations), better=Better.LESS),
     Figure("gap_violations", "Gap limit broken", "rows", 0, "Ticks with a gap below s_min or a collision.",
            lambda run: float(run.gap_violations), better=Better.LESS),
+    Figure("below_s_min", "Time below s_min", "s", 0, "Time with a gap below s_min in all.",
+           lambda run: run.following.below_s, better=Better.LESS),
+    Figure("mean_headway", "Mean headway", "s", 2, "Gap over speed, mean of the rows above 5 m/s.",
+           lambda run: run.following.mean_headway_s),
+    Figure("median_headway", "Median headway", "s", 2, "Gap over speed, median of the rows above 5 m/s.",
+           lambda run: run.following.headway_s),
     Figure("interventions", "Interventions of the safety monitor", "", 0,
            "How often the safety monitor of the vehicle braked on its own.",
            lambda run: float(run.interventions), better=Better.LESS),
@@ -271,18 +280,41 @@ def _of_two_runs(_: RunMetrics) -> None:
 _ENDS = (
     "with the end of both runs made equal: packs cooled to the same temperature, motion given back"
 )
-_AGING = "Share of the other run's capacity loss by driving that this run avoided, below zero if it lost more"
-_ENERGY = (
-    "Share of the other run's battery energy per distance that this run avoided, below zero if it "
+_ENERGY = "Share of the other run's battery energy per distance that was saved, below zero if it took more"
+_AGING = (
+    "Share of the other run's capacity loss by driving, by the law of the paper, that was saved"
 )
-"took more"
+_CELLS = "Share of the other run's capacity loss that was saved, of a use that charges what the trip took"
 SAVINGS = {
-    key: Figure(key, label, "%", 1, f"{what}, {ends}.", _of_two_runs, better=Better.MORE)
-    for key, label, what, ends in (
-        ("aging_saved", "Ageing saved", _AGING, _ENDS),
+    key: Figure(key, label, "%", 1, f"{what}, {how}.", _of_two_runs, better=Better.MORE)
+    for key, label, what, how in (
         ("energy_saved", "Energy saved", _ENERGY, _ENDS),
-        ("aging_saved_as_driven", "Ageing saved, as driven", _AGING, "whatever the ends"),
         ("energy_saved_as_driven", "Energy saved, as driven", _ENERGY, "whatever the ends"),
+        (
+            "aging_saved_by_cells",
+            "Ageing saved, median of cells",
+            _CELLS,
+            "median of the laws of measured cells",
+        ),
+        (
+            "aging_saved_by_cells_lowest",
+            "Ageing saved, lowest of cells",
+            _CELLS,
+            "lowest of these laws",
+        ),
+        (
+            "aging_saved_by_cells_highest",
+            "Ageing saved, highest of cells",
+            _CELLS,
+            "highest of these laws",
+        ),
+        ("aging_saved", "Ageing saved, paper's law", _AGING, _ENDS),
+        (
+            "aging_saved_as_driven",
+            "Ageing saved, paper's law, as driven",
+            _AGING,
+            "whatever the ends",
+        ),
     )
 }
 """Figures of two runs compared, by key, with the values from `Saving.values`."""

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from iptm_core.aging_laws.judging import Exposure, losses_of_cells
 from iptm_core.decision_record import DecisionSeries, DecisionStatistics
 from iptm_core.declaration import TextEnum
 from iptm_core.errors import StateError
@@ -18,6 +19,7 @@ from iptm_core.metrics.constraints import (
     gap_margins_m,
     longest_times_s,
 )
+from iptm_core.metrics.following import Following
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
@@ -36,6 +38,7 @@ class RunMetrics:
         lowest_battery_power_w: smallest P_b of an interval, negative when recuperating.
         unbalanced_heat_j: heat made in the cells and taken from the air, less heat taken by the chiller and
             stored at the mean of both cells. Two cells in the place of a channel do not keep it at zero.
+        chiller_heat_j: heat taken from the coolant.
         mean_cop: heat taken from the coolant per compressor energy over the whole run; None if the
             compressor never ran.
         cell_1_degradation: capacity lost by cell 1 during the run, as a fraction of nominal capacity.
@@ -50,6 +53,9 @@ class RunMetrics:
         final_temperature_k: mean of the first and the last cell at the end.
         final_cell_losses: capacity losses of the first and the last cell at the end, as fractions of nominal.
         final_charge: state of charge at the end.
+        following: headway, and time and distance below s_min.
+        cell_losses: capacity that the laws of measured cells lose by the trip and its charging, by name, see
+            `iptm_core.aging_laws.judging`; empty where current or temperature is not known throughout.
         decisions: how the decisions came about; None where none were taken or recorded.
     """
 
@@ -82,6 +88,9 @@ class RunMetrics:
     final_temperature_k: float
     final_cell_losses: tuple[float, float]
     final_charge: float
+    chiller_heat_j: float = math.nan
+    following: Following = field(default_factory=Following)
+    cell_losses: Mapping[str, float] = field(default_factory=dict)
     decisions: DecisionStatistics | None = None
 
     @property
@@ -93,6 +102,11 @@ class RunMetrics:
     def degradation(self) -> float:
         """Capacity lost by both cells together, the paper's J4."""
         return self.cell_1_degradation + self.cell_n_degradation
+
+    @property
+    def unbalanced_heat_share(self) -> float:
+        """Heat that the two cells leave unbalanced, over the heat taken by the chiller; NaN without any."""
+        return self.unbalanced_heat_j / self.chiller_heat_j if self.chiller_heat_j else math.nan
 
     @property
     def hard_violations(self) -> int:
@@ -173,8 +187,18 @@ def compute_metrics(
         * float(run.cell_1_temperature_k[-1] + run.cell_n_temperature_k[-1]),
         final_cell_losses=(float(losses[0][-1]), float(losses[1][-1])),
         final_charge=float(run.state_of_charge[-1]),
+        chiller_heat_j=heat_j,
+        following=Following.of(run.time_s, run.speed_m_s, run.gap_m, margins),
+        cell_losses=_cell_losses(run),
         decisions=None if decisions is None else DecisionStatistics.of(decisions, run),
     )
+
+
+def _cell_losses(run: Trajectory) -> Mapping[str, float]:
+    try:
+        return losses_of_cells(Exposure.of(run))
+    except StateError:
+        return {}
 
 
 def _unbalanced_heat_j(run: Trajectory, parameters: ModelParameters) -> float:

@@ -19,17 +19,24 @@ energy is taken as returned in full. Energies are compared per distance.
 
 The number to quote is the one with equal ends. The figures as driven stand behind it: on a short trip most
 of their difference is heat that one car has left in its pack.
+
+Laws of ageing disagree on the size of a saving and on some trips on its sign. A saving of ageing is therefore
+stated by the laws of the measured cells, as their median and range, with the law of the paper beside it. The
+former count a use that charges what the trip took (`iptm_core.aging_laws.judging`) and are not corrected for
+the ends. The distance that a car kept belongs to every saving: a longer one, or one below s_min, saves, too.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from iptm_core.declaration import TextEnum
+from iptm_core.metrics.following import Following
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import at_charge, cell_heat_w, cell_resistance_ohm, heat_from_air_w
 from iptm_core.physics.chiller import largest_useful_power_w
@@ -77,6 +84,18 @@ class TripEnd(Protocol):
     @property
     def final_charge(self) -> float:
         """State of charge at the end."""
+
+    @property
+    def following(self) -> Following:
+        """Headway, and time and distance below s_min."""
+
+    @property
+    def cell_losses(self) -> Mapping[str, float]:
+        """Capacity lost by the laws of measured cells, by name; empty where that is not known."""
+
+    @property
+    def unbalanced_heat_share(self) -> float:
+        """Heat that the two-cell model leaves unbalanced, over the heat taken by the chiller."""
 
 
 def cool_down(
@@ -184,6 +203,8 @@ LARGEST_CORRECTION_POINTS = 5.0
 SAME_TRIP = 0.1
 """Largest relative difference of distances and durations of two runs of the same trip."""
 NO_PERCENTAGE = "–"
+ENERGY_SAVED = "energy"
+"""Label of the first line of a statement."""
 
 
 class Judgement(TextEnum):
@@ -232,38 +253,102 @@ class SavedShare:
 
 
 @dataclass(frozen=True)
-class Saving:
-    """What a run saved against another one.
+class CellSavings:
+    """Savings of ageing by the laws of measured cells.
 
     Attributes:
-        aging: of the capacity loss of both cells together.
+        percents: by the name of the cell, negative where it lost.
+    """
+
+    judgement: Judgement
+    percents: Mapping[str, float]
+
+    @property
+    def median(self) -> float:
+        """Median of the cells, NaN where there is none or it may not be quoted."""
+        return self._of(np.median)
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Lowest and highest saving, NaN as the median."""
+        return self._of(np.min), self._of(np.max)
+
+    def _of(self, statistic: Callable[[list[float]], np.floating]) -> float:
+        is_known = self.judgement is Judgement.JUDGED and self.percents
+        return float(statistic([*self.percents.values()])) if is_known else math.nan
+
+    @property
+    def text(self) -> str:
+        """Median and range, such as ``7.0 % saved (-0.1 to 13.3 %)``, or the judgement in its place."""
+        if self.judgement is not Judgement.JUDGED:
+            return str(self.judgement)
+        if not self.percents:
+            return NO_PERCENTAGE
+        lowest, highest = self.range
+        return f"{saved_text(self.median)} ({lowest:.1f} to {highest:.1f} %)"
+
+
+@dataclass(frozen=True)
+class Saving:
+    """What a run saved against another one, as it is stated everywhere.
+
+    Attributes:
         energy: of the battery energy per distance.
+        cells: of the ageing, by the laws of measured cells.
+        aging: of the capacity loss of both cells together, by the law of the paper.
+        following: how the run followed.
+        preview: that the run had, in words; empty where that is not known.
+        unbalanced: heat that the model leaves unbalanced over the heat that the chiller takes, own first.
         ends: figures of both runs, corrected for their ends, own first; None where these are not known.
     """
 
-    aging: SavedShare
     energy: SavedShare
+    cells: CellSavings
+    aging: SavedShare
+    following: Following
+    preview: str
+    unbalanced: tuple[float, float]
     ends: tuple[CorrectedFigures, CorrectedFigures] | None
 
     @property
     def values(self) -> dict[str, float]:
-        """Percentages by the keys of `iptm_core.metrics.figures.SAVINGS`; NaN where there is none."""
+        """Values by the keys of `iptm_core.metrics.figures.SAVINGS`; NaN where there is none."""
+        lowest, highest = self.cells.range
         return {
-            "aging_saved": self.aging.percent,
             "energy_saved": self.energy.percent,
-            "aging_saved_as_driven": self.aging.as_driven_percent,
             "energy_saved_as_driven": self.energy.as_driven_percent,
+            "aging_saved_by_cells": self.cells.median,
+            "aging_saved_by_cells_lowest": lowest,
+            "aging_saved_by_cells_highest": highest,
+            "aging_saved": self.aging.percent,
+            "aging_saved_as_driven": self.aging.as_driven_percent,
         }
 
     @property
+    def lines(self) -> list[tuple[str, str]]:
+        """The statement: label and text of each line."""
+        preview = self.preview and f"preview: {self.preview}"
+        shares = [f"{100.0 * share:.1f} %" for share in self.unbalanced]
+        heat = f"{shares[0]} of the heat that the chiller takes, {shares[1]} of the other run"
+        lines = [
+            (ENERGY_SAVED, f"{self.energy.text} ({self.energy.as_driven})"),
+            (f"ageing, {len(self.cells.percents)} cells", self.cells.text),
+            ("ageing, paper's law", f"{self.aging.text} ({self.aging.as_driven})"),
+            ("distance kept", "; ".join(filter(None, (self.following.text, preview)))),
+            ("unbalanced heat", heat if np.isfinite(self.unbalanced).all() else ""),
+        ]
+        return [(label, text) for label, text in lines if text]
+
+    @property
     def headline(self) -> str:
-        """One line for headings: ageing and energy, each with its value as driven."""
-        if self.aging.judgement is self.energy.judgement is not Judgement.JUDGED:
-            return (
-                f"{self.aging.text} (ageing {self.aging.as_driven}, energy {self.energy.as_driven})"
+        """The statement in one line; where nothing may be quoted, what the figures as driven give."""
+        reasons = {share.judgement for share in (self.energy, self.cells, self.aging)}
+        if len(reasons) == 1 and Judgement.JUDGED not in reasons:
+            driven = (
+                f"energy {self.energy.as_driven}, ageing by the paper's law {self.aging.as_driven}"
             )
-        parts = (("ageing", self.aging), ("energy", self.energy))
-        return "; ".join(f"{name}: {share.text} ({share.as_driven})" for name, share in parts)
+            return f"{self.energy.text} ({driven})"
+        return "; ".join(f"{label}: {text}" for label, text in self.lines)
 
 
 def judge_saving(
@@ -271,6 +356,7 @@ def judge_saving(
     other: TripEnd,
     parameters: ModelParameters,
     of_other: ModelParameters | None = None,
+    preview: str = "",
 ) -> Saving:
     """Judge what a run saved against another run of the same trip.
 
@@ -279,6 +365,7 @@ def judge_saving(
         other: figures of the run that it is compared with.
         parameters: of the vehicle.
         of_other: of the vehicle of the other run; None for the same.
+        preview: that the run had, in words.
     """
     known = all(math.isfinite(end.final_temperature_k) for end in (own, other))
     ends = at_equal_end(own, other, parameters, of_other) if known else None
@@ -297,9 +384,21 @@ def judge_saving(
         if ends is None
         else tuple(end.energy_per_distance_j_m for end in ends),
     )
+    lost = own.cell_losses, other.cell_losses
     return Saving(
-        _share(judgement, corrected[0], (own.degradation, other.degradation)),
         _share(judgement, corrected[1], (_per_distance(own), _per_distance(other))),
+        CellSavings(
+            Judgement.JUDGED if judgement is Judgement.UNKNOWN else judgement,
+            {
+                name: saved_percent(lost[0][name], lost[1][name])
+                for name in lost[0]
+                if name in lost[1]
+            },
+        ),
+        _share(judgement, corrected[0], (own.degradation, other.degradation)),
+        own.following,
+        preview,
+        (own.unbalanced_heat_share, other.unbalanced_heat_share),
         ends,
     )
 

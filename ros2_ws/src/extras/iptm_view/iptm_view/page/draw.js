@@ -183,10 +183,10 @@ function drawHeadline() {
   const { state, strategy, run: other, duration_s: duration, reason } = run.referenceState;
   const car = other ? `the run ${other}` : `a car with strategy ${strategy}`;
   const saving = run.savingAt(time);
-  const saved = saving?.aging.percent ?? null;
-  element("saved").textContent = saved === null ? (saving?.aging.text ?? "–") : `${shown(saved, 1)} %`;
+  const saved = saving?.energy.percent ?? null;
+  element("saved").textContent = saved === null ? (saving?.energy.text ?? "–") : `${shown(saved, 1)} %`;
   element("saving").dataset.level = saved === null ? "none" : saved < 0 ? "bad" : "good";
-  element("saving").title = run.facts.definitions?.aging_saved ?? "";
+  element("saving").title = run.facts.definitions?.energy_saved ?? "";
   const done = run.reference.lastTime ?? 0;
   const percent = duration ? Math.floor((100 * done) / duration) : 0;
   const isWhole = run.end.ended && saving?.time_s === player.last;
@@ -196,7 +196,8 @@ function drawHeadline() {
     failed: `no reference car: ${reason}`,
   }[state] ?? (saving === null
     ? `reference car (strategy ${strategy}): ${percent} % computed`
-    : `after ${shown(saving.time_s, 0)} s${isWhole ? ", the whole trip" : ""}, against ${car}; ${saving.aging.as_driven}${computing}`);
+    : `after ${shown(saving.time_s, 0)} s${isWhole ? ", the whole trip" : ""}, against ${car}; ${saving.energy.as_driven}${computing}`);
+  element("saved-others").textContent = saving?.others ?? "";
   const progress = element("reference-progress");
   progress.hidden = state !== "computing";
   progress.value = duration ? done / duration : 0;

@@ -19,9 +19,7 @@ function consumption(kind, digits) {
   return (run, time) => {
     const own = run.consumption(run.rows, kind, time);
     const other = run.consumption(run.reference, kind, run.comparedUntil(time));
-    const reference = other === null ? "" : `reference ${other.toFixed(digits)}`;
-    const saving = kind === "battery" ? run.savingAt(time)?.energy : null;
-    return [own, saving ? `${reference}; ${saving.text}, ${saving.as_driven}` : reference];
+    return [own, other === null ? "" : `reference ${other.toFixed(digits)}`];
   };
 }
 
