@@ -29,7 +29,7 @@ for name in sys.argv[1:]:
         assert not error.name.startswith("iptm"), (name, error)
 import iptm
 assert iptm.simulate("us06", duration_s=5.0, strategy="reference", horizon="3x1").frame.shape[0] == 6
-assert not [name for name in sys.modules if name.startswith("iptm_") and "extras" in str(sys.modules[name])]
+assert not [name for name, module in sys.modules.items() if "src/extras/" in str(module)]
 """
 
 
