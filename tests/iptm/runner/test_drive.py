@@ -48,7 +48,7 @@ def drive_of(
     stop: Any = SimpleNamespace(number=None)
     faults = ProcessFaults(supervisor, ())
     trip = Trip.of(duration_s=120.0)
-    return Drive(supervisor, nothing, executor, progress, stop, faults, trip)
+    return Drive(supervisor, [nothing], executor, progress, stop, faults, trip)
 
 
 def test_a_recorded_trip_of_which_the_runner_heard_nothing_is_left_to_the_bag() -> None:

@@ -71,8 +71,8 @@ class ControllerNode(SuiteNode):
 
     PARAMETERS = ControllerNodeParameters
 
-    def __init__(self) -> None:
-        super().__init__("controller")
+    def __init__(self, **options: Any) -> None:
+        super().__init__("controller", **options)
         self._options = declare_parameters(self, self.PARAMETERS, CHANGEABLE)
         self.reject_unknown_parameters()
         self.use_frame_prefix(self._options.frame_prefix)

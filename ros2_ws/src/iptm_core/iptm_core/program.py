@@ -17,7 +17,7 @@ import io
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
@@ -85,6 +85,21 @@ def go_first(thread: int = 0, priority: int = REAL_TIME_PRIORITY) -> None:
     except OSError:
         with suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, thread, _NICENESS)
+
+
+SECTION_END = "--"
+"""Ends a list of ROS arguments as well."""
+
+
+def sections(arguments: Iterable[str]) -> list[list[str]]:
+    """Return the parts of a command line between `SECTION_END`: one for each of several nodes or vehicles."""
+    parts: list[list[str]] = [[]]
+    for argument in arguments:
+        if argument == SECTION_END:
+            parts.append([])
+        else:
+            parts[-1].append(argument)
+    return parts
 
 
 def print_error(program: str, what: object) -> None:

@@ -7,8 +7,7 @@ stop. 1 is also a vehicle model that failed.
 from __future__ import annotations
 
 import sys
-
-from diagnostic_msgs.msg import DiagnosticArray
+from typing import Any
 
 from iptm_core.errors import ServiceError
 from iptm_core.lead_track import LeadStatus
@@ -33,15 +32,15 @@ class PlantNode(TripNode):
     single intervals and restart it.
     """
 
-    def __init__(self) -> None:
-        super().__init__()
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
         self._reporter = DiagnosticsReporter.of_node(self, "vehicle")
         self.serve(Service.PAUSE, self._pause)
         self.serve(Service.RESUME, self._resume)
         self.serve(Service.STEP, self._step)
         self.serve(Service.RESET, self._reset)
         self.serve(Service.SAVE_PLANT, self._save_state)
-        self.listen(Topic.DIAGNOSTICS, self._on_diagnostics)
+        self.listen(Topic.DIAGNOSTICS, self._on_diagnostics, raw=True)
         self.every(REPORT_PERIOD_S, self._report)
         self._report()
 
@@ -125,8 +124,8 @@ class PlantNode(TripNode):
 
     # --- diagnostics
 
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        if self._reporter.is_from_double(message):
+    def _on_diagnostics(self, data: bytes) -> None:
+        if self._reporter.is_from_double(data):
             self.health.note_contradiction(PLANT)
 
     def _report(self) -> None:

@@ -59,8 +59,8 @@ class TripNode(SuiteNode):
 
     PARAMETERS = PlantNodeParameters
 
-    def __init__(self) -> None:
-        super().__init__("plant")
+    def __init__(self, **options: Any) -> None:
+        super().__init__("plant", **options)
         self._options = declare_parameters(self, self.PARAMETERS)
         self.reject_unknown_parameters()
         self.use_frame_prefix(self._options.frame_prefix)

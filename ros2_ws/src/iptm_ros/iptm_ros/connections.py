@@ -8,11 +8,11 @@ the reports of the nodes that it names, see `StartSignal`.
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import permutations
-from typing import Any
+from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from rclpy.node import Node
@@ -22,13 +22,13 @@ from std_srvs.srv import Trigger
 
 from iptm_ros.publishers import LATCHED_QOS
 from iptm_ros.services import Service
-from iptm_ros.topics import full_name
+from iptm_ros.topics import Topic, full_name
 
 LOOK_PERIOD_S = 0.05
 _NAME = "_connections"
 """Hidden, as ROS calls a name that begins with an underscore: tools list it on request."""
 _PUBLISHES, _HEARS = "publishes", "hears"
-_OF_EVERY_NODE = ("/rosout", "/parameter_events")
+_OF_EVERY_NODE = ("/rosout", "/parameter_events", Topic.DIAGNOSTICS.value)
 _UNNAMED = "_NODE_NAME_UNKNOWN_"
 """Name of an endpoint whose node the middleware has not announced yet."""
 
@@ -59,50 +59,60 @@ class ConnectionsReport:
     def __init__(self, node: Node) -> None:
         self.present = Connections()
         self._node = node
-        self._counts: tuple[int, ...] = ()
+        self._publishes: dict[str, _Found] = {}
+        self._hears: dict[str, _Found] = {}
         self._has_reported = False
         self._publisher = node.create_publisher(DiagnosticStatus, f"~/{_NAME}", LATCHED_QOS)
 
     def look(self) -> None:
         """Report what has changed; call it every `LOOK_PERIOD_S`."""
-        publishers = [p for p in self._node.publishers if not _is_left_out(p.topic_name)]
-        subscriptions = [s for s in self._node.subscriptions if not _is_left_out(s.topic_name)]
-        counts = (
-            len(publishers),
-            *(publisher.get_subscription_count() for publisher in publishers),
-            *(subscription.get_publisher_count() for subscription in subscriptions),
-        )
-        if counts == self._counts:
-            return
         listeners = self._node.get_subscriptions_info_by_topic
         speakers = self._node.get_publishers_info_by_topic
-        publishes = {
-            p.topic_name: _names(
-                listeners(p.topic_name), p.get_subscription_count(), offered=p.qos_profile
-            )
-            for p in publishers
-        }
-        hears = {
-            s.topic_name: _names(
-                speakers(s.topic_name), s.get_publisher_count(), requested=s.qos_profile
-            )
-            for s in subscriptions
-        }
-        # A node may have been found whose name is still on its way: looked for again, and unknown until then.
-        self._counts = () if None in (*publishes.values(), *hears.values()) else counts
-        found = Connections(
-            {topic: names or frozenset() for topic, names in publishes.items()},
-            {topic: names or frozenset() for topic, names in hears.items()},
-        )
-        if found != self.present or not self._has_reported:
+        has_changed = not self._has_reported
+        for publisher in self._node.publishers:
+            count, topic = publisher.get_subscription_count(), publisher.topic_name
+            if self._is_new(self._publishes, topic, count):
+                names = _names(listeners(topic), count, offered=publisher.qos_profile)
+                has_changed |= _note(self._publishes, topic, count, names)
+        for subscription in self._node.subscriptions:
+            count, topic = subscription.get_publisher_count(), subscription.topic_name
+            if self._is_new(self._hears, topic, count):
+                names = _names(speakers(topic), count, requested=subscription.qos_profile)
+                has_changed |= _note(self._hears, topic, count, names)
+        if has_changed:
             self._has_reported = True
-            self.present = found
+            self.present = Connections(
+                {topic: found.names for topic, found in self._publishes.items()},
+                {topic: found.names for topic, found in self._hears.items()},
+            )
             name = self._node.get_fully_qualified_name()
-            self._publisher.publish(_encode(name, found))
+            self._publisher.publish(_encode(name, self.present))
+
+    def _is_new(self, known: Mapping[str, _Found], topic: str, count: int) -> bool:
+        found = known.get(topic)
+        return (found is None or found.number != count) and not self._is_left_out(topic)
+
+    def _is_left_out(self, topic: str) -> bool:
+        """Return whether a topic is not reported: those of every node, where there are several vehicles."""
+        is_of_one = topic == Topic.DIAGNOSTICS.value and self._node.get_namespace() == "/"
+        return (topic in _OF_EVERY_NODE and not is_of_one) or topic.rpartition("/")[2].startswith(
+            "_"
+        )
 
 
-def _is_left_out(topic: str) -> bool:
-    return topic in _OF_EVERY_NODE or topic.rpartition("/")[2].startswith("_")
+class _Found(NamedTuple):
+    """Nodes at the other ends of a topic; their number is negative while not all are known by name."""
+
+    number: int
+    names: frozenset[str]
+
+
+def _note(known: dict[str, _Found], topic: str, count: int, names: frozenset[str] | None) -> bool:
+    """Note what was found of a topic; return whether it is to be reported."""
+    before = known.get(topic)
+    # A node may have been found whose name is still on its way: looked for again, and unknown until then.
+    known[topic] = _Found(-1, frozenset()) if names is None else _Found(count, names)
+    return before is None or before.names != known[topic].names
 
 
 def _names(
@@ -150,6 +160,7 @@ class Meeting:
     def __init__(self, node: Node, names: Iterable[str]) -> None:
         self.names = tuple(dict.fromkeys(names))
         self._reports: dict[str, Connections] = {}
+        self._missing: tuple[str, ...] | None = None
         for name in self.names:
             topic = full_name(name, _NAME)
             node.create_subscription(
@@ -158,10 +169,12 @@ class Meeting:
 
     def _take(self, name: str, message: DiagnosticStatus) -> None:
         self._reports[name] = _decode(message)
+        self._missing = None
 
     def forget(self, name: str) -> None:
         """Wait for another report of a node, which was started again."""
         self._reports.pop(name, None)
+        self._missing = None
 
     @property
     def absent(self) -> tuple[str, ...]:
@@ -171,7 +184,12 @@ class Meeting:
     @property
     def missing(self) -> tuple[str, ...]:
         """Connections that are not there on both sides yet, as `/plant -> /recorder: /clock`."""
-        return tuple(
+        if self._missing is None:
+            self._missing = tuple(self._found_missing())
+        return self._missing
+
+    def _found_missing(self) -> Iterator[str]:
+        return (
             f"{one} -> {other}: {topic}"
             for one, other in permutations(self._reports, 2)
             for topic, listeners in self._reports[one].publishes.items()

@@ -16,6 +16,7 @@ from enum import Enum
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.serialization import deserialize_message
 
 from iptm_ros.codecs.cdr import s_from_ns
 from iptm_ros.node_health import NodeHealth
@@ -140,10 +141,13 @@ class DiagnosticsReporter:
         clock = node.get_clock()
         return cls(publisher.publish, name, log, node.health, lambda: clock.now().to_msg(), vehicle)
 
-    def is_from_double(self, message: DiagnosticArray) -> bool:
-        """Return whether another process reports on the same component of the same vehicle."""
+    def is_from_double(self, data: bytes) -> bool:
+        """Return whether another process reports in a message on the same component of the vehicle."""
         component = self._name.rpartition(": ")[2]
         own = str(os.getpid())
+        if f": {component}\0".encode() not in data or self._hardware_id.encode() not in data:
+            return False
+        message = deserialize_message(data, DiagnosticArray)
         return any(
             status.hardware_id == self._hardware_id
             and status.name.endswith(f": {component}")

@@ -17,6 +17,7 @@ import struct
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree as ET
 
 from iptm_core.errors import ScenarioError
@@ -120,12 +121,36 @@ def without_shared_memory(folder: Path) -> dict[str, str]:
     count beside a profile with transports of its own.
     """
     profile = ET.parse(_DATA / LOCAL_PROFILE)  # noqa: S314 - own file
-    ET.register_namespace("", _PROFILES_NAMESPACE)
     for transports in profile.findall(".//{*}userTransports"):
         for transport in transports.findall("{*}transport_id"):
             if transport.text == "iptm_shared_memory":
                 transports.remove(transport)
-    path = folder / "fastdds_udp.xml"
+    return _selected(profile, folder / "fastdds_udp.xml")
+
+
+def for_vehicles(count: int, folder: Path, environment: Mapping[str, str]) -> dict[str, str]:
+    """Write the local profile for several vehicles in a process; return the variables that select it.
+
+    Messages of a tick, and its time, grow with the vehicles: so do queues in shared memory, and the time
+    after which publishers ask for acknowledgements. At that of one vehicle, the questions of hundreds of
+    publishers, each repeated until it is answered, keep a busy machine from anything else.
+
+    Args:
+        count: vehicles of the string.
+        folder: for the profile.
+        environment: with the settings of the middleware; another profile than the local one is left alone.
+    """
+    if environment.get(PROFILE_VARIABLE) != str(_DATA / LOCAL_PROFILE):
+        return {}
+    profile = ET.parse(_DATA / LOCAL_PROFILE)  # noqa: S314 - own file
+    for name in ("segment_size", "port_queue_capacity", "heartbeatPeriod/{*}nanosec"):
+        for element in profile.findall(f".//{{*}}{name}"):
+            element.text = str(count * int(element.text or 0))
+    return _selected(profile, folder / "fastdds_string.xml")
+
+
+def _selected(profile: ET.ElementTree[Any], path: Path) -> dict[str, str]:
+    ET.register_namespace("", _PROFILES_NAMESPACE)
     profile.write(path, encoding="utf-8", xml_declaration=True)
     return {RANGE_VARIABLE: AS_PROFILE_SAYS, PROFILE_VARIABLE: str(path)}
 

@@ -14,9 +14,11 @@ from __future__ import annotations
 import gc
 import os
 import sys
+import time
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 from typing import TypeVar
 
@@ -32,6 +34,7 @@ from rclpy.signals import SignalHandlerOptions
 from iptm_core.errors import IptmError
 from iptm_core.program import EXIT_OK, StopRequest, print_error, refused
 from iptm_ros.discovery import middleware_settings
+from iptm_ros.publishers import PATIENCE_S
 from iptm_ros.suite_node import SuiteNode
 
 AnyNode = TypeVar("AnyNode", bound=SuiteNode)
@@ -53,18 +56,19 @@ def run_node(
     arguments: Sequence[str] | None = None,
 ) -> int:
     """Run one node, see `run_nodes`: `sys.exit(run_node(BridgeNode))`."""
-    return run_nodes([factory], arguments)
+    return run_nodes([[factory]], arguments)
 
 
 def run_nodes(
-    factories: Sequence[Callable[[], SuiteNode]], arguments: Sequence[str] | None = None
+    factories: Sequence[Sequence[Callable[[], SuiteNode]]], arguments: Sequence[str] | None = None
 ) -> int:
-    """Run nodes with one executor until the first one has finished, and return the exit code of the process.
+    """Run groups of nodes with one executor; return the exit code of the process.
 
-    Call it from the main thread, once per process.
+    A group has finished with its first node. The process ends when all groups have, or the first one with an
+    exit code other than 0, which it takes over. Call it from the main thread, once per process.
 
     Args:
-        factories: build the nodes; an `IptmError` from here is a mistake of the user.
+        factories: build the nodes of each group; an `IptmError` from here is a mistake of the user.
         arguments: command line with the program name; None takes the one of the process.
     """
     command = list(sys.argv if arguments is None else arguments)
@@ -74,11 +78,13 @@ def run_nodes(
     stop.install()
     # As well where no script has prepared the shell: under `ros2 run` and `ros2 launch`.
     os.environ.update(middleware_settings())
-    nodes: list[SuiteNode] = []
+    groups: list[list[SuiteNode]] = []
     try:
         rclpy.init(args=command, signal_handler_options=SignalHandlerOptions.NO)
-        nodes.extend(factory() for factory in factories)
-        for node in nodes:
+        for group in factories:
+            groups.append([])
+            groups[-1].extend(factory() for factory in group)
+        for node in chain.from_iterable(groups):
             node.reject_unknown_parameters()
     except _USER_ERRORS as error:
         code = refused(program, error)
@@ -86,22 +92,22 @@ def run_nodes(
         get_logger(program).fatal("unexpected error at start:\n" + traceback.format_exc())
         code = EXIT_DEFECT
     else:
-        return _spin(nodes, stop, program)
+        return _spin(groups, stop, program)
     rclpy.try_shutdown()
-    for node in nodes:
+    for node in chain.from_iterable(groups):
         node.destroy_node()
     gc.collect()  # a node that was half built is in the graph, with files in shared memory, until then
     return code
 
 
 @contextmanager
-def joined_node(
-    factory: Callable[[Context], AnyNode], domain: int | None = None
-) -> Iterator[tuple[AnyNode, EventsExecutor]]:
-    """Take part in a domain with a node in a context of its own; the caller spins it and handles signals.
+def joined_nodes(
+    factories: Sequence[Callable[[Context], AnyNode]], domain: int | None = None
+) -> Iterator[tuple[tuple[AnyNode, ...], EventsExecutor]]:
+    """Take part in a domain with nodes in a context of their own; the caller spins them and handles signals.
 
     Args:
-        factory: builds the node.
+        factories: build the nodes.
         domain: ROS domain, None for the one of the environment.
     """
     context = Context()
@@ -112,43 +118,62 @@ def joined_node(
         signal_handler_options=SignalHandlerOptions.NO,
     )
     try:
-        node = factory(context)
+        nodes = tuple(factory(context) for factory in factories)
         executor = EventsExecutor(context=context)
-        executor.add_node(node)
+        for node in nodes:
+            executor.add_node(node)
         try:
-            yield node, executor
+            yield nodes, executor
         finally:
-            executor.remove_node(node)
-            node.destroy_node()
+            _take_off(executor, nodes)
             executor.shutdown()
     finally:
         context.try_shutdown()
 
 
-def _spin(nodes: Sequence[SuiteNode], stop: StopRequest, program: str) -> int:
+@contextmanager
+def joined_node(
+    factory: Callable[[Context], AnyNode], domain: int | None = None
+) -> Iterator[tuple[AnyNode, EventsExecutor]]:
+    """Take part in a domain with one node, see `joined_nodes`."""
+    with joined_nodes([factory], domain) as ((node,), executor):
+        yield node, executor
+
+
+def _take_off(executor: EventsExecutor, nodes: Collection[SuiteNode]) -> None:
+    """Destroy nodes when listeners have received their last messages."""
+    until_s = time.monotonic() + PATIENCE_S
+    for node in nodes:
+        node.let_listeners_receive(until_s)
+    for node in nodes:
+        executor.remove_node(node)
+        node.destroy_node()
+
+
+def _spin(groups: Sequence[Sequence[SuiteNode]], stop: StopRequest, program: str) -> int:
     # Modules and codecs stay: a full collection through all of them would hold up a tick by 50 ms or more.
     gc.freeze()
     executor = EventsExecutor()
+    nodes = list(chain.from_iterable(groups))
     for node in nodes:
         executor.add_node(node)
-    first, code = nodes[0], EXIT_OK
+    running, code = [group[0] for group in groups], EXIT_OK
     try:
-        while rclpy.ok() and not first.ended.done():
+        while rclpy.ok() and running and not code:
             if stop.is_set:
                 for node in nodes:
                     node.stop()
-            executor.spin_until_future_complete(first.ended, _LOOK_PERIOD_S)
-        code = first.exit_code
+            executor.spin_until_future_complete(running[0].ended, _LOOK_PERIOD_S)
+            code = max((node.exit_code for node in running if node.ended.done()), default=EXIT_OK)
+            running = [node for node in running if not node.ended.done()]
     except ExternalShutdownException:
-        code = first.exit_code
+        code = max(node.exit_code for node in running)
     except Exception as error:  # noqa: BLE001  the last line of defence of the process
         # The executor has logged the traceback already.
         print_error(program, f"stopped by an unexpected {type(error).__name__}: {error}")
         code = EXIT_DEFECT
     finally:
-        for node in nodes:
-            executor.remove_node(node)
-            node.destroy_node()
+        _take_off(executor, nodes)
         executor.shutdown()
         rclpy.try_shutdown()
         stop.end()

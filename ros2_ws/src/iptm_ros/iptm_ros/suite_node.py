@@ -25,7 +25,7 @@ from iptm_core.user_input import suggestion
 from iptm_ros.codecs import numbers_of, road_of, table_of
 from iptm_ros.connections import LOOK_PERIOD_S, ConnectionsReport
 from iptm_ros.node_health import AwakeClock, Heartbeat, NodeHealth
-from iptm_ros.publishers import PATIENCE_S, PatientPublisher
+from iptm_ros.publishers import PatientPublisher
 from iptm_ros.services import Service
 from iptm_ros.topics import TOPICS, Topic, frame_in, topic_of
 
@@ -201,12 +201,13 @@ class SuiteNode(Node):
         """Publish signs of life until the node is destroyed."""
         self._heartbeat = Heartbeat(self)
 
+    def let_listeners_receive(self, until_s: float) -> None:
+        """Wait until listeners have received the last messages, at most until a steady time."""
+        for publisher in self.publishers if self.context.ok() else ():
+            publisher.wait_for_all_acked(Duration(seconds=max(0.0, until_s - time.monotonic())))
+
     def destroy_node(self) -> None:
-        """Let listeners receive the last messages first; end the signs of life, too."""
-        if self.context.ok():
-            until_s = time.monotonic() + PATIENCE_S
-            for publisher in self.publishers:
-                publisher.wait_for_all_acked(Duration(seconds=max(0.0, until_s - time.monotonic())))
+        """End the signs of life, too."""
         if self._heartbeat is not None:
             self._heartbeat.end()
         super().destroy_node()

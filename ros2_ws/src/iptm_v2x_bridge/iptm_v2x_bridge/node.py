@@ -54,8 +54,8 @@ class BridgeNode(SuiteNode):
     controller would lose the trip. The same clock again gets the same answer.
     """
 
-    def __init__(self) -> None:
-        super().__init__("v2x_bridge")
+    def __init__(self, **options: Any) -> None:
+        super().__init__("v2x_bridge", **options)
         self._options = declare_parameters(self, BridgeNodeParameters)
         self.reject_unknown_parameters()
         self.use_frame_prefix(self._options.frame_prefix)

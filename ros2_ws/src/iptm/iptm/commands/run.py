@@ -27,8 +27,8 @@ NODES = ("plant", "v2x_bridge", "controller")
 WATCHING_RATE = 10.0
 """Seconds of trip time per second of wall time when someone watches: WLTC class 3b in three minutes."""
 _DESCRIPTION = """\
-Drives a trip with plant, V2X bridge, controller and recorder as processes of their own, and ends with a
-summary, a picture and results.json next to the bag.
+Drives a trip with the nodes plant, V2X bridge, controller and recorder, and ends with a summary, a picture
+and results.json next to the bag.
 """
 _EPILOG = """\
 Every setting of a trip is GROUP.NAME, with a group of road, leader, vehicle, controller, conditions:
@@ -79,9 +79,9 @@ def build_parser() -> argparse.ArgumentParser:
         help=f"show the run in the browser; without another --mode {WATCHING_RATE:g} times real time",
     )
     add(
-        "--one-process",
+        "--processes",
         action="store_true",
-        help="plant, bridge and controller share a process (faster)",
+        help="plant, bridge and controller are processes of their own, as in real time (slower)",
     )
     add(
         "--without",
@@ -110,7 +110,6 @@ def build_parser() -> argparse.ArgumentParser:
         help="drive a car on a bus in real time instead of the simulated plant: bench, or a folder with "
         "vehicle.yaml (see iptm bench --help)",
     )
-    add("--progress", type=Path, help=argparse.SUPPRESS)
     add("--over", choices=["ros", "memory"], default="ros", help="(default: %(default)s)")
     return parser
 
@@ -217,10 +216,6 @@ def _run(parsed: argparse.Namespace) -> int:
         raise ScenarioError(
             f"--without is {parsed.without[0]} for a trip with faults; allowed: without faults"
         )
-    if parsed.one_process and (trip.foreign or trip.conditions.faults or parsed.vehicles):
-        raise ScenarioError(
-            "--one-process is given for own nodes, faults or a string; allowed: a trip of the suite's nodes"
-        )
     if parsed.vehicle is not None:
         return _run_vehicle(trip, parsed)
     if parsed.over == "memory":
@@ -236,9 +231,8 @@ def _run(parsed: argparse.Namespace) -> int:
         against=parsed.against,
         view=parsed.view,
         full=parsed.full,
-        one_process=parsed.one_process,
+        processes=parsed.processes,
         wait_for=tuple(parsed.wait_for),
-        progress=parsed.progress,
     )
     if parsed.vehicles is not None:
         from iptm.runner.string_run import run_string  # noqa: PLC0415
@@ -260,7 +254,7 @@ def _run_vehicle(trip: Trip, parsed: argparse.Namespace) -> int:
         raise ScenarioError(
             f"--vehicle is {parsed.vehicle}; allowed: where the command {BENCH} is installed (an extra)"
         )
-    for name in ("view", "without", "report", "vehicles", "full", "one_process"):
+    for name in ("view", "without", "report", "vehicles", "full", "processes"):
         if getattr(parsed, name):
             raise ScenarioError(f"--{name} is given with --vehicle; allowed: --output")
     given = [
@@ -280,7 +274,7 @@ def _run_in_memory(trip: Trip, parsed: argparse.Namespace, console: Console) -> 
     from iptm.driving import drive_in_memory  # noqa: PLC0415
     from iptm.runner.summary import headline  # noqa: PLC0415
 
-    for name in ("view", "without", "output", "report", "vehicles", "one_process"):
+    for name in ("view", "without", "output", "report", "vehicles", "processes"):
         if getattr(parsed, name):
             raise ScenarioError(f"--{name} is given with --over memory; allowed: over ros")
     run = drive_in_memory(trip)

@@ -8,8 +8,9 @@ from __future__ import annotations
 import json
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from iptm.faults.fault import Fault, at_places, faulty_name, plain_faults, route_name
 from iptm.faults.kinds import FaultPlace
@@ -19,10 +20,13 @@ from iptm.trip_files import trip_text
 from iptm.trip_settings import NODE_SETTINGS, NODES
 from iptm_core.declaration import Scalar, parameter_specs
 from iptm_core.parameters import to_flat_dict
+from iptm_core.program import SECTION_END
 from iptm_ros.recording.run_information import MODEL_KEY
 from iptm_ros.topics import BRIDGE, CONTROLLER, PLANT, Topic, full_name
 
 RECORDER = "recorder"
+SHARED = "iptm.runner.one_process"
+_Vehicle = TypeVar("_Vehicle")
 INJECTOR = "fault_injector"
 COMMENT_WIDTH = 100
 MODULES = {
@@ -119,20 +123,30 @@ def node_command(
     return [*PYTHON, module, "--ros-args", *ros_arguments]
 
 
-def common_command(parameter_files: Iterable[Path], namespace: str) -> list[str]:
-    """Return the command that starts all nodes of the loop in one process."""
+def vehicle_arguments(parameter_files: Iterable[Path], namespace: str) -> list[str]:
+    """Return the arguments of all nodes of a vehicle for a process that they share."""
     files = [each for path in parameter_files for each in ("--params-file", str(path))]
-    return [*PYTHON, "iptm.runner.one_process", "--ros-args", *_remaps(namespace), *files]
+    return ["--ros-args", *_remaps(namespace), *files]
 
 
-def recorder_command(
+def recorder_arguments(
     output: Path, information: Path, compression: str, namespace: str
 ) -> list[str]:
-    """Return the command that starts the recorder."""
+    """Return the arguments of the recorder of a vehicle."""
     options = ["--run-information", str(information), "--compression", compression]
-    command = [*PYTHON, MODULES[RECORDER], str(output), "--in-existing-folder"]
-    command += options
-    return [*command, "--ros-args", *_remaps(namespace)]
+    return [str(output), "--in-existing-folder", *options, "--ros-args", *_remaps(namespace)]
+
+
+def shared_command(module: str, arguments: Iterable[Sequence[str]]) -> list[str]:
+    """Return the command of a process that the nodes of several vehicles share."""
+    parts = [part for each in arguments for part in (*each, SECTION_END)]
+    return [*PYTHON, module, *parts[:-1]]
+
+
+def grouped(vehicles: Sequence[_Vehicle], processes: int) -> list[Sequence[_Vehicle]]:
+    """Divide vehicles among processes, neighbours together and as evenly as can be."""
+    ends = [len(vehicles) * number // processes for number in range(processes + 1)]
+    return [vehicles[begin:end] for begin, end in pairwise(ends) if begin < end]
 
 
 def _remaps(namespace: str) -> list[str]:

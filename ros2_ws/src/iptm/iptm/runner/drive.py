@@ -1,10 +1,10 @@
-"""One run from the first process to the last: start, watch and shut down without losing messages."""
+"""A run from the first process to the last: start, watch and shut down without losing messages."""
 
 from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -74,25 +74,27 @@ class DriveResult:
 
 @dataclass(frozen=True, eq=False)
 class Drive(AbstractContextManager["Drive"]):
-    """Runs the processes of one trip; as a context manager it ends them all.
+    """Runs the processes of one trip, or of a string; as a context manager it ends them all.
 
     Attributes:
         supervisor: starts and ends the processes.
-        monitor: listens to them.
-        executor: runs the monitor.
+        monitors: listen to the vehicles, the first one first.
+        executor: runs the monitors.
         progress: shows how far it is.
         stop: set when the user requests a stop.
         process_faults: what is done to the processes on purpose.
-        trip: what is driven.
+        trip: what the first vehicle drives.
+        plants: names of the processes with plants.
     """
 
     supervisor: Supervisor
-    monitor: RunMonitor
+    monitors: Sequence[RunMonitor]
     executor: Executor
     progress: Progress
     stop: StopRequest
     process_faults: ProcessFaults
     trip: Trip
+    plants: Collection[str] = (PLANT,)
 
     def __exit__(self, *error: object) -> None:
         """End the recorder last, so that the final messages of the other nodes are in the bag."""
@@ -110,7 +112,12 @@ class Drive(AbstractContextManager["Drive"]):
             if name not in self.supervisor.names:
                 self.supervisor.start(name, command)
         self.process_faults.note(commands)
-        self.monitor.expect(commands)
+        self.expect(commands)
+
+    def expect(self, nodes: Collection[str]) -> None:
+        """Take what nodes of these names publish as part of the run."""
+        for monitor in self.monitors:
+            monitor.expect(nodes)
 
     def look_around(self, duration_s: float) -> DriveResult:
         """Let the middleware discover others; FINISHED unless a process ended or another run was found."""
@@ -136,12 +143,16 @@ class Drive(AbstractContextManager["Drive"]):
         deadline_s = began_s + START_TIMEOUT_S
 
         def begun() -> bool:
-            if not (self._is_held or self.monitor.awaited_nodes or self.monitor.deaf_nodes):
-                self.monitor.start_signal.give(PLANT)
-            return self.monitor.began_s is not None or self._has_ended()
+            monitors = self.monitors
+            if not (
+                self._is_held or any(each.awaited_nodes or each.deaf_nodes for each in monitors)
+            ):
+                for monitor in monitors:
+                    monitor.start_signal.give(PLANT)
+            return all(each.began_s is not None for each in monitors) or self._has_ended()
 
         def show() -> DriveResult | None:
-            awaited, waited_s = self.monitor.awaited_nodes, time.monotonic() - began_s
+            awaited, waited_s = self._slowest.awaited_nodes, time.monotonic() - began_s
             server = os.environ.get(SERVER_VARIABLE, "") if awaited else ""
             named = f"{SERVER_VARIABLE} {server}" if server and waited_s > _SERVER_TIMEOUT_S else ""
             self.progress.waiting(self._awaited() + (f" at {named}" if named else ""))
@@ -166,7 +177,7 @@ class Drive(AbstractContextManager["Drive"]):
         return self.trip.conditions.start_paused
 
     def _intruded(self) -> DriveResult | None:
-        crowded = self.monitor.crowded_topics
+        crowded = self._crowded
         if not crowded:
             return None
         return DriveResult(
@@ -175,56 +186,73 @@ class Drive(AbstractContextManager["Drive"]):
             "allowed: one run per domain (see --domain)",
         )
 
+    @property
+    def _crowded(self) -> tuple[str, ...]:
+        topics = (topic for monitor in self.monitors for topic in monitor.crowded_topics)
+        return tuple(dict.fromkeys(topics))
+
+    @property
+    def _slowest(self) -> RunMonitor:
+        """The monitor of the first vehicle that has not begun, else of the one that is furthest behind."""
+        return min(self.monitors, key=lambda monitor: monitor.time_ns or -1)
+
     def _awaited(self) -> str:
-        meeting = self.monitor.start_signal.meeting
+        monitor = self._slowest
+        meeting = monitor.start_signal.meeting
         absent = [name.rpartition("/")[2] for name in meeting.absent]
-        nodes = tuple(dict.fromkeys([*self.monitor.awaited_nodes, *absent]))
-        awaited = nodes or meeting.missing[:1] or self.monitor.deaf_nodes
+        nodes = tuple(dict.fromkeys([*monitor.awaited_nodes, *absent]))
+        awaited = nodes or meeting.missing[:1] or monitor.deaf_nodes
         if awaited:
-            return f"waiting for {', '.join(awaited)}"
-        return self.monitor.plant_reason or "waiting for the plant"
+            return f"waiting for {', '.join(awaited)}" + self._of(monitor)
+        return (monitor.plant_reason or "waiting for the plant") + self._of(monitor)
+
+    def _of(self, monitor: RunMonitor) -> str:
+        """Return which vehicle of a string a monitor listens to, in words."""
+        return f" of {monitor.get_namespace()}" if len(self.monitors) > 1 else ""
 
     def _wait_for_end(self) -> DriveResult:
         """Spin until the plant has ended by itself; resume one that a fault has started again."""
 
         def show() -> DriveResult | None:
-            snapshot = self.monitor.snapshot()
+            monitor = self._slowest
+            snapshot = monitor.snapshot()
             now_s = time.monotonic()
-            if snapshot is not None and self.monitor.began_s is not None:
+            if snapshot is not None and monitor.began_s is not None:
                 contradiction = self._contradiction(snapshot)
                 if contradiction:
                     return DriveResult(DriveOutcome.FAILED, contradiction)
-                self.progress.running(snapshot, now_s - self.monitor.began_s)
-            if now_s - self.monitor.last_sign_s > SILENCE_TIMEOUT_S:
+                self.progress.running(snapshot, now_s - monitor.began_s)
+            if now_s - monitor.last_sign_s > SILENCE_TIMEOUT_S:
                 return DriveResult(
                     DriveOutcome.FAILED,
-                    f"no message from the plant for {SILENCE_TIMEOUT_S:g} s{self._at()}",
+                    f"no message from the plant{self._of(monitor)} for {SILENCE_TIMEOUT_S:g} s{self._at()}",
                 )
             return None
 
         def over() -> bool:
             if PLANT in self.trip.foreign:
-                now_ns = self.monitor.time_ns or 0
+                (monitor,) = self.monitors
+                now_ns = monitor.time_ns or 0
                 return (
                     now_ns * 1e-9 >= self.trip.route.duration_s - _TIME_TOLERANCE_S
-                    or PLANT in self.monitor.awaited_nodes
+                    or PLANT in monitor.awaited_nodes
                 )
-            plant = self.process_faults.current(PLANT)
-            self._resume(plant)
-            running = self.supervisor.is_running(plant)
+            plants = self._current_plants
+            self._resume(*plants)
+            running = any(map(self.supervisor.is_running, plants))
             if running and self._is_all_answered:
-                self.supervisor.stop([plant])  # it waits for late listeners
+                self.supervisor.stop(plants)  # they wait for late listeners
                 running = False
             # Reports of the other nodes about a plant killed by a fault are still recorded.
-            silent_s = time.monotonic() - self.monitor.last_sign_s
-            killed = self.process_faults.is_excused(self.process_faults.current(PLANT))
+            silent_s = time.monotonic() - self._slowest.last_sign_s
+            killed = any(map(self.process_faults.is_excused, plants))
             return not running and not (killed and silent_s < AFTER_KILL_S)
 
         result = self._spin_until(over, show)
         killed = [
             ending
             for ending in self.supervisor.endings()
-            if ending.name == self.process_faults.current(PLANT) and ending.code != 0
+            if ending.name in self._current_plants and ending.code != 0
         ]
         if result.outcome is DriveOutcome.FINISHED and killed:
             return DriveResult(
@@ -237,15 +265,22 @@ class Drive(AbstractContextManager["Drive"]):
     @property
     def _is_all_answered(self) -> bool:
         """Whether the last state of the trip, and every answer to it, has arrived, of this run alone."""
-        last_ns = self.monitor.time_ns or 0
-        is_over = last_ns * 1e-9 >= self.trip.route.duration_s - _TIME_TOLERANCE_S
-        topics = Topic.PLANT_STATE, *_LAST_ANSWERS
-        is_answered = all(self.monitor.newest_stamp_ns(topic) == last_ns for topic in topics)
-        return is_over and is_answered and not self.monitor.crowded_topics
+        for monitor in self.monitors:
+            last_ns = monitor.time_ns or 0
+            is_over = last_ns * 1e-9 >= self.trip.route.duration_s - _TIME_TOLERANCE_S
+            topics = Topic.PLANT_STATE, *_LAST_ANSWERS
+            if not (is_over and all(monitor.newest_stamp_ns(each) == last_ns for each in topics)):
+                return False
+        return not self._crowded
 
-    def _resume(self, plant: str) -> None:
-        if not self._is_held:
-            self.monitor.start_signal.give(plant)
+    @property
+    def _current_plants(self) -> tuple[str, ...]:
+        """Processes with plants by their present names."""
+        return tuple(map(self.process_faults.current, self.plants))
+
+    def _resume(self, plant: str, *others: str) -> None:
+        if not (self._is_held or others):  # only a plant of its own is started again by a fault
+            self.monitors[0].start_signal.give(plant)
 
     def _contradiction(self, snapshot: Snapshot) -> str:
         """Return evidence that messages of another run are mixed in, empty if there is none."""
@@ -257,7 +292,7 @@ class Drive(AbstractContextManager["Drive"]):
             found = f"the gap is {snapshot.gap_m:.0f} m at {snapshot.time_s:g} s"
         else:
             return ""
-        crowded = ", ".join(self.monitor.crowded_topics)
+        crowded = ", ".join(self._crowded)
         others = f", which publish {crowded} as well" if crowded else ""
         return f"{found}: nodes of another run take part in this ROS domain{others}"
 
@@ -268,9 +303,8 @@ class Drive(AbstractContextManager["Drive"]):
         next_show_s = time.monotonic()
         while True:
             self._hear()
-            self.process_faults.act(
-                self.monitor.time_ns, self.monitor.clocks, self.monitor.is_doubled
-            )
+            first = self.monitors[0]
+            self.process_faults.act(first.time_ns, first.clocks, first.is_doubled)
             now_s = time.monotonic()
             if self.stop.number is not None:
                 return DriveResult(DriveOutcome.INTERRUPTED, f"stopped by {self.stop.number.name}")
@@ -288,10 +322,10 @@ class Drive(AbstractContextManager["Drive"]):
     def _failure(self) -> DriveResult | None:
         """Return what went wrong, if a process ended that should not have."""
         for ending in self.supervisor.endings():
-            started = self.monitor.time_ns is not None
+            started = self._slowest.time_ns is not None
             if self.process_faults.is_excused(ending.name):
                 continue
-            if ending.name == self.process_faults.current(PLANT) and self._has_ended():
+            if ending.name in self._current_plants and ending.code == 0 and self._is_witnessed:
                 continue
             if ending.code == EXIT_USER_ERROR and not started:
                 reason = ending.last_lines[-1] if ending.last_lines else ""
@@ -304,31 +338,31 @@ class Drive(AbstractContextManager["Drive"]):
 
         The runner may have received nothing of a recorded trip: the bag decides.
         """
-        is_witnessed = self.monitor.time_ns is not None or RECORDER in self.supervisor.names
-        return is_witnessed and any(
-            ending.name == self.process_faults.current(PLANT) and ending.code == 0
-            for ending in self.supervisor.endings()
+        plants = self._current_plants
+        return self._is_witnessed and any(
+            ending.name in plants and ending.code == 0 for ending in self.supervisor.endings()
         )
 
+    @property
+    def _is_witnessed(self) -> bool:
+        return self._slowest.time_ns is not None or RECORDER in self.supervisor.names
+
     def _what_ended(self, ending: ProcessEnd) -> str:
-        reason = f" ({self.monitor.plant_reason})" if ending.name == PLANT and ending.code else ""
+        is_plant = ending.name in self.plants and ending.code
+        reason = f" ({self._slowest.plant_reason}{self._of(self._slowest)})" if is_plant else ""
         return f"{ending.name} {ending.how}{reason}{self._at()}; the other processes of this run were stopped"
 
     def _at(self) -> str:
-        now_ns = self.monitor.time_ns
+        now_ns = self._slowest.time_ns
         return (
             " before the trip began" if now_ns is None else f" at {now_ns * 1e-9:g} s of the trip"
         )
 
     def _await_last_answers(self) -> None:
         """Give bridge and controller time to answer the last state, so that every run ends alike."""
-        last_ns = self.monitor.time_ns
         deadline_s = time.monotonic() + _LAST_ANSWER_TIMEOUT_S
         while time.monotonic() < deadline_s:
-            newest = {topic: self.monitor.newest_stamp_ns(topic) for topic in _LAST_ANSWERS}
-            if newest[Topic.LEADER] is None:
-                del newest[Topic.LEADER]  # an empty road
-            if all(stamp_ns == last_ns for stamp_ns in newest.values()):
+            if all(map(_has_last_answers, self.monitors)):
                 return
             self._hear()
 
@@ -338,12 +372,24 @@ class Drive(AbstractContextManager["Drive"]):
         Waking at every message would double the CPU time of the runner at the cost of the nodes.
         """
         time.sleep(_REST_S)
-        quiet, before = 0, self.monitor.message_count
+        quiet, before = 0, self._message_count
         while quiet < _QUIET_SPINS:
             self.executor.spin_once(timeout_sec=_SPIN_S)
-            heard = self.monitor.message_count
+            heard = self._message_count
             quiet, before = (quiet + 1 if heard == before else 0), heard
 
+    @property
+    def _message_count(self) -> int:
+        return sum(monitor.message_count for monitor in self.monitors)
+
     def _wall_time_s(self) -> float:
-        began_s, last_s = self.monitor.began_s, self.monitor.last_clock_s
-        return 0.0 if began_s is None or last_s is None else last_s - began_s
+        began = [each.began_s for each in self.monitors if each.began_s is not None]
+        last = [each.last_clock_s for each in self.monitors if each.last_clock_s is not None]
+        return max(last) - min(began) if began and last else 0.0
+
+
+def _has_last_answers(monitor: RunMonitor) -> bool:
+    newest = {topic: monitor.newest_stamp_ns(topic) for topic in _LAST_ANSWERS}
+    if newest[Topic.LEADER] is None:
+        del newest[Topic.LEADER]  # an empty road
+    return all(stamp_ns == monitor.time_ns for stamp_ns in newest.values())

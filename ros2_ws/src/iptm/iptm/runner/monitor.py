@@ -47,6 +47,7 @@ from iptm_ros.topics import (
 
 NAME = "run_monitor"
 _RECENT_STATES = 20
+_REPORTING = (PLANT, BRIDGE, CONTROLLER, RECORDER)
 HEARD = (*TICK_TOPICS, Topic.SOLVE, Topic.COMMAND, Topic.CLOCK)
 
 _DEPTH = 10_000  # the runner may be busy for a moment, the nodes do not wait for it
@@ -141,7 +142,8 @@ class RunMonitor(SuiteNode):
         self._diagnostics_count = 0
         self._started: set[str] = set(foreign)
         self._prefix = self.get_namespace().rstrip("/")
-        self.listen(Topic.DIAGNOSTICS, self._on_diagnostics)
+        self._marks = [f"{self._prefix}/{node}: ".encode() for node in _REPORTING]
+        self.listen(Topic.DIAGNOSTICS, self._on_diagnostics, raw=True)
         for topic in HEARD:
             self._subscribe(topic)
 
@@ -264,9 +266,12 @@ class RunMonitor(SuiteNode):
             self.began_s = self.start_signal.called_s or self.last_clock_s
         self.recorded[Topic.CLOCK].append(data)
 
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+    def _on_diagnostics(self, data: bytes) -> None:
         self._diagnostics_count += 1
-        for node in (PLANT, BRIDGE, CONTROLLER, RECORDER):
+        if not any(mark in data for mark in self._marks):
+            return  # of another vehicle
+        message = deserialize_message(data, DiagnosticArray)
+        for node in _REPORTING:
             status = find_status(message, f"{self._prefix}/{node}")
             if status is None:
                 continue

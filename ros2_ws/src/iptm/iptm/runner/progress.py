@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console, Group
@@ -34,32 +33,6 @@ class Progress:
 
     def close(self) -> None:
         """Leave the terminal as it was."""
-
-
-def make_progress(console: Console, duration_s: float, file: Path | None = None) -> Progress:
-    """Return the progress of a trip of a length on a console, or in a file instead."""
-    return ConsoleProgress(console, duration_s) if file is None else FileProgress(file)
-
-
-class FileProgress(Progress):
-    """Trip time in a file that exists once the trip has begun, for a program that drives several runs."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-
-    def running(self, snapshot: Snapshot, wall_s: float) -> None:  # noqa: ARG002
-        """Write the trip time in s."""
-        new = self._path.with_suffix(".new")
-        new.write_text(f"{snapshot.time_s!r}\n", encoding="utf-8")
-        new.replace(self._path)
-
-
-def read_progress(path: Path) -> float | None:
-    """Return the trip time in s that `FileProgress` wrote, None before the trip has begun."""
-    try:
-        return float(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        return None
 
 
 class ConsoleProgress(Progress):

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
@@ -15,20 +17,25 @@ from rich.console import Console
 from rich.text import Text
 
 from iptm.runner.composition import (
+    INJECTOR,
+    MODULES,
     RECORDER,
-    common_command,
+    SHARED,
+    grouped,
     node_command,
     node_parameters,
     parameter_file_text,
-    recorder_command,
+    recorder_arguments,
     run_information,
+    shared_command,
     trip_members,
+    vehicle_arguments,
 )
 from iptm.runner.drive import Drive, DriveOutcome, DriveResult
 from iptm.runner.fork import Companion, draw, prepare
 from iptm.runner.fork import drive as reference
 from iptm.runner.process_faults import ProcessFaults, unclean_ends
-from iptm.runner.progress import Progress, make_progress
+from iptm.runner.progress import ConsoleProgress, Progress
 from iptm.runner.run_folder import RunFolder
 from iptm.runner.supervisor import (
     RunDomain,
@@ -49,16 +56,22 @@ from iptm_core.program import (
     StopRequest,
     print_error,
 )
+from iptm_ros.discovery import for_vehicles
 from iptm_ros.recording.run_information import collect_run_information
-from iptm_ros.topics import CONTROLLER, PLANT
+from iptm_ros.topics import BRIDGE, CONTROLLER, PLANT
 
 if TYPE_CHECKING:
+    from rclpy.context import Context
+
     from iptm.run import Run
+    from iptm.runner.monitor import RunMonitor
 
 PROGRAM = "iptm run"
 EXIT_RUN_FAILED = 1
 LOOK_AROUND_S = 2.0
 """Time to find another run in a domain that the user chose; the controller takes as long to start."""
+
+_WITHOUT_PLANT = (BRIDGE, CONTROLLER, INJECTOR, RECORDER)
 
 
 @dataclass(frozen=True)
@@ -74,9 +87,8 @@ class RunOptions:
         against: strategy to compare with, driven without ROS after the run; "none" for no comparison.
         view: whether to show it in the browser while it takes place.
         full: whether to print the tables of all figures.
-        one_process: whether plant, bridge and controller share a process, named after the plant.
+        processes: whether plant, bridge and controller are processes of their own in lock-step, too.
         wait_for: full names of further nodes that must hear the others before the trip begins.
-        progress: file for the trip time, instead of a display of the progress.
     """
 
     output: Path | None = None
@@ -87,9 +99,15 @@ class RunOptions:
     against: str = NO_COMPARISON
     view: bool = False
     full: bool = False
-    one_process: bool = False
+    processes: bool = False
     wait_for: tuple[str, ...] = ()
-    progress: Path | None = None
+
+    def shares_process(self, trip: Trip) -> bool:
+        """Return whether the nodes of a vehicle share a process, which takes less time.
+
+        Apart, they keep the pace of real time better, and a fault or a user can replace one of them.
+        """
+        return trip.is_lock_step and not (self.processes or trip.foreign or trip.conditions.faults)
 
 
 def run(trip: Trip, options: RunOptions, console: Console) -> int:
@@ -115,7 +133,7 @@ def run(trip: Trip, options: RunOptions, console: Console) -> int:
             bags = {trip.conditions.namespace: folder.output if options.record else None}
             view = live_view(trip, domain.number, folder.logs, bags, console, options.against)
             stay_open = stack.enter_context(view)
-        progress = make_progress(console, trip.route.duration_s, options.progress)
+        progress = ConsoleProgress(console, trip.route.duration_s)
         # The reference would drive the plant of the suite, not the user's.
         is_compared = options.against != NO_COMPARISON and PLANT not in trip.foreign
         companion, painter = (
@@ -133,14 +151,14 @@ def run(trip: Trip, options: RunOptions, console: Console) -> int:
             import iptm.runner.evaluation  # noqa: F401, PLC0415
 
         result, drive = drive_processes(
-            folder, trip, options, domain, progress, stop, begun, forks=True
+            folder, {folder: trip}, options, domain, progress, stop, begun, forks=True
         )
         if result.outcome is DriveOutcome.FINISHED:
             driven = (drive, result.wall_time_s)
             options = options if is_compared else replace(options, against=NO_COMPARISON)
             code = _report(folder, trip, options, driven, (companion, painter), console)
         else:
-            code = _report_failure(result, folder, stop)
+            code = report_failure(result, folder, stop)
         if stay_open is not None and result.outcome is not DriveOutcome.REFUSED:
             stay_open(stop)
         return code
@@ -148,7 +166,7 @@ def run(trip: Trip, options: RunOptions, console: Console) -> int:
 
 def drive_processes(
     folder: RunFolder,
-    trip: Trip,
+    trips: Mapping[RunFolder, Trip],
     options: RunOptions,
     domain: RunDomain,
     progress: Progress,
@@ -157,17 +175,21 @@ def drive_processes(
     *,
     forks: bool = False,
 ) -> tuple[DriveResult, Drive]:
-    """Start the processes of a trip, watch it, and end them; the folder takes logs and bag.
+    """Start the processes of a trip or a string, watch it, and end them.
 
     Args:
+        folder: takes the logs of the processes.
+        trips: of the vehicles, the first one first, by the folders for their bags.
         begun: called when the trip has begun.
-        forks: whether they may be copies of this process.
+        forks: whether the processes may be copies of this one.
     """
     environment = environment_of_run(domain.number, folder.logs / "ros")
+    if len(trips) > 1:
+        environment |= for_vehicles(len(trips), folder.logs, environment)
     supervisor = Supervisor(environment, folder.log_path, forks=forks)
+    trip = next(iter(trips.values()))
     process_faults = ProcessFaults(supervisor, trip.conditions.faults)
-    commands = _commands(folder, trip, options)
-    members = (*trip_members(trip, recorder=options.record), *options.wait_for)
+    commands = _commands(trips, options)
     # A private domain has no other participants to look for.
     first = commands if domain.is_private else (CONTROLLER, RECORDER)
     early = {name: command for name, command in commands.items() if name in first}
@@ -178,46 +200,68 @@ def drive_processes(
             supervisor.start(name, command)
         # Loading ROS starts threads; and the nodes load it at the same time.
         from iptm.runner.monitor import RunMonitor  # noqa: PLC0415
-        from iptm_ros.process import joined_node  # noqa: PLC0415
+        from iptm_ros.process import joined_nodes  # noqa: PLC0415
 
-        monitor, executor = stack.enter_context(
-            joined_node(
-                lambda context: RunMonitor(trip.full_namespace, context, trip.foreign, members),
-                domain.number,
-            )
+        def monitor(each: Trip, context: Context) -> RunMonitor:
+            members = (*trip_members(each, recorder=options.record), *options.wait_for)
+            return RunMonitor(each.full_namespace, context, each.foreign, members)
+
+        monitors, executor = stack.enter_context(
+            joined_nodes([partial(monitor, each) for each in trips.values()], domain.number)
         )
-        drive = Drive(supervisor, monitor, executor, progress, stop, process_faults, trip)
+        plants = tuple(name for name in commands if name not in _WITHOUT_PLANT)
+        drive = Drive(supervisor, monitors, executor, progress, stop, process_faults, trip, plants)
         stack.enter_context(drive)
         drive.start(early)
         result = drive.look_around(0.0 if domain.is_private else LOOK_AROUND_S)
         if result.outcome is DriveOutcome.FINISHED:
             drive.start(commands)
-            monitor.expect(NODES)
+            drive.expect(NODES)
             result = drive.run(begun)
     return result, drive
 
 
-def _commands(folder: RunFolder, trip: Trip, options: RunOptions) -> dict[str, list[str]]:
+def _commands(trips: Mapping[RunFolder, Trip], options: RunOptions) -> dict[str, list[str]]:
     """Write the files that the processes need, and return the commands that start them."""
-    namespace = trip.full_namespace
     parameters = {
-        node: values for node, values in node_parameters(trip).items() if node not in trip.foreign
+        folder: {
+            node: values
+            for node, values in node_parameters(trip).items()
+            if node not in trip.foreign
+        }
+        for folder, trip in trips.items()
     }
     paths = {
-        node: folder.write_log(f"{node}_parameters.yaml", parameter_file_text(node, values))
-        for node, values in parameters.items()
+        folder: {
+            node: folder.write_log(f"{node}_parameters.yaml", parameter_file_text(node, values))
+            for node, values in nodes.items()
+        }
+        for folder, nodes in parameters.items()
     }
-    commands = {
-        node: node_command(node, path, namespace, trip.conditions.faults)
-        for node, path in paths.items()
-    }
-    if options.one_process:
-        commands = {PLANT: common_command(paths.values(), namespace)}
+    folders, commands = list(trips), {}
+    for group in grouped(folders, min(len(folders), len(os.sched_getaffinity(0)))):
+        first, last = (trips[group[place]] for place in (0, -1))
+        if options.shares_process(first):
+            name = first.name if first is last else f"{first.name}_to_{last.name}"
+            own = [
+                vehicle_arguments(paths[each].values(), trips[each].full_namespace)
+                for each in group
+            ]
+            commands[PLANT if len(folders) == 1 else name] = shared_command(SHARED, own)
+        else:
+            commands |= {
+                node: node_command(node, path, first.full_namespace, first.conditions.faults)
+                for node, path in paths[group[0]].items()
+            }
     if options.record:
-        text = yaml.safe_dump(run_information(trip, parameters), sort_keys=False)
-        path = folder.write_log("run_information.yaml", text)
-        # As the user wrote it: the recorder's diagnostics name it, and they go into the bag.
-        commands[RECORDER] = recorder_command(folder.given, path, options.compression, namespace)
+        recorders = []
+        for folder, trip in trips.items():
+            text = yaml.safe_dump(run_information(trip, parameters[folder]), sort_keys=False)
+            path = folder.write_log("run_information.yaml", text)
+            # As the user wrote it: the recorder's diagnostics name it, and they go into the bag.
+            place, namespace = folder.given, trip.full_namespace
+            recorders.append(recorder_arguments(place, path, options.compression, namespace))
+        commands[RECORDER] = shared_command(MODULES[RECORDER], recorders)
     return commands
 
 
@@ -236,7 +280,7 @@ def _report(
     drive, wall_time_s = driven
     companion, painter = companions
     try:
-        run = _evaluated(folder if options.record else None, trip, drive, wall_time_s)
+        run = evaluated(folder if options.record else None, trip, drive, wall_time_s)
         if options.against != NO_COMPARISON:
             with console.status(f"driving the same trip with strategy {options.against} ..."):
                 run = replace(run, other=companion.answer())
@@ -256,18 +300,21 @@ def _report(
     return EXIT_RUN_FAILED if run.problems else EXIT_OK
 
 
-def _evaluated(bag: RunFolder | None, trip: Trip, drive: Drive, wall_time_s: float) -> Run:
-    """Return the run of a finished trip."""
+def evaluated(
+    bag: RunFolder | None, trip: Trip, drive: Drive, wall_time_s: float, vehicle: int = 0
+) -> Run:
+    """Return the run of a finished trip, of a vehicle by its place in a string."""
     from iptm.runner.evaluation import evaluate  # noqa: PLC0415  see begun
 
+    monitor = drive.monitors[vehicle]
     return evaluate(
         trip,
-        drive.monitor.recorded,
+        monitor.recorded,
         None if bag is None else bag.output,
         collect_run_information(),
         wall_time_s,
         unclean_ends(drive.supervisor, drive.process_faults),
-        tuple(drive.monitor.warnings),
+        tuple(monitor.warnings),
     )
 
 
@@ -288,10 +335,11 @@ def drive_over_ros(trip: Trip, bag: Path | None = None) -> Run:
         if bag is None:
             bag = Path(stack.enter_context(TemporaryDirectory())) / trip.name
         folder, options = RunFolder(bag), RunOptions(picture=False)
-        result, drive = drive_processes(folder, trip, options, domain, Progress(), StopRequest())
+        trips, stop = {folder: trip}, StopRequest()
+        result, drive = drive_processes(folder, trips, options, domain, Progress(), stop)
         if result.outcome is not DriveOutcome.FINISHED:
             raise DriveError("; ".join((result.message, *result.last_lines[-1:])))
-        return _evaluated(folder, trip, drive, result.wall_time_s)
+        return evaluated(folder, trip, drive, result.wall_time_s)
 
 
 def check_over_ros(trip: Trip) -> Trip:
@@ -317,7 +365,8 @@ def check_over_ros(trip: Trip) -> Trip:
     return trip
 
 
-def _report_failure(result: DriveResult, folder: RunFolder, stop: StopRequest) -> int:
+def report_failure(result: DriveResult, folder: RunFolder, stop: StopRequest) -> int:
+    """Print why a run did not come to its end; return the exit code."""
     print_error(PROGRAM, result.message)
     if result.outcome is DriveOutcome.REFUSED:
         folder.discard()

@@ -202,14 +202,15 @@ def drive_over_ros(trial: Trial, folder: Path) -> DrivenTrial:
     record = any(fault.target == "recorder" for fault in trial.faults)
     options = RunOptions(record=record, picture=False)
     with domain_of_run(AUTOMATIC_DOMAIN, environment={}) as domain:
-        driven = drive_processes(run_folder, trip, options, domain, Progress(), stop)
+        driven = drive_processes(run_folder, {run_folder: trip}, options, domain, Progress(), stop)
     if stop.number is not None:
         raise KeyboardInterrupt
     return _observed(trial, *driven)
 
 
 def _observed(trial: Trial, result: DriveResult, drive: Drive) -> DrivenTrial:
-    heard = drive.monitor.recorded
+    (monitor,) = drive.monitors
+    heard = monitor.recorded
     by_stamp = heard_by_stamp(heard, TICK_TOPICS)
     # A missing or disconnected bridge publishes no leader, but the leader is still on the road.
     traffic, leaders = Traffic(trial.faults), {}
@@ -228,7 +229,7 @@ def _observed(trial: Trial, result: DriveResult, drive: Drive) -> DrivenTrial:
             Level(report.status.level),
             report.status.message,
         )
-        for report in drive.monitor.reports
+        for report in monitor.reports
     ]
     return DrivenTrial(
         trial,

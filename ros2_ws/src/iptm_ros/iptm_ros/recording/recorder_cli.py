@@ -7,11 +7,12 @@ import os
 import sys
 from collections.abc import Sequence
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from iptm_core.errors import ParameterError
-from iptm_core.program import refused
+from iptm_core.program import refused, sections
 from iptm_core.user_input import whole_number
 from iptm_ros.command_line import own_arguments
 
@@ -140,16 +141,21 @@ def options_from(arguments: argparse.Namespace) -> RecorderOptions:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Record until SIGINT or SIGTERM."""
-    command = list(sys.argv if arguments is None else arguments)
+    """Record until SIGINT or SIGTERM; a section of arguments for each of several bags."""
+    _, *given = sys.argv if arguments is None else arguments
+    commands = [["record", *section] for section in sections(given)]
     try:
-        parsed = build_parser().parse_args(own_arguments(command))
+        parsed = [build_parser().parse_args(own_arguments(command)) for command in commands]
     except ParameterError as error:
         return refused(PROGRAM, error)
-    from iptm_ros.process import run_node
+    from iptm_ros.process import run_nodes
     from iptm_ros.recording.recorder_node import RecorderNode
 
-    return run_node(lambda: RecorderNode(options_from(parsed)), ["record", *command[1:]])
+    def recorder(own: argparse.Namespace, command: list[str]) -> RecorderNode:
+        return RecorderNode(options_from(own), cli_args=command, use_global_arguments=False)
+
+    recorders = [[partial(recorder, *each)] for each in zip(parsed, commands, strict=True)]
+    return run_nodes(recorders, commands[0])
 
 
 if __name__ == "__main__":

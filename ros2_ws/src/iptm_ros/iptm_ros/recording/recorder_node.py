@@ -12,6 +12,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -80,8 +81,8 @@ class RecorderNode(SuiteNode):
         BagError: the output exists or cannot be created, or the clock is excluded.
     """
 
-    def __init__(self, options: RecorderOptions) -> None:
-        super().__init__("recorder")
+    def __init__(self, options: RecorderOptions, **node_options: Any) -> None:
+        super().__init__("recorder", **node_options)
         self._options = options
         clock_topic = self.resolve_topic_name(Topic.CLOCK.value)
         selection = options.selection

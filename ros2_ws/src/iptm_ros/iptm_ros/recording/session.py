@@ -75,6 +75,7 @@ class RecordingSession:
         self._early: list[tuple[_Channel, bytes, int]] = []
         self._early_bytes = 0
         self._tick_ns = 0
+        self._is_closed = False
         self.message_count = 0
         self.pauses: list[Pause] = []
 
@@ -137,7 +138,8 @@ class RecordingSession:
 
     def flush(self) -> None:
         """Put every message taken so far into the file; call it a few times a second."""
-        self._writer.flush()
+        if not self._is_closed:
+            self._writer.flush()
 
     def stop_waiting(self) -> None:
         """Take the time of reception for good, as no clock has come."""
@@ -149,9 +151,12 @@ class RecordingSession:
     def close(self) -> None:
         """Close the bag; if simulated time never began, it is ordered by time of reception."""
         self.stop_waiting()
+        self._is_closed = True
         self._writer.close()
 
     def _take(self, channel: _Channel, data: bytes) -> None:
+        if self._is_closed:  # while other recorders of the process go on
+            return
         self.message_count += 1
         if (
             channel.offer is None
