@@ -181,7 +181,7 @@ def test_a_run_ends_with_bag_table_and_picture(start: Start, tmp_path: Path) -> 
     assert len(read_table(bag / "reference.parquet")) == TICKS + 1
     assert "no hard limit broken, bag complete" in runner.stdout
     assert (bag / "closed_loop.png").read_bytes().startswith(PNG)
-    for name in NODE_MODULES:
+    for name in ("plant", "recorder"):
         assert (bag / "logs" / f"{name}.log").is_file()
 
 
@@ -208,7 +208,7 @@ def test_a_killed_process_is_named_and_everything_stops(
     start: Start, wait_until: Callable[..., None], tmp_path: Path
 ) -> None:
     output = tmp_path / "run"
-    runner = start(output, "comprehensive")
+    runner = start(output, "comprehensive", "--processes")
     processes = wait_for_trip(runner, output, wait_until)
     os.kill(processes["controller"], signal.SIGKILL)
     assert runner.wait() == 1
@@ -226,7 +226,7 @@ def test_a_run_keeps_its_domain_any_ros_program_hears_it_and_it_can_be_interrupt
 ) -> None:
     """The other program joins late; constant data are still received."""
     output = tmp_path / "run"
-    runner = start(output, "comprehensive")
+    runner = start(output, "comprehensive", "--processes")
     processes = wait_for_trip(runner, output, wait_until)
 
     path = os.pathsep.join((os.environ.get("PYTHONPATH", ""), str(ROOT)))

@@ -13,15 +13,18 @@ from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 
 from iptm.runner.composition import (
+    grouped,
     node_parameters,
     parameter_file_text,
-    recorder_command,
+    recorder_arguments,
     run_information,
+    shared_command,
     trip_members,
 )
 from iptm.trip import Trip
 from iptm_controller.node_parameters import ControllerNodeParameters
 from iptm_core.declaration import checked_value, parameter_specs, plain
+from iptm_core.program import sections
 from iptm_plant_sim.node_parameters import PlantNodeParameters
 from iptm_ros.discovery import reserve_domain
 from iptm_ros.recording.recorder_cli import build_parser
@@ -104,12 +107,24 @@ def test_ros_reads_parameter_files_as_they_are_meant(tmp_path: Path) -> None:
 
 
 def test_the_recorder_understands_its_command() -> None:
-    command = recorder_command(Path("out"), Path("info.yaml"), "zstd", "/car_1")
-    assert command[-3:] == ["--ros-args", "-r", "__ns:=/car_1"]
-    parsed = build_parser().parse_args(remove_ros_args(command)[4:])
+    given = [
+        recorder_arguments(Path("out"), Path("info.yaml"), "zstd", f"/car_{number}")
+        for number in (1, 2)
+    ]
+    command = shared_command("a.module", given)
+    assert command[3] == "a.module"
+    assert sections(command[4:]) == given
+    assert given[0][-3:] == ["--ros-args", "-r", "__ns:=/car_1"]
+    parsed = build_parser().parse_args(remove_ros_args(given[0]))
     assert parsed.output == Path("out")
     assert parsed.run_information == Path("info.yaml")
     assert parsed.compression == "zstd"
+
+
+def test_vehicles_are_divided_evenly_and_in_order() -> None:
+    assert grouped(range(5), 2) == [range(2), range(2, 5)]
+    assert grouped(range(2), 2) == [range(1), range(1, 2)]
+    assert grouped(range(1), 1) == [range(1)]
 
 
 def test_the_bag_holds_everything_about_the_run(trip: Trip, tmp_path: Path) -> None:

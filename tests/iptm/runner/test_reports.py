@@ -17,7 +17,7 @@ from iptm.run import Run
 from iptm.runner import progress as progress_module
 from iptm.runner.evaluation import evaluate
 from iptm.runner.monitor import Snapshot
-from iptm.runner.progress import make_progress
+from iptm.runner.progress import ConsoleProgress
 from iptm.runner.run_folder import RunFolder
 from iptm.runner.summary import print_end, print_results, save_picture
 from iptm.runner.tables import TABLES_WIDTH
@@ -103,7 +103,7 @@ def test_problems_and_warnings_are_printed(results: Run, folder: RunFolder) -> N
 
 def test_a_pipe_gets_plain_lines(monkeypatch: pytest.MonkeyPatch) -> None:
     console = Console(file=io.StringIO(), width=200)
-    progress = make_progress(console, 240.0)
+    progress = ConsoleProgress(console, 240.0)
     progress.waiting("waiting for plant")
     progress.running(SNAPSHOT, 0.2)
     progress.running(SNAPSHOT, 0.3)  # too soon after the line before
@@ -121,7 +121,7 @@ def test_a_pipe_gets_plain_lines(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_terminal_gets_a_bar() -> None:
     console = Console(file=io.StringIO(), force_terminal=True, width=120)
-    progress = make_progress(console, 240.0)
+    progress = ConsoleProgress(console, 240.0)
     progress.waiting("waiting for plant")
     progress.running(SNAPSHOT, 0.5)
     progress.running(dataclasses.replace(SNAPSHOT, solve_time_s=float("nan")), 0.0)
@@ -133,7 +133,7 @@ def test_a_terminal_gets_a_bar() -> None:
 
 def test_the_remaining_time_is_readable() -> None:
     console = Console(file=io.StringIO(), width=200)
-    make_progress(console, 10_000.0).running(SNAPSHOT, 1.0)
+    ConsoleProgress(console, 10_000.0).running(SNAPSHOT, 1.0)
     assert "remaining 2:46 min" in console.file.getvalue()  # type: ignore[attr-defined]
 
 

@@ -20,7 +20,7 @@ from iptm_controller.measurements import Measurements
 from iptm_core.metrics import gap_margins_m
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes.route import Route
-from iptm_core.settings import VEHICLE_LENGTH_M, LeaderSource, PreviewSettings
+from iptm_core.settings import VEHICLE_LENGTH_M, PreviewSettings
 from iptm_core.state import NS_PER_S, FloatArray, VehicleState
 from iptm_core.trajectory import Trajectory
 from iptm_core.vehicle_string import vehicles_in_string
@@ -136,26 +136,6 @@ def amplification(deviations: pd.DataFrame) -> pd.DataFrame:
     """
     ahead = deviations[RATIOS].shift()
     return deviations[RATIOS] / ahead.where(ahead != 0.0)
-
-
-def trips_in_string(trip: Trip, count: int) -> dict[str, Trip]:
-    """Return the trips of a string by the names of the vehicles, the first one first.
-
-    Each but the first has the vehicle ahead as its leader; all have the length ``leader_length_m``.
-    """
-    gap_m, length_m = trip.parameters.gap.initial_gap_m, trip.leader.leader_length_m
-    trips = {}
-    for vehicle in vehicles_in_string(count, gap_m, length_m, trip.conditions.namespace):
-        follows = {"leader_source": LeaderSource.VEHICLE} if vehicle.vehicle_ahead else {}
-        trips[vehicle.name] = trip.changed(
-            name=vehicle.name,
-            namespace=vehicle.namespace,
-            start_position_m=vehicle.start_position_m,
-            vehicle_ahead=vehicle.vehicle_ahead,
-            vehicle_behind=vehicle.vehicle_behind,
-            **follows,
-        )
-    return trips
 
 
 def drive_string_in_memory(trip: Trip, count: int, drivers: Sequence[Trip] = ()) -> Iterator[Run]:

@@ -22,9 +22,9 @@ from launch.actions import (
 from launch.event_handlers import OnProcessExit
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 
+from iptm.runner.string_run import trips_in_string
 from iptm.trip_files import DEFAULT_TRIP, load_trip
 from iptm.trip_settings import HOME, NODES
-from iptm.vehicle_string import trips_in_string
 from iptm_core.vehicle_string import MAX_VEHICLES, vehicle_count
 from launch import LaunchContext, LaunchDescription
 

@@ -81,7 +81,7 @@ def build_parser() -> argparse.ArgumentParser:
     add(
         "--processes",
         action="store_true",
-        help="plant, bridge and controller are processes of their own, as in real time (slower)",
+        help="a process for each node, as in real time (slower)",
     )
     add(
         "--without",

@@ -348,8 +348,8 @@ class Drive(AbstractContextManager["Drive"]):
         return self._slowest.time_ns is not None or RECORDER in self.supervisor.names
 
     def _what_ended(self, ending: ProcessEnd) -> str:
-        is_plant = ending.name in self.plants and ending.code
-        reason = f" ({self._slowest.plant_reason}{self._of(self._slowest)})" if is_plant else ""
+        is_plant = ending.name == PLANT and ending.code
+        reason = f" ({self._slowest.plant_reason})" if is_plant else ""
         return f"{ending.name} {ending.how}{reason}{self._at()}; the other processes of this run were stopped"
 
     def _at(self) -> str:

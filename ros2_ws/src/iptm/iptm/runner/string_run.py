@@ -23,14 +23,34 @@ from iptm.runner.runner import (
 )
 from iptm.runner.supervisor import domain_of_run
 from iptm.runner.viewer import live_view
-from iptm.string_report import save_string_picture, string_parts
 from iptm.trip import NO_COMPARISON, Trip
-from iptm.vehicle_string import drive_string_in_memory, trips_in_string
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.markdown import cells_of
 from iptm_core.program import EXIT_OK, StopRequest, print_error
+from iptm_core.settings import LeaderSource
+from iptm_core.vehicle_string import vehicles_in_string
 
 PICTURE = "string.png"
+
+
+def trips_in_string(trip: Trip, count: int) -> dict[str, Trip]:
+    """Return the trips of a string by the names of the vehicles, the first one first.
+
+    Each but the first has the vehicle ahead as its leader; all have the length ``leader_length_m``.
+    """
+    gap_m, length_m = trip.parameters.gap.initial_gap_m, trip.leader.leader_length_m
+    trips = {}
+    for vehicle in vehicles_in_string(count, gap_m, length_m, trip.conditions.namespace):
+        follows = {"leader_source": LeaderSource.VEHICLE} if vehicle.vehicle_ahead else {}
+        trips[vehicle.name] = trip.changed(
+            name=vehicle.name,
+            namespace=vehicle.namespace,
+            start_position_m=vehicle.start_position_m,
+            vehicle_ahead=vehicle.vehicle_ahead,
+            vehicle_behind=vehicle.vehicle_behind,
+            **follows,
+        )
+    return trips
 
 
 def run_string(
@@ -93,7 +113,10 @@ def _report(
     console: Console,
 ) -> int:
     """Evaluate a string that was driven, write its files and print its tables."""
-    from iptm.runner.evaluation import results_json  # noqa: PLC0415  loads ROS
+    # Half a second of imports, and the threads that they start would keep the runner from forking.
+    from iptm.runner.evaluation import results_json  # noqa: PLC0415
+    from iptm.string_report import save_string_picture  # noqa: PLC0415
+    from iptm.vehicle_string import drive_string_in_memory  # noqa: PLC0415
 
     drive, wall_time_s = driven
     first, code, runs = next(iter(trips.values())), EXIT_OK, []
@@ -121,6 +144,8 @@ def _report(
 def _print(
     runs: list[Run], others: list[Run], duration_s: float, wall_time_s: float, console: Console
 ) -> None:
+    from iptm.string_report import string_parts  # noqa: PLC0415  see above
+
     for part in string_parts(runs, others):
         table = Table(*(head.removesuffix(":") for head in part.columns))
         for cells in cells_of(part.rows, part.columns):
