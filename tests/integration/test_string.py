@@ -127,11 +127,12 @@ def test_a_member_that_dies_is_named_and_ends_the_string_with_sound_bags(
     # In a domain of its own, the runner forks: processes have names.
     runner = launcher.start_module(MODULE, *options, ROS_DOMAIN_ID="")
 
-    def under_way() -> bool:
-        sizes = [path.stat().st_size for path in (output / "car_2").glob("*.mcap")]
-        return sum(sizes) > 40_000 or not runner.is_running
+    def recorded() -> int:
+        return sum(path.stat().st_size for path in (output / "car_2").glob("*.mcap"))
 
-    wait_until(under_way, RUN_TIMEOUT_S, "messages in the bag of car_2")
+    wait_until(lambda: " of 1800 s (" in runner.stdout, RUN_TIMEOUT_S, "the trip")
+    before = recorded()
+    wait_until(lambda: recorded() > before + 100_000, RUN_TIMEOUT_S, "messages of car_2")
     processes = children_of(runner.popen.pid)
     (pid,) = (pid for pid, name in processes.items() if name.startswith(member))
     os.kill(pid, signal.SIGKILL)
