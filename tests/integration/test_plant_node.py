@@ -9,17 +9,19 @@ from itertools import pairwise
 from typing import Any
 from unittest import mock
 
+import numpy as np
 import pytest
-from std_msgs.msg import Float64
 from tests.integration.driven_plant import DrivenPlant, Script, driven_plant, lively
 from tests.integration.node_bench import S
 from tests.plant_messages import plant_messages
+from tests.table_messages import encode_leader_preview
 
 from iptm_core.errors import IptmError
 from iptm_core.parameters import load_parameters
+from iptm_core.radio_lead import RadioLead
 from iptm_core.routes import build_route
 from iptm_core.settings import ThermalModel
-from iptm_core.state import Command, FullChannelState, VehicleState
+from iptm_core.state import Command, FullChannelState, LeaderPreview, VehicleState
 from iptm_core.units import CELSIUS_ZERO_K
 from iptm_plant_sim.interval import PlantStep
 from iptm_plant_sim.plant import Plant
@@ -316,14 +318,16 @@ def test_a_resumed_plant_needs_nobody_in_real_time_and_a_second_one_is_reported(
         assert plant.stop(number) == 0
 
 
-def test_the_published_friction_of_the_road_reaches_the_safety_monitor() -> None:
-    with driven_plant() as plant:
+def test_previews_reach_the_safety_monitor_and_published_friction_does_not() -> None:
+    with driven_plant(safety_monitor=True) as plant:
         plant.drive(
             lambda tick: Command(0.5, 0.0) if tick < 2 else None, lambda: len(plant.ticks) > 2
         )
-        monitor = plant.bench.node._trip.plant.monitor  # type: ignore[attr-defined]
-        assert monitor.friction == 0.0
-        plant.bench.hear({Topic.ROAD_FRICTION: Float64(data=0.35)})
+        vehicle = plant.bench.node._trip.plant  # type: ignore[attr-defined]
+        times_s = np.array([2.0, 3.0])
+        preview = LeaderPreview(times_s, np.array([30.0, 34.0]), np.array([4.0, 4.0]))
+        plant.bench.hear({Topic.LEADER_PREVIEW: encode_leader_preview(preview, 2 * S)})
         plant.answer(2, Command(0.5, 0.0))
-        assert monitor.friction == 0.35
-        plant.bench.spin_until(lambda: plant.bench.values["road_friction"] == "0.35")
+        assert RadioLead.of(vehicle._heard, 2.0) == RadioLead(2.0, 30.0, 4.0)
+        # It would brake for a message at once; the controller opens the distance in comfort.
+        assert Topic.ROAD_FRICTION not in plant.bench._takers

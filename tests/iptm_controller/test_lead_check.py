@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from iptm_controller.lead_check import FROZEN, LeadCheck
-from iptm_core.braking import RoadFrictionSettings, SensorAccuracySettings
+from iptm_core.braking import RadioSettings, RoadFrictionSettings, SensorAccuracySettings
 from iptm_core.parameters import load_parameters
 from iptm_core.state import LeaderPreview, LeaderState, VehicleState
 
@@ -82,7 +82,60 @@ def test_a_radio_that_repeats_itself_is_not_compared() -> None:
         radio = preview(time_s, 120.113, 7.031)
         counts, _ = compared.checked(state, measured, radio, is_free=False)
     assert counts == measured
-    assert compared.memory.radioed.frozen
+
+
+def test_messages_that_are_not_authenticated_cost_a_limited_speed() -> None:
+    """A phantom 25 m nearer, at 8 m/s less, is followed until the vehicle has lost 3.5 m/s for it."""
+    for is_authenticated in (True, False):
+        settings = RadioSettings(authenticated_radio=is_authenticated)
+        compared = LeadCheck(
+            SensorAccuracySettings(), RoadFrictionSettings(), LIMITS, radio=settings
+        )
+        counted = []
+        for tick, speed_m_s in enumerate((20.0, 20.0, 19.0, 17.5, 16.4, 15.0, 15.0)):
+            time_s, at_m = float(tick), 20.0 * tick
+            measured = LeaderState(time_s, 60.0 + at_m, 20.0)
+            radio = preview(time_s, 35.0 + at_m - 8.0 * tick, 12.0)
+            counts, reason = compared.checked(
+                ego(time_s, 0.0, speed_m_s), measured, radio, is_free=False
+            )
+            counted.append(counts == measured)
+            assert "by radio" in reason
+        assert counted == ([False] * 7 if is_authenticated else [False] * 4 + [True] * 3)
+
+
+def test_a_speed_that_does_not_move_for_long_opens_the_distance_without_radio() -> None:
+    for radio_at, opens in (
+        (lambda _: NONE, True),
+        (lambda t: preview(t, 60 + 20 * t, 20.0), False),
+    ):
+        compared = check()
+        nearer_m = []
+        for tick in range(40):
+            time_s = float(tick)
+            speed_m_s = 20.01 if tick % 2 else 20.0
+            measured = LeaderState(time_s, 60.0 + 20.0 * time_s, speed_m_s)
+            counts, _ = compared.checked(
+                ego(time_s, 20.0 * time_s, 20.0), measured, radio_at(time_s), is_free=False
+            )
+            nearer_m.append(measured.position_m - counts.position_m)
+        assert nearer_m[:10] == [0.0] * 10
+        assert nearer_m[-1] == (10.0 if opens else 0.0)
+        assert max(np.diff(nearer_m)) <= 0.5
+        moved = LeaderState(40.0, 860.0, 20.5)
+        assert compared.checked(ego(40.0, 800.0, 20.0), moved, NONE, is_free=False)[0] == moved
+
+
+def test_a_steep_descent_asks_for_what_the_monitor_allows_for() -> None:
+    values = load_parameters().values
+    steep = LeadCheck(
+        SensorAccuracySettings(), RoadFrictionSettings(), LIMITS, values.gap, brakes=values.brakes
+    )
+    leader = LeaderState(0.0, 60.0, 24.0)
+    assert steep.cautious(leader, 26.0, 0.0) == leader
+    assert steep.cautious(leader, 26.0, 0.1) == leader
+    nearer_m = [60.0 - steep.cautious(leader, 26.0, slope).position_m for slope in (-0.1, -0.15)]
+    assert 0.0 < nearer_m[0] < nearer_m[1]
 
 
 def test_a_range_sensor_that_repeats_itself_is_lost_and_the_vehicle_brakes_from_there_on() -> None:

@@ -213,6 +213,7 @@ def closed_loop(
         if on_tick is not None:
             on_tick(tick, measured, decision)
         before = step.state
+        plant.hear(measured.preview)
         try:
             step = plant.advance(before, decision.command, tick_s)
         except PackEmptyError as error:

@@ -30,6 +30,12 @@ FORGETTING = 0.5
 """Weight of the mismatches of a tick relative to the next one."""
 EXPLAINED = 0.5
 """Another delay has to reduce the mismatch to this share, in two ticks in a row."""
+EXPLAINED_IN_FULL, DISTINCT = 0.05, 0.25
+"""A delay that reduces it to the first share needs only the second share of a noticeable mismatch to do so:
+commands that change slowly, as at the onset of braking, look like weak brakes otherwise."""
+_ROUND_OFF = 1e-9
+AS_WELL = 1.5
+"""Weak brakes are reported where no delay explains the motion with a mismatch smaller by this factor."""
 CREEP_SPEED_M_S = 0.5
 """Below this speed the brakes may hold the vehicle, whatever the command."""
 BRAKING_M_S2 = -0.3
@@ -103,8 +109,13 @@ class ActuationObserver:
 
     @property
     def has_weak_brakes(self) -> bool:
-        """Whether the brakes deliver noticeably less than commanded."""
-        return self.brake_share < WEAK_SHARE
+        """Whether the brakes deliver noticeably less than commanded, and no delay explains that better."""
+        memory = self.memory
+        if self.brake_share >= WEAK_SHARE:
+            return False
+        return (
+            memory.mismatches[memory.delay_ticks] <= AS_WELL * min(memory.mismatches) + _ROUND_OFF
+        )
 
     @property
     def reason(self) -> str:
@@ -122,8 +133,9 @@ class ActuationObserver:
 
     @property
     def found(self) -> tuple[str, float, float]:
-        """Reason, delay and share of the brakes."""
-        return self.reason, self.delay_s, self.brake_share
+        """Reason, delay, and share of the brakes, 1 where a delay explains what they seem to lack."""
+        is_weak = self.has_weak_brakes or self.brake_share >= WEAK_SHARE
+        return self.reason, self.delay_s, self.brake_share if is_weak else 1.0
 
     def issue(self, time_s: float, command: Command) -> None:
         """Note the command that answers the measurements of a trip time."""
@@ -154,6 +166,8 @@ class ActuationObserver:
         prompt = answered[memory.delay_ticks]
         at_rest = state.speed_m_s < CREEP_SPEED_M_S
         overridden = measured < self._limits.min_acceleration_m_s2 - 0.05
+        if at_rest and any(memory.mismatches):
+            self.memory = replace(memory, mismatches=(), candidate=None)
         if prompt is None or at_rest or overridden:
             return
         before = memory.mismatches or (0.0,) * len(answered)
@@ -165,7 +179,10 @@ class ActuationObserver:
         )
         delay = memory.delay_ticks
         best = mismatches.index(min(mismatches))
-        explains = mismatches[best] < EXPLAINED * mismatches[delay] - self._noticeable
+        explains = mismatches[best] < EXPLAINED * mismatches[delay] - self._noticeable or (
+            mismatches[best] < EXPLAINED_IN_FULL * mismatches[delay]
+            and mismatches[delay] > DISTINCT * self._noticeable
+        )
         candidate = best if explains else None
         if candidate is not None and candidate == memory.candidate:
             delay, candidate = best, None

@@ -19,7 +19,7 @@ from iptm_controller.forecast import LeaderForecast
 from iptm_controller.forecast_in_c import leader_forecaster
 from iptm_controller.ladder import FallbackLadder, safe_following
 from iptm_controller.lead_check import LeadCheck, SenderClock, unpredicted_s
-from iptm_controller.measurements import Measurements, trusted_measurements
+from iptm_controller.measurements import Measurements, slope_at_rad, trusted_measurements
 from iptm_controller.ocp.data import UNBOUNDED_W, ProblemData, ProblemDataBuilder
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.options import ControllerOptions
@@ -101,7 +101,8 @@ class Controller:
         self._limiter = CommandLimiter(parameters.limits, options.tick_s)
         self._estimator = Estimator(options.noise, parameters.limits, options.tick_s)
         self._actuation = ActuationObserver(parameters.limits, options.tick_s)
-        self.lead = LeadCheck(options.accuracy, options.road, parameters.limits)
+        followed = parameters.limits, parameters.gap, options.radio, parameters.brakes
+        self.lead = LeadCheck(options.accuracy, options.road, *followed)
         self._clock = SenderClock()
         self._pack = pack_observer(parameters, library)
         ends_s = horizon.node_times_s[1 : horizon.motion_steps + 1]
@@ -198,7 +199,8 @@ class Controller:
             leader, doubt = self.lead.checked(state, leader, measured.preview, is_free=is_free)
             fault = fault or ("" if leader or is_free else doubt)
             state, leader = self._estimator.update(state, leader)
-            leader = leader and self.lead.cautious(leader, state.speed_m_s)
+            slope_rad = 0.0 if fault else slope_at_rad(measured.slope, state.position_m)
+            leader = leader and self.lead.cautious(leader, state.speed_m_s, slope_rad)
             if not measured.is_followed:
                 self._actuation.memory = ActuationMemory()
             self._actuation.observe(state)

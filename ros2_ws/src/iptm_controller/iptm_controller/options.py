@@ -12,7 +12,7 @@ from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.strategy import DEFAULT_STRATEGY, STRATEGIES, Strategy
 from iptm_core.aging_laws.law import AgingLaw
 from iptm_core.aging_laws.parking import AgingSettings
-from iptm_core.braking import RoadFrictionSettings, SensorAccuracySettings
+from iptm_core.braking import RadioSettings, RoadFrictionSettings, SensorAccuracySettings
 from iptm_core.charging_stop import ChargingStopSettings
 from iptm_core.errors import ParameterError
 
@@ -28,6 +28,7 @@ class ControllerOptions:
         aging: ageing law of the cost, and how the car is used between trips.
         accuracy: stated accuracy of the measured lead vehicle.
         road: friction of the road as far as it is known.
+        radio: what messages of the lead vehicle may do on their own.
         own_law: ageing law instead of the one named there.
         charging_stop: fast charger at the end of the trip.
 
@@ -48,6 +49,7 @@ class ControllerOptions:
     aging: AgingSettings = field(default_factory=AgingSettings)
     accuracy: SensorAccuracySettings = field(default_factory=SensorAccuracySettings)
     road: RoadFrictionSettings = field(default_factory=RoadFrictionSettings)
+    radio: RadioSettings = field(default_factory=RadioSettings)
     own_law: AgingLaw | None = None
     charging_stop: ChargingStopSettings = field(default_factory=ChargingStopSettings)
 

@@ -20,7 +20,7 @@ from iptm_controller.strategy import (
     strategy_by_name,
 )
 from iptm_core.aging_laws.parking import AgingSettings
-from iptm_core.braking import RoadFrictionSettings, SensorAccuracySettings
+from iptm_core.braking import RadioSettings, RoadFrictionSettings, SensorAccuracySettings
 from iptm_core.charging_stop import ChargingStopSettings
 from iptm_core.declaration import Settings, parameter
 from iptm_core.metrics.constraints import Concern
@@ -93,6 +93,7 @@ class ControllerSettings(
     NoiseSettings,
     RoadFrictionSettings,
     SensorAccuracySettings,
+    RadioSettings,
     WarningSettings,
     AgingSettings,
     ChargingStopSettings,
@@ -199,6 +200,7 @@ class ControllerSettings(
             noise=NoiseSettings.of(self),
             accuracy=SensorAccuracySettings.of(self),
             road=RoadFrictionSettings.of(self),
+            radio=RadioSettings.of(self),
             aging=AgingSettings.of(self),
             charging_stop=ChargingStopSettings.of(self),
             production=ProductionSettings.of(self),

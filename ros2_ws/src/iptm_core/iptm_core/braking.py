@@ -111,6 +111,18 @@ class SensorAccuracySettings(Settings):
 
 
 @dataclass(frozen=True)
+class RadioSettings(Settings):
+    """What messages of the vehicle ahead may do on their own."""
+
+    authenticated_radio: bool = parameter(
+        default=True,
+        description="messages of the vehicle ahead are authenticated: where they place it nearer or slower "
+        "than the range sensor does, the safety monitor brakes for them; else such messages brake within "
+        "comfort only, and by no more than 6 m/s",
+    )
+
+
+@dataclass(frozen=True)
 class RangeSensorSettings(Settings):
     """Range sensor of the vehicle."""
 
@@ -120,7 +132,9 @@ class RangeSensorSettings(Settings):
 
 
 @dataclass(frozen=True)
-class SafetyMonitorSettings(RoadFrictionSettings, SensorAccuracySettings, RangeSensorSettings):
+class SafetyMonitorSettings(
+    RoadFrictionSettings, SensorAccuracySettings, RadioSettings, RangeSensorSettings
+):
     """Safety monitor of the vehicle: what it assumes, and when it brakes and releases."""
 
     safety_monitor: bool = parameter(

@@ -11,19 +11,29 @@ the own motion. Controller and safety monitor follow the vehicle ahead each on i
 - Lost: no measurement, or an empty lane where a vehicle was a moment ago. It is free once it has been empty
   for `CONFIRMED_FREE_S`, or at once when a source reports a clear lane, see `clear_lane`.
 - From the first measurement that is missing or repeated on, the vehicle ahead is assumed to brake.
+- Contradicted: the gap changes as the measured speed does not explain (`iptm_core.signal_residuals`). The
+  vehicle ahead counts as nearer by what opens too fast, and as slower by what closes too fast.
+- Moved away: within an instant farther off at the same speed. It is the same vehicle, measured too far, or
+  another one like it; for a while the nearer one counts.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
 
 from iptm_core.frozen import light, replace
+from iptm_core.signal_residuals import (
+    RANGE_LIMIT_M,
+    RANGE_TIME_S,
+    Residual,
+    unexplained_change,
+)
 from iptm_core.state import LeaderPreview, LeaderState
 
 CONFIRMED_FREE_S = 10.0
@@ -34,6 +44,10 @@ ANOTHER_LEAD_M = 3.0
 """Position jump, beyond the motion at its speeds, from which it is another vehicle."""
 ANOTHER_LEAD_M_S, ANOTHER_LEAD_M_S2 = 3.0, 12.0
 """Change of speed, beyond the second value times the interval, from which it is another vehicle."""
+SAME_SPEED_M_S = 1.0
+LARGEST_AWAY_M, AWAY_S = 10.0, 20.0
+"""A target that moves away within an instant, by no more than the first value and at a speed that differs by
+less than `SAME_SPEED_M_S`, counts as nearer by that distance for this time."""
 LARGEST_MEASURING_INTERVAL_S = 5.0
 """Longest interval between two measurements from which an acceleration is estimated."""
 IDENTICAL_M, IDENTICAL_M_S = 1e-6, 1e-9
@@ -114,6 +128,9 @@ class LeadTrack:
         before: vehicle seen before another one appeared, None for none.
         appeared_s: when that was.
         empty_since_s: from when on the lane has been empty; NaN if it is not.
+        unexplained: residual of the gap against the speed.
+        away_m: distance by which the vehicle has moved away within an instant.
+        away_until_s: until when that counts.
     """
 
     seen: LeaderState | None = None
@@ -126,6 +143,9 @@ class LeadTrack:
     before: LeaderState | None = None
     appeared_s: float = 0.0
     empty_since_s: float = math.nan
+    unexplained: Residual = field(default_factory=Residual)
+    away_m: float = 0.0
+    away_until_s: float = 0.0
 
     def status(self, time_s: float) -> LeadStatus:
         """Return what is known at a trip time."""
@@ -143,6 +163,21 @@ class LeadTrack:
             return 0.0
         first, second = self.recent[-3], self.recent[-2]
         return max(min(newest_m_s2, (first[2] - second[2]) / (second[0] - first[0])), 0.0)
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether the vehicle may count as nearer or slower than it is measured."""
+        return self.away_m > 0.0 or self.unexplained.beyond(RANGE_LIMIT_M) != 0.0
+
+    def counted(self, lead: LeaderState) -> LeaderState:
+        """Return a vehicle ahead, as measured or assumed, nearer and slower by what is in doubt."""
+        if not self.is_doubtful:
+            return lead
+        beyond_m = self.unexplained.beyond(RANGE_LIMIT_M)
+        nearer_m = max(beyond_m, 0.0) + (self.away_m if lead.time_s <= self.away_until_s else 0.0)
+        slower_m_s = max(-beyond_m, 0.0) / RANGE_TIME_S
+        position_m, speed_m_s = lead.position_m - nearer_m, max(lead.speed_m_s - slower_m_s, 0.0)
+        return LeaderState(lead.time_s, position_m, speed_m_s)
 
     def unseen_s(self, time_s: float) -> float:
         """Return for how long measurements have been missing at a trip time, 0 if none is."""
@@ -209,6 +244,8 @@ def followed(track: LeadTrack, sample: Sample) -> LeadTrack:
         or abs(change_m_s) > ANOTHER_LEAD_M_S + ANOTHER_LEAD_M_S2 * interval_s
     )
     if first is None and not (track.frozen or jumped):
+        unexplained_m = unexplained_change(moved_m, last.speed_m_s, sample.speed_m_s, interval_s)
+        is_away = track.away_m > 0.0 and sample.time_s <= track.away_until_s
         return LeadTrack(
             sample.lead,
             change_m_s / interval_s if interval_s <= LARGEST_MEASURING_INTERVAL_S else 0.0,
@@ -218,6 +255,9 @@ def followed(track: LeadTrack, sample: Sample) -> LeadTrack:
             recent=recent,
             before=track.before,
             appeared_s=track.appeared_s,
+            unexplained=track.unexplained.after(unexplained_m, interval_s, RANGE_TIME_S),
+            away_m=track.away_m if is_away else 0.0,
+            away_until_s=track.away_until_s,
         )
     track = replace(track, recent=recent, period_s=period_s, empty_since_s=math.nan)
     if first is not None:
@@ -243,12 +283,18 @@ def _stepped(
             without = _without_newest(track, sample.speed_m_s)
             if without.ghost:
                 return without
+        away_m = 0.0
+        if abs(change_m_s) <= SAME_SPEED_M_S:
+            away_m = max(track.away_m + farther_m, 0.0)
         return replace(
             track,
             seen=sample.lead,
             acceleration_m_s2=0.0,
             before=track.seen,
             appeared_s=sample.time_s,
+            unexplained=Residual(),
+            away_m=away_m if away_m <= LARGEST_AWAY_M else 0.0,
+            away_until_s=sample.time_s + AWAY_S,
         )
     acceleration = 0.0
     if interval_s <= LARGEST_MEASURING_INTERVAL_S:

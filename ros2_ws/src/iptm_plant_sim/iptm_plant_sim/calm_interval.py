@@ -20,6 +20,7 @@ from iptm_core.frozen import replace
 from iptm_core.lead_track import KEPT, LeadTrack
 from iptm_core.parameters.model import BrakeParameters
 from iptm_core.physics.ops import address, doubles
+from iptm_core.signal_residuals import Residual
 from iptm_core.state import LeaderPreview, LeaderState, VehicleState
 from iptm_plant_sim.c_sources import C_SOURCES
 from iptm_plant_sim.safety_monitor import RoadBraking
@@ -48,8 +49,8 @@ class CalmInterval:
         )
         self._period_s = settings.monitor_period_s
         self._judge: Any = library.iptm_calm_interval
-        self._over, self._write = doubles(15)
-        self._found = (ctypes.c_double * 3)()
+        self._over, self._write = doubles(17)
+        self._found = (ctypes.c_double * 5)()
         self._rows = ctypes.create_string_buffer((KEPT + _MOST_MEASURED) * _ROW.size)
         self._in_rows = memoryview(self._rows)
         self._newest: LeadTrack | None = None
@@ -77,6 +78,8 @@ class CalmInterval:
         remembered = len(track.recent)
         if samples is None or track.frozen or track.seen is None or not 0 < remembered <= KEPT:
             return None
+        if track.is_doubtful:
+            return None
         columns = [
             np.ascontiguousarray(each, dtype=np.float64)
             for each in (samples.times_s, samples.positions_m, samples.speeds_m_s)
@@ -96,13 +99,14 @@ class CalmInterval:
             *(full.own_m_s2, full.lead_m_s2, dry.own_m_s2, dry.lead_m_s2),
             slippery is not None,
             road.better_grip_m_s2,
+            *(track.unexplained.value, track.unexplained.mean),
         )
         given = self._settings, self._over, self._rows, remembered, measured
         kept = self._judge(*given, *map(address, columns), self._found)
         if not kept:
             return None
         recent = tuple(_ROW.iter_unpack(self._in_rows[: kept * _ROW.size]))
-        acceleration_m_s2, period_s, smallest_gap_m = self._found
+        acceleration_m_s2, period_s, smallest_gap_m, *unexplained = self._found
         self._newest = replace(
             track,
             seen=LeaderState(*recent[-1][:3]),
@@ -110,6 +114,7 @@ class CalmInterval:
             period_s=period_s,
             recent=recent,
             empty_since_s=math.nan,
+            unexplained=Residual(*unexplained),
         )
         return self._newest, smallest_gap_m
 

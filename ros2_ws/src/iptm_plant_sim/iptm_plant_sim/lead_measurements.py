@@ -25,6 +25,8 @@ from iptm_core.lead_track import (
     emptied,
     followed,
 )
+from iptm_core.radio_lead import RadioLead
+from iptm_core.signal_residuals import RANGE_LIMIT_M, RANGE_TIME_S, unexplained_change
 from iptm_core.state import LeaderPreview, LeaderState
 
 _RESOLUTION_S = 1e-9
@@ -43,7 +45,12 @@ class LeadMeasurements:
     """
 
     def __init__(
-        self, track: LeadTrack, samples: LeaderPreview | None, own: OwnMotion, start_s: float
+        self,
+        track: LeadTrack,
+        samples: LeaderPreview | None,
+        own: OwnMotion,
+        start_s: float,
+        radio: RadioLead | None = None,
     ) -> None:
         """Take the measurements of an interval.
 
@@ -53,8 +60,10 @@ class LeadMeasurements:
                 is silent.
             own: motion of the ego vehicle in the interval.
             start_s: trip time at which the interval begins.
+            radio: where messages place the vehicle ahead; None where they do not count.
         """
         self._before = track
+        self._radio = radio
         self._rows: list[tuple[float, ...]] = []
         if samples is not None and samples.times_s.size:
             columns = samples.times_s, samples.positions_m, samples.speeds_m_s
@@ -89,10 +98,9 @@ class LeadMeasurements:
 
     def bounds(self) -> tuple[float, float] | None:
         """Return smallest position and speed measured; None unless all of several measurements are sound."""
-        sound = self._sound
-        if len(self._rows) < 2 or len(sound) < len(self._rows):
+        if self._radio is not None or not self._are_sound or len(self._rows) < 2:
             return None
-        return min([row[1] for row in sound]), min([row[2] for row in sound])
+        return min([row[1] for row in self._rows]), min([row[2] for row in self._rows])
 
     def at(self, time_s: float, deceleration_m_s2: float) -> tuple[LeaderState | None, float, bool]:
         """Return the vehicle ahead at an instant, None for a free lane.
@@ -107,11 +115,18 @@ class LeadMeasurements:
         if self._are_sound and index >= 0:
             newest = LeaderState(*self._rows[index][:3])
             if abs(time_s - newest.time_s) <= _RESOLUTION_S:
-                return newest, 0.0, True
+                return self._nearer(newest), 0.0, True
         track = self._before if index < 0 else self._tracks[index]
         if track.seen is not None and abs(time_s - track.seen.time_s) <= _RESOLUTION_S:
-            return track.seen, 0.0, True
-        return track.assumed_at(time_s, deceleration_m_s2), track.unseen_s(time_s), False
+            return self._nearer(track.counted(track.seen)), 0.0, True
+        lead = track.assumed_at(time_s, deceleration_m_s2)
+        if lead is not None:
+            lead = self._nearer(track.counted(lead))
+        return lead, track.unseen_s(time_s), False
+
+    def _nearer(self, lead: LeaderState) -> LeaderState:
+        """Return the nearer and slower one of a vehicle that is measured and the one of the messages."""
+        return lead if self._radio is None else self._radio.nearer_and_slower(lead)
 
     def shown_deceleration_m_s2(self, time_s: float) -> float:
         """Return how hard the vehicle ahead is seen to brake at an instant; see `LeadTrack`."""
@@ -154,7 +169,7 @@ def plainly_followed(track: LeadTrack, samples: Sequence[tuple[float, ...]]) -> 
     Args:
         samples: numbers of a `Sample` each.
     """
-    if track.frozen or track.seen is None or not track.recent:
+    if track.frozen or track.seen is None or not track.recent or track.is_doubtful:
         return None
     rows = (*track.recent, *samples)
     speeds = [row[2] for row in rows]
@@ -168,6 +183,7 @@ def plainly_followed(track: LeadTrack, samples: Sequence[tuple[float, ...]]) -> 
             return None
     last_s, last_m, last_m_s = track.recent[-1][:3]
     interval_s = acceleration_m_s2 = 0.0
+    unexplained = track.unexplained
     for time_s, position_m, speed_m_s, _, _ in samples:
         interval_s, change_m_s = time_s - last_s, speed_m_s - last_m_s
         farther_m = position_m - last_m - 0.5 * (last_m_s + speed_m_s) * interval_s
@@ -179,6 +195,10 @@ def plainly_followed(track: LeadTrack, samples: Sequence[tuple[float, ...]]) -> 
         ):
             return None
         acceleration_m_s2 = change_m_s / interval_s
+        changed_m = unexplained_change(position_m - last_m, last_m_s, speed_m_s, interval_s)
+        unexplained = unexplained.after(changed_m, interval_s, RANGE_TIME_S)
+        if unexplained.beyond(RANGE_LIMIT_M):
+            return None
         last_s, last_m, last_m_s = time_s, position_m, speed_m_s
     return replace(
         track,
@@ -187,4 +207,5 @@ def plainly_followed(track: LeadTrack, samples: Sequence[tuple[float, ...]]) -> 
         period_s=min(interval_s, LONGEST_PERIOD_S),
         recent=rows[-KEPT:],
         empty_since_s=math.nan,
+        unexplained=unexplained,
     )

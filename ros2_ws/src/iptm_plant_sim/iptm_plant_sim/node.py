@@ -152,7 +152,7 @@ class PlantNode(TripNode):
             "interventions": trip.interventions,
             "service_braking_s": trip.service_braking_s,
             "last_intervention": trip.step.memory.reason or "none",
-            "road_friction": self._friction.coefficient,
+            "road_friction": self._options.road_friction,
             "brake_share": trip.step.safety.brake_share,
             "state_of_charge": trip.step.state.state_of_charge,
             "intervals_without_range_sensor": self._range_sensor.silent_intervals,
@@ -195,6 +195,8 @@ class PlantNode(TripNode):
         status = step.memory.lead.status(step.state.time_s)
         if status is LeadStatus.FROZEN:
             return "the range sensor repeats a measurement; the vehicle ahead counts as lost"
+        if step.memory.lead.is_doubtful:
+            return "gap and speed of the vehicle ahead contradict each other; the nearer one counts"
         if status is LeadStatus.LOST and not self._range_sensor.is_silent:
             return "the range sensor has lost the vehicle ahead, which is assumed to brake"
         if step.memory.road_m_s2:

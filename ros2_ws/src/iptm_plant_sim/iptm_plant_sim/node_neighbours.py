@@ -86,8 +86,9 @@ class Neighbours:
 
 RANGE_M = 250.0
 """How far the sensor of the simulated vehicle sees."""
-WAIT_S = 1.0
-"""Lock-step: wall time for which a command waits for the measurements of its stamp."""
+WAIT_S, PREVIEW_WAIT_S = 1.0, 0.1
+"""Lock-step: wall times for which a command waits for measurements and preview of its stamp; the controller
+had the preview before it decided."""
 _KEPT = 16
 
 
@@ -110,10 +111,75 @@ class PlayedRangeSensor:
         self._publisher.publish(encode_tracks(seen, stamp_ns, self._prefix))
 
 
-class NodeRangeSensor:
-    """Measurements by stamp; in lock-step an answer waits until the measurements of its stamp have arrived.
+class StampedInput:
+    """Messages of one topic by stamp; in lock-step an answer waits until that of its stamp has arrived.
 
-    After a timeout the sensor is not waited for again until it has answered.
+    After a timeout the topic is not waited for again until it has answered.
+
+    Attributes:
+        is_silent: whether the present interval has no message.
+    """
+
+    def __init__(
+        self,
+        node: SuiteNode,
+        topic: Topic,
+        retry: Callable[[], None],
+        wait_s: float,
+        *,
+        is_awaited: bool,
+    ) -> None:
+        """Listen to a topic; `retry` is called when what was waited for may be there."""
+        self._topic, self._retry = topic, retry
+        self._kept: dict[int, LeaderPreview] = {}
+        self._awaited_ns = self._given_up_ns = -1
+        self.is_silent = False
+        # The first message must not be missed: the publisher keeps it.
+        node.listen(topic, self._on_message, qos=TOPICS[topic].offered_qos)
+        self._timer: Timer | None = None
+        if is_awaited:
+            self._timer = node.every(wait_s, self._give_up)
+            self._timer.cancel()
+
+    def begin_trip(self) -> None:
+        """Forget the messages of another trip."""
+        self._kept.clear()
+        self._awaited_ns = self._given_up_ns = -1
+
+    def taken(self, now_ns: int) -> LeaderPreview | None:
+        """Return the message of a stamp, None for none; older ones are forgotten."""
+        found = self._kept.get(now_ns)
+        for stamp_ns in [stamp_ns for stamp_ns in self._kept if stamp_ns <= now_ns]:
+            del self._kept[stamp_ns]
+        self.is_silent = found is None
+        return found
+
+    def allows_answer_to(self, stamp_ns: int) -> bool:
+        """Return whether the present state, of a stamp, may be answered; else wait for the message."""
+        known = stamp_ns in self._kept or stamp_ns == self._given_up_ns
+        if self._timer is None or self.is_silent or known:
+            return True
+        if stamp_ns != self._awaited_ns:
+            self._awaited_ns = stamp_ns
+            self._timer.reset()
+        return False
+
+    def _on_message(self, message: PointCloud2) -> None:
+        stamp_ns, preview = decode_leader_preview(message, self._topic)
+        self._kept[stamp_ns] = preview
+        while len(self._kept) > _KEPT:
+            del self._kept[next(iter(self._kept))]
+        self._retry()
+
+    def _give_up(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+        self._given_up_ns = self._awaited_ns
+        self._retry()
+
+
+class NodeRangeSensor:
+    """What the safety monitor has of the vehicle ahead: measurements, and messages that are authenticated.
 
     Attributes:
         is_silent: whether the present interval has no measurement.
@@ -122,55 +188,43 @@ class NodeRangeSensor:
     def __init__(
         self, node: SuiteNode, options: PlantNodeParameters, retry: Callable[[], None]
     ) -> None:
-        """Listen to the sensor; `retry` is called when what was waited for may be there."""
+        """Listen to both; `retry` is called when what was waited for may be there."""
         self._is_used = options.safety_monitor
-        self._samples: dict[int, LeaderPreview] = {}
-        self._retry = retry
-        self._awaited_ns = self._given_up_ns = -1
+        is_awaited = self._is_used and options.mode is LoopMode.LOCK_STEP
+        self._samples = StampedInput(
+            node, Topic.LEADER_SAMPLES, retry, WAIT_S, is_awaited=is_awaited
+        )
+        self._previews: StampedInput | None = None
+        if self._is_used and options.authenticated_radio:
+            self._previews = StampedInput(
+                node, Topic.LEADER_PREVIEW, retry, PREVIEW_WAIT_S, is_awaited=is_awaited
+            )
+        self._heard = LeaderPreview.empty()
         self.is_silent = False
         self.silent_intervals = 0
-        # The first message must not be missed: the publisher keeps it.
-        qos = TOPICS[Topic.LEADER_SAMPLES].offered_qos
-        node.listen(Topic.LEADER_SAMPLES, self._on_samples, qos=qos)
-        self._timer: Timer | None = None
-        if self._is_used and options.mode is LoopMode.LOCK_STEP:
-            self._timer = node.every(WAIT_S, self._give_up)
-            self._timer.cancel()
 
     def begin_trip(self) -> None:
-        """Forget the measurements of another trip."""
-        self._samples.clear()
-        self._awaited_ns = self._given_up_ns = -1
+        """Forget what belongs to another trip."""
+        self._samples.begin_trip()
+        self._heard = LeaderPreview.empty()
+        if self._previews is not None:
+            self._previews.begin_trip()
 
     def measure(self, state: VehicleState) -> LeaderPreview | None:
         """Return the measurements of the interval that begins with a state; None if the sensor is silent."""
-        now_ns = round(state.time_s * NS_PER_S)
-        found = self._samples.get(now_ns)
-        for stamp_ns in [stamp_ns for stamp_ns in self._samples if stamp_ns <= now_ns]:
-            del self._samples[stamp_ns]
+        found = self._samples.taken(round(state.time_s * NS_PER_S))
         self.is_silent = self._is_used and found is None
         self.silent_intervals += self.is_silent
         return found
 
+    def heard(self, stamp_ns: int) -> LeaderPreview:
+        """Return the newest preview at a stamp."""
+        if self._previews is not None:
+            self._heard = self._previews.taken(stamp_ns) or self._heard
+        return self._heard
+
     def allows_answer_to(self, stamp_ns: int) -> bool:
-        """Return whether the present state, of a stamp, may be answered; else wait for its measurements."""
-        known = stamp_ns in self._samples or stamp_ns == self._given_up_ns
-        if self._timer is None or self.is_silent or known:
-            return True
-        if stamp_ns != self._awaited_ns:
-            self._awaited_ns = stamp_ns
-            self._timer.reset()
-        return False
-
-    def _on_samples(self, message: PointCloud2) -> None:
-        stamp_ns, samples = decode_leader_preview(message, Topic.LEADER_SAMPLES)
-        self._samples[stamp_ns] = samples
-        while len(self._samples) > _KEPT:
-            del self._samples[next(iter(self._samples))]
-        self._retry()
-
-    def _give_up(self) -> None:
-        if self._timer is not None:
-            self._timer.cancel()
-        self._given_up_ns = self._awaited_ns
-        self._retry()
+        """Return whether the present state, of a stamp, may be answered; else wait for what belongs to it."""
+        if not self._samples.allows_answer_to(stamp_ns):
+            return False
+        return self._previews is None or self._previews.allows_answer_to(stamp_ns)

@@ -24,7 +24,7 @@ from iptm_ros.codecs import (
     stamp_of,
 )
 from iptm_ros.node_health import Watchdog
-from iptm_ros.parameters import FrictionInput, declare_parameters
+from iptm_ros.parameters import declare_parameters
 from iptm_ros.process import EXIT_DEFECT
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import TOPICS, Topic
@@ -89,7 +89,6 @@ class TripNode(SuiteNode):
         self._held: tuple[int, Command] | None = None
         self._neighbours = Neighbours(self, self._options, self._release)
         self._range_sensor = NodeRangeSensor(self, self._options, self._release)
-        self._friction = FrictionInput(self, self._options.road_friction)
         self._trip.watch(self._range_sensor.measure)
         self._commands = self.listen(Topic.COMMAND, self._on_command)
         self._start_timer = self.every(START_PERIOD_S, self._look_for_start)
@@ -215,7 +214,7 @@ class TripNode(SuiteNode):
         self, command: Command | None, source: CommandSource = CommandSource.ANSWER
     ) -> None:
         try:
-            self._trip.plant.monitor.friction = self._friction.coefficient
+            self._trip.plant.hear(self._range_sensor.heard(self._trip.stamp_ns))
             self._trip.advance(command, source)
         except PackEmptyError as error:
             self._failure = str(error)

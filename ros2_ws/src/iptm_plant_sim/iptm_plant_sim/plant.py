@@ -17,6 +17,7 @@ from iptm_core.braking import (
 from iptm_core.errors import PackEmptyError, StateError
 from iptm_core.frozen import replace
 from iptm_core.parameters.model import ModelParameters
+from iptm_core.radio_lead import RadioLead
 from iptm_core.settings import IntegrationSettings, ThermalModel
 from iptm_core.state import (
     ChannelCells,
@@ -24,6 +25,7 @@ from iptm_core.state import (
     FloatArray,
     FullChannelState,
     IntervalPowers,
+    LeaderPreview,
     SafetyRecord,
     VehicleState,
 )
@@ -84,6 +86,7 @@ class Plant:
         self._sensor: RangeSensor | None = None
         self._calm: CalmInterval | None = None
         self._memory = MonitorMemory()
+        self._heard = LeaderPreview.empty()
         self._slope_at = slope_at
         self._step_s = step_s
         self._pack = PackIntegration(parameters, thermal_model)
@@ -96,9 +99,14 @@ class Plant:
             sensor: called once at the start of every interval, in order; None for no monitor.
         """
         self._sensor = sensor
+        self._heard = LeaderPreview.empty()
         if sensor is not None:
             self._calm = calm_interval(self.monitor.settings, self.parameters.brakes)
         self.resume(memory or MonitorMemory())
+
+    def hear(self, preview: LeaderPreview) -> None:
+        """Take the newest preview of the vehicle ahead; the monitor counts on an authenticated one only."""
+        self._heard = preview
 
     def resume(self, memory: MonitorMemory) -> None:
         """Let the safety monitor go on with the memory of the step from which the next one starts."""
@@ -180,8 +188,15 @@ class Plant:
             actuated = replace(report.actuated, acceleration_m_s2=delivered)
             return self._drive_interval(state, replace(report, actuated=actuated), duration_s)
         driven = self.monitor, brakes, self._drive_interval, state, report, duration_s, slope_rad
-        interval = MonitoredInterval(*driven, self._calm)
-        step = interval.drive(self._memory, self._sensor(state))
+        memory, heard = self._memory, None
+        if self.monitor.settings.authenticated_radio:
+            heard = RadioLead.of(self._heard, state.time_s)
+        before = memory.radio
+        counts = heard is not None and before is not None and heard.follows(before)
+        if heard is not None:
+            memory = replace(memory, radio=heard)
+        interval = MonitoredInterval(*driven, self._calm, heard if counts else None)
+        step = interval.drive(memory, self._sensor(state))
         self._memory = step.memory
         return step
 

@@ -28,6 +28,7 @@ from iptm_core.braking import (
 from iptm_core.frozen import light, replace
 from iptm_core.lead_track import LeadTrack
 from iptm_core.parameters.model import BrakeParameters
+from iptm_core.radio_lead import RadioLead
 from iptm_core.state import ROUNDING_S, LeaderState
 
 SHARE_TIME_CONSTANT_S = 0.3
@@ -63,6 +64,7 @@ class MonitorMemory:
         followed_m_s2: hardest deceleration that the brakes delivered in full.
         road_m_s2: deceleration at which the road met its limit, 0 where it has not.
         lead: the vehicle ahead.
+        radio: the same by its newest message, None before the first one.
     """
 
     braking: bool = False
@@ -74,6 +76,7 @@ class MonitorMemory:
     followed_m_s2: float = 0.0
     road_m_s2: float = 0.0
     lead: LeadTrack = field(default_factory=LeadTrack)
+    radio: RadioLead | None = None
 
 
 def stopping_distance_m(
@@ -129,13 +132,12 @@ class RoadBraking:
 class SafetyMonitor:
     """The rule with its parameters; pure, what changes is in `MonitorMemory`.
 
-    Attributes:
-        friction: coefficient of friction of the road as it is known, 0 for one that is not.
+    The friction of the road is the one of its settings: a value that is published while driving lengthens the
+    distance that the controller keeps, in comfort. Here it would brake at once.
     """
 
     def __init__(self, settings: SafetyMonitorSettings, brakes: BrakeParameters) -> None:
         self.settings = settings
-        self.friction = settings.road_friction
         self._brakes = brakes
         self._own_m_s2 = min(settings.monitor_own_deceleration_m_s2, brakes.max_deceleration_m_s2)
 
@@ -153,9 +155,10 @@ class SafetyMonitor:
         """
         settings, lead_m_s2 = self.settings, self.settings.monitor_lead_deceleration_m_s2
         slippery_m_s2 = min(settings.monitor_slippery_deceleration_m_s2, self._own_m_s2)
-        full = braking_capability(self._own_m_s2, lead_m_s2, self.friction, slope_rad)
+        friction = settings.road_friction
+        full = braking_capability(self._own_m_s2, lead_m_s2, friction, slope_rad)
         slippery = None
-        if self.friction == 0.0 and slippery_m_s2 > 0.0:
+        if friction == 0.0 and slippery_m_s2 > 0.0:
             lead_m_s2 = min(SLIPPERY_LEAD_SHARE * slippery_m_s2, lead_m_s2)
             slippery = braking_capability(slippery_m_s2, lead_m_s2, 0.0, slope_rad)
         if shown_m_s2 > 0.0 and full.own_m_s2 > shown_m_s2:

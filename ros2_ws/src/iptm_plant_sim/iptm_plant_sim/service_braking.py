@@ -16,6 +16,7 @@ from itertools import pairwise
 from iptm_core.frozen import light, replace
 from iptm_core.lead_track import LeadTrack
 from iptm_core.parameters.model import ModelParameters
+from iptm_core.radio_lead import RadioLead
 from iptm_core.state import Command, LeaderPreview, SafetyRecord, VehicleState
 from iptm_plant_sim.actuators import (
     STANDSTILL_ACCELERATION_M_S2,
@@ -110,6 +111,7 @@ class MonitoredInterval:
         duration_s: float,
         slope_rad: float = 0.0,
         calm: CalmInterval | None = None,
+        radio: RadioLead | None = None,
     ) -> None:
         """Set up an interval.
 
@@ -118,10 +120,11 @@ class MonitoredInterval:
             report: the command after the limits of comfort; its acceleration is the requested one.
             slope_rad: slope at its start, positive uphill.
             calm: judges in C whether the monitor need not look closer.
+            radio: where messages place the vehicle ahead; None where they do not count.
         """
         self._monitor, self._brakes, self._drive_interval = monitor, brakes, drive_interval
         self._state, self._report, self._duration_s = state, report, duration_s
-        self._slope_rad, self._calm = slope_rad, calm
+        self._slope_rad, self._calm, self._radio = slope_rad, calm, radio
         self._requested_m_s2 = report.actuated.acceleration_m_s2
         self._delivered_m_s2 = brakes.delivered_m_s2(self._requested_m_s2)
         self._stands = (
@@ -142,10 +145,14 @@ class MonitoredInterval:
         Args:
             samples: measurements of the vehicle ahead; see `LeadMeasurements`.
         """
+        radio = self._radio
+        if radio is not None and (samples is None or radio.agrees_with(samples)):
+            radio = None
         calm = not memory.braking and self._is_comfort(memory.requested_m_s2)
-        judged = self._judged_in_c(memory, samples) if calm else None
+        judged = self._judged_in_c(memory, samples) if calm and radio is None else None
         if judged is None:
-            leads = LeadMeasurements(memory.lead, samples, self._motion_at, self._state.time_s)
+            given = memory.lead, samples, self._motion_at, self._state.time_s
+            leads = LeadMeasurements(*given, radio)
             if not calm or self._may_be_unsafe(memory, leads):
                 return self._drive_in_pieces(replace(memory, lead=leads.track), leads)
             judged = leads.track, leads.smallest_gap_m(self._state.time_s)

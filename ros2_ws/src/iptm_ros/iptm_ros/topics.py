@@ -219,9 +219,9 @@ _SPECS = (
     TopicSpec(
         Topic.ROAD_FRICTION, Float64, "the user's", "-", "1",
         "coefficient of friction of the road as a rain sensor, a weather service or the brakes show it: "
-        "about 0.9 dry, 0.35 wet, 0.2 snow, 0.1 ice; 0: not known. Plant and controller hear it; it counts "
-        "instead of road_friction for 60 s of wall time", rate="on change, and at least every minute",
-        on_request=True,
+        "about 0.9 dry, 0.35 wet, 0.2 snow, 0.1 ice; 0: not known. The controller keeps its distance for it, "
+        "in comfort, instead of for road_friction for 60 s of wall time",
+        rate="on change, and at least every minute", on_request=True,
     ),
     TopicSpec(
         Topic.ENGAGEMENT, JointState, VEHICLE, EGO_FRAME, "see fields",

@@ -58,6 +58,7 @@ _REMAPPED: Mapping[str, Mapping[str, str]] = {
         topic.value: faulty_name(topic.value)
         for topic in (Topic.PLANT_STATE, Topic.LEADER, Topic.LEADER_PREVIEW, Topic.SLOPE)
     },
+    PLANT: {Topic.LEADER_PREVIEW.value: faulty_name(Topic.LEADER_PREVIEW.value)},
     BRIDGE: {
         Topic.CLOCK.value: faulty_name(Topic.CLOCK.value),
         Topic.LEADER.value: route_name(Topic.LEADER.value),

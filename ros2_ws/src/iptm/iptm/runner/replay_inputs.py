@@ -52,7 +52,7 @@ INPUTS: Mapping[str, tuple[Topic, ...]] = {
         Topic.ENGAGEMENT,
     ),
     BRIDGE: (Topic.CLOCK,),
-    PLANT: (Topic.LEADER_SAMPLES, Topic.COMMAND, Topic.ROAD_FRICTION),
+    PLANT: (Topic.LEADER_SAMPLES, Topic.LEADER_PREVIEW, Topic.COMMAND),
 }
 """Recorded inputs of each node; a bridge on received messages also needs the position of the ego vehicle."""
 

@@ -19,10 +19,11 @@ typedef struct {
   double requested_m_s2, delivered_m_s2, brake_share;
   iptm_braking_capability full, slippery;
   double may_be_slippery, better_grip_m_s2;
+  double unexplained_m, unexplained_mean_m;
 } interval;
 
 typedef struct {
-  double acceleration_m_s2, period_s, smallest_gap_m;
+  double acceleration_m_s2, period_s, smallest_gap_m, unexplained_m, unexplained_mean_m;
 } outcome;
 
 static double larger(double first, double second) { return second > first ? second : first; }
@@ -71,6 +72,17 @@ static bool may_repeat(const sample *rows, int count) {
   return !are_apart(values, count, 2.0 * IDENTICAL_M);
 }
 
+/* Follow the residual of the position over one step; return whether it stays within its limit. */
+static bool is_explained(double farther_m, double change_m_s, double interval_s, outcome *found) {
+  const double excess_m = fabs(farther_m) - 0.5 * fabs(change_m_s) * interval_s;
+  const double unexplained_m = excess_m > 0.0 ? copysign(excess_m, farther_m) : 0.0;
+  const double share = smaller(interval_s / RANGE_TIME_S, 1.0);
+  found->unexplained_m = (found->unexplained_m + unexplained_m) * (1.0 - share);
+  found->unexplained_mean_m += share * (fabs(unexplained_m) - found->unexplained_mean_m);
+  return !(fabs(found->unexplained_m) - RANGE_LIMIT_M - NOISE_LIMIT * found->unexplained_mean_m >
+           0.0);
+}
+
 /* Whether every measurement continues the motion that the one before shows. */
 static bool are_plain(const sample *last, int measured, outcome *found) {
   int i;
@@ -82,7 +94,8 @@ static bool are_plain(const sample *last, int measured, outcome *found) {
                              0.5 * (last->speed_m_s + now->speed_m_s) * interval_s;
     if (!(RESOLUTION_S < interval_s && interval_s <= LARGEST_MEASURING_INTERVAL_S &&
           fabs(farther_m) <= ANOTHER_LEAD_M && fabs(change_m_s) <= ANOTHER_LEAD_M_S &&
-          now->position_m < FREE_POSITION_M)) {
+          now->position_m < FREE_POSITION_M) ||
+        !is_explained(farther_m, change_m_s, interval_s, found)) {
       return false;
     }
     found->acceleration_m_s2 = change_m_s / interval_s;
@@ -144,6 +157,8 @@ int iptm_calm_interval(const iptm_monitor_settings *settings, const interval *ov
   const int before = remembered < 2 ? remembered : 2;
   int i;
   found->smallest_gap_m = INFINITY;
+  found->unexplained_m = over->unexplained_m;
+  found->unexplained_mean_m = over->unexplained_mean_m;
   for (i = 0; i < measured; ++i) {
     sample *const now = first + i;
     now->time_s = times_s[i];
