@@ -13,6 +13,7 @@ from iptm_core.parameters.catalogue import cars, cells
 from iptm_core.physics.cell import cell_resistance_ohm
 
 sys.path.append(str(Path(__file__).parents[2] / "docs"))
+pytest.importorskip("iptm_vehicle_interface", reason="the extra is not installed")
 from cars_reference import consumption_wh_km
 
 # A pouch cell of 78 Ah as the only thing that a user changes of the default set.

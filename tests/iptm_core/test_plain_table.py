@@ -57,7 +57,7 @@ def test_numbers_by_hand(write: Path) -> None:
         ),
         (
             "time_s,speed_m_s\n0,0\n1,-2\n",
-            r"line 3, column speed_m_s: value -2; allowed: 0 or more",
+            r"line 3, column speed_m_s: value -2; allowed: 0 to 70",
         ),
         ("time_s,speed_m_s\n0,0\n0,2\n", r"line 3, column time_s: value 0; allowed: 0 to 60 s"),
         ("time_s,speed_m_s\n0,0\n1\n", r"line 3: 1 values; allowed: 2"),

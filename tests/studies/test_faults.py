@@ -197,7 +197,7 @@ def test_the_page_has_a_row_for_every_entry_of_the_catalogue() -> None:
 
 
 def test_the_shipped_catalogue_has_every_kind() -> None:
-    """Those that happen at one instant; cars that cut in at random have the study `cut_ins`."""
+    """Those that happen at one instant; cars that cut in at random have a test of their own."""
     cycles, entries = read_catalogue()
     assert len(cycles) >= 2
     at_random = {FaultKind.LEADER_CUT_INS_BY_ROOM, FaultKind.LEADER_CUT_INS_BY_HEADWAY}

@@ -32,11 +32,9 @@ FROM_OUTSIDE = {"iptm", "studies", "numpy", "pandas", "matplotlib", "jinja2", "y
 MORE = {
     # Options are read before `iptm` is loaded.
     "faults/options.py": {"iptm_core"},
-    "random_cars/options.py": {"iptm_core"},
     "embedded": {"iptm_ecu"},
     "embedded/safeguard": {"iptm_controller", "iptm_core", "iptm_plant_sim"},
     "traffic": {"iptm_traffic"},
-    "fleet": {"iptm_traffic", "iptm_vehicle_interface"},
     "v2x/prediction.py": {"iptm_traffic"},
     "validation": {"scipy"},
     "validation/drivers.py": {"iptm_drives"},
@@ -66,7 +64,7 @@ def test_the_short_form_has_the_numbers_of_the_record(
 
     ``scripts/study NAME --page`` makes it.
     """
-    if name in {"fleet", "traffic"}:
+    if name == "traffic":
         pytest.importorskip("traci")
     if name == "vehicle":
         pytest.importorskip("cantools")

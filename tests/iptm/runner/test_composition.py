@@ -59,6 +59,7 @@ def test_values_arrive_and_the_bridge_starts_where_the_model_does() -> None:
 
 def test_the_road_of_a_plan_need_be_as_long_as_the_trip_only() -> None:
     """The whole of US06 is 12.9 km."""
+    pytest.importorskip("iptm_drives", reason="the extra is not installed")
     road = Path(__file__).parents[3] / "docs" / "examples" / "phone_drive.gpx"
     trip = Trip.of("us06", slope=str(road), duration_s=60.0)
     bridge = BridgeNodeParameters(**node_parameters(trip)[BRIDGE])  # type: ignore[arg-type]

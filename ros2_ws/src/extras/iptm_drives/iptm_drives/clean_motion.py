@@ -9,6 +9,7 @@ from iptm_core.errors import RouteError
 from iptm_core.routes.cycles import cumulative_integral
 from iptm_core.routes.drive_table import DriveTable, lengths
 from iptm_core.routes.road_line import MAX_LATITUDE_DEG
+from iptm_core.routes.user_csv import MAX_SPEED_M_S
 from iptm_core.state import FloatArray
 from iptm_drives.cells import MOST_INVALID
 from iptm_drives.clean_places import (
@@ -19,8 +20,6 @@ from iptm_drives.clean_places import (
 )
 from iptm_drives.contradictions import distances, factors_near, windows
 
-MAX_SPEED_M_S = 70.0
-"""252 km/h: no road car follows anything faster."""
 MAX_ACCELERATION_M_S2 = 12.0
 _NOISE_M_S = 1.5
 _MAX_REVERSING_M_S, _NOTED_REVERSING_M_S = 3.0, 0.3

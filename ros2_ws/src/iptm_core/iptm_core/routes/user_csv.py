@@ -49,6 +49,8 @@ MAX_BYTES = 100_000_000
 """A day at 100 Hz, or a week at 10 Hz."""
 MAX_STEP_S = 60.0
 """Longest time between two rows."""
+MAX_SPEED_M_S = 70.0
+"""252 km/h: no road car follows anything faster."""
 LAUNCH_ACCELERATION_M_S2 = 1.5
 """Acceleration of the ramp put in front of a trace that starts at speed."""
 
@@ -173,7 +175,10 @@ def _plain(
             ~((steps > 0.0) & (steps <= MAX_STEP_S)),
             f"0 to {MAX_STEP_S:g} s after the row before",
         ),
-        "speed_m_s": (columns["speed_m_s"] < 0.0, "0 or more"),
+        "speed_m_s": (
+            (columns["speed_m_s"] < 0.0) | (columns["speed_m_s"] > MAX_SPEED_M_S),
+            f"0 to {MAX_SPEED_M_S / table.named('speed_m_s')[1]:.6g}",
+        ),
         "latitude_deg": (
             np.abs(columns.get("latitude_deg", steps * 0.0)) > MAX_LATITUDE_DEG,
             f"up to {MAX_LATITUDE_DEG:g}",

@@ -3,7 +3,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from iptm.commands.drives import drive as main
+
+from iptm_drives.commands import drive as main
 
 ROOT = Path(__file__).resolve().parents[3]
 EXAMPLE = ROOT / "docs" / "examples" / "phone_drive.gpx"
