@@ -7,12 +7,10 @@ from typing import Any
 
 from studies.savings import BASELINE, PRODUCTION
 
-from iptm.parts import (
-    CELSIUS_ZERO_K,
-    DEFAULT_SET,
-    SINGLE_HORIZON,
-    ControllerSettings,
-)
+from iptm_controller.horizon import SINGLE_HORIZON
+from iptm_controller.settings import ControllerSettings
+from iptm_core.parameters import DEFAULT_SET
+from iptm_core.units import CELSIUS_ZERO_K
 
 DEFAULT, REFERENCE = "default", "reference"
 _CONTROLLER = ControllerSettings()

@@ -12,7 +12,9 @@ from studies.validation import excerpts
 from studies.validation.excerpts import Drive, Driver, Trip
 from studies.validation.i3_vehicle import road_slope_rad
 
-from iptm.parts import FloatArray, IptmError, MeasurementError, read_user_trip
+from iptm_core.errors import IptmError, MeasurementError
+from iptm_core.routes.user_csv import read_user_trip
+from iptm_core.state import FloatArray
 
 T = TypeVar("T")
 FASTEST_M_S = 36.0

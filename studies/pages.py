@@ -16,7 +16,7 @@ from datetime import datetime, timezone
 from pathlib import Path
 
 from iptm.fingerprint import SUITE, fingerprint, fingerprint_of_files
-from iptm.parts import StoreError
+from iptm_core.errors import StoreError
 
 STUDIES = Path(__file__).parent
 RECORD = "record.json"

@@ -18,7 +18,8 @@ from studies.__main__ import CONFIRM, EXIT_NOT_HELD, EXIT_OK, NAMES, PROGRAM, ST
 from studies.pages import STUDIES, Record, code_of, digest_of, numbers_of, today
 from studies.session import RESULTS, Session
 
-from iptm.parts import IptmError, ScenarioError, refused
+from iptm_core.errors import IptmError, ScenarioError
+from iptm_core.program import refused
 
 TIMES_OUT_OF_DATE = "the code has changed since these times were measured"
 

@@ -10,7 +10,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from iptm.parts import ModelParameters, RunMetrics, Trajectory, at_equal_end, saved_percent
+from iptm_core.metrics import RunMetrics, at_equal_end
+from iptm_core.metrics.saving import saved_percent
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.trajectory import Trajectory
 
 MOVING_M_S = 5.0
 """Headways count above this speed."""

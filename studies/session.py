@@ -14,7 +14,7 @@ import pandas as pd
 from studies.pages import PAGE, STUDIES, put, without_foot
 
 import iptm
-from iptm.parts import render_page
+from iptm_core.markdown import render_page
 
 RESULTS = STUDIES.parent / "results"
 

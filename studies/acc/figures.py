@@ -10,14 +10,12 @@ import pandas as pd
 from studies.acc.scenes import Scene
 from studies.savings import road_taken, savings
 
-from iptm.parts import (
-    CELSIUS_ZERO_K,
-    NO_VALUE,
-    FloatArray,
-    ModelParameters,
-    Trajectory,
-    compute_metrics,
-)
+from iptm_core.markdown import NO_VALUE
+from iptm_core.metrics import compute_metrics
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.state import FloatArray
+from iptm_core.trajectory import Trajectory
+from iptm_core.units import CELSIUS_ZERO_K
 
 ROLLING_M_S = 1.0
 REAL = "real follower"

@@ -32,15 +32,12 @@ from studies.savings import BASELINE, BASES, COLUMNS, PREVIEWS, PRODUCTION
 from studies.session import Session
 
 import iptm
-from iptm.parts import (
-    LeaderState,
-    Plant,
-    ProductionLikeController,
-    ProductionSettings,
-    ScenarioError,
-    Trajectory,
-    load_parameters,
-)
+from iptm_controller.production import ProductionLikeController, ProductionSettings
+from iptm_core.errors import ScenarioError
+from iptm_core.parameters import load_parameters
+from iptm_core.state import LeaderState
+from iptm_core.trajectory import Trajectory
+from iptm_plant_sim.plant import Plant
 
 LONG_SCENES, SHORT_SCENES = 6, 1
 LONG_S = 1200

@@ -12,7 +12,8 @@ from studies.savings import MOVING_M_S
 from studies.validation import excerpts
 from studies.validation.excerpts import Drive, Driver
 
-from iptm.parts import FloatArray, MeasurementError
+from iptm_core.errors import MeasurementError
+from iptm_core.state import FloatArray
 
 SCENES = 40
 SHORTEST_S, LONGEST_S = 60, 150

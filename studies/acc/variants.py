@@ -14,7 +14,8 @@ from studies.savings import BASELINE, PREVIEWS, PRODUCTION, road_taken
 from studies.session import Case, Session
 
 import iptm
-from iptm.parts import DEFAULT_SET, ModelParameters, load_parameters
+from iptm_core.parameters import DEFAULT_SET, load_parameters
+from iptm_core.parameters.model import ModelParameters
 
 SHORTEST_HEADWAY_S, LONGEST_HEADWAY_S = 0.3, 1.5
 ROOM_S = 0.25

@@ -24,7 +24,9 @@ from studies.embedded.safeguards import (
 )
 from studies.session import Session
 
-from iptm.parts import FloatArray, StoreError, table_of
+from iptm_core.errors import StoreError
+from iptm_core.markdown import table_of
+from iptm_core.state import FloatArray
 from iptm_ecu.codegen import write_controller
 
 MEASURES_TIME = True

@@ -13,19 +13,16 @@ from studies.savings import BASELINE, BASES, PRODUCTION
 from studies.session import Session, inputs_of
 
 import iptm
-from iptm.parts import (
-    DEFAULT_STRATEGY,
-    KM_H_PER_M_S,
-    MULTI_HORIZON,
-    OF_THE_CYCLE,
-    FloatArray,
-    LeaderSource,
-    Rung,
-    Trajectory,
-    given_rules,
-    saved_percent,
-    table_of,
-)
+from iptm_controller.horizon import MULTI_HORIZON
+from iptm_controller.strategy import DEFAULT_STRATEGY
+from iptm_core.decision_record import Rung
+from iptm_core.markdown import table_of
+from iptm_core.metrics.saving import saved_percent
+from iptm_core.settings import LeaderSource
+from iptm_core.state import FloatArray
+from iptm_core.trajectory import Trajectory
+from iptm_core.units import KM_H_PER_M_S
+from iptm_v2x_bridge.rules_of_the_road import OF_THE_CYCLE, given_rules
 
 STRATEGIES = (PRODUCTION, BASELINE, DEFAULT_STRATEGY, "reference", "reference_aging")
 LINES = ", ".join(f"{1000 * k}:80:{(31 * k) % 80}:35" for k in range(1, 12))

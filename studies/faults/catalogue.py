@@ -11,17 +11,14 @@ import numpy as np
 from studies.drives import trip
 from studies.session import inputs_of
 
-from iptm.parts import (
-    Fault,
-    FaultPlace,
-    ScenarioError,
-    StrictMapping,
-    TextEnum,
-    Trajectory,
-    faults_from,
-    read_yaml,
-)
+from iptm.faults.fault import Fault, faults_from
+from iptm.faults.kinds import FaultPlace
 from iptm.runner.trial import REAL_TIME_RATE, DriveMode, Trial
+from iptm_core.declaration import TextEnum
+from iptm_core.errors import ScenarioError
+from iptm_core.parameters.strict_yaml import read_yaml
+from iptm_core.trajectory import Trajectory
+from iptm_core.user_input import StrictMapping
 
 FIRST_S = 60.0
 """Earliest trip time at which a fault begins."""

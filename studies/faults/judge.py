@@ -13,16 +13,13 @@ import numpy as np
 from studies.faults.catalogue import Entry, ReportPolicy
 from studies.judged import Judged
 
-from iptm.parts import (
-    TRAJECTORY_COLUMNS,
-    Fault,
-    FaultPlace,
-    Rung,
-    Trajectory,
-    check_constraints,
-    gaps_when_braking,
-)
+from iptm.bounds import gaps_when_braking
+from iptm.faults.fault import Fault
+from iptm.faults.kinds import FaultPlace
 from iptm.runner.trial import NO_REPORT, DriveMode, DrivenTrial, Interval, Level, StatusReport
+from iptm_core.decision_record import Rung
+from iptm_core.metrics.constraints import check_constraints
+from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 
 STEADY_TICKS = 3
 """Consecutive normal ticks after which operation counts as normal."""

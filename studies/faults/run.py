@@ -22,7 +22,7 @@ from studies.faults.judge import NOT_REACHED, judge_trial, verdict_of
 from studies.judged import Judged
 from studies.session import Session
 
-from iptm.parts import FaultKind, ScenarioError, check_known
+from iptm.faults.kinds import FaultKind
 from iptm.runner.trial import (
     INPUT_TIMEOUT_S,
     REAL_TIME_RATE,
@@ -31,6 +31,8 @@ from iptm.runner.trial import (
     drive_headless,
     drive_over_ros,
 )
+from iptm_core.errors import ScenarioError
+from iptm_core.user_input import check_known
 
 SHORT_KINDS = ("preview_lost", "brakes_weak")
 _MODES = {

@@ -14,7 +14,9 @@ from studies.savings import PRODUCTION, road_taken, saved
 from studies.session import Session
 
 import iptm
-from iptm.parts import FloatArray, Trajectory, drive_string_in_memory
+from iptm.vehicle_string import drive_string_in_memory
+from iptm_core.state import FloatArray
+from iptm_core.trajectory import Trajectory
 
 CYCLES = ("wltc_class3b", "us06")
 STRING_CARS = 20

@@ -20,7 +20,7 @@ from studies.savings import PRODUCTION, road_taken, saved
 from studies.session import Session
 
 import iptm
-from iptm.parts import Controller
+from iptm_controller.controller import Controller
 
 OPTIMUM = "optimum of the whole trip at 2 s"
 BOTH, FAR = "default at 2 s, perfect preview", "default at up to 120 m, perfect preview"

@@ -26,7 +26,8 @@ from studies.savings import BASELINE, PREVIEWS, PRODUCTION, road_taken, saved
 from studies.session import Case, Session
 
 import iptm
-from iptm.parts import CYCLE_NAMES, FloatArray
+from iptm_core.routes.cycles import CYCLE_NAMES
+from iptm_core.state import FloatArray
 
 SHORT_CYCLES, SHORT_S = ("us06",), 60.0
 BRAKING_M_S2 = 2.05

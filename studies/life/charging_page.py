@@ -16,19 +16,17 @@ from studies.life.charging_stop import (
     charging_damage,
 )
 
-from iptm.parts import (
-    AGING_CELLS,
-    CELSIUS_ZERO_K,
-    J_PER_KWH,
+from iptm_core.aging_laws.cells import AGING_CELLS, AgingCell
+from iptm_core.aging_laws.law import Mechanism
+from iptm_core.charging_stop import (
     LIMIT_1_H,
     LIMIT_C,
     TAPER_CHARGE,
     TAPER_SHARE,
-    AgingCell,
     ChargingStopSettings,
     FastCharge,
-    Mechanism,
 )
+from iptm_core.units import CELSIUS_ZERO_K, J_PER_KWH
 
 _LEAST_KWH = 1e-4
 """Energy below which heat per energy is not shown."""

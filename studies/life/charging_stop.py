@@ -10,29 +10,22 @@ import numpy as np
 from studies.drives import climate, trip
 
 import iptm
-from iptm.parts import (
-    CELSIUS_ZERO_K,
-    J_PER_KWH,
-    LIMIT_C,
-    AgingCell,
-    ChargingStopSettings,
-    Command,
-    Controller,
-    ControllerOptions,
-    FastCharge,
-    Load,
-    Measurements,
-    Mechanism,
-    ModelParameters,
-    SolverOptions,
-    TextEnum,
-    build_route,
-    fast_charge,
-    load_parameters,
-    mixing_weights,
-)
 from iptm.service_life.trip_map import compressor_j
 from iptm.service_life.year import CITY
+from iptm_controller.controller import Controller
+from iptm_controller.measurements import Measurements
+from iptm_controller.options import ControllerOptions
+from iptm_controller.solvers.factory import SolverOptions
+from iptm_controller.temperature_value import mixing_weights
+from iptm_core.aging_laws.cells import AgingCell
+from iptm_core.aging_laws.law import Load, Mechanism
+from iptm_core.charging_stop import LIMIT_C, ChargingStopSettings, FastCharge, fast_charge
+from iptm_core.declaration import TextEnum
+from iptm_core.parameters import load_parameters
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.routes import build_route
+from iptm_core.state import Command
+from iptm_core.units import CELSIUS_ZERO_K, J_PER_KWH
 
 AIR_C = (-10.0, 0.0, 5.0, 35.0)
 """Temperatures of the air on the way to the charger, and of the pack at the start."""

@@ -16,7 +16,6 @@ from studies.life.trips import trip_case
 from studies.session import Case
 
 from iptm.climate import HOUR_S, Climate
-from iptm.parts import CELSIUS_ZERO_K, LAWS, AgingSettings, ParkedAging, load_parameters
 from iptm.service_life.life import SERVICE_YEARS
 from iptm.service_life.trip_map import START_C, TripMap, heat_capacity_j_k
 from iptm.service_life.year import (
@@ -28,6 +27,10 @@ from iptm.service_life.year import (
     Usage,
     Year,
 )
+from iptm_core.aging_laws.cells import LAWS
+from iptm_core.aging_laws.parking import AgingSettings, ParkedAging
+from iptm_core.parameters import load_parameters
+from iptm_core.units import CELSIUS_ZERO_K
 
 PAPER = "paper"
 """The law of the paper, among the names of the cells."""

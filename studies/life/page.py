@@ -13,9 +13,11 @@ from studies.life import table as life
 from studies.savings import BASELINE, COLUMNS
 
 from iptm import climate
-from iptm.parts import AGING_CELLS, CELSIUS_ZERO_K, Experiments, table_of
 from iptm.service_life import life as losses
 from iptm.service_life import year
+from iptm_core.aging_laws.cells import AGING_CELLS, Experiments
+from iptm_core.markdown import table_of
+from iptm_core.units import CELSIUS_ZERO_K
 
 FLEET = {"cell": "fleet of 22,700 cars", "Rome": 2.3, "Phoenix": 2.7, "hot": 0.4}
 """Capacity lost in percent a year in all and in hot regions, and the difference (Geotab 2026)."""

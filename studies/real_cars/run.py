@@ -21,15 +21,12 @@ from studies.road_space.run import EQUAL, EQUAL_ROAD
 from studies.savings import COLUMNS, PREVIEWS, PRODUCTION, road_taken, savings
 from studies.session import Case, Session
 
-from iptm.parts import (
-    DEFAULT_SET,
-    J_PER_KWH,
-    ModelParameters,
-    RunMetrics,
-    load_parameters,
-    saved_percent,
-    table_of,
-)
+from iptm_core.markdown import table_of
+from iptm_core.metrics import RunMetrics
+from iptm_core.metrics.saving import saved_percent
+from iptm_core.parameters import DEFAULT_SET, load_parameters
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.units import J_PER_KWH
 
 ROLES = tuple(STRATEGIES)
 CYCLE, CAR = "wltc_class3b", "bmw_i3"

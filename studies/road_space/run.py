@@ -27,7 +27,8 @@ from studies.savings import (
 from studies.session import Case, Session
 
 import iptm
-from iptm.parts import CYCLE_NAMES, gap_margins_m
+from iptm_core.metrics import gap_margins_m
+from iptm_core.routes.cycles import CYCLE_NAMES
 
 CYCLES = ("wltc_class3b", "us06", "hwfet")
 TUNED_ON = ("udds", "sc03", "nycc")

@@ -13,15 +13,10 @@ import numpy as np
 import pandas as pd
 from studies.session import Session, inputs_of
 
-from iptm.parts import (
-    Command,
-    LeaderPreview,
-    Plant,
-    Trajectory,
-    VehicleState,
-    braking_leads,
-    emergency_stops,
-)
+from iptm.bounds import braking_leads, emergency_stops
+from iptm_core.state import Command, LeaderPreview, VehicleState
+from iptm_core.trajectory import Trajectory
+from iptm_plant_sim.plant import Plant
 
 GENTLEST_M_S2, HARDEST_M_S2 = 2.0, 9.0
 TICK_S = 0.1

@@ -15,13 +15,9 @@ from studies.judged import Judged
 from studies.safety.r157 import summary
 from studies.safety.trials import NOISE_AND_DELAY, SHIPPED, UNDISTURBED
 
-from iptm.parts import (
-    RunMetrics,
-    StoreError,
-    at_equal_end,
-    figure_values,
-    load_parameters,
-)
+from iptm_core.errors import StoreError
+from iptm_core.metrics import RunMetrics, at_equal_end, figure_values
+from iptm_core.parameters import load_parameters
 
 BEFORE = Path(__file__).parent / "before.json"
 """Savings of an earlier version; the file names it."""

@@ -11,20 +11,13 @@ import numpy as np
 from studies.judged import Judged
 from studies.session import Case
 
-from iptm.parts import (
-    GRAVITY_M_S2,
-    Fault,
-    FaultKind,
-    FaultPlace,
-    ModelParameters,
-    Report,
-    Reporter,
-    Trajectory,
-    at_places,
-    gaps_when_braking,
-    seen_from,
-    tyre_deceleration_m_s2,
-)
+from iptm.bounds import gaps_when_braking, seen_from
+from iptm.faults.fault import Fault, at_places
+from iptm.faults.kinds import FaultKind, FaultPlace
+from iptm.run import Report, Reporter
+from iptm_core.braking import GRAVITY_M_S2, tyre_deceleration_m_s2
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.trajectory import Trajectory
 
 REPORTED_WITHIN_TICKS = 2
 NOTICED_WITHIN_S = 1.0

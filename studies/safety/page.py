@@ -13,7 +13,7 @@ from studies.safety.judging import AVOIDABLE, SOUND_SHARE
 from studies.safety.r157 import summary
 from studies.safety.trials import DELAYS, SETTINGS
 
-from iptm.parts import FaultKind
+from iptm.faults.kinds import FaultKind
 
 
 def safety_values(findings: Findings) -> dict[str, Any]:

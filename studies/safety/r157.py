@@ -19,14 +19,10 @@ from itertools import product
 import numpy as np
 import pandas as pd
 
-from iptm.parts import (
-    GRAVITY_M_S2,
-    Command,
-    LeaderPreview,
-    Plant,
-    VehicleState,
-    load_parameters,
-)
+from iptm_core.braking import GRAVITY_M_S2
+from iptm_core.parameters import load_parameters
+from iptm_core.state import Command, LeaderPreview, VehicleState
+from iptm_plant_sim.plant import Plant
 
 LENGTH_M, WIDTH_M, LANE_M = 4.3, 1.9, 3.5
 STEP_S, LONGEST_S, TICK_S = 0.1, 35.0, 1.0

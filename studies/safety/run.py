@@ -28,8 +28,10 @@ from studies.safety.trials import (
 from studies.session import Case, Session
 
 import iptm
-from iptm.parts import CYCLE_NAMES, FaultKind, Report, Reporter
+from iptm.faults.kinds import FaultKind
+from iptm.run import Report, Reporter
 from iptm.runner.trial import DriveMode, DrivenTrial, Level, drive_over_ros
+from iptm_core.routes.cycles import CYCLE_NAMES
 
 SHORT = {"trials": 2, "braking": 4, "ros": 0, "seed": 1}
 SHORT_S = 40.0

@@ -13,14 +13,10 @@ from numpy.random import Generator
 from studies.drives import DEFAULT, REFERENCE, trip
 from studies.session import Case, inputs_of
 
-from iptm.parts import (
-    CYCLE_NAMES,
-    WHOLE_TRIP_S,
-    Fault,
-    FaultKind,
-    SafetyMonitorSettings,
-    in_order,
-)
+from iptm.faults.fault import WHOLE_TRIP_S, Fault, in_order
+from iptm.faults.kinds import FaultKind
+from iptm_core.braking import SafetyMonitorSettings
+from iptm_core.routes.cycles import CYCLE_NAMES
 
 LONG_CYCLES = ("comprehensive",)
 UNDISTURBED = "undisturbed"

@@ -17,7 +17,8 @@ from typing import Any, get_args, get_origin
 
 import numpy as np
 
-from iptm.parts import FloatArray, IptmError
+from iptm_core.errors import IptmError
+from iptm_core.state import FloatArray
 
 
 def quantiles(values: FloatArray) -> dict[str, float]:

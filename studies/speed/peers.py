@@ -19,34 +19,30 @@ import numpy as np
 from studies.speed.harness import machine_in_words, run_benchmark
 from studies.speed.transcription import Transcription, problem_bounds, transcribe
 
-from iptm.parts import (
-    DEFAULT_STRATEGY,
-    MULTI_HORIZON,
-    Controller,
-    ControllerOptions,
-    FloatArray,
-    Horizon,
-    Plant,
-    SwitchingCheck,
-    build_route,
-    load_parameters,
-    run_closed_loop,
-    strategy_by_name,
-    table_of,
-)
+from iptm.closed_loop import run_closed_loop
+from iptm_controller.controller import Controller
+from iptm_controller.horizon import MULTI_HORIZON, Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.compilation import compile_functions
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.stage import DEFAULT_SMOOTHING
+from iptm_controller.options import ControllerOptions
 from iptm_controller.solvers.factory import build_solver
 from iptm_controller.solvers.interface import SolverBackend
 from iptm_controller.solvers.riccati.backend import RiccatiBackend
+from iptm_controller.solvers.switching_check import SwitchingCheck
+from iptm_controller.strategy import DEFAULT_STRATEGY, strategy_by_name
 from iptm_core.compilation import find_compiler
 from iptm_core.decision_record import SolveStatus
 from iptm_core.errors import SolverSetupError
+from iptm_core.markdown import table_of
+from iptm_core.parameters import load_parameters
 from iptm_core.physics.cell import nominal_charge_parameters
 from iptm_core.physics.ops import named_function
+from iptm_core.routes import build_route
+from iptm_core.state import FloatArray
+from iptm_plant_sim.plant import Plant
 
 OURS, CHECKED = "riccati", "riccati, switching check"
 SIMULATED = "riccati, other cooling simulated"

@@ -23,7 +23,8 @@ from urllib.parse import urlsplit
 
 from studies.speed.harness import run_benchmark, spread
 
-from iptm.parts import ScenarioError, table_of
+from iptm_core.errors import ScenarioError
+from iptm_core.markdown import table_of
 
 ROOT = Path(__file__).resolve().parents[2]
 CASES: dict[str, tuple[str, ...]] = {

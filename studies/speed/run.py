@@ -15,23 +15,18 @@ import numpy as np
 from studies.session import Session
 from studies.speed.harness import machine_in_words, quantiles, spread
 
-from iptm.parts import (
-    DEFAULT_STRATEGY,
-    MULTI_HORIZON,
-    SINGLE_HORIZON,
-    Controller,
-    ControllerOptions,
-    Horizon,
-    Plant,
-    SolveStatus,
-    SwitchingCheck,
-    V2xBridge,
-    build_route,
-    load_parameters,
-    run_closed_loop,
-    strategy_by_name,
-    table_of,
-)
+from iptm.closed_loop import run_closed_loop
+from iptm_controller.controller import Controller
+from iptm_controller.horizon import MULTI_HORIZON, SINGLE_HORIZON, Horizon
+from iptm_controller.options import ControllerOptions
+from iptm_controller.solvers.switching_check import SwitchingCheck
+from iptm_controller.strategy import DEFAULT_STRATEGY, strategy_by_name
+from iptm_core.decision_record import SolveStatus
+from iptm_core.markdown import table_of
+from iptm_core.parameters import load_parameters
+from iptm_core.routes import build_route
+from iptm_plant_sim.plant import Plant
+from iptm_v2x_bridge.bridge import V2xBridge
 
 MEASURES_TIME = True
 SHORT_S = 8.0

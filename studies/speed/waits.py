@@ -17,7 +17,8 @@ from typing import Any
 
 from studies.speed.harness import machine_in_words, run_benchmark
 
-from iptm.parts import ScenarioError, table_of
+from iptm_core.errors import ScenarioError
+from iptm_core.markdown import table_of
 
 ROOT = Path(__file__).resolve().parents[2]
 HELPS = ("scripts/run_demo", "scripts/study", "scripts/setup", "scripts/test", "scripts/iptm")

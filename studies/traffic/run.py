@@ -15,7 +15,10 @@ from studies.savings import BASES, road_taken, savings
 from studies.savings import COLUMNS as SAVINGS
 from studies.session import Session
 
-from iptm.parts import KM_H_PER_M_S, RunMetrics, load_parameters, table_of
+from iptm_core.markdown import table_of
+from iptm_core.metrics import RunMetrics
+from iptm_core.parameters import load_parameters
+from iptm_core.units import KM_H_PER_M_S
 from iptm_traffic.demand import DemandSettings, TrafficScenario
 from iptm_traffic.drive import drive_in_traffic
 from iptm_traffic.own_network import OwnNetwork

@@ -18,36 +18,26 @@ from typing import Any, NamedTuple
 import numpy as np
 from studies.v2x.impostor import CLOCKS, DEPARTURE_S, ContestedSender, Impostor
 
-from iptm.parts import (
-    MULTI_HORIZON,
-    NS_PER_S,
-    STRATEGIES,
-    BridgeAnswer,
-    CamBridge,
-    CamSender,
-    ClosedLoopRun,
-    Controller,
-    ControllerOptions,
-    FloatArray,
-    Foresight,
-    Framing,
-    Plant,
-    PreviewMode,
-    PreviewSettings,
-    RoadLine,
-    Route,
-    SenderSettings,
-    SimulatedRadio,
-    TickBridge,
-    Trajectory,
-    build_route,
-    car_on_road,
-    encode_cam,
-    gap_margins_m,
-    load_parameters,
-    run_closed_loop,
-    table_of,
-)
+from iptm.closed_loop import ClosedLoopRun, run_closed_loop
+from iptm_controller.controller import Controller
+from iptm_controller.horizon import MULTI_HORIZON
+from iptm_controller.options import ControllerOptions
+from iptm_controller.strategy import STRATEGIES
+from iptm_core.markdown import table_of
+from iptm_core.metrics import gap_margins_m
+from iptm_core.parameters import load_parameters
+from iptm_core.routes import Route, build_route
+from iptm_core.routes.road_line import RoadLine
+from iptm_core.settings import PreviewMode, PreviewSettings
+from iptm_core.state import NS_PER_S, FloatArray
+from iptm_core.trajectory import Trajectory
+from iptm_plant_sim.plant import Plant
+from iptm_v2x_bridge.bridge import BridgeAnswer, TickBridge
+from iptm_v2x_bridge.cam_bridge import CamBridge
+from iptm_v2x_bridge.messages.cam import encode_cam
+from iptm_v2x_bridge.radio_recording import SimulatedRadio
+from iptm_v2x_bridge.sender import CamSender, car_on_road
+from iptm_v2x_bridge.settings import Foresight, Framing, SenderSettings
 
 ROAD, PARAMETERS = RoadLine.test_road(), load_parameters().values
 BEGIN_S, END_S, TRIP_S = 25, 33, 45

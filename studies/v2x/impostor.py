@@ -8,15 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from iptm.parts import (
-    NS_PER_S,
-    CamMessage,
-    CamSender,
-    LeaderMotion,
-    RoadLine,
-    SenderSettings,
-    car_on_road,
-)
+from iptm_core.routes.cycles import LeaderMotion
+from iptm_core.routes.road_line import RoadLine
+from iptm_core.state import NS_PER_S
+from iptm_v2x_bridge.messages.cam import CamMessage
+from iptm_v2x_bridge.sender import CamSender, car_on_road
+from iptm_v2x_bridge.settings import SenderSettings
 
 DEPARTURE_S, DRIFT_M_S = 60, 1.0
 LONGEST_DRIVE_S = 1e6

@@ -25,21 +25,18 @@ from rclpy.executors import SingleThreadedExecutor
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
-from iptm.parts import (
-    RoadLine,
-    ScenarioError,
-    car_on_road,
-    delta_time_ms,
-    encode_cam,
-    its_timestamp_ms,
-)
 from iptm.runner.supervisor import environment_of_run, process_environment
+from iptm_core.errors import ScenarioError
+from iptm_core.routes.road_line import RoadLine
 from iptm_its.mapem import IntersectionMap, Lane, encode_mapem
 from iptm_ros.codecs import ns_from_time, time_from_s
 from iptm_ros.diagnostics import find_status, status_values
 from iptm_ros.discovery import reserve_domain
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import Topic
+from iptm_v2x_bridge.messages.cam import encode_cam
+from iptm_v2x_bridge.messages.packets import delta_time_ms, its_timestamp_ms
+from iptm_v2x_bridge.sender import car_on_road
 
 BURST_S = 0.1
 LEADER = 4711

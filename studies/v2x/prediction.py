@@ -7,34 +7,25 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from iptm.parts import (
-    KM_H_PER_M_S,
-    BoundedByRules,
-    CamSender,
-    Heard,
-    History,
-    LeaderMotion,
-    LeaderTrack,
-    LearntProfile,
-    Predictor,
-    PredictorName,
-    ReceivedPath,
-    Regression,
-    RegressionModel,
-    Rejection,
-    RoadLine,
-    RoadRules,
-    SenderSettings,
-    SpeedLimits,
-    Station,
-    build_route,
-    decode_datagram,
-    leader_track,
-    load_parameters,
-    table_of,
-)
+from iptm_core.markdown import table_of
+from iptm_core.parameters import load_parameters
+from iptm_core.road_ahead import SpeedLimits
+from iptm_core.routes import build_route
+from iptm_core.routes.cycles import LeaderMotion
+from iptm_core.routes.road_line import RoadLine
+from iptm_core.units import KM_H_PER_M_S
 from iptm_traffic.drive import opened_traffic
 from iptm_traffic.trip import PredictionInput, TrafficDrive
+from iptm_v2x_bridge.messages.cam import decode_datagram
+from iptm_v2x_bridge.prediction.expected_motion import History, LearntProfile
+from iptm_v2x_bridge.prediction.predictor import LeaderTrack, Predictor, PredictorName, ReceivedPath
+from iptm_v2x_bridge.prediction.regression import Regression, RegressionModel
+from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules
+from iptm_v2x_bridge.rejections import Rejection
+from iptm_v2x_bridge.sender import CamSender
+from iptm_v2x_bridge.settings import SenderSettings
+from iptm_v2x_bridge.stations.plausibility import Heard
+from iptm_v2x_bridge.stations.station import Station, leader_track
 
 # The bounds of the predictors were read off udds, hwfet, us06 and sc03.
 NOT_FITTED_ON = ("wltc_class3b", "nycc")

@@ -17,41 +17,29 @@ from studies.measured_cycles import lead_cycles
 from studies.savings import PREVIEWS, road_taken
 from studies.v2x.prediction import EARLIER_DRIVES, other_drive
 
-from iptm.parts import (
-    GAIN_FACTOR,
-    GAP_TOLERANCE_M,
-    CamBridge,
-    CamSender,
-    Controller,
-    ControllerOptions,
-    ControllerSettings,
-    CycleSource,
-    Foresight,
-    History,
-    Horizon,
-    LearntProfile,
-    Plant,
-    Predictor,
-    PreviewMode,
-    PreviewSettings,
-    ReceivedPath,
-    Regression,
-    RegressionModel,
-    RoadLine,
-    Route,
-    Rung,
-    SenderSettings,
-    SimulatedRadio,
-    TickBridge,
-    V2xBridge,
-    build_route,
-    compute_metrics,
-    gap_margins_m,
-    load_parameters,
-    markdown_table,
-    run_closed_loop,
-    strategy_by_name,
-)
+from iptm.closed_loop import run_closed_loop
+from iptm_controller.controller import Controller
+from iptm_controller.horizon import Horizon
+from iptm_controller.options import ControllerOptions
+from iptm_controller.settings import ControllerSettings
+from iptm_controller.strategy import strategy_by_name
+from iptm_core.decision_record import Rung
+from iptm_core.markdown import markdown_table
+from iptm_core.metrics import compute_metrics, gap_margins_m
+from iptm_core.metrics.constraints import GAP_TOLERANCE_M
+from iptm_core.parameters import load_parameters
+from iptm_core.routes import Route, build_route
+from iptm_core.routes.road_line import RoadLine
+from iptm_core.settings import PreviewMode, PreviewSettings
+from iptm_plant_sim.plant import Plant
+from iptm_v2x_bridge.bridge import CycleSource, TickBridge, V2xBridge
+from iptm_v2x_bridge.cam_bridge import CamBridge
+from iptm_v2x_bridge.prediction.expected_motion import History, LearntProfile
+from iptm_v2x_bridge.prediction.predictor import Predictor, ReceivedPath
+from iptm_v2x_bridge.prediction.regression import GAIN_FACTOR, Regression, RegressionModel
+from iptm_v2x_bridge.radio_recording import SimulatedRadio
+from iptm_v2x_bridge.sender import CamSender
+from iptm_v2x_bridge.settings import Foresight, SenderSettings
 
 FILE, SENSOR = "file", "range sensor only"
 DECAY, PATH = "decaying acceleration", "path prediction"

@@ -12,7 +12,10 @@ from studies.validation.circuit import REFERENCE_K, Circuit, Samples
 from studies.validation.excerpts import CellTest
 from studies.validation.outcome import Comparison, Curve, Figure, Outcome, rms
 
-from iptm.parts import CELSIUS_ZERO_K, FloatArray, ambient_temperature_rate_k_s, render_page
+from iptm_core.markdown import render_page
+from iptm_core.physics.cell import ambient_temperature_rate_k_s
+from iptm_core.state import FloatArray
+from iptm_core.units import CELSIUS_ZERO_K
 
 CAPACITY_AH = 2.9
 RESTED_WITHIN_K = 1.5

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iptm.parts import ChargeTable, ChargeTransfer, FloatArray, ResistanceLaw
+from iptm_core.physics.cell import ChargeTable, ChargeTransfer, ResistanceLaw
+from iptm_core.state import FloatArray
 
 REFERENCE_K = 298.15
 

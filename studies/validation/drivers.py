@@ -15,7 +15,8 @@ import numpy as np
 from studies.validation.excerpts import Drive, Driver
 from studies.validation.outcome import Comparison, Curve, Figure, Outcome
 
-from iptm.parts import FloatArray, render_page
+from iptm_core.markdown import render_page
+from iptm_core.state import FloatArray
 from iptm_drives.predictor_training import predicted_distance_m
 
 NAMES = {

@@ -15,15 +15,11 @@ import pandas as pd
 from studies.validation.excerpts import DATA
 from studies.validation.outcome import Comparison, Curve, Figure, Outcome
 
-from iptm.parts import (
-    AUXILIARY_POWER_W,
-    CHARGING_EFFICIENCY,
-    INERTIA_FACTOR,
-    FloatArray,
-    coast_down_force_n,
-    load_cycle,
-    render_page,
-)
+from iptm_core.markdown import render_page
+from iptm_core.parameters.catalogue import AUXILIARY_POWER_W, CHARGING_EFFICIENCY, INERTIA_FACTOR
+from iptm_core.physics.powertrain import coast_down_force_n
+from iptm_core.routes.cycles import load_cycle
+from iptm_core.state import FloatArray
 
 BLEND_M_S = (3.0 / 3.6, 8.0 / 3.6)
 KWH_PER_GALLON = 33.705

@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from iptm.parts import CELSIUS_ZERO_K, FloatArray, TextEnum
+from iptm_core.declaration import TextEnum
+from iptm_core.state import FloatArray
+from iptm_core.units import CELSIUS_ZERO_K
 
 DATA = Path(__file__).parent / "data"
 OPENACC_STEP_S = 0.2

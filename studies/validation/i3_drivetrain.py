@@ -8,7 +8,9 @@ import numpy as np
 from scipy.ndimage import median_filter
 from studies.validation.excerpts import Trip
 
-from iptm.parts import FloatArray, PowertrainParameters, drag_loss_w, traction_power_w
+from iptm_core.parameters.model import PowertrainParameters
+from iptm_core.physics.powertrain import drag_loss_w, traction_power_w
+from iptm_core.state import FloatArray
 
 GEAR_RATIO = 9.665
 WHEEL_RADIUS_M = 0.3396

@@ -12,13 +12,10 @@ from studies.validation.i3_drivetrain import durations_s
 from studies.validation.i3_vehicle import SEASONS
 from studies.validation.outcome import Comparison, Curve, Figure, Outcome, rms
 
-from iptm.parts import (
-    CELSIUS_ZERO_K,
-    ChargeTable,
-    FloatArray,
-    ambient_temperature_rate_k_s,
-    render_page,
-)
+from iptm_core.markdown import render_page
+from iptm_core.physics.cell import ChargeTable, ambient_temperature_rate_k_s
+from iptm_core.state import FloatArray
+from iptm_core.units import CELSIUS_ZERO_K
 
 UNUSABLE = {
     "B02": "a step in the recording",

@@ -17,17 +17,16 @@ from studies.validation.i3_drivetrain import (
 )
 from studies.validation.outcome import Comparison, Curve, Figure, Outcome, rms
 
-from iptm.parts import (
-    J_PER_KWH,
-    BodyParameters,
-    FloatArray,
-    RegenerationParameters,
+from iptm_core.markdown import render_page
+from iptm_core.parameters.model import BodyParameters, RegenerationParameters
+from iptm_core.physics.powertrain import (
     motor_torque_nm,
     regenerative_torque_nm,
-    render_page,
     traction_force_n,
     warm_up_force_n,
 )
+from iptm_core.state import FloatArray
+from iptm_core.units import J_PER_KWH
 
 GRAVITY_M_S2 = 9.81
 FRONTAL_AREA_M2 = 2.38

@@ -11,7 +11,7 @@ import pandas as pd
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Picture
 
-from iptm.parts import FloatArray
+from iptm_core.state import FloatArray
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from studies.vehicle.authority import energy_j
 from studies.vehicle.bench import FRAMES, drive, kept, settled_jerk_m_s3
 from studies.vehicle.in_steps import BenchInSteps
 
-from iptm.parts import load_parameters
+from iptm_core.parameters import load_parameters
 from iptm_vehicle_interface.driving import controller_limits
 from iptm_vehicle_interface.node_bench import V2X_HEADWAY_S
 from iptm_vehicle_interface.vehicle import load_vehicle

@@ -13,7 +13,7 @@ from studies.session import Session
 from studies.vehicle.bench import FRAMES, drive, kept
 
 from iptm import meter
-from iptm.parts import MeasurementError
+from iptm_core.errors import MeasurementError
 from iptm_vehicle_interface.vehicle import VEHICLES, load_vehicle
 
 

@@ -12,7 +12,7 @@ from studies.safety.judging import judge_trial
 import iptm
 from iptm.faults.fault import Fault
 from iptm.faults.kinds import FaultKind
-from iptm.parts import Report, Reporter
+from iptm.run import Report, Reporter
 from iptm_core.parameters import load_parameters
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 
