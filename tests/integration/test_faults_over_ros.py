@@ -14,7 +14,14 @@ from studies.session import inputs_of
 
 from iptm.faults.fault import Fault
 from iptm.faults.kinds import FaultKind
-from iptm.runner.trial import DriveMode, DrivenTrial, Trial, drive_headless, drive_over_ros
+from iptm.runner.trial import (
+    INPUT_TIMEOUT_S,
+    DriveMode,
+    DrivenTrial,
+    Trial,
+    drive_headless,
+    drive_over_ros,
+)
 from iptm_controller.pack_observer import PackFault
 from iptm_core.decision_record import Rung
 from iptm_core.parameters import load_parameters
@@ -70,6 +77,19 @@ def test_faults_over_ros_are_those_without(over_ros: OverRos) -> None:
     names = ("time_s", "position_m", "acceleration_m_s2", "leader_position_m")
     for name, values in columns(without, names).items():
         np.testing.assert_array_equal(columns(with_ros, names)[name], values, err_msg=name)
+
+
+def test_a_lost_preview_is_not_waited_for_in_lock_step(
+    over_ros: OverRos, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """While a controller waits for so long, the plant begins its controlled stop."""
+    monkeypatch.setitem(INPUT_TIMEOUT_S, DriveMode.LOCK_STEP, 60.0)
+    lost = Fault(FaultKind.PREVIEW_LOST, 0.0, TRIP_S, 0.5, seed=1)
+    with_ros = over_ros(planned(lost))
+    without = drive_headless(planned(lost, mode=DriveMode.HEADLESS))
+    for name in ("acceleration_m_s2", "compressor_power_w"):
+        here, there = (getattr(one.run.trajectory, name) for one in (without, with_ros))
+        np.testing.assert_array_equal(there, here, err_msg=name)
 
 
 def test_the_safety_monitor_brakes_alike_with_and_without_ros(over_ros: OverRos) -> None:

@@ -20,7 +20,7 @@ from iptm.faults.effects import Hit
 from iptm.faults.kinds import FaultKind, FaultPlace, KindSpec
 from iptm_core.declaration import ParameterSpec, Scalar, Settings, parameter, plain
 from iptm_core.errors import ParameterError, ScenarioError
-from iptm_core.settings import MAX_SEED, LeaderSource
+from iptm_core.settings import MAX_SEED, LeaderSource, LoopMode
 from iptm_core.state import NS_PER_S
 from iptm_core.user_input import StrictMapping
 
@@ -219,6 +219,12 @@ class FaultSettings(Settings):
 @dataclass(frozen=True)
 class InjectorNodeParameters(FaultSettings):
     """Parameters of the injector."""
+
+    mode: LoopMode = parameter(
+        LoopMode.REAL_TIME,
+        "of the trip; lock_step: an empty prediction in place of one that is lost, for which the "
+        "controller would wait by the wall clock",
+    )
 
 
 def check_empty_road(leader_source: LeaderSource, faults: Iterable[Fault]) -> None:

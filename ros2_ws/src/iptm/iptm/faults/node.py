@@ -28,7 +28,8 @@ from iptm.faults.signals import (
     faulty_slope,
 )
 from iptm_core.errors import MessageError
-from iptm_core.state import NS_PER_S, SlopePreview
+from iptm_core.settings import LoopMode
+from iptm_core.state import NS_PER_S, LeaderPreview, SlopePreview
 from iptm_ros.codecs import (
     decode_leader,
     decode_leader_preview,
@@ -269,6 +270,8 @@ class InjectorNode(SuiteNode):
         true_data = data if true is own else leader_preview_bytes(true, stamp_ns, self.frame_prefix)
         self._true[Topic.LEADER_PREVIEW].publish(true_data)
         faulty = self._previews.apply(stamp_ns, true)
+        if faulty is None and self._options.mode is LoopMode.LOCK_STEP:
+            faulty = LeaderPreview.empty()  # to the controller the same, at once
         if faulty is None:
             self._changed += 1
         elif faulty is true:

@@ -86,7 +86,8 @@ def node_parameters(trip: Trip) -> dict[str, dict[str, Scalar]]:
             parameters[node]["faults"] = json.dumps(plain_faults(inside))
     if needs_injector(faults):
         on_topics = at_places(faults, *_TOPIC_PLACES)
-        parameters[INJECTOR] = {"faults": json.dumps(plain_faults(on_topics))}
+        text = json.dumps(plain_faults(on_topics))
+        parameters[INJECTOR] = {"faults": text, "mode": trip.settings["mode"]}
     return parameters
 
 
