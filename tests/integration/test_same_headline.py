@@ -158,7 +158,7 @@ def test_every_output_has_the_headline_of_the_rows(
             assert share.text in text.lower(), (name, share.text)
     numbers = [
         own.summary[: len(KINDS)],
-        Sweep(pd.DataFrame({"strategy": ["reference", "own"]}), (other, own))
+        Sweep(({"strategy": "reference"}, {"strategy": "own"}), (other, own))
         .savings(strategy="reference")
         .iloc[1],
         iptm.compare(reference=other, own=own).table["own"],

@@ -7,15 +7,17 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from iptm.call_cache import cached_calls
 from iptm.driving import simulate
 from iptm.run import Run, figure_title
 from iptm_core.errors import ParameterError, ScenarioError
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,12 +25,19 @@ class Sweep:
     """Runs of a sweep.
 
     Attributes:
-        varied: values of what was varied, one row per run.
+        values: of what was varied, by name, for each run.
         runs: in the same order.
     """
 
-    varied: pd.DataFrame
+    values: tuple[Mapping[str, Any], ...]
     runs: tuple[Run, ...]
+
+    @property
+    def varied(self) -> pd.DataFrame:
+        """Values of what was varied, one row per run."""
+        import pandas as pd  # noqa: PLC0415  half a second, and a sweep may be left to its runs
+
+        return pd.DataFrame(list(self.values))
 
     def savings(self, **base: Any) -> pd.DataFrame:
         """What each run saved against the one with other values, such as ``strategy="reference"``.
@@ -42,18 +51,15 @@ class Sweep:
         Raises:
             ScenarioError: a name was not varied, or no run has such values.
         """
+        import pandas as pd  # noqa: PLC0415  see above
+
         rows = []
-        for place, run in enumerate(self.runs):
-            wanted = {**self.varied.iloc[place].to_dict(), **base}
-            unknown = [name for name in base if name not in self.varied]
-            same = [
-                other
-                for other, values in enumerate(self.varied.to_dict("records"))
-                if values == wanted
-            ]
-            if unknown or not same:
+        for own, run in zip(self.values, self.runs, strict=True):
+            wanted = {**own, **base}
+            same = [other for other, values in enumerate(self.values) if values == wanted]
+            if not same:
                 raise ScenarioError(
-                    f"savings: no run has {wanted}; allowed: values of {', '.join(self.varied)}"
+                    f"savings: no run has {wanted}; allowed: values of {', '.join(own)}"
                 )
             found = run.saving(self.runs[same[0]])
             titled = {figure_title(key): value for key, value in found.values.items()}
@@ -63,6 +69,8 @@ class Sweep:
     @property
     def table(self) -> pd.DataFrame:
         """Figures, a row per run and a column per figure; varied settings form the index."""
+        import pandas as pd  # noqa: PLC0415  see above
+
         rows = pd.DataFrame([run.summary for run in self.runs])
         rows.index = pd.MultiIndex.from_frame(self.varied)
         return rows
@@ -106,7 +114,7 @@ def sweep(
         if outcome.failure:
             raise ScenarioError(f"sweep: {rows[outcome.index]}: {outcome.failure}")
         runs[outcome.index] = outcome.value
-    return Sweep(pd.DataFrame(rows), tuple(runs[index] for index in range(len(calls))))
+    return Sweep(tuple(rows), tuple(runs[index] for index in range(len(calls))))
 
 
 def _axes(arguments: Mapping[str, Any]) -> Iterator[tuple[tuple[str, str | None], list[Any]]]:
