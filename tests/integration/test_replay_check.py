@@ -75,7 +75,7 @@ def test_what_cannot_be_checked_is_refused(tmp_path: Path) -> None:
     ("topic", "data", "nodes"),
     [
         # Recorded answers do not allow for an icy road. Who drives shows where a car does not do as asked.
-        (Topic.ROAD_FRICTION, serialized(Float64(data=0.1)), ("controller", "plant")),
+        (Topic.ROAD_FRICTION, serialized(Float64(data=0.1)), ("controller",)),
         (
             Topic.ENGAGEMENT,
             LAYOUTS[Topic.ENGAGEMENT].data(1, [DrivingMode.READY.number, *[0.0] * 6], ""),

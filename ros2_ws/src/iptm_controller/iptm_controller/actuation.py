@@ -110,12 +110,11 @@ class ActuationObserver:
     @property
     def has_weak_brakes(self) -> bool:
         """Whether the brakes deliver noticeably less than commanded, and no delay explains that better."""
-        memory = self.memory
         if self.brake_share >= WEAK_SHARE:
             return False
-        return (
-            memory.mismatches[memory.delay_ticks] <= AS_WELL * min(memory.mismatches) + _ROUND_OFF
-        )
+        mismatches = self.memory.mismatches or (0.0,)
+        prompt = mismatches[self.memory.delay_ticks] if len(mismatches) > 1 else 0.0
+        return prompt <= AS_WELL * min(mismatches) + _ROUND_OFF
 
     @property
     def reason(self) -> str:
