@@ -14,13 +14,24 @@ import pytest
 from iptm_controller.ladder import controlled_stop, safe_following
 from iptm_controller.options import ControllerOptions
 from iptm_controller.tick_library import Leader, numbers_of, vehicle
-from iptm_core.parameters import load_parameters
+from iptm_core.parameters import available_parameter_sets, load_parameters
 from iptm_core.state import LeaderState, VehicleState
 from iptm_ecu.codegen import code_of
 from iptm_ecu.command import main
 
 PARAMETERS = load_parameters().values
-FLAGS = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O1", "-ffp-contract=off"]
+FLAGS = [
+    "-std=c99",
+    "-pedantic",
+    "-Wall",
+    "-Wextra",
+    "-Wconversion",
+    "-Werror",
+    "-O1",
+    "-ffp-contract=off",
+]
+SANITIZED = ["-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=undefined"]
+CARS = available_parameter_sets()
 MATHEMATICS = {
     "cos",
     "exp",
@@ -52,6 +63,15 @@ def written(tmp_path: Path, *arguments: str) -> Path:
         ("--ticks", "90"),
         ("--ticks", "40", "--horizon", "6x1", "--strategy", "energy_aging"),
         ("--ticks", "40", "--parameter-set", "at_headway.yaml"),
+        ("--ticks", "60", "--parameter-set", "bmw_i3", "--cycle", "us06"),
+        ("--ticks", "60", "--parameter-set", "tesla_model_y", "--cycle", "us06"),
+        *(
+            pytest.param(
+                ("--ticks", "300", "--parameter-set", car, "--cycle", "us06"),
+                marks=pytest.mark.slow,
+            )
+            for car in CARS
+        ),
     ],
 )
 def test_recorded_ticks_are_decided_alike(
@@ -78,6 +98,30 @@ def test_recorded_ticks_are_decided_alike(
     numbers[-2] += 1.0
     numbers.tofile(ticks)
     assert subprocess.run([bench, ticks], check=False).returncode == 1
+
+
+@pytest.mark.slow
+def test_no_input_leads_out_of_the_bounds_or_of_memory(
+    tmp_path: Path, compiler: tuple[str, ...]
+) -> None:
+    """20,000 ticks of which some numbers are not finite, absurd or missing."""
+    folder = written(tmp_path, "--ticks", "1", "--parameter-set", "bmw_i3")
+    (folder / "bench.c").unlink()
+    sources = *folder.glob("*.c"), Path(__file__).with_name("fuzz.c")
+    program = folder / "fuzz"
+    options = [*FLAGS, *SANITIZED, f"-I{folder}"]
+    built = subprocess.run(
+        [*compiler, *options, *sources, "-o", program, "-lm"],
+        capture_output=True,
+        timeout=300,
+        check=False,
+    )
+    if built.returncode != 0 and b"san" in built.stderr:
+        pytest.skip("no sanitizers on this machine")
+    done = subprocess.run([program, "20000", "1"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    rungs = done.stdout.split("rungs")[1].split()
+    assert all(int(rung) > 1000 for rung in rungs), "each rung is reached"
 
 
 def test_build_of_cmake(tmp_path: Path, compiler: tuple[str, ...]) -> None:

@@ -261,6 +261,7 @@ class PowerAuthority:
 
     Attributes:
         limits: of the tick, `UNLIMITED` where nothing limits the pack.
+        most_m_s2: acceleration that the last command was bounded by, infinite for none.
     """
 
     def __init__(
@@ -276,6 +277,7 @@ class PowerAuthority:
         self._state: VehicleState | None = None
         self._slope: SlopePreview | None = None
         self.limits = UNLIMITED
+        self.most_m_s2 = math.inf
 
     def update(self, state: VehicleState, slope: SlopePreview, share: float = 1.0) -> None:
         """Work out the limits of a tick.
@@ -304,13 +306,14 @@ class PowerAuthority:
     def within(self, command: Command) -> Command:
         """Return a command whose acceleration the pack can supply."""
         state, slope = self._state, self._slope
+        self.most_m_s2 = math.inf
         if state is None or slope is None or math.isinf(self.limits.discharge_w):
             return command
         slope_rad = slope_at_rad(slope, state.position_m)
-        largest = self.largest_acceleration_m_s2(
+        self.most_m_s2 = self.largest_acceleration_m_s2(
             state.speed_m_s, slope_rad, command.compressor_power_w
         )
-        slower = min(command.acceleration_m_s2, largest)
+        slower = min(command.acceleration_m_s2, self.most_m_s2)
         return replace(command, acceleration_m_s2=slower)
 
     def slower(self, speeds_m_s: FloatArray | None) -> FloatArray | None:

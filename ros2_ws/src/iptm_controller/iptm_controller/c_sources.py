@@ -28,6 +28,7 @@ C_SOURCES = CSources(
             f"{_SOLVER}.riccati.method",
             f"{_SOLVER}.riccati.program",
         ),
+        "sound": ("iptm_controller.measurements", "iptm_core.state"),
         "switching": (f"{_SOLVER}.cooling_search", f"{_SOLVER}.switching_check"),
         "switching_size": (f"{_SOLVER}.cooling_search", f"{_SOLVER}.riccati.backend"),
         "tick_data": ("iptm_controller.ocp.data",),

@@ -106,7 +106,7 @@ class Controller:
         self._clock = SenderClock()
         self._pack = pack_observer(parameters, library)
         ends_s = horizon.node_times_s[1 : horizon.motion_steps + 1]
-        self._power = PowerAuthority(self._vehicle, options.tick_s, ends_s)
+        self.power = PowerAuthority(self._vehicle, options.tick_s, ends_s)
         self._production = ProductionLikeController(parameters, options.production, options.tick_s)
         self._road = RoadEnvelope(parameters, options.tick_s)
         self._last_trusted: VehicleState | None = None
@@ -205,7 +205,7 @@ class Controller:
                 self._actuation.memory = ActuationMemory()
             self._actuation.observe(state)
             state = self._limiter.within_comfort(self._actuation.predicted(state))
-            self._power.update(state, measured.slope, pack.power_share)
+            self.power.update(state, measured.slope, pack.power_share)
         if state is None or fault or (leader is None and not is_free):
             planned = Decision(reason=fault)
         elif self._is_rule_based:
@@ -217,7 +217,7 @@ class Controller:
         rung, command = planned.rung, planned.command
         if rung is not Rung.OPTIMAL:
             rung, command = self._fall_back(state, leader, measured)
-        command = self._power.within(command)
+        command = self.power.within(command)
         limited, limits = self._limit(command, state)
         doubted = doubt if doubt != planned.reason else ""
         actuation, delay_s, brake_share = self._actuation.found
@@ -296,8 +296,8 @@ class Controller:
         if rules is not None:
             expected = self.plan_data.expected(last, state).motion
             limits_m_s = self._road.speed_limits_m_s(rules, expected)
-        if self._power.limits is not UNLIMITED:
-            limits_m_s, charge_w = self._power.slower(limits_m_s), self._power.charge_w
+        if self.power.limits is not UNLIMITED:
+            limits_m_s, charge_w = self.power.slower(limits_m_s), self.power.charge_w
         known = state, last, motion, limiting, measured.slope, known_s, value, thermal, limits_m_s
         data, start = self.plan_data.problem(*known, charge_w, follows=follows)
         result = self._solve(data, start)

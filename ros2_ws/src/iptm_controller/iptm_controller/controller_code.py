@@ -17,6 +17,7 @@ from iptm_controller.c_sources import C_SOURCES
 from iptm_controller.controller import Controller
 from iptm_controller.forecast_in_c import past_room
 from iptm_controller.lead_check import unpredicted_s
+from iptm_controller.measurements import MOTION_RANGES, PACK_RANGES
 from iptm_controller.ocp.layout import layout_header
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.stage import DEFAULT_SMOOTHING
@@ -25,6 +26,7 @@ from iptm_controller.solvers.riccati.backend import SwitchingNumbers
 from iptm_controller.solvers.riccati.stage_program import stage_program
 from iptm_controller.solvers.switching_check import SwitchingCheck
 from iptm_controller.temperature_value import TemperatureValuation
+from iptm_controller.tick_library import VEHICLE
 from iptm_core.errors import ParameterError
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray
@@ -38,6 +40,7 @@ SOURCES = (
     "prices",
     "limiter",
     "fallback",
+    "sound",
     "controller",
 )
 PREVIEW_ROOM = 128
@@ -123,6 +126,7 @@ def _header(controller: Controller) -> str:
 
 {defines}
 extern const iptm_limits iptm_limits_of_model;
+extern const iptm_vehicle iptm_lowest_plausible, iptm_highest_plausible;
 extern const iptm_forecaster iptm_forecaster_of_controller;
 extern const iptm_grid iptm_grid_of_horizon;
 extern const iptm_horizon iptm_horizon_of_solver;
@@ -159,6 +163,7 @@ def _data(
     }
     strategy, valuation = builder.strategy, controller.valuation
     numbers = valuation.numbers if isinstance(valuation, TemperatureValuation) else [0.0] * 17
+    ranges = MOTION_RANGES | PACK_RANGES
     lines = [
         '#include "controller_data.h"\n\n#include <math.h>\n#include <stddef.h>\n',
         *(
@@ -173,6 +178,12 @@ def _data(
         _struct(
             "iptm_limits iptm_limits_of_model",
             *limit_numbers(controller.model, options.tick_s),
+        ),
+        *(
+            _struct(
+                f"iptm_vehicle iptm_{name}_plausible", *(ranges[part][side] for part in VEHICLE)
+            )
+            for side, name in enumerate(("lowest", "highest"))
         ),
         _struct(
             "iptm_forecaster iptm_forecaster_of_controller",

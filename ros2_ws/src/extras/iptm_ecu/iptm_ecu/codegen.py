@@ -128,18 +128,20 @@ def _tick(measured: Measurements, decision: Decision, controller: Controller) ->
         value.reference_temperature_k,
         value.thermal_energy_price_1_j,
         controller.memory.foreseen_1_s,
+        controller.power.most_m_s2,
     ]
     # The slope as far as a plan looks.
     first, last = slope.positions_m.searchsorted(
         [state.position_m - 100.0, state.position_m + 3000.0]
     )
     part = slice(max(int(first) - 1, 0), int(last) + 1)
-    command = decision.command
+    reached, command = controller.power.slower(None), decision.command
     return np.concatenate(
         [
             numbers,
             _table(preview.times_s, preview.positions_m, preview.speeds_m_s),
             _table(slope.positions_m[part], slope.slopes_rad[part]),
+            _table(np.empty(0) if reached is None else reached),
             [command.acceleration_m_s2, command.compressor_power_w, decision.rung],
         ]
     )

@@ -22,7 +22,7 @@ static const double POWER_TOLERANCE = 1e-9;         /* W */
 
 static iptm_memory memory;
 static iptm_scratch scratch;
-static double tables[5][MOST_NODES];
+static double tables[6][MOST_NODES];
 
 static double number(FILE *file) {
   double value = 0.0;
@@ -69,7 +69,7 @@ int main(int count, char **arguments) {
     iptm_slope slope;
     iptm_inputs inputs = {0};
     iptm_decision decision;
-    double acceleration, power;
+    double acceleration, power, most_acceleration;
     unsigned long started;
     int rung;
     vehicle.time_s = number(file);
@@ -93,6 +93,8 @@ int main(int count, char **arguments) {
     inputs.ahead.prices.reference_temperature_k = number(file);
     inputs.ahead.prices.thermal_energy_price_1_j = number(file);
     inputs.foreseen_1_s = number(file);
+    most_acceleration = number(file);
+    inputs.most_acceleration_m_s2 = &most_acceleration;
     preview.nodes = numbers(file, 3, tables);
     preview.times_s = tables[0];
     preview.positions_m = tables[1];
@@ -100,6 +102,7 @@ int main(int count, char **arguments) {
     slope.nodes = numbers(file, 2, tables + 3);
     slope.positions_m = tables[3];
     slope.slopes_rad = tables[4];
+    if (numbers(file, 1, tables + 5) > 0) inputs.ahead.speed_limits_m_s = tables[5];
     inputs.preview = &preview;
     inputs.ahead.slope = &slope;
     acceleration = number(file);

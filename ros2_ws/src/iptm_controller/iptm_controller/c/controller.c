@@ -157,32 +157,70 @@ static void limit(iptm_memory *memory, const iptm_vehicle *vehicle, iptm_decisio
   }
 }
 
+static unsigned unsound(const iptm_inputs *inputs) {
+  if (inputs->vehicle == NULL) return 0U;
+  return iptm_unsound(&iptm_grid_of_horizon, &iptm_lowest_plausible, &iptm_highest_plausible, inputs->vehicle,
+                      inputs->leader, &inputs->ahead) |
+         (isfinite(inputs->foreseen_1_s) ? 0U : IPTM_UNSOUND_AHEAD);
+}
+
+/* Whether a motion is known and, where what is measured of the pack is not sound, an earlier state of it. */
+static int can_be_driven(const iptm_memory *memory, const iptm_vehicle *vehicle, unsigned unsound) {
+  if (vehicle == NULL || (unsound & IPTM_UNSOUND_MOTION)) return 0;
+  return !(unsound & IPTM_UNSOUND_PACK) || memory->has_trusted;
+}
+
+static void take_pack(iptm_vehicle *vehicle, const iptm_vehicle *from) {
+  vehicle->cell_1_temperature_k = from->cell_1_temperature_k;
+  vehicle->cell_n_temperature_k = from->cell_n_temperature_k;
+  vehicle->compressor_power_w = from->compressor_power_w;
+  vehicle->cell_1_capacity_loss = from->cell_1_capacity_loss;
+  vehicle->cell_n_capacity_loss = from->cell_n_capacity_loss;
+}
+
 iptm_decision iptm_decide(iptm_memory *memory, iptm_scratch *scratch, const iptm_inputs *inputs) {
   const iptm_limits *limits = &iptm_limits_of_model;
   const iptm_vehicle *vehicle = NULL;
+  iptm_inputs given = *inputs;
   iptm_vehicle within;
+  iptm_leader leader;
   iptm_decision decision;
   int is_planned = 0;
   memset(&decision, 0, sizeof(decision));
   decision.rung = IPTM_STOP;
-  if (inputs->vehicle != NULL) {
-    /* An acceleration that ordinary commands can follow; service brakes go beyond. */
+  decision.unsound = unsound(inputs);
+  if (decision.unsound & IPTM_UNSOUND_LEADER) given.leader = NULL;
+  if (given.leader != NULL) {
+    leader = *given.leader;
+    leader.speed_m_s = larger(leader.speed_m_s, 0.0);
+    given.leader = &leader;
+  }
+  if (can_be_driven(memory, inputs->vehicle, decision.unsound)) {
     within = *inputs->vehicle;
+    within.speed_m_s = larger(within.speed_m_s, 0.0);
+    /* An acceleration that ordinary commands can follow; service brakes go beyond. */
     within.acceleration_m_s2 =
         smaller(larger(within.acceleration_m_s2, limits->min_acceleration_m_s2),
                 limits->max_acceleration_m_s2);
+    if (decision.unsound & IPTM_UNSOUND_PACK) take_pack(&within, &memory->trusted);
     vehicle = &within;
   }
-  if (vehicle != NULL && inputs->leader != NULL && inputs->preview != NULL) {
-    is_planned = plan_behind(memory, scratch, vehicle, inputs, &decision);
-  } else if (vehicle != NULL && inputs->ahead.motion != NULL) {
-    is_planned = plan(memory, scratch, vehicle, inputs, &inputs->ahead, &decision);
+  if (vehicle != NULL && decision.unsound == 0U) {
+    if (given.leader != NULL && given.preview != NULL) {
+      is_planned = plan_behind(memory, scratch, vehicle, &given, &decision);
+    } else if (given.ahead.motion != NULL) {
+      is_planned = plan(memory, scratch, vehicle, &given, &given.ahead, &decision);
+    }
   }
   if (is_planned) {
     decision.rung = IPTM_OPTIMAL;
     decision.command = planned_command(memory, memory->start_s);
   } else {
-    decision.rung = fall_back(memory, vehicle, inputs->leader, &decision.command);
+    decision.rung = fall_back(memory, vehicle, given.leader, &decision.command);
+  }
+  if (given.most_acceleration_m_s2 != NULL) {
+    decision.command.acceleration_m_s2 =
+        smaller(decision.command.acceleration_m_s2, *given.most_acceleration_m_s2);
   }
   limit(memory, vehicle, &decision);
   return decision;

@@ -2,9 +2,12 @@
  *
  * In here: the forecast of the leader with the trust in its previews, the prices of the temperatures by the law of
  * the paper, the last plan moved on, the problem of the tick, the interior-point method with its second start, the rungs of the fallback ladder and the limiter. Not in
- * here, and to be done before: plausibility checks and noise filters of the measurements, rules of the road as a
- * lead motion, the limits of pack and drive, and the observer of the
- * actuators; after: the collision guard (guard.h has what it looks at). */
+ * here, and to be done before: observers of pack and actuators, filters of noise, rules of the road as a lead
+ * motion, the limits of pack and drive; after: the collision guard (guard.h has what it looks at).
+ *
+ * Whatever is given, a command is finite and within the bounds. What is not finite or out of range counts as not
+ * measured, see sound.h: without a sound motion the vehicle is braked blindly, without a sound road, leader or
+ * pack the last plan is driven on and then the vehicle is stopped. Arrays have to be as long as stated. */
 #ifndef IPTM_CONTROLLER_H
 #define IPTM_CONTROLLER_H
 
@@ -12,6 +15,7 @@
 #include "limiter.h"
 #include "riccati.h"
 #include "solver_size.h"
+#include "sound.h"
 #include "switching.h"
 #include "tick_data.h"
 
@@ -32,6 +36,7 @@ typedef struct {
   /* Aging rate of both cells, from the start of the trip expected for it: prices are worked out; 0: `ahead` has
    * them. */
   double foreseen_1_s;
+  const double *most_acceleration_m_s2; /* that pack and drive can supply; NULL for no bound */
   double (*clock_s)(void);      /* NULL for no deadline */
   double until_s;               /* reading of the clock at which the solver stops */
 } iptm_inputs;
@@ -62,6 +67,7 @@ typedef struct {
 typedef struct {
   iptm_command command;
   iptm_rung rung;
+  unsigned unsound; /* inputs that could not be used, see sound.h */
   unsigned limits; /* bounds of the limiter that changed the command, see limiter.h */
   int iterations;
   iptm_forecast forecast; /* in the scratch; means nothing without leader and preview */

@@ -137,7 +137,8 @@ iptm_leader iptm_leader_at(const iptm_forecaster *forecaster, const iptm_forecas
 static double *prediction_of(const iptm_forecaster *forecaster, const iptm_forecast_memory *memory,
                              double tick) {
   const int rows = forecaster->lead_ticks[forecaster->leads - 1] + 1;
-  return memory->predictions + (ptrdiff_t)(2 + forecaster->leads) * (int)fmod(tick, rows);
+  const int row = (int)fmod(tick, rows);
+  return memory->predictions + (ptrdiff_t)(2 + forecaster->leads) * (row < 0 ? row + rows : row);
 }
 
 /* Return the prediction of an earlier tick, NULL for none. */

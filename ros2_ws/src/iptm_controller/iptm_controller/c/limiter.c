@@ -3,8 +3,9 @@
 
 #include <math.h>
 
+/* NaN becomes the lower bound. */
 static double clamp(double value, double low, double high) {
-  const double raised = low > value ? low : value;
+  const double raised = low > value || isnan(value) ? low : value;
   return high < raised ? high : raised;
 }
 

@@ -29,7 +29,9 @@ _DESCRIPTION = re.compile(
 _MAXIMUM = re.compile(
     r"^#define casadi_fmax [^\n]*\n|^casadi_real casadi_fmax\(.*?^\}\n", re.MULTILINE | re.DOTALL
 )
-_HELPER = re.compile(r"^casadi_real casadi_\w+\(", re.MULTILINE)
+_HELPER = re.compile(
+    r"^casadi_real (casadi_\w+)\([^)]*\) \{(?:.*\}\n|\n(?:.*\n)*?\}\n)", re.MULTILINE
+)
 _READ = re.compile(r"arg\[(\d+)\]\? arg\[\d+\]\[(\d+)\] : 0")
 _WRITE = re.compile(r"if \(res\[(\d+)\]!=0\) res\[\d+\]\[(\d+)\]=")
 
@@ -150,7 +152,7 @@ def _files(
     helpers = source[: min(found.start() for found in bodies.values())]
     # The comment that describes the first function stays behind, and what describes arguments to CasADi.
     helpers = _DESCRIPTION.sub("", helpers[: helpers.rindex("/*")])
-    helpers = _HELPER.sub(r"static \g<0>", _MAXIMUM.sub("", helpers))
+    helpers = _MAXIMUM.sub("", helpers)
     most_arguments = max(len(each.sizes) for each in every)
     most_results = max(len(each.result_sizes) for each in every)
     preamble = (
@@ -165,7 +167,16 @@ def _files(
     for name in singles:
         head = f"void {name}(const iptm_real *const *arg, iptm_real *const *res)"
         files[-1].append(f"{head};\n{head} {{\n{_scalar_body(by_name[name])}}}\n")
-    return tuple("\n".join(parts) for parts in files)
+    return tuple(_with_used_helpers("\n".join(parts)) for parts in files)
+
+
+def _with_used_helpers(text: str) -> str:
+    """Return a file whose helpers are its own, and are there if they are called."""
+
+    def kept(found: re.Match[str]) -> str:
+        return f"static {found[0]}" if text.count(f"{found[1]}(") > 1 else ""
+
+    return _HELPER.sub(kept, text)
 
 
 def _scalar_body(body: re.Match[str]) -> str:
