@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from studies.drives import trip
 from studies.session import inputs_of
+from studies.trial import REAL_TIME_RATE, DriveMode, Trial
 
 from iptm.faults.fault import Fault, faults_from
 from iptm.faults.kinds import FaultPlace
-from iptm.runner.trial import REAL_TIME_RATE, DriveMode, Trial
 from iptm_core.declaration import TextEnum
 from iptm_core.errors import ScenarioError
 from iptm_core.parameters.strict_yaml import read_yaml

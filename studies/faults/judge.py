@@ -10,13 +10,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from studies.bounds import gaps_when_braking
 from studies.faults.catalogue import Entry, ReportPolicy
 from studies.judged import Judged
+from studies.trial import NO_REPORT, DriveMode, DrivenTrial, Interval, Level, StatusReport
 
-from iptm.bounds import gaps_when_braking
 from iptm.faults.fault import Fault
 from iptm.faults.kinds import FaultPlace
-from iptm.runner.trial import NO_REPORT, DriveMode, DrivenTrial, Interval, Level, StatusReport
 from iptm_core.decision_record import Rung
 from iptm_core.metrics.constraints import check_constraints
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory

@@ -21,9 +21,7 @@ from studies.faults.catalogue import (
 from studies.faults.judge import NOT_REACHED, judge_trial, verdict_of
 from studies.judged import Judged
 from studies.session import Session
-
-from iptm.faults.kinds import FaultKind
-from iptm.runner.trial import (
+from studies.trial import (
     INPUT_TIMEOUT_S,
     REAL_TIME_RATE,
     DriveMode,
@@ -31,6 +29,8 @@ from iptm.runner.trial import (
     drive_headless,
     drive_over_ros,
 )
+
+from iptm.faults.kinds import FaultKind
 from iptm_core.errors import ScenarioError
 from iptm_core.user_input import check_known
 

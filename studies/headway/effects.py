@@ -18,6 +18,7 @@ from studies.drives import DEFAULT, trip
 from studies.road_space.run import EQUAL
 from studies.savings import PRODUCTION, road_taken, saved
 from studies.session import Session
+from studies.whole_trip import drive_whole_trip
 
 import iptm
 from iptm_controller.controller import Controller
@@ -55,7 +56,7 @@ def drive(call: Mapping[str, Any], *, whole: bool = False, others: str = "") -> 
     """Drive a trip: as a whole, or with motion or cooling (``others``) by `production`."""
     one = iptm.Trip.of(**call)
     if whole:
-        return iptm.drive_whole_trip(one)
+        return drive_whole_trip(one)[0]
     if not others:
         return iptm.drive(one)
     base = one.changed(strategy=PRODUCTION)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from studies.whole_trip import drive_whole_trip
 
 import iptm
 
@@ -47,7 +48,7 @@ def drive(*, whole_trip: bool = False, **settings: Any) -> dict[str, Any]:
         Its figures by key, and the columns that tables and plots are made of.
     """
     trip = iptm.Trip.of(**settings)
-    run = iptm.drive_whole_trip(trip) if whole_trip else iptm.drive(trip)
+    run = drive_whole_trip(trip)[0] if whole_trip else iptm.drive(trip)
     frame = run.frame[list(COLUMNS)]
     printed = {key: run.figures[key] / unit for key, unit in PRINTED_PPM.items()}
     return {"figures": {**run.figures, **printed, **trip_figures(frame)}, "frame": frame}

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from studies.bounds import braking_leads, emergency_stops
 from studies.session import Session, inputs_of
 
-from iptm.bounds import braking_leads, emergency_stops
 from iptm_core.state import Command, LeaderPreview, VehicleState
 from iptm_core.trajectory import Trajectory
 from iptm_plant_sim.plant import Plant

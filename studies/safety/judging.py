@@ -8,10 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from studies.bounds import gaps_when_braking, seen_from
 from studies.judged import Judged
 from studies.session import Case
 
-from iptm.bounds import gaps_when_braking, seen_from
 from iptm.faults.fault import Fault, at_places
 from iptm.faults.kinds import FaultKind, FaultPlace
 from iptm.run import Report, Reporter

@@ -26,11 +26,11 @@ from studies.safety.trials import (
     driving_cases,
 )
 from studies.session import Case, Session
+from studies.trial import DriveMode, DrivenTrial, Level, drive_over_ros
 
 import iptm
 from iptm.faults.kinds import FaultKind
 from iptm.run import Report, Reporter
-from iptm.runner.trial import DriveMode, DrivenTrial, Level, drive_over_ros
 from iptm_core.routes.cycles import CYCLE_NAMES
 
 SHORT = {"trials": 2, "braking": 4, "ros": 0, "seed": 1}

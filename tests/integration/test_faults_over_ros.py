@@ -11,10 +11,7 @@ from studies.drives import trip
 from studies.faults.catalogue import Entry, trial_on
 from studies.faults.judge import judge_trial
 from studies.session import inputs_of
-
-from iptm.faults.fault import Fault
-from iptm.faults.kinds import FaultKind
-from iptm.runner.trial import (
+from studies.trial import (
     INPUT_TIMEOUT_S,
     DriveMode,
     DrivenTrial,
@@ -22,6 +19,9 @@ from iptm.runner.trial import (
     drive_headless,
     drive_over_ros,
 )
+
+from iptm.faults.fault import Fault
+from iptm.faults.kinds import FaultKind
 from iptm_controller.pack_observer import PackFault
 from iptm_core.decision_record import Rung
 from iptm_core.parameters import load_parameters

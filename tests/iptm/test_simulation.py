@@ -45,17 +45,6 @@ def test_a_simulation_is_a_drive_of_its_trip(run: iptm.Run) -> None:
         assert np.array_equal(values, run.trajectory.to_arrays()[name], equal_nan=True), name
 
 
-def test_a_whole_trip_is_one_problem() -> None:
-    trip = iptm.Trip.of("us06", horizon="15x1", strategy="aging", duration_s=20.0)
-    whole, loop = iptm.drive_whole_trip(trip), iptm.drive(trip)
-    assert whole.name.startswith("whole trip, us06")
-    assert whole.whole_trip is not None
-    assert len(whole.decisions) == 0
-    assert whole.metrics.degradation < 1.01 * loop.metrics.degradation
-    with pytest.raises(iptm.IptmError, match="which optimises nothing"):
-        iptm.drive_whole_trip(trip.changed(strategy="production"))
-
-
 def test_the_frame_has_a_row_per_tick_and_units_in_its_names(run: iptm.Run) -> None:
     frame = run.frame
     assert frame.index.name == "time_s"

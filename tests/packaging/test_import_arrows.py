@@ -43,7 +43,6 @@ MAY_KNOW_THE_NODE_OF = {
     ("iptm.runner.one_process", "iptm_controller"),
     ("iptm.runner.one_process", "iptm_plant_sim"),
     ("iptm.runner.one_process", "iptm_v2x_bridge"),
-    ("iptm.runner.trial", "iptm_controller"),
 }
 
 ROS = {

@@ -17,11 +17,11 @@ from studies.faults.catalogue import (
 )
 from studies.faults.judge import judge_trial
 from studies.judged import Judged
+from studies.trial import DriveMode, DrivenTrial, StatusReport, Trial, TripTime
 
 from iptm.faults.fault import Fault
 from iptm.faults.kinds import FaultKind
 from iptm.run import Run
-from iptm.runner.trial import DriveMode, DrivenTrial, StatusReport, Trial, TripTime
 from iptm_core.decision_record import DecisionRecord, DecisionSeries, Rung
 from iptm_core.parameters import load_parameters
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory

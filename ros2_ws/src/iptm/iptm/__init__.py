@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from iptm.climate import Climate as Climate
     from iptm.comparison import Comparison as Comparison
     from iptm.comparison import compare as compare
-    from iptm.driving import drive_whole_trip as drive_whole_trip
     from iptm.driving import simulate as simulate
     from iptm.explanation import Explanation as Explanation
     from iptm.faults.fault import Fault as Fault
@@ -50,7 +49,6 @@ _HOMES = {
     "Comparison": "iptm.comparison",
     "compare": "iptm.comparison",
     "drive": "iptm.trip_drive",
-    "drive_whole_trip": "iptm.driving",
     "Explanation": "iptm.explanation",
     "Fault": "iptm.faults.fault",
     "Controller": "iptm.own_parts",

@@ -17,9 +17,7 @@ from iptm.trip import Trip
 from iptm_controller.controller import Controller as SuiteController
 from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements
-from iptm_controller.temperature_value import NO_VALUE, TemperatureValue
 from iptm_core.aging_laws.law import AgingLaw
-from iptm_core.decision_record import DecisionSeries
 from iptm_core.errors import ScenarioError
 from iptm_core.settings import LeaderSource, TripSettings
 from iptm_core.state import LeaderState
@@ -113,48 +111,6 @@ def drive_in_memory(
         warnings=trip.notes,
     )
     return _with_own_parts(run, controller, predictor, aging_law)
-
-
-def drive_whole_trip(trip: Trip) -> Run:
-    """Solve a trip as one optimal control problem and drive the plant with its inputs.
-
-    Where it starts from is what the closed loop of the same trip drives; with ``value_beyond_trip`` a kelvin
-    has the value at the end that it had in the last decision there.
-
-    Raises:
-        IptmError: the trip cannot be set up, follows rules of the road, or its strategy optimises nothing.
-    """
-    strategy = trip.controller.weighted_strategy()
-    if strategy.is_rule_based:
-        raise ScenarioError(
-            f"a whole trip with strategy '{strategy.name}', which optimises nothing; "
-            "allowed: strategies with weights"
-        )
-    if trip.rules.keeps_rules:
-        raise ScenarioError(
-            "a whole trip with rules of the road; allowed: closed loops, as it knows its leader only"
-        )
-    # Hardly any trip is solved as a whole.
-    from iptm.whole_trip import solve_whole_trip  # noqa: PLC0415
-
-    values: list[TemperatureValue] = [NO_VALUE]
-
-    def note(_: int, __: Measurements, decision: Decision) -> None:
-        if trip.controller.value_beyond_trip and decision.plan is not None:
-            values.append(decision.value)
-
-    first = drive_in_memory(trip, on_tick=note)
-    vehicle = plant_for(trip), strategy, first.trajectory, trip.conditions.period_s
-    trajectory, record = solve_whole_trip(trip.route, *vehicle, value=values[-1])
-    nothing = DecisionSeries.from_records([], [])
-    return replace(
-        first,
-        name=f"whole trip, {first.name}",
-        trajectory=trajectory,
-        decisions=nothing,
-        reports=(),
-        whole_trip=record,
-    )
 
 
 def check_in_memory(trip: Trip) -> Trip:

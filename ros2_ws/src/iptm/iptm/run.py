@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from iptm.panels import Panel
     from iptm.picture import Picture
     from iptm.trip import Trip
-    from iptm.whole_trip import WholeTripRecord
     from iptm_ros.recording.run_information import RunInformation
 
 
@@ -74,7 +73,6 @@ class Run:
         decisions: how the controller came to its commands; no rows for a controller without solver.
         slope: slope of the road, None where it is not known.
         trip: what was to be driven, None where it is not known.
-        whole_trip: how a whole trip was solved; None for a closed loop.
         reports: what was reported during the trip, on every change; in memory only.
         wall_time_s: of the drive, NaN where it is not known.
         problems: why the run counts as failed, empty if it does not.
@@ -91,7 +89,6 @@ class Run:
     decisions: DecisionSeries
     slope: SlopeProfile | None = None
     trip: Trip | None = None
-    whole_trip: WholeTripRecord | None = None
     reports: tuple[Report, ...] = ()
     wall_time_s: float = math.nan
     problems: tuple[str, ...] = ()

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.iptm_core.made_runs import make_run
-
-import iptm
-from iptm.bounds import (
+from studies.bounds import (
     avoidable_collisions,
     avoidably_below_s_min,
     below_s_min,
@@ -16,6 +13,9 @@ from iptm.bounds import (
     fully_cooled_k,
     gaps_when_braking,
 )
+from tests.iptm_core.made_runs import make_run
+
+import iptm
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import BrakeParameters
 from iptm_core.routes import build_route

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from studies.whole_trip import drive_whole_trip
 
-from iptm.driving import drive_in_memory, drive_whole_trip
+from iptm.driving import drive_in_memory
 from iptm.run import Run
 from iptm.trip import Trip
+from iptm_core.errors import IptmError
 
 
 def trip(duration_s: float, **overrides: float) -> Trip:
@@ -24,9 +26,7 @@ def trip(duration_s: float, **overrides: float) -> Trip:
 
 
 def test_a_whole_trip_is_better_than_the_closed_loop_that_it_starts_from() -> None:
-    finished = drive_whole_trip(trip(40.0))
-    record = finished.whole_trip
-    assert record is not None
+    finished, record = drive_whole_trip(trip(40.0))
     assert record["settled"]
     assert record["solves"][-1]["status"] == "solved"
     assert len(finished.trajectory) == 41
@@ -45,9 +45,7 @@ def test_costates_are_what_a_kelvin_costs_the_rest_of_the_trip() -> None:
     costs: list[float] = []
     sums = []
     for initial_k in (308.15, 308.15 + step_k):
-        run = drive_whole_trip(trip(60.0, environment__initial_cell_temperature_k=initial_k))
-        record = run.whole_trip
-        assert record is not None
+        _, record = drive_whole_trip(trip(60.0, environment__initial_cell_temperature_k=initial_k))
         costs.append(record["solves"][-1]["objective"] or 0.0)
         assert record["costate_times_s"] == [10.0, 20.0, 30.0, 40.0, 50.0, 60.0]
         sums.append(np.add(record["cell_1_costates_1_k"], record["cell_n_costates_1_k"]))
@@ -63,5 +61,15 @@ def test_a_kelvin_with_a_value_beyond_the_trip_is_cooled_away_up_to_its_end() ->
     ends_k = []
     for beyond in (False, True):
         longer = trip(60.0).changed(strategy="aging_cost_to_go", value_beyond_trip=beyond)
-        ends_k.append(drive_whole_trip(longer).trajectory.cell_n_temperature_k[-1])
+        ends_k.append(drive_whole_trip(longer)[0].trajectory.cell_n_temperature_k[-1])
     assert ends_k[1] < ends_k[0] - 0.1
+
+
+def test_a_whole_trip_is_one_problem() -> None:
+    trip = Trip.of("us06", horizon="15x1", strategy="aging", duration_s=20.0)
+    (whole, _), loop = drive_whole_trip(trip), drive_in_memory(trip)
+    assert whole.name.startswith("whole trip, us06")
+    assert len(whole.decisions) == 0
+    assert whole.metrics.degradation < 1.01 * loop.metrics.degradation
+    with pytest.raises(IptmError, match="which optimises nothing"):
+        drive_whole_trip(trip.changed(strategy="production"))

@@ -10,11 +10,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TypedDict
 
 import numpy as np
 
+from iptm.driving import drive_in_memory, plant_for
+from iptm.run import Run
+from iptm.trip import Trip
+from iptm_controller.decision import Decision
 from iptm_controller.horizon import Horizon, HorizonPhase
+from iptm_controller.measurements import Measurements
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import REFERENCE_WINDOW_S, ProblemDataBuilder
 from iptm_controller.ocp.grid import ProblemGrid
@@ -29,7 +35,8 @@ from iptm_controller.solvers.factory import SolverOptions, build_plain_solver
 from iptm_controller.solvers.interface import SolveResult
 from iptm_controller.strategy import Strategy
 from iptm_controller.temperature_value import NO_VALUE, TemperatureValue
-from iptm_core.decision_record import SolveStatus
+from iptm_core.decision_record import DecisionSeries, SolveStatus
+from iptm_core.errors import ScenarioError
 from iptm_core.physics.cell import nominal_charge_parameters
 from iptm_core.routes.route import Route
 from iptm_core.state import Command, FloatArray, LeaderPreview, SlopePreview, VehicleState
@@ -232,3 +239,40 @@ def _drive(
         step = plant.advance(step.state, command, tick_s)
         ticks.append((step, route.leader.state_at(step.state.time_s)))
     return Trajectory.from_ticks(ticks)
+
+
+def drive_whole_trip(trip: Trip) -> tuple[Run, WholeTripRecord]:
+    """Solve a trip as one optimal control problem and drive the plant with its inputs.
+
+    Where it starts from is what the closed loop of the same trip drives; with ``value_beyond_trip`` a kelvin
+    has the value at the end that it had in the last decision there.
+
+    Returns:
+        The run, and how its problem was solved.
+
+    Raises:
+        IptmError: the trip cannot be set up, follows rules of the road, or its strategy optimises nothing.
+    """
+    strategy = trip.controller.weighted_strategy()
+    if strategy.is_rule_based:
+        raise ScenarioError(
+            f"a whole trip with strategy '{strategy.name}', which optimises nothing; "
+            "allowed: strategies with weights"
+        )
+    if trip.rules.keeps_rules:
+        raise ScenarioError(
+            "a whole trip with rules of the road; allowed: closed loops, as it knows its leader only"
+        )
+    values: list[TemperatureValue] = [NO_VALUE]
+
+    def note(_: int, __: Measurements, decision: Decision) -> None:
+        if trip.controller.value_beyond_trip and decision.plan is not None:
+            values.append(decision.value)
+
+    first = drive_in_memory(trip, on_tick=note)
+    vehicle = plant_for(trip), strategy, first.trajectory, trip.conditions.period_s
+    trajectory, record = solve_whole_trip(trip.route, *vehicle, value=values[-1])
+    nothing = DecisionSeries.from_records([], [])
+    name = f"whole trip, {first.name}"
+    run = replace(first, name=name, trajectory=trajectory, decisions=nothing, reports=())
+    return run, record
