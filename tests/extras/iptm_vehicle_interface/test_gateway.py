@@ -27,9 +27,9 @@ class Bench:
         self.press()
 
     def press(self) -> None:
-        """Let the driver press the button for a period, and the suite let go before."""
+        """Let the driver press and release the button, and the suite let go before."""
         self.let_go()
-        for pressed in (False, True):
+        for pressed in (False, True, False):
             self.step(None, button=pressed)
 
     def let_go(self) -> None:
@@ -161,6 +161,9 @@ def test_a_suite_that_asks_without_the_button_drives_nothing(vehicle: Vehicle) -
         bench.let_go()
         assert not any(bench.step(0.0)[1] for _ in range(5))
     assert bench.gateway.report.loss is Loss.NOT_ENABLED
+    for pressed in (False, True, True):
+        assert not bench.step(None, button=pressed)[1]
+    assert not bench.gateway.report.is_armed  # not before its release
     bench.press()
     for _ in range(round(1.2 / PERIOD_S)):
         bench.let_go()
@@ -177,6 +180,9 @@ def test_a_button_of_the_suite_counts_on_the_bench_only(vehicle: Vehicle) -> Non
         bench.let_go()
         bench.step(None)
         bench.gateway.from_suite(BENCH_BUTTON_ID, b"", bench.now_s)
+        for _ in range(20):
+            bench.let_go()
+            bench.step(None)
         assert bench.step(0.0)[1] is is_bench
 
 

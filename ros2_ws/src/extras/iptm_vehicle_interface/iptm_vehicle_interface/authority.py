@@ -12,7 +12,7 @@ from iptm_core.declaration import TextEnum
 from iptm_core.signal_residuals import Contradiction
 
 ARMED_S = 1.0
-"""A press of the button without a request counts for this long."""
+"""Enabling without a request counts for this long."""
 REPORT_TIMEOUT_S = 0.1
 REPORT_ID, DECISION_ID, BENCH_BUTTON_ID = 0x1FFFFF00, 0x1FFFFF01, 0x1FFFFF02
 _DECISIONS = 1 << 32
@@ -46,13 +46,15 @@ class Readings:
     """What the gateway reads at an instant.
 
     Attributes:
-        enable: whether the driver presses the button, or the car's cruise control is on.
+        button: whether the driver presses the button.
+        cruise: whether the car's own cruise control is on.
         accelerator: whether the driver accelerates: the request does not count, the authority stays.
         requested: whether the suite asks to drive.
         loss: why it may not; None for nothing.
     """
 
-    enable: bool = False
+    button: bool = False
+    cruise: bool = False
     accelerator: bool = False
     requested: bool = False
     loss: Loss | None = None
@@ -64,30 +66,37 @@ class Authority:
 
     Attributes:
         is_armed: it may.
+        is_pressed: the button went down and is not released yet; its release enables.
         loss: why it may not.
-        since_s: of the press, or of the newest request or overriding.
-        before: readings of the step before; a button that is pressed at the start has to be pressed anew.
+        since_s: of enabling, or of the newest request or overriding.
+        before: readings of the step before; what is pressed or on at the start has to be so anew.
     """
 
     is_armed: bool = False
+    is_pressed: bool = False
     loss: Loss = Loss.NOT_ENABLED
     since_s: float = 0.0
-    before: Readings = Readings(enable=True)
+    before: Readings = Readings(button=True, cruise=True)
 
     def step(self, now: Readings, now_s: float) -> Authority:
         """Return the state at an instant."""
-        after = replace(self, before=now)
+        before = self.before
+        goes_down = now.button and not before.button
+        is_released = self.is_pressed and not now.button
+        is_pressed = now.button and (self.is_pressed or goes_down)
+        after = replace(self, before=now, is_pressed=is_pressed)
         if now.loss is not None:
             # What ended a drive stays named until the driver enables anew.
             loss = now.loss if self.is_armed or now.loss is not Loss.STALE else self.loss
             return replace(after, is_armed=False, loss=loss)
-        if now.enable and not self.before.enable and not now.accelerator:
+        is_on = now.cruise and not before.cruise
+        if (is_released or is_on) and not now.accelerator:
             return replace(after, is_armed=True, since_s=now_s)
         if not self.is_armed:
             return after
         if now.requested or now.accelerator:
             return replace(after, since_s=now_s)
-        if self.before.requested and not self.before.accelerator:
+        if before.requested and not before.accelerator:
             return replace(after, is_armed=False, loss=Loss.LET_GO)
         if now_s - self.since_s > ARMED_S:
             return replace(after, is_armed=False, loss=Loss.NOT_ENABLED)

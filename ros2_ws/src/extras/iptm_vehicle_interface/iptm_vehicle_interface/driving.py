@@ -26,7 +26,7 @@ from iptm_vehicle_interface.authority import (
     read_report,
 )
 from iptm_vehicle_interface.bus import Frame
-from iptm_vehicle_interface.channel import Vehicle
+from iptm_vehicle_interface.channel import ENABLES, Vehicle
 from iptm_vehicle_interface.engagement import Conditions, Engagement
 from iptm_vehicle_interface.frames import FrameCodec, RangeWatch, SignalTable, compare
 from iptm_vehicle_interface.inner_loop import (
@@ -263,9 +263,10 @@ class Driver:
         return report.loss.value if self._engaged_s < math.inf and not report.is_armed else ""
 
     def _is_enabled(self, now_s: float) -> bool:
-        """Return whether the driver enables the suite, where there is a gateway by its reading, too."""
-        button = any(self.is_pressed(name, now_s) for name in ("enable_button", "cruise_engaged"))
-        return button and (self._report is None or self._report[0].is_armed)
+        """Return whether the driver enables the suite: as the gateway reads it, where there is one."""
+        if self._report is not None:
+            return self._report[0].is_armed
+        return any(self.is_pressed(name, now_s) for name in ENABLES)
 
     def step(self, now_s: float) -> list[tuple[int, bytes]]:
         """Run one step of the inner loop; return the frames for the gateway."""

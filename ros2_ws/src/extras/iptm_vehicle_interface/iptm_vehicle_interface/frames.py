@@ -99,15 +99,14 @@ class FrameCodec:
         """Return identifier and bytes of a message, with the next counter and its checksum.
 
         Args:
-            values: in the units of the DBC, by the name of the signal; the others are 0.
+            values: in the units of the DBC, by the name of the signal; the bits of the others are 0.
 
         Raises:
             MessageError: a value does not fit into its signal.
         """
         message = self.vehicle.messages[message_name]
         signals = self._signals[message_name]
-        # What has an offset cannot be 0 everywhere: the nearest value of its range then.
-        full = {name: _nearest(signal, 0.0) for name, signal in signals.items()} | dict(values)
+        full = {name: float(signal.offset) for name, signal in signals.items()} | dict(values)
         protection = self.vehicle.protections.get(message_name, UNPROTECTED)
         count = 0
         if protection.counter:

@@ -34,7 +34,7 @@ from iptm_vehicle_interface.authority import (
     report_frame,
 )
 from iptm_vehicle_interface.bus import BusReader, open_buses, send
-from iptm_vehicle_interface.channel import CommandTarget, Vehicle
+from iptm_vehicle_interface.channel import ENABLES, CommandTarget, Vehicle
 from iptm_vehicle_interface.engagement import HAND_OVER_RATE_M_S3
 from iptm_vehicle_interface.frames import FrameCodec, SignalTable, compare
 from iptm_vehicle_interface.inner_loop import LONGEST_FOLLOWED_S
@@ -63,6 +63,7 @@ _LOSSES = {
     "door_open": Loss.DOOR,
     "vehicle_fault": Loss.FAULT,
 }
+_NEEDED = ("speed_m_s", "brake_pressed", "accelerator_pressed", *ENABLES, "cancel_button")
 _VIOLATIONS = {Violation.AGE: Loss.AGE, Violation.NOT_FINITE: Loss.NOT_FINITE}
 
 
@@ -167,8 +168,8 @@ class Gateway:
         before = self._authority
         is_pressed = now_s - self._bench_pressed_s < BENCH_PRESSED_S
         readings = Readings(
-            enable=is_pressed
-            or any(signals.is_set(name, now_s) for name in ("enable_button", "cruise_engaged")),
+            button=is_pressed or signals.is_set("enable_button", now_s),
+            cruise=signals.is_set("cruise_engaged", now_s),
             accelerator=signals.is_set("accelerator_pressed", now_s),
             requested=self._motion.enabled,
             loss=self._loss(now_s),
@@ -183,7 +184,7 @@ class Gateway:
         signals = self._signals
         if signals.is_set("brake_pressed", now_s):
             return Loss.BRAKE
-        if signals.stale(("brake_pressed", "speed_m_s", *self._needed(now_s)), now_s):
+        if signals.stale((*_NEEDED, *self._needed(now_s)), now_s):
             return Loss.STALE
         for name, loss in _LOSSES.items():
             if signals.is_set(name, now_s):
