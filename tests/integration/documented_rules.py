@@ -109,7 +109,6 @@ RULES = (
         r"python -m iptm_vehicle_interface\..*|scripts/run_demo --vehicle .*|python -m can\..*",
         "tests/extras/iptm_vehicle_interface/test_bench.py, or a bus that is not there",
     ),
-    Rule(Way.ELSEWHERE, r"source <\(scripts/iptm completion\)", "tests/iptm/commands"),
     Rule(
         Way.ELSEWHERE, r"scripts/iptm meter .*", "tests/extras/iptm_vehicle_interface/test_meter.py"
     ),

@@ -27,7 +27,7 @@ def test_every_command_has_its_function(name: str) -> None:
     assert callable(getattr(import_module(module), function))
 
 
-@pytest.mark.parametrize("name", sorted(COMMANDS.keys() - HEAVIER - {"completion"}))
+@pytest.mark.parametrize("name", sorted(COMMANDS.keys() - HEAVIER))
 def test_help_of_a_command_is_short_and_loads_nothing_heavy(name: str) -> None:
     code = (
         "import contextlib, sys; from iptm.commands.tree import main\n"
@@ -78,14 +78,3 @@ def test_bags_are_compared_by_figures_or_message_by_message(
     assert "/plant/state" in capsys.readouterr().out
     assert main(["compare", str(BAG), str(BAG), "--absolute", "1"]) == 2
     assert "without --exact" in capsys.readouterr().err
-
-
-def test_the_completion_names_commands_options_and_settings(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(sys, "argv", sys.argv)
-    assert main(["completion"]) == 0
-    text = capsys.readouterr().out
-    for word in ("compare", "--duration-s", "leader.latency_s=", "conditions.faults="):
-        assert word in text
-    subprocess.run(["bash", "-n"], input=text, text=True, check=True)

@@ -46,7 +46,6 @@ COMMANDS = {
     "send": Command("iptm.commands.send:main", "send a drive as V2X messages (ETSI CAM)"),
     "call": Command("iptm_ros.call:main", "call a service of a node: pause, step, reset, save"),
     "param": Command("iptm_ros.param:main", "read and set parameters of nodes"),
-    "completion": Command("iptm.commands.completion:main", "print the tab completion of bash"),
 }
 
 
