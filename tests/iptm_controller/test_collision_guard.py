@@ -196,6 +196,13 @@ def test_weak_brakes_count_in_the_way_to_standstill() -> None:
     assert threatens == [False, True]
 
 
+@pytest.mark.parametrize(("leader_m", "threatens"), [(32.81, True), (32.815, False)])
+def test_a_metre_is_left_where_both_stand(leader_m: float, *, threatens: bool) -> None:
+    """9.5 + 8.25 + 6.5 + 4.5 + 2.5 m in five seconds, then 0.5625 m in 0.75 s: 31.8125 m."""
+    guard, state = watching(leader_m, 0.0, 0.0)
+    assert guard.collision_threatens(-1.0, state, None) is threatens
+
+
 def test_a_leader_that_brakes_stands_where_it_has_halted() -> None:
     # Braking from -1 m/s^2 the ego vehicle stops after 31.8 m; the gap must not fall below 1 m.
     threatens = []
@@ -208,8 +215,14 @@ def test_a_leader_that_brakes_stands_where_it_has_halted() -> None:
 
 @pytest.mark.parametrize(
     ("known_s", "predicted_m_s", "threatens"),
-    [(20.0, 10.0, True), (2.0, 0.5, True), (20.0, 0.5, False)],
-    ids=["too fast", "known for a moment", "confirmed"],
+    [
+        (20.0, 10.0, True),
+        (20.0, 1.6, True),
+        (20.0, 1.4, False),
+        (2.9, 0.5, True),
+        (3.1, 0.5, False),
+        (20.0, 0.5, False),
+    ],
 )
 def test_a_preview_that_is_not_confirmed_counts_no_more_than_what_is_measured(
     known_s: float, predicted_m_s: float, *, threatens: bool

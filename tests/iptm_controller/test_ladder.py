@@ -75,6 +75,17 @@ def test_walks_down_rung_by_rung_and_back_at_once(ladder: FallbackLadder) -> Non
     assert step_of(later[1]) == 1
 
 
+@pytest.mark.parametrize(
+    ("warmest_k", "power_w"),
+    [(305.0, 0.0), (305.15, 0.0), (308.15, 750.0), (311.15, 1500.0), (320.0, 1500.0)],
+)
+def test_the_thermostat_cools_in_full_6_k_above_32_degrees(
+    warmest_k: float, power_w: float
+) -> None:
+    state = make_state(cell_1_temperature_k=300.0, cell_n_temperature_k=warmest_k)
+    assert thermostat_power_w(state, PARAMETERS) == pytest.approx(power_w)
+
+
 def test_plan_is_followed_by_time_not_by_count() -> None:
     """A tick may be missed, or the loop may run faster than the steps of the plan."""
     ladder = FallbackLadder(PARAMETERS, 0.5, 30, 5)

@@ -225,6 +225,51 @@ def test_another_vehicle_and_another_trip_begin_without_a_past() -> None:
     assert far.acceleration_m_s2 == 0.0, "too long ago for an acceleration"
 
 
+@pytest.mark.parametrize(
+    ("step_m", "change_m_s", "is_another"),
+    [
+        (2.9, 0.0, False),
+        (3.1, 0.0, True),
+        (-2.9, 0.0, False),
+        (-3.1, 0.0, True),
+        (0.0, 4.1, False),
+        (0.0, 4.3, True),
+        (0.0, -4.1, False),
+        (0.0, -4.3, True),
+    ],
+)
+def test_a_step_that_no_vehicle_makes_is_another_one(
+    step_m: float, change_m_s: float, *, is_another: bool
+) -> None:
+    """More than 3 m, or than 3 m/s and 12 m/s^2 in the 0.1 s between two measurements."""
+    track = followed(LeadTrack(), Sample(0.0, 40.0, 20.0, 0.0, 20.0))
+    moved_m = step_m + 0.1 * (20.0 + 0.5 * change_m_s)
+    track = followed(track, Sample(0.1, 40.0 + moved_m, 20.0 + change_m_s, 2.0, 20.0))
+    assert (track.before is not None) is is_another
+
+
+@pytest.mark.parametrize(
+    ("interval_s", "acceleration_m_s2", "period_s"),
+    [(1.4, 0.5, 1.4), (1.6, 0.5, 1.5), (4.9, 0.5, 1.5), (5.1, 0.0, 1.5)],
+)
+def test_measurements_far_apart_show_no_acceleration_and_are_due_within_1_5_s(
+    interval_s: float, acceleration_m_s2: float, period_s: float
+) -> None:
+    track = followed(LeadTrack(), Sample(0.0, 40.0, 20.0, 0.0, 20.0))
+    speed_m_s = 20.0 + 0.5 * interval_s
+    moved_m = 0.5 * (20.0 + speed_m_s) * interval_s
+    own_m = 20.0 * interval_s
+    track = followed(track, Sample(interval_s, 40.0 + moved_m, speed_m_s, own_m, 20.0))
+    assert track.acceleration_m_s2 == pytest.approx(acceleration_m_s2)
+    assert track.period_s == period_s
+
+
+def test_a_vehicle_at_no_distance_that_matters_is_none() -> None:
+    track = followed(LeadTrack(), Sample(0.0, 40.0, 20.0, 0.0, 20.0))
+    assert followed(track, Sample(0.1, 1e9, 0.0, 2.0, 20.0)).seen is None
+    assert followed(track, Sample(0.1, 0.99e9, 0.0, 2.0, 20.0)).seen is not None
+
+
 def test_a_measurement_of_the_same_instant_replaces_the_one_before() -> None:
     track = track_of([Sample(0.0, 50.0, 20.0, 0.0, 20.0), Sample(1.0, 70.0, 20.0, 20.0, 20.0)])
     corrected = followed(track, Sample(1.0, 69.0, 19.0, 20.0, 20.0))

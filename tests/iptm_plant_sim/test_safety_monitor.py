@@ -151,6 +151,27 @@ def test_gentle_requests_and_a_halt_say_nothing_of_the_brakes() -> None:
     memory = MonitorMemory(brake_share=0.8)
     assert with_delivery(memory, -0.2, 0.0, 20.0, 1.0) is memory
     assert with_delivery(memory, -2.0, 0.0, 0.0, 1.0) is memory
+    for requested_m_s2, speed_m_s, counts in (
+        (-0.29, 20.0, False),
+        (-0.31, 20.0, True),
+        (-2.0, 0.49, False),
+        (-2.0, 0.51, True),
+    ):
+        learned = with_delivery(memory, requested_m_s2, 0.0, speed_m_s, 1.0)
+        assert (learned is not memory) is counts, (requested_m_s2, speed_m_s)
+
+
+@pytest.mark.parametrize(
+    ("share", "followed_m_s2", "road_m_s2"), [(0.96, 2.0, 0.0), (0.94, 0.0, 0.0), (0.94, 1.6, 1.88)]
+)
+def test_brakes_that_deliver_95_percent_follow_and_less_is_road_or_brakes(
+    share: float, followed_m_s2: float, road_m_s2: float
+) -> None:
+    """What exceeds 1.2 times an earlier deceleration by little is the limit of the road."""
+    earlier = MonitorMemory(followed_m_s2=1.6 if road_m_s2 else 1.5)
+    learned = with_delivery(earlier, -2.0, -2.0 * share, 20.0, 1.0)
+    assert (learned.followed_m_s2, learned.road_m_s2) == pytest.approx((followed_m_s2, road_m_s2))
+    assert (learned.brake_share == 1.0) is bool(road_m_s2)
 
 
 def test_on_a_known_road_both_vehicles_brake_as_it_permits() -> None:

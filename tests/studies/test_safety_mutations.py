@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from studies.safety.mutations import ROOT, planted_faults
+import pytest
+from studies.safety.mutations import ROOT, drawn_faults, planted_faults
 
 
 def test_each_planted_fault_changes_the_code_that_there_is() -> None:
@@ -19,3 +20,10 @@ def test_a_fault_is_caught_and_its_absence_is_not() -> None:
     fault = next(fault for fault in planted_faults() if "ahead_s" in fault.old)
     assert fault.is_caught()
     assert not replace(fault, new=fault.old).is_caught()
+
+
+@pytest.mark.slow
+def test_57_of_60_drawn_faults_are_caught() -> None:
+    """Of constants and comparisons, in Python and in C; what is left changes nothing that can be seen."""
+    missed = [fault.describe() for fault in drawn_faults(60, seed=2) if not fault.is_caught()]
+    assert len(missed) <= 3, missed
