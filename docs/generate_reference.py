@@ -22,12 +22,12 @@ from iptm.faults.fault import Fault
 from iptm.faults.kinds import FaultKind
 from iptm.runner.composition import parameter_file_text
 from iptm_controller.node_parameters import CHANGEABLE, ControllerNodeParameters
-from iptm_controller.production import ProductionSettings
+from iptm_controller.production import SIMPLE, ProductionSettings
 from iptm_controller.solvers.interface import STATUS_TEXT
 from iptm_controller.strategy import COST_TERMS, DEFAULT_STRATEGY, STRATEGIES
 from iptm_core.declaration import parameter_specs, plain
 from iptm_core.markdown import render_page
-from iptm_core.metrics import FIGURES, SAVINGS
+from iptm_core.metrics import FIGURES, SAVINGS, WORTH
 from iptm_core.parameters import available_parameter_sets, describe_parameters, load_parameters
 from iptm_core.parameters.catalogue import cars
 from iptm_plant_sim.node_parameters import PlantNodeParameters
@@ -155,6 +155,7 @@ def strategies_page() -> str:
         default=DEFAULT_STRATEGY,
         strategies=strategies,
         laws=_specs(ProductionSettings, "1"),
+        simple=SIMPLE,
         outcomes=[{"status": status, "meaning": text} for status, text in STATUS_TEXT.items()],
     )
 
@@ -170,7 +171,7 @@ def figures_page() -> str:
             "better": figure.better,
             "definition": figure.definition,
         }
-        for key, figure in {**SAVINGS, **FIGURES}.items()
+        for key, figure in {**SAVINGS, **FIGURES, WORTH.key: WORTH}.items()
     ]
     return render_page(TEMPLATES, "figures.md.j2", figures=figures)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from studies.savings import BASELINE, PRODUCTION
+from studies.savings import BASELINE, PRODUCTION, PRODUCTION_SIMPLE, RULE_PREVIEW
 
 from iptm_controller.horizon import SINGLE_HORIZON
 from iptm_controller.settings import ControllerSettings
@@ -17,10 +17,12 @@ _CONTROLLER = ControllerSettings()
 STRATEGIES = {
     DEFAULT: (_CONTROLLER.strategy, _CONTROLLER.horizon),
     REFERENCE: ("reference", str(SINGLE_HORIZON)),
-    PRODUCTION: (PRODUCTION, _CONTROLLER.horizon),
-    BASELINE: (BASELINE, _CONTROLLER.horizon),
+    **{
+        role: (role, _CONTROLLER.horizon)
+        for role in (PRODUCTION, PRODUCTION_SIMPLE, BASELINE, RULE_PREVIEW)
+    },
 }
-"""Strategy and grid by the role in the tables; `BASES` have no grid."""
+"""Strategy and grid by the role in the tables; rules have no grid."""
 
 
 def climate(ambient_c: float) -> dict[str, float]:

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+import iptm
 from iptm_core.metrics import RunMetrics, at_equal_end
 from iptm_core.metrics.saving import saved_percent
 from iptm_core.parameters.model import ModelParameters
@@ -18,7 +19,8 @@ from iptm_core.trajectory import Trajectory
 MOVING_M_S = 5.0
 """Headways count above this speed."""
 CAR_LENGTH_M = 4.5
-PRODUCTION, BASELINE = "production", "eco_acc"
+PRODUCTION, PRODUCTION_SIMPLE = "production", "production_simple"
+BASELINE, RULE_PREVIEW = "eco_acc", "rule_preview"
 BASES = (PRODUCTION, BASELINE)
 """A car of today, and a strong baseline without V2X and without an optimisation."""
 PREVIEWS = {False: "none", True: "60 s, perfect"}
@@ -33,6 +35,15 @@ COLUMNS = (
     ("against `eco_acc`:", "{eco_acc_ageing:.1f} / {eco_acc_energy:.1f} %"),
 )
 """Headings and formats of every table of savings, after the columns of trip and control."""
+RULE_COLUMN = (
+    "against `rule_preview`:",
+    "{rule_preview_ageing:.1f} / {rule_preview_energy:.1f} %",
+)
+"""What an optimisation saves beyond a formula that has the same preview."""
+KEPT_COLUMN = (
+    "below s_min, longest, deepest:",
+    "{below_s:.0f} s, {longest_s:.0f} s, {deepest_m:.1f} m",
+)
 
 
 def road_taken(runs: Sequence[Trajectory], begin: int = 0) -> dict[str, float]:
@@ -57,6 +68,16 @@ def road_taken(runs: Sequence[Trajectory], begin: int = 0) -> dict[str, float]:
         "mean_headway_s": float(headways_s.mean()),
         "headway_s": float(np.median(headways_s)),
         "vehicles_h": float(3600.0 * speed_m_s.mean() / (gap_m.mean() + CAR_LENGTH_M)),
+    }
+
+
+def below_s_min(run: iptm.Run) -> dict[str, float]:
+    """Return how long a run was below s_min, its longest stretch, and how deep."""
+    following = run.metrics.following
+    return {
+        "below_s": following.below_s,
+        "longest_s": following.longest_below_s,
+        "deepest_m": max(-following.smallest_margin_m, 0.0),
     }
 
 

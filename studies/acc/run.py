@@ -28,7 +28,15 @@ from studies.acc.variants import (
     equal_headways,
     parameters_of,
 )
-from studies.savings import BASELINE, BASES, COLUMNS, PREVIEWS, PRODUCTION
+from studies.savings import (
+    BASELINE,
+    BASES,
+    COLUMNS,
+    PREVIEWS,
+    PRODUCTION,
+    RULE_COLUMN,
+    RULE_PREVIEW,
+)
 from studies.session import Session
 
 import iptm
@@ -121,7 +129,7 @@ def run(session: Session) -> bool:
     off_s = float(equal.off_headway_s.median())
     session.render(
         picture=PICTURE,
-        columns=COLUMNS,
+        columns=(*COLUMNS, RULE_COLUMN),
         scenes=len(scenes),
         pairs=pairs,
         collisions=int(rows.collided.sum()),
@@ -159,7 +167,8 @@ def _figures(setting: Setting, runs: Sequence[iptm.Run | None]) -> Iterator[dict
         return
     real = real_follower(setting.scene, setting.car, setting.ambient_c)
     parameters = parameters_of(setting.car, setting.ambient_c)
-    bases = {variant.role: run for variant, run in found.items() if variant.role in BASES}
+    named = (*BASES, RULE_PREVIEW)
+    bases = {variant.role: run for variant, run in found.items() if variant.role in named}
     shown = {REAL: (REAL, "measured", "none", real)} | {
         variant.name: (f"`{variant.role}`", variant.distance, PREVIEWS[variant.perfect], run)
         for variant, run in found.items()

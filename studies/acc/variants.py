@@ -10,7 +10,14 @@ from typing import Any
 import numpy as np
 from studies.acc.scenes import Scene
 from studies.drives import DEFAULT, climate, trip
-from studies.savings import BASELINE, PREVIEWS, PRODUCTION, road_taken
+from studies.savings import (
+    BASELINE,
+    PREVIEWS,
+    PRODUCTION,
+    PRODUCTION_SIMPLE,
+    RULE_PREVIEW,
+    road_taken,
+)
 from studies.session import Case, Session
 
 import iptm
@@ -62,6 +69,8 @@ EQUAL = "real headway"
 EQUAL_HEADWAY = Variant(DEFAULT, EQUAL, perfect=True)
 VARIANTS = (
     Variant(PRODUCTION, "1.6 s", perfect=False),
+    Variant(PRODUCTION_SIMPLE, "1.6 s", perfect=False),
+    Variant(RULE_PREVIEW, "1.6 s", perfect=True),
     EQUAL_HEADWAY,
     Variant(BASELINE, "3.5 s", perfect=False),
     Variant(DEFAULT, EQUAL, perfect=False),

@@ -22,7 +22,16 @@ from studies.headway.behind import STRING_CARS, cars_behind
 from studies.headway.disturbed import disturbed_trials
 from studies.headway.effects import BLIND, BOTH, BRIEF_S, WHOLE_S, effects
 from studies.road_space.run import DESIRED_S, EQUAL
-from studies.savings import BASELINE, PREVIEWS, PRODUCTION, road_taken, saved
+from studies.savings import (
+    BASELINE,
+    PREVIEWS,
+    PRODUCTION,
+    PRODUCTION_SIMPLE,
+    RULE_PREVIEW,
+    below_s_min,
+    road_taken,
+    saved,
+)
 from studies.session import Case, Session
 
 import iptm
@@ -105,7 +114,7 @@ def cases_of(session: Session, scenes: list[Scene]) -> Iterator[Case]:
         labels = {**place, "ambient_c": ambient_c, "begin": begin}
         roles = [(PRODUCTION, False), *((DEFAULT, perfect) for perfect in setting.previews)]
         if setting is AT_2_S:
-            roles.append((BASELINE, False))
+            roles += [(PRODUCTION_SIMPLE, False), (BASELINE, False), (RULE_PREVIEW, True)]
         for role, perfect in roles:
             own = setting.own if role == DEFAULT else setting.base
             call = trip(cycle, role, car, ambient_c, **own, **drive)
@@ -169,7 +178,9 @@ def _rows(trips: pd.DataFrame) -> Iterator[dict[str, Any]]:
     """Yield a row per trip against `production` behind the same leader."""
     if trips.run.isna().any():
         return
-    base: iptm.Run = trips[trips.role == PRODUCTION].run.iloc[0]
+    by_role = trips.drop_duplicates("role").set_index("role").run
+    base: iptm.Run = by_role[PRODUCTION]
+    rule = by_role.get(RULE_PREVIEW)
     for each in trips[trips.role != PRODUCTION].itertuples():
         own, before = (_behaviour(run, each.begin) for run in (each.run, base))
         percent = saved([each.run.metrics], [base.metrics], each.run.parameters)
@@ -181,7 +192,18 @@ def _rows(trips: pd.DataFrame) -> Iterator[dict[str, Any]]:
             **{f"base_{name}": value for name, value in before.items()},
             "off_s": own["headway_s"] - before["headway_s"],
             **percent,
+            **{
+                f"rule_{kind}": value
+                for kind, value in _over(each.run, rule if each.perfect else None).items()
+            },
         }
+
+
+def _over(own: iptm.Run, rule: iptm.Run | None) -> dict[str, float]:
+    """Return what a run saves over the rule with the same preview; NaN without one."""
+    if rule is None:
+        return {"ageing": np.nan, "energy": np.nan}
+    return saved([own.metrics], [rule.metrics], own.parameters)
 
 
 def _behaviour(run: iptm.Run, begin: int) -> dict[str, float]:
@@ -189,6 +211,7 @@ def _behaviour(run: iptm.Run, begin: int) -> dict[str, float]:
     motion = run.trajectory
     return {
         **road_taken([motion]),
+        **below_s_min(run),
         "smallest_gap_m": float(motion.gap_m.min()),
         **_comfort(motion.speed_m_s[begin:]),
         "interventions": float(run.metrics.interventions),
@@ -228,11 +251,18 @@ def _summary(table: pd.DataFrame, by: list[str]) -> pd.DataFrame:
                     for name in ("ageing", "energy")
                     for label, share in (("low", 0.25), ("median", 0.5), ("high", 0.75))
                 },
+                "rule_ageing": rows.rule_ageing.median(),
+                "rule_energy": rows.rule_energy.median(),
+                **{
+                    f"{who}{name}": rows[f"{who}{name}"].max()
+                    for who in ("", "base_")
+                    for name in ("longest_s", "deepest_m")
+                },
                 "smallest_gap_m": rows.smallest_gap_m.min(),
                 **{
                     f"{who}{name}": rows[f"{who}{name}"].sum() / rows.hours.sum()
                     for who in ("", "base_")
-                    for name in ("braking_s", "interventions")
+                    for name in ("below_s", "braking_s", "interventions")
                 },
                 "jerk_m_s3": rows.jerk_m_s3.median(),
                 "base_jerk_m_s3": rows.base_jerk_m_s3.median(),

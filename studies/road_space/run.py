@@ -18,9 +18,14 @@ from studies.savings import (
     BASES,
     CAR_LENGTH_M,
     COLUMNS,
+    KEPT_COLUMN,
     MOVING_M_S,
     PREVIEWS,
     PRODUCTION,
+    PRODUCTION_SIMPLE,
+    RULE_COLUMN,
+    RULE_PREVIEW,
+    below_s_min,
     road_taken,
     savings,
 )
@@ -61,6 +66,8 @@ def drives() -> list[tuple[str, bool, str, Mapping[str, Any]]]:
     single = {"strategy": REFERENCE, "horizon": "15x1"}
     rows: list[tuple[str, bool, str, Mapping[str, Any]]] = [
         (PRODUCTION, False, "1.6 s", {"strategy": PRODUCTION, **none}),
+        (PRODUCTION_SIMPLE, False, "1.6 s", {"strategy": PRODUCTION_SIMPLE, **none}),
+        (RULE_PREVIEW, True, "1.6 s", {"strategy": RULE_PREVIEW}),
         (BASELINE, False, "3.5 s", {"strategy": BASELINE, **none}),
     ]
     for preview in (False, True):
@@ -119,6 +126,7 @@ def run(session: Session) -> bool:
     front = [of_place.get_group(place) for place in FRONT]
     session.render(
         columns=COLUMNS,
+        more=(RULE_COLUMN, KEPT_COLUMN),
         table=table,
         front=pd.concat(front, ignore_index=True),
         equal=front[0],
@@ -180,7 +188,7 @@ def _rows(group: pd.DataFrame) -> list[dict[str, Any]]:
     if group.run.isna().any():
         return []
     by_strategy = group.drop_duplicates("strategy").set_index("strategy").run
-    bases = {name: [by_strategy[name].metrics] for name in BASES}
+    bases = {name: [by_strategy[name].metrics] for name in (*BASES, RULE_PREVIEW)}
     return [
         {
             "cycle": each.cycle,
@@ -189,6 +197,7 @@ def _rows(group: pd.DataFrame) -> list[dict[str, Any]]:
             "preview": PREVIEWS[each.perfect],
             "distance": each.distance,
             **road_taken([each.run.trajectory]),
+            **below_s_min(each.run),
             **savings([each.metrics], bases, each.run.parameters),
         }
         for each in group.itertuples()

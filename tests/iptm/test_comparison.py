@@ -43,6 +43,9 @@ def test_the_table_has_changes_against_the_first(runs: list[iptm.Run]) -> None:
     assert (own, other) == (runs[0].figures["battery_energy"], runs[1].figures["battery_energy"])
     assert change == pytest.approx(100.0 * (other / own - 1.0))
     assert np.isnan(table.loc["duration [s]", "reference: change [%]"])
+    costs = [run.cost().eur for run in runs[:2]]
+    assert table.index[-1] == "worth [EUR/100 km]"
+    assert table.loc["worth [EUR/100 km]", "reference"] == pytest.approx(costs[0] - costs[1])
 
 
 def test_only_what_differs_is_listed(runs: list[iptm.Run]) -> None:

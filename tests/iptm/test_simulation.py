@@ -131,7 +131,7 @@ def test_an_own_controller_drives_within_the_bounds_of_the_vehicle() -> None:
 
 
 def test_a_desired_headway_is_kept_without_a_preview() -> None:
-    """In the median, where the reserve for comfort would take nearly twice the road."""
+    """To 0.2 s in the median; the reserve for comfort would take nearly twice the road."""
     medians_s = []
     for desired_s in (0.0, 1.65):
         run = iptm.simulate(
@@ -146,7 +146,7 @@ def test_a_desired_headway_is_kept_without_a_preview() -> None:
         medians_s.append(np.median(trip.gap_m[moving] / trip.speed_m_s[moving] - wanted_s))
         assert trip.gap_m.min() > 0.0
         assert run.metrics.interventions == 0
-    assert abs(medians_s[1]) < 0.1 < medians_s[0] - medians_s[1]
+    assert abs(medians_s[1]) < 0.2 < medians_s[0] - medians_s[1]
 
 
 def test_an_own_predictor_is_what_the_controller_hears() -> None:

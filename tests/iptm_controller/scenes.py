@@ -30,7 +30,7 @@ from iptm_controller.solvers.interface import (
     SolverOptions,
 )
 from iptm_controller.solvers.switching_check import SwitchingCheck
-from iptm_controller.strategy import REFERENCE_TEMPERATURE_K, strategy_by_name
+from iptm_controller.strategy import COST_TERMS, REFERENCE_TEMPERATURE_K, strategy_by_name
 from iptm_core.decision_record import SolveStatus
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
@@ -186,7 +186,7 @@ def run_stage(
     acceleration_m_s2: float,
     compressor_power_w: float,
     step_s: float,
-    weights: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
+    weights: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0),
     *,
     slacks: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
     leader: tuple[float, float] = (0.0, 0.0),
@@ -205,8 +205,8 @@ def run_stage(
 ) -> tuple[FloatArray, float, FloatArray]:
     """Return the result of one step of the optimal control problem, in physical units.
 
-    Takes a state, acceleration and compressor power, the step and the weights of J1 to J4; returns the
-    next state with an absolute position, the cost and the rows of the limits.
+    Takes a state, acceleration and compressor power, the step and the weights of the first cost terms;
+    returns the next state with an absolute position, the cost and the rows of the limits.
     """
     count = samples or sample_count(step_s)
     physical = np.array(
@@ -225,6 +225,7 @@ def run_stage(
     losses = [state.cell_1_capacity_loss, state.cell_n_capacity_loss]
     shared = [*losses, REFERENCE_TEMPERATURE_K, *prices, lowest_k, thermal_energy_price_1_j]
     shared += [charge_w, headway_price_1_m2_s, *MassLoad.of(model.body), *weights]
+    shared += [0.0] * (len(COST_TERMS) - len(weights))
     following, cost, limits = _stage_function(step_s, count, smoothing, model)(
         (physical - layout.STATE_OFFSET) / layout.STATE_SCALE,
         np.array([acceleration_m_s2, compressor_power_w, *slacks]) / layout.INPUT_SCALE,

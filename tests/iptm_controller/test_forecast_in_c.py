@@ -66,7 +66,7 @@ def test_forecasts_are_those_of_python(
 ) -> None:
     """Whichever of the two has the memory."""
     rng = np.random.default_rng(seed)
-    given = 28.0, 2.0, tick_s, return_s, 0.5 if seed % 2 else 4.0
+    given = 28.0, 2.0, tick_s, return_s, 0.5 if seed % 2 else 4.0, 4.0 + 8.0 * seed
     forms = [leader_forecaster(*given, each) for each in (None, library)]
     leader, seen = LeaderState(0.0, 50.0, float(rng.uniform(0.0, 25.0))), set()
     for tick in range(400):
@@ -97,7 +97,7 @@ def test_forecasts_are_those_of_python(
 def test_collisions_are_those_of_python(library: ctypes.PyDLL, seed: int) -> None:
     rng = np.random.default_rng(seed)
     limits = PARAMETERS.limits
-    forecaster = leader_forecaster(28.0, 2.0, 1.0, 0.0, 4.0, None)
+    forecaster = leader_forecaster(28.0, 2.0, 1.0, 0.0, 4.0, 4.0, None)
     guards = [CollisionGuard(limits, 1.0, 3, each) for each in (None, library)]
     leader, collisions = LeaderState(0.0, 50.0, float(rng.uniform(0.0, 25.0))), set()
     for tick in range(150):

@@ -13,7 +13,6 @@ from iptm_controller.forecast import LeaderForecaster
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import (
-    HEADWAY_PRICE_1_M2_S,
     REFERENCE_WINDOW_S,
     UNBOUNDED_W,
     ProblemData,
@@ -21,7 +20,7 @@ from iptm_controller.ocp.data import (
 )
 from iptm_controller.ocp.grid import ProblemGrid, quadrature, sample_count
 from iptm_controller.ocp.layout import GlobalIndex, SampleIndex, StepIndex
-from iptm_controller.strategy import strategy_by_name
+from iptm_controller.strategy import HEADWAY_PRICE_1_M2_S, strategy_by_name
 from iptm_core.state import FloatArray, LeaderPreview, SlopePreview, VehicleState
 
 HORIZON = Horizon.parse("3x1+5x5")

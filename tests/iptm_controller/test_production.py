@@ -17,18 +17,19 @@ from tests.iptm_controller.scenes import (
 from iptm_controller.controller import Controller
 from iptm_controller.options import ControllerOptions
 from iptm_controller.production import (
+    SIMPLE,
     ProductionLikeController,
     ProductionSettings,
     cruise_control_m_s2,
     eco_cruise_control_m_s2,
 )
-from iptm_controller.strategy import STRATEGIES
+from iptm_controller.strategy import STRATEGIES, DrivingRules
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.errors import ParameterError
 from iptm_core.physics.car_following import minimum_gap_m
 from iptm_core.state import VehicleState
 
-SETTINGS = ProductionSettings()
+SETTINGS = ProductionSettings(**SIMPLE)
 STANDSTILL_GAP_M = PARAMETERS.gap.standstill_gap_m
 
 
@@ -128,7 +129,8 @@ def warm(warmest_c: float) -> VehicleState:
 
 
 def test_thermostat_with_hysteresis() -> None:
-    controller = ProductionLikeController(PARAMETERS, SETTINGS)
+    tuned, rules = ProductionSettings(), DrivingRules.PRODUCTION_SIMPLE
+    controller = ProductionLikeController(PARAMETERS, tuned, rules=rules)
     half_w = 0.5 * PARAMETERS.limits.max_compressor_power_w
     expected = [
         (31.0, 0.0),
@@ -143,6 +145,20 @@ def test_thermostat_with_hysteresis() -> None:
     for warmest_c, power_w in expected:
         command = controller.command(warm(warmest_c), make_leader())
         assert command.compressor_power_w == power_w
+
+
+def test_tuned_and_simple_cars_differ_in_gains_and_thermostat() -> None:
+    """A gap too short by 2 m at 20 m/s, and a pack of 31 degC."""
+    leader = make_leader(STANDSTILL_GAP_M + 1.6 * 20.0 - 2.0, 20.0)
+    state = replace(warm(31.0), speed_m_s=20.0)
+    found = {}
+    for rules in (DrivingRules.PRODUCTION, DrivingRules.PRODUCTION_SIMPLE):
+        car = ProductionLikeController(PARAMETERS, ProductionSettings(), rules=rules)
+        command = car.command(state, leader)
+        found[rules] = command.acceleration_m_s2, command.compressor_power_w
+    largest_w = PARAMETERS.limits.max_compressor_power_w
+    assert found[DrivingRules.PRODUCTION] == pytest.approx((0.04 * -2.0, 0.26 * largest_w))
+    assert found[DrivingRules.PRODUCTION_SIMPLE] == pytest.approx((0.23 * -2.0, 0.0))
 
 
 def test_settings_out_of_order_or_range_are_refused() -> None:

@@ -74,6 +74,18 @@ def test_cost_terms_far_from_the_kinks() -> None:
     )
 
 
+@pytest.mark.parametrize("acceleration", [-1.2, 0.7])
+def test_energy_spent_is_less_by_what_the_motion_gains(acceleration: float) -> None:
+    """Over a second from 20 m/s: half of the mass, rotating parts included, times the gain of v squared."""
+    state = make_state(speed_m_s=20.0)
+    of_battery, spent = (
+        run_stage(state, acceleration, 0.0, 1.0, weights)[1]
+        for weights in ((0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 0.0, 1.0))
+    )
+    gained_j = 0.5 * 1432.0 * 1.022 * ((20.0 + acceleration) ** 2 - 20.0**2)
+    assert of_battery - spent == pytest.approx(gained_j, rel=1e-9)
+
+
 @pytest.mark.parametrize("charge_w", [0.0, 1000.0, 8000.0])
 def test_no_more_is_regenerated_than_the_pack_takes(charge_w: float) -> None:
     """20 m/s and -1.5 m/s^2 feed back 30 kW: the terminals take what they can, friction brakes the rest."""

@@ -39,6 +39,7 @@ AT = CostPoint(
     speed_error_m_s=-3.0,
     cell_1_error_k=4.0,
     cell_n_error_k=-5.0,
+    motion_power_w=5e3,
 )
 
 
@@ -49,6 +50,7 @@ AT = CostPoint(
         ("temperature_weight", "J2", 0.1, 4.1),
         ("energy_weight_1_j", "J3", 1e-3, 20.0),
         ("aging_weight", "J4", 1e9, 0.5),
+        ("spent_energy_weight_1_j", "J5", 1e-3, 15.0),
     ],
 )
 def test_cost_of_an_instant_and_parameter_of_the_node(
@@ -73,7 +75,9 @@ def test_cost_of_an_instant_and_parameter_of_the_node(
         ("energy_aging", (0.0, 0.0, 1e-3, 5e8)),
         ("aging", (0.0, 0.0, 0.0, 1e9)),
         ("production", (0.0, 0.0, 0.0, 0.0)),
+        ("production_simple", (0.0, 0.0, 0.0, 0.0)),
         ("eco_acc", (0.0, 0.0, 0.0, 0.0)),
+        ("rule_preview", (0.0, 0.0, 0.0, 0.0)),
     ],
 )
 def test_weights(name: str, printed: tuple[float, ...]) -> None:

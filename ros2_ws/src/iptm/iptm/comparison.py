@@ -22,7 +22,7 @@ from iptm.report import (
 )
 from iptm.run import Run, figure_title
 from iptm_core.errors import ScenarioError
-from iptm_core.metrics import FIGURES, SAVINGS, Saving
+from iptm_core.metrics import FIGURES, SAVINGS, WORTH, Saving, TripCost
 from iptm_core.parameters import to_flat_dict
 from iptm_core.user_input import shown
 
@@ -46,16 +46,21 @@ class Comparison:
 
     @property
     def table(self) -> pd.DataFrame:
-        """The savings and all figures, a row each; a column per run.
+        """The savings, all figures, and what each run is worth, a row each; a column per run.
 
-        Behind each run but the first stands its change in percent. What cannot be judged is NaN.
+        Behind each run but the first stands its change in percent. What cannot be judged is NaN. Costs are by
+        the prices and the law of the first run.
         """
         first, *others = self.runs
         values = {label: run.figures for label, run in self.runs.items()}
         for label, found in self.savings.items():
             values[label] = {**found.values, **values[label]}
-        table = pd.DataFrame(values, index=[*SAVINGS, *FIGURES])
-        table = table[table.notna().any(axis=1) | table.index.isin(list(SAVINGS))]
+        costs = self.costs
+        for label in others:
+            values[label][WORTH.key] = costs[first].eur - costs[label].eur
+        of_two = [*SAVINGS, WORTH.key]
+        table = pd.DataFrame(values, index=[*SAVINGS, *FIGURES, WORTH.key])
+        table = table[table.notna().any(axis=1) | table.index.isin(of_two)]
         compared = [key in FIGURES and FIGURES[key].compared for key in table.index]
         for place, label in enumerate(others):
             change = 100.0 * (table[label] / table[first].where(table[first] != 0.0) - 1.0)
@@ -78,6 +83,12 @@ class Comparison:
         """
         first, *others = self.runs
         return pd.DataFrame({label: parts(self.runs[label], self.runs[first]) for label in others})
+
+    @property
+    def costs(self) -> dict[str, TripCost]:
+        """What every run costs by the prices and the law of the first one, by label."""
+        use = next(iter(self.runs.values())).aging_use
+        return {label: run.cost(use) for label, run in self.runs.items()}
 
     @property
     def headlines(self) -> list[str]:

@@ -9,17 +9,21 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from iptm_core.aging_laws.parking import AgingSettings
 from iptm_core.decision_record import DecisionSeries
-from iptm_core.declaration import TextEnum
+from iptm_core.declaration import TextEnum, parameter_specs
 from iptm_core.errors import ScenarioError
 from iptm_core.metrics import (
     FIGURES,
     SAVINGS,
+    WORTH,
     RunMetrics,
     Saving,
+    TripCost,
     compute_metrics,
     figure_values,
     judge_saving,
+    trip_cost,
 )
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes.slope import SlopeProfile
@@ -168,6 +172,21 @@ class Run:
         length = f"{self.settings['preview_length_s']:g} s"
         return f"{length}, perfect" if is_perfect else length
 
+    def cost(self, use: AgingSettings | None = None) -> TripCost:
+        """Return what energy and capacity cost, in EUR per 100 km; see `iptm_core.metrics.trip_cost`.
+
+        Args:
+            use: prices, law and use of the car between trips; None for those of this run.
+        """
+        used = use or self.aging_use
+        return trip_cost(self.trajectory, self.metrics, self.parameters, used)
+
+    @property
+    def aging_use(self) -> AgingSettings:
+        """Prices, ageing law and use of the car between trips; defaults where they are not known."""
+        known = {spec.name for spec in parameter_specs(AgingSettings)} & self.settings.keys()
+        return AgingSettings(**{name: self.settings[name] for name in known})
+
     @property
     def frame(self) -> pd.DataFrame:
         """One row per tick, indexed by ``time_s``; units stand in the names of the columns.
@@ -302,5 +321,5 @@ class Run:
 
 def figure_title(key: str) -> str:
     """Return key and unit of a figure, ``1`` for a pure number."""
-    figure = FIGURES[key] if key in FIGURES else SAVINGS[key]
+    figure = {**FIGURES, **SAVINGS, WORTH.key: WORTH}[key]
     return f"{key} [{figure.unit or 1}]"

@@ -107,7 +107,6 @@ class Controller:
         self._pack = pack_observer(parameters, library)
         ends_s = horizon.node_times_s[1 : horizon.motion_steps + 1]
         self.power = PowerAuthority(self._vehicle, options.tick_s, ends_s)
-        self._production = ProductionLikeController(parameters, options.production, options.tick_s)
         self._road = RoadEnvelope(parameters, options.tick_s)
         self._last_trusted: VehicleState | None = None
 
@@ -117,6 +116,8 @@ class Controller:
             strategy, self.options, self._parked, self.model
         )
         self._is_rule_based = strategy.is_rule_based
+        driven = self.options.production, self.options.tick_s, strategy.rules
+        self._production = ProductionLikeController(self.model, *driven)
         builder = ProblemDataBuilder(self.grid, strategy, self.model, self.options.tick_s)
         self.plan_data = plan_data(
             self.grid, builder, compile_code=self.options.solver.compile_code
@@ -209,9 +210,7 @@ class Controller:
         if state is None or fault or (leader is None and not is_free):
             planned = Decision(reason=fault)
         elif self._is_rule_based:
-            lawful = self._road.command_m_s2(state, measured.rules)
-            command = self._production.command(state, leader, lawful, self.options.strategy.rules)
-            planned = Decision(self._ladder.accept_command(command), Rung.OPTIMAL)
+            planned = self._by_rules(state, leader, measured)
         else:
             planned = self._plan(state, leader, measured)
         rung, command = planned.rung, planned.command
@@ -247,6 +246,17 @@ class Controller:
             ", ".join(filter(None, (self._estimator.noise, self._forecaster.noise))),
             pack,
         )
+
+    def _by_rules(
+        self, state: VehicleState, leader: LeaderState | None, measured: Measurements
+    ) -> Decision:
+        """Drive and cool by the rules of the strategy."""
+        lawful = self._road.command_m_s2(state, measured.rules)
+        forecast = None
+        if leader is not None and self._production.uses_preview:
+            forecast = self._forecaster.forecast(leader, measured.preview)
+        command = self._production.command(state, leader, lawful, forecast)
+        return Decision(self._ladder.accept_command(command), Rung.OPTIMAL, forecast=forecast)
 
     def _fall_back(
         self, state: VehicleState | None, leader: LeaderState | None, measured: Measurements

@@ -162,6 +162,7 @@ class LeaderForecaster:
         tick_s: float = 1.0,
         return_s: float = 0.0,
         decay_s: float = ACCELERATION_DECAY_S,
+        braking_decay_s: float = ACCELERATION_DECAY_S,
     ) -> None:
         """Set up a forecaster that has not measured a leader.
 
@@ -170,8 +171,10 @@ class LeaderForecaster:
             return_s: time constant with which the leader returns to its usual speed where nothing is
                 predicted; 0: it is extrapolated.
             decay_s: time constant with which its measured acceleration decays then.
+            braking_decay_s: the same where it brakes.
         """
-        self._return_s, self._decay_s = return_s, decay_s
+        self._return_s = return_s
+        self._decay_s, self._braking_decay_s = decay_s, braking_decay_s
         self._usual = UsualSpeed()
         self._horizon_s = horizon_s
         self._max_age_s = max_age_s
@@ -286,7 +289,9 @@ class LeaderForecaster:
     def _extrapolated(self, leader: LeaderState) -> LeaderPreview:
         acceleration_m_s2 = measured_acceleration_m_s2(self._past)
         if not self._return_s:
-            return extrapolated_motion(leader, acceleration_m_s2, self._decay_s)
+            is_braking = acceleration_m_s2 < 0.0
+            decay_s = self._braking_decay_s if is_braking else self._decay_s
+            return extrapolated_motion(leader, acceleration_m_s2, decay_s)
         usual_m_s = self._usual.speed_m_s
         return returning_motion(leader, acceleration_m_s2, usual_m_s, self._return_s)
 

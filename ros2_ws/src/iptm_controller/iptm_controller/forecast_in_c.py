@@ -45,7 +45,8 @@ _QUALITIES = tuple(PreviewQuality)
 
 class _Forecaster(ctypes.Structure):
     _fields_ = (
-        *((name, DOUBLE) for name in ("tick_s", "horizon_s", "max_age_s", "return_s", "decay_s")),
+        *((name, DOUBLE) for name in ("tick_s", "horizon_s", "max_age_s", "return_s")),
+        *((name, DOUBLE) for name in ("decay_s", "braking_decay_s")),
         ("leads", INT),
         ("lead_ticks", INT * LONGEST_LEAD_S),
         ("past_room", INT),
@@ -91,10 +92,11 @@ class LeaderForecasterInC(LeaderForecaster):
         tick_s: float,
         return_s: float,
         decay_s: float,
+        braking_decay_s: float,
     ) -> None:
         """Set up a forecaster that has not measured a leader."""
         self._numbers, self._c_memory = _Forecaster(), _Memory()
-        super().__init__(horizon_s, max_age_s, tick_s, return_s, decay_s)
+        super().__init__(horizon_s, max_age_s, tick_s, return_s, decay_s, braking_decay_s)
         leads = self.trust.lead_ticks
         self._numbers = _Forecaster(
             tick_s,
@@ -102,6 +104,7 @@ class LeaderForecasterInC(LeaderForecaster):
             max_age_s,
             return_s,
             decay_s,
+            braking_decay_s,
             len(leads),
             (INT * LONGEST_LEAD_S)(*leads),
         )
@@ -242,8 +245,9 @@ def leader_forecaster(
     tick_s: float,
     return_s: float,
     decay_s: float,
+    braking_decay_s: float,
     library: ctypes.PyDLL | None,
 ) -> LeaderForecaster:
     """Return the form in C where there is a library."""
-    given = horizon_s, max_age_s, tick_s, return_s, decay_s
+    given = horizon_s, max_age_s, tick_s, return_s, decay_s, braking_decay_s
     return LeaderForecaster(*given) if library is None else LeaderForecasterInC(library, *given)

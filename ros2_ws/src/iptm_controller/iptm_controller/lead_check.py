@@ -281,8 +281,12 @@ ACCELERATION_DECAY_S = 4.0
 published cycle positions 3 to 8 s ahead are predicted better than at a constant speed, and over all of them
 together better than with half or twice the constant (a test checks both)."""
 BRIEF_DECAY_S = 1.0
-"""The same for plans that are drawn to a desired headway. A longer one predicts better and saves less there:
-with little room a wrong guess costs more than a late one, and equipped cars behind each other amplify it."""
+"""The same for plans that are drawn to a desired headway, of a leader that speeds up. A longer one predicts
+better and saves less there: with little room a wrong guess costs more than a late one, and equipped cars
+behind each other amplify it."""
+BRIEF_BRAKING_DECAY_S = 20.0
+"""The same of a leader that brakes: braking is taken to go on. With little room above s_min, a plan that
+expects its end breaks s_min for as long as the leader brakes, and brakes harder for it in the end."""
 ACCELERATION_WINDOW_S = 1.0
 """The acceleration is the least-squares slope of the speeds in this window, of at least two samples."""
 LARGEST_ACCELERATION_M_S2 = 10.0
@@ -323,15 +327,16 @@ def measured_acceleration_m_s2(measured: Sequence[LeaderState]) -> float:
     return slope_m_s2 if abs(slope_m_s2) <= LARGEST_ACCELERATION_M_S2 else 0.0
 
 
-def unpredicted_s(gap: GapParameters) -> tuple[float, float]:
+def unpredicted_s(gap: GapParameters) -> tuple[float, float, float]:
     """Return time constants of a leader without a prediction: of its return, and of its acceleration.
 
-    The first is `gap.leader_return_s`, the second the one with which the measured acceleration decays.
+    The first is `gap.leader_return_s`, the others those with which the measured acceleration decays, where it
+    speeds up and where it brakes.
     """
-    return (
-        gap.leader_return_s,
-        BRIEF_DECAY_S if gap.desired_time_headway_s else ACCELERATION_DECAY_S,
-    )
+    decays_s = ACCELERATION_DECAY_S, ACCELERATION_DECAY_S
+    if gap.desired_time_headway_s:
+        decays_s = BRIEF_DECAY_S, BRIEF_BRAKING_DECAY_S
+    return gap.leader_return_s, *decays_s
 
 
 def extrapolated_motion(

@@ -19,7 +19,7 @@ from iptm_controller.options import ControllerOptions
 from iptm_controller.settings import ControllerSettings
 from iptm_controller.strategy import COST_TERMS
 from iptm_core.declaration import Scalar, parameter, plain
-from iptm_core.errors import IptmError
+from iptm_core.errors import IptmError, ParameterError
 from iptm_core.saved_state import SavedState, from_plain, read_state, to_plain
 from iptm_core.settings import FrameSettings, ModelSettings, SamplingSettings
 from iptm_core.state import NS_PER_S
@@ -95,7 +95,12 @@ class SettingsChanges:
     def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         """Refuse all that is asked for in one sentence, or nothing of it."""
         try:
-            self._changed(parameters).controller_options()
+            wanted = self._changed(parameters).controller_options()
+            if wanted.law is not self._wanted.controller_options().law:
+                raise ParameterError(
+                    f"strategy is '{wanted.strategy.name}', whose cost has another ageing law; allowed while "
+                    "a trip is driven: strategies with the same law"
+                )
         except IptmError as error:
             return SetParametersResult(successful=False, reason=" ".join(str(error).split()))
         return SetParametersResult(successful=True)

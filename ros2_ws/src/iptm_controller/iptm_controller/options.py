@@ -11,7 +11,7 @@ from iptm_controller.production import ProductionSettings
 from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.strategy import DEFAULT_STRATEGY, STRATEGIES, Strategy
 from iptm_core.aging_laws.law import AgingLaw
-from iptm_core.aging_laws.parking import AgingSettings
+from iptm_core.aging_laws.parking import PRICED_LAW, AgingSettings
 from iptm_core.braking import RadioSettings, RoadFrictionSettings, SensorAccuracySettings
 from iptm_core.charging_stop import ChargingStopSettings
 from iptm_core.errors import ParameterError
@@ -70,7 +70,8 @@ class ControllerOptions:
     @property
     def law(self) -> AgingLaw | None:
         """Ageing law of the cost, None for the paper's."""
-        return self.own_law or self.aging.law()
+        law = self.own_law or self.aging.law()
+        return law or (PRICED_LAW if self.strategy.in_currency else None)
 
     @property
     def charges(self) -> bool:

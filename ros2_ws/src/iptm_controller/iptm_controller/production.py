@@ -1,26 +1,32 @@
 """Driving and cooling by rules: as production cars do, and as well as can be done without optimisation.
 
-Nothing is optimised and nothing is predicted. The cruise control is the one that Milanés and Shladover
+Nothing is optimised. The cruise control of `production_simple` is the one that Milanés and Shladover
 identified on production cars (Transportation Research Part C 48, 2014, pp. 285-300) with the modes of
 Xiao, Wang and van Arem (Transportation Research Record 2623, 2017, pp. 1-9), of which the gentlest counts
 instead of thresholds between them; the time gap lies between those that ISO 15622:2018 asks for. Where
 the lead vehicle brakes harder than the limits of comfort allow the ego vehicle to, emergency braking
 takes over, as in cars: the collision guard of the controller and the safety monitor of the vehicle.
-
-The thermostat runs the compressor at half power from 33 degC of the warmer cell down to 30. Makers
+Its thermostat runs the compressor at half power from 33 degC of the warmer cell down to 30. Makers
 publish no such thresholds: these are chosen, in the middle of the paper's limits of 25 and 40 degC.
 
-The strong baseline, `eco_acc`, has the same thermostat and a cruise control with a long time gap and gains so
-small that it smooths what the lead vehicle does. It keeps s_min by the reserve that the optimal control
-problem has for a braking leader, and s_max by closing up. Gains, time gap and margin are tuned once, on UDDS,
-SC03 and NYCC; a low-pass filter of the leader's speed was tried there too and made it worse.
+`production` is the same car with gains and thermostat tuned once, on trips that no table of savings uses
+(study `production`).
+
+The strong baseline, `eco_acc`, has the thermostat of `production` and a cruise control with a long time gap
+and gains so small that it smooths what the lead vehicle does. It keeps s_min by the reserve that the optimal
+control problem has for a braking leader, and s_max by closing up. Gains, time gap and margin are tuned once,
+on UDDS, SC03 and NYCC; a low-pass filter of the leader's speed was tried there too and made it worse.
+
+`rule_preview` has the thermostat, too, and follows the preview by one formula (`rule_preview`).
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from iptm_controller.forecast import LeaderForecast
+from iptm_controller.rule_preview import gentlest_acceleration_m_s2
 from iptm_controller.strategy import DrivingRules
 from iptm_core.declaration import Settings, parameter
 from iptm_core.errors import ParameterError
@@ -37,10 +43,10 @@ class ProductionSettings(Settings):
         1.6, "time headway of the cruise control, beyond the gap at standstill", "s", 0.8, 5.0
     )
     acc_gap_gain_1_s2: float = parameter(
-        0.23, "acceleration for the error of the gap while following", "1/s^2", 0.001, 2.0
+        0.03, "acceleration for the error of the gap while following", "1/s^2", 0.001, 2.0
     )
     acc_speed_gain_1_s: float = parameter(
-        0.07, "acceleration for the difference of speeds while following", "1/s", 0.0, 5.0
+        0.5, "acceleration for the difference of speeds while following", "1/s", 0.0, 5.0
     )
     acc_closing_gap_gain_1_s2: float = parameter(
         0.04,
@@ -50,7 +56,7 @@ class ProductionSettings(Settings):
         2.0,
     )
     acc_closing_speed_gain_1_s: float = parameter(
-        0.8,
+        0.7,
         "acceleration for the difference of speeds while a large gap is closed",
         "1/s",
         0.0,
@@ -60,17 +66,17 @@ class ProductionSettings(Settings):
         0.4, "acceleration for the difference to the largest speed", "1/s", 0.01, 5.0
     )
     thermostat_on_k: float = parameter(
-        306.15,
+        303.15,
         "temperature of the warmer cell above which the compressor runs",
         "K",
         253.15,
         353.15,
     )
     thermostat_off_k: float = parameter(
-        303.15, "temperature of the warmer cell below which it stops", "K", 253.15, 353.15
+        301.15, "temperature of the warmer cell below which it stops", "K", 253.15, 353.15
     )
     thermostat_power_share: float = parameter(
-        0.5, "power of the running compressor as a share of its largest", "", 0.05, 1.0
+        0.26, "power of the running compressor as a share of its largest", "", 0.05, 1.0
     )
 
     def __post_init__(self) -> None:
@@ -80,6 +86,18 @@ class ProductionSettings(Settings):
                 f"thermostat_off_k is {self.thermostat_off_k}; allowed: at most thermostat_on_k, "
                 f"{self.thermostat_on_k}"
             )
+
+
+SIMPLE = {
+    "acc_gap_gain_1_s2": 0.23,
+    "acc_speed_gain_1_s": 0.07,
+    "acc_closing_gap_gain_1_s2": 0.04,
+    "acc_closing_speed_gain_1_s": 0.8,
+    "thermostat_on_k": 306.15,
+    "thermostat_off_k": 303.15,
+    "thermostat_power_share": 0.5,
+}
+"""Settings of `production_simple` in place of the tuned ones."""
 
 
 def cruise_control_m_s2(
@@ -174,14 +192,31 @@ def eco_cruise_control_m_s2(
 
 
 class ProductionLikeController:
-    """Cruise control and thermostat; only the thermostat remembers anything."""
+    """Cruise control and thermostat of some rules; only the thermostat remembers anything.
+
+    Attributes:
+        uses_preview: whether these rules use the predicted motion of the leader.
+        is_cooling: the compressor runs.
+    """
 
     def __init__(
-        self, parameters: ModelParameters, settings: ProductionSettings, tick_s: float = 1.0
+        self,
+        parameters: ModelParameters,
+        settings: ProductionSettings,
+        tick_s: float = 1.0,
+        rules: DrivingRules = DrivingRules.PRODUCTION,
     ) -> None:
+        """Set up a vehicle that does not cool.
+
+        Args:
+            rules: which cruise control drives, and which settings count.
+        """
         self._parameters = parameters
-        self._settings = settings
+        is_simple = rules == DrivingRules.PRODUCTION_SIMPLE  # a stored strategy holds the text
+        self._settings = replace(settings, **SIMPLE) if is_simple else settings
         self._tick_s = tick_s
+        self._rules = rules
+        self.uses_preview = rules == DrivingRules.RULE_PREVIEW
         self.is_cooling = False
 
     def command(
@@ -189,24 +224,34 @@ class ProductionLikeController:
         state: VehicleState,
         leader: LeaderState | None,
         at_most_m_s2: float = math.inf,
-        rules: DrivingRules = DrivingRules.PRODUCTION,
+        forecast: LeaderForecast | None = None,
     ) -> Command:
         """Return the command of a tick; jerk and the rate of the compressor are left to the limiter.
 
         Args:
             at_most_m_s2: what the rules of the road allow.
-            rules: which cruise control drives.
+            forecast: predicted motion of the leader, where it is used.
         """
         acceleration = at_most_m_s2
         if leader is not None:
-            law = (state, leader, self._parameters, self._settings)
-            following = (
-                eco_cruise_control_m_s2(*law, self._tick_s)
-                if rules is DrivingRules.ECO_ACC
-                else cruise_control_m_s2(*law)
-            )
-            acceleration = min(following, at_most_m_s2)
+            acceleration = min(self._following_m_s2(state, leader, forecast), at_most_m_s2)
         return Command(acceleration, self._compressor_power_w(state))
+
+    def _following_m_s2(
+        self, state: VehicleState, leader: LeaderState, forecast: LeaderForecast | None
+    ) -> float:
+        """Return the acceleration behind a lead vehicle."""
+        law = (state, leader, self._parameters, self._settings)
+        if self._rules == DrivingRules.ECO_ACC:
+            return eco_cruise_control_m_s2(*law, self._tick_s)
+        if forecast is not None:
+            known_s = forecast.known_s - (state.time_s - leader.time_s)
+            headway_s = self._settings.acc_time_headway_s
+            foreseen = state, forecast.limiting, known_s, headway_s
+            gentlest = gentlest_acceleration_m_s2(*foreseen, self._parameters, self._tick_s)
+            if math.isfinite(gentlest):
+                return gentlest
+        return cruise_control_m_s2(*law)
 
     def _compressor_power_w(self, state: VehicleState) -> float:
         """Switch the compressor by the warmer cell."""

@@ -182,8 +182,11 @@ class ControllerSettings(
         Raises:
             IptmError: a choice does not fit another one.
         """
+        strategy = self.weighted_strategy()
+        # The law of a cell values the hours after the trip by itself, and cools in time for them.
+        ends = not self.value_beyond_trip or strategy.in_currency or self.law() is not None
         return ControllerOptions(
-            strategy=self.weighted_strategy(),
+            strategy=strategy,
             horizon=Horizon.parse(self.horizon),
             solver=SolverOptions(
                 compile_code=self.compile_code,
@@ -196,7 +199,7 @@ class ControllerSettings(
             safe_law_ticks=self.safe_law_ticks,
             max_preview_age_s=self.max_preview_age_s,
             tick_s=tick_s,
-            trip_duration_s=math.inf if self.value_beyond_trip else trip_duration_s,
+            trip_duration_s=trip_duration_s if ends else math.inf,
             noise=NoiseSettings.of(self),
             accuracy=SensorAccuracySettings.of(self),
             road=RoadFrictionSettings.of(self),

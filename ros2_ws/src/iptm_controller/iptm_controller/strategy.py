@@ -24,6 +24,9 @@ SPEED_WEIGHT = 0.5  # Q
 TEMPERATURE_WEIGHT = 0.1  # R
 DEFAULT_STRATEGY = "aging_cost_to_go"
 MAX_WEIGHT = 1e15
+HEADWAY_PRICE_1_M2_S = 0.003
+"""Cost per second of a squared metre between the gap and a desired one, in the unit of the ageing of `aging`.
+Headways and savings hardly depend on it from a tenth to ten times as much."""
 
 
 class DrivingRules(TextEnum):
@@ -31,7 +34,9 @@ class DrivingRules(TextEnum):
 
     NONE = "none"
     PRODUCTION = "production"
+    PRODUCTION_SIMPLE = "production_simple"
     ECO_ACC = "eco_acc"
+    RULE_PREVIEW = "rule_preview"
 
 
 @dataclass(frozen=True)
@@ -42,12 +47,14 @@ class CostPoint:
         speed_error_m_s: speed less its reference.
         cell_1_error_k: temperature of cell 1 less its reference.
         cell_n_error_k: the same of cell N.
+        motion_power_w: rate of the kinetic energy.
     """
 
     rates: PowerThermalRates
     speed_error_m_s: Scalar
     cell_1_error_k: Scalar
     cell_n_error_k: Scalar
+    motion_power_w: Scalar
 
 
 @dataclass(frozen=True)
@@ -82,8 +89,12 @@ class Strategy:
     Attributes:
         name: short name, as used in parameters and tables.
         reference_temperature_k: r_T of J2.
+        headway_price_1_m2_s: cost per second of a squared metre between the gap and a desired one; it is
+            scaled with the weights.
         cost_to_go: price the cell temperatures at the end of the horizon by the aging that follows, see
             ``TemperatureValue``; there is nothing to weigh.
+        in_currency: all is priced: capacity by the law of a cell, energy (J5) and headway. The weight of
+            ageing only sets the scale of the cost.
         rules: laws that drive and cool where nothing is weighed.
     """
 
@@ -103,9 +114,15 @@ class Strategy:
         "J4", "capacity loss of both cells", "lambda_Q", "", 1e-9,
         lambda weight, at: weight * (
             at.rates.cell_1_capacity_loss_rate_1_s + at.rates.cell_n_capacity_loss_rate_1_s))
+    spent_energy_weight_1_j: float = _weight(
+        "J5", "energy at the battery terminals less what the motion gains", "lambda_E", "1/J", 20e3,
+        lambda weight, at: weight * (
+            at.rates.battery_power_w - at.motion_power_w))
     # fmt: on
     reference_temperature_k: float = REFERENCE_TEMPERATURE_K
+    headway_price_1_m2_s: float = HEADWAY_PRICE_1_M2_S
     cost_to_go: bool = False
+    in_currency: bool = False
     rules: DrivingRules = DrivingRules.NONE
 
     def __post_init__(self) -> None:
@@ -137,6 +154,7 @@ class Strategy:
     def scaled(self, factor: float) -> Strategy:
         """Return the strategy with all weights multiplied by a factor."""
         weights: dict[str, Any] = {key: factor * value for key, value in self.weights.items()}
+        weights["headway_price_1_m2_s"] = factor * self.headway_price_1_m2_s
         return replace(self, **weights)
 
     @property
@@ -177,12 +195,17 @@ STRATEGIES: dict[str, Strategy] = {
         Strategy("energy_aging", energy_weight_1_j=1e-3, aging_weight=5e8),
         _AGING,
         replace(_AGING, name=DEFAULT_STRATEGY, cost_to_go=True),
-        Strategy("production", rules=DrivingRules.PRODUCTION),
-        Strategy("eco_acc", rules=DrivingRules.ECO_ACC),
+        replace(_AGING, name="prices", cost_to_go=True, in_currency=True),
+        *(
+            Strategy(rules.value, rules=rules)
+            for rules in DrivingRules
+            if rules is not DrivingRules.NONE
+        ),
     )
 }
-"""By name: the six of the paper, of which it proposes ``aging``, the default, what cars have today, and the
-best that is known here without a preview or an optimisation."""
+"""By name: the six of the paper, of which it proposes ``aging``, the default, and those without an
+optimisation: what cars have today, tuned and simple, the best that is known here without a preview, and a
+formula with one."""
 
 
 def strategy_by_name(name: str) -> Strategy:

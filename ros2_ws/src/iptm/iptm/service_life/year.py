@@ -14,7 +14,7 @@ import numpy as np
 
 from iptm.climate import DAY_S, HOUR_S, MONTH_DAYS, Climate
 from iptm.service_life.trip_map import TripMap, heat_capacity_j_k, nominal_energy_j
-from iptm_controller.production import ProductionSettings
+from iptm_controller.production import SIMPLE
 from iptm_core.aging_laws.law import Load
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import cell_resistance_ohm
@@ -267,7 +267,7 @@ def year_of(
         trips: a trip of the cycle of the usage under that control for each month, January first.
         parameters: pack of the car.
     """
-    limit_k = UPPER_LIMIT_K if control == NO_COOLING else ProductionSettings().thermostat_on_k
+    limit_k = UPPER_LIMIT_K if control == NO_COOLING else SIMPLE["thermostat_on_k"]
     parts: list[tuple[float, _Day]] = []
     for month, (days, trip) in enumerate(zip(MONTH_DAYS, trips, strict=True)):
         day = partial(_Day, parameters, usage, climate, month, limit_k)

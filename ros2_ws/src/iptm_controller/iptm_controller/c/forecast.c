@@ -94,8 +94,10 @@ static int return_to_usual(const iptm_forecaster *forecaster, const iptm_forecas
 static int extrapolate(const iptm_forecaster *forecaster, const iptm_forecast_memory *memory,
                        const iptm_leader *leader, double *times_s, double *positions_m,
                        double *speeds_m_s) {
-  const double decay_s = forecaster->decay_s;
-  const double change_m_s = decay_s * measured_acceleration_m_s2(memory);
+  const double acceleration_m_s2 = measured_acceleration_m_s2(memory);
+  const double decay_s =
+      acceleration_m_s2 < 0.0 ? forecaster->braking_decay_s : forecaster->decay_s;
+  const double change_m_s = decay_s * acceleration_m_s2;
   double until_s = EXTRAPOLATED_DECAYS * decay_s;
   int nodes = IPTM_EXTRAPOLATED_NODES, i;
   if (forecaster->return_s > 0.0) {

@@ -22,6 +22,7 @@ typedef struct {
   double tick_s, horizon_s, max_age_s;
   double return_s;       /* to the usual speed where nothing is predicted; 0: extrapolated */
   double decay_s;        /* of the measured acceleration where the leader is extrapolated */
+  double braking_decay_s; /* the same where it brakes */
   int leads;             /* lead times at which predictions are compared, in ticks, increasing */
   int lead_ticks[IPTM_MOST_LEADS];
   int past_room, preview_room; /* nodes */

@@ -26,9 +26,6 @@ would come too late (at 30 m/s, 1 m/s of speed changes s_min by over 10 m)."""
 LONGEST_COMPRESSOR_CHANGE_S = 2.5
 """The same cap for the compressor, larger because its effect on the temperatures takes minutes."""
 SLOPE_DIFFERENCE_M = 25.0
-HEADWAY_PRICE_1_M2_S = 0.003
-"""Cost per second of a squared metre between the gap and a desired one. Headways and savings hardly depend on
-it from a tenth to ten times as much."""
 COLD_COMPRESSOR_PRICE_1_KW = 100.0
 """Cost per kilowatt and second of a compressor that runs although the cells are at their lower limit."""
 COLD_MARGIN_K = 0.05
@@ -257,7 +254,9 @@ class ProblemDataBuilder:
             GlobalIndex.LOWEST_TEMPERATURE: lowest_k,
             GlobalIndex.THERMAL_ENERGY_PRICE: scale * value.thermal_energy_price_1_j,
             GlobalIndex.CHARGE_POWER: charge_w,
-            GlobalIndex.HEADWAY_PRICE: scale * HEADWAY_PRICE_1_M2_S if follows else 0.0,
+            GlobalIndex.HEADWAY_PRICE: scale * self.strategy.headway_price_1_m2_s
+            if follows
+            else 0.0,
         }
         for place, number in own.items():
             shared[place] = number

@@ -239,10 +239,17 @@ def compressor_rate_row(symbols: StageSymbols, bounds: LimitParameters) -> ca.SX
 
 
 def cost_rate(
-    rates: PowerThermalRates, speed_error: ca.SX, cell_1_k: ca.SX, cell_n_k: ca.SX, g: ca.SX
+    rates: PowerThermalRates,
+    speed_error: ca.SX,
+    cell_1_k: ca.SX,
+    cell_n_k: ca.SX,
+    motion_power_w: ca.SX,
+    g: ca.SX,
 ) -> ca.SX:
     """Return the sum of all cost terms per second (paper eq. 17)."""
     reference_k = g[GlobalIndex.REFERENCE_TEMPERATURE]
-    at = CostPoint(rates, speed_error, cell_1_k - reference_k, cell_n_k - reference_k)
+    at = CostPoint(
+        rates, speed_error, cell_1_k - reference_k, cell_n_k - reference_k, motion_power_w
+    )
     rate: ca.SX = sum(term.rate(g[layout.WEIGHTS[key]], at) for key, term in COST_TERMS.items())
     return rate

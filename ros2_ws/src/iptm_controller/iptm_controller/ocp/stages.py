@@ -161,7 +161,8 @@ def _integrate(
             MassLoad(*ca.vertsplit(g[layout.MASS_LOAD])),
         )
         speed_error = sample_speed - sample[SampleIndex.SPEED_REFERENCE]
-        cost += share_s * cost_rate(rates, speed_error, sample_1, sample_n, g)
+        motion_w = g[GlobalIndex.VEHICLE_INERTIA] * sample_speed * acceleration
+        cost += share_s * cost_rate(rates, speed_error, sample_1, sample_n, motion_w, g)
         end_1 += share_s * rates.cell_1_temperature_rate_k_s
         end_n += share_s * rates.cell_n_temperature_rate_k_s
         if step_s > LONGEST_STEP_WITHOUT_SAMPLED_GAP_S:
@@ -252,8 +253,8 @@ def build_thermal_stage(
     middle_n = start_n + 0.5 * step_s * first.cell_n_temperature_rate_k_s
     each = [rates(traction[level], middle_1, middle_n) for level in range(levels)]
     share_s = step_s / levels
-    no_error = ca.SX(0.0)  # of the speed: the motion is not optimised
-    cost = share_s * sum(cost_rate(one, no_error, middle_1, middle_n, g) for one in each)
+    none = ca.SX(0.0)  # the motion is not optimised
+    cost = share_s * sum(cost_rate(one, none, middle_1, middle_n, none, g) for one in each)
     # The motion has no meaning here: its input is held at zero.
     cost += 0.5 * step_s * symbols.u[InputIndex.ACCELERATION] ** 2
     acceleration = inputs[InputIndex.ACCELERATION]

@@ -14,23 +14,27 @@ costs here, so the time has no end by default.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from iptm_core.aging_laws.cells import LAWS
 from iptm_core.aging_laws.law import AgingLaw, Load, Mechanism, MechanismLaw
 from iptm_core.declaration import Settings, parameter
+from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.ops import Scalar
 from iptm_core.state import FloatArray
 from iptm_core.units import SECONDS_PER_DAY, SECONDS_PER_HOUR
 
 PAPER_LAW = "paper"
+PRICED_LAW = LAWS["nca"]
+"""Law of costs in one currency where none of a cell is stated: the paper's has no ageing at rest."""
 FROM_SET = 0.0
 DAYS_PER_YEAR = 365.25
 END_OF_LIFE_LOSS = 0.2
 """A pack is replaced at 80 % of its capacity: its price is spread over this loss."""
 _HOURS_PER_DAY = 24.0
+_WH_PER_KWH = 1000.0
 _ANGLES = 2.0 * np.pi * np.arange(24) / 24.0
 _SMALLEST_STEP_K = 0.05
 
@@ -140,6 +144,17 @@ class ParkedAging:
             total += weight * (arrival - end) / above_k
         return self._tau_s * total
 
+    def loss_1_s(
+        self, temperature_k: FloatArray, c_rate_1_h: FloatArray, charge: FloatArray
+    ) -> FloatArray:
+        """Return the loss rate of all mechanisms, of cycles as deep as a day's use, shape (n,)."""
+        day = self._day(temperature_k, np.abs(c_rate_1_h))
+        load = replace(day, charge=charge)
+        total = np.zeros_like(temperature_k)
+        for part, weight in zip(self._law.mechanisms, self.weights, strict=True):
+            total += weight * part.damage_rate_1_s(load)
+        return total
+
     def calendar_1_s(self, temperature_k: float, charge: float) -> tuple[float, float, float]:
         """Return the calendar loss rate, its slope and curvature over temperature; charge NaN: parked."""
         if math.isnan(charge):
@@ -167,7 +182,7 @@ class ParkedAging:
                 slope += weight * float(part.damage_slope_1_s_k(load))
         return rate, slope
 
-    def _day(self, temperature_k: Scalar, c_rate_1_h: float) -> Load:
+    def _day(self, temperature_k: Scalar, c_rate_1_h: Scalar) -> Load:
         use = self._use
         mean_1_h = 2.0 * use.daily_discharge / _HOURS_PER_DAY
         return Load(
@@ -187,6 +202,13 @@ class ParkedAging:
             part.damage_rate_1_s(self._day(kelvin, mean_1_h)), kelvin.shape
         )
         return rates
+
+
+def capacity_price_eur(use: AgingSettings, model: ModelParameters) -> float:
+    """Return the price of the whole capacity of a pack, in EUR."""
+    pack = model.pack
+    pack_wh = pack.open_circuit_voltage_v * model.cell.nominal_capacity_ah * pack.parallel
+    return use.battery_eur_kwh * pack_wh / _WH_PER_KWH / END_OF_LIFE_LOSS
 
 
 def _marginal_loss(part: MechanismLaw, damage: float) -> float:

@@ -9,6 +9,7 @@ from iptm_core.metrics.figures import FIGURES as FIGURES
 from iptm_core.metrics.figures import PAPER_TABLE as PAPER_TABLE
 from iptm_core.metrics.figures import SAVINGS as SAVINGS
 from iptm_core.metrics.figures import TRIP_FIGURES as TRIP_FIGURES
+from iptm_core.metrics.figures import WORTH as WORTH
 from iptm_core.metrics.figures import figure_values as figure_values
 from iptm_core.metrics.following import MOVING_M_S as MOVING_M_S
 from iptm_core.metrics.following import Following as Following
@@ -24,3 +25,5 @@ from iptm_core.metrics.saving import Saving as Saving
 from iptm_core.metrics.saving import TripEnd as TripEnd
 from iptm_core.metrics.saving import at_equal_end as at_equal_end
 from iptm_core.metrics.saving import judge_saving as judge_saving
+from iptm_core.metrics.trip_cost import TripCost as TripCost
+from iptm_core.metrics.trip_cost import trip_cost as trip_cost

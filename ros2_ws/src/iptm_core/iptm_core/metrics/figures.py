@@ -319,6 +319,18 @@ SAVINGS = {
 }
 """Figures of two runs compared, by key, with the values from `Saving.values`."""
 
+WORTH = Figure(
+    "worth",
+    "Worth",
+    "EUR/100 km",
+    3,
+    "What energy and capacity cost less than in the other run, by the law of a cell and with the hours after "
+    "the trip.",
+    _of_two_runs,
+    better=Better.MORE,
+)
+"""Last figure of runs compared, with the value from `iptm_core.metrics.trip_cost`."""
+
 FIGURES: dict[str, Figure] = {
     **TRIP_FIGURES,
     **{figure.key: figure for figure in _decision_figures()},
