@@ -174,6 +174,16 @@ def test_a_lost_controller_ends_in_a_controlled_stop() -> None:
     assert max(map(abs, steps)) <= 0.5 + 1e-12
 
 
+def test_a_silent_controller_is_reported_long_before_it_is_given_up() -> None:
+    with driven_plant(command_timeout_wall_s=120.0) as plant:
+        silent = (Level.STALE, "no commands arrive: waiting")
+        plant.drive(lambda tick: Command(0.5, 0.0) if tick < 2 else None,
+                    lambda: plant.bench.situation == silent)  # fmt: skip
+        plant.answer(2, Command(0.5, 0.0))
+        assert plant.bench.situation == RUNNING
+        assert plant.bench.values["controller_losses"] == "0"
+
+
 def test_a_controller_that_is_back_before_standstill_drives_on() -> None:
     with driven_plant(command_timeout_wall_s=0.5) as plant:
         plant.drive(

@@ -72,7 +72,7 @@ class PlantNode(TripNode):
             self._let_time_run()
         else:
             self._controller_lost = False
-            self._watchdog.feed()
+            self._expect_answer()
             if self._hold.answers(self._trip.stamp_ns):
                 self._advance(*self._hold.command_at(self._trip.stamp_ns))
         self._report()
@@ -176,7 +176,7 @@ class PlantNode(TripNode):
             lost = "commands arrive, but their stamps answer no state that waits for one"
         if self._phase is TripPhase.STOPPING:
             return Level.ERROR, f"{lost}: controlled stop"
-        if self._watchdog.is_silent:
+        if self._watchdog.is_silent or self._answers.is_silent:
             return Level.STALE, f"{lost}: waiting"
         warning = self._safety_warning() or self._charge_warning()
         if not warning and self._trip.is_limited:

@@ -36,6 +36,8 @@ START_PERIOD_S = 0.02
 CHECKS_PER_REPEAT = 5.0
 STOP_TICK_WALL_S = 0.1
 """Wall time per tick of the controlled stop in lock-step: a restarted controller can take over."""
+REPORTED_S = 1.0
+"""Lock-step: wall time after which a state without an answer is reported."""
 REPEAT_S = 2.5
 """Lock-step: wall time after which an unanswered state is sent again, for nodes that came late; longer than
 the controller's wait for missing inputs."""
@@ -85,6 +87,8 @@ class TripNode(SuiteNode):
         self._outputs = {topic: self.advertise(topic) for topic in (*PUBLISHED, Topic.CLOCK)}
         self._watchdog = Watchdog(self._options.command_timeout_wall_s, self._on_silence)
         self._watchdog.attach(self)
+        reported_s = min(REPORTED_S, self._options.command_timeout_wall_s)
+        self._answers = Watchdog(reported_s, lambda _: self._report()).attach(self)
         self.watch_peers(Topic.PLANT_STATE, Topic.COMMAND)
         self._held: tuple[int, Command] | None = None
         self._neighbours = Neighbours(self, self._options, self._release)
@@ -240,8 +244,13 @@ class TripNode(SuiteNode):
         if not over and self._phase is not TripPhase.PAUSED:
             self._between.begin(self._trip.stamp_ns)
             if not self._is_real_time:
-                self._watchdog.feed()
+                self._expect_answer()
         self._report()
+
+    def _expect_answer(self, *, is_expected: bool = True) -> None:
+        """Begin to wait for an answer in lock-step, or wait no longer."""
+        for watchdog in (self._watchdog, self._answers):
+            watchdog.feed() if is_expected else watchdog.disarm()
 
     def _publish_state(self) -> None:
         step = self._trip.step
@@ -293,7 +302,7 @@ class TripNode(SuiteNode):
         self._controller_lost = True
         self._controller_losses += 1
         self._phase = TripPhase.STOPPING
-        self._watchdog.disarm()
+        self._expect_answer(is_expected=False)
         self._report()
         self._stop_timer = self.every(STOP_TICK_WALL_S, self._on_stop_tick)
 
@@ -318,7 +327,7 @@ class TripNode(SuiteNode):
         self._steps_due = 0
         self._phase = TripPhase.PAUSED
         self._between.end()
-        self._watchdog.disarm()
+        self._expect_answer(is_expected=False)
         self._cancel(self._stop_timer)
         self._cancel(self._tick_timer)
 
@@ -329,7 +338,7 @@ class TripNode(SuiteNode):
         """End the process a little later, so that the last messages arrive, or wait for another trip."""
         self._phase = TripPhase.FINISHED
         self._between.end()
-        self._watchdog.disarm()
+        self._expect_answer(is_expected=False)
         self._cancel(self._tick_timer)
         self.exit_code = code
         if self._options.at_end != WAIT:

@@ -223,7 +223,7 @@ def compare(
 
 MISSING_CHANGE_M = 0.3
 """Change of the gap by the measured relative speed that is missing when a sensor counts as frozen."""
-LEAST_REPEATS = 2
+LEAST_REPEATS = 3
 """Noise makes up for the change between two measurements now and then."""
 LONGEST_SAME_S = 2.0
 """Longer than this no gap in motion is measured the same, noise and resolution included."""
