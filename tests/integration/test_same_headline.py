@@ -19,6 +19,7 @@ from iptm.runner.summary import headline
 from iptm.string_report import string_parts
 from iptm.sweeping import Sweep
 from iptm.trip_files import load_trip
+from iptm_core.metrics import SAVINGS
 from iptm_core.parameters import to_flat_dict
 
 GPX = Path(__file__).parents[2] / "docs" / "examples" / "phone_drive.gpx"
@@ -157,7 +158,7 @@ def test_every_output_has_the_headline_of_the_rows(
         for share in (saving.energy, saving.cells, saving.aging):
             assert share.text in text.lower(), (name, share.text)
     numbers = [
-        own.summary[: len(KINDS)],
+        own.summary[: len(SAVINGS)],
         Sweep(({"strategy": "reference"}, {"strategy": "own"}), (other, own))
         .savings(strategy="reference")
         .iloc[1],
