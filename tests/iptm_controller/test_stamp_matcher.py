@@ -1,3 +1,5 @@
+"""Messages of one tick are joined by their stamps, and waited for."""
+
 from __future__ import annotations
 
 from typing import Any

@@ -1,3 +1,5 @@
+"""Commands as messages and back."""
+
 from __future__ import annotations
 
 import math

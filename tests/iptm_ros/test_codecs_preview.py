@@ -1,3 +1,5 @@
+"""Previews of the leader as messages and back."""
+
 from __future__ import annotations
 
 import dataclasses

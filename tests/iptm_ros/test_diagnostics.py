@@ -1,3 +1,5 @@
+"""The diagnostic status of a node: level, reason, values."""
+
 from __future__ import annotations
 
 from typing import Any

@@ -1,3 +1,5 @@
+"""ROS domains that are free, and the settings of the middleware."""
+
 from __future__ import annotations
 
 import os

@@ -1,3 +1,5 @@
+"""Names, types, QoS and units of topics."""
+
 from __future__ import annotations
 
 import re

@@ -1,3 +1,5 @@
+"""A process that hangs is noticed."""
+
 from __future__ import annotations
 
 import time

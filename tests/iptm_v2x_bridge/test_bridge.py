@@ -1,3 +1,5 @@
+"""The bridge of a cycle: leader and preview at every tick."""
+
 from __future__ import annotations
 
 import math

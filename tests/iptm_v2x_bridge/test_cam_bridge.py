@@ -1,3 +1,5 @@
+"""The bridge of received messages: leader, preview, bounds, silence."""
+
 from __future__ import annotations
 
 import math

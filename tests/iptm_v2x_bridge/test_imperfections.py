@@ -1,3 +1,5 @@
+"""Faults of a simulated link: latency, loss, noise."""
+
 from __future__ import annotations
 
 import dataclasses

@@ -1,3 +1,5 @@
+"""Bits of cooperative awareness messages, and what they mean."""
+
 from __future__ import annotations
 
 import random

@@ -1,3 +1,5 @@
+"""Parameters of the bridge node that do not fit together are refused."""
+
 from __future__ import annotations
 
 from dataclasses import replace

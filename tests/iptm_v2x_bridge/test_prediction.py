@@ -1,3 +1,5 @@
+"""Predicted motion of a leader, and its bounds."""
+
 from __future__ import annotations
 
 import numpy as np

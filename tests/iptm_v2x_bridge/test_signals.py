@@ -1,3 +1,5 @@
+"""Signals and speed limits: when a line is open, and how a leader keeps rules."""
+
 from __future__ import annotations
 
 import math

@@ -1,3 +1,5 @@
+"""Which of the stations leads."""
+
 from __future__ import annotations
 
 import math

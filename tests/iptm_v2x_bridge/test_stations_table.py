@@ -1,3 +1,5 @@
+"""Stations that are heard, and messages that are refused."""
+
 from __future__ import annotations
 
 from typing import Any

@@ -41,6 +41,19 @@ def test_license_is_complete() -> None:
     assert "WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND" in text
 
 
+MOST_LINES = 500
+
+
+def test_a_file_is_one_thought_said_in_its_first_line(tracked_files: list[Path]) -> None:
+    for path in tracked_files:
+        if path.suffix != ".py" or path.name in {"__init__.py", "setup.py"}:
+            continue
+        lines = path.read_text(encoding="utf-8").splitlines()
+        assert len(lines) <= MOST_LINES, path
+        head = next(line for line in lines if line and not line.startswith("#"))
+        assert head.startswith('"""'), path
+
+
 DIALECT = re.compile(
     r"\b(?:told|tells|says|said|whom|nobody|whoever|so many|so long|is no)\b", re.IGNORECASE
 )

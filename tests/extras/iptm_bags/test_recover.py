@@ -1,3 +1,5 @@
+"""Every complete message of a bag that was cut or damaged is recovered, and losses are reported."""
+
 from __future__ import annotations
 
 import os

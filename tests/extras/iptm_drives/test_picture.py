@@ -1,3 +1,5 @@
+"""The command `drive`: a recorded drive in words and as a picture."""
+
 from __future__ import annotations
 
 from pathlib import Path

@@ -1,3 +1,5 @@
+"""What is listed of a bag."""
+
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -1,3 +1,5 @@
+"""Messages of a bag come in the order of time, by topic and interval."""
+
 from __future__ import annotations
 
 import struct

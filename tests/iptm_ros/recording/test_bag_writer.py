@@ -1,3 +1,5 @@
+"""What is written is read by other programs, and a full disk is reported."""
+
 from __future__ import annotations
 
 import resource

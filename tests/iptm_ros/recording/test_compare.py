@@ -1,3 +1,5 @@
+"""Bags are compared message by message and field by field."""
+
 from __future__ import annotations
 
 import math

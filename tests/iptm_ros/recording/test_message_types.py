@@ -1,3 +1,5 @@
+"""Definitions of message types, and decoding by them."""
+
 from __future__ import annotations
 
 import json

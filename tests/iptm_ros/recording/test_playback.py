@@ -1,3 +1,5 @@
+"""The order and the times in which messages of a bag are played."""
+
 from __future__ import annotations
 
 import math

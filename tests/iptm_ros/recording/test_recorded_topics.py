@@ -1,3 +1,5 @@
+"""Which topics are recorded, with which QoS."""
+
 from __future__ import annotations
 
 from pathlib import Path

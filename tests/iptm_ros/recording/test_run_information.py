@@ -1,3 +1,5 @@
+"""What a bag keeps about its run: parameters, versions, settings."""
+
 from __future__ import annotations
 
 import platform

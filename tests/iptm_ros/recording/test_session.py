@@ -1,3 +1,5 @@
+"""A recording: ticks, pauses, and what is in the file at a kill."""
+
 from __future__ import annotations
 
 import struct

@@ -1,3 +1,5 @@
+"""A bag of several files is one bag."""
+
 from __future__ import annotations
 
 import tracemalloc

@@ -1,3 +1,5 @@
+"""Times of messages: their stamps, or those of reception."""
+
 from __future__ import annotations
 
 import struct

@@ -1,3 +1,5 @@
+"""The trajectory of a run, read out of its bag."""
+
 from __future__ import annotations
 
 import subprocess
