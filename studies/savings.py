@@ -10,14 +10,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-import iptm
-from iptm_core.metrics import RunMetrics, at_equal_end
+from iptm_core.metrics import MOVING_M_S, RunMetrics, at_equal_end
 from iptm_core.metrics.saving import saved_percent
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.trajectory import Trajectory
 
-MOVING_M_S = 5.0
-"""Headways count above this speed."""
 CAR_LENGTH_M = 4.5
 PRODUCTION, PRODUCTION_SIMPLE = "production", "production_simple"
 BASELINE, RULE_PREVIEW = "eco_acc", "rule_preview"
@@ -27,23 +24,26 @@ PREVIEWS = {False: "none", True: "60 s, perfect"}
 COLUMNS = (
     ("distance", "{distance}"),
     ("preview", "{preview}"),
-    ("mean gap:", "{gap_m:.1f} m"),
+    (
+        "energy saved, equal ends (as driven):",
+        "{production_energy:.1f} % ({production_energy_as_driven:.1f})",
+    ),
+    (
+        "ageing saved, median of cells (range):",
+        "{production_cells:.1f} % ({production_cells_lowest:.1f} to {production_cells_highest:.1f})",
+    ),
+    ("by the paper's law:", "{production_ageing:.1f} %"),
     ("headway, mean / median:", "{mean_headway_s:.2f} / {headway_s:.2f} s"),
     ("vehicles/(h lane):", "{vehicles_h:.0f}"),
-    ("ageing saved:", "{production_ageing:.1f} %"),
-    ("energy saved:", "{production_energy:.1f} %"),
-    ("against `eco_acc`:", "{eco_acc_ageing:.1f} / {eco_acc_energy:.1f} %"),
+    ("below s_min, longest, deepest:", "{below_s:.0f} s, {longest_s:.0f} s, {deepest_m:.1f} m"),
+    ("against `eco_acc`, energy / cells:", "{eco_acc_energy:.1f} / {eco_acc_cells:.1f} %"),
 )
 """Headings and formats of every table of savings, after the columns of trip and control."""
 RULE_COLUMN = (
-    "against `rule_preview`:",
-    "{rule_preview_ageing:.1f} / {rule_preview_energy:.1f} %",
+    "against `rule_preview`, energy / cells:",
+    "{rule_preview_energy:.1f} / {rule_preview_cells:.1f} %",
 )
 """What an optimisation saves beyond a formula that has the same preview."""
-KEPT_COLUMN = (
-    "below s_min, longest, deepest:",
-    "{below_s:.0f} s, {longest_s:.0f} s, {deepest_m:.1f} m",
-)
 
 
 def road_taken(runs: Sequence[Trajectory], begin: int = 0) -> dict[str, float]:
@@ -71,16 +71,6 @@ def road_taken(runs: Sequence[Trajectory], begin: int = 0) -> dict[str, float]:
     }
 
 
-def below_s_min(run: iptm.Run) -> dict[str, float]:
-    """Return how long a run was below s_min, its longest stretch, and how deep."""
-    following = run.metrics.following
-    return {
-        "below_s": following.below_s,
-        "longest_s": following.longest_below_s,
-        "deepest_m": max(-following.smallest_margin_m, 0.0),
-    }
-
-
 def saved(
     own: Sequence[RunMetrics], base: Sequence[RunMetrics], parameters: ModelParameters
 ) -> dict[str, float]:
@@ -92,23 +82,54 @@ def saved(
         parameters: of the vehicle.
 
     Returns:
-        ``ageing``, capacity lost by both cells, and ``energy`` of the battery per distance; NaN where a
-        pair has no common end at the lower limit of the temperature or above.
+        ``energy`` of the battery per distance and ``ageing``, capacity lost by both cells by the paper's law,
+        NaN where a pack cannot be cooled to a common end;
+        ``energy_as_driven``; ``cells``, ``cells_lowest`` and ``cells_highest``: median and range of the
+        ageing by the laws of measured cells, as driven and charged again.
     """
+    driven_m = [math.fsum(run.distance_m for run in runs) for runs in (own, base)]
+    used_j = [math.fsum(run.battery_energy_j for run in runs) for runs in (own, base)]
+    as_driven = {
+        "energy_as_driven": saved_percent(*(j / m for j, m in zip(used_j, driven_m, strict=True))),
+        **_of_cells(own, base),
+    }
     ends = [at_equal_end(*pair, parameters) for pair in zip(own, base, strict=True)]
-    coldest_k = parameters.limits.min_temperature_k
-    pairs = [end for end in ends if end is not None and end[0].temperature_k >= coldest_k]
+    pairs = [end for end in ends if end is not None]
     if len(pairs) < len(ends):
-        return {"ageing": math.nan, "energy": math.nan}
+        return {"ageing": math.nan, "energy": math.nan, **as_driven}
     lost, used_j = (
         [math.fsum(getattr(pair[side], name) for pair in pairs) for side in (0, 1)]
         for name in ("capacity_loss", "energy_j")
     )
-    driven_m = [math.fsum(run.distance_m for run in runs) for runs in (own, base)]
     consumed = [energy_j / length_m for energy_j, length_m in zip(used_j, driven_m, strict=True)]
     return {
         "ageing": saved_percent(*lost),
         "energy": saved_percent(*consumed),
+        **as_driven,
+    }
+
+
+def _of_cells(own: Sequence[RunMetrics], base: Sequence[RunMetrics]) -> dict[str, float]:
+    """Return median and range of what the measured cells save over all trips."""
+    names = [name for name in base[0].cell_losses if all(name in run.cell_losses for run in own)]
+    percents = [
+        saved_percent(*(math.fsum(run.cell_losses[name] for run in runs) for runs in (own, base)))
+        for name in names
+    ] or [math.nan]
+    return {
+        "cells": float(np.median(percents)),
+        "cells_lowest": min(percents),
+        "cells_highest": max(percents),
+    }
+
+
+def kept(own: Sequence[RunMetrics]) -> dict[str, float]:
+    """Return seconds below s_min, the longest stretch of these, and the deepest row, over some trips."""
+    following = [run.following for run in own]
+    return {
+        "below_s": math.fsum(each.below_s for each in following),
+        "longest_s": max(each.longest_below_s for each in following),
+        "deepest_m": max(0.0, *(-each.smallest_margin_m for each in following)),
     }
 
 
@@ -117,8 +138,8 @@ def savings(
     bases: Mapping[str, Sequence[RunMetrics]],
     parameters: ModelParameters,
 ) -> dict[str, float]:
-    """Return the savings against some bases, by the name of the base and of the saving."""
-    return {
+    """Return the savings against some bases, by the name of the base and of the saving, and `kept`."""
+    return kept(own) | {
         f"{name}_{kind}": percent
         for name, base in bases.items()
         for kind, percent in saved(own, base, parameters).items()

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 from studies.measured_cycles import evenly, longest_known, write_drive
-from studies.savings import MOVING_M_S
 from studies.validation import excerpts
 from studies.validation.excerpts import Drive, Driver
 
 from iptm_core.errors import MeasurementError
+from iptm_core.metrics import MOVING_M_S
 from iptm_core.state import FloatArray
 
 SCENES = 40

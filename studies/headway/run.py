@@ -28,7 +28,7 @@ from studies.savings import (
     PRODUCTION,
     PRODUCTION_SIMPLE,
     RULE_PREVIEW,
-    below_s_min,
+    kept,
     road_taken,
     saved,
 )
@@ -211,7 +211,7 @@ def _behaviour(run: iptm.Run, begin: int) -> dict[str, float]:
     motion = run.trajectory
     return {
         **road_taken([motion]),
-        **below_s_min(run),
+        **kept([run.metrics]),
         "smallest_gap_m": float(motion.gap_m.min()),
         **_comfort(motion.speed_m_s[begin:]),
         "interventions": float(run.metrics.interventions),

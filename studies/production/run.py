@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 from studies.drives import climate
 from studies.measured_cycles import FASTEST_M_S, write_drive
-from studies.savings import PRODUCTION, PRODUCTION_SIMPLE, below_s_min, road_taken
+from studies.savings import PRODUCTION, PRODUCTION_SIMPLE, kept, road_taken
 from studies.session import Case, Session
 from studies.validation import excerpts
 
@@ -125,7 +125,6 @@ def _row(runs: Sequence[iptm.Run], base: Sequence[iptm.Run]) -> dict[str, float]
         for run, before in zip(runs, base, strict=True)
     ]
     energies = [sum(run.metrics.battery_energy_j for run in each) for each in (runs, base)]
-    kept = [below_s_min(run) for run in runs]
     kelvin = [
         0.5 * (r.trajectory.cell_1_temperature_k + r.trajectory.cell_n_temperature_k) for r in runs
     ]
@@ -134,9 +133,7 @@ def _row(runs: Sequence[iptm.Run], base: Sequence[iptm.Run]) -> dict[str, float]
         "saved_eur": float(np.mean(saved_eur)),
         "energy": 100.0 * (1.0 - energies[0] / energies[1]),
         "coldest_c": min(float(each.min()) for each in kelvin) - CELSIUS_ZERO_K,
-        "below_s": sum(each["below_s"] for each in kept),
-        "longest_s": max(each["longest_s"] for each in kept),
-        "deepest_m": max(each["deepest_m"] for each in kept),
+        **kept([run.metrics for run in runs]),
         "headway_s": road["headway_s"],
         "vehicles_h": road["vehicles_h"],
         "interventions": sum(run.metrics.interventions for run in runs),

@@ -18,21 +18,19 @@ from studies.savings import (
     BASES,
     CAR_LENGTH_M,
     COLUMNS,
-    KEPT_COLUMN,
-    MOVING_M_S,
     PREVIEWS,
     PRODUCTION,
     PRODUCTION_SIMPLE,
     RULE_COLUMN,
     RULE_PREVIEW,
-    below_s_min,
     road_taken,
     savings,
 )
 from studies.session import Case, Session
 
 import iptm
-from iptm_core.metrics import gap_margins_m
+from iptm_core.aging_laws.cells import AGING_CELLS
+from iptm_core.metrics import MOVING_M_S, gap_margins_m
 from iptm_core.routes.cycles import CYCLE_NAMES
 
 CYCLES = ("wltc_class3b", "us06", "hwfet")
@@ -48,12 +46,7 @@ EQUAL: dict[str, Any] = {
 }
 """The default that takes the road of `production`, with a preview and without."""
 EQUAL_ROAD = f"{DESIRED_S:g} s desired"
-FRONT = (
-    (DEFAULT, True, EQUAL_ROAD),
-    (PRODUCTION, False, "1.6 s"),
-    (BASELINE, False, "3.5 s"),
-    (DEFAULT, False, EQUAL_ROAD),
-)
+FRONT = ((DEFAULT, True, EQUAL_ROAD), (DEFAULT, False, EQUAL_ROAD))
 """Control, preview and distance of the rows of the front table, in order."""
 HILLS = "published cycle on hills up to 6 %"
 BELOW_S_MIN_M = 0.05
@@ -126,11 +119,10 @@ def run(session: Session) -> bool:
     front = [of_place.get_group(place) for place in FRONT]
     session.render(
         columns=COLUMNS,
-        more=(RULE_COLUMN, KEPT_COLUMN),
+        more=(RULE_COLUMN,),
         table=table,
         front=pd.concat(front, ignore_index=True),
-        equal=front[0],
-        blind=front[3],
+        cells=len(AGING_CELLS),
         reserved=of_place.get_group((DEFAULT, False, f"at most {EQUAL_ROAD_S:g} s")),
         far=of_place.get_group((DEFAULT, True, "120 m")),
         kept=kept,
@@ -197,7 +189,6 @@ def _rows(group: pd.DataFrame) -> list[dict[str, Any]]:
             "preview": PREVIEWS[each.perfect],
             "distance": each.distance,
             **road_taken([each.run.trajectory]),
-            **below_s_min(each.run),
             **savings([each.metrics], bases, each.run.parameters),
         }
         for each in group.itertuples()

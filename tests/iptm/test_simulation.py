@@ -287,3 +287,30 @@ def test_what_was_repaired_in_a_drive_is_in_the_warnings_of_its_run(tmp_path: Pa
     run = iptm.simulate(drive, horizon="3x1", **SHORT)
     assert "speed_m_s missing at 1 row" in run.warnings
     assert "speed_m_s missing at 1 row" in run.report(tmp_path / "run.html").read_text()
+
+
+def test_a_trip_that_ends_early_is_a_problem_of_the_run(tmp_path: Path) -> None:
+    """A pack that cannot deliver: named by the run, by a comparison, its page and a sweep."""
+    trip = {"cycle": "us06", "duration_s": 30.0, "compile_code": False, "horizon": "3x1"}
+    heavy = {"overrides": {"body.mass_kg": 40000}}
+    short, whole = iptm.simulate(**trip, **heavy), iptm.simulate(**trip)
+    (problem,) = short.problems
+    assert problem.startswith("the trip ended early, at ")
+    assert problem in repr(short)
+    assert not whole.problems
+    both = iptm.compare(whole, short)
+    assert problem in both.report(tmp_path / "both.html").read_text(encoding="utf-8")
+    assert next(iter(both.savings.values())).energy.percent != 0.0
+    rows = iptm.sweep(**{**trip, "overrides": [None, heavy["overrides"]]}).table
+    assert rows["problems"].tolist() == ["", problem]
+
+
+def test_the_mean_acceleration_of_a_row_integrates_to_the_speed() -> None:
+    """Where the monitor brakes inside an interval, the acceleration of the row is the one at its end."""
+    frame = iptm.simulate("us06", strategy="production", preview_mode="none", horizon="3x1").frame
+    assert frame.service_braking_s.sum() > 0.0
+    steps_s = np.diff(frame.index)
+    speeds = np.cumsum(frame.mean_acceleration_m_s2.to_numpy()[1:] * steps_s)
+    np.testing.assert_allclose(speeds, frame.speed_m_s.to_numpy()[1:], atol=1e-9)
+    ends = np.cumsum(frame.acceleration_m_s2.to_numpy()[1:] * steps_s)
+    assert np.abs(ends - frame.speed_m_s.to_numpy()[1:]).max() > 1.0

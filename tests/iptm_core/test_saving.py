@@ -163,3 +163,18 @@ def test_a_statement_has_the_distance_and_the_preview() -> None:
     assert text in found
     assert "preview: 60 s, perfect" in found
     assert "distance kept" not in judged().headline, "no leader was measured"
+
+
+def test_no_pack_is_cooled_below_its_lower_limit() -> None:
+    """At -10 degC of air warmth is no debt; between 20 and 30 degC the pack is cooled to T_b,min."""
+    cold = replace(OTHER, final_temperature_k=268.15)
+    found = judged(cold, final_temperature_k=266.15, battery_energy_j=3e6)
+    assert found.energy.percent == found.energy.as_driven_percent == pytest.approx(25.0)
+    assert found.ends is not None
+    least_k = PARAMETERS.limits.min_temperature_k
+    assert {end.temperature_k for end in found.ends} == {least_k}
+    warm = replace(OTHER, final_temperature_k=least_k + 0.1)
+    price = cool_down(warm, least_k, PARAMETERS)
+    assert price is not None
+    found = judged(warm, final_temperature_k=least_k - 5.0)
+    assert found.energy.equal_ends_percent == pytest.approx(100.0 * (1.0 - 4e6 / (4e6 + price[0])))

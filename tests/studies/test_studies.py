@@ -63,6 +63,8 @@ def test_the_short_form_has_the_numbers_of_the_record(
         pytest.importorskip("traci")
     if name == "vehicle":
         pytest.importorskip("cantools")
+    if name == "judges":
+        pytest.importorskip("blast")
     if name == "embedded":
         if any(shutil.which(tool) is None for tool in TOOLS):
             pytest.skip(f"needs {', '.join(TOOLS)}")

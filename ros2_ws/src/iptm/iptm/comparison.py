@@ -118,7 +118,7 @@ class Comparison:
         first, differences = next(iter(self.runs)), self.differences
         saved = {label: saving_html(first, found) for label, found in self.savings.items()}
         results = "".join(
-            f"<h3>{escape(label)}</h3>{saved.get(label, '')}{outcome_html(run.metrics)}"
+            f"<h3>{escape(label)}</h3>{saved.get(label, '')}{outcome_html(run)}"
             f"<small>{escape(run.name)}</small>"
             for label, run in self.runs.items()
         )

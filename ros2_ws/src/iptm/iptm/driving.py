@@ -108,6 +108,7 @@ def drive_in_memory(
         trip=trip,
         reports=(*reports, *of_vehicle),
         wall_time_s=time.perf_counter() - began_s,
+        problems=(f"the trip ended early, {loop.ended}",) if loop.ended else (),
         warnings=trip.notes,
     )
     return _with_own_parts(run, controller, predictor, aging_law)

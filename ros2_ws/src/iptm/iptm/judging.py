@@ -180,14 +180,14 @@ def selected(by: Sequence[str], run: Run) -> list[Judge]:
     return found
 
 
-def judge_groups(run: Run) -> dict[str, Callable[[], Sequence[Judge]]]:
-    """Return the groups of judges by name, those of extras last.
+def judge_groups(run: Run | None) -> dict[str, Callable[[], Sequence[Judge]]]:
+    """Return the groups of judges by name, those of extras last; without a run none of its parameters.
 
     The module ``extra_judges`` of an extra has a mapping ``JUDGES`` of groups to paths ``module:name`` of
     functions that return them.
     """
     groups: dict[str, Callable[[], Sequence[Judge]]] = {
-        PAPER: lambda: tuple(_paper_judges(run)),
+        PAPER: lambda: () if run is None else tuple(_paper_judges(run)),
         CELLS: lambda: CELL_JUDGES,
     }
     for extra in offered("judges"):

@@ -82,18 +82,20 @@ def saving_html(name: str, saving: Saving) -> str:
     )
 
 
-def outcome_lines(metrics: RunMetrics) -> list[str]:
-    """Return what went wrong in a run: limits that were broken, and ticks on a fallback."""
-    lines = [check.text for check in metrics.broken_limits] or ["no limit broken"]
+def outcome_lines(metrics: RunMetrics, problems: Sequence[str] = ()) -> list[str]:
+    """Return what went wrong in a run: its problems, limits that were broken, and ticks on a fallback."""
+    lines = [f"PROBLEM: {problem}" for problem in problems]
+    lines += [check.text for check in metrics.broken_limits] or ["no limit broken"]
     decisions = metrics.decisions
     if decisions is not None and decisions.fallbacks:
         lines.append(decisions.fallbacks_text)
     return lines
 
 
-def outcome_html(metrics: RunMetrics) -> str:
+def outcome_html(run: Run) -> str:
     """Return the lines of `outcome_lines` as a list."""
-    return f"<ul>{''.join(f'<li>{escape(line)}</li>' for line in outcome_lines(metrics))}</ul>"
+    lines = outcome_lines(run.metrics, run.problems)
+    return f"<ul>{''.join(f'<li>{escape(line)}</li>' for line in lines)}</ul>"
 
 
 def relative_changes(own: Mapping[str, float], first: Mapping[str, float]) -> dict[str, float]:
@@ -156,7 +158,7 @@ def write_run(
     runs = {"value": run.metrics}
     if against is not None:
         runs = {against.strategy: against.metrics, run.strategy: run.metrics}
-    sections = {"Result": saved + outcome_html(run.metrics)}
+    sections = {"Result": saved + outcome_html(run)}
     if explained:
         why = run.explain(against)
         table = html_table(why.table.map("{:+.1f}".format))

@@ -9,6 +9,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from iptm_core.aging_laws.parking import AgingSettings
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.declaration import TextEnum, parameter_specs
@@ -193,12 +195,17 @@ class Run:
 
         The columns are the fields of `iptm_core.trajectory.Trajectory` with the gap, then those of
         `iptm_core.decision_record.DecisionSeries`. Row k holds the state at t_k and the decision made there;
-        the last row has none (NaN). Its acceleration, compressor power and other powers are means over the
-        interval that *ended* at t_k: what row k decides is done in row k + 1, and row 0 has no powers.
+        the last row has none (NaN). Its compressor power and other powers are means over the interval that
+        *ended* at t_k: what row k decides is done in row k + 1, and row 0 has no powers. Its acceleration is
+        the commanded one, or, where the vehicle stops or its safety monitor brakes, the one at the end of the
+        interval; ``mean_acceleration_m_s2`` is the change of the speed.
         """
         import pandas as pd  # noqa: PLC0415  a second of its own
 
-        driven = pd.DataFrame({**self.trajectory.to_arrays(), "gap_m": self.trajectory.gap_m})
+        rows = self.trajectory
+        mean_m_s2 = np.concatenate(([math.nan], np.diff(rows.speed_m_s) / rows.intervals_s))
+        added = {"gap_m": rows.gap_m, "mean_acceleration_m_s2": mean_m_s2}
+        driven = pd.DataFrame({**rows.to_arrays(), **added})
         decided = pd.DataFrame(self.decisions.to_arrays()).set_index("time_s")
         return driven.set_index("time_s").join(decided)
 
@@ -265,7 +272,7 @@ class Run:
                 f"against {against.strategy}",
                 *(f"{label}: {text}" for label, text in lines),
             ]
-        outcome = "; ".join(filter(None, [footer, *outcome_lines(self.metrics)]))
+        outcome = "; ".join(filter(None, [footer, *outcome_lines(self.metrics, self.problems)]))
         return picture(self._panels(against), [self.name, *remarks], outcome)
 
     def _panels(self, against: Run | None) -> list[Panel]:
@@ -315,8 +322,9 @@ class Run:
         return replace(self, name=f"{self.name}, {what}", settings={**self.settings, **settings})
 
     def __repr__(self) -> str:
-        """Name and length."""
-        return f"<iptm.Run {self.name}, {self.metrics.duration_s:g} s>"
+        """Name and length, and why it counts as failed."""
+        problems = "".join(f"; PROBLEM: {problem}" for problem in self.problems)
+        return f"<iptm.Run {self.name}, {self.metrics.duration_s:g} s{problems}>"
 
 
 def figure_title(key: str) -> str:

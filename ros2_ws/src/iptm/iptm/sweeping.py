@@ -68,10 +68,15 @@ class Sweep:
 
     @property
     def table(self) -> pd.DataFrame:
-        """Figures, a row per run and a column per figure; varied settings form the index."""
+        """Figures, a row per run and a column per figure; varied settings form the index.
+
+        Where a run has problems, such as an early end, a column in front states them.
+        """
         import pandas as pd  # noqa: PLC0415  see above
 
         rows = pd.DataFrame([run.summary for run in self.runs])
+        if any(run.problems for run in self.runs):
+            rows.insert(0, "problems", ["; ".join(run.problems) for run in self.runs])
         rows.index = pd.MultiIndex.from_frame(self.varied)
         return rows
 

@@ -165,7 +165,7 @@ def _print_figures(comparison: Comparison) -> None:
     for line in comparison.headlines:
         console.print(Text(line, "bold"), soft_wrap=True)
     for label, run in comparison.runs.items():
-        for line in outcome_lines(run.metrics):
+        for line in outcome_lines(run.metrics, run.problems):
             console.print(Text(f"{label}: {line}"), soft_wrap=True)
     figures = figure_table({label: run.metrics for label, run in comparison.runs.items()})
     made_of = comparison.parts.map("{:+.1f}".format)

@@ -14,8 +14,9 @@ of the other: at standstill, with a constant compressor power P, and with all ra
     t = N C_c (T - T*) / (Q_co - N q_bc),   E_cool = P_b t,   Q_cool = (dQ_loss/dt) t,
 
 where Q_co is the heat that the chiller takes, q_bc the heat that a cell makes, P_b = (P + P_aux) / eta_b the
-battery power, and P the power that takes the least energy, at the state of charge at the end. The kinetic
-energy is taken as returned in full. Energies are compared per distance.
+battery power, and P the power that takes the least energy, at the state of charge at the end. No pack is
+cooled below T_b,min, from where on warmth is no debt: between packs that end colder nothing is corrected. The
+kinetic energy is taken as returned in full. Energies are compared per distance.
 
 The number to quote is the one with equal ends. The figures as driven stand behind it: on a short trip most
 of their difference is heat that one car has left in its pack.
@@ -149,7 +150,7 @@ class CorrectedFigures:
     """What a run would have cost with the end of the other run; see the module.
 
     Attributes:
-        temperature_k: final temperature of both runs: the one of the cooler run.
+        temperature_k: to which the packs are cooled: the final one of the cooler run, at least T_b,min.
         capacity_loss: of both cells together.
         energy_per_distance_j_m: the same over the distance of the run; NaN for one that stands.
     """
@@ -174,7 +175,8 @@ def at_equal_end(
         parameters: of the vehicle.
         of_other: of the vehicle of the other run; None for the same.
     """
-    temperature_k = min(own.final_temperature_k, other.final_temperature_k)
+    coolest_k = min(own.final_temperature_k, other.final_temperature_k)
+    temperature_k = max(coolest_k, parameters.limits.min_temperature_k)
     first = _corrected(own, temperature_k, parameters)
     second = _corrected(other, temperature_k, of_other or parameters)
     return None if first is None or second is None else (first, second)
