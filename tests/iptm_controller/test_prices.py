@@ -8,7 +8,7 @@ import pytest
 from tests.iptm_controller.scenes import PARAMETERS
 
 from iptm_controller.options import ControllerOptions
-from iptm_controller.pack_model import HEADWAY_EUR_M2_H, valuation_of
+from iptm_controller.pack_model import valuation_of
 from iptm_controller.settings import ControllerSettings
 from iptm_controller.strategy import STRATEGIES, Strategy
 from iptm_core.aging_laws.parking import PRICED_LAW, AgingSettings, ParkedAging
@@ -25,13 +25,15 @@ def weighed(use: AgingSettings) -> Strategy:
 
 def test_prices_by_hand() -> None:
     """The weight of ageing is for both cells, whose mean is the pack: 1 EUR is the same in every term."""
-    found = weighed(AgingSettings(electricity_eur_kwh=0.36, battery_eur_kwh=100.0))
+    found = weighed(
+        AgingSettings(electricity_eur_kwh=0.36, battery_eur_kwh=100.0, headway_eur_m2_h=0.004)
+    )
     pack = PARAMETERS.pack
     capacity_ah = PARAMETERS.cell.nominal_capacity_ah * pack.parallel
     share_eur = 100.0 * pack.open_circuit_voltage_v * capacity_ah / 1000.0 / 0.2
     per_eur = 2.0 * found.aging_weight / share_eur
     assert found.spent_energy_weight_1_j == pytest.approx(1e-7 * per_eur)
-    assert found.headway_price_1_m2_s == pytest.approx(HEADWAY_EUR_M2_H / 3600.0 * per_eur)
+    assert found.headway_price_1_m2_s == pytest.approx(0.004 / 3600.0 * per_eur)
     assert found.energy_weight_1_j == 0.0
 
 

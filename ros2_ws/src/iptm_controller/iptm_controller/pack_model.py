@@ -170,10 +170,6 @@ CELLS = 2.0
 COST_SCALE = 0.02
 """Scale of the cost that makes it of order one: a kelvin costs two orders of magnitude more than under the
 paper's law. No optimum moves."""
-HEADWAY_EUR_M2_H = 0.0025
-"""Price of an hour at a metre, squared, from the desired gap, of strategies in one currency: 10 m cost
-0.25 EUR/h. With a tenth of it US06 takes 7 points of energy less on a third more road, with ten times as much
-4 points more."""
 _TABLE_K: FloatArray = np.linspace(233.0, 353.0, 241, dtype=np.float64)
 _LEAST_CURVATURE_1_K = 1e-3
 """Of the calendar loss over its slope, where a law is straight or bends the other way."""
@@ -297,11 +293,12 @@ def valuation_of(
         price_1_j = energy_price_1_j(options.aging, model)
     if strategy.in_currency:
         per_share = CELLS * strategy.aging_weight
-        headway_eur = HEADWAY_EUR_M2_H / SECONDS_PER_HOUR / capacity_price_eur(options.aging, model)
+        use = options.aging
+        headway = use.headway_eur_m2_h / SECONDS_PER_HOUR / capacity_price_eur(use, model)
         strategy = replace(
             strategy,
             spent_energy_weight_1_j=per_share * price_1_j,
-            headway_price_1_m2_s=per_share * headway_eur,
+            headway_price_1_m2_s=per_share * headway,
         )
     if aging is not None and weighs_aging:
         return strategy, price_1_j, CellLawValuation(aging, strategy, price_1_j, model, *times_s)

@@ -93,6 +93,13 @@ class AgingSettings(Settings):
     battery_eur_kwh: float = parameter(
         130.0, "price of a kilowatt-hour of battery", "EUR/kWh", 0.1, 1e5
     )
+    headway_eur_m2_h: float = parameter(
+        0.0025,
+        "price of an hour at a metre, squared, from the desired gap, in strategies that price all",
+        "EUR/(h m^2)",
+        0.0,
+        100.0,
+    )
 
     @property
     def parked_charge(self) -> float:
