@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import FrozenInstanceError, dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import pytest
 
 from iptm_core.errors import StateError
-from iptm_core.frozen import light, replace
+from iptm_core.frozen import replace
 from iptm_core.state import ChannelCells, Command, FullChannelState, VehicleState
 
 STATE = VehicleState(0.0, 1.0, 2.0, 0.0, 0.0, 300.0, 301.0, 0.1, 0.1)
@@ -32,24 +32,6 @@ def test_values_worked_out_from_the_old_fields_are_not_copied() -> None:
     square = Square(2.0)
     assert square.area == 4.0
     assert replace(square, side=3.0).area == 9.0
-
-
-def test_a_light_class_takes_its_fields_as_any_dataclass_and_keeps_them() -> None:
-    @light
-    @dataclass(frozen=True)
-    class Sized:
-        length: float
-        names: tuple[str, ...] = ()
-        height: float = field(default=2.0, kw_only=True)
-
-    assert Sized(1.0, ("a",), height=3.0) == Sized(length=1.0, names=("a",), height=3.0)
-    assert (Sized(1.0).names, Sized(1.0).height) == ((), 2.0)
-    with pytest.raises(FrozenInstanceError):
-        Sized(1.0).length = 2.0  # type: ignore[misc]
-    with pytest.raises(TypeError, match="missing 1 required positional argument: 'length'"):
-        Sized()  # type: ignore[call-arg]
-    with pytest.raises(TypeError, match="FullChannelState does more"):
-        light(FullChannelState)
 
 
 def test_an_unknown_field_is_refused() -> None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from iptm_controller.measurements import slope_at_rad
 from iptm_controller.ocp.data import UNBOUNDED_W
-from iptm_core.frozen import light, replace
+from iptm_core.frozen import replace
 from iptm_core.parameters.model import LimitParameters, ModelParameters
 from iptm_core.physics.pack_limits import UNLIMITED, PowerLimits, largest_within, power_limits
 from iptm_core.physics.power_thermal import CellPair, electric_traction_power_w
@@ -45,7 +45,6 @@ WEAK_SHARE = 0.9
 """Brakes that deliver a smaller share of the commanded deceleration are weak."""
 
 
-@light
 @dataclass(frozen=True)
 class IssuedCommand:
     """A command and the tick at which it was issued."""
@@ -55,7 +54,6 @@ class IssuedCommand:
     compressor_power_w: float
 
 
-@light
 @dataclass(frozen=True)
 class ActuationMemory:
     """What is carried from tick to tick.

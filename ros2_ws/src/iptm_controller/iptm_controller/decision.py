@@ -22,13 +22,11 @@ from iptm_controller.solvers.interface import SolveResult
 from iptm_controller.temperature_value import NO_VALUE, TemperatureValue
 from iptm_controller.usual_speed import UsualSpeed
 from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
-from iptm_core.frozen import light
 from iptm_core.state import Command, LeaderState, VehicleState
 
 NOTHING = Command(0.0, 0.0)
 
 
-@light
 @dataclass(frozen=True)
 class Decision:
     """One tick's outcome; the default stands for a tick without a problem to solve.

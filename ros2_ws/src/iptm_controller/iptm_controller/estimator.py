@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from iptm_core.declaration import Settings, parameter
-from iptm_core.frozen import light, replace
+from iptm_core.frozen import replace
 from iptm_core.parameters.model import LimitParameters
 from iptm_core.state import FloatArray, LeaderState, VehicleState
 
@@ -66,7 +66,6 @@ class NoiseSettings(Settings):
     )
 
 
-@light
 @dataclass(frozen=True)
 class EstimatorMemory:
     """What is carried from tick to tick; empty tuples where nothing has been measured or filtered.

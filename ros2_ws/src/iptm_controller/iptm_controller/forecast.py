@@ -30,7 +30,7 @@ from iptm_controller.preview_trust import (
     TrustMemory,
 )
 from iptm_controller.usual_speed import UsualSpeed, returning_motion
-from iptm_core.frozen import light, replace
+from iptm_core.frozen import replace
 from iptm_core.state import (
     ROUNDING_S,
     SPEED_AT_REST_M_S,
@@ -62,7 +62,6 @@ class PreviewQuality(IntEnum):
     """A valid preview, but it or earlier ones were wrong; trusted up to a shorter horizon."""
 
 
-@light
 @dataclass(frozen=True)
 class LeaderForecast:
     """Motion of the leader around now.

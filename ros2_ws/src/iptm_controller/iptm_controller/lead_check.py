@@ -31,7 +31,7 @@ from iptm_core.braking import (
     braking_capability,
     further_gap_m,
 )
-from iptm_core.frozen import light, replace
+from iptm_core.frozen import replace
 from iptm_core.lead_track import MOVING_M_S, LeadTrack, Sample, followed
 from iptm_core.parameters.model import BrakeParameters, GapParameters, LimitParameters
 from iptm_core.radio_lead import RadioLead
@@ -65,7 +65,6 @@ _OWN_M_S2 = SafetyMonitorSettings.monitor_own_deceleration_m_s2
 _LEAD_M_S2 = SafetyMonitorSettings.monitor_lead_deceleration_m_s2
 
 
-@light
 @dataclass(frozen=True)
 class LeadMemory:
     """What is carried from tick to tick: the lead vehicle by range sensor and by radio.
@@ -242,7 +241,6 @@ FORGOTTEN_AFTER_S = 60.0
 _RESOLUTION_S = 1e-6
 
 
-@light
 @dataclass(frozen=True)
 class ClockMemory:
     """What is carried from tick to tick: the largest offset that showed, and when it last did."""

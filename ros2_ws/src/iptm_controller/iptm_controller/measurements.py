@@ -14,7 +14,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from iptm_core.frozen import light, replace
+from iptm_core.frozen import replace
 from iptm_core.road_ahead import RoadAhead
 from iptm_core.state import (
     SPEED_AT_REST_M_S,
@@ -50,7 +50,6 @@ PACK_RANGES: dict[str, tuple[float, float]] = {
 }
 
 
-@light
 @dataclass(frozen=True)
 class Measurements:
     """What is measured at one tick, all of the same instant.
@@ -213,7 +212,6 @@ def is_temperature(value_k: float) -> bool:
     return _COLDEST_K <= value_k <= _WARMEST_K
 
 
-@light
 @dataclass(frozen=True)
 class SensorMemory:
     """Of one temperature sensor.
@@ -276,7 +274,6 @@ class SensorMemory:
         )
 
 
-@light
 @dataclass(frozen=True)
 class CoolingMemory:
     """Of compressor, pump and fan.

@@ -32,7 +32,7 @@ from iptm_controller.measurements import (
     slope_fault,
 )
 from iptm_controller.pack_model import PackModel
-from iptm_core.frozen import light, replace
+from iptm_core.frozen import replace
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.thermal_loop import reduce_channel
 from iptm_core.state import Command, PackReading, VehicleState
@@ -57,7 +57,6 @@ class PackFault(Enum):
     OTHER_VALUE = "a value of the pack is not plausible, the last one is used"
 
 
-@light
 @dataclass(frozen=True)
 class PackMemory:
     """What is carried from tick to tick.
@@ -78,7 +77,6 @@ class PackMemory:
     cooling: CoolingMemory = field(default_factory=CoolingMemory)
 
 
-@light
 @dataclass(frozen=True)
 class PackReport:
     """What was found at a tick.

@@ -10,7 +10,6 @@ from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.grid import ProblemGrid
 from iptm_controller.ocp.layout import InputIndex, StateIndex
-from iptm_core.frozen import light
 from iptm_core.state import ROUNDING_S, Command, FloatArray, VehicleState
 
 SLACKS = {
@@ -21,7 +20,6 @@ SLACKS = {
 """Slacks of each group of soft limits, by the field of `DecisionRecord` for the largest one."""
 
 
-@light
 @dataclass(frozen=True)
 class Plan:
     """States at the nodes and inputs of the steps.

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iptm_core.frozen import light, replace
+from iptm_core.frozen import replace
 from iptm_core.state import ROUNDING_S, FloatArray, LeaderPreview, LeaderState
 
 LONGEST_LEAD_S = 10
@@ -40,7 +40,6 @@ CREDITED_SLOWDOWN_M_S = 1.0
 """A preview proves itself by a slow-down that it predicted this long ago, by at least this much."""
 
 
-@light
 @dataclass(frozen=True)
 class Prediction:
     """What was measured and predicted at one tick.
@@ -54,7 +53,6 @@ class Prediction:
     speeds_m_s: tuple[float, ...]
 
 
-@light
 @dataclass(frozen=True)
 class TrustMemory:
     """What is carried from tick to tick.
@@ -215,7 +213,6 @@ ANOTHER_PLAN_M_S = 5.0
 """A preview that differs from the average by more (root mean square) begins a new average."""
 
 
-@light
 @dataclass(frozen=True)
 class FusionMemory:
     """What is carried from tick to tick.

@@ -26,7 +26,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iptm_core.frozen import light
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import aging_current_a, capacity_loss_rate_1_s
 from iptm_core.physics.ops import doubles
@@ -42,7 +41,6 @@ _C_RATE_ITERATIONS = 6
 _LEAST_RATE_1_S = 1e-15
 
 
-@light
 @dataclass(frozen=True)
 class TemperatureValue:
     """Price of a kelvin of both cells at the end of the horizon, and what it was made of.

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from iptm_controller.lead_check import EXTRAPOLATED_NODES
-from iptm_core.frozen import light
 from iptm_core.state import LeaderPreview, LeaderState
 
 MEMORY_S = 300.0
@@ -32,7 +31,6 @@ _ELAPSED_S: list[float] = [
 ]
 
 
-@light
 @dataclass(frozen=True)
 class UsualSpeed:
     """Mean speed of a leader, exponentially weighted once it has been measured for long.

@@ -17,7 +17,6 @@ from functools import lru_cache
 
 from iptm_core.declaration import Settings, parameter
 from iptm_core.errors import ParameterError
-from iptm_core.frozen import light
 
 GRAVITY_M_S2 = 9.81
 RELIED_SHARE = 0.875
@@ -42,7 +41,6 @@ class RoadFrictionSettings(Settings):
     )
 
 
-@light
 @dataclass(frozen=True)
 class BrakingCapability:
     """Largest decelerations at a place of the road, both positive, in m/s^2."""

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iptm_core.declaration import TextEnum
-from iptm_core.frozen import light
 from iptm_core.state import CommandSource, FloatArray
 from iptm_core.trajectory import Columns, Trajectory
 
@@ -56,7 +55,6 @@ class Rung(IntEnum):
     """From whichever rung: its command would have led into the leader, so the brakes are applied in full."""
 
 
-@light
 @dataclass(frozen=True)
 class DecisionRecord:
     """How one decision came about; a quantity that is not known is NaN.

@@ -27,7 +27,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from iptm_core.frozen import light, replace
+from iptm_core.frozen import replace
 from iptm_core.signal_residuals import (
     RANGE_LIMIT_M,
     RANGE_TIME_S,
@@ -112,7 +112,6 @@ class Sample(NamedTuple):
         return LeaderState(self.time_s, self.position_m, self.speed_m_s)
 
 
-@light
 @dataclass(frozen=True)
 class LeadTrack:
     """What is carried from measurement to measurement; the default stands for a lane never looked at.

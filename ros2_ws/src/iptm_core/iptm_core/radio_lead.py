@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from iptm_core.frozen import light
 from iptm_core.signal_residuals import JUMP_M, unexplained_change
 from iptm_core.state import SPEED_AT_REST_M_S, LeaderPreview, LeaderState
 
@@ -23,7 +22,6 @@ GAINED_M_S2 = 1.5
 """By as much a vehicle may be faster for each second since its message, and farther: half of what cars do."""
 
 
-@light
 @dataclass(frozen=True)
 class RadioLead:
     """Where the newest preview places the vehicle ahead; it goes on at its speed.

@@ -11,8 +11,6 @@ import math
 from dataclasses import dataclass
 from enum import Enum
 
-from iptm_core.frozen import light
-
 RANGE_TIME_S, RANGE_LIMIT_M = 3.0, 1.2
 """Time in which an unexplained change of the gap is forgotten, and the residual from which on it counts."""
 SPEED_TIME_S, SPEED_LIMIT_M_S = 4.0, 1.0
@@ -34,7 +32,6 @@ class Contradiction(Enum):
     SPEED = "speed and acceleration contradict each other"
 
 
-@light
 @dataclass(frozen=True)
 class Residual:
     """What was left unexplained lately.

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iptm_core.errors import StateError
-from iptm_core.frozen import light, replace
+from iptm_core.frozen import replace
 
 NS_PER_S = 1_000_000_000
 NS_PER_MS = 1_000_000
@@ -28,7 +28,6 @@ KNOWN_BOUND_M = 1.0
 is, an acceleration that is expected to decay is not after two seconds."""
 
 
-@light
 @dataclass(frozen=True)
 class VehicleState:
     """The ego vehicle and its pack at one instant (paper: x, with the inputs last actuated).
@@ -99,7 +98,6 @@ class FullChannelState(VehicleState):
                 raise StateError(f"state: {name} is {stated}; allowed: that of the cell, {value}")
 
 
-@light
 @dataclass(frozen=True)
 class IntervalPowers:
     """Mean powers over one interval in watts; mean times duration is the energy.
@@ -132,7 +130,6 @@ class CommandSource(IntEnum):
     """The controlled stop, for want of a command that can be carried out."""
 
 
-@light
 @dataclass(frozen=True)
 class SafetyRecord:
     """What the vehicle did of its own accord over an interval, and what its safety monitor measured.
@@ -151,7 +148,6 @@ class SafetyRecord:
     command_source: float = float(CommandSource.ANSWER)
 
 
-@light
 @dataclass(frozen=True)
 class PackReading:
     """What is measured of the pack beside its cells; what is not is NaN.
@@ -216,7 +212,6 @@ class BatteryReading:
     design_capacity_ah: float = math.nan
 
 
-@light
 @dataclass(frozen=True)
 class Command:
     """One decision, held for one sampling time: acceleration (a, m/s^2) and thermal power (P_cp, W).
@@ -228,7 +223,6 @@ class Command:
     compressor_power_w: float
 
 
-@light
 @dataclass(frozen=True)
 class LeaderState:
     """The preceding vehicle at one instant: rear-bumper position (p_PV) and speed (v_PV)."""
@@ -238,7 +232,6 @@ class LeaderState:
     speed_m_s: float
 
 
-@light
 @dataclass(frozen=True)
 class LeaderPreview:
     """Motion of the preceding vehicle at nodes: its expected motion, and how far it may be behind.

@@ -16,7 +16,6 @@ from functools import lru_cache
 
 import numpy as np
 
-from iptm_core.frozen import light
 from iptm_core.parameters.model import LimitParameters
 from iptm_core.physics.car_following import controlled_stop_command
 from iptm_core.state import Command, CommandSource, FloatArray, VehicleState
@@ -38,7 +37,6 @@ class Clamp(Enum):
     PACK_POWER = "pack_power"
 
 
-@light
 @dataclass(frozen=True)
 class ActuatorReport:
     """One command and what became of it.
@@ -147,7 +145,6 @@ _ROLLING_M_S = 1e-12
 """Stands for the limit v -> 0 from above: the last instant before the brakes take over."""
 
 
-@light
 @dataclass(frozen=True)
 class Motion:
     """Speed, acceleration and position at the stages of ``n`` sub-steps.

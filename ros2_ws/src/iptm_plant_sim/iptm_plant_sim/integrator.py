@@ -28,7 +28,6 @@ import numpy as np
 from iptm_core.compilation import cache_directory, compile_sources, find_compiler
 from iptm_core.compiler import split_numbers
 from iptm_core.errors import StateError
-from iptm_core.frozen import light
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import charge_after, depends_on_charge, pack_capacity_ah
 from iptm_core.physics.ops import BufferedFunction, address
@@ -50,7 +49,6 @@ _VALUES = len(STATES) + len(INTEGRALS)
 _START = struct.Struct(f"{_VALUES}d")
 
 
-@light
 @dataclass(frozen=True)
 class IntervalResult:
     """Cell states and electrics at the end of an interval, and energies over it.

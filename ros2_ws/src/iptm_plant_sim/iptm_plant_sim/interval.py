@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from iptm_core.frozen import light, replace
+from iptm_core.frozen import replace
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import at_charge, cell_heat_w, cell_resistance_ohm, pack_capacity_ah
 from iptm_core.physics.ops import Scalar, maximum, named_function, where
@@ -168,7 +168,6 @@ def cell_voltage_v(
     return source - cell.entropic_coefficient_v_k * temperature_k - resistance * current_a
 
 
-@light
 @dataclass(frozen=True)
 class PlantStep(PlantObservation):
     """Observation at the end of an interval, and quantities available only in simulation.

@@ -25,7 +25,7 @@ from iptm_core.braking import (
     SafetyMonitorSettings,
     braking_capability,
 )
-from iptm_core.frozen import light, replace
+from iptm_core.frozen import replace
 from iptm_core.lead_track import LeadTrack
 from iptm_core.parameters.model import BrakeParameters
 from iptm_core.radio_lead import RadioLead
@@ -49,7 +49,6 @@ WAITED_S = 0.3
 """Part of the reaction time that may pass while a measurement is awaited; the monitor itself needs less."""
 
 
-@light
 @dataclass(frozen=True)
 class MonitorMemory:
     """What monitor and brakes carry from one instant to the next.
@@ -109,7 +108,6 @@ def stopping_distance_m(
     return distance + speed * speed / (2.0 * deceleration_m_s2)
 
 
-@light
 @dataclass(frozen=True)
 class RoadBraking:
     """What both vehicles can do at a place: at best, and if it is slippery; None where friction is known."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
-from iptm_core.frozen import light, replace
+from iptm_core.frozen import replace
 from iptm_core.lead_track import LeadTrack
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.radio_lead import RadioLead
@@ -42,7 +42,6 @@ RAMP_STEP_S = 0.05
 _RESOLUTION_S = 1e-9
 
 
-@light
 @dataclass(frozen=True)
 class ServiceBrakes:
     """The brakes of a vehicle as actuators.

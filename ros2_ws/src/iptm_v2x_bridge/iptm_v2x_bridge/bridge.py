@@ -16,7 +16,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from iptm_core.frozen import light, replace
+from iptm_core.frozen import replace
 from iptm_core.lead_track import clear_lane
 from iptm_core.road_ahead import RoadAhead
 from iptm_core.routes import Route
@@ -24,7 +24,6 @@ from iptm_core.settings import PreviewMode, PreviewSettings
 from iptm_core.state import NS_PER_S, FloatArray, LeaderPreview, LeaderState, SlopePreview
 
 
-@light
 @dataclass(frozen=True)
 class BridgeAnswer:
     """Answer of the bridge at one tick.

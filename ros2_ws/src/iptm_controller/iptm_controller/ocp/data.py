@@ -13,7 +13,6 @@ from iptm_controller.ocp.layout import WEIGHTS, GlobalIndex, SampleIndex, StateI
 from iptm_controller.ocp.stages import LONGEST_STEP_WITHOUT_SAMPLED_GAP_S
 from iptm_controller.strategy import Strategy
 from iptm_controller.temperature_value import NO_VALUE, TemperatureValue
-from iptm_core.frozen import light
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.car_following import minimum_gap_m
 from iptm_core.physics.powertrain import MassLoad
@@ -34,7 +33,6 @@ UNBOUNDED_W = 1e9
 """Charging power of a pack that takes any; finite, as all numbers of a problem are."""
 
 
-@light
 @dataclass(frozen=True)
 class ProblemData:
     """One problem in the optimiser's scaled units.

@@ -12,7 +12,6 @@ import numpy as np
 
 from iptm_controller.ocp.data import ProblemData
 from iptm_core.decision_record import SolveStatus
-from iptm_core.frozen import light
 from iptm_core.state import FloatArray
 
 RICCATI = "riccati"
@@ -55,7 +54,6 @@ STATUS_TEXT: dict[SolveStatus, str] = {
 }
 
 
-@light
 @dataclass(frozen=True)
 class SolveResult:
     """Result of one solve.

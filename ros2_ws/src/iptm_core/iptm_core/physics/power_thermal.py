@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from iptm_core.frozen import light
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import (
     capacity_loss_rate_1_s,
@@ -74,7 +73,6 @@ class Smoothing:
 EXACT = Smoothing()
 
 
-@light
 @dataclass(frozen=True)
 class CellPair:
     """Temperatures (K) and capacity losses (fraction) of the first and the last cell of a channel."""
