@@ -109,7 +109,7 @@ def test_ros_reads_parameter_files_as_they_are_meant(tmp_path: Path) -> None:
 
 def test_the_recorder_understands_its_command() -> None:
     given = [
-        recorder_arguments(Path("out"), Path("info.yaml"), "zstd", f"/car_{number}")
+        recorder_arguments(Path("out"), Path("info.yaml"), "zstd", f"/car_{number}", repeats=True)
         for number in (1, 2)
     ]
     command = shared_command("a.module", given)

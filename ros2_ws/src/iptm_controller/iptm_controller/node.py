@@ -270,8 +270,12 @@ class ControllerNode(SuiteNode):
         )
         plan = plan_bytes(plan_trajectory(decision.plan), stamp_ns, prefix)
         self._plan_publisher.publish(plan)
-        self._acceleration_publisher.publish(encode_float64(command.acceleration_m_s2))
-        self._power_publisher.publish(encode_float64(command.compressor_power_w))
+        for publisher, value in (
+            (self._acceleration_publisher, command.acceleration_m_s2),
+            (self._power_publisher, command.compressor_power_w),
+        ):
+            if publisher.is_heard:
+                publisher.publish(encode_float64(value))
         self._command_publisher.publish(encode_command.data(prefix, stamp_ns, command))
 
     # --- diagnostics

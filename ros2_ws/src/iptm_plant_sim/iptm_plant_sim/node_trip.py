@@ -16,6 +16,7 @@ from iptm_plant_sim.node_neighbours import Neighbours, NodeRangeSensor, PlayedRa
 from iptm_plant_sim.node_parameters import WAIT, PlantNodeParameters
 from iptm_plant_sim.trip import CommandHold, Schedule, TimeBetweenTicks, TripPhase
 from iptm_ros.codecs import (
+    REPEATED,
     battery_bytes,
     decode_command,
     encode_clock,
@@ -54,6 +55,7 @@ PUBLISHED = (
     Topic.PLANT_STATE,
 )
 """Topics of one state in the order that the other nodes rely on; the clock follows."""
+_FOR_OTHERS = tuple(topic for topic in PUBLISHED if topic in REPEATED)
 
 
 class TripNode(SuiteNode):
@@ -254,11 +256,15 @@ class TripNode(SuiteNode):
 
     def _publish_state(self) -> None:
         step = self._trip.step
-        found: dict[Topic, Any] = dict(encode_observation(step, self.frame_prefix))
-        battery = battery_reading(step, self._trip.parameters)
-        found[Topic.PLANT_BATTERY] = battery_bytes(battery, self.frame_prefix)
+        # The state is for the nodes; the others, for other tools, take more time than the drive itself.
+        heard = [topic for topic in _FOR_OTHERS if self._outputs[topic].is_heard]
+        found = encode_observation(step, self.frame_prefix, heard)
+        if self._outputs[Topic.PLANT_BATTERY].is_heard:
+            battery = battery_reading(step, self._trip.parameters)
+            found[Topic.PLANT_BATTERY] = battery_bytes(battery, self.frame_prefix)
         for topic in PUBLISHED:
-            self._outputs[topic].publish(found[topic])
+            if topic in found:
+                self._outputs[topic].publish(found[topic])
         self._played_sensor.publish(step.state, self._trip.stamp_ns)
         self._outputs[Topic.CLOCK].publish(encode_clock(ns_from_s(step.state.time_s)))
         self._published_s = self.awake.now_s()

@@ -58,6 +58,11 @@ class PatientPublisher(Publisher):
     _unheard = 0
     _behind: Sequence[Publisher] = ()
 
+    @property
+    def is_heard(self) -> bool:
+        """Whether a subscription is matched: what none takes need not be published."""
+        return int(self.get_subscription_count()) > 0
+
     def let_listeners_follow(self, others: Iterable[Publisher] = ()) -> None:
         """Hold up a tick that is about to be published until no listener is more than half a queue behind.
 

@@ -132,10 +132,11 @@ def vehicle_arguments(parameter_files: Iterable[Path], namespace: str) -> list[s
 
 
 def recorder_arguments(
-    output: Path, information: Path, compression: str, namespace: str
+    output: Path, information: Path, compression: str, namespace: str, *, repeats: bool
 ) -> list[str]:
-    """Return the arguments of the recorder of a vehicle."""
+    """Return the arguments of the recorder of a vehicle, which may write topics that repeat others itself."""
     options = ["--run-information", str(information), "--compression", compression]
+    options += ["--repeat"] * repeats
     return [str(output), "--in-existing-folder", *options, "--ros-args", *_remaps(namespace)]
 
 

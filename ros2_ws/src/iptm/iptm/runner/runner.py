@@ -260,7 +260,8 @@ def _commands(trips: Mapping[RunFolder, Trip], options: RunOptions) -> dict[str,
             path = folder.write_log("run_information.yaml", text)
             # As the user wrote it: the recorder's diagnostics name it, and they go into the bag.
             place, namespace = folder.given, trip.full_namespace
-            recorders.append(recorder_arguments(place, path, options.compression, namespace))
+            given = (place, path, options.compression, namespace)
+            recorders.append(recorder_arguments(*given, repeats=not trip.foreign))
         commands[RECORDER] = shared_command(MODULES[RECORDER], recorders)
     return commands
 

@@ -27,6 +27,8 @@ from iptm_ros.codecs.motion import table_of as table_of
 from iptm_ros.codecs.numbers import numbers_of as numbers_of
 from iptm_ros.codecs.numbers import read_numbers as read_numbers
 from iptm_ros.codecs.numbers import stamp_of as stamp_of
+from iptm_ros.codecs.repeated import REPEATED as REPEATED
+from iptm_ros.codecs.repeated import repeated_messages as repeated_messages
 from iptm_ros.codecs.vehicle import battery_bytes as battery_bytes
 from iptm_ros.codecs.vehicle import decode_command as decode_command
 from iptm_ros.codecs.vehicle import decode_decision_record as decode_decision_record

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import struct
 from array import array
-from collections.abc import Sequence
+from collections.abc import Collection
 from enum import IntEnum
 from functools import lru_cache
 from typing import TypeVar
@@ -44,6 +44,7 @@ from iptm_ros.codecs.numbers import (
     read_numbers,
     stamp_of,
 )
+from iptm_ros.codecs.repeated import numbers_of_state
 from iptm_ros.message_types import (
     BatteryState,
     JointState,
@@ -56,48 +57,49 @@ from iptm_ros.message_types import (
 from iptm_ros.topics import EGO_FRAME, PACK_FRAME, TOPICS, Topic, frame_in
 
 
-def encode_observation(observation: PlantObservation, prefix: str) -> dict[Topic, bytes]:
+def encode_observation(
+    observation: PlantObservation, prefix: str, topics: Collection[Topic] | None = None
+) -> dict[Topic, bytes]:
     """Return the bytes of what the plant observes but for the battery, with the frames of a vehicle.
 
     The state has everything; the other messages repeat parts of it for other tools.
+
+    Args:
+        topics: those that are wanted besides the state, None for all.
     """
     state, powers, safety = observation.state, observation.powers, observation.safety
     inlet_k, outlet_k = (
         observation.coolant_inlet_temperature_k,
         observation.coolant_outlet_temperature_k,
     )
-    numbers: dict[Topic, Sequence[float]] = {
-        Topic.PLANT_CELL_1_TEMPERATURE: (state.cell_1_temperature_k - CELSIUS_ZERO_K,),
-        Topic.PLANT_CELL_N_TEMPERATURE: (state.cell_n_temperature_k - CELSIUS_ZERO_K,),
-        Topic.PLANT_COOLANT_INLET_TEMPERATURE: (inlet_k - CELSIUS_ZERO_K,),
-        Topic.PLANT_COOLANT_OUTLET_TEMPERATURE: (outlet_k - CELSIUS_ZERO_K,),
-        Topic.PLANT_ACCELERATION: (state.acceleration_m_s2,),
-        Topic.PLANT_ODOMETRY: (state.position_m, state.speed_m_s),
-        Topic.PLANT_STATE: (
-            state.position_m,
-            state.speed_m_s,
-            state.acceleration_m_s2,
-            state.compressor_power_w,
-            state.cell_1_temperature_k,
-            state.cell_n_temperature_k,
-            state.cell_1_capacity_loss,
-            state.cell_n_capacity_loss,
-            state.state_of_charge,
-            powers.traction_power_w,
-            powers.auxiliary_power_w,
-            powers.battery_power_w,
-            powers.chiller_heat_w,
-            inlet_k,
-            outlet_k,
-            safety.service_braking_s,
-            safety.smallest_gap_m,
-            safety.brake_share,
-            powers.battery_heat_w,
-            safety.command_source,
-        ),
-    }
+    numbers = (
+        state.position_m,
+        state.speed_m_s,
+        state.acceleration_m_s2,
+        state.compressor_power_w,
+        state.cell_1_temperature_k,
+        state.cell_n_temperature_k,
+        state.cell_1_capacity_loss,
+        state.cell_n_capacity_loss,
+        state.state_of_charge,
+        powers.traction_power_w,
+        powers.auxiliary_power_w,
+        powers.battery_power_w,
+        powers.chiller_heat_w,
+        inlet_k,
+        outlet_k,
+        safety.service_braking_s,
+        safety.smallest_gap_m,
+        safety.brake_share,
+        powers.battery_heat_w,
+        safety.command_source,
+    )
+    wanted = numbers_of_state(numbers) if topics is None or topics else {}
+    if topics is not None:
+        wanted = {topic: wanted[topic] for topic in topics}
+    wanted[Topic.PLANT_STATE] = numbers
     stamp_ns = ns_from_s(state.time_s)
-    return {topic: LAYOUTS[topic].data(stamp_ns, numbers[topic], prefix) for topic in numbers}
+    return {topic: LAYOUTS[topic].data(stamp_ns, wanted[topic], prefix) for topic in wanted}
 
 
 def decode_observation(message: JointState) -> PlantObservation:

@@ -72,6 +72,12 @@ def build_parser() -> argparse.ArgumentParser:
         help="file with scenario, seed, parameters and further texts to store in the bag",
     )
     parser.add_argument(
+        "--repeat",
+        action="store_true",
+        help="write the topics that repeat parts of plant/state and controller/command from these: of nodes "
+        "of the suite, the same bytes, and less to do for all",
+    )
+    parser.add_argument(
         "--compression",
         choices=COMPRESSIONS,
         default="none",
@@ -137,6 +143,7 @@ def options_from(arguments: argparse.Namespace) -> RecorderOptions:
         is_paused=arguments.start_paused,
         qos=load_qos_overrides(arguments.qos_profile_overrides_path),
         in_existing_folder=arguments.in_existing_folder,
+        repeats=arguments.repeat,
     )
 
 

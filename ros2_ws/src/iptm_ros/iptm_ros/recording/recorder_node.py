@@ -59,6 +59,7 @@ class RecorderOptions:
         depth: messages queued per topic while the recorder is busy.
         is_paused: begin paused.
         qos: quality of service requested by the user, by full names of topics.
+        repeats: whether topics that repeat others are written from those instead of being subscribed to.
     """
 
     output: Path
@@ -72,6 +73,7 @@ class RecorderOptions:
     is_paused: bool = False
     qos: QosOverrides = field(default_factory=dict)
     in_existing_folder: bool = False
+    repeats: bool = False
 
 
 class RecorderNode(SuiteNode):
@@ -106,6 +108,7 @@ class RecorderNode(SuiteNode):
             depth=options.depth,
             on_error=self._fail,
             qos=options.qos,
+            repeats=options.repeats,
         )
         if options.is_paused:
             self._session.pause()

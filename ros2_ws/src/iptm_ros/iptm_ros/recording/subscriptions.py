@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from rclpy.event_handler import QoSSubscriptionEventType
@@ -22,6 +23,7 @@ from iptm_core.declaration import Scalar, parameter_specs
 from iptm_core.errors import BagError, IptmError
 from iptm_core.parameters import to_flat_dict
 from iptm_core.settings import ModelSettings
+from iptm_ros.codecs import REPEATED, repeated_messages
 from iptm_ros.recording.rclpy_types import from_profile, message_class, to_profile
 from iptm_ros.recording.recorded_topics import (
     QosOverrides,
@@ -70,6 +72,7 @@ class TopicSubscriber:
         depth: int,
         on_error: Callable[[BagError], None],
         qos: QosOverrides,
+        repeats: bool = False,
     ) -> None:
         self._node = node
         self._qos = qos
@@ -87,6 +90,13 @@ class TopicSubscriber:
         }
         self._outside_trip = {*(names[topic] for topic in _NOT_OF_A_TRIP), *_NODE_TOPICS}
         self.has_data = False
+        self._repeats: dict[Topic, dict[Topic, Callable[[bytes], None]]] = {}
+        for topic, source in REPEATED.items() if repeats else ():
+            type_name = self._suite.pop(names[topic], None)
+            if type_name is not None:
+                offer = (from_profile(TOPICS[topic].offered_qos),)
+                write = session.channel(names[topic], type_name, partial(tuple, offer))
+                self._repeats.setdefault(source, {})[topic] = write
         for name, type_name in self._suite.items():
             self._subscribe_to(name, [type_name])
 
@@ -197,9 +207,14 @@ class TopicSubscriber:
         if not offered and spec is not None:
             offered = [from_profile(spec.offered_qos)]
         is_of_trip = name not in self._outside_trip and not any(map(is_latched, offered))
+        repeats = {} if spec is None else self._repeats.get(spec.topic, {})
 
         def take(data: bytes) -> None:
             try:
+                if repeats and spec is not None:
+                    for topic, repeated in repeated_messages(spec.topic, data).items():
+                        if topic in repeats:
+                            repeats[topic](repeated)
                 write(data)
             except BagError as error:
                 self._on_error(error)
