@@ -18,6 +18,7 @@ from std_srvs.srv import Trigger
 
 from iptm_ros.codecs import stamp_of
 from iptm_ros.diagnostics import Level, status_values
+from iptm_ros.publishers import PatientPublisher
 from iptm_ros.services import Service
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import TOPICS, Topic
@@ -37,6 +38,9 @@ class NodeBench:
             publisher.publish = self._keeper(topic)  # type: ignore[method-assign]
             return publisher
 
+        # As if each topic had a subscription; without, some are not published.
+        self._patch = mock.patch.object(PatientPublisher, "is_heard", new=True)
+        self._patch.start()
         with mock.patch.object(SuiteNode, "advertise", advertise_and_keep):
             self.node = factory()
         names = {"/" + TOPICS[topic].name.lstrip("/"): topic for topic in TOPICS}
@@ -107,6 +111,7 @@ class NodeBench:
         self._executor.remove_node(self.node)
         self.node.destroy_node()
         self._executor.shutdown()
+        self._patch.stop()
 
 
 @contextmanager

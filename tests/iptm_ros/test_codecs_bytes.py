@@ -44,6 +44,7 @@ from iptm_ros.codecs import (
     encode_road_ahead,
     leader_preview_bytes,
     plan_bytes,
+    repeated_messages,
     road_ahead_bytes,
     road_of,
     serialized,
@@ -98,7 +99,11 @@ def test_bytes_are_those_of_the_message(x: list[float], time_s: float, prefix: s
         assert len(data) == length(message)
     safety = SafetyRecord(*x[10:13])
     observed = PlantObservation(state, IntervalPowers(*x[:6]), x[6], x[7], safety)
-    for topic, data in encode_observation(observed, prefix).items():
+    all_data = encode_observation(observed, prefix)
+    made = repeated_messages(Topic.PLANT_STATE, all_data[Topic.PLANT_STATE])
+    assert made == {topic: all_data[topic] for topic in made}
+    assert set(made) | {Topic.PLANT_STATE} == set(all_data)
+    for topic, data in all_data.items():
         message = deserialize_message(data, TOPICS[topic].message_type)
         assert len(data) == length(message)
         spec_frame = TOPICS[topic].frame.split(" -> ")[0]

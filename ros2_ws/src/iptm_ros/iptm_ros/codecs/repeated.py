@@ -54,6 +54,6 @@ def repeated_messages(topic: Topic, data: bytes) -> dict[Topic, bytes]:
             Topic.COMPRESSOR_POWER_COMMAND: encode_float64(power_w),
         }
     frame = data[FRAME_AT : data.index(b"\0", FRAME_AT)].decode()
-    prefix = frame.removesuffix(EGO_FRAME)
+    prefix = frame.removesuffix(EGO_FRAME).strip("/")
     found = numbers_of_state(numbers.values)
     return {each: LAYOUTS[each].data(numbers.stamp_ns, found[each], prefix) for each in found}
