@@ -44,6 +44,7 @@ EXTRAS = (
     "iptm_drives",
     "iptm_bags",
     "iptm_ecu",
+    "iptm_fmi",
     "iptm_its",
     "iptm_judges",
     "iptm_traffic",

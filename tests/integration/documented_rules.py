@@ -112,6 +112,11 @@ RULES = (
     Rule(
         Way.ELSEWHERE, r"scripts/iptm meter .*", "tests/extras/iptm_vehicle_interface/test_meter.py"
     ),
+    Rule(
+        Way.ELSEWHERE,
+        r"scripts/iptm (fmu .*|run --set vehicle\.plant=.*)",
+        "tests/extras/iptm_fmi",
+    ),
     Rule(Way.ELSEWHERE, r"scripts/dev (build|docs|site).*", "tests/packaging"),
     Rule(Way.NOT, r"dask .*|.*dask worker .*", "an extra, on several machines"),
     # Seconds.

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 from iptm.closed_loop import TickController, run_closed_loop
-from iptm.faults.injection import FaultInjection, FaultyController, FaultyPlant, check_headless
+from iptm.faults.injection import FaultInjection, FaultyController, check_headless, faulty
 from iptm.own_parts import Controller, OwnController, PredictedSource, Predictor, check_part
 from iptm.run import Report, Reporter, Run
 from iptm.trip import Trip
@@ -23,6 +23,7 @@ from iptm_core.settings import LeaderSource, TripSettings
 from iptm_core.state import LeaderState
 from iptm_plant_sim.interval import PlantStep
 from iptm_plant_sim.plant import Plant
+from iptm_plant_sim.plant_kinds import plant_kind
 from iptm_v2x_bridge.rules_of_the_road import road_bridge
 
 _EVERY_S = 0.5
@@ -109,7 +110,7 @@ def drive_in_memory(
         reports=(*reports, *of_vehicle),
         wall_time_s=time.perf_counter() - began_s,
         problems=(f"the trip ended early, {loop.ended}",) if loop.ended else (),
-        warnings=trip.notes,
+        warnings=(*trip.notes, *plant.notes),
     )
     return _with_own_parts(run, controller, predictor, aging_law)
 
@@ -133,9 +134,10 @@ def plant_for(trip: Trip) -> Plant:
     """Return the vehicle of a trip."""
     slope_at, vehicle = trip.route.slope.slope_at, trip.vehicle
     detail = vehicle.integration_step_s, vehicle.thermal_model, vehicle
+    kind = plant_kind(vehicle.plant)
     if trip.conditions.faults:
-        return FaultyPlant(trip.conditions.faults, trip.parameters, slope_at, *detail)
-    return Plant(trip.parameters, slope_at, *detail)
+        return faulty(kind)(trip.conditions.faults, trip.parameters, slope_at, *detail)
+    return kind(trip.parameters, slope_at, *detail)
 
 
 def controller_for(trip: Trip, own_law: AgingLaw | None = None) -> TickController:

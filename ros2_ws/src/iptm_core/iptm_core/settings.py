@@ -271,6 +271,10 @@ class IntegrationSettings(Settings):
 class VehicleSettings(SafetyMonitorSettings, IntegrationSettings, ModelSettings):
     """The simulated vehicle, and where it starts."""
 
+    plant: str = parameter(
+        "",
+        "file of a vehicle that an extra drives, such as car.fmu; empty for the suite's own model",
+    )
     start_position_m: float = parameter(
         0.0, "where the front bumper is at the start, along the road", "m", -1e5, 1e5
     )

@@ -25,6 +25,7 @@ from iptm_core.settings import (
 from iptm_core.state import NS_PER_S
 from iptm_plant_sim.interval import PlantStep
 from iptm_plant_sim.plant import Plant
+from iptm_plant_sim.plant_kinds import plant_kind
 from iptm_plant_sim.trip import Trip
 
 WAIT = "wait"
@@ -95,7 +96,7 @@ class PlantNodeParameters(
 
     def build_plant(self, *arguments: Any) -> Plant:
         """Return the vehicle; the arguments are passed to ``Plant``."""
-        return Plant(*arguments)
+        return plant_kind(self.plant)(*arguments)
 
     def saved_state(self, trip: Trip) -> SavedState:
         """Return what a file needs to hold to go on from where a trip stands."""

@@ -55,6 +55,7 @@ class Plant:
         monitor: the safety monitor; it acts only with a range sensor.
         brake_strength: share of every requested deceleration that the brakes deliver, above 0.
         road_friction: coefficient of friction of the road, 0 for one that never limits the brakes.
+        notes: what is to be known of a trip with it, a sentence each.
     """
 
     def __init__(
@@ -83,6 +84,7 @@ class Plant:
         self.monitor = SafetyMonitor(safety or SafetyMonitorSettings(), parameters.brakes)
         self.brake_strength = 1.0
         self.road_friction = 0.0
+        self.notes: tuple[str, ...] = ()
         self._sensor: RangeSensor | None = None
         self._calm: CalmInterval | None = None
         self._memory = MonitorMemory()

@@ -209,6 +209,13 @@ STANDING_FLOW = 1e-6
 """Share of the heat transfer that is left where the coolant stands; above 0, as the loop is solved for it."""
 
 
+def faulty(kind: type[Plant]) -> type[FaultyPlant]:
+    """Return a kind of plant with faults of its actuators."""
+    if kind is Plant:
+        return FaultyPlant
+    return type(f"Faulty{kind.__name__}", (FaultyPlant, kind), {})
+
+
 class FaultyPlant(Plant):
     """The simulated vehicle with faults of its actuators, its cooling and the road under it.
 

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from iptm.faults.fault import FaultSettings
-from iptm.faults.injection import FaultyPlant
+from iptm.faults.injection import FaultyPlant, faulty
 from iptm_plant_sim.node import PlantNode
 from iptm_plant_sim.node_parameters import PlantNodeParameters
+from iptm_plant_sim.plant_kinds import plant_kind
 from iptm_ros.command_line import node_main
 from iptm_ros.topics import PLANT
 
@@ -20,7 +21,7 @@ class FaultyPlantNodeParameters(FaultSettings, PlantNodeParameters):
 
     def build_plant(self, *arguments: Any) -> FaultyPlant:
         """Return the vehicle with its faults; see the sound one."""
-        return FaultyPlant(self.listed(), *arguments)
+        return faulty(plant_kind(self.plant))(self.listed(), *arguments)
 
 
 class FaultyPlantNode(PlantNode):
