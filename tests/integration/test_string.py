@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import signal
@@ -111,6 +112,23 @@ def test_a_string_is_that_of_the_loop_without_ros_and_can_be_watched(
     assert (output / "string.png").is_file()
 
 
+def test_a_string_drives_in_real_time(launcher: Any, tmp_path: Path) -> None:
+    output = tmp_path / "run"
+    pace = ("--mode", "real_time", "--rate-factor", "5")
+    runner = launcher.start_module(
+        MODULE, "--vehicles", "2", *OPTIONS, *pace, "--output", output, ROS_DOMAIN_ID=""
+    )
+    assert runner.wait(RUN_TIMEOUT_S) == 0, runner.stdout + runner.stderr
+    for name in ("car_1", "car_2"):
+        results = json.loads((output / name / "results.json").read_text("utf-8"))
+        assert results["wall_time_s"] >= TICKS / 5.0 - 0.5
+        run = read_trajectory(output / name, name)
+        assert run.time_s[-1] == TICKS
+        assert run.gap_m.min() > 0.0
+        # Most ticks are answered in time, with the plan of the vehicle ahead.
+        assert np.mean(read_decisions(output / name, name).rung == Rung.OPTIMAL) > 0.5
+
+
 def children_of(pid: int) -> dict[int, str]:
     """Return the names of the processes that a process has started, by their ids."""
     children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
@@ -147,11 +165,6 @@ def test_a_member_that_dies_is_named_and_ends_the_string_with_sound_bags(
     ("module", "parameters", "complaint"),
     [
         ("iptm_v2x_bridge.node", {"leader_source": "vehicle"}, "vehicle_ahead is ''"),
-        (
-            "iptm_plant_sim.node",
-            {"mode": "real_time", "vehicle_ahead": "/car_1"},
-            "mode is real_time with vehicle_ahead /car_1",
-        ),
     ],
 )
 def test_parameters_that_make_no_string_are_refused(

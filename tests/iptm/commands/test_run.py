@@ -101,7 +101,6 @@ def test_a_trip_in_memory_ends_with_its_summary(capsys: pytest.CaptureFixture[st
         (["--set", "conditions.namespace=car 1"], "allowed: letters, digits and _"),
         (["--settings", "lead"], "did you mean 'leader'?"),
         (["--vehicles", "1"], "--vehicles is 1; allowed: 2 to"),
-        (["--vehicles", "2", "--mode", "real_time"], "allowed in a string: lock_step"),
         (["--over", "memory", "--view"], "--view is given with --over memory"),
         (["--output", "taken"], "taken exists already"),
     ],

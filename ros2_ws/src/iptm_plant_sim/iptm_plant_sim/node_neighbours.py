@@ -11,7 +11,6 @@ from rclpy.timer import Timer
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 
-from iptm_core.errors import ParameterError
 from iptm_core.lead_track import RangeTrack
 from iptm_core.settings import LoopMode
 from iptm_core.state import NS_PER_S, LeaderPreview, VehicleState
@@ -33,19 +32,17 @@ class Neighbours:
     The state of an instant is published when the vehicle ahead has planned at that instant, so that the
     answer to the state waits for nothing from elsewhere, and when the vehicle behind has published the
     instant before, so that no vehicle falls behind further than the queues reach. A neighbour that has left
-    the graph is not waited for. This affects the timing only: the numbers depend on stamps.
+    the graph is not waited for. This affects the timing only: the numbers depend on stamps. In real time the
+    wall clock keeps the vehicles in step.
     """
 
     def __init__(
         self, node: SuiteNode, options: PlantNodeParameters, retry: Callable[[], None]
     ) -> None:
         """Listen to the neighbours that there are; `retry` is called when one of them has advanced."""
-        self._ahead = options.vehicle_ahead
-        self._behind = options.vehicle_behind
-        named = {"vehicle_ahead": self._ahead, "vehicle_behind": self._behind}
-        if options.mode is LoopMode.REAL_TIME and any(named.values()):
-            given = " and ".join(f"{key} {name}" for key, name in named.items() if name)
-            raise ParameterError(f"mode is real_time with {given}; allowed in a string: lock_step")
+        is_in_step = options.mode is LoopMode.LOCK_STEP
+        self._ahead = options.vehicle_ahead if is_in_step else ""
+        self._behind = options.vehicle_behind if is_in_step else ""
         self._period_ns = round(options.period_s * NS_PER_S)
         self._planned_ns = self._reached_ns = -1
         self._retry = retry

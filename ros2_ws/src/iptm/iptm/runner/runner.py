@@ -241,7 +241,7 @@ def _commands(trips: Mapping[RunFolder, Trip], options: RunOptions) -> dict[str,
     folders, commands = list(trips), {}
     for group in grouped(folders, min(len(folders), len(os.sched_getaffinity(0)))):
         first, last = (trips[group[place]] for place in (0, -1))
-        if options.shares_process(first):
+        if len(folders) > 1 or options.shares_process(first):
             name = first.name if first is last else f"{first.name}_to_{last.name}"
             own = [
                 vehicle_arguments(paths[each].values(), trips[each].full_namespace)

@@ -70,8 +70,6 @@ def run_string(
         0 when all trips were finished, no hard limit was broken and all bags are complete; 1 when not; 2 for
         a mistake of the user; 128 + n after signal n.
     """
-    if not trip.is_lock_step:
-        raise ScenarioError("mode is real_time; allowed in a string: lock_step")
     if trip.foreign or trip.conditions.faults or options.processes or not options.record:
         raise ScenarioError(
             "--without, --processes, --no-record or a fault is given for a string; allowed: with one vehicle"
