@@ -116,9 +116,12 @@ def test_a_frozen_sensor_counts_again_when_its_measurements_move_as_they_should(
     later = [held.time_s + 0.1 * n for n in range(6, 9)]
     states = []
     for now_s in later:
-        track = followed(track, Sample(now_s, 30.0 + 15.0 * now_s, 15.0, *swaying(now_s)))
+        after_s = now_s - held.time_s
+        lead = 30.0 + 15.0 * now_s - 0.25 * after_s**2, 15.0 - 0.5 * after_s
+        track = followed(track, Sample(now_s, *lead, *swaying(now_s)))
         states.append(track.frozen)
     assert states == [True, True, False], "two steps that agree with the speed"
+    assert track.acceleration_m_s2 == pytest.approx(-0.5)
 
 
 def test_a_vehicle_that_appears_with_a_frozen_measurement_has_never_been_there() -> None:
@@ -246,6 +249,20 @@ def test_a_step_that_no_vehicle_makes_is_another_one(
     moved_m = step_m + 0.1 * (20.0 + 0.5 * change_m_s)
     track = followed(track, Sample(0.1, 40.0 + moved_m, 20.0 + change_m_s, 2.0, 20.0))
     assert (track.before is not None) is is_another
+
+
+@pytest.mark.parametrize(("change_m_s", "is_away"), [(0.9, True), (1.1, False), (-0.9, True)])
+def test_a_vehicle_that_jumps_away_at_its_speed_counts_as_nearer(
+    change_m_s: float, *, is_away: bool
+) -> None:
+    track = LeadTrack()
+    for tick in range(40):
+        time_s = 0.1 * tick
+        track = followed(
+            track, Sample(time_s, 40.0 + 20.0 * time_s, 20.0, 19.0 * time_s, 19.0 + 0.01 * tick)
+        )
+    step = Sample(4.0, 40.0 + 80.0 + 6.0, 20.0 + change_m_s, 76.0, 19.4)
+    assert (followed(track, step).away_m > 0.0) is is_away
 
 
 @pytest.mark.parametrize(
