@@ -16,6 +16,8 @@ from iptm_controller.ladder import thermostat_power_w
 from iptm_core.frozen import replace
 from iptm_core.parameters import load_parameters
 from iptm_core.state import Command
+from iptm_fmi.fmu_file import write_fmu
+from iptm_fmi.plant_unit import plant_unit
 from iptm_plant_sim.actuators import ActuatorReport
 from iptm_plant_sim.plant import Plant
 
@@ -55,6 +57,12 @@ def drive(path: Path, trip: Recorded) -> None:
 @pytest.mark.parametrize("version", VERSIONS)
 def test_the_plant_drives_as_in_the_suite(made: Path, version: int) -> None:
     drive(made / f"plant_{version}.fmu", recorded("nycc", slope="large", duration_s=300.0))
+
+
+def test_a_pack_with_limits_is_limited_as_in_the_suite(tmp_path: Path) -> None:
+    """On a steep road the pack takes less than the motor would feed back."""
+    write_fmu(tmp_path / "i3.fmu", plant_unit(load_parameters("bmw_i3").values), 3)
+    drive(tmp_path / "i3.fmu", recorded("us06", "bmw_i3", slope="large", duration_s=200.0))
 
 
 @pytest.mark.slow

@@ -6,12 +6,14 @@ import math
 
 import casadi as ca
 
-from iptm_core.errors import ParameterError
 from iptm_core.parameters.model import ModelParameters
+from iptm_core.physics.pack_limits import least_traction_power_w, terminal_limits_w
+from iptm_core.physics.power_thermal import CellPair
 from iptm_core.settings import IntegrationSettings
 from iptm_fmi.unit import C_SOURCES, Kind, Unit, Variable, literal, road_variables
 from iptm_plant_sim.c_sources import C_SOURCES as PLANT_SOURCES
 from iptm_plant_sim.interval import AT_END, INTEGRALS, sub_step
+from iptm_plant_sim.interval import STATES as CELLS
 
 LONGEST_STEP_S = 10.0
 _UNITS = {"a": "A", "k": "K", "v": "V", "j": "J", "c": "C"}
@@ -31,11 +33,7 @@ _TEXTS = {
 
 
 def plant_unit(parameters: ModelParameters) -> Unit:
-    """Return the unit of a vehicle with commands as inputs.
-
-    Raises:
-        ParameterError: its pack has limits of power.
-    """
+    """Return the unit of a vehicle with commands as inputs."""
     limits = parameters.limits
     commands = [
         Variable(
@@ -58,11 +56,7 @@ def plant_unit(parameters: ModelParameters) -> Unit:
 
 
 def meter_unit(parameters: ModelParameters) -> Unit:
-    """Return the unit of a vehicle that follows a measured speed, its pack cooled by a thermostat.
-
-    Raises:
-        ParameterError: its pack has limits of power.
-    """
+    """Return the unit of a vehicle that follows a measured speed, its pack cooled by a thermostat."""
     speed = Variable(
         "speed_measured",
         Kind.INPUT,
@@ -79,10 +73,7 @@ def meter_unit(parameters: ModelParameters) -> Unit:
 def _vehicle(
     name: str, text: str, parameters: ModelParameters, inputs: list[Variable], define: str = ""
 ) -> Unit:
-    if parameters.pack_limits.limited:
-        raise ParameterError(
-            "the pack has limits of power (pack_limits); allowed in an FMU: packs without any"
-        )
+    define += "#define IPTM_LIMITED\n" if parameters.pack_limits.limited else ""
     numbers = define + "".join(
         f"#define IPTM_{key} {literal(value)}\n" for key, value in _numbers(parameters).items()
     )
@@ -123,9 +114,23 @@ def _vehicle(
 def model_code(parameters: ModelParameters) -> str:
     """Return the generated C of a sub-step of the pack, and of what is known at the end of a step."""
     generator = ca.CodeGenerator("model.c", {"with_header": False})
-    for function in sub_step(parameters, bounded=False):
+    limited = parameters.pack_limits.limited
+    for function in sub_step(parameters, bounded=limited):
         generator.add(function)
+    if limited:
+        generator.add(_pack_bounds(parameters))
     return f"{_BEFORE_GENERATED}{generator.dump()}"
+
+
+def _pack_bounds(parameters: ModelParameters) -> ca.Function:
+    """Return the function from cells, charge, thermal power and length of a step to `PowerBounds`."""
+    cells, charge = ca.SX.sym("cells", len(CELLS)), ca.SX.sym("charge")
+    power_w, length_s = ca.SX.sym("power_w"), ca.SX.sym("length_s")
+    pair = CellPair(*ca.vertsplit(cells))
+    charge_w, discharge_w = terminal_limits_w(pair, charge, parameters, length_s)
+    least_w = least_traction_power_w(charge_w, power_w, parameters)
+    bounds = ca.vertcat(least_w, discharge_w)
+    return ca.Function("pack_bounds", [cells, charge, power_w, length_s], [bounds])
 
 
 def _numbers(parameters: ModelParameters) -> dict[str, float]:

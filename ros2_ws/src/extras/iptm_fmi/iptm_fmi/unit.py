@@ -16,6 +16,7 @@ C_SOURCES = CSources(
     {
         "plant": (
             "iptm_controller.ladder",
+            "iptm_core.physics.cell",
             "iptm_plant_sim.actuators",
             "iptm_plant_sim.integrator",
         ),

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 from iptm_core.parameters.model import ModelParameters, PackLimitParameters
 from iptm_core.physics.cell import ChargeTable, at_charge, cell_resistance_ohm, pack_capacity_ah
+from iptm_core.physics.ops import Scalar, maximum, minimum, where
 from iptm_core.physics.power_thermal import CellPair
 from iptm_core.physics.powertrain import (
     effective_source_voltage_v,
@@ -57,14 +58,14 @@ class _TemperatureTable:
     nodes_k: tuple[float, ...]
     values: tuple[float, ...]
 
-    def at(self, temperature_k: float) -> float:
+    def at(self, temperature_k: Scalar) -> Scalar:
         """Return the value at a temperature, linear between the nodes and constant outside."""
-        return float(ChargeTable(self.nodes_k, self.values).at(temperature_k))
+        return ChargeTable(self.nodes_k, self.values).at(temperature_k)
 
 
 def current_limits_a(
-    cells: CellPair, charge: float, parameters: ModelParameters
-) -> tuple[float, float]:
+    cells: CellPair, charge: Scalar, parameters: ModelParameters
+) -> tuple[Scalar, Scalar]:
     """Return least and largest pack current in A by temperature, charge and cell voltage.
 
     Args:
@@ -76,7 +77,8 @@ def current_limits_a(
     temperatures_k = cells.cell_1_temperature_k, cells.cell_n_temperature_k
     losses = cells.cell_1_capacity_loss, cells.cell_n_capacity_loss
     charging, discharging = (
-        capacity_ah * min(_TemperatureTable(_NODES_K, rates).at(each) for each in temperatures_k)
+        capacity_ah
+        * minimum(*(_TemperatureTable(_NODES_K, rates).at(each) for each in temperatures_k))
         for rates in (limits.charge_rates_1_h, limits.discharge_rates_1_h)
     )
     charging *= ChargeTable(_CHARGE_NODES, (1.0, *limits.charge_shares)).at(charge)
@@ -87,9 +89,10 @@ def current_limits_a(
         ohm = cell_resistance_ohm(temperature_k, loss, parameters.cell) / pack.parallel
         below_v = limits.max_cell_voltage_v - VOLTAGE_MARGIN_V - source_v
         above_v = source_v - limits.min_cell_voltage_v - VOLTAGE_MARGIN_V
-        charging = min(charging, max(below_v, 0.0) / ohm)
-        discharging = min(discharging, max(above_v, 0.0) / ohm)
-    return -max(charging, 0.0), max(discharging, 0.0)  # shares end at 0 but for rounding
+        charging = minimum(charging, maximum(below_v, 0.0) / ohm)
+        discharging = minimum(discharging, maximum(above_v, 0.0) / ohm)
+    # Shares end at 0 but for rounding.
+    return -maximum(charging, 0.0), maximum(discharging, 0.0)
 
 
 def power_limits(
@@ -104,15 +107,22 @@ def power_limits(
     """
     if math.isnan(charge):
         charge = parameters.charge.initial_charge
-    charge = min(max(charge, 0.0), 1.0)
+    return PowerLimits(*map(float, terminal_limits_w(cells, charge, parameters, duration_s)))
+
+
+def terminal_limits_w(
+    cells: CellPair, charge: Scalar, parameters: ModelParameters, duration_s: Scalar
+) -> tuple[Scalar, Scalar]:
+    """Return the charging and discharging power of `power_limits`, of numbers or expressions."""
+    charge = minimum(maximum(charge, 0.0), 1.0)
     parameters = at_charge(parameters, charge)
     pack, cell = parameters.pack, parameters.cell
     t_1, t_n = cells.cell_1_temperature_k, cells.cell_n_temperature_k
     loss_1, loss_n = cells.cell_1_capacity_loss, cells.cell_n_capacity_loss
     least_a, most_a = current_limits_a(cells, charge, parameters)
     content_as = SECONDS_PER_HOUR * pack_capacity_ah(parameters, 0.5 * (loss_1 + loss_n))
-    least_a = max(least_a, -(1.0 - charge) * content_as / duration_s)
-    most_a = min(most_a, charge * content_as / duration_s)
+    least_a = maximum(least_a, -(1.0 - charge) * content_as / duration_s)
+    most_a = minimum(most_a, charge * content_as / duration_s)
     mean_ohm = pack_resistance_ohm(
         0.5 * (cell_resistance_ohm(t_1, loss_1, cell) + cell_resistance_ohm(t_n, loss_n, cell)),
         pack,
@@ -121,17 +131,16 @@ def power_limits(
     at_terminals = mean_ohm, mean_k, cell, pack
     # Beyond this current the power falls again.
     peak_a = effective_source_voltage_v(mean_k, cell, pack) / (2.0 * mean_ohm)
-    discharge_w = (
-        largest_power_w(*at_terminals)
-        if most_a >= peak_a
-        else terminal_power_w(most_a, *at_terminals)
+    discharge_w = where(
+        most_a >= peak_a, largest_power_w(*at_terminals), terminal_power_w(most_a, *at_terminals)
     )
-    return PowerLimits(abs(float(terminal_power_w(least_a, *at_terminals))), float(discharge_w))
+    # Charging power is not negative; it is 0 at no current.
+    return 0.0 - terminal_power_w(least_a, *at_terminals), discharge_w
 
 
 def least_traction_power_w(
-    charge_w: float, thermal_power_w: float, parameters: ModelParameters
-) -> float:
+    charge_w: Scalar, thermal_power_w: Scalar, parameters: ModelParameters
+) -> Scalar:
     """Return the traction power (P_tra, negative) down to which the motor may feed back.
 
     Args:
@@ -145,7 +154,7 @@ def least_traction_power_w(
         return -math.inf
     drawn_w = thermal_actuation(thermal_power_w, parameters).drawn_w
     used_w = (drawn_w + parameters.cooling.auxiliary_power_w) / pack.battery_efficiency
-    return -(charge_w + float(used_w)) / regenerated
+    return -(charge_w + used_w) / regenerated
 
 
 _NODES_K = tuple(CELSIUS_ZERO_K + node for node in PackLimitParameters.NODES_C)

@@ -12,6 +12,10 @@ void iptm_integrate(int n, double *numbers, const double *held, const double *le
                     const double *accelerations_m_s2, const double *slopes_rad, const double *speeds_m_s,
                     double *found);
 
+#ifdef IPTM_LIMITED
+int pack_bounds(const double **arguments, double **results, long long *, double *, int);
+#endif
+
 /* The motion of an interval at the stages of its sub-steps, see Motion. */
 typedef struct {
   int steps;
@@ -74,8 +78,9 @@ static void plan(motion *to, double position_m, double speed_m_s, double acceler
 }
 
 /* Integrate the pack along a motion; found: states, integrals, and what is known at the end. */
-static void integrate(const double *values, motion *along, double power_w, double *found) {
-  double slopes_rad[2 * IPTM_SUB_STEPS_MOST + 1], held[2];
+static void integrate(const double *values, motion *along, double power_w, double length_s, int limits,
+                      double *found) {
+  double slopes_rad[2 * IPTM_SUB_STEPS_MOST + 1], held[4];
   int i;
   for (i = 0; i <= 2 * along->steps; ++i) {
     slopes_rad[i] = values[V_SLOPE] + iptm_slope_at((int)values[V_ROAD_NODES], values + V_ROAD_POSITION,
@@ -86,6 +91,21 @@ static void integrate(const double *values, motion *along, double power_w, doubl
   }
   held[0] = power_w;
   held[1] = values[V_STATE_OF_CHARGE];
+#ifdef IPTM_LIMITED
+  {
+    /* What the motor may feed back at least, and what the pack gives at most. */
+    const double *const given[] = {values + V_CELL_1_TEMPERATURE, held + 1, held, &length_s};
+    double *const bounds[] = {held + 2};
+    if (limits) {
+      pack_bounds((const double **)given, (double **)bounds, NULL, NULL, 0);
+    } else {
+      held[2] = -INFINITY;
+      held[3] = INFINITY;
+    }
+  }
+#else
+  (void)length_s, (void)limits;
+#endif
   memset(found, 0, VALUES * sizeof(*found));
   memcpy(found, values + V_CELL_1_TEMPERATURE, 4 * sizeof(*found));
   iptm_integrate(along->steps, NULL, held, along->lengths_s, along->accelerations_m_s2, slopes_rad,
@@ -111,7 +131,7 @@ iptm_result iptm_unit_begin(iptm_instance *instance) {
   double found[VALUES + IPTM_AT_END];
   motion along;
   plan(&along, values[V_POSITION], values[V_SPEED], 0.0, 1.0);
-  integrate(values, &along, values[V_COMPRESSOR_POWER], found);
+  integrate(values, &along, values[V_COMPRESSOR_POWER], 1.0, 0, found);
   if (!isfinite(found[VALUES]))
     return iptm_fail(instance, IPTM_REFUSED, "the pack cannot supply the state at the start");
   memcpy(values + V_AT_END, found + VALUES, IPTM_AT_END * sizeof(*found));
@@ -138,7 +158,7 @@ iptm_result iptm_unit_step(iptm_instance *instance, double length_s) {
                     values[V_COMPRESSOR_POWER], IPTM_MAX_POWER_RATE_W_S * length_s);
 #endif
   plan(&along, values[V_POSITION], values[V_SPEED], acceleration, length_s);
-  integrate(values, &along, power_w, found);
+  integrate(values, &along, power_w, length_s, 1, found);
   /* Traction 4, regenerated 5, battery 6, chiller 7, heat 8, charge 9. */
   if (!isfinite(found[6] + found[9] + found[VALUES]))
     return iptm_fail(instance, IPTM_DISCARDED, "the pack cannot supply %g m/s^2 at %g m/s", acceleration,
@@ -146,6 +166,7 @@ iptm_result iptm_unit_step(iptm_instance *instance, double length_s) {
   charge = values[V_STATE_OF_CHARGE] -
            found[9] / 3600.0 /
                (IPTM_CAPACITY_AH * (1.0 - 0.5 * (values[V_CELL_1_LOSS] + values[V_CELL_N_LOSS])));
+  if (fabs(charge - within(charge, 0.0, 1.0)) < ROUNDING) charge = within(charge, 0.0, 1.0);
   if (!(charge >= 0.0 && charge <= 1.0))
     return iptm_fail(instance, IPTM_DISCARDED, "the state of charge would be %g; allowed: 0 to 1", charge);
   values[V_STATE_OF_CHARGE] = charge;
