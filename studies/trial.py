@@ -8,8 +8,8 @@ from itertools import accumulate
 from pathlib import Path
 
 from iptm.driving import drive_in_memory
-from iptm.faults.fault import Fault, in_order
-from iptm.faults.kinds import FaultPlace
+from iptm.faults.fault import WHOLE_TRIP_S, Fault, in_order
+from iptm.faults.kinds import FaultKind, FaultPlace
 from iptm.faults.signals import Traffic
 from iptm.run import Run
 from iptm.runner.drive import Drive, DriveResult
@@ -40,7 +40,7 @@ from iptm_ros.stamp_gate import LEAST_REACH_NS
 from iptm_ros.topics import CONTROLLER, PLANT, TICK_TOPICS, Topic
 
 REAL_TIME_RATE = 10.0
-"""Trip seconds per wall-clock second in real-time mode."""
+"""Trip seconds per wall-clock second in real-time mode, and in lock-step where a process is hit."""
 
 
 class DriveMode(TextEnum):
@@ -81,7 +81,9 @@ class Trial:
         if not self.placed:
             return f"{self.mode}_{self.cycle}"
         first, others = self.placed[0], len(self.placed) - 1
-        parts = [self.mode, self.cycle, first.kind, first.target, f"and_{others}" if others else ""]
+        size = "" if first.size is None else f"{first.size:g}"
+        more = f"and_{others}" if others else ""
+        parts = [self.mode, self.cycle, first.kind, size, first.target, more]
         return "_".join(str(part) for part in parts if part)
 
 
@@ -176,13 +178,18 @@ def drive_headless(trial: Trial) -> DrivenTrial:
 def trip_of(trial: Trial) -> Trip:
     """Return the trip of a trial over ROS 2."""
     lock_step = trial.mode is DriveMode.LOCK_STEP
+    faults = trial.faults
+    if lock_step and any(fault.spec.place is FaultPlace.PROCESS for fault in faults):
+        # As fast as the machine can, a trip is over before a process has started or reports.
+        pace = Fault(FaultKind.STATE_LATE, 0.0, WHOLE_TRIP_S, size=1.0 / REAL_TIME_RATE)
+        faults = in_order((pace, *faults))
     return trial.inputs.changed(
         name=trial.name,
         description=f"Faults of the table: {len(trial.placed)} on {trial.cycle}",
         mode=LoopMode.LOCK_STEP if lock_step else LoopMode.REAL_TIME,
         rate_factor=1.0 if lock_step else REAL_TIME_RATE,
         input_timeout_s=INPUT_TIMEOUT_S[trial.mode],
-        faults=trial.faults,
+        faults=faults,
     )
 
 

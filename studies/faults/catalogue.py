@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -23,15 +23,15 @@ from iptm_core.user_input import StrictMapping
 FIRST_S = 60.0
 """Earliest trip time at which a fault begins."""
 LOOK_AHEAD_S = 60.0
-"""Search window for the worst moment of the first fault; later faults use CALM_S."""
+"""Search window for the worst moment of a fault."""
 CALM_S = 15.0
-"""Trip time between the time by which one fault must have settled and the start of the next."""
+"""Trip time after the time by which a fault must have settled."""
 NORMAL_WITHIN = 5
 
 START_UP_S = 6.0
 """Wall time that a started process may need before it takes part."""
 
-_OWN_KEYS = ("reported", "silent_in", "normal_within", "ends", "alone", "cycle")
+_OWN_KEYS = ("reported", "silent_in", "normal_within", "ends", "cycle")
 
 
 class ReportPolicy(TextEnum):
@@ -52,7 +52,6 @@ class Entry:
         silent_in: modes in which no report is required.
         normal_within: ticks after the end of the fault within which operation must be normal.
         ends: whether the fault may end the run.
-        alone: whether it needs its own trial over ROS 2.
         cycle: the only cycle it is driven on; empty for all cycles of the table.
     """
 
@@ -61,7 +60,6 @@ class Entry:
     silent_in: tuple[DriveMode, ...] = ()
     normal_within: int = NORMAL_WITHIN
     ends: bool = False
-    alone: bool = False
     cycle: str = ""
 
     @property
@@ -87,16 +85,16 @@ class Entry:
         lasts_s = self.fault.duration_s
         if self.hits_process:
             wall_s = self.fault.magnitude if self.fault.spec.has_size else 0.0
-            lasts_s = REAL_TIME_RATE * (wall_s + START_UP_S)
+            lasts_s = REAL_TIME_RATE * (wall_s + START_UP_S)  # in lock-step the pace is the same
         return start_s + lasts_s + self.normal_within
 
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """A trial, and the rows of the table that it tries in the order of its faults."""
+    """A trial, and the row of the table that it tries."""
 
     trial: Trial
-    entries: tuple[Entry, ...]
+    entry: Entry
 
 
 def trial_on(
@@ -134,7 +132,6 @@ def _entry(content: Any, where: str) -> Entry:
         tuple(DriveMode(mode) for mode in modes.entries("silent_in", may_be_empty=True)),
         int(row.number("normal_within")) if "normal_within" in row else NORMAL_WITHIN,
         ends=bool(row.content.get("ends", False)),
-        alone=bool(row.content.get("alone", False)),
         cycle=row.text("cycle", ""),
     )
 
@@ -142,7 +139,7 @@ def _entry(content: Any, where: str) -> Entry:
 def plan_trials(
     entries: Iterable[Entry], mode: DriveMode, cycle: str, fault_free: Trajectory
 ) -> list[Placed]:
-    """Return the trials of one mode and cycle: headless one per fault, over ROS 2 as few as possible.
+    """Return the trials of one mode and cycle, one per fault.
 
     Args:
         entries: rows of the table; those that cannot be injected in the mode are left out.
@@ -150,51 +147,18 @@ def plan_trials(
         cycle: what the leader drives.
         fault_free: the run of the whole cycle; faults begin where its time headway is smallest.
     """
-    groups: list[list[tuple[Entry, Fault]]] = []
-    was_alone = True
+    start_s, whole_s = _closest_s(fault_free), float(fault_free.time_s[-1])
+    placed = []
     for entry in entries:
-        if not entry.supports(mode):
-            continue
-        # In lock-step, trip time may advance by an unknown amount while a process starts.
-        uncertain = entry.hits_process and mode is DriveMode.LOCK_STEP
-        alone = entry.alone or mode is DriveMode.HEADLESS or uncertain
-        start_s, follows = _closest_s(fault_free, FIRST_S, LOOK_AHEAD_S), False
-        if not alone and not was_alone:
-            before, fault = groups[-1][-1]
-            earliest_s = before.settled_s(fault.start_s) + CALM_S
-            follows = entry.settled_s(earliest_s + CALM_S) <= fault_free.time_s[-1]
-            if follows:
-                start_s = _closest_s(fault_free, earliest_s, CALM_S)
-        if not follows:
-            groups.append([])
-        groups[-1].append((entry, replace(entry.fault, start_s=start_s)))
-        was_alone = alone
-    return [
-        Placed(
-            trial_on(
-                cycle,
-                _duration_s(group, mode, fault_free),
-                mode,
-                (fault for _, fault in group),
-            ),
-            tuple(entry for entry, _ in group),
-        )
-        for group in groups
-    ]
+        if entry.supports(mode):
+            duration_s = min(whole_s, float(np.ceil(entry.settled_s(start_s) + CALM_S)))
+            faults = [replace(entry.fault, start_s=start_s)]
+            placed.append(Placed(trial_on(cycle, duration_s, mode, faults), entry))
+    return placed
 
 
-def _closest_s(fault_free: Trajectory, earliest_s: float, within_s: float) -> float:
-    """Return the time of the smallest time headway within a window."""
-    rows = (fault_free.time_s >= earliest_s) & (fault_free.time_s < earliest_s + within_s)
+def _closest_s(fault_free: Trajectory) -> float:
+    """Return the time of the smallest time headway within the window."""
+    rows = (fault_free.time_s >= FIRST_S) & (fault_free.time_s < FIRST_S + LOOK_AHEAD_S)
     headway_s = fault_free.gap_m[rows] / (fault_free.speed_m_s[rows] + 1.0)
     return float(fault_free.time_s[rows][int(np.argmin(headway_s))])
-
-
-def _duration_s(
-    entries: Sequence[tuple[Entry, Fault]], mode: DriveMode, fault_free: Trajectory
-) -> float:
-    entry, fault = entries[-1]
-    whole_s = float(fault_free.time_s[-1])
-    if mode is DriveMode.LOCK_STEP and entry.hits_process and not entry.ends:
-        return whole_s
-    return min(whole_s, float(np.ceil(entry.settled_s(fault.start_s) + CALM_S)))

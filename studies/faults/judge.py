@@ -13,7 +13,7 @@ import numpy as np
 from studies.bounds import gaps_when_braking
 from studies.faults.catalogue import Entry, ReportPolicy
 from studies.judged import Judged
-from studies.trial import NO_REPORT, DriveMode, DrivenTrial, Interval, Level, StatusReport
+from studies.trial import NO_REPORT, DriveMode, DrivenTrial, Level, StatusReport
 
 from iptm.faults.fault import Fault
 from iptm.faults.kinds import FaultPlace
@@ -29,7 +29,6 @@ LATE_REPORT_TICKS = 10
 """Ticks after the end of a fault in which a report is still attributed to it."""
 BRAKING_TOLERANCE_M = 0.5
 """Tolerance (m) by which an unavoidable collision may be worse than with full braking."""
-NOT_REACHED = "not reached"
 
 
 def verdict_of(entry: Entry, mode: DriveMode, cycle: str, **problems: str) -> Judged:
@@ -38,35 +37,23 @@ def verdict_of(entry: Entry, mode: DriveMode, cycle: str, **problems: str) -> Ju
     return Judged(f"{entry.name}, {mode}, {cycle}", entry.name, labels, problems=problems)
 
 
-def judge_trial(
-    driven: DrivenTrial, entries: Sequence[Entry], fault_free: DrivenTrial
-) -> list[Judged]:
-    """Judge every fault of a trial.
+def judge_trial(driven: DrivenTrial, entry: Entry, fault_free: DrivenTrial) -> Judged:
+    """Judge the fault of a trial.
 
     Figures are ``normal_after``, the ticks from the end of the fault until operation was normal, and the
     smallest gap until then, ``smallest_gap_m``, with full braking ``braking_gap_m``. Counts are the reported
     reasons with the node, in order.
 
     Args:
-        driven: with the faults.
-        entries: rows of the table in their order.
+        driven: with the fault.
+        entry: row of the table.
         fault_free: the same trip headless and without faults; its reports are not held against the fault.
     """
-    rows = zip(entries, driven.trial.placed, driven.intervals, strict=True)
-    return [_judge(driven, fault_free, *row) for row in rows]
-
-
-def _judge(
-    driven: DrivenTrial,
-    fault_free: DrivenTrial,
-    entry: Entry,
-    fault: Fault,
-    interval: Interval | None,
-) -> Judged:
+    (fault,), (interval,) = driven.trial.placed, driven.intervals
     verdict = verdict_of(entry, driven.trial.mode, driven.trial.cycle)
     if interval is None:
         why = f"not reached: {driven.ended or 'the trip was over before'}"
-        return replace(verdict, problems={NOT_REACHED: why})
+        return replace(verdict, problems={"not reached": why})
     begins_s, ends_s = interval
     run, times = driven.run.trajectory, driven.run.trajectory.time_s
     first = int(np.searchsorted(times, begins_s - 1e-9))
@@ -88,7 +75,7 @@ def _judge(
     missing = _missing_report(driven, entry, levels, begins_s, first, end)
     problems = {
         **({"report": missing} if missing else {}),
-        **_problems(driven, entry, figures, is_last=interval is driven.intervals[-1]),
+        **_problems(driven, entry, figures),
         **_limits_broken(driven, first, last),
     }
     since_s, until_s = begins_s - 1e-9, times[last] + 1e-9
@@ -107,9 +94,7 @@ def _judge(
     )
 
 
-def _problems(
-    driven: DrivenTrial, entry: Entry, figures: Mapping[str, float], *, is_last: bool
-) -> dict[str, str]:
+def _problems(driven: DrivenTrial, entry: Entry, figures: Mapping[str, float]) -> dict[str, str]:
     """Return the problems with recovery and gap."""
     problems: dict[str, str] = {}
     if not entry.ends:
@@ -118,7 +103,7 @@ def _problems(
             problems["normal"] = "not normal again before the trip ended"
         elif normal_after > entry.normal_within:
             problems["normal"] = f"normal after {normal_after:g} ticks"
-        if driven.ended and is_last:
+        if driven.ended:
             problems["ended"] = driven.ended
     smallest_m, braking_m = figures["smallest_gap_m"], figures["braking_gap_m"]
     if smallest_m <= 0.0 < braking_m:

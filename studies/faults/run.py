@@ -18,7 +18,7 @@ from studies.faults.catalogue import (
     read_catalogue,
     trial_on,
 )
-from studies.faults.judge import NOT_REACHED, judge_trial, verdict_of
+from studies.faults.judge import judge_trial, verdict_of
 from studies.judged import Judged
 from studies.session import Session
 from studies.trial import (
@@ -117,18 +117,10 @@ def _verdicts_on(
     (fault_free,) = session.compute(drive_headless, [{"trial": trial_on(cycle)}], [cycle])
     verdicts: list[Judged] = []
     for mode in modes:
-        waiting = list(entries)
-        while waiting:
-            trials = plan_trials(waiting, mode, cycle, fault_free.run.trajectory)
-            tried: list[str] = []
-            for placed, driven in zip(trials, _driven(session, mode, trials), strict=True):
-                found = _judged(session, placed, driven, fault_free)
-                # Faults after one that ended the trial are driven in another one.
-                for one in [one for one in found if NOT_REACHED not in one.problems] or found[:1]:
-                    verdicts.append(one)
-                    session.say(_outcome(one))
-                    tried.append(one.what)
-            waiting = [entry for entry in waiting if entry.name not in tried] if tried else []
+        trials = plan_trials(entries, mode, cycle, fault_free.run.trajectory)
+        for placed, driven in zip(trials, _driven(session, mode, trials), strict=True):
+            verdicts.append(_judged(session, placed, driven, fault_free))
+            session.say(_outcome(verdicts[-1]))
     return verdicts
 
 
@@ -144,12 +136,12 @@ def _driven(session: Session, mode: DriveMode, trials: Sequence[Placed]) -> list
 
 def _judged(
     session: Session, placed: Placed, driven: DrivenTrial | None, fault_free: DrivenTrial
-) -> list[Judged]:
+) -> Judged:
     if driven is not None:
-        return judge_trial(driven, placed.entries, fault_free)
+        return judge_trial(driven, placed.entry, fault_free)
     trial = placed.trial
     failed = f"the trip failed: {session.failures[trial.name]}"
-    return [verdict_of(entry, trial.mode, trial.cycle, failed=failed) for entry in placed.entries]
+    return verdict_of(placed.entry, trial.mode, trial.cycle, failed=failed)
 
 
 def _outcome(one: Judged) -> str:

@@ -12,8 +12,8 @@ from typing import Any
 from studies.session import Session
 from studies.vehicle.bench import FRAMES, drive, kept
 
-from iptm import meter
 from iptm_core.errors import MeasurementError
+from iptm_vehicle_interface import meter
 from iptm_vehicle_interface.vehicle import VEHICLES, load_vehicle
 
 

@@ -87,8 +87,7 @@ def observe(decision_record: Callable[[int], DecisionRecord]) -> Observe:
 
 
 def verdict_on(trip: DrivenTrial, observe: Observe) -> Judged:
-    (verdict,) = judge_trial(trip, [entries[trip.trial]], observe())
-    return verdict
+    return judge_trial(trip, entries[trip.trial], observe())
 
 
 WARNED = ((0.0, Level.OK, "optimal plans"), (10.0, Level.WARN, "no preview"))

@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("opendbc")
 pytest.importorskip("cantools")
 
-from studies.vehicle.opendbc_judge import CARS, ForeignCar, build, judged
+from studies.gateway.opendbc_judge import CARS, ForeignCar, build, judged
 
 FRAMES = 3_500
 """By car: more than 10,000 together."""

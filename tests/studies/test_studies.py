@@ -36,6 +36,7 @@ MORE = {
     "v2x/prediction.py": {"iptm_traffic"},
     "validation": {"scipy"},
     "validation/drivers.py": {"iptm_drives"},
+    "gateway": {"iptm_vehicle_interface"},
     "vehicle": {"iptm_vehicle_interface"},
     # They load real nodes and listen to them.
     "v2x/load.py": {
@@ -61,10 +62,12 @@ def test_the_short_form_has_the_numbers_of_the_record(
     """
     if name == "traffic":
         pytest.importorskip("traci")
-    if name == "vehicle":
+    if name in {"gateway", "vehicle"}:
         pytest.importorskip("cantools")
     if name == "judges":
         pytest.importorskip("blast")
+    if name == "gateway":
+        pytest.importorskip("opendbc")
     if name == "embedded":
         if any(shutil.which(tool) is None for tool in TOOLS):
             pytest.skip(f"needs {', '.join(TOOLS)}")

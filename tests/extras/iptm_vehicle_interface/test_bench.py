@@ -15,6 +15,13 @@ import pytest
 from iptm_core.state import NS_PER_S
 from iptm_ros.codecs import decode_leader_preview, decode_slope
 from iptm_ros.recording.bag_reader import BagReader
+from iptm_vehicle_interface.authority import (
+    BENCH_BUTTON_ID,
+    Loss,
+    Report,
+    decision_frame,
+    report_frame,
+)
 from iptm_vehicle_interface.bus import LOOPBACK, LOOPBACK_GROUP, BusReader, open_bus, send
 from iptm_vehicle_interface.channel import Vehicle
 from iptm_vehicle_interface.drive_record import replayed
@@ -52,6 +59,12 @@ class Commands:
                     return
             time.sleep(0.01)
         raise AssertionError(f"no command with enabled={enabled} within {PATIENCE_S} s")
+
+    def ever_enabled(self) -> bool:
+        """Return whether any command since the last call was enabled."""
+        found = [self._codec.command(each.frame_id, each.data) for each in self._reader.taken()]
+        assert any(found)
+        return any(command[2] for command in found if command)
 
     def close(self) -> None:
         self._reader.close()
@@ -152,6 +165,35 @@ def test_the_bridge_joins_the_radar_with_v2x_and_knows_the_slope(
     ]
     agreed = [int(report["ticks_agreed"]) for report in reports if "ticks_agreed" in report]
     assert max(agreed) >= 1
+
+
+def test_nothing_but_the_driver_engages(tmp_path: Path, vehicle: Vehicle) -> None:
+    """Frames of car and suite on the bus between both, for 3 s; then the button of the car does."""
+    options = BenchOptions(duration_s=60.0, car=["--press", "enable_button:12:0.3:2"])
+    with BenchProcesses(tmp_path, options) as bench:
+        port = int(bench.car_bus.split(":")[1])
+        attacker, codec = open_bus(f"udp:{port + 1}"), FrameCodec(vehicle)
+        commands = Commands(bench, vehicle)
+        try:
+            until_s = time.monotonic() + 3.0
+            while time.monotonic() < until_s:
+                for frame in (
+                    codec.encode("PEDALS", {"EnableButton": float(time.monotonic() % 1.0 > 0.5)}),
+                    (BENCH_BUTTON_ID, b""),
+                    report_frame(Report(is_armed=True, is_active=True, loss=Loss.NOT_ENABLED)),
+                    decision_frame(round(time.monotonic())),
+                    codec.encode_command(vehicle.acceleration, -3.5, enabled=True),
+                ):
+                    assert send(attacker, *frame)
+                time.sleep(0.02)
+            assert not commands.ever_enabled()
+            commands.wait_until(enabled=True)
+        finally:
+            commands.close()
+            attacker.shutdown()
+        bench.running[CAR].terminate()
+        result = bench.result()
+    assert result.car["engagements"] >= 1
 
 
 @pytest.mark.parametrize(

@@ -280,6 +280,15 @@ def test_measurements_that_contradict_each_other_are_named(vehicle: Vehicle) -> 
         assert bench.gateway.report.loss is loss
 
 
+def test_frames_that_have_waited_contradict_nothing(vehicle: Vehicle) -> None:
+    """A gateway that was stopped for 6 s reads them all at once."""
+    bench = Bench(vehicle)
+    for step in range(120):
+        values = {"TargetValid": 1.0, "Distance": 60.0 - 0.1 * step, "RelativeSpeed": -2.0}
+        bench.gateway.from_car(*bench.car.encode("RADAR", values), bench.now_s + 1e-4 * step)
+    assert bench.gateway.report.is_armed
+
+
 def test_a_decision_that_is_not_renewed_ends_the_compressor_and_then_the_drive(
     vehicle: Vehicle,
 ) -> None:

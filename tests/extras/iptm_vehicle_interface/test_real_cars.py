@@ -295,6 +295,20 @@ def test_thermal_commands_in_stages() -> None:
     assert [target.to_si(value) for value in (0.0, 1.0, 2.0, 5.0)] == [0.0, 1500.0, 3000.0, -2000.0]
 
 
+def test_hold_and_resume_are_set_at_a_standstill_alone() -> None:
+    codec = codec_of("hyundai_ioniq_5")
+    message = codec.vehicle.messages["SCC_CONTROL"]
+    for value, enabled, standing, holds in (
+        (-0.5, True, True, 1),
+        (-0.5, True, False, 0),
+        (0.5, True, True, 0),
+        (-0.5, False, True, 0),
+    ):
+        target = codec.vehicle.motion
+        _, data = codec.encode_command(target, value, enabled=enabled, standing=standing)
+        assert message.decode(data)["StopReq"] == holds
+
+
 def test_a_command_that_cannot_be_sent_is_an_error_of_the_message() -> None:
     codec = codec_of("tesla_model_3")
     with pytest.raises(MessageError, match="DI_speed cannot carry"):

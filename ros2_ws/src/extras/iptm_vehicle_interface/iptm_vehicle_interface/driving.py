@@ -16,7 +16,6 @@ import numpy as np
 
 from iptm_core.decision_record import DrivingMode
 from iptm_core.parameters import load_parameters
-from iptm_core.signal_residuals import SignalWatch
 from iptm_core.state import Command, FloatArray, LeaderState, PlantObservation
 from iptm_vehicle_interface.authority import (
     REPORT_ID,
@@ -28,7 +27,7 @@ from iptm_vehicle_interface.authority import (
 from iptm_vehicle_interface.bus import Frame
 from iptm_vehicle_interface.channel import ENABLES, Vehicle
 from iptm_vehicle_interface.engagement import Conditions, Engagement
-from iptm_vehicle_interface.frames import FrameCodec, RangeWatch, SignalTable, compare
+from iptm_vehicle_interface.frames import FrameCodec, Plausibility, RangeWatch, SignalTable
 from iptm_vehicle_interface.inner_loop import (
     LONGEST_FOLLOWED_S,
     Followed,
@@ -156,7 +155,7 @@ class Driver:
         """
         self.vehicle = vehicle
         self._codec = FrameCodec(vehicle)
-        self.signals, self._watch = SignalTable(vehicle.signals), SignalWatch()
+        self.signals, self._plausibility = SignalTable(vehicle.signals), Plausibility()
         self.parameters = load_parameters(vehicle.parameter_set).values
         self.estimator = VehicleStateEstimator(self.parameters, capacity_losses)
         self.engagement = Engagement()
@@ -186,7 +185,7 @@ class Driver:
         if math.isnan(self._start_s) and decoded.values:
             self._start_s = frame.time_s
         self.signals.take(decoded.values, frame.time_s)
-        compare(self._watch, self.signals, decoded.values, frame.time_s)
+        self._plausibility.take(self.signals, decoded.values, frame.time_s)
         return decoded.message
 
     def press(self, button: str, now_s: float) -> None:
@@ -230,7 +229,7 @@ class Driver:
         stale = self.signals.stale((*NEEDED, *LEADER, "control_active"), now_s)
         if stale:
             return f"no fresh {', '.join(stale)}"
-        if why := self._without_authority(now_s) or self._implausible():
+        if why := self._without_authority(now_s) or self._implausible(now_s):
             return why
         if self.signals.is_set("vehicle_fault", now_s):
             return "the vehicle reports a fault"
@@ -247,11 +246,12 @@ class Driver:
             return f"no decision for {now_s - self._followed.made_s:.1f} s"
         return ""
 
-    def _implausible(self) -> str:
+    def _implausible(self, now_s: float) -> str:
         """Return which measurements cannot be right."""
         if self._is_range_frozen:
             return "the range sensor repeats itself"
-        return next((each.value for each in self._watch.contradictions), "")
+        contradiction = self._plausibility.contradiction(now_s)
+        return contradiction.value if contradiction else ""
 
     def _without_authority(self, now_s: float) -> str:
         """Return why the gateway does not let the suite drive; empty where it does, or there is none."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from iptm_core.errors import MessageError
-from iptm_core.signal_residuals import SignalWatch
+from iptm_core.signal_residuals import Contradiction, SignalWatch
 from iptm_vehicle_interface.channel import CommandTarget, SignalSource, Vehicle
 from iptm_vehicle_interface.protection import CounterWatch, FrameFault, Protection
 
@@ -208,17 +208,43 @@ class SignalTable:
         )
 
 
-def compare(
-    watch: SignalWatch, signals: SignalTable, arrived: Collection[str], time_s: float
-) -> None:
-    """Give signals that belong together to a watch, when those of one of its pairs have arrived."""
-    if "gap_m" in arrived:
-        seen = signals.is_set("target_valid", time_s)
-        gap_m = signals.value("gap_m", time_s) if seen else math.nan
-        watch.see_gap(time_s, gap_m, signals.value("relative_speed_m_s", time_s))
-    if "speed_m_s" in arrived:
-        acceleration_m_s2 = signals.value("acceleration_m_s2", time_s)
-        watch.see_speed(time_s, signals.value("speed_m_s", time_s), acceleration_m_s2)
+MISTRUSTED_S = 60.0
+"""Signals that contradicted each other are not trusted for this long: a wrong one fits now and then."""
+
+
+BURST_S = 2e-3
+"""Measurements that arrive closer together have waited for a process that was stopped; none is compared."""
+
+
+class Plausibility:
+    """Compares signals of a car that belong together."""
+
+    def __init__(self) -> None:
+        self._watch = SignalWatch()
+        self._found: tuple[Contradiction, float] | None = None
+        self._arrived_s: dict[str, float] = {}
+
+    def take(self, signals: SignalTable, arrived: Collection[str], time_s: float) -> None:
+        """Compare the signals of a pair when one of them has arrived."""
+        watch = self._watch
+        for name, rate, see in (
+            ("gap_m", "relative_speed_m_s", watch.see_gap),
+            ("speed_m_s", "acceleration_m_s2", watch.see_speed),
+        ):
+            if name in arrived:
+                is_seen = name == "speed_m_s" or signals.is_set("target_valid", time_s)
+                in_time = time_s - self._arrived_s.get(name, -math.inf) >= BURST_S
+                value = signals.value(name, time_s) if is_seen and in_time else math.nan
+                see(time_s, value, signals.value(rate, time_s))
+                self._arrived_s[name] = time_s
+        for contradiction in watch.contradictions:
+            self._found = contradiction, time_s
+
+    def contradiction(self, now_s: float) -> Contradiction | None:
+        """Return which signals are not to be trusted; None for sound ones."""
+        if self._found is None or now_s - self._found[1] > MISTRUSTED_S:
+            return None
+        return self._found[0]
 
 
 MISSING_CHANGE_M = 0.3

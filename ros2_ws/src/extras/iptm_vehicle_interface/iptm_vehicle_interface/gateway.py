@@ -22,7 +22,6 @@ from typing import Any
 
 from iptm_core.errors import IptmError, MessageError
 from iptm_core.program import EXIT_OK, go_first, refused
-from iptm_core.signal_residuals import SignalWatch
 from iptm_vehicle_interface import bus_key
 from iptm_vehicle_interface.authority import (
     BENCH_BUTTON_ID,
@@ -36,7 +35,7 @@ from iptm_vehicle_interface.authority import (
 from iptm_vehicle_interface.bus import BusReader, open_buses, send
 from iptm_vehicle_interface.channel import ENABLES, CommandTarget, Vehicle
 from iptm_vehicle_interface.engagement import HAND_OVER_RATE_M_S3
-from iptm_vehicle_interface.frames import FrameCodec, SignalTable, compare
+from iptm_vehicle_interface.frames import FrameCodec, Plausibility, SignalTable
 from iptm_vehicle_interface.inner_loop import LONGEST_FOLLOWED_S
 from iptm_vehicle_interface.safety_layer import (
     Passed,
@@ -87,7 +86,7 @@ class Gateway:
         """
         self._vehicle, self._is_bench = vehicle, is_bench
         self._codec = FrameCodec(vehicle)
-        self._signals, self._watch = SignalTable(vehicle.signals), SignalWatch()
+        self._signals, self._plausibility = SignalTable(vehicle.signals), Plausibility()
         self._motion, self._compressor = _Command(), _Command()
         self._decision, self._decision_s = b"", -math.inf
         self._authority = Authority()
@@ -119,7 +118,7 @@ class Gateway:
             self.counts[f"{decoded.message}: {decoded.fault.value}"] += 1
         self._signals.take(decoded.values, now_s)
         if decoded.values:
-            compare(self._watch, self._signals, decoded.values, now_s)
+            self._plausibility.take(self._signals, decoded.values, now_s)
             self._read(now_s)
         return bool(decoded.message)
 
@@ -193,7 +192,7 @@ class Gateway:
             "cruise_engaged", now_s
         ):
             return Loss.CRUISE
-        for contradiction in self._watch.contradictions:
+        if contradiction := self._plausibility.contradiction(now_s):
             return Loss(contradiction.value)
         if now_s - self._rival_s <= RIVAL_S:
             return Loss.RIVAL

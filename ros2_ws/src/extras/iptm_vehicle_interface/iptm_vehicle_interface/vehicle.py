@@ -34,13 +34,13 @@ _NAMES: Mapping[tuple[str, float, float], str] = {
     ("m/s", 1.0, 0.0): "m/s, Unit_MeterPerSecon",
     ("m/s", 1.0 / 3.6, 0.0): "km/h, kph, km^h, kmh, Unit_KiloMeterPerHour",
     ("m/s", 0.44704, 0.0): "mph, Unit_MilesPerHour",
-    ("m/s^2", 1.0, 0.0): "m/s2, m/s^2, m/s/s, Unit_MeterPerSeconSquar",
+    ("m/s^2", 1.0, 0.0): "m/s2, m/s^2, m/s/s, Unit_MeterPerSeconSquar, Unit_MeterPerSquareSecond",
     ("m/s^2", 9.80665, 0.0): "g",
     ("m", 1.0, 0.0): "m, meter, meters, Unit_Meter",
     ("K", 1.0, 0.0): "K",
     ("K", 1.0, CELSIUS_ZERO_K): "degC, °C, C, deg C, degreesC, Degrees C, Cel, Unit_DegreCelsi",
     ("K", 5.0 / 9.0, CELSIUS_ZERO_K - 160.0 / 9.0): "F, degF, °F",
-    ("V", 1.0, 0.0): "V, Volts, Unit_Volt",
+    ("V", 1.0, 0.0): "V, Volt, Volts, Unit_Volt",
     ("V", 1e-3, 0.0): "mV, Unit_MilliVolt",
     ("A", 1.0, 0.0): "A, Amp, Amps, Unit_Amper",
     ("W", 1.0, 0.0): "W, Unit_Watt",
@@ -65,6 +65,9 @@ _UNUSED = re.compile(r"^(?:VAL_|CM_)\s+(?:[^;\"]|\"(?:[^\"\\]|\\.)*\")*;", re.MU
 """Comments and names of values, which in published files name signals that are not there."""
 _PSEUDO = re.compile(r"^BO_ 3221225472 .*\n(?:\s+SG_ .*\n)*", re.MULTILINE)
 """The pseudo-message of signals without one."""
+_IDENTIFIER = re.compile(r"^BO_ (\d+) ", re.MULTILINE)
+_LARGEST_STANDARD, _EXTENDED = 0x7FF, 1 << 31
+"""Published files state identifiers of 29 bits with and without the flag that marks them."""
 
 
 def available_vehicles() -> list[str]:
@@ -276,10 +279,17 @@ def _database(path: Path) -> Any:
     load = library("cantools").database.load_string
     text = path.read_bytes().decode("utf-8", errors="replace")
     text = _PSEUDO.sub("", _UNUSED.sub("", text.replace("\r\n", "\n")))
+    text = _IDENTIFIER.sub(_flagged, text)
     try:
         return load(text, database_format="dbc", strict=False)
     except Exception as error:
         raise ParameterError(f"{path}: cannot be read as a DBC: {error}") from error
+
+
+def _flagged(found: re.Match[str]) -> str:
+    """Return the beginning of a message with the flag of an identifier of 29 bits."""
+    number = int(found[1])
+    return f"BO_ {number | _EXTENDED if number > _LARGEST_STANDARD else number} "
 
 
 def _unit(written: StrictMapping, signal: Any, unit: str) -> tuple[float, float]:
