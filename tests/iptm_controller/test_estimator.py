@@ -246,6 +246,18 @@ def test_weak_brakes_are_noticed_within_a_second_of_braking(share: float) -> Non
     assert observer.delay_s == 0.0
 
 
+def test_a_delay_that_shows_at_the_onset_of_braking_is_no_weak_brake() -> None:
+    """Braking builds up slowly; one tick late it looks like brakes that deliver too little."""
+    for late_ticks in (1, 2):
+        observer, vehicle = ActuationObserver(LIMITS, 1.0), Vehicle(1.0, late_ticks)
+        for command in (*[0.0] * 8, -0.35, -0.52, -0.58, -0.7, -0.9, -1.3, -1.5):
+            observer.issue(vehicle.state.time_s, Command(command, 0.0))
+            observer.observe(vehicle.advance(command))
+            assert not observer.has_weak_brakes
+            assert observer.found[2] >= 0.9
+        assert observer.delay_s == late_ticks
+
+
 @pytest.mark.parametrize("late_ticks", [0, 1])
 def test_vehicle_with_weak_brakes_drives_off_again(late_ticks: int) -> None:
     """At rest, the next command starts from the last one and is released step by step."""

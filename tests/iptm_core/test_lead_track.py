@@ -359,3 +359,46 @@ def test_behind_a_ghost_the_hidden_vehicle_counts_at_once_and_another_one_later(
 def test_the_same_vehicle_in_a_wrong_place_is_no_ghost() -> None:
     samples, _ = behind_ghost(2, 19.0, 45.0)
     assert not track_of(samples[:-9]).ghost
+
+
+def jumping(samples: list[Sample], from_s: float, until_s: float, by_m: float) -> list[Sample]:
+    return [
+        sample._replace(position_m=sample.position_m + by_m)
+        if from_s <= sample.time_s < until_s
+        else sample
+        for sample in samples
+    ]
+
+
+@pytest.mark.parametrize(("by_m", "period_s"), [(3.0, 0.1), (5.0, 0.1), (12.0, 0.1), (5.0, 1.0)])
+def test_a_gap_that_is_longer_at_once_counts_as_before_for_a_while(
+    by_m: float, period_s: float
+) -> None:
+    samples = driven(40.0, period_s, cruising(40.0, 18.0), swaying)
+    for sample_count in range(1, len(samples), 7):
+        sound = samples[:sample_count]
+        track = track_of(jumping(sound, 5.0, 15.0, by_m))
+        newest = track.counted(jumping(sound, 5.0, 15.0, by_m)[-1].lead)
+        assert newest.position_m == pytest.approx(sound[-1].position_m, abs=1e-6)
+    stays = jumping(samples, 5.0, 100.0, by_m)
+    assert not track_of(stays).is_doubtful, "another vehicle, after 20 s"
+
+
+def test_another_vehicle_farther_on_at_another_speed_is_no_longer_gap() -> None:
+    samples = driven(5.0, 0.1, cruising(40.0, 18.0), swaying)
+    other = driven(10.0, 0.1, cruising(48.0, 15.0), swaying)[50:]
+    track = track_of([*samples, *other])
+    assert track.counted(other[-1].lead) == other[-1].lead
+
+
+def test_a_speed_that_the_gap_contradicts_gives_way_to_it() -> None:
+    """The vehicle brakes with 6 m/s^2 and is measured as driving on."""
+    samples = driven(5.0, 0.1, cruising(40.0, 18.0), swaying)
+    for step in range(1, 21):
+        time_s, braked_s = samples[-1].time_s + 0.1, 0.1 * step
+        at_m = 40.0 + 18.0 * time_s - 3.0 * braked_s * braked_s
+        samples.append(Sample(time_s, at_m, 18.0 + 0.01 * step, *swaying(time_s)))
+    track = track_of(samples)
+    counted = track.counted(samples[-1].lead)
+    assert counted.position_m == samples[-1].position_m
+    assert counted.speed_m_s == pytest.approx(18.0 - 6.0 * 2.0, abs=1.5)

@@ -49,8 +49,9 @@ LARGEST_SPEED_ERROR_M_S = 6.0
 """Beyond these differences a preview belongs to another drive, or the range sensor is wrong. The latter is
 four times the noise that the study of imperfect previews assumes."""
 FROZEN = "the range sensor repeats a measurement"
-LARGEST_LOSS_M_S = 3.5
-"""Speed that is given up for messages that are not authenticated; as much is lost while braking ends."""
+LARGEST_LOSS_M_S = 5.0
+"""Speed that is given up for messages that are not authenticated, with what is lost while braking ends; in
+the tick of the decision and the next one up to 2 m/s more."""
 FORGOTTEN_LOSS_S = 60.0
 """Time without a difference after which such messages may cost as much again."""
 STILL_BAND_M_S, STILL_S = 0.06, 10.0
@@ -59,6 +60,8 @@ OPENED_M_S, MOST_OPENED_M = 0.5, 10.0
 """Rate at which the distance is opened then, and how far."""
 STEEP_SHARE, STEEP_M = 1.1, 2.0
 """Room above the distance at which the safety monitor brakes downhill."""
+GAINS_M_S2 = 1.5
+"""Own acceleration for which it still suffices there."""
 _SLIPPERY_M_S2 = SafetyMonitorSettings.monitor_slippery_deceleration_m_s2
 _REACTION_S = SafetyMonitorSettings.monitor_reaction_s
 _OWN_M_S2 = SafetyMonitorSettings.monitor_own_deceleration_m_s2
@@ -102,6 +105,7 @@ class LeadCheck:
         self._is_authenticated = (radio or RadioSettings()).authenticated_radio
         self._gap_m, self._speed_m_s = accuracy.gap_accuracy_m, accuracy.lead_speed_accuracy_m_s
         self._hardest_m_s2 = -limits.min_acceleration_m_s2
+        self._jerk_m_s3 = limits.max_jerk_m_s3
         self._per_speed = 2.0 * math.sqrt(self._hardest_m_s2 * limits.max_acceleration_m_s2)
 
     def checked(
@@ -161,7 +165,9 @@ class LeadCheck:
         if not 0.0 <= state.time_s - memory.differed_s <= FORGOTTEN_LOSS_S:
             memory = replace(memory, loss_from_m_s=state.speed_m_s)
         self.memory = replace(memory, differed_s=state.time_s)
-        return state.speed_m_s >= memory.loss_from_m_s - LARGEST_LOSS_M_S
+        braking_m_s2 = min(state.acceleration_m_s2, 0.0)
+        ends_m_s = state.speed_m_s - braking_m_s2 * braking_m_s2 / (2.0 * self._jerk_m_s3)
+        return ends_m_s >= memory.loss_from_m_s - LARGEST_LOSS_M_S
 
     def _opened(self, leader: LeaderState) -> LeaderState:
         """Return a lead vehicle nearer the longer its speed has not moved, where no message confirms it."""
@@ -219,7 +225,8 @@ class LeadCheck:
             _SLIPPERY_M_S2, SLIPPERY_LEAD_SHARE * _SLIPPERY_M_S2, 0.0, slope_rad
         )
         wait_s = _REACTION_S + brakes.delay_s + 0.5 * both.own_m_s2 / brakes.build_up_m_s3
-        own_m = own_m_s * wait_s + 0.5 * own_m_s * own_m_s / both.own_m_s2
+        later_m_s = own_m_s + GAINS_M_S2 * wait_s
+        own_m = 0.5 * (own_m_s + later_m_s) * wait_s + 0.5 * later_m_s * later_m_s / both.own_m_s2
         return max(own_m - 0.5 * lead_m_s * lead_m_s / both.lead_m_s2, 0.0)
 
     @property

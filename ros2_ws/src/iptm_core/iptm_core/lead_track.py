@@ -45,9 +45,11 @@ ANOTHER_LEAD_M = 3.0
 ANOTHER_LEAD_M_S, ANOTHER_LEAD_M_S2 = 3.0, 12.0
 """Change of speed, beyond the second value times the interval, from which it is another vehicle."""
 SAME_SPEED_M_S = 1.0
-LARGEST_AWAY_M, AWAY_S = 10.0, 20.0
+LARGEST_AWAY_M, AWAY_S = 15.0, 20.0
 """A target that moves away within an instant, by no more than the first value and at a speed that differs by
 less than `SAME_SPEED_M_S`, counts as nearer by that distance for this time."""
+RATE_S = 0.3
+"""Time over which positions show a speed that is in doubt."""
 LARGEST_MEASURING_INTERVAL_S = 5.0
 """Longest interval between two measurements from which an acceleration is estimated."""
 IDENTICAL_M, IDENTICAL_M_S = 1e-6, 1e-9
@@ -174,9 +176,19 @@ class LeadTrack:
             return lead
         beyond_m = self.unexplained.beyond(RANGE_LIMIT_M)
         nearer_m = max(beyond_m, 0.0) + (self.away_m if lead.time_s <= self.away_until_s else 0.0)
-        slower_m_s = max(-beyond_m, 0.0) / RANGE_TIME_S
-        position_m, speed_m_s = lead.position_m - nearer_m, max(lead.speed_m_s - slower_m_s, 0.0)
-        return LeaderState(lead.time_s, position_m, speed_m_s)
+        speed_m_s = lead.speed_m_s
+        if beyond_m < 0.0:
+            speed_m_s = min(speed_m_s + beyond_m / RANGE_TIME_S, self._rate_m_s())
+        return LeaderState(lead.time_s, lead.position_m - nearer_m, max(speed_m_s, 0.0))
+
+    def _rate_m_s(self) -> float:
+        """Return the speed that the last measured positions show, infinite without enough of them."""
+        if len(self.recent) < 2:
+            return math.inf
+        newest_s, newest_m = self.recent[-1][:2]
+        past = [entry for entry in self.recent[:-1] if newest_s - entry[0] >= RATE_S]
+        then_s, then_m = (past[-1] if past else self.recent[-2])[:2]
+        return (newest_m - then_m) / (newest_s - then_s)
 
     def unseen_s(self, time_s: float) -> float:
         """Return for how long measurements have been missing at a trip time, 0 if none is."""
@@ -244,7 +256,14 @@ def followed(track: LeadTrack, sample: Sample) -> LeadTrack:
     )
     if first is None and not (track.frozen or jumped):
         unexplained_m = unexplained_change(moved_m, last.speed_m_s, sample.speed_m_s, interval_s)
-        is_away = track.away_m > 0.0 and sample.time_s <= track.away_until_s
+        unexplained = track.unexplained.after(unexplained_m, interval_s, RANGE_TIME_S)
+        away_m, until_s = track.away_m, track.away_until_s
+        if sample.time_s > until_s:
+            away_m = 0.0
+        is_back = away_m > 0.0 and unexplained_m < -RANGE_LIMIT_M
+        if (unexplained_m > RANGE_LIMIT_M or is_back) and unexplained.beyond(RANGE_LIMIT_M):
+            away_m, until_s = max(away_m + unexplained_m, 0.0), sample.time_s + AWAY_S
+            unexplained = replace(unexplained, value=0.0)
         return LeadTrack(
             sample.lead,
             change_m_s / interval_s if interval_s <= LARGEST_MEASURING_INTERVAL_S else 0.0,
@@ -254,9 +273,9 @@ def followed(track: LeadTrack, sample: Sample) -> LeadTrack:
             recent=recent,
             before=track.before,
             appeared_s=track.appeared_s,
-            unexplained=track.unexplained.after(unexplained_m, interval_s, RANGE_TIME_S),
-            away_m=track.away_m if is_away else 0.0,
-            away_until_s=track.away_until_s,
+            unexplained=unexplained,
+            away_m=away_m,
+            away_until_s=until_s,
         )
     track = replace(track, recent=recent, period_s=period_s, empty_since_s=math.nan)
     if first is not None:

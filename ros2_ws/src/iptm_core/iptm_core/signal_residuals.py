@@ -15,8 +15,9 @@ RANGE_TIME_S, RANGE_LIMIT_M = 3.0, 1.2
 """Time in which an unexplained change of the gap is forgotten, and the residual from which on it counts."""
 SPEED_TIME_S, SPEED_LIMIT_M_S = 4.0, 1.0
 """The same of the own speed: slopes and offsets of an accelerometer stay below."""
-NOISE_LIMIT = 4.0
-"""Mean unexplained changes that are added to a limit: noise of independent measurements stays below."""
+NOISE_LIMIT = 2.5
+"""Mean differences of successive unexplained changes that are added to a limit. Noise of independent
+measurements stays below: of a standard deviation of 1, they have a mean of 2."""
 JUMP_M = 3.0
 """A gap that changes by more than this beyond its rate is the gap to another vehicle."""
 HELD_BELOW_M_S = 1.0
@@ -38,11 +39,13 @@ class Residual:
 
     Attributes:
         value: sum of unexplained changes, older ones forgotten.
-        mean: mean size of an unexplained change.
+        noise: mean difference of successive ones.
+        last: the newest one.
     """
 
     value: float = 0.0
-    mean: float = 0.0
+    noise: float = 0.0
+    last: float = 0.0
 
     def after(self, unexplained: float, interval_s: float, time_s: float) -> Residual:
         """Return the residual after one more change.
@@ -55,12 +58,13 @@ class Residual:
         share = min(interval_s / time_s, 1.0)
         return Residual(
             (self.value + unexplained) * (1.0 - share),
-            self.mean + share * (abs(unexplained) - self.mean),
+            self.noise + share * (abs(unexplained - self.last) - self.noise),
+            unexplained,
         )
 
     def beyond(self, limit: float) -> float:
         """Return by how much the residual exceeds a limit and its noise, with its sign; 0 within."""
-        excess = abs(self.value) - limit - NOISE_LIMIT * self.mean
+        excess = abs(self.value) - limit - NOISE_LIMIT * self.noise
         return math.copysign(excess, self.value) if excess > 0.0 else 0.0
 
 

@@ -49,8 +49,8 @@ class CalmInterval:
         )
         self._period_s = settings.monitor_period_s
         self._judge: Any = library.iptm_calm_interval
-        self._over, self._write = doubles(17)
-        self._found = (ctypes.c_double * 5)()
+        self._over, self._write = doubles(18)
+        self._found = (ctypes.c_double * 6)()
         self._rows = ctypes.create_string_buffer((KEPT + _MOST_MEASURED) * _ROW.size)
         self._in_rows = memoryview(self._rows)
         self._newest: LeadTrack | None = None
@@ -99,7 +99,7 @@ class CalmInterval:
             *(full.own_m_s2, full.lead_m_s2, dry.own_m_s2, dry.lead_m_s2),
             slippery is not None,
             road.better_grip_m_s2,
-            *(track.unexplained.value, track.unexplained.mean),
+            *(track.unexplained.value, track.unexplained.noise, track.unexplained.last),
         )
         given = self._settings, self._over, self._rows, remembered, measured
         kept = self._judge(*given, *map(address, columns), self._found)

@@ -19,11 +19,12 @@ typedef struct {
   double requested_m_s2, delivered_m_s2, brake_share;
   iptm_braking_capability full, slippery;
   double may_be_slippery, better_grip_m_s2;
-  double unexplained_m, unexplained_mean_m;
+  double unexplained_m, unexplained_noise_m, unexplained_last_m;
 } interval;
 
 typedef struct {
-  double acceleration_m_s2, period_s, smallest_gap_m, unexplained_m, unexplained_mean_m;
+  double acceleration_m_s2, period_s, smallest_gap_m;
+  double unexplained_m, unexplained_noise_m, unexplained_last_m;
 } outcome;
 
 static double larger(double first, double second) { return second > first ? second : first; }
@@ -78,8 +79,10 @@ static bool is_explained(double farther_m, double change_m_s, double interval_s,
   const double unexplained_m = excess_m > 0.0 ? copysign(excess_m, farther_m) : 0.0;
   const double share = smaller(interval_s / RANGE_TIME_S, 1.0);
   found->unexplained_m = (found->unexplained_m + unexplained_m) * (1.0 - share);
-  found->unexplained_mean_m += share * (fabs(unexplained_m) - found->unexplained_mean_m);
-  return !(fabs(found->unexplained_m) - RANGE_LIMIT_M - NOISE_LIMIT * found->unexplained_mean_m >
+  found->unexplained_noise_m +=
+      share * (fabs(unexplained_m - found->unexplained_last_m) - found->unexplained_noise_m);
+  found->unexplained_last_m = unexplained_m;
+  return !(fabs(found->unexplained_m) - RANGE_LIMIT_M - NOISE_LIMIT * found->unexplained_noise_m >
            0.0);
 }
 
@@ -158,7 +161,8 @@ int iptm_calm_interval(const iptm_monitor_settings *settings, const interval *ov
   int i;
   found->smallest_gap_m = INFINITY;
   found->unexplained_m = over->unexplained_m;
-  found->unexplained_mean_m = over->unexplained_mean_m;
+  found->unexplained_noise_m = over->unexplained_noise_m;
+  found->unexplained_last_m = over->unexplained_last_m;
   for (i = 0; i < measured; ++i) {
     sample *const now = first + i;
     now->time_s = times_s[i];
