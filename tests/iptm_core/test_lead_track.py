@@ -262,7 +262,13 @@ def test_a_vehicle_that_jumps_away_at_its_speed_counts_as_nearer(
             track, Sample(time_s, 40.0 + 20.0 * time_s, 20.0, 19.0 * time_s, 19.0 + 0.01 * tick)
         )
     step = Sample(4.0, 40.0 + 80.0 + 6.0, 20.0 + change_m_s, 76.0, 19.4)
-    assert (followed(track, step).away_m > 0.0) is is_away
+    track = followed(track, step)
+    assert (track.away_m > 0.0) is is_away
+    for after_s, counts in ((19.9, is_away), (20.1, False)):
+        later = 126.0 + step.speed_m_s * after_s, step.speed_m_s
+        own = 76.0 + 19.4 * after_s, 19.4
+        seen = followed(track, Sample(4.0 + after_s, *later, *own))
+        assert (seen.away_m > 0.0) is counts
 
 
 @pytest.mark.parametrize(
