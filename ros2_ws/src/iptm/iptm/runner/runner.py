@@ -38,6 +38,7 @@ from iptm.runner.process_faults import ProcessFaults, unclean_ends
 from iptm.runner.progress import ConsoleProgress, Progress
 from iptm.runner.run_folder import RunFolder
 from iptm.runner.supervisor import (
+    INTERRUPT_PATIENCE_S,
     RunDomain,
     Supervisor,
     domain_of_run,
@@ -71,6 +72,8 @@ EXIT_RUN_FAILED = 1
 LOOK_AROUND_S = 2.0
 """Time to find another run in a domain that the user chose; the controller takes as long to start."""
 
+MOST_PATIENCE_S = 30.0
+"""For which processes of a string may take to end on a busy machine."""
 _WITHOUT_PLANT = (BRIDGE, CONTROLLER, INJECTOR, RECORDER)
 
 
@@ -186,7 +189,9 @@ def drive_processes(
     environment = environment_of_run(domain.number, folder.logs / "ros")
     if len(trips) > 1:
         environment |= for_vehicles(len(trips), folder.logs, environment)
-    supervisor = Supervisor(environment, folder.log_path, forks=forks)
+    # One process closes the bags of all.
+    patience_s = min(len(trips) * INTERRUPT_PATIENCE_S, MOST_PATIENCE_S)
+    supervisor = Supervisor(environment, folder.log_path, patience_s, forks=forks)
     trip = next(iter(trips.values()))
     process_faults = ProcessFaults(supervisor, trip.conditions.faults)
     commands = _commands(trips, options)

@@ -234,7 +234,19 @@ class RecorderNode(SuiteNode):
     def _report(self) -> None:
         is_recording = self._topics.has_data
         is_paused = self._session.is_paused
-        values: dict[str, object] = {
+        level, reason = Level.OK, "recording" if is_recording else "waiting for data"
+        if is_paused:
+            level, reason = Level.WARN, "paused: nothing is recorded"
+        elif self._lacks_clock:
+            level, reason = Level.WARN, "no clock: the bag is ordered by time of reception"
+        if self._topics.lost_counts:
+            level, reason = Level.WARN, "messages were lost: the recorder was too slow or stopped"
+        self._diagnostics.report(self._session.now_ns or 0, level, reason, self._values)
+
+    def _values(self) -> dict[str, object]:
+        is_recording = self._topics.has_data
+        is_paused = self._session.is_paused
+        return {
             "phase": "paused" if is_paused else "recording" if is_recording else "waiting",
             "bag": str(self._options.output),
             "messages": self._session.message_count,
@@ -248,14 +260,6 @@ class RecorderNode(SuiteNode):
             "lost_messages": sum(self._topics.lost_counts.values()),
             "passed_over_messages": sum(pause.passed_over for pause in self._session.pauses),
         }
-        level, reason = Level.OK, "recording" if is_recording else "waiting for data"
-        if is_paused:
-            level, reason = Level.WARN, "paused: nothing is recorded"
-        elif self._lacks_clock:
-            level, reason = Level.WARN, "no clock: the bag is ordered by time of reception"
-        if self._topics.lost_counts:
-            level, reason = Level.WARN, "messages were lost: the recorder was too slow or stopped"
-        self._diagnostics.report(self._session.now_ns or 0, level, reason, lambda: values)
 
     def _progress(self) -> str:
         now_ns = self._session.now_ns
