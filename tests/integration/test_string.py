@@ -154,7 +154,7 @@ def test_a_member_that_dies_is_named_and_ends_the_string_with_sound_bags(
     processes = children_of(runner.popen.pid)
     (pid,) = (pid for pid, name in processes.items() if name.startswith(member))
     os.kill(pid, signal.SIGKILL)
-    assert runner.wait() == 1, runner.stdout + runner.stderr
+    assert runner.wait(RUN_TIMEOUT_S) == 1, runner.stdout + runner.stderr
     assert re.search(rf"{member}\S* was killed by signal 9 \(SIGKILL\) at ", runner.stderr)
     assert not any(Path(f"/proc/{pid}").exists() for pid in processes)
     if member != "recorder":
