@@ -13,14 +13,13 @@ import numpy as np
 import pandas as pd
 from studies.paper import series_rules
 from studies.paper.statements import (
-    AS_LABELLED,
+    AT_BATTERY,
     Finding,
     changes,
     claims,
     compared,
     expanded,
     flat,
-    former_rules,
     graded,
     number,
     numbers,
@@ -53,20 +52,15 @@ def all_checks(figures: pd.DataFrame) -> pd.DataFrame:
     """Every statement checked.
 
     Returns:
-        ``verdict``; what was ``found``; the verdict ``as_labelled`` where that can differ, or an empty text;
-        and the one by the ``former`` rule.
+        ``verdict``; what was ``found``; the verdict ``at_battery`` where that can differ, or an empty text.
     """
     rows = {}
     for key, row in claims().iterrows():
         found = check(row, figures)
-        other = any(name in row.figure for name in AS_LABELLED)
-        as_labelled = check(row, figures, AS_LABELLED).verdict if other else ""
-        rows[key] = {"verdict": found.verdict, "found": found.found, "as_labelled": as_labelled}
-    verdicts = pd.DataFrame.from_dict(rows, orient="index")
-    before = {key: check(row, figures).verdict for key, row in former_rules().iterrows()}
-    return verdicts.assign(
-        former=verdicts.verdict.mask(verdicts.index.isin(before), pd.Series(before))
-    )
+        other = any(name in row.figure for name in AT_BATTERY)
+        at_battery = check(row, figures, AT_BATTERY).verdict if other else ""
+        rows[key] = {"verdict": found.verdict, "found": found.found, "at_battery": at_battery}
+    return pd.DataFrame.from_dict(rows, orient="index")
 
 
 def in_print(row: pd.Series) -> str:
@@ -85,12 +79,18 @@ def in_print(row: pd.Series) -> str:
     return check(row, printed).found
 
 
-def _change(row: pd.Series, figures: pd.DataFrame) -> Finding:
-    """A printed change, or the smallest and largest one of several runs."""
+def change_ends(row: pd.Series, figures: pd.DataFrame) -> list[tuple[float, float]]:
+    """A found and the printed change in percent, or the smallest and largest one of several runs."""
     wanted = numbers(row.printed)
     found = changes(figures, flat(series(row.run)), row.base, row.figure)
     ends = [float(found[0])] if len(wanted) == 1 else [float(found.min()), float(found.max())]
-    return Finding(worst(map(compared, ends, wanted)), " to ".join(map(percent, ends)))
+    return list(zip(ends, wanted, strict=True))
+
+
+def _change(row: pd.Series, figures: pd.DataFrame) -> Finding:
+    ends = change_ends(row, figures)
+    verdict = worst(compared(found, wanted) for found, wanted in ends)
+    return Finding(verdict, " to ".join(percent(found) for found, _ in ends))
 
 
 def _change_within(row: pd.Series, figures: pd.DataFrame) -> Finding:

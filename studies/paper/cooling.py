@@ -32,7 +32,7 @@ def table() -> str:
         statements.printed_table().loc[tables.REFERENCE],
     )
     loss = p.aging.initial_capacity_loss
-    power_w = 1e3 * printed.battery_energy / TRIP_S
+    power_w = 1e3 * printed.total_energy_printed / TRIP_S
     per_watt = 1.0 / (p.pack.open_circuit_voltage_v * p.pack.parallel)
     current = power_w * per_watt
 

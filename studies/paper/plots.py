@@ -17,7 +17,7 @@ from studies.paper import statements, tables, trips
 
 Runs = Mapping[str, Mapping[str, Any]]
 DPI, HOUR_S = 110, 3600.0
-FOUR = ("cooling_energy", "traction_energy_battery", "cell_1_degradation", "cell_n_degradation")
+FOUR = ("cooling_energy", "traction_energy", "cell_1_degradation", "cell_n_degradation")
 
 
 def draw_all(folder: Path, runs: Runs, figures: Mapping[str, pd.DataFrame]) -> None:
@@ -63,7 +63,7 @@ def headline(_: Runs, figures: Mapping[str, pd.DataFrame]) -> Figure:
     """MH 3+5 against the reference, printed and found by each set."""
     figure, axes = _panels(1, 1, 3.4)
     claims = statements.claims()
-    part = claims[(claims.run == tables.MULTI_HORIZON) & (claims.check == "change")]
+    part = claims[tables.of_headline(claims)]
     axis, keys = axes[0, 0], list(part.figure)
     columns = {"printed": part.printed.astype(float).tolist()}
     columns |= {
@@ -143,7 +143,7 @@ def _lines(
 ) -> None:
     for name, addresses in groups.items():
         axis.plot(
-            x, table.loc[addresses, key].to_numpy(dtype=float), "o-", ms=3, lw=0.9, label=name
+            x, table.reindex(addresses)[key].to_numpy(dtype=float), "o-", ms=3, lw=0.9, label=name
         )
     axis.set_ylabel(tables.LABELS[key][0], fontsize=7)
 

@@ -26,17 +26,18 @@ VERDICTS = {
 }
 CHANGE_SHARE, CHANGE_FLOOR = 0.25, 1.0
 """A change counts as the printed one within a quarter of it, or one percentage point."""
+NARROW_SHARE = 0.1
+"""The closer of two bounds between which the printed changes are also listed."""
 ABSOLUTE_SHARE = 0.1
 """A figure counts as the printed one within a tenth of it."""
 LEVEL_STEP = 5e-4
 """Relative change from one run to the next that still counts as level."""
-HELD_BACK_SEED = 36
 LONG_STEPS = (5, 10, 12, 15, 20)
-AS_LABELLED = {
-    "traction_energy_battery": "traction_energy",
-    "battery_energy": "total_energy_printed",
+AT_BATTERY = {
+    "traction_energy": "traction_energy_battery",
+    "total_energy_printed": "battery_energy",
 }
-"""The other reading of the traction row: the integral of P_tra, as labelled, and its sum with cooling."""
+"""The other reading of the row that is labelled as the integral of P_tra: what the pack gives for it."""
 
 Series = dict[str, list[str]]
 
@@ -54,22 +55,9 @@ def claims() -> pd.DataFrame:
     return pd.read_csv(HERE / "claims.csv", dtype=str, keep_default_na=False).set_index("id")
 
 
-def former_rules() -> pd.DataFrame:
-    """Statements with the rules that they had before these were changed, and why that was."""
-    former = pd.read_csv(HERE / "former_rules.csv", dtype=str, keep_default_na=False)
-    former = former.set_index("id")
-    return claims().loc[former.index].assign(**former)
-
-
 def printed_table() -> pd.DataFrame:
     """Table IV: a row per strategy, a column per figure, in the units of the suite's figures."""
     return pd.read_csv(HERE / "printed.csv", index_col="run")
-
-
-def held_back() -> list[str]:
-    """Statements that the search of the numbers did not see: a third, drawn with a seed."""
-    drawn = np.random.default_rng(HELD_BACK_SEED).permutation(claims().index.to_numpy())
-    return sorted(drawn[: len(drawn) // 3].tolist())
 
 
 def series(cell: str) -> Series:

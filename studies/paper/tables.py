@@ -22,7 +22,6 @@ LABELS = {  # of a figure: label with unit, decimals
     "cell_n_degradation": ("Degradation of cell N [10⁻⁵]", 4),
     "inconsistency": ("Degradation inconsistency [10⁻⁷]", 3),
     "total_degradation": ("Degradation, both cells [10⁻⁵]", 4),
-    "solve_total": ("Computing time [s]", 2),
     "cell_1_temperature_mean": ("Cell 1, mean temperature [°C]", 2),
     "cell_n_temperature_mean": ("Cell N, mean temperature [°C]", 2),
     "cell_n_temperature_max": ("Cell N, highest temperature [°C]", 2),
@@ -39,21 +38,18 @@ LABELS = {  # of a figure: label with unit, decimals
 }
 PAPER_ROWS = (
     "cooling_energy",
-    "traction_energy_battery",
-    "battery_energy",
+    "traction_energy",
+    "total_energy_printed",
     "cell_1_degradation",
     "cell_n_degradation",
     "inconsistency",
 )
-BOTH_READINGS = {
-    "traction_energy": "traction_energy_battery",
-    "total_energy_printed": "battery_energy",
-}
+LABELLED = {battery: labelled for labelled, battery in statements.AT_BATTERY.items()}
 TABLE_IV = (
     *PAPER_ROWS[:2],
-    "traction_energy",
-    "battery_energy",
+    "traction_energy_battery",
     "total_energy_printed",
+    "battery_energy",
     *PAPER_ROWS[3:],
 )
 
@@ -110,7 +106,7 @@ def by_topic(verdicts: Mapping[str, pd.DataFrame]) -> str:
         for key, claim in part.iterrows():
             note = f" {claim.note}" if claim.note else ""
             cells = [
-                f"{found.at[key, 'verdict']}{_labelled(found.loc[key])} {found.at[key, 'found']}"
+                f"{found.at[key, 'verdict']}{_at_battery(found.loc[key])} {found.at[key, 'found']}"
                 for found in verdicts.values()
             ]
             statement = f"{claim.statement} ({claim['where']}){note}"
@@ -119,9 +115,9 @@ def by_topic(verdicts: Mapping[str, pd.DataFrame]) -> str:
     return "\n\n".join(parts)
 
 
-def _labelled(found: pd.Series) -> str:
+def _at_battery(found: pd.Series) -> str:
     """The mark of the other reading of the traction row, where that counts."""
-    return f" ({found.as_labelled} as labelled)" if found.as_labelled else ""
+    return f" ({found.at_battery} at the battery)" if found.at_battery else ""
 
 
 def strategy_table(figures: pd.DataFrame) -> str:
@@ -129,7 +125,7 @@ def strategy_table(figures: pd.DataFrame) -> str:
     printed = statements.printed_table()
     rows: list[list[str]] = []
     for figure in TABLE_IV:
-        column = printed[BOTH_READINGS.get(figure, figure)]
+        column = printed[LABELLED.get(figure, figure)]
         found, print_row = [f"**{LABELS[figure][0]}**", "found"], ["", "printed"]
         for name in trips.NAMES:
             run = f"strategies/{name}"
@@ -145,7 +141,7 @@ def strategy_table(figures: pd.DataFrame) -> str:
                 print_row[-1] += f" ({statements.percent(theirs)})"
             found.append(text)
         rows += [found, print_row]
-    for figure in list(LABELS)[10:]:
+    for figure in list(LABELS)[9:]:
         cells = [number(float(figures.at[f"strategies/{n}", figure]), figure) for n in trips.NAMES]
         rows.append([LABELS[figure][0], "found", *cells])
     return markdown(["figure", "", *trips.NAMES.values()], rows)
@@ -158,7 +154,7 @@ def absolute_figures(figures: Mapping[str, pd.DataFrame]) -> str:
     for figure in TABLE_IV:
         cells = []
         for table in figures.values():
-            column = printed[BOTH_READINGS.get(figure, figure)]
+            column = printed[LABELLED.get(figure, figure)]
             found = {run: float(table.at[run, figure]) for run in column.index}
             met = sum(
                 statements.absolute(x, column[run]) == statements.REPRODUCED
@@ -170,12 +166,18 @@ def absolute_figures(figures: Mapping[str, pd.DataFrame]) -> str:
     return markdown(["figure", *figures], rows)
 
 
+def of_headline(claims: pd.DataFrame) -> pd.Series:
+    """Which statements are printed changes from the reference to MH 3+5."""
+    between = (claims.run == MULTI_HORIZON) & (claims.base == REFERENCE)
+    return between & (claims.check == "change")
+
+
 def headline(figures: Mapping[str, pd.DataFrame]) -> str:
     """MH 3+5 against the reference: found by each set, and printed."""
     claims = statements.claims()
-    part = claims[(claims.run == MULTI_HORIZON) & (claims.check == "change")]
+    part = claims[of_headline(claims)]
     wanted = dict(zip(part.figure, part.printed.astype(float), strict=True))
-    wanted |= {other: wanted[name] for other, name in BOTH_READINGS.items()}
+    wanted |= {battery: wanted[labelled] for battery, labelled in LABELLED.items()}
     rows = []
     for figure, printed in wanted.items():
         found = [change(table, MULTI_HORIZON, figure) for table in figures.values()]
@@ -184,6 +186,45 @@ def headline(figures: Mapping[str, pd.DataFrame]) -> str:
         ]
         rows.append([LABELS[figure][0], statements.percent(printed), *cells])
     return markdown(["change, SH 15 reference to MH 3+5 aging", "printed", *figures], rows)
+
+
+def printed_changes(figures: Mapping[str, pd.DataFrame]) -> str:
+    """Every printed change with what each set finds, by how much of the print that is off, and two marks.
+
+    Of two ends of a range, the worse one counts. The marks have no floor, unlike those of the statements.
+    """
+    claims = statements.claims()
+    bounds = (statements.NARROW_SHARE, statements.CHANGE_SHARE)
+    rows, met = [], {name: [0, 0] for name in figures}
+    known = pd.concat([table.index.to_series() for table in figures.values()]).value_counts()
+    everywhere = set(known[known == len(figures)].index)
+    for _, claim in claims[claims.check == "change"].iterrows():
+        if not {*statements.flat(statements.series(claim.run))} <= everywhere:
+            rows.append([claim.statement, checks.in_print(claim), *["–"] * 4 * len(figures)])
+            continue
+        row = [claim.statement, checks.in_print(claim)]
+        for name, table in figures.items():
+            ends = checks.change_ends(claim, table)
+            off = max((100.0 * (found / wanted - 1.0) for found, wanted in ends), key=abs)
+            marks = [
+                statements.worst(statements.compared(*end, share, 0.0) for end in ends)
+                for share in bounds
+            ]
+            met[name] = [
+                n + (m == statements.REPRODUCED) for n, m in zip(met[name], marks, strict=True)
+            ]
+            row += [
+                " to ".join(statements.percent(found) for found, _ in ends),
+                f"{off:+.0f} %",
+                *marks,
+            ]
+        rows.append(row)
+    counts = [cell for each in met.values() for cell in ("", "", *(f"**{n}**" for n in each))]
+    rows.append([f"**of {len(rows)}**", "", *counts])
+    heads = [
+        f"{name}{part}" for name in figures for part in ("", ", off by", ", a tenth", ", a quarter")
+    ]
+    return markdown(["statement", "in print", *heads], rows)
 
 
 def runs_table(

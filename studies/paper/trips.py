@@ -89,6 +89,17 @@ def paper_runs(full_cost_1_j: float = FULL_COST_WEIGHT_1_J) -> dict[str, Setting
     return runs
 
 
+LARGEST_GAP, LARGEST_GAPS_M = "gap.max_gap_m", (150.0, 175.0, 200.0, 250.0, 300.0)
+"""The largest gap, which the paper does not print, and the values with which the sets are compared."""
+
+
+def gap_runs() -> dict[str, Settings]:
+    """The runs that show what a larger gap gives a longer horizon."""
+    long = CONTROLLERS["multi_horizon"]
+    short = {f"strategies/{name}": CONTROLLERS[name] for name in ("reference", "aging")}
+    return {**short, "long_horizon/3+5": long}
+
+
 def best_weight(name: str, degradation: dict[str, float]) -> str:
     """The address of the weights of a strategy with the smallest degradation, as the paper chooses."""
     candidates = [address for address in degradation if address.startswith(f"weighting/{name}/")]
