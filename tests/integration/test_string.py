@@ -156,7 +156,9 @@ def test_a_member_that_dies_is_named_and_ends_the_string_with_sound_bags(
     os.kill(pid, signal.SIGKILL)
     assert runner.wait(RUN_TIMEOUT_S) == 1, runner.stdout + runner.stderr
     assert re.search(rf"{member}\S* was killed by signal 9 \(SIGKILL\) at ", runner.stderr)
-    assert not any(Path(f"/proc/{pid}").exists() for pid in processes)
+    wait_until(
+        lambda: not any(Path(f"/proc/{pid}").exists() for pid in processes), 60.0, "their end"
+    )
     if member != "recorder":
         assert len(read_trajectory(output / "car_2", "car_2")) > 10
 
