@@ -122,7 +122,8 @@ RULES = (
     # Seconds.
     Rule(Way.ASK, r"(scripts/iptm (call|param)|ros2 (service|param)) .*"),
     Rule(Way.RUN, r"source scripts/env.sh"),
-    Rule(Way.RUN, r"scripts/iptm ((info|compare|recover|export|drive) .*|--help)"),
+    Rule(Way.NOT, r"scripts/iptm judge RUN.*", "a pattern, with parts to be filled in"),
+    Rule(Way.RUN, r"scripts/iptm ((info|judge|compare|recover|export|drive) .*|--help)"),
     Rule(Way.RUN, r"scripts/run_demo --list"),
     # Longer.
     Rule(Way.RECORD, r"scripts/iptm record .*", node="recorder"),

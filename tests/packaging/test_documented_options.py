@@ -24,7 +24,7 @@ FOREIGN = {
     "--ros-args", "--show-args", "--enclave", "--exclude-topics",
     "--from-paths", "--ignore-src", "--skip-keys", "--clock",
     # pip, venv, cmake, SUMO
-    "--require-hashes", "--system-site-packages", "--build", "--fcd-output",
+    "--require-hashes", "--no-deps", "--system-site-packages", "--build", "--fcd-output",
     # rosbags-convert
     "--src", "--dst", "--dst-storage",
 }  # fmt: skip

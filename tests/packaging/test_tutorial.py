@@ -28,9 +28,11 @@ COMMANDS = [
 
 
 def shares(own: iptm.Run, other: iptm.Run) -> Iterator[str]:
-    found = own.saving(other).aging
-    yield f"{found.as_driven_percent:.1f}"
-    yield f"{found.equal_ends_percent:.1f}"
+    saving = own.saving(other)
+    for found in (saving.energy, saving.aging):
+        yield f"{found.as_driven_percent:.1f}"
+        yield f"{found.equal_ends_percent:.1f}"
+    yield f"{abs(saving.cells.median):.1f}"
 
 
 def until(run: iptm.Run, last_s: float) -> iptm.Run:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,10 @@ Runs = tuple[iptm.Run, iptm.Run]
 
 def parked(kelvin: float) -> Exposure:
     return Exposure(TIME_S, np.full(TIME_S.size, 0.9), np.full(TIME_S.size, kelvin))
+
+
+def failing(cell: str, exposure: Exposure) -> float:
+    raise iptm.IptmError(f"law {cell}: {exposure.time_s.size} rows")
 
 
 def foreign(library: str, module: str) -> dict[str, Any]:
@@ -128,15 +133,12 @@ def test_what_is_unknown_is_one_line(
 def test_a_judge_that_fails_is_named_and_the_others_count(
     runs: Runs, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def failing(*_: object) -> float:
-        raise iptm.IptmError("law: 3 rows")
-
     monkeypatch.setattr("iptm_judges.cli.cache_directory", lambda: tmp_path / "cache")
-    monkeypatch.setattr(f"{CELL_JUDGES[0].function.__module__}.loss_by_law", failing)
+    monkeypatch.setattr(judging, "CELL_JUDGES", (replace(CELL_JUDGES[0], function=failing),))
     run = str(runs[0].save(tmp_path / "run.npz"))
     assert main([run, "--by", "paper", "cells/NCA"]) == 1
     printed = capsys.readouterr()
-    assert "NCA: " in printed.err
+    assert "NCA: law NCA: 601 rows" in printed.err
     assert "paper's law" in printed.out
 
 

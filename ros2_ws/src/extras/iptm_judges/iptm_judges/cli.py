@@ -15,6 +15,7 @@ from iptm.judging import BY, Verdicts, judge
 from iptm.run_file import load
 from iptm_core.compilation import cache_directory
 from iptm_core.errors import IptmError
+from iptm_core.metrics.run_metrics import significant
 from iptm_core.program import EXIT_OK, EXIT_REFUSED, print_error, refused
 
 PROGRAM = "iptm judge"
@@ -71,7 +72,8 @@ def _print(found: Verdicts) -> None:
         table.add_column(Text(str(column)), justify="right")
     for (group, name), row in found.table.iterrows():
         values = (
-            f"{value:.4g}" if "ppm" in column else f"{value:.1f}" for column, value in row.items()
+            significant(value) if "ppm" in column else f"{value:.1f}"
+            for column, value in row.items()
         )
         table.add_row(Text(group), Text("" if name == group else name), *values)
     console.print(table)
