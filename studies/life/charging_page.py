@@ -15,10 +15,7 @@ from studies.life.charging_stop import (
     Preparation,
     charging_damage,
 )
-
-from iptm_core.aging_laws.cells import AGING_CELLS, AgingCell
-from iptm_core.aging_laws.law import Mechanism
-from iptm_core.charging_stop import (
+from studies.life.fast_charge import (
     LIMIT_1_H,
     LIMIT_C,
     TAPER_CHARGE,
@@ -26,6 +23,9 @@ from iptm_core.charging_stop import (
     ChargingStopSettings,
     FastCharge,
 )
+
+from iptm_core.aging_laws.cells import AGING_CELLS, AgingCell
+from iptm_core.aging_laws.law import Mechanism
 from iptm_core.units import CELSIUS_ZERO_K, J_PER_KWH
 
 _LEAST_KWH = 1e-4

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from studies.drives import climate, trip
+from studies.life.charging_value import ChargingValuation
+from studies.life.fast_charge import LIMIT_C, ChargingStopSettings, FastCharge, fast_charge
 
 import iptm
 from iptm.service_life.trip_map import compressor_j
@@ -19,7 +22,6 @@ from iptm_controller.solvers.factory import SolverOptions
 from iptm_controller.temperature_value import mixing_weights
 from iptm_core.aging_laws.cells import AgingCell
 from iptm_core.aging_laws.law import Load, Mechanism
-from iptm_core.charging_stop import LIMIT_C, ChargingStopSettings, FastCharge, fast_charge
 from iptm_core.declaration import TextEnum
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
@@ -62,6 +64,17 @@ class Preparation(TextEnum):
     NONE = "none"
     LAST_MINUTES = "last 20 minutes"
     OPTIMISED = "optimised"
+
+
+class Commands:
+    """The commands of the suite's controller with options that no trip has."""
+
+    def __init__(self, inner: Controller) -> None:
+        self._inner = inner
+
+    def decide(self, measured: Measurements) -> Command:
+        """Return the command of one tick."""
+        return self._inner.decide(measured).command
 
 
 class RuledCompressor:
@@ -127,7 +140,7 @@ def arrival(
         car,
         {**heater, **climate(air_c)},
         heats_at_last=preparation is Preparation.LAST_MINUTES,
-        charging_minute_kwh=value_kwh,
+        minute_kwh=value_kwh,
         **settings,
     )
     arrival_k = _arrival_k(run)
@@ -212,7 +225,12 @@ def charging_damage(cell: AgingCell, charge: FastCharge) -> float:
 
 
 def _drive(
-    car: str, overrides: Overrides, *, heats_at_last: bool = False, **settings: Any
+    car: str,
+    overrides: Overrides,
+    *,
+    heats_at_last: bool = False,
+    minute_kwh: float = 0.0,
+    **settings: Any,
 ) -> iptm.Run:
     parameter_set, of_the_car = CARS[car]
     changes = {**of_the_car, **overrides}
@@ -223,6 +241,11 @@ def _drive(
         end_s = build_route(CITY, initial_gap_m=gap_m, duration_s=duration_s).duration_s
         solver = SolverOptions(compile_code=settings.get("compile_code", True))
         call["controller"] = RuledCompressor(parameters, end_s, solver)
+    if minute_kwh:
+        valued = iptm.Trip.of(**call)
+        stop = ChargingStopSettings(charging_minute_kwh=minute_kwh)
+        options = replace(valued.options, at_arrival=partial(ChargingValuation, stop))
+        call["controller"] = Commands(Controller(valued.controller_parameters, options))
     return iptm.simulate(**call)
 
 

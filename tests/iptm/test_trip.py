@@ -96,7 +96,7 @@ def test_the_heading_states_what_is_no_default() -> None:
 def test_the_other_run_of_a_comparison_is_sound_and_drives_the_same_road() -> None:
     trip = Trip.of(
         "nycc", leader_source="cam", latency_s=0.5, strategy={"base": "aging", "aging_weight": 1.0},
-        charging_minute_kwh=0.2, thermal_model="full_channel", horizon="60x1",
+        thermal_model="full_channel", horizon="60x1",
     )  # fmt: skip
     other = trip.against("reference")
     assert other.controller.weighted_strategy() == STRATEGIES["reference"]

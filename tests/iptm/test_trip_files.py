@@ -224,3 +224,10 @@ def test_assignments_name_group_and_setting() -> None:
 def test_faults_are_an_option_as_well() -> None:
     trip = load_trip("demo", assigned(["conditions.faults=[{kind: leader_hard_stop, start_s: 9}]"]))
     assert trip.conditions.faults == (Fault(FaultKind.LEADER_HARD_STOP, 9.0),)
+
+
+def test_a_setting_that_was_given_up_may_be_stated_at_its_default_only() -> None:
+    trip = trip_from({"controller": {"charging_minute_kwh": 0.0}}, "bag", "mine", Path())
+    assert trip.checked() == trip_from({}, "bag", "mine", Path())
+    with pytest.raises(ScenarioError, match="unknown key 'charging_minute_kwh'"):
+        trip_from({"controller": {"charging_minute_kwh": 0.2}}, "bag", "mine", Path())

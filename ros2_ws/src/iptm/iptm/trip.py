@@ -296,7 +296,6 @@ class Trip:
             strategy=strategy,
             horizon=str(SINGLE_HORIZON),
             preview_length_s=self.preview.preview_length_s,
-            charging_minute_kwh=0.0,
             leader_source=LeaderSource.CYCLE if is_heard else source,
             ego_keeps_rules=self.road.ego_keeps_rules and not is_heard,
             faults=(),

@@ -36,6 +36,16 @@ _FILE_OF = {"cycle": USER_SUFFIXES, "slope": (GPX_SUFFIX,), "parameter_set": YAM
 """Settings that may name a file, and by which suffixes that is seen."""
 
 
+GIVEN_UP = {
+    "charging_minute_kwh": 0.0,
+    "charging_power_kw": 150.0,
+    "charging_heater_kw": 0.0,
+    "fast_charge_from": 0.1,
+    "fast_charge_to": 0.8,
+}
+"""Settings of earlier versions: a bag or file that states their defaults stays readable."""
+
+
 def trip_folder() -> Path:
     """Return the folder of the shipped trips."""
     return Path(__file__).parent / "trips"
@@ -81,6 +91,8 @@ def trip_from(
         folder: where relative paths start.
         options: texts by name of the setting.
     """
+    if isinstance(content, Mapping):
+        content = {group: still_known(section) for group, section in content.items()}
     written = StrictMapping({} if content is None else content, origin, [_DESCRIPTION, *GROUPS])
     values: dict[str, Any] = {"name": name, "description": written.text(_DESCRIPTION, "")}
     for group in GROUPS:
@@ -96,6 +108,17 @@ def trip_from(
         return Trip().changed(**values)
     except ParameterError as error:
         raise ScenarioError(f"trip {name}: {error}") from None
+
+
+def still_known(section: Any) -> Any:
+    """Return the settings of a section without those of `GIVEN_UP` at their defaults."""
+    if not isinstance(section, Mapping):
+        return section
+    return {
+        key: value
+        for key, value in section.items()
+        if key not in GIVEN_UP or value != GIVEN_UP[key]
+    }
 
 
 def assigned(assignments: Iterable[str]) -> dict[str, str]:

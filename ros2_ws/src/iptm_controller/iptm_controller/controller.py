@@ -12,7 +12,6 @@ from collections.abc import Callable
 from functools import partial
 
 from iptm_controller.actuation import ActuationMemory, ActuationObserver, PowerAuthority
-from iptm_controller.charging_value import ChargingValuation
 from iptm_controller.decision import NOTHING, ControllerMemory, Decision
 from iptm_controller.estimator import Estimator
 from iptm_controller.forecast import LeaderForecast
@@ -33,7 +32,7 @@ from iptm_controller.solvers.factory import build_solver
 from iptm_controller.solvers.interface import SolverBackend, SolveResult, Stopwatch, broken
 from iptm_controller.solvers.switching_check import SwitchingCheck
 from iptm_controller.strategy import Strategy
-from iptm_controller.temperature_value import NO_VALUE, TemperatureValuation
+from iptm_controller.temperature_value import NO_VALUE, ArrivalValue, TemperatureValuation
 from iptm_controller.tick_library import tick_library
 from iptm_controller.traction_forecast import TractionForecaster
 from iptm_core.aging_laws.parking import ParkedAging
@@ -122,13 +121,11 @@ class Controller:
         self.plan_data = plan_data(
             self.grid, builder, compile_code=self.options.solver.compile_code
         )
-        self._charging: ChargingValuation | None = None
-        if self.options.charges:
+        self._arrival: ArrivalValue | None = None
+        if self.options.at_arrival is not None and not strategy.is_rule_based:
             energy_1_j = strategy.energy_weight_1_j, CELLS * strategy.aging_weight * price_1_j
             times_s = self.options.horizon.duration_s, self.options.trip_duration_s
-            self._charging = ChargingValuation(
-                self.options.charging_stop, self._vehicle, *energy_1_j, *times_s
-            )
+            self._arrival = self.options.at_arrival(self._vehicle, *energy_1_j, *times_s)
 
     def use_strategy(self, strategy: Strategy) -> None:
         """Go on with other cost terms and weights; nothing is compiled, and the memory stays."""
@@ -296,8 +293,8 @@ class Controller:
             further_m = self._actuation.further_way_m(state.speed_m_s, hardest_m_s2)
             motion, limiting = motion.nearer_by(further_m), limiting.nearer_by(further_m)
         value = NO_VALUE if self.valuation is None else self.valuation.value(state, motion)
-        if self._charging is not None:
-            value = self._charging.added_to(value, state)
+        if self._arrival is not None:
+            value = self._arrival.added_to(value, state)
         thermal = None
         if self._traction is not None:
             self._traction.remember(state, measured.slope)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from iptm_controller.estimator import NoiseSettings
@@ -10,11 +11,11 @@ from iptm_controller.horizon import MULTI_HORIZON, Horizon
 from iptm_controller.production import ProductionSettings
 from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.strategy import DEFAULT_STRATEGY, STRATEGIES, Strategy
+from iptm_controller.temperature_value import ArrivalValue
 from iptm_core.aging_laws.law import AgingLaw
 from iptm_core.aging_laws.parking import PRICED_LAW, AgingSettings
 from iptm_core.braking import RadioSettings, RoadFrictionSettings, SensorAccuracySettings
-from iptm_core.charging_stop import ChargingStopSettings
-from iptm_core.errors import ParameterError
+from iptm_core.parameters.model import ModelParameters
 
 
 @dataclass(frozen=True)
@@ -30,10 +31,8 @@ class ControllerOptions:
         road: friction of the road as far as it is known.
         radio: what messages of the lead vehicle may do on their own.
         own_law: ageing law instead of the one named there.
-        charging_stop: fast charger at the end of the trip.
-
-    Raises:
-        ParameterError: there is a charger, but nothing to weigh minutes against or no time of arrival.
+        at_arrival: makes the value of the temperature on arrival out of a vehicle, the costs of a joule from
+            the pack and of one of thermal energy on top, and the lengths of horizon and trip in s.
     """
 
     strategy: Strategy = STRATEGIES[DEFAULT_STRATEGY]
@@ -51,29 +50,10 @@ class ControllerOptions:
     road: RoadFrictionSettings = field(default_factory=RoadFrictionSettings)
     radio: RadioSettings = field(default_factory=RadioSettings)
     own_law: AgingLaw | None = None
-    charging_stop: ChargingStopSettings = field(default_factory=ChargingStopSettings)
-
-    def __post_init__(self) -> None:
-        if not self.charges:
-            return
-        minute = f"charging_minute_kwh is {self.charging_stop.charging_minute_kwh:g} kWh"
-        if not self.strategy.energy_weight_1_j and not self.strategy.aging_weight:
-            raise ParameterError(
-                f"{minute} and strategy '{self.strategy.name}' weighs neither energy nor ageing; allowed: "
-                "strategies that do"
-            )
-        if not math.isfinite(self.trip_duration_s):
-            raise ParameterError(
-                f"{minute} and trip_duration_s is not known; allowed: trips with a known end"
-            )
+    at_arrival: Callable[[ModelParameters, float, float, float, float], ArrivalValue] | None = None
 
     @property
     def law(self) -> AgingLaw | None:
         """Ageing law of the cost, None for the paper's."""
         law = self.own_law or self.aging.law()
         return law or (PRICED_LAW if self.strategy.in_currency else None)
-
-    @property
-    def charges(self) -> bool:
-        """Whether what is optimised ends at a fast charger."""
-        return self.charging_stop.charging_minute_kwh > 0.0 and not self.strategy.is_rule_based

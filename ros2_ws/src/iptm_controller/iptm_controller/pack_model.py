@@ -288,7 +288,7 @@ def valuation_of(
     """
     times_s = options.horizon.duration_s, options.trip_duration_s
     weighs_aging, price_1_j = strategy.aging_weight > 0.0, 0.0
-    if weighs_aging and (aging or (options.charges and not strategy.energy_weight_1_j)):
+    if weighs_aging and (aging or (options.at_arrival and not strategy.energy_weight_1_j)):
         strategy = strategy.scaled(COST_SCALE)
         price_1_j = energy_price_1_j(options.aging, model)
     if strategy.in_currency:

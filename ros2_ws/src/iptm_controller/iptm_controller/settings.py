@@ -21,7 +21,6 @@ from iptm_controller.strategy import (
 )
 from iptm_core.aging_laws.parking import AgingSettings
 from iptm_core.braking import RadioSettings, RoadFrictionSettings, SensorAccuracySettings
-from iptm_core.charging_stop import ChargingStopSettings
 from iptm_core.declaration import Settings, parameter
 from iptm_core.metrics.constraints import Concern
 
@@ -96,7 +95,6 @@ class ControllerSettings(
     RadioSettings,
     WarningSettings,
     AgingSettings,
-    ChargingStopSettings,
     ProductionSettings,
 ):
     """What the controller optimises, how far ahead, and what it does without a solution."""
@@ -205,7 +203,6 @@ class ControllerSettings(
             road=RoadFrictionSettings.of(self),
             radio=RadioSettings.of(self),
             aging=AgingSettings.of(self),
-            charging_stop=ChargingStopSettings.of(self),
             production=ProductionSettings.of(self),
         )
 

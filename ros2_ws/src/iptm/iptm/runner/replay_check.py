@@ -22,6 +22,7 @@ from rclpy.publisher import Publisher
 from iptm.runner.composition import node_command, parameter_file_text
 from iptm.runner.replay_inputs import FINAL_ANSWER, OUTPUTS, read_recorded
 from iptm.runner.supervisor import Supervisor, environment_of_run, process_environment
+from iptm.trip_files import still_known
 from iptm_core.errors import ScenarioError
 from iptm_ros.connections import StartSignal
 from iptm_ros.discovery import reserve_domain
@@ -239,7 +240,7 @@ def check_node(
         ScenarioError: the node does not start with these parameters, or gives no answer.
     """
     recorded = read_recorded(bag, node, namespace)
-    parameters = {**recorded.parameters, **(changes or {})}
+    parameters = {**still_known(recorded.parameters), **(changes or {})}
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         environment = environment_of_run(stack.enter_context(reserve_domain()), folder / "ros")

@@ -17,9 +17,10 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from studies.life.fast_charge import ChargingStopSettings, fast_charge
 
 from iptm_controller.temperature_value import TemperatureValue, mixing_weights
-from iptm_core.charging_stop import ChargingStopSettings, fast_charge
+from iptm_core.errors import ParameterError
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import cell_heat_w, cell_resistance_ohm, heat_from_air_w
 from iptm_core.physics.chiller import chiller_line, largest_useful_power_w
@@ -57,10 +58,22 @@ class ChargingValuation:
         """Work out the cost to go.
 
         Args:
+            stop: the charger.
+            model: of the vehicle.
             energy_weight_1_j: cost of a joule from the pack in J3.
             thermal_energy_price_1_j: cost of a joule of thermal energy on top; not both are 0.
+            horizon_s: length of the horizon.
             trip_duration_s: trip time of the arrival, finite.
+
+        Raises:
+            ParameterError: there is nothing to weigh minutes against, or no time of arrival.
         """
+        if not energy_weight_1_j and not thermal_energy_price_1_j:
+            raise ParameterError(
+                "a strategy weighs neither energy nor ageing; allowed: one that does"
+            )
+        if not math.isfinite(trip_duration_s):
+            raise ParameterError("the trip has no known end; allowed: trips with one")
         self._thermal_energy_price_1_j = thermal_energy_price_1_j
         self._weight_1_j = energy_weight_1_j + thermal_energy_price_1_j
         self._ends_s = trip_duration_s - horizon_s

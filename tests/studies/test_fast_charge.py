@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from studies.life.fast_charge import ChargingStopSettings, fast_charge
 
-from iptm_core.charging_stop import ChargingStopSettings, fast_charge
 from iptm_core.errors import ParameterError
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
