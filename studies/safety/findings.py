@@ -12,7 +12,6 @@ from typing import Any
 import pandas as pd
 from studies.drives import REFERENCE
 from studies.judged import Judged
-from studies.safety.r157 import summary
 from studies.safety.trials import NOISE_AND_DELAY, SHIPPED, UNDISTURBED
 
 from iptm_core.errors import StoreError
@@ -42,7 +41,6 @@ class Findings:
         delays: drives with delayed commands, see `delays_of`.
         before: savings of an earlier version, and where they come from.
         over_ros: disturbed trials over ROS 2.
-        r157: cases of UN R157, see `studies.safety.r157.outcomes`; None if they failed.
     """
 
     braking: pd.DataFrame
@@ -51,7 +49,6 @@ class Findings:
     delays: pd.DataFrame
     before: tuple[Savings, str] = ({}, "")
     over_ros: Sequence[Judged] = ()
-    r157: pd.DataFrame | None = None
 
     def broken(self) -> list[str]:
         """Return what did not hold, one line each."""
@@ -65,12 +62,6 @@ class Findings:
             for trial in (*self.trials, *self.over_ros)
             if trial.problems
         ]
-        if self.r157 is not None:
-            for row in summary(self.r157).itertuples():
-                if row.unexplained:
-                    lines.append(
-                        f"UN R157, {row.kind}: {row.unexplained} collisions that a driver avoids"
-                    )
         return [*lines, *_driving_problems(self), *_delay_problems(self.delays)]
 
 

@@ -10,7 +10,6 @@ import pandas as pd
 from studies.judged import Judged
 from studies.safety.findings import Findings, by_setting, savings_percent
 from studies.safety.judging import AVOIDABLE, SOUND_SHARE
-from studies.safety.r157 import summary
 from studies.safety.trials import DELAYS, SETTINGS
 
 from iptm.faults.kinds import FaultKind
@@ -32,7 +31,6 @@ def safety_values(findings: Findings) -> dict[str, Any]:
             if "collided_at_s" in trial.figures
         ],
         "over_ros": [{"smallest_gap_m": None, **_record(one, "✓")} for one in findings.over_ros],
-        "r157": None if findings.r157 is None else summary(findings.r157),
         "driving": by_setting(findings.driving),
         "settings": {f"{name}:": f"{{{name}}}" for name in SETTINGS},
         "savings": [

@@ -14,7 +14,6 @@ from studies.safety.findings import BEFORE, Findings, delays_of, read_before, wi
 from studies.safety.judging import judge_trial, trial_of
 from studies.safety.options import USUAL
 from studies.safety.page import safety_values
-from studies.safety.r157 import outcomes
 from studies.safety.trials import (
     CYCLES,
     DELAYED_S,
@@ -35,8 +34,6 @@ from iptm_core.routes.cycles import CYCLE_NAMES
 
 SHORT = {"trials": 2, "braking": 4, "ros": 0, "seed": 1}
 SHORT_S = 40.0
-R157_STRIDE, R157_SHORT_STRIDE = 2, 24
-"""Stride of the distances and sideways speeds of the grids of UN R157."""
 
 
 def run(session: Session) -> bool:
@@ -57,8 +54,6 @@ def run(session: Session) -> bool:
         session.drive,
         (driving, disturbed, delay_cases(cycles, periods_s, min(DELAYED_S, longest_s))),
     )
-    stride = R157_SHORT_STRIDE if session.short else R157_STRIDE
-    (r157,) = session.compute(outcomes, [{"stride": stride}], ["grids of UN R157"])
     findings = Findings(
         _braking(session, driving, drives, braking, seed),
         judged_runs(disturbed, disturbed_runs, session),
@@ -66,7 +61,6 @@ def run(session: Session) -> bool:
         delays_of(delays),
         ({}, "") if session.short else read_before(BEFORE),
         tuple(_over_ros(session, disturbed, ros)),
-        r157,
     )
     broken = findings.broken()
     for line in broken:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from studies.safety.r157 import (
+from studies.collisions.r157 import (
     CAREFUL,
     CUT_IN,
     CUT_OUT,

@@ -14,18 +14,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import product
+from itertools import islice, product
 
 import numpy as np
 import pandas as pd
+from studies.collisions.recorded import RecordedPlant
 
 from iptm_core.braking import GRAVITY_M_S2
 from iptm_core.parameters import load_parameters
-from iptm_core.state import Command, LeaderPreview, VehicleState
-from iptm_plant_sim.plant import Plant
+from iptm_core.state import Command, FloatArray, LeaderPreview, VehicleState
 
 LENGTH_M, WIDTH_M, LANE_M = 4.3, 1.9, 3.5
 STEP_S, LONGEST_S, TICK_S = 0.1, 35.0, 1.0
+"""Steps of the drivers and of the range sensor, longest trip, and tick of the own vehicle, whose motion is
+judged at the steps of `RecordedPlant`: within a tick it may pass through another vehicle."""
 WANDERING_M = 0.375
 APART_M = LANE_M - WIDTH_M
 """Between the sides of two vehicles in the middle of neighbouring lanes."""
@@ -207,7 +209,7 @@ class OwnCar:
     """The simulated vehicle, of which only the safety monitor acts."""
 
     def __init__(self) -> None:
-        self._plant = Plant(load_parameters().values, np.zeros_like)
+        self._plant = RecordedPlant(load_parameters().values, np.zeros_like)
 
     def gap_m(self, case: Case, shown_m: float = MARKING_M, start_m: float | None = None) -> float:
         """Return the smallest gap, 0 for a collision.
@@ -233,9 +235,12 @@ class OwnCar:
         self._plant.watch(sensor)
         state = self._plant.initial_state(speed_m_s=case.speed_m_s)
         smallest_m = np.inf
+        self._plant.parts.clear()
         while state.time_s < LONGEST_S and state.speed_m_s > 0.01:
-            before, state = state, self._plant.advance(state, COAST, TICK_S).state
-            smallest_m = min(smallest_m, self._smallest_m(case, before, state, start_m))
+            driven = len(self._plant.parts)
+            state = self._plant.advance(state, COAST, TICK_S).state
+            driven_s, own_m, _, _ = self._plant.motion(driven)
+            smallest_m = min(smallest_m, _smallest_gap_m(case, driven_s, own_m, start_m))
             if smallest_m <= 0.0:
                 return 0.0
         return float(smallest_m)
@@ -250,27 +255,38 @@ class OwnCar:
             for one in (road.full, road.slippery or road.full)
         )
 
-    @staticmethod
-    def _smallest_m(case: Case, before: VehicleState, after: VehicleState, start_m: float) -> float:
-        """Return the smallest gap of a tick, from the states at its ends."""
-        smallest_m = np.inf
-        for state in (before, after):
-            other_m, _, in_way = _other(case, state.time_s + case.begins_s, start_m)
-            gap_m = other_m - state.position_m
-            if in_way and gap_m > -2.0 * LENGTH_M:
-                smallest_m = min(smallest_m, gap_m)
-        return smallest_m
+
+def _smallest_gap_m(case: Case, times_s: FloatArray, own_m: FloatArray, start_m: float) -> float:
+    """Return the smallest gap to a vehicle in the way at times of the own trip, infinite for none."""
+    trip_s: FloatArray = times_s + case.begins_s
+    other_m: FloatArray
+    if case.kind == CUT_IN:
+        other_m = start_m + case.other_m_s * trip_s
+        apart_m = np.where(
+            trip_s < 0.0,
+            APART_M + 0.5 * SIDEWAYS_M_S2 * trip_s * trip_s,
+            np.maximum(APART_M - case.sideways_m_s * trip_s, 0.0),
+        )
+        in_way = apart_m <= 0.0
+    else:
+        leaves = start_m + case.speed_m_s * np.minimum(trip_s, case.crash_s)
+        is_ahead = (trip_s >= case.crash_s) | (case.sideways_m_s * trip_s < WANDERING_M)
+        other_m = np.where(is_ahead, leaves, start_m + LENGTH_M + case.distance_m)
+        in_way = np.full(trip_s.size, fill_value=True)
+    gaps_m = other_m - own_m
+    counts = in_way & (gaps_m > -2.0 * LENGTH_M)
+    return float(gaps_m[counts].min()) if counts.any() else np.inf
 
 
-def outcomes(stride: int) -> pd.DataFrame:
-    """Return a row per case of the grids, see `grid`.
+def outcomes(stride: int, part: int = 0, parts: int = 1) -> pd.DataFrame:
+    """Return a row per case of the grids, see `grid`, or of every so-many-th of them from one on.
 
     It has the values of the case, and the smallest gaps of each driver and of the own vehicle in m:
     ``own_m`` of the own vehicle as it is; ``granted_m``, where only a driver avoids the collision, of the own
     vehicle with this driver's advantage: it sees the neighbouring lane, or starts from the driver's gap.
     """
     car, rows = OwnCar(), []
-    for case in grid(stride):
+    for case in islice(grid(stride), part, None, parts):
         found = {model: driver_gap_m(case, model) for model in (CAREFUL, FUZZY)}
         own_m = granted_m = car.gap_m(case)
         if own_m <= 0.0 < max(found.values()):
@@ -283,15 +299,21 @@ def outcomes(stride: int) -> pd.DataFrame:
 
 def summary(table: pd.DataFrame) -> pd.DataFrame:
     """Return a row per kind: cases, collisions, and what a driver avoids and the own vehicle does not."""
-    drivers = table[[f"{CAREFUL}_m", f"{FUZZY}_m"]]
-    missed = (drivers.max(axis=1) > 0.0) & (table.own_m <= 0.0)
+    hits = table.own_m <= 0.0
+    by_careful, by_fuzzy = (hits & (table[f"{driver}_m"] > 0.0) for driver in (CAREFUL, FUZZY))
+    missed = by_careful | by_fuzzy
     marked = table.assign(
         cases=1,
         careful=table[f"{CAREFUL}_m"] <= 0.0,
         fuzzy=table[f"{FUZZY}_m"] <= 0.0,
-        own=table.own_m <= 0.0,
+        own=hits,
         missed=missed,
+        missed_careful=by_careful,
+        missed_fuzzy=by_fuzzy,
         unexplained=missed & (table.granted_m <= 0.0),
     )
-    columns = ["cases", "careful", "fuzzy", "own", "missed", "unexplained"]
+    columns = [
+        *("cases", "careful", "fuzzy", "own"),
+        *("missed_careful", "missed_fuzzy", "missed", "unexplained"),
+    ]
     return marked.groupby("kind", sort=False)[columns].sum().astype(int).reset_index()
