@@ -23,6 +23,7 @@ from iptm_controller.controller import Controller
 from iptm_controller.horizon import MULTI_HORIZON
 from iptm_controller.options import ControllerOptions
 from iptm_controller.strategy import STRATEGIES
+from iptm_core.braking import RadioSettings, SafetyMonitorSettings
 from iptm_core.markdown import table_of
 from iptm_core.metrics import gap_margins_m
 from iptm_core.parameters import load_parameters
@@ -223,9 +224,12 @@ def braking_route() -> Route:
 def looped(
     route: Route, bridge: TickBridge | None = None, settings: PreviewSettings | None = None
 ) -> ClosedLoopRun:
-    """Drive a route in closed loop with a fresh controller."""
-    controller = Controller(PARAMETERS, ControllerOptions(STRATEGIES["aging"], MULTI_HORIZON))
-    plant = Plant(PARAMETERS, route.slope.slope_at)
+    """Drive a route in closed loop with a fresh controller; no message is signed."""
+    radio = RadioSettings(authenticated_radio=False)
+    options = ControllerOptions(STRATEGIES["aging"], MULTI_HORIZON, radio=radio)
+    controller = Controller(PARAMETERS, options)
+    safety = SafetyMonitorSettings(authenticated_radio=False)
+    plant = Plant(PARAMETERS, route.slope.slope_at, safety=safety)
     return run_closed_loop(route, plant, controller, settings, bridge=bridge)
 
 

@@ -142,3 +142,10 @@ def test_what_only_one_way_of_driving_can_do(arguments: dict[str, Any], message:
 def test_a_leader_that_is_heard_needs_nodes() -> None:
     with pytest.raises(ScenarioError, match="leader_source is cam; allowed in memory: cycle, none"):
         iptm.drive(Trip.of("us06", leader_source="cam"))
+
+
+def test_messages_that_are_not_all_verified_never_count_as_authenticated() -> None:
+    assert Trip.of("us06").vehicle.authenticated_radio
+    by_radio = Trip.of("us06", leader_source="cam", authenticated_radio=True)
+    assert not by_radio.vehicle.authenticated_radio
+    assert not by_radio.settings["authenticated_radio"]

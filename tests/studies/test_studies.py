@@ -32,6 +32,8 @@ PACKAGES = {"iptm", "iptm_core", "iptm_controller", "iptm_plant_sim", "iptm_v2x_
 FROM_OUTSIDE = {"numpy", "pandas", "matplotlib", "jinja2", "yaml"}
 MORE = {
     "embedded": {"iptm_ecu"},
+    # Trials over ROS 2 are read as messages.
+    "trial.py": {"iptm_ros"},
     "traffic": {"iptm_traffic"},
     "v2x/prediction.py": {"iptm_traffic"},
     "validation": {"scipy"},

@@ -17,7 +17,7 @@ BAG = Path(__file__).parents[3] / "bags" / "example_us06_120s"
 MOST_LINES = 60
 """A screen and a half of 40 lines."""
 HEAVY = {"pandas", "matplotlib", "scipy", "casadi", "pyarrow", "rosbags", "iptm_ros.suite_node"}
-HEAVIER = {"bench", "judge", "meter", "traffic", "visualize"}
+HEAVIER = {"bench", "fmu", "judge", "meter", "traffic", "visualize"}
 """Commands whose help needs what they compute with."""
 
 

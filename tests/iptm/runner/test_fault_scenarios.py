@@ -40,7 +40,7 @@ def test_faults_of_topics_bring_an_injector_between_bridge_and_controller() -> N
     received = faults_from(json.loads(str(faulty[INJECTOR]["faults"])), "parameter")
     assert received == (OF_TOPICS,)
     assert faulty[PLANT] == plain[PLANT]
-    for node, count in ((CONTROLLER, 4), (BRIDGE, 4), (PLANT, 0), (INJECTOR, 0)):
+    for node, count in ((CONTROLLER, 4), (BRIDGE, 4), (PLANT, 1), (INJECTOR, 0)):
         remapped = [
             part for part in node_command(node, Path("p"), "/", [OF_TOPICS]) if ":=faults/" in part
         ]

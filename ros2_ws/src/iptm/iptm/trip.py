@@ -84,6 +84,12 @@ class Trip:
     foreign: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
+        unverified = (
+            self.leader.leader_source is LeaderSource.CAM and not self.leader.refuse_unverified
+        )
+        if unverified and self.vehicle.authenticated_radio:
+            # Any sender in range could otherwise brake the vehicle fully.
+            object.__setattr__(self, "vehicle", replace(self.vehicle, authenticated_radio=False))
         shared: dict[str, Any] = {name: getattr(self.group_of(name), name) for name in SHARED}
         object.__setattr__(self, "controller", replace(self.controller, **shared))
         check_empty_road(self.rules.leader_source, self.conditions.faults)
