@@ -21,9 +21,18 @@ BASELINE, RULE_PREVIEW = "eco_acc", "rule_preview"
 BASES = (PRODUCTION, BASELINE)
 """A car of today, and a strong baseline without V2X and without an optimisation."""
 PREVIEWS = {False: "none", True: "60 s, perfect"}
-COLUMNS = (
+_MADE_WITH = (
     ("distance", "{distance}"),
     ("preview", "{preview}"),
+)
+_ROAD = (
+    ("headway, mean / median:", "{mean_headway_s:.2f} / {headway_s:.2f} s"),
+    ("vehicles/(h lane):", "{vehicles_h:.0f}"),
+)
+ROAD_COLUMNS = (*_MADE_WITH, *_ROAD)
+"""Distance, preview, and the road taken, in every table."""
+COLUMNS = (
+    *_MADE_WITH,
     (
         "energy saved, equal ends (as driven):",
         "{production_energy:.1f} % ({production_energy_as_driven:.1f})",
@@ -33,8 +42,7 @@ COLUMNS = (
         "{production_cells:.1f} % ({production_cells_lowest:.1f} to {production_cells_highest:.1f})",
     ),
     ("by the paper's law:", "{production_ageing:.1f} %"),
-    ("headway, mean / median:", "{mean_headway_s:.2f} / {headway_s:.2f} s"),
-    ("vehicles/(h lane):", "{vehicles_h:.0f}"),
+    *_ROAD,
     ("below s_min, longest, deepest:", "{below_s:.0f} s, {longest_s:.0f} s, {deepest_m:.1f} m"),
     ("against `eco_acc`, energy / cells:", "{eco_acc_energy:.1f} / {eco_acc_cells:.1f} %"),
 )

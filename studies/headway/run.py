@@ -251,8 +251,8 @@ def _summary(table: pd.DataFrame, by: list[str]) -> pd.DataFrame:
                     for name in ("ageing", "energy")
                     for label, share in (("low", 0.25), ("median", 0.5), ("high", 0.75))
                 },
-                "rule_ageing": rows.rule_ageing.median(),
-                "rule_energy": rows.rule_energy.median(),
+                "rule_ageing": rows.rule_ageing.dropna().median(),
+                "rule_energy": rows.rule_energy.dropna().median(),
                 **{
                     f"{who}{name}": rows[f"{who}{name}"].max()
                     for who in ("", "base_")

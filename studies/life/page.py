@@ -10,7 +10,7 @@ from studies import drives
 from studies.drives import DEFAULT
 from studies.life import decisions, own_law, trips
 from studies.life import table as life
-from studies.savings import BASELINE, COLUMNS
+from studies.savings import BASELINE, ROAD_COLUMNS
 
 from iptm import climate
 from iptm.service_life import life as losses
@@ -46,7 +46,7 @@ def life_values(rows: pd.DataFrame, decided: pd.DataFrame, roads: pd.DataFrame) 
             orders | {"control": life.CONTROLS[1:]},
         ),
         "roads": roads,
-        "road_columns": COLUMNS[:5],
+        "road_columns": ROAD_COLUMNS,
         "inside": _inside(rows),
         "parked": _parked_shares(first),
         "fleet": _beside_the_fleet(first),
