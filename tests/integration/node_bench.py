@@ -108,9 +108,8 @@ class NodeBench:
             self._executor.spin_once(timeout_sec=0.01)
 
     def close(self) -> None:
-        self._executor.remove_node(self.node)
-        self.node.destroy_node()
         self._executor.shutdown()
+        self.node.destroy_node()
         self._patch.stop()
 
 

@@ -83,7 +83,7 @@ def test_copy_of_the_runner_that_ends_on_a_signal_leaves_no_shared_memory(
 def test_shared_memory_of_killed_processes_is_removed_at_the_next_start(
     launcher: Any, wait_until: Callable[..., None], tmp_path: Path
 ) -> None:
-    trip = ("--cycle", "wltc_class3b", "--horizon", "3x1", "--no-picture")
+    trip = ("--cycle", "wltc_class3b", "--horizon", "3x1", "--no-picture", "--processes")
     runner = launcher.start_module("iptm.commands.run", *trip, "--output", tmp_path / "bag")
 
     def processes() -> list[int]:

@@ -24,11 +24,13 @@ from typing import TypeVar
 
 import rclpy
 from rclpy.context import Context
+from rclpy.duration import Duration
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.logging import get_logger
+from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from iptm_core.errors import IptmError
@@ -37,7 +39,7 @@ from iptm_ros.discovery import middleware_settings
 from iptm_ros.publishers import PATIENCE_S
 from iptm_ros.suite_node import SuiteNode
 
-AnyNode = TypeVar("AnyNode", bound=SuiteNode)
+AnyNode = TypeVar("AnyNode", bound=Node)
 
 EXIT_DEFECT = 1
 _LOOK_PERIOD_S = 0.02
@@ -126,7 +128,6 @@ def joined_nodes(
             yield nodes, executor
         finally:
             _take_off(executor, nodes)
-            executor.shutdown()
     finally:
         context.try_shutdown()
 
@@ -140,13 +141,17 @@ def joined_node(
         yield node, executor
 
 
-def _take_off(executor: EventsExecutor, nodes: Collection[SuiteNode]) -> None:
-    """Destroy nodes when listeners have received their last messages."""
+def _take_off(executor: EventsExecutor, nodes: Collection[Node]) -> None:
+    """End executor and nodes when listeners have received the last messages.
+
+    The executor ends first: it gives up the events of publishers late, which must exist until then.
+    """
     until_s = time.monotonic() + PATIENCE_S
     for node in nodes:
-        node.let_listeners_receive(until_s)
+        for publisher in node.publishers if node.context.ok() else ():
+            publisher.wait_for_all_acked(Duration(seconds=max(0.0, until_s - time.monotonic())))
+    executor.shutdown()
     for node in nodes:
-        executor.remove_node(node)
         node.destroy_node()
 
 
@@ -174,7 +179,6 @@ def _spin(groups: Sequence[Sequence[SuiteNode]], stop: StopRequest, program: str
         code = EXIT_DEFECT
     finally:
         _take_off(executor, nodes)
-        executor.shutdown()
         rclpy.try_shutdown()
         stop.end()
         gc.freeze()  # the end of the process need not look through all objects

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import time
 import traceback
 from collections.abc import Callable
 from functools import partial
+from itertools import cycle
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
-from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
@@ -72,15 +71,14 @@ class SuiteNode(Node):
         self.health = NodeHealth()
         self.awake = AwakeClock()
         self.frame_prefix = self.get_namespace().strip("/")
-        self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
-        # rclpy warns from 8 timers of one clock on, so timers of this class have another one.
-        self._upkeep_clock = Clock(clock_type=ClockType.STEADY_TIME)
+        # rclpy warns from 8 timers of one clock on, so timers take turns.
+        self._steady_clocks = cycle([Clock(clock_type=ClockType.STEADY_TIME) for _ in range(2)])
         self._known_defects: set[str] = set()
         self._sole: dict[Topic, str] = {}
         self._heartbeat: Heartbeat | None = None
-        self.create_timer(AwakeClock.PERIOD_S, self.awake.tick, clock=self._upkeep_clock)
+        self.create_timer(AwakeClock.PERIOD_S, self.awake.tick, clock=next(self._steady_clocks))
         self.connections = ConnectionsReport(self)
-        self.every(LOOK_PERIOD_S, self.connections.look, self._upkeep_clock)
+        self.every(LOOK_PERIOD_S, self.connections.look)
 
     def advertise(self, topic: Topic) -> PatientPublisher:
         """Return a publisher for a topic of the table."""
@@ -189,22 +187,15 @@ class SuiteNode(Node):
                 text = f"callback of {name} failed again: {what}"
                 self.get_logger().error(text, throttle_duration_sec=_LOG_THROTTLE_S)
 
-    def every(
-        self, period_s: float, callback: Callable[[], None], clock: Clock | None = None
-    ) -> Timer:
-        """Return a timer on the steady clock, which trip time cannot stop or speed up."""
+    def every(self, period_s: float, callback: Callable[[], None]) -> Timer:
+        """Return a timer on a steady clock, which trip time cannot stop or speed up."""
         name = f"the timer of {getattr(callback, '__name__', 'a callback')}"
         guarded = partial(self.guard, name, callback)
-        return self.create_timer(period_s, guarded, clock=clock or self._steady_clock)
+        return self.create_timer(period_s, guarded, clock=next(self._steady_clocks))
 
     def show_life(self) -> None:
         """Publish signs of life until the node is destroyed."""
         self._heartbeat = Heartbeat(self)
-
-    def let_listeners_receive(self, until_s: float) -> None:
-        """Wait until listeners have received the last messages, at most until a steady time."""
-        for publisher in self.publishers if self.context.ok() else ():
-            publisher.wait_for_all_acked(Duration(seconds=max(0.0, until_s - time.monotonic())))
 
     def destroy_node(self) -> None:
         """End the signs of life, too."""
@@ -215,7 +206,7 @@ class SuiteNode(Node):
     def watch_peers(self, *topics: Topic) -> None:
         """Look every second whether topics that one node of the graph publishes have several publishers."""
         self._sole = {topic: TOPICS[topic].publisher for topic in topics}
-        self.every(_GRAPH_PERIOD_S, self._count_publishers, self._upkeep_clock)
+        self.every(_GRAPH_PERIOD_S, self._count_publishers)
 
     def _count_publishers(self) -> None:
         for topic, who in self._sole.items():

@@ -164,7 +164,6 @@ class NodeQuestions:
 
     def close(self) -> None:
         """Stop asking."""
-        self._executor.remove_node(self._node)
         self._executor.shutdown()
         self._node.destroy_node()
 
