@@ -226,7 +226,7 @@ def test_it_goes_on_from_a_saved_memory(controller: Controller) -> None:
     def noisy(tick: int) -> Measurements:
         measured = at(100.0 + tick, acceleration_m_s2=0.3 * math.sin(tick - 2.0))
         state, leader = measured.state, measured.leader
-        moved_m = float(random.normal(0.0, 1.0))
+        moved_m = float(random.normal(0.0, 0.5))
         return replace(
             measured,
             state=replace(state, speed_m_s=state.speed_m_s + float(random.normal(0.0, 0.3))),
