@@ -18,13 +18,13 @@ from iptm_vehicle_interface.vehicle import load_vehicle
 
 
 def test_the_suite_drives_the_bench_in_steps_and_twice_the_same() -> None:
-    logs = [
-        BenchInSteps("us06", "reference", ("enable_button", 4.0, 0.3, 10.0)).drive(14.0)
-        for _ in range(2)
-    ]
+    pressed_s, held_s, end_s = 4.0, 0.3, 14.0
+    press = ("enable_button", pressed_s, held_s, 10.0)
+    logs = [BenchInSteps("us06", "reference", press).drive(end_s) for _ in range(2)]
     assert logs[0] == logs[1]
     assert logs[0]["engagements"] == 1
-    assert logs[0]["active_s"] == pytest.approx(10.0, abs=0.1)
+    # It arms when the button is released.
+    assert logs[0]["active_s"] == pytest.approx(end_s - pressed_s - held_s, abs=0.1)
     assert logs[0]["oldest_command_s"] <= 0.03
     assert logs[0]["smallest_gap_m"] > 3.0
     assert 15.0 < logs[0]["distance_m"] < 40.0

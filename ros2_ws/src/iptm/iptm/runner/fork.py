@@ -11,6 +11,7 @@ import gc
 import os
 import signal
 import sys
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
 from multiprocessing import get_context
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 
 PYTHON = (sys.executable, "-m", "iptm_core")
 """Start of the command of a program of the suite; its module and arguments follow."""
+_LOOK_AFTER_S, _LEAST_SHARE = 10.0, 0.1
+"""A companion that is waited for and takes a smaller share of a processor in that time is replaced."""
 _SET_PARENT_DEATH_SIGNAL, _SET_NAME = 1, 15  # PR_SET_PDEATHSIG and PR_SET_NAME of prctl(2)
 # Looked up now: between fork and exec only the plainest things are safe.
 _C_LIBRARY = ctypes.CDLL(None) if sys.platform == "linux" else None
@@ -152,6 +155,7 @@ class Companion(AbstractContextManager["Companion"]):
 
     def __init__(self, log: Path, niceness: int = 0) -> None:
         self._log = log
+        self._waiting: deque[tuple[Callable[..., Any], tuple[Any, ...]]] = deque()
         context: ForkContext | SpawnContext = (
             get_context("fork") if has_one_thread() else get_context("spawn")
         )
@@ -164,22 +168,43 @@ class Companion(AbstractContextManager["Companion"]):
 
     def request(self, function: Callable[..., Any], *arguments: Any) -> None:
         """Begin to call a function of this module."""
+        if function is not prepare:
+            self._waiting.append((function, arguments))
         with suppress(BrokenPipeError):  # the answer is missing then
             self._requests.send((function, arguments))
 
     def answer(self) -> Any:
         """Wait for the end of the oldest request: the run that was driven, or None for a picture.
 
+        On a busy machine a process of low priority may hardly run, and one that hangs does not run at all:
+        such a process is ended, and its request answered here.
+
         Raises:
             IptmError: the request, or the process, failed.
         """
+        function, arguments = self._waiting.popleft()
         try:
+            while not self._requests.poll():
+                before_s = self._processor_time_s()
+                if self._requests.poll(_LOOK_AFTER_S):
+                    break
+                if self._processor_time_s() - before_s < _LEAST_SHARE * _LOOK_AFTER_S:
+                    self._process.kill()
+                    return function(*arguments)
             answer = self._requests.recv()
         except (EOFError, ConnectionResetError):
             raise DriveError(f"the process beside the run ended; see {self._log}") from None
         if isinstance(answer, Exception):
             raise answer
         return answer
+
+    def _processor_time_s(self) -> float:
+        """Return the processor time that the process has taken, 0 where the system does not state it."""
+        try:
+            fields = Path(f"/proc/{self._process.pid}/stat").read_text().rpartition(")")[2].split()
+        except OSError:
+            return 0.0
+        return sum(map(int, fields[11:13])) / os.sysconf("SC_CLK_TCK")
 
     def __exit__(self, *error: object) -> None:
         """End the process."""
