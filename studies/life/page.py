@@ -15,6 +15,7 @@ from studies.savings import BASELINE, ROAD_COLUMNS
 from iptm import climate
 from iptm.service_life import life as losses
 from iptm.service_life import year
+from iptm_controller.production import ProductionSettings
 from iptm_core.aging_laws.cells import AGING_CELLS, Experiments
 from iptm_core.markdown import table_of
 from iptm_core.units import CELSIUS_ZERO_K
@@ -66,6 +67,7 @@ def life_values(rows: pd.DataFrame, decided: pd.DataFrame, roads: pd.DataFrame) 
         "life": life,
         "losses": losses,
         "own_law": own_law,
+        "production": ProductionSettings(),
         "trips": trips,
         "usage": year,
         "year": year,
