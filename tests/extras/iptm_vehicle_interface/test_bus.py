@@ -26,9 +26,19 @@ def message(data: bytes = b"\1\2\3", frame_id: int = 0x123) -> can.Message:
     return can.Message(arbitration_id=frame_id, data=data, is_extended_id=False, timestamp=0.0)
 
 
+def test_a_bench_takes_no_port_of_another_one() -> None:
+    first = free_ports(os.getpid())
+    bus = open_bus(f"udp:{first + 1}")
+    try:
+        assert abs(free_ports(os.getpid()) - first) > 1
+    finally:
+        bus.shutdown()
+    assert free_ports(os.getpid()) == first
+
+
 def test_a_datagram_to_another_address_of_the_machine_does_not_arrive() -> None:
     """Neither one to the address of its network, nor one to the group on another interface."""
-    port = free_ports(os.getpid() + 7)
+    port = free_ports(os.getpid())
     bus = open_bus(f"udp:{port}")
     try:
         data = pack_message(message())

@@ -90,6 +90,16 @@ class LoopbackBus:
         self._socket.close()
 
 
+def is_unused(port: int) -> bool:
+    """Return whether no process of this machine has a bus on the port."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind((LOOPBACK_GROUP, port))
+        except OSError:
+            return False
+    return True
+
+
 def open_bus(address: str, *, fd: bool = False) -> Any:
     """Open a bus, ``INTERFACE:CHANNEL``: ``socketcan:can0``, ``pcan:PCAN_USBBUS1``, ``udp:43113``.
 

@@ -26,6 +26,7 @@ from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.program import EXIT_OK, EXIT_REFUSED, refused
 from iptm_core.units import J_PER_KWH
 from iptm_ros.discovery import reserve_domain, without_shared_memory
+from iptm_vehicle_interface.bus import is_unused
 from iptm_vehicle_interface.driving import controller_limits
 from iptm_vehicle_interface.vehicle import load_vehicle
 
@@ -52,12 +53,19 @@ _MODULES = {
 
 
 def free_ports(number: int) -> int:
-    """Return the first of three UDP ports that no DDS domain uses, another one for most numbers.
+    """Return the first of three unused UDP ports outside the ranges of DDS, a different one for most numbers.
 
     DDS takes the first ones of every 250 from 7400 on (RTPS 2.5, 9.6.2.3).
+
+    Raises:
+        ScenarioError: all ports are in use.
     """
-    domain, place = number % 150, number // 150 % 30
-    return 7400 + 250 * (50 + domain) + 160 + 3 * place
+    for attempt in range(number, number + 4500):
+        domain, place = attempt % 150, attempt // 150 % 30
+        first = 7400 + 250 * (50 + domain) + 160 + 3 * place
+        if all(is_unused(port) for port in range(first, first + 3)):
+            return first
+    raise ScenarioError("no UDP ports are free for the bench; allowed: three in a row above 19900")
 
 
 @dataclass(frozen=True)
