@@ -11,6 +11,7 @@ import iptm
 from iptm.closed_loop import run_closed_loop
 from iptm_controller.controller import Controller
 from iptm_controller.measurements import Measurements
+from iptm_controller.ocp.data import SLOPE_DIFFERENCE_M
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import Command, FloatArray
 from iptm_fmi.unit import ROAD_ROOM
@@ -58,8 +59,11 @@ class Recorded:
 
 
 def road_inputs(slope: Any, position_m: float) -> dict[str, Any]:
-    """Return the nodes of a road from a position on."""
-    first = max(int(np.searchsorted(slope.positions_m, position_m, side="right")) - 1, 0)
+    """Return the nodes of a road from where the controller looks back to, which is behind a position."""
+    first = max(
+        int(np.searchsorted(slope.positions_m, position_m - SLOPE_DIFFERENCE_M, side="right")) - 1,
+        0,
+    )
     part = slice(first, first + ROAD_ROOM)
     nodes: FloatArray = slope.positions_m[part]
     return {

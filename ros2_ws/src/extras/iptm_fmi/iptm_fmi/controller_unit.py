@@ -23,9 +23,15 @@ def controller_unit(parameters: ModelParameters, options: ControllerOptions) -> 
     nodes = controller.grid.steps + 1
     sources = {
         **controller_code(controller),
-        **C_SOURCES.read("controller_unit.c", "controller_memory.h", "road.h"),
+        **C_SOURCES.read("controller_unit.c", "controller_memory.h", "descent.h", "road.h"),
     }
-    sizes = f"#define IPTM_PLAN_NODES {nodes}\n#define IPTM_TICK_S {literal(options.tick_s)}\n"
+    numbers = {
+        "TICK_S": options.tick_s,
+        "BRAKE_DELAY_S": parameters.brakes.delay_s,
+        "BRAKE_BUILD_UP_M_S3": parameters.brakes.build_up_m_s3,
+    }
+    sizes = f"#define IPTM_PLAN_NODES {nodes}\n"
+    sizes += "".join(f"#define IPTM_{name} {literal(value)}\n" for name, value in numbers.items())
     sources["unit_memory.h"] = sizes + sources.pop("controller_memory.h")
     variables = [*_vehicle(parameters), *_ahead(), *road_variables(), *_decision(nodes)]
     places = {"CELL_1_LOSS": "cell_1_capacity_loss", "CELL_N_LOSS": "cell_n_capacity_loss"}

@@ -14,6 +14,7 @@ from iptm_core.c_sources import CSources
 C_SOURCES = CSources(
     Path(__file__).resolve().parent / "c",
     {
+        "descent": ("iptm_controller.lead_check", "iptm_core.braking"),
         "plant": (
             "iptm_controller.ladder",
             "iptm_core.physics.cell",
@@ -160,7 +161,7 @@ def road_variables() -> list[Variable]:
             "road_position",
             Kind.INPUT,
             "m",
-            "increasing positions of the nodes along the road",
+            "increasing positions of the nodes along the road, from 25 m behind the vehicle on",
             size=ROAD_ROOM,
         ),
         Variable(

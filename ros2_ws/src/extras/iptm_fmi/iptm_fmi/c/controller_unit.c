@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "descent.h"
 #include "road.h"
 #include "unit.h"
 #include "unit_constants.h"
@@ -60,6 +61,9 @@ static void decide(iptm_state *now) {
     slope.nodes = 1;
     slope.positions_m = slope.slopes_rad = &nowhere;
   }
+  leader.position_m -= iptm_steep_m(
+      &iptm_limits_of_model, leader.speed_m_s, vehicle.speed_m_s,
+      iptm_slope_at(slope.nodes, slope.positions_m, slope.slopes_rad, vehicle.position_m));
   inputs.vehicle = &vehicle;
   inputs.leader = &leader;
   inputs.preview = &preview;
