@@ -6,6 +6,7 @@ import json
 import os
 import re
 import signal
+import time
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
@@ -112,14 +113,31 @@ def test_a_string_is_that_of_the_loop_without_ros_and_can_be_watched(
     assert (output / "string.png").is_file()
 
 
-@pytest.mark.slow
-def test_a_string_drives_in_real_time(launcher: Any, tmp_path: Path) -> None:
-    """Slow: on a busy machine the second car stood still in one of several runs, without its leader."""
+def children_of(pid: int) -> dict[int, str]:
+    """Return the names of the processes that a process has started, by their ids."""
+    children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    return {int(each): Path(f"/proc/{each}/comm").read_text().strip() for each in children}
+
+
+def process_of(runner: int, member: str) -> int:
+    """Return the process of a runner whose name begins with a member."""
+    (pid,) = (pid for pid, name in children_of(runner).items() if name.startswith(member))
+    return pid
+
+
+def test_a_string_in_real_time_stays_together_when_a_process_was_late(
+    launcher: Any, tmp_path: Path, wait_until: Callable[..., None]
+) -> None:
     output = tmp_path / "run"
     pace = ("--mode", "real_time", "--rate-factor", "5")
     runner = launcher.start_module(
         MODULE, "--vehicles", "2", *OPTIONS, *pace, "--output", output, ROS_DOMAIN_ID=""
     )
+    wait_until(lambda: f" of {TICKS} s (" in runner.stdout, RUN_TIMEOUT_S, "the trip")
+    first = process_of(runner.popen.pid, "car_1")
+    os.kill(first, signal.SIGSTOP)
+    time.sleep(5.0 / 5.0)  # five ticks
+    os.kill(first, signal.SIGCONT)
     assert runner.wait(RUN_TIMEOUT_S) == 0, runner.stdout + runner.stderr
     for name in ("car_1", "car_2"):
         results = json.loads((output / name / "results.json").read_text("utf-8"))
@@ -127,14 +145,9 @@ def test_a_string_drives_in_real_time(launcher: Any, tmp_path: Path) -> None:
         run = read_trajectory(output / name, name)
         assert run.time_s[-1] == TICKS
         assert run.gap_m.min() > 0.0
+        assert run.speed_m_s.max() > 5.0
         # Most ticks are answered in time, with the plan of the vehicle ahead.
         assert np.mean(read_decisions(output / name, name).rung == Rung.OPTIMAL) > 0.5
-
-
-def children_of(pid: int) -> dict[int, str]:
-    """Return the names of the processes that a process has started, by their ids."""
-    children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
-    return {int(each): Path(f"/proc/{each}/comm").read_text().strip() for each in children}
 
 
 @pytest.mark.parametrize("member", ["car_1", "recorder"])
@@ -154,8 +167,7 @@ def test_a_member_that_dies_is_named_and_ends_the_string_with_sound_bags(
     before = recorded()
     wait_until(lambda: recorded() > before + 100_000, RUN_TIMEOUT_S, "messages of car_2")
     processes = children_of(runner.popen.pid)
-    (pid,) = (pid for pid, name in processes.items() if name.startswith(member))
-    os.kill(pid, signal.SIGKILL)
+    os.kill(process_of(runner.popen.pid, member), signal.SIGKILL)
     assert runner.wait(RUN_TIMEOUT_S) == 1, runner.stdout + runner.stderr
     assert re.search(rf"{member}\S* was killed by signal 9 \(SIGKILL\) at ", runner.stderr)
     wait_until(

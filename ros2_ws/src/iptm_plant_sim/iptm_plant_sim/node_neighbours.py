@@ -5,10 +5,11 @@ Measurements of the vehicle ahead are joined with commands by their stamps.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from functools import partial
 
 from rclpy.timer import Timer
-from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 
 from iptm_core.lead_track import RangeTrack
@@ -18,12 +19,15 @@ from iptm_plant_sim.node_parameters import PlantNodeParameters
 from iptm_ros.codecs import (
     decode_leader_preview,
     encode_tracks,
-    ns_from_time,
     stamp_ns_of,
 )
 from iptm_ros.node_health import VehiclePresence
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import TOPICS, Topic, topic_of
+
+LONGEST_SILENCE_S, _SILENT_PERIODS = 3.0, 3.0
+"""Real time: wall time, and periods, after which a neighbour without a clock is not waited for until it is
+back. A paused one repeats its clock."""
 
 
 class Neighbours:
@@ -32,27 +36,36 @@ class Neighbours:
     The state of an instant is published when the vehicle ahead has planned at that instant, so that the
     answer to the state waits for nothing from elsewhere, and when the vehicle behind has published the
     instant before, so that no vehicle falls behind further than the queues reach. A neighbour that has left
-    the graph is not waited for. This affects the timing only: the numbers depend on stamps. In real time the
-    wall clock keeps the vehicles in step.
+    the graph is not waited for. This affects the timing only: the numbers depend on stamps.
+
+    In real time the vehicle ahead need only have reached the instant. A vehicle that misses a tick stays a
+    period behind the wall clock: if the others did not wait for it, the one behind it would not receive its
+    state of an instant before its own next tick, until the end of the trip.
     """
 
     def __init__(
         self, node: SuiteNode, options: PlantNodeParameters, retry: Callable[[], None]
     ) -> None:
         """Listen to the neighbours that there are; `retry` is called when one of them has advanced."""
-        is_in_step = options.mode is LoopMode.LOCK_STEP
-        self._ahead = options.vehicle_ahead if is_in_step else ""
-        self._behind = options.vehicle_behind if is_in_step else ""
         self._period_ns = round(options.period_s * NS_PER_S)
-        self._planned_ns = self._reached_ns = -1
-        self._retry = retry
-        self._presence: dict[str, VehiclePresence] = {}
-        if self._ahead:
-            node.listen(Topic.PLAN, self._on_plan, raw=True, vehicle=self._ahead)
-            self._presence[self._ahead] = VehiclePresence(node, self._ahead, Topic.PLAN, retry)
-        if self._behind:
-            node.listen(Topic.CLOCK, self._on_clock, vehicle=self._behind)
-            self._presence[self._behind] = VehiclePresence(node, self._behind, Topic.CLOCK, retry)
+        self._retry, self._now_s = retry, node.awake.now_s
+        self._reached: dict[str, int] = {}
+        self._heard_s: dict[str, float] = {}
+        first, self._patience_s = Topic.PLAN, math.inf
+        if options.mode is LoopMode.REAL_TIME:
+            wall_period_s = options.period_s / options.rate_factor
+            first = Topic.CLOCK
+            self._patience_s = max(LONGEST_SILENCE_S, _SILENT_PERIODS * wall_period_s)
+        self._needed: dict[str, tuple[VehiclePresence, int]] = {}
+        for vehicle, topic, later_ns in (
+            (options.vehicle_ahead, first, 0),
+            (options.vehicle_behind, Topic.CLOCK, self._period_ns),
+        ):
+            if vehicle:
+                name = topic_of(vehicle, topic)
+                presence = VehiclePresence(node, vehicle, topic, retry)
+                self._needed[name] = presence, later_ns
+                node.listen(topic, partial(self._on_stamped, name), raw=True, vehicle=vehicle)
 
     def allow_answer_to(self, stamp_ns: int) -> bool:
         """Return whether the state that follows the one of a stamp may be published."""
@@ -60,24 +73,19 @@ class Neighbours:
 
     def missing(self, time_ns: int) -> tuple[str, ...]:
         """Return the topics that must advance before the state of an instant may be published."""
-        found = []
-        if self._ahead and self._planned_ns < time_ns and not self._presence[self._ahead].is_gone:
-            found.append(topic_of(self._ahead, Topic.PLAN))
-        before_ns = time_ns - self._period_ns
-        if (
-            self._behind
-            and self._reached_ns < before_ns
-            and not self._presence[self._behind].is_gone
-        ):
-            found.append(topic_of(self._behind, Topic.CLOCK))
-        return tuple(found)
+        return tuple(
+            name
+            for name, (presence, later_ns) in self._needed.items()
+            if self._reached.get(name, -1) < time_ns - later_ns
+            and not presence.is_gone
+            and not self._is_silent(name)
+        )
 
-    def _on_plan(self, data: bytes) -> None:
-        self._planned_ns = stamp_ns_of(data)
-        self._retry()
+    def _is_silent(self, name: str) -> bool:
+        return self._now_s() - self._heard_s.get(name, math.inf) > self._patience_s
 
-    def _on_clock(self, message: Clock) -> None:
-        self._reached_ns = ns_from_time(message.clock)
+    def _on_stamped(self, name: str, data: bytes) -> None:
+        self._reached[name], self._heard_s[name] = stamp_ns_of(data), self._now_s()
         self._retry()
 
 

@@ -70,7 +70,7 @@ class TripNode(SuiteNode):
         self.use_frame_prefix(self._options.frame_prefix)
         self._trip = self._options.build_trip()
         self._phase = TripPhase.WAITING
-        self._is_start_due = self._pause_due = False
+        self._is_start_due = self._pause_due = self._is_tick_due = False
         self._offered_to: tuple[int, ...] = ()
         self._steps_due = self._controller_losses = 0
         self._controller_lost = False
@@ -93,7 +93,8 @@ class TripNode(SuiteNode):
         self._answers = Watchdog(reported_s, lambda _: self._report()).attach(self)
         self.watch_peers(Topic.PLANT_STATE, Topic.COMMAND)
         self._held: tuple[int, Command] | None = None
-        self._neighbours = Neighbours(self, self._options, self._release)
+        go_on = self._drive_if_due if self._is_real_time else self._release
+        self._neighbours = Neighbours(self, self._options, go_on)
         self._range_sensor = NodeRangeSensor(self, self._options, self._release)
         self._trip.watch(self._range_sensor.measure)
         self._commands = self.listen(Topic.COMMAND, self._on_command)
@@ -157,6 +158,7 @@ class TripNode(SuiteNode):
 
     def _let_time_run(self) -> None:
         """Real time: the next tick lies one period ahead of now."""
+        self._is_tick_due = False
         if self._tick_timer is not None and self._schedule is not None:
             self._schedule.begin_again()
             self._tick_timer.reset()
@@ -170,7 +172,10 @@ class TripNode(SuiteNode):
 
     def _release(self) -> None:
         """Take the newest command as soon as neighbours and range sensor allow it."""
-        if self._held is None or not self._neighbours.allow_answer_to(self._held[0]):
+        if self._held is None:
+            return
+        # In real time the wall clock drives, with the newest command.
+        if not (self._is_real_time or self._neighbours.allow_answer_to(self._held[0])):
             return
         answers_now = self._held[0] == self._trip.stamp_ns
         if not answers_now or self._range_sensor.allows_answer_to(self._held[0]):
@@ -285,9 +290,20 @@ class TripNode(SuiteNode):
             self._outputs[Topic.CLOCK].publish(encode_clock(time_ns))
 
     def _on_wall_tick(self) -> None:
-        if self._phase in {TripPhase.PAUSED, TripPhase.FINISHED} or self._schedule is None:
+        if self._schedule is not None:
+            self._schedule.keep()
+            self._schedule.overruns += self._is_tick_due
+            self._is_tick_due = True
+            self._drive_if_due()
+
+    def _drive_if_due(self) -> None:
+        """Real time: drive the interval of a tick as soon as the neighbours allow it."""
+        is_held = self._phase in {TripPhase.PAUSED, TripPhase.FINISHED}
+        if is_held or not self._is_tick_due:
             return
-        self._schedule.keep()
+        if not self._neighbours.allow_answer_to(self._trip.stamp_ns):
+            return
+        self._is_tick_due = False
         self._judge_command_age()
         self._phase = TripPhase.STOPPING if self._controller_lost else TripPhase.RUNNING
         self._advance(*self._hold.command_at(self._trip.stamp_ns))
