@@ -9,7 +9,7 @@ import pytest
 from iptm_controller.options import ControllerOptions
 from iptm_core.parameters import load_parameters
 from iptm_fmi.controller_unit import controller_unit
-from iptm_fmi.fmu_file import write_fmu
+from iptm_fmi.fmu_file import VERSIONS, write_fmus
 from iptm_fmi.plant_unit import meter_unit, plant_unit
 
 SET = "paper_calibrated"
@@ -17,12 +17,11 @@ SET = "paper_calibrated"
 
 @pytest.fixture(scope="session")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder with plant and meter of the paper's set, and its controller, for both versions."""
+    """Folder with plant and meter of the paper's set for both versions."""
     folder = tmp_path_factory.mktemp("fmus")
     parameters = load_parameters(SET).values
-    for version in (2, 3):
-        write_fmu(folder / f"plant_{version}.fmu", plant_unit(parameters), version)
-        write_fmu(folder / f"meter_{version}.fmu", meter_unit(parameters), version)
+    write_fmus(versions(folder, "plant"), plant_unit(parameters))
+    write_fmus(versions(folder, "meter"), meter_unit(parameters))
     return folder
 
 
@@ -30,6 +29,10 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def controllers(made: Path) -> Path:
     """The same folder, with the controller."""
     unit = controller_unit(load_parameters(SET).values, ControllerOptions())
-    for version in (2, 3):
-        write_fmu(made / f"controller_{version}.fmu", unit, version)
+    write_fmus(versions(made, "controller"), unit)
     return made
+
+
+def versions(folder: Path, name: str) -> dict[int, Path]:
+    """Return the files of a unit by version."""
+    return {version: folder / f"{name}_{version}.fmu" for version in VERSIONS}

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import atexit
 import shutil
 from collections.abc import Mapping
+from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -19,13 +21,26 @@ SLAVES = {
 }
 
 
+@lru_cache
+def unpacked(path: Path) -> tuple[Any, str]:
+    """Return the description of an FMU and a folder with its files, which is removed at the end."""
+    folder = fmpy.extract(str(path))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return fmpy.read_model_description(str(path)), folder
+
+
 class Instance:
     """An instance of an FMU for co-simulation of either version; use it as a context manager."""
 
-    def __init__(self, path: Path, starts: Mapping[str, Any] | None = None, start_s: float = 0.0):
-        described = fmpy.read_model_description(str(path))
+    def __init__(
+        self,
+        path: Path,
+        starts: Mapping[str, Any] | None = None,
+        start_s: float = 0.0,
+        token: str | None = None,
+    ) -> None:
+        described, folder = unpacked(path)
         self.is_3 = described.fmiVersion.startswith("3")
-        self.folder = fmpy.extract(str(path))
         self.places: dict[str, list[int]] = {}
         for variable in described.modelVariables:
             name = variable.name.partition("[")[0]
@@ -36,8 +51,8 @@ class Instance:
         self.messages: list[str] = []
         kind = SLAVES[3 if self.is_3 else 2]
         self.unit = kind(
-            guid=described.guid if not self.is_3 else described.instantiationToken,
-            unzipDirectory=self.folder,
+            guid=token or (described.instantiationToken if self.is_3 else described.guid),
+            unzipDirectory=folder,
             modelIdentifier=described.coSimulation.modelIdentifier,
             instanceName="one",
         )
@@ -76,4 +91,3 @@ class Instance:
     def __exit__(self, *error: object) -> None:
         self.unit.terminate()
         self.unit.freeInstance()
-        shutil.rmtree(self.folder, ignore_errors=True)

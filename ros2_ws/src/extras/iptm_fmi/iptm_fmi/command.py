@@ -18,7 +18,7 @@ from iptm_core.parameters import DEFAULT_SET, load_parameters
 from iptm_core.parameters.loading import parse_overrides
 from iptm_core.program import EXIT_OK, refused
 from iptm_fmi.controller_unit import controller_unit
-from iptm_fmi.fmu_file import VERSIONS, write_fmu
+from iptm_fmi.fmu_file import VERSIONS, write_fmus
 from iptm_fmi.plant_unit import meter_unit, plant_unit
 from iptm_fmi.unit import Unit
 
@@ -51,15 +51,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = build_parser().parse_args(arguments)
     try:
         unit = _unit(given)
-        for version in VERSIONS if given.fmi == BOTH else (int(given.fmi),):
-            path = given.file
-            if given.fmi == BOTH:
-                path = path.with_name(f"{path.stem}_fmi{version}{path.suffix}")
-            write_fmu(path, unit, version)
+        paths = _paths(given.file, given.fmi)
+        write_fmus(paths, unit)
+        for path in paths.values():
             print(f"{path}: {unit.text}; {path.stat().st_size / 1024.0:.0f} kB")
     except (IptmError, OSError) as reason:
         return refused(PROGRAM, reason)
     return EXIT_OK
+
+
+def _paths(file: Path, fmi: str) -> dict[int, Path]:
+    if fmi != BOTH:
+        return {int(fmi): file}
+    return {
+        version: file.with_name(f"{file.stem}_fmi{version}{file.suffix}") for version in VERSIONS
+    }
 
 
 def _unit(given: argparse.Namespace) -> Unit:

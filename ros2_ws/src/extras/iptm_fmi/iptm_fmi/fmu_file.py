@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import tempfile
 import zipfile
+from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -22,7 +23,6 @@ FLAGS = (
     "-fno-math-errno",
     "-fvisibility=hidden",
     "-fPIC",
-    "-shared",
 )
 HEADERS = ("Functions.h", "FunctionTypes.h")
 _TYPES = {2: "fmi2TypesPlatform.h", 3: "fmi3PlatformTypes.h"}
@@ -31,30 +31,32 @@ _DATE = (2000, 1, 1, 0, 0, 0)
 """Of every file inside: the same unit gives the same bytes."""
 
 
-def write_fmu(path: Path, unit: Unit, version: int) -> None:
-    """Write an FMU; without a C compiler it holds the sources only.
+def write_fmus(paths: Mapping[int, Path], unit: Unit) -> None:
+    """Write a unit as FMUs by version; without a C compiler they hold the sources only.
 
     Raises:
         ScenarioError: FMPy, whose headers of FMI are used, is not installed.
         SolverSetupError: the library cannot be compiled.
-        OSError: the file cannot be written.
+        OSError: a file cannot be written.
     """
-    files = {**unit.files(version), **headers(version)}
-    names = source_names(unit, version)
-    contents: dict[str, bytes] = {
-        "modelDescription.xml": description(unit, version).encode(),
-        "sources/CMakeLists.txt": _cmake(unit, names).encode(),
-    }
-    if version == 3:
-        contents["sources/buildDescription.xml"] = build_description(unit).encode()
-    contents |= {f"sources/{name}": text.encode() for name, text in files.items()}
+    files = {version: {**unit.files(version), **headers(version)} for version in paths}
     compiler = installed_compiler()
-    if compiler is not None:
-        contents[f"{library_folder(version)}/{unit.name}.so"] = compiled(files, names, compiler)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name in sorted(contents):
-            archive.writestr(zipfile.ZipInfo(name, _DATE), contents[name], zipfile.ZIP_DEFLATED)
+    libraries = {} if compiler is None else compiled(files, compiler)
+    for version, path in paths.items():
+        contents: dict[str, bytes] = {
+            "modelDescription.xml": description(unit, version).encode(),
+            "sources/CMakeLists.txt": _cmake(unit, source_names(unit, version)).encode(),
+        }
+        if version == 3:
+            contents["sources/buildDescription.xml"] = build_description(unit).encode()
+        contents |= {f"sources/{name}": text.encode() for name, text in files[version].items()}
+        if version in libraries:
+            contents[f"{library_folder(version)}/{unit.name}.so"] = libraries[version]
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name in sorted(contents):
+                entry = zipfile.ZipInfo(name, _DATE)
+                archive.writestr(entry, contents[name], zipfile.ZIP_DEFLATED)
 
 
 def headers(version: int) -> dict[str, str]:
@@ -81,37 +83,50 @@ def library_folder(version: int) -> str:
     return "binaries/linux64" if machine == "x86_64" else f"binaries/{machine}-linux"
 
 
-def compiled(files: dict[str, str], names: list[str], compiler: tuple[str, ...]) -> bytes:
-    """Return the shared library of some of the files.
+def compiled(files: Mapping[int, Mapping[str, str]], compiler: tuple[str, ...]) -> dict[int, bytes]:
+    """Return the shared libraries of files by version; what they have in common is compiled once.
 
     Raises:
         SolverSetupError: the compiler fails.
     """
+    sources = {version: {n for n in names if n.endswith(".c")} for version, names in files.items()}
+    shared = sorted(set.intersection(*sources.values()))
+    objects = [f"{name[:-2]}.o" for name in shared]
+    found = {}
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made)
-        for name, text in files.items():
-            (folder / name).write_text(text, "utf-8")
-        command = [*compiler, *FLAGS, "-o", "unit.so", *names, "-lm"]
-        try:
-            done = subprocess.run(  # noqa: S603 - the compiler is found on the user's own path
-                command,
-                cwd=folder,
-                capture_output=True,
-                text=True,
-                timeout=COMPILE_TIMEOUT_S,
-                check=False,
-            )
-        except subprocess.TimeoutExpired:
-            raise SolverSetupError(
-                f"compiler {compiler[0]} did not finish within {COMPILE_TIMEOUT_S:g} s"
-            ) from None
-        if done.returncode != 0:
-            lines = [line for line in done.stderr.splitlines() if "error" in line]
-            raise SolverSetupError(f"compiler {compiler[0]} failed: {(lines or ['no message'])[0]}")
-        strip = shutil.which("strip")
-        if strip is not None:
-            subprocess.run([strip, "unit.so"], cwd=folder, check=False, timeout=60.0)  # noqa: S603
-        return (folder / "unit.so").read_bytes()
+        for texts in files.values():
+            for name, text in texts.items():
+                (folder / name).write_text(text, "utf-8")
+        _run([*compiler, *FLAGS, "-c", *shared], folder)
+        for version, names in sources.items():
+            rest = sorted(names - {*shared})
+            library = f"{version}.so"
+            _run([*compiler, *FLAGS, "-shared", "-o", library, *rest, *objects, "-lm"], folder)
+            strip = shutil.which("strip")
+            if strip is not None:
+                subprocess.run([strip, library], cwd=folder, check=False, timeout=60.0)  # noqa: S603
+            found[version] = (folder / library).read_bytes()
+    return found
+
+
+def _run(command: Sequence[str], folder: Path) -> None:
+    try:
+        done = subprocess.run(  # noqa: S603 - the compiler is found on the user's own path
+            command,
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            timeout=COMPILE_TIMEOUT_S,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        raise SolverSetupError(
+            f"compiler {command[0]} did not finish within {COMPILE_TIMEOUT_S:g} s"
+        ) from None
+    if done.returncode != 0:
+        lines = [line for line in done.stderr.splitlines() if "error" in line]
+        raise SolverSetupError(f"compiler {command[0]} failed: {(lines or ['no message'])[0]}")
 
 
 def _cmake(unit: Unit, names: list[str]) -> str:

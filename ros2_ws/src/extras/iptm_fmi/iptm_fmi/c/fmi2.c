@@ -54,18 +54,12 @@ fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean defined, fmi2Real to
                                fmi2Boolean ends, fmi2Real stop_s) {
   component *const one = (component *)c;
   (void)defined, (void)tolerance, (void)ends, (void)stop_s;
-  if (!(start_s > -1e12 && start_s < 1e12))
-    return given(one, iptm_fail(&one->unit, IPTM_REFUSED, "the start is at %g s; allowed: finite", start_s));
-  one->unit.now.time_s = start_s;
-  return fmi2OK;
+  return given(one, iptm_start_at(&one->unit, start_s));
 }
 
 fmi2Status fmi2EnterInitializationMode(fmi2Component c) {
   component *const one = (component *)c;
-  if (one->unit.now.phase != IPTM_MADE)
-    return given(one, iptm_fail(&one->unit, IPTM_REFUSED, "the initialization is entered twice"));
-  one->unit.now.phase = IPTM_STARTING;
-  return fmi2OK;
+  return given(one, iptm_enter(&one->unit, one->unit.now.time_s));
 }
 
 fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
@@ -105,51 +99,36 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time_s, fmi2Real length_s, fmi2B
   return given(one, iptm_step(&one->unit, time_s, length_s));
 }
 
-/* States of the FMU. */
 fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state) {
   component *const one = (component *)c;
-  if (*state == NULL) *state = malloc(sizeof(iptm_state));
-  if (*state == NULL) return given(one, iptm_fail(&one->unit, IPTM_REFUSED, "no memory for a state"));
-  memcpy(*state, &one->unit.now, sizeof(iptm_state));
-  return fmi2OK;
+  return given(one, iptm_keep(&one->unit, state));
 }
 
 fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state) {
   component *const one = (component *)c;
-  return given(one, iptm_restore(&one->unit, (const iptm_state *)state));
+  return given(one, iptm_restore(&one->unit, state));
 }
 
 fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state) {
   (void)c;
-  free(*state);
-  *state = NULL;
+  iptm_drop(state);
   return fmi2OK;
 }
 
 fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_t *size) {
   (void)c, (void)state;
-  *size = sizeof(iptm_state);
+  *size = IPTM_STATE_BYTES;
   return fmi2OK;
 }
 
 fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size) {
   component *const one = (component *)c;
-  if (state == NULL || size < sizeof(iptm_state))
-    return given(one, iptm_fail(&one->unit, IPTM_REFUSED, "%u bytes for a state of %u", (unsigned)size,
-                                (unsigned)sizeof(iptm_state)));
-  memcpy(bytes, state, sizeof(iptm_state));
-  return fmi2OK;
+  return given(one, iptm_to_bytes(&one->unit, state, bytes, size));
 }
 
 fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state) {
   component *const one = (component *)c;
-  if (size != sizeof(iptm_state))
-    return given(one, iptm_fail(&one->unit, IPTM_REFUSED, "%u bytes; allowed: a state of %u", (unsigned)size,
-                                (unsigned)sizeof(iptm_state)));
-  if (*state == NULL) *state = malloc(sizeof(iptm_state));
-  if (*state == NULL) return fmi2Error;
-  memcpy(*state, bytes, sizeof(iptm_state));
-  return fmi2OK;
+  return given(one, iptm_from_bytes(&one->unit, bytes, size, state));
 }
 
 /* What a unit of real values has none of. */

@@ -50,13 +50,7 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean defined, fmi3
                                        fmi3Float64 start_s, fmi3Boolean ends, fmi3Float64 stop_s) {
   component *const one = (component *)c;
   (void)defined, (void)tolerance, (void)ends, (void)stop_s;
-  if (one->unit.now.phase != IPTM_MADE)
-    return given(one, iptm_fail(&one->unit, IPTM_REFUSED, "the initialization is entered twice"));
-  if (!(start_s > -1e12 && start_s < 1e12))
-    return given(one, iptm_fail(&one->unit, IPTM_REFUSED, "the start is at %g s; allowed: finite", start_s));
-  one->unit.now.time_s = start_s;
-  one->unit.now.phase = IPTM_STARTING;
-  return fmi3OK;
+  return given(one, iptm_enter(&one->unit, start_s));
 }
 
 fmi3Status fmi3ExitInitializationMode(fmi3Instance c) {
@@ -118,49 +112,34 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 time_s, fmi3Float64 length_s, 
   return given(one, result);
 }
 
-/* States of the FMU. */
 fmi3Status fmi3GetFMUState(fmi3Instance c, fmi3FMUState *state) {
   component *const one = (component *)c;
-  if (*state == NULL) *state = malloc(sizeof(iptm_state));
-  if (*state == NULL) return given(one, iptm_fail(&one->unit, IPTM_REFUSED, "no memory for a state"));
-  memcpy(*state, &one->unit.now, sizeof(iptm_state));
-  return fmi3OK;
+  return given(one, iptm_keep(&one->unit, state));
 }
 
 fmi3Status fmi3SetFMUState(fmi3Instance c, fmi3FMUState state) {
   component *const one = (component *)c;
-  return given(one, iptm_restore(&one->unit, (const iptm_state *)state));
+  return given(one, iptm_restore(&one->unit, state));
 }
 
 fmi3Status fmi3FreeFMUState(fmi3Instance c, fmi3FMUState *state) {
   (void)c;
-  free(*state);
-  *state = NULL;
+  iptm_drop(state);
   return fmi3OK;
 }
 
 fmi3Status fmi3SerializedFMUStateSize(fmi3Instance c, fmi3FMUState state, size_t *size) {
   (void)c, (void)state;
-  *size = sizeof(iptm_state);
+  *size = IPTM_STATE_BYTES;
   return fmi3OK;
 }
 
 fmi3Status fmi3SerializeFMUState(fmi3Instance c, fmi3FMUState state, fmi3Byte bytes[], size_t size) {
   component *const one = (component *)c;
-  if (state == NULL || size < sizeof(iptm_state))
-    return given(one, iptm_fail(&one->unit, IPTM_REFUSED, "%u bytes for a state of %u", (unsigned)size,
-                                (unsigned)sizeof(iptm_state)));
-  memcpy(bytes, state, sizeof(iptm_state));
-  return fmi3OK;
+  return given(one, iptm_to_bytes(&one->unit, state, bytes, size));
 }
 
 fmi3Status fmi3DeserializeFMUState(fmi3Instance c, const fmi3Byte bytes[], size_t size, fmi3FMUState *state) {
   component *const one = (component *)c;
-  if (size != sizeof(iptm_state))
-    return given(one, iptm_fail(&one->unit, IPTM_REFUSED, "%u bytes; allowed: a state of %u", (unsigned)size,
-                                (unsigned)sizeof(iptm_state)));
-  if (*state == NULL) *state = malloc(sizeof(iptm_state));
-  if (*state == NULL) return fmi3Error;
-  memcpy(*state, bytes, sizeof(iptm_state));
-  return fmi3OK;
+  return given(one, iptm_from_bytes(&one->unit, bytes, size, state));
 }

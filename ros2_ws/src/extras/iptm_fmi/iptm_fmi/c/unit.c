@@ -7,11 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-iptm_instance *iptm_allocate(void) {
-  iptm_instance *const instance = (iptm_instance *)calloc(1, sizeof(iptm_instance));
-  if (instance != NULL) iptm_reset(instance);
-  return instance;
-}
+static const double LATEST_S = 1e12;
 
 void iptm_reset(iptm_instance *instance) {
   memset(instance, 0, sizeof(*instance));
@@ -63,6 +59,21 @@ iptm_result iptm_write(iptm_instance *instance, unsigned place, double value) {
   return IPTM_DONE;
 }
 
+iptm_result iptm_start_at(iptm_instance *instance, double start_s) {
+  if (!(start_s > -LATEST_S && start_s < LATEST_S))
+    return iptm_fail(instance, IPTM_REFUSED, "the start is at %g s; allowed: within %g s", start_s, LATEST_S);
+  instance->now.time_s = start_s;
+  return IPTM_DONE;
+}
+
+iptm_result iptm_enter(iptm_instance *instance, double start_s) {
+  if (instance->now.phase != IPTM_MADE)
+    return iptm_fail(instance, IPTM_REFUSED, "the initialization is entered twice");
+  if (iptm_start_at(instance, start_s) != IPTM_DONE) return IPTM_REFUSED;
+  instance->now.phase = IPTM_STARTING;
+  return IPTM_DONE;
+}
+
 iptm_result iptm_begin(iptm_instance *instance) {
   if (instance->now.phase != IPTM_STARTING)
     return iptm_fail(instance, IPTM_REFUSED, "the initialization has not been entered");
@@ -91,8 +102,36 @@ iptm_result iptm_step(iptm_instance *instance, double time_s, double length_s) {
   return result;
 }
 
-iptm_result iptm_restore(iptm_instance *instance, const iptm_state *state) {
-  if (state == NULL) return iptm_fail(instance, IPTM_REFUSED, "no state");
-  memcpy(&instance->now, state, sizeof(iptm_state));
+iptm_result iptm_keep(iptm_instance *instance, void **kept) {
+  return iptm_from_bytes(instance, &instance->now, IPTM_STATE_BYTES, kept);
+}
+
+iptm_result iptm_restore(iptm_instance *instance, const void *kept) {
+  if (kept == NULL) return iptm_fail(instance, IPTM_REFUSED, "no state");
+  memcpy(&instance->now, kept, IPTM_STATE_BYTES);
   return IPTM_DONE;
+}
+
+iptm_result iptm_to_bytes(iptm_instance *instance, const void *kept, void *bytes, size_t size) {
+  if (kept == NULL || bytes == NULL || size < IPTM_STATE_BYTES)
+    return iptm_fail(instance, IPTM_REFUSED, "room for %lu bytes; allowed: a state of %lu", (unsigned long)size,
+                     (unsigned long)IPTM_STATE_BYTES);
+  memcpy(bytes, kept, IPTM_STATE_BYTES);
+  return IPTM_DONE;
+}
+
+iptm_result iptm_from_bytes(iptm_instance *instance, const void *bytes, size_t size, void **kept) {
+  if (bytes == NULL || kept == NULL || size != IPTM_STATE_BYTES)
+    return iptm_fail(instance, IPTM_REFUSED, "%lu bytes; allowed: a state of %lu", (unsigned long)size,
+                     (unsigned long)IPTM_STATE_BYTES);
+  if (*kept == NULL) *kept = malloc(IPTM_STATE_BYTES);
+  if (*kept == NULL) return iptm_fail(instance, IPTM_REFUSED, "no memory for a state");
+  memcpy(*kept, bytes, IPTM_STATE_BYTES);
+  return IPTM_DONE;
+}
+
+void iptm_drop(void **kept) {
+  if (kept == NULL) return;
+  free(*kept);
+  *kept = NULL;
 }

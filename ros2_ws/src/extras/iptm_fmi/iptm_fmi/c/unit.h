@@ -1,6 +1,7 @@
 /* A unit, which is the content of an FMU, and one instance of it; what both versions of FMI share.
  *
- * Values are doubles in the order of unit_variables.h, which is generated. Only iptm_allocate allocates. */
+ * Values are doubles in the order of unit_variables.h, which is generated. Memory is taken for states that a master keeps
+ * and by the functions that make an instance, nowhere else. */
 #ifndef IPTM_UNIT_H
 #define IPTM_UNIT_H
 
@@ -44,8 +45,9 @@ iptm_result iptm_unit_begin(iptm_instance *instance);
 iptm_result iptm_unit_step(iptm_instance *instance, double length_s);
 
 /* Of every instance. A result other than IPTM_DONE has a message. */
-iptm_instance *iptm_allocate(void);
 void iptm_reset(iptm_instance *instance);
+iptm_result iptm_enter(iptm_instance *instance, double start_s);
+iptm_result iptm_start_at(iptm_instance *instance, double start_s);
 iptm_result iptm_begin(iptm_instance *instance);
 iptm_result iptm_step(iptm_instance *instance, double time_s, double length_s);
 iptm_result iptm_fail(iptm_instance *instance, iptm_result result, const char *format, ...);
@@ -54,7 +56,12 @@ iptm_result iptm_fail(iptm_instance *instance, iptm_result result, const char *f
 iptm_result iptm_read(iptm_instance *instance, unsigned place, double *value);
 iptm_result iptm_write(iptm_instance *instance, unsigned place, double value);
 
-/* Of a serialized state: taken only if it is one of this unit. */
-iptm_result iptm_restore(iptm_instance *instance, const iptm_state *state);
+/* States that a master keeps: `kept` is NULL for a new one. As bytes they are IPTM_STATE_BYTES long. */
+#define IPTM_STATE_BYTES sizeof(iptm_state)
+iptm_result iptm_keep(iptm_instance *instance, void **kept);
+iptm_result iptm_restore(iptm_instance *instance, const void *kept);
+iptm_result iptm_to_bytes(iptm_instance *instance, const void *kept, void *bytes, size_t size);
+iptm_result iptm_from_bytes(iptm_instance *instance, const void *bytes, size_t size, void **kept);
+void iptm_drop(void **kept);
 
 #endif
