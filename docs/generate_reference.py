@@ -47,6 +47,7 @@ EXTRAS = (
     "iptm_fmi",
     "iptm_its",
     "iptm_judges",
+    "iptm_plan",
     "iptm_traffic",
     VIEW,
 )
