@@ -27,6 +27,7 @@ from iptm_core.program import PROGRAMS
 LIBRARIES = {
     "asn1tools": ("python3-asn1tools-pip", "asn1tools"),
     "casadi": ("casadi-pip", "casadi"),
+    "gymnasium": ("python3-gymnasium-pip", "gymnasium"),
     "jinja2": ("python3-jinja2", "jinja2"),
     "markupsafe": ("python3-jinja2", "jinja2"),  # comes with it
     "lz4": ("python3-lz4", "lz4"),

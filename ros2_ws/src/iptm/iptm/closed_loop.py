@@ -8,7 +8,7 @@ from __future__ import annotations
 from array import array
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements
@@ -35,6 +35,8 @@ from iptm_v2x_bridge.bridge import (
     V2xBridge,
     sampling_times_s,
 )
+
+Finished = TypeVar("Finished")
 
 
 class Disturbance(Protocol):
@@ -139,39 +141,52 @@ def run_closed_loop(
         world: what is around the ego vehicle; None for a leader only, from ``leader`` or the route.
     """
     source = CycleSource(route) if leader is None else leader
-    around = world or LeaderOnly(source)
-    start = plant.initial_state(start_position_m)
-    answering = bridge or V2xBridge(source, bridge_settings)
-    loop = closed_loop(route, plant, controller, answering, around, start, on_tick, faults, on_step)
-    while True:
-        try:
-            before, after = next(loop)
-        except StopIteration as end:
-            run: ClosedLoopRun = end.value
-            return run
-        around.pass_interval(before, after)
+    loop = closed_loop(
+        route,
+        plant,
+        controller.options.tick_s,
+        bridge or V2xBridge(source, bridge_settings),
+        world or LeaderOnly(source),
+        plant.initial_state(start_position_m),
+        on_tick,
+        faults,
+        on_step,
+    )
+    return decided(loop, controller)
+
+
+def decided(
+    loop: Generator[Measurements, Decision, Finished], controller: TickController
+) -> Finished:
+    """Answer what a loop measures with the decisions of a controller; returns what the loop returns."""
+    try:
+        measured = next(loop)
+        while True:
+            measured = loop.send(controller.decide(measured))
+    except StopIteration as end:
+        finished: Finished = end.value
+        return finished
 
 
 def closed_loop(
     route: Route,
     plant: Plant,
-    controller: TickController,
+    tick_s: float,
     bridge: TickBridge,
     world: World,
     start: VehicleState,
     on_tick: Callable[[int, Measurements, Decision], None] | None = None,
     faults: Disturbance | None = None,
     on_step: Callable[[PlantStep, LeaderState | None], None] | None = None,
-) -> Generator[tuple[VehicleState, VehicleState], None, ClosedLoopRun]:
-    """Drive tick by tick, as `run_closed_loop`; several vehicles of one world can take turns.
+) -> Generator[Measurements, Decision, ClosedLoopRun]:
+    """Drive tick by tick, as `run_closed_loop`, with decisions from outside.
 
     Args:
         start: state of the vehicle at the beginning.
 
     Yields:
-        The states at both ends of an interval, which has to pass in the world before the next one.
+        What is measured at a tick; the decision on it is to be sent.
     """
-    tick_s = controller.options.tick_s
     ticks = round(route.duration_s / tick_s)
     slope = CycleSource(route).slope_ahead()
     step = plant.observe(start)
@@ -207,8 +222,8 @@ def closed_loop(
     records: list[DecisionRecord] = []
     ended = ""
     for tick in range(ticks):
-        decision = controller.decide(measured)
         observe(step, leader_now)
+        decision = yield measured
         records.append(decision.record)
         if on_tick is not None:
             on_tick(tick, measured, decision)
@@ -222,7 +237,7 @@ def closed_loop(
             ended = f"at {before.time_s:g} s: {error}"
             records.pop()
             break
-        yield before, step.state
+        world.pass_interval(before, step.state)
         leader_now, measured = measure(step, tick + 1)
     else:
         observe(step, leader_now)

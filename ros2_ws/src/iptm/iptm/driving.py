@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from typing import Any
 
-from iptm.closed_loop import TickController, run_closed_loop
+from iptm.closed_loop import LeaderOnly, TickController, closed_loop, decided
 from iptm.faults.injection import FaultInjection, FaultyController, check_headless, faulty
 from iptm.own_parts import Controller, OwnController, PredictedSource, Predictor, check_part
 from iptm.run import Report, Reporter, Run
@@ -19,6 +19,7 @@ from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements
 from iptm_core.aging_laws.law import AgingLaw
 from iptm_core.errors import ScenarioError
+from iptm_core.program import no_full_collections
 from iptm_core.settings import LeaderSource, TripSettings
 from iptm_core.state import LeaderState
 from iptm_plant_sim.interval import PlantStep
@@ -38,6 +39,7 @@ OnTick = Callable[[int, Measurements, Decision], None]
 OnStep = Callable[[PlantStep, LeaderState | None], None]
 
 
+@no_full_collections()
 def drive_in_memory(
     trip: Trip,
     *,
@@ -62,16 +64,38 @@ def drive_in_memory(
     """
     check_part("controller", controller, Controller, "decide")
     check_part("predictor", predictor, Predictor, "predict")
+    ticks = trip_in_ticks(trip, predictor=predictor, on_tick=on_tick, on_step=on_step)
+    driver: TickController = (
+        controller_for(trip, aging_law)
+        if controller is None
+        else OwnController(controller, trip.parameters.limits, trip.conditions.period_s)
+    )
+    return _with_own_parts(decided(ticks, driver), controller, predictor, aging_law)
+
+
+def trip_in_ticks(
+    trip: Trip,
+    *,
+    predictor: Predictor | None = None,
+    on_tick: OnTick | None = None,
+    on_step: OnStep | None = None,
+) -> Generator[Measurements, Decision, Run]:
+    """Return a drive that waits for a decision at every tick; see `drive_in_memory`.
+
+    Returns:
+        A generator: it yields what is measured, is sent the decision on it, and returns the run.
+    """
     check_in_memory(trip)
+    return _ticks(trip, predictor, on_tick, on_step)
+
+
+def _ticks(
+    trip: Trip, predictor: Predictor | None, on_tick: OnTick | None, on_step: OnStep | None
+) -> Generator[Measurements, Decision, Run]:
     began_s = time.perf_counter()
     plant, route, conditions = plant_for(trip), trip.route, trip.conditions
     source = None if predictor is None else PredictedSource(route, predictor)
     around, bridge = road_bridge(trip.rules, route, trip.parameters, trip.preview, source)
-    driver: TickController = (
-        controller_for(trip, aging_law)
-        if controller is None
-        else OwnController(controller, trip.parameters.limits, conditions.period_s)
-    )
     reports: list[Report] = []
     of_vehicle: list[Report] = []
 
@@ -88,18 +112,18 @@ def drive_in_memory(
         if report is not None:
             of_vehicle.append(report)
 
-    loop = run_closed_loop(
+    loop = yield from closed_loop(
         route,
         plant,
-        driver,
-        on_tick=note,
-        faults=FaultInjection(conditions.faults) if conditions.faults else None,
-        bridge=bridge,
-        leader=around,
-        start_position_m=trip.vehicle.start_position_m,
-        on_step=observe,
+        conditions.period_s,
+        bridge,
+        LeaderOnly(around),
+        plant.initial_state(trip.vehicle.start_position_m),
+        note,
+        FaultInjection(conditions.faults) if conditions.faults else None,
+        observe,
     )
-    run = Run(
+    return Run(
         name=trip.heading,
         settings=trip.settings,
         parameters=trip.parameters,
@@ -112,7 +136,6 @@ def drive_in_memory(
         problems=(f"the trip ended early, {loop.ended}",) if loop.ended else (),
         warnings=(*trip.notes, *plant.notes),
     )
-    return _with_own_parts(run, controller, predictor, aging_law)
 
 
 def check_in_memory(trip: Trip) -> Trip:

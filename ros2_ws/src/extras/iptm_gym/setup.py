@@ -1,0 +1,24 @@
+from setuptools import find_packages, setup
+
+PACKAGE = "iptm_gym"
+
+setup(
+    name=PACKAGE,
+    version="0.2.0",
+    packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
+    package_data={PACKAGE: ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+    ],
+    install_requires=["setuptools", "gymnasium>=1.0", "numpy>=1.24"],
+    extras_require={"test": ["pytest"]},
+    python_requires=">=3.10",
+    zip_safe=False,
+    maintainer="iptm maintainers",
+    maintainer_email="maintainers@iptm.example.org",
+    description="Trips as environments of Gymnasium",
+    license="Apache-2.0",
+    # `gymnasium.make` finds installed environments by it.
+    entry_points={"gymnasium.envs": ["__root__ = iptm_gym.environment:register_trips"]},
+)
