@@ -45,6 +45,18 @@ ENDS = {
 }
 OUTPUTS = {**STATES, **ENERGIES, **ENDS}
 NEEDED = ("acceleration_command_m_s2", "position_m", "speed_m_s")
+HEAT = "battery_heat_w"
+"""An FMU with this input is a thermal part."""
+THERMAL_INPUTS = (HEAT, "compressor_command_w", "ambient_k", "vehicle_speed_m_s")
+THERMAL_OUTPUTS = (
+    "cell_1_temperature_k",
+    "cell_n_temperature_k",
+    "compressor_power_w",
+    "chiller_heat_j",
+    "coolant_inlet_k",
+    "coolant_outlet_k",
+)
+THERMAL_NEEDED = (HEAT, "cell_1_temperature_k", "cell_n_temperature_k")
 _KEYS = ("name", "unit", "factor", "offset")
 
 
@@ -61,6 +73,14 @@ class Mapped:
     factor: float = 1.0
     offset: float = 0.0
 
+    def from_fmu(self, value: float) -> float:
+        """Return a value of the FMU in the unit of the suite."""
+        return self.factor * value + self.offset
+
+    def to_fmu(self, value: float) -> float:
+        """Return a value of the suite in the unit of the FMU."""
+        return (value - self.offset) / self.factor
+
 
 @dataclass(frozen=True)
 class VariableMap:
@@ -68,6 +88,11 @@ class VariableMap:
 
     inputs: Mapping[str, Mapped] = field(default_factory=dict)
     outputs: Mapping[str, Mapped] = field(default_factory=dict)
+
+    @property
+    def is_thermal(self) -> bool:
+        """Whether the FMU is a thermal part of the suite's own vehicle."""
+        return HEAT in self.inputs
 
 
 def read_mapping(path: Path) -> VariableMap | None:
@@ -86,12 +111,22 @@ def read_mapping(path: Path) -> VariableMap | None:
     if not isinstance(content, dict) or not {*content} <= {"inputs", "outputs"}:
         raise ScenarioError(f"{beside} has other keys; allowed: inputs, outputs")
     found = VariableMap(
-        _entries(beside, content.get("inputs"), INPUTS),
+        _entries(beside, content.get("inputs"), dict.fromkeys((*INPUTS, *THERMAL_INPUTS))),
         _entries(beside, content.get("outputs"), OUTPUTS),
     )
-    lacking = [name for name in NEEDED if name not in {**found.inputs, **found.outputs}]
+    needed, allowed = NEEDED, (*INPUTS, *OUTPUTS)
+    if found.is_thermal:
+        needed, allowed = THERMAL_NEEDED, (*THERMAL_INPUTS, *THERMAL_OUTPUTS)
+    mapped = {**found.inputs, **found.outputs}
+    lacking = [name for name in needed if name not in mapped]
     if lacking:
-        raise ScenarioError(f"{beside} maps nothing to {lacking[0]}; needed: {', '.join(NEEDED)}")
+        raise ScenarioError(f"{beside} maps nothing to {lacking[0]}; needed: {', '.join(needed)}")
+    further = [name for name in mapped if name not in allowed]
+    if further:
+        what = "thermal part" if found.is_thermal else "vehicle"
+        raise ScenarioError(
+            f"{beside} maps {further[0]}; allowed for a {what}: {', '.join(allowed)}"
+        )
     return found
 
 
@@ -140,7 +175,7 @@ def check_units(mapping: VariableMap, units: Mapping[str, str]) -> None:
             )
 
 
-def _entries(path: Path, given: Any, known: Mapping[str, tuple[str, str]]) -> dict[str, Mapped]:
+def _entries(path: Path, given: Any, known: Mapping[str, object]) -> dict[str, Mapped]:
     if given is None:
         return {}
     if not isinstance(given, dict):
