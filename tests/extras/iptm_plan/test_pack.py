@@ -98,17 +98,26 @@ def test_the_price_of_ageing_is_the_marginal_loss_times_the_price_of_the_pack() 
 
 
 def test_a_trip_of_known_energy_draws_it_and_heats_the_pack() -> None:
-    driven, end_k, _ = PACK.after_trip(trip(7.247436, 60.0), 298.15)
-    assert driven.drawn[0, -1] == pytest.approx(0.1)
+    driven = PACK.driven(trip(7.247436, 60.0), 298.15)
+    assert driven.drawn[-1] == pytest.approx(0.1)
     ampere = 0.1 * 5.019
     heat_w = 4.0 * ampere**2 * 0.06 * 0.92 + ampere * 4e-4 * 298.15
-    assert end_k - 298.15 == pytest.approx(heat_w * 3600.0 / 45.0, rel=0.05)
-    assert np.all(np.diff(driven.drawn[0]) > 0.0)
+    assert driven.end_k - 298.15 == pytest.approx(heat_w * 3600.0 / 45.0, rel=0.05)
+    assert np.all(np.diff(driven.drawn) > 0.0)
+
+
+def test_trips_in_a_row_go_on_where_the_last_one_ended() -> None:
+    first = PACK.driven(trip(), 298.15)
+    second = PACK.driven(trip(), first.end_k)
+    both = PACK.driven(trip(), 298.15, 2)
+    assert both.end_k == second.end_k
+    assert both.drawn[-1] == pytest.approx(2.0 * first.drawn[-1])
+    assert both.durations_s.sum() == pytest.approx(3600.0)
 
 
 def test_a_trip_costs_more_from_a_warm_and_full_pack() -> None:
     cost = {
-        (kelvin, charge): float(PACK.trip_eur(PACK.after_trip(trip(), kelvin)[0], charge, PRICE))
+        (kelvin, charge): float(PACK.driven_eur(PACK.driven(trip(), kelvin), charge, PRICE))
         for kelvin in (293.15, 308.15)
         for charge in (0.4, 0.9)
     }

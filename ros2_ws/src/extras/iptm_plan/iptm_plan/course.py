@@ -84,6 +84,7 @@ class Course:
             `iptm.service_life.year`, shape (m, 5).
         events: departures and arrivals.
         drawn: share of the nominal energy that the trips took.
+        plugged_thermal_j: part of the thermal energy that comes from the plug.
         trip_cooling_j: energy of cooling during trips.
         distance_m: driven.
     """
@@ -98,6 +99,7 @@ class Course:
     rows: FloatArray
     events: tuple[Event, ...]
     drawn: float
+    plugged_thermal_j: float
     trip_cooling_j: float
     distance_m: float
 
@@ -162,6 +164,7 @@ def course_of(
         np.array(log.rows),
         tuple(log.events),
         log.drawn,
+        float(np.sum(log.thermal_j[log.grid_j > 0.0])),
         log.trip_cooling_j,
         log.distance_m,
     )
@@ -208,25 +211,26 @@ def _drive(
     departure, step_s = schedule.departures[stage], schedule.step_s
     charge, kelvin = float(log.charge[begin]), float(log.kelvin[begin])
     log.events.append(Event(stage, begin, charge, kelvin, departure.charge))
-    driven, end_k, cooling_j = pack.after_trip(departure.trip, kelvin)
-    drawn = driven.drawn[0]
-    log.aging_eur += float(pack.trip_eur(driven, charge, price))
-    kelvins = np.minimum(driven.temperature_k[0], np.max((end_k, *driven.temperature_k[0])))
-    for row in zip(driven.durations_s, kelvins, driven.c_rate_1_h[0], charge - drawn, strict=True):
+    driven = pack.driven(departure.trip, kelvin, departure.repeats)
+    end_k, drawn = driven.end_k, float(driven.drawn[-1])
+    log.aging_eur += float(pack.driven_eur(driven, charge, price))
+    for row in zip(
+        driven.durations_s, driven.kelvin, driven.c_rate_1_h, charge - driven.drawn, strict=True
+    ):
         duration_s, at_k, c_rate, at = map(float, row)
         log.rows.append((duration_s, Activity.DRIVING, at_k, c_rate, at))
     steps = departure.steps(step_s)
     end = begin + steps
     shares = np.arange(steps + 1) / steps
-    left = charge - float(drawn[-1])
+    left = charge - drawn
     log.charge[begin : end + 1] = charge + shares * (left - charge)
     log.kelvin[begin : end + 1] = kelvin + shares * (end_k - kelvin)
-    rest_s = steps * step_s - driven.duration_s
+    rest_s = steps * step_s - departure.duration_s
     if rest_s > 0.0:
         log.rows.append((rest_s, Activity.PARKED, end_k, 0.0, left))
         log.aging_eur += rest_s * float(price.calendar_eur_s(left, end_k))
     log.events.append(Event(stage, end, left, end_k, schedule.least_charge, is_departure=False))
-    log.drawn += float(drawn[-1])
-    log.trip_cooling_j += float(driven.compressor_j[0]) + cooling_j
-    log.distance_m += driven.distance_m
+    log.drawn += drawn
+    log.trip_cooling_j += driven.cooling_j
+    log.distance_m += departure.repeats * departure.trip.distance_m
     return end

@@ -144,7 +144,13 @@ class DayPlan:
             power: self._place(power)
             for power in {schedule.place_w(stage) for stage in range(len(schedule.departures) + 1)}
         }
-        self._leaves = [self._leave(each) for each in schedule.departures]
+        leaves: dict[tuple[int, int], _Leave] = {}
+        self._leaves = []
+        for each in schedule.departures:
+            driven = id(each.trip), each.repeats
+            if driven not in leaves:
+                leaves[driven] = self._leave(each)
+            self._leaves.append(leaves[driven])
         self._values: dict[tuple[int, int], FloatArray] = {}
         self._end = self._settled() if end is None else end
         self._backward(self._end)
@@ -260,14 +266,14 @@ class DayPlan:
         """Work out a trip from each node."""
         after, ends_k, costs = [], [], []
         rest_s = departure.steps(self.schedule.step_s) * self.schedule.step_s
-        rest_s -= departure.trip.duration_s
+        rest_s -= departure.duration_s
         for kelvin in self.kelvins:
-            driven, end_k, _ = self.pack.after_trip(departure.trip, float(kelvin))
-            left = self.charges - float(driven.drawn[0, -1])
-            eur = self.pack.trip_eur(driven, self.charges, self.price)
-            costs.append(eur + rest_s * self.price.calendar_eur_s(left, end_k))
+            driven = self.pack.driven(departure.trip, float(kelvin), departure.repeats)
+            left = self.charges - float(driven.drawn[-1])
+            eur = self.pack.driven_eur(driven, self.charges, self.price)
+            costs.append(eur + rest_s * self.price.calendar_eur_s(left, driven.end_k))
             after.append(left)
-            ends_k.append(end_k)
+            ends_k.append(driven.end_k)
         charge, eur = np.array(after).T, np.array(costs).T
         eur = eur + MISSED_EUR * np.maximum(self.schedule.least_charge - charge, 0.0)
         return _Leave(charge, np.broadcast_to(np.array(ends_k), charge.shape), eur)

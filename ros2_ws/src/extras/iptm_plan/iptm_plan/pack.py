@@ -26,6 +26,7 @@ from iptm_core.physics.cell import at_charge, cell_heat_w, cell_resistance_ohm
 from iptm_core.physics.pack_limits import current_limits_a
 from iptm_core.physics.power_thermal import CellPair
 from iptm_core.physics.powertrain import pack_current_a, pack_resistance_ohm, terminal_power_w
+from iptm_core.state import FloatArray
 
 CHARGER_EFFICIENCY = 0.92
 """Of a charger on board from the plug to the pack: chosen, 0.9 to 0.94 are usual."""
@@ -121,6 +122,27 @@ class Stand:
     c_rate_1_h: Any
 
 
+@dataclass(frozen=True, eq=False)
+class Driven:
+    """Trips in a row; arrays of shape (n,), one value per sample.
+
+    Attributes:
+        durations_s: of the samples.
+        kelvin: mean of the two cells.
+        c_rate_1_h: mean magnitude.
+        drawn: share of the nominal energy drawn since the start.
+        end_k: temperature at the end.
+        cooling_j: energy of the compressor.
+    """
+
+    durations_s: FloatArray
+    kelvin: FloatArray
+    c_rate_1_h: FloatArray
+    drawn: FloatArray
+    end_k: float
+    cooling_j: float
+
+
 @dataclass(frozen=True)
 class ParkedPack:
     """A pack between trips.
@@ -199,20 +221,26 @@ class ParkedPack:
             c_rate,
         )
 
-    def after_trip(self, trip: TripMap, kelvin: float) -> tuple[TripMap, float, float]:
-        """Return a trip from a temperature, its temperature at the end, and the energy of more cooling in J.
+    def driven(self, trip: TripMap, kelvin: float, repeats: int = 1) -> Driven:
+        """Return trips in a row from a temperature.
 
         Above the upper limit the pack is cooled whatever the control.
         """
-        driven = trip.from_start(kelvin)
-        end_k = float(driven.end_k[0])
-        above_k = max(end_k - UPPER_LIMIT_K, 0.0)
-        return driven, end_k - above_k, above_k * self.capacity_j_k / COOLING_COP
+        parts, drawn, cooling_j = [], 0.0, 0.0
+        for _ in range(repeats):
+            one = trip.from_start(kelvin)
+            capped_k = np.minimum(one.temperature_k[0], UPPER_LIMIT_K)
+            parts.append((one.durations_s, capped_k, one.c_rate_1_h[0], drawn + one.drawn[0]))
+            end_k = float(one.end_k[0])
+            above_k = max(end_k - UPPER_LIMIT_K, 0.0)
+            kelvin, drawn = end_k - above_k, drawn + float(one.drawn[0, -1])
+            cooling_j += float(one.compressor_j[0]) + above_k * self.capacity_j_k / COOLING_COP
+        durations_s, kelvins, c_rates, shares = map(np.concatenate, zip(*parts, strict=True))
+        return Driven(durations_s, kelvins, c_rates, shares, kelvin, cooling_j)
 
-    def trip_eur(self, driven: TripMap, charge: Any, price: AgingPrice) -> Any:
-        """Return what a trip costs by ageing, from each state of charge, shape of these."""
-        charges = np.asarray(charge)[..., np.newaxis] - driven.drawn[0]
-        kelvin = np.minimum(driven.temperature_k[0], UPPER_LIMIT_K)
-        rate = price.calendar_eur_s(charges, kelvin)
-        rate = rate + price.cyclic_eur_s(charges, kelvin, driven.c_rate_1_h[0])
+    def driven_eur(self, driven: Driven, charge: Any, price: AgingPrice) -> Any:
+        """Return what trips cost by ageing, from each state of charge, shape of these."""
+        charges = np.asarray(charge)[..., np.newaxis] - driven.drawn
+        rate = price.calendar_eur_s(charges, driven.kelvin)
+        rate = rate + price.cyclic_eur_s(charges, driven.kelvin, driven.c_rate_1_h)
         return np.sum(rate * driven.durations_s, axis=-1)

@@ -27,6 +27,8 @@ class Rule:
         target: state of charge.
         just_in_time: the charging ends at the departure instead of beginning on arrival.
         free_cooling: a fan cools the parked pack where it is warmer than the air, see `Usage`.
+        away_target: state of charge to which the pack is charged on arrival at chargers of more power than
+            the one at the beginning; 0 for none.
         heats_to_k: the heater runs while the pack charges below this temperature; 0 for never.
         charging_limit_k: temperature above which the pack is cooled while it is charged.
     """
@@ -36,6 +38,7 @@ class Rule:
     target: float = 0.8
     just_in_time: bool = False
     free_cooling: bool = False
+    away_target: float = 0.0
     heats_to_k: float = 0.0
     charging_limit_k: float = SIMPLE["thermostat_on_k"]
 
@@ -46,8 +49,10 @@ class Rule:
         is_warmer = at.kelvin - air_k > FREE_COOLING_ABOVE_AIR_K
         cools = self.free_cooling and is_warmer and at.kelvin > FREE_COOLING_FROM_K
         fan = float(cools and self.pack.has_fan)
-        missing = self.target - at.charge
-        if not charger_w or missing <= 0.0 or self._waits(at, missing, charger_w):
+        is_away = charger_w > schedule.charger_w
+        missing = (self.away_target if is_away else self.target) - at.charge
+        waits = self.just_in_time and not is_away and self._waits(at, missing, charger_w)
+        if not charger_w or missing <= 0.0 or waits:
             return Decision(0.0, 0.0, fan)
         whole = self.pack.stand(at.charge, at.kelvin, charger_w, _FULL, step_s)
         gained = float(whole.gained)
@@ -61,8 +66,8 @@ class Rule:
 
     def _waits(self, at: Situation, missing: float, charger_w: float) -> bool:
         """Return whether the charging begins in time in a later step."""
-        if not self.just_in_time or at.stage >= len(self.schedule.departures):
-            return self.just_in_time
+        if at.stage >= len(self.schedule.departures):
+            return True
         left = self.schedule.departures[at.stage].step - at.step - 1
         gained = float(
             self.pack.stand(at.charge, at.kelvin, charger_w, _FULL, self.schedule.step_s).gained

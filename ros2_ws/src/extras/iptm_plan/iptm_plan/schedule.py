@@ -6,7 +6,6 @@ the state of its end. A departure may come some steps early, each with its proba
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil
 
@@ -35,6 +34,7 @@ class Departure:
         trip: what the trip does to the pack.
         charge: least state of charge at departure.
         charger_w: largest power from the plug where the trip leads to, 0 without a plug.
+        repeats: trips in a row.
         early: numbers of steps that the car may depart earlier, with probabilities whose sum is below 1.
     """
 
@@ -42,11 +42,17 @@ class Departure:
     trip: TripMap
     charge: float = 0.0
     charger_w: float = 0.0
+    repeats: int = 1
     early: tuple[tuple[int, float], ...] = ()
 
     def steps(self, step_s: float) -> int:
         """Return the whole steps that the trip occupies."""
-        return max(ceil(self.trip.duration_s / step_s - _ROUNDING), 1)
+        return max(ceil(self.duration_s / step_s - _ROUNDING), 1)
+
+    @property
+    def duration_s(self) -> float:
+        """Length of all trips in a row."""
+        return self.repeats * self.trip.duration_s
 
     @property
     def earliest(self) -> int:
@@ -194,26 +200,6 @@ def trip_of(energy_j: float, duration_s: float, parameters: ModelParameters) -> 
         np.zeros(2),
         duration_s,
         0.0,
-    )
-
-
-def repeated(schedule: Schedule, times: int) -> Schedule:
-    """Return a schedule several times in a row."""
-    departures: Sequence[Departure] = [
-        Departure(
-            each.step + turn * schedule.steps, each.trip, each.charge, each.charger_w, each.early
-        )
-        for turn in range(times)
-        for each in schedule.departures
-    ]
-    return Schedule(
-        np.tile(schedule.air_k, times),
-        np.tile(schedule.eur_kwh, times),
-        schedule.charger_w,
-        tuple(departures),
-        schedule.least_charge,
-        schedule.step_s,
-        schedule.is_periodic,
     )
 
 

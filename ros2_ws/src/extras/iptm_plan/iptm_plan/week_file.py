@@ -227,7 +227,7 @@ def _departures(
             early.append((round(hours * 3600.0 / STEP_S), _number(one, "probability", 0.0, 0.99)))
         asked = _number(each, "charge", 0.0, 1.0, 0.0)
         place_w = 1e3 * _number(each, "charger_kw", 0.0, 1000.0, 0.0)
-        found.append(Departure(step, trip, asked, place_w, tuple(early)))
+        found.append(Departure(step, trip, asked, place_w, early=tuple(early)))
     return tuple(found)
 
 

@@ -7,20 +7,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, Protocol
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import pandas as pd
 
 from iptm.climate import DAY_S, HOUR_S, Climate, climate_of
 from iptm.run import Run
-from iptm.service_life.trip_map import START_C, nominal_energy_j, trip_map
+from iptm.service_life.trip_map import START_C, TripMap, nominal_energy_j, trip_map
 from iptm.service_life.year import USAGES, Activity, Usage, Year, year_of
 from iptm_core.aging_laws.cells import AGING_CELLS, AgingCell, outside_experiments
 from iptm_core.aging_laws.law import AgingLaw, Mechanism, MechanismLaw
 from iptm_core.declaration import TextEnum
 from iptm_core.errors import ScenarioError
 from iptm_core.parameters.loading import parse_overrides
+from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
 from iptm_core.units import CELSIUS_ZERO_K, SECONDS_PER_DAY
@@ -164,6 +166,21 @@ _PERCENT = 100.0
 _INITIAL = "environment.initial_cell_temperature_k"
 
 
+class YearMaker(Protocol):
+    """A pattern of use that makes its year itself."""
+
+    @property
+    def name(self) -> str:
+        """For tables."""
+        ...
+
+    def year(
+        self, cell: AgingCell, climate: Climate, trip: TripMap, parameters: ModelParameters
+    ) -> Year:
+        """Return a year of trips."""
+        ...
+
+
 @dataclass(frozen=True)
 class Life:
     """What years of use make of a pack.
@@ -205,7 +222,7 @@ def life(
     *,
     cell: str | AgingCell = "nca",
     climate: str | float | Climate = "Phoenix",
-    usage: str | Usage = "commuter",
+    usage: str | Usage | YearMaker = "commuter",
     years: float = SERVICE_YEARS,
     start_c: Sequence[float] = START_C,
 ) -> Life:
@@ -219,7 +236,8 @@ def life(
         run: a run of `iptm.simulate`; vehicle, drive and strategy are taken from its trip.
         cell: whose ageing law counts, by name such as ``nca``, or an `AgingCell`.
         climate: ``Phoenix``, ``Rome``, ``Oslo``, a constant temperature in degC, or a `Climate`.
-        usage: ``commuter``, ``taxi``, ``long distance``, or a `Usage`; its cycle does not count.
+        usage: ``commuter``, ``taxi``, ``long distance``, a `Usage`, whose cycle does not count, or what makes
+            a year itself, such as a plan of the parked hours.
         years: of service.
         start_c: temperatures of the pack at the start of a trip, in degC, at least two, increasing.
 
@@ -228,17 +246,18 @@ def life(
     """
     if run.trip is None or run.trip.conditions.faults:
         raise ScenarioError("life: the trip is not known or has faults; allowed: a run of simulate")
-    aging = _named(cell, AGING_CELLS, "cell")
+    aging: AgingCell = _named(cell, AGING_CELLS, "cell")
     air = climate_of(climate)
     driven_c = run.parameters.environment.ambient_temperature_k - CELSIUS_ZERO_K
-    habit = _named(usage, {each.name: each for each in USAGES}, "usage")
+    habit: Usage | YearMaker = _named(usage, {each.name: each for each in USAGES}, "usage")
     if len(start_c) < 2 or np.any(np.diff(start_c) <= 0.0):
         raise ScenarioError(f"start_c is {shown(start_c)}; allowed: two or more, increasing")
-    driven = trip_map(
-        [_driven_from(run, celsius) for celsius in start_c], nominal_energy_j(run.parameters)
-    )
-    _check_day(habit, float(driven.drawn[:, -1].max()), driven.duration_s, run)
-    year = year_of(habit, air, run.strategy, [driven] * 12, run.parameters)
+    driven = driven_map(run, start_c)
+    if isinstance(habit, Usage):
+        _check_day(habit, float(driven.drawn[:, -1].max()), driven.duration_s, run)
+        year = year_of(habit, air, run.strategy, [driven] * 12, run.parameters)
+    else:
+        year = habit.year(aging, air, driven, run.parameters)
     lost = losses_by_cause(aging.law, year, years)
     low, high = band(drawn_losses(aging, year, years))
     return Life(
@@ -253,6 +272,20 @@ def life(
     )
 
 
+_MAPS: WeakKeyDictionary[Run, dict[tuple[float, ...], TripMap]] = WeakKeyDictionary()
+"""Trips that were driven again, by run: other parked hours need no other trips."""
+
+
+def driven_map(run: Run, start_c: Sequence[float] = START_C) -> TripMap:
+    """Return the trip of a run driven again from each of some temperatures of the pack, in degC."""
+    maps = _MAPS.setdefault(run, {})
+    starts = tuple(map(float, start_c))
+    if starts not in maps:
+        driven = [_driven_from(run, celsius) for celsius in starts]
+        maps[starts] = trip_map(driven, nominal_energy_j(run.parameters))
+    return maps[starts]
+
+
 def _driven_from(run: Run, celsius: float) -> Trajectory:
     from iptm.driving import drive_in_memory  # noqa: PLC0415  it takes a moment to load
 
@@ -262,10 +295,7 @@ def _driven_from(run: Run, celsius: float) -> Trajectory:
     return drive_in_memory(run.trip.changed(overrides=overrides)).trajectory
 
 
-_Named = TypeVar("_Named", AgingCell, Usage)
-
-
-def _named(given: str | _Named, shipped: Mapping[str, _Named], what: str) -> _Named:
+def _named(given: object, shipped: Mapping[str, Any], what: str) -> Any:
     if not isinstance(given, str):
         return given
     known = {name.lower(): entry for name, entry in shipped.items()}
