@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from iptm.runner.composition import RECORDER
 from iptm.runner.process_faults import ProcessFaults
 from iptm.runner.progress import Progress
-from iptm.runner.supervisor import ProcessEnd, Supervisor
+from iptm.runner.supervisor import INTERRUPT_PATIENCE_S, ProcessEnd, Supervisor
 from iptm.trip import Trip
 from iptm_core.program import EXIT_USER_ERROR, StopRequest
 from iptm_ros.discovery import SERVER_VARIABLE
@@ -97,10 +97,15 @@ class Drive(AbstractContextManager["Drive"]):
     plants: Collection[str] = (PLANT,)
 
     def __exit__(self, *error: object) -> None:
-        """End the recorder last, so that the final messages of the other nodes are in the bag."""
+        """End the recorder last, so that the final messages of the other nodes are in the bag.
+
+        Where a process was killed, the others do not get the time that they may need for it: the middleware
+        reports it 20 s later.
+        """
         self.progress.close()
         started = self.supervisor.names
-        self.supervisor.stop(name for name in started if name != RECORDER)
+        patience_s = INTERRUPT_PATIENCE_S if self.supervisor.has_lost_one else None
+        self.supervisor.stop((name for name in started if name != RECORDER), patience_s)
         try:
             self._hear()
         finally:

@@ -11,6 +11,7 @@ import gc
 import os
 import signal
 import sys
+import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
@@ -22,13 +23,14 @@ from typing import TYPE_CHECKING, Any
 
 from iptm.trip import Trip
 from iptm_core.errors import DriveError, IptmError
-from iptm_core.program import main_of_module
+from iptm_core.program import StopRequest, main_of_module
 
 if TYPE_CHECKING:
     from iptm.run import Run
 
 PYTHON = (sys.executable, "-m", "iptm_core")
 """Start of the command of a program of the suite; its module and arguments follow."""
+_POLL_S = 0.1
 _LOOK_AFTER_S, _LEAST_SHARE = 10.0, 0.1
 """A companion that is waited for and takes a smaller share of a processor in that time is replaced."""
 _SET_PARENT_DEATH_SIGNAL, _SET_NAME = 1, 15  # PR_SET_PDEATHSIG and PR_SET_NAME of prctl(2)
@@ -173,24 +175,31 @@ class Companion(AbstractContextManager["Companion"]):
         with suppress(BrokenPipeError):  # the answer is missing then
             self._requests.send((function, arguments))
 
-    def answer(self) -> Any:
+    def answer(self, stop: StopRequest) -> Any:
         """Wait for the end of the oldest request: the run that was driven, or None for a picture.
 
         On a busy machine a process of low priority may hardly run, and one that hangs does not run at all:
         such a process is ended, and its request answered here.
 
+        Args:
+            stop: ends the wait, with None.
+
         Raises:
             IptmError: the request, or the process, failed.
         """
         function, arguments = self._waiting.popleft()
+        looked_s, before_s = time.monotonic(), self._processor_time_s()
         try:
-            while not self._requests.poll():
-                before_s = self._processor_time_s()
-                if self._requests.poll(_LOOK_AFTER_S):
-                    break
-                if self._processor_time_s() - before_s < _LEAST_SHARE * _LOOK_AFTER_S:
+            while not self._requests.poll(_POLL_S):
+                if stop.is_set:
+                    return None
+                if time.monotonic() - looked_s < _LOOK_AFTER_S:
+                    continue
+                share = (self._processor_time_s() - before_s) / _LOOK_AFTER_S
+                if share < _LEAST_SHARE:
                     self._process.kill()
                     return function(*arguments)
+                looked_s, before_s = time.monotonic(), self._processor_time_s()
             answer = self._requests.recv()
         except (EOFError, ConnectionResetError):
             raise DriveError(f"the process beside the run ended; see {self._log}") from None

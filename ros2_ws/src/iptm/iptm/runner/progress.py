@@ -13,11 +13,13 @@ from rich.table import Table
 from rich.text import Text
 
 from iptm_core.decision_record import Rung
+from iptm_core.program import print_error
 from iptm_core.units import KM_H_PER_M_S
 
 if TYPE_CHECKING:
     from iptm.runner.monitor import Snapshot
 
+PROGRAM = "iptm run"
 LINE_PERIOD_S = 5.0
 _BAR_WIDTH = 60
 
@@ -30,6 +32,9 @@ class Progress:
 
     def running(self, snapshot: Snapshot, wall_s: float) -> None:
         """Show the state of the run, `wall_s` after its first state."""
+
+    def failed(self, reason: str) -> None:
+        """Show why the run does not come to its end, before its processes are ended."""
 
     def close(self) -> None:
         """Leave the terminal as it was."""
@@ -64,6 +69,11 @@ class ConsoleProgress(Progress):
         elif self._is_due() or not self._has_begun:
             self._has_begun = True
             self._print(self._state(snapshot, wall_s))
+
+    def failed(self, reason: str) -> None:
+        """Print it as an error below what was shown."""
+        self.close()
+        print_error(PROGRAM, reason)
 
     def close(self) -> None:
         """Remove the bar."""

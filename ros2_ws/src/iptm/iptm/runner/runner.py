@@ -35,7 +35,7 @@ from iptm.runner.drive import Drive, DriveOutcome, DriveResult
 from iptm.runner.fork import Companion, draw, prepare
 from iptm.runner.fork import drive as reference
 from iptm.runner.process_faults import ProcessFaults, unclean_ends
-from iptm.runner.progress import ConsoleProgress, Progress
+from iptm.runner.progress import PROGRAM, ConsoleProgress, Progress
 from iptm.runner.run_folder import RunFolder
 from iptm.runner.supervisor import (
     INTERRUPT_PATIENCE_S,
@@ -67,7 +67,6 @@ if TYPE_CHECKING:
     from iptm.run import Run
     from iptm.runner.monitor import RunMonitor
 
-PROGRAM = "iptm run"
 EXIT_RUN_FAILED = 1
 LOOK_AROUND_S = 2.0
 """Time to find another run in a domain that the user chose; the controller takes as long to start."""
@@ -159,7 +158,7 @@ def run(trip: Trip, options: RunOptions, console: Console) -> int:
         if result.outcome is DriveOutcome.FINISHED:
             driven = (drive, result.wall_time_s)
             options = options if is_compared else replace(options, against=NO_COMPARISON)
-            code = _report(folder, trip, options, driven, (companion, painter), console)
+            code = _report(folder, trip, options, driven, (companion, painter), console, stop)
         else:
             code = report_failure(result, folder, stop)
         if stay_open is not None and result.outcome is not DriveOutcome.REFUSED:
@@ -223,6 +222,8 @@ def drive_processes(
             drive.start(commands)
             drive.expect(NODES)
             result = drive.run(begun)
+        if result.outcome is not DriveOutcome.FINISHED:
+            progress.failed(result.message)
     return result, drive
 
 
@@ -278,8 +279,9 @@ def _report(
     driven: tuple[Drive, float],
     companions: tuple[Companion, Companion],
     console: Console,
+    stop: StopRequest,
 ) -> int:
-    """Evaluate a finished trip, write its files and print its tables."""
+    """Evaluate a finished trip, write its files and print its tables; a stop leaves out what is not ready."""
     from iptm.runner.evaluation import results_json  # noqa: PLC0415  see begun
     from iptm.runner.summary import print_end, print_results  # noqa: PLC0415
 
@@ -289,7 +291,7 @@ def _report(
         run = evaluated(folder if options.record else None, trip, drive, wall_time_s)
         if options.against != NO_COMPARISON:
             with console.status(f"driving the same trip with strategy {options.against} ..."):
-                run = replace(run, other=companion.answer())
+                run = replace(run, other=companion.answer(stop))
         if options.picture:
             painter.request(draw, folder.picture, run)
     except IptmError as error:
@@ -301,8 +303,11 @@ def _report(
         run.report(folder.report, run.other)
     print_results(run, console, full=options.full)
     if options.picture:
-        painter.answer()
+        painter.answer(stop)
     print_end(run, folder, console)
+    if stop.number is not None:
+        print_error(PROGRAM, f"stopped by {stop.number.name}")
+        return EXIT_SIGNAL + int(stop.number)
     return EXIT_RUN_FAILED if run.problems else EXIT_OK
 
 
@@ -372,8 +377,7 @@ def check_over_ros(trip: Trip) -> Trip:
 
 
 def report_failure(result: DriveResult, folder: RunFolder, stop: StopRequest) -> int:
-    """Print why a run did not come to its end; return the exit code."""
-    print_error(PROGRAM, result.message)
+    """Print what belongs to the reason why a run did not come to its end; return the exit code."""
     if result.outcome is DriveOutcome.REFUSED:
         folder.discard()
         return EXIT_USER_ERROR

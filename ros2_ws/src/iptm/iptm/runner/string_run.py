@@ -10,11 +10,10 @@ from rich.table import Table
 
 from iptm.run import Run
 from iptm.runner.drive import Drive, DriveOutcome
-from iptm.runner.progress import ConsoleProgress
+from iptm.runner.progress import PROGRAM, ConsoleProgress
 from iptm.runner.run_folder import RunFolder
 from iptm.runner.runner import (
     EXIT_RUN_FAILED,
-    PROGRAM,
     RunOptions,
     check_over_ros,
     drive_processes,

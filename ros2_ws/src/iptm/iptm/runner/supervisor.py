@@ -133,11 +133,23 @@ class Supervisor:
         except OSError:
             return ""
 
-    def stop(self, names: Iterable[str] | None = None) -> None:
-        """End processes with SIGINT, SIGTERM and SIGKILL in turn, each with a timeout."""
+    @property
+    def has_lost_one(self) -> bool:
+        """Whether a process was killed, to which the others may still try to send."""
+        return any((process.poll() or 0) < 0 for process in self._processes.values())
+
+    def stop(
+        self, names: Iterable[str] | None = None, interrupt_patience_s: float | None = None
+    ) -> None:
+        """End processes with SIGINT, SIGTERM and SIGKILL in turn, each with a timeout.
+
+        Args:
+            names: of the processes, None for all.
+            interrupt_patience_s: the first of the timeouts, None for the usual one.
+        """
         chosen = [self._processes[name] for name in (self._processes if names is None else names)]
         for number, patience_s in (
-            (signal.SIGINT, self._interrupt_patience_s),
+            (signal.SIGINT, interrupt_patience_s or self._interrupt_patience_s),
             (signal.SIGTERM, TERMINATE_PATIENCE_S),
             (signal.SIGKILL, KILL_PATIENCE_S),
         ):
