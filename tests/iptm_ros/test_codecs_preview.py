@@ -137,6 +137,12 @@ def test_measured_positions_may_go_back_and_forth() -> None:
     assert_same(decode_leader_preview(message, Topic.LEADER_SAMPLES)[1], noisy)
 
 
+def test_the_first_measurements_of_an_interval_may_be_missing() -> None:
+    rest = make_preview(7.2, 8, 0.1)
+    message = encode_leader_preview(rest, 7_000_000_000, Topic.LEADER_SAMPLES)
+    assert_same(decode_leader_preview(sent(message), Topic.LEADER_SAMPLES)[1], rest)
+
+
 @pytest.mark.parametrize(
     ("change", "reason"),
     [

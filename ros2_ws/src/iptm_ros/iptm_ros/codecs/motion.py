@@ -272,25 +272,26 @@ def decode_leader_preview(
 ) -> tuple[int, LeaderPreview]:
     """Return the stamp (ns) and the prediction.
 
-    Measured positions, as in ``v2x/leader_samples``, may go back and forth; predicted ones may not.
+    Measured positions, as in ``v2x/leader_samples``, may go back and forth, and the first ones of an interval
+    may be missing; predicted ones begin when they were generated, before their stamp.
 
     Raises:
-        MessageError: see `decode_table`; a leader that drives backwards, a negative bound, or a generation
-            after the publication.
+        MessageError: see `decode_table`; a negative bound; of a prediction a leader that drives backwards, or
+            a generation after the publication.
     """
     stamp_ns, columns = decode_table(topic, message, optional=(BOUND,))
     times_s, positions_m, speeds_m_s = columns[TIME], columns[POSITION], columns[SPEED]
     bounds_m = columns.get(BOUND, np.empty(0))
     if not times_s.size:
         return stamp_ns, LeaderPreview.empty()
-    late_ns = round(float(times_s[0]) * 1e9) - stamp_ns
-    if late_ns > 0:
-        reject(topic, f"generated {late_ns} ns after its publication; allowed: at most 0")
     if float(speeds_m_s.min()) < SPEED_AT_REST_M_S:
         reject(topic, f"speed is {speeds_m_s.min()}; allowed: at least {SPEED_AT_REST_M_S:g} m/s")
     if float(bounds_m.min(initial=0.0)) < 0.0:
         reject(topic, f"bound is {bounds_m.min()} m; allowed: at least 0 m")
     if topic is Topic.LEADER_PREVIEW:
+        late_ns = round(float(times_s[0]) * 1e9) - stamp_ns
+        if late_ns > 0:
+            reject(topic, f"generated {late_ns} ns after its publication; allowed: at most 0")
         backwards_m = SPEED_AT_REST_M_S * np.maximum(times_s[1:] - times_s[:-1], 1.0)
         if (positions_m[1:] - positions_m[:-1] < backwards_m).any():
             reject(topic, "positions decrease; allowed: a leader that never drives backwards")
