@@ -258,6 +258,35 @@ def test_a_delay_that_shows_at_the_onset_of_braking_is_no_weak_brake() -> None:
         assert observer.delay_s == late_ticks
 
 
+def test_braking_of_the_safety_monitor_answers_no_command() -> None:
+    """Within a tick it moves the vehicle as no command asks for; delay and brakes are as before."""
+    observer = ActuationObserver(LIMITS, 1.0)
+    driven = [
+        *((17.83, 0.10, 0.10), (18.33, 0.50, -0.40), (18.43, 0.10, -0.19)),
+        *((18.03, -0.40, -0.20), (17.83, -0.19, -0.07), (17.63, -0.20, 0.14), (17.56, -0.07, 0.27)),
+        *((17.70, 0.14, 0.36), (17.97, 0.27, -0.14)),
+        # It begins to brake at the end of the first tick, ends in the second, and commands are limited then.
+        *((18.27, -0.39, -0.64), (16.01, -0.14, -0.51), (15.36, -0.64, -0.59)),
+        *((14.85, -0.51, -0.96), (14.26, -0.59, -1.34), (13.30, -0.96, -1.85)),
+    ]
+    for tick, (speed_m_s, measured_m_s2, command_m_s2) in enumerate(driven):
+        state = make_state(time_s=float(tick), speed_m_s=speed_m_s, acceleration_m_s2=measured_m_s2)
+        observer.observe(state)
+        observer.issue(state.time_s, Command(command_m_s2, 0.0))
+        assert not observer.has_weak_brakes
+        assert tick < 8 or observer.delay_s == 1.0
+
+
+def test_a_state_that_is_repeated_leaves_the_commands_under_way() -> None:
+    observer, vehicle = ActuationObserver(LIMITS, 1.0), Vehicle(1.0, late_ticks=1)
+    drive(observer, vehicle, 20)
+    before = observer.memory
+    observer.issue(vehicle.state.time_s, Command(0.0, 0.0))
+    observer.observe(vehicle.state)
+    assert observer.memory.delay_ticks == before.delay_ticks == 1
+    assert observer.memory.mismatches == before.mismatches
+
+
 @pytest.mark.parametrize("late_ticks", [0, 1])
 def test_vehicle_with_weak_brakes_drives_off_again(late_ticks: int) -> None:
     """At rest, the next command starts from the last one and is released step by step."""

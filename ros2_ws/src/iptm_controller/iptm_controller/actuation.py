@@ -21,6 +21,7 @@ from iptm_core.parameters.model import LimitParameters, ModelParameters
 from iptm_core.physics.pack_limits import UNLIMITED, PowerLimits, largest_within, power_limits
 from iptm_core.physics.power_thermal import CellPair, electric_traction_power_w
 from iptm_core.physics.powertrain import battery_power_w
+from iptm_core.signal_residuals import unexplained_change
 from iptm_core.state import Command, FloatArray, SlopePreview, VehicleState
 
 LONGEST_DELAY_S = 2.0
@@ -34,6 +35,9 @@ EXPLAINED_IN_FULL, DISTINCT = 0.05, 0.25
 """A delay that reduces it to the first share needs only the second share of a noticeable mismatch to do so:
 commands that change slowly, as at the onset of braking, look like weak brakes otherwise."""
 _ROUND_OFF = 1e-9
+BEYOND_M_S2, UNEXPLAINED_M_S = 0.1, 0.5
+"""A deceleration that grows by more than the first value beyond the jerk limit, or a speed that changes by
+more than the second beyond what accelerations explain: the safety monitor brakes, and answers no command."""
 AS_WELL = 1.5
 """Weak brakes are reported where no delay explains the motion with a mismatch smaller by this factor."""
 CREEP_SPEED_M_S = 0.5
@@ -64,6 +68,8 @@ class ActuationMemory:
         delivered: weighted sum of commanded times measured decelerations, in (m/s^2)^2.
         commanded: weighted sum of squared commanded decelerations, in (m/s^2)^2.
         candidate: delay that explained the last tick better, None for none.
+        seen: trip time, speed and acceleration that were observed last, None before the first.
+        is_overridden: the safety monitor braked, and the acceleration has not come back to a command since.
     """
 
     issued: tuple[IssuedCommand, ...] = ()
@@ -72,6 +78,8 @@ class ActuationMemory:
     delivered: float = 0.0
     commanded: float = 0.0
     candidate: int | None = None
+    seen: tuple[float, float, float] | None = None
+    is_overridden: bool = False
 
 
 class ActuationObserver:
@@ -141,31 +149,30 @@ class ActuationObserver:
             entry for entry in self.memory.issued if tick - len(self._delays) <= entry.tick < tick
         ]
         issued = IssuedCommand(tick, command.acceleration_m_s2, command.compressor_power_w)
-        self.memory = ActuationMemory(
-            (*kept, issued),
-            self.memory.mismatches,
-            self.memory.delay_ticks,
-            self.memory.delivered,
-            self.memory.commanded,
-            self.memory.candidate,
-        )
+        self.memory = replace(self.memory, issued=(*kept, issued))
 
     def observe(self, state: VehicleState) -> None:
         """Compare the acceleration of the tick that ended now with the commands of earlier ticks."""
         tick = round(state.time_s / self._tick_s)
         memory = self.memory
         if memory.issued and tick <= memory.issued[-1].tick:
-            self.memory = ActuationMemory()
+            if tick < memory.issued[-1].tick:
+                self.memory = ActuationMemory()
             return
         issued = {entry.tick: entry.acceleration_m_s2 for entry in memory.issued}
         answered = [issued.get(tick - 1 - delay) for delay in self._delays]
         measured = state.acceleration_m_s2
         prompt = answered[memory.delay_ticks]
         at_rest = state.speed_m_s < CREEP_SPEED_M_S
-        overridden = measured < self._limits.min_acceleration_m_s2 - 0.05
+        memory = replace(
+            memory,
+            seen=(state.time_s, state.speed_m_s, measured),
+            is_overridden=not at_rest and self._is_overridden(state),
+        )
         if at_rest and any(memory.mismatches):
-            self.memory = replace(memory, mismatches=(), candidate=None)
-        if prompt is None or at_rest or overridden:
+            memory = replace(memory, mismatches=(), candidate=None)
+        self.memory = memory
+        if prompt is None or at_rest or memory.is_overridden:
             return
         before = memory.mismatches or (0.0,) * len(answered)
         mismatches = tuple(
@@ -181,17 +188,49 @@ class ActuationObserver:
             and mismatches[delay] > DISTINCT * self._noticeable
         )
         candidate = best if explains else None
+        delivered, asked = memory.delivered, memory.commanded
         if candidate is not None and candidate == memory.candidate:
             delay, candidate = best, None
+            delivered = asked = 0.0  # they belong to commands that were not the ones answered
         commanded = answered[delay]
-        delivered, asked = memory.delivered, memory.commanded
         # A command that is not followed at all shows nothing about the brakes.
         if commanded is not None and measured < SMALLEST_SHARE * min(commanded, 0.0) <= (
             SMALLEST_SHARE * BRAKING_M_S2
         ):
             delivered = FORGETTING * delivered + measured * commanded
             asked = FORGETTING * asked + commanded * commanded
-        self.memory = ActuationMemory(memory.issued, mismatches, delay, delivered, asked, candidate)
+        self.memory = replace(
+            memory,
+            mismatches=mismatches,
+            delay_ticks=delay,
+            delivered=delivered,
+            commanded=asked,
+            candidate=candidate,
+        )
+
+    def _is_overridden(self, state: VehicleState) -> bool:
+        """Return whether the motion of a tick answers no command, as the safety monitor braked.
+
+        From then on, until the acceleration changes by less than the jerk limit again: on the way back the
+        vehicle limits every command.
+        """
+        lowest, measured_m_s2 = self._limits.min_acceleration_m_s2, state.acceleration_m_s2
+        if measured_m_s2 < lowest - 0.05:
+            return True
+        if self.memory.seen is None:
+            return False
+        before_s, before_m_s, before_m_s2 = self.memory.seen
+        if state.time_s - before_s > 1.5 * self._tick_s:
+            return False
+        changed_m_s = state.speed_m_s - before_m_s
+        unexplained = unexplained_change(changed_m_s, before_m_s2, measured_m_s2, self._tick_s)
+        if abs(unexplained) > UNEXPLAINED_M_S:
+            return True
+        most = self._limits.max_jerk_m_s3 * self._tick_s
+        change = measured_m_s2 - max(before_m_s2, lowest)
+        if self.memory.is_overridden:
+            return abs(change) > most - _ROUND_OFF
+        return change < -most - BEYOND_M_S2
 
     def predicted(self, state: VehicleState) -> VehicleState:
         """Return the state at the instant at which the next command acts; the state itself without delay.
