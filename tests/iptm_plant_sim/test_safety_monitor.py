@@ -187,6 +187,16 @@ def test_on_a_known_road_both_vehicles_brake_as_it_permits() -> None:
     assert MONITOR.road_braking().full == BrakingCapability(7.0, 9.0)
 
 
+def test_usual_braking_downhill_is_no_sign_of_better_grip() -> None:
+    """1.4 * 1.055 * 2.75 = 4.06 m/s^2; a descent of 10 % takes 0.98 m/s^2 of what a slippery road gives."""
+    level, down = MONITOR.road_braking(), MONITOR.road_braking(slope_rad=-0.1)
+    assert down.slippery is not None
+    assert down.slippery.lead_m_s2 == pytest.approx(1.055 * 2.75 - 9.81 * math.sin(0.1))
+    assert down.behind(4.0) == down
+    assert down.behind(4.1) != down
+    assert level.better_grip_m_s2 == down.better_grip_m_s2 == pytest.approx(4.06, abs=0.01)
+
+
 def test_stated_accuracy_takes_the_vehicle_ahead_nearer_and_slower() -> None:
     stated = SafetyMonitor(
         SafetyMonitorSettings(gap_accuracy_m=5.0, lead_speed_accuracy_m_s=2.0), BRAKES

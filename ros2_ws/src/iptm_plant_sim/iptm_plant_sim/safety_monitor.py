@@ -44,7 +44,8 @@ SATURATED_SHARE = 1.2
 road; weak brakes fall short of gentle requests as well."""
 HARDER_SHARE = 1.4
 """A vehicle ahead brakes harder than a slippery road permits from this times that deceleration on: 4.1 m/s^2
-with the default settings, more than in any published cycle and beyond noise of its measured speed."""
+with the default settings, more than in any published cycle and beyond noise of its measured speed; no less
+downhill, although a slippery road permits less there."""
 WAITED_S = 0.3
 """Part of the reaction time that may pass while a measurement is awaited; the monitor itself needs less."""
 
@@ -110,15 +111,17 @@ def stopping_distance_m(
 
 @dataclass(frozen=True)
 class RoadBraking:
-    """What both vehicles can do at a place: at best, and if it is slippery; None where friction is known."""
+    """What both vehicles can do at a place.
+
+    Attributes:
+        full: at best.
+        slippery: if it is slippery; None where friction is known.
+        better_grip_m_s2: deceleration beyond which the vehicle ahead has a better road.
+    """
 
     full: BrakingCapability
     slippery: BrakingCapability | None
-
-    @property
-    def better_grip_m_s2(self) -> float:
-        """Deceleration beyond which the vehicle ahead has a better road; infinite for a known one."""
-        return HARDER_SHARE * self.slippery.lead_m_s2 if self.slippery is not None else math.inf
+    better_grip_m_s2: float = math.inf
 
     def behind(self, shown_m_s2: float) -> RoadBraking:
         """Return the same behind a vehicle that is seen to brake with a deceleration."""
@@ -155,13 +158,14 @@ class SafetyMonitor:
         slippery_m_s2 = min(settings.monitor_slippery_deceleration_m_s2, self._own_m_s2)
         friction = settings.road_friction
         full = braking_capability(self._own_m_s2, lead_m_s2, friction, slope_rad)
-        slippery = None
+        slippery, better_grip_m_s2 = None, math.inf
         if friction == 0.0 and slippery_m_s2 > 0.0:
             lead_m_s2 = min(SLIPPERY_LEAD_SHARE * slippery_m_s2, lead_m_s2)
             slippery = braking_capability(slippery_m_s2, lead_m_s2, 0.0, slope_rad)
+            better_grip_m_s2 = HARDER_SHARE * max(slippery.lead_m_s2, lead_m_s2)
         if shown_m_s2 > 0.0 and full.own_m_s2 > shown_m_s2:
             full = replace(full, own_m_s2=shown_m_s2)
-        return RoadBraking(full, slippery)
+        return RoadBraking(full, slippery, better_grip_m_s2)
 
     def safe_distance_m(
         self,
