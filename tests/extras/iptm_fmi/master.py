@@ -38,7 +38,10 @@ class Instance:
         starts: Mapping[str, Any] | None = None,
         start_s: float = 0.0,
         token: str | None = None,
+        *,
+        begins: bool = True,
     ) -> None:
+        """Make an instance; `begins`: initialize it, too."""
         described, folder = unpacked(path)
         self.is_3 = described.fmiVersion.startswith("3")
         self.places: dict[str, list[int]] = {}
@@ -48,7 +51,6 @@ class Instance:
             self.places.setdefault(name, []).append(variable.valueReference)
             if size > 1:
                 self.places[name] += [variable.valueReference + 1] * (size - 1)
-        self.messages: list[str] = []
         kind = SLAVES[3 if self.is_3 else 2]
         self.unit = kind(
             guid=token or (described.instantiationToken if self.is_3 else described.guid),
@@ -57,6 +59,11 @@ class Instance:
             instanceName="one",
         )
         self.unit.instantiate()
+        if begins:
+            self.begin(starts, start_s)
+
+    def begin(self, starts: Mapping[str, Any] | None = None, start_s: float = 0.0) -> None:
+        """Initialize it."""
         if self.is_3:
             self.put(**(starts or {}))
             self.unit.enterInitializationMode(startTime=start_s)

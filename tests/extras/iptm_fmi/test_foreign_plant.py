@@ -90,7 +90,7 @@ def edited(car: Path, change: Callable[[str], str]) -> str:
         (lambda text: text.replace("  speed_m_s", "  speed_kmh"), "speed_kmh"),
         (lambda text: text.replace("inputs:", "given:"), "inputs"),
         (lambda text: text.replace("  position_m", "  #"), "position_m"),
-        (lambda text: text + "\n\t- :", "cannot be read"),
+        (lambda text: text + "\n\t- :", "not valid YAML"),
         (lambda _: "- a list", "allowed: inputs, outputs"),
     ],
 )

@@ -11,7 +11,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
-    install_requires=["setuptools", "casadi>=3.7", "numpy>=1.24", "PyYAML>=6.0"],
+    install_requires=["setuptools", "casadi>=3.7", "numpy>=1.24"],
     # FMPy, see requirements/fmi.txt: the headers of FMI, and what loads an FMU.
     extras_require={"test": ["pytest"], "fmi": ["fmpy>=0.3.32"]},
     python_requires=">=3.10",

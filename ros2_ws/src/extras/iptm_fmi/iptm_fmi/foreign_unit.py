@@ -16,6 +16,7 @@ from iptm_core.errors import ScenarioError, StateError
 
 TIMEOUT_S = 30.0
 """Longest time that a call may take."""
+_FATAL = 4
 T = TypeVar("T")
 
 
@@ -38,7 +39,7 @@ class ForeignUnit:
             fmpy = import_module("fmpy")
         except ModuleNotFoundError as error:
             raise ScenarioError(f"{error}; FMUs need FMPy: install requirements/fmi.txt") from error
-        self._path, self._hangs, self._has_started = path, False, False
+        self._path, self._is_lost, self._has_started = path, False, False
         try:
             self._described = fmpy.read_model_description(str(path))
         except Exception as error:  # FMPy raises whatever its parser does
@@ -109,7 +110,7 @@ class ForeignUnit:
 
     def close(self) -> None:
         """Free the instance and remove what was unpacked."""
-        if not self._hangs:
+        if not self._is_lost:
             with suppress(StateError):
                 self._called(self._unit.freeInstance)
         self._calls.put(None)
@@ -145,9 +146,11 @@ class ForeignUnit:
         try:
             answer, error = answers.get(timeout=TIMEOUT_S)
         except queue.Empty:
-            self._hangs = True
+            self._is_lost = True
             raise StateError(f"{self._path.name} has not answered within {TIMEOUT_S:g} s") from None
         if error is not None:
+            # After this status nothing may be called any more (FMI 2.0.5, 2.1.3).
+            self._is_lost = self._is_lost or getattr(error, "status", None) == _FATAL
             raise StateError(f"{self._path.name}: {_line(error)}") from error
         result: T = answer
         return result

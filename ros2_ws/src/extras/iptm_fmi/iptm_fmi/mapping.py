@@ -8,9 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from iptm_core.errors import ScenarioError
+from iptm_core.parameters.strict_yaml import read_yaml
 from iptm_core.user_input import shown, suggestion
 
 INPUTS = {
@@ -104,10 +103,7 @@ def read_mapping(path: Path) -> VariableMap | None:
     beside = path.with_suffix(".yaml")
     if not beside.is_file():
         return None
-    try:
-        content = yaml.safe_load(beside.read_text("utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ScenarioError(f"{beside} cannot be read: {error}") from error
+    content = read_yaml(beside, ScenarioError)
     if not isinstance(content, dict) or not {*content} <= {"inputs", "outputs"}:
         raise ScenarioError(f"{beside} has other keys; allowed: inputs, outputs")
     found = VariableMap(

@@ -89,8 +89,9 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference places[], size_
   component *const one = (component *)c;
   iptm_result result = IPTM_DONE;
   size_t i;
+  iptm_write_begins(&one->unit);
   for (i = 0; i < n && result == IPTM_DONE; ++i) result = iptm_write(&one->unit, places[i], values[i]);
-  return given(one, result);
+  return given(one, iptm_write_ends(&one->unit, result));
 }
 
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time_s, fmi2Real length_s, fmi2Boolean no_return) {

@@ -79,14 +79,15 @@ static iptm_result visit(component *one, const fmi3ValueReference places[], size
     }
     if (size == 0)
       return iptm_fail(&one->unit, IPTM_REFUSED, "value reference %u is unknown", (unsigned)places[i]);
-    if (used + size > values)
-      return iptm_fail(&one->unit, IPTM_REFUSED, "%u values for variables of more", (unsigned)values);
+    if (used + size > values) break;
     for (k = 0; k < size; ++k, ++used) {
       const iptm_result result = read != NULL ? iptm_read(&one->unit, places[i] + k, read + used)
                                               : iptm_write(&one->unit, places[i] + k, written[used]);
       if (result != IPTM_DONE) return result;
     }
   }
+  if (i < n || used != values)
+    return iptm_fail(&one->unit, IPTM_REFUSED, "%u values for variables of another number", (unsigned)values);
   return IPTM_DONE;
 }
 
@@ -99,7 +100,8 @@ fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference places[], siz
 fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference places[], size_t n,
                           const fmi3Float64 values[], size_t count) {
   component *const one = (component *)c;
-  return given(one, visit(one, places, n, NULL, values, count));
+  iptm_write_begins(&one->unit);
+  return given(one, iptm_write_ends(&one->unit, visit(one, places, n, NULL, values, count)));
 }
 
 fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 time_s, fmi3Float64 length_s, fmi3Boolean no_return,

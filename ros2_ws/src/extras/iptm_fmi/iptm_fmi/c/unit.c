@@ -59,6 +59,16 @@ iptm_result iptm_write(iptm_instance *instance, unsigned place, double value) {
   return IPTM_DONE;
 }
 
+void iptm_write_begins(iptm_instance *instance) {
+  memcpy(instance->before.values, instance->now.values, sizeof(instance->now.values));
+}
+
+iptm_result iptm_write_ends(iptm_instance *instance, iptm_result result) {
+  if (result != IPTM_DONE)
+    memcpy(instance->now.values, instance->before.values, sizeof(instance->now.values));
+  return result;
+}
+
 iptm_result iptm_start_at(iptm_instance *instance, double start_s) {
   if (!(start_s > -LATEST_S && start_s < LATEST_S))
     return iptm_fail(instance, IPTM_REFUSED, "the start is at %g s; allowed: within %g s", start_s, LATEST_S);

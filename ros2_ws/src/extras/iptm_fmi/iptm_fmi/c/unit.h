@@ -56,6 +56,10 @@ iptm_result iptm_fail(iptm_instance *instance, iptm_result result, const char *f
 iptm_result iptm_read(iptm_instance *instance, unsigned place, double *value);
 iptm_result iptm_write(iptm_instance *instance, unsigned place, double value);
 
+/* Around the writing of several values: all of them or, after a refusal, none. */
+void iptm_write_begins(iptm_instance *instance);
+iptm_result iptm_write_ends(iptm_instance *instance, iptm_result result);
+
 /* States that a master keeps: `kept` is NULL for a new one. As bytes they are IPTM_STATE_BYTES long. */
 #define IPTM_STATE_BYTES sizeof(iptm_state)
 iptm_result iptm_keep(iptm_instance *instance, void **kept);
