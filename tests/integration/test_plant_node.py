@@ -26,7 +26,7 @@ from iptm_core.units import CELSIUS_ZERO_K
 from iptm_plant_sim.interval import PlantStep
 from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.trip import Trip
-from iptm_ros.codecs import decode_observation, ns_from_time
+from iptm_ros.codecs import decode_observation, encode_clock, ns_from_time
 from iptm_ros.diagnostics import Level
 from iptm_ros.services import Service
 from iptm_ros.suite_node import SuiteNode
@@ -290,6 +290,18 @@ def test_real_time_trip_ends_by_itself_with_or_without_a_controller(
         assert plant.bench.node.exit_code == exit_code
         assert plant.ticks == [tick * S for tick in range(11)]
         assert {"overruns", "worst_lateness_s", "command_age_s"} <= plant.bench.values.keys()
+
+
+def test_in_real_time_the_vehicle_ahead_is_waited_for_and_not_for_ever() -> None:
+    with driven_plant(**REAL_TIME, vehicle_ahead="/car_1") as plant:
+        clock = SuiteNode("plant", namespace="car_1").advertise(Topic.CLOCK)
+        for tick in range(4):
+            clock.publish(encode_clock(tick * S))
+        plant.bench.spin_until(lambda: 3 * S in plant.ticks)
+        reached_s = time.monotonic()
+        plant.bench.spin_until(lambda: 4 * S in plant.ticks)
+        assert time.monotonic() - reached_s > 0.5  # ten ticks
+        assert plant.ticks == [tick * S for tick in range(5)]
 
 
 def test_shorter_period() -> None:
