@@ -298,10 +298,14 @@ def outcomes(stride: int, part: int = 0, parts: int = 1) -> pd.DataFrame:
 
 
 def summary(table: pd.DataFrame) -> pd.DataFrame:
-    """Return a row per kind: cases, collisions, and what a driver avoids and the own vehicle does not."""
+    """Return a row per kind: cases, collisions, and what a driver avoids and the own vehicle does not.
+
+    A driver whose smallest gap is infinite passes before the other vehicle is in the way.
+    """
     hits = table.own_m <= 0.0
     by_careful, by_fuzzy = (hits & (table[f"{driver}_m"] > 0.0) for driver in (CAREFUL, FUZZY))
     missed = by_careful | by_fuzzy
+    passed = hits & (np.isinf(table.careful_m) | np.isinf(table.fuzzy_m))
     marked = table.assign(
         cases=1,
         careful=table[f"{CAREFUL}_m"] <= 0.0,
@@ -310,10 +314,11 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
         missed=missed,
         missed_careful=by_careful,
         missed_fuzzy=by_fuzzy,
-        unexplained=missed & (table.granted_m <= 0.0),
+        passed=passed,
+        unexplained=missed & (table.granted_m <= 0.0) & ~passed,
     )
     columns = [
         *("cases", "careful", "fuzzy", "own"),
-        *("missed_careful", "missed_fuzzy", "missed", "unexplained"),
+        *("missed_careful", "missed_fuzzy", "missed", "passed", "unexplained"),
     ]
     return marked.groupby("kind", sort=False)[columns].sum().astype(int).reset_index()

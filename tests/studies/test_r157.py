@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 from studies.collisions.r157 import (
     CAREFUL,
@@ -15,6 +16,7 @@ from studies.collisions.r157 import (
     driver_gap_m,
     grid,
     proactive,
+    summary,
 )
 
 
@@ -50,3 +52,16 @@ def test_a_standing_vehicle_behind_one_that_leaves_the_lane() -> None:
     case = Case(CUT_OUT, 100.0 / 3.6, 0.0, 52.0, 1.1)
     assert OwnCar().gap_m(case) > 0.0
     assert driver_gap_m(case, CAREFUL) > 0.0
+
+
+def test_a_driver_who_passes_before_the_other_is_in_the_way_is_counted_apart() -> None:
+    """130 km/h, 31 m behind a vehicle of 40 km/h that comes over with 1 m/s: 9 m past it after 1.6 s."""
+    case = Case(CUT_IN, 130.0 / 3.6, 40.0 / 3.6, 31.0, 1.0)
+    gaps = {f"{model}_m": driver_gap_m(case, model) for model in (CAREFUL, FUZZY)}
+    own_m = OwnCar().gap_m(case)
+    assert np.isinf(gaps["careful_m"])
+    assert own_m == 0.0
+    (row,) = summary(
+        pd.DataFrame([{**vars(case), **gaps, "own_m": own_m, "granted_m": 0.0}])
+    ).itertuples()
+    assert (row.missed, row.passed, row.unexplained) == (1, 1, 0)
