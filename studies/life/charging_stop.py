@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
 from studies.drives import climate, trip
-from studies.life.charging_value import ChargingValuation
-from studies.life.fast_charge import LIMIT_C, ChargingStopSettings, FastCharge, fast_charge
+from studies.life.fast_charge import (
+    LIMIT_C,
+    ChargingStopSettings,
+    FastCharge,
+    arrival_cost_eur,
+    fast_charge,
+)
 
 import iptm
 from iptm.service_life.trip_map import compressor_j
@@ -64,17 +68,6 @@ class Preparation(TextEnum):
     NONE = "none"
     LAST_MINUTES = "last 20 minutes"
     OPTIMISED = "optimised"
-
-
-class Commands:
-    """The commands of the suite's controller with options that no trip has."""
-
-    def __init__(self, inner: Controller) -> None:
-        self._inner = inner
-
-    def decide(self, measured: Measurements) -> Command:
-        """Return the command of one tick."""
-        return self._inner.decide(measured).command
 
 
 class RuledCompressor:
@@ -242,10 +235,8 @@ def _drive(
         solver = SolverOptions(compile_code=settings.get("compile_code", True))
         call["controller"] = RuledCompressor(parameters, end_s, solver)
     if minute_kwh:
-        valued = iptm.Trip.of(**call)
         stop = ChargingStopSettings(charging_minute_kwh=minute_kwh)
-        options = replace(valued.options, at_arrival=partial(ChargingValuation, stop))
-        call["controller"] = Commands(Controller(valued.controller_parameters, options))
+        call["arrival_cost_eur"] = arrival_cost_eur(stop, iptm.Trip.of(**call).parameters)
     return iptm.simulate(**call)
 
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from iptm_core.aging_laws.parking import AgingSettings
 from iptm_core.declaration import Settings, parameter
 from iptm_core.errors import ParameterError
 from iptm_core.parameters.model import ModelParameters
@@ -29,6 +30,8 @@ TAPER_CHARGE = (0.5, 0.8, 1.0)
 TAPER_SHARE = (1.0, 0.3, 0.1)
 """Share of that C-rate at states of charge, linear between and constant outside; assumed."""
 _STEP = 0.005
+_COST_C = tuple(0.25 * quarter for quarter in range(-160, 241))
+"""Temperatures on arrival: the grid of the cost to go of the controller."""
 
 
 @dataclass(frozen=True)
@@ -154,3 +157,14 @@ def fast_charge(
     return FastCharge(
         middles, np.array(durations), np.array(temperatures), np.array(c_rates), heater_j
     )
+
+
+def arrival_cost_eur(
+    stop: ChargingStopSettings,
+    parameters: ModelParameters,
+    electricity_eur_kwh: float = AgingSettings.electricity_eur_kwh,
+) -> str:
+    """Return what the minutes at the charger cost, as the setting ``arrival_cost_eur`` of a trip."""
+    minutes = fast_charge(np.array(_COST_C) + CELSIUS_ZERO_K, stop, parameters).minutes
+    eur = minutes * stop.charging_minute_kwh * electricity_eur_kwh
+    return ", ".join(f"{at!r}:{each!r}" for at, each in zip(_COST_C, eur.tolist(), strict=True))

@@ -16,11 +16,13 @@ from tests.extras.iptm_plan.scenes import (
     trip,
 )
 
+from iptm_controller.arrival import ArrivalCost
 from iptm_core.errors import ScenarioError
 from iptm_core.units import J_PER_KWH
 from iptm_plan.course import Situation
 from iptm_plan.day_plan import DayPlan, Fineness
 from iptm_plan.pack import Decision
+from iptm_plan.profile import arrival_table
 from iptm_plan.rules import Rule
 from iptm_plan.schedule import Departure, Schedule
 
@@ -203,5 +205,6 @@ def test_prices_at_the_door() -> None:
     arrival = worth[1]
     assert arrival.eur_per_k > 0.0
     assert 0.05 < arrival.eur_per_percent < 0.25 * 0.725 / 0.9
-    rises = np.diff(arrival.eur)[np.searchsorted(arrival.celsius, 26.0) :]
-    assert np.all(rises > -1e-6)
+    cost = ArrivalCost.parse(arrival_table(warm, 1, arrival.step, arrival.charge))
+    assert cost is not None
+    assert np.all(np.diff(cost.eur)[np.searchsorted(cost.celsius, 25.0) :] > 0.0)

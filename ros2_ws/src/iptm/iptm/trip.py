@@ -52,6 +52,7 @@ NO_COMPARISON = "none"
 """Stands for a strategy to compare with."""
 SHORTEST_PREVIEW_S = 60.0
 PREVIEW_RESERVE_S = 30.0
+LONGEST_SETTING = 100
 MOST_NAMED = 4
 """Overrides that a heading lists; of more, as of a vehicle of one's own, it has the number."""
 _OWN = ("name", "description", "own_drive", "foreign")
@@ -258,7 +259,7 @@ class Trip:
     def changes(self) -> list[str]:
         """Return the settings that are not defaults and no part of the rest of the heading."""
         changes = [
-            f"{name}={plain(getattr(self.group_of(name), name))}"
+            f"{name}={_cut(str(plain(getattr(self.group_of(name), name))))}"
             for name, spec in SPECS.items()
             if name not in (*_IN_HEADING, "preview_length_s")
             and getattr(self.group_of(name), name) != spec.default
@@ -309,6 +310,11 @@ class Trip:
             reference_temperature_k=FROM_STRATEGY,
             **dict.fromkeys(COST_TERMS, FROM_STRATEGY),
         )
+
+
+def _cut(text: str) -> str:
+    """Return a setting as a heading shows it: of tables the beginning."""
+    return text if len(text) <= LONGEST_SETTING else f"{text[:LONGEST_SETTING]}..."
 
 
 @lru_cache(maxsize=256)

@@ -8,6 +8,7 @@ from numbers import Real
 from typing import Any
 
 from iptm.faults.fault import Fault, in_order
+from iptm_controller.arrival import ArrivalCost
 from iptm_controller.horizon import Horizon
 from iptm_controller.settings import ControllerSettings
 from iptm_core.braking import RangeSensorSettings
@@ -101,6 +102,7 @@ class Control(ControllerSettings):
         object.__setattr__(self, "controller_overrides", text)
         super().__post_init__()
         object.__setattr__(self, "horizon", str(Horizon.parse(self.horizon)))
+        ArrivalCost.parse(self.arrival_cost_eur)
 
 
 @dataclass(frozen=True)

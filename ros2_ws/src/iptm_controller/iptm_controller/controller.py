@@ -12,6 +12,7 @@ from collections.abc import Callable
 from functools import partial
 
 from iptm_controller.actuation import ActuationMemory, ActuationObserver, PowerAuthority
+from iptm_controller.arrival import ArrivalValuation
 from iptm_controller.decision import NOTHING, ControllerMemory, Decision
 from iptm_controller.estimator import Estimator
 from iptm_controller.forecast import LeaderForecast
@@ -32,7 +33,7 @@ from iptm_controller.solvers.factory import build_solver
 from iptm_controller.solvers.interface import SolverBackend, SolveResult, Stopwatch, broken
 from iptm_controller.solvers.switching_check import SwitchingCheck
 from iptm_controller.strategy import Strategy
-from iptm_controller.temperature_value import NO_VALUE, ArrivalValue, TemperatureValuation
+from iptm_controller.temperature_value import NO_VALUE, TemperatureValuation
 from iptm_controller.tick_library import tick_library
 from iptm_controller.traction_forecast import TractionForecaster
 from iptm_core.aging_laws.parking import ParkedAging
@@ -121,11 +122,16 @@ class Controller:
         self.plan_data = plan_data(
             self.grid, builder, compile_code=self.options.solver.compile_code
         )
-        self._arrival: ArrivalValue | None = None
-        if self.options.at_arrival is not None and not strategy.is_rule_based:
+        self._arrival: ArrivalValuation | None = None
+        if self.options.arrival is not None and not strategy.is_rule_based:
+            costs = self.options.arrival, self.options.aging.electricity_eur_kwh, self._vehicle
             energy_1_j = strategy.energy_weight_1_j, CELLS * strategy.aging_weight * price_1_j
+            if (
+                strategy.in_currency
+            ):  # thermal energy has its price as part of what the battery gives
+                energy_1_j = strategy.spent_energy_weight_1_j, 0.0
             times_s = self.options.horizon.duration_s, self.options.trip_duration_s
-            self._arrival = self.options.at_arrival(self._vehicle, *energy_1_j, *times_s)
+            self._arrival = ArrivalValuation(*costs, *energy_1_j, *times_s)
 
     def use_strategy(self, strategy: Strategy) -> None:
         """Go on with other cost terms and weights; nothing is compiled, and the memory stays."""

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from iptm_controller.arrival import ArrivalCost
 from iptm_controller.estimator import NoiseSettings
 from iptm_controller.horizon import MULTI_HORIZON, Horizon
 from iptm_controller.production import ProductionSettings
 from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.strategy import DEFAULT_STRATEGY, STRATEGIES, Strategy
-from iptm_controller.temperature_value import ArrivalValue
 from iptm_core.aging_laws.law import AgingLaw
 from iptm_core.aging_laws.parking import PRICED_LAW, AgingSettings
 from iptm_core.braking import RadioSettings, RoadFrictionSettings, SensorAccuracySettings
-from iptm_core.parameters.model import ModelParameters
 
 
 @dataclass(frozen=True)
@@ -31,8 +29,7 @@ class ControllerOptions:
         road: friction of the road as far as it is known.
         radio: what messages of the lead vehicle may do on their own.
         own_law: ageing law instead of the one named there.
-        at_arrival: makes the value of the temperature on arrival out of a vehicle, the costs of a joule from
-            the pack and of one of thermal energy on top, and the lengths of horizon and trip in s.
+        arrival: cost of the temperature on arrival, in place of what the law makes of it.
     """
 
     strategy: Strategy = STRATEGIES[DEFAULT_STRATEGY]
@@ -50,7 +47,7 @@ class ControllerOptions:
     road: RoadFrictionSettings = field(default_factory=RoadFrictionSettings)
     radio: RadioSettings = field(default_factory=RadioSettings)
     own_law: AgingLaw | None = None
-    at_arrival: Callable[[ModelParameters, float, float, float, float], ArrivalValue] | None = None
+    arrival: ArrivalCost | None = None
 
     @property
     def law(self) -> AgingLaw | None:

@@ -288,7 +288,7 @@ def valuation_of(
     """
     times_s = options.horizon.duration_s, options.trip_duration_s
     weighs_aging, price_1_j = strategy.aging_weight > 0.0, 0.0
-    if weighs_aging and (aging or (options.at_arrival and not strategy.energy_weight_1_j)):
+    if weighs_aging and (aging or (options.arrival and not strategy.energy_weight_1_j)):
         strategy = strategy.scaled(COST_SCALE)
         price_1_j = energy_price_1_j(options.aging, model)
     if strategy.in_currency:
@@ -301,6 +301,10 @@ def valuation_of(
             headway_price_1_m2_s=per_share * headway,
         )
     if aging is not None and weighs_aging:
+        if options.arrival is not None:  # the hours after the trip are in its cost
+            cost_to_go = replace(strategy, cost_to_go=False)
+            by_law = CellLawValuation(aging, cost_to_go, price_1_j, model, *times_s)
+            return strategy, price_1_j, by_law
         return strategy, price_1_j, CellLawValuation(aging, strategy, price_1_j, model, *times_s)
     if strategy.cost_to_go:
         library = tick_library(is_wanted=options.solver.compile_code)

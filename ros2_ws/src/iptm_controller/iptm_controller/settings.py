@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, make_dataclass, replace
 from typing import TYPE_CHECKING
 
+from iptm_controller.arrival import ArrivalCost
 from iptm_controller.estimator import NoiseSettings
 from iptm_controller.horizon import MULTI_HORIZON, Horizon
 from iptm_controller.options import ControllerOptions
@@ -116,6 +117,11 @@ class ControllerSettings(
         description="a kelvin keeps its value up to the end of the trip, as if the trip went on; otherwise "
         "it has none there",
     )
+    arrival_cost_eur: str = parameter(
+        "",
+        "cost of the temperature of the pack on arrival, <degC>:<EUR> joined by commas, linear between, in "
+        "place of what the ageing law makes of the hours after the trip; empty for none",
+    )
     max_iterations: int = parameter(
         _SOLVER.max_iterations, "iterations of one solve at most", "", 1, 100_000
     )
@@ -183,6 +189,7 @@ class ControllerSettings(
         strategy = self.weighted_strategy()
         # The law of a cell values the hours after the trip by itself, and cools in time for them.
         ends = not self.value_beyond_trip or strategy.in_currency or self.law() is not None
+        arrival = ArrivalCost.parse(self.arrival_cost_eur)
         return ControllerOptions(
             strategy=strategy,
             horizon=Horizon.parse(self.horizon),
@@ -197,13 +204,14 @@ class ControllerSettings(
             safe_law_ticks=self.safe_law_ticks,
             max_preview_age_s=self.max_preview_age_s,
             tick_s=tick_s,
-            trip_duration_s=trip_duration_s if ends else math.inf,
+            trip_duration_s=trip_duration_s if ends or arrival else math.inf,
             noise=NoiseSettings.of(self),
             accuracy=SensorAccuracySettings.of(self),
             road=RoadFrictionSettings.of(self),
             radio=RadioSettings.of(self),
             aging=AgingSettings.of(self),
             production=ProductionSettings.of(self),
+            arrival=arrival,
         )
 
     def weighted_strategy(self) -> Strategy:

@@ -23,7 +23,6 @@ from __future__ import annotations
 import ctypes
 import math
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -69,14 +68,6 @@ class TemperatureValue:
 
 NO_VALUE = TemperatureValue(0.0, 0.0, 0.0, 0.0, 0.0)
 """Of strategies without a cost to go."""
-
-
-class ArrivalValue(Protocol):
-    """What the temperature is worth at the end of the trip, such as at a charger."""
-
-    def added_to(self, value: TemperatureValue, state: VehicleState) -> TemperatureValue:
-        """Return the value of a tick with that on top."""
-        ...
 
 
 def mixing_weights(parameters: ModelParameters) -> tuple[float, float, float]:

@@ -28,8 +28,9 @@ MISSED_EUR = 1e4
 """Cost of a whole state of charge that a departure lacks, or that is below the least charge for a step."""
 SETTLED_EUR = 0.01
 """Largest change of the cost to go, from hours to their repetition, that counts as settled."""
-_BEYOND_K = 3.0
-_HOTTEST_K = 45.0 + CELSIUS_ZERO_K
+_BEYOND_K = 5.0
+_COLD_K = 280.15
+_HOTTEST_K = 43.0 + CELSIUS_ZERO_K
 
 
 @dataclass(frozen=True)
@@ -93,8 +94,6 @@ class Worth:
     Attributes:
         eur_per_k: cost of a kelvin more, negative where warmth is welcome.
         eur_per_percent: cost of one per cent of charge less.
-        celsius: temperatures of the table.
-        eur: cost to go at these temperatures, less the least of them.
     """
 
     is_departure: bool
@@ -104,8 +103,6 @@ class Worth:
     kelvin: float
     eur_per_k: float
     eur_per_percent: float
-    celsius: tuple[float, ...]
-    eur: tuple[float, ...]
 
 
 class DayPlan:
@@ -130,7 +127,7 @@ class DayPlan:
             end: cost to go after the last step, shape (m, n); worked out from repeated hours by default.
         """
         self.schedule, self.pack, self.price, self._fine = schedule, pack, price, fineness
-        low_k = min(float(np.min(schedule.air_k)), 283.15) - _BEYOND_K
+        low_k = min(float(np.min(schedule.air_k)), _COLD_K) - _BEYOND_K
         high_k = max(float(np.max(schedule.air_k)), _HOTTEST_K) + _BEYOND_K
         count = int(np.ceil((high_k - low_k) / fineness.kelvin)) + 1
         self.charges: FloatArray = np.arange(fineness.charges) / (fineness.charges - 1.0)
@@ -216,8 +213,6 @@ class DayPlan:
             percent = self._between(value, charge - 0.01, kelvin) - self._between(
                 value, charge, kelvin
             )
-            table = [self._between(value, charge, float(each)) for each in self.kelvins]
-            least = min(table)
             found.append(
                 Worth(
                     event.is_departure,
@@ -227,8 +222,6 @@ class DayPlan:
                     event.kelvin,
                     per_k,
                     percent,
-                    tuple(float(each) - CELSIUS_ZERO_K for each in self.kelvins),
-                    tuple(each - least for each in table),
                 )
             )
         return tuple(found)

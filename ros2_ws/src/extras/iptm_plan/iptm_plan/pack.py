@@ -204,7 +204,9 @@ class ParkedPack:
         into_w = decision.charging * CHARGER_EFFICIENCY * np.maximum(charger_w - drawn_w, 0.0)
         pack = pack_resistance_ohm(ohm, at.pack), kelvin, at.cell, at.pack
         per_1_h = cell.nominal_capacity_ah * at.pack.parallel
-        least_a, _ = current_limits_a(CellPair(kelvin, kelvin, loss, loss), charge, at)
+        least_a: Any = -np.inf
+        if parameters.pack_limits.limited:
+            least_a, _ = current_limits_a(CellPair(kelvin, kelvin, loss, loss), charge, at)
         to_full_1_h = np.maximum(1.0 - charge, 0.0) * 3600.0 / step_s
         c_rate = np.minimum(-pack_current_a(-into_w, *pack), -least_a) / per_1_h
         c_rate = np.minimum(c_rate, to_full_1_h)

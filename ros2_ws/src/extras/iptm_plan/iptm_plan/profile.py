@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from iptm_core.units import CELSIUS_ZERO_K
-from iptm_plan.course import Course
+from iptm_core.units import CELSIUS_ZERO_K, J_PER_KWH
+from iptm_plan.course import Course, Situation
 from iptm_plan.day_plan import DayPlan, Worth
 from iptm_plan.week_file import Week
 
-LARGEST_PRICE_SPAN_C = (-20.0, 50.0)
+TABLE_C = tuple(map(float, range(-20, 49, 2)))
+"""Temperatures on arrival whose cost a trip is given."""
 _LEAST_EUR_KWH = 0.01
 
 
@@ -24,7 +25,7 @@ def plan_data(week: Week, plan: DayPlan, course: Course) -> dict[str, Any]:
         "chargingProfile": charging_profile(week, course),
         "charges": _charges(week, course),
         "events": [
-            {**_event(week, each), "trip": trip_settings(week, each)} for each in plan.worth(course)
+            {**_event(week, each), **_trip(week, plan, each)} for each in plan.worth(course)
         ],
         "missed": [
             {
@@ -75,20 +76,31 @@ def charging_profile(week: Week, course: Course) -> dict[str, Any]:
     }
 
 
-def trip_settings(week: Week, worth: Worth) -> dict[str, Any]:
+def trip_settings(week: Week, plan: DayPlan, worth: Worth) -> dict[str, Any]:
     """Return the settings of a trip that ends here: ``controller`` of a trip's file.
 
     What a per cent of charge is worth is the price of electricity there.
     """
-    kwh = 0.01 * week.pack.energy_j / 3.6e6
-    low, high = LARGEST_PRICE_SPAN_C
-    table = zip(worth.celsius, worth.eur, strict=True)
+    kwh = 0.01 * week.pack.energy_j / J_PER_KWH
     return {
-        "arrival_cost_eur": ", ".join(
-            f"{celsius:g}:{eur:.6g}" for celsius, eur in table if low <= celsius <= high
-        ),
+        "arrival_cost_eur": arrival_table(plan, worth.stage + 1, worth.step, worth.charge),
         "electricity_eur_kwh": round(max(worth.eur_per_percent / kwh, _LEAST_EUR_KWH), 4),
     }
+
+
+def arrival_table(plan: DayPlan, stage: int, step: int, charge: float) -> str:
+    """Return the cost of the temperatures on arrival as the setting ``arrival_cost_eur`` of a trip.
+
+    Args:
+        stage: departure that the car waits for then.
+        step: of the arrival.
+        charge: state of charge on arrival.
+    """
+    low, high = plan.kelvins[0] - CELSIUS_ZERO_K, plan.kelvins[-1] - CELSIUS_ZERO_K
+    celsius = [each for each in TABLE_C if low <= each <= high]
+    eur = [plan.cost_to_go(Situation(stage, step, charge, at + CELSIUS_ZERO_K)) for at in celsius]
+    pairs = zip(celsius, eur, strict=True)
+    return ", ".join(f"{at:g}:{each - min(eur):.5g}" for at, each in pairs)
 
 
 def _charges(week: Week, course: Course) -> list[dict[str, Any]]:
@@ -122,6 +134,10 @@ def _event(week: Week, worth: Worth) -> dict[str, Any]:
         "eur_per_k": round(worth.eur_per_k, 5),
         "eur_per_percent": round(worth.eur_per_percent, 5),
     }
+
+
+def _trip(week: Week, plan: DayPlan, worth: Worth) -> dict[str, Any]:
+    return {} if worth.is_departure else {"trip": trip_settings(week, plan, worth)}
 
 
 def _utc(week: Week, step: int) -> str:

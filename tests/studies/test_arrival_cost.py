@@ -1,17 +1,16 @@
-"""The cost to go until a fast charger."""
+"""The cost to go until arrival, such as at a fast charger."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
-from studies.life.charging_value import LARGEST_PRICE_RATIO, ChargingValuation
-from studies.life.fast_charge import ChargingStopSettings, fast_charge
+from studies.life.fast_charge import ChargingStopSettings, arrival_cost_eur, fast_charge
 from tests.iptm_controller.scenes import make_scene, make_state
 
+from iptm_controller.arrival import LARGEST_PRICE_RATIO, ArrivalCost, ArrivalValuation
 from iptm_controller.controller import Controller
 from iptm_controller.options import ControllerOptions
 from iptm_controller.solvers.interface import SolverOptions
@@ -40,8 +39,14 @@ def car(air_c: float, **more: float) -> ModelParameters:
     ).values
 
 
-def valuation(model: ModelParameters, stop: ChargingStopSettings = STOP) -> ChargingValuation:
-    return ChargingValuation(stop, model, 0.4, 0.6, HORIZON_S, ARRIVAL_S)
+def cost(model: ModelParameters) -> ArrivalCost:
+    parsed = ArrivalCost.parse(arrival_cost_eur(STOP, model))
+    assert parsed is not None
+    return parsed
+
+
+def valuation(model: ModelParameters) -> ArrivalValuation:
+    return ArrivalValuation(cost(model), 0.25, model, 0.4, 0.6, HORIZON_S, ARRIVAL_S)
 
 
 def test_at_the_charger_a_kelvin_has_the_value_of_the_minutes_saved() -> None:
@@ -102,7 +107,7 @@ def test_a_charger_needs_a_price_of_energy_and_a_time_of_arrival(
     prices_1_j: tuple[float, float], trip_s: float, message: str
 ) -> None:
     with pytest.raises(ParameterError, match=message):
-        ChargingValuation(STOP, car(15.0), *prices_1_j, HORIZON_S, trip_s)
+        ArrivalValuation(cost(car(15.0)), 0.25, car(15.0), *prices_1_j, HORIZON_S, trip_s)
 
 
 @pytest.mark.parametrize(
@@ -113,13 +118,14 @@ def test_the_controller_heats_when_it_is_time(
     strategy: str, left_s: float, air_c: float, heats: bool
 ) -> None:
     state = make_state(cell_1_temperature_k=air_c + 273.15, cell_n_temperature_k=air_c + 273.15)
+    model = car(air_c, **{"cooling.air_exchange_w_k": 100.0})
     options = ControllerOptions(
         STRATEGIES[strategy],
         solver=SolverOptions(compile_code=False),
         trip_duration_s=state.time_s + left_s,
-        at_arrival=partial(ChargingValuation, STOP),
+        arrival=cost(model),
     )
-    controller = Controller(car(air_c, **{"cooling.air_exchange_w_k": 100.0}), options)
+    controller = Controller(model, options)
     decision = controller.decide(replace(make_scene(), state=state))
     assert decision.result is not None
     power_w = decision.command.compressor_power_w

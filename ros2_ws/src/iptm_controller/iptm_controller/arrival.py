@@ -1,9 +1,10 @@
-"""Cost to go of the temperature until arrival at a fast charger.
+"""Cost to go of the temperature until arrival, from what it costs there.
 
-The cost of the rest of the trip is the thermal energy still to be drawn, and the cost of the minutes at the
-charger as a function of the temperature on arrival,
+A trip may end where the temperature of the pack matters: at a fast charger, or parked for hours. Given is the
+cost of each temperature on arrival. The cost of the rest of the trip is the thermal energy still to be drawn,
+and that,
 
-    J(T, t_end) = E_min minutes(T),
+    J(T, t_end) = cost on arrival,
     J(T, t) = min over P of abs(P) / eta_b dt + J(T + dT/dt(P) dt, t + dt),
 
 worked out backwards for the pack as one body with heater, chiller, radiator, air and a steady load. Its
@@ -14,10 +15,10 @@ now has lost nothing until then, and one heated too early goes to the air: when 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
-from studies.life.fast_charge import ChargingStopSettings, fast_charge
 
 from iptm_controller.temperature_value import TemperatureValue, mixing_weights
 from iptm_core.errors import ParameterError
@@ -26,7 +27,8 @@ from iptm_core.physics.cell import cell_heat_w, cell_resistance_ohm, heat_from_a
 from iptm_core.physics.chiller import chiller_line, largest_useful_power_w
 from iptm_core.physics.thermal_loop import reduce_channel, solve_coolant_loop, thermal_actuation
 from iptm_core.state import FloatArray, VehicleState
-from iptm_core.units import J_PER_KWH
+from iptm_core.units import CELSIUS_ZERO_K, J_PER_KWH
+from iptm_core.user_input import number, shown
 
 STEP_S = 60.0
 GRID_K = 0.25
@@ -43,12 +45,48 @@ LARGEST_PRICE_RATIO = 1.5
 a higher price would make wasting energy in the pack pay."""
 
 
-class ChargingValuation:
-    """Prices the temperature of the pack at every tick of a trip that ends at a fast charger."""
+@dataclass(frozen=True)
+class ArrivalCost:
+    """What the temperature of the pack costs on arrival: linear between the temperatures, constant outside.
+
+    Raises:
+        ParameterError: less than two temperatures, not increasing, or unknown values.
+    """
+
+    celsius: tuple[float, ...]
+    eur: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        known = all(map(math.isfinite, (*self.celsius, *self.eur)))
+        increasing = all(low < high for low, high in pairwise(self.celsius))
+        if not known or not increasing or len(self.celsius) != len(self.eur) or len(self.eur) < 2:
+            raise ParameterError(
+                f"cost on arrival at {shown(self.celsius)} degC is {shown(self.eur)} EUR; allowed: two or "
+                "more known values at increasing temperatures"
+            )
+
+    @classmethod
+    def parse(cls, text: str) -> ArrivalCost | None:
+        """Return the cost of a text such as ``20:0.0, 35:0.12``, None of an empty one."""
+        if not text.strip():
+            return None
+        try:
+            pairs = [tuple(map(number, pair.split(":"))) for pair in text.split(",")]
+            celsius, eur = zip(*pairs, strict=True)
+        except ValueError:
+            raise ParameterError(
+                f"arrival_cost_eur is {shown(text)}; allowed: <degC>:<EUR> joined by commas"
+            ) from None
+        return cls(celsius, eur)
+
+
+class ArrivalValuation:
+    """Prices the temperature of the pack at every tick of a trip by its cost on arrival."""
 
     def __init__(
         self,
-        stop: ChargingStopSettings,
+        cost: ArrivalCost,
+        electricity_eur_kwh: float,
         model: ModelParameters,
         energy_weight_1_j: float,
         thermal_energy_price_1_j: float,
@@ -58,7 +96,8 @@ class ChargingValuation:
         """Work out the cost to go.
 
         Args:
-            stop: the charger.
+            cost: on arrival.
+            electricity_eur_kwh: price of the energy that the pack is cooled and heated with.
             model: of the vehicle.
             energy_weight_1_j: cost of a joule from the pack in J3.
             thermal_energy_price_1_j: cost of a joule of thermal energy on top; not both are 0.
@@ -66,7 +105,7 @@ class ChargingValuation:
             trip_duration_s: trip time of the arrival, finite.
 
         Raises:
-            ParameterError: there is nothing to weigh minutes against, or no time of arrival.
+            ParameterError: there is nothing to weigh the cost against, or no time of arrival.
         """
         if not energy_weight_1_j and not thermal_energy_price_1_j:
             raise ParameterError(
@@ -87,11 +126,13 @@ class ChargingValuation:
         count = math.ceil((highest_k - lowest_k + BEYOND_K) / GRID_K)
         self._grid_k: FloatArray = lowest_k - BEYOND_K + GRID_K * np.arange(count, dtype=np.float64)
         steps = math.ceil(max(self._ends_s, 0.0) / STEP_S)
-        energy_j = self._energies_j(stop, model, steps)
+        kelvin = np.asarray(cost.celsius) + CELSIUS_ZERO_K
+        on_arrival_j = np.interp(self._grid_k, kelvin, cost.eur) / electricity_eur_kwh * J_PER_KWH
+        energy_j = self._energies_j(on_arrival_j, model, steps)
         self._slopes_j_k: FloatArray = np.gradient(energy_j, GRID_K, axis=1)
 
     def added_to(self, value: TemperatureValue, state: VehicleState) -> TemperatureValue:
-        """Return what a kelvin costs with the charging, of both cells in the shares of the other costs."""
+        """Return what a kelvin costs with the arrival, of both cells in the shares of the other costs."""
         # The mean that stays while the coolant mixes them: what is heated is not even yet.
         share_1, share_n = self._shares
         mean_k = share_1 * state.cell_1_temperature_k + share_n * state.cell_n_temperature_k
@@ -116,13 +157,12 @@ class ChargingValuation:
         return self._weight_1_j * max(slope_j_k, self._least_j_k)
 
     def _energies_j(
-        self, stop: ChargingStopSettings, model: ModelParameters, steps: int
+        self, on_arrival_j: FloatArray, model: ModelParameters, steps: int
     ) -> FloatArray:
         """Return the cost to go in joules, with 0, 1, ... steps left, shape (steps + 1, grid)."""
         kelvin = self._grid_k
         drawn_w, warming_k_s = _actions(kelvin, model)
-        minutes = fast_charge(kelvin, stop, model).minutes
-        left = [minutes * stop.charging_minute_kwh * J_PER_KWH]
+        left = [on_arrival_j]
         for _ in range(steps):
             after = kelvin + STEP_S * warming_k_s
             costs = STEP_S * drawn_w[:, np.newaxis] + np.interp(after, kelvin, left[-1])
