@@ -10,5 +10,5 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--whole",
         action="store_true",
-        help="all cars and climates, not the paper's car on a hot day",
+        help="all cars in all climates on all roads",
     )

@@ -1,7 +1,8 @@
 """The default and the strategy `prices` against the cars of today: energy, ageing, distance kept, and worth.
 
 Twelve cycles (six published ones, level and on hills) at the headway of `production`, with a perfect preview
-and without one. Ageing is judged by laws of measured cells, worth by energy and capacity in one currency.
+and without one; and the six level ones with other cars and in other climates. Ageing is judged by laws of
+measured cells, worth by energy and capacity in one currency.
 """
 
 from __future__ import annotations
@@ -29,12 +30,15 @@ import iptm
 from iptm_core.parameters import DEFAULT_SET
 from iptm_core.routes.cycles import CYCLE_NAMES
 
-PRICES, COOLER = "prices", "prices, cells down to 20 °C"
+PRICES, COOLER = "prices", "prices, pack down to 20 °C"
 COOLER_K = {"limits.min_temperature_k": 293.15}
-"""Of the controller only: `production` cools its first cell below the limit of 25 °C, which plans keep."""
+"""Lower limit of the controller only: how far cooling pays in the currency."""
 CARS = (DEFAULT_SET, "bmw_i3", "tesla_model_3")
 CLIMATES_C = (35.0, 25.0, 10.0)
 ROADS: tuple[dict[str, Any], ...] = ({}, {"slope": "large"})
+USUAL = (CARS[0], CLIMATES_C[0])
+OTHERS = (*((car, CLIMATES_C[0]) for car in CARS[1:]), *((CARS[0], c) for c in CLIMATES_C[1:]))
+"""Where the level cycles are driven, too, without the cooler variant."""
 DRIVERS = (
     (PRODUCTION, False),
     (PRODUCTION_SIMPLE, False),
@@ -51,6 +55,7 @@ SHORT_S = 60.0
 LONGER_S, DEEPER_M = 0.5, 0.05
 """Seconds and metres below s_min by which a car may exceed `production` and count as equal."""
 EQUAL_S = 0.1
+USUAL_PLACE, OTHER_PLACES = "paper's car, 35 °C", "other cars and climates"
 
 
 def call_of(
@@ -68,10 +73,16 @@ def call_of(
 def cases_of(session: Session) -> Iterator[Case]:
     """Yield the trips."""
     cycles, roads = (("us06",), ROADS[:1]) if session.short else (CYCLE_NAMES, ROADS)
-    most = None if session.options.whole else 1
-    for car, ambient_c, cycle, road in product(CARS[:most], CLIMATES_C[:most], cycles, roads):
+    places = [(USUAL, road) for road in roads]
+    if session.options.whole:
+        places = list(product(product(CARS, CLIMATES_C), roads))
+    elif not session.short:
+        places += [(other, ROADS[0]) for other in OTHERS]
+    for ((car, ambient_c), road), cycle in product(places, cycles):
         name = f"{cycle}, hills" if road else cycle
         for role, perfect in DRIVERS:
+            if role == COOLER and (car, ambient_c) != USUAL:
+                continue
             labels = {
                 "car": car,
                 "ambient_c": ambient_c,
@@ -156,7 +167,8 @@ def _verdicts(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
     base = rows[rows.role == PRODUCTION].set_index(places)
     best = rows[rows.role == RULE_PREVIEW].set_index(places).worth_eur
     simple = rows[rows.role == PRODUCTION_SIMPLE].set_index(places).worth_eur
-    for (role, perfect), part in rows.groupby(["role", "perfect"], sort=False):
+    where = np.where(_is_usual(rows), USUAL_PLACE, OTHER_PLACES)
+    for (place, role, perfect), part in rows.groupby([where, "role", "perfect"], sort=False):
         if role not in {DEFAULT, PRICES, COOLER}:
             continue
         own = part.set_index(places)
@@ -177,6 +189,7 @@ def _verdicts(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
         for what, holds in kept.items():
             missed = own.index[~holds]
             yield {
+                "place": place,
                 "role": role,
                 "preview": PREVIEWS[bool(perfect)],
                 "what": what,
@@ -187,5 +200,8 @@ def _verdicts(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
 
 def _name(car: str, ambient_c: float, cycle: str) -> str:
     """Return the place of a trip, short for the paper's car on a hot day."""
-    is_usual = car == CARS[0] and ambient_c == CLIMATES_C[0]
-    return cycle if is_usual else f"{cycle} ({car}, {ambient_c:g} °C)"
+    return cycle if (car, ambient_c) == USUAL else f"{cycle} ({car}, {ambient_c:g} °C)"
+
+
+def _is_usual(rows: pd.DataFrame) -> pd.Series:
+    return (rows.car == USUAL[0]) & (rows.ambient_c == USUAL[1])

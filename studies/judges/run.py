@@ -17,11 +17,12 @@ from studies.session import Case, Session
 
 import iptm
 from iptm.judging import CURRENT, SAVED, TEMPERATURE, judge_groups
-from iptm_core.aging_laws.judging import Exposure, Judge
+from iptm_core.aging_laws.judging import CELLS, Exposure, Judge
 from iptm_core.state import FloatArray
 from iptm_core.units import CELSIUS_ZERO_K
 
 CYCLES = ("wltc_class3b", "us06", "hwfet", "udds")
+BLAST = "BLAST-Lite"
 BY_CELLS, BY_ALL = ("paper", "cells", "blast"), ("paper", "cells", "blast", "pybamm")
 JUDGED_BY_ALL = CYCLES[:2]
 """Cycles on which PyBaMM judges, too: a minute for each run."""
@@ -69,6 +70,7 @@ def run(session: Session) -> bool:
     session.render(
         judges=_judges({pair: each.table for pair, each in found.items()}, SAVED),
         groups=_groups({pair: each.summary for pair, each in found.items()}),
+        signs=_signs({pair: each.summary for pair, each in found.items()}),
         currents=_groups({pair: _medians(each.table, CURRENT) for pair, each in found.items()}),
         temperatures=_groups(
             {pair: _medians(each.table, TEMPERATURE) for pair, each in found.items()}
@@ -131,6 +133,14 @@ def _groups(summaries: Mapping[tuple[str, str], pd.DataFrame]) -> pd.DataFrame:
     }
     order = max(summaries.values(), key=len).index
     return pd.DataFrame(texts).reindex(order).fillna("").rename_axis("group").reset_index()
+
+
+def _signs(summaries: Mapping[tuple[str, str], pd.DataFrame]) -> tuple[int, list[str]]:
+    """Return in how many columns two groups of cells agree in the sign of the median, and the others."""
+    medians = pd.DataFrame({", ".join(pair): each.iloc[:, 0] for pair, each in summaries.items()})
+    signs = np.sign(medians.loc[[CELLS, BLAST]])
+    differ = signs.nunique() > 1
+    return int((~differ).sum()), [*signs.columns[differ]]
 
 
 def _spread(row: pd.Series) -> str:

@@ -24,7 +24,8 @@ GRIDS = ("3x1+5x5", "15x1", "1x1", "2x1+2x5+4x30t")
 
 def both(grid: str, tick_s: float = math.inf) -> tuple[PlanData, PlanData, ProblemGrid]:
     problem_grid = ProblemGrid(Horizon.parse(grid))
-    builder = ProblemDataBuilder(problem_grid, strategy_by_name("energy_aging"), PARAMETERS, tick_s)
+    strategy = replace(strategy_by_name("energy_aging"), coldest_below_limit_k=2.0)
+    builder = ProblemDataBuilder(problem_grid, strategy, PARAMETERS, tick_s)
     in_c = plan_data(problem_grid, builder, compile_code=True)
     if not isinstance(in_c, PlanDataInC):
         pytest.skip("no C compiler on this machine")

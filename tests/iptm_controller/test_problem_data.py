@@ -13,6 +13,7 @@ from iptm_controller.forecast import LeaderForecaster
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import (
+    COLD_COMPRESSOR_PRICE_1_KW,
     REFERENCE_WINDOW_S,
     UNBOUNDED_W,
     ProblemData,
@@ -22,6 +23,7 @@ from iptm_controller.ocp.grid import ProblemGrid, quadrature, sample_count
 from iptm_controller.ocp.layout import GlobalIndex, SampleIndex, StepIndex
 from iptm_controller.strategy import HEADWAY_PRICE_1_M2_S, strategy_by_name
 from iptm_core.state import FloatArray, LeaderPreview, SlopePreview, VehicleState
+from iptm_core.units import CELSIUS_ZERO_K
 
 HORIZON = Horizon.parse("3x1+5x5")
 FLAT = SlopePreview(np.zeros(1), np.zeros(1))
@@ -49,9 +51,10 @@ def build(
     slope: SlopePreview = FLAT,
     expected_m: FloatArray | None = None,
     horizon: Horizon = HORIZON,
+    strategy: str = "reference_energy_aging",
 ) -> ProblemData:
     grid = ProblemGrid(horizon)
-    builder = ProblemDataBuilder(grid, strategy_by_name("reference_energy_aging"), PARAMETERS)
+    builder = ProblemDataBuilder(grid, strategy_by_name(strategy), PARAMETERS)
     if expected_m is None:
         expected_m = state.position_m + state.speed_m_s * grid.sample_times_s
     return builder.build(state, leader, slope, expected_m)
@@ -89,6 +92,36 @@ def test_initial_state_is_scaled_and_starts_at_position_zero(steady: LeaderPrevi
     np.testing.assert_allclose(
         data.initial_state, [0.0, 15.0, 4.0, 5.0, -0.7, 1.25], rtol=0.0, atol=1e-12
     )
+
+
+@pytest.mark.parametrize(
+    ("strategy", "cells_c", "lowest_c", "may_cool"),
+    [
+        ("aging", (25.1, 29.1), 25.1, True),
+        ("aging", (24.5, 29.1), 24.45, False),
+        ("aging_cost_to_go", (25.1, 29.1), 23.1, True),  # the mean is 2 K above the first cell
+        ("aging_cost_to_go", (24.5, 26.5), 24.1, True),  # 1 K
+        ("aging_cost_to_go", (24.0, 26.0), 23.95, False),  # the mean is at the limit
+        ("aging_cost_to_go", (23.0, 30.0), 22.95, False),  # a cell is 2 K below it
+        ("prices", (23.2, 30.0), 23.1, True),
+    ],
+)
+def test_the_lower_temperature_limit(
+    strategy: str,
+    cells_c: tuple[float, float],
+    lowest_c: float,
+    *,
+    may_cool: bool,
+    steady: LeaderPreview,
+) -> None:
+    """Of the paper's strategies for each cell; of the default for the mean, with 2 K less for a cell."""
+    first_k, last_k = (celsius + CELSIUS_ZERO_K for celsius in cells_c)
+    state = make_state(cell_1_temperature_k=first_k, cell_n_temperature_k=last_k)
+    shared = build(state, steady, strategy=strategy).parameters
+    lowest_k = shared[GlobalIndex.LOWEST_TEMPERATURE]
+    assert lowest_k - CELSIUS_ZERO_K == pytest.approx(lowest_c, abs=1e-6)
+    price = shared[GlobalIndex.COMPRESSOR_PRICE]
+    assert price == pytest.approx(0.0 if may_cool else COLD_COMPRESSOR_PRICE_1_KW)
 
 
 def test_leader_at_the_end_of_every_step() -> None:

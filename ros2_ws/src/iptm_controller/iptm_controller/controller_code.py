@@ -244,6 +244,7 @@ def _data(
             _braced(strategy.weights.values()),
             strategy.reference_temperature_k,
             limits.min_temperature_k,
+            strategy.coldest_below_limit_k,
             strategy.headway_price_1_m2_s,
             *builder.load,
         ),

@@ -239,7 +239,7 @@ _WARNINGS = {
 }
 CONCERNS = frozenset(_WARNINGS.values())
 """All reasons to warn of something that has gone on for too long."""
-COLD = "cells below their lowest temperature, which forbids cooling"
+COLD = "pack below its lowest temperature, which forbids cooling"
 
 
 class OperatorWatch:
@@ -294,9 +294,9 @@ class OperatorWatch:
         self.lasted_s[Concern.COOLING] = self._cooling.update(
             state.time_s, at.warmest_cell_k, at_limit=at_limit
         )
-        coldest_k = min(state.cell_1_temperature_k, state.cell_n_temperature_k)
+        mean_k = 0.5 * (state.cell_1_temperature_k + state.cell_n_temperature_k)
         lowest_k = self._parameters.limits.min_temperature_k - TEMPERATURE_TOLERANCE_K
-        self.note = COLD if coldest_k < lowest_k else ""
+        self.note = COLD if mean_k < lowest_k else ""
 
     def _count(self, concern: Concern, time_s: float, *, holds: bool) -> None:
         self.lasted_s[concern] = self._streaks[concern].update(time_s, holds=holds)

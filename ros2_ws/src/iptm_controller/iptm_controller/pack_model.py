@@ -229,6 +229,7 @@ class CellLawValuation:
         self._prices_1_k = aging.kelvin_price_1_k(_TABLE_K)
         self._weight = strategy.aging_weight
         self._has_cost_to_go = strategy.cost_to_go
+        self._coldest_below_limit_k = strategy.coldest_below_limit_k
         # In one currency it is part of what the battery gives.
         thermal_1_j = 0.0 if strategy.in_currency else CELLS * self._weight * energy_price_1_j
         self._thermal_energy_price_1_j = thermal_1_j
@@ -261,9 +262,9 @@ class CellLawValuation:
         """Return the price of a kelvin at which what is removed and what a kelvin costs agree."""
         # Below 0 warm cells age less; the energy of driving has no price, so that it must not heat for it.
         uncooled = max(float(np.interp(kelvin, _TABLE_K, self._prices_1_k)), 0.0)
-        lowest_k = kelvin - max(
-            state.cell_1_temperature_k - self._model.limits.min_temperature_k, 0.0
-        )
+        spread_k = min(kelvin - state.cell_1_temperature_k, self._coldest_below_limit_k)
+        coolest_k = state.cell_1_temperature_k + max(spread_k, 0.0)
+        lowest_k = kelvin - max(coolest_k - self._model.limits.min_temperature_k, 0.0)
         rates_w, margins = cooling_supply(0.5 * (kelvin + lowest_k), self._model)
         supply = self._heat_capacity_j_k * self._energy_price_1_j * margins
         if not supply.size or uncooled <= supply[0]:
@@ -308,6 +309,8 @@ def valuation_of(
         return strategy, price_1_j, CellLawValuation(aging, strategy, price_1_j, model, *times_s)
     if strategy.cost_to_go:
         library = tick_library(is_wanted=options.solver.compile_code)
-        by_law_of_paper = TemperatureValuation(model, strategy.aging_weight, *times_s, library)
+        by_law_of_paper = TemperatureValuation(
+            model, strategy.aging_weight, *times_s, library, strategy.coldest_below_limit_k
+        )
         return strategy, price_1_j, by_law_of_paper
     return strategy, price_1_j, None

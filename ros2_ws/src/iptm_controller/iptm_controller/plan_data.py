@@ -171,6 +171,7 @@ class _Strategy(ctypes.Structure):
         ("weights", DOUBLE * len(layout.WEIGHTS)),
         ("reference_temperature_k", DOUBLE),
         ("min_temperature_k", DOUBLE),
+        ("coldest_below_limit_k", DOUBLE),
         ("headway_price_1_m2_s", DOUBLE),
         *((name, DOUBLE) for name in MassLoad._fields),
     )
@@ -231,6 +232,7 @@ class PlanDataInC(PlanData):
             tuple(strategy.weights.values()),
             strategy.reference_temperature_k,
             builder.min_temperature_k,
+            strategy.coldest_below_limit_k,
             strategy.headway_price_1_m2_s,
             *builder.load,
         )

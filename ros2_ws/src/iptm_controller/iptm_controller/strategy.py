@@ -27,6 +27,9 @@ MAX_WEIGHT = 1e15
 HEADWAY_PRICE_1_M2_S = 0.003
 """Cost per second of a squared metre between the gap and a desired one, in the unit of the ageing of `aging`.
 Headways and savings hardly depend on it from a tenth to ten times as much."""
+COLDEST_BELOW_LIMIT_K = 2.0
+"""Of the default: the thermostat of `production` cools the mean to the limit, too, and its first cell 2.2 K
+further."""
 
 
 class DrivingRules(TextEnum):
@@ -93,6 +96,8 @@ class Strategy:
             scaled with the weights.
         cost_to_go: price the cell temperatures at the end of the horizon by the aging that follows, see
             ``TemperatureValue``; there is nothing to weigh.
+        coldest_below_limit_k: how far the coldest cell may be cooled below the lower temperature limit while
+            the mean of the pack keeps it; with 0 each cell keeps it, as in the paper.
         in_currency: all is priced: capacity by the law of a cell, energy (J5) and headway. The weight of
             ageing only sets the scale of the cost.
         rules: laws that drive and cool where nothing is weighed.
@@ -122,6 +127,7 @@ class Strategy:
     reference_temperature_k: float = REFERENCE_TEMPERATURE_K
     headway_price_1_m2_s: float = HEADWAY_PRICE_1_M2_S
     cost_to_go: bool = False
+    coldest_below_limit_k: float = 0.0
     in_currency: bool = False
     rules: DrivingRules = DrivingRules.NONE
 
@@ -182,6 +188,9 @@ _LARGEST_TYPICAL_COST_1_S = 50.0
 _AGING_ONLY_WEIGHT = 1e9
 _REFERENCE = Strategy("reference", speed_weight=SPEED_WEIGHT, temperature_weight=TEMPERATURE_WEIGHT)
 _AGING = Strategy("aging", aging_weight=_AGING_ONLY_WEIGHT)
+_OWN = replace(
+    _AGING, name=DEFAULT_STRATEGY, cost_to_go=True, coldest_below_limit_k=COLDEST_BELOW_LIMIT_K
+)
 
 STRATEGIES: dict[str, Strategy] = {
     strategy.name: strategy
@@ -194,8 +203,8 @@ STRATEGIES: dict[str, Strategy] = {
         ),
         Strategy("energy_aging", energy_weight_1_j=1e-3, aging_weight=5e8),
         _AGING,
-        replace(_AGING, name=DEFAULT_STRATEGY, cost_to_go=True),
-        replace(_AGING, name="prices", cost_to_go=True, in_currency=True),
+        _OWN,
+        replace(_OWN, name="prices", in_currency=True),
         *(
             Strategy(rules.value, rules=rules)
             for rules in DrivingRules

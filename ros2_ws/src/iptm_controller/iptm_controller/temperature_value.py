@@ -13,8 +13,9 @@ payback time
     tau = C_pack (1 + b c) / (COP alpha P),    b = B / (z R T)
 
 with the heat capacity of the pack, the mean power P at its terminals and the mean C-rate c. A kelvin more
-to be cooled away is the last one to go: COP is the best coefficient of performance at the lower
-temperature limit. Between the cells the price is shared as the coolant mixes them. Nothing is to be tuned.
+to be cooled away is the last one to go: COP is the best coefficient of performance at the lowest
+temperature that a cell may have. Between the cells the price is shared as the coolant mixes them. Nothing is
+to be tuned.
 The derivation and a comparison with the costates of whole trips: docs/explanation/optimal-control.md.
 """
 
@@ -131,12 +132,14 @@ class TemperatureValuation:
         horizon_s: float,
         trip_duration_s: float = math.inf,
         library: ctypes.PyDLL | None = None,
+        coldest_below_limit_k: float = 0.0,
     ) -> None:
         """Keep what does not change.
 
         Args:
             aging_weight: lambda_Q.
             library: works the price out in C.
+            coldest_below_limit_k: as in `Strategy`.
         """
         self._parameters = parameters
         self._heat_capacity_j_k = parameters.pack_heat_capacity_j_k
@@ -145,7 +148,7 @@ class TemperatureValuation:
         self._trip_duration_s = trip_duration_s
         self._share_1, self._share_n, _ = mixing_weights(parameters)
         _, self._performance = most_efficient_cooling(
-            parameters.limits.min_temperature_k, parameters
+            parameters.limits.min_temperature_k - coldest_below_limit_k, parameters
         )
         self._library, self._numbers = library, (ctypes.c_double * 17)(*self.numbers)
         self._aged, self._write = doubles(6)

@@ -173,9 +173,11 @@ static void pose_shared(const iptm_strategy *strategy, const iptm_vehicle *vehic
   const iptm_prices *prices = &ahead->prices;
   const double scale = strategy->scale, lowest_k = strategy->min_temperature_k;
   const double coldest = least(vehicle->cell_1_temperature_k, vehicle->cell_n_temperature_k);
-  const double share = least(most(1.0 - (coldest - lowest_k) / COLD_MARGIN_K, 0.0), 1.0);
+  const double mean = 0.5 * (vehicle->cell_1_temperature_k + vehicle->cell_n_temperature_k);
+  const double spread = least(mean - coldest, strategy->coldest_below_limit_k);
+  const double share = least(most(1.0 - (coldest + spread - lowest_k) / COLD_MARGIN_K, 0.0), 1.0);
   const double further = prices->temperature_weight_1_k2_s;
-  double planned_k = lowest_k + 2.0 * COLD_MARGIN_K;
+  double planned_k = lowest_k + 2.0 * COLD_MARGIN_K - spread;
   double reference_k = strategy->reference_temperature_k;
   int i;
   for (i = 0; i < IPTM_WEIGHTS; ++i) {

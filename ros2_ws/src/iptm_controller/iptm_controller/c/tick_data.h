@@ -37,7 +37,7 @@ typedef struct {
 
 /* Weights of the cost, their common factor, the temperatures that they refer to, and the load of the vehicle. */
 typedef struct {
-  double scale, weights[IPTM_WEIGHTS], reference_temperature_k, min_temperature_k;
+  double scale, weights[IPTM_WEIGHTS], reference_temperature_k, min_temperature_k, coldest_below_limit_k;
   double headway_price_1_m2_s;
   double weight_n, rolling_n, inertia_kg;
 } iptm_strategy;

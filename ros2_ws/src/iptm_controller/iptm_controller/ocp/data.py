@@ -272,9 +272,11 @@ class ProblemDataBuilder:
             Price per kilowatt and second, lowest temperature in K.
         """
         coldest = min(state.cell_1_temperature_k, state.cell_n_temperature_k)
-        above = coldest - self._limits.min_temperature_k
+        mean = 0.5 * (state.cell_1_temperature_k + state.cell_n_temperature_k)
+        spread = min(mean - coldest, self.strategy.coldest_below_limit_k)
+        above = coldest + spread - self._limits.min_temperature_k
         share = min(max(1.0 - above / COLD_MARGIN_K, 0.0), 1.0)
-        planned_k = self._limits.min_temperature_k + 2.0 * COLD_MARGIN_K
+        planned_k = self._limits.min_temperature_k + 2.0 * COLD_MARGIN_K - spread
         if share > 0.0:
             planned_k = min(planned_k, coldest - COLD_MARGIN_K)
         return COLD_COMPRESSOR_PRICE_1_KW * share, planned_k
