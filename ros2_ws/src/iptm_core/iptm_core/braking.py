@@ -116,7 +116,8 @@ class RadioSettings(Settings):
         default=True,
         description="messages of the vehicle ahead are authenticated: where they place it nearer or slower "
         "than the range sensor does, the safety monitor brakes for them; else such messages brake within "
-        "comfort only, and by no more than 6 m/s",
+        "comfort only, and by no more than 8 m/s; a trip sets it to false where CAM are not all verified "
+        "(refuse_unverified), for nodes that are started by hand set it so",
     )
 
 
