@@ -114,7 +114,7 @@ RULES = (
     ),
     Rule(
         Way.ELSEWHERE,
-        r"scripts/iptm (fmu .*|run --set vehicle\.plant=.*)",
+        r"scripts/iptm (fmu .*|run --set vehicle\.plant=.*)|python -m tests\.extras\.iptm_fmi\.speed",
         "tests/extras/iptm_fmi",
     ),
     Rule(Way.ELSEWHERE, r"scripts/dev (build|docs|site).*", "tests/packaging"),

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from tests.extras.iptm_fmi.master import Instance
 
 import iptm
 from iptm.closed_loop import run_closed_loop
@@ -98,3 +101,42 @@ def recorded(cycle: str, vehicle: str = "paper_calibrated", **settings: Any) -> 
         on_tick=lambda _, given, __: measured.append(given),
     )
     return Recorded(trip, commands, steps, measured, controller.memory.foreseen_1_s)
+
+
+def closed(
+    folder: Path,
+    version: int,
+    trip: Recorded,
+    step: Callable[[Instance, float], None] = Instance.step,
+) -> tuple[float, float, int]:
+    """Close controller and plant; return energy at the battery, ageing of cell N, and ticks not optimal."""
+    names = [name for name in STATES if name != "state_of_charge"]
+    starts = {"foreseen_aging_rate": trip.foreseen_1_s}
+    with (
+        Instance(folder / f"plant_{version}.fmu") as plant,
+        Instance(folder / f"controller_{version}.fmu", starts) as controller,
+    ):
+        state, others = plant.get(*names), 0
+        for tick, given in enumerate(trip.measured):
+            preview, leader = given.preview, given.leader
+            assert leader is not None
+            road = trip.road(state[0])
+            controller.put(
+                **dict(zip(names, state, strict=True)),
+                leader_position=leader.position_m,
+                leader_speed=leader.speed_m_s,
+                preview_nodes=preview.times_s.size,
+                preview_time=preview.times_s,
+                preview_position=preview.positions_m,
+                preview_speed=preview.speeds_m_s,
+                **road,
+            )
+            step(controller, float(tick))
+            acceleration, power, rung = controller.get(
+                "acceleration_command", "compressor_power_command", "rung"
+            )
+            others += rung != 0.0
+            plant.put(acceleration_command=acceleration, compressor_power_command=power, **road)
+            step(plant, float(tick))
+            state = plant.get(*names)
+        return *plant.get("battery_energy", "cell_n_capacity_loss"), others

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.extras.iptm_fmi.drives import STATES, Recorded, recorded
+from tests.extras.iptm_fmi.drives import STATES, Recorded, closed, recorded
 from tests.extras.iptm_fmi.master import Instance
 
 from iptm_controller.ladder import thermostat_power_w
@@ -95,40 +95,6 @@ def test_the_meter_follows_a_speed(made: Path, version: int) -> None:
             own = state.speed_m_s, state.cell_1_temperature_k, state.cell_n_capacity_loss
             assert found == pytest.approx(own, rel=1e-12)
         assert meter.get("battery_energy") == pytest.approx([used_j], rel=1e-12)
-
-
-def closed(folder: Path, version: int, trip: Recorded) -> tuple[float, float, int]:
-    """Close controller and plant; return energy at the battery, ageing of cell N, and ticks not optimal."""
-    names = [name for name in STATES if name != "state_of_charge"]
-    starts = {"foreseen_aging_rate": trip.foreseen_1_s}
-    with (
-        Instance(folder / f"plant_{version}.fmu") as plant,
-        Instance(folder / f"controller_{version}.fmu", starts) as controller,
-    ):
-        state, others = plant.get(*names), 0
-        for tick, given in enumerate(trip.measured):
-            preview, leader = given.preview, given.leader
-            assert leader is not None
-            road = trip.road(state[0])
-            controller.put(
-                **dict(zip(names, state, strict=True)),
-                leader_position=leader.position_m,
-                leader_speed=leader.speed_m_s,
-                preview_nodes=preview.times_s.size,
-                preview_time=preview.times_s,
-                preview_position=preview.positions_m,
-                preview_speed=preview.speeds_m_s,
-                **road,
-            )
-            controller.step(float(tick))
-            acceleration, power, rung = controller.get(
-                "acceleration_command", "compressor_power_command", "rung"
-            )
-            others += rung != 0.0
-            plant.put(acceleration_command=acceleration, compressor_power_command=power, **road)
-            plant.step(float(tick))
-            state = plant.get(*names)
-        return *plant.get("battery_energy", "cell_n_capacity_loss"), others
 
 
 @pytest.mark.parametrize("version", VERSIONS)
