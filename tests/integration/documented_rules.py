@@ -117,6 +117,11 @@ RULES = (
         r"scripts/iptm (fmu .*|run --set vehicle\.plant=.*)|python -m tests\.extras\.iptm_fmi\.speed",
         "tests/extras/iptm_fmi",
     ),
+    Rule(
+        Way.ELSEWHERE,
+        r"python -m iptm_plan\.node .*|scripts/iptm record --topics /planner/plan .*",
+        "tests/extras/iptm_plan/integration",
+    ),
     Rule(Way.ELSEWHERE, r"scripts/dev (build|docs|site).*", "tests/packaging"),
     Rule(Way.NOT, r"dask .*|.*dask worker .*", "an extra, on several machines"),
     # Seconds.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import random
 from copy import deepcopy
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from tests.packaging.packages import ROOT
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters.strict_yaml import parse_yaml
 from iptm_plan.cli import main
-from iptm_plan.week_file import changed_departure, instant_of, read_week, week_of
+from iptm_plan.week_file import changed_departure, instant_of, read_week, week_from, week_of
 
 EXAMPLE = ROOT / "docs" / "examples" / "my_week.yaml"
 CONTENT = parse_yaml(EXAMPLE.read_text(encoding="utf-8"), "example")
@@ -133,6 +134,20 @@ def test_a_departure_is_moved() -> None:
         changed_departure(week, 5, week.begin)
     with pytest.raises(ScenarioError, match="overlap"):
         changed_departure(week, 2, instant_of("2026-07-15 07:10", week.zone, "at"))
+
+
+def test_what_is_left_of_a_week() -> None:
+    week = read_week(EXAMPLE)
+    assert week_from(week, week.begin - timedelta(days=1)) is week
+    assert week_from(week, week.begin + timedelta(days=9)) is week
+    later = week_from(week, week.begin + timedelta(hours=7, minutes=5))
+    assert later.begin == week.begin + timedelta(hours=7)
+    assert [each.step for each in later.schedule.departures] == [24, 64, 120, 160]
+    assert later.schedule.departures[0].early == ((8, 0.1),)
+    away = week_from(week, week.begin + timedelta(hours=13, minutes=20))
+    assert away.begin == week.begin + timedelta(hours=13, minutes=45)
+    assert (len(away.schedule.departures), away.schedule.charger_w) == (3, 0.0)
+    assert away.schedule.eur_kwh[0] == week.schedule.eur_kwh[55]
 
 
 def test_what_the_command_writes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

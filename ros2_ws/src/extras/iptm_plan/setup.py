@@ -19,4 +19,8 @@ setup(
     maintainer_email="maintainers@iptm.example.org",
     description="Plan of the day: when to charge, how far, the price of a kelvin at departure and arrival",
     license="Apache-2.0",
+    entry_points={
+        "console_scripts": ["planner = iptm_core.program:main"],
+        "iptm.programs": ["planner = iptm_plan.node:main"],
+    },
 )

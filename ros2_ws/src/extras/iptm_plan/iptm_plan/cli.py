@@ -17,13 +17,12 @@ from iptm_core.units import CELSIUS_ZERO_K
 from iptm_plan.course import Course
 from iptm_plan.day_plan import DayPlan
 from iptm_plan.picture import draw
-from iptm_plan.profile import plan_data
+from iptm_plan.profile import CLOCK, missed_charges, plan_data
 from iptm_plan.rules import RULES, Rule
 from iptm_plan.week_file import Week, read_week
 
 PROGRAM = "iptm plan"
 PIPE_WIDTH = 140
-_CLOCK = "%a %H:%M"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -69,29 +68,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return EXIT_REFUSED if missed else EXIT_OK
 
 
-def missed_charges(week: Week, course: Course) -> Sequence[str]:
-    """Return one line for each charge that is out of reach: how far it gets, and since when it is charged."""
-    lines = []
-    begins = 0
-    for event in course.events:
-        if not event.is_departure:
-            begins = event.step
-        if not event.missed:
-            continue
-        charged = [
-            step
-            for step in range(begins, event.step)
-            if course.charge[step + 1] > course.charge[step]
-        ]
-        since = f"charged since {week.local(charged[0]):{_CLOCK}}" if charged else "not charged"
-        what = "departure" if event.is_departure else "arrival"
-        lines.append(
-            f"{what} {event.stage + 1}, {week.local(event.step):{_CLOCK}}: charge is "
-            f"{100.0 * event.charge:.1f} %, {since}; asked for: {100.0 * event.asked:.1f} %"
-        )
-    return lines
-
-
 def _print(week: Week, plan: DayPlan, course: Course, ruled: Mapping[str, Course]) -> None:
     console = Console(width=None if sys.stdout.isatty() else PIPE_WIDTH)
     doors = Table("", "at", title="departures and arrivals")
@@ -101,7 +77,7 @@ def _print(week: Week, plan: DayPlan, course: Course, ruled: Mapping[str, Course
         name = "departure" if each.is_departure else "arrival"
         doors.add_row(
             f"{name} {each.stage + 1}",
-            f"{week.local(each.step):{_CLOCK}}",
+            f"{week.local(each.step):{CLOCK}}",
             f"{100.0 * each.charge:.1f}",
             f"{each.kelvin - CELSIUS_ZERO_K:.1f}",
             f"{each.eur_per_k:+.4f}",

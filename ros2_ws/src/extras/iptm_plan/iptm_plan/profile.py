@@ -12,6 +12,7 @@ from iptm_plan.course import Course, Situation
 from iptm_plan.day_plan import DayPlan, Worth
 from iptm_plan.week_file import Week
 
+CLOCK = "%a %H:%M"
 TABLE_C = tuple(map(float, range(-20, 49, 2)))
 """Temperatures on arrival whose cost a trip is given."""
 _LEAST_EUR_KWH = 0.01
@@ -46,6 +47,29 @@ def plan_data(week: Week, plan: DayPlan, course: Course) -> dict[str, Any]:
         "energy_eur": round(course.energy_eur, 4),
         "aging_eur": round(course.aging_eur, 4),
     }
+
+
+def missed_charges(week: Week, course: Course) -> list[str]:
+    """Return one line for each charge that is out of reach: how far it gets, and since when it is charged."""
+    lines: list[str] = []
+    begins = 0
+    for event in course.events:
+        if not event.is_departure:
+            begins = event.step
+        if not event.missed:
+            continue
+        charged = [
+            step
+            for step in range(begins, event.step)
+            if course.charge[step + 1] > course.charge[step]
+        ]
+        since = f"charged since {week.local(charged[0]):{CLOCK}}" if charged else "not charged"
+        what = "departure" if event.is_departure else "arrival"
+        lines.append(
+            f"{what} {event.stage + 1}, {week.local(event.step):{CLOCK}}: charge is "
+            f"{100.0 * event.charge:.1f} %, {since}; asked for: {100.0 * event.asked:.1f} %"
+        )
+    return lines
 
 
 def charging_profile(week: Week, course: Course) -> dict[str, Any]:

@@ -82,6 +82,10 @@ class Week:
         """Return the local time at which a step begins."""
         return (self.begin + timedelta(seconds=step * self.schedule.step_s)).astimezone(self.zone)
 
+    def within(self, now: datetime) -> datetime:
+        """Return an instant, or the beginning where it is not within the hours."""
+        return now if self.begin <= now < self.local(self.schedule.steps - 1) else self.begin
+
 
 def read_week(path: Path) -> Week:
     """Read a file.
@@ -146,6 +150,33 @@ def changed_departure(week: Week, number: int, at: datetime) -> Week:
     step = _step(week.begin, at)
     departures[number - 1] = replace(departures[number - 1], step=step)
     return replace(week, schedule=replace(week.schedule, departures=tuple(departures)))
+
+
+def week_from(week: Week, now: datetime) -> Week:
+    """Return what is left of a week: from the step of an instant on, after a trip that is under way.
+
+    Outside of its hours it is the week itself.
+    """
+    schedule = week.schedule
+    step = int((week.within(now) - week.begin).total_seconds() // schedule.step_s)
+    over = [each for each in schedule.departures if each.step < step]
+    if over:
+        step = max(step, over[-1].step + over[-1].steps(schedule.step_s))
+    if not 0 < step < schedule.steps - 1:
+        return week
+    left = [replace(each, step=each.step - step) for each in schedule.departures[len(over) :]]
+    rest = replace(
+        schedule,
+        air_k=schedule.air_k[step:],
+        eur_kwh=schedule.eur_kwh[step:],
+        charger_w=schedule.place_w(len(over)),
+        departures=tuple(
+            replace(each, early=tuple(one for one in each.early if one[0] <= each.step))
+            for each in left
+        ),
+    )
+    begin = week.begin + timedelta(seconds=step * schedule.step_s)
+    return replace(week, begin=begin, schedule=rest)
 
 
 def instant_of(text: str, zone: ZoneInfo, where: str) -> datetime:

@@ -143,6 +143,8 @@ class TopicSubscriber:
         is reported as changed is read without the lock of the receiver.
         """
         entries = list(self._subscribed.values())
+        if not entries:  # a wait set must not be empty
+            return
         with self._node.context.handle:
             handle = self._node.context.handle
             changes = rclpy_implementation.WaitSet(0, 0, 0, 0, 0, len(entries), handle)
