@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from iptm_core.compilation import CACHE_VARIABLE, cache_directory, find_compiler
+from iptm_core.compilation import CACHE_VARIABLE, cache_directory
+from iptm_core.compiler import find_compiler
 from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
 from iptm_core.state import (
     BatteryReading,
@@ -68,22 +69,10 @@ def compile_cache() -> Iterator[Path]:
         yield folder
 
 
-@pytest.fixture(scope="module", autouse=True)
-def short_trips(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Leave code for short trips unoptimised: it computes the same, and to optimise it takes longer."""
-    with pytest.MonkeyPatch.context() as patch:
-        if request.path.parent.name in {"iptm", "studies"}:
-            patch.setattr("iptm_core.optimised_code.NewestLibrary.improve", lambda _: None)
-        yield
-
-
 @pytest.fixture(scope="session")
 def compiler() -> tuple[str, ...]:
     """Command of the C compiler."""
-    found = find_compiler()
-    if found is None:
-        pytest.skip("no C compiler on this machine")
-    return found
+    return find_compiler()
 
 
 @pytest.fixture

@@ -153,7 +153,7 @@ def equal_headways(session: Session, settings: Sequence[Setting], rounds: int) -
 
 
 def driven(session: Session, cases: Sequence[Case]) -> list[iptm.Run | None]:
-    """Return the runs of cases; in the short form with an interpreted solver."""
+    """Return the runs of cases."""
     if session.short:
         cases = [case.shortened(case.call["duration_s"]) for case in cases]
     return list(session.drive(cases).run) if cases else []

@@ -41,7 +41,7 @@ MINUTE_VALUES_KWH = (0.05, 0.1, 0.25, 0.5, 1.0)
 MINUTE_VALUES_AIR_C = 5.0
 HEATER_W = 5000.0
 LAST_S = 1200.0
-SHORT: Mapping[str, Any] = {"duration_s": 60.0, "compile_code": False}
+SHORT: Mapping[str, Any] = {"duration_s": 60.0}
 """Settings of runs that only try the command."""
 Overrides = Mapping[str, float]
 
@@ -232,8 +232,7 @@ def _drive(
         parameters = load_parameters(parameter_set, changes).values
         gap_m, duration_s = parameters.gap.initial_gap_m, settings.get("duration_s")
         end_s = build_route(CITY, initial_gap_m=gap_m, duration_s=duration_s).duration_s
-        solver = SolverOptions(compile_code=settings.get("compile_code", True))
-        call["controller"] = RuledCompressor(parameters, end_s, solver)
+        call["controller"] = RuledCompressor(parameters, end_s, SolverOptions())
     if minute_kwh:
         stop = ChargingStopSettings(charging_minute_kwh=minute_kwh)
         call["arrival_cost_eur"] = arrival_cost_eur(stop, iptm.Trip.of(**call).parameters)

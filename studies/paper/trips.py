@@ -170,7 +170,6 @@ def merged(run: Settings, given: Settings) -> Settings:
 
 
 def complete(settings: Settings, *, short: bool = False) -> Settings:
-    """Settings of `iptm.simulate`; a short version drives some seconds, with an interpreted solver."""
+    """Settings of `iptm.simulate`; a short version drives some seconds."""
     trip = {"cycle": "us06", "slope": "small", "duration_s": SHORT_S} if short else {}
-    solver = {"compile_code": False} if short else {}
-    return {"cycle": CYCLE, "vehicle": VEHICLE, **DRY, **settings, **trip, **solver}
+    return {"cycle": CYCLE, "vehicle": VEHICLE, **DRY, **settings, **trip}

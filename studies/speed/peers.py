@@ -12,7 +12,8 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, cast
+from pathlib import Path
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -23,7 +24,6 @@ from iptm.closed_loop import run_closed_loop
 from iptm_controller.controller import Controller
 from iptm_controller.horizon import MULTI_HORIZON, Horizon
 from iptm_controller.ocp import layout
-from iptm_controller.ocp.compilation import compile_functions
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.stage import DEFAULT_SMOOTHING
@@ -33,7 +33,7 @@ from iptm_controller.solvers.interface import SolverBackend
 from iptm_controller.solvers.riccati.backend import RiccatiBackend
 from iptm_controller.solvers.switching_check import SwitchingCheck
 from iptm_controller.strategy import DEFAULT_STRATEGY, strategy_by_name
-from iptm_core.compilation import find_compiler
+from iptm_core.compilation import compile_sources
 from iptm_core.decision_record import SolveStatus
 from iptm_core.errors import SolverSetupError
 from iptm_core.markdown import table_of
@@ -82,11 +82,16 @@ def recorded(
     return problems
 
 
+def compiled(functions: Sequence[ca.Function]) -> Path:
+    """Return the library of functions, as CasADi writes them."""
+    generator = ca.CodeGenerator("problem.c", {"with_header": False})
+    for function in functions:
+        generator.add(function)
+    return compile_sources({"problem.c": generator.dump()})
+
+
 def casadi_solvers(problem: OptimalControlProblem) -> dict[str, Solve]:
     """Return CasADi's solvers by name, those that are part of the installed CasADi."""
-    compiler = find_compiler()
-    if compiler is None:
-        raise SolverSetupError("no C compiler was found; peers are compared as machine code")
     transcription = transcribe(problem)
     steps = problem.grid.steps
     sizes = {
@@ -129,9 +134,7 @@ def casadi_solvers(problem: OptimalControlProblem) -> dict[str, Solve]:
         "fatrop": _oracle(transcription, whole=False),
         "sqpmethod": _oracle(transcription, whole=True),
     }
-    libraries = {
-        plugin: str(compile_functions(functions, compiler)) for plugin, functions in oracles.items()
-    }
+    libraries = {plugin: str(compiled(functions)) for plugin, functions in oracles.items()}
     found = {}
     for name, (plugin, options) in plugins.items():
         options |= {"print_time": False, "record_time": False, "error_on_fail": False}
@@ -242,7 +245,7 @@ def peers(cycle: str = "comprehensive", ticks: int = 10000, problems: int = 150)
     simulating = build_solver(
         MULTI_HORIZON, problem.model, replace(options.solver, simulate_cooling=True)
     )
-    checks = [check, cast("SwitchingCheck", simulating)]
+    checks = [check, simulating]
     plain = RiccatiBackend(problem, options.solver)
     backends: dict[str, SolverBackend] = {OURS: plain, CHECKED: check, SIMULATED: checks[1]}
     solvers = {name: _answers_of(each) for name, each in backends.items()}

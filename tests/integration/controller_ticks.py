@@ -24,7 +24,7 @@ from iptm_ros.topics import Topic
 
 ROAD = SlopePreview(np.arange(0.0, 3000.0, 10.0), 0.04 * np.sin(np.arange(300) / 9.0))
 LINK = (Topic.LEADER, Topic.LEADER_PREVIEW)
-SMALL: dict[str, Any] = {"horizon": "2x1+2x5", "input_timeout_s": 60.0, "compile_code": False}
+SMALL: dict[str, Any] = {"horizon": "2x1+2x5", "input_timeout_s": 60.0}
 """A small problem without compiled code, and no time limit that a busy machine could break."""
 
 

@@ -39,7 +39,6 @@ class Rule:
 
 
 _SHORT = "--duration-s 3 --no-picture --against none"
-_INTERPRETED = "-p compile_code:=false"
 
 RULES = (
     # Parts to be filled in, or names of programs in a sentence.
@@ -137,7 +136,7 @@ RULES = (
     Rule(Way.SERVE, r"scripts/iptm visualize.*", node="visualizer"),
     Rule(Way.SERVE, r"scripts/plant .*", node="plant"),
     Rule(Way.SERVE, r"scripts/v2x_bridge .*", node="v2x_bridge"),
-    Rule(Way.SERVE, r"scripts/controller .*", _INTERPRETED, node="controller"),
+    Rule(Way.SERVE, r"scripts/controller .*", node="controller"),
     Rule(Way.SERVE, r"scripts/iptm send .*", node="v2x_sender"),
     Rule(Way.DRIVE, r"scripts/iptm check .*"),
     Rule(

@@ -261,7 +261,7 @@ def ring(files: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Plac
         place = Place(tmp_path_factory.mktemp("ring"), files, domain)
         forever = "-p duration_s:=1e6 -p mode:=real_time -p rate_factor:=5.0"
         car_1 = "-r __ns:=/car_1"
-        interpreted = "-p compile_code:=false -p horizon:=3x1"
+        short = "-p horizon:=3x1"
         module = "python -m iptm_core"
         started = [
             place.start(f"{module} {text}")
@@ -269,8 +269,8 @@ def ring(files: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Plac
                 "iptm_ros.recording.recorder_cli recorded --start-paused",
                 "iptm_ros.recording.player_cli BAG --loop --topics controller/plan",
                 "iptm_v2x_bridge.node",
-                f"iptm_controller.node --ros-args {interpreted}",
-                f"iptm_controller.node --ros-args {interpreted} {car_1}",
+                f"iptm_controller.node --ros-args {short}",
+                f"iptm_controller.node --ros-args {short} {car_1}",
                 f"iptm_plant_sim.node --ros-args {forever}",
                 f"iptm_plant_sim.node --ros-args -p start_paused:=true {car_1}",
             )

@@ -110,9 +110,7 @@ def test_a_domain_out_of_range_is_refused(domain: str, ask: Ask) -> None:
 
 
 def test_parameters_are_read_as_users_write_numbers(launcher: Any, ask: Ask) -> None:
-    launcher.start_node(
-        "iptm_controller.node", parameters={"horizon": "3x1", "compile_code": False}
-    )
+    launcher.start_node("iptm_controller.node", parameters={"horizon": "3x1"})
     code, out, _ = ask(param, "controller", "strategy=energy_aging", "aging_weight=2e8")
     assert code == 0
     assert out.splitlines()[0].startswith("strategy=energy_aging")
@@ -122,7 +120,6 @@ def test_parameters_are_read_as_users_write_numbers(launcher: Any, ask: Ask) -> 
     shown = dict(line.split("    #")[0].split("=") for line in lines)
     assert shown["aging_weight"] == "200000000.0"
     assert shown["speed_weight"] == "50.0"
-    assert shown["compile_code"] == "false"
     # All or none: the second value is out of range.
     code, _, err = ask(param, "controller", "strategy=aging", "aging_weight=-7")
     assert code == 1

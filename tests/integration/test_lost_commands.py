@@ -49,7 +49,6 @@ def drives(tmp_path_factory: pytest.TempPathFactory) -> dict[FaultKind, tuple[Pa
                 rate_factor=2.0,
                 command_timeout_s=1.0,
                 faults=(iptm.Fault(kind, 10.0, size=away_s, target="controller"),),
-                compile_code=False,
             )
             file, output = folder / f"{kind}.yaml", folder / kind
             file.write_text(trip_text(trip), encoding="utf-8")

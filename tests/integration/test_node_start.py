@@ -13,7 +13,6 @@ from tests.integration.driven_plant import driven_plant
 from tests.integration.node_bench import node_bench
 
 from iptm_controller.node import ControllerNode
-from iptm_core.compilation import find_compiler
 from iptm_ros.codecs import encode_slope
 from iptm_ros.topics import Topic
 from iptm_v2x_bridge.node import BridgeNode
@@ -59,7 +58,6 @@ def test_a_process_ends_with_the_code_of_a_mistake(launcher: Any) -> None:
     assert len(process.stderr.splitlines()) == 1
 
 
-@pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
 def test_a_cache_that_cannot_be_written_is_gone_around(launcher: Any) -> None:
     (launcher.directory / "file").write_text("in the way")
     cache = launcher.directory / "file" / "cache"

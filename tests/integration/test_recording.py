@@ -140,7 +140,7 @@ def test_a_run_started_by_hand_keeps_its_parameters(
 ) -> None:
     recorder = record("bag", "--ros-args", *CAR)
     trip = {"cycle": "nycc", "duration_s": 10.0, "overrides": "body.mass_kg=1777"}
-    solver = {"horizon": "3x1", "max_iterations": 77, "compile_code": False}
+    solver = {"horizon": "3x1", "max_iterations": 77}
     plant = launcher.start_node(
         "iptm_plant_sim.node", *CAR, parameters={**trip, "start_paused": True}
     )

@@ -18,7 +18,7 @@ MODULES = {
     "plant": "iptm_plant_sim.node",
 }
 PARAMETERS: dict[str, dict[str, object]] = {
-    "controller": {"horizon": "2x1+2x5", "compile_code": False},
+    "controller": {"horizon": "2x1+2x5"},
     "v2x_bridge": {},
     "plant": {"duration_s": 1e6, "command_timeout_wall_s": 120.0},
 }

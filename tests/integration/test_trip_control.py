@@ -170,7 +170,7 @@ def test_the_nodes_sit_out_a_pause_and_repeat_a_trip_after_a_reset_and_from_save
     peer.node.listen(Topic.PLANT_STATE, lambda _: None)
     peer.node.listen(Topic.CLOCK, lambda message: clocks.append(ns_from_time(message.clock)))
     states = {"state_folder": tmp_path / "states"}
-    controller = {**states, "horizon": "2x1+2x5+2x30t", "compile_code": False}
+    controller = {**states, "horizon": "2x1+2x5+2x30t"}
     plant = {**states, "duration_s": 1e6, "command_timeout_wall_s": 120.0}
     recorder = launcher.start_module("iptm_ros.recording.recorder_cli", tmp_path / "bag")
     nodes = [launcher.start_node(CONTROLLER, parameters=controller)]

@@ -20,6 +20,7 @@ from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.options import ControllerOptions
 from iptm_controller.solvers.factory import build_plain_solver
 from iptm_controller.solvers.interface import SolverBackend, SolveResult, SolverOptions
+from iptm_controller.solvers.riccati.backend import RiccatiBackend
 from iptm_controller.solvers.switching_check import SwitchingCheck
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.decision_record import Rung, SolveStatus
@@ -70,8 +71,9 @@ def drive(
         route = trip(cycle, slope, duration_s, parameters)
         inner = solver or multi_horizon_solver
         options = ControllerOptions(strategy=STRATEGIES[strategy], horizon=horizon)
-        check = SwitchingCheck(inner, OptimalControlProblem(horizon, parameters))
-        controller = Controller(parameters, options, check)
+        if isinstance(inner, RiccatiBackend):
+            inner = SwitchingCheck(inner, OptimalControlProblem(horizon, parameters))
+        controller = Controller(parameters, options, inner)
         return run_closed_loop(
             route, Plant(parameters, route.slope.slope_at), controller, bridge, on_tick
         )
@@ -240,8 +242,7 @@ def test_what_cars_have_today_collides_with_nothing(
 def test_the_single_horizon_drives(
     drive: Callable[..., ClosedLoopRun], parameters: ModelParameters
 ) -> None:
-    options = SolverOptions(compile_code=False)
-    solver = build_plain_solver(SINGLE_HORIZON, parameters, options)
+    solver = build_plain_solver(SINGLE_HORIZON, parameters, SolverOptions())
     run = drive("us06", 40.0, horizon=SINGLE_HORIZON, solver=solver)
     expect_safe(run.trajectory, parameters)
     assert (run.decisions.rung == Rung.OPTIMAL).all()

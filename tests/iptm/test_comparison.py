@@ -22,7 +22,6 @@ def runs() -> list[iptm.Run]:
             strategy=strategy,
             horizon="3x1",
             duration_s=20.0,
-            compile_code=False,
             overrides={"body.mass_kg": mass_kg},
         )
         for strategy, mass_kg in (("aging", 1500.0), ("reference", 1500.0), ("reference", 1600.0))

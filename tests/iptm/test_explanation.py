@@ -11,7 +11,7 @@ import iptm
 from iptm.explanation import AGING, DISTANCE, ENERGY, FORESIGHT, SAVED
 from iptm_core.metrics.saving_parts import Part
 
-TRIP = {"cycle": "nycc", "duration_s": 60.0, "compile_code": False, "horizon": "15x1"}
+TRIP = {"cycle": "nycc", "duration_s": 60.0, "horizon": "15x1"}
 
 
 @pytest.fixture(scope="module")

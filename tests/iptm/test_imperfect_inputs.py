@@ -104,7 +104,7 @@ def test_imperfect_inputs_end_in_no_collision(drive: Drive, disturbed: Disturbed
 def test_previews_of_a_clock_that_is_ahead_are_worth_what_they_are_in_time(ahead_s: float) -> None:
     ahead = whole(FaultKind.PREVIEW_FUTURE, ahead_s)
     in_time, off = (
-        iptm.simulate(cycle="us06", duration_s=60.0, compile_code=False, faults=faults).trajectory
+        iptm.simulate(cycle="us06", duration_s=60.0, faults=faults).trajectory
         for faults in ((), (ahead,))
     )
     assert off.position_m == pytest.approx(in_time.position_m, abs=0.05)

@@ -32,7 +32,7 @@ def test_the_time_left_is_that_of_the_steps_so_far(monkeypatch: pytest.MonkeyPat
 
 
 def test_nothing_is_shown_where_nobody_looks(capsys: pytest.CaptureFixture[str]) -> None:
-    iptm.simulate("us06", horizon="3x1", duration_s=5.0, compile_code=False)
+    iptm.simulate("us06", horizon="3x1", duration_s=5.0)
     assert capsys.readouterr().err == ""
 
 

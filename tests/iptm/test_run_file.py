@@ -9,7 +9,7 @@ import pytest
 
 import iptm
 
-SHORT = {"duration_s": 20.0, "compile_code": False, "horizon": "3x1"}
+SHORT = {"duration_s": 20.0, "horizon": "3x1"}
 
 
 @pytest.fixture(scope="module")

@@ -21,7 +21,7 @@ from iptm.service_life.year import (
 )
 from iptm_core.aging_laws.cells import AGING_CELLS
 
-TRIP = {"strategy": "production", "duration_s": 60.0, "compile_code": False}
+TRIP = {"strategy": "production", "duration_s": 60.0}
 START_C = (25.0, 35.0)
 
 

@@ -15,7 +15,7 @@ from iptm_core.metrics import figure_values
 from iptm_core.routes import load_cycle
 from iptm_core.trajectory import TRAJECTORY_COLUMNS
 
-SHORT: dict[str, Any] = {"duration_s": 30.0, "compile_code": False}
+SHORT: dict[str, Any] = {"duration_s": 30.0}
 
 
 @pytest.fixture(scope="module")
@@ -104,7 +104,7 @@ def test_a_vehicle_is_welcome_in_every_form() -> None:
         {"vehicle": heavy},
         {"overrides": {"body.mass_kg": 1850.0}},
     ):
-        run = iptm.simulate("sc03", duration_s=1.0, compile_code=False, **given)
+        run = iptm.simulate("sc03", duration_s=1.0, **given)
         assert run.parameters == heavy
 
 
@@ -181,7 +181,6 @@ def test_a_sweep_drives_every_combination() -> None:
         overrides={"environment.ambient_temperature_k": [273.15, 308.15], "body.mass_kg": 1500.0},
         horizon="3x1",
         duration_s=5.0,
-        compile_code=False,
     )
     assert sweep.table.index.names == ["cycle", "environment.ambient_temperature_k"]
     assert sweep.table.index.tolist() == [
@@ -199,7 +198,6 @@ def test_ranges_and_arrays_are_swept_and_savings_refer_to_the_run_named() -> Non
         strategy=["production", "reference"],
         horizon="3x1",
         duration_s=5.0,
-        compile_code=False,
     )
     masses = [1500.0, 1500.0, 1600.0, 1600.0]
     assert sweep.varied["body.mass_kg"].tolist() == masses
@@ -291,7 +289,7 @@ def test_what_was_repaired_in_a_drive_is_in_the_warnings_of_its_run(tmp_path: Pa
 
 def test_a_trip_that_ends_early_is_a_problem_of_the_run(tmp_path: Path) -> None:
     """A pack that cannot deliver: named by the run, by a comparison, its page and a sweep."""
-    trip = {"cycle": "us06", "duration_s": 30.0, "compile_code": False, "horizon": "3x1"}
+    trip = {"cycle": "us06", "duration_s": 30.0, "horizon": "3x1"}
     heavy = {"overrides": {"body.mass_kg": 40000}}
     short, whole = iptm.simulate(**trip, **heavy), iptm.simulate(**trip)
     (problem,) = short.problems

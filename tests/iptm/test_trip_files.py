@@ -63,7 +63,6 @@ def test_text_of_a_trip_reads_back(tmp_path: Path) -> None:
         seed=2**62,
         namespace="1e3",
         deadline_ms=50.0,
-        compile_code=False,
         faults=[Fault(FaultKind.LEADER_HARD_STOP, 120.0, size=4.0)],
     )
     assert load_trip(write(tmp_path, trip_text(trip))) == trip

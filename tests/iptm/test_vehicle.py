@@ -24,7 +24,7 @@ OWN_CELL = {
     "pack.parallel": 4,
     "pack.cells_per_channel": 24,
 }
-AT_REST = {"compile_code": False, "duration_s": 60.0, "cycle": "us06"}
+AT_REST = {"duration_s": 60.0, "cycle": "us06"}
 
 
 @pytest.mark.parametrize("name", cars())

@@ -69,7 +69,7 @@ def test_no_gap_falls_below_its_limit_and_nobody_falls_back(string: list[ClosedL
 
 
 def test_vehicles_of_a_string_may_have_drivers_of_their_own() -> None:
-    trip = Trip.of("us06", duration_s=20.0, compile_code=False)
+    trip = Trip.of("us06", duration_s=20.0)
     drivers = [trip.changed(strategy="production"), trip]
     found = list(drive_string_in_memory(trip, 2, drivers))
     assert [run.settings["strategy"] for run in found] == ["production", trip.controller.strategy]

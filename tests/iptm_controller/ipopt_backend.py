@@ -1,4 +1,4 @@
-"""IPOPT on the transcription, compiled where a C compiler is at hand: the reference solver."""
+"""IPOPT on the transcription: the reference solver."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import numpy as np
 from studies.speed.transcription import problem_bounds, transcribe
 
 from iptm_controller.ocp import layout
-from iptm_controller.ocp.compilation import compile_functions
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.interface import (
@@ -21,7 +20,6 @@ from iptm_controller.solvers.interface import (
     Stopwatch,
     broken,
 )
-from iptm_core.compilation import find_compiler
 from iptm_core.decision_record import SolveStatus
 from iptm_core.errors import SolverSetupError
 from iptm_core.physics.ops import BufferedFunction
@@ -41,11 +39,7 @@ class IpoptBackend:
     def __init__(self, problem: OptimalControlProblem, options: SolverOptions) -> None:
         self._options = options
         transcription = transcribe(problem)
-        compiler = find_compiler() if options.compile_code else None
-        self.compiled = compiler is not None
         oracle: Any = transcription.expressions
-        if compiler is not None:
-            oracle = str(compile_functions(transcription.functions(), compiler))
         ipopt: dict[str, Any] = {
             "print_level": 0,
             "sb": "yes",
@@ -64,11 +58,7 @@ class IpoptBackend:
         bounds, given = problem_bounds(problem.grid.steps, problem.model), self._solver.arguments
         given["lbx"][:], given["ubx"][:] = bounds.variables_low, bounds.variables_high
         given["lbg"][:], given["ubg"][:] = bounds.rows_low, bounds.rows_high
-        self._problem = BufferedFunction(
-            ca.external("nlp", oracle)
-            if self.compiled
-            else ca.Function("nlp", oracle, ["x", "p"], ["f", "g"])
-        )
+        self._problem = BufferedFunction(ca.Function("nlp", oracle, ["x", "p"], ["f", "g"]))
         self._low = np.concatenate([bounds.variables_low, bounds.rows_low])
         self._high = np.concatenate([bounds.variables_high, bounds.rows_high])
 

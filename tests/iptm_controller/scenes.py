@@ -6,11 +6,13 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
 from studies.speed.transcription import Transcription, transcribe
 from tests.iptm_controller.ipopt_backend import IPOPT, IpoptBackend
+from tests.reference.switching_check import SwitchingCheckInPython
 
 from iptm_controller.forecast import LeaderForecaster
 from iptm_controller.horizon import Horizon
@@ -22,7 +24,7 @@ from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.stage import DEFAULT_SMOOTHING
 from iptm_controller.ocp.stages import build_stage
 from iptm_controller.plan import PlanShifter, sample_positions_m, variables_from_plan
-from iptm_controller.solvers.factory import build_plain_solver
+from iptm_controller.solvers.factory import build_plain_solver, build_solver
 from iptm_controller.solvers.interface import (
     STATUS_TEXT,
     SolverBackend,
@@ -146,11 +148,9 @@ def problem_of(
 
 
 @lru_cache
-def plain_solver(
-    horizon: str = "3x1+5x5", name: str = "riccati", *, compile_code: bool = True
-) -> SolverBackend:
+def plain_solver(horizon: str = "3x1+5x5", name: str = "riccati") -> SolverBackend:
     """Return a solver without the check of the switching."""
-    return solver_with(horizon, SolverOptions(compile_code=compile_code), name)
+    return solver_with(horizon, SolverOptions(), name)
 
 
 def solver_with(horizon: str, options: SolverOptions, name: str = "riccati") -> SolverBackend:
@@ -161,10 +161,17 @@ def solver_with(horizon: str, options: SolverOptions, name: str = "riccati") -> 
 
 
 @lru_cache
-def checking_solver(horizon: str = "3x1+5x5", name: str = "riccati") -> SwitchingCheck:
+def checking_solver(horizon: str = "3x1+5x5") -> SwitchingCheck:
     """Return a solver as the controller uses it."""
+    return build_solver(Horizon.parse(horizon), PARAMETERS, SolverOptions())
+
+
+def check_in_python(
+    inner: SolverBackend, horizon: str = "3x1+5x5", **numbers: Any
+) -> SwitchingCheckInPython:
+    """Return the check that wraps any solver."""
     problem = OptimalControlProblem(Horizon.parse(horizon), PARAMETERS)
-    return SwitchingCheck(plain_solver(horizon, name), problem)
+    return SwitchingCheckInPython(inner, problem, replace(checking_solver().numbers, **numbers))
 
 
 @lru_cache
@@ -257,7 +264,6 @@ class FailingSolver:
     """Solves with an inner solver, or answers with a failure."""
 
     name = "failing"
-    compiled = False
 
     def __init__(
         self, inner: SolverBackend | None = None, failure: SolveStatus | None = None

@@ -178,7 +178,7 @@ state = VehicleState(100.0, 1000.0, 10.0, 1.5, 0.0, 308.0, 308.5, 1e-3, 1e-3)
 leader = LeaderState(100.0, 31000.0, 10.0)
 times = 100.0 + np.arange(61.0)
 preview = LeaderPreview(times, 1030.0 + 10.0 * (times - 100.0), np.full(61, 10.0))
-options = ControllerOptions(solver=SolverOptions(compile_code=False))
+options = ControllerOptions()
 controller = Controller(load_parameters().values, options)
 controller.decide(Measurements(state, leader, preview, SlopePreview(np.zeros(1), np.zeros(1))))
 """

@@ -43,7 +43,7 @@ EMPTY = LeaderPreview.empty()
 
 
 def fresh() -> Controller:
-    return Controller(PARAMETERS, ControllerOptions(), plain_solver("3x1+5x5", compile_code=False))
+    return Controller(PARAMETERS, ControllerOptions(), plain_solver("3x1+5x5"))
 
 
 @pytest.fixture

@@ -43,7 +43,7 @@ def drive(
 ) -> list[tuple[PackReport, VehicleState]]:
     """Drive in waves; a dead compressor echoes its command. C reports as Python does, to the last bit."""
     plant, observer = Plant(VALUES, np.zeros_like), PackObserver(VALUES)
-    in_c = pack_observer(VALUES, tick_library(is_wanted=True))
+    in_c = pack_observer(VALUES, tick_library())
     step = plant.observe(plant.initial_state(speed_m_s=20.0))
     command, found = Command(0.0, 0.0), []
     for tick in range(seconds):

@@ -26,7 +26,7 @@ def both(grid: str, tick_s: float = math.inf) -> tuple[PlanData, PlanData, Probl
     problem_grid = ProblemGrid(Horizon.parse(grid))
     strategy = replace(strategy_by_name("energy_aging"), coldest_below_limit_k=2.0)
     builder = ProblemDataBuilder(problem_grid, strategy, PARAMETERS, tick_s)
-    in_c = plan_data(problem_grid, builder, compile_code=True)
+    in_c = plan_data(problem_grid, builder)
     if not isinstance(in_c, PlanDataInC):
         pytest.skip("no C compiler on this machine")
     return PlanData(problem_grid, builder), in_c, problem_grid
@@ -114,4 +114,4 @@ def test_solutions_are_read_alike(grid: str) -> None:
 def test_steps_that_are_watched_inside_are_posed_in_python() -> None:
     grid = ProblemGrid(Horizon.parse("4x2"))
     builder = ProblemDataBuilder(grid, strategy_by_name("aging"), PARAMETERS, 0.5)
-    assert not isinstance(plan_data(grid, builder, compile_code=True), PlanDataInC)
+    assert not isinstance(plan_data(grid, builder), PlanDataInC)

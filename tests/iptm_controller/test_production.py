@@ -170,7 +170,7 @@ def test_settings_out_of_order_or_range_are_refused() -> None:
 
 def test_the_controller_drives_by_it_without_a_solve() -> None:
     options = ControllerOptions(strategy=STRATEGIES["production"])
-    controller = Controller(PARAMETERS, options, plain_solver("3x1+5x5", compile_code=False))
+    controller = Controller(PARAMETERS, options, plain_solver("3x1+5x5"))
     desired_m = STANDSTILL_GAP_M + 1.6 * 15.0
     decision = controller.decide(make_scene(gap_m=desired_m))
     assert decision.rung is Rung.OPTIMAL
@@ -189,7 +189,7 @@ def test_the_controller_drives_by_it_without_a_solve() -> None:
 
 def test_without_a_lead_vehicle_it_falls_back_and_comes_back() -> None:
     options = ControllerOptions(strategy=STRATEGIES["production"])
-    controller = Controller(PARAMETERS, options, plain_solver("3x1+5x5", compile_code=False))
+    controller = Controller(PARAMETERS, options, plain_solver("3x1+5x5"))
     controller.decide(make_scene())
     assert controller.decide(replace(make_scene(), leader=None)).rung is Rung.STOP
     assert controller.decide(make_scene()).rung is Rung.OPTIMAL

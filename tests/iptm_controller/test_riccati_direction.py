@@ -15,14 +15,14 @@ from tests.iptm_controller.scenes import (
     problem_of,
     transcription_of,
 )
+from tests.reference.line_search import StepSummary
+from tests.reference.riccati_program import ITERATE, build_program
 
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import BLOCK, ROWS
 from iptm_controller.ocp.problem import OptimalControlProblem
-from iptm_controller.solvers.riccati.line_search import StepSummary
-from iptm_controller.solvers.riccati.program import ITERATE, build_program
 from iptm_controller.solvers.riccati.recursion import PARTS
 from iptm_controller.solvers.riccati.stage_system import inequality_constraints
 from iptm_core.state import FloatArray

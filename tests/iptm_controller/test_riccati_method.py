@@ -10,12 +10,12 @@ import casadi as ca
 import numpy as np
 import pytest
 from tests.iptm_controller.scenes import PARAMETERS, Problem, make_scene, problem_of
+from tests.reference.line_search import FilterPoint, LineSearchFilter, StepSummary
 
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.interface import FEASIBILITY_TOLERANCE, SolveResult, SolverOptions
 from iptm_controller.solvers.riccati.backend import RiccatiBackend
-from iptm_controller.solvers.riccati.line_search import FilterPoint, LineSearchFilter, StepSummary
 from iptm_controller.solvers.riccati.recursion import (
     SMALLEST_PIVOT,
     cholesky_solve,

@@ -55,7 +55,7 @@ def test_a_braking_leader_brings_the_plan_to_the_gap_limit(grid: str) -> None:
     measured = make_scene(
         speed_m_s=18.0, leader_speed_m_s=18.0, leader_acceleration_m_s2=-1.0, gap_m=48.0
     )
-    plan = solve(plain_solver(grid, compile_code=False), measured, grid, "aging")
+    plan = solve(plain_solver(grid), measured, grid, "aging")
     expect_hard_limits(plan, measured)
     gaps = gaps_of(plan, measured)
     leader = np.interp(
@@ -94,7 +94,7 @@ def test_a_leader_that_is_lost_costs_the_long_gap() -> None:
 @pytest.mark.parametrize("grid", GRIDS)
 def test_speed_limit_binds_behind_a_leader_that_breaks_it(grid: str) -> None:
     measured = make_scene(speed_m_s=36.5, leader_speed_m_s=39.0, gap_m=75.0)
-    plan = solve(plain_solver(grid, compile_code=False), measured, grid, "reference")
+    plan = solve(plain_solver(grid), measured, grid, "reference")
     fastest = plan.states[:, StateIndex.SPEED].max()
     assert fastest == pytest.approx(PARAMETERS.limits.max_speed_m_s, abs=1e-3)
     assert plan.slacks["speed_slack_m_s"] < 1e-3
@@ -128,7 +128,7 @@ def test_a_measurement_outside_the_limits_is_solved_with_its_slack_reported(
     name: str, grid: str
 ) -> None:
     measured = make_scene(**OUTSIDE[name])
-    plan = solve(plain_solver(grid, compile_code=False), measured, grid, "aging")
+    plan = solve(plain_solver(grid), measured, grid, "aging")
     expect_hard_limits(plan, measured)
     kind = SLACK_OF.get(name.split("_", maxsplit=1)[0], "gap_slack_m")
     assert plan.slacks["speed_slack_m_s" if name == "too_fast" else kind] > 0.05
@@ -139,11 +139,11 @@ def test_a_measurement_outside_the_limits_is_solved_with_its_slack_reported(
 def test_cold_cells_are_no_violation_and_no_reason_to_waste(grid: str, strategy: str) -> None:
     """A cold pack drives like a warm one without temperature limits, the compressor off."""
     cold = make_scene(cell_1_temperature_k=270.15, cell_n_temperature_k=270.15)
-    plan = solve(plain_solver(grid, compile_code=False), cold, grid, strategy)
+    plan = solve(plain_solver(grid), cold, grid, strategy)
     assert plan.slacks["temperature_slack_k"] < 1e-6
     assert plan.inputs[:, 1].max() < 0.1
     warm = make_scene(cell_1_temperature_k=300.15, cell_n_temperature_k=300.15)
-    usual = solve(plain_solver(grid, compile_code=False), warm, grid, strategy)
+    usual = solve(plain_solver(grid), warm, grid, strategy)
     # A cold cell has a larger resistance: that changes the best driving a little.
     np.testing.assert_allclose(plan.inputs[:3, 0], usual.inputs[:3, 0], atol=0.15)
 

@@ -15,6 +15,7 @@ from studies.speed.transcription import StageFunctions, Transcription
 from tests.iptm_controller.scenes import (
     PARAMETERS,
     SCENES,
+    check_in_python,
     checking_solver,
     plain_solver,
     problem_of,
@@ -111,8 +112,8 @@ def test_the_reference_solver_finds_nothing_better(name: str, strategy: str) -> 
     """The reference may end in another local minimum, never in a lower one, and it stays in ours."""
     data, guess = problem_of(SCENES[name], "3x1+5x5", strategy)
     default = checking_solver("3x1+5x5").solve(data, guess)
-    elsewhere = checking_solver("3x1+5x5", "ipopt").solve(data, guess)
-    from_ours = plain_solver("3x1+5x5", "ipopt", compile_code=False).solve(data, default.variables)
+    elsewhere = check_in_python(plain_solver("3x1+5x5", "ipopt")).solve(data, guess)
+    from_ours = plain_solver("3x1+5x5", "ipopt").solve(data, default.variables)
     assert default.status is SolveStatus.SOLVED
     assert elsewhere.status is SolveStatus.SOLVED
     assert from_ours.status is SolveStatus.SOLVED
@@ -126,8 +127,8 @@ def test_the_reference_solver_finds_nothing_better(name: str, strategy: str) -> 
 
 def test_the_same_optimum_on_the_single_horizon(ordinary_scene: Measurements) -> None:
     problem = problem_of(ordinary_scene, "15x1", "aging")
-    default = plain_solver("15x1", compile_code=False).solve(*problem)
-    ipopt = plain_solver("15x1", "ipopt", compile_code=False).solve(*problem)
+    default = plain_solver("15x1").solve(*problem)
+    ipopt = plain_solver("15x1", "ipopt").solve(*problem)
     assert default.status is SolveStatus.SOLVED
     assert ipopt.status is SolveStatus.SOLVED
     assert default.objective == pytest.approx(ipopt.objective, rel=1e-5, abs=INSIDE)

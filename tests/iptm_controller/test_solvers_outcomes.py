@@ -34,7 +34,7 @@ def problem() -> Problem:
 
 @pytest.fixture(params=KINDS)
 def solver(request: pytest.FixtureRequest) -> SolverBackend:
-    return plain_solver(GRID, request.param, compile_code=False)
+    return plain_solver(GRID, request.param)
 
 
 def test_solving_changes_neither_problem_nor_guess_nor_an_earlier_answer(
@@ -53,7 +53,7 @@ def test_solving_changes_neither_problem_nor_guess_nor_an_earlier_answer(
 @pytest.mark.parametrize("name", KINDS)
 def test_iteration_limit_is_a_status(name: str) -> None:
     scene = make_scene(gap_m=10.0, speed_m_s=20.0, leader_speed_m_s=5.0)
-    solver = solver_with(GRID, SolverOptions(compile_code=False, max_iterations=1), name)
+    solver = solver_with(GRID, SolverOptions(max_iterations=1), name)
     result = solver.solve(*problem_of(scene, GRID))
     assert result.status is SolveStatus.ITERATION_LIMIT
     assert not result.status.usable
@@ -64,8 +64,8 @@ def test_iteration_limit_is_a_status(name: str) -> None:
 def test_an_iterate_that_is_feasible_when_time_is_up_is_used(problem: Problem) -> None:
     """Started at the optimum with an iteration or two, the dynamics and limits still hold."""
     data, _ = problem
-    best = plain_solver(GRID, compile_code=False).solve(*problem)
-    options = SolverOptions(compile_code=False, max_iterations=2)
+    best = plain_solver(GRID).solve(*problem)
+    options = SolverOptions(max_iterations=2)
     short = build_plain_solver(Horizon.parse(GRID), PARAMETERS, options)
     result = short.solve(data, best.variables)
     assert result.status.usable
@@ -129,7 +129,7 @@ def test_recovers_at_once_from_a_broken_problem(solver: SolverBackend, problem: 
 
 def test_a_deadline_shortens_the_iterations_and_is_reported() -> None:
     """A nanosecond is over before the first answer; from then on only the shortest bound is left."""
-    options = SolverOptions(compile_code=False, deadline_s=1e-9)
+    options = SolverOptions(deadline_s=1e-9)
     solver = build_plain_solver(Horizon.parse(GRID), PARAMETERS, options)
     hard = problem_of(make_scene(gap_m=10.0, speed_m_s=20.0, leader_speed_m_s=5.0), GRID)
     solver.solve(*hard)

@@ -311,9 +311,7 @@ def test_hessian_is_casadis_own(
 def test_single_and_multi_horizon_give_the_same_plan_on_the_same_steps(strategy: str) -> None:
     plans = []
     for text in ("8x1", "3x1+5x1"):
-        result = plain_solver(text, compile_code=False).solve(
-            *problem_of(SCENES["leader_brakes"], text, strategy)
-        )
+        result = plain_solver(text).solve(*problem_of(SCENES["leader_brakes"], text, strategy))
         assert result.status.usable
         plans.append(result)
     assert plans[0].iterations == plans[1].iterations

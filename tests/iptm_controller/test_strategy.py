@@ -108,7 +108,7 @@ def test_a_cost_is_needed_unless_nothing_is_optimised() -> None:
         Strategy("mine", aging_weight=1.0, rules=DrivingRules.PRODUCTION)
 
 
-SMALL = ControllerNodeParameters(horizon="2x1", compile_code=False)
+SMALL = ControllerNodeParameters(horizon="2x1")
 
 
 def test_defaults_of_the_node_are_those_of_the_controller() -> None:
@@ -120,14 +120,13 @@ def test_defaults_of_the_node_are_those_of_the_controller() -> None:
     assert options.safe_law_ticks == expected.safe_law_ticks
     assert options.max_preview_age_s == expected.max_preview_age_s
     assert options.tick_s == expected.tick_s
-    assert replace(options.solver, compile_code=True) == expected.solver
+    assert options.solver == expected.solver
 
 
 def test_every_parameter_reaches_the_controller() -> None:
     controller = ControllerNodeParameters(
         strategy="reference",
         horizon="2x1+1x5",
-        compile_code=False,
         max_iterations=42,
         deadline_ms=80.0,
         tolerance=1e-4,
@@ -140,7 +139,6 @@ def test_every_parameter_reaches_the_controller() -> None:
     options = controller.options
     assert options.strategy == STRATEGIES["reference"]
     assert options.horizon == Horizon.parse("2x1+1x5")
-    assert not options.solver.compile_code
     assert options.solver.max_iterations == 42
     assert options.solver.deadline_s == pytest.approx(0.08)
     assert options.solver.tolerance == 1e-4

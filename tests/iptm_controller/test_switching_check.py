@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import cast
 
 import numpy as np
 import pytest
 from tests.iptm_controller.scenes import (
     PARAMETERS,
     SCENES,
+    check_in_python,
     checking_solver,
     plain_solver,
     problem_of,
@@ -19,10 +19,9 @@ from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import GlobalIndex, InputIndex, StateIndex
-from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.factory import build_solver
 from iptm_controller.solvers.interface import SolveResult, SolverOptions
-from iptm_controller.solvers.switching_check import TRY_EVERY, SwitchingCheck
+from iptm_controller.solvers.switching_check import TRY_EVERY
 from iptm_core.decision_record import SolveStatus
 from iptm_core.state import FloatArray
 
@@ -39,7 +38,6 @@ class Counting:
     """Passes problems on, keeps the guesses, and may spoil some of the answers."""
 
     name = "counting"
-    compiled = False
 
     def __init__(self, *spoil: SolveStatus | None) -> None:
         self.guesses: list[FloatArray] = []
@@ -59,11 +57,6 @@ class Counting:
         return answer
 
 
-def check(inner: Counting) -> SwitchingCheck:
-    problem = OptimalControlProblem(Horizon.parse(GRID), PARAMETERS)
-    return SwitchingCheck(inner, problem)
-
-
 def with_price(data: ProblemData, price_1_k: float) -> ProblemData:
     """Return the problem with another price of a kelvin of cell N, and a quarter of it of cell 1."""
     parameters = data.parameters.copy()
@@ -76,7 +69,7 @@ def test_a_plan_without_a_better_minimum_is_kept_and_rarely_checked() -> None:
     """Nothing speaks for cooling: aging alone on a short horizon, the compressor off."""
     inner = Counting()
     data, guess = problem_of(SCENES["cruise"], GRID, "aging")
-    checking = check(inner)
+    checking = check_in_python(inner, GRID)
     for _ in range(3 * TRY_EVERY):
         result = checking.solve(data, guess)
         assert result.objective == inner.answers[0].objective
@@ -103,7 +96,7 @@ def test_stops_the_compressor_where_that_pays() -> None:
     table = guess[: -layout.STATES].reshape(-1, BLOCK)
     table[:, layout.STATES + InputIndex.COMPRESSOR_POWER] = 0.9
     inner = Counting()
-    result = check(inner).solve(data, guess)
+    result = check_in_python(inner, GRID).solve(data, guess)
     assert powers_w(inner.answers[0].variables)[-1] > 500.0
     assert powers_w(result.variables).max() < 1.0
     assert result.objective < inner.answers[0].objective - 0.1
@@ -121,7 +114,7 @@ def test_simulated_plans_find_cooling_that_the_hamiltonian_does_not_see(
     plans = []
     for simulates in (False, True):
         options = SolverOptions(simulate_cooling=simulates)
-        solver = cast("SwitchingCheck", build_solver(Horizon.parse(GRID), PARAMETERS, options))
+        solver = build_solver(Horizon.parse(GRID), PARAMETERS, options)
         solver.since_second = 0
         plans.append(solver.solve(data, guess))
     without, simulated = plans
@@ -134,7 +127,7 @@ def test_simulated_plans_find_cooling_that_the_hamiltonian_does_not_see(
 def test_the_second_start_keeps_the_ramp() -> None:
     inner = Counting()
     data, guess = problem_of(SCENES["cruise"], GRID, "reference")
-    check(inner).solve(data, guess)
+    check_in_python(inner, GRID).solve(data, guess)
     assert len(inner.guesses) == 2
     second = powers_w(inner.guesses[1])
     ramp = PARAMETERS.limits.max_compressor_rate_w_s
@@ -165,7 +158,7 @@ def test_the_better_usable_plan_wins(
 ) -> None:
     inner = Counting(*spoiled)
     data, guess = problem_of(SCENES["cruise"], GRID, "reference")
-    result = check(inner).solve(data, guess)
+    result = check_in_python(inner, GRID).solve(data, guess)
     assert len(inner.answers) == 2
     assert result.status is inner.answers[expected].status
     np.testing.assert_array_equal(result.variables, inner.answers[expected].variables)

@@ -147,7 +147,7 @@ def test_mixing_keeps_the_weighted_mean(name: str) -> None:
 
 
 def test_prices_in_c_are_those_of_python() -> None:
-    library = tick_library(is_wanted=True)
+    library = tick_library()
     if library is None:
         pytest.skip("no C compiler on this machine")
     rng = np.random.default_rng(4)

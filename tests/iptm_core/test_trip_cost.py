@@ -18,7 +18,7 @@ USE = AgingSettings(aging_law="lfp", electricity_eur_kwh=0.3, battery_eur_kwh=10
 
 @pytest.fixture(scope="module")
 def run() -> iptm.Run:
-    return iptm.simulate("us06", duration_s=120.0, strategy="production", compile_code=False)
+    return iptm.simulate("us06", duration_s=120.0, strategy="production")
 
 
 def test_energy_by_hand(run: iptm.Run) -> None:

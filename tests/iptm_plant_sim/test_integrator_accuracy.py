@@ -1,9 +1,10 @@
 """The integration against itself with finer steps, and against a plain Python evaluation."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -11,11 +12,11 @@ from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.power_thermal import CellPair
 from iptm_core.routes import Route, build_route
-from iptm_core.state import Command, VehicleState
+from iptm_core.state import Command, FloatArray, VehicleState
 from iptm_plant_sim import integrator
-from iptm_plant_sim.actuators import plan_motion
+from iptm_plant_sim.actuators import Motion, plan_motion
 from iptm_plant_sim.integrator import IntervalIntegrator
-from iptm_plant_sim.interval import PlantStep
+from iptm_plant_sim.interval import AT_END, INTEGRALS, STATES, PlantStep, sub_step
 from iptm_plant_sim.plant import Plant
 
 REFERENCE_STEP_S = 0.1 / 16.0
@@ -141,25 +142,44 @@ def test_undeliverable_power_is_seen_in_the_result(parameters: ModelParameters) 
     assert not exact.integrate(cells, 1e6, motion, np.zeros(9)).finite
 
 
-@pytest.mark.usefixtures("compiler")
+def interpreted(
+    functions: Sequence[ca.Function], held: FloatArray, start: FloatArray, motion: Motion
+) -> FloatArray:
+    """Return what ``iptm_integrate`` finds on a level road, by the functions themselves."""
+    step, end = functions
+    values, slopes_rad = ca.DM(start), ca.DM.zeros(3)
+    for i, speeds_m_s in enumerate(motion.speeds_m_s):
+        moves = motion.accelerations_m_s2[i], held, motion.lengths_s[i], slopes_rad, speeds_m_s
+        values = step(values, *moves)
+    last = motion.accelerations_m_s2[-1], held, 0.0, motion.speeds_m_s[-1, -1]
+    return np.concatenate([np.array(each).ravel() for each in (values, end(values, *last))])
+
+
 @pytest.mark.parametrize("name", ["paper_identified", "bmw_i3"])
-def test_compiled_and_interpreted_intervals_are_the_same(
-    name: str, us06: Route, cache: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Another mass needs no other library; to the last bit, its trip is the one without a compiler."""
+def test_intervals_in_c_are_those_of_the_functions(name: str, cache: Path) -> None:
+    """To the last bit, and another mass needs no other library."""
     integrator._code.cache_clear()
     integrator._library.cache_clear()
     parameters = load_parameters(name).values
-    heavy = replace(parameters, body=replace(parameters.body, mass_kg=1999.5))
-    ends = []
-    for values in (parameters, heavy, heavy):
-        plant = Plant(values, us06.slope.slope_at)
-        state = plant.initial_state(speed_m_s=20.0)
-        for tick in range(60):
-            state = plant.advance(state, lively_command(state, 15.0, tick)).state
-        ends.append(state)
-        assert len(list(cache.glob("*.so"))) == 1
-        if values is heavy:
-            monkeypatch.setattr(integrator, "find_compiler", lambda: None)
-            integrator._code.cache_clear()
-    assert ends[1] == ends[2] != ends[0]
+    bounded = parameters.pack_limits.limited
+    random = np.random.default_rng(3)
+    for mass_kg in (parameters.body.mass_kg, 1999.5):
+        values = replace(parameters, body=replace(parameters.body, mass_kg=mass_kg))
+        functions = sub_step(values, bounded=bounded)
+        held, found = (
+            np.zeros(4 if bounded else 2),
+            np.zeros(len(STATES) + len(INTEGRALS) + len(AT_END)),
+        )
+        integrate = integrator._code(values, bounded=bounded).on(held, found)
+        for _ in range(20):
+            held[:] = [random.uniform(0.0, 2e3), random.uniform(0.2, 0.9), 1e5, 1e5][: held.size]
+            start = np.concatenate([random.uniform(290.0, 310.0, 2), np.zeros(8)])
+            found[: start.size] = start
+            motion = plan_motion(
+                0.0, random.uniform(0.0, 30.0), random.uniform(-3.0, 2.0), 60.0, 1.0, 4
+            )
+            integrate(motion, np.zeros(2 * motion.lengths_s.size + 1))
+            assert np.array_equal(
+                found, interpreted(functions, held, start, motion), equal_nan=True
+            )
+    assert len(list(cache.glob("*.so"))) == 1

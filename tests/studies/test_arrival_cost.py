@@ -121,7 +121,7 @@ def test_the_controller_heats_when_it_is_time(
     model = car(air_c, **{"cooling.air_exchange_w_k": 100.0})
     options = ControllerOptions(
         STRATEGIES[strategy],
-        solver=SolverOptions(compile_code=False),
+        solver=SolverOptions(),
         trip_duration_s=state.time_s + left_s,
         arrival=cost(model),
     )

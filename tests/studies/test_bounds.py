@@ -95,7 +95,7 @@ def test_only_what_could_be_seen_is_avoidable(
 
 
 def test_full_cooling_cools_more() -> None:
-    run = iptm.simulate("nycc", duration_s=60.0, compile_code=False)
+    run = iptm.simulate("nycc", duration_s=60.0)
     gap_m = run.parameters.gap.initial_gap_m
     route = build_route("nycc", initial_gap_m=gap_m, duration_s=60.0)
     cooled_k = fully_cooled_k(run.trajectory, run.parameters, route, 0.05)

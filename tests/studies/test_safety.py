@@ -94,7 +94,7 @@ def test_service_braking_has_to_be_reported_by_the_vehicle() -> None:
 
 
 def test_the_monitor_alone_avoids_what_brakes_avoid() -> None:
-    call = call_of("nycc", duration_s=60.0, compile_code=False)
+    call = call_of("nycc", duration_s=60.0)
     outcomes = braking_trials(call, iptm.simulate(**call).trajectory, 20, seed=1)
     assert outcomes.braked.any()
     assert not ((outcomes.smallest_gap_m <= 0.0) & (outcomes.bound_m > 0.0)).any()

@@ -19,7 +19,6 @@ def trip(duration_s: float, **overrides: float) -> Trip:
         slope="small",
         strategy="aging",
         horizon="3x1+5x5",
-        compile_code=False,
         duration_s=duration_s,
         overrides=keys,
     )

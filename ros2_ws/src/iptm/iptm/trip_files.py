@@ -42,6 +42,7 @@ GIVEN_UP = {
     "charging_heater_kw": 0.0,
     "fast_charge_from": 0.1,
     "fast_charge_to": 0.8,
+    "compile_code": True,
 }
 """Settings of earlier versions: a bag or file that states their defaults stays readable."""
 

@@ -22,15 +22,10 @@ C_SOURCES = CSources(
         "limiter": ("iptm_controller.safeguards",),
         "pack": ("iptm_controller.measurements",),
         "prices": ("iptm_controller.temperature_value",),
-        "riccati": (
-            f"{_SOLVER}.interface",
-            f"{_SOLVER}.riccati.line_search",
-            f"{_SOLVER}.riccati.method",
-            f"{_SOLVER}.riccati.program",
-        ),
+        "riccati": (f"{_SOLVER}.interface", f"{_SOLVER}.riccati.constants"),
         "sound": ("iptm_controller.measurements", "iptm_core.state"),
-        "switching": (f"{_SOLVER}.cooling_search", f"{_SOLVER}.switching_check"),
-        "switching_size": (f"{_SOLVER}.cooling_search", f"{_SOLVER}.riccati.backend"),
+        "switching": (f"{_SOLVER}.switching_check",),
+        "switching_size": (f"{_SOLVER}.switching_check", f"{_SOLVER}.riccati.backend"),
         "tick_data": ("iptm_controller.ocp.data",),
     },
 )

@@ -84,7 +84,7 @@ class Controller:
         self.grid = ProblemGrid(horizon)
         self.model = parameters
         self._pose(options.strategy)
-        library = tick_library(is_wanted=options.solver.compile_code)
+        library = tick_library()
         seen_s = horizon.motion_duration_s, options.max_preview_age_s, options.tick_s
         self._forecaster = leader_forecaster(*seen_s, *unpredicted_s(parameters.gap), library)
         self._traction = (
@@ -119,9 +119,7 @@ class Controller:
         driven = self.options.production, self.options.tick_s, strategy.rules
         self._production = ProductionLikeController(self.model, *driven)
         builder = ProblemDataBuilder(self.grid, strategy, self.model, self.options.tick_s)
-        self.plan_data = plan_data(
-            self.grid, builder, compile_code=self.options.solver.compile_code
-        )
+        self.plan_data = plan_data(self.grid, builder)
         self._arrival: ArrivalValuation | None = None
         if self.options.arrival is not None and not strategy.is_rule_based:
             costs = self.options.arrival, self.options.aging.electricity_eur_kwh, self._vehicle

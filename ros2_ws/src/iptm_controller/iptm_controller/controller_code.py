@@ -220,6 +220,7 @@ def _data(
             "kind_steps",
             "soft_prices",
             "lengths_s",
+            "NULL",
         ),
         _struct(
             "iptm_options iptm_solver_options",

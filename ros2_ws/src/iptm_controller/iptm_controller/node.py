@@ -289,7 +289,6 @@ class ControllerNode(SuiteNode):
             "strategy": self._options.strategy,
             "horizon": self._options.horizon,
             **self._changes.values,
-            "machine_code": self._controller.backend.compiled,
             "limited_ticks": self._counts.limited,
             "skipped_ticks": self._catch_up.skipped_ticks,
             "road_friction": self._friction.coefficient,

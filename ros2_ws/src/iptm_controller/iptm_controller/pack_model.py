@@ -308,9 +308,8 @@ def valuation_of(
             return strategy, price_1_j, by_law
         return strategy, price_1_j, CellLawValuation(aging, strategy, price_1_j, model, *times_s)
     if strategy.cost_to_go:
-        library = tick_library(is_wanted=options.solver.compile_code)
         by_law_of_paper = TemperatureValuation(
-            model, strategy.aging_weight, *times_s, library, strategy.coldest_below_limit_k
+            model, strategy.aging_weight, *times_s, tick_library(), strategy.coldest_below_limit_k
         )
         return strategy, price_1_j, by_law_of_paper
     return strategy, price_1_j, None

@@ -343,7 +343,8 @@ class PlanDataInC(PlanData):
         return address(plan.states), address(plan.inputs)
 
 
-def plan_data(grid: ProblemGrid, builder: ProblemDataBuilder, *, compile_code: bool) -> PlanData:
-    """Return the form in C where it is wanted, the grid allows it, and there is a compiler."""
-    library = tick_library(is_wanted=compile_code and not builder.watches_inside)
-    return PlanData(grid, builder) if library is None else PlanDataInC(grid, builder, library)
+def plan_data(grid: ProblemGrid, builder: ProblemDataBuilder) -> PlanData:
+    """Return the form in C where the grid allows it."""
+    if builder.watches_inside:
+        return PlanData(grid, builder)
+    return PlanDataInC(grid, builder, tick_library())

@@ -128,10 +128,6 @@ class ControllerSettings(
     tolerance: float = parameter(
         _SOLVER.tolerance, "optimality tolerance of the scaled problem", "", 1e-16, 1.0
     )
-    compile_code: bool = parameter(
-        _SOLVER.compile_code,
-        "compile the problem where a C compiler is found (cached between starts)",
-    )
     smoothing_factor: float = parameter(
         _SOLVER.smoothing_factor,
         "factor on the widths of the smoothed kinks of the model",
@@ -194,7 +190,6 @@ class ControllerSettings(
             strategy=strategy,
             horizon=Horizon.parse(self.horizon),
             solver=SolverOptions(
-                compile_code=self.compile_code,
                 max_iterations=self.max_iterations,
                 deadline_s=1e-3 * self.deadline_ms,
                 tolerance=self.tolerance,

@@ -1,7 +1,7 @@
 """Functions of a tick in C: their library, and arrays and structures to call them with.
 
-Each has a readable form in Python, which runs where there is no compiler. Both give the same numbers, to the
-last bit.
+Each has a readable form in Python, which the tests compare it with: both give the same numbers, to the last
+bit.
 """
 
 from __future__ import annotations
@@ -10,11 +10,12 @@ import ctypes
 from collections.abc import Callable
 from functools import lru_cache
 from operator import attrgetter
+from pathlib import Path
 from typing import Any
 
 from iptm_controller.c_sources import C_SOURCES
 from iptm_controller.ocp.layout import layout_header
-from iptm_core.compilation import cache_directory, compile_sources, find_compiler
+from iptm_core.compilation import cache_directory, compile_sources
 from iptm_core.errors import SolverSetupError
 from iptm_core.physics.ops import doubles
 
@@ -48,16 +49,19 @@ class Leader(ctypes.Structure):
     _fields_ = (("time_s", DOUBLE), ("position_m", DOUBLE), ("speed_m_s", DOUBLE))
 
 
-def tick_library(*, is_wanted: bool) -> ctypes.PyDLL | None:
-    """Return the library; None where it is not wanted or no compiler was found."""
-    compiler = find_compiler() if is_wanted else None
-    return None if compiler is None else _library(compiler, cache_directory())
+def tick_library() -> ctypes.PyDLL:
+    """Return the library.
+
+    Raises:
+        SolverSetupError: there is no C compiler, or the code cannot be compiled or loaded.
+    """
+    return _library(cache_directory())
 
 
 @lru_cache
-def _library(compiler: tuple[str, ...], *_: object) -> ctypes.PyDLL:
+def _library(_folder: Path) -> ctypes.PyDLL:
     files = {**C_SOURCES.read(*_FILES), "layout.h": layout_header()}
-    path = compile_sources([], files, compiler)
+    path = compile_sources(files)
     arguments = {
         "iptm_shift_plan": [POINTER, DOUBLE, *[POINTER] * 5],
         "iptm_pose_problem": [POINTER] * 8,

@@ -1,11 +1,9 @@
-"""Generated C for the functions of a nonlinear program, compiled once and cached.
+"""C code as shared libraries, compiled once and cached.
 
-The cache key is a hash of everything the machine code depends on: the generated source, the compiler with its
-version and flags, and the machine architecture. A hash of the numbers follows (model parameters, smoothing
-widths, step lengths). A second start with the same problem compiles nothing, and neither does a problem that
-differs in numbers alone: a library of the same code is copied with its numbers (see `compiler`). Each
-library ends with the digest of what is before it, which the loader ignores: a damaged one is compiled again,
-not loaded.
+The cache key is a hash of everything the machine code depends on: the source, the compiler with its version
+and flags, and the machine architecture. A second start with the same code compiles nothing, and neither does
+a problem that differs in numbers alone (see `compiler`). Each library ends with the digest of what is before
+it, which the loader ignores: a damaged one is compiled again, not loaded.
 """
 
 from __future__ import annotations
@@ -21,7 +19,6 @@ import stat
 import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -29,13 +26,8 @@ from iptm_core.compiler import (
     COMPILE_TIMEOUT_S,
     compiler_flags,
     compiler_version,
-    installed_compiler,
-    numbers_key,
+    find_compiler,
     run_compilers,
-    split_numbers,
-    table_declaration,
-    table_source,
-    with_numbers,
 )
 from iptm_core.errors import SolverSetupError
 
@@ -46,7 +38,6 @@ LIBRARIES_KEPT = 200
 _OF_OTHERS = stat.S_IRWXG | stat.S_IRWXO
 _WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 _SCRATCH_PREFIX = "build_"
-_BETWEEN_FILES = "\n/* next file */\n"
 DIGEST_SIZE = hashlib.sha256().digest_size
 
 
@@ -86,149 +77,54 @@ def _can_run_code(folder: Path) -> bool:
     return not os.statvfs(there).f_flag & os.ST_NOEXEC
 
 
-def find_compiler() -> tuple[str, ...] | None:
-    """Return the command of a C compiler; None with a warning if there is none, or no folder for its code.
+def compile_sources(sources: Mapping[str, str]) -> Path:
+    """Compile C code into one shared library, or find it in the cache.
 
-    That is ``$CC``, ``cc``, ``gcc`` or ``clang``, else the one that the set-up installs as a wheel
-    on machines without.
+    Args:
+        sources: C files and headers by name.
+
+    Raises:
+        SolverSetupError: there is no compiler, it fails, or the cache folder cannot be written, is not
+            private or can run no code.
     """
-    if not _can_run_code(place := cache_directory()):
-        _warn(
-            f"no code can be run in '{place}': the problem runs interpreted, several times slower"
+    command = (*find_compiler(), *compiler_flags())
+    folder = cache_directory()
+    if not _can_run_code(folder):
+        raise SolverSetupError(
+            f"compiler cache '{folder}' cannot be written, or code in it run; allowed: another folder in "
+            f"${CACHE_VARIABLE}"
         )
-        return None
-    found = installed_compiler()
-    if found is None:
-        LOGGER.warning("no C compiler found: the problem runs interpreted, several times slower")
-    return found
-
-
-@dataclass(frozen=True)
-class Compilation:
-    """C code for one shared library, and where in the cache it belongs.
-
-    Attributes:
-        sources: C files and headers by name, but for the table of numbers.
-        numbers: the table.
-        command: the compiler with its flags.
-        code: name of the code; libraries with the same code differ in numbers alone.
-    """
-
-    sources: Mapping[str, str]
-    numbers: tuple[float, ...]
-    command: tuple[str, ...]
-    code: Path
-
-    @classmethod
-    def of(
-        cls,
-        generated: Sequence[str],
-        numbers: tuple[float, ...],
-        fixed: Mapping[str, str],
-        compiler: Sequence[str],
-        flags: Sequence[str],
-    ) -> Compilation:
-        """Return the compilation of C code.
-
-        Args:
-            generated: C files that read their numbers from a table, see `split_numbers`.
-            numbers: the table.
-            fixed: further files by name, headers included.
-
-        Raises:
-            SolverSetupError: the cache folder cannot be written or is not private.
-        """
-        declaration = table_declaration() if numbers else ""
-        sources = {f"ocp_{place}.c": declaration + part for place, part in enumerate(generated)}
-        sources.update(fixed)
-        folder = cache_directory()
-        _make_private(folder)
-        code = folder / f"ocp_{_cache_key(sources, compiler, flags)}"
-        return cls(sources, numbers, (*compiler, *flags), code)
-
-    @property
-    def library(self) -> Path:
-        """The library, whether it is there or not."""
-        return self.code.with_name(f"{self.code.name}{numbers_key(self.numbers)}.so")
-
-    def find(self) -> Path | None:
-        """Return the library from the cache, or a copy with other numbers of one with the same code."""
-        if _is_intact(self.library):
-            with contextlib.suppress(OSError):
-                os.utime(self.library)  # it is not the one unused for longest
-            return self.library
-        # What cannot be read or written here is compiled, which reports it.
+    _make_private(folder)
+    library = folder / f"iptm_{_cache_key(sources, command)}.so"
+    if _is_intact(library):
         with contextlib.suppress(OSError):
-            for other in filter(_is_intact, self.code.parent.glob(f"{self.code.name}_*.so")):
-                content = with_numbers(other.read_bytes()[:-DIGEST_SIZE], self.numbers)
-                if content is not None:
-                    with _scratch_in(self.code.parent) as scratch:
-                        _put(self.library, content, scratch)
-                    _remove_unused(self.code.parent)
-                    return self.library
-        return None
-
-    def make(self) -> Path:
-        """Compile the library, unless another process has done so meanwhile.
-
-        Raises:
-            SolverSetupError: the compiler fails, or the cache folder cannot be written.
-        """
-        folder = self.library.parent
-        try:
-            with locked(self.code.with_suffix(".lock")):
-                if self.find() is not None:
-                    return self.library
-                LOGGER.info("compiling the optimal control problem (once per horizon and model)")
-                _remove_abandoned(folder)
-                with _scratch_in(folder) as scratch:
-                    _put(self.library, self._build(scratch).read_bytes(), scratch)
-                _remove_unused(folder)
-        except OSError as error:
-            raise _not_writable(folder, error) from error
-        return self.library
-
-    @property
-    def _failure(self) -> Path:
-        return self.library.with_suffix(".failed")
-
-    def note_failure(self, reason: str) -> None:
-        """Keep in the cache why the library could not be compiled."""
-        with _scratch_in(self._failure.parent) as scratch:
-            (scratch / "reason").write_text(reason, encoding="utf-8")
-            (scratch / "reason").replace(self._failure)
-
-    def take_failure(self) -> str:
-        """Return, and remove from the cache, why the library could not be compiled; empty if it could."""
-        try:
-            reason = self._failure.read_text(encoding="utf-8")
-            self._failure.unlink()
-        except OSError:
-            return ""
-        return reason
-
-    def _build(self, scratch: Path) -> Path:
-        """Compile files into a library, at the same time if there is more than one."""
-        sources = {**self.sources, "numbers.c": table_source(self.numbers)}
-        for name, text in sources.items():
-            (scratch / name).write_text(text, encoding="ascii")
-        files = [str(scratch / name) for name in sources if name.endswith(".c")]
-        if len(files) > 2:
-            run_compilers([*self.command, "-c", file, "-o", f"{file}.o"] for file in files)
-            files = [f"{file}.o" for file in files]
-        built = scratch / "ocp.so"
-        run_compilers([[*self.command, *files, "-o", str(built), "-lm"]])
-        return built
+            os.utime(library)  # it is not the one unused for longest
+        return library
+    try:
+        with locked(library.with_suffix(".lock")):
+            if _is_intact(library):  # another process has compiled it meanwhile
+                return library
+            LOGGER.info("compiling the optimal control problem (once per horizon)")
+            _remove_abandoned(folder)
+            with _scratch_in(folder) as scratch:
+                _put(library, _built(sources, command, scratch).read_bytes(), scratch)
+            _remove_unused(folder)
+    except OSError as error:
+        raise _not_writable(folder, error) from error
+    return library
 
 
-def compile_sources(
-    generated: Sequence[str], fixed: Mapping[str, str], compiler: Sequence[str]
-) -> Path:
-    """Compile C code into one shared library, or find it in the cache; see `Compilation`."""
-    text, numbers = split_numbers(_BETWEEN_FILES.join(generated))
-    parts = text.split(_BETWEEN_FILES) if generated else []
-    compilation = Compilation.of(parts, numbers, fixed, compiler, compiler_flags())
-    return compilation.find() or compilation.make()
+def _built(sources: Mapping[str, str], command: Sequence[str], scratch: Path) -> Path:
+    """Compile files into a library, at the same time if there is more than one."""
+    for name, text in sources.items():
+        (scratch / name).write_text(text, encoding="ascii")
+    files = [str(scratch / name) for name in sources if name.endswith(".c")]
+    if len(files) > 1:
+        run_compilers([*command, "-c", file, "-o", f"{file}.o"] for file in files)
+        files = [f"{file}.o" for file in files]
+    built = scratch / "iptm.so"
+    run_compilers([[*command, *files, "-o", str(built), "-lm"]])
+    return built
 
 
 @contextlib.contextmanager
@@ -316,11 +212,8 @@ def _is_intact(library: Path) -> bool:
     return hashlib.sha256(content[:-DIGEST_SIZE]).digest() == content[-DIGEST_SIZE:]
 
 
-def _cache_key(sources: Mapping[str, str], compiler: Sequence[str], flags: Sequence[str]) -> str:
-    import casadi as ca  # noqa: PLC0415  not for the process that only compiles
-
-    version = compiler_version(tuple(compiler))
-    arguments = " ".join([*compiler[1:], *flags])
+def _cache_key(sources: Mapping[str, str], command: Sequence[str]) -> str:
+    version = compiler_version(find_compiler())
     code = [part for file in sources.items() for part in file]
-    parts = (*code, version, arguments, platform.machine(), ca.CasadiMeta.version())
+    parts = (*code, version, " ".join(command[1:]), platform.machine())
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]

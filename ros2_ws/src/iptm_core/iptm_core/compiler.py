@@ -1,22 +1,19 @@
-"""The C compiler: its flags and processes, and numbers that need none.
+"""The C compiler: which one, its flags and processes, and numbers that need none.
 
 Generated C holds the numbers of a model as hundreds of literals, and to compile it takes seconds. Read from
-a table instead, they are data at one place of the library, behind a mark that occurs nowhere else; for
-another model the library is copied with other numbers there. The table is constant, but its content is
-unknown while the code is compiled: the same operations are done on the same numbers as with literals, bit by
-bit.
+an array instead, they are data that come with each call, and another model uses the same code. Their values
+are unknown while the code is compiled: the same operations are done on the same numbers as with literals, bit
+by bit.
 """
 
 from __future__ import annotations
 
-import hashlib
 import importlib.util
 import os
 import platform
 import re
 import shutil
 import signal
-import struct
 import subprocess
 import sys
 import time
@@ -44,20 +41,26 @@ COMPILER_FLAGS = (
     "-fPIC",
     "-shared",
 )
-QUICK_FLAGS = (
-    "-O0",
-    "-fno-sanitize=undefined",
-    "-ffp-contract=off",
-    "-fno-math-errno",
-    "-fPIC",
-    "-shared",
-)
-"""Nothing is optimised, or checked, as some compilers do then: a third of the time to compile."""
 COMPILE_TIMEOUT_S = 300.0
 WHEEL_COMPILER = "ziglang"
 OLDEST_GLIBC = "2.28"
 """What the wheels of ROS need, see scripts/setup."""
 _CPU_INFO = Path("/proc/cpuinfo")
+
+
+def find_compiler() -> tuple[str, ...]:
+    """Return the command of a C compiler, see `installed_compiler`.
+
+    Raises:
+        SolverSetupError: there is none.
+    """
+    found = installed_compiler()
+    if found is None:
+        raise SolverSetupError(
+            "C compiler is not found; allowed: one of the system (cc, gcc, clang or $CC), or the package "
+            f"{WHEEL_COMPILER} (python3 -m pip install {WHEEL_COMPILER})"
+        )
+    return found
 
 
 def installed_compiler() -> tuple[str, ...] | None:
@@ -81,13 +84,13 @@ def installed_compiler() -> tuple[str, ...] | None:
     return None
 
 
-def compiler_flags(flags: tuple[str, ...] = COMPILER_FLAGS) -> tuple[str, ...]:
-    """Return flags for this machine: with AVX2 where the processor has it."""
+def compiler_flags() -> tuple[str, ...]:
+    """Return the flags for this machine: with AVX2 where the processor has it."""
     with suppress(OSError), _CPU_INFO.open(encoding="ascii", errors="replace") as lines:
         features = next((line for line in lines if line.startswith("flags")), "")
         if "avx2" in features.split():
-            return (*flags, "-mavx2")
-    return flags
+            return (*COMPILER_FLAGS, "-mavx2")
+    return COMPILER_FLAGS
 
 
 @cache
@@ -145,7 +148,6 @@ def _kill(job: subprocess.Popen[str]) -> None:
             os.killpg(job.pid, signal.SIGKILL)
 
 
-_NAME = "iptm_numbers"
 _TOKEN = re.compile(
     # The set in front lets the search leap to what may be a token.
     r"[s\d](?:"
@@ -155,21 +157,13 @@ _TOKEN = re.compile(
 )
 _LITERAL = frozenset({0.0, 0.5, 1.0, 2.0})
 """Numbers for which compilers simplify operations."""
-_MARK_NUMBERS = (3.1662e-287, -7.29318e193, 4.4251e118, -9.87203e-61)
-_MARK = struct.pack("<4d", *_MARK_NUMBERS)
-"""Begins the table."""
-_ELF = b"\x7fELF"
-_HIDDEN = '__attribute__((visibility("hidden")))'
 
 
-def split_numbers(
-    source: str, name: str = _NAME, first: int = len(_MARK_NUMBERS)
-) -> tuple[str, tuple[float, ...]]:
-    """Return generated C that reads its numbers from a table, and the table by first appearance.
+def split_numbers(source: str, name: str) -> tuple[str, tuple[float, ...]]:
+    """Return generated C that reads its numbers from an array, and the numbers by first appearance.
 
     Args:
-        name: of the table in the code.
-        first: place of the first number in it.
+        name: of the array in the code.
     """
     places: dict[float, int] = {}
 
@@ -179,40 +173,6 @@ def split_numbers(
         number = float(found[0])
         if number in _LITERAL:
             return found[0]
-        return f"{name}[{places.setdefault(number, len(places)) + first}]"
+        return f"{name}[{places.setdefault(number, len(places))}]"
 
-    text = _TOKEN.sub(entry, source)
-    return text, tuple(places)
-
-
-def table_declaration() -> str:
-    """Return the C declaration of the table, for files that read from it."""
-    return f"extern const double {_NAME}[] {_HIDDEN};\n"
-
-
-def table_source(numbers: Sequence[float]) -> str:
-    """Return the C source of the table; compiled separately, as the only place of the numbers."""
-    values = ", ".join(number.hex() for number in (*_MARK_NUMBERS, *numbers))
-    return f"const double {_NAME}[] {_HIDDEN} = {{{values}}};\n"
-
-
-def with_numbers(library: bytes, numbers: Sequence[float]) -> bytes | None:
-    """Return a library with other numbers in its table; None where the table is not found."""
-    start = library.find(_MARK) + len(_MARK)
-    # Elsewhere a file that was changed may not be loaded (code signatures).
-    if (
-        not library.startswith(_ELF)
-        or library.count(_MARK) != 1
-        or start + 8 * len(numbers) > len(library)
-    ):
-        return None
-    table = struct.pack(f"<{len(numbers)}d", *numbers)
-    return library[:start] + table + library[start + len(table) :]
-
-
-def numbers_key(numbers: Sequence[float]) -> str:
-    """Return what stands behind the key of the code; nothing where the code has no numbers."""
-    if not numbers:
-        return ""
-    digest = hashlib.sha256(struct.pack(f"<{len(numbers)}d", *numbers)).hexdigest()
-    return f"_{digest[:24]}"
+    return _TOKEN.sub(entry, source), tuple(places)

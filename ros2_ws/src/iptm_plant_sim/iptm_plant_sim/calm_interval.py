@@ -10,12 +10,13 @@ import ctypes
 import math
 import struct
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from iptm_core.braking import SafetyMonitorSettings
-from iptm_core.compilation import cache_directory, compile_sources, find_compiler
+from iptm_core.compilation import cache_directory, compile_sources
 from iptm_core.frozen import replace
 from iptm_core.lead_track import KEPT, LeadTrack
 from iptm_core.parameters.model import BrakeParameters
@@ -119,17 +120,14 @@ class CalmInterval:
         return self._newest, smallest_gap_m
 
 
-def calm_interval(settings: SafetyMonitorSettings, brakes: BrakeParameters) -> CalmInterval | None:
-    """Return what judges the intervals of a vehicle, None where no compiler was found."""
-    compiler = find_compiler()
-    if compiler is None:
-        return None
-    return CalmInterval(settings, brakes, _library(compiler, cache_directory()))
+def calm_interval(settings: SafetyMonitorSettings, brakes: BrakeParameters) -> CalmInterval:
+    """Return what judges the intervals of a vehicle."""
+    return CalmInterval(settings, brakes, _library(cache_directory()))
 
 
 @lru_cache
-def _library(compiler: tuple[str, ...], *_: object) -> ctypes.PyDLL:
-    library = ctypes.PyDLL(str(compile_sources([], C_SOURCES.read(*_FILES), compiler)))
+def _library(_folder: Path) -> ctypes.PyDLL:
+    library = ctypes.PyDLL(str(compile_sources(C_SOURCES.read(*_FILES))))
     pointer, count = ctypes.c_void_p, ctypes.c_int
     library.iptm_calm_interval.argtypes = [*[pointer] * 3, count, count, *[pointer] * 4]
     library.iptm_calm_interval.restype = count

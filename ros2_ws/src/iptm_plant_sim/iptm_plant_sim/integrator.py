@@ -4,7 +4,7 @@ Classical Runge-Kutta of order four on the four cell states; energies, heat and 
 the same stages. What depends on the state of charge is taken at the start of the interval. One sub-step is an
 expression graph of the very functions that the rest of the project uses. It is generated as C once for all
 models of one form, with the numbers of a model as an argument, and called in a loop in C, see
-``c/interval.c``; without a compiler it is interpreted, to the same bits.
+``c/interval.c``.
 
 Friction brakes supply what the pack does not take. A pack without limits of its own takes any power until it
 is full, and gives any until it is empty; only then are its powers bounded, so that otherwise every number
@@ -20,17 +20,18 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from operator import attrgetter
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
 
-from iptm_core.compilation import cache_directory, compile_sources, find_compiler
+from iptm_core.compilation import cache_directory, compile_sources
 from iptm_core.compiler import split_numbers
 from iptm_core.errors import StateError
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import charge_after, depends_on_charge, pack_capacity_ah
-from iptm_core.physics.ops import BufferedFunction, address
+from iptm_core.physics.ops import address
 from iptm_core.physics.pack_limits import PowerLimits, least_traction_power_w, power_limits
 from iptm_core.physics.power_thermal import CellPair
 from iptm_core.settings import ThermalModel
@@ -145,54 +146,21 @@ class IntervalIntegrator:
 
 
 class _Code:
-    """A sub-step and the end of an interval as functions: in C, else interpreted."""
+    """A sub-step and the end of an interval in C."""
 
     def __init__(self, parameters: ModelParameters, *, bounded: bool) -> None:
-        self._functions = sub_step(parameters, bounded=bounded)
-        compiler = find_compiler()
-        self._run: Any = None
-        if compiler is not None:
-            text, numbers = split_numbers(_source(self._functions), "w", 0)
-            self._run = _library(text, compiler, cache_directory()).iptm_integrate
-            self._numbers = np.array(numbers)
+        text, numbers = split_numbers(_source(sub_step(parameters, bounded=bounded)), "w")
+        self._run = _library(text, cache_directory()).iptm_integrate
+        self._numbers = np.array(numbers)
 
     def on(self, held: FloatArray, found: FloatArray) -> Callable[[Motion, FloatArray], None]:
         """Return the integration of a motion on slopes, on two fixed buffers."""
-        if self._run is None:
-            return self._interpreted(held, found)
         run, numbers, fixed, end = self._run, address(self._numbers), address(held), address(found)
 
         def integrate(motion: Motion, slopes_rad: FloatArray) -> None:
             lengths_s = motion.lengths_s
             columns = lengths_s, motion.accelerations_m_s2, slopes_rad, motion.speeds_m_s
             run(lengths_s.size, numbers, fixed, *map(address, columns), end)
-
-        return integrate
-
-    def _interpreted(
-        self, held: FloatArray, found: FloatArray
-    ) -> Callable[[Motion, FloatArray], None]:
-        """Return the reference of `iptm_integrate`."""
-        values, at_end = np.split(found, [_VALUES])
-        step, end = (BufferedFunction(each, {"held": held}) for each in self._functions)
-
-        def integrate(motion: Motion, slopes_rad: FloatArray) -> None:
-            given = step.arguments
-            for i, speeds_m_s in enumerate(motion.speeds_m_s):
-                given["values"][:] = values
-                given["acceleration_m_s2"][:] = motion.accelerations_m_s2[i]
-                given["length_s"][:] = motion.lengths_s[i]
-                given["slopes_rad"][:] = slopes_rad[2 * i : 2 * i + 3]
-                given["speeds_m_s"][:] = speeds_m_s
-                step()
-                values[:] = step.results["moved"]
-            last = end.arguments
-            last["values"][:] = values
-            last["acceleration_m_s2"][:] = motion.accelerations_m_s2[-1]
-            last["slope_rad"][:] = slopes_rad[-1]
-            last["speed_m_s"][:] = motion.speeds_m_s[-1, -1]
-            end()
-            at_end[:] = end.results["at_end"]
 
         return integrate
 
@@ -204,10 +172,10 @@ def _code(parameters: ModelParameters, *, bounded: bool) -> _Code:
 
 
 @lru_cache(maxsize=16)
-def _library(text: str, compiler: tuple[str, ...], *_: object) -> ctypes.PyDLL:
+def _library(text: str, _folder: Path) -> ctypes.PyDLL:
     """Return the library of a generated model, whose numbers are arguments."""
     files = {**C_SOURCES.read("interval.c"), "model.c": text}
-    library = ctypes.PyDLL(str(compile_sources([], files, compiler)))
+    library = ctypes.PyDLL(str(compile_sources(files)))
     library.iptm_integrate.argtypes = [ctypes.c_int, *[ctypes.c_void_p] * 7]
     library.iptm_integrate.restype = None
     return library

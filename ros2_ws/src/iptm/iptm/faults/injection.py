@@ -153,11 +153,6 @@ class FaultySolver:
         """Name of the wrapped back end."""
         return self._inner.name
 
-    @property
-    def compiled(self) -> bool:
-        """Whether the wrapped back end runs machine code."""
-        return self._inner.compiled
-
     def solve(
         self, data: ProblemData, guess: FloatArray, *, most_iterations: int | None = None
     ) -> SolveResult:

@@ -1,4 +1,4 @@
-/* The interior-point method of solvers/riccati/method.py in C99: the same operations in the same order.
+/* The interior-point method of docs/explanation/optimal-control.md in C99.
  *
  * Nothing is allocated and nothing is kept between calls: memory comes from the caller, and so does the clock.
  * Sizes of a stage (IPTM_...) are in stage_sizes.h, which is generated with the functions of the stages.
@@ -17,6 +17,7 @@ typedef struct {
   const int *kind_steps;     /* steps of every stage kind, in order */
   const double *soft_prices; /* price of every slack, penalty times step length, IPTM_SLACKS per step */
   const double *lengths_s;   /* of the steps */
+  const double *numbers;     /* of the model, NULL where the code has them as literals */
 } iptm_horizon;
 
 typedef struct {
@@ -28,7 +29,7 @@ typedef struct {
   int max_iterations;        /* over both starts, up to most_iterations of the horizon */
 } iptm_options;
 
-/* An iterate as the filter sees it, see line_search.py. */
+/* An iterate as the filter sees it. */
 typedef struct {
   iptm_real cost, log_sum, violation, largest_violation;
 } iptm_point;

@@ -1,4 +1,4 @@
-/* Functions of the stages, generated: see ocp/stage_code.py and solvers/riccati/program.py. */
+/* Functions of the stages, generated: see ocp/stage_code.py and solvers/riccati/stage_program.py. */
 #ifndef IPTM_STAGES_H
 #define IPTM_STAGES_H
 
@@ -29,6 +29,10 @@ extern const iptm_stage_map iptm_linearise[], iptm_evaluate[], iptm_least_slacks
     iptm_follow[];
 /* Parameters of a step. */
 extern const int iptm_kind_parameters[];
+#ifdef IPTM_NUMBERS
+/* What the functions read in place of literals. */
+extern const double *iptm_numbers __attribute__((visibility("hidden")));
+#endif
 
 /* One step of the recursions, see recursion.py. */
 void riccati_backward(const iptm_real *const *arg, iptm_real *const *res);

@@ -1,8 +1,11 @@
 """C code for the functions of a stage, mapped over any number of steps.
 
 CasADi writes a function of one stage as scalar statements. Here each becomes a C function that evaluates
-it for ``count`` steps at given places of flat arrays, four steps at a time in vector registers (see
-`compilation`). The number of steps is an argument, so horizons of the same stage kinds share their code.
+it for ``count`` steps at given places of flat arrays. The steps are taken in groups of four, one to a lane of
+a vector: sums, products and quotients are formed in all lanes at once, everything else is the scalar
+expression lane by lane. A lane goes through the operations of the scalar code in their order, so that its
+results are the same to the last bit. The number of steps is an argument, so horizons of the same stage kinds
+share their code.
 """
 
 from __future__ import annotations
@@ -14,8 +17,28 @@ from functools import lru_cache
 
 import casadi as ca
 
-from iptm_controller.ocp.compilation import LANES, PREAMBLE, STRAIGHT_LINE, in_lanes
 from iptm_core.compiler import split_numbers
+
+NUMBERS = "iptm_numbers"
+"""Array in the code, see `stages.h`."""
+LANES = 4
+"""Points of a group: doubles in a register of AVX; for shorter registers the compiler splits a vector."""
+
+_SIGNATURE = (
+    r"static int (?P<name>casadi_f\d+)\(const casadi_real\*\* arg, casadi_real\*\* res, "
+    r"casadi_int\* iw, casadi_real\* w, int mem\) \{\n"
+)
+_STRAIGHT_LINE = re.compile(
+    _SIGNATURE + r"(?P<variables>(?:  casadi_real a\d+(?:, a\d+)*;\n)+)"
+    r"(?P<statements>(?:  (?:a\d+=|if \(res\[\d+\]!=0\) res\[\d+\]\[\d+\]=a).*;\n)+)"
+    r"  return 0;\n\}\n"
+)
+_RESULT = re.compile(r"  if \(res\[(\d+)\]!=0\) res\[\d+\]\[(\d+)\]=(a\d+);")
+_ARGUMENT = re.compile(r"  (a\d+)=arg\[(\d+)\]\? arg\[\d+\]\[(\d+)\] : 0;")
+_SQUARE = re.compile(r"casadi_sq\((a\d+)\)")
+_ALL_LANES = re.compile(r"  a\d+=\((?:a\d+[-+*/]|-|2\.\*|1\./)a\d+\);")
+_LARGER = re.compile(r"casadi_fmax\((a\d+),(a\d+)\)")
+_VARIABLE = re.compile(r"\ba\d+\b")
 
 _WRAPPER = re.compile(
     r"CASADI_SYMBOL_EXPORT int (\w+)\(const casadi_real\*\* arg[^{]*\{\s*return (casadi_f\d+)\("
@@ -34,6 +57,19 @@ _HELPER = re.compile(
 )
 _READ = re.compile(r"arg\[(\d+)\]\? arg\[\d+\]\[(\d+)\] : 0")
 _WRITE = re.compile(r"if \(res\[(\d+)\]!=0\) res\[\d+\]\[(\d+)\]=")
+
+# NaN and equal numbers are left to libm.
+_PREAMBLE = f"""#include <math.h>
+typedef double lanes __attribute__((vector_size({LANES}*sizeof(double))));
+typedef long long lane_mask __attribute__((vector_size({LANES}*sizeof(long long))));
+static __attribute__((noinline)) lanes lanes_fmax(lanes x, lanes y) {{
+  lane_mask greater = (lane_mask)(x>y), decided = greater|(lane_mask)(x<y);
+  if ({"&".join(f"decided[{lane}]" for lane in range(LANES))})
+    return (lanes)((greater&(lane_mask)x)|(~greater&(lane_mask)y));
+  return (lanes){{{",".join(f"fmax(x[{lane}],y[{lane}])" for lane in range(LANES))}}};
+}}
+
+"""
 
 _MAP = """
 typedef struct {
@@ -129,7 +165,7 @@ def stage_sources(
         lanes: steps that are evaluated at once; 1 gives plain C99.
 
     Returns:
-        The files, and the table of their numbers, see `split_numbers`; plain C99 has them as literals.
+        The files, and their numbers, see `split_numbers`; plain C99 has them as literals.
     """
     generator = ca.CodeGenerator("stages.c", {"with_header": False})
     for function in (*(each.function for group in maps for each in group), *singles):
@@ -137,7 +173,7 @@ def stage_sources(
     source: str = generator.dump()
     numbers: tuple[float, ...] = ()
     if lanes > 1:
-        source, numbers = split_numbers(source)
+        source, numbers = split_numbers(source, NUMBERS)
     shapes = tuple(tuple(each.shape for each in group) for group in maps)
     return _files(source, shapes, tuple(each.name() for each in singles), lanes), numbers
 
@@ -147,7 +183,7 @@ def _files(
     source: str, maps: tuple[tuple[_Shape, ...], ...], singles: tuple[str, ...], lanes: int
 ) -> tuple[str, ...]:
     every = [each for group in maps for each in group]
-    bodies = {found["name"]: found for found in STRAIGHT_LINE.finditer(source)}
+    bodies = {found["name"]: found for found in _STRAIGHT_LINE.finditer(source)}
     by_name = {name: bodies[body] for name, body in _WRAPPER.findall(source)}
     helpers = source[: min(found.start() for found in bodies.values())]
     # The comment that describes the first function stays behind, and what describes arguments to CasADi.
@@ -156,7 +192,7 @@ def _files(
     most_arguments = max(len(each.sizes) for each in every)
     most_results = max(len(each.result_sizes) for each in every)
     preamble = (
-        (PREAMBLE if lanes > 1 else "")
+        (_PREAMBLE if lanes > 1 else "")
         + '#include <stddef.h>\n#include <string.h>\n#include "stages.h"\n#define casadi_real iptm_real\n'
         + f"{_SCALAR_MAXIMUM}{helpers}\n#define LANES {lanes}\n"
         + f"#define MOST_ARGUMENTS {most_arguments}\n#define MOST_RESULTS {most_results}\n{_MAP}"
@@ -206,7 +242,7 @@ def _mapped(body: re.Match[str], each: _Shape, lanes: int) -> str:
         ]
         lines += [line.replace("casadi_real", "lanes") for line in body["variables"].splitlines()]
         points = range(lanes)
-        lines += [in_lanes(line, by_pointer, points) for line in body["statements"].splitlines()]
+        lines += [_in_lanes(line, by_pointer, points) for line in body["statements"].splitlines()]
         group += "\n".join(lines) + "\n"
     scratch = sum(stride * (lanes - 1) + size for stride, size in zip(strides, sizes, strict=True))
     scratch += sum(size * lanes for size in result_sizes)
@@ -224,3 +260,27 @@ def _mapped(body: re.Match[str], each: _Shape, lanes: int) -> str:
 
 def _braced(numbers: Sequence[int]) -> str:
     return "{" + ", ".join(map(str, numbers)) + "}"
+
+
+def _in_lanes(line: str, strides: dict[str, int], points: Sequence[int]) -> str:
+    """Return a scalar statement for all lanes."""
+    if _ALL_LANES.fullmatch(line):
+        return line
+    result = _RESULT.fullmatch(line)
+    if result is not None:
+        pointer, entry, variable = f"res_{result[1]}", int(result[2]), result[3]
+        return "  " + " ".join(
+            f"{pointer}[{entry + strides[pointer] * point}]={variable}[{lane}];"
+            for lane, point in enumerate(points)
+        )
+    argument = _ARGUMENT.fullmatch(line)
+    if argument is not None:
+        pointer, entry = f"arg_{argument[2]}", int(argument[3])
+        loads = (f"{pointer}[{entry + strides[pointer] * point}]" for point in points)
+        return f"  {argument[1]}=(lanes){{{','.join(loads)}}};"
+    rewritten = _LARGER.sub(r"lanes_fmax(\1,\2)", _SQUARE.sub(r"(\1*\1)", line))
+    if rewritten != line:
+        return rewritten
+    variable, _, expression = line.rstrip(";").partition("=")
+    scalars = (_VARIABLE.sub(rf"\g<0>[{lane}]", expression) for lane in range(LANES))
+    return f"{variable}=(lanes){{{','.join(scalars)}}};"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.stage import DEFAULT_SMOOTHING
-from iptm_controller.solvers.interface import SolverBackend, SolverOptions
+from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.solvers.riccati.backend import RiccatiBackend
 from iptm_controller.solvers.switching_check import SwitchingCheck
 from iptm_core.parameters.model import ModelParameters
@@ -15,20 +15,16 @@ __all__ = ["SolverOptions", "build_plain_solver", "build_solver"]
 
 def build_solver(
     horizon: Horizon, parameters: ModelParameters, options: SolverOptions
-) -> SolverBackend:
+) -> SwitchingCheck:
     """Return a solver for a horizon that also looks for better switching, see ``SwitchingCheck``."""
     return SwitchingCheck(
-        build_plain_solver(horizon, parameters, options),
-        _problem(horizon, parameters, options),
-        compile_code=options.compile_code,
-        warm_iterations=options.warm_start_iterations,
-        simulates=options.simulate_cooling,
+        build_plain_solver(horizon, parameters, options), _problem(horizon, parameters, options)
     )
 
 
 def build_plain_solver(
     horizon: Horizon, parameters: ModelParameters, options: SolverOptions
-) -> SolverBackend:
+) -> RiccatiBackend:
     """Return the solver without the check: stateless between solves, so that it can be shared."""
     return RiccatiBackend(_problem(horizon, parameters, options), options)
 

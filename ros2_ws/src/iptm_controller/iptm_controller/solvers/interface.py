@@ -24,7 +24,6 @@ class SolverOptions:
     """Settings of a solver.
 
     Attributes:
-        compile_code: generate and compile C where a compiler is found.
         deadline_s: bound on its wall time, 0 for none. With a bound the iterations depend on the
             machine's pace, so runs are not exactly repeatable.
         tolerance: optimality tolerance on the scaled problem.
@@ -35,7 +34,6 @@ class SolverOptions:
         simulate_cooling: simulate other cooling after every solve, and begin again from a cheaper plan.
     """
 
-    compile_code: bool = True
     max_iterations: int = 150
     deadline_s: float = 0.0
     tolerance: float = 1e-5
@@ -173,10 +171,6 @@ class SolverBackend(Protocol):
     @property
     def name(self) -> str:
         """Name of the back end, as used in parameters and tables."""
-
-    @property
-    def compiled(self) -> bool:
-        """True if the problem runs as machine code, False on CasADi's virtual machine."""
 
     def solve(
         self, data: ProblemData, guess: FloatArray, *, most_iterations: int | None = None

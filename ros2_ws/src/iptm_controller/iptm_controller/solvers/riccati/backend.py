@@ -1,7 +1,7 @@
-"""The default back end: the Riccati interior-point method, in C where a compiler is at hand.
+"""The Riccati interior-point method, in C (`iptm_controller/c`), on NumPy's memory.
 
-The C code (`iptm_controller/c`) works on NumPy's memory. A library holds the method and the stages of a
-problem; all horizons with these stage kinds use it.
+A library holds the method and the stages of a problem; all horizons with these stage kinds use it, and so do
+all models, whose numbers come with each call.
 """
 
 from __future__ import annotations
@@ -29,18 +29,13 @@ from iptm_controller.solvers.interface import (
     Termination,
     result_of,
 )
-from iptm_controller.solvers.riccati.method import RiccatiMethod
-from iptm_controller.solvers.riccati.program import ITERATE, STEP, build_program
 from iptm_controller.solvers.riccati.stage_program import (
     HEADERS,
     SOLVER_SOURCES,
     stage_program,
 )
-from iptm_core.compilation import cache_directory, find_compiler
-from iptm_core.compiler import compiler_flags
+from iptm_core.compilation import cache_directory, compile_sources
 from iptm_core.errors import SolverSetupError
-from iptm_core.optimised_code import NewestLibrary, compile_in_steps
-from iptm_core.physics.ops import BufferedFunction
 from iptm_core.state import FloatArray
 
 CANDIDATES, LEVELS = 2, 2
@@ -57,6 +52,7 @@ class _Horizon(ctypes.Structure):
         ("kind_steps", _POINTER),
         ("soft_prices", _POINTER),
         ("lengths_s", _POINTER),
+        ("numbers", _POINTER),
     )
 
 
@@ -104,12 +100,27 @@ class SwitchingNumbers:
     simulates: bool
 
 
-class MachineCode:
-    """The method for one horizon, with memory of its own; serves one thread."""
+class RiccatiBackend:
+    """Solves problem after problem, nothing carried over; see ``SolverBackend``. Serves one thread.
 
-    def __init__(self, problem: OptimalControlProblem, library: NewestLibrary) -> None:
+    Attributes:
+        options: settings of the next solve; they may be exchanged in between.
+    """
+
+    name = RICCATI
+
+    def __init__(self, problem: OptimalControlProblem, options: SolverOptions) -> None:
+        """Compile the problem, or find it in the cache.
+
+        Raises:
+            SolverSetupError: there is no C compiler, or the code cannot be compiled or loaded.
+        """
+        self.options = options
+        # The number of steps is not part of the code.
+        phases = tuple(replace(phase, steps=1) for phase in problem.horizon.phases)
+        stages = replace(problem.without_load, horizon=Horizon(phases))
+        self._library, self._numbers = _library(stages, cache_directory())
         grid = problem.grid
-        self._library = library
         self._kind_steps = np.array([kind.count for kind in grid.stages], dtype=np.intc)
         self._lengths_s = grid.horizon.step_lengths_s
         self._prices = np.outer(self._lengths_s, astuple(problem.penalties))
@@ -119,6 +130,7 @@ class MachineCode:
             self._kind_steps.ctypes.data,
             self._prices.ctypes.data,
             self._lengths_s.ctypes.data,
+            self._numbers.ctypes.data,
         )
         self._options, self._outcome = _Options(), _Outcome()
         self._given: SolverOptions | None = None
@@ -127,17 +139,15 @@ class MachineCode:
         self._guess = np.empty(grid.variable_count)
         self._variables = np.empty(grid.variable_count)
         self._costates = np.empty(layout.STATES * grid.steps)
-        self._clock = ctypes.cast(library.newest.iptm_monotonic_s, _POINTER).value
+        self._clock = ctypes.cast(self._library.iptm_monotonic_s, _POINTER).value
         self._work = np.empty(0)
         self._arguments: tuple[Any, ...] = ()
         self._compared: SwitchingNumbers | None = None
         given = self._horizon, self._options, self._switching, self._since_second
         self._given_pointers = tuple(map(ctypes.byref, given))
 
-    def _prepare(
-        self, data: ProblemData, guess: FloatArray, options: SolverOptions, most: int | None
-    ) -> Stopwatch:
-        clock = Stopwatch()
+    def _prepare(self, data: ProblemData, guess: FloatArray, most: int | None) -> Stopwatch:
+        clock, options = Stopwatch(), self.options
         if options is not self._given:
             self._use(options)
         bound = options.max_iterations
@@ -151,14 +161,13 @@ class MachineCode:
 
     def _use(self, options: SolverOptions) -> None:
         self._given = options
-        self._library.improve()
         self._options.tolerance = options.tolerance
         self._options.initial_barrier = options.initial_barrier
         self._options.warm_start_iterations = options.warm_start_iterations
         self._options.clock_s = self._clock if options.deadline_s else None
         if options.max_iterations > self._horizon.most_iterations or not self._work.size:
             self._horizon.most_iterations = options.max_iterations
-            size = self._library.newest.iptm_checked_work_size(ctypes.byref(self._horizon))
+            size = self._library.iptm_checked_work_size(ctypes.byref(self._horizon))
             self._work = np.zeros(size)
         self._arguments = (
             self._parameters.ctypes.data,
@@ -184,11 +193,11 @@ class MachineCode:
         )
 
     def solve(
-        self, data: ProblemData, guess: FloatArray, options: SolverOptions, most: int | None
+        self, data: ProblemData, guess: FloatArray, *, most_iterations: int | None = None
     ) -> SolveResult:
-        """Solve one problem, in at most ``most`` iterations."""
-        clock = self._prepare(data, guess, options, most)
-        solve = self._library.newest.iptm_solve
+        """Solve one problem; see ``SolverBackend``."""
+        clock = self._prepare(data, guess, most_iterations)
+        solve = self._library.iptm_solve
         solve(ctypes.byref(self._horizon), ctypes.byref(self._options), *self._arguments)
         return self._result(clock)
 
@@ -196,8 +205,7 @@ class MachineCode:
         self,
         data: ProblemData,
         guess: FloatArray,
-        options: SolverOptions,
-        most: int | None,
+        most_iterations: int | None,
         switching: SwitchingNumbers,
         since_second: int,
     ) -> tuple[SolveResult, int]:
@@ -206,7 +214,7 @@ class MachineCode:
         Returns:
             The better result with the iterations of both solves, and the solves since the last second one.
         """
-        clock = self._prepare(data, guess, options, most)
+        clock = self._prepare(data, guess, most_iterations)
         if switching is not self._compared:
             self._compared = switching
             self._switching.candidates[:] = switching.candidates
@@ -217,34 +225,25 @@ class MachineCode:
         self._since_second.value = since_second
         parameters_and_guess, answers = self._arguments[:2], self._arguments[2:]
         *numbers, since = self._given_pointers
-        solve = self._library.newest.iptm_solve_checked
+        solve = self._library.iptm_solve_checked
         iterations = solve(*numbers, *parameters_and_guess, since, *answers)
         return self._result(clock, iterations), self._since_second.value
 
 
-def as_machine_code(problem: OptimalControlProblem, *, is_wanted: bool) -> MachineCode | None:
-    """Return the method for a problem; None where it is not wanted or no compiler was found."""
-    compiler = find_compiler() if is_wanted else None
-    if compiler is None:
-        return None
-    # The number of steps is not part of the code.
-    phases = tuple(replace(phase, steps=1) for phase in problem.horizon.phases)
-    stages = replace(problem.without_load, horizon=Horizon(phases))
-    library = _library(stages, compiler, compiler_flags(), cache_directory())
-    return MachineCode(problem, library)
-
-
 @lru_cache(maxsize=PROGRAMS_KEPT)
-def _library(
-    problem: OptimalControlProblem, compiler: tuple[str, ...], *_: object
-) -> NewestLibrary:
-    """Return the library of a problem; what further decides which one it is, is part of the key only."""
+def _library(problem: OptimalControlProblem, _folder: Path) -> tuple[ctypes.PyDLL, FloatArray]:
+    """Return the library of a problem and the numbers of its model; the folder is part of the key only."""
     program = _stage_program(problem)
-    fixed = C_SOURCES.read(*SOLVER_SOURCES, *HEADERS)
-    given = {**fixed, "layout.h": layout_header(), "stage_sizes.h": program.header}
-    return compile_in_steps(program.sources, program.numbers, given, compiler, _loaded)
+    files = {f"stages_{place}.c": text for place, text in enumerate(program.sources)}
+    files |= C_SOURCES.read(*SOLVER_SOURCES, *HEADERS)
+    path = compile_sources({**files, "layout.h": layout_header(), "stage_sizes.h": program.header})
+    return _loaded(path), np.array(program.numbers)
 
 
+_stage_program = lru_cache(maxsize=PROGRAMS_KEPT)(stage_program)
+
+
+@lru_cache
 def _loaded(path: Path) -> ctypes.PyDLL:
     try:
         # The interpreter lock is held: a solve is shorter than it takes to get the lock again.
@@ -258,76 +257,3 @@ def _loaded(path: Path) -> ctypes.PyDLL:
     except (OSError, AttributeError) as error:
         raise SolverSetupError(f"solver '{RICCATI}' cannot be set up: {error}") from error
     return library
-
-
-_stage_program = lru_cache(maxsize=PROGRAMS_KEPT)(stage_program)
-
-
-class RiccatiBackend:
-    """Solves problem after problem, nothing carried over; see ``SolverBackend``.
-
-    Attributes:
-        options: settings of the next solve; they may be exchanged in between.
-    """
-
-    name = RICCATI
-
-    def __init__(self, problem: OptimalControlProblem, options: SolverOptions) -> None:
-        self.options = options
-        self._method = as_machine_code(
-            problem, is_wanted=options.compile_code
-        ) or interpreted_method(problem)
-
-    @property
-    def compiled(self) -> bool:
-        """True if the method runs as machine code, False on CasADi's virtual machine."""
-        return isinstance(self._method, MachineCode)
-
-    def solve(
-        self, data: ProblemData, guess: FloatArray, *, most_iterations: int | None = None
-    ) -> SolveResult:
-        """Solve one problem; see ``SolverBackend``."""
-        if isinstance(self._method, MachineCode):
-            return self._method.solve(data, guess, self.options, most_iterations)
-        options = self.options
-        if most_iterations is not None and most_iterations < options.max_iterations:
-            options = replace(options, max_iterations=most_iterations)
-        first = guess.copy()
-        first[: layout.STATES] = data.initial_state
-        return self._method.run(first, data.parameters, options)
-
-    def solve_checked(
-        self,
-        data: ProblemData,
-        guess: FloatArray,
-        most_iterations: int | None,
-        switching: SwitchingNumbers,
-        since_second: int,
-    ) -> tuple[SolveResult, int]:
-        """Do what ``SwitchingCheck`` does, in machine code only.
-
-        Returns:
-            The result, and the solves since the last second one.
-        """
-        if not isinstance(self._method, MachineCode):
-            raise TypeError("the check in C is for the method in C")
-        return self._method.solve_checked(
-            data, guess, self.options, most_iterations, switching, since_second
-        )
-
-
-def interpreted_method(problem: OptimalControlProblem) -> RiccatiMethod:
-    """Return the method in Python on CasADi's virtual machine, with the results of the one in C."""
-    starting_point, search_direction, trial_point = _program(problem.without_load)
-    # Iterate and step exist once, in the memory of the last function.
-    last = BufferedFunction(trial_point)
-    iterate = {name: last.arguments[name] for name in (*ITERATE, "p")}
-    step = {name: last.arguments[name] for name in STEP}
-    return RiccatiMethod(
-        starting_point=BufferedFunction(starting_point, iterate),
-        search_direction=BufferedFunction(search_direction, {**iterate, **step}),
-        trial_point=last,
-    )
-
-
-_program = lru_cache(maxsize=PROGRAMS_KEPT)(build_program)

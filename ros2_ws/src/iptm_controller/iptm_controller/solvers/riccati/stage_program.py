@@ -1,6 +1,6 @@
 """The functions of the stages as C, for the interior-point method in C (`iptm_controller/c`).
 
-They compute the same as ``program.py``; ``riccati.c`` joins them to a horizon. The code depends on the
+``riccati.c`` joins them to a horizon. The code depends on the
 stage kinds and not on how many steps there are of each.
 """
 
@@ -12,11 +12,10 @@ from functools import lru_cache
 import casadi as ca
 
 from iptm_controller.ocp import layout
-from iptm_controller.ocp.compilation import LANES
 from iptm_controller.ocp.layout import InputIndex, StateIndex
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.stage import StageExpressions
-from iptm_controller.ocp.stage_code import StageMap, stage_sources
+from iptm_controller.ocp.stage_code import LANES, NUMBERS, StageMap, stage_sources
 from iptm_controller.solvers.riccati.recursion import backward_step, forward_step
 from iptm_controller.solvers.riccati.stage_system import (
     StageSparsity,
@@ -36,7 +35,7 @@ class StageProgram:
     Attributes:
         header: content of ``stage_sizes.h``.
         sources: C files.
-        numbers: their table, see `split_numbers`.
+        numbers: what they read, see `stage_sources`.
     """
 
     header: str
@@ -94,10 +93,14 @@ def stage_program(problem: OptimalControlProblem, *, lanes: int = LANES) -> Stag
         f"void {name}(const iptm_real *const *arg, iptm_real *const *res, int count);"
         for name in linearise
     ]
+    header = _header(systems[0].inequality_count, len(stages), sparsity)
+    if numbers:
+        header += "#define IPTM_NUMBERS\n"
+        tables.append(f"const double *{NUMBERS};")
     parameters = ", ".join(str(stage.step_parameters.numel()) for stage in stages)
     tables.append(f"const int iptm_kind_parameters[] = {{{parameters}}};")
     return StageProgram(
-        _header(systems[0].inequality_count, len(stages), sparsity),
+        header,
         (*sources[:-1], "\n".join([sources[-1], *tables, ""])),
         numbers,
     )

@@ -1,4 +1,4 @@
-"""The iteration: a primal-dual interior-point method with a filter line search.
+"""The interior-point method in Python on CasADi's functions, to the bits of ``c/riccati.c``.
 
 Newton steps come from the Riccati recursion, the barrier parameter from Mehrotra's rule. Where the line
 search fails, the Hessian is regularised until a step is accepted. The warm start trusts the guess and takes
@@ -9,9 +9,15 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
 
 import numpy as np
+from tests.reference.line_search import FilterPoint, LineSearchFilter, StepSummary
+from tests.reference.riccati_program import ITERATE, STEP, build_program
 
+from iptm_controller.ocp import layout
+from iptm_controller.ocp.data import ProblemData
+from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.interface import (
     FEASIBILITY_TOLERANCE,
     SolveResult,
@@ -20,19 +26,19 @@ from iptm_controller.solvers.interface import (
     Termination,
     result_of,
 )
-from iptm_controller.solvers.riccati.line_search import FilterPoint, LineSearchFilter, StepSummary
-from iptm_controller.solvers.riccati.program import ITERATE
+from iptm_controller.solvers.riccati.constants import (
+    BACKTRACKING,
+    COLD_START_BARRIER,
+    COLD_START_SAFEGUARD,
+    FIRST_REGULARISATION,
+    LEAST_REGULARISATION,
+    MAX_REGULARISATIONS,
+    MAX_TRIALS,
+    REGULARISATION_FACTOR,
+)
 from iptm_core.physics.ops import BufferedFunction
 from iptm_core.state import FloatArray
 
-COLD_START_BARRIER = 10.0
-COLD_START_SAFEGUARD = 0.03
-BACKTRACKING = 0.3
-MAX_TRIALS = 3
-MAX_REGULARISATIONS = 12
-FIRST_REGULARISATION = 1e-3
-REGULARISATION_FACTOR = 8.0
-LEAST_REGULARISATION = 1e-5
 NOWHERE = FilterPoint(math.nan, math.nan, math.inf, math.inf)
 
 
@@ -234,3 +240,33 @@ def _is_finite(guess: FloatArray, parameters: FloatArray, point: FilterPoint) ->
     with np.errstate(invalid="ignore"):
         total = float(guess.sum()) + float(parameters.sum())
     return math.isfinite(total + point.cost + point.violation)
+
+
+class InterpretedRiccati:
+    """The method on CasADi's virtual machine; see ``SolverBackend``."""
+
+    name = "riccati"
+
+    def __init__(self, problem: OptimalControlProblem, options: SolverOptions) -> None:
+        self.options = options
+        starting_point, search_direction, trial_point = build_program(problem.without_load)
+        # Iterate and step exist once, in the memory of the last function.
+        last = BufferedFunction(trial_point)
+        iterate = {name: last.arguments[name] for name in (*ITERATE, "p")}
+        step = {name: last.arguments[name] for name in STEP}
+        self.method = RiccatiMethod(
+            starting_point=BufferedFunction(starting_point, iterate),
+            search_direction=BufferedFunction(search_direction, {**iterate, **step}),
+            trial_point=last,
+        )
+
+    def solve(
+        self, data: ProblemData, guess: FloatArray, *, most_iterations: int | None = None
+    ) -> SolveResult:
+        """Solve one problem; see ``SolverBackend``."""
+        options = self.options
+        if most_iterations is not None and most_iterations < options.max_iterations:
+            options = replace(options, max_iterations=most_iterations)
+        first = guess.copy()
+        first[: layout.STATES] = data.initial_state
+        return self.method.run(first, data.parameters, options)

@@ -12,11 +12,12 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
+from tests.reference.line_search import FilterPoint, StepSummary
 
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.layout import BLOCK
 from iptm_controller.ocp.problem import OptimalControlProblem
-from iptm_controller.solvers.riccati.line_search import FilterPoint, StepSummary
+from iptm_controller.solvers.riccati.constants import FRACTION_TO_BOUNDARY, LEAST_SLACK
 from iptm_controller.solvers.riccati.recursion import LOWER, PARTS, backward_step, forward_step
 from iptm_controller.solvers.riccati.stage_system import StageSystem, common_sparsity
 from iptm_core.physics.ops import named_function
@@ -24,8 +25,6 @@ from iptm_core.physics.ops import named_function
 ITERATE = ("w", "lam", "s", "z")
 """Variables of the problem, multipliers of the dynamics, slacks and multipliers of the inequalities."""
 STEP = tuple(f"d{name}_{part}" for name in ITERATE for part in PARTS)
-FRACTION_TO_BOUNDARY = 0.995
-LEAST_SLACK = 1e-3
 
 
 def build_program(problem: OptimalControlProblem) -> list[ca.Function]:

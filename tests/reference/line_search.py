@@ -2,7 +2,7 @@
 
 A point has a barrier objective phi and a constraint violation theta. It is not acceptable to the filter if
 an earlier entry is as good in both. Entries keep cost and logarithms apart, because the barrier parameter
-changes in every iteration. Constants have the values of that paper, with its symbols.
+changes in every iteration.
 
 The summary of a step has the predictor's estimate for the Newton step from an iterate.
 """
@@ -12,13 +12,19 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-MARGIN = 1e-5  # gamma_theta and gamma_phi
-ARMIJO = 1e-4  # eta_phi
-SWITCHING_SLOPE_EXPONENT = 2.3  # s_phi
-SWITCHING_VIOLATION_EXPONENT = 1.1  # s_theta
-MAX_VIOLATION_FACTOR = 1e4  # theta_max relative to the first point
-MIN_VIOLATION_FACTOR = 1e-4  # theta_min relative to the first point
-ROUND_OFF = 1e-10
+from iptm_controller.solvers.riccati.constants import (
+    ARMIJO,
+    CENTRING_EXPONENT,
+    LEAST_BARRIER,
+    LEAST_PRIMAL_STEP,
+    MARGIN,
+    MAX_VIOLATION_FACTOR,
+    MIN_VIOLATION_FACTOR,
+    MULTIPLIER_SCALE,
+    ROUND_OFF,
+    SWITCHING_SLOPE_EXPONENT,
+    SWITCHING_VIOLATION_EXPONENT,
+)
 
 
 class FilterPoint(NamedTuple):
@@ -89,12 +95,6 @@ def _improves(
     less_violation = trial.violation <= (1.0 - MARGIN) * other.violation
     bound = other.barrier_objective(mu) - MARGIN * other.violation + tolerance
     return less_violation or phi <= bound
-
-
-MULTIPLIER_SCALE = 100.0  # s_max of IPOPT
-CENTRING_EXPONENT = 3
-LEAST_BARRIER = 0.05
-LEAST_PRIMAL_STEP = 0.01
 
 
 class StepSummary(NamedTuple):

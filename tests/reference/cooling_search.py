@@ -12,38 +12,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iptm_controller.ocp import layout
-from iptm_controller.ocp.compilation import as_machine_code
 from iptm_controller.ocp.data import ProblemData
 from iptm_controller.ocp.layout import InputIndex, StateIndex
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.solvers.riccati.backend import SwitchingNumbers
 from iptm_controller.solvers.riccati.stage_system import StageSystem
+from iptm_controller.solvers.switching_check import BLOCKS, LEAST_GAIN, RUNNING_SHARE
 from iptm_core.physics.ops import named_function
 from iptm_core.state import FloatArray
-
-LEAST_GAIN = 1e-4
-"""Smallest difference in cost that makes a plan better."""
-BLOCKS = 10
-RUNNING_SHARE = 0.1
-"""A compressor runs from this share of its most efficient power on."""
-"""Most parts of the horizon that are switched as one."""
 
 
 class CoolingSearch:
     """The search in Python, with the results of the one in ``c/switching.c``."""
 
-    def __init__(
-        self, problem: OptimalControlProblem, numbers: SwitchingNumbers, *, compile_code: bool
-    ) -> None:
+    def __init__(self, problem: OptimalControlProblem, numbers: SwitchingNumbers) -> None:
         self._grid, self._numbers = problem.grid, numbers
         self._lengths_s = self._grid.horizon.step_lengths_s
         self._blocks = _blocks(self._lengths_s)
         plans = self._proposals(np.zeros(self._grid.steps)).shape[0]
         written = _followed(problem, plans)
-        functions, _ = as_machine_code(written, "search", is_wanted=compile_code)
         self._follow = [
             function
-            for function, kind in zip(functions, self._grid.stages, strict=True)
+            for function, kind in zip(written, self._grid.stages, strict=True)
             for _ in range(kind.count)
         ]
 
