@@ -101,7 +101,7 @@ def test_a_trip_of_known_energy_draws_it_and_heats_the_pack() -> None:
     driven = PACK.driven(trip(7.247436, 60.0), 298.15)
     assert driven.drawn[-1] == pytest.approx(0.1)
     ampere = 0.1 * 5.019
-    heat_w = 4.0 * ampere**2 * 0.06 * 0.92 + ampere * 4e-4 * 298.15
+    heat_w = 2.25 * ampere**2 * 0.06 * 0.92 + ampere * 4e-4 * 298.15
     assert driven.end_k - 298.15 == pytest.approx(heat_w * 3600.0 / 45.0, rel=0.05)
     assert np.all(np.diff(driven.drawn) > 0.0)
 
