@@ -408,3 +408,17 @@ def test_a_speed_that_the_gap_contradicts_gives_way_to_it() -> None:
     counted = track.counted(samples[-1].lead)
     assert counted.position_m == samples[-1].position_m
     assert counted.speed_m_s == pytest.approx(18.0 - 6.0 * 2.0, abs=1.5)
+
+
+@pytest.mark.parametrize(("period_s", "wrong_m_s"), [(0.1, 33.0), (1.0, 8.0)])
+def test_a_speed_that_is_far_off_at_every_step_is_not_another_vehicle_each_time(
+    period_s: float, wrong_m_s: float
+) -> None:
+    """A vehicle creeps and is measured as driving, as with a relative speed of reversed sign."""
+    creeping = cruising(120.0, 1.0)
+    samples = driven(5.0 * period_s, period_s, creeping, swaying)
+    for _ in range(5):
+        time_s = samples[-1].time_s + period_s
+        samples.append(Sample(time_s, creeping(time_s)[0], wrong_m_s, *swaying(time_s)))
+    counted = track_of(samples).counted(samples[-1].lead)
+    assert counted.speed_m_s <= 1.0 + 1e-6

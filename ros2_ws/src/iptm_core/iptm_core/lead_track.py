@@ -250,10 +250,9 @@ def followed(track: LeadTrack, sample: Sample) -> LeadTrack:
     first = _frozen_since(recent, sample)
     moved_m = sample.position_m - last.position_m
     farther_m = moved_m - 0.5 * (last.speed_m_s + sample.speed_m_s) * interval_s
-    jumped = (
-        abs(farther_m) > ANOTHER_LEAD_M
-        or abs(change_m_s) > ANOTHER_LEAD_M_S + ANOTHER_LEAD_M_S2 * interval_s
-    )
+    jumped = (abs(farther_m) > ANOTHER_LEAD_M and not _goes_on(track, farther_m)) or abs(
+        change_m_s
+    ) > ANOTHER_LEAD_M_S + ANOTHER_LEAD_M_S2 * interval_s
     if first is None and not (track.frozen or jumped):
         unexplained_m = unexplained_change(moved_m, last.speed_m_s, sample.speed_m_s, interval_s)
         unexplained = track.unexplained.after(unexplained_m, interval_s, RANGE_TIME_S)
@@ -281,6 +280,19 @@ def followed(track: LeadTrack, sample: Sample) -> LeadTrack:
     if first is not None:
         return _as_frozen(track, first)
     return _stepped(track, last, sample, farther_m, jumped=jumped)
+
+
+def _goes_on(track: LeadTrack, farther_m: float) -> bool:
+    """Return whether the position contradicted the speed in the same direction before: no other vehicle."""
+    if track.unexplained.beyond(RANGE_LIMIT_M) * farther_m > 0.0:
+        return True
+    if len(track.recent) < 2:
+        return False
+    before, last = (Sample._make(entry) for entry in track.recent[-2:])
+    interval_s = last.time_s - before.time_s
+    moved_m = last.position_m - before.position_m
+    before_m = moved_m - 0.5 * (before.speed_m_s + last.speed_m_s) * interval_s
+    return abs(before_m) > ANOTHER_LEAD_M and before_m * farther_m > 0.0
 
 
 def _stepped(
