@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from iptm_core.metrics import MOVING_M_S, RunMetrics, at_equal_end
-from iptm_core.metrics.saving import saved_percent
+from iptm_core.metrics.saved_share import saved_percent
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.trajectory import Trajectory
 

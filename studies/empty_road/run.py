@@ -17,7 +17,7 @@ from iptm_controller.horizon import MULTI_HORIZON
 from iptm_controller.strategy import DEFAULT_STRATEGY
 from iptm_core.decision_record import Rung
 from iptm_core.markdown import table_of
-from iptm_core.metrics.saving import saved_percent
+from iptm_core.metrics.saved_share import saved_percent
 from iptm_core.settings import LeaderSource
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory

@@ -23,7 +23,7 @@ from studies.session import Case, Session
 
 from iptm_core.markdown import table_of
 from iptm_core.metrics import RunMetrics
-from iptm_core.metrics.saving import saved_percent
+from iptm_core.metrics.saved_share import saved_percent
 from iptm_core.parameters import DEFAULT_SET, load_parameters
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.units import J_PER_KWH

@@ -19,7 +19,7 @@ from iptm.runner.summary import headline
 from iptm.string_report import string_parts
 from iptm.sweeping import Sweep
 from iptm.trip_files import load_trip
-from iptm_core.metrics import SAVINGS
+from iptm_core.metrics import SAVINGS, Basis
 from iptm_core.parameters import to_flat_dict
 
 GPX = Path(__file__).parents[2] / "docs" / "examples" / "phone_drive.gpx"
@@ -134,7 +134,7 @@ def shown(own: iptm.Run, other: iptm.Run, folder: Path) -> Iterator[tuple[str, s
             string_parts([own], [other])[1].rows[["energy_saved", "cells", "aging_saved"]].to_dict()
         ),
     )
-    if find_spec("iptm_view") is not None:
+    if find_spec("iptm_view") is not None and own.saving(other).repeated is None:
         page = import_module("tests.extras.iptm_view.judged_page")
         yield "view", page.last_savings(own, other)
     yield "explain", own.explain(other).sentence
@@ -145,15 +145,17 @@ def test_every_output_has_the_headline_of_the_rows(
 ) -> None:
     own, other = runs
     expected, saving = saved_by_hand(own, other), own.saving(other)
-    too_short = own.frame.index[-1] < 300.0
-    judged = [
-        not too_short and abs(expected.equal[kind] - expected.driven[kind]) <= 5.0 for kind in KINDS
+    is_short = own.frame.index[-1] < 1800.0
+    by_ends = [
+        not is_short and abs(expected.equal[kind] - expected.driven[kind]) <= 5.0 for kind in KINDS
     ]
-    for kind, is_judged, share in zip(KINDS, judged, (saving.aging, saving.energy), strict=True):
+    shares = saving.aging, saving.energy
+    for kind, is_by_ends, share in zip(KINDS, by_ends, shares, strict=True):
         near = pytest.approx(expected.equal[kind], abs=TOLERANCE_POINTS)
         assert share.equal_ends_percent == near
         assert share.as_driven_percent == pytest.approx(expected.driven[kind], abs=0.01)
-        assert (share.text == "too short to judge") is not is_judged
+        assert (share.basis is Basis.EQUAL_ENDS) is is_by_ends
+        assert share.percent == near or share.basis is Basis.REPEATED
     for name, text in shown(own, other, tmp_path):
         for share in (saving.energy, saving.cells, saving.aging):
             assert share.text in text.lower(), (name, share.text)
@@ -165,7 +167,5 @@ def test_every_output_has_the_headline_of_the_rows(
         iptm.compare(reference=other, own=own).table["own"],
     ]
     for found in numbers:
-        for kind, is_judged in zip(KINDS, judged, strict=True):
-            value = float(found[figure_title(f"{kind}_saved")])
-            near = expected.equal[kind] if is_judged else np.nan
-            assert value == pytest.approx(near, abs=TOLERANCE_POINTS, nan_ok=True)
+        for kind, share in zip(KINDS, shares, strict=True):
+            assert float(found[figure_title(f"{kind}_saved")]) == share.percent

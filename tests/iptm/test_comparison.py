@@ -120,7 +120,7 @@ def test_the_command_prints_draws_and_writes(
     files = ["--picture", str(picture), "--report", str(page)]
     assert main([str(BAG), str(BAG), *files]) == 0
     out = capsys.readouterr().out
-    assert "too short to judge (energy as driven 0.0 % saved" in out
+    assert "energy: 0.0 % saved" in out
     assert "Battery energy per distance [kWh/100 km]" in out
     assert "the settings do not differ" in out
     assert picture.read_bytes().startswith(b"\x89PNG")

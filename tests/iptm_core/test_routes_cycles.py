@@ -233,5 +233,5 @@ def test_a_noisy_file_has_a_note_and_a_smoothed_one_has_none(tmp_path: Path) -> 
     rows = zip(drive.times_s.tolist(), drive.speeds_m_s.tolist(), strict=True)
     file.write_text("time_s,speed_m_s\n" + "".join(f"{t},{v}\n" for t, v in rows))
     (note,) = build_route(str(file), initial_gap_m=15.0).notes
-    assert "speeds have noise of 0.1" in note
+    assert "the speed trace is noisy (0.1" in note
     assert not build_route(str(file), initial_gap_m=15.0, smooth_s=9.0).notes

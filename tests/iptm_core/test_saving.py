@@ -11,6 +11,7 @@ import pytest
 from tests.iptm_core.made_runs import make_run
 
 from iptm_core.metrics import (
+    Basis,
     Following,
     Judgement,
     RunMetrics,
@@ -19,18 +20,20 @@ from iptm_core.metrics import (
     gap_margins_m,
     judge_saving,
 )
+from iptm_core.metrics.repeated import Repeated
+from iptm_core.metrics.saved_share import saved_text
 from iptm_core.metrics.saving import (
     LARGEST_CORRECTION_POINTS,
+    SHORTEST_ENDED_S,
     SHORTEST_TRIP_S,
     cool_down,
-    saved_text,
 )
 from iptm_core.parameters import load_parameters
 
 PARAMETERS = load_parameters().values
 OTHER = replace(
     compute_metrics(make_run(), PARAMETERS),
-    duration_s=SHORTEST_TRIP_S,
+    duration_s=SHORTEST_ENDED_S,
     distance_m=5000.0,
     battery_energy_j=4e6,
     cell_1_degradation=4e-6,
@@ -86,7 +89,7 @@ def test_cold_air_helps_to_cool_the_pack_down() -> None:
     [
         ({"duration_s": SHORTEST_TRIP_S - 1.0}, Judgement.TOO_SHORT),
         ({"distance_m": 4000.0}, Judgement.OTHER_TRIP),
-        ({"duration_s": 2.0 * SHORTEST_TRIP_S}, Judgement.OTHER_TRIP),
+        ({"duration_s": 2.0 * SHORTEST_ENDED_S}, Judgement.OTHER_TRIP),
         ({"final_temperature_k": math.nan}, Judgement.UNKNOWN),
     ],
 )
@@ -102,14 +105,26 @@ def test_what_cannot_be_judged_has_a_word_and_no_number(
     assert math.isfinite(found.values["aging_saved_as_driven"])
 
 
-def test_a_trip_whose_ends_decide_is_too_short() -> None:
+def test_a_trip_whose_ends_decide_is_repeated_or_has_a_band() -> None:
     """Five kelvin left in the pack change a trip of 4 MJ by more than a few points; the ageing by less."""
-    found = judged(final_temperature_k=OTHER.final_temperature_k + 5.0)
+    warm = replace(OTHER, final_temperature_k=OTHER.final_temperature_k + 5.0)
+    found = judge_saving(warm, OTHER, PARAMETERS)
     correction = found.energy.as_driven_percent - found.energy.equal_ends_percent
     assert correction > LARGEST_CORRECTION_POINTS
-    assert found.energy.judgement is Judgement.TOO_SHORT
-    behind = f"as driven 0.0 % saved, equal ends change it by {-correction:.0f} points"
-    assert found.headline.startswith(f"energy: too short to judge ({behind})")
+    assert found.energy.basis is Basis.BETWEEN
+    assert found.energy.percent == pytest.approx(-0.5 * correction)
+    assert found.values["energy_saved_uncertainty"] == pytest.approx(0.5 * correction)
+    assert f"±{0.5 * correction:.1f} points, between equal ends and as driven" in found.headline
+    assert found.aging.basis is Basis.EQUAL_ENDS
+    own, other = (Repeated(joule, 1e-5, {}, 0.006, 0.0, 4) for joule in (780.0, 800.0))
+    found = judge_saving(warm, OTHER, PARAMETERS, repeat=lambda: (own, other))
+    assert found.energy.percent == pytest.approx(2.5)
+    assert found.energy.uncertainty_points == pytest.approx(97.5 * 0.006 * math.sqrt(2.0))
+    assert found.aging.percent == found.aging.equal_ends_percent, "equal ends hardly change it"
+
+
+def test_late_ticks_are_not_judged() -> None:
+    assert judge_saving(OTHER, OTHER, PARAMETERS, late=True).energy.judgement is Judgement.LATE
 
 
 @pytest.mark.parametrize("charges", [[0.02, 0.01, 0.0, -0.01], [0.99, 1.0, 1.0, 1.1]])
@@ -136,7 +151,7 @@ def test_ageing_is_stated_by_the_median_and_the_range_of_the_measured_cells() ->
     assert found.cells.percents == pytest.approx({"a": 10.0, "b": 20.0, "c": -10.0})
     assert found.cells.text == "10.0 % saved (-10.0 to 20.0 %)"
     assert found.values["aging_saved_by_cells"] == pytest.approx(10.0)
-    short = judged(other, cell_losses=other.cell_losses, duration_s=100.0)
+    short = judged(other, cell_losses=other.cell_losses, duration_s=50.0)
     assert short.cells.text == "too short to judge"
     assert math.isnan(short.values["aging_saved_by_cells"])
     assert math.isnan(judged().cells.median), "current or temperature is not known"

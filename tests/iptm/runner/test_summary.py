@@ -16,7 +16,7 @@ from iptm.runner.summary import Summary, summarise
 from iptm.trip import Trip
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.metrics import RunMetrics
-from iptm_core.metrics.saving import ENERGY_SAVED, SHORTEST_TRIP_S
+from iptm_core.metrics.saving import ENERGY_SAVED, SHORTEST_ENDED_S
 from iptm_core.state import CommandSource
 
 TRIP = Trip.of("nycc", duration_s=60.0)
@@ -56,7 +56,7 @@ def test_figures_by_hand(comparison: Run) -> None:
 
 def lasting(metrics: RunMetrics, **changes: Any) -> RunMetrics:
     """Return the figures of a trip that is long enough to be judged."""
-    return replace(metrics, duration_s=SHORTEST_TRIP_S, **changes)
+    return replace(metrics, duration_s=SHORTEST_ENDED_S, **changes)
 
 
 def test_the_headline_is_the_saving_with_equal_ends(comparison: Run) -> None:
@@ -79,7 +79,7 @@ def test_the_headline_is_the_saving_with_equal_ends(comparison: Run) -> None:
 
 
 def test_a_short_trip_has_no_number_in_its_headline(comparison: Run) -> None:
-    found = summary_of(comparison.metrics, comparison, comparison)
+    found = summary_of(replace(comparison.metrics, duration_s=50.0), comparison, comparison)
     assert math.isnan(found.values["aging_saved_percent"])
     lines = dict(found.lines)
     assert lines[ENERGY_SAVED].startswith("too short to judge (as driven")

@@ -123,8 +123,9 @@ def run_closed_loop(
     start_position_m: float = 0.0,
     on_step: Callable[[PlantStep, LeaderState | None], None] | None = None,
     world: World | None = None,
+    start: VehicleState | None = None,
 ) -> ClosedLoopRun:
-    """Drive a route from standstill, to its end or until the pack is empty.
+    """Drive a route, to its end or until the pack is empty.
 
     Args:
         route: leader, slope and length of the trip.
@@ -139,6 +140,7 @@ def run_closed_loop(
         start_position_m: where the ego vehicle starts, along the road.
         on_step: called with vehicle and leader, if there is one, at every instant, the last one included.
         world: what is around the ego vehicle; None for a leader only, from ``leader`` or the route.
+        start: state of the vehicle at the beginning; None for standstill at ``start_position_m``.
     """
     source = CycleSource(route) if leader is None else leader
     loop = closed_loop(
@@ -147,7 +149,7 @@ def run_closed_loop(
         controller.options.tick_s,
         bridge or V2xBridge(source, bridge_settings),
         world or LeaderOnly(source),
-        plant.initial_state(start_position_m),
+        start or plant.initial_state(start_position_m),
         on_tick,
         faults,
         on_step,

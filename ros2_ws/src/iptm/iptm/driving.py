@@ -12,7 +12,7 @@ from typing import Any
 from iptm.closed_loop import LeaderOnly, TickController, closed_loop, decided
 from iptm.faults.injection import FaultInjection, FaultyController, check_headless, faulty
 from iptm.own_parts import Controller, OwnController, PredictedSource, Predictor, check_part
-from iptm.run import Report, Reporter, Run
+from iptm.run import Report, Reporter, Run, following_notes
 from iptm.trip import Trip
 from iptm_controller.controller import Controller as SuiteController
 from iptm_controller.decision import Decision
@@ -134,7 +134,11 @@ def _ticks(
         reports=(*reports, *of_vehicle),
         wall_time_s=time.perf_counter() - began_s,
         problems=(f"the trip ended early, {loop.ended}",) if loop.ended else (),
-        warnings=(*trip.notes, *plant.notes),
+        warnings=(
+            *trip.notes,
+            *plant.notes,
+            *following_notes(loop.trajectory, trip.parameters),
+        ),
     )
 
 

@@ -17,7 +17,7 @@ from iptm_core.aging_laws.judging import CELL_JUDGES, Exposure, Judge, loss_by_p
 from iptm_core.errors import ScenarioError
 from iptm_core.extras import offered
 from iptm_core.metrics.figures import PPM
-from iptm_core.metrics.saving import saved_percent
+from iptm_core.metrics.saved_share import saved_percent
 from iptm_core.user_input import check_known, shown
 
 if TYPE_CHECKING:

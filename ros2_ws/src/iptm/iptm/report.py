@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from iptm.panels import Panel
     from iptm.picture import Picture
     from iptm.run import Run
+    from iptm_core.metrics.energy_balance import EnergyBalance
 
 _STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; max-width: 78rem; margin: 2rem auto; padding: 0 1rem; }
@@ -80,6 +82,52 @@ def saving_html(name: str, saving: Saving) -> str:
         f'<p class="saved">{escape(f"{label}: {text}")}</p>'
         f"<small>against {escape(name)}; energy and the paper's law with equal ends</small><ul>{rest}</ul>"
     )
+
+
+_COLOURS = (
+    "#3b6ea5",
+    "#d98c3f",
+    "#4a9a62",
+    "#b5504f",
+    "#7d67a8",
+    "#8c6d46",
+    "#c96f9b",
+    "#7f7f7f",
+    "#a3a13c",
+    "#3d9fb0",
+)
+
+
+def energies_html(runs: Mapping[str, EnergyBalance], distances_m: Mapping[str, float]) -> str:
+    """Return where the energy of the cells went, a stacked bar per run, in Wh/km.
+
+    Energy that was gained back, as a descent, has no bar; the table below has all values.
+    """
+    import pandas as pd  # noqa: PLC0415  a second of its own
+
+    per_km = {
+        label: {name: joule / 3.6 / distances_m[label] for name, joule in run.uses.items()}
+        for label, run in runs.items()
+    }
+    widest = max(sum(max(each, 0.0) for each in uses.values()) for uses in per_km.values())
+    bars = ""
+    for label, uses in per_km.items():
+        parts = "".join(
+            f'<span title="{name}: {value:.1f} Wh/km" style="display:inline-block;height:1.6rem;'
+            f'width:{95.0 * value / widest:.2f}%;background:{colour}"></span>'
+            for (name, value), colour in zip(uses.items(), _COLOURS, strict=True)
+            if value > 0.0
+        )
+        bars += f'<div style="white-space:nowrap">{parts}</div><small>{escape(label)}</small>'
+    table = pd.DataFrame(per_km).round(1)
+    table.loc["all, current times open-circuit voltage"] = table.sum().round(1)
+    table.index = pd.Index(
+        [
+            f'<span style="color:{colour}">■</span> {name}'
+            for name, colour in zip(table.index, [*_COLOURS, "#000"], strict=True)
+        ]
+    )
+    return f"{bars}{table.to_html(border=0, escape=False)}"
 
 
 def outcome_lines(metrics: RunMetrics, problems: Sequence[str] = ()) -> list[str]:
@@ -148,6 +196,17 @@ def curves_html(panels: Sequence[Panel], plot: Callable[[], Picture]) -> str:
     return interactive_html(panels)
 
 
+def _energies(runs: Mapping[str, Run]) -> dict[str, str]:
+    """Return the section of the energies; none where the heat of the cells is not known."""
+    balances = {label: run.energies for label, run in runs.items()}
+    driven_m = {label: run.metrics.distance_m for label, run in runs.items()}
+    if not all(math.isfinite(each.open_circuit_j) for each in balances.values()) or not all(
+        driven_m.values()
+    ):
+        return {}
+    return {"Where the energy of the cells went, in Wh/km": energies_html(balances, driven_m)}
+
+
 def write_run(
     run: Run, path: str | Path, against: Run | None, panels: Sequence[Panel], *, explained: bool
 ) -> Path:
@@ -165,6 +224,9 @@ def write_run(
         sections["Why, in percentage points"] = f"<p>{escape(why.sentence)}</p>{table}"
     sections |= {
         "Over time": curves_html(panels, partial(run.plot, against)),
+        **_energies(
+            {"value": run} if against is None else {against.strategy: against, run.strategy: run}
+        ),
         "Figures": figures_html(runs),
     }
     if run.settings:

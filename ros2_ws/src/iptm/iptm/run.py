@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +19,7 @@ from iptm_core.metrics import (
     FIGURES,
     SAVINGS,
     WORTH,
+    Repeated,
     RunMetrics,
     Saving,
     TripCost,
@@ -27,9 +28,10 @@ from iptm_core.metrics import (
     judge_saving,
     trip_cost,
 )
+from iptm_core.metrics.energy_balance import EnergyBalance, energy_balance
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes.slope import SlopeProfile
-from iptm_core.settings import LeaderSource, PreviewMode
+from iptm_core.settings import LeaderSource, LoopMode, PreviewMode
 from iptm_core.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -41,6 +43,10 @@ if TYPE_CHECKING:
     from iptm.picture import Picture
     from iptm.trip import Trip
     from iptm_ros.recording.run_information import RunInformation
+
+
+NOTED_GAP_M = 500.0
+"""Gap above which a remark asks for the unit of the speeds."""
 
 
 class Reporter(TextEnum):
@@ -114,6 +120,11 @@ class Run:
         return figure_values(self.metrics)
 
     @property
+    def energies(self) -> EnergyBalance:
+        """Where the energy went, see `iptm_core.metrics.energy_balance`; an unknown road is level."""
+        return energy_balance(self.trajectory, self.parameters, self.slope or SlopeProfile.flat())
+
+    @property
     def summary(self) -> pd.Series:
         """Figures as a Series; the index holds keys and units, such as ``consumption [kWh/100 km]``.
 
@@ -147,6 +158,9 @@ class Run:
     def saving(self, other: Run | None = None) -> Saving:
         """Judge what this run saved against another run of the same trip.
 
+        Where the ends of the trip decide, both drive it several times more until the pack's temperature
+        repeats, see `iptm.repetition`.
+
         Args:
             other: the other run; None for the attribute ``other``.
 
@@ -157,8 +171,21 @@ class Run:
         if against is None:
             raise ScenarioError("saving: other is None; allowed: a run of the same trip")
         return judge_saving(
-            self.metrics, against.metrics, self.parameters, against.parameters, self.preview
+            self.metrics,
+            against.metrics,
+            self.parameters,
+            against.parameters,
+            self.preview,
+            late=any(run.late_ticks for run in (self, against)),
+            repeat=partial(_repeated, self, against),
         )
+
+    @property
+    def late_ticks(self) -> int:
+        """Ticks of a run in real time that an earlier command or none was carried out in."""
+        decisions = self.metrics.decisions
+        in_real_time = self.settings.get("mode") == LoopMode.REAL_TIME
+        return decisions.held + decisions.undecided if decisions and in_real_time else 0
 
     @property
     def preview(self) -> str:
@@ -325,6 +352,32 @@ class Run:
         """Name and length, and why it counts as failed."""
         problems = "".join(f"; PROBLEM: {problem}" for problem in self.problems)
         return f"<iptm.Run {self.name}, {self.metrics.duration_s:g} s{problems}>"
+
+
+def following_notes(trajectory: Trajectory, parameters: ModelParameters) -> list[str]:
+    """Return remarks on a leader that is too fast for the vehicle, or was lost."""
+    notes = []
+    fastest_m_s = float(np.fmax.reduce(trajectory.leader_speed_m_s))
+    if fastest_m_s > parameters.limits.max_speed_m_s:
+        notes.append(
+            f"the leader drives up to {fastest_m_s:.3g} m/s, the ego vehicle at most"
+            f" {parameters.limits.max_speed_m_s:.3g} m/s: it could not follow"
+        )
+    largest_m = float(np.fmax.reduce(trajectory.gap_m))
+    if largest_m > NOTED_GAP_M:
+        notes.append(f"the gap grows to {largest_m:.0f} m: is the unit of the speeds right?")
+    return notes
+
+
+def _repeated(own: Run, other: Run) -> tuple[Repeated, Repeated] | None:
+    """Drive the trip of both runs until the temperature of the pack repeats, where that is possible."""
+    from iptm.repetition import repeat, why_not  # noqa: PLC0415  the model takes a moment to load
+
+    if why_not(own) or why_not(other):
+        return None
+    first = repeat(own)
+    second = None if first is None else repeat(other)
+    return None if first is None or second is None else (first, second)
 
 
 def figure_title(key: str) -> str:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import csv
 import io
 import re
 from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -12,14 +14,18 @@ from typing import Any
 from iptm_core.errors import RouteError
 from iptm_drives.text_table import read_content, text_of
 
-CAN_SUFFIXES = (".mf4", ".blf", ".asc", ".log", ".trc", ".csv")
+MDF_SUFFIXES = (".mf4", ".mdf", ".dat")
+"""Files of ASAM; those of version 3 end in the second or third."""
+CAN_SUFFIXES = (*MDF_SUFFIXES, ".blf", ".asc", ".log", ".trc", ".csv")
 _HOW_TO = ".venv/bin/python -m pip install --require-hashes -r requirements/can.txt"
 _MAX_BYTES = 2_000_000_000
 _SHOWN_BY_CANDUMP = re.compile(
-    r"\s*(\([\d.]+\))\s+(\S+)\s+([0-9A-Fa-f]+)\s+\[\d+\]\s+((?:[0-9A-Fa-f]{2}\s*)*)$"
+    r"\s*(\([\d.]+\))\s+(\S+)\s+(?:[RT]X\s+\S\s+\S\s+)?([0-9A-Fa-f]+)\s+\[\d+\]\s+((?:[0-9A-Fa-f]{2}\s*)*)$"
 )
 _LOGGED_BY_CANDUMP = re.compile(r"\(\d+(\.\d*)?\) \S+ [0-9A-Fa-f]+#\S*( [RTrt])?")
 _MOST_BROKEN = 0.2
+_STARTED = re.compile(r"(?im)^\s*[\d.]+\s+(CANFD\s+)?Start of measurement.*\n")
+_CANEDGE = re.compile(r"TimestampEpoch;BusChannel;ID;IDE;")
 
 
 def frames_of(path: Path, notes: list[str]) -> Iterator[Any]:
@@ -32,7 +38,7 @@ def frames_of(path: Path, notes: list[str]) -> Iterator[Any]:
         raise
     except Exception as reason:  # the readers have error types of their own
         raise RouteError(f"{path}: cannot be read as a CAN log ({reason})") from reason
-    if stated > path.stat().st_size:
+    if stated > path.stat().st_size and not path.name.lower().endswith(".gz"):
         notes.append(f"the log was cut short: {path.stat().st_size} of {stated} bytes are there")
 
 
@@ -59,7 +65,10 @@ def _reader(can: Any, path: Path, notes: list[str]) -> Any:
         notes.append("the last line of the log is cut: left out")
     if suffix == ".log":
         return can.CanutilsLogReader(io.StringIO("".join(_candump(path, text.splitlines(), notes))))
+    if suffix == ".csv" and _CANEDGE.match(text):
+        return _canedge(can, text)
     if suffix == ".asc":
+        text = _STARTED.sub("", text)
         if "begin triggerblock" in text.lower() and "end triggerblock" not in text[-2000:].lower():
             notes.append("the log was cut short: its last block has no end")
         blocks = len(re.findall(r"(?im)^begin\s+triggerblock", text))
@@ -89,6 +98,22 @@ def _candump(path: Path, lines: list[str], notes: list[str]) -> Iterator[str]:
         )
     if broken[0]:
         notes.append(f"lines without a frame left out: {broken[0]}, the first is line {broken[1]}")
+
+
+@contextmanager
+def _canedge(can: Any, text: str) -> Iterator[Iterator[Any]]:
+    """Yield the frames of a table as the tools of CANedge write it."""
+    yield (
+        can.Message(
+            timestamp=float(row["TimestampEpoch"]),
+            arbitration_id=int(row["ID"], 16),
+            is_extended_id=row["IDE"] == "1",
+            channel=row["BusChannel"],
+            data=bytes.fromhex(row["DataBytes"]),
+            is_fd=row.get("EDL") == "1",
+        )
+        for row in csv.DictReader(io.StringIO(text), delimiter=";")
+    )
 
 
 def _absolute(text: str) -> str:

@@ -18,7 +18,7 @@ from iptm_core.errors import RouteError
 from iptm_core.routes.drive_table import DriveTable
 from iptm_core.state import FloatArray
 from iptm_core.user_input import suggestion
-from iptm_drives.can_files import CAN_SUFFIXES, frames_of, library
+from iptm_drives.can_files import CAN_SUFFIXES, MDF_SUFFIXES, frames_of, library
 from iptm_drives.cleaning import clean
 from iptm_drives.column_names import KNOWN_COLUMNS, Meaning, meaning_of, stated_unit
 from iptm_drives.text_table import REPAIRED
@@ -103,7 +103,9 @@ def _of_frames(path: Path, dbc: Path, signals: Mapping[str, str], channel: str) 
     cantools = library("cantools")
     try:
         # Overlapping signals of messages that are not asked for do no harm.
-        database = cantools.database.load_file(dbc, strict=False)
+        marked = dbc.read_bytes().startswith(b"\xef\xbb\xbf")
+        encoding = "utf-8-sig" if marked else None
+        database = cantools.database.load_file(dbc, strict=False, encoding=encoding)
     except Exception as reason:  # the readers have error types of their own
         raise RouteError(f"{dbc}: cannot be read as a DBC ({reason})") from reason
     notes: list[str] = []
@@ -175,7 +177,11 @@ def _decoded(
     rows, decoded = [], []
     for number, frame in frames:
         with suppress(Exception):  # a multiplexer without this value, a frame that is too short
-            decoded.append(message.decode(bytes(frame.data), scaling=False, allow_truncated=True))
+            decoded.append(
+                message.decode(
+                    bytes(frame.data), scaling=False, decode_choices=False, allow_truncated=True
+                )
+            )
             rows.append((number, float(frame.timestamp)))
     table = pd.DataFrame(rows, columns=["number", "time_s"])
     for column, signal in signals.items():
@@ -241,7 +247,7 @@ def _source(database: Any, dbc: Path, name: str) -> tuple[Any, Any]:
 
 def _of_channels(path: Path, signals: Mapping[str, str]) -> DriveTable:
     """Return the wanted channels of an MF4 file."""
-    if path.suffix.lower() != ".mf4":
+    if path.suffix.lower() not in MDF_SUFFIXES:
         raise RouteError(f"{path}: a log of frames; allowed: with a DBC that decodes them")
     import pandas as pd  # noqa: PLC0415  half a second of its own
 
@@ -252,7 +258,7 @@ def _of_channels(path: Path, signals: Mapping[str, str]) -> DriveTable:
     except RouteError:
         raise
     except Exception as reason:
-        raise RouteError(f"{path}: cannot be read as MF4 ({reason})") from reason
+        raise RouteError(f"{path}: cannot be read as MDF ({reason})") from reason
     notes: list[str] = []
     tables = []
     for column, channel in found.items():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from datetime import datetime, timezone
 
 from iptm_core.errors import RouteError
@@ -41,22 +41,39 @@ _CLOCK = re.compile(r"(?:(?:(\d+):)?(\d{1,3}):)?(\d{1,3}):(\d\d(?:[.,]\d+)?)")
 _CLOCK_UNITS_S = (86400.0, 3600.0, 60.0, 1.0)
 _DAY_AND_MONTH = re.compile(r"(\d{1,2})([./-])(\d{1,2}|[A-Za-z]{3})[./-](\d{4}),?[T ]+")
 _MONTHS = "janfebmaraprmayjunjulaugsepoctnovdec"
+_UNIX_DATE = re.compile(
+    r"[A-Za-z]{3} ([A-Za-z]{3}) (\d{1,2}) (\d\d:\d\d:\d\d) (?:GMT|UTC)?([+-]\d\d:?\d\d)? ?(\d{4})"
+)
 _HALF_DAY = re.compile(r"(.*[ T]|)(\d{1,2})(:[\d:.,]+)\s*([ap])\.?m\.?", re.IGNORECASE)
 
 
-def seconds_of(where: str, name: str, text: str | None) -> float:
+def is_day_first(texts: Iterable[str]) -> bool:
+    """Return whether dates with slashes begin with the day, as one of them whose first number is no month."""
+    dates = (_DAY_AND_MONTH.match(text.strip()) for text in texts)
+    return any(date is not None and date[2] == "/" and int(date[1]) > 12 for date in dates)
+
+
+def seconds_of(where: str, name: str, text: str | None, *, day_first: bool = False) -> float:
     """Return the seconds of a moment (without an offset in UTC), ``h:m:s``, ``m:s``, or a number.
 
     A moment is one of ISO 8601, or ``d.m.y`` or ``m/d/y`` with the time of the day, which may be am or pm.
+
+    Args:
+        day_first: whether dates with slashes are ``d/m/y``.
     """
     plain = (text or "").strip()
     if (half := _HALF_DAY.fullmatch(plain)) is not None:
         hour = int(half[2]) % 12 + (12 if half[4].lower() == "p" else 0)
         plain = f"{half[1]}{hour:02d}{half[3]}"
+    if (date := _UNIX_DATE.fullmatch(plain)) is not None:
+        month = _MONTHS.find(date[1].lower()) // 3 + 1
+        plain = f"{date[5]}-{month:02d}-{int(date[2]):02d}T{date[3]}{date[4] or 'Z'}"
     if (date := _DAY_AND_MONTH.match(plain)) is not None:
         first, second = int(date[1]), date[3].lower()
         month = int(second) if second.isdigit() else _MONTHS.find(second) // 3 + 1
-        day, month = (month, first) if date[2] == "/" and first <= 12 else (first, month)
+        day, month = (
+            (month, first) if date[2] == "/" and first <= 12 and not day_first else (first, month)
+        )
         plain = f"{date[4]}-{month:02d}-{day:02d}T{plain[date.end() :].zfill(8)}"
     if (clock := _CLOCK.fullmatch(plain)) is not None:
         parts = (float((part or "0").replace(",", ".")) for part in clock.groups())

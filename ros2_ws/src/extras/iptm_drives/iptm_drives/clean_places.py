@@ -92,6 +92,10 @@ def cleaned_places(table: DriveTable) -> DriveTable:
             f"{table.source}: {known.size - whole.size} of {known.size} places are aside of the way or "
             f"frozen; allowed: {100.0 * MOST_INVALID:g} %"
         )
+    if leaps.any() and "speed_m_s" in table.columns:
+        row = int(whole[int(np.argmax(leaps)) + 1])
+        words = f"the place leaps at {table.counted} {table.rows[row]}: places left out, the speeds count"
+        return table.having(**dict.fromkeys(set(PLACES) & table.columns.keys())).noted(words)
     if leaps.any():
         step = int(np.argmax(leaps))
         row, before = int(whole[step + 1]), int(whole[step])

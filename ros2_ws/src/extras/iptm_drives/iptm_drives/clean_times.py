@@ -206,7 +206,8 @@ def in_order(table: DriveTable) -> DriveTable:
         )
     table = table.kept(timed, "without a time left out")
     if (usual_s := usual_step_s(table.columns["time_s"])) > MAX_STEP_S:
-        raise _of_other_times(table, usual_s, "ms" if usual_s >= 100.0 else "")
+        unit = next((name for name, least_s in _COUNTED if usual_s >= least_s), "")
+        raise _of_other_times(table, usual_s, unit)
     table = with_one_clock(table)
     table = _without_copies(table)
     _refuse_two_senders(table)
@@ -214,6 +215,10 @@ def in_order(table: DriveTable) -> DriveTable:
     if 0.0 < (usual_s := usual_step_s(table.columns["time_s"])) < _SHORTEST_USUAL_STEP_S:
         raise _of_other_times(table, usual_s, "days")
     return table.from_zero()
+
+
+_COUNTED = (("ns", 1e7), ("us", 1e4), ("ms", 100.0))
+"""Units of times that are counts, and steps from which times are taken to be in them."""
 
 
 def _of_other_times(table: DriveTable, usual_s: float, unit: str) -> RouteError:
@@ -250,8 +255,11 @@ def _refuse_two_senders(table: DriveTable) -> None:
         count = np.count_nonzero(turns)
         if known.size >= 20 and count > _SHARE_OF_ANOTHER_SENDER * known.size:
             row = int(known[int(np.argmax(turns)) + 1])
+            value = (
+                f" to {rows[row, 0] / table.named('speed_m_s')[1]:.6g}" if kind == "speed" else ""
+            )
             raise RouteError(
-                f"{table.at(row)}: {kind} jumps by {aside[turns].mean():.3g} {unit} and back at "
+                f"{table.at(row)}: {kind} jumps{value} by {aside[turns].mean():.3g} {unit} and back at "
                 f"{count} of {known.size} {table.counted}s: two senders in one recording, "
                 "or a clock that was set back; allowed: one sender, one clock"
             )

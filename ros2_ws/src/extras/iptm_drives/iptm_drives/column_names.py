@@ -56,6 +56,7 @@ UNITS: Mapping[str, Mapping[str, float]] = {
     "speed_m_s": {
         "m/s": 1.0, "mps": 1.0, "m/sec": 1.0, "km/h": 1.0 / 3.6, "kmh": 1.0 / 3.6, "kph": 1.0 / 3.6,
         "kmph": 1.0 / 3.6, "km/hr": 1.0 / 3.6, "mph": 0.44704, "mi/h": 0.44704, "kn": 0.514444,
+        "m s-1": 1.0, "m s^-1": 1.0, "cm/s": 1e-2, "km h-1": 1.0 / 3.6,
         "kt": 0.514444, "kts": 0.514444, "knot": 0.514444, "knots": 0.514444, "ft/s": 0.3048,
     },
     "acceleration_m_s2": {
@@ -91,6 +92,14 @@ _BESIDES = frozenset(
     )
 )
 """Words that leave the meaning of a header as it is."""
+_OF_OTHERS = frozenset(
+    re.findall(
+        r"\w+",
+        "wind set desired limit cruise lead leader leading front preceding ahead ttc thw gap headway"
+        " following clearance engine motor fan wheel rotor mean average max maximum min minimum",
+    )
+)
+"""Words of quantities of something else than the car on its way."""
 _ASSUMED = {"time_s": "s", "latitude_deg": "deg", "longitude_deg": "deg"}
 """Units where none is stated; all other quantities have several that are common."""
 
@@ -143,13 +152,20 @@ def meaning_of(header: str) -> Meaning | None:
         )
         if word
     ]
+    if _OF_OTHERS.intersection(words):
+        return None
     rest = [word for word in words if word not in _BESIDES]
     for quantity, names in _WORDS.items():
         others = [word for word in rest if word not in names]
         named = len(others) < len(rest)
         unit = stated_unit(quantity, inner) or stated_unit(quantity, " ".join(others))
         # A speed or a time may be named by its unit alone: "mps", "secs".
-        alone = quantity in {"speed_m_s", "time_s"} and len(others) == 1 and len(others[0]) > 2
+        alone = (
+            quantity in {"speed_m_s", "time_s"}
+            and len(others) == 1
+            and len(others[0]) > 2
+            and stated_unit(quantity, others[0])
+        )
         if (named or alone) and (unit or not (others or inner)):
             if not unit and quantity == "slope_rad" and "cyc" in words:
                 unit = FRACTION
@@ -161,6 +177,8 @@ def meanings_of(names: list[str], where: str, columns: str) -> dict[int, Meaning
     """Return what the columns hold, by index."""
     chosen = _chosen(names, where, columns)
     taken = {meaning.quantity for meaning in chosen.values()}
+    own = {name: meaning_of(name) for name in names if name in KNOWN_COLUMNS}
+    own_quantities = {meaning.quantity for meaning in own.values() if meaning is not None}
     found = dict(chosen)
     is_fastsim = "mps" in names or "speed_meters_per_second" in names
     for index, name in enumerate(names):
@@ -171,6 +189,8 @@ def meanings_of(names: list[str], where: str, columns: str) -> dict[int, Meaning
         meaning = meaning_of(name) if name else None
         if index in chosen or (meaning is not None and meaning.quantity in taken):
             continue
+        if meaning is not None and meaning.quantity in own_quantities and name not in own:
+            continue  # a name of our own wins
         near = difflib.get_close_matches(name, KNOWN_COLUMNS, n=1, cutoff=_NEARLY)
         if meaning is None and near:
             raise RouteError(f"{where}: unknown column {name!r}; {suggestion(name, KNOWN_COLUMNS)}")
@@ -256,12 +276,40 @@ def table_of(
             shown_as[quantity] = names[index], meanings[index].factor
     if not columns.keys() & {"speed_m_s", "latitude_deg", "position_m"}:
         raise RouteError(
-            f"{source}: columns []; allowed: exactly one of speed_m_s, speed_kmh, speed_mph, or places"
+            f"{source}: columns [], no speed and no place among {', '.join(map(repr, names[:8]))}; allowed: "
+            "exactly one of speed_m_s, speed_kmh, speed_mph, or places; or --columns speed=NAME[UNIT]"
         )
+    notes = [*notes, *_not_the_way(columns, shown_as)]
     lone = {"latitude_deg", "longitude_deg"} - columns.keys()
     if len(lone) == 1:
         raise RouteError(f"{source}: columns {sorted(lone)} are missing; allowed: both, or none")
     return DriveTable(source, columns, numbers, counted, shown_as, notes=tuple(notes))
+
+
+_SAME_WAY, _COARSE_M = 0.05, 5.0
+_MADE_UP = ("distance", "odometer")
+
+
+def _not_the_way(
+    columns: dict[str, FloatArray], shown_as: dict[str, tuple[str, float]]
+) -> list[str]:
+    """Leave out a distance that is not the way of the speeds, or counted too coarsely for them; note it."""
+    speeds, way, times = (columns.get(name) for name in ("speed_m_s", "position_m", "time_s"))
+    if speeds is None or way is None or times is None or {"latitude_deg"} & columns.keys():
+        return []
+    name = shown_as["position_m"][0]
+    known = np.isfinite(speeds) & np.isfinite(way) & np.isfinite(times)
+    if not any(word in name.lower() for word in _MADE_UP) or np.count_nonzero(known) < 2:
+        return []
+    driven_m = float(np.trapezoid(speeds[known], times[known]))
+    apart_m = abs(float(way[known][-1] - way[known][0]) - driven_m)
+    steps = np.abs(np.diff(way[known]))
+    coarsest_m = float(steps[steps > 0.0].min()) if steps.any() else 0.0
+    usual_m = 2.0 * float(np.median(np.abs(speeds[known]) * np.median(np.diff(times[known]))))
+    if apart_m <= _SAME_WAY * abs(driven_m) and coarsest_m <= max(usual_m, _COARSE_M):
+        return []
+    del columns["position_m"], shown_as["position_m"]
+    return [f"{name!r} is not the way of the speeds: left out"]
 
 
 def columns_table(given: Mapping[str, object], source: str) -> DriveTable:

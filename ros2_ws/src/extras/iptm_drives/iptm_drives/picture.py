@@ -27,7 +27,6 @@ def description(trip: UserTrip) -> str:
     if drive is not None:
         source = "of the receiver" if "speed_m_s" in drive.raw.columns else "from the places"
         lines.append(f"{drive.raw.rows.size} points, speed {source}")
-        lines.append(f"grade bounded on {drive.bounded_m:.0f} m of the road")
     return "\n".join([*lines, f"repaired: {'; '.join(trip.notes)}"] if trip.notes else lines)
 
 

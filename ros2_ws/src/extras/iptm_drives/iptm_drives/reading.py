@@ -26,6 +26,7 @@ from iptm_core.routes.user_csv import MAX_BYTES, trip_of
 from iptm_core.user_input import file_and_name
 from iptm_drives.cleaning import clean
 from iptm_drives.column_names import columns_table
+from iptm_drives.foreign_files import read_foreign
 from iptm_drives.text_table import parse_text_table, read_content, text_of
 from iptm_drives.xml_drives import (
     FCD_NAME,
@@ -87,6 +88,8 @@ def read_drive_table(path: Path) -> DriveTable:
         )
     if len(raw) > MAX_BYTES:
         raise RouteError(f"{file}: {len(raw)} bytes; at most {MAX_BYTES} are read")
+    if (foreign := read_foreign(file, raw)) is not None:
+        return foreign
     return parse_text_table(text_of(raw), str(file), name)
 
 

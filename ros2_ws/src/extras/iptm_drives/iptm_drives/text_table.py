@@ -11,6 +11,7 @@ import gzip
 import io
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from iptm_core.errors import RouteError
 from iptm_core.routes.drive_table import DriveTable
 from iptm_core.state import FloatArray
 from iptm_core.user_input import read_file, shown
-from iptm_drives.cells import MISSING, MOST_INVALID, Cells, cell_value, seconds_of
+from iptm_drives.cells import MISSING, MOST_INVALID, Cells, cell_value, is_day_first, seconds_of
 from iptm_drives.column_names import (
     KNOWN_COLUMNS,
     UNITS,
@@ -227,5 +228,6 @@ def _column(
             f"{source}: {name} is {shown(cells[0][1])}, and equal in most rows; allowed: h:m:s, with "
             "fractions of a second"
         )
-    by, factor = (seconds_of, 1.0 / meaning.factor) if is_moment else (cell_value, 1.0)
+    moments = partial(seconds_of, day_first=is_day_first(cell for _, cell in cells))
+    by, factor = (moments, 1.0 / meaning.factor) if is_moment else (cell_value, 1.0)
     return factor * np.array([texts.read(f"line {line}", name, cell, by) for line, cell in cells])

@@ -10,9 +10,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from iptm.run import Run
+from iptm.run import Run, following_notes
 from iptm.run_file import read_run
 from iptm.runner.monitor import heard_by_stamp
 from iptm.runner.summary import headline
@@ -99,12 +97,7 @@ def evaluate(
     losses = None if bag is None else stored_losses(information)
     notes += unpublished(trajectory, has_leader=trip.rules.leader_source is not LeaderSource.NONE)
     notes += [remark] if (remark := leader_remark(trajectory, losses)) else []
-    fastest_m_s = float(np.fmax.reduce(trajectory.leader_speed_m_s))
-    if fastest_m_s > parameters.limits.max_speed_m_s:
-        notes.append(
-            f"the leader drives up to {fastest_m_s:.3g} m/s, the ego vehicle at most"
-            f" {parameters.limits.max_speed_m_s:.3g} m/s: it could not follow"
-        )
+    notes += following_notes(trajectory, parameters)
     (notes if PLANT in trip.foreign else found).extend(_unfinished(trajectory, trip))
     run = Run(
         name=trip.title,

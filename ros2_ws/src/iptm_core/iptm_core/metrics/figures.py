@@ -73,18 +73,27 @@ _FIGURES = (
            "Electric energy of compressor, heater and auxiliaries of the cooling system.",
            lambda run: 1e-3 * run.cooling_energy_j, "∫(P_cp + P_aux) dt", compared=True, better=Better.LESS),
     Figure("traction_energy", "Traction energy", "kJ", 2,
-           "Electric energy of the motor, less what it fed back; without the losses of the pack.",
+           "Electric energy of the motor, less what it fed back; without the losses of converters and cells.",
            lambda run: 1e-3 * run.traction_energy_j, "∫P_tra dt", compared=True, better=Better.LESS),
     Figure("total_energy_printed", "Traction + cooling energy", "kJ", 2,
-           "Traction and cooling energy added up, which the paper's totals are; without the losses of the "
-           "pack.",
+           "Traction and cooling energy added up, which the paper's totals are; without the losses of "
+           "converters and cells.",
            lambda run: 1e-3 * run.total_printed_energy_j, "∫(P_tra + P_cp + P_aux) dt",
            compared=True, better=Better.LESS),
     Figure("battery_energy", "Battery energy ∫P_b dt", "kJ", 2,
-           "Energy taken from the pack for driving and cooling, its losses included.",
+           "Current times terminal voltage: energy for driving and cooling, with the losses of converters, "
+           "without the heat of the cells.",
            lambda run: 1e-3 * run.battery_energy_j, "∫P_b dt", compared=True, better=Better.LESS),
+    Figure("cell_energy", "Energy of the cells ∫U_oc I dt", "kJ", 2,
+           "Current times open-circuit voltage: the energy at the terminals and the heat of the cells.",
+           lambda run: 1e-3 * (run.battery_energy_j + run.cell_heat_j), "∫U_oc I_b dt",
+           compared=True, better=Better.LESS),
+    Figure("cell_heat", "Losses of the cells", "kJ", 2,
+           "Heat of the cells, ohmic and entropic: what the terminals lack of the energy of the cells.",
+           lambda run: 1e-3 * run.cell_heat_j, "∫q_b dt", compared=True, better=Better.LESS),
     Figure("traction_energy_battery", "Traction energy at the battery", "kJ", 2,
-           "Battery energy less cooling energy: driving, with all losses of the pack.",
+           "Battery energy less cooling energy: driving at the terminals, with the losses of converters, "
+           "without the heat of the cells.",
            lambda run: 1e-3 * (run.battery_energy_j - run.cooling_energy_j), "∫(P_b - P_cp - P_aux) dt",
            compared=True, better=Better.LESS),
     Figure("cell_1_degradation", "Degradation of cell 1", "ppm", 3,
@@ -157,9 +166,8 @@ _FIGURES = (
     *_concern_figures(),
     Figure("distance", "Distance", "km", 3, "Distance driven.", lambda run: 1e-3 * run.distance_m, "p"),
     Figure("consumption", "Battery energy per distance", "kWh/100 km", 2,
-           "Battery energy, driving and cooling, per distance driven; motion and heat left at the end are "
-           "not "
-           "taken into account.",
+           "Energy at the terminals, driving and cooling, per distance driven; motion and heat at the end "
+           "are not taken into account.",
            lambda run: _per_distance(run.battery_energy_j, run.distance_m), "∫P_b dt / p",
            compared=True, better=Better.LESS),
     Figure("final_charge", "State of charge at the end", "%", 2,
@@ -277,46 +285,32 @@ def _of_two_runs(_: RunMetrics) -> None:
     """A run alone has not saved anything; see `iptm_core.metrics.saving`."""
 
 
-_ENDS = (
-    "with the end of both runs made equal: packs cooled to the same temperature, motion given back"
-)
+_ENDS = "with equal ends: packs cooled to the same temperature, motion given back; or of the trip repeated"
 _ENERGY = "Share of the other run's battery energy per distance that was saved, below zero if it took more"
 _AGING = (
     "Share of the other run's capacity loss by driving, by the law of the paper, that was saved"
 )
 _CELLS = "Share of the other run's capacity loss that was saved, of a use that charges what the trip took"
+_ERROR = "Uncertainty of that saving in percentage points"
+# fmt: off
 SAVINGS = {
-    key: Figure(key, label, "%", 1, f"{what}, {how}.", _of_two_runs, better=Better.MORE)
+    key: Figure(key, label, "%", 1, f"{what}, {how}.", _of_two_runs,
+                better=Better.NEITHER if what is _ERROR else Better.MORE)
     for key, label, what, how in (
         ("energy_saved", "Energy saved", _ENERGY, _ENDS),
+        ("energy_saved_uncertainty", "Energy saved, uncertainty", _ERROR, "half of what its ends change"),
         ("energy_saved_as_driven", "Energy saved, as driven", _ENERGY, "whatever the ends"),
-        (
-            "aging_saved_by_cells",
-            "Ageing saved, median of cells",
-            _CELLS,
-            "median of the laws of measured cells",
-        ),
-        (
-            "aging_saved_by_cells_lowest",
-            "Ageing saved, lowest of cells",
-            _CELLS,
-            "lowest of these laws",
-        ),
-        (
-            "aging_saved_by_cells_highest",
-            "Ageing saved, highest of cells",
-            _CELLS,
-            "highest of these laws",
-        ),
+        ("aging_saved_by_cells", "Ageing saved, median of cells", _CELLS,
+         "median of the laws of measured cells"),
+        ("aging_saved_by_cells_lowest", "Ageing saved, lowest of cells", _CELLS, "lowest of these laws"),
+        ("aging_saved_by_cells_highest", "Ageing saved, highest of cells", _CELLS, "highest of these laws"),
         ("aging_saved", "Ageing saved, paper's law", _AGING, _ENDS),
-        (
-            "aging_saved_as_driven",
-            "Ageing saved, paper's law, as driven",
-            _AGING,
-            "whatever the ends",
-        ),
+        ("aging_saved_uncertainty", "Ageing saved, paper's law, uncertainty", _ERROR,
+         "half of what its ends change"),
+        ("aging_saved_as_driven", "Ageing saved, paper's law, as driven", _AGING, "whatever the ends"),
     )
 }
+# fmt: on
 """Figures of two runs compared, by key, with the values from `Saving.values`."""
 
 WORTH = Figure(

@@ -33,7 +33,9 @@ class RunMetrics:
         cooling_energy_j: integral of abs(P_cp) + P_aux: a heater counts.
         traction_energy_j: integral of P_tra, recuperation counted negative.
         total_printed_energy_j: traction + cooling, which is what the six totals printed in the paper are.
-        battery_energy_j: integral of P_b, which is how the paper labels that row.
+        battery_energy_j: integral of P_b, the power at the terminals.
+        cell_heat_j: heat of the cells, ohmic and entropic; with that of P_b, current times open-circuit
+            voltage.
         peak_battery_power_w: largest P_b of an interval.
         lowest_battery_power_w: smallest P_b of an interval, negative when recuperating.
         unbalanced_heat_j: heat made in the cells and taken from the air, less heat taken by the chiller and
@@ -89,6 +91,7 @@ class RunMetrics:
     final_cell_losses: tuple[float, float]
     final_charge: float
     chiller_heat_j: float = math.nan
+    cell_heat_j: float = math.nan
     following: Following = field(default_factory=Following)
     cell_losses: Mapping[str, float] = field(default_factory=dict)
     decisions: DecisionStatistics | None = None
@@ -188,6 +191,7 @@ def compute_metrics(
         final_cell_losses=(float(losses[0][-1]), float(losses[1][-1])),
         final_charge=float(run.state_of_charge[-1]),
         chiller_heat_j=heat_j,
+        cell_heat_j=_integral(run, run.battery_heat_w),
         following=Following.of(run.time_s, run.speed_m_s, run.gap_m, margins),
         cell_losses=_cell_losses(run),
         decisions=None if decisions is None else DecisionStatistics.of(decisions, run),

@@ -18,8 +18,11 @@ battery power, and P the power that takes the least energy, at the state of char
 cooled below T_b,min, from where on warmth is no debt: between packs that end colder nothing is corrected. The
 kinetic energy is taken as returned in full. Energies are compared per distance.
 
-The number to quote is the one with equal ends. The figures as driven stand behind it: on a short trip most
-of their difference is heat that one car has left in its pack.
+The number to quote is the one with equal ends, and the figures as driven stand behind it. On a short
+trip most of their difference is heat that one car has left in its pack. Where equal ends change the number by
+more than a few points, both cars drive the trip over and over until the temperature of the pack repeats, and
+the number is that of a repetition (`iptm_core.metrics.repeated`). A trip that cannot be driven again has the
+middle of both numbers, and half of their difference as its uncertainty.
 
 Laws of ageing disagree on the size of a saving and on some trips on its sign. A saving of ageing is therefore
 stated by the laws of the measured cells, as their median and range, with the law of the paper beside it. The
@@ -36,8 +39,16 @@ from typing import Protocol
 
 import numpy as np
 
-from iptm_core.declaration import TextEnum
 from iptm_core.metrics.following import Following
+from iptm_core.metrics.repeated import Repeated
+from iptm_core.metrics.saved_share import (
+    NO_PERCENTAGE,
+    Judgement,
+    SavedShare,
+    judged_share,
+    saved_percent,
+    saved_text,
+)
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import at_charge, cell_heat_w, cell_resistance_ohm, heat_from_air_w
 from iptm_core.physics.chiller import largest_useful_power_w
@@ -198,60 +209,18 @@ def _corrected(
     )
 
 
-SHORTEST_TRIP_S = 300.0
+SHORTEST_TRIP_S = 60.0
 """Trips below are too short to judge."""
+SHORTEST_ENDED_S = 1800.0
+"""Trips below are not judged by equal ends."""
 LARGEST_CORRECTION_POINTS = 5.0
-"""Percentage points by which equal ends may change a saving; if they change it by more, the ends decide."""
+"""Percentage points by which equal ends may change a saving; where by more, the trip is repeated."""
 SAME_TRIP = 0.1
 """Largest relative difference of distances and durations of two runs of the same trip."""
-NO_PERCENTAGE = "–"
+LEAST_UNCERTAINTY_POINTS = 0.5
+"""Of a repeated trip: by how much it has differed from many repetitions in one piece."""
 ENERGY_SAVED = "energy"
 """Label of the first line of a statement."""
-
-
-class Judgement(TextEnum):
-    """Whether a saving may be quoted."""
-
-    JUDGED = "judged"
-    TOO_SHORT = "too short to judge"
-    LIMIT_BROKEN = "not judged: a hard limit is broken"
-    OTHER_TRIP = "not judged: not the same trip"
-    UNKNOWN = "not judged: the ends cannot be made equal"
-
-
-@dataclass(frozen=True)
-class SavedShare:
-    """Share of a quantity that a run saved against another one, in percent, negative where it lost.
-
-    Attributes:
-        equal_ends_percent: with both runs brought to the same end; NaN where that is not known.
-        as_driven_percent: of the figures of the trip itself; NaN where they are not known.
-    """
-
-    judgement: Judgement
-    equal_ends_percent: float
-    as_driven_percent: float
-
-    @property
-    def percent(self) -> float:
-        """The number to quote, NaN where there is none."""
-        return self.equal_ends_percent if self.judgement is Judgement.JUDGED else math.nan
-
-    @property
-    def text(self) -> str:
-        """The headline, such as ``27.9 % saved``, or the judgement in its place."""
-        if self.judgement is Judgement.JUDGED:
-            return saved_text(self.equal_ends_percent)
-        return str(self.judgement)
-
-    @property
-    def as_driven(self) -> str:
-        """What stands behind the headline."""
-        text = f"as driven {saved_text(self.as_driven_percent)}"
-        change = self.equal_ends_percent - self.as_driven_percent
-        if self.judgement is Judgement.TOO_SHORT and abs(change) > LARGEST_CORRECTION_POINTS:
-            text += f", equal ends change it by {change:+.0f} points"
-        return text
 
 
 @dataclass(frozen=True)
@@ -302,6 +271,7 @@ class Saving:
         preview: that the run had, in words; empty where that is not known.
         unbalanced: heat that the model leaves unbalanced over the heat that the chiller takes, own first.
         ends: figures of both runs, corrected for their ends, own first; None where these are not known.
+        repeated: figures of a repetition of both, own first; None where the trip was not repeated.
     """
 
     energy: SavedShare
@@ -311,6 +281,7 @@ class Saving:
     preview: str
     unbalanced: tuple[float, float]
     ends: tuple[CorrectedFigures, CorrectedFigures] | None
+    repeated: tuple[Repeated, Repeated] | None = None
 
     @property
     def values(self) -> dict[str, float]:
@@ -318,11 +289,13 @@ class Saving:
         lowest, highest = self.cells.range
         return {
             "energy_saved": self.energy.percent,
+            "energy_saved_uncertainty": self.energy.uncertainty_points,
             "energy_saved_as_driven": self.energy.as_driven_percent,
             "aging_saved_by_cells": self.cells.median,
             "aging_saved_by_cells_lowest": lowest,
             "aging_saved_by_cells_highest": highest,
             "aging_saved": self.aging.percent,
+            "aging_saved_uncertainty": self.aging.uncertainty_points,
             "aging_saved_as_driven": self.aging.as_driven_percent,
         }
 
@@ -359,6 +332,9 @@ def judge_saving(
     parameters: ModelParameters,
     of_other: ModelParameters | None = None,
     preview: str = "",
+    *,
+    late: bool = False,
+    repeat: Callable[[], tuple[Repeated, Repeated] | None] = lambda: None,
 ) -> Saving:
     """Judge what a run saved against another run of the same trip.
 
@@ -368,27 +344,50 @@ def judge_saving(
         parameters: of the vehicle.
         of_other: of the vehicle of the other run; None for the same.
         preview: that the run had, in words.
+        late: whether ticks in real time were late, so that what was driven was a matter of the machine.
+        repeat: drives the trip over and over with both, own first; called only where that is needed, and None
+            where it is not possible.
     """
     known = all(math.isfinite(end.final_temperature_k) for end in (own, other))
     ends = at_equal_end(own, other, parameters, of_other) if known else None
+    duration_s = min(own.duration_s, other.duration_s)
     judgement = Judgement.JUDGED
     if own.hard_violations or other.hard_violations:
         judgement = Judgement.LIMIT_BROKEN
-    elif min(own.duration_s, other.duration_s) < SHORTEST_TRIP_S:
+    elif duration_s < SHORTEST_TRIP_S:
         judgement = Judgement.TOO_SHORT
+    elif late:
+        judgement = Judgement.LATE
     elif _differ(own.duration_s, other.duration_s) or _differ(own.distance_m, other.distance_m):
         judgement = Judgement.OTHER_TRIP
     elif ends is None:
         judgement = Judgement.UNKNOWN
-    corrected = (
-        (math.nan, math.nan) if ends is None else tuple(end.capacity_loss for end in ends),
-        (math.nan, math.nan)
-        if ends is None
-        else tuple(end.energy_per_distance_j_m for end in ends),
+    corrected = (math.nan, math.nan), (math.nan, math.nan)
+    if ends is not None:
+        corrected = (
+            (ends[0].energy_per_distance_j_m, ends[1].energy_per_distance_j_m),
+            (ends[0].capacity_loss, ends[1].capacity_loss),
+        )
+    driven = (_per_distance(own), _per_distance(other)), (own.degradation, other.degradation)
+    equal, raw = ([saved_percent(*each) for each in both] for both in (corrected, driven))
+    is_short = duration_s < SHORTEST_ENDED_S
+    needed = [
+        is_short or abs(first - second) > LARGEST_CORRECTION_POINTS
+        for first, second in zip(equal, raw, strict=True)
+    ]
+    found = repeat() if judgement is Judgement.JUDGED and any(needed) else None
+    again = [None, None] if found is None else _of_repetitions(found)
+    energy, aging = (
+        judged_share(
+            judgement, equal[each], raw[each], again[each] if needed[each] else None, needed[each]
+        )
+        for each in range(2)
     )
     lost = own.cell_losses, other.cell_losses
+    if found is not None and is_short:
+        lost = found[0].cell_losses, found[1].cell_losses
     return Saving(
-        _share(judgement, corrected[1], (_per_distance(own), _per_distance(other))),
+        energy,
         CellSavings(
             Judgement.JUDGED if judgement is Judgement.UNKNOWN else judgement,
             {
@@ -397,37 +396,30 @@ def judge_saving(
                 if name in lost[1]
             },
         ),
-        _share(judgement, corrected[0], (own.degradation, other.degradation)),
+        aging,
         own.following,
         preview,
         (own.unbalanced_heat_share, other.unbalanced_heat_share),
         ends,
+        found,
     )
 
 
-def saved_percent(own: float, other: float) -> float:
-    """Return the saving relative to the other value, in percent; NaN where that is zero or unknown."""
-    return 100.0 * (1.0 - own / other) if other else math.nan
-
-
-def saved_text(percent: float) -> str:
-    """Return a saving in words, such as ``49.8 % saved``."""
-    if not math.isfinite(percent):
-        return NO_PERCENTAGE
-    amount = f"{abs(percent):.0f}" if abs(percent) >= 100.0 else f"{abs(percent):.1f}"
-    return f"{amount} % {'saved' if percent >= 0.0 else 'lost'}"
-
-
-def _share(
-    judgement: Judgement, corrected: tuple[float, ...], driven: tuple[float, float]
-) -> SavedShare:
-    equal_ends, as_driven = saved_percent(*corrected), saved_percent(*driven)
-    if judgement is Judgement.JUDGED:
-        if not math.isfinite(equal_ends):
-            judgement = Judgement.UNKNOWN
-        elif abs(equal_ends - as_driven) > LARGEST_CORRECTION_POINTS:
-            judgement = Judgement.TOO_SHORT
-    return SavedShare(judgement, equal_ends, as_driven)
+def _of_repetitions(found: tuple[Repeated, Repeated]) -> list[tuple[float, float]]:
+    """Return saving and its uncertainty, in percent, of energy and of ageing."""
+    own, other = found
+    percents = (
+        saved_percent(own.energy_per_distance_j_m, other.energy_per_distance_j_m),
+        saved_percent(own.capacity_loss, other.capacity_loss),
+    )
+    errors = (
+        math.hypot(own.energy_error, other.energy_error),
+        math.hypot(own.aging_error, other.aging_error),
+    )
+    return [
+        (each, max((100.0 - each) * error, LEAST_UNCERTAINTY_POINTS))
+        for each, error in zip(percents, errors, strict=True)
+    ]
 
 
 def _differ(own: float, other: float) -> bool:

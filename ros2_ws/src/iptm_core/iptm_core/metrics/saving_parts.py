@@ -1,4 +1,4 @@
-"""What a saving is made of, in percentage points that add up to the saving with equal ends.
+"""What a saving is made of, in percentage points that add up to it.
 
 The ageing is that of the paper, from the rows of both runs. With the law at the current of one run and the
 temperatures of the other,
@@ -7,7 +7,7 @@ temperatures of the other,
     C-rate term              smoother current: what the law adds for high rates, at the other's temperatures
     temperature driving      the own temperatures at the other's current
     interaction              of current and temperature; and what the mean current of a row does not show
-    ending                   both packs brought to one temperature
+    ending                   both packs brought to one temperature, or the trip repeated
 
 The energy per distance is divided into driving, cooling with auxiliaries, and the ending.
 """
@@ -21,7 +21,8 @@ import numpy as np
 from iptm_core.aging_laws.judging import Exposure, loss_by_paper
 from iptm_core.declaration import TextEnum
 from iptm_core.metrics.run_metrics import RunMetrics
-from iptm_core.metrics.saving import Saving, saved_percent
+from iptm_core.metrics.saved_share import saved_percent
+from iptm_core.metrics.saving import Saving
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.trajectory import Trajectory
 
@@ -63,7 +64,7 @@ def aging_parts(
         Part.C_RATE: current - throughput,
         Part.TEMPERATURE: temperature,
         Part.INTERACTION: as_driven - current - temperature,
-        Part.ENDING: saving.aging.equal_ends_percent - as_driven,
+        Part.ENDING: saving.aging.stated_percent - as_driven,
     }
 
 
@@ -78,5 +79,5 @@ def energy_parts(own: RunMetrics, other: RunMetrics, saving: Saving) -> Mapping[
     return {
         Part.DRIVING: as_driven - cooled,
         Part.COOLING: cooled,
-        Part.ENDING: saving.energy.equal_ends_percent - as_driven,
+        Part.ENDING: saving.energy.stated_percent - as_driven,
     }

@@ -44,6 +44,8 @@ SLOPE_CHOICES = ("as_designed", "flat", *PEAK_GRADES)
 
 SMOOTH_ROUTE_DURATION_S = 1800
 
+NOTED_ACCELERATION_M_S2 = 6.0
+"""Change of the speed in a second above which a note asks for its unit."""
 GPX_SUFFIX = ".gpx"
 BAG_SUFFIXES = (".mcap", ".db3", ".bag")
 """Of single files; the bag of a run is a folder."""
@@ -135,17 +137,9 @@ def build_route(
     if duration_s is not None and not (np.isfinite(duration_s) and duration_s > 0.0):
         raise RouteError(f"trip is {duration_s} s; allowed: a positive duration")
     trace, segments, profile, line, notes = _designed(cycle)
-    noise_m_s = speed_noise_m_s(trace)
+    notes = (*notes, *_notes_on(trace, smooth_s, duration_s))
     if smooth_s > 0.0:
         trace = smoothed(trace, smooth_s)
-    elif noise_m_s > NOTED_NOISE_M_S:
-        noise = (
-            f"speeds have noise of {noise_m_s:.2f} m/s (standard deviation), and a control that follows them "
-            "pays for it: part of the saving is noise, which smooth_s takes out"
-        )
-        notes = (*notes, noise)
-    if duration_s is not None and duration_s > trace.duration_s:
-        notes = (*notes, f"the drive ends at {trace.duration_s:g} s: then the leader stands")
     leader = LeaderMotion.from_cycle(trace, initial_gap_m)
     if is_road_file:
         from iptm_core.routes.user_csv import read_road  # noqa: PLC0415
@@ -174,6 +168,24 @@ def build_route(
         notes=notes,
         **on_earth,
     )
+
+
+def _notes_on(trace: DrivingCycle, smooth_s: float, duration_s: float | None) -> list[str]:
+    """Return what is odd about the speeds of a drive, and about its length."""
+    notes = []
+    noise_m_s = speed_noise_m_s(trace)
+    if noise_m_s > NOTED_NOISE_M_S and not smooth_s:
+        notes.append(
+            f"the speed trace is noisy ({noise_m_s:.2f} m/s, standard deviation), and savings may be "
+            "overstated; smooth_s averages it"
+        )
+    fastest_m_s2 = float(np.abs(np.diff(trace.speeds_m_s)).max())
+    if fastest_m_s2 > NOTED_ACCELERATION_M_S2:
+        change = f"speeds change by up to {fastest_m_s2:.1f} m/s from one second to the next"
+        notes.append(f"{change}, as no car's do: is their unit right?")
+    if duration_s is not None and duration_s > trace.duration_s:
+        notes.append(f"the drive ends at {trace.duration_s:g} s: then the leader stands")
+    return notes
 
 
 def _read(path: Path) -> UserTrip:

@@ -27,7 +27,7 @@ from iptm_core.routes.drive_table import DriveTable
 from iptm_core.routes.road_line import MAX_LATITUDE_DEG, RoadLine
 from iptm_core.routes.route import UserTrip
 from iptm_core.routes.slope import SlopeProfile
-from iptm_core.routes.track import by_position, read_out
+from iptm_core.routes.track import MAX_RECORDED_GRADE, by_position, read_out
 from iptm_core.state import FloatArray
 from iptm_core.units import KM_H_PER_M_S, M_S_PER_MPH
 from iptm_core.user_input import file_and_name, number, read_file, shown
@@ -51,6 +51,8 @@ MAX_STEP_S = 60.0
 """Longest time between two rows."""
 MAX_SPEED_M_S = 70.0
 """252 km/h: no road car follows anything faster."""
+NOTED_STEEP_M = 50.0
+"""Length of a road that is steeper than roads are, above which a note says so."""
 LAUNCH_ACCELERATION_M_S2 = 1.5
 """Acceleration of the ramp put in front of a trace that starts at speed."""
 
@@ -237,7 +239,15 @@ def _recorded_trip(path: Path, cleaned: DriveTable) -> UserTrip:
     if slope is not None:
         slope = SlopeProfile(slope.positions_m + launch_m, slope.slopes_rad)
     line = drive.line if launch_m == 0.0 else drive.line.extended_backwards(launch_m)
-    return UserTrip(cycle, slope, line, drive, cleaned.notes, launch_s)
+    notes = cleaned.notes
+    if drive.bounded_m > NOTED_STEEP_M:
+        grade = f"heights are steeper than {100.0 * MAX_RECORDED_GRADE:g} %"
+        steep = f"{grade} on {drive.bounded_m:.0f} m of the road"
+        notes = (
+            *notes,
+            f"{steep}, bounded there: a step of the receiver, if no such road is there",
+        )
+    return UserTrip(cycle, slope, line, drive, notes, launch_s)
 
 
 def _resample(source: str, times: FloatArray, speeds: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -1,0 +1,130 @@
+"""A short trip is judged by repeating it: the saving of many repetitions driven in one piece."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import iptm
+from iptm.repetition import _one, repeat, why_not
+from iptm_core.metrics import Basis, Judgement
+from iptm_core.metrics.repeated import Repetition, closed_stretch, over_cycles, without_drift
+
+TOLERANCE_POINTS = 0.5
+LED_IN = 10
+"""Repetitions of the explicit drive in which the pack settles."""
+
+
+def repeated_in_one_piece(count: int, **settings: Any) -> tuple[float, float]:
+    """Return energy per metre and ageing of a repetition, from a drive of many, the first ones left out.
+
+    A thermostat cools in some repetitions and not in others: their line over the drift is read at no drift.
+    """
+    trip = iptm.Trip.of(**settings)
+    times, speeds = _one(trip.route, 1.0)
+    seconds = np.arange(times[-1] * count + 1.0)
+    leader = np.interp(np.mod(seconds[:-1], times[-1]), times, speeds)
+    drive = {name: value for name, value in settings.items() if name not in {"cycle", "duration_s"}}
+    rows = iptm.simulate((seconds, np.append(leader, speeds[-1])), **drive).trajectory
+    bounds = np.searchsorted(rows.time_s, times[-1] * np.arange(LED_IN, count))
+    energy = np.concatenate(([0.0], np.cumsum(rows.battery_power_w[1:] * rows.intervals_s)))
+    lost = rows.cell_1_capacity_loss + rows.cell_n_capacity_loss
+    warmth = 0.5 * (rows.cell_1_temperature_k + rows.cell_n_temperature_k)
+    j_m = np.diff(energy[bounds]) / np.diff(rows.position_m[bounds])
+    drifts = np.diff(warmth[bounds])
+    lines = np.column_stack([np.ones_like(drifts), drifts])
+    at_rest = np.linalg.lstsq(lines, np.column_stack([j_m, np.diff(lost[bounds])]), rcond=None)[0]
+    return float(at_rest[0, 0]), float(at_rest[0, 1])
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"cycle": "us06", "duration_s": 120.0},
+        pytest.param({"cycle": "wltc_class3b", "duration_s": 600.0}, marks=pytest.mark.slow),
+        pytest.param(
+            {"cycle": "us06", "duration_s": 300.0, "slope": "small"}, marks=pytest.mark.slow
+        ),
+        pytest.param(
+            {"cycle": "udds", "duration_s": 400.0, "vehicle": "chevrolet_bolt", "climate": 35.0},
+            marks=pytest.mark.slow,
+        ),
+    ],
+)
+def test_a_short_trip_saves_what_its_repetitions_save(settings: dict[str, Any]) -> None:
+    run, other = (
+        iptm.simulate(**settings, strategy=each) for each in ("aging_cost_to_go", "production")
+    )
+    saving = run.saving(other)
+    assert saving.energy.judgement is saving.aging.judgement is Judgement.JUDGED
+    assert saving.energy.basis is saving.aging.basis is Basis.REPEATED
+    own, base = (
+        repeated_in_one_piece(LED_IN + 20, **settings, strategy=each)
+        for each in ("aging_cost_to_go", "production")
+    )
+    for share, mine, theirs in zip((saving.energy, saving.aging), own, base, strict=True):
+        expected = 100.0 * (1.0 - mine / theirs)
+        assert share.percent == pytest.approx(expected, abs=TOLERANCE_POINTS)
+        assert 0.5 <= share.uncertainty_points < 1.0
+        assert "repeated" in share.as_driven
+    assert run.saving(other) == saving
+
+
+def test_a_trip_below_a_minute_is_too_short_and_one_that_cannot_be_repeated_has_a_band() -> None:
+    quick = {"cycle": "us06", "compile_code": False, "horizon": "3x1"}
+    tiny = iptm.simulate(**quick, duration_s=40.0, strategy="production")
+    assert tiny.saving(tiny).energy.judgement is Judgement.TOO_SHORT
+    run, other = (
+        iptm.simulate(**quick, duration_s=90.0, strategy=each)
+        for each in ("reference", "production")
+    )
+    assert why_not(replace(run, trip=None)) == "its trip is not known"
+    found = replace(run, trip=None).saving(other).energy
+    assert found.basis is Basis.BETWEEN
+    ends = found.equal_ends_percent, found.as_driven_percent
+    assert found.percent == pytest.approx(sum(ends) / 2.0)
+    assert found.uncertainty_points == pytest.approx(abs(ends[0] - ends[1]) / 2.0)
+    same = other.saving(other)
+    assert same.energy.percent == same.aging.percent == 0.0
+
+
+def test_a_pack_that_neither_warms_nor_cools_is_read_off_a_line() -> None:
+    """Energy grows by 10 J/m and ageing by 1e-8 with every kelvin that a repetition cools the pack by."""
+    tiles = [
+        Repetition(500.0 - 10.0 * drift, 1e-6 - 1e-8 * drift, {"nca": 2e-6}, 300.0, drift)
+        for drift in (-3.0, -1.0, -0.5)
+    ]
+    found = without_drift(tiles, 5)
+    assert found.energy_per_distance_j_m == pytest.approx(500.0)
+    assert found.capacity_loss == pytest.approx(1e-6)
+    assert found.cell_losses["nca"] == pytest.approx(2e-6)
+    assert found.repetitions == 5
+    assert found.energy_error > 0.0
+
+
+def test_cycles_of_a_thermostat_are_averaged_where_they_close() -> None:
+    """One repetition cools by 3 K, three warm by 1 K each: every fourth one costs more."""
+    warm, cool = (
+        Repetition(joule, joule * 1e-9, {}, 300.0, drift)
+        for joule, drift in ((400.0, 1.0), (600.0, -3.0))
+    )
+    tiles = [warm, cool, warm, warm, warm, cool, warm]
+    first, last = closed_stretch(tiles)
+    assert sum(each.drift_k for each in tiles[first:last]) == 0.0
+    assert over_cycles(tiles, 7).energy_per_distance_j_m == pytest.approx(450.0)
+    open_cycle = over_cycles([cool, warm], 2)
+    assert open_cycle.energy_per_distance_j_m == pytest.approx(450.0)
+
+
+def test_the_pack_is_charged_and_the_motion_goes_on_between_repetitions() -> None:
+    run = iptm.simulate("us06", duration_s=120.0, strategy="production")
+    found = repeat(run)
+    assert found is not None
+    assert found.repetitions > 3
+    assert repeat(replace(run, other=run)) is found, "repetitions are kept with the trajectory"
+    times, speeds = _one(run.trip.route, 1.0)  # type: ignore[union-attr]
+    assert speeds[0] == speeds[-1]
+    assert np.abs(np.diff(speeds) / np.diff(times))[0] <= 1.0
