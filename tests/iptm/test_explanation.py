@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import iptm
-from iptm.explanation import AGING, DISTANCE, ENERGY, FORESIGHT, SAVED
+from iptm.explanation import AGING, CAUSES, COOLING, DISTANCE, ENERGY, MOTION, PREVIEW, SAVED
 from iptm_core.metrics.saving_parts import Part
 
 TRIP = {"cycle": "nycc", "duration_s": 50.0, "horizon": "15x1"}
@@ -29,17 +29,39 @@ def test_the_parts_add_up_to_the_saving_with_equal_ends(runs: tuple[iptm.Run, ip
     np.testing.assert_allclose(causes, found.table[SAVED], atol=1e-9)
     np.testing.assert_allclose(found.table[SAVED], iptm.compare(other, run).parts.iloc[:, 0])
     assert found.sentence.startswith("energy: too short to judge (as driven")
-    assert f"{found.table.loc[AGING, FORESIGHT].sum():+.1f} foresight" in found.sentence
+    assert f"{found.table.loc[AGING, DISTANCE].sum():+.1f} distance" in found.sentence
+    assert np.abs(found.table[PREVIEW]).max() == 0.0, "both have the same preview"
 
 
-def test_a_run_without_preview_has_no_foresight(runs: tuple[iptm.Run, iptm.Run]) -> None:
+def test_a_run_against_itself_has_no_cause(runs: tuple[iptm.Run, iptm.Run]) -> None:
+    assert np.abs(runs[0].explain(runs[0]).table[[*CAUSES]]).to_numpy().max() == 0.0
+
+
+def test_one_difference_has_one_cause(runs: tuple[iptm.Run, iptm.Run]) -> None:
+    """The same control without a preview differs by that alone, at most with another distance."""
+    blind = iptm.simulate(**TRIP, preview_mode="none")
+    table = runs[0].explain(blind).table
+    assert np.abs(table[[MOTION, COOLING]]).to_numpy().max() == pytest.approx(0.0, abs=1e-9)
+    assert np.abs(table[PREVIEW]).max() > 0.0
+
+
+def test_a_thermostat_in_its_place_is_the_cause_of_its_cooling(
+    runs: tuple[iptm.Run, iptm.Run],
+) -> None:
+    """Against a car without a preview: motion, cooling and preview differ."""
+    production = iptm.simulate(**TRIP, strategy="production")
+    table = runs[0].explain(production).table
+    assert np.abs(table.loc[ENERGY, COOLING]).max() > 0.0
+    assert np.abs(table[PREVIEW]).max() > 0.0
+
+
+def test_a_lost_preview_is_a_cause(runs: tuple[iptm.Run, iptm.Run]) -> None:
     """Another desired headway is another distance, not another vehicle."""
     blind = iptm.simulate(
         **TRIP, preview_mode="none", overrides={"gap.desired_time_headway_s": 1.7}
     )
     table = blind.explain(runs[1]).table
-    assert np.abs(table[FORESIGHT]).max() < 1e-9
-    assert np.abs(table[DISTANCE]).max() > 1e-9
+    assert np.abs(table[PREVIEW]).max() > 1e-9
 
 
 def test_parts_by_hand(runs: tuple[iptm.Run, iptm.Run]) -> None:

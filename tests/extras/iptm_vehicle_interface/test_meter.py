@@ -38,8 +38,7 @@ def test_a_steady_drive_by_hand() -> None:
     reading = meter.reading
     assert reading.state.position_m == pytest.approx(12000.0)
     assert reading.traction_energy_j == pytest.approx(600.0 * motor, rel=1e-6)
-    others_w = PARAMETERS.cooling.auxiliary_power_w + 500.0
-    expected = 600.0 * (motor + others_w) + reading.cooling_energy_j
+    expected = 600.0 * (motor + 500.0) + reading.cooling_energy_j
     assert reading.battery_energy_j == pytest.approx(expected, rel=1e-6)
     assert reading.recovered_energy_j == 0.0
     assert reading.capacity_loss > 0.0

@@ -118,6 +118,8 @@ def why_not(run: Run) -> str:
         return f"own {', '.join([*own, *sorted(trip.foreign)])}"
     if trip.conditions.faults:
         return "it has faults"
+    if len(run.trajectory) != trip.ticks + 1:
+        return "it does not cover its trip"
     if trip.rules.leader_source is not LeaderSource.CYCLE or trip.rules.keeps_rules:
         return "it does not follow the lead vehicle of a cycle alone"
     return "" if np.isfinite(run.trajectory.gap_m[-1]) else "it ends without a lead vehicle"

@@ -247,13 +247,13 @@ class Run:
         return str(self.settings.get("strategy", self.name))
 
     def explain(self, other: Run | None = None) -> Explanation:
-        """Explain where the saving against another run of the same trip comes from; drives it twice more.
+        """Explain where the saving against another run of the same trip comes from; drives it again.
 
         Args:
             other: see `saving`.
 
         Returns:
-            A table of percentage points that add up to the saving with equal ends, and a sentence.
+            A table of percentage points that add up to the saving, and a sentence.
 
         Raises:
             ScenarioError: the trip is not known, has faults, or the runs differ in vehicle or length.
@@ -317,7 +317,7 @@ class Run:
         Args:
             path: new file.
             against: see `plot`; None for the attribute ``other``.
-            explained: whether to add where the saving comes from, which drives the trip twice more.
+            explained: whether to add where the saving comes from, by up to three more drives.
 
         Raises:
             StoreError: the file exists, or cannot be written.

@@ -34,11 +34,11 @@ class MeterReading:
     Attributes:
         state: of the car at the end of the last window; its capacity losses include the initial ones.
         driven_s: time that was metered.
-        battery_energy_j: from the pack, what came back taken off.
+        battery_energy_j: at the terminals of the pack, what came back taken off.
         traction_energy_j: of the motor, the same.
-        cooling_energy_j: of the compressor.
+        cooling_energy_j: of compressor and auxiliaries of the cooling system.
         recovered_energy_j: what came back into the pack.
-        capacity_loss: of the mean cell during the drive.
+        capacity_loss: of both cells together during the drive.
         pack_current_a: mean of the last window, positive when discharging.
         pack_voltage_v: at the terminals, the same.
         left_out_s: time in gaps.
@@ -161,9 +161,9 @@ class DriveMeter:
             reading.driven_s + window_s,
             reading.battery_energy_j + power_w * window_s,
             reading.traction_energy_j + traction_w * window_s,
-            reading.cooling_energy_j + compressor_w * window_s,
+            reading.cooling_energy_j + (compressor_w + base.cooling.auxiliary_power_w) * window_s,
             reading.recovered_energy_j + max(-power_w, 0.0) * window_s,
-            0.5 * sum(losses) - self._start_loss,
+            sum(losses) - 2.0 * self._start_loss,
             current_a,
             power_w / current_a if current_a else reading.pack_voltage_v,
             reading.left_out_s,

@@ -172,7 +172,6 @@ def _following(
     )
     driven = run.trajectory
     tick_s = float(driven.time_s[1] - driven.time_s[0])
-    loss = driven.cell_1_capacity_loss + driven.cell_n_capacity_loss
 
     def energy_j(power_w: FloatArray) -> float:
         return tick_s * float(np.sum(power_w[1:]))
@@ -194,9 +193,9 @@ def _following(
             float(driven.time_s[-1] - driven.time_s[0]),
             energy_j(driven.battery_power_w),
             energy_j(driven.traction_power_w),
-            energy_j(driven.compressor_power_w),
+            run.metrics.cooling_energy_j,
             energy_j(np.maximum(-driven.battery_power_w, 0.0)),
-            0.5 * float(loss[-1] - loss[0]),
+            run.metrics.degradation,
         )
     )
 

@@ -163,6 +163,10 @@ class RunFollower:
                 "reason": status.message,
                 "values": status_values(status),
             }
+            before = self._statuses.get(status.name, {})
+            heard_s = self._trip_time_s(shown["values"])
+            since_s = heard_s - before.get("heard_s", heard_s)
+            shown |= {"heard_s": heard_s, "every_s": max(since_s, before.get("every_s", 0.0))}
             self._note_change(shown)
             self._statuses[status.name] = shown
         self._show_statuses()

@@ -36,7 +36,10 @@ function listEvents(run, player) {
 
 function drawDecision(run, time) {
   const [status, rung] = [run.rows.at("status_code", time), run.rows.at("fallback_rung", time)];
-  if (status === null) return;
+  const since = run.silentSince(time);
+  element("decision").dataset.level = since === null ? "" : "silent";
+  if (since !== null) element("decision").textContent = `no decision since ${since.toFixed(0)} s`;
+  if (status === null || since !== null) return;
   const limited = run.rows.at("limiter_active", time) ? "; the limiter changed the command" : "";
   const age = shown(run.rows.at("preview_age_s", time), 1);
   element("decision").textContent =
@@ -44,10 +47,19 @@ function drawDecision(run, time) {
     `command from: ${run.facts.rungs[rung]}${limited}; preview ${age} s old`;
 }
 
+/** Age of a status that is older than twice the longest time between two of its node; else null. */
+export function silence(now, heard, every, step) {
+  if (now === null || !Number.isFinite(heard)) return null;
+  const usual = Math.max(every ?? 0, Number.isFinite(step) ? step : 0);
+  return now - heard > 2 * usual ? now - heard : null;
+}
+
 const shownStatuses = new Map();
 
 export function drawStatuses(run) {
-  for (const { name, level, reason, values } of run.statuses.statuses) {
+  for (const { name, level: stated, reason, values, heard_s: heard, every_s: every } of run.statuses.statuses) {
+    const age = silence(run.rows.lastTime, heard, every, run.rows.shortestStep);
+    const level = age === null ? stated : `silent for ${age.toFixed(0)} s`;
     if (!shownStatuses.has(name)) {
       const details = build("details", build("li", element("statuses")));
       const summary = build("summary", details);
@@ -58,7 +70,8 @@ export function drawStatuses(run) {
     }
     const nodes = shownStatuses.get(name);
     nodes.badge.textContent = level;
-    nodes.badge.dataset.level = level;
+    nodes.badge.dataset.level = age === null ? level : "silent";
+    nodes.text.dataset.level = nodes.badge.dataset.level;
     nodes.text.textContent = ` ${name}: ${reason}`;
     nodes.table.replaceChildren();
     for (const [key, value] of Object.entries(values)) {

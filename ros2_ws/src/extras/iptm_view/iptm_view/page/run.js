@@ -118,6 +118,16 @@ export class Run {
     return plan && plan.time_s[0] <= made + SAME_INSTANT_S ? plan : null;
   }
 
+  /** Time of the last decision, where the controller has been silent for more than two rows at a time; else null. */
+  silentSince(time) {
+    const column = this.rows.column("status_code");
+    const known = (value) => value !== null && value !== undefined;
+    const end = this.rows.indexAt(time);
+    let last = end;
+    while (last >= 0 && !known(column[last])) last -= 1;
+    return last >= 0 && end - last > 2 ? this.rows.times[last] : null;
+  }
+
   /** Rows at which a limit is broken by more than its tolerance, by limit. */
   brokenRows() {
     const { limits } = this.facts;

@@ -21,7 +21,10 @@ function sayState() {
   else if (isClosed) setStatus(run.end.ended ? "trip ended; view closed, replay works" : "view closed", "warn");
   else if (events.readyState !== EventSource.OPEN) setStatus("not connected, trying again", "warn");
   else if (run.rows.lastTime === null) setStatus(run.end.ended ? "trip ended, reading its bag" : "waiting for a run", "warn");
-  else if (run.end.ended) setStatus(player.mode === "playing" ? "replay" : "trip ended", "good");
+  else if (run.silentSince(run.rows.lastTime) !== null) {
+    const since = run.silentSince(run.rows.lastTime).toFixed(0);
+    setStatus(`${run.end.ended ? "trip ended" : "live"}; no decision since ${since} s`, "warn");
+  } else if (run.end.ended) setStatus(player.mode === "playing" ? "replay" : "trip ended", "good");
   else setStatus(player.mode === "live" ? "live" : "live, shown later", "good");
 }
 
@@ -49,6 +52,7 @@ const HANDLERS = {
   rows: (rows) => {
     const isFirst = run.rows.lastTime === null;
     run.addRows(rows);
+    drawStatuses(run);
     if (isFirst && run.play) {
       player.speed = run.play.rate;
       showSpeed();
