@@ -291,14 +291,15 @@ _AGING = (
     "Share of the other run's capacity loss by driving, by the law of the paper, that was saved"
 )
 _CELLS = "Share of the other run's capacity loss that was saved, of a use that charges what the trip took"
-_ERROR = "Uncertainty of that saving in percentage points"
+_ERROR = "Uncertainty in percentage points"
 # fmt: off
 SAVINGS = {
-    key: Figure(key, label, "%", 1, f"{what}, {how}.", _of_two_runs,
+    key: Figure(key, label, "%", 1, f"{what}{' ' if what is _ERROR else ', '}{how}.", _of_two_runs,
                 better=Better.NEITHER if what is _ERROR else Better.MORE)
     for key, label, what, how in (
         ("energy_saved", "Energy saved", _ENERGY, _ENDS),
-        ("energy_saved_uncertainty", "Energy saved, uncertainty", _ERROR, "half of what its ends change"),
+        ("energy_saved_uncertainty", "Energy saved, uncertainty", _ERROR,
+         "of the energy saved: half of what its ends change"),
         ("energy_saved_as_driven", "Energy saved, as driven", _ENERGY, "whatever the ends"),
         ("aging_saved_by_cells", "Ageing saved, median of cells", _CELLS,
          "median of the laws of measured cells"),
@@ -306,7 +307,7 @@ SAVINGS = {
         ("aging_saved_by_cells_highest", "Ageing saved, highest of cells", _CELLS, "highest of these laws"),
         ("aging_saved", "Ageing saved, paper's law", _AGING, _ENDS),
         ("aging_saved_uncertainty", "Ageing saved, paper's law, uncertainty", _ERROR,
-         "half of what its ends change"),
+         "of the ageing saved by the paper's law: half of what its ends change"),
         ("aging_saved_as_driven", "Ageing saved, paper's law, as driven", _AGING, "whatever the ends"),
     )
 }
