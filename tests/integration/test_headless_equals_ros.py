@@ -48,7 +48,11 @@ EMPTY = iptm.Trip.of(
 """An empty road with a line that is closed until 40 s."""
 
 
-@pytest.mark.parametrize("trip", [IMPERFECT, EMPTY], ids=["imperfect", "empty"])
+PACED = IMPERFECT.changed(duration_s=30.0, pace=60.0)
+"""In lock-step at a pace, as a trip is that is watched."""
+
+
+@pytest.mark.parametrize("trip", [IMPERFECT, EMPTY, PACED], ids=["imperfect", "empty", "paced"])
 def test_a_trip_in_memory_equals_the_trip_over_ros(trip: iptm.Trip, tmp_path: Path) -> None:
     """With perfect previews, see `test_string`; with faults, `test_faults_over_ros`."""
     bag = tmp_path / "bag"

@@ -44,20 +44,22 @@ def test_a_run_of_a_cycle_is_named_after_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "mode", "rate_factor"),
+    ("options", "mode", "rate_factor", "pace"),
     [
-        (["demo"], LoopMode.LOCK_STEP, 1.0),
-        (["demo", "--view"], LoopMode.REAL_TIME, WATCHING_RATE),
-        (["demo", "--view", "--rate-factor", "3"], LoopMode.REAL_TIME, 3.0),
-        (["demo", "--view", "--mode", "lock_step"], LoopMode.LOCK_STEP, 1.0),
-        (["real_time", "--view"], LoopMode.REAL_TIME, 1.0),
+        (["demo"], LoopMode.LOCK_STEP, 1.0, 0.0),
+        (["demo", "--view"], LoopMode.LOCK_STEP, 1.0, WATCHING_RATE),
+        (["demo", "--view", "--rate-factor", "3"], LoopMode.REAL_TIME, 3.0, 0.0),
+        (["demo", "--view", "--mode", "lock_step"], LoopMode.LOCK_STEP, 1.0, 0.0),
+        (["real_time", "--view"], LoopMode.REAL_TIME, 1.0, 0.0),
     ],
 )
 def test_who_watches_gets_a_pace_that_can_be_watched(
-    options: list[str], mode: LoopMode, rate_factor: float
+    options: list[str], mode: LoopMode, rate_factor: float, pace: float
 ) -> None:
-    conditions = trip_of(*options).conditions
-    assert (conditions.mode, conditions.rate_factor) == (mode, rate_factor)
+    trip = trip_of(*options)
+    found = trip.conditions
+    assert (found.mode, found.rate_factor, found.pace) == (mode, rate_factor, pace)
+    assert "pace" not in trip.heading, "what is driven does not depend on it"
 
 
 def test_the_list_names_every_trip(capsys: pytest.CaptureFixture[str]) -> None:

@@ -68,6 +68,8 @@ RETURNED_K_S = 1e-4
 SETTLING_TIME_S = 1000.0
 """First guess of the time in which a pack settles."""
 LARGEST_STEP_K = 6.0
+SAME_LEADER_M = 5.0
+"""Distance from the lead vehicle of the trip up to which a measured one is the same."""
 _JOINT_M = 1.0
 _KNOWN: WeakKeyDictionary[Trajectory, Repeated | None] = WeakKeyDictionary()
 """Figures of runs that have been repeated."""
@@ -122,7 +124,12 @@ def why_not(run: Run) -> str:
         return "it does not cover its trip"
     if trip.rules.leader_source is not LeaderSource.CYCLE or trip.rules.keeps_rules:
         return "it does not follow the lead vehicle of a cycle alone"
-    return "" if np.isfinite(run.trajectory.gap_m[-1]) else "it ends without a lead vehicle"
+    rows, leader = run.trajectory, trip.route.leader
+    apart_m = np.abs(rows.leader_position_m - leader.positions_at(rows.time_s - rows.time_s[0]))
+    # Also NaN, where there is none; a vehicle in a string follows another one.
+    return (
+        "" if apart_m.max() < SAME_LEADER_M else "it follows another vehicle than its trip states"
+    )
 
 
 def repeat(run: Run) -> Repeated | None:

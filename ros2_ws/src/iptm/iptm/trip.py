@@ -56,7 +56,7 @@ LONGEST_SETTING = 100
 MOST_NAMED = 4
 """Overrides that a heading lists; of more, as of a vehicle of one's own, it has the number."""
 _OWN = ("name", "description", "own_drive", "foreign")
-_IN_HEADING = ("cycle", "slope", "duration_s", "strategy", "horizon", "namespace", "domain")
+_IN_HEADING = ("cycle", "slope", "duration_s", "strategy", "horizon", "namespace", "domain", "pace")
 """Settings that the heading of a trip shows otherwise, or that do not change what is driven."""
 
 

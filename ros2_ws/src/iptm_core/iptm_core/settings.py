@@ -200,6 +200,13 @@ class PaceSettings(Settings):
     rate_factor: float = parameter(
         1.0, "real_time: seconds of trip time per second of wall time", "", 0.01, 1000.0
     )
+    pace: float = parameter(
+        0.0,
+        "lock_step: seconds of trip time per second of wall time at most, to be watched; 0 for no limit",
+        "",
+        0.0,
+        1000.0,
+    )
 
 
 @dataclass(frozen=True)

@@ -108,6 +108,15 @@ class TripNode(SuiteNode):
     def _is_real_time(self) -> bool:
         return self._options.mode is LoopMode.REAL_TIME
 
+    @property
+    def _is_paced(self) -> bool:
+        return self._options.pace > 0.0 and not self._is_real_time
+
+    def _on_paced_tick(self) -> None:
+        """Lock-step at a pace: the answer to a tick is taken when its time has come."""
+        self._is_tick_due = True
+        self._release()
+
     def _look_for_start(self) -> None:
         """Begin when that was asked for; else offer the first state to controllers, one of which begins.
 
@@ -133,6 +142,8 @@ class TripNode(SuiteNode):
     def _start(self, *, is_answered: bool = False) -> None:
         """Begin the first trip; its first state need not be published where it has been answered."""
         self._start_timer.cancel()
+        if self._is_paced:
+            self.every(self._options.period_s / self._options.pace, self._on_paced_tick)
         if self._is_real_time:
             wall_period_s = self._options.period_s / self._options.rate_factor
             self._schedule = Schedule(wall_period_s)
@@ -178,8 +189,11 @@ class TripNode(SuiteNode):
         if not (self._is_real_time or self._neighbours.allow_answer_to(self._held[0])):
             return
         answers_now = self._held[0] == self._trip.stamp_ns
+        if self._is_paced and self._phase is TripPhase.RUNNING and not self._is_tick_due:
+            return
         if not answers_now or self._range_sensor.allows_answer_to(self._held[0]):
             held, self._held = self._held, None
+            self._is_tick_due = self._is_real_time and self._is_tick_due
             self._take(*held, answers_now=answers_now)
 
     def _take(self, stamp_ns: int, command: Command, *, answers_now: bool) -> None:
@@ -278,7 +292,8 @@ class TripNode(SuiteNode):
         """Publish the state again: for peers that were not there, or as a sign of life of a paused trip."""
         paused = self._phase is TripPhase.PAUSED
         unanswered = self._phase is TripPhase.RUNNING and not self._is_real_time
-        if not (paused or unanswered):
+        waits = self._is_paced and self._held is not None
+        if waits or not (paused or unanswered):
             return
         if self.awake.now_s() - self._published_s >= (KEEP_ALIVE_S if paused else REPEAT_S):
             self._repeated_states += 1

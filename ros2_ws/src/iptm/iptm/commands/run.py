@@ -76,7 +76,7 @@ def build_parser() -> argparse.ArgumentParser:
     add(
         "--view",
         action="store_true",
-        help=f"show the run in the browser; without another --mode {WATCHING_RATE:g} times real time",
+        help=f"show the run in the browser; in lock-step at most {WATCHING_RATE:g} times real time",
     )
     add(
         "--processes",
@@ -178,12 +178,11 @@ def watchable(trip: str, options: Mapping[str, str]) -> dict[str, str]:
     """Return options with a pace that can be watched, where neither they nor the trip state one."""
     from iptm.trip_files import load_trip  # noqa: PLC0415
 
-    is_chosen = "mode" in options or not load_trip(trip).is_lock_step
-    return (
-        dict(options)
-        if is_chosen
-        else {"mode": "real_time", "rate_factor": f"{WATCHING_RATE:g}", **options}
-    )
+    if "mode" in options or not load_trip(trip).is_lock_step:
+        return dict(options)
+    if "rate_factor" in options:
+        return {"mode": "real_time", **options}
+    return {"pace": f"{WATCHING_RATE:g}", **options}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

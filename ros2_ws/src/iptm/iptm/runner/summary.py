@@ -120,6 +120,9 @@ def _at_equal_ends(found: Saving) -> dict[str, float]:
 
 
 def _ends(found: Saving) -> str:
+    if found.repeated is not None:
+        own, other = (each.repetitions for each in found.repeated)
+        return f", the trip repeated {own} and {other} times"
     if found.ends is None:
         return ""
     cooled = significant(found.ends[0].temperature_k - CELSIUS_ZERO_K)
