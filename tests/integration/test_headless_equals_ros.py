@@ -48,7 +48,7 @@ EMPTY = iptm.Trip.of(
 """An empty road with a line that is closed until 40 s."""
 
 
-PACED = IMPERFECT.changed(duration_s=30.0, pace=60.0)
+PACED = IMPERFECT.changed(pace=60.0)
 """In lock-step at a pace, as a trip is that is watched."""
 
 
