@@ -106,4 +106,4 @@ def test_a_parameter_that_is_changed_alone_is_noted() -> None:
     }
     assert not notes(**together)
     air = notes(environment__ambient_temperature_k=263.15)
-    assert "moves the chiller, in paper_calibrated not tyres, driveline and cabin, nor drag" in air
+    assert "affects the chiller; tyres, driveline and cabin are not modelled, nor drag" in air

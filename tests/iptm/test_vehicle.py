@@ -129,7 +129,7 @@ def test_a_climate_changes_what_depends_on_the_air_and_names_the_rest() -> None:
     cold = hot.changed(climate=-5)
     assert cold.parameters.environment.initial_cell_temperature_k == 268.15
     assert cold.parameters.body.air_density_kg_m3 == pytest.approx(1.204 * 293.15 / 268.15)
-    assert "not tyres, driveline and cabin" in cold.notes[-1]
+    assert "tyres, driveline and cabin are not modelled" in cold.notes[-1]
     garage = hot.changed(climate=-5, overrides={"environment.initial_cell_temperature_k": 288.15})
     assert garage.parameters.environment.initial_cell_temperature_k == 288.15
     paper = iptm.Trip.of("us06", climate="Oslo")

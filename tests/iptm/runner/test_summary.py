@@ -47,8 +47,8 @@ def test_figures_by_hand(comparison: Run) -> None:
     assert found.values["consumption_kwh_per_100_km"] == pytest.approx(25.0)
     lines = dict(found.lines)
     assert ENERGY_SAVED not in lines
-    assert lines["capacity lost"].startswith("0.500 ppm, both cells: cyclic aging")
-    assert "not calendar aging" in lines["capacity lost"]
+    assert lines["capacity lost"].startswith("0.500 ppm, both cells: cyclic ageing")
+    assert "not calendar ageing" in lines["capacity lost"]
     assert lines["energy used"] == (
         "0.500 kWh from the battery, 0.100 kWh of it for cooling; 25.0 kWh/100 km"
     )

@@ -182,7 +182,7 @@ class PlantNode(TripNode):
         if not warning and self._trip.is_limited:
             warning = "commands exceed what the vehicle can do and are limited"
         if not warning and self._outputs[Topic.CLOCK].is_left_behind:
-            warning = "a listener of the clock does not follow and is not waited for"
+            warning = "a subscriber of the clock is not keeping up; the trip continues without it"
         return (Level.WARN, warning) if warning else (Level.OK, "running")
 
     def _safety_warning(self) -> str:

@@ -26,7 +26,7 @@ from iptm_ros.topics import PLANT
 
 OWN_AGING = "both cells, as your plant reports it"
 PAPER_AGING = (
-    "both cells: cyclic aging by the paper's law while driving, not calendar aging (studies/life)"
+    "both cells: cyclic ageing by the paper's law while driving, not calendar ageing (studies/life)"
 )
 
 

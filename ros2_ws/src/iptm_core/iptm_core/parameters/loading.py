@@ -338,7 +338,7 @@ def belonging_notes(parameters: ParameterSet) -> Iterator[str]:
         moved += ["the exchange of the pack with the air"] * (values.cooling.air_exchange_w_k > 0.0)
         moved += ["drag"] * (_DENSITY_KEY in overridden)
         yield (
-            f"{AMBIENT_KEY} moves {' and '.join(moved)}, in {parameters.name} not tyres, driveline and cabin"
+            f"{AMBIENT_KEY} affects {' and '.join(moved)}; tyres, driveline and cabin are not modelled"
             + ("" if _DENSITY_KEY in overridden else f", nor drag ({_DENSITY_KEY})")
             + ("" if values.cooling.air_exchange_w_k else f", nor the pack ({_AIR_KEY} is 0)")
         )

@@ -52,7 +52,7 @@ MAX_STEP_S = 60.0
 MAX_SPEED_M_S = 70.0
 """252 km/h: no road car follows anything faster."""
 NOTED_STEEP_M = 50.0
-"""Length of a road that is steeper than roads are, above which a note says so."""
+"""Length of a road that is steeper than roads are, above which it is noted."""
 LAUNCH_ACCELERATION_M_S2 = 1.5
 """Acceleration of the ramp put in front of a trace that starts at speed."""
 

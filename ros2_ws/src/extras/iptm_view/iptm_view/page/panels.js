@@ -67,7 +67,7 @@ function reference(column, factor) {
  */
 export const PANELS = [
   {
-    id: "aging", title: "Cyclic aging, both cells", unit: "ppm of nominal capacity", digits: 3,
+    id: "aging", title: "Cyclic ageing, both cells", unit: "ppm of nominal capacity", digits: 3,
     axis: { low: 0, span: 1e-2 },
     lines: [
       { ...reference("capacity_loss", PPM), of: (run) => run.referenceLoss() },
