@@ -15,6 +15,7 @@ from typing import Any
 
 from interface_reference import TEMPLATES, services_page, topics_page
 from library_reference import library_page
+from schemas import trip_schema, vehicle_schema
 
 import iptm.runner
 from iptm.commands.tree import all_commands
@@ -209,6 +210,8 @@ PAGES = {
     DOCS / "reference" / "figures.md": figures_page,
     DOCS / "reference" / "library.md": partial(library_page, NOTICE),
     DOCS / "reference" / "services.md": services_page,
+    DOCS / "reference" / "trip.schema.json": trip_schema,
+    DOCS / "reference" / "vehicle.schema.json": vehicle_schema,
     DOCS / "reference" / "topics.md": topics_page,
     DOCS / "reference" / "parameters.md": parameters_page,
     DOCS / "reference" / "nodes.md": nodes_page,

@@ -19,6 +19,4 @@ setup(
     maintainer_email="maintainers@iptm.example.org",
     description="Trips as environments of Gymnasium",
     license="Apache-2.0",
-    # `gymnasium.make` finds installed environments by it.
-    entry_points={"gymnasium.envs": ["__root__ = iptm_gym.environment:register_trips"]},
 )

@@ -2,9 +2,9 @@
 
     env = gymnasium.make("iptm_gym.environment:iptm/Trip-v0", trip="wltc")
 
-An installed package is found without the module in front. Actions and observations have SI
-units (`ACTIONS`, `OBSERVED`); learners that need them scaled use the wrappers of Gymnasium. The trip decides
-what is driven, with which vehicle, preview and faults, and both ways give the same numbers.
+Once this module is imported, ``iptm/Trip-v0`` is enough. Actions and observations have SI units (`ACTIONS`,
+`OBSERVED`); learners that need them scaled use the wrappers of Gymnasium. The trip decides what is driven,
+with which vehicle, preview and faults, and both ways give the same numbers.
 """
 
 from __future__ import annotations
@@ -216,10 +216,4 @@ def _driven_behind_a_leader(given: TripGiven) -> Trip:
     return trip.checked()
 
 
-def register_trips() -> None:
-    """Let ``gymnasium.make`` find the environment; called by Gymnasium where the package is installed."""
-    if ENVIRONMENT not in gymnasium.registry:
-        gymnasium.register(ENVIRONMENT, entry_point=TripEnv)
-
-
-register_trips()
+gymnasium.register(ENVIRONMENT, entry_point=TripEnv)
