@@ -1,0 +1,161 @@
+"""The benchmark: its judge against the library's figures, scores that cannot be bought, tasks and draws."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from studies.acc.run import LONG_S, LONG_SCENES
+from studies.acc.scenes import long_scenes
+from studies.benchmark import run as benchmark
+from studies.benchmark.entrants import BY_NAME, ENTRANTS, REFERENCE, LikeOpenpilot
+from studies.benchmark.judge import Found, judged, lost, mechanisms, score
+from studies.pages import STUDIES
+
+import iptm
+from iptm_core.aging_laws.parking import AgingSettings
+from iptm_core.metrics import trip_cost
+
+TENTH_OF_A_POINT = 0.1
+
+
+BAG = STUDIES.parent / "bags" / "example_us06_120s"
+
+
+@pytest.fixture(scope="module")
+def run() -> iptm.Run:
+    return iptm.simulate("us06", climate=35.0, strategy="production", preview_mode="none")
+
+
+@pytest.fixture(scope="module")
+def recorded() -> iptm.Run:
+    return iptm.load(BAG)
+
+
+@pytest.mark.parametrize("driven", ["run", "recorded"])
+def test_the_judge_finds_what_the_library_finds(
+    driven: str, request: pytest.FixtureRequest
+) -> None:
+    """Two codes, one cost: by each law within 0.1 %, which is less than 0.1 points of a score."""
+    run: iptm.Run = request.getfixturevalue(driven)
+    use = AgingSettings()
+    found = judged(run.trajectory.to_arrays(), run.parameters, use, benchmark.LAWS)
+    metrics = run.metrics
+    assert found.gap_m == pytest.approx(metrics.mean_gap_m, rel=2e-3)
+    # Between the rows, too.
+    assert found.smallest_gap_m <= metrics.smallest_gap_m
+    assert found.interventions == metrics.interventions
+    kwh = metrics.battery_energy_j - metrics.final_kinetic_energy_j
+    assert found.energy_kwh == pytest.approx(kwh / 3.6e6 / metrics.distance_m * 1e5, rel=1e-9)
+    for name, law in (("NCA", "nca"), ("NMC811-Si", "nmc811_si")):
+        cost = trip_cost(run.trajectory, metrics, run.parameters, use, law)
+        own = use.electricity_eur_kwh * found.energy_kwh + found.aging_eur[name]
+        expected = cost.energy_eur + cost.driving_eur + max(cost.parked_eur, 0.0)
+        assert own == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_score_by_the_library_is_the_same_to_a_tenth_of_a_point() -> None:
+    trip = iptm.Trip.of("us06", duration_s=300.0, climate=35.0, preview_length_s=60.0)
+    use, eur, found = AgingSettings(), {}, {}
+    for name in ("idm_thermostat", "rule_preview"):
+        own = BY_NAME[name]
+        driven = benchmark.drive(trip, name)
+        run = iptm.drive(benchmark.merged(trip, own.settings), controller=own.controller(trip))
+        cost = trip_cost(run.trajectory, run.metrics, run.parameters, use, "nca")
+        eur[name] = cost.energy_eur + cost.driving_eur + max(cost.parked_eur, 0.0)
+        each = benchmark.judge(driven, trip)
+        by_law = use.electricity_eur_kwh * each.energy_kwh + each.aging_eur["NCA"]
+        found[name] = replace(each, eur=by_law)
+    reference, one = (found[name] for name in eur)
+    by_judge = 100.0 * (1.0 - one.eur / reference.eur)
+    by_library = 100.0 * (1.0 - eur["rule_preview"] / eur["idm_thermostat"])
+    assert by_judge == pytest.approx(by_library, abs=TENTH_OF_A_POINT)
+
+
+def test_a_cold_end_gains_nothing_and_a_warm_one_pays(run: iptm.Run) -> None:
+    use, laws = AgingSettings(), benchmark.LAWS
+    rows = dict(run.trajectory.to_arrays())
+
+    def aging(end_c: float) -> float:
+        for cell in ("1", "n"):
+            kelvin = rows[f"cell_{cell}_temperature_k"].copy()
+            kelvin[-1] = end_c + 273.15
+            rows[f"cell_{cell}_temperature_k"] = kelvin
+        (parts, *_) = mechanisms(laws, run.parameters, use).values()
+        return lost(rows, parts, run.parameters, use)
+
+    settled_c = run.parameters.environment.ambient_temperature_k - 273.15 + use.pack_above_air_k
+    assert aging(settled_c - 20.0) == pytest.approx(aging(settled_c), rel=1e-2)
+    assert aging(settled_c + 5.0) > 2.0 * aging(settled_c)
+
+
+def found(gap_m: float, eur: float, **other: float) -> Found:
+    return replace(Found(eur, 15.0, gap_m, 1000.0, 0.0, 0.0, 5.0, 0, 0.0, 0.1, 25.0), **other)
+
+
+def test_scores_compare_at_equal_road_space() -> None:
+    reference = [found(60.0, 4.0), found(20.0, 5.0)]
+    assert score(found(40.0, 4.5), reference) == (pytest.approx(0.0), "")
+    assert score(found(60.0, 3.6), reference) == (pytest.approx(10.0), "")
+    assert score(found(10.0, 5.0), reference) == (pytest.approx(0.0), "")
+    # A reference that is too close itself is no measure.
+    assert score(found(10.0, 5.0), [*reference, found(10.0, 9.0, interventions=9)])[0] == 0.0
+    for other, reason in (
+        ({"gap_m": 60.1}, "more road"),
+        ({"smallest_gap_m": 0.0}, "collision"),
+        ({"below_share": 0.21}, "too close"),
+        ({"interventions": 3}, "too close"),
+    ):
+        points, why = score(replace(found(40.0, 1.0), **other), reference)
+        assert np.isnan(points)
+        assert why == reason
+
+
+def test_who_is_bad_on_purpose_does_not_win() -> None:
+    trip = iptm.Trip.of("us06", climate=35.0, preview_length_s=60.0)
+    reference = [benchmark.judge(benchmark.drive(trip, each.name), trip) for each in REFERENCE]
+
+    def points(name: str) -> float:
+        return score(benchmark.judge(benchmark.drive(trip, name), trip), reference)[0]
+
+    good = points("rule_preview")
+    bad = [points(each.name) for each in ENTRANTS if each.is_bad]
+    assert len(bad) == 3
+    assert all(not each >= 0.5 * good for each in bad)
+
+
+def test_entrants_follow_a_steady_leader_at_their_gap() -> None:
+    times_s = np.arange(301.0)
+    speeds_m_s = np.minimum(times_s * 0.5, 20.0)
+    trip = iptm.Trip.of((times_s, speeds_m_s), overrides={"limits.max_jerk_m_s3": 2.0})
+    for name, gap_m in (
+        ("cacc", 6.0 + 1.6 * 20.0),
+        ("linear_mpc", 6.0 + 1.9 * 20.0),
+        ("like_openpilot", LikeOpenpilot.stop_m + LikeOpenpilot.time_gap_s * 20.0),
+        ("idm", (6.0 + 1.6 * 20.0) / np.sqrt(1.0 - (20.0 / 60.0) ** 4)),
+    ):
+        rows = benchmark.drive(trip, name).rows
+        before_end = rows["time_s"].size - 60
+        gaps_m = rows["leader_position_m"] - rows["position_m"]
+        assert gaps_m[before_end] == pytest.approx(gap_m, abs=0.5), name
+
+
+def test_tasks_are_trips_and_the_leader_is_the_measured_one() -> None:
+    assert len(benchmark.TASKS) == 8
+    for path in benchmark.TASKS:
+        assert iptm.load_trip(path).checked().description
+    scene = long_scenes(LONG_SCENES, LONG_S)[0][1]
+    folder = Path(benchmark.__file__).parent / "tasks"
+    speeds = np.loadtxt(folder / "openacc.csv", delimiter=",", skiprows=1)[:, 1]
+    np.testing.assert_allclose(
+        speeds[: scene.leader_speed_m_s.size], scene.leader_speed_m_s, atol=1e-3
+    )
+
+
+def test_trips_are_drawn_by_their_seed() -> None:
+    first, again, other = (benchmark.drawn(seed) for seed in (1, 1, 2))
+    assert [trip.settings for trip in first] == [trip.settings for trip in again]
+    assert [trip.settings for trip in first] != [trip.settings for trip in other]
+    assert all(trip.checked() for trip in first)
