@@ -56,16 +56,23 @@ class Residual:
             time_s: in which changes are forgotten.
         """
         share = min(interval_s / time_s, 1.0)
-        return Residual(
-            (self.value + unexplained) * (1.0 - share),
-            self.noise + share * (abs(unexplained - self.last) - self.noise),
-            unexplained,
-        )
+        return Residual(*after(self.value, self.noise, self.last, unexplained, share))
 
     def beyond(self, limit: float) -> float:
         """Return by how much the residual exceeds a limit and its noise, with its sign; 0 within."""
         excess = abs(self.value) - limit - NOISE_LIMIT * self.noise
         return math.copysign(excess, self.value) if excess > 0.0 else 0.0
+
+
+def after(
+    value: float, noise: float, last: float, unexplained: float, share: float
+) -> tuple[float, float, float]:
+    """Return the numbers of a `Residual` after one more change, of which a share is forgotten at once."""
+    return (
+        (value + unexplained) * (1.0 - share),
+        noise + share * (abs(unexplained - last) - noise),
+        unexplained,
+    )
 
 
 def unexplained_change(change: float, rate: float, later_rate: float, interval_s: float) -> float:

@@ -7,11 +7,6 @@ from iptm_core.c_sources import CSources
 C_SOURCES = CSources(
     Path(__file__).resolve().parent / "c",
     {
-        "calm_interval": (
-            "iptm_core.lead_track",
-            "iptm_core.signal_residuals",
-            "iptm_plant_sim.calm_interval",
-        ),
         "interval": ("iptm_plant_sim.integrator",),
         "safety_monitor": ("iptm_core.state", "iptm_plant_sim.safety_monitor"),
     },

@@ -26,7 +26,13 @@ from iptm_core.lead_track import (
     followed,
 )
 from iptm_core.radio_lead import RadioLead
-from iptm_core.signal_residuals import RANGE_LIMIT_M, RANGE_TIME_S, unexplained_change
+from iptm_core.signal_residuals import (
+    RANGE_LIMIT_M,
+    RANGE_TIME_S,
+    Residual,
+    after,
+    unexplained_change,
+)
 from iptm_core.state import LeaderPreview, LeaderState
 
 _RESOLUTION_S = 1e-9
@@ -183,7 +189,7 @@ def plainly_followed(track: LeadTrack, samples: Sequence[tuple[float, ...]]) -> 
             return None
     last_s, last_m, last_m_s = track.recent[-1][:3]
     interval_s = acceleration_m_s2 = 0.0
-    unexplained = track.unexplained
+    residual = track.unexplained.value, track.unexplained.noise, track.unexplained.last
     for time_s, position_m, speed_m_s, _, _ in samples:
         interval_s, change_m_s = time_s - last_s, speed_m_s - last_m_s
         farther_m = position_m - last_m - 0.5 * (last_m_s + speed_m_s) * interval_s
@@ -196,8 +202,8 @@ def plainly_followed(track: LeadTrack, samples: Sequence[tuple[float, ...]]) -> 
             return None
         acceleration_m_s2 = change_m_s / interval_s
         changed_m = unexplained_change(position_m - last_m, last_m_s, speed_m_s, interval_s)
-        unexplained = unexplained.after(changed_m, interval_s, RANGE_TIME_S)
-        if unexplained.beyond(RANGE_LIMIT_M):
+        residual = after(*residual, changed_m, min(interval_s / RANGE_TIME_S, 1.0))
+        if abs(residual[0]) > RANGE_LIMIT_M and Residual(*residual).beyond(RANGE_LIMIT_M):
             return None
         last_s, last_m, last_m_s = time_s, position_m, speed_m_s
     return replace(
@@ -207,5 +213,5 @@ def plainly_followed(track: LeadTrack, samples: Sequence[tuple[float, ...]]) -> 
         period_s=min(interval_s, LONGEST_PERIOD_S),
         recent=rows[-KEPT:],
         empty_since_s=math.nan,
-        unexplained=unexplained,
+        unexplained=Residual(*residual),
     )

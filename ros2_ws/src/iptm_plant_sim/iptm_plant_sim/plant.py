@@ -30,7 +30,6 @@ from iptm_core.state import (
     VehicleState,
 )
 from iptm_plant_sim.actuators import ActuatorReport, Clamp, Motion, limit_command, plan_motion
-from iptm_plant_sim.calm_interval import CalmInterval, calm_interval
 from iptm_plant_sim.integrator import IntervalResult, PackIntegration
 from iptm_plant_sim.interval import PlantStep
 from iptm_plant_sim.safety_monitor import MonitorMemory, SafetyMonitor
@@ -86,7 +85,6 @@ class Plant:
         self.road_friction = 0.0
         self.notes: tuple[str, ...] = ()
         self._sensor: RangeSensor | None = None
-        self._calm: CalmInterval | None = None
         self._memory = MonitorMemory()
         self._heard = LeaderPreview.empty()
         self._slope_at = slope_at
@@ -102,8 +100,6 @@ class Plant:
         """
         self._sensor = sensor
         self._heard = LeaderPreview.empty()
-        if sensor is not None:
-            self._calm = calm_interval(self.monitor.settings, self.parameters.brakes)
         self.resume(memory or MonitorMemory())
 
     def hear(self, preview: LeaderPreview) -> None:
@@ -197,7 +193,7 @@ class Plant:
         counts = heard is not None and before is not None and heard.follows(before)
         if heard is not None:
             memory = replace(memory, radio=heard)
-        interval = MonitoredInterval(*driven, self._calm, heard if counts else None)
+        interval = MonitoredInterval(*driven, heard if counts else None)
         step = interval.drive(memory, self._sensor(state))
         self._memory = step.memory
         return step

@@ -14,7 +14,6 @@ from functools import cached_property
 from itertools import pairwise
 
 from iptm_core.frozen import replace
-from iptm_core.lead_track import LeadTrack
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.radio_lead import RadioLead
 from iptm_core.state import Command, LeaderPreview, SafetyRecord, VehicleState
@@ -23,7 +22,6 @@ from iptm_plant_sim.actuators import (
     STANDSTILL_SPEED_M_S,
     ActuatorReport,
 )
-from iptm_plant_sim.calm_interval import CalmInterval
 from iptm_plant_sim.interval import PlantStep, joined
 from iptm_plant_sim.lead_measurements import LeadMeasurements
 from iptm_plant_sim.safety_monitor import (
@@ -109,7 +107,6 @@ class MonitoredInterval:
         report: ActuatorReport,
         duration_s: float,
         slope_rad: float = 0.0,
-        calm: CalmInterval | None = None,
         radio: RadioLead | None = None,
     ) -> None:
         """Set up an interval.
@@ -118,12 +115,11 @@ class MonitoredInterval:
             drive_interval: integrates a part of the interval at constant acceleration.
             report: the command after the limits of comfort; its acceleration is the requested one.
             slope_rad: slope at its start, positive uphill.
-            calm: judges in C whether the monitor need not look closer.
             radio: where messages place the vehicle ahead; None where they do not count.
         """
         self._monitor, self._brakes, self._drive_interval = monitor, brakes, drive_interval
         self._state, self._report, self._duration_s = state, report, duration_s
-        self._slope_rad, self._calm, self._radio = slope_rad, calm, radio
+        self._slope_rad, self._radio = slope_rad, radio
         self._requested_m_s2 = report.actuated.acceleration_m_s2
         self._delivered_m_s2 = brakes.delivered_m_s2(self._requested_m_s2)
         self._stands = (
@@ -147,39 +143,20 @@ class MonitoredInterval:
         radio = self._radio
         if radio is not None and (samples is None or radio.agrees_with(samples)):
             radio = None
+        given = memory.lead, samples, self._motion_at, self._state.time_s
+        leads = LeadMeasurements(*given, radio)
         calm = not memory.braking and self._is_comfort(memory.requested_m_s2)
-        judged = self._judged_in_c(memory, samples) if calm and radio is None else None
-        if judged is None:
-            given = memory.lead, samples, self._motion_at, self._state.time_s
-            leads = LeadMeasurements(*given, radio)
-            if not calm or self._may_be_unsafe(memory, leads):
-                return self._drive_in_pieces(replace(memory, lead=leads.track), leads)
-            judged = leads.track, leads.smallest_gap_m(self._state.time_s)
-        track, gap_m = judged
+        if not calm or self._may_be_unsafe(memory, leads):
+            return self._drive_in_pieces(replace(memory, lead=leads.track), leads)
+        gap_m = leads.smallest_gap_m(self._state.time_s)
         step = self._piece(self._state, self._requested_m_s2, self._duration_s)
         memory = replace(
             self._learned(memory, self._requested_m_s2, step, self._duration_s),
             requested_m_s2=self._requested_m_s2,
-            lead=track,
+            lead=leads.track,
         )
         record = SafetyRecord(0.0, gap_m, memory.brake_share, self._report.source)
         return replace(step, memory=memory, safety=record)
-
-    def _judged_in_c(
-        self, memory: MonitorMemory, samples: LeaderPreview | None
-    ) -> tuple[LeadTrack, float] | None:
-        """Return the track at the end and the smallest gap; None where Python has to look."""
-        if self._calm is None:
-            return None
-        return self._calm.judged(
-            self._state,
-            memory.lead,
-            samples,
-            self._monitor.road_braking(self._slope_rad, memory.road_m_s2),
-            asked=(self._requested_m_s2, self._delivered_m_s2, memory.brake_share),
-            duration_s=self._duration_s,
-            stands=self._stands,
-        )
 
     def _is_comfort(self, acceleration_m_s2: float) -> bool:
         return acceleration_m_s2 >= self._brakes.parameters.limits.min_acceleration_m_s2
