@@ -134,7 +134,7 @@ def shown(own: iptm.Run, other: iptm.Run, folder: Path) -> Iterator[tuple[str, s
             string_parts([own], [other])[1].rows[["energy_saved", "cells", "aging_saved"]].to_dict()
         ),
     )
-    if find_spec("iptm_view") is not None and own.saving(other).repeated is None:
+    if find_spec("iptm_view") is not None:
         page = import_module("tests.extras.iptm_view.judged_page")
         yield "view", page.last_savings(own, other)
     yield "explain", own.explain(other).sentence

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 
 from tests.extras.iptm_view.test_judged_feed import rows_of, savings
 
@@ -23,4 +24,8 @@ def last_savings(own: iptm.Run, other: iptm.Run) -> str:
         for row in rows_of(run.trajectory, columns):
             feed.append(stream, row)
     feed.put(END, {"ended": True})
+    found = own.saving(other).repeated
+    if found is not None:
+        state = {"state": "done", "strategy": "reference", "columns": list(COLUMNS)}
+        feed.put(STATE, {**state, "repeated": [asdict(each) for each in found]})
     return json.dumps(savings(feed)[-1])

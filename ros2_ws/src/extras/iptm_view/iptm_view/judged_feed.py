@@ -14,7 +14,7 @@ import numpy as np
 
 from iptm_core.aging_laws.judging import Exposure, losses_of_cells
 from iptm_core.errors import StateError
-from iptm_core.metrics import Following, SavedShare, judge_saving
+from iptm_core.metrics import Following, Repeated, SavedShare, judge_saving
 from iptm_core.parameters import ModelParameters
 from iptm_core.state import NS_PER_S
 from iptm_core.units import CELSIUS_ZERO_K
@@ -140,6 +140,7 @@ class JudgedFeed(PageFeed):
         self._rows = {ROWS: _Rows(tuple(PAGE_COLUMNS)), REFERENCE: _Rows(())}
         self._judged_ns = -1
         self._has_ended = False
+        self._repeated: tuple[Repeated, Repeated] | None = None
         self._judging = threading.RLock()
 
     def append_text(self, stream: str, text: str) -> None:
@@ -156,6 +157,10 @@ class JudgedFeed(PageFeed):
         with self._judging:
             if kind == STATE and tuple(document["columns"]) != self._rows[REFERENCE].columns:
                 self._rows[REFERENCE] = _Rows(tuple(document["columns"]))
+            if kind == STATE and document.get("repeated"):
+                own, other = (Repeated(**each) for each in document["repeated"])
+                self._repeated = own, other
+                self._judged_ns -= 1  # what was judged last is judged again
             if kind == END:
                 self._has_ended = bool(document["ended"])
             self._judge()
@@ -167,6 +172,7 @@ class JudgedFeed(PageFeed):
                 if stream in kinds:
                     self._rows[stream] = _Rows(rows.columns)
             self._judged_ns, self._has_ended = -1, False
+            self._repeated = None if REFERENCE in kinds else self._repeated
         super().discard(*kinds, SAVINGS)
 
     def _judge(self) -> None:
@@ -181,15 +187,20 @@ class JudgedFeed(PageFeed):
             is_end = self._has_ended and stamp_ns == last_ns
             is_due = stamp_ns >= due_ns or (is_end and stamp_ns > self._judged_ns)
             if is_due and stamp_ns <= newest_ns and stamp_ns in other:
-                self._show(stamp_ns, self.parameters)
+                self._show(stamp_ns, self.parameters, self._repeated if is_end else None)
                 self._judged_ns = stamp_ns
                 due_ns = stamp_ns + round(EVERY_S * NS_PER_S)
 
-    def _show(self, stamp_ns: int, parameters: ModelParameters) -> None:
+    def _show(
+        self,
+        stamp_ns: int,
+        parameters: ModelParameters,
+        repeated: tuple[Repeated, Repeated] | None,
+    ) -> None:
         body = parameters.body
         mass_kg = body.rotational_inertia_factor * body.mass_kg
         own, other = (self._rows[stream].up_to(stamp_ns, mass_kg) for stream in (ROWS, REFERENCE))
-        found = judge_saving(own, other, parameters)
+        found = judge_saving(own, other, parameters, repeat=lambda: repeated)
         entry = {
             "time_s": stamp_ns / NS_PER_S,
             "energy": _shown(found.energy),

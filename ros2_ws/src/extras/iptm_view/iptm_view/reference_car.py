@@ -24,7 +24,7 @@ class ReferenceCar:
 
     The process is given ``--strategy`` and, of a bag, ``--run``. It reads the settings of the trip as YAML
     from its standard input, and writes one JSON line with ``strategy``, ``columns`` and ``duration_s``, then
-    one JSON array per row.
+    one JSON array per row, and perhaps another object.
     """
 
     def __init__(self, feed: PageFeed, command: Sequence[str], strategy: str) -> None:
@@ -77,7 +77,9 @@ class ReferenceCar:
             known = {"state": "computing", **json.loads(header)} if header else {"columns": []}
             self._put(process, known)
             for line in process.stdout:
-                if process is self._process:
+                if line.startswith("{"):  # of the whole trip, after its rows
+                    known |= json.loads(line)
+                elif process is self._process:
                     self._feed.append_text(REFERENCE, line.strip())
             errors = process.stderr.read().strip().splitlines() or ["no reason given"]
         if process.wait() == 0:

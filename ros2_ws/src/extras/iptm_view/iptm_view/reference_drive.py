@@ -1,8 +1,9 @@
 """Drives a trip with another strategy, without ROS, and writes every row as it is computed.
 
 The live view runs it as a process of its own: `python -m iptm_view.reference_drive < settings.yaml`. The
-first line of the output is a JSON object with strategy, columns and duration, the others are JSON arrays.
-Nothing is driven where the folder of the run keeps the trajectory of that strategy.
+first line of the output is a JSON object with strategy, columns and duration, the others are JSON
+arrays; of a short trip, the last one is an object with the figures of repetitions. No row is driven
+where the folder of the run keeps the trajectory of that strategy.
 """
 
 from __future__ import annotations
@@ -12,16 +13,19 @@ import json
 import os
 import sys
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 
 from iptm.driving import drive_in_memory
+from iptm.run import Run
 from iptm.runner.run_folder import REFERENCE
 from iptm.trip import Trip
 from iptm.trip_settings import HOME
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.errors import BagError, IptmError, ScenarioError
+from iptm_core.metrics.saving import SHORTEST_ENDED_S, SHORTEST_TRIP_S
 from iptm_core.parameters.strict_yaml import parse_yaml
 from iptm_core.program import EXIT_OK, LOWEST_PRIORITY, refused
 from iptm_core.trajectory import Trajectory
@@ -59,7 +63,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         content = parse_yaml(sys.stdin.read(), "trip", ScenarioError)
         settings = StrictMapping(content or {}, "trip", HOME).content
-        trip = Trip().changed(**settings).against(parsed.strategy)
+        own = Trip().changed(**settings)
+        trip = own.against(parsed.strategy)
         header = {
             "strategy": parsed.strategy,
             "columns": COLUMNS,
@@ -68,12 +73,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _write(header)
         kept = None if parsed.run is None else _kept(parsed.run, parsed.strategy)
         if kept is None:
-            drive_in_memory(trip, on_step=lambda *tick: _write_rows(Trajectory.from_ticks([tick])))
+            other = drive_in_memory(
+                trip, on_step=lambda *tick: _write_rows(Trajectory.from_ticks([tick]))
+            )
         else:
             _write_rows(kept)
+            other = None
+        if own.is_lock_step and SHORTEST_TRIP_S <= own.route.duration_s < SHORTEST_ENDED_S:
+            _write_repeated(own, other or drive_in_memory(trip))
     except IptmError as error:
         return refused(PROGRAM, error)
     return EXIT_OK
+
+
+def _write_repeated(own: Trip, other: Run) -> None:
+    """Write the figures of a repetition of both cars, where the saving is made of them."""
+    found = drive_in_memory(own).saving(other).repeated
+    if found is not None:
+        _write({"repeated": [asdict(each) for each in found]})
 
 
 def _kept(run: Path, strategy: str) -> Trajectory | None:
