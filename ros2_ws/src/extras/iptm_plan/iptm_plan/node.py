@@ -28,9 +28,9 @@ from iptm_plan.course import Course
 from iptm_plan.day_plan import DayPlan
 from iptm_plan.profile import missed_charges, plan_data
 from iptm_plan.week_file import Week, changed_departure, read_week, week_from
+from iptm_ros.command_line import node_main
 from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
 from iptm_ros.parameters import declare_parameters
-from iptm_ros.process import run_node
 from iptm_ros.publishers import LATCHED_QOS
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import Topic
@@ -169,7 +169,7 @@ class PlannerNode(SuiteNode):
 
 def main() -> None:
     """Run the node."""
-    sys.exit(run_node(PlannerNode))
+    sys.exit(node_main("planner", PlannerNode, PlannerParameters))
 
 
 if __name__ == "__main__":
