@@ -86,6 +86,18 @@ def test_no_kelvin_is_cooled_away_before_fast_charging() -> None:
     assert max(prices) <= 1e-6 * HEAT_J_K
 
 
+def test_ageing_on_the_way_counts_for_the_time_that_is_left() -> None:
+    """A watt for each kelvin above 10 degC: half an hour before arrival a kelvin costs 1800 J more."""
+    model = car(5.0)
+    flat = ArrivalCost((-20.0, 60.0), (0.0, 0.0))
+    value = ArrivalValuation(
+        flat, 0.25, model, 0.4, 0.6, HORIZON_S, ARRIVAL_S, lambda kelvin: kelvin - 283.15
+    )
+    price = value.price_1_k(ARRIVAL_S - HORIZON_S - 1800.0, 300.0)
+    assert price == pytest.approx(1800.0, rel=0.1)
+    assert value.price_1_k(ARRIVAL_S, 300.0) == 0.0
+
+
 def test_both_cells_share_the_price() -> None:
     value = valuation(car(5.0))
     state = make_state(time_s=ARRIVAL_S, cell_1_temperature_k=280.0, cell_n_temperature_k=282.0)

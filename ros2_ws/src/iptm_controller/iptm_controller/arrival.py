@@ -2,10 +2,10 @@
 
 A trip may end where the temperature of the pack matters: at a fast charger, or parked for hours. Given is the
 cost of each temperature on arrival. The cost of the rest of the trip is the thermal energy still to be drawn,
-and that,
+under the law of a cell the ageing a(T) until then, as the power that costs as much, and that,
 
     J(T, t_end) = cost on arrival,
-    J(T, t) = min over P of abs(P) / eta_b dt + J(T + dT/dt(P) dt, t + dt),
+    J(T, t) = min over P of [abs(P) / eta_b + a(T)] dt + J(T + dT/dt(P) dt, t + dt),
 
 worked out backwards for the pack as one body with heater, chiller, radiator, air and a steady load. Its
 slope at the end of the horizon is the price of a kelvin. A kelvin that can be heated later for what it costs
@@ -15,12 +15,14 @@ now has lost nothing until then, and one heated too early goes to the air: when 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from iptm_controller.temperature_value import TemperatureValue, mixing_weights
+from iptm_core.aging_laws.parking import AgingSettings, ParkedAging, capacity_price_eur
 from iptm_core.errors import ParameterError
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import cell_heat_w, cell_resistance_ohm, heat_from_air_w
@@ -92,6 +94,7 @@ class ArrivalValuation:
         thermal_energy_price_1_j: float,
         horizon_s: float,
         trip_duration_s: float,
+        aging_w: Callable[[FloatArray], FloatArray] | None = None,
     ) -> None:
         """Work out the cost to go.
 
@@ -103,6 +106,7 @@ class ArrivalValuation:
             thermal_energy_price_1_j: cost of a joule of thermal energy on top; not both are 0.
             horizon_s: length of the horizon.
             trip_duration_s: trip time of the arrival, finite.
+            aging_w: power that costs as much as the ageing at temperatures, see `aging_power_w`.
 
         Raises:
             ParameterError: there is nothing to weigh the cost against, or no time of arrival.
@@ -128,7 +132,8 @@ class ArrivalValuation:
         steps = math.ceil(max(self._ends_s, 0.0) / STEP_S)
         kelvin = np.asarray(cost.celsius) + CELSIUS_ZERO_K
         on_arrival_j = np.interp(self._grid_k, kelvin, cost.eur) / electricity_eur_kwh * J_PER_KWH
-        energy_j = self._energies_j(on_arrival_j, model, steps)
+        aging_j = 0.0 * self._grid_k if aging_w is None else STEP_S * aging_w(self._grid_k)
+        energy_j = self._energies_j(on_arrival_j, aging_j, model, steps)
         self._slopes_j_k: FloatArray = np.gradient(energy_j, GRID_K, axis=1)
 
     def added_to(self, value: TemperatureValue, state: VehicleState) -> TemperatureValue:
@@ -157,7 +162,7 @@ class ArrivalValuation:
         return self._weight_1_j * max(slope_j_k, self._least_j_k)
 
     def _energies_j(
-        self, on_arrival_j: FloatArray, model: ModelParameters, steps: int
+        self, on_arrival_j: FloatArray, aging_j: FloatArray, model: ModelParameters, steps: int
     ) -> FloatArray:
         """Return the cost to go in joules, with 0, 1, ... steps left, shape (steps + 1, grid)."""
         kelvin = self._grid_k
@@ -166,8 +171,17 @@ class ArrivalValuation:
         for _ in range(steps):
             after = kelvin + STEP_S * warming_k_s
             costs = STEP_S * drawn_w[:, np.newaxis] + np.interp(after, kelvin, left[-1])
-            left.append(costs.min(axis=0))
+            left.append(costs.min(axis=0) + aging_j)
         return np.array(left)
+
+
+def aging_power_w(
+    aging: ParkedAging, use: AgingSettings, model: ModelParameters, temperature_k: FloatArray
+) -> FloatArray:
+    """Return the power whose electricity costs as much as the calendar ageing at temperatures, shape (n,)."""
+    rest = np.zeros_like(temperature_k)
+    loss_1_s = aging.loss_1_s(temperature_k, rest, rest + use.parked_charge)
+    return loss_1_s * capacity_price_eur(use, model) / use.electricity_eur_kwh * J_PER_KWH
 
 
 def _actions(kelvin: FloatArray, model: ModelParameters) -> tuple[FloatArray, FloatArray]:

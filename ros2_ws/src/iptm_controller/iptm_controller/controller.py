@@ -12,7 +12,7 @@ from collections.abc import Callable
 from functools import partial
 
 from iptm_controller.actuation import ActuationMemory, ActuationObserver, PowerAuthority
-from iptm_controller.arrival import ArrivalValuation
+from iptm_controller.arrival import ArrivalValuation, aging_power_w
 from iptm_controller.decision import NOTHING, ControllerMemory, Decision
 from iptm_controller.estimator import Estimator
 from iptm_controller.forecast import LeaderForecast
@@ -129,7 +129,10 @@ class Controller:
             ):  # thermal energy has its price as part of what the battery gives
                 energy_1_j = strategy.spent_energy_weight_1_j, 0.0
             times_s = self.options.horizon.duration_s, self.options.trip_duration_s
-            self._arrival = ArrivalValuation(*costs, *energy_1_j, *times_s)
+            aging_w = None
+            if self._parked is not None:
+                aging_w = partial(aging_power_w, self._parked, self.options.aging, self._vehicle)
+            self._arrival = ArrivalValuation(*costs, *energy_1_j, *times_s, aging_w)
 
     def use_strategy(self, strategy: Strategy) -> None:
         """Go on with other cost terms and weights; nothing is compiled, and the memory stays."""
