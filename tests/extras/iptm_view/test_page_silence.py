@@ -44,6 +44,24 @@ def test_decisions_that_end_are_silent_from_the_third_row_on() -> None:
     assert found == [None, None, 61, 61]
 
 
+def test_a_warning_of_the_transport_is_no_intervention() -> None:
+    found = answered(
+        f"""
+        import {{ Run }} from "{PAGE / "run.js"}";
+        import {{ FIGURES }} from "{PAGE / "panels.js"}";
+        const run = new Run();
+        const facts = {{ columns: ["time_s", "gap_m"], limits: null, notes: [], statuses: {{}} }};
+        run.set("facts", {{ ...facts, rungs: {{}} }});
+        run.addRows([[40, 9], [41, 8]]);
+        const change = (level) => ({{ time_s: 41, level, name: "/plant", reason: level }});
+        run.addChanges([change("WARN"), change("ERROR")]);
+        const count = FIGURES.find((figure) => figure.id === "events").of(run, 41);
+        console.log(JSON.stringify([run.events.length, count]));
+        """
+    )
+    assert found == [2, [1, "/plant: ERROR", True]]
+
+
 def test_a_status_is_silent_after_twice_its_usual_time() -> None:
     found = answered(
         f"""

@@ -33,14 +33,16 @@ export const FIGURES = [
       const least = run.rows.at("least_margin_m", time);
       const isBroken = least !== null && run.facts.limits && least < -run.facts.limits.gap_tolerance_m;
       const since = run.rows.column("least_margin_m").indexOf(least);
-      const when = least === null ? "" : `at ${run.rows.times[since].toFixed(0)} s`;
+      const first = run.rows.times[0] ?? 0;
+      const known = first > 0 ? `, since ${first.toFixed(0)} s` : "";
+      const when = least === null ? "" : `at ${run.rows.times[since].toFixed(0)} s${known}`;
       return [least, isBroken ? `limit broken, ${when}` : when, isBroken];
     },
   },
   {
     id: "events", label: "interventions and broken limits", unit: "", digits: 0,
     of: (run, time) => {
-      const past = run.events.filter(({ from }) => from <= time);
+      const past = run.events.filter(({ from, isNotice }) => from <= time && !isNotice);
       return [past.length, past.length ? past[past.length - 1].text : "", past.some(({ level }) => level === "bad")];
     },
   },

@@ -148,7 +148,7 @@ export class Run {
   /**
    * Everything that the row of events shows: {from, to, level: bad|warn, text}, sorted by time. A kind of event
    * is added here: broken limits, commands that are not from the optimal plan, braking of the safety monitor, and
-   * changes of the diagnostics.
+   * changes of the diagnostics, of which a warning is a notice and no intervention.
    */
   findEvents() {
     const { times } = this.rows;
@@ -171,7 +171,8 @@ export class Run {
     const braked = this.rows.column("service_braking_s").map((lasted) => lasted > 0);
     found.push(...spans(braked, times).map((span) => ({ ...span, level: "bad", text: "intervention: safety monitor brakes" })));
     for (const { time_s: time, level, name, reason } of this.changes) {
-      if (level !== "OK") found.push({ from: time, to: time, level: level === "ERROR" ? "bad" : "warn", text: `${name}: ${reason}` });
+      const isError = level === "ERROR";
+      if (level !== "OK") found.push({ from: time, to: time, level: isError ? "bad" : "warn", text: `${name}: ${reason}`, isNotice: !isError });
     }
     this.events = found.sort((one, other) => one.from - other.from);
   }
