@@ -68,6 +68,9 @@ def test_heat_and_years_cost_capacity(run: iptm.Run) -> None:
         for climate in ("Phoenix", "Oslo")
     )
     longer = iptm.life(run, climate="Oslo", years=16.0, start_c=START_C).lost.sum()
+    same = iptm.life(run, climate="Oslo", start_c=START_C, against=run)
+    assert same.against is not None
+    assert f"0.00 percentage points less than by the other run ({cold:.1f} %)" in same.sentence
     assert hot > cold
     assert longer > cold
 

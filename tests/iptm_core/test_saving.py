@@ -24,8 +24,8 @@ from iptm_core.metrics.repeated import Repeated
 from iptm_core.metrics.saved_share import saved_text
 from iptm_core.metrics.saving import (
     LARGEST_CORRECTION_POINTS,
-    SHORTEST_ENDED_S,
     SHORTEST_TRIP_S,
+    SHORTEST_WHOLE_S,
     cool_down,
 )
 from iptm_core.parameters import load_parameters
@@ -33,7 +33,7 @@ from iptm_core.parameters import load_parameters
 PARAMETERS = load_parameters().values
 OTHER = replace(
     compute_metrics(make_run(), PARAMETERS),
-    duration_s=SHORTEST_ENDED_S,
+    duration_s=SHORTEST_WHOLE_S,
     distance_m=5000.0,
     battery_energy_j=4e6,
     cell_1_degradation=4e-6,
@@ -89,7 +89,7 @@ def test_cold_air_helps_to_cool_the_pack_down() -> None:
     [
         ({"duration_s": SHORTEST_TRIP_S - 1.0}, Judgement.TOO_SHORT),
         ({"distance_m": 4000.0}, Judgement.OTHER_TRIP),
-        ({"duration_s": 2.0 * SHORTEST_ENDED_S}, Judgement.OTHER_TRIP),
+        ({"duration_s": 2.0 * SHORTEST_WHOLE_S}, Judgement.OTHER_TRIP),
         ({"final_temperature_k": math.nan}, Judgement.UNKNOWN),
     ],
 )

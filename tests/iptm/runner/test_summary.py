@@ -16,7 +16,7 @@ from iptm.runner.summary import Summary, summarise
 from iptm.trip import Trip
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.metrics import RunMetrics
-from iptm_core.metrics.saving import ENERGY_SAVED, SHORTEST_ENDED_S
+from iptm_core.metrics.saving import ENERGY_SAVED, SHORTEST_WHOLE_S
 from iptm_core.state import CommandSource
 
 TRIP = Trip.of("nycc", duration_s=60.0)
@@ -56,7 +56,7 @@ def test_figures_by_hand(comparison: Run) -> None:
 
 def lasting(metrics: RunMetrics, **changes: Any) -> RunMetrics:
     """Return the figures of a trip that is long enough to be judged."""
-    return replace(metrics, duration_s=SHORTEST_ENDED_S, **changes)
+    return replace(metrics, duration_s=SHORTEST_WHOLE_S, **changes)
 
 
 def test_the_headline_is_the_saving_with_equal_ends(comparison: Run) -> None:

@@ -25,7 +25,7 @@ from iptm.trip import Trip
 from iptm.trip_settings import HOME
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.errors import BagError, IptmError, ScenarioError
-from iptm_core.metrics.saving import SHORTEST_ENDED_S, SHORTEST_TRIP_S
+from iptm_core.metrics.saving import SHORTEST_TRIP_S, SHORTEST_WHOLE_S
 from iptm_core.parameters.strict_yaml import parse_yaml
 from iptm_core.program import EXIT_OK, LOWEST_PRIORITY, refused
 from iptm_core.trajectory import Trajectory
@@ -79,7 +79,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         else:
             _write_rows(kept)
             other = None
-        if own.is_lock_step and SHORTEST_TRIP_S <= own.route.duration_s < SHORTEST_ENDED_S:
+        if own.is_lock_step and SHORTEST_TRIP_S <= own.route.duration_s < SHORTEST_WHOLE_S:
             _write_repeated(own, other or drive_in_memory(trip))
     except IptmError as error:
         return refused(PROGRAM, error)

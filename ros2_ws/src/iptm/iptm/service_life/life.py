@@ -194,6 +194,7 @@ class Life:
         distance_km: driven in a year.
         energy_kwh: drawn from the pack in a year, driving.
         outside: quantities in which the use leaves the experiments behind the ageing law.
+        against: the same years with the trip of another run, None without one.
     """
 
     about: str
@@ -204,14 +205,21 @@ class Life:
     distance_km: float
     energy_kwh: float
     outside: tuple[str, ...]
+    against: Life | None = None
 
     @property
     def sentence(self) -> str:
         """The loss in one sentence."""
         low, high = self.lost_band
         beyond = f"; outside the experiments: {', '.join(self.outside)}" if self.outside else ""
+        beside = ""
+        if self.against is not None:
+            other = self.against.lost.sum()
+            saved = other - self.lost.sum()
+            compared = "less" if saved >= 0.0 else "more"
+            beside = f", {abs(saved):.2f} percentage points {compared} than by the other run ({other:.1f} %)"
         return (
-            f"{self.about}: {self.lost.sum():.1f} % of the capacity lost after {self.years:g} years "
+            f"{self.about}: {self.lost.sum():.1f} % of the capacity lost after {self.years:g} years{beside} "
             f"({low:.1f} to {high:.1f} % for the spread of published cells), "
             f"{self.distance_km:.0f} km a year{beyond}"
         )
@@ -225,6 +233,7 @@ def life(
     usage: str | Usage | YearMaker = "commuter",
     years: float = SERVICE_YEARS,
     start_c: Sequence[float] = START_C,
+    against: Run | None = None,
 ) -> Life:
     """Return what years of trips like a run make of the pack: driven, charged and parked.
 
@@ -240,6 +249,7 @@ def life(
             a year itself, such as a plan of the parked hours.
         years: of service.
         start_c: temperatures of the pack at the start of a trip, in degC, at least two, increasing.
+        against: run whose years are compared, with the same cell, climate and usage.
 
     Raises:
         IptmError: a name is unknown, the trip is not known, or the charge does not last for a day.
@@ -260,6 +270,8 @@ def life(
         year = habit.year(aging, air, driven, run.parameters)
     lost = losses_by_cause(aging.law, year, years)
     low, high = band(drawn_losses(aging, year, years))
+    same: dict[str, Any] = {"cell": cell, "climate": climate, "usage": usage}
+    other = None if against is None else life(against, **same, years=years, start_c=start_c)
     return Life(
         about=f"{run.name}; {aging.law.name}, {air.name} (trips in air of {driven_c:.0f} degC), {habit.name}",
         years=years,
@@ -269,6 +281,7 @@ def life(
         distance_km=year.distance_km,
         energy_kwh=year.driving_kwh,
         outside=flags(aging, year),
+        against=other,
     )
 
 

@@ -211,8 +211,8 @@ def _corrected(
 
 SHORTEST_TRIP_S = 60.0
 """Trips below are too short to judge."""
-SHORTEST_ENDED_S = 1800.0
-"""Trips below are not judged by equal ends."""
+SHORTEST_ENDED_S, SHORTEST_WHOLE_S = 300.0, 1800.0
+"""Trips below the first are not judged by equal ends; those below the second are repeated where possible."""
 LARGEST_CORRECTION_POINTS = 5.0
 """Percentage points by which equal ends may change a saving; where by more, the trip is repeated."""
 SAME_TRIP = 0.1
@@ -370,16 +370,17 @@ def judge_saving(
         )
     driven = (_per_distance(own), _per_distance(other)), (own.degradation, other.degradation)
     equal, raw = ([saved_percent(*each) for each in both] for both in (corrected, driven))
-    is_short = duration_s < SHORTEST_ENDED_S
-    needed = [
-        is_short or abs(first - second) > LARGEST_CORRECTION_POINTS
+    is_short = duration_s < SHORTEST_WHOLE_S
+    unclear = [
+        duration_s < SHORTEST_ENDED_S or abs(first - second) > LARGEST_CORRECTION_POINTS
         for first, second in zip(equal, raw, strict=True)
     ]
+    needed = [is_short or each for each in unclear]
     found = repeat() if judgement is Judgement.JUDGED and any(needed) else None
     again = [None, None] if found is None else _of_repetitions(found)
     energy, aging = (
         judged_share(
-            judgement, equal[each], raw[each], again[each] if needed[each] else None, needed[each]
+            judgement, equal[each], raw[each], again[each] if needed[each] else None, unclear[each]
         )
         for each in range(2)
     )
