@@ -93,7 +93,7 @@ def drawn(seed: int, count: int = DRAWN) -> list[iptm.Trip]:
             seed=int(rng.integers(2**31)),
             **(lossy if rng.random() < 0.5 else {}),
         )
-        trips.append(trip.changed(name=f"{number + 1}: {cycle}"))
+        trips.append(trip.changed(name=f"{cycle}_{number + 1}"))
     return trips
 
 
@@ -104,9 +104,8 @@ def run(session: Session) -> bool:
         raise ScenarioError("--page with --seed; allowed: one of them")
     tasks = [iptm.load_trip(path) for path in TASKS] if seed is None else drawn(seed)
     if session.short:
-        tasks = [
-            trip.changed(duration_s=SHORT_S) for trip in tasks if trip.name in SHORT_TASKS
-        ] or tasks[:1]
+        chosen = [trip for trip in tasks if trip.name in SHORT_TASKS] or tasks[:1]
+        tasks = [trip.changed(duration_s=SHORT_S) for trip in chosen]
     entrants = [*REFERENCE, *ENTRANTS]
     pairs = [(trip, entrant.name) for trip in tasks for entrant in entrants]
     calls = [{"trip": trip, "entrant": name} for trip, name in pairs]

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from studies.__main__ import main
 from studies.acc.run import LONG_S, LONG_SCENES
 from studies.acc.scenes import long_scenes
 from studies.benchmark import run as benchmark
@@ -159,3 +160,12 @@ def test_trips_are_drawn_by_their_seed() -> None:
     assert [trip.settings for trip in first] == [trip.settings for trip in again]
     assert [trip.settings for trip in first] != [trip.settings for trip in other]
     assert all(trip.checked() for trip in first)
+
+
+def test_held_out_trips_make_a_page(tmp_path: Path) -> None:
+    given = ["--seed", "3", "--short", "--no-cache", "--quiet", "--workers", "1"]
+    assert main(["benchmark", *given, "--output", str(tmp_path)]) == 0
+    page = (tmp_path / "README.md").read_text("utf-8")
+    assert "--seed 3" in page
+    assert page.count("`rule_preview`") > 2
+    assert main(["benchmark", "--seed", "3", "--page"]) == 2
