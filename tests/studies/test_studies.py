@@ -41,6 +41,7 @@ MORE = {
     "validation/drivers.py": {"iptm_drives"},
     "gateway": {"iptm_vehicle_interface"},
     "vehicle": {"iptm_vehicle_interface"},
+    "plan": {"iptm_judges", "iptm_plan"},
     # They load real nodes and listen to them.
     "v2x/load.py": {
         "iptm_its",
@@ -67,7 +68,7 @@ def test_the_short_form_has_the_numbers_of_the_record(
         pytest.importorskip("traci")
     if name in {"gateway", "vehicle"}:
         pytest.importorskip("cantools")
-    if name == "judges":
+    if name in {"judges", "plan"}:
         pytest.importorskip("blast")
     if name == "gateway":
         pytest.importorskip("opendbc")
