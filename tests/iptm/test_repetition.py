@@ -74,7 +74,7 @@ def test_a_short_trip_saves_what_its_repetitions_save(settings: dict[str, Any]) 
 
 
 def test_a_trip_below_a_minute_is_too_short_and_one_that_cannot_be_repeated_has_a_band() -> None:
-    quick = {"cycle": "us06", "compile_code": False, "horizon": "3x1"}
+    quick = {"cycle": "us06", "horizon": "3x1"}
     tiny = iptm.simulate(**quick, duration_s=40.0, strategy="production")
     assert tiny.saving(tiny).energy.judgement is Judgement.TOO_SHORT
     run, other = (

@@ -32,6 +32,7 @@ def shares(own: iptm.Run, other: iptm.Run) -> Iterator[str]:
     for found in (saving.energy, saving.aging):
         yield f"{found.as_driven_percent:.1f}"
         yield f"{found.equal_ends_percent:.1f}"
+        yield f"{found.stated_percent:.1f}"
     yield f"{abs(saving.cells.median):.1f}"
 
 

@@ -48,9 +48,10 @@ MOST_SETTLING, MOST_CYCLING = 12, 40
 """Repetitions at most, of an optimal control and of a thermostat."""
 SETTLED = 1e-3
 """Relative error of energy and ageing below which no other repetition is driven."""
-NEAR_K, FAR_K = 0.2, 1.0
-"""Distances from the settled temperature: below the first the pack settles by itself, above the second the
-difference of its cells has to follow."""
+CONFIRMED = 2
+"""Repetitions in a row that have to change nothing."""
+FAR_K = 1.0
+"""Distance from the settled temperature up to which the pack is left to settle by itself."""
 MOST_KEPT = 0.9
 """Share of a drift, at most, that the next repetition is taken to have."""
 SKIPPED = 3.0
@@ -155,27 +156,27 @@ def _repeat(run: Run) -> Repeated | None:
 def _settled(tile: _Tile, end: _End) -> Repeated:
     """Let the pack settle, and return the figures of a repetition that begins as warm as it ends.
 
-    Where its temperature is far from settling, it is set nearer to where it would; after a large step, one
-    repetition does not count: the difference of the cells has to follow.
+    Where its temperature is far from settling, it is set nearer to where it would. One repetition after that
+    does not count: the difference of the cells has to follow.
     """
     done, end = tile.drive(end)
     tiles, driven = [done], 1
     settles = -math.expm1(-tile.duration_s / SETTLING_TIME_S)
     step_k = _bounded(done.drift_k * (1.0 - settles) / settles)
     found: Repeated | None = None
+    same = 0
     most = min(max(math.floor(LONGEST_S / tile.duration_s), 4), MOST_SETTLING)
     while True:
         left = most - driven
-        if abs(step_k) > NEAR_K and left > 1:
-            end = end.at(end.mean_k + step_k)
         if abs(step_k) > FAR_K and left > 1:
-            _, end = tile.drive(end)
+            _, end = tile.drive(end.at(end.mean_k + step_k))
             driven += 1
         done, end = tile.drive(end)
         tiles.append(done)
         driven += 1
         before, found = found, without_drift(tiles, driven)
-        if driven >= most or _is_same(before, found):
+        same = same + 1 if _is_same(before, found) else 0
+        if driven >= most or same == CONFIRMED:
             return found
         kept = 0.0
         if len(tiles) > 2 and tiles[-2].drift_k:
