@@ -20,7 +20,7 @@ def drive_of(
     processes: tuple[str, ...], plant_code: int, snapshot: Snapshot | None = None
 ) -> Drive:
     """Return a drive whose plant has ended and whose monitor has heard no message."""
-    meeting = SimpleNamespace(absent=(), missing=())
+    meeting = SimpleNamespace(absent=(), missing=(), is_complete=True)
     nothing: Any = SimpleNamespace(
         began_s=None if snapshot is None else 0.0,
         last_clock_s=None,

@@ -149,9 +149,8 @@ class Drive(AbstractContextManager["Drive"]):
 
         def begun() -> bool:
             monitors = self.monitors
-            if not (
-                self._is_held or any(each.awaited_nodes or each.deaf_nodes for each in monitors)
-            ):
+            # All at once: in real time, a vehicle that begins early waits for the one behind it.
+            if not self._is_held and all(map(_may_begin, monitors)):
                 for monitor in monitors:
                     monitor.start_signal.give(PLANT)
             return all(each.began_s is not None for each in monitors) or self._has_ended()
@@ -391,6 +390,11 @@ class Drive(AbstractContextManager["Drive"]):
         began = [each.began_s for each in self.monitors if each.began_s is not None]
         last = [each.last_clock_s for each in self.monitors if each.last_clock_s is not None]
         return max(last) - min(began) if began and last else 0.0
+
+
+def _may_begin(monitor: RunMonitor) -> bool:
+    is_met = monitor.start_signal.meeting.is_complete
+    return is_met and not (monitor.awaited_nodes or monitor.deaf_nodes)
 
 
 def _has_last_answers(monitor: RunMonitor) -> bool:
