@@ -227,12 +227,15 @@ class SalvageReader:
         """Note what is wrong with the summary of a file with a footer, or with texts outside chunks."""
         try:
             summary_start(data)
+        except DAMAGE as error:
+            self.notes.append(f"{self.path.name}: {error}")
+            self.statistics = None
+            return
+        try:
             if not self.damages:
                 check_data_section(data)
         except DAMAGE as error:
             self.notes.append(f"{self.path.name}: {error}")
-            if "summary" in str(error):
-                self.statistics = None
 
 
 def _read_record(data: mmap.mmap, position: int) -> tuple[McapRecord | None, int]:
