@@ -242,10 +242,12 @@ def test_the_published_friction_of_the_road_counts_instead_of_the_setting() -> N
         commands = []
         for tick, friction in enumerate((0.0, 0.35, math.nan, 1.5, 0.0)):
             bench.hear({Topic.ROAD_FRICTION: Float64(data=friction)})
-            bench.hear(tick_messages(float(tick)))
+            # Braking already, so that no bound of the jerk hides what the friction changes.
+            bench.hear(tick_messages(float(tick), acceleration_m_s2=-0.35))
             commands.append(await_answer(bench, tick))
             bench.spin_until(lambda: "road_friction" in bench.values)
             expected = 0.35 if tick in {1, 2, 3} else 0.0
             assert bench.node._friction.coefficient == expected  # type: ignore[attr-defined]
-        assert commands[1].acceleration_m_s2 < commands[0].acceleration_m_s2
+        assert commands[1].acceleration_m_s2 < commands[0].acceleration_m_s2 - 0.005
+        assert commands[4].acceleration_m_s2 > commands[3].acceleration_m_s2 + 0.005
         bench.spin_until(lambda: bench.values["refused_messages"] == "2")
