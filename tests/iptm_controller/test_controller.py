@@ -230,7 +230,12 @@ def test_it_goes_on_from_a_saved_memory(controller: Controller) -> None:
         return replace(
             measured,
             state=replace(state, speed_m_s=state.speed_m_s + float(random.normal(0.0, 0.3))),
-            leader=replace(leader, position_m=leader.position_m + moved_m, speed_m_s=11.0),
+            leader=replace(
+                leader,
+                # Slower than its preview states, by position and speed.
+                position_m=leader.position_m + 90.0 - 3.0 * tick + moved_m,
+                speed_m_s=12.0,
+            ),
         )
 
     for tick in range(30):
