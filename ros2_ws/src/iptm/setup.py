@@ -12,7 +12,7 @@ def files(folder: str, pattern: str) -> list[str]:
 
 setup(
     name=PACKAGE,
-    version="0.2.0",
+    version="0.3.0",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
     package_data={PACKAGE: ["py.typed", "**/*.yaml", "**/*.json", "**/*.j2"]},
     data_files=[

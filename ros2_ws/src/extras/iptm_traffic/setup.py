@@ -4,7 +4,7 @@ PACKAGE = "iptm_traffic"
 
 setup(
     name=PACKAGE,
-    version="0.2.0",
+    version="0.3.0",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
     package_data={PACKAGE: ["py.typed", "corridor/*.xml"]},
     data_files=[

@@ -4,7 +4,7 @@ PACKAGE = "iptm_view"
 
 setup(
     name=PACKAGE,
-    version="0.2.0",
+    version="0.3.0",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
     package_data={
         PACKAGE: ["py.typed", "page/*", "layouts/*.json", "layouts/*.xml", "layouts/*.rviz"]

@@ -79,7 +79,7 @@ _HOMES = {
     "LeaderState": "iptm_core.state",
 }
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 
 __all__ = list(_HOMES)
 
