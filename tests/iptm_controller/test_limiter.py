@@ -30,6 +30,21 @@ def limiter() -> CommandLimiter:
     return CommandLimiter(PARAMETERS.limits, 1.0)
 
 
+@pytest.mark.parametrize(
+    ("actuated_m_s2", "comfort_m_s2"),
+    [
+        (-8.0, PARAMETERS.limits.min_acceleration_m_s2),
+        (-1.0, -1.0),
+        (9.0, PARAMETERS.limits.max_acceleration_m_s2),
+    ],
+)
+def test_what_service_brakes_actuate_is_brought_within_comfort(
+    limiter: CommandLimiter, actuated_m_s2: float, comfort_m_s2: float
+) -> None:
+    state = make_state(acceleration_m_s2=actuated_m_s2)
+    assert limiter.within_comfort(state).acceleration_m_s2 == comfort_m_s2
+
+
 @given(
     acceleration=ACCELERATIONS,
     power=POWERS,
