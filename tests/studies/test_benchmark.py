@@ -101,7 +101,7 @@ def test_scores_compare_at_equal_road_space() -> None:
     assert score(found(40.0, 4.5), reference) == (pytest.approx(0.0), "")
     assert score(found(60.0, 3.6), reference) == (pytest.approx(10.0), "")
     assert score(found(10.0, 5.0), reference) == (pytest.approx(0.0), "")
-    # A reference that is too close itself is no measure.
+    # A reference that is too close itself cannot be compared with.
     assert score(found(10.0, 5.0), [*reference, found(10.0, 9.0, interventions=9)])[0] == 0.0
     for other, reason in (
         ({"gap_m": 60.1}, "more road"),

@@ -112,7 +112,7 @@ def trip_from(
 
 
 def still_known(section: Any) -> Any:
-    """Return the settings of a section without those of `GIVEN_UP` at their defaults."""
+    """Return the settings of a section, except the ones of `GIVEN_UP` at their defaults."""
     if not isinstance(section, Mapping):
         return section
     return {

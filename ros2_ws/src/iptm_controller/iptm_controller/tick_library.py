@@ -53,7 +53,7 @@ def tick_library() -> ctypes.PyDLL:
     """Return the library.
 
     Raises:
-        SolverSetupError: there is no C compiler, or the code cannot be compiled or loaded.
+        SolverSetupError: no C compiler is installed, or the code cannot be compiled or loaded.
     """
     return _library(cache_directory())
 

@@ -23,7 +23,7 @@ def plant_of(file: str) -> type[Plant]:
     """Return the kind of plant that drives an FMU, which is a vehicle or, by its mapping, a thermal part.
 
     Raises:
-        ScenarioError: there is no such file, or its mapping cannot be used.
+        ScenarioError: the file does not exist, or its mapping cannot be used.
     """
     path = Path(file)
     if not path.is_file():
@@ -44,7 +44,7 @@ class ForeignPlant(Plant):
     FILE: ClassVar[Path]
 
     def __init__(self, *arguments: Any, **settings: Any) -> None:
-        """Load the FMU; the arguments are those of the base class."""
+        """Load the FMU; arguments as in the base class."""
         super().__init__(*arguments, **settings)
         self._unit = TripUnit(self.FILE)
         missing = sorted({*OUTPUTS} - {*self._unit.map.outputs})

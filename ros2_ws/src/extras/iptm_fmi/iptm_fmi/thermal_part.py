@@ -19,7 +19,7 @@ _TEMPERATURES = ("cell_1_temperature_k", "cell_n_temperature_k")
 
 
 class ThermalPart(Plant):
-    """The vehicle of the suite, its cell temperatures those of an FMU.
+    """The vehicle of the suite, with the cell temperatures of an FMU.
 
     In an interval motion, currents, heat and ageing are those of the suite, from the temperatures at its
     start; the FMU takes the mean heat of the cells and the command of the compressor, and its temperatures
@@ -30,7 +30,7 @@ class ThermalPart(Plant):
     FILE: ClassVar[Path]
 
     def __init__(self, *arguments: Any, **settings: Any) -> None:
-        """Load the FMU; the arguments are those of the base class.
+        """Load the FMU; arguments as in the base class.
 
         Raises:
             ScenarioError: all cells of a channel are integrated, or the FMU cannot be used.

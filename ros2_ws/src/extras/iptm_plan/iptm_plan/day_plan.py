@@ -313,7 +313,7 @@ class DayPlan:
         return least
 
     def _settled(self) -> FloatArray:
-        """Return the cost to go after the last step: that of hours which repeat."""
+        """Return the cost to go after the last step, when the hours repeat."""
         schedule = self.schedule
         value: FloatArray = (
             -float(np.mean(schedule.eur_kwh)) * self.pack.energy_j / J_PER_KWH * self._s

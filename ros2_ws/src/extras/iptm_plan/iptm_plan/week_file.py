@@ -142,7 +142,7 @@ def changed_departure(week: Week, number: int, at: datetime) -> Week:
         at: with a time zone.
 
     Raises:
-        ScenarioError: there is no such departure, or the times do not fit together.
+        ScenarioError: the departure does not exist, or the times do not fit together.
     """
     departures = list(week.schedule.departures)
     if not 1 <= number <= len(departures):
@@ -153,7 +153,7 @@ def changed_departure(week: Week, number: int, at: datetime) -> Week:
 
 
 def week_from(week: Week, now: datetime) -> Week:
-    """Return what is left of a week: from the step of an instant on, after a trip that is under way.
+    """Return the rest of a week: from the step of an instant on, after a trip that is under way.
 
     Outside of its hours it is the week itself.
     """

@@ -49,7 +49,7 @@ class SavedShare:
 
     @property
     def percent(self) -> float:
-        """The number to quote, NaN where there is none."""
+        """The number to quote, NaN where none can be made."""
         return self.stated_percent if self.judgement is Judgement.JUDGED else math.nan
 
     @property

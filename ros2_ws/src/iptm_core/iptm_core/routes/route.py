@@ -171,7 +171,7 @@ def build_route(
 
 
 def _notes_on(trace: DrivingCycle, smooth_s: float, duration_s: float | None) -> list[str]:
-    """Return what is odd about the speeds of a drive, and about its length."""
+    """Return remarks on the speeds of a drive and on its length."""
     notes = []
     noise_m_s = speed_noise_m_s(trace)
     if noise_m_s > NOTED_NOISE_M_S and not smooth_s:

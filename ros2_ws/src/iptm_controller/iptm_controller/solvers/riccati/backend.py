@@ -113,7 +113,7 @@ class RiccatiBackend:
         """Compile the problem, or find it in the cache.
 
         Raises:
-            SolverSetupError: there is no C compiler, or the code cannot be compiled or loaded.
+            SolverSetupError: no C compiler is installed, or the code cannot be compiled or loaded.
         """
         self.options = options
         # The number of steps is not part of the code.
