@@ -40,10 +40,15 @@ STOP_TIMEOUT_S = 20.0
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark everything in folders of this name, so that `-m "not integration"` leaves it out."""
+    """Mark everything in folders of this name, so that `-m "not integration"` leaves it out.
+
+    Real processes share a machine with whatever else runs there: what fails is run once more, and the summary
+    lists it as RERUN.
+    """
     for item in items:
         if item.path.parent.name == "integration":
             item.add_marker(pytest.mark.integration)
+            item.add_marker(pytest.mark.flaky(reruns=1))
 
 
 def wait_until(

@@ -20,14 +20,10 @@ MODULES = {
 PARAMETERS: dict[str, dict[str, object]] = {
     "controller": {"horizon": "2x1+2x5"},
     "v2x_bridge": {},
-    "plant": {"duration_s": 1e6, "command_timeout_wall_s": 120.0},
+    "plant": {"duration_s": 1e6, "command_timeout_wall_s": 120.0, "start_paused": True},
 }
 
 
-# Failed once on a busy machine: the plant that was started again matched its peers within 6 ms and published,
-# and the trip did not go on for 120 s, in spite of the repeated states. The cause is not known for certain: a
-# process killed while it writes into memory that it shares with its peers may leave that blocked.
-@pytest.mark.flaky(reruns=1)
 @pytest.mark.parametrize("killed", list(MODULES))
 def test_a_killed_node_that_is_started_again_is_part_of_the_trip(
     launcher: Any, peer: Any, killed: str
@@ -41,19 +37,24 @@ def test_a_killed_node_that_is_started_again_is_part_of_the_trip(
         name: launcher.start_node(module, parameters=PARAMETERS[name])
         for name, module in MODULES.items()
     }
-    peer.wait_until(lambda: commands and commands[-1] >= 20 * S, 120.0, "the trip under way")
+    peer.begin("plant", "v2x_bridge", "controller")
+    peer.wait_until(
+        lambda: clocks and commands and commands[-1] >= 20 * S, 120.0, "the trip under way"
+    )
     processes[killed].popen.send_signal(signal.SIGKILL)
     processes[killed].popen.wait()
     reached_ns = commands[-1]
     again = launcher.start_node(MODULES[killed], parameters=PARAMETERS[killed])
     if killed == "plant":
-        peer.wait_until(lambda: clocks[-1] < reached_ns, 120.0, "the new trip")
+        clocks.clear()
+        peer.begin("plant", "v2x_bridge", "controller")
+        peer.wait_until(lambda: 0 in clocks, 120.0, "the new trip")
         reached_ns = 0
         clocks.clear()
         commands.clear()
     wanted_ns = reached_ns + 20 * S
     peer.wait_until(
-        lambda: commands and commands[-1] >= wanted_ns and clocks[-1] >= wanted_ns,
+        lambda: commands and clocks and min(commands[-1], clocks[-1]) >= wanted_ns,
         120.0,
         f"the trip going on with the new {killed}",
     )

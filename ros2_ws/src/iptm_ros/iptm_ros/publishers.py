@@ -29,6 +29,8 @@ LATCHED_QOS = _keep_last(1, DurabilityPolicy.TRANSIENT_LOCAL)
 """Static data: reliable, keep last 1, transient-local (a late subscriber still gets it)."""
 RAW_QOS = _keep_last(5000)
 """What comes in bursts and must not be lost: reliable, keep last 5000, volatile."""
+KEPT_RAW_QOS = _keep_last(5000, DurabilityPolicy.TRANSIENT_LOCAL)
+"""The same for late subscribers, such as a recorder that the publisher discovers after its first burst."""
 SENSOR_QOS = _keep_last(100, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Requested of sensors of any origin: best effort, which reliable publishers meet as well, keep last 100."""
 

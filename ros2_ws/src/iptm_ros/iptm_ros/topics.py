@@ -140,7 +140,9 @@ class TopicSpec:
         """Profile offered by the publisher; who must not miss the beginning of a stream requests it, too."""
         from iptm_ros import publishers  # noqa: PLC0415  readers of bags do without ROS
 
-        return publishers.KEPT_STREAM_QOS if self.kept else self.qos
+        if not self.kept:
+            return self.qos
+        return publishers.KEPT_RAW_QOS if self.on_request else publishers.KEPT_STREAM_QOS
 
     @property
     def type_name(self) -> str:
@@ -269,7 +271,7 @@ _SPECS = (
         Topic.DATAGRAMS, UInt8MultiArray, BRIDGE, "-", "-",
         "data = a datagram as it came from the radio; layout.dim[0].label = when it was received, ns of "
         "TimestampIts; behind the datagrams of a tick the mark of its end",
-        rate="with publish_datagrams", on_request=True,
+        kept=True, rate="with publish_datagrams", on_request=True,
     ),
     TopicSpec(
         Topic.COMMAND, JointState, CONTROLLER, EGO_FRAME, "see fields",
