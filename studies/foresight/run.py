@@ -1,7 +1,7 @@
 """What foresight is worth at the headway of production cars, and what is made without it.
 
 Behind the same leaders: with a perfect preview of some seconds, and with the range sensor alone, where the
-leader is extrapolated or expected to return to its usual speed. The optimum of a whole trip knows all.
+leader is extrapolated. The optimum of a whole trip knows all.
 """
 
 from __future__ import annotations
@@ -15,11 +15,8 @@ from studies.session import Session
 JERK_M_S3 = 2.0
 """Of both: with the paper's 0.5 brakes take 4 s to build up 2 m/s²; ISO 15622 allows cruise controls 2.5."""
 PREVIEWS_S = (60.0, 20.0, 10.0, 5.0, 2.0, 1.0)
-RETURNS_S = (30.0, 12.0)
-RETURN_DESIRED_S, RETURN_SHORTEST_S = 1.35, 1.25
-"""With the return the gap grows beyond the desired one, and s_min leaves room for it to shrink."""
 OPTIMUM = "optimum of the whole trip"
-EXTRAPOLATED, RETURNING = "no preview, extrapolated", "no preview, usual speed in {:g} s"
+EXTRAPOLATED = "no preview, extrapolated"
 
 
 def controls() -> Controls:
@@ -30,20 +27,6 @@ def controls() -> Controls:
         "value_beyond_trip": True,
         "overrides": {**quick, "gap.desired_time_headway_s": DESIRED_S},
     }
-    nearer = {
-        **quick,
-        "gap.desired_time_headway_s": RETURN_DESIRED_S,
-        "gap.time_headway_s": RETURN_SHORTEST_S,
-    }
-    returning = {
-        RETURNING.format(return_s): {
-            **equal,
-            **blind,
-            "overrides": {**nearer, "gap.leader_return_s": return_s},
-        }
-        for return_s in RETURNS_S
-    }
-    last, settings = list(returning.items())[-1]
     return {
         PRODUCTION: (PRODUCTION, {**blind, "overrides": quick}, {}),
         OPTIMUM: (DEFAULT, equal, {"whole": True}),
@@ -52,8 +35,6 @@ def controls() -> Controls:
             for seen_s in PREVIEWS_S
         },
         EXTRAPOLATED: (DEFAULT, {**equal, **blind}, {}),
-        **{name: (DEFAULT, each, {}) for name, each in returning.items()},
-        f"{last}, thermostat": (DEFAULT, settings, {"others": "cooling"}),
     }
 
 
@@ -77,7 +58,5 @@ def run(session: Session) -> bool:
         whole_s=WHOLE_S,
         jerk_m_s3=JERK_M_S3,
         desired_s=DESIRED_S,
-        return_desired_s=RETURN_DESIRED_S,
-        return_shortest_s=RETURN_SHORTEST_S,
     )
     return bool((table.smallest_gap_m > 0.0).all())

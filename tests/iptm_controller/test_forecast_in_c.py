@@ -57,16 +57,12 @@ def assert_equal(one: LeaderForecast, other: LeaderForecast) -> None:
     assert np.array_equal(one.age_s, other.age_s, equal_nan=True)
 
 
-@pytest.mark.parametrize(
-    ("tick_s", "return_s"), [(1.0, 0.0), (0.5, 0.0), (0.1, 0.0), (1.0, 12.0), (0.1, 12.0)]
-)
+@pytest.mark.parametrize("tick_s", [1.0, 0.5, 0.1])
 @pytest.mark.parametrize("seed", range(3))
-def test_forecasts_are_those_of_python(
-    library: ctypes.PyDLL, seed: int, tick_s: float, return_s: float
-) -> None:
+def test_forecasts_are_those_of_python(library: ctypes.PyDLL, seed: int, tick_s: float) -> None:
     """Whichever of the two has the memory."""
     rng = np.random.default_rng(seed)
-    given = 28.0, 2.0, tick_s, return_s, 0.5 if seed % 2 else 4.0, 4.0 + 8.0 * seed
+    given = 28.0, 2.0, tick_s, 0.5 if seed % 2 else 4.0, 4.0 + 8.0 * seed
     forms = [leader_forecaster(*given, each) for each in (None, library)]
     leader, seen = LeaderState(0.0, 50.0, float(rng.uniform(0.0, 25.0))), set()
     for tick in range(400):
@@ -82,7 +78,6 @@ def test_forecasts_are_those_of_python(
         assert forms[1].leader_at(later_s, leader) == forms[0].leader_at(later_s, leader)
         assert forms[1].noise == forms[0].noise
         assert repr(forms[1].memory[::2]) == repr(forms[0].memory[::2])
-        assert forms[1].memory[3] == forms[0].memory[3]
         if tick % 50 == 49:
             memories = [each.memory for each in forms]
             forms[0].memory, forms[1].memory = memories[1], memories[0]
@@ -97,7 +92,7 @@ def test_forecasts_are_those_of_python(
 def test_collisions_are_those_of_python(library: ctypes.PyDLL, seed: int) -> None:
     rng = np.random.default_rng(seed)
     limits = PARAMETERS.limits
-    forecaster = leader_forecaster(28.0, 2.0, 1.0, 0.0, 4.0, 4.0, None)
+    forecaster = leader_forecaster(28.0, 2.0, 1.0, 4.0, 4.0, None)
     guards = [CollisionGuard(limits, 1.0, 3, each) for each in (None, library)]
     leader, collisions = LeaderState(0.0, 50.0, float(rng.uniform(0.0, 25.0))), set()
     for tick in range(150):

@@ -186,3 +186,11 @@ def test_overrides_written_as_one_line() -> None:
 def test_a_malformed_line_of_overrides_is_refused(text: str) -> None:
     with pytest.raises(ParameterError, match="parameter overrides have the entry"):
         parse_overrides(text)
+
+
+def test_a_parameter_of_former_versions_may_stand_where_it_changed_nothing() -> None:
+    assert flat_to_parameters(DEFAULTS | {"gap.leader_return_s": 0.0}) == flat_to_parameters(
+        DEFAULTS
+    )
+    with pytest.raises(ParameterError, match="leader_return_s"):
+        flat_to_parameters(DEFAULTS | {"gap.leader_return_s": 12.0})

@@ -14,7 +14,6 @@ C_SOURCES = CSources(
             "iptm_controller.forecast",
             "iptm_controller.lead_check",
             "iptm_controller.preview_trust",
-            "iptm_controller.usual_speed",
             "iptm_core.state",
         ),
         "forecast_size": ("iptm_controller.lead_check", "iptm_controller.preview_trust"),

@@ -20,7 +20,6 @@ from iptm_controller.plan import SLACKS, Plan
 from iptm_controller.preview_trust import FusionMemory, TrustMemory
 from iptm_controller.solvers.interface import SolveResult
 from iptm_controller.temperature_value import NO_VALUE, TemperatureValue
-from iptm_controller.usual_speed import UsualSpeed
 from iptm_core.decision_record import DecisionRecord, Rung, SolveStatus
 from iptm_core.state import Command, LeaderState, VehicleState
 
@@ -112,7 +111,6 @@ class ControllerMemory:
         lead: lead vehicle by range sensor and by radio, see `iptm_controller.lead_check`.
         sender_clock: offset of the clock of who sends previews.
         leader_past: leader measured in the last seconds, oldest first.
-        usual_speed: of the leader.
         pace: of the road ahead, None where no rule has bound the vehicle.
         solves_since_second: of the check for better switching; None for one that has not solved anything.
     """
@@ -131,7 +129,6 @@ class ControllerMemory:
     lead: LeadMemory = field(default_factory=LeadMemory)
     sender_clock: ClockMemory = field(default_factory=ClockMemory)
     leader_past: tuple[LeaderState, ...] = ()
-    usual_speed: UsualSpeed = field(default_factory=UsualSpeed)
     fusion: FusionMemory = field(default_factory=FusionMemory)
     trust: TrustMemory = field(default_factory=TrustMemory)
     actuation: ActuationMemory = field(default_factory=ActuationMemory)
@@ -149,11 +146,11 @@ class ControllerMemory:
         parts: Mapping[str, Any],
     ) -> ControllerMemory:
         """Return the memory with its other parts, by their names."""
-        names = "leader_past", "fusion", "trust", "usual_speed"
+        names = "leader_past", "fusion", "trust"
         forecasts: dict[str, Any] = dict(zip(names, forecast(), strict=True))
         return cls(**parts, **forecasts, pack=pack())
 
     @property
     def forecast(self) -> ForecastMemory:
         """The part of the leader's forecast."""
-        return self.leader_past, self.fusion, self.trust, self.usual_speed
+        return self.leader_past, self.fusion, self.trust

@@ -29,7 +29,6 @@ from iptm_controller.preview_trust import (
     PreviewTrust,
     TrustMemory,
 )
-from iptm_controller.usual_speed import UsualSpeed, returning_motion
 from iptm_core.frozen import replace
 from iptm_core.state import (
     ROUNDING_S,
@@ -147,7 +146,7 @@ def _first(flags: NDArray[np.bool_]) -> int:
     return int(np.flatnonzero(flags)[0])
 
 
-ForecastMemory = tuple[tuple[LeaderState, ...], FusionMemory, TrustMemory, UsualSpeed]
+ForecastMemory = tuple[tuple[LeaderState, ...], FusionMemory, TrustMemory]
 """Leader measured in the last seconds, oldest first; average of the previews, and trust in them."""
 
 
@@ -159,7 +158,6 @@ class LeaderForecaster:
         horizon_s: float,
         max_age_s: float,
         tick_s: float = 1.0,
-        return_s: float = 0.0,
         decay_s: float = ACCELERATION_DECAY_S,
         braking_decay_s: float = ACCELERATION_DECAY_S,
     ) -> None:
@@ -167,14 +165,11 @@ class LeaderForecaster:
 
         Args:
             horizon_s: time that a full preview covers.
-            return_s: time constant with which the leader returns to its usual speed where nothing is
-                predicted; 0: it is extrapolated.
-            decay_s: time constant with which its measured acceleration decays then.
+            decay_s: time constant with which the leader's measured acceleration decays where nothing is
+                predicted.
             braking_decay_s: the same where it brakes.
         """
-        self._return_s = return_s
         self._decay_s, self._braking_decay_s = decay_s, braking_decay_s
-        self._usual = UsualSpeed()
         self._horizon_s = horizon_s
         self._max_age_s = max_age_s
         self._past: deque[LeaderState] = deque()
@@ -188,12 +183,12 @@ class LeaderForecaster:
 
     @memory.setter
     def memory(self, memory: ForecastMemory) -> None:
-        past, self.fusion.memory, self.trust.memory, self._usual = memory
+        past, self.fusion.memory, self.trust.memory = memory
         self._past = deque(past)
 
     def kept_memory(self) -> Callable[[], ForecastMemory]:
         """Return what builds the memory of now, whenever it is called."""
-        memory = tuple(self._past), self.fusion.memory, self.trust.memory, self._usual
+        memory = tuple(self._past), self.fusion.memory, self.trust.memory
         return lambda: memory
 
     @property
@@ -287,12 +282,8 @@ class LeaderForecaster:
 
     def _extrapolated(self, leader: LeaderState) -> LeaderPreview:
         acceleration_m_s2 = measured_acceleration_m_s2(self._past)
-        if not self._return_s:
-            is_braking = acceleration_m_s2 < 0.0
-            decay_s = self._braking_decay_s if is_braking else self._decay_s
-            return extrapolated_motion(leader, acceleration_m_s2, decay_s)
-        usual_m_s = self._usual.speed_m_s
-        return returning_motion(leader, acceleration_m_s2, usual_m_s, self._return_s)
+        decay_s = self._braking_decay_s if acceleration_m_s2 < 0.0 else self._decay_s
+        return extrapolated_motion(leader, acceleration_m_s2, decay_s)
 
     def _remember(self, leader: LeaderState) -> None:
         if self._past and leader.time_s < self._past[-1].time_s:
@@ -302,8 +293,6 @@ class LeaderForecaster:
         self._past.append(leader)
         while self._past[0].time_s < leader.time_s - HISTORY_S:
             self._past.popleft()
-        if self._return_s:
-            self._usual = self._usual.with_measured(leader)
 
     def _assess(self, leader: LeaderState, preview: LeaderPreview) -> tuple[PreviewQuality, str]:
         if preview.times_s.size == 0:

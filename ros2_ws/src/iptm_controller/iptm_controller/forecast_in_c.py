@@ -5,7 +5,6 @@ from __future__ import annotations
 import ctypes
 import math
 from collections.abc import Callable
-from dataclasses import astuple
 from functools import partial
 
 import numpy as np
@@ -33,19 +32,17 @@ from iptm_controller.tick_library import (
     INT,
     POINTER,
 )
-from iptm_controller.usual_speed import UsualSpeed
 from iptm_core.physics.ops import address, doubles
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState
 
 _COLUMNS = ("fused_times_s", "fused_speeds_m_s", "averaged_m_s", "weights")
-_USUAL = ("usual_m_s", "usual_measured_s", "usual_until_s")
 _WORK = 5
 _QUALITIES = tuple(PreviewQuality)
 
 
 class _Forecaster(ctypes.Structure):
     _fields_ = (
-        *((name, DOUBLE) for name in ("tick_s", "horizon_s", "max_age_s", "return_s")),
+        *((name, DOUBLE) for name in ("tick_s", "horizon_s", "max_age_s")),
         *((name, DOUBLE) for name in ("decay_s", "braking_decay_s")),
         ("leads", INT),
         ("lead_ticks", INT * LONGEST_LEAD_S),
@@ -59,7 +56,7 @@ class _Memory(ctypes.Structure):
         *((name, INT) for name in ("past", "errors", "has_predicted", "is_doubted")),
         *((name, INT) for name in ("is_unproved", "fused", "is_averaged")),
         *((name, DOUBLE) for name in ("newest_tick", "last_error_tick", "trusted_s")),
-        *((name, DOUBLE) for name in ("roughness_m2_s4", *_USUAL)),
+        ("roughness_m2_s4", DOUBLE),
         ("errors_m_s", DOUBLE * (SMOOTHED_TICKS * LONGEST_LEAD_S)),
         *((name, POINTER) for name in ("leaders", "predictions", *_COLUMNS, "work")),
     )
@@ -90,19 +87,17 @@ class LeaderForecasterInC(LeaderForecaster):
         horizon_s: float,
         max_age_s: float,
         tick_s: float,
-        return_s: float,
         decay_s: float,
         braking_decay_s: float,
     ) -> None:
         """Set up a forecaster that has not measured a leader."""
         self._numbers, self._c_memory = _Forecaster(), _Memory()
-        super().__init__(horizon_s, max_age_s, tick_s, return_s, decay_s, braking_decay_s)
+        super().__init__(horizon_s, max_age_s, tick_s, decay_s, braking_decay_s)
         leads = self.trust.lead_ticks
         self._numbers = _Forecaster(
             tick_s,
             horizon_s,
             max_age_s,
-            return_s,
             decay_s,
             braking_decay_s,
             len(leads),
@@ -138,13 +133,12 @@ class LeaderForecasterInC(LeaderForecaster):
 
     @memory.setter
     def memory(self, memory: ForecastMemory) -> None:
-        past, fusion, trust, usual = memory
+        past, fusion, trust = memory
         c, leads = self._c_memory, self._numbers.leads
         self._make_room(len(past), 0 if fusion.preview is None else fusion.preview.times_s.size)
         for row, each in zip(self._leaders, past, strict=False):
             row[:] = each.time_s, each.position_m, each.speed_m_s
         c.past = len(past)
-        c.usual_m_s, c.usual_measured_s, c.usual_until_s = astuple(usual)
         c.roughness_m2_s4, c.is_averaged = fusion.roughness_m2_s4, fusion.speeds_m_s is not None
         c.fused = 0
         if fusion.preview is not None:
@@ -194,8 +188,7 @@ class LeaderForecasterInC(LeaderForecaster):
             not c.is_unproved,
         )
         past = tuple(LeaderState(*row) for row in leaders.tolist())
-        usual = UsualSpeed(*(getattr(c, name) for name in _USUAL))
-        return past, FusionMemory(preview, c.roughness_m2_s4, *average), trust, usual
+        return past, FusionMemory(preview, c.roughness_m2_s4, *average), trust
 
     @property
     def noise(self) -> str:
@@ -243,11 +236,10 @@ def leader_forecaster(
     horizon_s: float,
     max_age_s: float,
     tick_s: float,
-    return_s: float,
     decay_s: float,
     braking_decay_s: float,
     library: ctypes.PyDLL | None,
 ) -> LeaderForecaster:
     """Return the form in C where there is a library."""
-    given = horizon_s, max_age_s, tick_s, return_s, decay_s, braking_decay_s
+    given = horizon_s, max_age_s, tick_s, decay_s, braking_decay_s
     return LeaderForecaster(*given) if library is None else LeaderForecasterInC(library, *given)

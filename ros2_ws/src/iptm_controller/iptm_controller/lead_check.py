@@ -332,16 +332,11 @@ def measured_acceleration_m_s2(measured: Sequence[LeaderState]) -> float:
     return slope_m_s2 if abs(slope_m_s2) <= LARGEST_ACCELERATION_M_S2 else 0.0
 
 
-def unpredicted_s(gap: GapParameters) -> tuple[float, float, float]:
-    """Return time constants of a leader without a prediction: of its return, and of its acceleration.
-
-    The first is `gap.leader_return_s`, the others those with which the measured acceleration decays, where it
-    speeds up and where it brakes.
-    """
-    decays_s = ACCELERATION_DECAY_S, ACCELERATION_DECAY_S
+def unpredicted_s(gap: GapParameters) -> tuple[float, float]:
+    """Return the decay times of a measured acceleration without a prediction: speeding up, and braking."""
     if gap.desired_time_headway_s:
-        decays_s = BRIEF_DECAY_S, BRIEF_BRAKING_DECAY_S
-    return gap.leader_return_s, *decays_s
+        return BRIEF_DECAY_S, BRIEF_BRAKING_DECAY_S
+    return ACCELERATION_DECAY_S, ACCELERATION_DECAY_S
 
 
 def extrapolated_motion(

@@ -10,19 +10,6 @@ static double most(double x, double y) { return y > x ? y : x; }
 
 /* The past. */
 
-static void remember_usual(iptm_forecast_memory *memory, const iptm_leader *leader) {
-  const double passed_s = leader->time_s - memory->usual_until_s;
-  if (passed_s < 0.0 || memory->usual_measured_s == 0.0) {
-    memory->usual_m_s = leader->speed_m_s;
-    memory->usual_measured_s = FIRST_S;
-  } else {
-    memory->usual_measured_s = least(memory->usual_measured_s + passed_s, MEMORY_S);
-    memory->usual_m_s += least(passed_s / memory->usual_measured_s, 1.0) *
-                         (leader->speed_m_s - memory->usual_m_s);
-  }
-  memory->usual_until_s = leader->time_s;
-}
-
 static void remember(const iptm_forecaster *forecaster, iptm_forecast_memory *memory,
                      const iptm_leader *leader) {
   iptm_leader *const leaders = memory->leaders;
@@ -34,7 +21,6 @@ static void remember(const iptm_forecaster *forecaster, iptm_forecast_memory *me
   memory->past -= gone;
   memmove(leaders, leaders + gone, sizeof(*leaders) * (size_t)memory->past);
   leaders[memory->past++] = *leader;
-  if (forecaster->return_s > 0.0) remember_usual(memory, leader);
 }
 
 static double measured_acceleration_m_s2(const iptm_forecast_memory *memory) {
@@ -63,33 +49,6 @@ static double measured_acceleration_m_s2(const iptm_forecast_memory *memory) {
   return fabs(moment) <= LARGEST_ACCELERATION_M_S2 ? moment : 0.0;
 }
 
-/* Write how a leader goes on that returns to its usual speed, see returning_motion; returns the nodes. */
-static int return_to_usual(const iptm_forecaster *forecaster, const iptm_forecast_memory *memory,
-                           const iptm_leader *leader, double *times_s, double *positions_m,
-                           double *speeds_m_s) {
-  const double acceleration_m_s2 = measured_acceleration_m_s2(memory);
-  const double decay_s = acceleration_m_s2 < 0.0 ? BRAKING_DECAY_S : DRIVING_DECAY_S;
-  const double change_m_s = decay_s * acceleration_m_s2;
-  const double kept_m_s = least(memory->usual_m_s, leader->speed_m_s);
-  double moved_m = 0.0, before_s = 0.0;
-  int i;
-  times_s[0] = leader->time_s;
-  positions_m[0] = leader->position_m;
-  speeds_m_s[0] = leader->speed_m_s;
-  for (i = 1; i < IPTM_EXTRAPOLATED_NODES; ++i) {
-    const double share = i / (double)(IPTM_EXTRAPOLATED_NODES - 1);
-    const double elapsed_s = FARTHEST_S * share * share;
-    const double driven_m_s =
-        most(leader->speed_m_s - change_m_s * expm1(-elapsed_s / decay_s), 0.0);
-    speeds_m_s[i] = kept_m_s + (driven_m_s - kept_m_s) * exp(-elapsed_s / forecaster->return_s);
-    moved_m += 0.5 * (elapsed_s - before_s) * (speeds_m_s[i - 1] + speeds_m_s[i]);
-    times_s[i] = leader->time_s + elapsed_s;
-    positions_m[i] = leader->position_m + moved_m;
-    before_s = elapsed_s;
-  }
-  return IPTM_EXTRAPOLATED_NODES;
-}
-
 /* Write how a leader goes on of which only the present is known, see extrapolated_motion; returns the nodes. */
 static int extrapolate(const iptm_forecaster *forecaster, const iptm_forecast_memory *memory,
                        const iptm_leader *leader, double *times_s, double *positions_m,
@@ -100,9 +59,6 @@ static int extrapolate(const iptm_forecaster *forecaster, const iptm_forecast_me
   const double change_m_s = decay_s * acceleration_m_s2;
   double until_s = EXTRAPOLATED_DECAYS * decay_s;
   int nodes = IPTM_EXTRAPOLATED_NODES, i;
-  if (forecaster->return_s > 0.0) {
-    return return_to_usual(forecaster, memory, leader, times_s, positions_m, speeds_m_s);
-  }
   if (leader->speed_m_s + change_m_s < 0.0) {
     const double stop_s = -decay_s * log1p(leader->speed_m_s / change_m_s);
     until_s = least(until_s, stop_s);

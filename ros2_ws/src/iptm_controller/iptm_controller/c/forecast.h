@@ -20,7 +20,6 @@ typedef enum {
 /* What does not change, and the room of a memory. */
 typedef struct {
   double tick_s, horizon_s, max_age_s;
-  double return_s;       /* to the usual speed where nothing is predicted; 0: extrapolated */
   double decay_s;        /* of the measured acceleration where the leader is extrapolated */
   double braking_decay_s; /* the same where it brakes */
   int leads;             /* lead times at which predictions are compared, in ticks, increasing */
@@ -37,7 +36,6 @@ typedef struct {
   int is_averaged;
   double newest_tick, last_error_tick, trusted_s;
   double roughness_m2_s4;
-  double usual_m_s, usual_measured_s, usual_until_s; /* UsualSpeed */
   double errors_m_s[IPTM_SMOOTHED_TICKS * IPTM_MOST_LEADS]; /* oldest first */
   iptm_leader *leaders;     /* past_room, oldest first */
   double *predictions;      /* rows of tick + 1, measured speed, predicted speeds; row: tick modulo their number */

@@ -217,6 +217,10 @@ def to_flat_dict(values: ModelParameters) -> dict[str, float]:
     return flat
 
 
+FORMER = {"gap.leader_return_s": 0.0}
+"""Parameters in bags of former versions, with the values at which they changed nothing."""
+
+
 def flat_to_parameters(
     mapping: Mapping[str, float], origin: str = "flat parameters"
 ) -> ModelParameters:
@@ -225,7 +229,10 @@ def flat_to_parameters(
     Those with a neutral value may be missing; unknown ones are refused.
     """
     specs = field_specs()
-    mapping = StrictMapping(mapping, origin, specs, kind="parameter", error=ParameterError).content
+    known = [*specs]
+    if isinstance(mapping, Mapping):
+        known += [key for key, value in FORMER.items() if mapping.get(key) == value]
+    mapping = StrictMapping(mapping, origin, known, kind="parameter", error=ParameterError).content
     mapping = {**neutral_values(), **mapping}
     missing = [key for key in specs if key not in mapping]
     if missing:

@@ -289,8 +289,7 @@ class BrakeParameters:
 class GapParameters:
     """Car-following limits: intelligent driver model below, traffic efficiency above.
 
-    A largest or desired time headway of 0 switches it off; see `desired_gap_m`. Without a preview a leader is
-    expected to return to its usual speed within tau_v; 0: its measured acceleration decays.
+    A largest or desired time headway of 0 switches it off; see `desired_gap_m`.
     """
 
     standstill_gap_m: float = quantity("s_st", "m", 0.0, 50.0)
@@ -299,7 +298,6 @@ class GapParameters:
     initial_gap_m: float = quantity("s_init", "m", 1.0, 500.0)
     max_time_headway_s: float = quantity("T_max", "s", 0.0, 100.0, neutral=0.0)
     desired_time_headway_s: float = quantity("T_d", "s", 0.0, 10.0, neutral=0.0)
-    leader_return_s: float = quantity("tau_v", "s", 0.0, 600.0, neutral=0.0)
 
 
 @dataclass(frozen=True)
