@@ -48,6 +48,7 @@ EXTRAS = (
     "iptm_fmi",
     "iptm_its",
     "iptm_judges",
+    "iptm_life",
     "iptm_plan",
     "iptm_traffic",
     VIEW,

@@ -11,7 +11,7 @@ import iptm
 
 def library_page(notice: str) -> str:
     """Return the page; functions first, then classes with their public members, then constants."""
-    entries = {name: getattr(iptm, name) for name in sorted(iptm.__all__)}
+    entries = {name: getattr(iptm, name) for name in dir(iptm)}
     functions = {name: entry for name, entry in entries.items() if inspect.isfunction(entry)}
     classes = {name: entry for name, entry in entries.items() if inspect.isclass(entry)}
     constants = sorted(entries.keys() - functions.keys() - classes.keys())

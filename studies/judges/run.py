@@ -20,6 +20,7 @@ from iptm.judging import CURRENT, SAVED, TEMPERATURE, judge_groups
 from iptm_core.aging_laws.judging import CELLS, Exposure, Judge
 from iptm_core.state import FloatArray
 from iptm_core.units import CELSIUS_ZERO_K
+from iptm_life.life import life
 
 CYCLES = ("wltc_class3b", "us06", "hwfet", "udds")
 BLAST = "BLAST-Lite"
@@ -95,7 +96,7 @@ def verdicts(run: iptm.Run, other: iptm.Run, by: tuple[str, ...]) -> Any:
 
 def life_points(run: iptm.Run, cell: str) -> float:
     """Return the capacity lost in years of use, in percentage points."""
-    return float(iptm.life(run, cell=cell, climate=CLIMATE, usage=USAGE).lost.sum())
+    return float(life(run, cell=cell, climate=CLIMATE, usage=USAGE).lost.sum())
 
 
 def parked(by: tuple[str, ...]) -> pd.DataFrame:

@@ -17,8 +17,6 @@ from studies.life.fast_charge import (
 )
 
 import iptm
-from iptm.service_life.trip_map import compressor_j
-from iptm.service_life.year import CITY
 from iptm_controller.controller import Controller
 from iptm_controller.measurements import Measurements
 from iptm_controller.options import ControllerOptions
@@ -32,6 +30,8 @@ from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes import build_route
 from iptm_core.state import Command
 from iptm_core.units import CELSIUS_ZERO_K, J_PER_KWH
+from iptm_life.trip_map import compressor_j
+from iptm_life.year import CITY
 
 AIR_C = (-10.0, 0.0, 5.0, 35.0)
 """Temperatures of the air on the way to the charger, and of the pack at the start."""

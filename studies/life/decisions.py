@@ -15,15 +15,15 @@ from studies.measured_cycles import trip_cycles
 from studies.session import Case
 
 from iptm.climate import CLIMATES
-from iptm.service_life.life import SERVICE_YEARS
-from iptm.service_life.trip_map import TripMap, compressor_j, mean_cell_k, nominal_energy_j
-from iptm.service_life.year import CITY
 from iptm_core.aging_laws.cells import AGING_CELLS, LAWS
 from iptm_core.aging_laws.law import Load
 from iptm_core.aging_laws.parking import AgingSettings, ParkedAging
 from iptm_core.parameters import load_parameters
 from iptm_core.trajectory import Trajectory
 from iptm_core.units import CELSIUS_ZERO_K, J_PER_KWH
+from iptm_life.life import SERVICE_YEARS
+from iptm_life.trip_map import TripMap, compressor_j, mean_cell_k, nominal_energy_j
+from iptm_life.year import CITY
 
 COMPREHENSIVE = "comprehensive"
 MEASURED = "measured trips"

@@ -16,9 +16,13 @@ from studies.life.trips import trip_case
 from studies.session import Case
 
 from iptm.climate import HOUR_S, Climate
-from iptm.service_life.life import SERVICE_YEARS
-from iptm.service_life.trip_map import START_C, TripMap, heat_capacity_j_k
-from iptm.service_life.year import (
+from iptm_core.aging_laws.cells import LAWS
+from iptm_core.aging_laws.parking import AgingSettings, ParkedAging
+from iptm_core.parameters import load_parameters
+from iptm_core.units import CELSIUS_ZERO_K
+from iptm_life.life import SERVICE_YEARS
+from iptm_life.trip_map import START_C, TripMap, heat_capacity_j_k
+from iptm_life.year import (
     CITY,
     FREE_COOLING_W_K,
     MOTORWAY,
@@ -27,10 +31,6 @@ from iptm.service_life.year import (
     Usage,
     Year,
 )
-from iptm_core.aging_laws.cells import LAWS
-from iptm_core.aging_laws.parking import AgingSettings, ParkedAging
-from iptm_core.parameters import load_parameters
-from iptm_core.units import CELSIUS_ZERO_K
 
 PAPER = "paper"
 """The law of the paper, among the names of the cells."""

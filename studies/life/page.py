@@ -13,12 +13,12 @@ from studies.life import table as life
 from studies.savings import BASELINE, ROAD_COLUMNS
 
 from iptm import climate
-from iptm.service_life import life as losses
-from iptm.service_life import year
 from iptm_controller.production import ProductionSettings
 from iptm_core.aging_laws.cells import AGING_CELLS, Experiments
 from iptm_core.markdown import table_of
 from iptm_core.units import CELSIUS_ZERO_K
+from iptm_life import life as losses
+from iptm_life import year
 
 FLEET = {"cell": "fleet of 22,700 cars", "Rome": 2.3, "Phoenix": 2.7, "hot": 0.4}
 """Capacity lost in percent a year in all and in hot regions, and the difference (Geotab 2026)."""

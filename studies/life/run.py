@@ -22,8 +22,8 @@ from studies.life.table import life_table
 from studies.life.trips import roads, trip_cases, trip_maps
 from studies.session import Session
 
-from iptm.service_life.trip_map import START_C
-from iptm.service_life.year import CITY, USAGES
+from iptm_life.trip_map import START_C
+from iptm_life.year import CITY, USAGES
 
 CHARGING_PAGE = "charging-stop.md"
 SHORT_START_C = (22.0, 36.0)

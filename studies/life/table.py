@@ -11,7 +11,10 @@ from studies.life.own_law import PAPER, priced_trips, trip_at, uses_of
 from studies.life.trips import DRIVEN_CONTROLS, THERMOSTAT
 
 from iptm.climate import CLIMATES
-from iptm.service_life.life import (
+from iptm_core.aging_laws.cells import AGING_CELLS
+from iptm_core.aging_laws.law import paper_law
+from iptm_core.parameters import load_parameters
+from iptm_life.life import (
     END_OF_LIFE,
     SERVICE_YEARS,
     band,
@@ -20,11 +23,8 @@ from iptm.service_life.life import (
     losses_by_cause,
     years_to_end,
 )
-from iptm.service_life.trip_map import TripMap
-from iptm.service_life.year import USAGES, Usage, Year, year_of
-from iptm_core.aging_laws.cells import AGING_CELLS
-from iptm_core.aging_laws.law import paper_law
-from iptm_core.parameters import load_parameters
+from iptm_life.trip_map import TripMap
+from iptm_life.year import USAGES, Usage, Year, year_of
 
 OWN_LAW = "own law"
 MANAGED = "own law, managed"

@@ -12,12 +12,12 @@ from studies.road_space import run as road_space
 from studies.savings import BASELINE, PREVIEWS, PRODUCTION, road_taken
 from studies.session import Case
 
-from iptm.service_life.trip_map import START_C, TripMap, nominal_energy_j, trip_map
-from iptm.service_life.year import CITY, MOTORWAY, NO_COOLING
 from iptm_core.aging_laws.parking import AgingSettings
 from iptm_core.parameters import load_parameters
 from iptm_core.trajectory import Trajectory
 from iptm_core.units import CELSIUS_ZERO_K
+from iptm_life.trip_map import START_C, TripMap, nominal_energy_j, trip_map
+from iptm_life.year import CITY, MOTORWAY, NO_COOLING
 
 THERMOSTAT, EQUAL_ROAD = "thermostat", "default, 2 s"
 

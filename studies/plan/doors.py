@@ -18,13 +18,13 @@ from studies.life.charging_stop import HEATER_W
 from studies.life.fast_charge import ChargingStopSettings, arrival_cost_eur
 
 import iptm
-from iptm.service_life.trip_map import compressor_j, mean_cell_k
 from iptm_controller.arrival import ArrivalCost
 from iptm_core.aging_laws.cells import NCA
 from iptm_core.aging_laws.parking import AgingSettings
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.units import CELSIUS_ZERO_K, J_PER_KWH
+from iptm_life.trip_map import compressor_j, mean_cell_k
 from iptm_plan.day_plan import DayPlan
 from iptm_plan.pack import AgingPrice, ParkedPack
 from iptm_plan.profile import arrival_table

@@ -23,13 +23,13 @@ from studies.session import Session
 
 import iptm
 from iptm.climate import CLIMATES, climate_of
-from iptm.service_life.life import SERVICE_YEARS, driven_map
-from iptm.service_life.trip_map import START_C, TripMap
-from iptm.service_life.year import USAGES
 from iptm_core.aging_laws.cells import AGING_CELLS
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.units import CELSIUS_ZERO_K
 from iptm_judges.blast_lite import MODELS, models
+from iptm_life.life import SERVICE_YEARS, driven_map
+from iptm_life.trip_map import START_C, TripMap
+from iptm_life.year import USAGES
 from iptm_plan.day_plan import Fineness
 from iptm_plan.rules import RULES
 from iptm_plan.years import PLAN, PlannedYears, Weeks

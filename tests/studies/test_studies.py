@@ -41,7 +41,9 @@ MORE = {
     "validation/drivers.py": {"iptm_drives"},
     "gateway": {"iptm_vehicle_interface"},
     "vehicle": {"iptm_vehicle_interface"},
-    "plan": {"iptm_judges", "iptm_plan"},
+    "judges": {"iptm_life"},
+    "life": {"iptm_life"},
+    "plan": {"iptm_judges", "iptm_life", "iptm_plan"},
     # They load real nodes and listen to them.
     "v2x/load.py": {
         "iptm_its",

@@ -10,9 +10,9 @@ from tests.extras.iptm_plan.scenes import CAR, trip
 
 import iptm
 from iptm.climate import climate_of
-from iptm.service_life.year import USAGES, Activity
 from iptm_core.aging_laws.cells import NCA, NMC622, AgingCell
 from iptm_core.errors import ScenarioError
+from iptm_life.year import USAGES, Activity, Usage
 from iptm_plan.day_plan import Fineness
 from iptm_plan.rules import RULES
 from iptm_plan.years import PLAN, PlannedYears
@@ -43,14 +43,14 @@ def test_trips_are_not_driven_again_for_other_parked_hours(monkeypatch: pytest.M
     def fail(*_: object) -> None:
         raise AssertionError
 
-    monkeypatch.setattr("iptm.service_life.life._driven_from", fail)
+    monkeypatch.setattr("iptm_life.life._driven_from", fail)
     late = iptm.life(run, start_c=(20.0, 36.0), usage=replace(COMMUTER, just_in_time=True))
     assert late.lost.sum() < driven.lost.sum()
 
 
 @pytest.mark.parametrize("cell", [NCA, NMC622], ids=lambda cell: str(cell.law.name))
 @pytest.mark.parametrize("usage", USAGES, ids=lambda usage: str(usage.name))
-def test_a_plan_costs_less_than_every_rule(cell: AgingCell, usage: iptm.Usage) -> None:
+def test_a_plan_costs_less_than_every_rule(cell: AgingCell, usage: Usage) -> None:
     """Energy and ageing of eight years, July in Phoenix; the pack of NMC622 likes 80 % better than 60 %."""
     driven, air = (
         trip(4.2 if usage is not LONG else 2.0, 30.0 if usage is not LONG else 12.75),

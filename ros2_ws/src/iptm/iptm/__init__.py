@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections import ChainMap
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
+
+from iptm_core.extras import offered
 
 if TYPE_CHECKING:
     from iptm.call_cache import Outcome as Outcome
@@ -20,9 +23,6 @@ if TYPE_CHECKING:
     from iptm.own_settings import cell_names as cell_names
     from iptm.run import Run as Run
     from iptm.run_file import load as load
-    from iptm.service_life.life import Life as Life
-    from iptm.service_life.life import life as life
-    from iptm.service_life.year import Usage as Usage
     from iptm.sweeping import Sweep as Sweep
     from iptm.sweeping import sweep as sweep
     from iptm.trip import Trip as Trip
@@ -54,10 +54,7 @@ _HOMES = {
     "Controller": "iptm.own_parts",
     "Predictor": "iptm.own_parts",
     "Run": "iptm.run",
-    "Life": "iptm.service_life.life",
-    "life": "iptm.service_life.life",
     "Climate": "iptm.climate",
-    "Usage": "iptm.service_life.year",
     "simulate": "iptm.driving",
     "Sweep": "iptm.sweeping",
     "sweep": "iptm.sweeping",
@@ -84,11 +81,18 @@ __version__ = "0.3.0"
 __all__ = list(_HOMES)
 
 
+def _homes() -> dict[str, str]:
+    """Return the modules of all names, with those of extras."""
+    added = (extra.NAMES for extra in offered("library"))
+    return dict(ChainMap(_HOMES, *added))
+
+
 def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
+    home = _HOMES.get(name) or _homes().get(name)
+    if home is None:
         raise AttributeError(f"module 'iptm' has no attribute {name!r}")
-    return getattr(import_module(_HOMES[name]), name)
+    return getattr(import_module(home), name)
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return sorted(_homes())

@@ -9,10 +9,10 @@ from typing import Protocol
 
 import numpy as np
 
-from iptm.service_life.year import FREE_COOLING_FAN_W, Activity
 from iptm_core.errors import ScenarioError
 from iptm_core.state import FloatArray
 from iptm_core.units import J_PER_KWH
+from iptm_life.year import FREE_COOLING_FAN_W, Activity
 from iptm_plan.pack import AgingPrice, Decision, ParkedPack
 from iptm_plan.schedule import Schedule
 
@@ -81,7 +81,7 @@ class Course:
         energy_eur: price of the energy from the plug.
         aging_eur: price of the ageing.
         rows: duration in s, `Activity`, temperature, C-rate and state of charge of what happened, as in
-            `iptm.service_life.year`, shape (m, 5).
+            `iptm_life.year`, shape (m, 5).
         events: departures and arrivals.
         drawn: share of the nominal energy that the trips took.
         plugged_thermal_j: part of the thermal energy that comes from the plug.

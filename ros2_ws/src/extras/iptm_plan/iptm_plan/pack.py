@@ -11,14 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from iptm.service_life.trip_map import TripMap, nominal_energy_j
-from iptm.service_life.year import (
-    COOLING_COP,
-    FREE_COOLING_FAN_W,
-    FREE_COOLING_W_K,
-    PARKED_TIME_CONSTANT_S,
-    UPPER_LIMIT_K,
-)
 from iptm_core.aging_laws.law import AgingLaw, Load, Mechanism
 from iptm_core.aging_laws.parking import AgingSettings, ParkedAging, capacity_price_eur
 from iptm_core.parameters.model import ModelParameters
@@ -27,6 +19,14 @@ from iptm_core.physics.pack_limits import current_limits_a
 from iptm_core.physics.power_thermal import CellPair
 from iptm_core.physics.powertrain import pack_current_a, pack_resistance_ohm, terminal_power_w
 from iptm_core.state import FloatArray
+from iptm_life.trip_map import TripMap, nominal_energy_j
+from iptm_life.year import (
+    COOLING_COP,
+    FREE_COOLING_FAN_W,
+    FREE_COOLING_W_K,
+    PARKED_TIME_CONSTANT_S,
+    UPPER_LIMIT_K,
+)
 
 CHARGER_EFFICIENCY = 0.92
 """Of a charger on board from the plug to the pack: chosen, 0.9 to 0.94 are usual."""

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from iptm.service_life.year import (
+from iptm_controller.production import SIMPLE
+from iptm_life.year import (
     COOLING_COP,
     FREE_COOLING_ABOVE_AIR_K,
     FREE_COOLING_FROM_K,
 )
-from iptm_controller.production import SIMPLE
 from iptm_plan.course import Situation
 from iptm_plan.pack import Decision, ParkedPack
 from iptm_plan.schedule import Schedule

@@ -11,12 +11,12 @@ from math import ceil
 
 import numpy as np
 
-from iptm.service_life.trip_map import SAMPLE_S, TripMap, nominal_energy_j
 from iptm_core.errors import ScenarioError
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import cell_resistance_ohm
 from iptm_core.physics.thermal_loop import mean_cell_heat_w
 from iptm_core.state import FloatArray
+from iptm_life.trip_map import SAMPLE_S, TripMap, nominal_energy_j
 
 STEP_S = 900.0
 _ROUNDING = 1e-9

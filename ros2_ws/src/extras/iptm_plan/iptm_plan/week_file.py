@@ -29,7 +29,6 @@ from zoneinfo import ZoneInfo
 import numpy as np
 
 from iptm.climate import Climate, climate_of
-from iptm.service_life.trip_map import nominal_energy_j
 from iptm_core.aging_laws.cells import LAWS
 from iptm_core.aging_laws.parking import AgingSettings
 from iptm_core.errors import ScenarioError
@@ -38,6 +37,7 @@ from iptm_core.parameters.strict_yaml import read_yaml
 from iptm_core.state import FloatArray
 from iptm_core.units import CELSIUS_ZERO_K, J_PER_KWH
 from iptm_core.user_input import StrictMapping, check_known
+from iptm_life.trip_map import nominal_energy_j
 from iptm_plan.pack import CHILLER_W, AgingPrice, ParkedPack
 from iptm_plan.schedule import STEP_S, Departure, Schedule, trip_of
 

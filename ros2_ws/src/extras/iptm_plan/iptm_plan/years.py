@@ -14,9 +14,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from iptm.climate import DAY_S, HOUR_S, MONTH_DAYS, Climate
-from iptm.service_life.life import SERVICE_YEARS, damage_by_cause
-from iptm.service_life.trip_map import TripMap, nominal_energy_j
-from iptm.service_life.year import FAST_C_RATE_1_H, Activity, Usage, Year
 from iptm_core.aging_laws.cells import AgingCell
 from iptm_core.aging_laws.law import AgingLaw, Load
 from iptm_core.aging_laws.parking import AgingSettings, capacity_price_eur
@@ -25,6 +22,9 @@ from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray
 from iptm_core.units import CELSIUS_ZERO_K, J_PER_KWH
 from iptm_core.user_input import check_known
+from iptm_life.life import SERVICE_YEARS, damage_by_cause
+from iptm_life.trip_map import TripMap, nominal_energy_j
+from iptm_life.year import FAST_C_RATE_1_H, Activity, Usage, Year
 from iptm_plan.course import Course, Policy, course_of
 from iptm_plan.day_plan import DayPlan, Fineness
 from iptm_plan.pack import CHARGER_EFFICIENCY, AgingPrice, ParkedPack

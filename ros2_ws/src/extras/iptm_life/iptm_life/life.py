@@ -15,8 +15,6 @@ import pandas as pd
 
 from iptm.climate import DAY_S, HOUR_S, Climate, climate_of
 from iptm.run import Run
-from iptm.service_life.trip_map import START_C, TripMap, nominal_energy_j, trip_map
-from iptm.service_life.year import USAGES, Activity, Usage, Year, year_of
 from iptm_core.aging_laws.cells import AGING_CELLS, AgingCell, outside_experiments
 from iptm_core.aging_laws.law import AgingLaw, Mechanism, MechanismLaw
 from iptm_core.declaration import TextEnum
@@ -27,6 +25,8 @@ from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
 from iptm_core.units import CELSIUS_ZERO_K, SECONDS_PER_DAY
 from iptm_core.user_input import check_known, shown
+from iptm_life.trip_map import START_C, TripMap, nominal_energy_j, trip_map
+from iptm_life.year import USAGES, Activity, Usage, Year, year_of
 
 SERVICE_YEARS = 8.0
 END_OF_LIFE = 0.2

@@ -7,16 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.iptm.test_year_of_use import trip
+from tests.extras.iptm_life.test_year_of_use import trip
 
 from iptm.climate import CLIMATES, MONTH_DAYS, Climate
-from iptm.service_life.life import SERVICE_YEARS, losses_by_cause
-from iptm.service_life.year import NO_COOLING, USAGES, Activity, Year, year_of
 from iptm_core.aging_laws.cells import LAWS
 from iptm_core.aging_laws.parking import AgingSettings, ParkedAging
 from iptm_core.parameters import load_parameters
 from iptm_core.state import FloatArray
 from iptm_core.units import CELSIUS_ZERO_K
+from iptm_life.life import SERVICE_YEARS, losses_by_cause
+from iptm_life.year import NO_COOLING, USAGES, Activity, Year, year_of
 
 COMMUTER = USAGES[0]
 PARAMETERS = load_parameters().values
@@ -82,9 +82,7 @@ def costates(law: str, climate: Climate) -> tuple[FloatArray, FloatArray]:
 )
 def test_the_price_of_a_kelvin_is_its_costate(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Over a year within 15 % of the sum of magnitudes in each climate, over months correlated by 0.99."""
-    monkeypatch.setattr(
-        "iptm.service_life.year.UPPER_LIMIT_K", math.inf
-    )  # a kelvin above it lasts no time
+    monkeypatch.setattr("iptm_life.year.UPPER_LIMIT_K", math.inf)  # a kelvin above it lasts no time
     found, expected = [], []
     for climate in CLIMATES:
         costs, arrival_k = costates(name, climate)

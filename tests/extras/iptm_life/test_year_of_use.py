@@ -10,7 +10,10 @@ import pytest
 from studies.drives import DEFAULT
 
 from iptm.climate import CLIMATES, Climate
-from iptm.service_life.life import (
+from iptm_core.aging_laws.cells import AGING_CELLS, NCA
+from iptm_core.aging_laws.law import Load
+from iptm_core.parameters import load_parameters
+from iptm_life.life import (
     Cause,
     band,
     drawn_losses,
@@ -18,8 +21,8 @@ from iptm.service_life.life import (
     losses_by_cause,
     years_to_end,
 )
-from iptm.service_life.trip_map import TripMap
-from iptm.service_life.year import (
+from iptm_life.trip_map import TripMap
+from iptm_life.year import (
     NO_COOLING,
     USAGES,
     Activity,
@@ -27,9 +30,6 @@ from iptm.service_life.year import (
     Year,
     year_of,
 )
-from iptm_core.aging_laws.cells import AGING_CELLS, NCA
-from iptm_core.aging_laws.law import Load
-from iptm_core.parameters import load_parameters
 
 PARAMETERS = load_parameters().values
 COMMUTER = USAGES[0]
@@ -149,9 +149,7 @@ def test_causes_add_up_and_bands_hold_the_loss() -> None:
 
 
 def test_without_spread_a_draw_is_the_law(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(
-        "iptm.service_life.life.SPREAD", dict.fromkeys(("rate", "energy", "exponent"), 0.0)
-    )
+    monkeypatch.setattr("iptm_life.life.SPREAD", dict.fromkeys(("rate", "energy", "exponent"), 0.0))
     year = commuting()
     for cell in AGING_CELLS.values():
         expected = sum(losses_by_cause(cell.law, year, 8.0).values())

@@ -13,13 +13,13 @@ from functools import partial
 import numpy as np
 
 from iptm.climate import DAY_S, HOUR_S, MONTH_DAYS, Climate
-from iptm.service_life.trip_map import TripMap, heat_capacity_j_k, nominal_energy_j
 from iptm_controller.production import SIMPLE
 from iptm_core.aging_laws.law import Load
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import cell_resistance_ohm
 from iptm_core.state import FloatArray
 from iptm_core.units import CELSIUS_ZERO_K, J_PER_KWH
+from iptm_life.trip_map import TripMap, heat_capacity_j_k, nominal_energy_j
 
 CITY, MOTORWAY = "wltc_class3b", "hwfet"
 

@@ -9,9 +9,10 @@ import pytest
 
 import iptm
 from iptm.climate import CLIMATES
-from iptm.service_life.life import losses_by_cause
-from iptm.service_life.trip_map import nominal_energy_j, trip_map
-from iptm.service_life.year import (
+from iptm_core.aging_laws.cells import AGING_CELLS
+from iptm_life.life import losses_by_cause
+from iptm_life.trip_map import nominal_energy_j, trip_map
+from iptm_life.year import (
     COOLING_COP,
     UPPER_LIMIT_K,
     USAGES,
@@ -19,7 +20,6 @@ from iptm.service_life.year import (
     heat_capacity_j_k,
     year_of,
 )
-from iptm_core.aging_laws.cells import AGING_CELLS
 
 TRIP = {"strategy": "production", "duration_s": 60.0}
 START_C = (25.0, 35.0)

@@ -1,0 +1,1 @@
+"""Capacity loss over years of use: `iptm.life`."""
