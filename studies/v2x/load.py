@@ -30,6 +30,7 @@ from iptm_core.errors import ScenarioError
 from iptm_core.routes.road_line import RoadLine
 from iptm_its.mapem import IntersectionMap, Lane, encode_mapem
 from iptm_ros.codecs import ns_from_time, time_from_s
+from iptm_ros.connections import Meeting
 from iptm_ros.diagnostics import find_status, status_values
 from iptm_ros.discovery import reserve_domain
 from iptm_ros.suite_node import SuiteNode
@@ -45,8 +46,8 @@ MAPS = 200
 """Different maps in a flood."""
 LANES, NODES = 21, 16
 """Of each map, which then has 1.3 kB."""
-START_TIMEOUT_S = 60.0
-READ_TIMEOUT_S = 30.0
+START_TIMEOUT_S = 120.0
+READ_TIMEOUT_S = 60.0
 """Time until the diagnostics report all datagrams as read; the others count as lost."""
 
 
@@ -55,6 +56,7 @@ class _Ego:
 
     def __init__(self, context: Context) -> None:
         self.node = SuiteNode("v2x_load", context=context)
+        self._meeting = Meeting(self.node, ("/v2x_load", "/v2x_bridge"))
         self._executor = SingleThreadedExecutor(context=context)
         self._executor.add_node(self.node)
         self._clock = self.node.advertise(Topic.CLOCK)
@@ -87,7 +89,8 @@ class _Ego:
         return reached()
 
     def has_bridge(self) -> bool:
-        return bool(self._state.get_subscription_count() and self.values)
+        """Return whether bridge and this node hear each other, and its first report is there."""
+        return bool(self._meeting.is_complete and self.values)
 
     def tick(self, second: int) -> None:
         message = JointState(

@@ -56,14 +56,9 @@ class Ego:
         stamp_ns, road = decode_road_ahead(message)
         self.roads[stamp_ns] = road
 
-    def wait_for(self, listeners_of_the_clock: int) -> None:
-        self.peer.wait_until(
-            lambda: (
-                self.clock.get_subscription_count() == listeners_of_the_clock
-                and self.state.get_subscription_count() == 1
-            ),
-            what="bridge and sender in the graph",
-        )
+    def meet(self, *others: str) -> None:
+        """Wait until the bridge and other nodes, and this one, hear each other."""
+        self.peer.meet("v2x_bridge", *others)
 
     def move(self, time_s: float, position_m: float = 0.0) -> None:
         message = JointState(name=["position_m", "speed_m_s"], position=[position_m, 0.0])
@@ -81,7 +76,7 @@ class Ego:
         return self.previews[stamp_ns]
 
     def settled_values(self) -> dict[str, str]:
-        """Return what the bridge's diagnostics say once they were told twice more."""
+        """Return the values of the bridge after two more reports."""
         count = len(self.statuses) + 2
         self.peer.wait_until(lambda: len(self.statuses) >= count, what="diagnostics of the bridge")
         return status_values(self.statuses[-1])

@@ -24,19 +24,21 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from std_srvs.srv import Trigger
 from tests.integration.controller_ticks import ROAD, SMALL, assert_hears
 from tests.integration.node_bench import NodeBench, node_bench
+from tests.waiting import PATIENCE_S, POLL_S, wait_until
 
 from iptm_controller.node import ControllerNode
 from iptm_core.program import StopRequest
 from iptm_ros.codecs import encode_slope
-from iptm_ros.connections import StartSignal
-from iptm_ros.diagnostics import find_status
+from iptm_ros.connections import Meeting, StartSignal
+from iptm_ros.diagnostics import find_status, status_values
 from iptm_ros.discovery import middleware_settings, reserve_domain
 from iptm_ros.process import joined_node
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import Topic
 
-POLL_S = 0.01
-STOP_TIMEOUT_S = 20.0
+STOP_TIMEOUT_S = 60.0
+LISTENED_S = 2.0
+"""Wall time for which a test that has failed listens to the diagnostics of all nodes."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -49,20 +51,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if item.path.parent.name == "integration":
             item.add_marker(pytest.mark.integration)
             item.add_marker(pytest.mark.flaky(reruns=1))
-
-
-def wait_until(
-    condition: Callable[[], object],
-    timeout_s: float = 30.0,
-    what: str = "condition",
-    pause: Callable[[float], object] = time.sleep,
-) -> None:
-    """Wait until a condition is true; fail the test, naming it, if that takes too long."""
-    deadline = time.monotonic() + timeout_s
-    while not condition():
-        if time.monotonic() > deadline:
-            pytest.fail(f"timed out after {timeout_s} s waiting for: {what}")
-        pause(POLL_S)
 
 
 @dataclass
@@ -149,7 +137,7 @@ class ProcessLauncher:
         running = [process for process in self.processes if process.is_running]
         for process in running:
             process.popen.send_signal(signal.SIGINT)
-        deadline = time.monotonic() + STOP_TIMEOUT_S / 2.0
+        deadline = time.monotonic() + STOP_TIMEOUT_S / 6.0
         while any(process.is_running for process in running) and time.monotonic() < deadline:
             time.sleep(POLL_S)
         for process in running:
@@ -256,27 +244,67 @@ class Peer:
     executor: object
 
     def wait_until(
-        self, condition: Callable[[], object], timeout_s: float = 30.0, what: str = "condition"
+        self,
+        condition: Callable[[], object],
+        timeout_s: float = PATIENCE_S,
+        what: str = "condition",
     ) -> None:
-        """Spin until a condition is true; fail the test, naming it, if that takes too long."""
-        wait_until(condition, timeout_s, what, self.executor.spin_once)  # type: ignore[attr-defined]
+        """Spin until a condition is true; fail the test, describing the graph, if that takes too long."""
+        wait_until(condition, timeout_s, what, self._spin, self._described)
 
-    def begin(self, *names: str, timeout_s: float = 120.0) -> None:
+    def _spin(self, longest_s: float) -> None:
+        self.executor.spin_once(timeout_sec=longest_s)  # type: ignore[attr-defined]
+
+    def _described(self) -> str:
+        """Return the nodes of the graph, their newest statuses, and the connections of own topics."""
+        newest: dict[str, str] = {}
+
+        def take(message: DiagnosticArray) -> None:
+            for status in message.status:
+                newest[status.name] = f"{status.message} {status_values(status)}"
+
+        self.node.listen(Topic.DIAGNOSTICS, take)
+        until_s = time.monotonic() + LISTENED_S
+        while time.monotonic() < until_s:
+            self._spin(POLL_S)
+        own = {
+            **{
+                f"{each.topic_name} ->": each.get_subscription_count()
+                for each in self.node.publishers
+            },
+            **{
+                f"{each.topic_name} <-": each.get_publisher_count()
+                for each in self.node.subscriptions
+            },
+        }
+        nodes = sorted(self.node.get_node_names_and_namespaces())
+        lines = [f"nodes: {nodes}", f"own topics: {own}", *(f"{k}: {v}" for k, v in newest.items())]
+        return "\n".join(lines)
+
+    def meet(self, *names: str) -> None:
+        """Wait until nodes, given by name, and this one hear each other: no message is lost from here on."""
+        own = self.node.get_fully_qualified_name()
+        meeting = Meeting(self.node, (own, *(f"/{name}" for name in names)))
+
+        def is_complete() -> bool:
+            self.node.connections.look()
+            return meeting.is_complete
+
+        self.wait_until(is_complete, what=f"{names} to hear each other")
+
+    def begin(self, *names: str, timeout_s: float = PATIENCE_S) -> None:
         """Have the plant begin as soon as nodes, given by name, and this one hear each other."""
         own = self.node.get_fully_qualified_name()
         signal = StartSignal(self.node, (own, *(f"/{name}" for name in names)), "/plant")
-        deadline = time.monotonic() + timeout_s
-        while not signal.give():
-            missing = (*signal.meeting.absent, *signal.meeting.missing)
-            assert time.monotonic() < deadline, f"the trip does not begin: {missing}"
-            self.executor.spin_once(timeout_sec=POLL_S)  # type: ignore[attr-defined]
+        self.wait_until(signal.give, timeout_s, "the trip to begin")
 
     def call(self, service: str) -> Trigger.Response:
         """Call a service, given by its full name, and return the answer."""
         client = self.node.create_client(Trigger, service)
-        self.wait_until(client.service_is_ready, 60.0, service)
+        self.wait_until(client.service_is_ready, what=service)
         future = client.call_async(Trigger.Request())
-        self.wait_until(future.done, 60.0, f"the answer of {service}")
+        self.wait_until(future.done, what=f"the answer of {service}")
+        self.node.destroy_client(client)
         return future.result()
 
     def statuses(self, name: str) -> list[DiagnosticStatus]:

@@ -5,7 +5,6 @@ No discovery, no waiting: what a node answers stands in the list when the callba
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -15,6 +14,7 @@ import rclpy
 from rclpy.experimental import EventsExecutor
 from rclpy.serialization import deserialize_message, serialize_message
 from std_srvs.srv import Trigger
+from tests.waiting import PATIENCE_S, wait_until
 
 from iptm_ros.codecs import stamp_of
 from iptm_ros.diagnostics import Level, status_values
@@ -100,12 +100,14 @@ class NodeBench:
         """Reasons of all reports so far."""
         return [array.status[0].message for array in self.received[Topic.DIAGNOSTICS]]
 
-    def spin_until(self, condition: Callable[[], object], timeout_s: float = 60.0) -> None:
+    def spin_until(self, condition: Callable[[], object], timeout_s: float = PATIENCE_S) -> None:
         """Let timers run until a condition is true; fail if that takes too long."""
-        deadline = time.monotonic() + timeout_s
-        while not condition():
-            assert time.monotonic() < deadline, self.situation
-            self._executor.spin_once(timeout_sec=0.01)
+        wait_until(
+            condition,
+            timeout_s,
+            pause=lambda longest_s: self._executor.spin_once(timeout_sec=longest_s),
+            found=lambda: str(self.received[Topic.DIAGNOSTICS][-1:]),
+        )
 
     def close(self) -> None:
         self._executor.shutdown()

@@ -95,7 +95,7 @@ class Terminal:
 def followed(runner: Terminal, wait_until: Callable[..., None], *paths: str) -> list[Browser]:
     """Return browsers that follow the view of a run, one for each path."""
     address = re.compile(r"live view: (http://[\w.:]+/)")
-    wait_until(lambda: address.search(runner.text), 60.0, "address of the page")
+    wait_until(lambda: address.search(runner.text), what="address of the page")
     found = address.search(runner.text)
     assert found is not None
     return [Browser(found.group(1), path) for path in paths]

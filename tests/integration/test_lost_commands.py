@@ -107,7 +107,7 @@ def test_every_output_agrees_on_lost_commands(
     found = address.search(process.stdout)
     assert found is not None
     browser = Browser(found.group(0))
-    wait_until(lambda: browser.has_ended, 60.0, "end of the bag")
+    wait_until(lambda: browser.has_ended, what="end of the bag")
     names = browser.documents["facts"]["columns"]
     page = np.array(browser.rows, dtype=float).T
     row = {name: page[names.index(name)] for name in names}

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 from rosgraph_msgs.msg import Clock
-from tests.integration.conftest import wait_until
 from tests.integration.controller_ticks import ROAD, SMALL, await_answer, tick_messages
 from tests.integration.driven_plant import driven_plant
 from tests.integration.node_bench import node_bench
+from tests.waiting import wait_until
 
 from iptm_controller.node import ControllerNode
 from iptm_ros.codecs import encode_slope
@@ -64,7 +64,6 @@ def test_a_cache_that_cannot_be_written_is_gone_around(launcher: Any) -> None:
     process = launcher.start_module(CONTROLLER, IPTM_CACHE_DIR=str(cache))
     wait_until(
         lambda: "compiler cache" in process.stderr or not process.is_running,
-        timeout_s=60.0,
         what="the line about the cache",
     )
     assert process.is_running, process.stderr

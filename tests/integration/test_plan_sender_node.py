@@ -93,7 +93,7 @@ def test_the_vehicle_behind_knows_the_plan_of_the_one_ahead(
         "__ns:=/car_1",
         parameters={"to_port": port, "sent_drive": "ego", "initial_gap_m": GAP_M},
     )
-    ego.wait_for(1)  # so the bridge has its socket
+    ego.meet()  # so the bridge has its socket
     ahead = VehicleAhead(ego.peer, decision_record(0))
     statuses = ego.peer.statuses("/car_1/v2x_sender")
     ahead.wait_for_listener()

@@ -332,8 +332,7 @@ def test_a_resumed_plant_needs_nobody_in_real_time_and_a_second_one_is_reported(
             lambda name=name: any(
                 status.message == "more than one plant on this graph" for status in heard[name]
             ),
-            20.0,
-            f"the report of {name}",
+            what=f"the report of {name}",
         )
     peer.wait_until(lambda: S in ticks, what="a tick")
     for plant, number in zip(plants, (signal.SIGINT, signal.SIGTERM), strict=True):

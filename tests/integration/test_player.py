@@ -60,15 +60,7 @@ def heard(peer: Any) -> list[float]:
 @pytest.fixture
 def call(peer: Any) -> Call:
     """Call a service of the player."""
-
-    def ask(name: str) -> Trigger.Response:
-        client = peer.node.create_client(Trigger, f"/player/{name}")
-        peer.wait_until(client.service_is_ready, what=name)
-        future = client.call_async(Trigger.Request())
-        peer.wait_until(future.done, what=f"answer of {name}")
-        return future.result()
-
-    return ask
+    return lambda name: peer.call(f"/player/{name}")
 
 
 @pytest.fixture
@@ -92,12 +84,12 @@ def test_replay_keeps_order_and_never_runs_ahead(
     peer.node.create_subscription(
         Float64, "/number", lambda m: arrivals.append((time.monotonic(), m.data)), 10
     )
-    player = play(bag, "--rate", "2.5", "--wait-for-subscribers", "1", "--delay", "0.2")
+    player = play(bag, "--rate", "1.25", "--wait-for-subscribers", "1", "--delay", "0.2")
     peer.wait_until(lambda: len(arrivals) == 10, what="ten messages")
     assert player.wait() == 0
     assert [value for _, value in arrivals] == [float(k) for k in range(10)]
-    # Nine quarters of a second at 2.5 times the speed; a late first message must not fail the test.
-    assert arrivals[-1][0] - arrivals[0][0] > 0.5 * 9 * 0.25 / 2.5
+    # Nine quarters of a second at 1.25 times the speed; a late first message must not fail the test.
+    assert arrivals[-1][0] - arrivals[0][0] > 0.5 * 9 * 0.25 / 1.25
 
 
 def test_part_with_a_clock_of_its_own(peer: Any, play: Callable[..., Any], bag: Path) -> None:
@@ -112,7 +104,8 @@ def test_part_with_a_clock_of_its_own(peer: Any, play: Callable[..., Any], bag: 
     peer.wait_until(lambda: len(values) == 5, what="five messages")
     assert player.wait() == 0
     assert [value for value, _ in values] == [4.0, 5.0, 6.0, 7.0, 8.0]
-    assert clocks[0] == pytest.approx(101.0, abs=0.2)
+    # Those before this node was found are missing.
+    assert 101.0 <= clocks[0] < 102.0
     assert all(earlier <= later for earlier, later in pairwise(clocks))
     assert max(clocks) <= 102.0
     for value, clock in values[1:]:

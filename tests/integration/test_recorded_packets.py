@@ -73,14 +73,8 @@ def test_a_bag_with_the_datagrams_repeats_the_drive(
     live = launcher.start_node(BRIDGE, parameters={**common, **by_clock, **heard})
     sent = {"to_port": port, "cycle": "nycc", "loss_probability": 0.3, "follow_clock": False}
     sender = launcher.start_node(SENDER, parameters={**by_clock, **sent})
-    ego.wait_for(2)
-    ego.peer.wait_until(
-        lambda: all(
-            ego.peer.node.count_subscribers(f"/{TOPICS[topic].name}")
-            for topic in (Topic.DATAGRAMS, Topic.CLOCK)
-        ),
-        what="the recorder",
-    )
+    # The bridge publishes datagrams at its first tick: it must have found the recorder, not only this node.
+    ego.meet("recorder")
 
     def datagrams() -> int:
         return int(status_values(ego.statuses[-1]).get("datagrams", 0)) if ego.statuses else 0
@@ -115,9 +109,10 @@ def test_a_bag_with_the_datagrams_repeats_the_drive(
     }
 
     # A fresh process, without a sender.
+    ego.peer.wait_until(lambda: not ego.state.get_subscription_count(), what="the bridge to leave")
     forget(ego)
     again = launcher.start_node(BRIDGE, parameters={**common, "recorded_packets": bag})
-    ego.wait_for(1)
+    ego.meet()
     drive(ego, range(len(previews)))
     assert {at: bits(p) for at, p in ego.previews.items()} == previews
     assert ego.leaders == leaders

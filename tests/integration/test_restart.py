@@ -38,9 +38,7 @@ def test_a_killed_node_that_is_started_again_is_part_of_the_trip(
         for name, module in MODULES.items()
     }
     peer.begin("plant", "v2x_bridge", "controller")
-    peer.wait_until(
-        lambda: clocks and commands and commands[-1] >= 20 * S, 120.0, "the trip under way"
-    )
+    peer.wait_until(lambda: clocks and commands[-1] >= 20 * S, what="the trip under way")
     processes[killed].popen.send_signal(signal.SIGKILL)
     processes[killed].popen.wait()
     reached_ns = commands[-1]
@@ -48,18 +46,17 @@ def test_a_killed_node_that_is_started_again_is_part_of_the_trip(
     if killed == "plant":
         clocks.clear()
         peer.begin("plant", "v2x_bridge", "controller")
-        peer.wait_until(lambda: 0 in clocks, 120.0, "the new trip")
+        peer.wait_until(lambda: 0 in clocks, what="the new trip")
         reached_ns = 0
         clocks.clear()
         commands.clear()
     wanted_ns = reached_ns + 20 * S
     peer.wait_until(
-        lambda: commands and clocks and min(commands[-1], clocks[-1]) >= wanted_ns,
-        120.0,
-        f"the trip going on with the new {killed}",
+        lambda: min(commands[-1], clocks[-1]) >= wanted_ns,
+        what=f"the trip going on with the new {killed}",
     )
-    # No tick was skipped or repeated.
-    ticks = sorted(set(commands))
+    # No tick was skipped. Of a node that was started again, this one may miss the first messages.
+    ticks = sorted(set(clocks if killed == "controller" else commands))
     assert [b - a for a, b in pairwise(ticks)] == [S] * (len(ticks) - 1)
     assert again.is_running
     for name, process in processes.items():

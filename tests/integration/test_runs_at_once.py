@@ -14,6 +14,8 @@ from iptm_ros.recording.trajectory_reader import read_trajectory
 MODULE = "iptm.commands.run"
 TICKS = 10
 OPTIONS = ("demo", "--duration-s", str(TICKS), "--no-picture")
+LONG_ENOUGH = ("--set", "conditions.pace=2")
+"""Two runs of one domain overlap, however late the second one starts."""
 RUN_TIMEOUT_S = 120.0
 
 
@@ -24,7 +26,10 @@ def test_four_runs_of_the_same_second(launcher: Any, tmp_path: Path, rounds: int
         root, output = tmp_path / f"root_{number}", tmp_path / f"folder_{number}"
         any_domain = ("--output", output)
         runners = [
-            *(launcher.start_module(MODULE, *OPTIONS, IPTM_ROOT=str(root)) for _ in range(2)),
+            *(
+                launcher.start_module(MODULE, *OPTIONS, *LONG_ENOUGH, IPTM_ROOT=str(root))
+                for _ in range(2)
+            ),
             *(
                 launcher.start_module(MODULE, *OPTIONS, *any_domain, ROS_DOMAIN_ID="")
                 for _ in range(2)

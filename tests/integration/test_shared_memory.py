@@ -45,14 +45,17 @@ def files_of(pid: int) -> set[Path]:
     Ports below the first one of domain 0 are left out: all domains of a machine share them.
     """
     names = set()
-    for each in Path(f"/proc/{pid}/fd").iterdir():
-        with suppress(FileNotFoundError):  # closed meanwhile
-            opened = each.readlink()
-            if opened.parent == FOLDER and opened.name.endswith("_el"):
-                name = opened.name.removesuffix("_el")
-                port = name.removeprefix("fastrtps_port")
-                if not port.isdigit() or int(port) >= FIRST_PORT:
-                    names.add(name)
+    opened = []
+    with suppress(FileNotFoundError):  # a process that has ended meanwhile
+        for each in Path(f"/proc/{pid}/fd").iterdir():
+            with suppress(FileNotFoundError):  # closed meanwhile
+                opened.append(each.readlink())
+    for path in opened:
+        if path.parent == FOLDER and path.name.endswith("_el"):
+            name = path.name.removesuffix("_el")
+            port = name.removeprefix("fastrtps_port")
+            if not port.isdigit() or int(port) >= FIRST_PORT:
+                names.add(name)
     return {FOLDER / each for name in names for each in (name, f"{name}_el", f"sem.{name}_mutex")}
 
 
@@ -98,7 +101,7 @@ def test_copy_of_the_runner_that_ends_on_a_signal_leaves_no_shared_memory(
 def test_shared_memory_of_killed_processes_is_removed_at_the_next_start(
     launcher: Any, wait_until: Callable[..., None], tmp_path: Path
 ) -> None:
-    trip = ("--cycle", "wltc_class3b", "--horizon", "3x1", "--no-picture", "--processes")
+    trip = ("--cycle", "comprehensive", "--horizon", "3x1", "--no-picture", "--processes")
     runner = launcher.start_module("iptm.commands.run", *trip, "--output", tmp_path / "bag")
 
     def processes() -> list[int]:
@@ -113,7 +116,8 @@ def test_shared_memory_of_killed_processes_is_removed_at_the_next_start(
     )
     own, started = files(), processes()
     for each in started:
-        os.kill(each, signal.SIGKILL)
+        with suppress(ProcessLookupError):
+            os.kill(each, signal.SIGKILL)
     runner.wait()
     wait_until(lambda: not any(map(is_alive, started)), what="their end")
     with reserve_domain():

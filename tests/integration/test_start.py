@@ -24,7 +24,8 @@ S = 10**9
 TICKS = 10
 RUN = "iptm.commands.run"
 TRIP = ("--cycle", "nycc", "--duration-s", str(TICKS), "--horizon", "3x1", "--no-picture")
-LONG = ("--cycle", "wltc_class3b", "--horizon", "3x1", "--no-picture")
+LONG = ("--cycle", "comprehensive", "--horizon", "3x1", "--no-picture")
+"""10,000 s: it cannot end before its observer is there."""
 RUN_TIMEOUT_S = 180.0
 MANY = [pytest.param(number, marks=pytest.mark.slow) for number in range(1, 20)]
 NODES = ("plant", "v2x_bridge", "controller", "recorder")

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from std_srvs.srv import Trigger
 from tests.integration.driven_plant import driven_plant, lively
 from tests.integration.node_bench import S
 
@@ -141,16 +140,10 @@ def test_a_file_that_holds_no_state_is_refused_in_one_line(
     assert words in refused(PLANT, parameters={"start_state": file})
 
 
-def call(peer: Any, service: Service) -> Trigger.Response:
+def call(peer: Any, service: Service) -> None:
     """Call a service of a running node; it is expected to succeed."""
-    client = peer.node.create_client(Trigger, service.value)
-    peer.wait_until(client.service_is_ready, what=f"{service.value} offered")
-    future = client.call_async(Trigger.Request())
-    peer.wait_until(future.done, what=f"an answer of {service.value}")
-    peer.node.destroy_client(client)
-    answer = future.result()
+    answer = peer.call(service.value)
     assert answer.success, answer.message
-    return answer
 
 
 def test_the_nodes_sit_out_a_pause_and_repeat_a_trip_after_a_reset_and_from_saved_states(
@@ -175,17 +168,17 @@ def test_the_nodes_sit_out_a_pause_and_repeat_a_trip_after_a_reset_and_from_save
     recorder = launcher.start_module("iptm_ros.recording.recorder_cli", tmp_path / "bag")
     nodes = [launcher.start_node(CONTROLLER, parameters=controller)]
     # A command published before this node is matched would be lost to it.
-    peer.wait_until(lambda: bool(statuses["controller"]), 60.0, "a status of the controller")
+    peer.wait_until(lambda: bool(statuses["controller"]), what="a status of the controller")
     nodes += [
         launcher.start_node(BRIDGE, parameters=LINK),
         launcher.start_node(PLANT, parameters={**plant, "start_paused": True}),
     ]
     peer.begin("plant", "v2x_bridge", "controller", "recorder")
-    peer.wait_until(lambda: len(commands) > FIRST_TICKS, 120.0, "the trip under way")
+    peer.wait_until(lambda: len(commands) > FIRST_TICKS, what="the trip under way")
     call(peer, Service.PAUSE)
     # Longer than the nodes wait for messages, by the plant's own count of its repeated states.
     heard = len(clocks)
-    peer.wait_until(lambda: len(clocks) >= heard + 6, 60.0, "six repeated states")
+    peer.wait_until(lambda: len(clocks) >= heard + 6, what="six repeated states")
     assert len(set(clocks[heard + 1 :])) == 1
     assert statuses["plant"][-1].message == PAUSED[1]
     for name in ("controller", "v2x_bridge"):
@@ -196,15 +189,15 @@ def test_the_nodes_sit_out_a_pause_and_repeat_a_trip_after_a_reset_and_from_save
     for service in (Service.SAVE_PLANT, Service.SAVE_CONTROLLER, Service.RESUME):
         call(peer, service)
     last_ns = saved_ns + 20 * S
-    peer.wait_until(lambda: last_ns in commands, 120.0, "the rest of the trip")
+    peer.wait_until(lambda: last_ns in commands, what="the rest of the trip")
     whole = dict(commands)
 
     call(peer, Service.PAUSE)
     commands.clear()
     call(peer, Service.RESET)
-    peer.wait_until(lambda: 0 in commands, 60.0, "the new trip at its start, paused")
+    peer.wait_until(lambda: 0 in commands, what="the new trip at its start, paused")
     call(peer, Service.RESUME)
-    peer.wait_until(lambda: FIRST_TICKS * S in commands, 120.0, "the new trip under way")
+    peer.wait_until(lambda: FIRST_TICKS * S in commands, what="the new trip under way")
     for tick in range(FIRST_TICKS):
         assert commands[tick * S] == whole[tick * S], tick
     for process in (recorder, *nodes):
@@ -232,6 +225,6 @@ def test_the_nodes_sit_out_a_pause_and_repeat_a_trip_after_a_reset_and_from_save
         PLANT, parameters={**plant, "start_paused": True, "start_state": files["plant"]}
     )
     peer.begin("plant", "v2x_bridge", "controller")
-    peer.wait_until(lambda: last_ns in commands, 120.0, "the rest of the trip once more")
+    peer.wait_until(lambda: last_ns in commands, what="the rest of the trip once more")
     for stamp_ns in range(saved_ns, last_ns + 1, S):
         assert commands[stamp_ns] == whole[stamp_ns], stamp_ns

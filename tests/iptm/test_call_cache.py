@@ -147,7 +147,7 @@ def test_a_cluster_that_loses_a_worker_gives_the_same_and_repeats_nothing_finish
         ]
         try:
             with distributed.Client(address) as client:
-                client.wait_for_workers(2, timeout=60)
+                client.wait_for_workers(2, timeout=120)
                 executor = client.get_executor()
                 running = cached_calls(
                     note_and_square, calls, executor=executor, cache=tmp_path / "cache"

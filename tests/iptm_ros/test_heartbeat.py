@@ -12,7 +12,7 @@ from iptm_ros import node_health
 from iptm_ros.node_health import CHECK_PERIOD_S, SILENT_S, HeartbeatWatch
 from iptm_ros.suite_node import SuiteNode
 
-PATIENCE_S = 30.0
+PATIENCE_S = 120.0
 
 
 def test_a_node_is_heard_until_its_end(make_node: Callable[..., SuiteNode]) -> None:

@@ -90,13 +90,13 @@ def start(domain: int, tmp_path: Path) -> Iterator[Start]:
 
 
 def finish(process: subprocess.Popen[str]) -> tuple[int, str, str]:
-    out, err = process.communicate(timeout=60.0)
+    out, err = process.communicate(timeout=120.0)
     return process.returncode, out, err
 
 
 def wait_for_work(process: subprocess.Popen[str]) -> None:
     assert process.stdout is not None
-    deadline = time.monotonic() + 60.0
+    deadline = time.monotonic() + 120.0
     while "working" not in process.stdout.readline():
         assert time.monotonic() < deadline
 

@@ -69,7 +69,7 @@ def test_it_runs_on_the_steady_clock_although_trip_time_stands_still(make_node: 
     Watchdog(0.05, silences.append).attach(node).feed()
     executor = EventsExecutor(context=node.context)
     executor.add_node(node)
-    deadline = time.monotonic() + 30.0
+    deadline = time.monotonic() + 120.0
     while not silences and time.monotonic() < deadline:
         executor.spin_once(timeout_sec=0.1)
     executor.shutdown()

@@ -39,7 +39,7 @@ from iptm_vehicle_interface.node_bench import (
 )
 
 pytestmark = pytest.mark.integration
-PATIENCE_S = 30.0
+PATIENCE_S = 60.0
 
 
 class Commands:

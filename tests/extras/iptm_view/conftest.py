@@ -41,7 +41,7 @@ class Visit:
 
     def wait_until(self, expression: str) -> None:
         """Wait until an expression holds; the page itself may not evaluate one (Content-Security-Policy)."""
-        deadline_s = time.monotonic() + 30.0
+        deadline_s = time.monotonic() + 120.0
         while not self.page.evaluate(expression):
             assert time.monotonic() < deadline_s, expression
             self.page.wait_for_timeout(20)

@@ -17,7 +17,7 @@ from iptm_ros.recording.message_types import Decoder, MessageDefinition
 from iptm_view import foxglove_server
 from iptm_view.foxglove_server import KNOWN_ORIGINS, FoxgloveServer, is_admitted
 
-TIMEOUT_S = 30.0
+TIMEOUT_S = 120.0
 _MESSAGE = struct.Struct("<BIQ")
 
 

@@ -82,5 +82,5 @@ def test_a_waiting_browser_is_woken() -> None:
     thread = threading.Thread(target=listen)
     thread.start()
     feed.append("rows", [1.0])
-    thread.join(timeout=30.0)
+    thread.join(timeout=120.0)
     assert heard == ["rows"]

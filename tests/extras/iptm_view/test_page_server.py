@@ -6,18 +6,18 @@ import http.client
 import json
 import socket
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from urllib.parse import urlsplit
 
 import pytest
+from tests.waiting import wait_until
 
 from iptm_core.errors import ViewError
 from iptm_view.page_feed import PageFeed
 from iptm_view.page_server import MAX_CONNECTIONS, PAGE, PageServer
 
-TIMEOUT_S = 30.0
+TIMEOUT_S = 120.0
 
 
 @pytest.fixture
@@ -41,13 +41,6 @@ def get(
     found = answer.status, answer.headers, answer.read()
     connection.close()
     return found
-
-
-def wait_until(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + TIMEOUT_S
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
 
 
 def test_every_file_of_the_page_is_served_and_may_load_nothing_else(server: PageServer) -> None:

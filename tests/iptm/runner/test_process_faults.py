@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from tests.waiting import wait_until
 
 from iptm.faults.fault import Fault
 from iptm.faults.kinds import FaultKind
@@ -30,13 +30,6 @@ def faults_of(supervisor: Supervisor, *faults: Fault) -> ProcessFaults:
     acting = ProcessFaults(supervisor, faults)
     acting.note({"controller": SLEEPER})
     return acting
-
-
-def wait_until(condition: Callable[[], object]) -> None:
-    deadline_s = time.monotonic() + 30.0
-    while not condition():
-        assert time.monotonic() < deadline_s
-        time.sleep(0.01)
 
 
 def state_of(supervisor: Supervisor, name: str) -> str:

@@ -93,8 +93,7 @@ def test_a_kill_without_a_clock_loses_nothing(launcher: Any, peer: Any, tmp_path
     recorder = launcher.start_module(RECORDER, tmp_path / "bag", "--all")
     peer.wait_until(
         lambda: all(each.get_subscription_count() for each in (*states, *clocks)),
-        60.0,
-        "subscriptions",
+        what="subscriptions",
     )
     file, ticks = tmp_path / "bag" / "bag_0.mcap", 40
     for tick in range(ticks):

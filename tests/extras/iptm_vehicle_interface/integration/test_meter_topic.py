@@ -15,7 +15,7 @@ from iptm_ros.discovery import reserve_domain
 from iptm_ros.process import joined_node
 
 SPEED_M_S = 20.0
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 
 
 def test_a_simulated_minute_of_odometry_becomes_a_battery(launcher: Any) -> None:

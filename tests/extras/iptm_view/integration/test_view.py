@@ -41,7 +41,7 @@ def test_a_replay_drives_the_view_as_the_bag_does(
     player = launcher.start_module(
         "iptm_ros.recording.player_cli", BAG, "--rate", "60", "--wait-for-subscribers", "9"
     )
-    wait_until(lambda: browser.has_ended, 120.0, "end of the replay")
+    wait_until(lambda: browser.has_ended, what="end of the replay")
     assert player.wait() == 0
     browser.assert_rows_are_those_of(read_trajectory(BAG))
     assert browser.rows[-1][0] == 120.0
@@ -75,11 +75,11 @@ def test_the_page_of_a_run_has_every_tick_and_stays_until_ctrl_c(
         assert browser.documents["facts"]["limits"]["max_gap_m"] == 120.0
         assert browser.documents["facts"]["title"].startswith("cycle wltc_class3b, strategy")
         assert browser.documents["road"]["height_m"][0] == 0.0
-        wait_until(lambda: "until Ctrl-C" in runner.text, 60.0, "the end of the report")
+        wait_until(lambda: "until Ctrl-C" in runner.text, what="the end of the report")
         assert f"scripts/iptm view {output}" in runner.text.replace("\n", "")
         assert runner.popen.poll() is None
         runner.popen.send_signal(signal.SIGINT)
-        assert runner.popen.wait(60.0) == 0
+        assert runner.popen.wait(120.0) == 0
         wait_until(lambda: "closing" in browser.documents, what="the last word of the server")
 
 
@@ -87,7 +87,7 @@ def test_a_bag_is_shown_without_a_graph(
     view: Callable[..., tuple[Any, Browser]], wait_until: Callable[..., None]
 ) -> None:
     process, browser = view(str(BAG), "--rate", "200")
-    wait_until(lambda: browser.has_ended, 60.0, "end of the bag")
+    wait_until(lambda: browser.has_ended, what="end of the bag")
     browser.assert_rows_are_those_of(read_trajectory(BAG))
     assert len(browser.rows) == 121
     with BagReader(BAG) as reader:

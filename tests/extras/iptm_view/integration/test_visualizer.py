@@ -47,8 +47,7 @@ def test_a_replay_is_drawn_as_the_bag_says(launcher: Any, peer: Any) -> None:
             of[Topic.VISUAL_SCENE]
             and ns_from_time(of[Topic.VISUAL_SCENE][-1].markers[0].header.stamp) >= 119 * 10**9
         ),
-        90.0,
-        "the end of the trip",
+        what="the end of the trip",
     )
     assert player.wait() == 0
     driven = read_trajectory(BAG)

@@ -259,6 +259,7 @@ class RecorderNode(SuiteNode):
             "awaited_topics": ", ".join(self._topics.awaited_topics),
             "lost_messages": sum(self._topics.lost_counts.values()),
             "passed_over_messages": sum(pause.passed_over for pause in self._session.pauses),
+            "parameters_of": ", ".join(self._collector.nodes) if self._collector else "the run",
         }
 
     def _progress(self) -> str:

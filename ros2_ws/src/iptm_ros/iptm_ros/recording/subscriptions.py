@@ -5,6 +5,8 @@ With the parameters, every recording holds the settings of its run.
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -270,6 +272,10 @@ class TopicSubscriber:
 # One topic of each node of the loop; the one that simulates the vehicle comes first.
 _KNOWN_BY = (Topic.PLANT_STATE, Topic.LEADER, Topic.COMMAND)
 _OF_EVERY_NODE = ("use_sim_time", "qos_overrides.", "start_type_description_service")
+ASK_AGAIN_S = 2.0
+"""Wall time after which a node that has not answered is asked again: an answer can be lost between nodes that
+find each other just then.
+"""
 
 
 class ParameterCollector:
@@ -286,16 +292,27 @@ class ParameterCollector:
         self._node = node
         self._on_found = on_found
         self._clients: dict[Topic, AsyncParameterClient] = {}
-        self._asked: set[Topic] = set()
+        self._asked_s: dict[Topic, float] = {}
         self._found: dict[str, dict[str, Scalar]] = {}
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        """Nodes whose parameters are known."""
+        return tuple(sorted(self._found))
 
     def look(self) -> None:
         """Ask the nodes that have come up; call it a few times a second."""
+        now_s = time.monotonic()
         for topic in _KNOWN_BY:
+            if TOPICS[topic].publisher in self._found:
+                continue
             if topic not in self._clients:
                 self._find(topic)
-            elif topic not in self._asked and self._clients[topic].services_are_ready():
-                self._asked.add(topic)
+            elif (
+                now_s - self._asked_s.get(topic, -math.inf) > ASK_AGAIN_S
+                and self._clients[topic].services_are_ready()
+            ):
+                self._asked_s[topic] = now_s
                 future = self._clients[topic].list_parameters()
                 future.add_done_callback(self._listed(topic))
 
