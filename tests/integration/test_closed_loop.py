@@ -49,8 +49,6 @@ PROMISED = {
     "/v2x/leader_preview": "sensor_msgs/msg/PointCloud2",
     "/v2x/slope": "std_msgs/msg/Float64MultiArray",
     "/controller/command": "sensor_msgs/msg/JointState",
-    "/controller/acceleration_command": "std_msgs/msg/Float64",
-    "/controller/compressor_power_command": "std_msgs/msg/Float64",
     "/controller/plan": "sensor_msgs/msg/PointCloud2",
     "/controller/solve": "sensor_msgs/msg/JointState",
 }

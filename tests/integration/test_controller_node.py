@@ -74,10 +74,6 @@ def test_answers_every_tick_as_the_pure_controller_would(fresh: NodeBench) -> No
     assert record.rung == Rung.OPTIMAL
     assert record.objective == decision.result.objective
     assert record.iterations == decision.result.iterations
-    acceleration = fresh.received[Topic.ACCELERATION_COMMAND][-1].data
-    power = fresh.received[Topic.COMPRESSOR_POWER_COMMAND][-1].data
-    assert acceleration == decision.command.acceleration_m_s2
-    assert power == decision.command.compressor_power_w
     fresh.spin_until(lambda: fresh.values["ticks_optimal"] == "12")
     assert fresh.values["preview"] == "full"
 

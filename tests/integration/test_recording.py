@@ -99,7 +99,7 @@ def test_topics_of_a_namespace_are_chosen_and_the_clock_with_them(
 ) -> None:
     statuses = peer.statuses("/car_1/recorder")
     recorder = record("bag", "--topics", "/car_1/*", "--ros-args", "-r", "__ns:=/car_1")
-    publisher = peer.node.create_publisher(Float64, "/car_1/controller/acceleration_command", 10)
+    publisher = peer.node.create_publisher(Float64, "/car_1/x", 10)
     clock = peer.node.create_publisher(Clock, "/car_1/clock", 10)
     foreign = peer.node.create_publisher(Float64, "/car_2/x", 10)
     peer.wait_until(publisher.get_subscription_count, what="subscription to the command")
@@ -112,7 +112,7 @@ def test_topics_of_a_namespace_are_chosen_and_the_clock_with_them(
     )
     assert statuses[-1].message == "recording"
     assert recorder.stop() == 0
-    command = "/car_1/controller/acceleration_command"
+    command = "/car_1/x"
     assert counts_of(tmp_path / "bag") == {command: 1, "/car_1/clock": 1}
 
 

@@ -42,7 +42,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
         if name not in EXTRAS:
             shutil.copytree(FOLDERS[name], root / FOLDERS[name].relative_to(ROOT))
     blocks = INSERTED.findall(PAGE)
-    assert len(blocks) == 7
+    assert len(blocks) == 8
     for path, side, anchor, code in blocks:
         text = (root / path).read_text(encoding="utf-8")
         (place,) = [found.start() for found in re.finditer(re.escape(anchor), text)]

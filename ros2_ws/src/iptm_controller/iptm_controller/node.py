@@ -43,7 +43,6 @@ from iptm_ros.codecs import (
     decode_slope,
     encode_command,
     encode_decision_record,
-    encode_float64,
     plan_bytes,
     read_numbers,
     stamp_of,
@@ -97,8 +96,6 @@ class ControllerNode(SuiteNode):
         self._last: Decision | None = None
         self._last_ns = 0
         self._command_publisher = self.advertise(Topic.COMMAND)
-        self._acceleration_publisher = self.advertise(Topic.ACCELERATION_COMMAND)
-        self._power_publisher = self.advertise(Topic.COMPRESSOR_POWER_COMMAND)
         self._plan_publisher = self.advertise(Topic.PLAN)
         self._solve_publisher = self.advertise(Topic.SOLVE)
         self._reporter = DiagnosticsReporter.of_node(self, "optimal control")
@@ -263,20 +260,13 @@ class ControllerNode(SuiteNode):
 
     def _publish(self, stamp_ns: int, decision: Decision) -> None:
         """Publish the command last, so that it completes the tick."""
-        command = decision.command
         prefix = self.frame_prefix
         self._solve_publisher.publish(
             encode_decision_record.data(prefix, stamp_ns, decision.record)
         )
         plan = plan_bytes(plan_trajectory(decision.plan), stamp_ns, prefix)
         self._plan_publisher.publish(plan)
-        for publisher, value in (
-            (self._acceleration_publisher, command.acceleration_m_s2),
-            (self._power_publisher, command.compressor_power_w),
-        ):
-            if publisher.is_heard:
-                publisher.publish(encode_float64(value))
-        self._command_publisher.publish(encode_command.data(prefix, stamp_ns, command))
+        self._command_publisher.publish(encode_command.data(prefix, stamp_ns, decision.command))
 
     # --- diagnostics
 

@@ -80,8 +80,6 @@ class Topic(Enum):
     SLOPE = "v2x/slope"
     DATAGRAMS = "v2x/datagrams"
     COMMAND = "controller/command"
-    ACCELERATION_COMMAND = "controller/acceleration_command"
-    COMPRESSOR_POWER_COMMAND = "controller/compressor_power_command"
     PLAN = "controller/plan"
     SOLVE = "controller/solve"
     VISUAL_ROAD = "visual/road"
@@ -278,14 +276,6 @@ _SPECS = (
         "the decision for the interval that starts at the stamp of the state it answers; last "
         "message of the controller in a tick; a negative compressor power is a heater's",
         {"acceleration_m_s2": "m/s^2", "compressor_power_w": "W"},
-    ),
-    TopicSpec(
-        Topic.ACCELERATION_COMMAND, Float64, CONTROLLER, "-", "m/s^2",
-        "acceleration of the decision, as a plain scalar for plots",
-    ),
-    TopicSpec(
-        Topic.COMPRESSOR_POWER_COMMAND, Float64, CONTROLLER, "-", "W",
-        "compressor power of the decision, as a plain scalar for plots",
     ),
     TopicSpec(
         Topic.PLAN, PointCloud2, CONTROLLER, ROAD_FRAME, "see fields",

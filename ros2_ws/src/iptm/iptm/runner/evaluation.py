@@ -33,8 +33,6 @@ _OF_PLANT = (Topic.CLOCK, *(topic for topic in Topic if topic.name.startswith("P
 _OF_BRIDGE = (Topic.LEADER, Topic.LEADER_SAMPLES, Topic.LEADER_PREVIEW)
 _OF_CONTROLLER = (
     Topic.COMMAND,
-    Topic.ACCELERATION_COMMAND,
-    Topic.COMPRESSOR_POWER_COMMAND,
     Topic.SOLVE,
 )
 

@@ -28,7 +28,7 @@ from iptm_ros.topics import (
 
 OUTPUTS: Mapping[str, tuple[Topic, ...]] = {
     CONTROLLER: (
-        Topic.SOLVE, Topic.PLAN, Topic.ACCELERATION_COMMAND, Topic.COMPRESSOR_POWER_COMMAND, Topic.COMMAND,
+        Topic.SOLVE, Topic.PLAN, Topic.COMMAND,
     ),
     BRIDGE: (
         Topic.SLOPE, Topic.ROAD_AHEAD, Topic.LEADER, Topic.LEADER_SAMPLES, Topic.LEADER_PREVIEW,

@@ -1,6 +1,6 @@
-"""Messages that repeat parts of a state or a command, for tools that take standard messages or scalars.
+"""Messages that repeat parts of a state, for tools that take standard messages.
 
-Nodes publish them where somebody listens; a recorder that has the state and the command makes the same bytes.
+Nodes publish them where somebody listens; a recorder that has the state makes the same bytes.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 from iptm_core.units import CELSIUS_ZERO_K
-from iptm_ros.codecs.cdr import FRAME_AT, encode_float64
+from iptm_ros.codecs.cdr import FRAME_AT
 from iptm_ros.codecs.numbers import LAYOUTS, numbers_of
 from iptm_ros.topics import EGO_FRAME, TOPICS, Topic
 
@@ -25,8 +25,6 @@ REPEATED: Mapping[Topic, Topic] = MappingProxyType(
         **dict.fromkeys(_TEMPERATURES, Topic.PLANT_STATE),
         Topic.PLANT_ACCELERATION: Topic.PLANT_STATE,
         Topic.PLANT_ODOMETRY: Topic.PLANT_STATE,
-        Topic.ACCELERATION_COMMAND: Topic.COMMAND,
-        Topic.COMPRESSOR_POWER_COMMAND: Topic.COMMAND,
     }
 )
 """Topics that repeat another one, and which, in the order in which they are published."""
@@ -43,16 +41,10 @@ def numbers_of_state(state: Sequence[float]) -> dict[Topic, Sequence[float]]:
 
 
 def repeated_messages(topic: Topic, data: bytes) -> dict[Topic, bytes]:
-    """Return the messages that repeat a state or a command; none if its form is not the suite's."""
+    """Return the messages that repeat a state; none if its form is not the suite's."""
     numbers = numbers_of(topic, data)
     if numbers is None:
         return {}
-    if topic is Topic.COMMAND:
-        acceleration_m_s2, power_w = numbers.values
-        return {
-            Topic.ACCELERATION_COMMAND: encode_float64(acceleration_m_s2),
-            Topic.COMPRESSOR_POWER_COMMAND: encode_float64(power_w),
-        }
     frame = data[FRAME_AT : data.index(b"\0", FRAME_AT)].decode()
     prefix = frame.removesuffix(EGO_FRAME).strip("/")
     found = numbers_of_state(numbers.values)
