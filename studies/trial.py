@@ -12,7 +12,7 @@ from iptm.faults.fault import WHOLE_TRIP_S, Fault, in_order
 from iptm.faults.kinds import FaultKind, FaultPlace
 from iptm.faults.signals import Traffic
 from iptm.run import Run
-from iptm.runner.drive import Drive, DriveResult
+from iptm.runner.drive import DriveResult, NodeDrive
 from iptm.runner.monitor import heard_by_stamp
 from iptm.runner.progress import Progress
 from iptm.runner.run_folder import RunFolder
@@ -215,7 +215,7 @@ def drive_over_ros(trial: Trial, folder: Path) -> DrivenTrial:
     return _observed(trial, *driven)
 
 
-def _observed(trial: Trial, result: DriveResult, drive: Drive) -> DrivenTrial:
+def _observed(trial: Trial, result: DriveResult, drive: NodeDrive) -> DrivenTrial:
     (monitor,) = drive.monitors
     heard = monitor.recorded
     by_stamp = heard_by_stamp(heard, TICK_TOPICS)
@@ -248,7 +248,7 @@ def _observed(trial: Trial, result: DriveResult, drive: Drive) -> DrivenTrial:
 
 
 def _intervals(
-    trial: Trial, drive: Drive, time: TripTime, last_s: float
+    trial: Trial, drive: NodeDrive, time: TripTime, last_s: float
 ) -> Iterator[Interval | None]:
     records = {record.fault: record for record in drive.process_faults.records}
     for fault in trial.placed:

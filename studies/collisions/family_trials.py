@@ -29,7 +29,7 @@ from studies.collisions.recorded import STEP_S, RecordedPlant, smallest_gap_when
 from studies.session import Session
 
 from iptm.closed_loop import run_closed_loop
-from iptm_controller.controller import Controller
+from iptm_controller.controller import MpcController
 from iptm_controller.decision import ControllerMemory, Decision
 from iptm_controller.measurements import Measurements
 from iptm_controller.options import ControllerOptions
@@ -78,9 +78,9 @@ def _parameters(headway: str, mass: float = 1.0) -> ModelParameters:
 
 
 @cache
-def _controller(headway: str) -> Controller:
+def _controller(headway: str) -> MpcController:
     """Return one whose solver is shared."""
-    return Controller(_parameters(headway), ControllerOptions())
+    return MpcController(_parameters(headway), ControllerOptions())
 
 
 @cache
@@ -214,7 +214,7 @@ class _Sensors:
 class _Process:
     """The controller with what a draw does to its process."""
 
-    def __init__(self, inner: Controller, draw: Draw) -> None:
+    def __init__(self, inner: MpcController, draw: Draw) -> None:
         self._inner, self._draw, self.options = inner, draw, inner.options
         inner.memory = self._fresh = ControllerMemory()
         self._made, self._is_restarted = list[Decision](), False
@@ -270,7 +270,7 @@ def trial(setting: Setting, drive: str, seed: tuple[int, ...]) -> dict[str, Any]
     vehicle.road_friction = friction
     vehicle.draw, vehicle.world = draw, _World(draw, motion)
     options = ControllerOptions(radio=RadioSettings(authenticated_radio=is_authenticated))
-    controller = Controller(values, options, _controller(setting.headway).backend)
+    controller = MpcController(values, options, _controller(setting.headway).backend)
     mode = PreviewMode.NONE if setting.radio == NO_RADIO else PreviewMode.FULL
     run_closed_loop(
         route,

@@ -21,7 +21,7 @@ from studies.session import Session
 from studies.whole_trip import drive_whole_trip
 
 import iptm
-from iptm_controller.controller import Controller
+from iptm_controller.controller import MpcController
 
 OPTIMUM = "optimum of the whole trip at 2 s"
 BOTH, FAR = "default at 2 s, perfect preview", "default at up to 120 m, perfect preview"
@@ -41,7 +41,7 @@ Controls = Mapping[str, tuple[str, Mapping[str, Any], Mapping[str, Any]]]
 class MixedController:
     """Drives by one controller and cools by another; neither is told that its commands are not followed."""
 
-    def __init__(self, motion: Controller, cooling: Controller) -> None:
+    def __init__(self, motion: MpcController, cooling: MpcController) -> None:
         self._motion, self._cooling = motion, cooling
 
     def decide(self, measured: iptm.Measurements) -> iptm.Command:
@@ -60,7 +60,7 @@ def drive(call: Mapping[str, Any], *, whole: bool = False, others: str = "") -> 
     if not others:
         return iptm.drive(one)
     base = one.changed(strategy=PRODUCTION)
-    own, rules = (Controller(each.controller_parameters, each.options) for each in (one, base))
+    own, rules = (MpcController(each.controller_parameters, each.options) for each in (one, base))
     parts = (rules, own) if others == "motion" else (own, rules)
     return iptm.simulate(**call, controller=MixedController(*parts))
 

@@ -17,7 +17,7 @@ from studies.life.fast_charge import (
 )
 
 import iptm
-from iptm_controller.controller import Controller
+from iptm_controller.controller import MpcController
 from iptm_controller.measurements import Measurements
 from iptm_controller.options import ControllerOptions
 from iptm_controller.solvers.factory import SolverOptions
@@ -75,7 +75,7 @@ class RuledCompressor:
 
     def __init__(self, parameters: ModelParameters, end_s: float, solver: SolverOptions) -> None:
         options = ControllerOptions(solver=solver, trip_duration_s=end_s)
-        self._inner = Controller(parameters, options)
+        self._inner = MpcController(parameters, options)
         self._begin_s = end_s - LAST_S
 
     def decide(self, measured: Measurements) -> Command:

@@ -21,7 +21,7 @@ from studies.speed.harness import machine_in_words, run_benchmark
 from studies.speed.transcription import Transcription, problem_bounds, transcribe
 
 from iptm.closed_loop import run_closed_loop
-from iptm_controller.controller import Controller
+from iptm_controller.controller import MpcController
 from iptm_controller.horizon import MULTI_HORIZON, Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import ProblemData
@@ -64,7 +64,7 @@ class Recorded:
 
 
 def recorded(
-    cycle: str, ticks: int, controller: Controller, backend: SwitchingCheck
+    cycle: str, ticks: int, controller: MpcController, backend: SwitchingCheck
 ) -> list[Recorded]:
     """Drive a trip and return the problems of its ticks."""
     problems: list[Recorded] = []
@@ -232,7 +232,7 @@ def peers(cycle: str = "comprehensive", ticks: int = 10000, problems: int = 150)
     """
     parameters = load_parameters().values
     options = ControllerOptions(strategy=strategy_by_name(DEFAULT_STRATEGY), horizon=MULTI_HORIZON)
-    controller = Controller(parameters, options)
+    controller = MpcController(parameters, options)
     check = controller.backend
     if not isinstance(check, SwitchingCheck):
         raise SolverSetupError("the default strategy has no check of the switching")

@@ -16,7 +16,7 @@ from studies.session import Session
 from studies.speed.harness import machine_in_words, quantiles, spread
 
 from iptm.closed_loop import run_closed_loop
-from iptm_controller.controller import Controller
+from iptm_controller.controller import MpcController
 from iptm_controller.horizon import MULTI_HORIZON, SINGLE_HORIZON, Horizon
 from iptm_controller.options import ControllerOptions
 from iptm_controller.solvers.switching_check import SwitchingCheck
@@ -38,7 +38,7 @@ GRIDS = {
 }
 """Strategy by prediction grid."""
 CLOCKED: dict[str, tuple[type, str]] = {
-    "decide": (Controller, "decide"),
+    "decide": (MpcController, "decide"),
     "solve": (SwitchingCheck, "solve"),
     "plant": (Plant, "advance"),
     "bridge": (V2xBridge, "answer"),
@@ -76,7 +76,7 @@ def headless(
     parameters = load_parameters().values
     route = build_route(cycle, initial_gap_m=parameters.gap.initial_gap_m, duration_s=duration_s)
     options = ControllerOptions(strategy=strategy_by_name(strategy), horizon=Horizon.parse(horizon))
-    plant, controller = Plant(parameters, route.slope.slope_at), Controller(parameters, options)
+    plant, controller = Plant(parameters, route.slope.slope_at), MpcController(parameters, options)
     began_s = time.process_time()
     with processor_clocks() as times:
         run = run_closed_loop(route, plant, controller)

@@ -19,7 +19,7 @@ import numpy as np
 from studies.v2x.impostor import CLOCKS, DEPARTURE_S, ContestedSender, Impostor
 
 from iptm.closed_loop import ClosedLoopRun, run_closed_loop
-from iptm_controller.controller import Controller
+from iptm_controller.controller import MpcController
 from iptm_controller.horizon import MULTI_HORIZON
 from iptm_controller.options import ControllerOptions
 from iptm_controller.strategy import STRATEGIES
@@ -227,7 +227,7 @@ def looped(
     """Drive a route in closed loop with a fresh controller; no message is signed."""
     radio = RadioSettings(authenticated_radio=False)
     options = ControllerOptions(STRATEGIES["aging"], MULTI_HORIZON, radio=radio)
-    controller = Controller(PARAMETERS, options)
+    controller = MpcController(PARAMETERS, options)
     safety = SafetyMonitorSettings(authenticated_radio=False)
     plant = Plant(PARAMETERS, route.slope.slope_at, safety=safety)
     return run_closed_loop(route, plant, controller, settings, bridge=bridge)

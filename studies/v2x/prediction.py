@@ -18,7 +18,12 @@ from iptm_traffic.drive import opened_traffic
 from iptm_traffic.trip import PredictionInput, TrafficDrive
 from iptm_v2x_bridge.messages.cam import decode_datagram
 from iptm_v2x_bridge.prediction.expected_motion import History, LearntProfile
-from iptm_v2x_bridge.prediction.predictor import LeaderTrack, Predictor, PredictorName, ReceivedPath
+from iptm_v2x_bridge.prediction.predictor import (
+    LeaderPredictor,
+    LeaderTrack,
+    PredictorName,
+    ReceivedPath,
+)
 from iptm_v2x_bridge.prediction.regression import Regression, RegressionModel
 from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules
 from iptm_v2x_bridge.rejections import Rejection
@@ -98,7 +103,7 @@ def limits_of(motion: LeaderMotion) -> SpeedLimits:
     return SpeedLimits(starts, choices[above])
 
 
-Case = tuple[PredictorName, LeaderMotion, Predictor]
+Case = tuple[PredictorName, LeaderMotion, LeaderPredictor]
 """Predictor, and the future motion of the leader."""
 
 

@@ -18,7 +18,7 @@ from studies.savings import PREVIEWS, road_taken
 from studies.v2x.prediction import EARLIER_DRIVES, other_drive
 
 from iptm.closed_loop import run_closed_loop
-from iptm_controller.controller import Controller
+from iptm_controller.controller import MpcController
 from iptm_controller.horizon import Horizon
 from iptm_controller.options import ControllerOptions
 from iptm_controller.settings import ControllerSettings
@@ -35,7 +35,7 @@ from iptm_plant_sim.plant import Plant
 from iptm_v2x_bridge.bridge import CycleSource, TickBridge, V2xBridge
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.prediction.expected_motion import History, LearntProfile
-from iptm_v2x_bridge.prediction.predictor import Predictor, ReceivedPath
+from iptm_v2x_bridge.prediction.predictor import LeaderPredictor, ReceivedPath
 from iptm_v2x_bridge.prediction.regression import GAIN_FACTOR, Regression, RegressionModel
 from iptm_v2x_bridge.radio_recording import SimulatedRadio
 from iptm_v2x_bridge.sender import CamSender
@@ -67,7 +67,7 @@ GAINS = ", gains times "
 KEY = ["cycle", "leader", "accuracy_m", "loss", "delay_s"]
 
 
-def predictors_of(leader: str, route: Route) -> tuple[Predictor, ...]:
+def predictors_of(leader: str, route: Route) -> tuple[LeaderPredictor, ...]:
     """Return the predictors of a row; earlier drives are other drives of the same road."""
     if leader == PATH:
         return ReceivedPath(), History()
@@ -123,7 +123,7 @@ def drive(
         receiver = CamBridge(road, predictors=predictors_of(leader, route))
         bridge = SimulatedRadio(CamSender(route.leader, road, settings), receiver)
     plant = Plant(parameters, route.slope.slope_at)
-    loop = run_closed_loop(route, plant, Controller(parameters, options), bridge=bridge)
+    loop = run_closed_loop(route, plant, MpcController(parameters, options), bridge=bridge)
     run = compute_metrics(loop.trajectory, parameters, loop.decisions)
     beyond_m = loop.trajectory.gap_m - parameters.gap.max_gap_m
     broken = gap_margins_m(loop.trajectory, parameters) < -GAP_TOLERANCE_M

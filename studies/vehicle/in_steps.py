@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Any
 
 from iptm.trip import Trip
-from iptm_controller.controller import Controller
+from iptm_controller.controller import MpcController
 from iptm_controller.measurements import Measurements
 from iptm_controller.node_reports import plan_trajectory
 from iptm_controller.node_ticks import FLAT_ROAD
@@ -50,7 +50,7 @@ class BenchInSteps:
         )
         # Like a car without navigation, it is not told when the trip ends.
         options = trip.controller.options(trip.conditions.period_s, math.inf)
-        self._controller = Controller(trip.controller_parameters, options)
+        self._controller = MpcController(trip.controller_parameters, options)
         self.car = BenchCar(vehicle, cycle, [press])
         self._gateway, self._driver = Gateway(vehicle), Driver(vehicle)
         self._radar = vehicle.signals["gap_m"].message

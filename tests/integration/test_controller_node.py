@@ -26,7 +26,7 @@ from tests.integration.controller_ticks import (
 from tests.integration.node_bench import NodeBench, S, node_bench
 from tests.table_messages import encode_leader_preview
 
-from iptm_controller.controller import Controller
+from iptm_controller.controller import MpcController
 from iptm_controller.node import ControllerNode
 from iptm_controller.node_parameters import ControllerNodeParameters
 from iptm_controller.node_reports import plan_trajectory
@@ -41,7 +41,7 @@ from iptm_ros.topics import Topic
 pytestmark = pytest.mark.usefixtures("ros_environment")
 
 
-def pure_controller() -> Controller:
+def pure_controller() -> MpcController:
     return ControllerNodeParameters(**SMALL).build_controller()
 
 

@@ -19,7 +19,7 @@ from tests.integration.controller_ticks import (
 )
 from tests.integration.node_bench import NodeBench, node_bench
 
-from iptm_controller.controller import Controller
+from iptm_controller.controller import MpcController
 from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements
 from iptm_controller.node import ControllerNode
@@ -85,7 +85,7 @@ def test_a_tick_with_an_impossible_stamp_is_counted_and_forgotten(
 
 
 def test_a_defect_in_a_callback_is_reported_and_survived(driving: NodeBench) -> None:
-    with mock.patch.object(Controller, "decide", side_effect=ZeroDivisionError):
+    with mock.patch.object(MpcController, "decide", side_effect=ZeroDivisionError):
         driving.hear(tick_messages(503.0))
         driving.spin_until(lambda: driving.situation[0] is Level.ERROR)
     assert driving.situation[1] == "an internal error was caught, see the log"
@@ -128,13 +128,13 @@ def test_a_dead_plant_and_a_deaf_controller_are_reported() -> None:
 
 
 def test_a_controller_that_is_too_slow_answers_the_newest_tick(controller: NodeBench) -> None:
-    decide = Controller.decide
+    decide = MpcController.decide
 
-    def slow(pure: Controller, measured: Measurements) -> Decision:
+    def slow(pure: MpcController, measured: Measurements) -> Decision:
         time.sleep(0.3)  # the decision takes as long
         return decide(pure, measured)
 
-    with mock.patch.object(Controller, "decide", slow):
+    with mock.patch.object(MpcController, "decide", slow):
         for tick in range(6):
             controller.hear(tick_messages(float(tick)))
         await_answer(controller, 5)

@@ -25,7 +25,7 @@ from iptm_core.state import Command, FullChannelState, LeaderPreview, VehicleSta
 from iptm_core.units import CELSIUS_ZERO_K
 from iptm_plant_sim.interval import PlantStep
 from iptm_plant_sim.plant import Plant
-from iptm_plant_sim.trip import Trip
+from iptm_plant_sim.trip import PlantTrip
 from iptm_ros.codecs import decode_observation, encode_clock, ns_from_time
 from iptm_ros.diagnostics import Level
 from iptm_ros.services import Service
@@ -252,7 +252,7 @@ def test_a_second_controller_is_reported_when_both_answer() -> None:
 def test_a_model_that_fails_ends_the_trip_as_a_defect() -> None:
     with driven_plant() as plant:
         begin(plant)
-        with mock.patch.object(Trip, "advance", side_effect=IptmError("no next state")):
+        with mock.patch.object(PlantTrip, "advance", side_effect=IptmError("no next state")):
             plant.answer(0, Command(0.3, 0.0))
         assert plant.bench.situation == (Level.ERROR, "the vehicle model failed")
         plant.bench.spin_until(plant.bench.node.ended.done)

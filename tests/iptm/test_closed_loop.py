@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from iptm.closed_loop import ClosedLoopRun, run_closed_loop
-from iptm_controller.controller import Controller
+from iptm_controller.controller import MpcController
 from iptm_controller.decision import Decision
 from iptm_controller.horizon import MULTI_HORIZON, SINGLE_HORIZON, Horizon
 from iptm_controller.measurements import Measurements
@@ -73,7 +73,7 @@ def drive(
         options = ControllerOptions(strategy=STRATEGIES[strategy], horizon=horizon)
         if isinstance(inner, RiccatiBackend):
             inner = SwitchingCheck(inner, OptimalControlProblem(horizon, parameters))
-        controller = Controller(parameters, options, inner)
+        controller = MpcController(parameters, options, inner)
         return run_closed_loop(
             route, Plant(parameters, route.slope.slope_at), controller, bridge, on_tick
         )
@@ -273,7 +273,7 @@ def test_an_unusual_car_is_driven_by_plans_that_keep_the_gap(
     route = trip("us06", slope, duration_s, parameters)
     options = ControllerOptions(strategy=STRATEGIES["reference"])
     run = run_closed_loop(
-        route, Plant(parameters, route.slope.slope_at), Controller(parameters, options)
+        route, Plant(parameters, route.slope.slope_at), MpcController(parameters, options)
     )
     expect_safe(run.trajectory, parameters)
     assert (run.decisions.rung == Rung.OPTIMAL).all()

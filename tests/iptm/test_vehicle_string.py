@@ -19,7 +19,7 @@ from iptm.vehicle_string import (
     drive_string_in_memory,
     run_string,
 )
-from iptm_controller.controller import Controller
+from iptm_controller.controller import MpcController
 from iptm_controller.options import ControllerOptions
 from iptm_core.decision_record import Rung
 from iptm_core.metrics import gap_margins_m
@@ -38,7 +38,7 @@ def driven(vehicles: int) -> list[ClosedLoopRun]:
     plant = Plant(MODEL, ROUTE.slope.slope_at)
     options = ControllerOptions(trip_duration_s=DURATION_S)
     return list(
-        run_string(ROUTE, vehicles, plant, lambda: Controller(MODEL, options), length_m=LENGTH_M)
+        run_string(ROUTE, vehicles, plant, lambda: MpcController(MODEL, options), length_m=LENGTH_M)
     )
 
 

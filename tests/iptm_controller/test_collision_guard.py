@@ -16,7 +16,7 @@ from tests.iptm_controller.scenes import (
     plain_solver,
 )
 
-from iptm_controller.controller import Controller
+from iptm_controller.controller import MpcController
 from iptm_controller.decision import Decision
 from iptm_controller.forecast import LeaderForecast, PreviewQuality
 from iptm_controller.measurements import Measurements
@@ -31,11 +31,11 @@ JERK_STEP_M_S2 = LIMITS.max_jerk_m_s3
 Policy = Callable[[Measurements], float]
 
 
-def make_controller(*, solving: bool = True) -> Controller:
+def make_controller(*, solving: bool = True) -> MpcController:
     backend = (
         plain_solver("3x1+5x5") if solving else FailingSolver(failure=SolveStatus.NUMERICAL_ERROR)
     )
-    return Controller(PARAMETERS, ControllerOptions(), backend)
+    return MpcController(PARAMETERS, ControllerOptions(), backend)
 
 
 def drive(policy: Policy, *, gap_m: float, speed_m_s: float, braking_m_s2: float) -> list[float]:
@@ -75,7 +75,7 @@ def moved_leader(
     return LeaderState(leader.time_s + step_s, leader.position_m + distance_m, after)
 
 
-def driven_by(controller: Controller) -> Policy:
+def driven_by(controller: MpcController) -> Policy:
     return lambda measured: controller.decide(measured).command.acceleration_m_s2
 
 
@@ -112,7 +112,7 @@ def test_no_collision_that_the_brakes_could_avoid(
         assert smallest > best - 0.1
 
 
-def decide(controller: Controller, *leaders: tuple[float, float], **ego: float) -> Decision:
+def decide(controller: MpcController, *leaders: tuple[float, float], **ego: float) -> Decision:
     """Return the decision after ticks with these gaps and leader speeds; the ego vehicle keeps its speed."""
     decision = None
     for tick, (gap_m, leader_speed_m_s) in enumerate(leaders):

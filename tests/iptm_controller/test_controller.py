@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from tests.iptm_controller.scenes import PARAMETERS, FailingSolver, make_scene, plain_solver
 
-from iptm_controller.controller import Controller
+from iptm_controller.controller import MpcController
 from iptm_controller.decision import ControllerMemory, Decision
 from iptm_controller.forecast import PreviewQuality
 from iptm_controller.ladder import safe_following, thermostat_power_w
@@ -33,9 +33,9 @@ def backend() -> FailingSolver:
 
 
 @pytest.fixture
-def controller(backend: FailingSolver) -> Controller:
+def controller(backend: FailingSolver) -> MpcController:
     options = ControllerOptions(shifted_plan_ticks=2, safe_law_ticks=3)
-    return Controller(PARAMETERS, options, backend)
+    return MpcController(PARAMETERS, options, backend)
 
 
 def at(time_s: float, **changes: float) -> Measurements:
@@ -52,7 +52,7 @@ def expect_actuable(decision: Decision, state: VehicleState) -> None:
     assert change <= limits.max_compressor_rate_w_s + 1e-6
 
 
-def test_ordinary_tick_is_optimal(controller: Controller) -> None:
+def test_ordinary_tick_is_optimal(controller: MpcController) -> None:
     measured = make_scene()
     decision = controller.decide(measured)
     assert decision.rung is Rung.OPTIMAL
@@ -70,7 +70,7 @@ def test_ordinary_tick_is_optimal(controller: Controller) -> None:
     expect_actuable(decision, measured.state)
 
 
-def test_the_last_plan_warms_up_the_next_solve(controller: Controller) -> None:
+def test_the_last_plan_warms_up_the_next_solve(controller: MpcController) -> None:
     first = controller.decide(at(100.0))
     second = controller.decide(at(101.0))
     assert second.result.iterations < first.result.iterations
@@ -80,7 +80,7 @@ def test_the_last_plan_warms_up_the_next_solve(controller: Controller) -> None:
     "failure", [SolveStatus.ITERATION_LIMIT, SolveStatus.DEADLINE, SolveStatus.NUMERICAL_ERROR]
 )
 def test_failed_solves_walk_down_the_ladder_and_back(
-    controller: Controller, backend: FailingSolver, failure: SolveStatus
+    controller: MpcController, backend: FailingSolver, failure: SolveStatus
 ) -> None:
     good = controller.decide(at(100.0))
     backend.failure = failure
@@ -111,14 +111,14 @@ def test_a_back_end_that_raises_has_broken_off(backend: FailingSolver) -> None:
         def solve(self, *_: object, **__: object) -> SolveResult:
             raise RuntimeError("out of nowhere")
 
-    controller = Controller(PARAMETERS, ControllerOptions(), Raising(backend))
+    controller = MpcController(PARAMETERS, ControllerOptions(), Raising(backend))
     decision = controller.decide(at(100.0))
     assert decision.rung is Rung.SAFE_LAW
     assert decision.record.status is SolveStatus.NUMERICAL_ERROR
     assert decision.reason.endswith("RuntimeError: out of nowhere")
 
 
-def test_no_leader_is_a_fallback_with_the_reason_given(controller: Controller) -> None:
+def test_no_leader_is_a_fallback_with_the_reason_given(controller: MpcController) -> None:
     controller.decide(at(100.0))
     blind = replace(at(101.0), leader=None, fault="radar covered by snow")
     decision = controller.decide(blind)
@@ -143,7 +143,7 @@ def test_no_leader_is_a_fallback_with_the_reason_given(controller: Controller) -
     ],
 )
 def test_what_cannot_be_is_a_fallback_with_a_reason(
-    controller: Controller, change: dict[str, Any], rung: Rung, reason: str
+    controller: MpcController, change: dict[str, Any], rung: Rung, reason: str
 ) -> None:
     decision = controller.decide(replace(at(100.0), **change))
     assert decision.rung is rung
@@ -151,7 +151,7 @@ def test_what_cannot_be_is_a_fallback_with_a_reason(
     assert controller.decide(at(101.0)).rung is Rung.OPTIMAL
 
 
-def test_before_any_state_it_asks_for_nothing(controller: Controller) -> None:
+def test_before_any_state_it_asks_for_nothing(controller: MpcController) -> None:
     decision = controller.decide(replace(at(0.0), state=None, fault="still booting"))
     assert decision.rung is Rung.STOP
     assert decision.reason == "still booting"
@@ -160,7 +160,7 @@ def test_before_any_state_it_asks_for_nothing(controller: Controller) -> None:
 
 
 @pytest.mark.parametrize("last", [2.0, 0.0, -1.5])
-def test_without_a_state_it_brakes_step_by_step(controller: Controller, last: float) -> None:
+def test_without_a_state_it_brakes_step_by_step(controller: MpcController, last: float) -> None:
     """Rates count from what was commanded since, not from the last state that was seen."""
     seen = at(100.0, acceleration_m_s2=last, compressor_power_w=700.0)
     first = controller.decide(seen).command
@@ -187,7 +187,7 @@ def test_without_a_state_it_brakes_step_by_step(controller: Controller, last: fl
     ],
 )
 def test_without_a_usable_preview_it_still_optimises(
-    controller: Controller,
+    controller: MpcController,
     quality: PreviewQuality,
     change: Callable[[LeaderPreview], LeaderPreview],
 ) -> None:
@@ -198,7 +198,7 @@ def test_without_a_usable_preview_it_still_optimises(
     assert decision.reason == decision.forecast.reason != ""
 
 
-def test_a_new_trip_needs_no_new_controller(controller: Controller) -> None:
+def test_a_new_trip_needs_no_new_controller(controller: MpcController) -> None:
     """Neither the plan nor the leader of the last trip is taken for this one's."""
     for tick in range(5):
         controller.decide(at(500.0 + tick))
@@ -207,19 +207,19 @@ def test_a_new_trip_needs_no_new_controller(controller: Controller) -> None:
     assert again.forecast.motion.times_s.min() == 0.0
 
 
-def test_after_an_outage_it_starts_cold(controller: Controller) -> None:
+def test_after_an_outage_it_starts_cold(controller: MpcController) -> None:
     """A plan that has ended long ago would only repeat its last input."""
     options = replace(controller.options, strategy=STRATEGIES["aging"])
-    resumed = Controller(PARAMETERS, options, controller.backend)
+    resumed = MpcController(PARAMETERS, options, controller.backend)
     resumed.decide(at(100.0, leader_acceleration_m_s2=1.0))
     late = at(400.0)
     recovered = resumed.decide(late)
     assert recovered.rung is Rung.OPTIMAL
-    fresh = Controller(PARAMETERS, options, controller.backend).decide(late)
+    fresh = MpcController(PARAMETERS, options, controller.backend).decide(late)
     assert recovered.command == fresh.command
 
 
-def test_it_goes_on_from_a_saved_memory(controller: Controller) -> None:
+def test_it_goes_on_from_a_saved_memory(controller: MpcController) -> None:
     """With noisy measurements, late commands and previews that were wrong, which all leave traces."""
     random = np.random.default_rng(6)
 
@@ -242,7 +242,7 @@ def test_it_goes_on_from_a_saved_memory(controller: Controller) -> None:
         before = controller.decide(noisy(tick))
     assert before.noise
     assert "previews were wrong" in before.reason
-    other = Controller(PARAMETERS, controller.options, controller.backend)
+    other = MpcController(PARAMETERS, controller.options, controller.backend)
     other.memory = from_plain(ControllerMemory, to_plain(controller.memory))
     for tick in range(30, 35):
         measured = noisy(tick)
@@ -252,10 +252,10 @@ def test_it_goes_on_from_a_saved_memory(controller: Controller) -> None:
 @pytest.mark.parametrize("law", [None, LAWS["nmc622"]])
 @pytest.mark.parametrize("strategy", STRATEGIES)
 def test_every_controller_has_a_memory(
-    controller: Controller, law: AgingLaw | None, strategy: str
+    controller: MpcController, law: AgingLaw | None, strategy: str
 ) -> None:
     options = replace(controller.options, own_law=law, strategy=STRATEGIES[strategy])
-    other = Controller(PARAMETERS, options, controller.backend)
+    other = MpcController(PARAMETERS, options, controller.backend)
     memory = replace(ControllerMemory(), failures=2, lost_ticks=1, is_cooling=True)
     other.memory = memory
     assert to_plain(other.memory) == to_plain(memory)

@@ -15,7 +15,7 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from tests.iptm_controller.scenes import PARAMETERS, make_scene, plain_solver
 
-from iptm_controller.controller import Controller
+from iptm_controller.controller import MpcController
 from iptm_controller.decision import Decision
 from iptm_controller.lead_check import FROZEN
 from iptm_controller.measurements import Measurements
@@ -102,7 +102,7 @@ def expect_sane(decision: Decision) -> None:
         assert decision.reason
 
 
-def drive(controller: Controller, ticks: list[list[Change]]) -> None:
+def drive(controller: MpcController, ticks: list[list[Change]]) -> None:
     """A trip with something wrong at every tick, then ticks with everything in order: one, or three.
 
     A range sensor that repeated a measurement counts again after two steps that agree.
@@ -128,7 +128,7 @@ def drive(controller: Controller, ticks: list[list[Change]]) -> None:
 def test_any_measurements_end_in_sane_commands(
     ticks: list[list[Change]],
 ) -> None:
-    drive(Controller(PARAMETERS, ControllerOptions(), Echo()), ticks)
+    drive(MpcController(PARAMETERS, ControllerOptions(), Echo()), ticks)
 
 
 POSSIBLE = {
@@ -150,7 +150,7 @@ RECOVERY_TICKS = 5
 @given(data=st.data())
 def test_situations_from_one_extreme_to_the_other(data: st.DataObject) -> None:
     """With the real solver: it may fail at such a tick, but it finds back to the top."""
-    controller = Controller(PARAMETERS, ControllerOptions(), plain_solver("3x1+5x5"))
+    controller = MpcController(PARAMETERS, ControllerOptions(), plain_solver("3x1+5x5"))
     for tick in range(3):
         names = sorted(data.draw(st.sets(st.sampled_from(sorted(POSSIBLE)), min_size=1)))
         values = {name: data.draw(POSSIBLE[name]) for name in names}

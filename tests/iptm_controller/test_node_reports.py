@@ -11,7 +11,7 @@ import pytest
 from tests.iptm_controller.scenes import NOW_S, PARAMETERS, make_scene, plain_solver
 from tests.table_messages import encode_plan
 
-from iptm_controller.controller import Controller
+from iptm_controller.controller import MpcController
 from iptm_controller.decision import Decision
 from iptm_controller.node_reports import (
     COLD,
@@ -42,12 +42,12 @@ GOOD_ROAD = road_warning("", is_known=True)
 EMPTY = LeaderPreview.empty()
 
 
-def fresh() -> Controller:
-    return Controller(PARAMETERS, ControllerOptions(), plain_solver("3x1+5x5"))
+def fresh() -> MpcController:
+    return MpcController(PARAMETERS, ControllerOptions(), plain_solver("3x1+5x5"))
 
 
 @pytest.fixture
-def controller() -> Controller:
+def controller() -> MpcController:
     return fresh()
 
 
@@ -68,7 +68,7 @@ def test_record_of_an_optimal_tick(good: Decision) -> None:
     assert record.gap_slack_m == pytest.approx(0.0, abs=1e-5)
 
 
-def test_record_without_a_solve(controller: Controller) -> None:
+def test_record_without_a_solve(controller: MpcController) -> None:
     record = controller.decide(replace(make_scene(), leader=None)).record
     assert record.status is SolveStatus.NOT_POSED
     assert record.iterations == 0
@@ -78,7 +78,7 @@ def test_record_without_a_solve(controller: Controller) -> None:
 
 
 @pytest.mark.parametrize("change", [{}, {"leader": None}, {"state": None}, {"preview": EMPTY}])
-def test_every_record_travels(controller: Controller, change: dict[str, object]) -> None:
+def test_every_record_travels(controller: MpcController, change: dict[str, object]) -> None:
     measured = replace(make_scene(), **change)  # type: ignore[arg-type]
     record = controller.decide(measured).record
     again = decode_decision_record(encode_decision_record(100_000_000_000, record))
@@ -149,7 +149,7 @@ def test_the_road_is_called_flat_only_where_it_is_taken_as_flat(good: Decision) 
     assert flat == "slope message malformed, road taken as flat"
 
 
-def test_another_trip_is_reported_with_what_is_worse(controller: Controller) -> None:
+def test_another_trip_is_reported_with_what_is_worse(controller: MpcController) -> None:
     blind = controller.decide(replace(make_scene(), leader=None))
     road = GOOD_ROAD
     assert situation(blind, road, begun_anew=True) == (

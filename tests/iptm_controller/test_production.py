@@ -14,7 +14,7 @@ from tests.iptm_controller.scenes import (
     plain_solver,
 )
 
-from iptm_controller.controller import Controller
+from iptm_controller.controller import MpcController
 from iptm_controller.options import ControllerOptions
 from iptm_controller.production import (
     SIMPLE,
@@ -170,7 +170,7 @@ def test_settings_out_of_order_or_range_are_refused() -> None:
 
 def test_the_controller_drives_by_it_without_a_solve() -> None:
     options = ControllerOptions(strategy=STRATEGIES["production"])
-    controller = Controller(PARAMETERS, options, plain_solver("3x1+5x5"))
+    controller = MpcController(PARAMETERS, options, plain_solver("3x1+5x5"))
     desired_m = STANDSTILL_GAP_M + 1.6 * 15.0
     decision = controller.decide(make_scene(gap_m=desired_m))
     assert decision.rung is Rung.OPTIMAL
@@ -180,7 +180,7 @@ def test_the_controller_drives_by_it_without_a_solve() -> None:
     assert decision.command.acceleration_m_s2 == pytest.approx(0.0)
     # 35 degC: the compressor starts, as fast as it may.
     assert decision.command.compressor_power_w == PARAMETERS.limits.max_compressor_rate_w_s
-    resumed = Controller(PARAMETERS, options, controller.backend)
+    resumed = MpcController(PARAMETERS, options, controller.backend)
     resumed.memory = controller.memory
     assert resumed.memory.is_cooling
     resumed.use_strategy(STRATEGIES["reference"])
@@ -189,7 +189,7 @@ def test_the_controller_drives_by_it_without_a_solve() -> None:
 
 def test_without_a_lead_vehicle_it_falls_back_and_comes_back() -> None:
     options = ControllerOptions(strategy=STRATEGIES["production"])
-    controller = Controller(PARAMETERS, options, plain_solver("3x1+5x5"))
+    controller = MpcController(PARAMETERS, options, plain_solver("3x1+5x5"))
     controller.decide(make_scene())
     assert controller.decide(replace(make_scene(), leader=None)).rung is Rung.STOP
     assert controller.decide(make_scene()).rung is Rung.OPTIMAL

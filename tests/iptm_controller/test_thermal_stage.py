@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.iptm_controller.scenes import PARAMETERS, SCENES, checking_solver, make_scene, make_state
 
-from iptm_controller.controller import Controller
+from iptm_controller.controller import MpcController
 from iptm_controller.horizon import Horizon
 from iptm_controller.measurements import Measurements
 from iptm_controller.node_reports import plan_trajectory
@@ -128,24 +128,24 @@ def test_thermal_rows_do_not_constrain_the_motion() -> None:
 
 
 @pytest.fixture(scope="module")
-def controller() -> Controller:
+def controller() -> MpcController:
     options = ControllerOptions(horizon=Horizon.parse(GRID))
-    return Controller(PARAMETERS, options, checking_solver(GRID))
+    return MpcController(PARAMETERS, options, checking_solver(GRID))
 
 
 @pytest.mark.parametrize("name", sorted(SCENES))
-def test_a_thermal_phase_leaves_the_driving_alone(controller: Controller, name: str) -> None:
+def test_a_thermal_phase_leaves_the_driving_alone(controller: MpcController, name: str) -> None:
     measured: Measurements = SCENES[name]
     decision = controller.decide(measured)
     assert decision.rung is Rung.OPTIMAL
     assert decision.reason == ""
-    short = Controller(PARAMETERS, ControllerOptions(), checking_solver()).decide(measured)
+    short = MpcController(PARAMETERS, ControllerOptions(), checking_solver()).decide(measured)
     assert decision.command.acceleration_m_s2 == pytest.approx(
         short.command.acceleration_m_s2, abs=0.15
     )
 
 
-def test_the_published_plan_ends_with_the_motion(controller: Controller) -> None:
+def test_the_published_plan_ends_with_the_motion(controller: MpcController) -> None:
     decision = controller.decide(make_scene())
     trajectory = plan_trajectory(decision.plan)
     assert trajectory.times_s[-1] - trajectory.times_s[0] == pytest.approx(28.0)

@@ -10,13 +10,13 @@ import pytest
 from iptm_core.state import Command, CommandSource
 from iptm_plant_sim.actuators import Clamp
 from iptm_plant_sim.plant import Plant
-from iptm_plant_sim.trip import RECENT_TICKS, CommandHold, Schedule, TimeBetweenTicks, Trip
+from iptm_plant_sim.trip import RECENT_TICKS, CommandHold, PlantTrip, Slots, TimeBetweenTicks
 
 S = 1_000_000_000
 
 
 def test_starts_at_rest_and_ends_after_the_last_interval(plant: Plant) -> None:
-    trip = Trip(plant, 3.0)
+    trip = PlantTrip(plant, 3.0)
     assert trip.step.standstill
     assert trip.step.state.time_s == 0.0
     stamps = []
@@ -33,12 +33,12 @@ def test_starts_at_rest_and_ends_after_the_last_interval(plant: Plant) -> None:
 def test_duration_is_rounded_up_to_whole_periods(
     plant: Plant, duration: float, period: float, ticks: int
 ) -> None:
-    assert Trip(plant, duration, period).ticks == ticks
+    assert PlantTrip(plant, duration, period).ticks == ticks
 
 
 def test_follows_the_plant_bit_for_bit(make_plant: Callable[..., Plant]) -> None:
     plant = make_plant("hills")
-    trip = Trip(plant, 50.0)
+    trip = PlantTrip(plant, 50.0)
     trip.warm_up()
     state = plant.initial_state()
     for tick in range(50):
@@ -48,7 +48,7 @@ def test_follows_the_plant_bit_for_bit(make_plant: Callable[..., Plant]) -> None
 
 
 def test_keeps_count_of_what_was_limited(plant: Plant) -> None:
-    trip = Trip(plant, 100.0)
+    trip = PlantTrip(plant, 100.0)
     trip.advance(Command(0.1, 0.0))
     recent = [trip.is_limited]
     trip.advance(Command(5.0, 0.0))
@@ -64,7 +64,7 @@ def test_keeps_count_of_what_was_limited(plant: Plant) -> None:
 
 
 def test_the_source_of_each_command_is_part_of_what_is_observed(plant: Plant) -> None:
-    trip = Trip(plant, 10.0)
+    trip = PlantTrip(plant, 10.0)
     command = Command(0.1, 0.0)
     given = ((command, CommandSource.ANSWER), (command, CommandSource.HELD), (None,))
     found = [trip.advance(*each).safety.command_source for each in given]
@@ -114,7 +114,7 @@ class FakeClock:
 
 def test_punctual_activity_has_no_overruns() -> None:
     clock = FakeClock()
-    schedule = Schedule(0.5, clock)
+    schedule = Slots(0.5, clock)
     for _ in range(10):
         clock.now_s += 0.5
         schedule.keep()
@@ -124,7 +124,7 @@ def test_punctual_activity_has_no_overruns() -> None:
 
 def test_a_pause_is_no_delay() -> None:
     clock = FakeClock()
-    schedule = Schedule(0.5, clock)
+    schedule = Slots(0.5, clock)
     clock.now_s += 60.0
     schedule.begin_again()
     clock.now_s += 0.5
@@ -135,7 +135,7 @@ def test_a_pause_is_no_delay() -> None:
 
 def test_missed_slots_are_counted_once_and_not_made_up_for() -> None:
     clock = FakeClock()
-    schedule = Schedule(1.0, clock)
+    schedule = Slots(1.0, clock)
     clock.now_s += 1.0
     schedule.keep()
     clock.now_s += 3.5  # due at +1: slots +2 and +3 pass by as well

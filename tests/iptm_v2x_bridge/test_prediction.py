@@ -13,9 +13,9 @@ from iptm_core.routes import build_route
 from iptm_core.state import FloatArray
 from iptm_v2x_bridge.prediction.expected_motion import History, LearntProfile
 from iptm_v2x_bridge.prediction.predictor import (
+    LeaderPredictor,
     LeaderTrack,
     Observation,
-    Predictor,
     PredictorName,
     ReceivedPath,
     monotone_spline,
@@ -38,7 +38,7 @@ def steady_path(speed_m_s: float = 20.0) -> tuple[FloatArray, FloatArray]:
     return (times, 100.0 + speed_m_s * times)
 
 
-PREDICTORS: dict[str, Predictor] = {
+PREDICTORS: dict[str, LeaderPredictor] = {
     "received": ReceivedPath(),
     "history": History(),
     "limits": BoundedByRules(History(), RoadRules(SpeedLimits(np.array([0.0]), np.array([30.0])))),

@@ -1,9 +1,10 @@
 """The arrows of the architecture: allowed imports between packages, and packages free of ROS."""
 
+import ast
 import re
 
 import pytest
-from tests.packaging.packages import EXTRAS, FOLDERS, PACKAGES, ROOT, modules_of
+from tests.packaging.packages import EXTRAS, FOLDERS, PACKAGES, ROOT, SOURCE, modules_of
 
 # Package -> the packages of this project that its modules may import.
 ALLOWED = {
@@ -130,3 +131,13 @@ def test_no_folder_imports_itself_through_others(package: str) -> None:
                 f"{folder} needs {outside}, one of which needs {more & inside}"
             )
             outside |= more
+
+
+def test_a_class_name_has_one_owner() -> None:
+    owners: dict[str, list[str]] = {}
+    for path in SOURCE.rglob("*.py"):
+        if not {"build", "install"} & {*path.relative_to(SOURCE).parts}:
+            for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+                if isinstance(node, ast.ClassDef):
+                    owners.setdefault(node.name, []).append(str(path.relative_to(SOURCE)))
+    assert {name: found for name, found in owners.items() if len(found) > 1} == {}

@@ -11,7 +11,7 @@ from studies.life.fast_charge import ChargingStopSettings, arrival_cost_eur, fas
 from tests.iptm_controller.scenes import make_scene, make_state
 
 from iptm_controller.arrival import LARGEST_PRICE_RATIO, ArrivalCost, ArrivalValuation
-from iptm_controller.controller import Controller
+from iptm_controller.controller import MpcController
 from iptm_controller.options import ControllerOptions
 from iptm_controller.solvers.interface import SolverOptions
 from iptm_controller.strategy import STRATEGIES
@@ -137,7 +137,7 @@ def test_the_controller_heats_when_it_is_time(
         trip_duration_s=state.time_s + left_s,
         arrival=cost(model),
     )
-    controller = Controller(model, options)
+    controller = MpcController(model, options)
     decision = controller.decide(replace(make_scene(), state=state))
     assert decision.result is not None
     power_w = decision.command.compressor_power_w

@@ -12,7 +12,7 @@ pytest.importorskip("can", reason="requirements/can.txt is not installed")
 from studies.vehicle.bench import other_dbc
 from studies.vehicle.in_steps import BenchInSteps
 
-from iptm_vehicle_interface.channel import Vehicle
+from iptm_vehicle_interface.channel import VehicleLink
 from iptm_vehicle_interface.frames import FrameCodec
 from iptm_vehicle_interface.vehicle import load_vehicle
 
@@ -31,7 +31,7 @@ def test_the_suite_drives_the_bench_in_steps_and_twice_the_same() -> None:
 
 
 def test_frames_of_the_other_dbc_have_no_use(tmp_path: Path) -> None:
-    other: Vehicle = load_vehicle(str(other_dbc(tmp_path)))
+    other: VehicleLink = load_vehicle(str(other_dbc(tmp_path)))
     frame = FrameCodec(other).encode("SPEED", {"VehicleSpeed": 50.0})
     assert FrameCodec(other).decode(*frame).message == "SPEED"
     assert FrameCodec(load_vehicle("bench")).decode(*frame).message == ""

@@ -13,7 +13,7 @@ import pytest
 
 from iptm_controller.ladder import controlled_stop, safe_following
 from iptm_controller.options import ControllerOptions
-from iptm_controller.tick_library import Leader, numbers_of, vehicle
+from iptm_controller.tick_library import CLeader, numbers_of, vehicle
 from iptm_core.parameters import available_parameter_sets, load_parameters
 from iptm_core.state import LeaderState, VehicleState
 from iptm_ecu.codegen import code_of
@@ -236,7 +236,7 @@ def test_fallback_is_that_of_python(library: ctypes.CDLL) -> None:
         following = library.iptm_safe_following(
             ctypes.byref(limits),
             ctypes.byref(ego),
-            ctypes.byref(Leader(0.0, leader.position_m, leader.speed_m_s)),
+            ctypes.byref(CLeader(0.0, leader.position_m, leader.speed_m_s)),
         )
         expected = safe_following(state, leader, PARAMETERS)
         assert following.first == pytest.approx(expected.acceleration_m_s2, abs=1e-12)

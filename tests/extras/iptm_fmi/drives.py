@@ -12,7 +12,7 @@ from tests.extras.iptm_fmi.master import Instance
 
 import iptm
 from iptm.closed_loop import run_closed_loop
-from iptm_controller.controller import Controller
+from iptm_controller.controller import MpcController
 from iptm_controller.measurements import Measurements
 from iptm_controller.ocp.data import SLOPE_DIFFERENCE_M
 from iptm_core.parameters.model import ModelParameters
@@ -93,7 +93,7 @@ def recorded(cycle: str, vehicle: str = "paper_calibrated", **settings: Any) -> 
         def watch(self, *_: Any) -> None:
             """Leave the monitor off."""
 
-    controller = Controller(trip.controller_parameters, trip.options)
+    controller = MpcController(trip.controller_parameters, trip.options)
     run_closed_loop(
         trip.route,
         Recording(trip.parameters, trip.route.slope.slope_at),

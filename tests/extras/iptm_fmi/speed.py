@@ -14,7 +14,7 @@ from tests.extras.iptm_fmi.conftest import SET, versions
 from tests.extras.iptm_fmi.drives import closed, recorded
 from tests.extras.iptm_fmi.master import Instance
 
-from iptm_controller.controller import Controller
+from iptm_controller.controller import MpcController
 from iptm_controller.options import ControllerOptions
 from iptm_core.parameters import load_parameters
 from iptm_fmi.controller_unit import controller_unit
@@ -53,7 +53,7 @@ def main() -> None:
                 f"FMI {version}: plant step {plant_us:.1f} us, controller step {controller_us:.0f} us,"
                 f" closed {faster:.0f} times real time, largest file {max(sizes):.0f} kB"
             )
-    own, ticks_us = Controller(trip.trip.controller_parameters, trip.trip.options), []
+    own, ticks_us = MpcController(trip.trip.controller_parameters, trip.trip.options), []
     for measured in trip.measured:
         before = time.perf_counter()
         own.decide(measured)

@@ -19,9 +19,9 @@ from tests.extras.iptm_plan.scenes import (
 from iptm_controller.arrival import ArrivalCost
 from iptm_core.errors import ScenarioError
 from iptm_core.units import J_PER_KWH
-from iptm_plan.course import Situation
+from iptm_plan.course import ParkedInstant
 from iptm_plan.day_plan import DayPlan, Fineness
-from iptm_plan.pack import Decision
+from iptm_plan.pack import PlannedStep
 from iptm_plan.profile import arrival_table
 from iptm_plan.rules import Rule
 from iptm_plan.schedule import Departure, Schedule
@@ -45,7 +45,7 @@ def test_within_a_percent_of_enumeration() -> None:
     sequences = np.array(list(product(range(4), repeat=7)))
     charge, kelvin, cost = (np.full(len(sequences), each) for each in (*START, 0.0))
     for step, eur_kwh in enumerate(tariff[:7]):
-        decided = Decision(1.0 * (sequences[:, step] // 2), 500.0 * (sequences[:, step] % 2))
+        decided = PlannedStep(1.0 * (sequences[:, step] // 2), 500.0 * (sequences[:, step] % 2))
         stood = fan_less.stand(charge, kelvin, CHARGER_W, decided, 3600.0)
         after, after_k = charge + stood.gained, 309.15 + (kelvin - 309.15) * stood.kept
         after_k = after_k + stood.warmed_k
@@ -56,18 +56,18 @@ def test_within_a_percent_of_enumeration() -> None:
     for index in np.argsort(cost):  # the cheapest that is allowed, to the end by the simulation
         if charge[index] >= 0.62:
             break
-    script = [Decision(1.0 * (each // 2), 500.0 * (each % 2)) for each in sequences[index]]
+    script = [PlannedStep(1.0 * (each // 2), 500.0 * (each % 2)) for each in sequences[index]]
 
     class Scripted:
-        def decide(self, at: Situation) -> Decision:
-            return script[at.step] if at.step < 7 else Decision()
+        def decide(self, at: ParkedInstant) -> PlannedStep:
+            return script[at.step] if at.step < 7 else PlannedStep()
 
     course = plan.course(*START)
     assert course.events[0].missed == 0.0
     best = plan.cost_eur(plan.course(*START, Scripted()))
     spent = best - plan._between(plan._end, *START)
     assert plan.cost_eur(course) - best <= 0.01 * abs(spent)
-    assert plan.cost_to_go(Situation(0, 0, *START)) == pytest.approx(
+    assert plan.cost_to_go(ParkedInstant(0, 0, *START)) == pytest.approx(
         plan.cost_eur(course), abs=0.02 * abs(spent)
     )
 
@@ -84,7 +84,7 @@ def test_no_rule_is_cheaper(rule: str, celsius: float) -> None:
 
 def test_the_cost_to_go_is_what_the_hours_then_cost() -> None:
     plan = DayPlan(schedule(), PACK, PRICE)
-    foreseen = plan.cost_to_go(Situation(0, 0, *START))
+    foreseen = plan.cost_to_go(ParkedInstant(0, 0, *START))
     assert plan.cost_eur(plan.course(*START)) == pytest.approx(foreseen, abs=0.03)
 
 
@@ -160,9 +160,9 @@ class CheapestHeated:
         self._rule = Rule(planned, pack, 0.5, heats_to_k=293.15)  # type: ignore[arg-type]
         self._planned = planned
 
-    def decide(self, at: Situation) -> Decision:
+    def decide(self, at: ParkedInstant) -> PlannedStep:
         if at.stage == 0 and at.step < 29:
-            return Decision()
+            return PlannedStep()
         return self._rule.decide(at)
 
 

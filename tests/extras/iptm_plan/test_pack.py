@@ -9,29 +9,29 @@ import pytest
 from tests.extras.iptm_plan.scenes import CAR, CHARGER_W, PACK, PRICE, pack_with_heater, trip
 
 from iptm_core.aging_laws.law import Load
-from iptm_plan.pack import Decision
+from iptm_plan.pack import PlannedStep
 
 WARM_K, STEP_S = 308.15, 900.0
 CAPACITY_J_K = 16 * 6 * 38 * 45.0
 
 
 def test_a_parked_pack_approaches_the_air_with_ten_hours() -> None:
-    stood = PACK.stand(0.5, WARM_K, 0.0, Decision(), STEP_S)
+    stood = PACK.stand(0.5, WARM_K, 0.0, PlannedStep(), STEP_S)
     assert stood.kept == pytest.approx(math.exp(-0.25 / 10.0))
     assert (stood.gained, stood.grid_j, stood.warmed_k) == (0.0, 0.0, 0.0)
 
 
 def test_a_fan_takes_its_power_from_the_pack_without_a_plug() -> None:
-    blown = PACK.stand(0.5, WARM_K, 0.0, Decision(fan=1.0), STEP_S)
+    blown = PACK.stand(0.5, WARM_K, 0.0, PlannedStep(fan=1.0), STEP_S)
     assert blown.gained == pytest.approx(-80.0 * 900.0 / (380.0 * 5.019 * 38 * 3600.0))
     assert blown.kept == pytest.approx(math.exp(-0.025 - 900.0 * 100.0 / CAPACITY_J_K))
-    plugged = PACK.stand(0.5, WARM_K, CHARGER_W, Decision(fan=1.0), STEP_S)
+    plugged = PACK.stand(0.5, WARM_K, CHARGER_W, PlannedStep(fan=1.0), STEP_S)
     assert (plugged.gained, plugged.grid_j) == (0.0, pytest.approx(80.0 * 900.0))
 
 
 def test_charging_by_hand() -> None:
     """P = I (U + R I) with U = 380 V - 96 * 0.4 mV/K * T; the loss heats the pack."""
-    stood = PACK.stand(0.5, WARM_K, CHARGER_W, Decision(1.0), STEP_S)
+    stood = PACK.stand(0.5, WARM_K, CHARGER_W, PlannedStep(1.0), STEP_S)
     volt = 380.0 - 96 * 4e-4 * WARM_K
     ohm = (
         96 / 38 * 0.06 * (1.0 - 0.008 * (WARM_K - 288.15)) / (1.0 - CAR.aging.initial_capacity_loss)
@@ -44,25 +44,25 @@ def test_charging_by_hand() -> None:
 
 
 def test_a_full_pack_takes_no_more() -> None:
-    stood = PACK.stand(0.99, WARM_K, CHARGER_W, Decision(1.0), STEP_S)
+    stood = PACK.stand(0.99, WARM_K, CHARGER_W, PlannedStep(1.0), STEP_S)
     assert stood.gained == pytest.approx(0.01)
     assert stood.grid_j < 0.5 * CHARGER_W * STEP_S
 
 
 def test_chiller_and_heater_move_heat_and_leave_the_rest_to_charging() -> None:
-    cooled = PACK.stand(0.5, WARM_K, CHARGER_W, Decision(0.0, 500.0), STEP_S)
+    cooled = PACK.stand(0.5, WARM_K, CHARGER_W, PlannedStep(0.0, 500.0), STEP_S)
     assert cooled.warmed_k == pytest.approx(-2.4 * 500.0 * STEP_S / CAPACITY_J_K)
     heater = pack_with_heater(5000.0)
-    heated = heater.stand(0.5, 268.15, CHARGER_W, Decision(1.0, -5000.0), STEP_S)
+    heated = heater.stand(0.5, 268.15, CHARGER_W, PlannedStep(1.0, -5000.0), STEP_S)
     assert heated.grid_j == pytest.approx(CHARGER_W * STEP_S)
     assert (
         heated.c_rate_1_h
-        < 0.4 * PACK.stand(0.5, 268.15, CHARGER_W, Decision(1.0), STEP_S).c_rate_1_h
+        < 0.4 * PACK.stand(0.5, 268.15, CHARGER_W, PlannedStep(1.0), STEP_S).c_rate_1_h
     )
 
 
 def test_the_chiller_stops_at_the_lower_limit() -> None:
-    stood = PACK.stand(0.5, 298.15 + 1.0, CHARGER_W, Decision(0.0, 1000.0), STEP_S)
+    stood = PACK.stand(0.5, 298.15 + 1.0, CHARGER_W, PlannedStep(0.0, 1000.0), STEP_S)
     assert stood.warmed_k == pytest.approx(-1.0)
     assert stood.thermal_j == pytest.approx(CAPACITY_J_K / 2.4)
 
@@ -75,7 +75,7 @@ def test_cold_cells_take_less_where_the_car_has_limits() -> None:
     }
     pack = pack_with_heater(5000.0, **limits)
     rates = [
-        float(pack.stand(0.5, kelvin, CHARGER_W, Decision(1.0), STEP_S).c_rate_1_h)
+        float(pack.stand(0.5, kelvin, CHARGER_W, PlannedStep(1.0), STEP_S).c_rate_1_h)
         for kelvin in (262.15, 268.15, 293.15)
     ]
     assert rates[0] == 0.0

@@ -13,11 +13,11 @@ collect_ignore_glob = (
 """Without the libraries of requirements/can.txt only the meter can be tested."""
 
 if TYPE_CHECKING:
-    from iptm_vehicle_interface.channel import Vehicle
+    from iptm_vehicle_interface.channel import VehicleLink
 
 
 @pytest.fixture(scope="session")
-def vehicle() -> Vehicle:
+def vehicle() -> VehicleLink:
     from iptm_vehicle_interface.vehicle import load_vehicle  # noqa: PLC0415 - its library may be missing
 
     return load_vehicle("bench")

@@ -17,13 +17,13 @@ from iptm_ros.codecs import decode_leader_preview, decode_slope
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_vehicle_interface.authority import (
     BENCH_BUTTON_ID,
+    GatewayReport,
     Loss,
-    Report,
     decision_frame,
     report_frame,
 )
 from iptm_vehicle_interface.bus import LOOPBACK, LOOPBACK_GROUP, BusReader, open_bus, send
-from iptm_vehicle_interface.channel import Vehicle
+from iptm_vehicle_interface.channel import VehicleLink
 from iptm_vehicle_interface.drive_record import replayed
 from iptm_vehicle_interface.driving import Driver
 from iptm_vehicle_interface.frames import FrameCodec
@@ -45,7 +45,7 @@ PATIENCE_S = 60.0
 class Commands:
     """The commands on the car's bus, as a foreign listener sees them."""
 
-    def __init__(self, processes: BenchProcesses, vehicle: Vehicle) -> None:
+    def __init__(self, processes: BenchProcesses, vehicle: VehicleLink) -> None:
         self._reader = BusReader(open_bus(processes.car_bus))
         self._codec, self._vehicle = FrameCodec(vehicle), vehicle
 
@@ -70,7 +70,7 @@ class Commands:
         self._reader.close()
 
 
-def test_what_is_no_frame_does_not_end_the_reader(vehicle: Vehicle) -> None:
+def test_what_is_no_frame_does_not_end_the_reader(vehicle: VehicleLink) -> None:
     port = free_ports(os.getpid())
     sender, reader = open_bus(f"udp:{port}"), BusReader(open_bus(f"udp:{port}"))
     try:
@@ -91,7 +91,9 @@ def test_what_is_no_frame_does_not_end_the_reader(vehicle: Vehicle) -> None:
         sender.shutdown()
 
 
-def test_the_suite_drives_the_car_and_the_brake_ends_it(tmp_path: Path, vehicle: Vehicle) -> None:
+def test_the_suite_drives_the_car_and_the_brake_ends_it(
+    tmp_path: Path, vehicle: VehicleLink
+) -> None:
     """The record of the drive, replayed through the interface, gives every sent frame again."""
     events = ("enable_button:5:0.3", "enable_button:8:0.3", "brake_pressed:13:0.5")
     options = BenchOptions(
@@ -121,7 +123,7 @@ def test_the_suite_drives_the_car_and_the_brake_ends_it(tmp_path: Path, vehicle:
 
 
 def test_the_bridge_joins_the_radar_with_v2x_and_knows_the_slope(
-    tmp_path: Path, vehicle: Vehicle
+    tmp_path: Path, vehicle: VehicleLink
 ) -> None:
     options = BenchOptions(
         slope="large",
@@ -167,7 +169,7 @@ def test_the_bridge_joins_the_radar_with_v2x_and_knows_the_slope(
     assert max(agreed) >= 1
 
 
-def test_nothing_but_the_driver_engages(tmp_path: Path, vehicle: Vehicle) -> None:
+def test_nothing_but_the_driver_engages(tmp_path: Path, vehicle: VehicleLink) -> None:
     """Frames of car and suite on the bus between both, for 3 s; then the button of the car does."""
     options = BenchOptions(duration_s=60.0, car=["--press", "enable_button:12:0.3:2"])
     with BenchProcesses(tmp_path, options) as bench:
@@ -180,7 +182,9 @@ def test_nothing_but_the_driver_engages(tmp_path: Path, vehicle: Vehicle) -> Non
                 for frame in (
                     codec.encode("PEDALS", {"EnableButton": float(time.monotonic() % 1.0 > 0.5)}),
                     (BENCH_BUTTON_ID, b""),
-                    report_frame(Report(is_armed=True, is_active=True, loss=Loss.NOT_ENABLED)),
+                    report_frame(
+                        GatewayReport(is_armed=True, is_active=True, loss=Loss.NOT_ENABLED)
+                    ),
                     decision_frame(round(time.monotonic())),
                     codec.encode_command(vehicle.acceleration, -3.5, enabled=True),
                 ):
@@ -206,7 +210,7 @@ def test_nothing_but_the_driver_engages(tmp_path: Path, vehicle: Vehicle) -> Non
     ],
 )
 def test_a_process_that_dies_or_hangs_leaves_the_car_inactive(
-    tmp_path: Path, vehicle: Vehicle, name: str, how: signal.Signals
+    tmp_path: Path, vehicle: VehicleLink, name: str, how: signal.Signals
 ) -> None:
     """The time that it takes is measured by the study; here it has to happen, until a new enable."""
     options = BenchOptions(

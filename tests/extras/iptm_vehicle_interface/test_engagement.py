@@ -5,14 +5,16 @@ from __future__ import annotations
 import pytest
 
 from iptm_core.decision_record import DrivingMode
-from iptm_vehicle_interface.engagement import Conditions, Engagement
+from iptm_vehicle_interface.engagement import Engagement, EngagementConditions
 
-NOTHING = Conditions()
-ENABLE = Conditions(enable=True)
+NOTHING = EngagementConditions()
+ENABLE = EngagementConditions(enable=True)
 STEP_S = 0.02
 
 
-def after(start: DrivingMode, *conditions: Conditions, requested_m_s2: float = -1.0) -> Engagement:
+def after(
+    start: DrivingMode, *conditions: EngagementConditions, requested_m_s2: float = -1.0
+) -> Engagement:
     state = Engagement(start, enable_was_pressed=False)
     for now in conditions:
         state = state.step(now, requested_m_s2, STEP_S)
@@ -23,41 +25,51 @@ def after(start: DrivingMode, *conditions: Conditions, requested_m_s2: float = -
     ("start", "now", "end"),
     [
         (DrivingMode.OFF, NOTHING, DrivingMode.READY),
-        (DrivingMode.OFF, Conditions(hindrance="no fresh speed_m_s"), DrivingMode.OFF),
+        (DrivingMode.OFF, EngagementConditions(hindrance="no fresh speed_m_s"), DrivingMode.OFF),
         (DrivingMode.OFF, ENABLE, DrivingMode.READY),
-        (DrivingMode.READY, Conditions(hindrance="no decision yet"), DrivingMode.OFF),
+        (DrivingMode.READY, EngagementConditions(hindrance="no decision yet"), DrivingMode.OFF),
         (DrivingMode.READY, ENABLE, DrivingMode.ENGAGED),
-        (DrivingMode.READY, Conditions(enable=True, brake=True), DrivingMode.READY),
-        (DrivingMode.READY, Conditions(enable=True, accelerator=True), DrivingMode.READY),
+        (DrivingMode.READY, EngagementConditions(enable=True, brake=True), DrivingMode.READY),
+        (DrivingMode.READY, EngagementConditions(enable=True, accelerator=True), DrivingMode.READY),
         (DrivingMode.ENGAGED, NOTHING, DrivingMode.ENGAGED),
-        (DrivingMode.ENGAGED, Conditions(brake=True), DrivingMode.READY),
-        (DrivingMode.ENGAGED, Conditions(cancel=True), DrivingMode.READY),
-        (DrivingMode.ENGAGED, Conditions(accelerator=True), DrivingMode.OVERRIDDEN),
-        (DrivingMode.ENGAGED, Conditions(hindrance="no decision for 3.1 s"), DrivingMode.HAND_OVER),
+        (DrivingMode.ENGAGED, EngagementConditions(brake=True), DrivingMode.READY),
+        (DrivingMode.ENGAGED, EngagementConditions(cancel=True), DrivingMode.READY),
+        (DrivingMode.ENGAGED, EngagementConditions(accelerator=True), DrivingMode.OVERRIDDEN),
+        (
+            DrivingMode.ENGAGED,
+            EngagementConditions(hindrance="no decision for 3.1 s"),
+            DrivingMode.HAND_OVER,
+        ),
         (DrivingMode.OVERRIDDEN, NOTHING, DrivingMode.ENGAGED),
-        (DrivingMode.OVERRIDDEN, Conditions(accelerator=True), DrivingMode.OVERRIDDEN),
-        (DrivingMode.OVERRIDDEN, Conditions(brake=True), DrivingMode.READY),
-        (DrivingMode.OVERRIDDEN, Conditions(hindrance="no fresh gap_m"), DrivingMode.HAND_OVER),
-        (DrivingMode.HAND_OVER, Conditions(brake=True), DrivingMode.OFF),
-        (DrivingMode.ENGAGED, Conditions(stopped="controller"), DrivingMode.OFF),
-        (DrivingMode.OVERRIDDEN, Conditions(stopped="controller"), DrivingMode.OFF),
-        (DrivingMode.HAND_OVER, Conditions(stopped="controller"), DrivingMode.OFF),
-        (DrivingMode.READY, Conditions(stopped="controller"), DrivingMode.OFF),
+        (DrivingMode.OVERRIDDEN, EngagementConditions(accelerator=True), DrivingMode.OVERRIDDEN),
+        (DrivingMode.OVERRIDDEN, EngagementConditions(brake=True), DrivingMode.READY),
+        (
+            DrivingMode.OVERRIDDEN,
+            EngagementConditions(hindrance="no fresh gap_m"),
+            DrivingMode.HAND_OVER,
+        ),
+        (DrivingMode.HAND_OVER, EngagementConditions(brake=True), DrivingMode.OFF),
+        (DrivingMode.ENGAGED, EngagementConditions(stopped="controller"), DrivingMode.OFF),
+        (DrivingMode.OVERRIDDEN, EngagementConditions(stopped="controller"), DrivingMode.OFF),
+        (DrivingMode.HAND_OVER, EngagementConditions(stopped="controller"), DrivingMode.OFF),
+        (DrivingMode.READY, EngagementConditions(stopped="controller"), DrivingMode.OFF),
     ],
 )
-def test_transitions(start: DrivingMode, now: Conditions, end: DrivingMode) -> None:
+def test_transitions(start: DrivingMode, now: EngagementConditions, end: DrivingMode) -> None:
     state = Engagement(start, enable_was_pressed=False, released_m_s2=-1.0)
     assert state.step(now, -1.0, STEP_S).mode is end
 
 
 def test_a_button_that_is_held_enables_once() -> None:
-    state = after(DrivingMode.READY, ENABLE, Conditions(brake=True, enable=True), ENABLE, ENABLE)
+    state = after(
+        DrivingMode.READY, ENABLE, EngagementConditions(brake=True, enable=True), ENABLE, ENABLE
+    )
     assert state.mode is DrivingMode.READY
     assert state.step(NOTHING, 0.0, STEP_S).step(ENABLE, 0.0, STEP_S).mode is DrivingMode.ENGAGED
 
 
 def test_the_hand_over_releases_the_brakes_at_the_stated_rate() -> None:
-    lost = Conditions(hindrance="no fresh gap_m")
+    lost = EngagementConditions(hindrance="no fresh gap_m")
     state = after(DrivingMode.ENGAGED, lost)
     assert state.is_active
     assert state.released_m_s2 == -1.0
@@ -72,7 +84,7 @@ def test_the_hand_over_releases_the_brakes_at_the_stated_rate() -> None:
 
 
 def test_a_request_to_accelerate_ends_at_once() -> None:
-    lost = Conditions(hindrance="no fresh gap_m")
+    lost = EngagementConditions(hindrance="no fresh gap_m")
     state = after(DrivingMode.ENGAGED, lost, requested_m_s2=1.0)
     assert state.released_m_s2 == 0.0
     assert state.step(lost, 0.0, STEP_S).mode is DrivingMode.OFF

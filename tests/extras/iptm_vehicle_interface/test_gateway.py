@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from iptm_vehicle_interface.authority import BENCH_BUTTON_ID, Loss, Report, decision_frame
-from iptm_vehicle_interface.channel import Vehicle
+from iptm_vehicle_interface.authority import BENCH_BUTTON_ID, GatewayReport, Loss, decision_frame
+from iptm_vehicle_interface.channel import VehicleLink
 from iptm_vehicle_interface.frames import FrameCodec
 from iptm_vehicle_interface.gateway import PERIOD_S, Gateway
 
@@ -16,7 +16,7 @@ from iptm_vehicle_interface.gateway import PERIOD_S, Gateway
 class Bench:
     """Both ends of a gateway, in steps of its period."""
 
-    def __init__(self, vehicle: Vehicle, speed_m_s: float = 20.0) -> None:
+    def __init__(self, vehicle: VehicleLink, speed_m_s: float = 20.0) -> None:
         self.vehicle, self.gateway, self.speed_m_s = vehicle, Gateway(vehicle), speed_m_s
         self.car, self.suite, self.judge = (
             FrameCodec(vehicle),
@@ -92,7 +92,7 @@ class Bench:
         return frame_id, data
 
 
-def test_a_command_passes_within_the_rate(vehicle: Vehicle) -> None:
+def test_a_command_passes_within_the_rate(vehicle: VehicleLink) -> None:
     bench = Bench(vehicle)
     sent = [bench.step(1.0) for _ in range(30)]
     assert all(enabled for _, enabled in sent)
@@ -100,7 +100,7 @@ def test_a_command_passes_within_the_rate(vehicle: Vehicle) -> None:
     assert sent[-1] == (1.0, True)
 
 
-def test_a_silent_suite_makes_the_car_inactive_in_time(vehicle: Vehicle) -> None:
+def test_a_silent_suite_makes_the_car_inactive_in_time(vehicle: VehicleLink) -> None:
     bench = Bench(vehicle)
     for _ in range(5):
         bench.step(-1.0)
@@ -110,7 +110,7 @@ def test_a_silent_suite_makes_the_car_inactive_in_time(vehicle: Vehicle) -> None
     assert not any(enabled for _, enabled in silent[active:])
 
 
-def test_letting_go_is_passed_on_at_once(vehicle: Vehicle) -> None:
+def test_letting_go_is_passed_on_at_once(vehicle: VehicleLink) -> None:
     bench = Bench(vehicle)
     bench.step(0.0)
     frame = bench.suite.encode_command(vehicle.acceleration, 0.0, enabled=False)
@@ -120,7 +120,7 @@ def test_letting_go_is_passed_on_at_once(vehicle: Vehicle) -> None:
     assert not command[2]
 
 
-def test_a_repeated_frame_of_the_suite_is_silence(vehicle: Vehicle) -> None:
+def test_a_repeated_frame_of_the_suite_is_silence(vehicle: VehicleLink) -> None:
     bench = Bench(vehicle)
     bench.step(0.5)
     frame = bench.suite.encode_command(vehicle.acceleration, 0.5, enabled=True)
@@ -131,13 +131,13 @@ def test_a_repeated_frame_of_the_suite_is_silence(vehicle: Vehicle) -> None:
     assert bench.gateway.counts["ACC_COMMAND: repeated counter"] == 9
 
 
-def test_the_brake_makes_the_car_inactive_in_the_next_frame(vehicle: Vehicle) -> None:
+def test_the_brake_makes_the_car_inactive_in_the_next_frame(vehicle: VehicleLink) -> None:
     bench = Bench(vehicle)
     assert bench.step(0.0)[1]
     assert bench.step(0.0, brake=True) == (0.0, False)
 
 
-def test_inactive_is_inactive_until_the_suite_has_let_go(vehicle: Vehicle) -> None:
+def test_inactive_is_inactive_until_the_suite_has_let_go(vehicle: VehicleLink) -> None:
     """After a pedal, after silence, and after a start of the gateway while the suite is engaged."""
     bench = Bench(vehicle)
     assert bench.step(0.0)[1]
@@ -153,7 +153,7 @@ def test_inactive_is_inactive_until_the_suite_has_let_go(vehicle: Vehicle) -> No
     assert not any(bench.step(0.0)[1] for _ in range(20))
 
 
-def test_a_suite_that_asks_without_the_button_drives_nothing(vehicle: Vehicle) -> None:
+def test_a_suite_that_asks_without_the_button_drives_nothing(vehicle: VehicleLink) -> None:
     """However often it lets go and asks again; and a press counts for a second."""
     bench = Bench(vehicle)
     bench.gateway = Gateway(vehicle)
@@ -173,7 +173,7 @@ def test_a_suite_that_asks_without_the_button_drives_nothing(vehicle: Vehicle) -
     assert bench.step(0.0)[1]
 
 
-def test_a_button_of_the_suite_counts_on_the_bench_only(vehicle: Vehicle) -> None:
+def test_a_button_of_the_suite_counts_on_the_bench_only(vehicle: VehicleLink) -> None:
     for is_bench in (False, True):
         bench = Bench(vehicle)
         bench.gateway = Gateway(vehicle, is_bench=is_bench)
@@ -186,7 +186,7 @@ def test_a_button_of_the_suite_counts_on_the_bench_only(vehicle: Vehicle) -> Non
         assert bench.step(0.0)[1] is is_bench
 
 
-def test_the_accelerator_overrides_and_its_release_gives_back(vehicle: Vehicle) -> None:
+def test_the_accelerator_overrides_and_its_release_gives_back(vehicle: VehicleLink) -> None:
     bench = Bench(vehicle)
     assert bench.step(0.5)[1]
     assert not any(bench.step(0.5, accelerator=True)[1] for _ in range(3))
@@ -205,19 +205,19 @@ def test_the_accelerator_overrides_and_its_release_gives_back(vehicle: Vehicle) 
     ],
 )
 def test_what_the_car_states_ends_the_authority_until_the_button(
-    vehicle: Vehicle, pressed: dict[str, Any], loss: Loss
+    vehicle: VehicleLink, pressed: dict[str, Any], loss: Loss
 ) -> None:
     bench = Bench(vehicle)
     assert bench.step(0.0)[1]
     assert not bench.step(0.0, **pressed)[1]
-    assert bench.gateway.report == Report(is_armed=False, is_active=False, loss=loss)
+    assert bench.gateway.report == GatewayReport(is_armed=False, is_active=False, loss=loss)
     bench.let_go()
     assert not any(bench.step(0.0)[1] for _ in range(20))
     bench.press()
     assert bench.step(0.0)[1]
 
 
-def test_another_sender_of_the_command_is_named(vehicle: Vehicle) -> None:
+def test_another_sender_of_the_command_is_named(vehicle: VehicleLink) -> None:
     bench, rival = Bench(vehicle), FrameCodec(vehicle)
     for _ in range(5):
         assert bench.step(0.0)[1]
@@ -232,14 +232,14 @@ def test_another_sender_of_the_command_is_named(vehicle: Vehicle) -> None:
     assert bench.step(0.0)[1]
 
 
-def test_a_car_that_does_not_confirm_is_named(vehicle: Vehicle) -> None:
+def test_a_car_that_does_not_confirm_is_named(vehicle: VehicleLink) -> None:
     bench = Bench(vehicle)
     sent = [bench.step(0.0, confirms=False)[1] for _ in range(30)]
     assert sent.index(False) * PERIOD_S == pytest.approx(0.32, abs=0.04)
     assert bench.gateway.report.loss is Loss.UNCONFIRMED
 
 
-def test_a_counter_with_two_senders_does_not_count(vehicle: Vehicle) -> None:
+def test_a_counter_with_two_senders_does_not_count(vehicle: VehicleLink) -> None:
     """Their frames alternate; a tenth of lost frames is none."""
     bench, other = Bench(vehicle), FrameCodec(vehicle)
     for _ in range(7):
@@ -259,7 +259,7 @@ def test_a_counter_with_two_senders_does_not_count(vehicle: Vehicle) -> None:
     assert sum(codec.decode(*frame).fault is not None for frame in kept) <= 3
 
 
-def test_a_vehicle_ahead_without_a_relative_speed_counts_as_standing(vehicle: Vehicle) -> None:
+def test_a_vehicle_ahead_without_a_relative_speed_counts_as_standing(vehicle: VehicleLink) -> None:
     """Outside of the range of the DBC means not available; 12 m ahead at 100 km/h."""
     bench = Bench(vehicle, speed_m_s=100.0 / 3.6)
     sent = [bench.step(1.5, gap_m=12.0)[0] for _ in range(60)]
@@ -268,7 +268,7 @@ def test_a_vehicle_ahead_without_a_relative_speed_counts_as_standing(vehicle: Ve
     assert set(sent) == {vehicle.limits.min_acceleration_m_s2}
 
 
-def test_measurements_that_contradict_each_other_are_named(vehicle: Vehicle) -> None:
+def test_measurements_that_contradict_each_other_are_named(vehicle: VehicleLink) -> None:
     """A gap that stays while the vehicle ahead comes nearer, and a speed without its acceleration."""
     for changed, loss in (({"relative_m_s": -3.0}, Loss.RANGE), ({"speeds": True}, Loss.SPEED)):
         bench = Bench(vehicle)
@@ -280,7 +280,7 @@ def test_measurements_that_contradict_each_other_are_named(vehicle: Vehicle) -> 
         assert bench.gateway.report.loss is loss
 
 
-def test_frames_that_have_waited_contradict_nothing(vehicle: Vehicle) -> None:
+def test_frames_that_have_waited_contradict_nothing(vehicle: VehicleLink) -> None:
     """A gateway that was stopped for 6 s reads them all at once."""
     bench = Bench(vehicle)
     for step in range(120):
@@ -290,7 +290,7 @@ def test_frames_that_have_waited_contradict_nothing(vehicle: Vehicle) -> None:
 
 
 def test_a_decision_that_is_not_renewed_ends_the_compressor_and_then_the_drive(
-    vehicle: Vehicle,
+    vehicle: VehicleLink,
 ) -> None:
     bench = Bench(vehicle)
     assert bench.step(0.0)[1]
@@ -305,7 +305,7 @@ def test_a_decision_that_is_not_renewed_ends_the_compressor_and_then_the_drive(
     assert bench.gateway.report.loss is Loss.DECISION
 
 
-def test_before_anybody_enables_no_compressor_frame_leaves(vehicle: Vehicle) -> None:
+def test_before_anybody_enables_no_compressor_frame_leaves(vehicle: VehicleLink) -> None:
     bench = Bench(vehicle)
     bench.gateway = Gateway(vehicle)
     for _ in range(50):
@@ -315,14 +315,14 @@ def test_before_anybody_enables_no_compressor_frame_leaves(vehicle: Vehicle) -> 
         assert bench.sent_frames == 1
 
 
-def test_below_the_safe_gap_it_brakes_whatever_the_suite_wants(vehicle: Vehicle) -> None:
+def test_below_the_safe_gap_it_brakes_whatever_the_suite_wants(vehicle: VehicleLink) -> None:
     bench = Bench(vehicle)
     sent = [bench.step(2.0, gap_m=30.0)[0] for _ in range(60)]
     assert sent[-1] == vehicle.limits.min_acceleration_m_s2
     assert max(sent) <= 0.0
 
 
-def test_without_speed_or_brake_nothing_passes(vehicle: Vehicle) -> None:
+def test_without_speed_or_brake_nothing_passes(vehicle: VehicleLink) -> None:
     bench = Bench(vehicle)
     assert bench.step(0.5)[1]
     bench.now_s += 0.2
@@ -334,7 +334,7 @@ def test_without_speed_or_brake_nothing_passes(vehicle: Vehicle) -> None:
     assert bench.gateway.report.loss is Loss.STALE
 
 
-def test_what_the_gateway_sends_is_no_command_of_the_suite(vehicle: Vehicle) -> None:
+def test_what_the_gateway_sends_is_no_command_of_the_suite(vehicle: VehicleLink) -> None:
     """Some buses return own frames: they must not be forwarded to the suite and come back as commands."""
     bench = Bench(vehicle)
     bench.step(1.0)

@@ -9,7 +9,7 @@ from iptm_core.parameters import load_parameters
 from iptm_core.physics.cell import capacity_loss_rate_1_s
 from iptm_core.physics.powertrain import cell_current_a
 from iptm_core.state import Command, LeaderState
-from iptm_vehicle_interface.channel import Vehicle
+from iptm_vehicle_interface.channel import VehicleLink
 from iptm_vehicle_interface.driving import KEPT_CHANGES, DriveLog, LateSteps
 from iptm_vehicle_interface.engagement import Engagement
 from iptm_vehicle_interface.frames import SignalTable
@@ -61,7 +61,7 @@ def test_a_decision_without_a_plan_is_its_command() -> None:
     assert wanted_acceleration_m_s2(target, 5.5, 19.5, None, -1.0, STEP_S) == pytest.approx(-1.0)
 
 
-def test_position_and_ageing_are_integrated(vehicle: Vehicle) -> None:
+def test_position_and_ageing_are_integrated(vehicle: VehicleLink) -> None:
     """A minute at 20 m/s and 30 A, speeds at 100 Hz and the battery at 10 Hz, against the law by hand."""
     parameters = load_parameters(vehicle.parameter_set).values
     estimator, table = VehicleStateEstimator(parameters), SignalTable(vehicle.signals)
@@ -100,7 +100,7 @@ def test_position_and_ageing_are_integrated(vehicle: Vehicle) -> None:
     assert leader.speed_m_s == pytest.approx(18.0)
 
 
-def test_without_a_fresh_signal_there_is_no_state(vehicle: Vehicle) -> None:
+def test_without_a_fresh_signal_there_is_no_state(vehicle: VehicleLink) -> None:
     parameters = load_parameters(vehicle.parameter_set).values
     estimator, table = VehicleStateEstimator(parameters), SignalTable(vehicle.signals)
     table.take({"speed_m_s": 20.0, "brake_pressed": 0.0, "pack_current_a": 10.0}, 0.0)
@@ -108,7 +108,7 @@ def test_without_a_fresh_signal_there_is_no_state(vehicle: Vehicle) -> None:
     assert estimator.leader(table, 0.05) is None
 
 
-def test_what_is_measured_after_a_tick_is_taken_back_to_it(vehicle: Vehicle) -> None:
+def test_what_is_measured_after_a_tick_is_taken_back_to_it(vehicle: VehicleLink) -> None:
     """Braking with 2 m/s^2 from 20 m/s, seen 15 ms after the tick; 350 V and 40 A since the one before."""
     parameters = load_parameters(vehicle.parameter_set).values
     estimator, table = VehicleStateEstimator(parameters), SignalTable(vehicle.signals)

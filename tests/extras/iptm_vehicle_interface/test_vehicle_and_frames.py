@@ -14,7 +14,7 @@ from iptm_core.errors import MessageError, ParameterError
 from iptm_core.state import Command
 from iptm_vehicle_interface.authority import report_frame
 from iptm_vehicle_interface.bus import Frame
-from iptm_vehicle_interface.channel import Vehicle
+from iptm_vehicle_interface.channel import VehicleLink
 from iptm_vehicle_interface.driving import Driver
 from iptm_vehicle_interface.frames import FrameCodec, RangeWatch, SignalTable
 from iptm_vehicle_interface.gateway import Gateway
@@ -116,12 +116,14 @@ def test_an_unknown_vehicle_names_the_known_ones() -> None:
         load_vehicle("model_t")
 
 
-def test_the_shipped_folder_is_all_that_a_vehicle_needs(tmp_path: Path, vehicle: Vehicle) -> None:
+def test_the_shipped_folder_is_all_that_a_vehicle_needs(
+    tmp_path: Path, vehicle: VehicleLink
+) -> None:
     shutil.copytree(VEHICLES / "bench", tmp_path / "mine")
     assert load_vehicle(str(tmp_path / "mine")).limits == vehicle.limits
 
 
-def test_values_survive_within_their_resolution(vehicle: Vehicle) -> None:
+def test_values_survive_within_their_resolution(vehicle: VehicleLink) -> None:
     sender, receiver = FrameCodec(vehicle), FrameCodec(vehicle)
     frame = sender.encode("SPEED", {"VehicleSpeed": 87.654, "Acceleration": -1.234})
     values = receiver.decode(*frame).values
@@ -131,7 +133,7 @@ def test_values_survive_within_their_resolution(vehicle: Vehicle) -> None:
     assert thermal["lowest_cell_temperature_k"] == pytest.approx(260.85, abs=0.05)
 
 
-def test_every_flipped_bit_of_a_protected_frame_is_noticed(vehicle: Vehicle) -> None:
+def test_every_flipped_bit_of_a_protected_frame_is_noticed(vehicle: VehicleLink) -> None:
     frame_id, data = FrameCodec(vehicle).encode("SPEED", {"VehicleSpeed": 50.0})
     used = [*range(32), *range(56, 64)]
     for bit in used:
@@ -140,7 +142,7 @@ def test_every_flipped_bit_of_a_protected_frame_is_noticed(vehicle: Vehicle) -> 
         assert FrameCodec(vehicle).decode(frame_id, bytes(changed)).fault is FrameFault.CHECKSUM
 
 
-def test_a_repeated_or_short_frame_does_not_count(vehicle: Vehicle) -> None:
+def test_a_repeated_or_short_frame_does_not_count(vehicle: VehicleLink) -> None:
     sender, receiver = FrameCodec(vehicle), FrameCodec(vehicle)
     frame_id, data = sender.encode("SPEED", {"VehicleSpeed": 50.0})
     assert receiver.decode(frame_id, data).fault is None
@@ -149,7 +151,7 @@ def test_a_repeated_or_short_frame_does_not_count(vehicle: Vehicle) -> None:
     assert receiver.decode(0x7FF, b"").message == ""
 
 
-def test_a_value_outside_of_the_range_of_the_dbc_is_missing(vehicle: Vehicle) -> None:
+def test_a_value_outside_of_the_range_of_the_dbc_is_missing(vehicle: VehicleLink) -> None:
     message = vehicle.messages["BATTERY"]
     data = message.encode(
         {"PackVoltage": 350.0, "PackCurrent": 20.0, "StateOfCharge": 102.3}, strict=False
@@ -159,14 +161,14 @@ def test_a_value_outside_of_the_range_of_the_dbc_is_missing(vehicle: Vehicle) ->
     assert values["pack_voltage_v"] == pytest.approx(350.0)
 
 
-def test_a_command_with_a_wrong_checksum_is_refused(vehicle: Vehicle) -> None:
+def test_a_command_with_a_wrong_checksum_is_refused(vehicle: VehicleLink) -> None:
     frame_id, data = FrameCodec(vehicle).encode_command(vehicle.acceleration, 1.0, enabled=True)
     changed = data[:1] + bytes([data[1] ^ 1]) + data[2:]
     with pytest.raises(MessageError, match="ACC_COMMAND: wrong checksum"):
         FrameCodec(vehicle).command(frame_id, changed)
 
 
-def test_ages_and_timeouts(vehicle: Vehicle) -> None:
+def test_ages_and_timeouts(vehicle: VehicleLink) -> None:
     table = SignalTable(vehicle.signals)
     names = ("speed_m_s", "gap_m", "no_such_signal")
     assert table.stale(names, 0.0) == ("speed_m_s", "gap_m")
@@ -216,7 +218,7 @@ def test_a_second_vehicle_drives_without_another_line(other: Path) -> None:
 
 @pytest.mark.parametrize("inactive_from_s", [0.0, 2.0])
 def test_a_car_that_stays_inactive_ends_the_engagement(
-    vehicle: Vehicle, inactive_from_s: float
+    vehicle: VehicleLink, inactive_from_s: float
 ) -> None:
     """From the enable on, or in the middle of a drive: the suite hands over and needs a new enable."""
     driver, car = Driver(vehicle), FrameCodec(vehicle)
@@ -274,7 +276,9 @@ def test_a_range_sensor_with_noise_is_not_frozen() -> None:
             assert not watch.is_frozen(gap_m, relative, 20.0, 0.06 * step + 0.02 * repeated)
 
 
-def test_with_the_dbc_of_another_car_nothing_is_ever_ready(other: Path, vehicle: Vehicle) -> None:
+def test_with_the_dbc_of_another_car_nothing_is_ever_ready(
+    other: Path, vehicle: VehicleLink
+) -> None:
     driver, car = Driver(load_vehicle(str(other))), FrameCodec(vehicle)
     for step in range(100):
         now_s = 0.02 * step

@@ -12,7 +12,7 @@ from iptm.closed_loop import ClosedLoopRun, run_closed_loop
 from iptm.faults.fault import Fault
 from iptm.faults.injection import FaultInjection, FaultyController, FaultyPlant
 from iptm.faults.kinds import FaultKind, FaultPlace
-from iptm_controller.controller import Controller
+from iptm_controller.controller import MpcController
 from iptm_controller.forecast import preview_fault
 from iptm_controller.horizon import Horizon
 from iptm_controller.measurements import Measurements, trusted_measurements
@@ -142,7 +142,7 @@ def drive(solver: SolverBackend) -> Callable[..., ClosedLoopRun]:
 
     def run(*faults: Fault) -> ClosedLoopRun:
         plant = FaultyPlant(faults, PARAMETERS, route.slope.slope_at)
-        sound = Controller(PARAMETERS, OPTIONS, solver)
+        sound = MpcController(PARAMETERS, OPTIONS, solver)
         controller = FaultyController(PARAMETERS, sound, faults, lambda _: None)
         return run_closed_loop(route, plant, controller, faults=FaultInjection(faults))
 
@@ -156,7 +156,7 @@ def test_without_faults_the_loop_is_the_same(
         "nycc", "flat", initial_gap_m=PARAMETERS.gap.initial_gap_m, duration_s=TICKS
     )
     plant = Plant(PARAMETERS, route.slope.slope_at)
-    plain = run_closed_loop(route, plant, Controller(PARAMETERS, OPTIONS, solver))
+    plain = run_closed_loop(route, plant, MpcController(PARAMETERS, OPTIONS, solver))
     assert np.array_equal(drive().trajectory.position_m, plain.trajectory.position_m)
 
 

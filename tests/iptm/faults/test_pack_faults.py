@@ -9,7 +9,7 @@ from iptm.closed_loop import run_closed_loop
 from iptm.faults.fault import Fault
 from iptm.faults.injection import FaultInjection, FaultyPlant
 from iptm.faults.kinds import FaultKind
-from iptm_controller.controller import Controller
+from iptm_controller.controller import MpcController
 from iptm_controller.decision import Decision
 from iptm_controller.horizon import Horizon
 from iptm_controller.measurements import Measurements
@@ -45,7 +45,7 @@ def drive(solver: SolverBackend, *faults: Fault) -> Drive:
     """Follow a leader with a hot pack; return what is reported at each tick, and the true steps."""
     route = build_route("us06", "flat", initial_gap_m=HOT.gap.initial_gap_m, duration_s=TICKS)
     plant = FaultyPlant(faults, HOT, route.slope.slope_at)
-    controller = Controller(HOT, OPTIONS, solver)
+    controller = MpcController(HOT, OPTIONS, solver)
     reported: list[tuple[PackFault, ...]] = []
 
     def keep(_: int, __: Measurements, decision: Decision) -> None:

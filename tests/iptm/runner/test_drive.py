@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from iptm.runner.drive import Drive, DriveOutcome
+from iptm.runner.drive import DriveOutcome, NodeDrive
 from iptm.runner.monitor import Snapshot
 from iptm.runner.process_faults import ProcessFaults, unclean_ends
 from iptm.runner.supervisor import ProcessEnd
@@ -18,7 +18,7 @@ from iptm_core.decision_record import Rung
 
 def drive_of(
     processes: tuple[str, ...], plant_code: int, snapshot: Snapshot | None = None
-) -> Drive:
+) -> NodeDrive:
     """Return a drive whose plant has ended and whose monitor has heard no message."""
     meeting = SimpleNamespace(absent=(), missing=(), is_complete=True)
     nothing: Any = SimpleNamespace(
@@ -48,7 +48,7 @@ def drive_of(
     stop: Any = SimpleNamespace(number=None)
     faults = ProcessFaults(supervisor, ())
     trip = Trip.of(duration_s=120.0)
-    return Drive(supervisor, [nothing], executor, progress, stop, faults, trip)
+    return NodeDrive(supervisor, [nothing], executor, progress, stop, faults, trip)
 
 
 def test_a_recorded_trip_of_which_the_runner_heard_nothing_is_left_to_the_bag() -> None:

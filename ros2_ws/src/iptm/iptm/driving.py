@@ -14,7 +14,7 @@ from iptm.faults.injection import FaultInjection, FaultyController, check_headle
 from iptm.own_parts import Controller, OwnController, PredictedSource, Predictor, check_part
 from iptm.run import Report, Reporter, Run, following_notes
 from iptm.trip import Trip
-from iptm_controller.controller import Controller as SuiteController
+from iptm_controller.controller import MpcController
 from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements
 from iptm_core.aging_laws.law import AgingLaw
@@ -170,7 +170,7 @@ def plant_for(trip: Trip) -> Plant:
 def controller_for(trip: Trip, own_law: AgingLaw | None = None) -> TickController:
     """Return a fresh controller of a trip, its problem compiled, with another ageing law if one is given."""
     model, faults = trip.controller_parameters, trip.conditions.faults
-    controller = SuiteController(model, replace(trip.options, own_law=own_law))
+    controller = MpcController(model, replace(trip.options, own_law=own_law))
     return FaultyController(model, controller, faults, lambda _: None) if faults else controller
 
 

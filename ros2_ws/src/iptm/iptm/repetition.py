@@ -17,7 +17,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from iptm.closed_loop import run_closed_loop
-from iptm_controller.controller import Controller
+from iptm_controller.controller import MpcController
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.errors import IptmError
 from iptm_core.metrics import compute_metrics
@@ -253,7 +253,7 @@ class _Tile:
 
         trip = self._trip
         plant, controller = plant_for(trip), controller_for(trip)
-        if isinstance(controller, Controller):
+        if isinstance(controller, MpcController):
             controller.memory = replace(controller.memory, is_cooling=end.is_cooling)
         source, bridge = road_bridge(trip.rules, self._route, trip.parameters, trip.preview)
         start = _start(plant, end, self._route.leader.start_position_m - end.gap_m)
@@ -263,7 +263,7 @@ class _Tile:
         metrics = compute_metrics(loop.trajectory, trip.parameters)
         body = trip.parameters.body
         kinetic_j = 0.5 * body.rotational_inertia_factor * body.mass_kg * end.speed_m_s**2
-        is_cooling = isinstance(controller, Controller) and controller.memory.is_cooling
+        is_cooling = isinstance(controller, MpcController) and controller.memory.is_cooling
         return (
             Repetition.of(metrics, end.mean_k, kinetic_j),
             _End.of(loop.trajectory, is_cooling=is_cooling),

@@ -26,7 +26,7 @@ _DOTS_PER_INCH = 100
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class StringPart:
     """A table of the report: heading, text above it, format of the cells by heading, rows."""
 
     heading: str
@@ -43,13 +43,13 @@ def _fallbacks(run: Run) -> float:
     return run.figures["fallbacks"]
 
 
-def _along_the_string(runs: Sequence[Run]) -> Part:
+def _along_the_string(runs: Sequence[Run]) -> StringPart:
     rows = _deviations(runs)
     for name, ratios in amplification(rows).items():
         rows[f"{name}_ratio"] = ["" if np.isnan(each) else f" (× {each:.2f})" for each in ratios]
     rows["name"] = ["driving cycle", *(f"car_{place}" for place in rows.index[1:])]
     rows["fallbacks"] = [np.nan, *map(_fallbacks, runs)]
-    return Part(
+    return StringPart(
         "From vehicle to vehicle",
         "In brackets: the ratio to the member ahead; below 1 a disturbance fades.",
         {
@@ -66,7 +66,7 @@ def _along_the_string(runs: Sequence[Run]) -> Part:
     )
 
 
-def _savings(runs: Sequence[Run], others: Sequence[Run]) -> Part:
+def _savings(runs: Sequence[Run], others: Sequence[Run]) -> StringPart:
     """Compare each vehicle with the one in its place in the other string."""
     pairs = zip(runs, others, strict=True)
     rows = 100.0 * pd.DataFrame(
@@ -80,7 +80,7 @@ def _savings(runs: Sequence[Run], others: Sequence[Run]) -> Part:
     rows["cells"] = [found.cells.text for found in savings]
     rows["aging_saved"] = [f"{found.aging.text} ({found.aging.as_driven})" for found in savings]
     rows["kept"] = [found.following.text for found in savings]
-    return Part(
+    return StringPart(
         "What each vehicle saves",
         f"Against a string that drives by `{others[0].strategy}`, each vehicle against the one in its place.",
         {
@@ -98,7 +98,7 @@ def _savings(runs: Sequence[Run], others: Sequence[Run]) -> Part:
     )
 
 
-def _late_plans(late: Mapping[float, Sequence[Run]]) -> Part:
+def _late_plans(late: Mapping[float, Sequence[Run]]) -> StringPart:
     rows = []
     for late_s, runs in late.items():
         vehicles = _deviations(runs)[1:]
@@ -110,7 +110,7 @@ def _late_plans(late: Mapping[float, Sequence[Run]]) -> Part:
             "fallbacks": sum(map(_fallbacks, runs)),
         }
         rows.append(row)
-    return Part(
+    return StringPart(
         "How late the plans may be",
         "The same string without ROS, with `latency_s`; the extremes of all vehicles.",
         {
@@ -128,7 +128,7 @@ def string_parts(
     runs: Sequence[Run],
     others: Sequence[Run] = (),
     late: Mapping[float, Sequence[Run]] | None = None,
-) -> list[Part]:
+) -> list[StringPart]:
     """Return the tables about a string.
 
     Args:

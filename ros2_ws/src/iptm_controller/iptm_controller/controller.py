@@ -48,7 +48,7 @@ from iptm_core.state import Command, FloatArray, LeaderPreview, LeaderState, Veh
 _USABLE = tuple(status for status in SolveStatus if status.usable)
 
 
-class Controller:
+class MpcController:
     """Multi-horizon model predictive control with fallback.
 
     Attributes:

@@ -1,6 +1,6 @@
 """A controller as C99 for an electronic control unit: its sources and its numbers.
 
-The folder holds what `Controller` computes from a vehicle and a leader with its preview to a limited
+The folder holds what `MpcController` computes from a vehicle and a leader with its preview to a limited
 command; ``controller.h`` says what is left to the caller.
 """
 
@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from iptm_controller.c_sources import C_SOURCES
-from iptm_controller.controller import Controller
+from iptm_controller.controller import MpcController
 from iptm_controller.forecast_in_c import past_room
 from iptm_controller.lead_check import unpredicted_s
 from iptm_controller.measurements import MOTION_RANGES, PACK_RANGES
@@ -48,7 +48,7 @@ PREVIEW_ROOM = 128
 HEADERS = ("real", "stages", "vehicle", "solver_size")
 
 
-def controller_code(controller: Controller) -> dict[str, str]:
+def controller_code(controller: MpcController) -> dict[str, str]:
     """Return the C files of a controller by name.
 
     Raises:
@@ -98,7 +98,7 @@ def limit_numbers(model: ModelParameters, tick_s: float) -> tuple[float, ...]:
     )
 
 
-def _header(controller: Controller) -> str:
+def _header(controller: MpcController) -> str:
     options, grid = controller.options, controller.grid
     lead_ticks = PreviewTrust(options.tick_s).lead_ticks
     sizes = {
@@ -140,7 +140,7 @@ extern const iptm_strategy iptm_strategy_of_controller;
 
 
 def _data(
-    controller: Controller, problem: OptimalControlProblem, switching: SwitchingNumbers
+    controller: MpcController, problem: OptimalControlProblem, switching: SwitchingNumbers
 ) -> str:
     options, grid, builder = controller.options, controller.grid, controller.plan_data.builder
     limits, solver = controller.model.limits, options.solver

@@ -18,7 +18,7 @@ from iptm_controller.forecast import (
     doubted,
 )
 from iptm_controller.lead_check import EXTRAPOLATED_NODES
-from iptm_controller.plan_data import Motion, keep_motion, motion_of
+from iptm_controller.plan_data import CMotion, keep_motion, motion_of
 from iptm_controller.preview_trust import (
     LONGEST_LEAD_S,
     ROUGH_M2_S4,
@@ -219,10 +219,10 @@ class LeaderForecasterInC(LeaderForecaster):
         self._forecast(*self._given, self._leader, received, ctypes.byref(found))
         nodes = found.nodes
         motion = limiting = LeaderPreview(*columns[:3, :nodes])
-        keep_motion(motion, Motion(nodes, *places[:3]))
+        keep_motion(motion, CMotion(nodes, *places[:3]))
         if found.has_limiting:
             limiting = LeaderPreview(motion.times_s, *columns[3:, :nodes])
-            keep_motion(limiting, Motion(nodes, places[0], *places[3:]))
+            keep_motion(limiting, CMotion(nodes, places[0], *places[3:]))
         quality, reason = _QUALITIES[found.quality], ""
         if quality is PreviewQuality.DOUBTED:
             reason = doubted(found.trusted_s)

@@ -13,7 +13,7 @@ from pathlib import Path
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 
-from iptm_controller.controller import Controller
+from iptm_controller.controller import MpcController
 from iptm_controller.decision import ControllerMemory
 from iptm_controller.options import ControllerOptions
 from iptm_controller.settings import ControllerSettings
@@ -72,9 +72,9 @@ class ControllerNodeParameters(FrameSettings, SamplingSettings, ModelSettings, C
         """Return what the controller is to do."""
         return self.options(self.period_s, self.trip_duration_s or math.inf)
 
-    def build_controller(self) -> Controller:
+    def build_controller(self) -> MpcController:
         """Return the controller, its problem compiled."""
-        return Controller(self.model().values, self.controller_options())
+        return MpcController(self.model().values, self.controller_options())
 
 
 class SettingsChanges:
@@ -112,7 +112,7 @@ class SettingsChanges:
         changes = {each.name: each.value for each in parameters if each.name in CHANGEABLE}
         return replace(self._wanted, **changes)
 
-    def take_over(self, controller: Controller, stamp_ns: int) -> bool:
+    def take_over(self, controller: MpcController, stamp_ns: int) -> bool:
         """Let a controller decide from a tick on with what has been set; return whether that is new."""
         before, self.options = self.options, self._wanted
         difference = ", ".join(

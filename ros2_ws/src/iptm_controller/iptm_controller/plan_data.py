@@ -107,11 +107,11 @@ class PlanData:
 
 
 _MOTIONS_KEPT = 8
-_motions: dict[int, tuple[LeaderPreview, Motion]] = {}
+_motions: dict[int, tuple[LeaderPreview, CMotion]] = {}
 """Motions of the newest previews, by the identity of the preview."""
 
 
-class Motion(ctypes.Structure):
+class CMotion(ctypes.Structure):
     """The nodes of a preview."""
 
     _fields_ = (
@@ -123,7 +123,7 @@ class Motion(ctypes.Structure):
     )
 
 
-def motion_of(preview: LeaderPreview) -> Motion:
+def motion_of(preview: LeaderPreview) -> CMotion:
     """Return the nodes of a preview; -1 of them where its columns differ in length."""
     kept = _motions.get(id(preview))
     if kept is not None:
@@ -132,12 +132,12 @@ def motion_of(preview: LeaderPreview) -> Motion:
     columns += [preview.bounds_m] if preview.bounds_m.size else []
     arrays = [np.ascontiguousarray(each, dtype=np.float64) for each in columns]
     (size, *others) = {each.size for each in arrays}
-    motion = Motion(-1 if others else size, *[address(each) for each in arrays])
+    motion = CMotion(-1 if others else size, *[address(each) for each in arrays])
     motion.kept = arrays
     return keep_motion(preview, motion)
 
 
-def keep_motion(preview: LeaderPreview, motion: Motion) -> Motion:
+def keep_motion(preview: LeaderPreview, motion: CMotion) -> CMotion:
     """Note the motion of a preview, whose arrays it points to."""
     if len(_motions) >= _MOTIONS_KEPT:
         _motions.clear()

@@ -43,7 +43,7 @@ def vehicle() -> tuple[Any, Callable[..., None]]:
     return doubles(len(VEHICLE))
 
 
-class Leader(ctypes.Structure):
+class CLeader(ctypes.Structure):
     """A lead vehicle at one instant."""
 
     _fields_ = (("time_s", DOUBLE), ("position_m", DOUBLE), ("speed_m_s", DOUBLE))
@@ -75,7 +75,7 @@ def _library(_folder: Path) -> ctypes.PyDLL:
     results: dict[str, Any] = dict.fromkeys(arguments) | {
         "iptm_collision_threatens": INT,
         "iptm_watch_pack": INT,
-        "iptm_leader_at": Leader,
+        "iptm_leader_at": CLeader,
     }
     try:
         # The interpreter lock is held: a call is shorter than it takes to get the lock again.

@@ -181,7 +181,7 @@ class RoadAhead:
 
 
 @dataclass(frozen=True, eq=False)
-class Drive:
+class SampledMotion:
     """A motion in equal steps, its first node the present: arrays of shape (n,)."""
 
     times_s: FloatArray
@@ -197,7 +197,7 @@ def lawful_drive(
     step_s: float,
     room_m: FloatArray | None = None,
     headway_s: float = 0.0,
-) -> Drive:
+) -> SampledMotion:
     """Return how an attentive driver drives: at the limits, with comfort, and never past a stop.
 
     Args:
@@ -228,7 +228,7 @@ def lawful_drive(
         positions.append(position)
         speeds.append(speed)
     times: FloatArray = now_s + step_s * np.arange(steps + 1, dtype=np.float64)
-    return Drive(times, np.array(positions), np.array(speeds))
+    return SampledMotion(times, np.array(positions), np.array(speeds))
 
 
 LEGAL_KM_H = (30.0, 50.0, 60.0, 80.0, 100.0, 130.0)

@@ -26,7 +26,7 @@ from iptm_core.state import NS_PER_S
 from iptm_plant_sim.interval import PlantStep
 from iptm_plant_sim.plant import Plant
 from iptm_plant_sim.plant_kinds import plant_kind
-from iptm_plant_sim.trip import Trip
+from iptm_plant_sim.trip import PlantTrip
 
 WAIT = "wait"
 EXIT = "exit"
@@ -76,14 +76,14 @@ class PlantNodeParameters(
         1.0, "wall time between the last message and the end of the process", "s", 0.0, 60.0
     )
 
-    def build_trip(self) -> Trip:
+    def build_trip(self) -> PlantTrip:
         """Return the trip, the vehicle at its start."""
         model = self.model().values
         route = self.trip_route(model.gap.initial_gap_m)
         plant = self.build_plant(
             model, route.slope.slope_at, self.integration_step_s, self.thermal_model, self
         )
-        trip = Trip(plant, route.duration_s, self.period_s, *self._start(plant))
+        trip = PlantTrip(plant, route.duration_s, self.period_s, *self._start(plant))
         trip.warm_up()
         return trip
 
@@ -98,7 +98,7 @@ class PlantNodeParameters(
         """Return the vehicle; the arguments are passed to ``Plant``."""
         return plant_kind(self.plant)(*arguments)
 
-    def saved_state(self, trip: Trip) -> SavedState:
+    def saved_state(self, trip: PlantTrip) -> SavedState:
         """Return what a file needs to hold to go on from where a trip stands."""
         return SavedState(PLANT_STATE, trip.stamp_ns, self._kept(), to_plain(trip.step))
 

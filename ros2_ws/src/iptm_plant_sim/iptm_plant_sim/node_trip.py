@@ -14,7 +14,7 @@ from iptm_core.state import Command, CommandSource
 from iptm_plant_sim.interval import battery_reading
 from iptm_plant_sim.node_neighbours import Neighbours, NodeRangeSensor, PlayedRangeSensor
 from iptm_plant_sim.node_parameters import WAIT, PlantNodeParameters
-from iptm_plant_sim.trip import CommandHold, Schedule, TimeBetweenTicks, TripPhase
+from iptm_plant_sim.trip import CommandHold, Slots, TimeBetweenTicks, TripPhase
 from iptm_ros.codecs import (
     REPEATED,
     battery_bytes,
@@ -79,7 +79,7 @@ class TripNode(SuiteNode):
         self._ignored_commands = self._unfitting_commands = 0
         self._awaited: tuple[str, ...] = ()
         self._hold = CommandHold(self._options.command_timeout_s)
-        self._schedule: Schedule | None = None
+        self._schedule: Slots | None = None
         self._between = TimeBetweenTicks(self._options.period_s, self._options.rate_factor)
         self._published_s = 0.0
         self._stop_timer: Timer | None = None
@@ -146,7 +146,7 @@ class TripNode(SuiteNode):
             self.every(self._options.period_s / self._options.pace, self._on_paced_tick)
         if self._is_real_time:
             wall_period_s = self._options.period_s / self._options.rate_factor
-            self._schedule = Schedule(wall_period_s)
+            self._schedule = Slots(wall_period_s)
             self._tick_timer = self.every(wall_period_s, self._on_wall_tick)
             if self._options.clock_hz > 0.0:
                 self.every(1.0 / self._options.clock_hz, self._publish_time_between)

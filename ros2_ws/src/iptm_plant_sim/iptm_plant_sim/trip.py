@@ -30,7 +30,7 @@ class TripPhase(Enum):
     FINISHED = "finished"
 
 
-class Trip:
+class PlantTrip:
     """Advances the plant tick by tick and keeps its records.
 
     Attributes:
@@ -104,9 +104,11 @@ class Trip:
         """Let the safety monitor of the plant watch the vehicle ahead."""
         self.plant.watch(sensor, self.step.memory)
 
-    def restarted(self) -> Trip:
+    def restarted(self) -> PlantTrip:
         """Return the same trip at its start, driven by the same plant."""
-        return Trip(self.plant, self._duration_s, self._period_s, self._start, self._first_tick)
+        return PlantTrip(
+            self.plant, self._duration_s, self._period_s, self._start, self._first_tick
+        )
 
     def warm_up(self) -> None:
         """Let the plant build its integrator now instead of in the first interval."""
@@ -185,7 +187,7 @@ class CommandHold:
         return None if self.is_lost(now_ns) else self._command, source
 
 
-class Schedule:
+class Slots:
     """Counts the missed slots of a periodic activity.
 
     Missed slots are skipped: after a delay the activity continues with the next slot, so that

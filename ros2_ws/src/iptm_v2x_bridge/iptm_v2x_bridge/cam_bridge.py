@@ -24,8 +24,8 @@ from iptm_v2x_bridge.messages.cam import decode_cam
 from iptm_v2x_bridge.messages.packets import MessageKind, open_datagram
 from iptm_v2x_bridge.prediction.expected_motion import AssumedBraking, History
 from iptm_v2x_bridge.prediction.predictor import (
+    LeaderPredictor,
     LeaderTrack,
-    Predictor,
     PredictorName,
     ReceivedPath,
     joined_motion,
@@ -63,7 +63,7 @@ class CamBridge:
         road: RoadLine,
         settings: PreviewSettings | None = None,
         *,
-        predictors: Sequence[Predictor] | None = None,
+        predictors: Sequence[LeaderPredictor] | None = None,
         start_timestamp_ms: int = 0,
         datagram_offset_bytes: int = 0,
         roadside: RoadsideRules | None = None,

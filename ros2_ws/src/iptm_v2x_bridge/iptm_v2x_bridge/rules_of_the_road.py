@@ -16,9 +16,9 @@ from iptm_core.errors import ParameterError, RouteError
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.road_ahead import (
     HARDEST_M_S2,
-    Drive,
     RoadAhead,
     RoadAheadSettings,
+    SampledMotion,
     SpeedLimits,
     Stop,
     lawful_drive,
@@ -149,7 +149,7 @@ class RulesOfTheRoad:
         return tuple(stops)
 
     def _first_closed(
-        self, drive: Drive, holds: list[tuple[Signal, Stop]]
+        self, drive: SampledMotion, holds: list[tuple[Signal, Stop]]
     ) -> tuple[Signal, float] | None:
         """Return the first line that the ego would find closed, and the trip time at which it opens."""
         now_s, position, speed = (

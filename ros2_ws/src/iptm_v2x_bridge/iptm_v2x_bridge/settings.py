@@ -26,7 +26,7 @@ from iptm_core.state import FloatArray
 
 if TYPE_CHECKING:
     from iptm_v2x_bridge.its import RoadsideRules, Verification
-    from iptm_v2x_bridge.prediction.predictor import Predictor
+    from iptm_v2x_bridge.prediction.predictor import LeaderPredictor
     from iptm_v2x_bridge.prediction.road_rules import RoadRules
 
 
@@ -175,7 +175,7 @@ class CamSettings(Settings):
         )
         return found
 
-    def build_predictors(self, route: Route, rules: RoadRules) -> tuple[Predictor, ...]:
+    def build_predictors(self, route: Route, rules: RoadRules) -> tuple[LeaderPredictor, ...]:
         """Return the predictors, the best informed first.
 
         Raises:
@@ -186,10 +186,10 @@ class CamSettings(Settings):
         from iptm_v2x_bridge.prediction.regression import Regression, RegressionModel  # noqa: PLC0415
         from iptm_v2x_bridge.prediction.road_rules import BoundedByRules  # noqa: PLC0415
 
-        usual: Predictor = History()
+        usual: LeaderPredictor = History()
         if self.prediction is Expectation.REGRESSION:
             usual = Regression(RegressionModel.load(self.regression_model))
-        found: list[Predictor] = [ReceivedPath()]
+        found: list[LeaderPredictor] = [ReceivedPath()]
         names = [name.strip() for name in self.earlier_drives.split(",") if name.strip()]
         if names:
             gap_m = route.leader.start_position_m

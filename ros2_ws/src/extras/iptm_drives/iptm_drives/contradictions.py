@@ -34,7 +34,7 @@ WINDOW_STEPS, _STEP_S = 5, 2.0
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class SourceComparison:
     """What two sources state for the windows of a trip.
 
     Attributes:
@@ -100,7 +100,7 @@ def windows(times: FloatArray) -> NDArray[np.int64]:
     return np.asarray(rows, np.int64)
 
 
-def distances(times: FloatArray, speeds: FloatArray, plane: FloatArray) -> Comparison:
+def distances(times: FloatArray, speeds: FloatArray, plane: FloatArray) -> SourceComparison:
     """Compare the distances by speeds (first) and by places (second), in windows of ten seconds or more.
 
     Args:
@@ -114,11 +114,11 @@ def distances(times: FloatArray, speeds: FloatArray, plane: FloatArray) -> Compa
     return summed(by_speed, by_place, rows)
 
 
-def summed(first: FloatArray, second: FloatArray, rows: NDArray[np.int64]) -> Comparison:
+def summed(first: FloatArray, second: FloatArray, rows: NDArray[np.int64]) -> SourceComparison:
     """Return the comparison of steps between rows, put together in windows."""
     starts = np.arange(0, max(first.size, 1), WINDOW_STEPS)
     ends = np.minimum(starts + WINDOW_STEPS, first.size)
     edges = np.column_stack([rows[starts], rows[ends]])
     if not first.size:
-        return Comparison(first, second, edges[:0])
-    return Comparison(np.add.reduceat(first, starts), np.add.reduceat(second, starts), edges)
+        return SourceComparison(first, second, edges[:0])
+    return SourceComparison(np.add.reduceat(first, starts), np.add.reduceat(second, starts), edges)

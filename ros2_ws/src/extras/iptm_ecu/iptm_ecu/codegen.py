@@ -11,7 +11,7 @@ import numpy as np
 
 from iptm.closed_loop import run_closed_loop
 from iptm_controller.c_sources import C_SOURCES
-from iptm_controller.controller import Controller
+from iptm_controller.controller import MpcController
 from iptm_controller.controller_code import controller_code, write_files
 from iptm_controller.decision import Decision
 from iptm_controller.horizon import MULTI_HORIZON, Horizon
@@ -83,7 +83,7 @@ def write_controller(
 
 def code_of(parameters: ModelParameters, options: ControllerOptions) -> dict[str, str]:
     """Return the files of a controller, of the safety monitor and of their build, by name."""
-    files = controller_code(Controller(parameters, options))
+    files = controller_code(MpcController(parameters, options))
     files |= PLANT_SOURCES.read("safety_monitor.c", "safety_monitor.h")
     files |= C_SOURCES.read("bench.c")
     return files | {"CMakeLists.txt": CMAKE}
@@ -94,7 +94,7 @@ def recorded_ticks(
 ) -> FloatArray:
     """Drive a trip and return what the controller was given and decided, as ``bench.c`` reads it."""
     route = build_route(cycle, initial_gap_m=parameters.gap.initial_gap_m, duration_s=duration_s)
-    controller = Controller(parameters, options)
+    controller = MpcController(parameters, options)
     ticks: list[FloatArray] = []
 
     def record(_: int, measured: Measurements, decision: Decision) -> None:
@@ -104,7 +104,7 @@ def recorded_ticks(
     return np.concatenate([[len(ticks)], *ticks])
 
 
-def _tick(measured: Measurements, decision: Decision, controller: Controller) -> FloatArray:
+def _tick(measured: Measurements, decision: Decision, controller: MpcController) -> FloatArray:
     state, leader = measured.state, measured.leader
     if state is None or leader is None:
         raise AssertionError("a trip behind a leader has both at every tick")

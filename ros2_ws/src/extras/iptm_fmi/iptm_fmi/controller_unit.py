@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from iptm_controller.controller import Controller
+from iptm_controller.controller import MpcController
 from iptm_controller.controller_code import controller_code
 from iptm_controller.ocp.data import UNBOUNDED_W
 from iptm_controller.options import ControllerOptions
@@ -19,7 +19,7 @@ def controller_unit(parameters: ModelParameters, options: ControllerOptions) -> 
     Raises:
         IptmError: its horizon or its strategy cannot be written as C.
     """
-    controller = Controller(parameters, options)
+    controller = MpcController(parameters, options)
     nodes = controller.grid.steps + 1
     sources = {
         **controller_code(controller),

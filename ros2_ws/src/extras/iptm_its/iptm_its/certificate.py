@@ -16,7 +16,7 @@ from iptm_v2x_bridge.messages.octets import VERSION, Octets, UnreadableError
 _X_ONLY, _EVEN_Y, _ODD_Y, _BOTH = 0x80, 0x82, 0x83, 0x84
 
 
-class Curve(Enum):
+class EllipticCurve(Enum):
     """An elliptic curve: the octets of a coordinate, and also of its hash."""
 
     NIST_P256 = (0x80, 32)
@@ -33,7 +33,7 @@ class Curve(Enum):
 class PublicKey:
     """A point in the encoding of SEC 1: compressed (02 or 03, x) or uncompressed (04, x, y)."""
 
-    curve: Curve
+    curve: EllipticCurve
     point: bytes
 
 
@@ -41,7 +41,7 @@ class PublicKey:
 class Signature:
     """r and s of ECDSA, as octets."""
 
-    curve: Curve
+    curve: EllipticCurve
     r: bytes
     s: bytes
 
@@ -75,7 +75,7 @@ class Certificate:
     @property
     def digest(self) -> bytes:
         """HashedId8: the last eight octets of the hash that belongs to the key."""
-        function = sha384 if self.key and self.key.curve is Curve.BRAINPOOL_P384 else sha256
+        function = sha384 if self.key and self.key.curve is EllipticCurve.BRAINPOOL_P384 else sha256
         return function(self.octets).digest()[-8:]
 
 
@@ -142,7 +142,7 @@ def _content(
         key = PublicKey(curve, _point(octets, curve))
     else:
         _point(
-            octets, Curve.NIST_P256
+            octets, EllipticCurve.NIST_P256
         )  # the value that an implicit certificate is reconstructed from
     if present & 0x80:
         octets.skip_additions()
@@ -219,17 +219,17 @@ def skip_encryption_key(octets: Octets) -> None:
     _point(octets, _curve(octets))
 
 
-def _curve(octets: Octets) -> Curve:
+def _curve(octets: Octets) -> EllipticCurve:
     choice = octets.number()
-    for curve in Curve:
+    for curve in EllipticCurve:
         if curve.value[0] == choice:
-            if choice > Curve.BRAINPOOL_P256.value[0]:
+            if choice > EllipticCurve.BRAINPOOL_P256.value[0]:
                 octets.length()  # of what later editions have added
             return curve
     raise UnreadableError
 
 
-def _point(octets: Octets, curve: Curve) -> bytes:
+def _point(octets: Octets, curve: EllipticCurve) -> bytes:
     """Return a point in the encoding of SEC 1; the x coordinate alone where that is all."""
     choice = octets.number()
     if choice == _X_ONLY:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from iptm_core.errors import ParameterError
-from iptm_its.certificate import Certificate, Curve, PublicKey, Signature, read_certificate
+from iptm_its.certificate import Certificate, EllipticCurve, PublicKey, Signature, read_certificate
 from iptm_its.signed_message import SignedMessage, read_signed_message
 from iptm_v2x_bridge.messages.octets import UnreadableError
 from iptm_v2x_bridge.messages.packets import MessageKind, OpenedDatagram
@@ -60,9 +60,9 @@ def is_signed_by(key: PublicKey, signature: Signature, signed: bytes, signer: by
         return False
     ec, hashes, utils, exceptions = _cryptography()
     curves = {
-        Curve.NIST_P256: ec.SECP256R1,
-        Curve.BRAINPOOL_P256: ec.BrainpoolP256R1,
-        Curve.BRAINPOOL_P384: ec.BrainpoolP384R1,
+        EllipticCurve.NIST_P256: ec.SECP256R1,
+        EllipticCurve.BRAINPOOL_P256: ec.BrainpoolP256R1,
+        EllipticCurve.BRAINPOOL_P384: ec.BrainpoolP384R1,
     }
     function = hashes.SHA256 if key.curve.octets == 32 else hashes.SHA384
 

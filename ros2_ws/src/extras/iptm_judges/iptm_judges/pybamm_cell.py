@@ -34,7 +34,7 @@ _NEW_CRACK_FILM_M = 5e-9
 
 
 @dataclass(frozen=True)
-class Mechanism:
+class PybammMechanism:
     """A way to lose capacity.
 
     Attributes:
@@ -60,11 +60,11 @@ MODELS: Mapping[str, Mapping[str, Any]] = {
 }
 _LOST = "Loss of capacity to negative {} [A.h]"
 MECHANISMS = {
-    "SEI, solvent diffusion": Mechanism("solvent", _LOST.format("SEI")),
-    "SEI, interstitial diffusion": Mechanism("all", _LOST.format("SEI")),
-    "SEI on cracks": Mechanism("all", _LOST.format("SEI on cracks")),
-    "plating, irreversible": Mechanism("all", _LOST.format("lithium plating")),
-    "active material by stress": Mechanism(
+    "SEI, solvent diffusion": PybammMechanism("solvent", _LOST.format("SEI")),
+    "SEI, interstitial diffusion": PybammMechanism("all", _LOST.format("SEI")),
+    "SEI on cracks": PybammMechanism("all", _LOST.format("SEI on cracks")),
+    "plating, irreversible": PybammMechanism("all", _LOST.format("lithium plating")),
+    "active material by stress": PybammMechanism(
         "all", "Loss of active material in negative electrode [%]", 100.0
     ),
 }

@@ -13,7 +13,7 @@ from iptm_core.errors import ScenarioError
 from iptm_core.state import FloatArray
 from iptm_core.units import J_PER_KWH
 from iptm_life.year import FREE_COOLING_FAN_W, Activity
-from iptm_plan.pack import AgingPrice, Decision, ParkedPack
+from iptm_plan.pack import AgingPrice, ParkedPack, PlannedStep
 from iptm_plan.schedule import Schedule
 
 TOLERANCE = 5e-3
@@ -21,7 +21,7 @@ TOLERANCE = 5e-3
 
 
 @dataclass(frozen=True)
-class Situation:
+class ParkedInstant:
     """An instant at which a car stands.
 
     Attributes:
@@ -40,7 +40,7 @@ class Situation:
 class Policy(Protocol):
     """Decides what a standing car does."""
 
-    def decide(self, at: Situation) -> Decision:
+    def decide(self, at: ParkedInstant) -> PlannedStep:
         """Return the decision of a step, of numbers."""
         ...
 
@@ -91,7 +91,7 @@ class Course:
 
     charge: FloatArray
     kelvin: FloatArray
-    decisions: tuple[Decision | None, ...]
+    decisions: tuple[PlannedStep | None, ...]
     grid_j: FloatArray
     thermal_j: FloatArray
     energy_eur: float
@@ -115,7 +115,7 @@ class _Log:
     def __init__(self, steps: int, charge: float, kelvin: float) -> None:
         self.charge = np.full(steps + 1, charge)
         self.kelvin = np.full(steps + 1, kelvin)
-        self.decisions: list[Decision | None] = [None] * steps
+        self.decisions: list[PlannedStep | None] = [None] * steps
         self.grid_j, self.thermal_j = np.zeros(steps), np.zeros(steps)
         self.rows: list[tuple[float, float, float, float, float]] = []
         self.events: list[Event] = []
@@ -183,7 +183,7 @@ def _stand(
     step_s, charger_w = schedule.step_s, schedule.place_w(stage)
     for step in range(begin, end):
         charge, kelvin = float(log.charge[step]), float(log.kelvin[step])
-        decision = policy.decide(Situation(stage, step, charge, kelvin))
+        decision = policy.decide(ParkedInstant(stage, step, charge, kelvin))
         stood = pack.stand(charge, kelvin, charger_w, decision, step_s)
         air_k = float(schedule.air_k[step])
         after = charge + float(stood.gained)

@@ -20,8 +20,8 @@ import numpy as np
 
 from iptm_core.state import FloatArray
 from iptm_core.units import CELSIUS_ZERO_K, J_PER_KWH, SECONDS_PER_DAY
-from iptm_plan.course import Course, Policy, Situation, course_of
-from iptm_plan.pack import AgingPrice, Decision, ParkedPack
+from iptm_plan.course import Course, ParkedInstant, Policy, course_of
+from iptm_plan.pack import AgingPrice, ParkedPack, PlannedStep
 from iptm_plan.schedule import Departure, Schedule
 
 MISSED_EUR = 1e4
@@ -69,7 +69,7 @@ class _Place:
         eur: cost of ageing but for what the end of the step counts.
     """
 
-    decisions: Decision
+    decisions: PlannedStep
     below: Any
     above: FloatArray
     warmed_k: FloatArray
@@ -156,11 +156,11 @@ class DayPlan:
         """Return the cost to go in EUR of waiting for a departure when a step begins, shape (m, n)."""
         return self._values[stage, step]
 
-    def cost_to_go(self, at: Situation) -> float:
+    def cost_to_go(self, at: ParkedInstant) -> float:
         """Return the cost to go of a situation, in EUR."""
         return self._between(self._values[at.stage, at.step], at.charge, at.kelvin)
 
-    def decide(self, at: Situation) -> Decision:
+    def decide(self, at: ParkedInstant) -> PlannedStep:
         """Return the best decision of a step."""
         place = self._places[self.schedule.place_w(at.stage)]
         step_s, tried = self.schedule.step_s, place.decisions
@@ -182,7 +182,7 @@ class DayPlan:
             float(np.broadcast_to(each, np.shape(cost)).reshape(-1)[best])
             for each in (tried.charging, tried.thermal_w, tried.fan)
         )
-        return Decision(*chosen)
+        return PlannedStep(*chosen)
 
     def course(
         self, charge: float, kelvin: float, policy: Policy | None = None, **how: Any
@@ -238,7 +238,7 @@ class DayPlan:
             thermal += [(share * pack.chiller_w, 0.0) for share in fine.thermal if pack.chiller_w]
             thermal += [(-share * pack.heater_w, 0.0) for share in fine.thermal if pack.heater_w]
         rows = np.array([(share, *each) for share, each in product(charging, thermal)])
-        decisions = Decision(*(column[:, np.newaxis, np.newaxis] for column in rows.T))
+        decisions = PlannedStep(*(column[:, np.newaxis, np.newaxis] for column in rows.T))
         stood = pack.stand(self._s, self._t, charger_w, decisions, step_s)
         shape = (len(rows), self.charges.size, self.kelvins.size)
         below, above = self._nodes(np.broadcast_to(self._s + stood.gained, shape))

@@ -87,7 +87,7 @@ class AgingPrice:
 
 
 @dataclass(frozen=True)
-class Decision:
+class PlannedStep:
     """What is done in a step; numbers, or arrays that broadcast.
 
     Attributes:
@@ -169,7 +169,7 @@ class ParkedPack:
         return self.parameters.limits.max_heater_power_w
 
     def stand(
-        self, charge: Any, kelvin: Any, charger_w: float, decision: Decision, step_s: float
+        self, charge: Any, kelvin: Any, charger_w: float, decision: PlannedStep, step_s: float
     ) -> Stand:
         """Stand for a step.
 

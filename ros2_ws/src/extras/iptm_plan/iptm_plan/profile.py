@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from iptm_core.units import CELSIUS_ZERO_K, J_PER_KWH
-from iptm_plan.course import Course, Situation
+from iptm_plan.course import Course, ParkedInstant
 from iptm_plan.day_plan import DayPlan, Worth
 from iptm_plan.week_file import Week
 
@@ -122,7 +122,9 @@ def arrival_table(plan: DayPlan, stage: int, step: int, charge: float) -> str:
     """
     low, high = plan.kelvins[0] - CELSIUS_ZERO_K, plan.kelvins[-1] - CELSIUS_ZERO_K
     celsius = [each for each in TABLE_C if low <= each <= high]
-    eur = [plan.cost_to_go(Situation(stage, step, charge, at + CELSIUS_ZERO_K)) for at in celsius]
+    eur = [
+        plan.cost_to_go(ParkedInstant(stage, step, charge, at + CELSIUS_ZERO_K)) for at in celsius
+    ]
     pairs = zip(celsius, eur, strict=True)
     return ", ".join(f"{at:g}:{each - min(eur):.5g}" for at, each in pairs)
 

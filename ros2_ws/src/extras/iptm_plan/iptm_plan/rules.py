@@ -12,11 +12,11 @@ from iptm_life.year import (
     FREE_COOLING_ABOVE_AIR_K,
     FREE_COOLING_FROM_K,
 )
-from iptm_plan.course import Situation
-from iptm_plan.pack import Decision, ParkedPack
+from iptm_plan.course import ParkedInstant
+from iptm_plan.pack import ParkedPack, PlannedStep
 from iptm_plan.schedule import Schedule
 
-_FULL = Decision(1.0)
+_FULL = PlannedStep(1.0)
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Rule:
     heats_to_k: float = 0.0
     charging_limit_k: float = SIMPLE["thermostat_on_k"]
 
-    def decide(self, at: Situation) -> Decision:
+    def decide(self, at: ParkedInstant) -> PlannedStep:
         """Return the decision of a step."""
         schedule, step_s = self.schedule, self.schedule.step_s
         charger_w, air_k = schedule.place_w(at.stage), float(schedule.air_k[at.step])
@@ -53,18 +53,18 @@ class Rule:
         missing = (self.away_target if is_away else self.target) - at.charge
         waits = self.just_in_time and not is_away and self._waits(at, missing, charger_w)
         if not charger_w or missing <= 0.0 or waits:
-            return Decision(0.0, 0.0, fan)
+            return PlannedStep(0.0, 0.0, fan)
         whole = self.pack.stand(at.charge, at.kelvin, charger_w, _FULL, step_s)
         gained = float(whole.gained)
         share = min(missing / gained, 1.0) if gained > 0.0 else 1.0
         if self.heats_to_k > at.kelvin:
-            return Decision(share, -self.pack.heater_w, fan)
+            return PlannedStep(share, -self.pack.heater_w, fan)
         after_k = air_k + (at.kelvin - air_k) * float(whole.kept) + float(whole.warmed_k)
         above_k = after_k - max(self.charging_limit_k, min(at.kelvin, after_k))
         cooling_w = max(above_k, 0.0) * self.pack.capacity_j_k / COOLING_COP / step_s
-        return Decision(share, cooling_w, fan)
+        return PlannedStep(share, cooling_w, fan)
 
-    def _waits(self, at: Situation, missing: float, charger_w: float) -> bool:
+    def _waits(self, at: ParkedInstant, missing: float, charger_w: float) -> bool:
         """Return whether the charging begins in time in a later step."""
         if at.stage >= len(self.schedule.departures):
             return True

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from iptm.closed_loop import run_closed_loop
-from iptm_controller.controller import Controller
+from iptm_controller.controller import MpcController
 from iptm_controller.horizon import SINGLE_HORIZON, Horizon
 from iptm_controller.options import ControllerOptions
 from iptm_controller.settings import ControllerSettings
@@ -44,7 +44,7 @@ from iptm_traffic.trip import PredictionInput, TrafficDrive
 from iptm_traffic.world import SumoWorld
 from iptm_v2x_bridge.cam_bridge import CamBridge
 from iptm_v2x_bridge.prediction.expected_motion import History
-from iptm_v2x_bridge.prediction.predictor import Predictor, ReceivedPath
+from iptm_v2x_bridge.prediction.predictor import LeaderPredictor, ReceivedPath
 from iptm_v2x_bridge.prediction.road_rules import BoundedByRules, RoadRules
 from iptm_v2x_bridge.radio_recording import SimulatedRadio
 from iptm_v2x_bridge.rules_of_the_road import RulesOfTheRoad
@@ -154,7 +154,7 @@ def drive_in_traffic(
         return _closed_loop(drive, parameters, simulation, rehearsal)
 
 
-def _predictors(knowledge: PredictionInput, rules: RoadRules) -> tuple[Predictor, ...]:
+def _predictors(knowledge: PredictionInput, rules: RoadRules) -> tuple[LeaderPredictor, ...]:
     if knowledge is PredictionInput.PATH:
         return ReceivedPath(), History()
     if knowledge is PredictionInput.SIGNALS:
@@ -206,7 +206,7 @@ def _closed_loop(
         "SUMO",
         road_line,
     )
-    plant, controller = Plant(parameters, slope.slope_at), Controller(parameters, options)
+    plant, controller = Plant(parameters, slope.slope_at), MpcController(parameters, options)
     started, used = time.perf_counter(), time.process_time() + simulation.processor_s
     run = run_closed_loop(route, plant, controller, bridge=bridge, world=world)
     wall_time_s = time.perf_counter() - started

@@ -15,7 +15,7 @@ import numpy as np
 from iptm_core.routes.road_line import RoadLine, step_deg
 from iptm_core.state import NS_PER_MS, NS_PER_S, FloatArray
 from iptm_traffic.roadside import RoadsideStations
-from iptm_traffic.simulation import Neighbours, TrafficSimulation
+from iptm_traffic.simulation import SumoNeighbours, TrafficSimulation
 from iptm_v2x_bridge.messages.cam import ASSUMED_WIDTH_M, CamMessage, PredictedPath
 from iptm_v2x_bridge.messages.packets import delta_time_ms
 from iptm_v2x_bridge.sender import (
@@ -77,7 +77,7 @@ class TrafficRadio:
         self._roadside = RoadsideStations(simulation.network, road_line) if with_roadside else None
         self._ahead_s = path_times_s(SenderSettings.path_points, SenderSettings.path_length_s)
         self._path_sent: dict[str, float] = {}
-        self._pending: list[tuple[int, Neighbours, float]] = []
+        self._pending: list[tuple[int, SumoNeighbours, float]] = []
         self.sent = 0
         simulation.after_step = self._note
         self._note()
@@ -108,7 +108,7 @@ class TrafficRadio:
         self.sent += len(taken)
         return taken, 0
 
-    def messages(self, around: Neighbours, ego_position_m: float) -> list[CamMessage]:
+    def messages(self, around: SumoNeighbours, ego_position_m: float) -> list[CamMessage]:
         """Return the messages of the vehicles at one instant."""
         latitudes, longitudes = self._on_earth(around.positions_m, around.lateral_m)
         limit = HIGHEST_ACCELERATION_M_S2
@@ -130,7 +130,9 @@ class TrafficRadio:
             for row, name in enumerate(around.names)
         ]
 
-    def _path(self, around: Neighbours, row: int, ego_position_m: float) -> PredictedPath | None:
+    def _path(
+        self, around: SumoNeighbours, row: int, ego_position_m: float
+    ) -> PredictedPath | None:
         if self._rehearsal is None:
             return None
         name, time_s = around.names[row], around.time_s

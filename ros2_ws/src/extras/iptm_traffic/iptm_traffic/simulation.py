@@ -24,7 +24,7 @@ _SPEED, _POSITION, _ANGLE, _LENGTH, _LANE_INDEX, _ACCELERATION = 0x40, 0x42, 0x4
 
 
 @dataclass(frozen=True, eq=False)
-class Neighbours:
+class SumoNeighbours:
     """The vehicles in radio range of the ego vehicle at one instant, in the order of their names.
 
     Attributes:
@@ -241,7 +241,7 @@ class TrafficSimulation:
             for name in sorted(around)
         ]
 
-    def neighbours(self) -> Neighbours:
+    def neighbours(self) -> SumoNeighbours:
         """Return the vehicles around the ego vehicle."""
         around = dict(self._vehicle.getContextSubscriptionResults(EGO) or {})
         around.pop(EGO, None)
@@ -255,7 +255,7 @@ class TrafficSimulation:
         along, aside = self.network.road.along_and_aside_m(
             places[:, 0], places[:, 1], self.ego.position_m
         )
-        return Neighbours(
+        return SumoNeighbours(
             self.time_s,
             names,
             along,

@@ -18,7 +18,7 @@ _CAR = "passenger"
 
 
 @dataclass(frozen=True, eq=False)
-class Lane:
+class SumoLane:
     """A lane.
 
     Attributes:
@@ -102,7 +102,7 @@ class SumoNet:
             raise ScenarioError(f"{file} cannot be read as a network: {reason}") from reason
         if root.tag != "net":
             raise ScenarioError(f"{file} holds <{root.tag}>; allowed: a network of SUMO, <net>")
-        self.lanes: dict[str, Lane] = {}
+        self.lanes: dict[str, SumoLane] = {}
         self.edges: dict[str, tuple[str, ...]] = {}
         functions: dict[str, set[str]] = {"crossing": set(), "walkingarea": set()}
         for edge in root.iter("edge"):
@@ -206,7 +206,7 @@ class SumoNet:
         return tuple(way)
 
 
-def _lane(entry: ET.Element) -> Lane:
+def _lane(entry: ET.Element) -> SumoLane:
     shape = [
         [*(float(value) for value in point.split(",")), 0.0][:3]
         for point in entry.get("shape", "").split()
@@ -214,7 +214,7 @@ def _lane(entry: ET.Element) -> Lane:
     only, never = entry.get("allow"), entry.get("disallow", "").split()
     for_cars = _CAR in only.split() or only == "all" if only else not {_CAR, "all"} & set(never)
     length_m, limit_m_s = float(entry.get("length", "0")), float(entry.get("speed", "0"))
-    return Lane(entry.get("id", ""), length_m, limit_m_s, np.array(shape), for_cars)
+    return SumoLane(entry.get("id", ""), length_m, limit_m_s, np.array(shape), for_cars)
 
 
 def _junction(entry: ET.Element) -> Junction:

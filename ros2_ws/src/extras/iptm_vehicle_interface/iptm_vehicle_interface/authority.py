@@ -1,7 +1,7 @@
 """Who may drive, by the gateway's own readings: given by the driver's button alone, lost in one frame.
 
-The suite learns by a `Report` on the bus between both, and states there which decision it follows. These
-frames are private to that bus and never reach the car.
+The suite learns by a `GatewayReport` on the bus between both, and states there which decision it follows.
+These frames are private to that bus and never reach the car.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ class Authority:
 
 
 @dataclass(frozen=True)
-class Report:
+class GatewayReport:
     """What the gateway reports to the suite.
 
     Attributes:
@@ -118,17 +118,17 @@ class Report:
     loss: Loss
 
 
-def report_frame(report: Report) -> tuple[int, bytes]:
+def report_frame(report: GatewayReport) -> tuple[int, bytes]:
     """Return a report as a frame."""
     flags = report.is_armed | report.is_active << 1
     return REPORT_ID, bytes([flags, _LOSSES.index(report.loss)])
 
 
-def read_report(data: bytes) -> Report | None:
+def read_report(data: bytes) -> GatewayReport | None:
     """Return the report of a frame, None for one that is malformed."""
     if len(data) != 2 or data[1] >= len(_LOSSES):
         return None
-    return Report(bool(data[0] & 1), bool(data[0] & 2), _LOSSES[data[1]])
+    return GatewayReport(bool(data[0] & 1), bool(data[0] & 2), _LOSSES[data[1]])
 
 
 def decision_frame(number: int) -> tuple[int, bytes]:

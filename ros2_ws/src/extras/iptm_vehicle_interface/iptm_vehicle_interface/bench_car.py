@@ -23,7 +23,7 @@ from iptm_core.routes import build_route
 from iptm_core.state import Command, LeaderState, VehicleState
 from iptm_core.units import CELSIUS_ZERO_K
 from iptm_plant_sim.plant import Plant
-from iptm_vehicle_interface.channel import Vehicle
+from iptm_vehicle_interface.channel import VehicleLink
 from iptm_vehicle_interface.frames import FrameCodec
 
 STEP_S = 0.01
@@ -84,7 +84,7 @@ class BenchCar:
 
     def __init__(
         self,
-        vehicle: Vehicle,
+        vehicle: VehicleLink,
         cycle: str,
         events: Sequence[tuple[str, float, float, float]] = (),
         seed: int = 0,

@@ -173,7 +173,7 @@ class ActuationLimits:
 
 
 @dataclass(frozen=True)
-class Vehicle:
+class VehicleLink:
     """A vehicle; see the module.
 
     Attributes:

@@ -20,13 +20,13 @@ from iptm_core.state import Command, FloatArray, LeaderState, PlantObservation
 from iptm_vehicle_interface.authority import (
     REPORT_ID,
     REPORT_TIMEOUT_S,
-    Report,
+    GatewayReport,
     decision_frame,
     read_report,
 )
 from iptm_vehicle_interface.bus import Frame
-from iptm_vehicle_interface.channel import ENABLES, Vehicle
-from iptm_vehicle_interface.engagement import Conditions, Engagement
+from iptm_vehicle_interface.channel import ENABLES, VehicleLink
+from iptm_vehicle_interface.engagement import Engagement, EngagementConditions
 from iptm_vehicle_interface.frames import FrameCodec, Plausibility, RangeWatch, SignalTable
 from iptm_vehicle_interface.inner_loop import (
     LONGEST_FOLLOWED_S,
@@ -48,7 +48,7 @@ KEPT_CHANGES = 1000
 _KEPT_TICKS = 16
 
 
-def controller_limits(vehicle: Vehicle, jerk_m_s3: float = 1.0) -> dict[str, float]:
+def controller_limits(vehicle: VehicleLink, jerk_m_s3: float = 1.0) -> dict[str, float]:
     """Return what the controller has to plan with in a vehicle, as overrides of its parameters."""
     own = load_parameters(vehicle.parameter_set).values.limits
     limits = vehicle.limits
@@ -146,7 +146,7 @@ class Driver:
     """What the suite's side remembers; frames go in and out, decisions are made elsewhere."""
 
     def __init__(
-        self, vehicle: Vehicle, capacity_losses: tuple[float, float] | None = None
+        self, vehicle: VehicleLink, capacity_losses: tuple[float, float] | None = None
     ) -> None:
         """Set up a drive.
 
@@ -160,7 +160,7 @@ class Driver:
         self.estimator = VehicleStateEstimator(self.parameters, capacity_losses)
         self.engagement = Engagement()
         self._range, self._is_range_frozen = RangeWatch(), False
-        self._report: tuple[Report, float] | None = None
+        self._report: tuple[GatewayReport, float] | None = None
         self.log = DriveLog()
         self.requested_m_s2 = 0.0
         self._followed: Followed | None = None
@@ -279,7 +279,7 @@ class Driver:
         self._is_range_frozen = repeats and signals.is_set("target_valid", now_s)
         since_s = min(now_s - self._last_s, 5.0 * LOOP_S)
         self._last_s = now_s
-        conditions = Conditions(
+        conditions = EngagementConditions(
             brake=signals.is_set("brake_pressed", now_s),
             accelerator=signals.is_set("accelerator_pressed", now_s),
             enable=self._is_enabled(now_s),

@@ -29,7 +29,7 @@ ACTIVE = frozenset({DrivingMode.ENGAGED, DrivingMode.HAND_OVER})
 
 
 @dataclass(frozen=True)
-class Conditions:
+class EngagementConditions:
     """What the state machine looks at.
 
     Attributes:
@@ -65,7 +65,9 @@ class Engagement:
         """Whether requests are sent."""
         return self.mode in ACTIVE
 
-    def step(self, now: Conditions, requested_m_s2: float, duration_s: float) -> Engagement:
+    def step(
+        self, now: EngagementConditions, requested_m_s2: float, duration_s: float
+    ) -> Engagement:
         """Return the state one step later.
 
         Args:
@@ -78,7 +80,7 @@ class Engagement:
             after = self._driving(now, requested_m_s2, duration_s)
         return replace(after, enable_was_pressed=now.enable)
 
-    def _waiting(self, now: Conditions) -> Engagement:
+    def _waiting(self, now: EngagementConditions) -> Engagement:
         """Return the state after off and ready."""
         if now.stopped or now.hindrance:
             return replace(self, mode=DrivingMode.OFF, reason=now.stopped or now.hindrance)
@@ -89,7 +91,9 @@ class Engagement:
             return replace(self, mode=DrivingMode.ENGAGED, reason="enabled by the driver")
         return self
 
-    def _driving(self, now: Conditions, requested_m_s2: float, duration_s: float) -> Engagement:
+    def _driving(
+        self, now: EngagementConditions, requested_m_s2: float, duration_s: float
+    ) -> Engagement:
         """Return the state after engaged, overridden and hand-over."""
         if now.brake or now.cancel:
             reason = "the driver brakes" if now.brake else "cancelled by the driver"

@@ -12,7 +12,7 @@ from typing import Any
 
 from iptm_core.errors import MessageError
 from iptm_core.signal_residuals import Contradiction, SignalWatch
-from iptm_vehicle_interface.channel import CommandTarget, SignalSource, Vehicle
+from iptm_vehicle_interface.channel import CommandTarget, SignalSource, VehicleLink
 from iptm_vehicle_interface.protection import CounterWatch, FrameFault, Protection
 
 UNPROTECTED = Protection()
@@ -36,7 +36,7 @@ class Decoded:
 class FrameCodec:
     """Decodes and encodes the frames of a vehicle; remembers counters, so one per direction and process."""
 
-    def __init__(self, vehicle: Vehicle) -> None:
+    def __init__(self, vehicle: VehicleLink) -> None:
         self.vehicle = vehicle
         self._by_message: dict[str, list[tuple[str, SignalSource]]] = {}
         for name, source in vehicle.signals.items():

@@ -27,13 +27,13 @@ from iptm_vehicle_interface.authority import (
     BENCH_BUTTON_ID,
     DECISION_ID,
     Authority,
+    GatewayReport,
     Loss,
     Readings,
-    Report,
     report_frame,
 )
 from iptm_vehicle_interface.bus import BusReader, open_buses, send
-from iptm_vehicle_interface.channel import ENABLES, CommandTarget, Vehicle
+from iptm_vehicle_interface.channel import ENABLES, CommandTarget, VehicleLink
 from iptm_vehicle_interface.engagement import HAND_OVER_RATE_M_S3
 from iptm_vehicle_interface.frames import FrameCodec, Plausibility, SignalTable
 from iptm_vehicle_interface.inner_loop import LONGEST_FOLLOWED_S
@@ -78,7 +78,7 @@ class _Command:
 class Gateway:
     """What the process remembers; time is passed in, so that tests need no clock."""
 
-    def __init__(self, vehicle: Vehicle, *, is_bench: bool = False) -> None:
+    def __init__(self, vehicle: VehicleLink, *, is_bench: bool = False) -> None:
         """Set up a gateway.
 
         Args:
@@ -104,9 +104,9 @@ class Gateway:
         """What was refused or cut, by reason."""
 
     @property
-    def report(self) -> Report:
+    def report(self) -> GatewayReport:
         """What the suite learns."""
-        return Report(self._authority.is_armed, self._sent.enabled, self._authority.loss)
+        return GatewayReport(self._authority.is_armed, self._sent.enabled, self._authority.loss)
 
     def from_car(self, frame_id: int, data: bytes, now_s: float, bus: int = 0) -> bool:
         """Take a frame of the car; return whether the suite has a use for it."""
@@ -318,7 +318,7 @@ class _Link:
     """Carries frames between a gateway and its buses."""
 
     def __init__(
-        self, gateway: Gateway, vehicle: Vehicle, cars: Sequence[Any], suites: Sequence[Any]
+        self, gateway: Gateway, vehicle: VehicleLink, cars: Sequence[Any], suites: Sequence[Any]
     ) -> None:
         self._gateway, self._vehicle, self._cars, self._suites = gateway, vehicle, cars, suites
         self._of_cars, self._of_suites = (

@@ -22,7 +22,7 @@ from iptm_vehicle_interface.channel import (
     ActuationLimits,
     CommandTarget,
     SignalSource,
-    Vehicle,
+    VehicleLink,
 )
 from iptm_vehicle_interface.protection import Checksum, ChecksumKind, Protection
 
@@ -75,7 +75,7 @@ def available_vehicles() -> list[str]:
     return sorted(path.parent.name for path in VEHICLES.glob("*/vehicle.yaml"))
 
 
-def load_vehicle(name_or_folder: str) -> Vehicle:
+def load_vehicle(name_or_folder: str) -> VehicleLink:
     """Return a shipped vehicle by its name, or a user's own by its folder.
 
     Raises:
@@ -110,7 +110,7 @@ class _Reader:
                     self._refuse("database", f"{message.name} in one of them")
                 self._messages[message.name] = message
 
-    def vehicle(self) -> Vehicle:
+    def vehicle(self) -> VehicleLink:
         """Return the vehicle."""
         written = self._written
         parameter_set = written.text("parameter_set")
@@ -136,7 +136,7 @@ class _Reader:
         entries = fields(ActuationLimits)
         limits = written.section("limits", [entry.name for entry in entries])
         limits.require(*(entry.name for entry in entries if entry.default is MISSING))
-        return Vehicle(
+        return VehicleLink(
             name=self._folder.name,
             description=written.text("description"),
             parameter_set=parameter_set,

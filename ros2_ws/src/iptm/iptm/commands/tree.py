@@ -16,7 +16,7 @@ PROGRAM = "iptm"
 
 
 @dataclass(frozen=True)
-class Command:
+class Entry:
     """A command: a function, `module:name`, that reads the arguments of the process."""
 
     function: str
@@ -34,29 +34,29 @@ class Command:
 
 
 COMMANDS = {
-    "run": Command("iptm.commands.run:main", "drive a trip, record it and report it"),
-    "info": Command("iptm.commands.bags:info", "list what a bag holds, and the figures of its run"),
-    "compare": Command(
+    "run": Entry("iptm.commands.run:main", "drive a trip, record it and report it"),
+    "info": Entry("iptm.commands.bags:info", "list what a bag holds, and the figures of its run"),
+    "compare": Entry(
         "iptm.commands.bags:compare", "compare runs, or two bags message by message (--exact)"
     ),
-    "export": Command("iptm.commands.bags:export", "write a run or a topic as CSV or Parquet"),
-    "record": Command("iptm_ros.recording.recorder_cli:main", "record topics into a bag"),
-    "replay": Command("iptm_ros.recording.player_cli:main", "play a bag with its recorded timing"),
-    "check": Command("iptm.commands.bags:check", "compare a node with what it answered in a bag"),
-    "send": Command("iptm.commands.send:main", "send a drive as V2X messages (ETSI CAM)"),
-    "call": Command("iptm_ros.call:main", "call a service of a node: pause, step, reset, save"),
-    "param": Command("iptm_ros.param:main", "read and set parameters of nodes"),
+    "export": Entry("iptm.commands.bags:export", "write a run or a topic as CSV or Parquet"),
+    "record": Entry("iptm_ros.recording.recorder_cli:main", "record topics into a bag"),
+    "replay": Entry("iptm_ros.recording.player_cli:main", "play a bag with its recorded timing"),
+    "check": Entry("iptm.commands.bags:check", "compare a node with what it answered in a bag"),
+    "send": Entry("iptm.commands.send:main", "send a drive as V2X messages (ETSI CAM)"),
+    "call": Entry("iptm_ros.call:main", "call a service of a node: pause, step, reset, save"),
+    "param": Entry("iptm_ros.param:main", "read and set parameters of nodes"),
 }
 
 
-def all_commands() -> dict[str, Command]:
+def all_commands() -> dict[str, Entry]:
     """Return the commands of the suite, then those of extras.
 
     The module ``extra_commands`` of an extra has a mapping ``COMMANDS`` of names to function and summary.
     """
     found = dict(COMMANDS)
     for extra in offered("commands"):
-        found |= {name: Command(*row) for name, row in extra.COMMANDS.items()}
+        found |= {name: Entry(*row) for name, row in extra.COMMANDS.items()}
     return found
 
 
@@ -99,7 +99,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return EXIT_OK
 
 
-def _run(command: Command, name: str, *rest: str) -> int:
+def _run(command: Entry, name: str, *rest: str) -> int:
     # Nodes take the arguments of ROS from the command line of the process.
     sys.argv = [f"{PROGRAM} {name}", *rest]
     try:

@@ -20,7 +20,7 @@ from iptm.faults.signals import (
     Traffic,
     faulty_slope,
 )
-from iptm_controller.controller import Controller
+from iptm_controller.controller import MpcController
 from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements
 from iptm_controller.ocp.data import ProblemData
@@ -180,13 +180,13 @@ class FaultySolver:
         return self._inner.solve(data, guess, most_iterations=most_iterations)
 
 
-class FaultyController(Controller):
+class FaultyController(MpcController):
     """The controller, with a solver that fails on demand."""
 
     def __init__(
         self,
         parameters: ModelParameters,
-        sound: Controller,
+        sound: MpcController,
         faults: Iterable[Fault],
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:

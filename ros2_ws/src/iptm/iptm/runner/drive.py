@@ -73,7 +73,7 @@ class DriveResult:
 
 
 @dataclass(frozen=True, eq=False)
-class Drive(AbstractContextManager["Drive"]):
+class NodeDrive(AbstractContextManager["NodeDrive"]):
     """Runs the processes of one trip, or of a string; as a context manager it ends them all.
 
     Attributes:

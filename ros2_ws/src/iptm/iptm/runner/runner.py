@@ -31,7 +31,7 @@ from iptm.runner.composition import (
     trip_members,
     vehicle_arguments,
 )
-from iptm.runner.drive import Drive, DriveOutcome, DriveResult
+from iptm.runner.drive import DriveOutcome, DriveResult, NodeDrive
 from iptm.runner.fork import Companion, draw, prepare
 from iptm.runner.fork import drive as reference
 from iptm.runner.process_faults import ProcessFaults, unclean_ends
@@ -176,7 +176,7 @@ def drive_processes(
     begun: Callable[[], None] = lambda: None,
     *,
     forks: bool = False,
-) -> tuple[DriveResult, Drive]:
+) -> tuple[DriveResult, NodeDrive]:
     """Start the processes of a trip or a string, watch it, and end them.
 
     Args:
@@ -214,7 +214,9 @@ def drive_processes(
             joined_nodes([partial(monitor, each) for each in trips.values()], domain.number)
         )
         plants = tuple(name for name in commands if name not in _WITHOUT_PLANT)
-        drive = Drive(supervisor, monitors, executor, progress, stop, process_faults, trip, plants)
+        drive = NodeDrive(
+            supervisor, monitors, executor, progress, stop, process_faults, trip, plants
+        )
         stack.enter_context(drive)
         drive.start(early)
         result = drive.look_around(0.0 if domain.is_private else LOOK_AROUND_S)
@@ -276,7 +278,7 @@ def _report(
     folder: RunFolder,
     trip: Trip,
     options: RunOptions,
-    driven: tuple[Drive, float],
+    driven: tuple[NodeDrive, float],
     companions: tuple[Companion, Companion],
     console: Console,
     stop: StopRequest,
@@ -312,7 +314,7 @@ def _report(
 
 
 def evaluated(
-    bag: RunFolder | None, trip: Trip, drive: Drive, wall_time_s: float, vehicle: int = 0
+    bag: RunFolder | None, trip: Trip, drive: NodeDrive, wall_time_s: float, vehicle: int = 0
 ) -> Run:
     """Return the run of a finished trip, of a vehicle by its place in a string."""
     from iptm.runner.evaluation import evaluate  # noqa: PLC0415  see begun

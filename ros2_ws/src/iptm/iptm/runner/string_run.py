@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from iptm.run import Run
-from iptm.runner.drive import Drive, DriveOutcome
+from iptm.runner.drive import DriveOutcome, NodeDrive
 from iptm.runner.progress import PROGRAM, ConsoleProgress
 from iptm.runner.run_folder import RunFolder
 from iptm.runner.runner import (
@@ -106,7 +106,7 @@ def _report(
     folder: RunFolder,
     trips: Mapping[RunFolder, Trip],
     options: RunOptions,
-    driven: tuple[Drive, float],
+    driven: tuple[NodeDrive, float],
     console: Console,
 ) -> int:
     """Evaluate a string that was driven, write its files and print its tables."""

@@ -251,7 +251,7 @@ def _compared(
     topics = {name: tuple(reader.topics.get(name) for reader in readers) for name in names}
     types = {name: {each.type_name for each in both if each} for name, both in topics.items()}
     compared = [name for name in names if len(types[name]) == 1]
-    found = {name: _Found() for name in compared}
+    found = {name: _Differences() for name in compared}
     waiting: tuple[dict[_Key, tuple[int, BagMessage]], ...] = ({}, {})
     streams = (_keyed(side, reader, compared) for side, reader in enumerate(readers))
     for side, place, key, message in merge(*streams, key=lambda each: each[3].log_time_ns):
@@ -278,7 +278,7 @@ def _compared(
 
 
 @dataclass
-class _Found:
+class _Differences:
     """Differences of a topic so far; of the earliest pair in the first bag its place, key and fields."""
 
     differing: int = 0

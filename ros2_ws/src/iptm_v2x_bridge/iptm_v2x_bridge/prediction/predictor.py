@@ -100,7 +100,7 @@ class ErrorGrowth:
         return bounds
 
 
-class Predictor(Protocol):
+class LeaderPredictor(Protocol):
     """Predicts the motion of the leader from its messages."""
 
     @property

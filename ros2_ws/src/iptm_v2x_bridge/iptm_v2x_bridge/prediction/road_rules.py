@@ -15,7 +15,12 @@ import numpy as np
 from iptm_core.errors import RouteError
 from iptm_core.road_ahead import BRAKING_M_S2, SpeedLimits
 from iptm_core.state import FloatArray, LeaderPreview
-from iptm_v2x_bridge.prediction.predictor import ErrorGrowth, LeaderTrack, Predictor, PredictorName
+from iptm_v2x_bridge.prediction.predictor import (
+    ErrorGrowth,
+    LeaderPredictor,
+    LeaderTrack,
+    PredictorName,
+)
 
 Span = tuple[float, float]
 """Beginning and end, s of TimestampIts, possibly infinite."""
@@ -130,7 +135,7 @@ class RoadRules:
 class BoundedByRules:
     """Takes another prediction and keeps it within speed limits and behind closed stop lines."""
 
-    def __init__(self, inner: Predictor, rules: RoadRules) -> None:
+    def __init__(self, inner: LeaderPredictor, rules: RoadRules) -> None:
         self._inner, self._rules = inner, rules
 
     @property
