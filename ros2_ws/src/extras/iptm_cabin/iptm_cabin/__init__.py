@@ -1,0 +1,1 @@
+"""Cabin, heat pump, radiator and pack on one compressor."""
