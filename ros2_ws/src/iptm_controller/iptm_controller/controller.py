@@ -2,7 +2,7 @@
 
 It uses the model of the plant, with kinks smoothed, at the state of charge at which a trip begins.
 
-``measurements -> problem data -> solver -> plan or fallback -> limiter -> command``. Nothing in here
+``MpcController._steps`` is the list of what happens in a tick. Nothing in here
 raises for bad measurements or failed solves: both are outcomes, reported in the decision.
 """
 
@@ -13,7 +13,7 @@ from functools import partial
 
 from iptm_controller.actuation import ActuationMemory, ActuationObserver, PowerAuthority
 from iptm_controller.arrival import ArrivalValuation, aging_power_w
-from iptm_controller.decision import NOTHING, ControllerMemory, Decision
+from iptm_controller.decision import NOTHING, ControllerMemory, Decision, Tick
 from iptm_controller.estimator import Estimator
 from iptm_controller.forecast import LeaderForecast
 from iptm_controller.forecast_in_c import leader_forecaster
@@ -33,7 +33,7 @@ from iptm_controller.solvers.factory import build_solver
 from iptm_controller.solvers.interface import SolverBackend, SolveResult, Stopwatch, broken
 from iptm_controller.solvers.switching_check import SwitchingCheck
 from iptm_controller.strategy import Strategy
-from iptm_controller.temperature_value import NO_VALUE, TemperatureValuation
+from iptm_controller.temperature_value import TemperatureValuation
 from iptm_controller.tick_library import tick_library
 from iptm_controller.traction_forecast import TractionForecaster
 from iptm_core.aging_laws.parking import ParkedAging
@@ -56,7 +56,7 @@ class MpcController:
         model: the parameters that they are posed with.
         lead: compares the sources of the vehicle ahead; its friction may change from tick to tick.
         plan_data: poses them.
-        valuation: prices the temperatures, None where the strategy has no price of them.
+        valuation: prices the temperatures.
     """
 
     def __init__(
@@ -192,63 +192,126 @@ class MpcController:
         return partial(ControllerMemory.built, forecast, pack, parts)
 
     def decide(self, measured: Measurements) -> Decision:
-        """Decide one tick."""
-        pack = self._pack.observe(measured, self._actuation.last_command)
-        measured = measured.with_state(pack.state)
-        trusted, leader, fault = trusted_measurements(measured)
-        state, doubt, is_free = trusted, "", measured.is_free
-        if state is not None:
-            preview = self._clock.by_own_clock(measured.preview, state.time_s)
-            if preview is not measured.preview:
-                measured = replace(measured, preview=preview)
-            leader, doubt = self.lead.checked(state, leader, measured.preview, is_free=is_free)
-            fault = fault or ("" if leader or is_free else doubt)
-            state, leader = self._estimator.update(state, leader)
-            slope_rad = 0.0 if fault else slope_at_rad(measured.slope, state.position_m)
-            leader = leader and self.lead.cautious(leader, state.speed_m_s, slope_rad)
-            if not measured.is_followed:
-                self._actuation.memory = ActuationMemory()
-            self._actuation.observe(state)
-            state = self._limiter.within_comfort(self._actuation.predicted(state))
-            self.power.update(state, measured.slope, pack.power_share)
-        if state is None or fault or (leader is None and not is_free):
-            planned = Decision(reason=fault)
+        """Decide one tick: every step adds to what is known of it."""
+        tick = Tick(measured, self._pack.observe(measured, self._actuation.last_command))
+        for step in self._steps:
+            step(tick)
+        return self._decision(tick)
+
+    @property
+    def _steps(self) -> tuple[Callable[[Tick], None], ...]:
+        """The steps of a decision, in their order."""
+        return (
+            self._trust,
+            self._check_leader,
+            self._filter,
+            self._predict,
+            self._choose,
+            self._fall_back,
+            self._limit_command,
+            self._brake_in_emergency,
+            self._issue,
+        )
+
+    @staticmethod
+    def _trust(tick: Tick) -> None:
+        """Keep what is plausible of the measurements."""
+        tick.measured = measured = tick.measured.with_state(tick.pack.state)
+        tick.trusted, tick.leader, tick.fault = trusted_measurements(measured)
+        tick.state, tick.is_free = tick.trusted, measured.is_free
+
+    def _check_leader(self, tick: Tick) -> None:
+        """Compare range sensor and radio."""
+        if (state := tick.state) is None:
+            return
+        preview = self._clock.by_own_clock(tick.measured.preview, state.time_s)
+        if preview is not tick.measured.preview:
+            tick.measured = replace(tick.measured, preview=preview)
+        tick.leader, tick.doubt = self.lead.checked(
+            state, tick.leader, preview, is_free=tick.is_free
+        )
+        if not (tick.fault or tick.leader or tick.is_free):
+            tick.fault = tick.doubt
+
+    def _filter(self, tick: Tick) -> None:
+        """Filter state and leader, and allow for the errors of the sensor."""
+        if tick.state is None:
+            return
+        state, leader = self._estimator.update(tick.state, tick.leader)
+        slope_rad = 0.0 if tick.fault else slope_at_rad(tick.measured.slope, state.position_m)
+        tick.leader = leader and self.lead.cautious(leader, state.speed_m_s, slope_rad)
+        tick.state = state
+
+    def _predict(self, tick: Tick) -> None:
+        """Predict the state to when the command acts, and what the pack then gives."""
+        if tick.state is None:
+            return
+        if not tick.measured.is_followed:
+            self._actuation.memory = ActuationMemory()
+        self._actuation.observe(tick.state)
+        tick.state = self._limiter.within_comfort(self._actuation.predicted(tick.state))
+        self.power.update(tick.state, tick.measured.slope, tick.pack.power_share)
+
+    def _choose(self, tick: Tick) -> None:
+        """Drive by the plan of a problem or by rules, where enough is known."""
+        state, leader = tick.state, tick.leader
+        if state is None or tick.fault or (leader is None and not tick.is_free):
+            tick.planned = Decision(reason=tick.fault)
         elif self._is_rule_based:
-            planned = self._by_rules(state, leader, measured)
+            tick.planned = self._by_rules(state, leader, tick.measured)
         else:
-            planned = self._plan(state, leader, measured)
-        rung, command = planned.rung, planned.command
-        if rung is not Rung.OPTIMAL:
-            rung, command = self._fall_back(state, leader, measured)
-        command = self.power.within(command)
-        limited, limits = self._limit(command, state)
-        doubted = doubt if doubt != planned.reason else ""
-        actuation, delay_s, brake_share = self._actuation.found
-        reasons = [doubted, planned.reason, actuation, pack.reason]
-        if state is not None:
-            self._guard.observe(leader, is_free=is_free)
-            asked_m_s2, share = limited.acceleration_m_s2, min(brake_share, self.lead.braking_share)
-            if self._guard.collision_threatens(asked_m_s2, state, planned.forecast, share):
-                rung = Rung.EMERGENCY_BRAKING
-                reasons.insert(0, EMERGENCY)
-                hardest_m_s2 = self.model.limits.min_acceleration_m_s2
-                hardest = Command(hardest_m_s2, command.compressor_power_w)
-                limited, limits = self._limit(hardest, state)
-        if trusted is not None:
-            self._actuation.issue(trusted.time_s, limited)
-        return Decision(
-            limited,
-            rung,
-            "; ".join(filter(None, reasons)),
-            limits,
-            planned.plan,
-            planned.result,
-            planned.forecast,
-            planned.value,
-            delay_s,
-            brake_share,
-            ", ".join(filter(None, (self._estimator.noise, self._forecaster.noise))),
-            pack,
+            tick.planned = self._plan(state, leader, tick.measured)
+        tick.rung, tick.command = tick.planned.rung, tick.planned.command
+
+    def _fall_back(self, tick: Tick) -> None:
+        """Replace the command of a tick without a usable plan."""
+        if tick.rung is not Rung.OPTIMAL:
+            tick.rung, tick.command = self._fallback(tick.state, tick.leader, tick.measured)
+
+    def _limit_command(self, tick: Tick) -> None:
+        """Limit the command to what actuators and pack take."""
+        tick.command = self.power.within(tick.command)
+        tick.limited, tick.limits = self._limit(tick.command, tick.state)
+        tick.actuation, tick.delay_s, tick.brake_share = self._actuation.found
+
+    def _brake_in_emergency(self, tick: Tick) -> None:
+        """Brake as hard as allowed where a collision threatens."""
+        if tick.state is None:
+            return
+        self._guard.observe(tick.leader, is_free=tick.is_free)
+        share = min(tick.brake_share, self.lead.braking_share)
+        asked_m_s2 = tick.limited.acceleration_m_s2
+        if self._guard.collision_threatens(asked_m_s2, tick.state, tick.planned.forecast, share):
+            tick.rung = Rung.EMERGENCY_BRAKING
+            hardest_m_s2 = self.model.limits.min_acceleration_m_s2
+            hardest = Command(hardest_m_s2, tick.command.compressor_power_w)
+            tick.limited, tick.limits = self._limit(hardest, tick.state)
+
+    def _issue(self, tick: Tick) -> None:
+        """Remember the command, for what comes of it."""
+        if tick.trusted is not None:
+            self._actuation.issue(tick.trusted.time_s, tick.limited)
+
+    def _decision(self, tick: Tick) -> Decision:
+        """Return the outcome of a tick, with the reasons of all steps."""
+        planned = tick.planned
+        reasons = (
+            EMERGENCY if tick.rung is Rung.EMERGENCY_BRAKING else "",
+            tick.doubt if tick.doubt != planned.reason else "",
+            planned.reason,
+            tick.actuation,
+            tick.pack.reason,
+        )
+        return replace(
+            planned,
+            command=tick.limited,
+            rung=tick.rung,
+            reason="; ".join(filter(None, reasons)),
+            limits=tick.limits,
+            command_delay_s=tick.delay_s,
+            brake_share=tick.brake_share,
+            noise=", ".join(filter(None, (self._estimator.noise, self._forecaster.noise))),
+            pack=tick.pack,
         )
 
     def _by_rules(
@@ -262,7 +325,7 @@ class MpcController:
         command = self._production.command(state, leader, lawful, forecast)
         return Decision(self._ladder.accept_command(command), Rung.OPTIMAL, forecast=forecast)
 
-    def _fall_back(
+    def _fallback(
         self, state: VehicleState | None, leader: LeaderState | None, measured: Measurements
     ) -> tuple[Rung, Command]:
         """Return rung and command of a tick without a usable plan."""
@@ -286,7 +349,7 @@ class MpcController:
     ) -> Decision:
         """Pose and solve the problem of a tick; without a lead vehicle there are rules of the road.
 
-        What comes of it is optimal or yet to fall back.
+        The decision is optimal, or leaves the command to the fallback.
         """
         rules, last = measured.rules, self._ladder.plan_at(state.time_s)
         forecast = None if leader is None else self._forecaster.forecast(leader, measured.preview)
@@ -299,7 +362,7 @@ class MpcController:
             hardest_m_s2 = self.model.brakes.max_deceleration_m_s2
             further_m = self._actuation.further_way_m(state.speed_m_s, hardest_m_s2)
             motion, limiting = motion.nearer_by(further_m), limiting.nearer_by(further_m)
-        value = NO_VALUE if self.valuation is None else self.valuation.value(state, motion)
+        value = self.valuation.value(state, motion)
         if self._arrival is not None:
             value = self._arrival.added_to(value, state)
         thermal = None

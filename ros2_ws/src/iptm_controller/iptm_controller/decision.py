@@ -15,6 +15,7 @@ from iptm_controller.actuation import ActuationMemory
 from iptm_controller.estimator import EstimatorMemory
 from iptm_controller.forecast import ForecastMemory, LeaderForecast
 from iptm_controller.lead_check import ClockMemory, LeadMemory
+from iptm_controller.measurements import Measurements
 from iptm_controller.pack_observer import PackMemory, PackReport
 from iptm_controller.plan import SLACKS, Plan
 from iptm_controller.preview_trust import FusionMemory, TrustMemory
@@ -80,6 +81,47 @@ class Decision:
             aging_sensitivity_1_k=self.value.aging_sensitivity_1_k,
             temperature_decay_time_s=self.value.temperature_decay_time_s,
         )
+
+
+@dataclass
+class Tick:
+    """What is known of a tick so far; each step of `MpcController.decide` reads it and adds to it.
+
+    Attributes:
+        measured: as received, then with what was found of pack and preview.
+        pack: what was found of sensors and cooling of the pack.
+        trusted: measured state if it is plausible.
+        state: filtered, and predicted to when the command acts; None where none can be trusted.
+        leader: as compared and filtered, None for none.
+        is_free: no vehicle is ahead, and the rules of the road apply.
+        fault: why no problem can be posed, empty if one can.
+        doubt: why the leader is not as measured, empty if it is.
+        planned: outcome of plan or rules.
+        rung: where the command comes from.
+        command: before the limiter.
+        limited: behind it.
+        limits: bounds that changed it.
+        actuation: how commands are carried out otherwise than asked, empty if they are.
+        delay_s: time by which commands act late.
+        brake_share: share of a commanded deceleration that is delivered.
+    """
+
+    measured: Measurements
+    pack: PackReport
+    trusted: VehicleState | None = None
+    state: VehicleState | None = None
+    leader: LeaderState | None = None
+    is_free: bool = False
+    fault: str = ""
+    doubt: str = ""
+    planned: Decision = field(default_factory=Decision)
+    rung: Rung = Rung.STOP
+    command: Command = NOTHING
+    limited: Command = NOTHING
+    limits: tuple[str, ...] = ()
+    actuation: str = ""
+    delay_s: float = 0.0
+    brake_share: float = 1.0
 
 
 @dataclass(frozen=True)

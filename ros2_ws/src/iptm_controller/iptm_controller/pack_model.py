@@ -23,6 +23,7 @@ import numpy as np
 from iptm_controller.options import ControllerOptions
 from iptm_controller.strategy import Strategy
 from iptm_controller.temperature_value import (
+    NoValuation,
     TemperatureValuation,
     TemperatureValue,
     mixing_weights,
@@ -281,7 +282,7 @@ def valuation_of(
     options: ControllerOptions,
     aging: ParkedAging | None,
     model: ModelParameters,
-) -> tuple[Strategy, float, TemperatureValuation | CellLawValuation | None]:
+) -> tuple[Strategy, float, TemperatureValuation | CellLawValuation | NoValuation]:
     """Return the strategy as the problem weighs it, the price of a joule in it, and what prices temperatures.
 
     Args:
@@ -302,14 +303,13 @@ def valuation_of(
             headway_price_1_m2_s=per_share * headway,
         )
     if aging is not None and weighs_aging:
-        if options.arrival is not None:  # the hours after the trip are in its cost
-            cost_to_go = replace(strategy, cost_to_go=False)
-            by_law = CellLawValuation(aging, cost_to_go, price_1_j, model, *times_s)
-            return strategy, price_1_j, by_law
-        return strategy, price_1_j, CellLawValuation(aging, strategy, price_1_j, model, *times_s)
+        # Where there is an arrival, the hours after the trip are in its cost.
+        to_go = strategy.cost_to_go and options.arrival is None
+        priced = replace(strategy, cost_to_go=to_go)
+        return strategy, price_1_j, CellLawValuation(aging, priced, price_1_j, model, *times_s)
     if strategy.cost_to_go:
         by_law_of_paper = TemperatureValuation(
             model, strategy.aging_weight, *times_s, tick_library(), strategy.coldest_below_limit_k
         )
         return strategy, price_1_j, by_law_of_paper
-    return strategy, price_1_j, None
+    return strategy, price_1_j, NoValuation()

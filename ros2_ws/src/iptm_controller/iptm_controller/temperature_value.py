@@ -117,6 +117,14 @@ def _load_factor_h(temperature_k: float, parameters: ModelParameters) -> float:
     return aging.compensation_factor_j_mol / gas_j_mol
 
 
+class NoValuation:
+    """A strategy without a price of the temperatures."""
+
+    def value(self, state: VehicleState, leader: LeaderPreview) -> TemperatureValue:  # noqa: ARG002
+        """Return no price."""
+        return NO_VALUE
+
+
 class TemperatureValuation:
     """Follows the trip and prices the temperatures at every tick.
 
