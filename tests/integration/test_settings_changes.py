@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.parameter import Parameter
+from std_msgs.msg import String
 from tests.integration.controller_ticks import ROAD, SMALL, as_measured, tick_messages
 from tests.integration.node_bench import NodeBench, S, node_bench
 
@@ -56,7 +58,7 @@ def test_weights_hold_from_the_next_tick_on(controller: NodeBench) -> None:
         if tick == 3:
             assert set_all(controller, strategy="aging", aging_weight=7.0).successful
             weights = ControllerNodeParameters(**{**OPTIONS, "strategy": "aging"}, aging_weight=7.0)
-            alone.use_strategy(weights.controller_options().strategy)
+            alone.use_costs(weights.controller_options())
         send_tick(controller, tick)
         assert decode_command(controller.received[Topic.COMMAND][-1]) == (
             tick * S,
@@ -161,3 +163,43 @@ def test_many_changes_are_summed_up() -> None:
     assert "40 times" in text
     assert "from 39 s on speed_weight=39.0" in text
     assert len(text) < 200
+
+
+PRICED = {**OPTIONS, "strategy": "prices", "trip_duration_s": 600.0}
+WARM_ENDS_COST = {"arrival_cost_eur": "20:0, 40:2", "electricity_eur_kwh": 0.2}
+
+
+def test_a_cost_on_arrival_that_is_heard_is_the_one_of_the_settings() -> None:
+    """Until it is heard the settings decide, from then on as in a trip that states it."""
+    plain, priced = (
+        ControllerNodeParameters(**given).build_controller()
+        for given in (PRICED, {**PRICED, **WARM_ENDS_COST})
+    )
+    with node_bench(ControllerNode, **PRICED) as bench:
+        bench.hear({Topic.SLOPE: encode_slope(ROAD)})
+        for tick in range(6):
+            if tick == 3:
+                bench.hear({Topic.ARRIVAL_COST: String(data=json.dumps(WARM_ENDS_COST))})
+                for text in ("no JSON", '{"arrival_cost_eur": "warm:1"}', "[1]"):
+                    bench.hear({Topic.ARRIVAL_COST: String(data=text)})
+                priced.memory = plain.memory
+            send_tick(bench, tick)
+            alone = plain if tick < 3 else priced
+            expected = alone.decide(as_measured(tick_messages(float(tick)))).command
+            assert decode_command(bench.received[Topic.COMMAND][-1]) == (tick * S, expected)
+        first, second = (
+            each.decide(as_measured(tick_messages(6.0))).record for each in (plain, priced)
+        )
+        assert first.cell_1_marginal_cost_1_k != second.cell_1_marginal_cost_1_k
+        bench.spin_until(lambda: bench.values.get("refused_messages") == "3")
+        assert bench.values["arrival_cost"] == Topic.ARRIVAL_COST.value
+        assert bench.values[CHANGED_SETTINGS] == "none"
+
+
+def test_a_cost_on_arrival_is_refused_where_the_trip_has_no_end() -> None:
+    with node_bench(ControllerNode, **{**PRICED, "trip_duration_s": 0.0}) as bench:
+        bench.hear({Topic.SLOPE: encode_slope(ROAD)})
+        bench.hear({Topic.ARRIVAL_COST: String(data=json.dumps(WARM_ENDS_COST))})
+        send_tick(bench, 0)
+        bench.spin_until(lambda: bench.values.get("refused_messages") == "1")
+        assert bench.values["arrival_cost"] == "of the settings"

@@ -183,7 +183,7 @@ def test_the_controller_drives_by_it_without_a_solve() -> None:
     resumed = MpcController(PARAMETERS, options, controller.backend)
     resumed.memory = controller.memory
     assert resumed.memory.is_cooling
-    resumed.use_strategy(STRATEGIES["reference"])
+    resumed.use_costs(replace(options, strategy=STRATEGIES["reference"]))
     assert resumed.decide(make_scene()).plan is not None
 
 

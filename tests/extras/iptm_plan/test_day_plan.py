@@ -205,6 +205,9 @@ def test_prices_at_the_door() -> None:
     arrival = worth[1]
     assert arrival.eur_per_k > 0.0
     assert 0.05 < arrival.eur_per_percent < 0.25 * 0.725 / 0.9
+    first = warm.worth_at_first(0.5, 308.15)
+    begun = [warm.cost_to_go(ParkedInstant(0, 0, 0.5, each)) for each in (307.65, 308.65)]
+    assert first.eur_per_k == pytest.approx(begun[1] - begun[0])
     cost = ArrivalCost.parse(arrival_table(warm, 1, arrival.step, arrival.charge))
     assert cost is not None
     assert np.all(np.diff(cost.eur)[np.searchsorted(cost.celsius, 25.0) :] > 0.0)

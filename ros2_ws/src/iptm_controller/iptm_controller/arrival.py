@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -24,6 +24,7 @@ import numpy as np
 from iptm_controller.temperature_value import TemperatureValue, mixing_weights
 from iptm_core.aging_laws.parking import AgingSettings, ParkedAging, capacity_price_eur
 from iptm_core.errors import ParameterError
+from iptm_core.frozen import replace
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import cell_heat_w, cell_resistance_ohm, heat_from_air_w
 from iptm_core.physics.chiller import chiller_line, largest_useful_power_w
@@ -134,7 +135,9 @@ class ArrivalValuation:
         on_arrival_j = np.interp(self._grid_k, kelvin, cost.eur) / electricity_eur_kwh * J_PER_KWH
         aging_j = 0.0 * self._grid_k if aging_w is None else STEP_S * aging_w(self._grid_k)
         energy_j = self._energies_j(on_arrival_j, aging_j, model, steps)
-        self._slopes_j_k: FloatArray = np.gradient(energy_j, GRID_K, axis=1)
+        slopes_j_k: FloatArray = np.gradient(energy_j, GRID_K, axis=1)
+        self._slopes_j_k: list[list[float]] = slopes_j_k.tolist()
+        self._first_k, self._last_place = float(self._grid_k[0]), self._grid_k.size - 1.0 - 1e-9
 
     def added_to(self, value: TemperatureValue, state: VehicleState) -> TemperatureValue:
         """Return what a kelvin costs with the arrival, of both cells in the shares of the other costs."""
@@ -151,12 +154,15 @@ class ArrivalValuation:
 
     def price_1_k(self, time_s: float, temperature_k: float) -> float:
         """Return the cost of a kelvin more at the end of the horizon, negative where warmth is welcome."""
-        left = min(max((self._ends_s - time_s) / STEP_S, 0.0), len(self._slopes_j_k) - 1.0)
+        last = len(self._slopes_j_k) - 1
+        left = min(max((self._ends_s - time_s) / STEP_S, 0.0), last)
         below = int(left)
-        above = min(below + 1, len(self._slopes_j_k) - 1)
+        above = min(below + 1, last)
+        place = min(max((temperature_k - self._first_k) / GRID_K, 0.0), self._last_place)
+        node = int(place)
         low, high = (
-            float(np.interp(temperature_k, self._grid_k, self._slopes_j_k[step]))
-            for step in (below, above)
+            slopes[node] + (place - node) * (slopes[node + 1] - slopes[node])
+            for slopes in (self._slopes_j_k[below], self._slopes_j_k[above])
         )
         slope_j_k = low + (left - below) * (high - low)
         return self._weight_1_j * max(slope_j_k, self._least_j_k)

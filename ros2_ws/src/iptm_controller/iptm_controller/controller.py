@@ -134,11 +134,17 @@ class MpcController:
                 aging_w = partial(aging_power_w, self._parked, self.options.aging, self._vehicle)
             self._arrival = ArrivalValuation(*costs, *energy_1_j, *times_s, aging_w)
 
-    def use_strategy(self, strategy: Strategy) -> None:
-        """Go on with other cost terms and weights; nothing is compiled, and the memory stays."""
+    def use_costs(self, options: ControllerOptions) -> None:
+        """Go on with cost terms, weights and prices of other options; memory and solver stay."""
         memory = self.memory
-        self.options = replace(self.options, strategy=strategy)
-        self._pose(strategy)
+        self.options = replace(
+            self.options,
+            strategy=options.strategy,
+            aging=options.aging,
+            arrival=options.arrival,
+            trip_duration_s=options.trip_duration_s,
+        )
+        self._pose(options.strategy)
         self.memory = memory
 
     @property

@@ -106,6 +106,7 @@ class ControllerNode(SuiteNode):
         ):
             self.listen(topic, partial(self._on_decoded, topic, decode))
         self.listen(Topic.ENGAGEMENT, self._on_engagement)
+        self.listen(Topic.ARRIVAL_COST, self._changes.on_arrival_cost)
         self._friction = FrictionInput(self, self._options.road_friction)
         for topic in (Topic.LEADER, Topic.PLANT_STATE):
             self.listen(topic, partial(self._on_stamped, topic))

@@ -1,10 +1,12 @@
 """Parameters of the controller node, what is built from them, and their changes while it drives.
 
-Strategy and weights are numbers of a problem: a change is checked, and holds from the next decision on.
+Strategy, weights and the cost on arrival are numbers of a problem: a change is checked, and holds from the
+next decision on.
 """
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,6 +14,7 @@ from pathlib import Path
 
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
+from std_msgs.msg import String
 
 from iptm_controller.controller import MpcController
 from iptm_controller.decision import ControllerMemory
@@ -19,17 +22,22 @@ from iptm_controller.options import ControllerOptions
 from iptm_controller.settings import ControllerSettings
 from iptm_controller.strategy import COST_TERMS
 from iptm_core.declaration import Scalar, parameter, plain
-from iptm_core.errors import IptmError, ParameterError
+from iptm_core.errors import IptmError, MessageError, ParameterError
 from iptm_core.saved_state import SavedState, from_plain, read_state, to_plain
 from iptm_core.settings import FrameSettings, ModelSettings, SamplingSettings
 from iptm_core.state import NS_PER_S
+from iptm_core.user_input import StrictMapping
 from iptm_ros.diagnostics import CHANGED_SETTINGS, SETTINGS_SINCE
 from iptm_ros.suite_node import SuiteNode
+from iptm_ros.topics import Topic
 
 CONTROLLER_STATE = "controller"
 _OF_A_STATE = ("horizon", "parameter_set", "overrides", "period_s")
 CHANGEABLE = ("strategy", *COST_TERMS)
 """Parameters that may be set while the node runs."""
+OF_ARRIVAL = ("arrival_cost_eur", "electricity_eur_kwh")
+"""Settings that `vehicle/arrival_cost` changes; bags have the topic, so that a check repeats the change."""
+ARRIVAL_COST = "arrival_cost"
 
 
 @dataclass(frozen=True)
@@ -87,7 +95,11 @@ class SettingsChanges:
 
     def __init__(self, node: SuiteNode, options: ControllerNodeParameters) -> None:
         self.options = self._wanted = options
-        self.values: dict[str, object] = {CHANGED_SETTINGS: "none", SETTINGS_SINCE: "start"}
+        self.values: dict[str, object] = {
+            CHANGED_SETTINGS: "none",
+            SETTINGS_SINCE: "start",
+            ARRIVAL_COST: "of the settings",
+        }
         self._logger = node.get_logger()
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._note)
@@ -95,12 +107,7 @@ class SettingsChanges:
     def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         """Refuse all that is asked for in one sentence, or nothing of it."""
         try:
-            wanted = self._changed(parameters).controller_options()
-            if wanted.law is not self._wanted.controller_options().law:
-                raise ParameterError(
-                    f"strategy is '{wanted.strategy.name}', whose cost has another ageing law; allowed while "
-                    "a trip is driven: strategies with the same law"
-                )
+            self._options_of(self._changed(parameters))
         except IptmError as error:
             return SetParametersResult(successful=False, reason=" ".join(str(error).split()))
         return SetParametersResult(successful=True)
@@ -112,6 +119,42 @@ class SettingsChanges:
         changes = {each.name: each.value for each in parameters if each.name in CHANGEABLE}
         return replace(self._wanted, **changes)
 
+    def on_arrival_cost(self, message: String) -> None:
+        """Take the prices of `vehicle/arrival_cost`.
+
+        Raises:
+            MessageError: they are not usable; the last ones stay.
+        """
+        try:
+            given = StrictMapping(json.loads(message.data), Topic.ARRIVAL_COST.value, OF_ARRIVAL)
+            wanted = replace(
+                self._wanted,
+                arrival_cost_eur=given.text("arrival_cost_eur"),
+                electricity_eur_kwh=given.number("electricity_eur_kwh"),
+            )
+            options = self._options_of(wanted)
+            if options.arrival is not None and math.isinf(options.trip_duration_s):
+                raise ParameterError("the trip has no known end; allowed: trips with one")
+        except (ValueError, IptmError) as error:
+            reason = " ".join(str(error).split())
+            raise MessageError(f"{Topic.ARRIVAL_COST.value}: {reason}") from None
+        self._wanted = wanted
+        self.values[ARRIVAL_COST] = Topic.ARRIVAL_COST.value
+
+    def _options_of(self, wanted: ControllerNodeParameters) -> ControllerOptions:
+        """Return the options of changed settings.
+
+        Raises:
+            IptmError: a value is not usable, or the ageing law of the cost is another one.
+        """
+        options = wanted.controller_options()
+        if options.law is not self._wanted.controller_options().law:
+            raise ParameterError(
+                f"strategy is '{options.strategy.name}', whose cost has another ageing law; allowed while "
+                "a trip is driven: strategies with the same law"
+            )
+        return options
+
     def take_over(self, controller: MpcController, stamp_ns: int) -> bool:
         """Let a controller decide from a tick on with what has been set; return whether that is new."""
         before, self.options = self.options, self._wanted
@@ -120,9 +163,10 @@ class SettingsChanges:
             for name in CHANGEABLE
             if getattr(self.options, name) != getattr(before, name)
         )
+        if self.options != before:
+            controller.use_costs(self.options.controller_options())
         if difference:
-            controller.use_strategy(self.options.controller_options().strategy)
             since = f"{stamp_ns / NS_PER_S:.9g}"
-            self.values = {CHANGED_SETTINGS: difference, SETTINGS_SINCE: since}
+            self.values |= {CHANGED_SETTINGS: difference, SETTINGS_SINCE: since}
             self._logger.info(f"from {since} s on: {difference}")
         return bool(difference)

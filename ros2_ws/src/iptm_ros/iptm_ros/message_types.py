@@ -23,6 +23,7 @@ try:
     from std_msgs.msg import Header as Header
     from std_msgs.msg import MultiArrayDimension as MultiArrayDimension
     from std_msgs.msg import MultiArrayLayout as MultiArrayLayout
+    from std_msgs.msg import String as String
     from std_msgs.msg import UInt8MultiArray as UInt8MultiArray
 except ModuleNotFoundError:
     from rosbags.typesys.stores import ros2_jazzy as _rosbags
@@ -42,6 +43,7 @@ except ModuleNotFoundError:
     Header = _rosbags.std_msgs__msg__Header
     MultiArrayDimension = _rosbags.std_msgs__msg__MultiArrayDimension
     MultiArrayLayout = _rosbags.std_msgs__msg__MultiArrayLayout
+    String = _rosbags.std_msgs__msg__String
     UInt8MultiArray = _rosbags.std_msgs__msg__UInt8MultiArray
 
 

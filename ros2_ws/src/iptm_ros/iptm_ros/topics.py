@@ -26,6 +26,7 @@ from iptm_ros.message_types import (
     JointState,
     Odometry,
     PointCloud2,
+    String,
     Temperature,
     UInt8MultiArray,
     type_name,
@@ -73,6 +74,7 @@ class Topic(Enum):
     RANGE_TRACKS = "sensor/tracks"
     ROAD_FRICTION = "sensor/road_friction"
     ENGAGEMENT = "vehicle/engagement"
+    ARRIVAL_COST = "vehicle/arrival_cost"
     LEADER = "v2x/leader"
     LEADER_SAMPLES = "v2x/leader_samples"
     LEADER_PREVIEW = "v2x/leader_preview"
@@ -129,9 +131,9 @@ class TopicSpec:
         """Profile requested by subscribers, and offered by the publisher unless it keeps a stream."""
         from iptm_ros import publishers  # noqa: PLC0415  readers of bags do without ROS
 
-        if self.on_request:
-            return publishers.RAW_QOS
-        return publishers.LATCHED_QOS if self.latched else publishers.STREAM_QOS
+        if self.latched:
+            return publishers.LATCHED_QOS
+        return publishers.RAW_QOS if self.on_request else publishers.STREAM_QOS
 
     @property
     def offered_qos(self) -> QoSProfile:
@@ -232,6 +234,13 @@ _SPECS = (
             "cancel_button": "1", "vehicle_fault": "1", "requested_acceleration_m_s2": "m/s^2",
         },
         rate="on change, else every tick", on_request=True,
+    ),
+    TopicSpec(
+        Topic.ARRIVAL_COST, String, "the user's", "-", "EUR, EUR/kWh",
+        "cost of the temperature of the pack on arrival, from a plan of the hours after the trip: JSON with "
+        "the settings arrival_cost_eur and electricity_eur_kwh of the controller, in place of its own from "
+        "the next tick on; the last one counts, also when its publisher has ended",
+        latched=True, rate="on change", on_request=True,
     ),
     TopicSpec(
         Topic.LEADER, Odometry, BRIDGE, f"{ROAD_FRAME} -> {LEADER_FRAME}", "m, m/s",

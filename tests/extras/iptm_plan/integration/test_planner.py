@@ -47,9 +47,16 @@ def test_a_plan_is_there_and_follows_departures_and_battery(
 ) -> None:
     statuses = peer.statuses("/planner")
     battery = peer.node.advertise(Topic.PLANT_BATTERY)
+    costs: list[dict[str, Any]] = []
+    peer.node.listen(Topic.ARRIVAL_COST, lambda message: costs.append(json.loads(message.data)))
     planner = started(launcher)
     began_s = time.monotonic()
-    peer.wait_until(lambda: plans and statuses[-1].message == PLANNED, what="the first plan")
+    peer.wait_until(
+        lambda: plans and costs and statuses and statuses[-1].message == PLANNED,
+        what="the first plan",
+    )
+    arrival = next(each for each in plans[0]["events"] if each["event"] == "arrival")
+    assert costs[0] == arrival["trip"]
     print(f"first plan after {time.monotonic() - began_s:.2f} s")
     assert len(plans) == 1
     first = plans[0]

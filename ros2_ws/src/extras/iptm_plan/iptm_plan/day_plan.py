@@ -20,7 +20,7 @@ import numpy as np
 
 from iptm_core.state import FloatArray
 from iptm_core.units import CELSIUS_ZERO_K, J_PER_KWH, SECONDS_PER_DAY
-from iptm_plan.course import Course, ParkedInstant, Policy, course_of
+from iptm_plan.course import Course, Event, ParkedInstant, Policy, course_of
 from iptm_plan.pack import AgingPrice, ParkedPack, PlannedStep
 from iptm_plan.schedule import Departure, Schedule
 
@@ -205,26 +205,27 @@ class DayPlan:
             value = self._values[after, event.step]
             if event.is_departure:  # the car leaves in any case
                 value = self._left(event.stage, event.step)
-            kelvin = float(np.clip(event.kelvin, self.kelvins[0] + 0.5, self.kelvins[-1] - 0.5))
-            charge = float(np.clip(event.charge, 0.01, 0.99))
-            per_k = self._between(value, charge, kelvin + 0.5) - self._between(
-                value, charge, kelvin - 0.5
-            )
-            percent = self._between(value, charge - 0.01, kelvin) - self._between(
-                value, charge, kelvin
-            )
-            found.append(
-                Worth(
-                    event.is_departure,
-                    event.stage,
-                    event.step,
-                    event.charge,
-                    event.kelvin,
-                    per_k,
-                    percent,
-                )
-            )
+            found.append(self._worth(event, value))
         return tuple(found)
+
+    def worth_at_first(self, charge: float, kelvin: float) -> Worth:
+        """Return what kelvin and charge are worth at the beginning: on arrival of a trip under way."""
+        arrival = Event(-1, 0, charge, kelvin, 0.0, is_departure=False)
+        return self._worth(arrival, self._values[0, 0])
+
+    def _worth(self, event: Event, value: FloatArray) -> Worth:
+        kelvin = float(np.clip(event.kelvin, self.kelvins[0] + 0.5, self.kelvins[-1] - 0.5))
+        charge = float(np.clip(event.charge, 0.01, 0.99))
+        at = self._between(value, charge, kelvin)
+        return Worth(
+            event.is_departure,
+            event.stage,
+            event.step,
+            event.charge,
+            event.kelvin,
+            self._between(value, charge, kelvin + 0.5) - self._between(value, charge, kelvin - 0.5),
+            self._between(value, charge - 0.01, kelvin) - at,
+        )
 
     def _place(self, charger_w: float) -> _Place:
         """Work out all decisions at a charger."""

@@ -1,8 +1,10 @@
 """The node `planner`: a latched plan of the parked hours, and two services that move the next departure.
 
 The plan is JSON in a `std_msgs/String`, as `iptm plan --json` writes it, with the instant at which it was
-made. What the battery topic of the car measures is where the next plan begins. A listener keeps the last plan
-with its age when the node ends; a controller keeps what its trip states.
+made. What the battery topic of the car measures is where the next plan begins. The cost of the temperature on
+the next arrival, of a trip under way or ahead, is on the latched topic `vehicle/arrival_cost`, where the
+controller takes it. When the node ends, listeners keep the last plan with its age, and the controller the
+last cost.
 """
 
 from __future__ import annotations
@@ -26,7 +28,7 @@ from iptm_core.errors import IptmError, ParameterError
 from iptm_core.units import CELSIUS_ZERO_K
 from iptm_plan.course import Course
 from iptm_plan.day_plan import DayPlan
-from iptm_plan.profile import missed_charges, plan_data
+from iptm_plan.profile import missed_charges, plan_data, trip_settings
 from iptm_plan.week_file import Week, changed_departure, read_week, week_from
 from iptm_ros.command_line import node_main
 from iptm_ros.diagnostics import REPORT_PERIOD_S, DiagnosticsReporter, Level
@@ -77,6 +79,7 @@ class PlannerNode(SuiteNode):
         self._values: dict[str, object] = {}
         self._level, self._reason = Level.OK, PLANNED
         self._publisher = self.create_publisher(String, PLAN_TOPIC, LATCHED_QOS)
+        self._arrival_publisher = self.advertise(Topic.ARRIVAL_COST)
         self._reporter = DiagnosticsReporter.of_node(self, NAME)
         self._replan(self._week)
         self.create_service(Trigger, EARLIER, self._mover(-1))
@@ -143,6 +146,14 @@ class PlannerNode(SuiteNode):
         course = plan.course(week.charge, week.kelvin)
         data = {"made": f"{now:%Y-%m-%dT%H:%M:%SZ}", **plan_data(week, plan, course)}
         self._publisher.publish(String(data=json.dumps(data)))
+        arrivals = [each for each in plan.worth(course) if not each.is_departure]
+        if (
+            self._week.begin <= now < week.begin
+        ):  # a trip is under way, behind which the plan begins
+            arrivals.insert(0, plan.worth_at_first(week.charge, week.kelvin))
+        if arrivals:
+            priced = trip_settings(week, plan, arrivals[0])
+            self._arrival_publisher.publish(String(data=json.dumps(priced)))
         self._note(week, course, time.perf_counter() - began_s)
 
     def _note(self, week: Week, course: Course, took_s: float) -> None:

@@ -50,16 +50,17 @@ INPUTS: Mapping[str, tuple[Topic, ...]] = {
         Topic.LEADER_PREVIEW,
         Topic.ROAD_FRICTION,
         Topic.ENGAGEMENT,
+        Topic.ARRIVAL_COST,
     ),
     BRIDGE: (Topic.CLOCK,),
     PLANT: (Topic.LEADER_SAMPLES, Topic.LEADER_PREVIEW, Topic.COMMAND),
 }
 """Recorded inputs of each node; a bridge on received messages also needs the position of the ego vehicle."""
 
-_NEWEST = (Topic.ROAD_FRICTION, Topic.ENGAGEMENT)
+_NEWEST = (Topic.ROAD_FRICTION, Topic.ENGAGEMENT, Topic.ARRIVAL_COST)
 """Topics without the stamp of a tick: what counts is the newest message before its final answer."""
 _NOT_ALWAYS = (Topic.LEADER, *_NEWEST)
-"""Topics that not every bag has: no leader on an empty road, no friction where nobody publishes it."""
+"""Topics that not every bag has: no leader on an empty road, no friction where it is not published."""
 FINAL_ANSWER = {CONTROLLER: Topic.COMMAND, BRIDGE: Topic.LEADER_PREVIEW, PLANT: Topic.CLOCK}
 _OWN_WAY: Mapping[str, Mapping[str, Any]] = {
     # The check is the only subscriber, and its inputs are never late.
