@@ -91,6 +91,9 @@ INPUT_TIMEOUT_S = {DriveMode.LOCK_STEP: 0.3, DriveMode.REAL_TIME: 0.05}
 """Wall time for which the controller waits for missing inputs; half a tick in real time."""
 _SEVERITY = {Level.OK: 0, Level.WARN: 1, Level.ERROR: 2, Level.STALE: 2}
 
+MESSAGES_REFUSED = "messages were refused"
+"""Reported for 3 s of wall time after such a message, so beyond the end of a fault."""
+
 Interval = tuple[float, float]
 """Start and end in trip time."""
 
@@ -116,8 +119,11 @@ class StatusReport:
 
     @property
     def is_calm(self) -> bool:
-        """Whether the status is OK, or only reports limits that the trip still violates."""
-        return self.level is Level.OK or (self.level is Level.WARN and is_about_limits(self.reason))
+        """Whether the status is OK, or only reports violated limits or refused messages."""
+        return self.level is Level.OK or (
+            self.level is Level.WARN
+            and (self.reason == MESSAGES_REFUSED or is_about_limits(self.reason))
+        )
 
 
 NO_REPORT = StatusReport(0.0, "", Level.OK, "")

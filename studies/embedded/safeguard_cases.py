@@ -68,7 +68,7 @@ class CMemory(ctypes.Structure):
 class CRoad(ctypes.Structure):
     """What both vehicles can do, as in ``safety_monitor.h``."""
 
-    _fields_ = (("both", DOUBLE * 4), ("may_be_slippery", BOOL))
+    _fields_ = (("both", DOUBLE * 6), ("may_be_slippery", BOOL), ("descends", BOOL))
 
 
 @dataclass(frozen=True)
@@ -163,14 +163,18 @@ class Monitored:
             memory, time_s, (position_m, speed_m_s, acceleration_m_s2), lead, road, unseen_s
         )
         # What does not count is there to be misread.
-        slippery = BrakingCapability(0.5, 9.0) if road.slippery is None else road.slippery
+        roads = (
+            road.full,
+            *(each or BrakingCapability(0.5, 9.0) for each in (road.slippery, road.descent)),
+        )
+        both = (DOUBLE * 6)(*(number for each in roads for number in astuple(each)))
         given = (
             self._numbers,
             CMemory.of(memory),
             (DOUBLE * 4)(*ego),
             BOOL(lead is not None),
             *((DOUBLE(lead.position_m), DOUBLE(lead.speed_m_s)) if lead else (DOUBLE(), DOUBLE())),
-            CRoad((DOUBLE * 4)(*astuple(road.full), *astuple(slippery)), road.slippery is not None),
+            CRoad(both, road.slippery is not None, road.descent is not None),
             DOUBLE(unseen_s),
         )
         return Case("iptm_monitor_judge", given, 1, CMemory.of(after).numbers()), after

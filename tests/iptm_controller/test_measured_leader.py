@@ -59,11 +59,15 @@ def leaders(*rows: tuple[float, float, float]) -> list[LeaderState]:
         (leaders((0.0, 0.0, 9.0), (1.0, 10.0, 11.0)), 2.0),
         # Only the last second counts.
         (leaders((0.0, 0.0, 9.0), (1.0, 10.0, 11.0), (2.0, 20.5, 10.0)), -1.0),
+        (leaders((0.9, 0.0, 5.0), (1.5, 6.0, 10.0), (2.0, 11.0, 10.0)), 0.0),
         # A tick was lost.
         (leaders((0.0, 0.0, 9.0), (1.0, 10.0, 11.0), (3.0, 30.0, 9.0)), -1.0),
         # Another vehicle: slower by more than brakes can do, or not where its speeds have brought it.
         (leaders((0.0, 0.0, 20.0), (1.0, 14.5, 9.0)), 0.0),
         (leaders((0.0, 30.0, 12.0), (1.0, 20.0, 10.0)), 0.0),
+        # Speeds of 9 to 11 m/s explain 9 to 11 m, and a metre is the error of the range.
+        (leaders((0.0, 0.0, 9.0), (1.0, 11.9, 11.0)), 2.0),
+        (leaders((0.0, 0.0, 9.0), (1.0, 12.1, 11.0)), 0.0),
     ],
 )
 def test_acceleration_by_hand(measured: list[LeaderState], acceleration: float) -> None:

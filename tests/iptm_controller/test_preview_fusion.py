@@ -141,6 +141,16 @@ def test_a_preview_of_something_else_and_an_earlier_one_begin_a_new_average() ->
     assert fusion.fused(early) is early, "a new trip"
 
 
+@pytest.mark.parametrize(("faster_m_s", "averaged"), [(4.9, True), (5.1, False), (-5.1, False)])
+def test_a_preview_that_differs_by_5_m_s_is_another_plan(faster_m_s: float, averaged: bool) -> None:
+    fusion, times_s = PreviewFusion(), np.arange(61.0)
+    before = LeaderPreview(times_s, 15.0 * times_s, np.full(61, 15.0))
+    fusion.memory = FusionMemory(before, roughness_m2_s4=1.0)
+    now = LeaderPreview(times_s + 1.0, 15.0 * times_s, before.speeds_m_s + faster_m_s)
+    speeds_m_s = fusion.fused(now).speeds_m_s
+    assert np.array_equal(speeds_m_s, now.speeds_m_s) is not averaged
+
+
 def test_a_memory_can_be_saved_and_goes_on() -> None:
     fusion = PreviewFusion()
     for tick in range(20):

@@ -124,6 +124,42 @@ def test_a_frozen_sensor_counts_again_when_its_measurements_move_as_they_should(
     assert track.acceleration_m_s2 == pytest.approx(-0.5)
 
 
+@pytest.mark.parametrize(("speed_m_s", "frozen"), [(15.0, True), (0.4, False)])
+def test_a_position_that_stays_frees_a_frozen_sensor_only_under_a_standing_vehicle(
+    speed_m_s: float, frozen: bool
+) -> None:
+    samples = driven(2.0, 0.1, cruising(40.0, 20.0), swaying)
+    held = samples[-1]
+    track = track_of(samples)
+    for n in range(1, 6):
+        now_s = held.time_s + 0.1 * n
+        track = followed(track, Sample(now_s, held.position_m, 20.0, *swaying(now_s)))
+    assert track.frozen
+    for n in range(6, 12):
+        now_s = held.time_s + 0.1 * n
+        slower_m_s = speed_m_s - 0.01 * n
+        track = followed(track, Sample(now_s, held.position_m, slower_m_s, *swaying(now_s)))
+    assert track.frozen is frozen
+
+
+@pytest.mark.parametrize(("later_s", "ghost"), [(2.0, True), (3.0, True), (4.0, False)])
+def test_only_what_has_just_appeared_is_a_ghost_when_it_moves_away(
+    later_s: float, ghost: bool
+) -> None:
+    """A slow vehicle appears at 3 s, and is 12 m farther than its speed implies some seconds later."""
+    samples = driven(3.0, 1.0, cruising(80.0, 20.0), cruising(0.0, 20.0))
+    track = track_of(samples)
+    for time_s in np.arange(3.0, 3.0 + later_s).tolist():
+        lead = 160.0 + 10.0 * (time_s - 3.0), 10.0
+        track = followed(track, Sample(time_s, *lead, 20.0 * time_s, 20.0))
+        assert not track.frozen
+    now_s = 3.0 + later_s
+    away = Sample(now_s, 172.0 + 10.0 * later_s, 10.0, 20.0 * now_s, 20.0)
+    track = followed(track, away)
+    assert (track.frozen, track.ghost) == (ghost, ghost)
+    assert track.seen == (samples[-1].lead if ghost else away.lead)
+
+
 def test_a_vehicle_that_appears_with_a_frozen_measurement_has_never_been_there() -> None:
     samples = driven(3.0, 1.0, cruising(60.0, 20.0), swaying)
     track = track_of(samples)

@@ -134,3 +134,16 @@ def test_plain_measurements_are_followed_at_once_as_one_by_one(
         assert at_once is None or at_once == one_by_one
     if not any(jumps_m) and len(set(changes_m_s)) == 1 and changes_m_s[0] > 1.0 and own_m_s < 0.4:
         assert at_once is not None
+
+
+@pytest.mark.parametrize(
+    ("farther_m", "plain"), [(0.0, True), (1.2, True), (1.5, False), (4.0, False)]
+)
+def test_a_jump_and_a_gap_that_its_speed_does_not_explain_need_a_closer_look(
+    farther_m: float, plain: bool
+) -> None:
+    """At 20 m/s it moves by 2 m in 0.1 s; 1.2 m may be left unexplained."""
+    before = [Sample(0.1 * n, 50.0 + 2.0 * n, 20.0, 0.01 * n, 0.1) for n in range(3)]
+    track = reduce(followed, before, LeadTrack())
+    last = Sample(0.3, 56.0 + farther_m, 20.0, 0.03, 0.1)
+    assert (plainly_followed(track, [last]) is not None) is plain

@@ -190,11 +190,27 @@ def test_on_a_known_road_both_vehicles_brake_as_it_permits() -> None:
 def test_usual_braking_downhill_is_no_sign_of_better_grip() -> None:
     """1.4 * 1.055 * 2.75 = 4.06 m/s^2; a descent of 10 % takes 0.98 m/s^2 of what a slippery road gives."""
     level, down = MONITOR.road_braking(), MONITOR.road_braking(slope_rad=-0.1)
-    assert down.slippery is not None
-    assert down.slippery.lead_m_s2 == pytest.approx(1.055 * 2.75 - 9.81 * math.sin(0.1))
+    assert down.descent is not None
+    assert down.descent.lead_m_s2 == pytest.approx(1.055 * 2.75 - 9.81 * math.sin(0.1))
     assert down.behind(4.0) == down
     assert down.behind(4.1) != down
     assert level.better_grip_m_s2 == down.better_grip_m_s2 == pytest.approx(4.06, abs=0.01)
+
+
+def test_on_a_road_that_may_be_slippery_a_descent_counts_beyond_the_reaction_time() -> None:
+    """By hand: 0.6 s at 10 m/s, 2.715 m in 0.275 s until 2.75 m/s^2, 16.83 m from 9.62 m/s; margin 1 m.
+
+    Down 10 %: 0.1 s at 10 m/s, 1.765 m in 0.177 s until 1.77 m/s^2, 27.31 m from 9.84 m/s.
+    """
+    level, down = MONITOR.road_braking(), MONITOR.road_braking(slope_rad=-math.atan(0.1))
+    motion = (10.0, 0.0, 6.0, 1.0, 0.0)  # ahead 36 / 5.80 and 36 / 3.85 m
+    level_m = MONITOR.slippery_distance_m(*motion, level)
+    assert level_m == pytest.approx(6.0 + 2.715 + 16.83 - 6.20 + 1.0, abs=0.02)
+    down_m = MONITOR.slippery_distance_m(*motion, down)
+    assert down_m == pytest.approx(1.0 + 1.765 + 27.31 - 9.35 + 1.0, abs=0.02)
+    # At equal speeds the reserve of the reaction time is the longer one.
+    equal = (10.0, 0.0, 10.0, 1.0, 0.0)
+    assert MONITOR.slippery_distance_m(*equal, down) == MONITOR.slippery_distance_m(*equal, level)
 
 
 def test_stated_accuracy_takes_the_vehicle_ahead_nearer_and_slower() -> None:

@@ -24,9 +24,9 @@ THERMOSTAT_ON_K = 305.15  # full cooling is asked for 6 K above
 THERMOSTAT_SPAN_K = 6.0
 THERMOSTAT_POWER_W = 1500.0
 FREE_FLOW_EXPONENT = 4
-LEAST_GAP_M = 0.1
+LEAST_GAP_M, LEAST_BRAKING_M_S2 = 0.1, 1e-9
+"""Keep quotients finite; others would do as well."""
 BISECTIONS = 30
-LEAST_BRAKING_M_S2 = 1e-9
 BLIND_BRAKING_M_S2 = -1.0
 """Nothing is known about the vehicle: brake gently, the limiter keeps the jerk."""
 

@@ -8,9 +8,11 @@ brakes then. UN R157 has the same form. Other than in definition 1 the brakes ha
 
 The rule holds on the present road. Where its friction is known, both decelerations are limited by that
 road. Where it is not, the rule is asked twice: for a dry road, and for a slippery one, on which both vehicles
-brake badly. The first one calls for full braking, the second one for what a slippery road gives. A vehicle
-ahead that is seen to brake harder than a slippery road permits has a dry one under it, or better tyres; the
-ego vehicle may still be on the slippery one.
+brake badly. The first one calls for full braking, the second one for what a slippery road gives. A descent
+takes as much from both vehicles on either road. The second rule counts it without the reaction time, which is
+a reserve: usual driving downhill does not keep both. A vehicle ahead that is seen to brake harder than a
+slippery road permits has a dry one under it, or better tyres; the ego vehicle may still be on the slippery
+one.
 """
 
 from __future__ import annotations
@@ -115,19 +117,26 @@ class RoadBraking:
 
     Attributes:
         full: at best.
-        slippery: if it is slippery; None where friction is known.
+        slippery: if it is slippery, a descent not counted; None where friction is known.
         better_grip_m_s2: deceleration beyond which the vehicle ahead has a better road.
+        descent: if it is slippery, as it descends; None where it does not.
     """
 
     full: BrakingCapability
     slippery: BrakingCapability | None
     better_grip_m_s2: float = math.inf
+    descent: BrakingCapability | None = None
 
     def behind(self, shown_m_s2: float) -> RoadBraking:
         """Return the same behind a vehicle that is seen to brake with a deceleration."""
         if self.slippery is None or shown_m_s2 <= self.better_grip_m_s2:
             return self
-        return replace(self, slippery=replace(self.slippery, lead_m_s2=self.full.lead_m_s2))
+        lead_m_s2, descent = self.full.lead_m_s2, self.descent
+        return replace(
+            self,
+            slippery=replace(self.slippery, lead_m_s2=lead_m_s2),
+            descent=descent and replace(descent, lead_m_s2=lead_m_s2),
+        )
 
 
 class SafetyMonitor:
@@ -158,14 +167,15 @@ class SafetyMonitor:
         slippery_m_s2 = min(settings.monitor_slippery_deceleration_m_s2, self._own_m_s2)
         friction = settings.road_friction
         full = braking_capability(self._own_m_s2, lead_m_s2, friction, slope_rad)
-        slippery, better_grip_m_s2 = None, math.inf
+        slippery, descent, better_grip_m_s2 = None, None, math.inf
         if friction == 0.0 and slippery_m_s2 > 0.0:
-            lead_m_s2 = min(SLIPPERY_LEAD_SHARE * slippery_m_s2, lead_m_s2)
-            slippery = braking_capability(slippery_m_s2, lead_m_s2, 0.0, slope_rad)
-            better_grip_m_s2 = HARDER_SHARE * max(slippery.lead_m_s2, lead_m_s2)
+            both = slippery_m_s2, min(SLIPPERY_LEAD_SHARE * slippery_m_s2, lead_m_s2)
+            slippery = braking_capability(*both, 0.0, max(slope_rad, 0.0))
+            descent = braking_capability(*both, 0.0, slope_rad) if slope_rad < 0.0 else None
+            better_grip_m_s2 = HARDER_SHARE * slippery.lead_m_s2
         if shown_m_s2 > 0.0 and full.own_m_s2 > shown_m_s2:
             full = replace(full, own_m_s2=shown_m_s2)
-        return RoadBraking(full, slippery, better_grip_m_s2)
+        return RoadBraking(full, slippery, better_grip_m_s2, descent)
 
     def safe_distance_m(
         self,
@@ -216,9 +226,27 @@ class SafetyMonitor:
         """Return whether the vehicle has to brake now, fully or gently; see `safe_distance_m`."""
         waited_s = min(waited_s, WAITED_S)
         motion = (speed_m_s, acceleration_m_s2, lead_speed_m_s, brake_share, -waited_s)
-        return gap_m < self.safe_distance_m(*motion, road.full) or (
-            road.slippery is not None and gap_m < self.safe_distance_m(*motion, road.slippery)
-        )
+        full_m = self.safe_distance_m(*motion, road.full)
+        return gap_m < full_m or gap_m < self.slippery_distance_m(*motion, road)
+
+    def slippery_distance_m(
+        self,
+        speed_m_s: float,
+        acceleration_m_s2: float,
+        lead_speed_m_s: float,
+        brake_share: float,
+        further_reaction_s: float,
+        road: RoadBraking,
+    ) -> float:
+        """Return the safe distance on a road that may be slippery, 0 where its friction is known."""
+        if road.slippery is None:
+            return 0.0
+        motion = speed_m_s, acceleration_m_s2, lead_speed_m_s, brake_share
+        level_m = self.safe_distance_m(*motion, further_reaction_s, road.slippery)
+        if road.descent is None:
+            return level_m
+        without_s = further_reaction_s - self.settings.monitor_reaction_s
+        return max(level_m, self.safe_distance_m(*motion, without_s, road.descent))
 
     def judge(
         self,
@@ -245,19 +273,16 @@ class SafetyMonitor:
         onset = acceleration_m_s2, -min(unseen_s, WAITED_S)
         release = max(acceleration_m_s2, 0.0), self.settings.monitor_release_reaction_s
 
-        def distance_m(motion: tuple[float, float], capability: BrakingCapability) -> float:
-            acceleration, further_s = motion
-            share = memory.brake_share
-            return self.safe_distance_m(
-                speed_m_s, acceleration, lead.speed_m_s, share, further_s, capability
-            )
+        def motion(given: tuple[float, float]) -> tuple[float, float, float, float, float]:
+            acceleration, further_s = given
+            return speed_m_s, acceleration, lead.speed_m_s, memory.brake_share, further_s
 
         was_full = memory.braking and not memory.gently
-        safe_m = distance_m(release if was_full else onset, road.full)
+        safe_m = self.safe_distance_m(*motion(release if was_full else onset), road.full)
         fully = gap_m < safe_m or (was_full and not held)
         braking = fully or (memory.braking and not held)
         if not fully and road.slippery is not None:
-            safe_m = distance_m(release if memory.braking else onset, road.slippery)
+            safe_m = self.slippery_distance_m(*motion(release if memory.braking else onset), road)
             braking = braking or gap_m < safe_m
         if memory.braking and not (fully and memory.gently):
             return replace(memory, braking=braking, gently=braking and not fully)

@@ -63,9 +63,16 @@ void iptm_monitor_judge(const iptm_monitor_settings *settings, iptm_monitor_memo
   fully = gap_m < safe_m || (was_full && !held);
   braking = fully || (was_braking && !held);
   if (!fully && road->may_be_slippery) {
-    safe_m = iptm_safe_distance_m(
-        settings, ego->speed_m_s, was_braking ? release_m_s2 : onset_m_s2, lead_speed_m_s,
-        memory->brake_share, was_braking ? settings->release_reaction_s : onset_s, &road->slippery);
+    const double asked_m_s2 = was_braking ? release_m_s2 : onset_m_s2;
+    const double further_s = was_braking ? settings->release_reaction_s : onset_s;
+    safe_m = iptm_safe_distance_m(settings, ego->speed_m_s, asked_m_s2, lead_speed_m_s,
+                                  memory->brake_share, further_s, &road->slippery);
+    if (road->descends) {
+      safe_m = larger(safe_m, iptm_safe_distance_m(settings, ego->speed_m_s, asked_m_s2,
+                                                   lead_speed_m_s, memory->brake_share,
+                                                   further_s - settings->reaction_s,
+                                                   &road->descent));
+    }
     braking = braking || gap_m < safe_m;
   }
   if (was_braking && !(fully && memory->gently)) {

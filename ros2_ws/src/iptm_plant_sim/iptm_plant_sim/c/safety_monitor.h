@@ -20,8 +20,9 @@ typedef struct {
 } iptm_braking_capability;
 
 typedef struct {
-  iptm_braking_capability full, slippery;
-  bool may_be_slippery; /* false where the friction is known */
+  iptm_braking_capability full, slippery, descent; /* slippery: if it does not descend */
+  bool may_be_slippery;                            /* false where the friction is known */
+  bool descends;
 } iptm_road_braking;
 
 /* What is carried from one instant to the next. All zero but a brake share of 1 begins a trip. */
