@@ -399,6 +399,8 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
             hardest_m_s2=("hardest_m_s2", "min"),
         )
     )
+    # A loss of less than 0.05 m/s has no sign.
+    sums["lost_m_s"] = sums.lost_m_s.round(1) + 0.0
     return sums.reset_index()
 
 
