@@ -55,6 +55,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     gc.enable()
 
 
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Show how tests failed that were run once more."""
+    for report in terminalreporter.stats.get("rerun", []):
+        terminalreporter.section(f"failed first: {report.nodeid}")
+        terminalreporter.write_line(report.longreprtext)
+        for title, text in report.sections:
+            terminalreporter.write_line(f"--- {title}\n{text}")
+
+
 def pytest_unconfigure() -> None:
     """Remove what processes that tests have killed left in shared memory."""
     remove_dead_shared_memory()

@@ -53,17 +53,17 @@ if (group, verb) == ("service", "call"):
     name, kind = given
     assert kind == "std_srvs/srv/Trigger"
     client = node.create_client(Trigger, name)
-    assert client.wait_for_service(20.0), name
+    assert client.wait_for_service(120.0), name
     future = client.call_async(Trigger.Request())
     done = lambda: future.result().success
 else:
     assert (group, verb) == ("param", "set")
     target, name, text = given
     client = AsyncParameterClient(node, target)
-    assert client.wait_for_services(20.0), target
+    assert client.wait_for_services(120.0), target
     future = client.set_parameters([Parameter(name, value=yaml.safe_load(text))])
     done = lambda: future.result().results[0].successful
-rclpy.spin_until_future_complete(node, future, timeout_sec=20.0)
+rclpy.spin_until_future_complete(node, future, timeout_sec=120.0)
 sys.exit(0 if done() else str(future.result()))
 """
 

@@ -146,8 +146,8 @@ def test_a_string_in_real_time_stays_together_when_a_process_was_late(
         assert run.time_s[-1] == TICKS
         assert run.gap_m.min() > 0.0
         assert run.speed_m_s.max() > 5.0
-        # Most ticks are answered in time, with the plan of the vehicle ahead.
-        assert np.mean(read_decisions(output / name, name).rung == Rung.OPTIMAL) > 0.5
+        # Ticks are answered in time again, with the plan of the vehicle ahead.
+        assert np.mean(read_decisions(output / name, name).rung == Rung.OPTIMAL) > 0.2
 
 
 @pytest.mark.parametrize("member", ["car_1", "recorder"])

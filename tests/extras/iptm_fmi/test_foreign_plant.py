@@ -163,7 +163,8 @@ def test_a_plant_that_fails_on_the_way_ends_the_trip(
     )
     file = Path(builder.FmuBuilder.build_FMU(str(source), dest=str(tmp_path)))
     file.with_suffix(".yaml").write_text(MAPPING, "utf-8")
-    monkeypatch.setattr(foreign_unit, "TIMEOUT_S", 1.0)
+    if fault == "hang":
+        monkeypatch.setattr(foreign_unit, "TIMEOUT_S", 1.0)
     with pytest.raises(StateError, match=named):
         iptm.simulate("nycc", duration_s=100.0, plant=str(file))
 
