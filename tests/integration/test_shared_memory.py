@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import signal
 import subprocess
@@ -133,23 +134,42 @@ def segment() -> Iterator[Path]:
         each.unlink()
 
 
-def test_shared_memory_with_an_owner_or_a_user_is_kept(segment: Path) -> None:
+def holding(program: str) -> subprocess.Popen[bytes]:
+    """Start a program that holds something until it is killed; return when it does."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", f"{program}; print(flush=True); input()"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == b"\n"
+    return process
+
+
+def test_shared_memory_with_an_owner_or_a_user_is_kept(
+    segment: Path, wait_until: Callable[..., None]
+) -> None:
+    """Other tests and runs look for dead memory at the same time, so it is never without either."""
     lock = segment.with_name(f"{segment.name}_el")
-    segment.write_bytes(bytes(4096))
-    held = f"import fcntl; f = open({str(lock)!r}, 'w'); fcntl.flock(f, fcntl.LOCK_EX)"
-    mapped = (
+    map_it = (
         f"import mmap; f = open({str(segment)!r}, 'r+b'); m = mmap.mmap(f.fileno(), 0); f.close()"
     )
-    for hold in (held, mapped):
-        program = f"{hold}; print(flush=True); input()"
-        with subprocess.Popen(
-            [sys.executable, "-c", program], stdin=subprocess.PIPE, stdout=subprocess.PIPE
-        ) as process:
-            assert process.stdout is not None
-            process.stdout.readline()
-            assert segment.name not in remove_dead_shared_memory()
-            process.kill()
-    # A run of another test may remove it first.
-    remove_dead_shared_memory()
-    assert not segment.exists()
-    assert left({segment, lock}) == []
+    lock_it = f"import fcntl; f = open({str(lock)!r}, 'w'); fcntl.flock(f, fcntl.LOCK_EX)"
+    with lock.open("w") as own:
+        fcntl.flock(own, fcntl.LOCK_EX)
+        segment.write_bytes(bytes(4096))
+        user = holding(map_it)
+    with user:
+        assert segment.name not in remove_dead_shared_memory()
+        owner = holding(lock_it)
+        user.kill()
+    with owner:
+        assert segment.name not in remove_dead_shared_memory()
+        assert segment.exists()
+        owner.kill()
+
+    def is_removed() -> bool:
+        remove_dead_shared_memory()
+        return not left({segment, lock})
+
+    wait_until(is_removed, what="the removal")
