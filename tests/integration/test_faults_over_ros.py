@@ -65,10 +65,20 @@ def over_ros(tmp_path: Path) -> OverRos:
     return lambda trial: drive_over_ros(trial, tmp_path)
 
 
+@pytest.fixture
+def waits_for_everything(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a slow machine change no decision.
+
+    A controller that waits in vain for as long does not answer before the plant begins its controlled stop.
+    """
+    monkeypatch.setitem(INPUT_TIMEOUT_S, DriveMode.LOCK_STEP, 60.0)
+
+
 def columns(driven: DrivenTrial, names: Sequence[str]) -> dict[str, np.ndarray]:
     return {name: driven.run.trajectory.to_arrays()[name] for name in names}
 
 
+@pytest.mark.usefixtures("waits_for_everything")
 def test_faults_over_ros_are_those_without(over_ros: OverRos) -> None:
     """Lock-step with faults gives the very numbers of the loop without ROS, so it repeats as well."""
     with_ros = over_ros(planned(*OF_TOPICS))
@@ -79,11 +89,8 @@ def test_faults_over_ros_are_those_without(over_ros: OverRos) -> None:
         np.testing.assert_array_equal(columns(with_ros, names)[name], values, err_msg=name)
 
 
-def test_a_lost_preview_is_not_waited_for_in_lock_step(
-    over_ros: OverRos, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """While a controller waits for so long, the plant begins its controlled stop."""
-    monkeypatch.setitem(INPUT_TIMEOUT_S, DriveMode.LOCK_STEP, 60.0)
+@pytest.mark.usefixtures("waits_for_everything")
+def test_a_lost_preview_is_not_waited_for_in_lock_step(over_ros: OverRos) -> None:
     lost = Fault(FaultKind.PREVIEW_LOST, 0.0, TRIP_S, 0.5, seed=1)
     with_ros = over_ros(planned(lost))
     without = drive_headless(planned(lost, mode=DriveMode.HEADLESS))
@@ -92,6 +99,7 @@ def test_a_lost_preview_is_not_waited_for_in_lock_step(
         np.testing.assert_array_equal(there, here, err_msg=name)
 
 
+@pytest.mark.usefixtures("waits_for_everything")
 def test_the_safety_monitor_brakes_alike_with_and_without_ros(over_ros: OverRos) -> None:
     """A lead vehicle that brakes with 8 m/s^2 against its previews: same bits, a reason, and no collision."""
     surprise = Fault(FaultKind.LEADER_SURPRISE, 60.0, 20.0, size=8.0)
@@ -139,6 +147,7 @@ def test_a_plant_that_is_started_again_is_resumed_and_drives_another_trip(
     assert "another trip has begun" in {one.reason for one in driven.reports}
 
 
+@pytest.mark.usefixtures("waits_for_everything")
 @pytest.mark.parametrize(
     ("kind", "within_s", "report"),
     [

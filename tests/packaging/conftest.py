@@ -100,7 +100,7 @@ class Clone:
 
     def setup(self, *arguments: str, **extra: str) -> tuple[int, str]:
         process = self.start(*arguments, **extra)
-        _, errors = process.communicate(timeout=60)
+        _, errors = process.communicate(timeout=300)
         return process.returncode, errors
 
     def calls(self) -> list[str]:

@@ -31,7 +31,7 @@ def test_help_before_set_up(command: str, fresh_copy: Path) -> None:
         cwd=fresh_copy,
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=300,
         check=False,
     )
     assert result.returncode == 0, result.stderr

@@ -141,7 +141,7 @@ def test_moved_folder_starts_afresh(clone: Any, tmp_path: Path) -> None:
 
 def test_one_set_up_at_a_time(clone: Any) -> None:
     both = [clone.start(FAKE_PIP_SECONDS="0.5") for _ in range(2)]
-    results = [process.communicate(timeout=60)[1] for process in both]
+    results = [process.communicate(timeout=300)[1] for process in both]
     assert [process.returncode for process in both] == [0, 0]
     assert clone.calls().count("venv") == 1
     assert sum("waiting for it" in text for text in results) <= 1

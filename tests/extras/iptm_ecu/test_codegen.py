@@ -202,7 +202,7 @@ def library(tmp_path_factory: pytest.TempPathFactory, compiler: tuple[str, ...])
     parts = ["fallback.c", "controller_data.c"]
     built = folder / "parts.so"
     command = [*compiler, *FLAGS, "-shared", "-fPIC", *parts, "-o", str(built), "-lm"]
-    subprocess.run(shlex.split(shlex.join(command)), cwd=folder, check=True, timeout=100)
+    subprocess.run(shlex.split(shlex.join(command)), cwd=folder, check=True, timeout=300)
     found = ctypes.CDLL(str(built))
     for name in ("iptm_safe_following", "iptm_controlled_stop"):
         getattr(found, name).restype = CPair

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.waiting import wait_until
 
 from iptm_core.state import NS_PER_S
 from iptm_ros.codecs import decode_leader_preview, decode_slope
@@ -60,6 +61,18 @@ class Commands:
                     return
             time.sleep(0.01)
         raise AssertionError(f"no command with enabled={enabled} within {PATIENCE_S} s")
+
+    def wait_until_car(self, *, active: bool) -> None:
+        """Wait until the car states that it is moved by the suite, or is not."""
+        wait_until(lambda: active in self._stated(), what=f"a car with active={active}")
+
+    def _stated(self) -> set[bool]:
+        decoded = [self._codec.decode(each.frame_id, each.data) for each in self._reader.taken()]
+        return {
+            bool(each.values["control_active"])
+            for each in decoded
+            if "control_active" in each.values
+        }
 
     def ever_enabled(self) -> bool:
         """Return whether any command since the last call was enabled."""
@@ -202,31 +215,39 @@ def test_nothing_but_the_driver_engages(tmp_path: Path, vehicle: VehicleLink) ->
 
 
 @pytest.mark.parametrize(
-    ("name", "how"),
+    "fates",
     [
-        (VEHICLE, signal.SIGKILL),
-        (GATEWAY, signal.SIGSTOP),
-        (CONTROLLER, signal.SIGSTOP),
-        (BRIDGE, signal.SIGKILL),
+        {VEHICLE: signal.SIGKILL, GATEWAY: signal.SIGSTOP},
+        {CONTROLLER: signal.SIGSTOP, BRIDGE: signal.SIGKILL},
     ],
+    ids=[f"{VEHICLE} {GATEWAY}", f"{CONTROLLER} {BRIDGE}"],
 )
 def test_a_process_that_dies_or_hangs_leaves_the_car_inactive(
-    tmp_path: Path, vehicle: VehicleLink, name: str, how: signal.Signals
+    tmp_path: Path, vehicle: VehicleLink, fates: dict[str, signal.Signals]
 ) -> None:
     """The time that it takes is measured by the study; here it has to happen, until a new enable."""
-    options = BenchOptions(
-        duration_s=12.0, car=["--press", "enable_button:4:0.3", "--press", "enable_button:7:0.3"]
-    )
+    options = BenchOptions(duration_s=600.0, car=["--press", "enable_button:4:0.3:4"])
     with BenchProcesses(tmp_path, options) as bench:
         commands = Commands(bench, vehicle)
         try:
-            commands.wait_until(enabled=True)
-            bench.running[name].send_signal(how)
-            if name != GATEWAY:
-                commands.wait_until(enabled=False)
+            for name, how in fates.items():
+                commands.wait_until_car(active=True)
+                bench.running[name].send_signal(how)
+                if name != GATEWAY:
+                    commands.wait_until(enabled=False)
+                commands.wait_until_car(active=False)
+                if how is signal.SIGSTOP:
+                    bench.running[name].send_signal(signal.SIGCONT)
+                else:
+                    bench.running[name].wait(PATIENCE_S)
+                    bench.start(name)
+            commands.wait_until_car(active=True)
+            bench.running[GATEWAY].send_signal(signal.SIGSTOP)
+            commands.wait_until_car(active=False)
         finally:
             commands.close()
+        bench.running[CAR].terminate()
         bench.running[CAR].wait(PATIENCE_S)
     car = json.loads((tmp_path / "car.json").read_text("utf-8"))
-    assert len(car["inactive_at_s"]) == car["engagements"] >= 1
+    assert len(car["inactive_at_s"]) == car["engagements"] > len(fates)
     assert car["smallest_gap_m"] > 0.0

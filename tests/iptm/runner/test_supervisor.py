@@ -15,22 +15,22 @@ from tests.waiting import wait_until
 from iptm.runner import supervisor as module
 from iptm.runner.supervisor import LAST_LINES, Supervisor
 
-OBEDIENT = "import time; print('ready', flush=True); time.sleep(60)"
+OBEDIENT = "import time; print('ready', flush=True); time.sleep(600)"
 CALM = """
 import time
 try:
     print('ready', flush=True)
-    time.sleep(60)
+    time.sleep(600)
 except KeyboardInterrupt:
     pass
 """
 DEAF = (
     "import signal, time; signal.signal({0}, signal.SIG_IGN); print('ready', flush=True);"
-    "time.sleep(60)"
+    "time.sleep(600)"
 )
 STUBBORN = (
     "import signal, time; [signal.signal(s, signal.SIG_IGN) for s in (signal.SIGINT,"
-    " signal.SIGTERM)]; print('ready', flush=True); time.sleep(60)"
+    " signal.SIGTERM)]; print('ready', flush=True); time.sleep(600)"
 )
 
 
@@ -126,7 +126,7 @@ import program
 program.LOADED_BY = os.getpid()
 held = (folder / "held").open("w")
 if sys.argv[2] == "two threads":
-    threading.Thread(target=time.sleep, args=(60,), daemon=True).start()
+    threading.Thread(target=time.sleep, args=(600,), daemon=True).start()
 environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "GIVEN": "yes"}
 processes = Supervisor(environment, lambda name: folder / f"{name}.log", forks=True)
 processes.start("child", [*PYTHON, "program", "--one"])
@@ -144,7 +144,7 @@ def main():
     try:
         print(os.getpid(), is_copy, sys.argv[1:], os.environ["GIVEN"], os.getpgid(0) == os.getpid(),
               any(file.endswith("held") for file in files), os.isatty(0), flush=True)
-        time.sleep(60)
+        time.sleep(600)
     except KeyboardInterrupt:
         return 5
 """
