@@ -2,6 +2,8 @@
 
 import ast
 import re
+from graphlib import TopologicalSorter
+from pathlib import Path
 
 import pytest
 from tests.packaging.packages import EXTRAS, FOLDERS, PACKAGES, ROOT, SOURCE, modules_of
@@ -141,3 +143,38 @@ def test_a_class_name_has_one_owner() -> None:
                 if isinstance(node, ast.ClassDef):
                     owners.setdefault(node.name, []).append(str(path.relative_to(SOURCE)))
     assert {name: found for name, found in owners.items() if len(found) > 1} == {}
+
+
+def imported(path: Path) -> set[str]:
+    """Modules that a file imports at run time, inside functions, too."""
+    found: set[str] = set()
+    waiting: list[ast.AST] = [ast.parse(path.read_text("utf-8"))]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            continue
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            found |= {f"{node.module}.{alias.name}" for alias in node.names} | {str(node.module)}
+        waiting += ast.iter_child_nodes(node)
+    return found
+
+
+METHODS_OF_A_RUN = {"iptm.explanation", "iptm.repetition", "iptm.run_file"}
+"""They drive or read runs; `iptm.run` imports each in the one method that needs it."""
+
+
+def test_no_files_import_each_other_in_a_circle() -> None:
+    paths = {
+        module.name: FOLDERS[package] / Path(*module.name.split("."))
+        for package in PACKAGES
+        for module in modules_of(package)
+    }
+    graph = {
+        name: imported(path / "__init__.py" if path.is_dir() else path.with_suffix(".py"))
+        & (paths.keys() - {name, name.rpartition(".")[0]})
+        for name, path in paths.items()
+    }
+    graph["iptm.run"] -= METHODS_OF_A_RUN
+    TopologicalSorter(graph).prepare()

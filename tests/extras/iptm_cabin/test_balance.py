@@ -14,7 +14,7 @@ from iptm_cabin.cycle_map import Refrigerant
 from iptm_cabin.parameters import CabinParameters, ClimateControl, cabin_of
 from iptm_cabin.refrigerant_loop import SHELL_EFFICIENCY
 from iptm_cabin.thermal_functions import thermal_functions
-from iptm_cabin.thermal_model import ThermalModel
+from iptm_cabin.thermal_model import CabinModel
 from iptm_core.declaration import parameter_specs
 from iptm_core.parameters import load_parameters
 from iptm_core.state import Command, VehicleState
@@ -45,7 +45,7 @@ def test_balances_close_for_100_random_cars_and_climates() -> None:
     worst = 0.0
     for number in range(100):
         car = load_parameters(CARS[number % len(CARS)]).values
-        model = ThermalModel(random_cabin(random), car)
+        model = CabinModel(random_cabin(random), car)
         air_k = random.uniform(243.15, 323.15)
         states = tuple(float(air_k + each) for each in random.uniform(-10.0, 45.0, 6))
         inputs = (

@@ -15,8 +15,8 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from iptm_core.errors import RouteError
-from iptm_core.routes.route import UserTrip
 from iptm_core.routes.user_csv import read_user_trip, trip_from_columns
+from iptm_core.routes.user_trip import UserTrip
 from iptm_core.state import FloatArray
 from iptm_drives.can_log import read_can_log
 from iptm_drives.reading import trip_of_table

@@ -22,8 +22,8 @@ from tests.extras.iptm_drives.field_drives import (
 )
 
 from iptm_core.errors import RouteError
-from iptm_core.routes.route import UserTrip
 from iptm_core.routes.user_csv import read_user_trip, trip_from_columns
+from iptm_core.routes.user_trip import UserTrip
 from iptm_core.state import FloatArray
 
 

@@ -22,7 +22,7 @@ from tests.extras.iptm_drives.field_drives import (
 )
 
 from iptm_core.errors import RouteError
-from iptm_core.routes.route import UserTrip
+from iptm_core.routes.user_trip import UserTrip
 
 FEW = settings(
     max_examples=4, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]

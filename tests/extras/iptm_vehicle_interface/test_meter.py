@@ -12,8 +12,8 @@ import pytest
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
 from iptm_core.routes.cycles import DrivingCycle
-from iptm_core.routes.route import UserTrip
 from iptm_core.routes.slope import SlopeProfile
+from iptm_core.routes.user_trip import UserTrip
 from iptm_core.state import Command
 from iptm_plant_sim.plant import Plant
 from iptm_vehicle_interface.drive_meter import DriveMeter

@@ -26,7 +26,7 @@ from iptm_core.parameters.catalogue import FITTED_CAR, cells, pack_entries
 from iptm_core.parameters.loading import belonging_notes
 from iptm_core.routes.comprehensive import RouteComposition
 from iptm_core.routes.cycles import DrivingCycle
-from iptm_core.routes.route import UserTrip
+from iptm_core.routes.user_trip import UserTrip
 from iptm_core.user_input import StrictMapping, check_known, shown
 
 _LAYOUT = re.compile(r"(\d{1,3})s(\d{1,3})p")

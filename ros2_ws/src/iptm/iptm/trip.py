@@ -43,7 +43,7 @@ from iptm_core.physics.thermal_loop import refuse_freezing_coolant
 from iptm_core.road_ahead import RoadAheadSettings
 from iptm_core.routes import Route, build_route
 from iptm_core.routes.comprehensive import RouteComposition
-from iptm_core.routes.route import UserTrip
+from iptm_core.routes.user_trip import UserTrip
 from iptm_core.settings import LeaderSource, LoopMode, PreviewSettings, TripSettings
 from iptm_core.user_input import check_known
 from iptm_v2x_bridge.rules_of_the_road import given_rules

@@ -41,9 +41,10 @@ from iptm_core.physics.thermal_loop import (
 )
 from iptm_core.state import ChannelCells, FloatArray
 from iptm_plant_sim.actuators import Motion
-from iptm_plant_sim.integrator import IntervalResult, PowerBounds
 from iptm_plant_sim.interval import (
     INTEGRALS,
+    IntervalResult,
+    PowerBounds,
     bound_symbols,
     cell_voltage_v,
     deliverable,

@@ -17,11 +17,10 @@ import ctypes
 import math
 import struct
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -35,74 +34,17 @@ from iptm_core.physics.ops import address
 from iptm_core.physics.pack_limits import PowerLimits, least_traction_power_w, power_limits
 from iptm_core.physics.power_thermal import CellPair
 from iptm_core.settings import ThermalModel
-from iptm_core.state import ChannelCells, FloatArray, FullChannelState, VehicleState
+from iptm_core.state import FloatArray, FullChannelState, VehicleState
 from iptm_plant_sim.actuators import Motion
 from iptm_plant_sim.c_sources import C_SOURCES
-from iptm_plant_sim.interval import AT_END, INTEGRALS, STATES, sub_step
-
-if TYPE_CHECKING:
-    from iptm_plant_sim.channel_integrator import ChannelIntegrator
+from iptm_plant_sim.channel_integrator import ChannelIntegrator
+from iptm_plant_sim.interval import AT_END, INTEGRALS, STATES, IntervalResult, PowerBounds, sub_step
 
 _states_of = attrgetter(*STATES)
 _NOTHING = (-0.0,) * len(INTEGRALS)
 """Plus any number, it is that number."""
 _VALUES = len(STATES) + len(INTEGRALS)
 _START = struct.Struct(f"{_VALUES}d")
-
-
-@dataclass(frozen=True)
-class IntervalResult:
-    """Cell states and electrics at the end of an interval, and energies over it.
-
-    Attributes:
-        traction_energy_j: electric traction energy, regeneration counted negative.
-        regenerated_energy_j: its negative part, before the regenerative efficiency.
-        battery_energy_j: energy at the terminals, positive when discharging.
-        chiller_heat_j: heat taken from the coolant.
-        battery_heat_j: heat generated in all cells, ohmic and entropic.
-        pack_current_a: pack current at the end, positive when discharging.
-        cell_current_a: cell current at the end.
-        coolant_inlet_k: channel inlet temperature at the end.
-        coolant_outlet_k: channel outlet temperature at the end.
-        channel: all cells of a channel at the end; None where only two are integrated.
-    """
-
-    cell_1_temperature_k: float
-    cell_n_temperature_k: float
-    cell_1_capacity_loss: float
-    cell_n_capacity_loss: float
-    traction_energy_j: float
-    regenerated_energy_j: float
-    battery_energy_j: float
-    chiller_heat_j: float
-    battery_heat_j: float
-    charge_c: float
-    pack_current_a: float
-    cell_current_a: float
-    coolant_inlet_k: float
-    coolant_outlet_k: float
-    cell_1_voltage_v: float
-    cell_n_voltage_v: float
-    pack_voltage_v: float
-    channel: ChannelCells | None = None
-
-    @property
-    def finite(self) -> bool:
-        """False if the pack could not deliver the power asked for at some stage."""
-        return math.isfinite(self.battery_energy_j + self.charge_c + self.pack_current_a)
-
-
-@dataclass(frozen=True)
-class PowerBounds:
-    """What of the powers is possible in an interval.
-
-    Attributes:
-        traction_w: least traction power (negative): friction brakes supply the rest.
-        battery_w: largest terminal power; an interval that asks for more is not `finite`.
-    """
-
-    traction_w: float
-    battery_w: float
 
 
 class IntervalIntegrator:
@@ -202,8 +144,6 @@ class PackIntegration:
         self._integrators: dict[bool, IntervalIntegrator] = {}
         self._channels: dict[bool, ChannelIntegrator] = {}
         if thermal_model is ThermalModel.FULL_CHANNEL:
-            from iptm_plant_sim.channel_integrator import ChannelIntegrator  # noqa: PLC0415  most have two cells
-
             self._channels = {
                 bounded: ChannelIntegrator(parameters, bounded=bounded) for bounded in (False, True)
             }

@@ -18,7 +18,7 @@ from iptm_core.physics.power_thermal import (
     rates_at_traction_power,
 )
 from iptm_core.physics.thermal_loop import reduce_channel
-from iptm_core.state import BatteryReading, FullChannelState, PlantObservation
+from iptm_core.state import BatteryReading, ChannelCells, FullChannelState, PlantObservation
 from iptm_plant_sim.actuators import ActuatorReport
 from iptm_plant_sim.safety_monitor import MonitorMemory
 
@@ -250,3 +250,58 @@ def battery_reading(step: PlantStep, parameters: ModelParameters) -> BatteryRead
         capacity_ah=capacity_ah,
         design_capacity_ah=pack_capacity_ah(parameters, 0.0),
     )
+
+
+@dataclass(frozen=True)
+class IntervalResult:
+    """Cell states and electrics at the end of an interval, and energies over it.
+
+    Attributes:
+        traction_energy_j: electric traction energy, regeneration counted negative.
+        regenerated_energy_j: its negative part, before the regenerative efficiency.
+        battery_energy_j: energy at the terminals, positive when discharging.
+        chiller_heat_j: heat taken from the coolant.
+        battery_heat_j: heat generated in all cells, ohmic and entropic.
+        pack_current_a: pack current at the end, positive when discharging.
+        cell_current_a: cell current at the end.
+        coolant_inlet_k: channel inlet temperature at the end.
+        coolant_outlet_k: channel outlet temperature at the end.
+        channel: all cells of a channel at the end; None where only two are integrated.
+    """
+
+    cell_1_temperature_k: float
+    cell_n_temperature_k: float
+    cell_1_capacity_loss: float
+    cell_n_capacity_loss: float
+    traction_energy_j: float
+    regenerated_energy_j: float
+    battery_energy_j: float
+    chiller_heat_j: float
+    battery_heat_j: float
+    charge_c: float
+    pack_current_a: float
+    cell_current_a: float
+    coolant_inlet_k: float
+    coolant_outlet_k: float
+    cell_1_voltage_v: float
+    cell_n_voltage_v: float
+    pack_voltage_v: float
+    channel: ChannelCells | None = None
+
+    @property
+    def finite(self) -> bool:
+        """False if the pack could not deliver the power asked for at some stage."""
+        return math.isfinite(self.battery_energy_j + self.charge_c + self.pack_current_a)
+
+
+@dataclass(frozen=True)
+class PowerBounds:
+    """What of the powers is possible in an interval.
+
+    Attributes:
+        traction_w: least traction power (negative): friction brakes supply the rest.
+        battery_w: largest terminal power; an interval that asks for more is not `finite`.
+    """
+
+    traction_w: float
+    battery_w: float

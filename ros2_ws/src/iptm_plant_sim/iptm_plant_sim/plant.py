@@ -30,8 +30,8 @@ from iptm_core.state import (
     VehicleState,
 )
 from iptm_plant_sim.actuators import ActuatorReport, Clamp, Motion, limit_command, plan_motion
-from iptm_plant_sim.integrator import IntervalResult, PackIntegration
-from iptm_plant_sim.interval import PlantStep
+from iptm_plant_sim.integrator import PackIntegration
+from iptm_plant_sim.interval import IntervalResult, PlantStep
 from iptm_plant_sim.safety_monitor import MonitorMemory, SafetyMonitor
 from iptm_plant_sim.service_braking import MonitoredInterval, RangeSensor, ServiceBrakes
 

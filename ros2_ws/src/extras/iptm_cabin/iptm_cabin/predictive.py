@@ -24,7 +24,7 @@ import numpy as np
 from iptm_cabin.climate_control import HOTTEST_CORE_C, ClimateUnit, Memory
 from iptm_cabin.parameters import CabinParameters
 from iptm_cabin.thermal_functions import Inputs, ThermalFunctions
-from iptm_cabin.thermal_model import INPUTS, STATES, ThermalModel
+from iptm_cabin.thermal_model import INPUTS, STATES, CabinModel
 from iptm_core.errors import ScenarioError
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import cell_resistance_ohm, nominal_charge_parameters
@@ -91,7 +91,7 @@ class WayAhead:
 
 
 def expected(
-    speeds_m_s: FloatArray, car: ModelParameters, model: ThermalModel, step_s: float = 1.0
+    speeds_m_s: FloatArray, car: ModelParameters, model: CabinModel, step_s: float = 1.0
 ) -> WayAhead:
     """Return the way ahead of speeds at equal steps, on a flat road with cells of 25 degC."""
     car = nominal_charge_parameters(car)
@@ -134,10 +134,10 @@ def way_ahead(cabin: CabinParameters, car: ModelParameters) -> WayAhead | None:
     if cabin.way_ahead not in CYCLE_NAMES:
         allowed = ", ".join(CYCLE_NAMES)
         raise ScenarioError(f"way_ahead is {cabin.way_ahead!r}; allowed: {allowed}")
-    return expected(load_cycle(cabin.way_ahead).speeds_m_s, car, ThermalModel(cabin, car))
+    return expected(load_cycle(cabin.way_ahead).speeds_m_s, car, CabinModel(cabin, car))
 
 
-def value_of_states_j_k(model: ThermalModel, ambient_k: float) -> tuple[float, ...]:
+def value_of_states_j_k(model: CabinModel, ambient_k: float) -> tuple[float, ...]:
     """Return what a kelvin more of STATES is worth in J of electric energy at the end of a trip."""
     heats = ambient_k < model.cabin.set_point_c + CELSIUS_ZERO_K - 2.0
     worth = 1.0 / HEATING_VALUE if heats else -1.0 / COOLING_VALUE
@@ -153,7 +153,7 @@ class ThermalPlan:
         count: number of steps.
     """
 
-    def __init__(self, model: ThermalModel, count: int) -> None:
+    def __init__(self, model: CabinModel, count: int) -> None:
         self._model, self.count = model, count
         n, m = len(STATES), len(INPUTS)
         states, inputs = ca.SX.sym("x", n), ca.SX.sym("u", m)

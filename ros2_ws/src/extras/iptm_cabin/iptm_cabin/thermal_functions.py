@@ -11,7 +11,7 @@ import casadi as ca
 
 from iptm_cabin.parameters import CabinParameters
 from iptm_cabin.refrigerant_loop import LoopState
-from iptm_cabin.thermal_model import INPUTS, STATES, WEATHER, ThermalModel
+from iptm_cabin.thermal_model import INPUTS, STATES, WEATHER, CabinModel
 from iptm_core.frozen import replace
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.ops import BufferedFunction, named_function
@@ -50,7 +50,7 @@ class ThermalFunctions:
     """Buffered functions of a car; not meant to be shared between threads."""
 
     def __init__(self, cabin: CabinParameters, car: ModelParameters) -> None:
-        self.model = ThermalModel(cabin, car)
+        self.model = CabinModel(cabin, car)
         states, inputs = ca.SX.sym("states", len(STATES)), ca.SX.sym("inputs", len(INPUTS))
         weather, held = ca.SX.sym("weather", len(WEATHER)), ca.SX.sym("waste")
         given = {"states": states, "inputs": inputs, "weather": weather}

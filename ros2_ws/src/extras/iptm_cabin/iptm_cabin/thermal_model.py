@@ -51,7 +51,7 @@ class HeatFlows:
     fans_w: Scalar
 
 
-class ThermalModel:
+class CabinModel:
     """The equations of a car."""
 
     def __init__(self, cabin: CabinParameters, car: ModelParameters) -> None:

@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from iptm_core.routes.route import UserTrip
 from iptm_core.routes.track import RecordedDrive, steps_m
+from iptm_core.routes.user_trip import UserTrip
 from iptm_core.state import FloatArray
 from iptm_core.units import KM_H_PER_M_S
 

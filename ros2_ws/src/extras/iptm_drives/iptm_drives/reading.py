@@ -19,10 +19,11 @@ import numpy as np
 from iptm_core.errors import RouteError
 from iptm_core.routes.drive_table import DriveTable
 from iptm_core.routes.road_line import RoadLine
-from iptm_core.routes.route import BAG_SUFFIXES, GPX_SUFFIX, UserTrip
+from iptm_core.routes.route import BAG_SUFFIXES, GPX_SUFFIX
 from iptm_core.routes.slope import SlopeProfile
 from iptm_core.routes.track import read_out, road_through
 from iptm_core.routes.user_csv import MAX_BYTES, trip_of
+from iptm_core.routes.user_trip import UserTrip
 from iptm_core.user_input import file_and_name
 from iptm_drives.cleaning import clean
 from iptm_drives.column_names import columns_table

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-PROGRAM = "iptm plan"
+from iptm_plan import PROGRAM
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -13,7 +13,7 @@ from rich.table import Table
 from iptm_core.errors import IptmError
 from iptm_core.program import EXIT_OK, EXIT_REFUSED, print_error, refused
 from iptm_core.units import CELSIUS_ZERO_K
-from iptm_plan.cli import PROGRAM
+from iptm_plan import PROGRAM
 from iptm_plan.course import Course
 from iptm_plan.day_plan import DayPlan
 from iptm_plan.picture import draw

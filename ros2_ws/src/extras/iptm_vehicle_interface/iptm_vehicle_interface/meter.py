@@ -23,8 +23,9 @@ from iptm_core.parameters import DEFAULT_SET, load_parameters
 from iptm_core.parameters.loading import parse_overrides
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.program import EXIT_OK, refused
-from iptm_core.routes.route import USER_FILES, UserTrip
+from iptm_core.routes.route import USER_FILES
 from iptm_core.routes.user_csv import read_user_trip
+from iptm_core.routes.user_trip import UserTrip
 from iptm_core.state import FloatArray, VehicleState
 from iptm_core.units import CELSIUS_ZERO_K, J_PER_KWH
 from iptm_drives.can_log import CAN_COLUMNS, read_can_log

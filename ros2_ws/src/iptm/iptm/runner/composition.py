@@ -6,6 +6,7 @@ The nodes are identified by module and parameter names only, as when started by 
 from __future__ import annotations
 
 import json
+import sys
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
@@ -14,7 +15,6 @@ from typing import Any, TypeVar
 
 from iptm.faults.fault import Fault, at_places, faulty_name, plain_faults, route_name
 from iptm.faults.kinds import FaultPlace
-from iptm.runner.fork import PYTHON
 from iptm.trip import Trip
 from iptm.trip_files import trip_text
 from iptm.trip_settings import NODE_SETTINGS, NODES
@@ -24,6 +24,8 @@ from iptm_core.program import SECTION_END
 from iptm_ros.recording.run_information import MODEL_KEY
 from iptm_ros.topics import BRIDGE, CONTROLLER, PLANT, Topic, full_name
 
+PYTHON = (sys.executable, "-m", "iptm_core")
+"""Start of the command of a program of the suite; its module and arguments follow."""
 RECORDER = "recorder"
 SHARED = "iptm.runner.one_process"
 _Vehicle = TypeVar("_Vehicle")

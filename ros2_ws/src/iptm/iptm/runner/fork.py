@@ -21,6 +21,7 @@ from multiprocessing.context import ForkContext, SpawnContext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from iptm.runner.composition import PYTHON
 from iptm.trip import Trip
 from iptm_core.errors import DriveError, IptmError
 from iptm_core.program import StopRequest, main_of_module
@@ -28,8 +29,6 @@ from iptm_core.program import StopRequest, main_of_module
 if TYPE_CHECKING:
     from iptm.run import Run
 
-PYTHON = (sys.executable, "-m", "iptm_core")
-"""Start of the command of a program of the suite; its module and arguments follow."""
 _POLL_S = 0.1
 _LOOK_AFTER_S, _LEAST_SHARE = 10.0, 0.1
 """A companion that is waited for and takes a smaller share of a processor in that time is replaced."""

@@ -18,7 +18,8 @@ from functools import partial
 from pathlib import Path
 from typing import Protocol
 
-from iptm.runner.fork import PYTHON, Fork, end_with_parent, has_one_thread
+from iptm.runner.composition import PYTHON
+from iptm.runner.fork import Fork, end_with_parent, has_one_thread
 from iptm.trip_settings import AUTOMATIC_DOMAIN, MAX_DOMAIN
 from iptm_core.errors import ScenarioError
 from iptm_ros.discovery import check_nodes_can_meet, lock_run, middleware_settings, reserve_domain

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -30,11 +29,9 @@ from iptm_core.routes.cycles import (
 )
 from iptm_core.routes.road_line import RoadLine, east_north_m
 from iptm_core.routes.slope import PEAK_GRADES, SlopeProfile
+from iptm_core.routes.user_trip import UserTrip
 from iptm_core.state import FloatArray, SlopePreview
 from iptm_core.user_input import is_path, nearest
-
-if TYPE_CHECKING:
-    from iptm_core.routes.track import RecordedDrive
 
 ROUTE_CYCLES = (*CYCLE_NAMES, "smooth", *composition_names())
 """Cycle names for `build_route`, which also takes the path of a drive."""
@@ -61,26 +58,6 @@ USER_SUFFIXES = (
 )
 USER_FILES = ".csv, .gpx, FILE.xml#VEHICLE of SUMO, FOLDER/BAG#VEHICLE"
 """Accepted files for a cycle, for messages to the user; `#VEHICLE` if there are several."""
-
-
-@dataclass(frozen=True, eq=False)
-class UserTrip:
-    """A trip as a file holds it.
-
-    Attributes:
-        cycle: speed at 1 Hz.
-        slope: slope of its road (position 0 is the start of the trip), None if not in the file.
-        drive: what was read out of a recorded drive, None for a plain table.
-        notes: what was repaired, or left out.
-        launch_s: length of the launch ramp in front of the drive.
-    """
-
-    cycle: DrivingCycle
-    slope: SlopeProfile | None
-    line: RoadLine | None = None
-    drive: RecordedDrive | None = None
-    notes: tuple[str, ...] = ()
-    launch_s: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

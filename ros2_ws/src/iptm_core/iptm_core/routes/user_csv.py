@@ -25,9 +25,9 @@ from iptm_core.extras import offered
 from iptm_core.routes.cycles import DrivingCycle, cumulative_integral, integral_at
 from iptm_core.routes.drive_table import DriveTable
 from iptm_core.routes.road_line import MAX_LATITUDE_DEG, RoadLine
-from iptm_core.routes.route import UserTrip
 from iptm_core.routes.slope import SlopeProfile
 from iptm_core.routes.track import MAX_RECORDED_GRADE, by_position, read_out
+from iptm_core.routes.user_trip import UserTrip
 from iptm_core.state import FloatArray
 from iptm_core.units import KM_H_PER_M_S, M_S_PER_MPH
 from iptm_core.user_input import file_and_name, number, read_file, shown
