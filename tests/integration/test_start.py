@@ -7,7 +7,7 @@ import os
 import signal
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -69,7 +69,8 @@ def stamps_of(bag: Path) -> dict[str, Counter[int | None]]:
 def test_no_message_of_a_trip_is_lost_or_doubled(
     launcher: Any, tmp_path: Path, number: int
 ) -> None:
-    with busy_machine():
+    # Beside other tests the machine is busy enough, and they would starve.
+    with busy_machine() if number else nullcontext():
         runner = launcher.start_module(RUN, *TRIP, "--output", tmp_path / "bag")
         assert runner.wait(RUN_TIMEOUT_S) == 0, runner.stdout + runner.stderr
     every = dict.fromkeys((tick * S for tick in range(TICKS + 1)), 1)
