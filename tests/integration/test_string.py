@@ -165,7 +165,7 @@ def test_a_member_that_dies_is_named_and_ends_the_string_with_sound_bags(
 
     wait_until(lambda: " of 10000 s (" in runner.stdout, RUN_TIMEOUT_S, "the trip")
     before = recorded()
-    wait_until(lambda: recorded() > before + 100_000, RUN_TIMEOUT_S, "messages of car_2")
+    wait_until(lambda: recorded() > before + 1_000_000, RUN_TIMEOUT_S, "messages of car_2")
     processes = children_of(runner.popen.pid)
     os.kill(process_of(runner.popen.pid, member), signal.SIGKILL)
     assert runner.wait(RUN_TIMEOUT_S) == 1, runner.stdout + runner.stderr
