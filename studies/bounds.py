@@ -1,119 +1,28 @@
-"""What a car could have done at best: with the brakes that it has, and with full cooling.
+"""What a car could have done at best with the brakes that it has.
 
-A violated limit means little by itself: a leader may brake harder than the ego vehicle can, and cells may
-start too hot. Both functions return what could have been avoided within the same limits of the inputs.
-
-A full braking is computed apart from plant, monitor and controller: many ego vehicles at once brake as hard
-as they can a reaction time after the lead vehicle began to, in small steps of time.
+A collision means little by itself: a leader may brake harder than the ego vehicle can. A full braking is
+computed apart from plant, monitor and controller, behind a leader in the rows of a run, or for many ego
+vehicles at once in small steps of time.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from iptm_core.braking import SafetyMonitorSettings
-from iptm_core.metrics.constraints import GAP_TOLERANCE_M, gap_margins_m
 from iptm_core.parameters.model import BrakeParameters, ModelParameters
-from iptm_core.physics.car_following import minimum_gap_m
-from iptm_core.physics.chiller import largest_useful_power_w
-from iptm_core.routes import Route
-from iptm_core.state import Command, FloatArray
+from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
-from iptm_plant_sim.plant import Plant
 
-BoolArray = NDArray[np.bool_]
 REACTION_S = SafetyMonitorSettings.monitor_reaction_s
 """Time from the row in which braking is decided to the request to the brakes."""
 _FINE_STEP_S = 0.05
 ANOTHER_LEADER_M = 3.0
 """Position jump, beyond the motion at its speed, from which a leader is another car."""
-
-
-def below_s_min(run: Trajectory, parameters: ModelParameters) -> BoolArray:
-    """Return which rows have a gap below s_min, shape (n,).
-
-    Rows at the very beginning do not count: the start may leave less than s_min, and it takes time to
-    restore it.
-    """
-    below: BoolArray = gap_margins_m(run, parameters) < -GAP_TOLERANCE_M
-    return below & (np.cumsum(~below) > 0)
-
-
-def avoidably_below_s_min(
-    run: Trajectory, parameters: ModelParameters, look_back_s: float
-) -> BoolArray:
-    """Return which of the rows below s_min a car with perfect brakes within its limits could have avoided.
-
-    Rows below s_min without a break are one episode. It is avoidable if there is a row, at most
-    ``look_back_s`` before its first one and with s_min kept from there on, from which the ego vehicle would
-    have kept s_min through the whole episode by braking alone: from its state in that row, the acceleration
-    falls by the largest jerk in every interval down to its lower bound and stays there until standstill. The
-    leader moves as it did.
-
-    Returns:
-        The rows of avoidable episodes, shape (n,).
-    """
-    below = below_s_min(run, parameters)
-    avoidable = np.zeros_like(below)
-    for first, last in episodes(below):
-        start = first - 1
-        while (
-            start >= 0 and not below[start] and run.time_s[first] - run.time_s[start] <= look_back_s
-        ):
-            if _kept_by_braking(run, parameters, start, last):
-                avoidable[first : last + 1] = True
-                break
-            start -= 1
-    return avoidable
-
-
-def episodes(flags: BoolArray) -> list[tuple[int, int]]:
-    """Return first and last row of every unbroken series of true rows."""
-    edges = np.diff(np.concatenate(([False], flags, [False])).astype(np.int8))
-    firsts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
-    return [(int(first), int(end) - 1) for first, end in zip(firsts, ends, strict=True)]
-
-
-def _kept_by_braking(run: Trajectory, parameters: ModelParameters, start: int, last: int) -> bool:
-    """Return whether braking from a row on keeps s_min up to another row, both ends included."""
-    positions, speeds = _motion_when_braking(run, parameters, start, last)
-    rows = slice(start + 1, last + 1)
-    smallest = minimum_gap_m(speeds, run.leader_speed_m_s[rows], parameters.gap, parameters.limits)
-    gaps = run.leader_position_m[rows] - positions
-    return bool(np.all(gaps >= smallest - GAP_TOLERANCE_M))
-
-
-def avoidable_collisions(
-    run: Trajectory, parameters: ModelParameters, look_back_s: float, *, informed: bool
-) -> BoolArray:
-    """Return which of the rows without a gap the stated service brakes could have avoided.
-
-    Rows without a break are one episode. Braking begins ``REACTION_S`` after the row in which it could have
-    been decided; see `gaps_when_braking`. An informed vehicle could decide that in any row at most
-    ``look_back_s`` before it; any other one from the row on in which it can see what the leader does: the one
-    behind the last in which the leader did not lose speed, or the one in which another car leads.
-
-    Returns:
-        The rows of avoidable episodes, shape (n,).
-    """
-    touching: BoolArray = run.closest_m <= 0.0
-    avoidable = np.zeros_like(touching)
-    for first, last in episodes(touching):
-        if informed:
-            earliest_s = float(run.time_s[first]) - look_back_s
-            starts = range(int(np.searchsorted(run.time_s, earliest_s)), first)
-        else:
-            starts = range(seen_from(run, first), first)[:1]
-        avoidable[first : last + 1] = any(
-            gaps_when_braking(run, parameters, start, last)[1:].min() > 0.0 for start in starts
-        )
-    return avoidable
 
 
 def seen_from(run: Trajectory, first: int) -> int:
@@ -190,61 +99,6 @@ def _leader_positions_m(run: Trajectory, start: int, last: int, times_s: FloatAr
         first + part * (3.0 * moved - 2.0 * first - second + part * (first + second - 2.0 * moved))
     )
     return found
-
-
-def _motion_when_braking(
-    run: Trajectory, parameters: ModelParameters, start: int, last: int
-) -> tuple[FloatArray, FloatArray]:
-    """Return positions and speeds in the rows behind ``start`` up to ``last``."""
-    limits = parameters.limits
-    position, speed = float(run.position_m[start]), float(run.speed_m_s[start])
-    acceleration = float(run.acceleration_m_s2[start])
-    positions, speeds = [], []
-    for interval_s in np.diff(run.time_s[start : last + 1]).tolist():
-        acceleration = max(
-            acceleration - limits.max_jerk_m_s3 * interval_s, limits.min_acceleration_m_s2
-        )
-        ahead = speed + acceleration * interval_s
-        if ahead > 0.0:
-            position += 0.5 * (speed + ahead) * interval_s
-        elif acceleration < 0.0:
-            position += speed * speed / (-2.0 * acceleration)
-        speed = max(ahead, 0.0)
-        positions.append(position)
-        speeds.append(speed)
-    return np.array(positions), np.array(speeds)
-
-
-def fully_cooled_k(
-    run: Trajectory, parameters: ModelParameters, route: Route, plant_step_s: float
-) -> FloatArray:
-    """Return the warmer cell's temperature if the compressor had been at its most useful power throughout.
-
-    The car moves as it did; from the first interval on the compressor ramps up to the power beyond which it
-    cools no better.
-
-    Returns:
-        Temperatures in K, shape (n,).
-    """
-    plant = Plant(parameters, route.slope.slope_at, plant_step_s)
-    highest_w = largest_useful_power_w(parameters.chiller, parameters.limits)
-    mean_accelerations = np.diff(run.speed_m_s) / run.intervals_s
-    state = plant.initial_state()
-    warmest = [max(state.cell_1_temperature_k, state.cell_n_temperature_k)]
-    for row, interval_s in enumerate(run.intervals_s.tolist()):
-        # The motion is the run's, not one that drifts away from it where the car came to a halt.
-        acceleration = float(mean_accelerations[row])
-        state = replace(
-            state,
-            position_m=float(run.position_m[row]),
-            speed_m_s=float(run.speed_m_s[row]),
-            acceleration_m_s2=acceleration,
-        )
-        ramp_w = parameters.limits.max_compressor_rate_w_s * interval_s
-        power_w = min(state.compressor_power_w + ramp_w, highest_w)
-        state = plant.advance(state, Command(acceleration, power_w), interval_s).state
-        warmest.append(max(state.cell_1_temperature_k, state.cell_n_temperature_k))
-    return np.array(warmest)
 
 
 STEP_S = 0.01

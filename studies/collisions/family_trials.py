@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from studies.bounds import emergency_stops
 from studies.collisions.families import (
     FAMILIES,
     LIE_OF_NOW,
@@ -25,7 +26,7 @@ from studies.collisions.families import (
     Draw,
     Motion,
 )
-from studies.collisions.recorded import STEP_S, RecordedPlant, smallest_gap_when_braking_m
+from studies.collisions.recorded import STEP_S, RecordedPlant
 from studies.session import Session
 
 from iptm.closed_loop import run_closed_loop
@@ -329,11 +330,16 @@ def _bound_m(draw: Draw, vehicle: _Vehicle, onset: int, reaction_s: float) -> fl
     if car.get("friction"):
         most_m_s2 = min(most_m_s2, tyre_deceleration_m_s2(car["friction"], slope_rad))
     most_m_s2 = max(most_m_s2 + GRAVITY_M_S2 * math.sin(slope_rad), 0.3)
-    later_s = STEP_S * np.arange(onset, onset + 60 * _STEPS_S)
-    ahead_m, _ = vehicle.world.true.at(later_s)
-    ego = float(own_m[onset]), float(own_m_s[onset]), float(own_m_s2[onset])
-    waits_s = max(reaction_s, 0.0) + brakes.delay_s
-    return smallest_gap_when_braking_m(ahead_m, ego, waits_s, most_m_s2, brakes.build_up_m_s3)
+    now, start_s = slice(onset, onset + 1), STEP_S * onset
+
+    def ahead_m(elapsed_s: float) -> FloatArray:
+        return np.atleast_1d(vehicle.world.true.at(start_s + elapsed_s)[0])
+
+    hardest = replace(brakes, max_deceleration_m_s2=most_m_s2)
+    gaps_m, _ = emergency_stops(
+        ahead_m, own_m[now], own_m_s[now], own_m_s2[now], hardest, max(reaction_s, 0.0)
+    )
+    return float(gaps_m[0])
 
 
 def trials(setting: Setting, drives: list[str], count: int, seed: int) -> pd.DataFrame:

@@ -56,28 +56,3 @@ class RecordedPlant(Plant):
             found.append((times_s, position_m + moved_m, speeds_m_s, accelerations))
         columns = [np.concatenate(each) for each in zip(*found, strict=True)]
         return columns[0], columns[1], columns[2], columns[3]
-
-
-def smallest_gap_when_braking_m(
-    ahead_m: FloatArray,
-    ego: tuple[float, float, float],
-    reaction_s: float,
-    deceleration_m_s2: float,
-    build_up_m_s3: float,
-) -> float:
-    """Return the smallest gap of a vehicle that goes on for a while and brakes then.
-
-    Args:
-        ahead_m: positions of the vehicle ahead at `STEP_S` from now on, shape (n,).
-        ego: own position, speed and acceleration now.
-        reaction_s: time for which the acceleration is kept.
-        deceleration_m_s2: deceleration that is reached, positive.
-        build_up_m_s3: rate at which it is.
-    """
-    position_m, speed_m_s, acceleration_m_s2 = ego
-    waited_s = np.maximum(STEP_S * np.arange(ahead_m.size) - reaction_s, 0.0)
-    asked = np.maximum(acceleration_m_s2 - build_up_m_s3 * waited_s, -deceleration_m_s2)
-    speeds = np.maximum(speed_m_s + np.concatenate(([0.0], np.cumsum(asked[:-1]) * STEP_S)), 0.0)
-    speeds = np.where(np.minimum.accumulate(speeds) <= 0.0, 0.0, speeds)
-    moved_m = np.concatenate(([0.0], np.cumsum(0.5 * (speeds[1:] + speeds[:-1]) * STEP_S)))
-    return float((ahead_m - position_m - moved_m).min())

@@ -21,14 +21,7 @@ from studies.collisions.family_trials import (
     trial,
     trials,
 )
-from studies.collisions.recorded import STEP_S, smallest_gap_when_braking_m
-
-
-def test_the_bound_by_hand() -> None:
-    # 20 m/s behind one that stands 60 m ahead, 1 s, 8 m/s^2 at once: 20 + 25 m.
-    ahead_m = np.full(1000, 60.0)
-    found = smallest_gap_when_braking_m(ahead_m, (0.0, 20.0, 0.0), 1.0, 8.0, 1e6)
-    assert found == pytest.approx(60.0 - 45.0, abs=0.25)
+from studies.collisions.recorded import STEP_S
 
 
 def test_a_motion_that_brakes_and_one_that_is_replaced() -> None:
