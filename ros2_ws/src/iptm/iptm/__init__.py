@@ -82,7 +82,7 @@ __all__ = list(_HOMES)
 
 
 def _homes() -> dict[str, str]:
-    """Return the modules of all names, with those of extras."""
+    """Return the module of every name, of extras too."""
     added = (extra.NAMES for extra in offered("library"))
     return dict(ChainMap(_HOMES, *added))
 

@@ -56,7 +56,7 @@ class Disturbance(Protocol):
 
 
 class World(Protocol):
-    """What is around the ego: the leader as it is, and whatever else moves while an interval passes."""
+    """The surroundings of the ego vehicle: the leader as it is, and whatever else moves in an interval."""
 
     def pass_interval(self, before: VehicleState, after: VehicleState) -> None:
         """Let an interval pass in which the ego vehicle moves from one state to the other."""
@@ -132,14 +132,14 @@ def run_closed_loop(
         plant: the simulated vehicle, with the same slope.
         controller: a fresh controller.
         bridge_settings: preview length and imperfections.
-        on_tick: called after every decision with the tick, what was measured and what was decided.
+        on_tick: called after every decision with the tick, its measurements and its decision.
         faults: None for none; with them, the trajectory has the leader that counts and the true state.
         bridge: a fresh bridge whose source of the leader is not the route itself; it has settings
             of its own.
         leader: who drives ahead, where it is not the leader of the route.
         start_position_m: where the ego vehicle starts, along the road.
         on_step: called with vehicle and leader, if there is one, at every instant, the last one included.
-        world: what is around the ego vehicle; None for a leader only, from ``leader`` or the route.
+        world: surroundings of the ego vehicle; None for a leader only, from ``leader`` or the route.
         start: state of the vehicle at the beginning; None for standstill at ``start_position_m``.
     """
     source = CycleSource(route) if leader is None else leader
@@ -187,7 +187,7 @@ def closed_loop(
         start: state of the vehicle at the beginning.
 
     Yields:
-        What is measured at a tick; the decision on it is to be sent.
+        Measurements of a tick; the decision on them is to be sent.
     """
     ticks = round(route.duration_s / tick_s)
     slope = CycleSource(route).slope_ahead()

@@ -32,7 +32,7 @@ _QUIET_S = 2.0
 
 HEADLESS_LEADERS = (LeaderSource.CYCLE, LeaderSource.NONE)
 NOTICED_SHARE = 0.95
-"""Brakes that deliver less of what is requested count as weak."""
+"""Brakes that deliver less of the request count as weak."""
 _OWN = "own"
 
 OnTick = Callable[[int, Measurements, Decision], None]
@@ -52,15 +52,15 @@ def drive_in_memory(
     """Drive a trip without ROS.
 
     Args:
-        trip: what is driven.
+        trip: the trip to drive.
         controller: drives instead of the controller of the suite, see `Controller`.
         predictor: predicts the lead vehicle for the controller instead of its true future, see `Predictor`.
         aging_law: ageing law of the controller's cost instead of the one that the trip names.
-        on_tick: called after every decision with the tick, what was measured and what was decided.
+        on_tick: called after every decision with the tick, its measurements and its decision.
         on_step: called with vehicle and leader, if there is one, at every instant, the last one included.
 
     Raises:
-        IptmError: the trip cannot be driven; the message states the value and what is allowed.
+        IptmError: the trip cannot be driven; the message states the value and the allowed ones.
     """
     check_part("controller", controller, Controller, "decide")
     check_part("predictor", predictor, Predictor, "predict")
@@ -83,7 +83,7 @@ def trip_in_ticks(
     """Return a drive that waits for a decision at every tick; see `drive_in_memory`.
 
     Returns:
-        A generator: it yields what is measured, is sent the decision on it, and returns the run.
+        A generator: it yields measurements, is sent the decision on them, and returns the run.
     """
     check_in_memory(trip)
     return _ticks(trip, predictor, on_tick, on_step)
@@ -249,7 +249,7 @@ def simulate(
         The finished run.
 
     Raises:
-        IptmError: an argument is not usable; the message states the value and what is allowed.
+        IptmError: an argument is not usable; the message states the value and the allowed ones.
     """
     own_law = aging_law if isinstance(aging_law, AgingLaw) else None
     named = {} if own_law is not None or aging_law is None else {"aging_law": aging_law}

@@ -1,4 +1,4 @@
-"""Ageing of a run by several judges: the paper's law, laws of measured cells, and those of extras."""
+"""Ageing of a run by several judges: the paper's law, laws of measured cells, and laws of extras."""
 
 from __future__ import annotations
 
@@ -181,7 +181,7 @@ def selected(by: Sequence[str], run: Run) -> list[Judge]:
 
 
 def judge_groups(run: Run | None) -> dict[str, Callable[[], Sequence[Judge]]]:
-    """Return the groups of judges by name, those of extras last; without a run none of its parameters.
+    """Return the groups of judges by name, extras last; without a run none of its parameters.
 
     The module ``extra_judges`` of an extra has a mapping ``JUDGES`` of groups to paths ``module:name`` of
     functions that return them.

@@ -25,7 +25,7 @@ class Controller(Protocol):
     """What `simulate` takes as a controller of the user's own."""
 
     def decide(self, measured: Measurements) -> Command:
-        """Return what is actuated until the next tick.
+        """Return the command until the next tick.
 
         Args:
             measured: at one instant ``state`` (ego vehicle and pack), ``leader`` (range sensor), ``preview``

@@ -131,7 +131,7 @@ def flat_settings(given: Mapping[str, Any]) -> dict[str, Any]:
             ``overrides``; stated overrides come after it.
 
     Raises:
-        IptmError: a value is not usable; the message states the value and what is allowed.
+        IptmError: a value is not usable; the message states the value and the allowed ones.
     """
     settings = {key: _plain(value) for key, value in given.items()}
     if "cycle" in settings:

@@ -63,7 +63,7 @@ class Report:
     """A report that holds from a trip time until the next one; an empty text reports no problem.
 
     Attributes:
-        weak_brakes: the brakes deliver noticeably less than what is requested of them.
+        weak_brakes: the brakes deliver noticeably less than requested.
     """
 
     time_s: float
@@ -77,15 +77,15 @@ class Run:
     """A finished run, driven in memory or over ROS 2, or read from a bag.
 
     Attributes:
-        name: what was driven, in one line.
+        name: the drive in one line.
         settings: settings of the trip by name (``strategy``, ``horizon``, ``latency_s``, ...); empty where
             they are not known.
         parameters: vehicle, pack, cooling and environment.
         trajectory: what happened, one row per tick.
         decisions: how the controller came to its commands; no rows for a controller without solver.
         slope: slope of the road, None where it is not known.
-        trip: what was to be driven, None where it is not known.
-        reports: what was reported during the trip, on every change; in memory only.
+        trip: the requested trip, None where it is not known.
+        reports: reports of the trip, one for every change; in memory only.
         wall_time_s: of the drive, NaN where it is not known.
         problems: why the run counts as failed, empty if it does not.
         warnings: repairs of the drive's file, warnings of the nodes, remarks on the figures.
@@ -205,7 +205,7 @@ class Run:
         """Return what energy and capacity cost, in EUR per 100 km; see `iptm_core.metrics.trip_cost`.
 
         Args:
-            use: prices, law and use of the car between trips; None for those of this run.
+            use: prices, law and use of the car between trips; None for this run's.
         """
         used = use or self.aging_use
         return trip_cost(self.trajectory, self.metrics, self.parameters, used)
@@ -266,7 +266,7 @@ class Run:
         return explain(self, against)
 
     def judge(self, other: Run | None = None, by: Sequence[str] = (), **options: Any) -> Verdicts:
-        """Judge the ageing by several laws: the paper's, measured cells', and those of extras.
+        """Judge the ageing by several laws: the paper's, measured cells', and laws of extras.
 
         Args:
             other: see `saving`; without one, this run alone is judged.

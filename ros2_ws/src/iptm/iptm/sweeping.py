@@ -25,7 +25,7 @@ class Sweep:
     """Runs of a sweep.
 
     Attributes:
-        values: of what was varied, by name, for each run.
+        values: of the varied settings, by name, for each run.
         runs: in the same order.
     """
 
@@ -34,7 +34,7 @@ class Sweep:
 
     @property
     def varied(self) -> pd.DataFrame:
-        """Values of what was varied, one row per run."""
+        """Values of the varied settings, one row per run."""
         import pandas as pd  # noqa: PLC0415  half a second, and a sweep may be left to its runs
 
         return pd.DataFrame(list(self.values))

@@ -57,7 +57,7 @@ MOST_NAMED = 4
 """Overrides that a heading lists; of more, as of a vehicle of one's own, it has the number."""
 _OWN = ("name", "description", "own_drive", "foreign")
 _IN_HEADING = ("cycle", "slope", "duration_s", "strategy", "horizon", "namespace", "domain", "pace")
-"""Settings that the heading of a trip shows otherwise, or that do not change what is driven."""
+"""Settings that the heading of a trip shows otherwise, or that do not change the drive."""
 
 
 @dataclass(frozen=True)
@@ -245,7 +245,7 @@ class Trip:
 
     @property
     def heading(self) -> str:
-        """What is driven, in one line: drive, horizon, strategy, and every setting that is not a default."""
+        """The drive in one line: drive, horizon, strategy, and every setting that is not a default."""
         own = [f"own {node}" for node in NODES if node in self.foreign]
         control = [self.controller.horizon, self.controller.strategy]
         parts = [

@@ -30,14 +30,14 @@ def drive(
     """Drive a trip.
 
     Args:
-        trip: what is driven.
+        trip: the trip to drive.
         over: ``memory``, or ``ros`` for processes that exchange messages; both give the same numbers.
         bag: folder to create for the recorded messages; over ROS 2 only.
         own_parts: in memory, ``controller``, ``predictor``, ``aging_law``, ``on_tick`` and ``on_step``, see
             `drive_in_memory`.
 
     Raises:
-        IptmError: the trip cannot be driven; the message states the value and what is allowed.
+        IptmError: the trip cannot be driven; the message states the value and the allowed ones.
     """
     check_known(over, [each.value for each in Over], "over", "value", ScenarioError)
     if over == Over.MEMORY.value:

@@ -69,7 +69,7 @@ def load_trip(
 
     Raises:
         ScenarioError: no such trip, a malformed file, an unknown key, a wrong type or range; the message
-            names file or option, key, value and what is allowed.
+            names file or option, key, value and the allowed ones.
     """
     path = _find(name_or_path)
     content = read_yaml(path, ScenarioError)

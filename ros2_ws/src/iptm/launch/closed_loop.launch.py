@@ -3,7 +3,7 @@
     ros2 launch iptm closed_loop.launch.py cycle:=us06 slope:=large record:=true
     ros2 launch iptm closed_loop.launch.py trip:=real_time namespace:=car_1
 
-Every setting of a trip is an argument; what is not given is taken from the trip. Files such as
+Every setting of a trip is an argument; all others are the trip's. Files such as
 plant_parameters:=FILE hold further parameters of a node. The loop ends with the first of its nodes that does;
 it goes on without its recorder. If one of its processes has failed, the launch then fails with exit code 1,
 after a mistake in the arguments at once.

@@ -60,7 +60,7 @@ class IssuedCommand:
 
 @dataclass(frozen=True)
 class ActuationMemory:
-    """What is carried from tick to tick.
+    """State carried from tick to tick.
 
     Attributes:
         issued: commands that may still be under way, oldest first.
@@ -124,7 +124,7 @@ class ActuationObserver:
 
     @property
     def reason(self) -> str:
-        """What is wrong with the actuators, empty if nothing is."""
+        """Fault of the actuators, empty for none."""
         parts = []
         if self.memory.delay_ticks:
             parts.append(f"commands act {self.memory.delay_ticks} ticks late")

@@ -198,7 +198,7 @@ class MpcController:
         return partial(ControllerMemory.built, forecast, pack, parts)
 
     def decide(self, measured: Measurements) -> Decision:
-        """Decide one tick: every step adds to what is known of it."""
+        """Decide one tick: every step adds to its `Tick`."""
         tick = Tick(measured, self._pack.observe(measured, self._actuation.last_command))
         for step in self._steps:
             step(tick)
@@ -221,7 +221,7 @@ class MpcController:
 
     @staticmethod
     def _trust(tick: Tick) -> None:
-        """Keep what is plausible of the measurements."""
+        """Keep the plausible measurements."""
         tick.measured = measured = tick.measured.with_state(tick.pack.state)
         tick.trusted, tick.leader, tick.fault = trusted_measurements(measured)
         tick.state, tick.is_free = tick.trusted, measured.is_free

@@ -1,7 +1,7 @@
 """A controller as C99 for an electronic control unit: its sources and its numbers.
 
 The folder holds what `MpcController` computes from a vehicle and a leader with its preview to a limited
-command; ``controller.h`` says what is left to the caller.
+command; ``controller.h`` states the duties of the caller.
 """
 
 from __future__ import annotations

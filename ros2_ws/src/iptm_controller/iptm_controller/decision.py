@@ -40,7 +40,7 @@ class Decision:
         forecast: the leader's motion used, None if it could not be formed.
         command_delay_s: time by which commands act late, as observed.
         brake_share: share of a commanded deceleration that is delivered, as observed.
-        pack: what was found of sensors and cooling of the pack; None where they were not checked.
+        pack: findings on sensors and cooling of the pack; None where they were not checked.
         noise: which measurements and previews are noisy and filtered, empty if none is.
     """
 
@@ -85,11 +85,11 @@ class Decision:
 
 @dataclass
 class Tick:
-    """What is known of a tick so far; each step of `MpcController.decide` reads it and adds to it.
+    """State of a tick so far; each step of `MpcController.decide` reads it and adds to it.
 
     Attributes:
-        measured: as received, then with what was found of pack and preview.
-        pack: what was found of sensors and cooling of the pack.
+        measured: as received, then corrected by the findings on pack and preview.
+        pack: findings on sensors and cooling of the pack.
         trusted: measured state if it is plausible.
         state: filtered, and predicted to when the command acts; None where none can be trusted.
         leader: as compared and filtered, None for none.

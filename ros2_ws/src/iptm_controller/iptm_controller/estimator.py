@@ -49,7 +49,7 @@ _SQRT_2 = math.sqrt(2.0)
 
 @dataclass(frozen=True)
 class NoiseSettings(Settings):
-    """Stated noise of the measurements; what is not stated is estimated."""
+    """Stated noise of the measurements; the rest is estimated."""
 
     gap_noise_m: float = parameter(
         0.0, "standard deviation of the measured gap; 0: estimated while driving", "m", 0.0, 10.0
@@ -68,10 +68,10 @@ class NoiseSettings(Settings):
 
 @dataclass(frozen=True)
 class EstimatorMemory:
-    """What is carried from tick to tick; empty tuples where nothing has been measured or filtered.
+    """State carried from tick to tick; empty tuples where nothing has been measured or filtered.
 
     Attributes:
-        residuals: of the last tick: ego speed, gap, cell temperatures; NaN where there is none.
+        residuals: of the last tick: ego speed, gap, cell temperatures; NaN for none.
         squared: running means of a third of their squared changes from tick to tick.
         lead: estimated position in m, speed in m/s and acceleration in m/s^2.
         covariance: of these, row by row.

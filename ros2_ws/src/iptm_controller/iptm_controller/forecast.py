@@ -56,7 +56,7 @@ class PreviewQuality(IntEnum):
     MISSING = 3
     """No preview has been received; the measured motion is extrapolated."""
     INVALID = 4
-    """The preview is malformed or contradicts what is measured; the measured motion is extrapolated."""
+    """The preview is malformed or contradicts the measurements; the measured motion is extrapolated."""
     DOUBTED = 5
     """A valid preview, but it or earlier ones were wrong; trusted up to a shorter horizon."""
 
@@ -84,7 +84,7 @@ class LeaderForecast:
 
 
 def preview_fault(preview: LeaderPreview) -> str:
-    """Return what is wrong with lengths, order, finiteness or plausibility of a preview, empty if nothing."""
+    """Return the fault of a preview in length, order, finiteness or plausibility, empty for none."""
     times, positions, speeds = preview.times_s, preview.positions_m, preview.speeds_m_s
     sizes = (times.size, positions.size, speeds.size)
     if len(set(sizes)) != 1:
@@ -178,7 +178,7 @@ class LeaderForecaster:
 
     @property
     def memory(self) -> ForecastMemory:
-        """What is carried from tick to tick."""
+        """State carried from tick to tick."""
         return self.kept_memory()()
 
     @memory.setter

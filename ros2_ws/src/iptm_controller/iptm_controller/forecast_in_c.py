@@ -79,7 +79,7 @@ def past_room(tick_s: float) -> int:
 
 
 class LeaderForecasterInC(LeaderForecaster):
-    """The same in C; what is said about a preview is put into words in Python."""
+    """The same in C; reasons are put into words in Python."""
 
     def __init__(
         self,
@@ -128,7 +128,7 @@ class LeaderForecasterInC(LeaderForecaster):
 
     @property
     def memory(self) -> ForecastMemory:
-        """What is carried from tick to tick; see `LeaderForecaster`."""
+        """State carried from tick to tick; see `LeaderForecaster`."""
         return self.kept_memory()()
 
     @memory.setter

@@ -89,7 +89,7 @@ class FallbackLadder:
         """Choose the rung of a tick without a usable plan.
 
         Args:
-            last: what was last trusted or commanded, for a tick without a state; brakes that are applied
+            last: state last trusted or commanded, for a tick without a state; brakes that are applied
                 harder than a blind vehicle would stay so, and the cells are cooled as they last needed it.
         """
         self.failures += 1

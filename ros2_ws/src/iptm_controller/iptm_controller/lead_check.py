@@ -70,7 +70,7 @@ _LEAD_M_S2 = SafetyMonitorSettings.monitor_lead_deceleration_m_s2
 
 @dataclass(frozen=True)
 class LeadMemory:
-    """What is carried from tick to tick: the lead vehicle by range sensor and by radio.
+    """State carried from tick to tick: the lead vehicle by range sensor and by radio.
 
     Attributes:
         loss_from_m_s: own speed when messages that are not authenticated began to differ.
@@ -116,7 +116,7 @@ class LeadCheck:
         *,
         is_free: bool,
     ) -> tuple[LeaderState | None, str]:
-        """Return the lead vehicle that counts, None for one that is not measured, and what is wrong.
+        """Return the lead vehicle that counts, None for one that is not measured, and the fault.
 
         Args:
             leader: as measured by range sensor, None if it is not.
@@ -250,7 +250,7 @@ _RESOLUTION_S = 1e-6
 
 @dataclass(frozen=True)
 class ClockMemory:
-    """What is carried from tick to tick: the largest offset that showed, and when it last did."""
+    """State carried from tick to tick: the largest offset that showed, and when it last did."""
 
     ahead_s: float = 0.0
     shown_s: float = 0.0

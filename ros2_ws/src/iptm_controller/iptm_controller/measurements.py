@@ -52,7 +52,7 @@ PACK_RANGES: dict[str, tuple[float, float]] = {
 
 @dataclass(frozen=True)
 class Measurements:
-    """What is measured at one tick, all of the same instant.
+    """Measurements of one tick, all of the same instant.
 
     Attributes:
         state: ego vehicle and pack, None if not measured.
@@ -94,9 +94,9 @@ Trusted = tuple[VehicleState | None, LeaderState | None, str]
 
 
 def trusted_measurements(measured: Measurements) -> Trusted:
-    """Return what is plausible: the ego vehicle if its motion is, the leader if both are.
+    """Return the plausible parts: the ego vehicle if its motion is, the leader if both are.
 
-    What is measured of the pack is for the `PackObserver` to judge.
+    The `PackObserver` judges the measurements of the pack.
     """
     state, leader = measured.state, measured.leader
     if state is None:

@@ -293,7 +293,7 @@ class ControllerNode(SuiteNode):
         return values
 
     def _situation(self) -> tuple[Level, str]:
-        """Return what is wrong with the inputs as a whole, else the situation of the last decision."""
+        """Return the fault of the inputs as a whole, else the situation of the last decision."""
         if self._watchdog.is_silent:
             return Level.STALE, "no state arrives: the plant has stopped or cannot be heard"
         patience_s = UNMATCHED_AFTER_TIMEOUTS * self._options.input_timeout_s

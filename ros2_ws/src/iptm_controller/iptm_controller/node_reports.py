@@ -96,7 +96,7 @@ def road_warning(fault: str, *, is_known: bool) -> str:
     """Return what the controller drives on instead of a good new slope, empty if there is one.
 
     Args:
-        fault: what is wrong with the newest slope, empty if nothing is.
+        fault: of the newest slope, empty for none.
         is_known: whether a usable one has been received.
     """
     if fault:
@@ -160,7 +160,7 @@ def _of_decision(decision: Decision | None, road: str) -> tuple[Level, str]:
 
 
 def _warnings(decision: Decision) -> list[str]:
-    """Return what is wrong with the vehicle or the plan, the most important first."""
+    """Return the faults of vehicle and plan, the most important first."""
     broken, result = _limits_broken(decision), decision.result
     early = result is not None and result.status is SolveStatus.FEASIBLE
     pack = () if decision.pack is None else decision.pack.faults

@@ -47,7 +47,7 @@ _TEMPERATURES = ("cell_1_temperature_k", "cell_n_temperature_k")
 
 
 class PackFault(Enum):
-    """What is wrong with sensors or cooling of the pack; the value is the sentence of the diagnostics."""
+    """A fault of sensors or cooling of the pack; the value is the sentence of the diagnostics."""
 
     ONE_SENSOR = "a cell temperature is not plausible, model used"
     BOTH_SENSORS = "no cell temperature is plausible, model used and power reduced"
@@ -59,7 +59,7 @@ class PackFault(Enum):
 
 @dataclass(frozen=True)
 class PackMemory:
-    """What is carried from tick to tick.
+    """State carried from tick to tick.
 
     Attributes:
         time_s: last tick, minus infinity before the first.
@@ -79,11 +79,11 @@ class PackMemory:
 
 @dataclass(frozen=True)
 class PackReport:
-    """What was found at a tick.
+    """Findings of a tick.
 
     Attributes:
-        state: measured state in which what is not plausible of the pack is replaced.
-        faults: what is wrong, the most important first.
+        state: measured state, its implausible values of the pack replaced.
+        faults: the most important first.
         reason: the same with numbers, one sentence, empty if nothing is.
         power_share: share of its power that the pack is to give and take.
     """
@@ -95,7 +95,7 @@ class PackReport:
 
 
 class PackObserver:
-    """Judges what is measured of the pack, tick by tick."""
+    """Judges the measurements of the pack, tick by tick."""
 
     def __init__(self, parameters: ModelParameters) -> None:
         self._parameters = parameters
@@ -170,7 +170,7 @@ class PackObserver:
     def _with_other_values(
         self, state: VehicleState, last: VehicleState | None
     ) -> tuple[VehicleState, str]:
-        """Return a state whose power and ageing are possible, and what was not."""
+        """Return a state whose power and ageing are possible, and the faults."""
         for name, (low, high), value in self._usual:
             measured = getattr(state, name)
             if not low <= measured <= high:

@@ -71,7 +71,7 @@ class PackObserverInC(PackObserver):
 
     @property
     def memory(self) -> PackMemory:
-        """What is carried from tick to tick; see `PackObserver`."""
+        """State carried from tick to tick; see `PackObserver`."""
         return self.kept_memory()()
 
     @memory.setter

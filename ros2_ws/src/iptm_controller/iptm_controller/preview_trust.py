@@ -42,7 +42,7 @@ CREDITED_SLOWDOWN_M_S = 1.0
 
 @dataclass(frozen=True)
 class Prediction:
-    """What was measured and predicted at one tick.
+    """Measurement and prediction of one tick.
 
     Attributes:
         speeds_m_s: speeds predicted for the lead times, NaN where the preview asserts none.
@@ -55,7 +55,7 @@ class Prediction:
 
 @dataclass(frozen=True)
 class TrustMemory:
-    """What is carried from tick to tick.
+    """State carried from tick to tick.
 
     Attributes:
         predictions: of the last seconds, oldest first.
@@ -98,7 +98,7 @@ class PreviewTrust:
 
     @property
     def memory(self) -> TrustMemory:
-        """What is carried from tick to tick."""
+        """State carried from tick to tick."""
         return TrustMemory(
             tuple(self._predictions.values()),
             tuple(value for errors in self._errors for value in errors),
@@ -160,7 +160,7 @@ class PreviewTrust:
         self.keep(leader, tuple(speeds.tolist()))
 
     def keep(self, leader: LeaderState, speeds_m_s: tuple[float, ...]) -> None:
-        """Keep speeds that are predicted for the lead times, NaN for those of which nothing is asserted."""
+        """Keep speeds that are predicted for the lead times, NaN where nothing is asserted."""
         tick = round(leader.time_s / self._tick_s)
         self._predictions[tick] = Prediction(tick, leader.speed_m_s, speeds_m_s)
         while next(iter(self._predictions)) < tick - self.lead_ticks[-1]:
@@ -215,7 +215,7 @@ ANOTHER_PLAN_M_S = 5.0
 
 @dataclass(frozen=True)
 class FusionMemory:
-    """What is carried from tick to tick.
+    """State carried from tick to tick.
 
     Attributes:
         preview: the newest preview as received, whose positions do not count; None before the first one.

@@ -3,7 +3,7 @@
 In h seconds the ego vehicle reaches the desired gap and the speed that the lead vehicle has then. Among all
 motions that do, the position of the one with the least integral of the squared acceleration is a cubic in
 time. The longest h counts whose motion keeps s_min behind the predicted lead vehicle at every second. It may
-brake harder than is comfortable: what is too hard is left to the limiter, as in the cruise controls.
+brake harder than is comfortable: the limiter bounds it, as in the cruise controls.
 """
 
 from __future__ import annotations

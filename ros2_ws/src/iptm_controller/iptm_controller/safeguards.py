@@ -42,7 +42,7 @@ class CommandLimiter:
         return state if clipped == own else replace(state, acceleration_m_s2=clipped)
 
     def limit(self, command: Command, state: VehicleState) -> tuple[Command, tuple[str, ...]]:
-        """Limit a command relative to what is actuated now (``state``).
+        """Limit a command relative to the actuated one (``state``).
 
         Returns:
             The command within all bounds, and the bounds that changed it by more than round-off.

@@ -210,7 +210,7 @@ class ControllerSettings(
         )
 
     def weighted_strategy(self) -> Strategy:
-        """Return the strategy with what is stated of it."""
+        """Return the strategy with the stated weights."""
         values = {key: getattr(self, key) for key in (*COST_TERMS, "reference_temperature_k")}
         stated = {key: value for key, value in values.items() if value != FROM_STRATEGY}
         return replace(strategy_by_name(self.strategy), **stated)

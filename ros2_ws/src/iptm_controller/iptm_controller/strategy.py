@@ -66,7 +66,7 @@ class CostTerm:
 
     Attributes:
         name: as in the paper.
-        meaning: what is weighed.
+        meaning: the weighted quantity.
         symbol: of its weight.
         unit: of its weight; empty for none.
         typical_1_s: cost per second with a weight of 1 in ordinary driving.

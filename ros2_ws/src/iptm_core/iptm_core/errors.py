@@ -1,7 +1,7 @@
 """The one exception family of the project.
 
 Everything that a user can get wrong (a file, a parameter, a message, a bag, a scenario) ends in one of
-these, with a message that gives the cause, the value, and what is allowed. Solver outcomes and
+these, with a message that gives the cause, the value, and the allowed values. Solver outcomes and
 late or missing messages are not errors but data, and never raise.
 """
 

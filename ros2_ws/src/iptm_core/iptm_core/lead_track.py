@@ -77,7 +77,7 @@ _RESOLUTION_S = 1e-9
 
 
 class LeadStatus(Enum):
-    """What is known of the vehicle ahead."""
+    """Knowledge of the vehicle ahead."""
 
     FREE = "free"
     MEASURED = "measured"
@@ -116,7 +116,7 @@ class Sample(NamedTuple):
 
 @dataclass(frozen=True)
 class LeadTrack:
-    """What is carried from measurement to measurement; the default stands for a lane never looked at.
+    """State carried from measurement to measurement; the default stands for a lane never looked at.
 
     Attributes:
         seen: newest sound measurement, None for a free lane.
@@ -149,7 +149,7 @@ class LeadTrack:
     away_until_s: float = 0.0
 
     def status(self, time_s: float) -> LeadStatus:
-        """Return what is known at a trip time."""
+        """Return the vehicle ahead at a trip time."""
         if self.seen is None:
             return LeadStatus.FREE
         if self.frozen:

@@ -71,7 +71,7 @@ class RoadRuleSettings(Settings):
 
 @dataclass(frozen=True)
 class RoadAheadSettings(RoadRuleSettings, LeaderSourceSettings):
-    """What is ahead of the ego vehicle: its leader, and the rules of the road."""
+    """The road ahead: the leader, and the rules of the road."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

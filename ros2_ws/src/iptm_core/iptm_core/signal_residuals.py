@@ -35,7 +35,7 @@ class Contradiction(Enum):
 
 @dataclass(frozen=True)
 class Residual:
-    """What was left unexplained lately.
+    """Unexplained residuals of the last measurements.
 
     Attributes:
         value: sum of unexplained changes, older ones forgotten.

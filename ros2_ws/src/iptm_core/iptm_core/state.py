@@ -150,7 +150,7 @@ class SafetyRecord:
 
 @dataclass(frozen=True)
 class PackReading:
-    """What is measured of the pack beside its cells; what is not is NaN.
+    """Measurements of the pack beside its cells; NaN for those that are missing.
 
     Attributes:
         coolant_inlet_k: coolant entering the channels (T_c,in).
@@ -181,7 +181,7 @@ class PlantObservation:
 
     @property
     def pack_reading(self) -> PackReading:
-        """What is measured of the pack beside its cells."""
+        """Measurements of the pack beside its cells."""
         return PackReading(
             self.coolant_inlet_temperature_k,
             self.coolant_outlet_temperature_k,

@@ -26,7 +26,7 @@ _ALWAYS_KNOWN = frozenset({"time_s", "position_m", "speed_m_s"})
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """Base of tables: each field is a column of shape (n,), a read-only copy of what was given.
+    """Base of tables: each field is a column of shape (n,), a read-only copy of the argument.
 
     Raises:
         StateError: columns of different length, or missing or unknown ones.
@@ -84,7 +84,7 @@ class Trajectory(Columns):
     actuated commands and the mean powers. Row 0 ends no interval: its powers are zero by
     definition, and its acceleration and compressor power are those the run started from.
 
-    Signs and symbols are those of `VehicleState` and `IntervalPowers`. NaN stands for what is not known: the
+    Signs and symbols are those of `VehicleState` and `IntervalPowers`. NaN stands for unknown values: the
     leader in any row, any other column throughout, but never time, position and speed.
 
     Attributes:

@@ -1,7 +1,7 @@
 """User input (files, names, numbers): read strictly, refused in one form.
 
 No mistake hangs or floods the process. Files of the suite (parameter sets, scenarios, studies) are read
-through `StrictMapping`, so that all refusals look alike: where, which key, the value, and what is allowed.
+through `StrictMapping`, so that all refusals look alike: where, which key, the value, and the allowed ones.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ from iptm_ros.services import Service, state_path
 from iptm_ros.topics import PLANT, Topic
 
 SOUND_BRAKES = 0.95
-"""Brakes that deliver a smaller share of what is requested are reported."""
+"""Brakes that deliver a smaller share of the request are reported."""
 
 
 class PlantNode(TripNode):

@@ -1,4 +1,4 @@
-"""The vehicle among its neighbours: in step with those of a string, and its range sensor.
+"""The vehicle among its neighbours: in step with a string, and its range sensor.
 
 Measurements of the vehicle ahead are joined with commands by their stamps.
 """
@@ -134,7 +134,7 @@ class StampedInput:
         *,
         is_awaited: bool,
     ) -> None:
-        """Listen to a topic; `retry` is called when what was waited for may be there."""
+        """Listen to a topic; `retry` is called when the awaited message may be there."""
         self._topic, self._retry = topic, retry
         self._kept: dict[int, LeaderPreview] = {}
         self._awaited_ns = self._given_up_ns = -1
@@ -193,7 +193,7 @@ class NodeRangeSensor:
     def __init__(
         self, node: SuiteNode, options: PlantNodeParameters, retry: Callable[[], None]
     ) -> None:
-        """Listen to both; `retry` is called when what was waited for may be there."""
+        """Listen to both; `retry` is called when the awaited message may be there."""
         self._is_used = options.safety_monitor
         is_awaited = self._is_used and options.mode is LoopMode.LOCK_STEP
         self._samples = StampedInput(

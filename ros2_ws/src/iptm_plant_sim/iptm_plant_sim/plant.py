@@ -168,7 +168,7 @@ class Plant:
         The command passes the actuator limits, the vehicle moves at constant acceleration until it stops
         or meets its top speed, and the pack follows. Where the safety monitor brakes, the acceleration
         follows the service brakes instead. If the pack cannot deliver the power, the drive gives
-        way: the acceleration is cut to what is possible, regardless of the jerk limit.
+        way: the acceleration is cut to the possible one, regardless of the jerk limit.
 
         Raises:
             StateError: the state leads nowhere (not finite or out of range).

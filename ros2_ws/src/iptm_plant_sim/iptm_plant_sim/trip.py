@@ -122,7 +122,7 @@ class PlantTrip:
     def advance(
         self, command: Command | None, source: CommandSource = CommandSource.ANSWER
     ) -> PlantStep:
-        """Drive one interval, None as the controlled stop, and return what is observed at its end."""
+        """Drive one interval, None as the controlled stop, and return the observation at its end."""
         driven = command or self.stop_command()
         step = self.plant.advance(self.step.state, driven, self._period_s)
         before = self.step.memory
@@ -247,7 +247,7 @@ class TimeBetweenTicks:
         self._taken_ns = self._last_ns
 
     def take_ns(self) -> int | None:
-        """Return the present trip time; None where it is not later than what was taken before."""
+        """Return the present trip time; None where it is not later than the one before."""
         passed_ns = round((self._steady_time_s() - self._began_s) * self._rate_factor * NS_PER_S)
         passed_ns = min(passed_ns, self._last_ns)
         if passed_ns <= self._taken_ns:

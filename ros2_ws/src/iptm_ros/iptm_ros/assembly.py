@@ -41,7 +41,7 @@ class AssembledRun:
     """A run put together from messages.
 
     Attributes:
-        trajectory: one row per state, with or without a leader; NaN stands for what was never published.
+        trajectory: one row per state, with or without a leader; NaN: never published.
         incomplete: stamps (ns) between the first and the last state that have a leader, but no state.
     """
 

@@ -53,7 +53,7 @@ class ConnectionsReport:
     """Publishes the connections of a node whenever they have changed.
 
     Attributes:
-        present: what was reported last.
+        present: the last report.
     """
 
     def __init__(self, node: Node) -> None:
@@ -65,7 +65,7 @@ class ConnectionsReport:
         self._publisher = node.create_publisher(DiagnosticStatus, f"~/{_NAME}", LATCHED_QOS)
 
     def look(self) -> None:
-        """Report what has changed; call it every `LOOK_PERIOD_S`."""
+        """Report changes; call it every `LOOK_PERIOD_S`."""
         listeners = self._node.get_subscriptions_info_by_topic
         speakers = self._node.get_publishers_info_by_topic
         has_changed = not self._has_reported

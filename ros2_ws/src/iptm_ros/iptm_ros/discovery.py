@@ -74,7 +74,7 @@ def check_nodes_can_meet(environment: Mapping[str, str] = os.environ) -> None:
 
 
 def _is_dead(server: str) -> bool:
-    """Return whether a host refuses what is sent to a server; one that is silent may be alive."""
+    """Return whether a host refuses datagrams to a server; one that is silent may be alive."""
     address = _SERVER.fullmatch(server)
     if address is None:
         return False

@@ -2,5 +2,5 @@
 
 Conventions: `time_ns` is trip time in integer nanoseconds; `now_ms` and `generated_ms` are TimestampIts in
 ms, `now_ms` is the receiver's clock; `ego_position_m` is the front of the ego vehicle along its road.
-What is received is untrusted: a message that cannot be used is a `Rejection`, never an exception.
+Received data are untrusted: a message that cannot be used is a `Rejection`, never an exception.
 """

@@ -100,7 +100,7 @@ class DatagramSender:
 
 
 class DatagramSource:
-    """Provides, tick by tick, what was received; this one never has anything."""
+    """Provides received datagrams, tick by tick; this one never has any."""
 
     def __init__(self, start_timestamp_ms: int) -> None:
         self._given_start_ms = start_timestamp_ms
@@ -115,7 +115,7 @@ class DatagramSource:
         return its_timestamp_ms(time.time_ns()) - time_ns // NS_PER_MS
 
     def take(self, after_ns: int | None, until_ns: int) -> tuple[Sequence[Received], int]:  # noqa: ARG002
-        """Return what was received after one tick (None: from the beginning) up to another.
+        """Return the datagrams received after one tick (None: from the beginning) up to another.
 
         Returns:
             The datagrams, and how many more had to be dropped unread meanwhile.
@@ -123,7 +123,7 @@ class DatagramSource:
         return (), 0
 
     def missing(self, time_ns: int) -> str:  # noqa: ARG002
-        """Return what is waited for before a tick can be answered, empty if nothing is."""
+        """Return the input that a tick still lacks, empty for none."""
         return ""
 
     def report(self) -> dict[str, object]:
@@ -131,7 +131,7 @@ class DatagramSource:
         return {}
 
     def close(self) -> None:
-        """Give back what is held."""
+        """Release its resources."""
 
 
 MAX_KEPT = 20_000
@@ -188,7 +188,7 @@ class SocketSource(DatagramSource):
         return int(self._socket.getsockname()[1])
 
     def take(self, after_ns: int | None, until_ns: int) -> tuple[Sequence[Received], int]:  # noqa: ARG002
-        """Return what has arrived since the last call; see `DatagramSource`."""
+        """Return the datagrams that have arrived since the last call; see `DatagramSource`."""
         taken = [(until_ns, datagram) for datagram in self._arrived(until_ns)]
         dropped = self._dropped + self._dropped_by_kernel
         since, self._dropped_before = dropped - self._dropped_before, dropped
@@ -274,7 +274,7 @@ class LockStepSource(SocketSource):
         return before
 
     def missing(self, time_ns: int) -> str:
-        """Return what is waited for before a tick can be answered, empty if nothing is."""
+        """Return the input that a tick still lacks, empty for none."""
         if self._ended_ns == time_ns:
             return ""
         before = self._ended_ns is not None and self._ended_ns < time_ns

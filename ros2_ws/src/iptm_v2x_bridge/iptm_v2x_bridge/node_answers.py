@@ -168,7 +168,7 @@ class TickAnswers(ABC, Generic[Trip]):
         """Return what belongs to a trip that begins with a tick, and the bridge that answers its ticks."""
 
     def _awaited(self, trip: Trip, time_ns: int) -> str:  # noqa: ARG002
-        """Take in what has arrived by a tick; return what is waited for, empty for nothing."""
+        """Take in what has arrived by a tick; return the input that it lacks, empty for none."""
         return ""
 
     def _checked(self, trip: Trip, answer: BridgeAnswer) -> BridgeAnswer:  # noqa: ARG002
@@ -183,7 +183,7 @@ class TickAnswers(ABC, Generic[Trip]):
         """Return numbers for the diagnostics."""
 
     def close(self) -> None:
-        """Give back what is held."""
+        """Release its resources."""
 
 
 class CycleAnswers(TickAnswers[V2xBridge]):

@@ -122,10 +122,10 @@ def recording_by_time(
 
 
 class Radio(Protocol):
-    """What is received, without a socket: a recording, or a simulated sender."""
+    """A source without a socket: a recording, or a simulated sender."""
 
     def take(self, after_ns: int | None, until_ns: int) -> tuple[Sequence[Received], int]:
-        """Return what was received in a time; see `DatagramSource`."""
+        """Return the datagrams received in a time; see `DatagramSource`."""
         ...
 
 

@@ -105,7 +105,7 @@ class CamSender:
         Args:
             motion: rear bumper over trip time.
             road: where it drives.
-            settings: what is sent.
+            settings: of the messages.
             start_timestamp_ms: TimestampIts at trip time 0.
             plan: tick (ns) whose message alone carries a path, and end (s) of that; None for the settings.
         """
@@ -174,7 +174,7 @@ class CamSender:
         return [(until_ns, datagram) for _, datagram in arrivals], 0
 
     def departures(self, after_ns: int, until_ns: int) -> list[tuple[int, bytes]]:
-        """Return what is generated in a span of trip time and not lost, with the instants of its arrival."""
+        """Return the messages of a span of trip time that are not lost, with the instants of its arrival."""
         sent = self._sent(after_ns // self._period_ns + 1, until_ns)
         return [(arrival_ns, self.datagram_at(generated_ns)) for arrival_ns, generated_ns in sent]
 
@@ -235,7 +235,7 @@ class PlanSender:
 
         Args:
             road: where it drives.
-            settings: what is sent.
+            settings: of the messages.
             ahead_m: where its rear bumper is on this road when its own position is 0.
             start_timestamp_ms: TimestampIts at trip time 0.
         """

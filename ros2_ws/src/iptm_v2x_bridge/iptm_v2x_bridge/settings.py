@@ -35,7 +35,7 @@ LOCALHOST = "127.0.0.1"
 
 
 class Expectation(TextEnum):
-    """What is expected of a leader of whose future nothing is known."""
+    """The expectation for a leader of whose future nothing is known."""
 
     HISTORY = "history"
     """Its acceleration decays."""
@@ -234,7 +234,7 @@ MAX_POINT_INTERVAL_S = 12.6
 
 @dataclass(frozen=True)
 class SenderSettings(Settings):
-    """What is sent.
+    """Settings of the messages.
 
     Raises:
         ParameterError: a value is out of range, or too few points for the length of the path.

@@ -50,7 +50,7 @@ COMMANDS = {
 
 
 def all_commands() -> dict[str, Entry]:
-    """Return the commands of the suite, then those of extras.
+    """Return the commands of the suite, then of extras.
 
     The module ``extra_commands`` of an extra has a mapping ``COMMANDS`` of names to function and summary.
     """

@@ -82,7 +82,7 @@ class NodeDrive(AbstractContextManager["NodeDrive"]):
         executor: runs the monitors.
         progress: shows how far it is.
         stop: set when the user requests a stop.
-        process_faults: what is done to the processes on purpose.
+        process_faults: faults of the processes.
         trip: what the first vehicle drives.
         plants: names of the processes with plants.
     """

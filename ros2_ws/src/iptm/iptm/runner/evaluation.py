@@ -49,9 +49,9 @@ def evaluate(
     """Compute the results of a run.
 
     Args:
-        trip: what was to be driven.
+        trip: the requested trip.
         heard: serialised messages received by the runner, by topic.
-        bag: what was recorded, None if nothing was.
+        bag: of the run, None without one.
         information: revision and versions, used without a bag.
         wall_time_s: from the beginning of the trip to its last clock.
         problems: problems found so far.
@@ -158,7 +158,7 @@ def _broken_limits(metrics: RunMetrics) -> list[str]:
 
 
 def results_json(run: Run, trip: Trip) -> str:
-    """Return a run as JSON text; what is unknown (NaN) becomes null."""
+    """Return a run as JSON text; unknown values (NaN) become null."""
     values, other, summary = run.figures, run.other, headline(run)
     information = run.information
     document = {

@@ -83,7 +83,7 @@ class ProcessFaults:
         clocks: int = 0,
         is_doubled: Callable[[str], bool] = lambda _: True,
     ) -> None:
-        """Do what is due.
+        """Do the actions that are due.
 
         Args:
             time_ns: newest trip time, None before the first tick.

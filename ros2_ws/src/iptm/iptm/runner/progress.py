@@ -71,7 +71,7 @@ class ConsoleProgress(Progress):
             self._print(self._state(snapshot, wall_s))
 
     def failed(self, reason: str) -> None:
-        """Print it as an error below what was shown."""
+        """Print it as an error below the display."""
         self.close()
         print_error(PROGRAM, reason)
 

@@ -335,7 +335,7 @@ def drive_over_ros(trip: Trip, bag: Path | None = None) -> Run:
     """Drive a trip with processes of its own and return the run; see `iptm.drive`.
 
     Args:
-        trip: what is driven.
+        trip: the trip to drive.
         bag: folder to create, with bag and logs; None to keep nothing.
 
     Raises:

@@ -37,7 +37,7 @@ def live_view(
     """Show a run in the browser until the context ends; it continues where the view fails.
 
     Args:
-        trip: what is driven.
+        trip: the trip to drive.
         domain: ROS domain of the run.
         logs: folder for its log and the information about the run.
         bags: of each vehicle by namespace, "" for none; read when complete, None if nothing is recorded.

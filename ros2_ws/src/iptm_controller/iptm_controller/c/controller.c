@@ -137,7 +137,7 @@ static iptm_rung fall_back(iptm_memory *memory, const iptm_vehicle *vehicle,
   return IPTM_STOP;
 }
 
-/* Limit a command relative to the state, or to what was last trusted or commanded. */
+/* Limit a command relative to the state, or to the one last trusted or commanded. */
 static void limit(iptm_memory *memory, const iptm_vehicle *vehicle, iptm_decision *decision) {
   if (vehicle != NULL) {
     memory->trusted = *vehicle;

@@ -27,7 +27,7 @@ typedef enum {
   IPTM_STOP = 3
 } iptm_rung;
 
-/* What is measured and known at a tick. */
+/* Inputs of a tick. */
 typedef struct {
   const iptm_vehicle *vehicle; /* NULL: nothing is measured */
   const iptm_leader *leader;   /* as measured; NULL: no leader is measured */
@@ -41,7 +41,7 @@ typedef struct {
   double until_s;               /* reading of the clock at which the solver stops */
 } iptm_inputs;
 
-/* What is carried from tick to tick. All zero begins a trip. */
+/* State carried from tick to tick. All zero begins a trip. */
 typedef struct {
   int has_plan, failures, has_trusted, has_solved, since_second, has_begun;
   double begun_s, begun_loss;  /* time and losses of both cells where the trip began */

@@ -190,7 +190,7 @@ static void observe(const iptm_forecaster *forecaster, iptm_forecast_memory *mem
   }
 }
 
-/* Quality: what is wrong with a preview. */
+/* Quality: faults of a preview. */
 
 static int known_nodes(const iptm_motion *preview) {
   int known = 0;

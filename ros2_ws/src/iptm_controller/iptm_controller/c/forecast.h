@@ -27,7 +27,7 @@ typedef struct {
   int past_room, preview_room; /* nodes */
 } iptm_forecaster;
 
-/* What is carried from tick to tick. All zero, but for the arrays, begins a trip. */
+/* State carried from tick to tick. All zero, but for the arrays, begins a trip. */
 typedef struct {
   int past;                 /* leaders measured in the last seconds */
   int errors;               /* ticks in errors_m_s */

@@ -15,7 +15,7 @@ enum {
   IPTM_LIMIT_POWER_RATE = 64
 };
 
-/* Limit a command relative to what is actuated now; returns the bounds that changed it. */
+/* Limit a command relative to the actuated one; returns the bounds that changed it. */
 unsigned iptm_limit_command(const iptm_limits *limits, const iptm_vehicle *vehicle,
                             iptm_command *command);
 

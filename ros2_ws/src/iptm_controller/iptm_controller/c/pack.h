@@ -25,7 +25,7 @@ typedef struct {
   iptm_sensor sensors[2];
 } iptm_pack_memory;
 
-/* What is measured and expected of coolant and compressor at a tick. */
+/* Measured and expected values of coolant and compressor at a tick. */
 typedef struct {
   double inlet_k, outlet_k, rates_k_s[2], cooling_w, asked_w;
 } iptm_pack_reading;

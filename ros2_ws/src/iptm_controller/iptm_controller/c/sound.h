@@ -9,7 +9,7 @@ enum { IPTM_UNSOUND_MOTION = 1, IPTM_UNSOUND_PACK = 2, IPTM_UNSOUND_LEADER = 4, 
 
 /* Return bits; 0 where all is sound. Times and positions of both vehicles, and a road, are needed for a plan.
  *
- * lowest, highest: what is plausible of a vehicle. leader: may be NULL. A preview is judged by
+ * lowest, highest: plausible bounds of a vehicle. leader: may be NULL. A preview is judged by
  * iptm_forecast_leader. */
 unsigned iptm_unsound(const iptm_grid *grid, const iptm_vehicle *lowest, const iptm_vehicle *highest,
                       const iptm_vehicle *vehicle, const iptm_leader *leader, const iptm_ahead *ahead);

@@ -1,4 +1,4 @@
-/* What is measured of the ego vehicle, what it is told, and what it can do. */
+/* The ego vehicle: measurements, commands, abilities. */
 #ifndef IPTM_VEHICLE_H
 #define IPTM_VEHICLE_H
 

@@ -63,7 +63,7 @@ class ProblemDataBuilder:
         model: ModelParameters,
         tick_s: float = math.inf,
     ) -> None:
-        """Set up what is the same for all problems.
+        """Set up the common parts of all problems.
 
         Args:
             tick_s: sampling time of the loop; the gap is watched at this interval inside steps that are
@@ -131,7 +131,7 @@ class ProblemDataBuilder:
             expected_speeds_m_s: expected speeds of the ego vehicle at the nodes, shape (N + 1,); for
                 ticks shorter than the steps.
             limiting: motion that the gap limits hold for at the nodes; None for the leader's motion.
-            speed_limits_m_s: of the road at the ends of the motion steps, None where there is none.
+            speed_limits_m_s: of the road at the ends of the motion steps, None for none.
             charge_w: largest charging power of the pack, which counts where the pack has limits.
             follows: a lead vehicle is ahead, not only rules of the road; a desired gap to it has its price.
         """
@@ -263,7 +263,7 @@ class ProblemDataBuilder:
     def _lower_temperature_limit(self, state: VehicleState) -> tuple[float, float]:
         """Return the lower temperature limit as a reason not to cool, and never one to heat.
 
-        Both parts depend on what is measured and not on what is planned. Cells at the limit put a price on
+        Both parts depend on measurements, not on the plan. Cells at the limit put a price on
         running the compressor, which as an exact penalty switches it off. From above, cell 1 may be cooled
         down to a margin; from below, it may stay as it is, less a margin for what charging takes from a cell
         without any cooling.

@@ -54,7 +54,7 @@ class OptimalControlProblem:
 
 @dataclass(frozen=True)
 class Bounds:
-    """Bounds of variables and rows in scaled units; infinite where there is none."""
+    """Bounds of variables and rows in scaled units; infinite for none."""
 
     variables_low: FloatArray
     variables_high: FloatArray

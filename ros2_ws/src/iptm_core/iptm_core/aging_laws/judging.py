@@ -127,7 +127,7 @@ class Exposure:
 def loss_by_law(law: AgingLaw, exposure: Exposure) -> float:
     """Return the capacity lost by a new cell in `DAYS` of a use, as a share of nominal capacity.
 
-    Depth of discharge and mean C-rates are those of a trip with its charging.
+    Depth of discharge and mean C-rates hold for a trip with its charging.
     """
     use = exposure.repeated(1)
     steps_s = np.diff(use.time_s)

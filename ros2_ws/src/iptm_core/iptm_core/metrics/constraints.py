@@ -215,7 +215,7 @@ class Concern(Enum):
 
 @dataclass(frozen=True)
 class Situation:
-    """What is watched, at one instant (floats) or at all of a run (arrays of shape (n,))."""
+    """Watched quantities, at one instant (floats) or at all of a run (arrays of shape (n,))."""
 
     gap_m: Scalar
     speed_m_s: Scalar

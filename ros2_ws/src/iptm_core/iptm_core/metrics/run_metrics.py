@@ -27,7 +27,7 @@ from iptm_core.trajectory import Trajectory
 
 @dataclass(frozen=True)
 class RunMetrics:
-    """What a run achieved; what is not known is NaN.
+    """What a run achieved; unknown figures are NaN.
 
     Attributes:
         cooling_energy_j: integral of abs(P_cp) + P_aux: a heater counts.

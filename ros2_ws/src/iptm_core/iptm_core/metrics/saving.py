@@ -344,7 +344,7 @@ def judge_saving(
         parameters: of the vehicle.
         of_other: of the vehicle of the other run; None for the same.
         preview: that the run had, in words.
-        late: whether ticks in real time were late, so that what was driven was a matter of the machine.
+        late: whether ticks in real time were late, so that the drive depended on the machine.
         repeat: drives the trip over and over with both, own first; called only where that is needed, and None
             where it is not possible.
     """

@@ -41,7 +41,7 @@ _EPA = "EPA list of test cars, model year 2022"
 
 @dataclass(frozen=True)
 class Car:
-    """What is published about a car: a row of ``cars.csv``, in the units of the source.
+    """Published data of a car: a row of ``cars.csv``, in the units of the source.
 
     Attributes:
         turns_per_min_mph: speed of the motor over the speed of the car.
@@ -83,7 +83,7 @@ class Car:
 
 @dataclass(frozen=True)
 class Cell:
-    """What is published about a cell: a row of ``cells.csv``.
+    """Published data of a cell: a row of ``cells.csv``.
 
     Attributes:
         celsius: temperature of ``resistance_ohm``, which changes from there as

@@ -79,7 +79,7 @@ def load_parameters(
 ) -> ParameterSet:
     """Load parameters, apply overrides, and check everything.
 
-    Whatever is wrong ends in a `ParameterError` with the file, the dotted key, the value and what is allowed.
+    Whatever is wrong ends in a `ParameterError` with the file, the dotted key, value and allowed ones.
 
     Args:
         name_or_path: name of a shipped set (see ``available_parameter_sets``) or path of a YAML file.

@@ -112,7 +112,7 @@ class BufferedFunction:
     def __init__(
         self, function: ca.Function, memory: Mapping[str, FloatArray] | None = None
     ) -> None:
-        """Allocate what is not given.
+        """Allocate the buffers that are not given.
 
         Args:
             memory: arrays to use for arguments and results of these names, so that the results of one

@@ -137,7 +137,7 @@ class RouteSegment:
     """One stretch of a route: which cycle is driven there and how hilly it is.
 
     Attributes:
-        name: what is driven, for example ``"1: us06 S"``.
+        name: of the segment, for example ``"1: us06 S"``.
         slope_kind: ``"flat"``, ``"small"``, ``"large"`` or ``"measured"``.
         start_m: distance that the leader has travelled at ``start_s``; the stretch of road with
             this slope starts at the same road position (0 = start of the ego vehicle).

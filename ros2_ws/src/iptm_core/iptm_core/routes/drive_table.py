@@ -81,7 +81,7 @@ class DriveTable:
         return self.having(time_s=times - times[0])
 
     def plane(self) -> FloatArray | None:
-        """Return places in a plane, shape (n, 2), NaN where there is none; None without any."""
+        """Return places in a plane, shape (n, 2), NaN for none; None without any."""
         columns = self.columns
         if "latitude_deg" in columns:
             latitudes = columns["latitude_deg"]

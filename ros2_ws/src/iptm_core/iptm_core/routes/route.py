@@ -69,7 +69,7 @@ class Route:
         slope: road slope over position; position 0 is where the ego vehicle starts.
         segments: stretches in driving order, covering the whole cycle without gaps.
         road_line: where the road lies on Earth; a straight test road for cycles that were driven on none.
-        notes: what was repaired in the file of the drive.
+        notes: repairs of the drive's file.
     """
 
     name: str

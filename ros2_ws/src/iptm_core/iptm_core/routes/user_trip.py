@@ -20,8 +20,8 @@ class UserTrip:
     Attributes:
         cycle: speed at 1 Hz.
         slope: slope of its road (position 0 is the start of the trip), None if not in the file.
-        drive: what was read out of a recorded drive, None for a plain table.
-        notes: what was repaired, or left out.
+        drive: raw points of a recorded drive, None for a plain table.
+        notes: repairs and omissions.
         launch_s: length of the launch ramp in front of the drive.
     """
 

@@ -12,7 +12,7 @@ iptm_generated sub_step, interval_end;
  *
  * numbers: of the model. held: compressor power, charge and bounds, constant in the interval.
  * lengths_s, accelerations_m_s2: n; slopes_rad: 2 n + 1; speeds_m_s: 3 n.
- * found: VALUES, at the start before and at the end after; then what is known at the end. */
+ * found: VALUES, at the start before and at the end after; then electrics at the end. */
 void iptm_integrate(int n, double *numbers, const double *held, const double *lengths_s,
                     const double *accelerations_m_s2, const double *slopes_rad,
                     const double *speeds_m_s, double *found) {

@@ -8,7 +8,7 @@
 
 #include <stdbool.h>
 
-/* Settings of the monitor and what is stated of the brakes. */
+/* Settings of the monitor and the stated brakes. */
 typedef struct {
   double reaction_s, release_reaction_s, hold_s, margin_m, gap_accuracy_m, lead_speed_accuracy_m_s;
   double brake_delay_s, brake_build_up_m_s3;
@@ -25,7 +25,7 @@ typedef struct {
   bool descends;
 } iptm_road_braking;
 
-/* What is carried from one instant to the next. All zero but a brake share of 1 begins a trip. */
+/* State carried from one instant to the next. All zero but a brake share of 1 begins a trip. */
 typedef struct {
   bool braking; /* the monitor brakes */
   bool gently;  /* with what a slippery road gives, not fully */

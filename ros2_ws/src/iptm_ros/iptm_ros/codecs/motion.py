@@ -100,7 +100,7 @@ def table_bytes(
 
 @lru_cache(maxsize=64)
 def _form(names: tuple[str, ...], frame: str) -> tuple[bytes, bytes]:
-    """Return what is before the number of points, and what is between it and the size of their data."""
+    """Return the bytes before the number of points, and those between it and the size of their data."""
     fields, row = _layout(names)
     writer = Writer(frame)
     writer.put("I", 1)  # height
@@ -161,7 +161,7 @@ def decode_table(
 
     Args:
         topic: gives the names of the columns.
-        message: the table, or what was read from its bytes.
+        message: the table, or the numbers in its bytes.
         optional: columns that may be missing.
 
     Raises:

@@ -31,7 +31,7 @@ REPEATED: Mapping[Topic, Topic] = MappingProxyType(
 
 
 def numbers_of_state(state: Sequence[float]) -> dict[Topic, Sequence[float]]:
-    """Return the numbers of the messages that repeat a state, from those of the state."""
+    """Return the numbers of the messages that repeat a state."""
     found: dict[Topic, Sequence[float]] = {
         topic: (state[place] - CELSIUS_ZERO_K,) for topic, place in _TEMPERATURES.items()
     }

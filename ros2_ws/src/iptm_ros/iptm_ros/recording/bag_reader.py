@@ -31,7 +31,7 @@ class BagReader(AbstractContextManager["BagReader"]):
     """A bag opened for reading; use it as a context manager or call `close`.
 
     Attributes:
-        path: what was opened.
+        path: of the bag.
         topics: recorded topics by name.
 
     Raises:

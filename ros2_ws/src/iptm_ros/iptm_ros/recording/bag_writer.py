@@ -230,10 +230,10 @@ class BagWriter(AbstractContextManager["BagWriter"]):
         )
 
     def _failed(self, error: Exception) -> BagError:
-        """Return the error to raise; nothing more can be written, not even what is buffered."""
+        """Return the error to raise; nothing more can be written, not even the buffer."""
         self._file.abandon()
         return BagError(f"cannot write to {self._file.path}: {error}")
 
     def __exit__(self, *error: object) -> None:
-        """Close the bag, after an error as well: what was written can be read."""
+        """Close the bag, after an error as well: the written part can be read."""
         self.close()

@@ -157,7 +157,7 @@ class McapFile:
         self._file.close()
 
     def abandon(self) -> None:
-        """Close a file that cannot be written any more, without what is still buffered."""
+        """Close a file that cannot be written any more, without the buffer."""
         self._file.raw.close()
 
     def _count_chunk(self) -> None:

@@ -70,7 +70,7 @@ class Playback:
         bag_start_ns: recorded time from which offsets count.
         start_ns: recorded time of the begin of the part.
         end_ns: recorded time of its end.
-        topics: what is played.
+        topics: the played ones.
 
     Raises:
         BagError: the bag is empty, a pattern matches no topic, or the part holds no message.

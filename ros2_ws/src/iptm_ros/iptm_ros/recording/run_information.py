@@ -113,7 +113,7 @@ class RunInformation:
 
     @classmethod
     def from_custom_data(cls, custom_data: Mapping[str, str]) -> RunInformation:
-        """Read the texts of a bag; what is missing (another recorder) keeps its default."""
+        """Read the texts of a bag; missing ones (another recorder) keep their defaults."""
         rest = {str(key): str(value) for key, value in custom_data.items()}
         seed_text = rest.pop("seed", "")
         try:

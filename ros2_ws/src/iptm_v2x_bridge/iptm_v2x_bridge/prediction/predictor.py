@@ -54,7 +54,7 @@ class Observation:
 
 @dataclass(frozen=True)
 class LeaderTrack:
-    """Input of a predictor: what has been received of the leader.
+    """Input of a predictor: received data of the leader.
 
     Attributes:
         observations: oldest first, at least one.

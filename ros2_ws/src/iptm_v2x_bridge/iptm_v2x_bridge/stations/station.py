@@ -137,7 +137,7 @@ class Station:
     def refusal(self, heard: Heard) -> Rejection | None:
         """Return why a message cannot be the next one of this station, None if it can.
 
-        `DUPLICATE` and `OLDER` are repetitions that agree with what is known; other reasons contradict it.
+        `DUPLICATE` and `OLDER` are repetitions that agree with it; other reasons contradict it.
         """
         elapsed_ms = heard.generated_ms - self.generated_ms
         if elapsed_ms > 0:
