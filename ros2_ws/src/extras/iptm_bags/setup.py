@@ -11,7 +11,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
-    install_requires=["setuptools", "mcap>=1.6"],
+    install_requires=["setuptools", "mcap>=1.6", "PyYAML>=6.0"],
     extras_require={"test": ["pytest"]},
     python_requires=">=3.10",
     zip_safe=False,

@@ -1,4 +1,4 @@
-"""Commands that read bags: `info`, `compare`, `export` and `check`.
+"""Commands that read bags: `info`, `compare` and `export`.
 
 What they need is imported where it is used: their ``--help`` is there at once.
 """
@@ -9,9 +9,9 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from iptm_core.errors import BagError, IptmError, ScenarioError, StoreError
+from iptm_core.errors import BagError, IptmError, StoreError
 from iptm_core.program import EXIT_OK, refused
 from iptm_core.user_input import number
 
@@ -23,13 +23,14 @@ if TYPE_CHECKING:
 
     from iptm.comparison import Comparison
 
-INFO, COMPARE, EXPORT, CHECK = (f"iptm {name}" for name in ("info", "compare", "export", "check"))
+INFO, COMPARE, EXPORT = (f"iptm {name}" for name in ("info", "compare", "export"))
 EXIT_DIFFERENT = 1
 PIPE_WIDTH = 160
 _BAG = "bag folder or file"
 
 
-def _console() -> Console:
+def console_of_width() -> Console:
+    """Return a console as wide as the terminal, or as a table needs."""
     from rich.console import Console
 
     # A pipe has no width of its own.
@@ -53,7 +54,7 @@ def info(arguments: Sequence[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     from iptm_ros.recording.bag_info import print_information
 
-    console = _console()
+    console = console_of_width()
     try:
         for path in given.bag:
             print_information(
@@ -135,7 +136,7 @@ def _compare_messages(given: argparse.Namespace) -> int:
         tolerance=NumberTolerance(given.absolute or 0.0, given.relative or 0.0),
         ignored_fields=DEFAULT_IGNORED_FIELDS if given.ignore is None else given.ignore,
     )
-    console = _console()
+    console = console_of_width()
     agree = print_comparison(comparison, console)
     console.print("the bags agree" if agree else "the bags differ")
     return EXIT_OK if agree else EXIT_DIFFERENT
@@ -161,7 +162,7 @@ def _print_figures(comparison: Comparison) -> None:
 
     from iptm.report import figure_table, outcome_lines
 
-    console = _console()
+    console = console_of_width()
     for line in comparison.headlines:
         console.print(Text(line, "bold"), soft_wrap=True)
     for label, run in comparison.runs.items():
@@ -224,66 +225,3 @@ def export(arguments: Sequence[str] | None = None) -> int:
         return refused(EXPORT, error)
     print(f"{table.num_rows} rows, {table.num_columns} columns in {given.output}")
     return EXIT_OK
-
-
-def check(arguments: Sequence[str] | None = None) -> int:
-    """Check a node against a bag.
-
-    Returns:
-        0 when it answers as recorded, 1 when not, 2 when that cannot be found out.
-    """
-    parser = argparse.ArgumentParser(
-        CHECK,
-        description="Feed a new node the inputs of a bag, and compare its answers with the recorded ones."
-        " Ends with 0 when it agrees, 1 when not, 2 when that cannot be found out.",
-    )
-    parser.add_argument("node", help="plant, v2x_bridge or controller")
-    parser.add_argument("bag", type=Path, help=f"{_BAG}, recorded in lock-step")
-    parser.add_argument("--namespace", help="of the vehicle; needed only if the bag holds several")
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="a parameter of the node to change against the recorded one; repeatable",
-    )
-    for name in ("absolute", "relative"):
-        parser.add_argument(f"--{name}", type=number, help=f"{name} tolerance of all numbers")
-    given = parser.parse_args(arguments)
-    from iptm.runner.replay_check import check_node, tolerances_text
-    from iptm.trip_settings import NODES
-    from iptm_core.user_input import check_known
-    from iptm_ros.recording.compare_bags import NumberTolerance, print_comparison
-
-    tolerances = [given.absolute, given.relative]
-    stated = any(each is not None for each in tolerances)
-    tolerance = NumberTolerance(*(each or 0.0 for each in tolerances)) if stated else None
-    console = _console()
-    try:
-        check_known(given.node, NODES, CHECK, "node", ScenarioError)
-        changes = dict(map(_assignment, given.set))
-        with console.status(f"feeding {given.node} ...") as status:
-            comparison = check_node(
-                given.bag,
-                given.node,
-                namespace=given.namespace,
-                changes=changes,
-                tolerance=tolerance,
-                on_tick=lambda done, count: status.update(f"tick {done} of {count}"),
-            )
-    except IptmError as error:
-        return refused(CHECK, error)
-    agrees = print_comparison(comparison, console)
-    verdict = "answers as recorded" if agrees else "does not answer as recorded"
-    text = tolerances_text(tolerance)
-    console.print(f"{given.node} {verdict}; tolerance {text}", highlight=False)
-    return EXIT_OK if agrees else EXIT_DIFFERENT
-
-
-def _assignment(text: str) -> tuple[str, Any]:
-    from iptm_core.parameters.strict_yaml import parse_yaml
-
-    name, separator, value = text.partition("=")
-    if not (name and separator):
-        raise ScenarioError(f"option --set is {text!r}; allowed: NAME=VALUE")
-    return name, parse_yaml(value, "option --set", ScenarioError) if value else ""

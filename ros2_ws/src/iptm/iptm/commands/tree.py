@@ -42,7 +42,6 @@ COMMANDS = {
     "export": Entry("iptm.commands.bags:export", "write a run or a topic as CSV or Parquet"),
     "record": Entry("iptm_ros.recording.recorder_cli:main", "record topics into a bag"),
     "replay": Entry("iptm_ros.recording.player_cli:main", "play a bag with its recorded timing"),
-    "check": Entry("iptm.commands.bags:check", "compare a node with what it answered in a bag"),
     "send": Entry("iptm.commands.send:main", "send a drive as V2X messages (ETSI CAM)"),
     "call": Entry("iptm_ros.call:main", "call a service of a node: pause, step, reset, save"),
     "param": Entry("iptm_ros.param:main", "read and set parameters of nodes"),

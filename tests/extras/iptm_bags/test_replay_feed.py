@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from iptm.runner.replay_check import copy_without_repeats
+from iptm_bags.replay_check import copy_without_repeats
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.bag_writer import BagWriter
 

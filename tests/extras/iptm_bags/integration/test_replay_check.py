@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 from std_msgs.msg import Float64
 
-from iptm.runner.replay_check import check_node
-from iptm.runner.replay_inputs import OUTPUTS, read_recorded
+from iptm_bags.replay_check import check_node
+from iptm_bags.replay_inputs import OUTPUTS, read_recorded
 from iptm_core.decision_record import DrivingMode
 from iptm_core.errors import BagError, ScenarioError
 from iptm_ros.codecs.cdr import serialized
@@ -19,7 +19,7 @@ from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.bag_writer import BagWriter
 from iptm_ros.topics import TOPICS, Topic
 
-BAG = Path(__file__).resolve().parents[2] / "bags" / "example_us06_120s"
+BAG = Path(__file__).resolve().parents[4] / "bags" / "example_us06_120s"
 CHANGES = {"controller": "body.mass_kg=1700", "plant": "aging.pre_exponential_factor=0.0033"}
 
 

@@ -20,9 +20,9 @@ from rclpy.experimental import EventsExecutor
 from rclpy.publisher import Publisher
 
 from iptm.runner.composition import node_command, parameter_file_text
-from iptm.runner.replay_inputs import FINAL_ANSWER, OUTPUTS, read_recorded
 from iptm.runner.supervisor import Supervisor, environment_of_run, process_environment
 from iptm.trip_files import still_known
+from iptm_bags.replay_inputs import FINAL_ANSWER, OUTPUTS, read_recorded
 from iptm_core.errors import ScenarioError
 from iptm_ros.connections import StartSignal
 from iptm_ros.discovery import reserve_domain
