@@ -24,6 +24,7 @@ from studies.collisions.families import (
     PUBLISHED,
     TWO,
     Draw,
+    Family,
     Motion,
 )
 from studies.collisions.recorded import STEP_S, RecordedPlant
@@ -245,19 +246,24 @@ class Setting:
         return f"{self.family}, {self.headway}, radio {self.radio}"
 
 
-def trial(setting: Setting, drive: str, seed: tuple[int, ...]) -> dict[str, Any]:
-    """Drive one trial and return its row."""
+def trial(
+    setting: Setting,
+    drive: str,
+    seed: tuple[int, ...],
+    families: Mapping[str, Family] = FAMILIES,
+) -> dict[str, Any]:
+    """Drive one trial of a family and return its row."""
     random = np.random.default_rng([*seed, zlib.crc32(setting.family.encode())])
     values = _parameters(setting.headway)
     motion, at_s = undisturbed(random, drive, values.gap.initial_gap_m)
-    draw = FAMILIES[setting.family](random, motion, at_s, LEAD_M_S2)
+    draw = families[setting.family](random, motion, at_s, LEAD_M_S2)
     car = draw.car
     slope_rad, friction = math.atan(car.get("slope", 0.0)), car.get("friction", 0.0)
     if friction:
         at_most = tyre_deceleration_m_s2(friction, slope_rad)
         speeds = _softened(motion.speeds_m_s * min(1.0, 0.4 + 2.0 * friction), 0.8 * at_most)
         motion = Motion.of(values.gap.initial_gap_m, speeds)
-        draw = FAMILIES[setting.family](random, motion, at_s, at_most)
+        draw = families[setting.family](random, motion, at_s, at_most)
         draw = replace(draw, car=car)
     duration_s = math.ceil(at_s + AFTER_S)
     route = replace(_route(drive), duration_s=float(duration_s))

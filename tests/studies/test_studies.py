@@ -37,6 +37,7 @@ MORE = {
     # Trials over ROS 2 are read as messages.
     "trial.py": {"iptm_ros"},
     "traffic": {"iptm_traffic"},
+    "chain": {"iptm_its"},
     "v2x/prediction.py": {"iptm_traffic"},
     "validation": {"scipy"},
     "validation/drivers.py": {"iptm_drives"},

@@ -6,7 +6,7 @@ setup(
     name=PACKAGE,
     version="0.3.0",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={PACKAGE: ["py.typed"]},
+    package_data={PACKAGE: ["py.typed", "car_following.json"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
@@ -22,6 +22,6 @@ setup(
     zip_safe=False,
     maintainer="iptm maintainers",
     maintainer_email="maintainers@iptm.example.org",
-    description="Signatures, messages of roadside stations and captures of traffic for the V2X bridge",
+    description="Signatures, roadside stations, captures, the chain of vehicles ahead for the V2X bridge",
     license="Apache-2.0",
 )

@@ -1,6 +1,6 @@
-"""What an extra adds to the bridge: verified signatures, messages of roadside stations, captures of traffic.
+"""What an extra adds: verified signatures, roadside stations, captures, the chain of vehicles ahead.
 
-Its module ``extra_v2x`` has the functions `read_capture`, `verifier` and `roadside_rules`.
+Its module ``extra_v2x`` has the functions `read_capture`, `verifier`, `roadside_rules` and `chain`.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 from iptm_core.errors import ParameterError
 from iptm_core.extras import offered
+from iptm_v2x_bridge.bridge import TickBridge
 from iptm_v2x_bridge.messages.packets import OpenedDatagram
 from iptm_v2x_bridge.prediction.road_rules import RoadRules
 from iptm_v2x_bridge.rejections import Rejection, RejectionCounts
@@ -74,6 +75,14 @@ class RoadsideRules(Protocol):
 
     def refresh(self, now_ms: int, ego_position_m: float) -> None:
         """Bring the rules up to date."""
+
+    def report(self) -> dict[str, object]:
+        """Return numbers for the diagnostics."""
+        ...
+
+
+class ReportingBridge(TickBridge, Protocol):
+    """A bridge that reports."""
 
     def report(self) -> dict[str, object]:
         """Return numbers for the diagnostics."""

@@ -171,7 +171,7 @@ class BridgeNode(SuiteNode):
         return self._preview_situation(answer)
 
     def _preview_situation(self, answer: BridgeAnswer) -> tuple[Level, str]:
-        if self._options.leader_source is LeaderSource.RANGE_SENSOR:
+        if self._options.leader_source is LeaderSource.RANGE_SENSOR and not answer.predictor:
             return Level.OK, "leader by the range sensor, no preview"
         if self._options.preview_mode is PreviewMode.NONE:
             return Level.OK, "leader only, no preview by choice"

@@ -30,10 +30,11 @@ from iptm_v2x_bridge.datagrams import (
     Received,
     SocketSource,
 )
-from iptm_v2x_bridge.its import CAPTURE_SUFFIXES, extra_for
+from iptm_v2x_bridge.its import CAPTURE_SUFFIXES, ReportingBridge, extra_for
 from iptm_v2x_bridge.messages.cam import specification
 from iptm_v2x_bridge.messages.packets import its_timestamp_ms
-from iptm_v2x_bridge.node_answers import AnswerContext, TickAnswers
+from iptm_v2x_bridge.node_answers import AnswerContext, TickAnswers, Trip
+from iptm_v2x_bridge.prediction.road_rules import RoadRules
 from iptm_v2x_bridge.range_sensor import RangeSensorBridge
 from iptm_v2x_bridge.settings import CamSettings
 
@@ -204,7 +205,30 @@ class _Sensor:
         }
 
 
-class RangeSensorAnswers(TickAnswers[RangeSensorBridge]):
+class _Chained(TickAnswers[Trip]):
+    """Answers that what is ahead of the leader can complete."""
+
+    _chain: ReportingBridge | None = None
+
+    def _chained(
+        self,
+        inner: TickBridge,
+        sensor: RangeSensorBridge | None,
+        messages: CamBridge | None = None,
+        rules: tuple[RoadRules, RoadRules] | None = None,
+    ) -> TickBridge:
+        """Return a bridge that forecasts the leader by the chain ahead; the same one where none is asked."""
+        options = self._options
+        if not options.chain_ahead:
+            return inner
+        self._chain = options.build_chain(inner, options, sensor, messages, rules)
+        return self._chain
+
+    def _chain_report(self) -> dict[str, object]:
+        return {} if self._chain is None else self._chain.report()
+
+
+class RangeSensorAnswers(_Chained[RangeSensorBridge]):
     """The leader is what a range sensor measures; a tick is answered with the measurement nearest to it."""
 
     def __init__(self, context: AnswerContext) -> None:
@@ -213,17 +237,17 @@ class RangeSensorAnswers(TickAnswers[RangeSensorBridge]):
 
     def _start(self, time_ns: int) -> tuple[RangeSensorBridge, TickBridge]:  # noqa: ARG002
         bridge = self._sensor.begin_trip()
-        return bridge, self._with_rules(bridge)
+        return bridge, self._with_rules(self._chained(bridge, bridge))
 
     def _awaited(self, trip: RangeSensorBridge, time_ns: int) -> str:  # noqa: ARG002
         return self._sensor.missing(time_ns)
 
     def report(self) -> dict[str, object]:
         """Return numbers for the diagnostics."""
-        return self._sensor.report()
+        return self._sensor.report() | self._chain_report()
 
 
-class CamAnswers(TickAnswers[CamBridge]):
+class CamAnswers(_Chained[CamBridge]):
     """Answers from received messages of the leader.
 
     A tick is answered when the ego vehicle's position of the same stamp is known and, in lock-step, after the
@@ -270,11 +294,17 @@ class CamAnswers(TickAnswers[CamBridge]):
             verifier=self._verifier,
         )
         joined = self._joined(bridge)
-        return bridge, self._with_rules(joined, heard.ego if heard else None, start_ms)
+        rules = (heard.leader, heard.ego) if heard else (self._given, self._given)
+        chained = self._chained(joined, self._sensor_bridge(), bridge, rules)
+        return bridge, self._with_rules(chained, heard.ego if heard else None, start_ms)
 
     def _joined(self, bridge: CamBridge) -> TickBridge:
         """Return the bridge of the messages, joined with other sources."""
         return bridge
+
+    def _sensor_bridge(self) -> RangeSensorBridge | None:
+        """Return the bridge of a range sensor, None without one."""
+        return None
 
     def _awaited(self, trip: CamBridge, time_ns: int) -> str:
         self._read(trip, time_ns)
@@ -304,7 +334,8 @@ class CamAnswers(TickAnswers[CamBridge]):
 
     def report(self) -> dict[str, object]:
         """Return numbers for the diagnostics."""
-        return self._datagrams.report() | (self._trip[0].report() if self._trip else {})
+        trip = self._trip[0].report() if self._trip else {}
+        return self._datagrams.report() | trip | self._chain_report()
 
     def close(self) -> None:
         """Give the socket back."""
@@ -320,6 +351,9 @@ class JoinedAnswers(CamAnswers):
 
     def _joined(self, bridge: CamBridge) -> TickBridge:
         return self._sensor.begin_trip(bridge)
+
+    def _sensor_bridge(self) -> RangeSensorBridge | None:
+        return self._sensor.bridge
 
     def _awaited(self, trip: CamBridge, time_ns: int) -> str:
         return super()._awaited(trip, time_ns) or self._sensor.missing(time_ns)

@@ -82,20 +82,29 @@ class RangeSensorBridge:
         self, time_ns: int, ego_position_m: float, ego_speed_m_s: float
     ) -> LeaderState | None:
         """Return the nearest vehicle of the own lane at an instant; None for none, or a silent sensor."""
+        return next(iter(self.in_lane(time_ns, ego_position_m, ego_speed_m_s)), None)
+
+    def in_lane(
+        self, time_ns: int, ego_position_m: float, ego_speed_m_s: float
+    ) -> list[LeaderState]:
+        """Return the vehicles ahead in the own lane, the nearest first; none of a silent sensor."""
         nearest_ns = min(self._measured, key=lambda ns: abs(time_ns - ns), default=None)
         if nearest_ns is None or abs(time_ns - nearest_ns) > LONGEST_AGE_NS:
-            return None
-        ahead = [
+            return []
+        ahead = sorted(
             track
             for track in self._measured[nearest_ns]
             if track.gap_m >= 0.0 and abs(track.left_m) <= LANE_HALF_WIDTH_M
+        )
+        return [
+            LeaderState(
+                time_ns / NS_PER_S,
+                ego_position_m
+                + (track.gap_m + track.relative_speed_m_s * (time_ns - nearest_ns) / NS_PER_S),
+                max(ego_speed_m_s + track.relative_speed_m_s, 0.0),
+            )
+            for track in ahead
         ]
-        if not ahead:
-            return None
-        track = min(ahead)
-        gap_m = track.gap_m + track.relative_speed_m_s * (time_ns - nearest_ns) / NS_PER_S
-        speed_m_s = max(ego_speed_m_s + track.relative_speed_m_s, 0.0)
-        return LeaderState(time_ns / NS_PER_S, ego_position_m + gap_m, speed_m_s)
 
     def answer(
         self, time_ns: int, ego_position_m: float, ego_speed_m_s: float = 0.0

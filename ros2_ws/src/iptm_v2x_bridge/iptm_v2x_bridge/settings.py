@@ -25,9 +25,12 @@ from iptm_core.settings import (
 from iptm_core.state import FloatArray
 
 if TYPE_CHECKING:
-    from iptm_v2x_bridge.its import RoadsideRules, Verification
+    from iptm_v2x_bridge.bridge import TickBridge
+    from iptm_v2x_bridge.cam_bridge import CamBridge
+    from iptm_v2x_bridge.its import ReportingBridge, RoadsideRules, Verification
     from iptm_v2x_bridge.prediction.predictor import LeaderPredictor
     from iptm_v2x_bridge.prediction.road_rules import RoadRules
+    from iptm_v2x_bridge.range_sensor import RangeSensorBridge
 
 
 DEFAULT_CAM_PORT = 8947
@@ -128,6 +131,11 @@ class CamSettings(Settings):
         description="cam: take signals from the messages of roadside stations, too (SPATEM, MAPEM; needs "
         "requirements/roadside.txt); they override the given ones",
     )
+    chain_ahead: bool = parameter(
+        default=False,
+        description="range_sensor, cam: forecast the leader by the vehicle ahead of it (second track of the "
+        "sensor, messages) and by the signals and limits that it comes to",
+    )
     leader_keeps_rules: bool = parameter(
         default=True,
         description="cam: the prediction obeys the known speed limits and signals",
@@ -172,6 +180,33 @@ class CamSettings(Settings):
 
         found: RoadsideRules = extra_for("roadside_messages", value=True).roadside_rules(
             road, given
+        )
+        return found
+
+    def build_chain(
+        self,
+        inner: TickBridge,
+        preview: PreviewSettings,
+        sensor: RangeSensorBridge | None,
+        messages: CamBridge | None = None,
+        rules: tuple[RoadRules, RoadRules] | None = None,
+    ) -> ReportingBridge:
+        """Return a bridge that forecasts the leader by what is ahead of it.
+
+        Args:
+            inner: the bridge of sensor and messages.
+            preview: length and step of the previews.
+            sensor: has the second track; None without.
+            messages: has the stations; None without.
+            rules: rules of the road that are likely, and that are sure; None for none.
+
+        Raises:
+            ParameterError: the extra is not installed.
+        """
+        from iptm_v2x_bridge.its import extra_for  # noqa: PLC0415
+
+        found: ReportingBridge = extra_for("chain_ahead", value=True).chain(
+            inner, preview, sensor=sensor, messages=messages, rules=rules
         )
         return found
 

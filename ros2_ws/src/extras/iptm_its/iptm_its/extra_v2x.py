@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from iptm_core.routes.road_line import RoadLine
 from iptm_its.captures import read_capture
+from iptm_its.chain import ChainBridge
 from iptm_its.pycrate_codec import specification
 from iptm_its.signatures import Verifier, read_anchors
 from iptm_its.table import RoadsideTable
 from iptm_v2x_bridge.prediction.road_rules import RoadRules
 
-__all__ = ["read_capture", "roadside_rules", "verifier"]
+__all__ = ["chain", "read_capture", "roadside_rules", "verifier"]
+
+chain = ChainBridge
+"""Forecasts the leader by what is ahead of it."""
 
 
 def verifier(trust_anchors: str, *, refuses_unverified: bool) -> Verifier:

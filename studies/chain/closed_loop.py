@@ -1,0 +1,181 @@
+"""Trips behind leaders of measured platoons, with what sources show of the vehicle ahead of the leader."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from studies.chain.platoons import CAR_LENGTH_M, HELD_OUT, PER_S
+from studies.measured_cycles import longest_known, write_drive
+from studies.validation import excerpts
+
+import iptm
+from iptm.closed_loop import TickController, decided
+from iptm.driving import controller_for, trip_in_ticks
+from iptm_controller.decision import Decision
+from iptm_controller.measurements import Measurements
+from iptm_core.lead_track import RangeTrack
+from iptm_core.state import NS_PER_S, FloatArray
+from iptm_its.chain import ChainBridge
+from iptm_v2x_bridge.cam_bridge import CamBridge
+from iptm_v2x_bridge.range_sensor import RangeSensorBridge
+from iptm_v2x_bridge.sender import car_on_road, packet_of
+
+RUN_IN_S, RUN_IN_M_S2 = 40, 1.0
+LONGEST_S = 300
+RATE_HZ = 4
+STATION = 42
+SECOND_TRACK, MESSAGES = "second track", "messages"
+
+
+@dataclass(frozen=True, eq=False)
+class ChainScene:
+    """A leader and the vehicle ahead of it at steps of a second, after a run-in from standstill.
+
+    Attributes:
+        name: unique name.
+        speed_m_s: of the leader, shape (n,).
+        ahead_m_s: speed of the vehicle ahead of it, shape (n,).
+        gap_m: between both, shape (n,).
+    """
+
+    name: str
+    speed_m_s: FloatArray
+    ahead_m_s: FloatArray
+    gap_m: FloatArray
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the scene."""
+        return float(self.speed_m_s.size - 1)
+
+    def write(self, folder: Path) -> str:
+        """Write the drive of the leader; returns the path as a cycle of a run."""
+        return str(write_drive(folder / f"{self.name}.csv", 1.0, self.speed_m_s))
+
+
+def scenes(place: int) -> list[ChainScene]:
+    """Return one scene of every held-out run: the leader that drove at a place, or the next one behind it."""
+    found: dict[str, ChainScene] = {}
+    for drive in excerpts.drives():
+        if drive.run not in HELD_OUT or drive.run in found or drive.gap_m is None:
+            continue
+        if int(drive.name.rsplit("/", 1)[1]) < place:
+            continue
+        known = longest_known(np.array([drive.speed_m_s, drive.leader_speed_m_s, drive.gap_m]))
+        count = min(known.shape[1] // PER_S, LONGEST_S)
+        speed, ahead, gap = known[:, : count * PER_S].reshape(3, count, PER_S).mean(axis=2)
+        speed, ahead = np.maximum(speed, 0.0), np.maximum(ahead, 0.0)
+        ramp = RUN_IN_M_S2 * np.arange(RUN_IN_S, dtype=np.float64)
+        found[drive.run] = ChainScene(
+            drive.name.replace("/", "_"),
+            np.append(np.minimum(ramp, speed[0]), speed),
+            np.append(np.minimum(ramp, ahead[0]), ahead),
+            np.append(np.full(RUN_IN_S, gap[0]), gap),
+        )
+    return list(found.values())
+
+
+class ChainAhead:
+    """What the bridge would answer: the leader by the sensor, and the vehicle ahead of it by some sources.
+
+    Args:
+        scene: leader and vehicle ahead.
+        trip: gives road and previews.
+        source: what shows the vehicle ahead.
+        delay_s: of messages.
+        loss: share of the messages that are lost.
+        seed: of the losses.
+        lie_m_s2: acceleration by which a false sender is faster or slower than it is, in turns of 10 s.
+    """
+
+    def __init__(
+        self,
+        scene: ChainScene,
+        trip: iptm.Trip,
+        source: str,
+        delay_s: float = 0.0,
+        loss: float = 0.0,
+        seed: int = 0,
+        lie_m_s2: float = 0.0,
+    ) -> None:
+        self._scene, self._source, self._road = scene, source, trip.route.road_line
+        self._delay_ns, self._loss = round(delay_s * NS_PER_S), loss
+        self._random = np.random.default_rng(seed)
+        self._lie_m_s2, self._false_m, self._false_m_s = lie_m_s2, 0.0, 0.0
+        hears = source == MESSAGES
+        self._messages = CamBridge(self._road, trip.preview) if hears else None
+        self._sensor = RangeSensorBridge(self._messages)
+        self.bridge = ChainBridge(
+            self._sensor, trip.preview, sensor=self._sensor, messages=self._messages
+        )
+
+    def seen(self, measured: Measurements) -> Measurements:
+        """Return the measurements of a tick with the preview that the chain gives."""
+        state, leader = measured.state, measured.leader
+        if state is None or leader is None:
+            return measured
+        time_ns = round(state.time_s * NS_PER_S)
+        second = min(round(state.time_s), self._scene.gap_m.size - 1)
+        ahead_m = leader.position_m + CAR_LENGTH_M + float(self._scene.gap_m[second])
+        ahead_m_s = float(self._scene.ahead_m_s[second])
+        places = [(leader.position_m, leader.speed_m_s)]
+        if self._source == SECOND_TRACK:
+            places.append((ahead_m, ahead_m_s))
+        own_m, own_m_s = state.position_m, state.speed_m_s
+        tracks = (RangeTrack(place - own_m, 0.0, speed - own_m_s) for place, speed in places)
+        self._sensor.take(time_ns, tuple(tracks))
+        if self._messages is not None:
+            self._hear(self._messages, time_ns, ahead_m, ahead_m_s)
+        answer = self.bridge.answer(time_ns, own_m, own_m_s)
+        return replace(measured, preview=answer.preview)
+
+    def _hear(self, messages: CamBridge, time_ns: int, ahead_m: float, ahead_m_s: float) -> None:
+        """Let the vehicle ahead send in the last second before a tick, as it drives at the tick."""
+        for number in range(RATE_HZ):
+            sent_ns = time_ns - self._delay_ns - (RATE_HZ - 1 - number) * NS_PER_S // RATE_HZ
+            turn = 1.0 if sent_ns // NS_PER_S % 20 < 10 else -1.0
+            self._false_m_s += turn * self._lie_m_s2 / RATE_HZ
+            self._false_m += self._false_m_s / RATE_HZ
+            if sent_ns < 0 or self._random.random() < self._loss:
+                continue
+            before_s = (time_ns - sent_ns) / NS_PER_S
+            message = car_on_road(
+                self._road,
+                STATION,
+                sent_ns // 1_000_000,
+                ahead_m - ahead_m_s * before_s + self._false_m,
+                max(ahead_m_s + self._false_m_s, 0.0),
+            )
+            arrived_ns = min(sent_ns + self._delay_ns, time_ns)
+            messages.receive(packet_of(message, sent_ns // 1_000_000), arrived_ns)
+
+
+def drive(
+    call: Mapping[str, Any], scene: ChainScene | None = None, **sources: Any
+) -> tuple[iptm.Run, dict[str, int]]:
+    """Drive a trip, with a chain ahead if a scene is given; see `ChainAhead` for its sources.
+
+    Returns:
+        The run, and the ticks by what the preview was made of.
+    """
+    trip = iptm.Trip.of(**call)
+    if scene is None:
+        return iptm.drive(trip), {}
+    chain = ChainAhead(scene, trip, **sources)
+    run = decided(trip_in_ticks(trip), _Shown(controller_for(trip), chain))
+    return run, dict(chain.bridge.counts)
+
+
+class _Shown:
+    """A controller that is shown the preview of a chain."""
+
+    def __init__(self, inner: TickController, chain: ChainAhead) -> None:
+        self._inner, self._chain, self.options = inner, chain, inner.options
+
+    def decide(self, measured: Measurements) -> Decision:
+        """Return the decision with the preview of the chain."""
+        return self._inner.decide(self._chain.seen(measured))
