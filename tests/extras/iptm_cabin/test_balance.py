@@ -113,7 +113,7 @@ def test_temperatures_settle_where_flows_balance_by_hand() -> None:
 
 
 def test_a_trip_without_a_cabin_is_unchanged_and_one_with_it_costs_more_in_the_cold() -> None:
-    settings: dict[str, Any] = {"duration_s": 120.0, "climate": -10.0, "strategy": "production"}
+    settings: dict[str, Any] = {"duration_s": 40.0, "climate": -10.0, "strategy": "production"}
     without = iptm.simulate("us06", **settings)
     winter = iptm.simulate("us06", **settings, plant="mid_size.cabin")
     again = iptm.simulate("us06", **settings, plant="mid_size.cabin")

@@ -158,6 +158,7 @@ class CabinParameters(Settings):
         0.0,
         1e14,
     )
+    horizon_s: float = parameter(600.0, "how far the predictive control plans", "s", 60.0, 7200.0)
     way_ahead: str = parameter(
         "", "cycle whose speeds the navigation expects; without it, those of the preview"
     )

@@ -1,8 +1,8 @@
 """Predictive climate control: cabin, pack, heater and radiator over the minutes ahead, motion given.
 
-A second problem at a slower rate than the controller's: steps of 30 s over 10 minutes (or the rest of the
-trip), with the speed that navigation or preview expects. Its first inputs are held for a step and pass the
-limits of the parts every tick. It minimises, in joules,
+A second problem at a slower rate than the controller's: steps of 30 s over `horizon_s`, 10 minutes, with the
+speed that navigation or preview expects. Its first inputs are held for a step and pass the limits of the
+parts every tick. It minimises, in joules,
 
     electric energy + ohmic loss and ageing of the pack + w (T_a - T_set)^2
     + exact penalty outside of the band - value of what is left in cabin and pack,
@@ -36,7 +36,6 @@ from iptm_core.state import FloatArray, LeaderPreview, VehicleState
 from iptm_core.units import CELSIUS_ZERO_K
 
 STEP_S = 30.0
-HORIZON_S = 600.0
 WARM_UP_S = 600.0
 SUB_STEPS = 2
 SMOOTHING_W = 40.0
@@ -291,19 +290,15 @@ class PredictiveUnit(ClimateUnit):
     It remembers the last plan, so that an instance belongs to one trip at a time.
     """
 
-    def __init__(
-        self, functions: ThermalFunctions, ahead: WayAhead | None, count: int | None = None
-    ) -> None:
+    def __init__(self, functions: ThermalFunctions, ahead: WayAhead | None) -> None:
         """Keep what is expected.
 
         Args:
             ahead: the whole way; None for the preview's speed.
-            count: number of steps; the whole trip for its optimum.
         """
         super().__init__(functions)
         self._ahead = ahead
-        self._count = count or round(HORIZON_S / STEP_S)
-        self._whole = count is not None
+        self._count = math.ceil(functions.model.cabin.horizon_s / STEP_S)
         self._from_s = -math.inf
         self._time_s = 0.0
         self._inputs: FloatArray | None = None
@@ -323,12 +318,12 @@ class PredictiveUnit(ClimateUnit):
                 speeds = np.diff(heard.positions_m) / np.diff(heard.times_s)
                 speed = float(speeds.mean())
             model = self._functions.model
-            self._seen = expected(np.full(2 * round(HORIZON_S) + 1, speed), model.car, model)
+            self._seen = expected(
+                np.full(round(WARM_UP_S + (self._count + 1) * STEP_S) + 1, speed), model.car, model
+            )
 
     @property
     def _due(self) -> bool:
-        if self._whole and self._from_s == 0.0:
-            return False
         return not self._from_s <= self._time_s < self._from_s + STEP_S - 1e-9
 
     def decide(
@@ -360,7 +355,7 @@ class PredictiveUnit(ClimateUnit):
         if self._ahead is not None:
             expected_steps = self._ahead.steps(began, self._count, cabin)
         elif self._seen is not None:
-            expected_steps = self._seen.steps(began % HORIZON_S, self._count, cabin)
+            expected_steps = self._seen.steps(min(began, WARM_UP_S), self._count, cabin)
         else:
             return
         found = self._plan.solve(states, expected_steps, weather[3])

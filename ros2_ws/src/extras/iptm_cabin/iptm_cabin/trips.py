@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -12,6 +15,7 @@ from iptm.driving import check_in_memory, drive_in_memory
 from iptm.run import Run
 from iptm.trip import Trip
 from iptm_cabin.cabin_plant import CabinVehicleState
+from iptm_cabin.parameters import SUFFIX
 from iptm_core.state import LeaderState
 from iptm_core.units import CELSIUS_ZERO_K
 from iptm_plant_sim.interval import PlantStep
@@ -35,16 +39,25 @@ SETTLED_S = 600.0
 WARM_K = 2.0
 
 
-def drive_with_cabin(cycle: Any, plant: str, **settings: Any) -> tuple[Run, pd.DataFrame]:
+def drive_with_cabin(
+    cycle: Any, plant: str, changes: Mapping[str, Any] | None = None, **settings: Any
+) -> tuple[Run, pd.DataFrame]:
     """Drive a trip as `iptm.simulate` does, and return the cabin, too.
 
     Args:
         plant: a file of `CabinParameters`, or the name of a car of this extra.
+        changes: values that differ from the file's, by name.
         settings: of the trip.
 
     Returns:
         The run, and a table of COLUMNS with a row per tick and the time in s as its index.
     """
+    if changes:
+        base = Path(plant).absolute() if Path(plant).is_file() else Path(plant)
+        with TemporaryDirectory() as folder:
+            path = Path(folder) / f"changed{SUFFIX}"
+            path.write_text(json.dumps({"base": str(base.with_suffix("")), **changes}), "utf-8")
+            return drive_with_cabin(cycle, str(path), **settings)
     trip = check_in_memory(Trip.of(cycle, plant=plant, **settings))
     rows: list[tuple[float, ...]] = []
 
