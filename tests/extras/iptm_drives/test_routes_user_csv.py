@@ -138,8 +138,8 @@ BAD_FILES = [
     ("time_s,speed_m_s\n", "no rows after the header"),
     (_csv("speed_m_s,slope_rad", *GOOD), "exactly one of time_s"),
     (_csv("time_s,slope_rad", *GOOD), "exactly one of speed_m_s, speed_kmh, speed_mph"),
-    (_csv("time_s,speed_m_s,speed_kmh", "0,0,0"), r"columns \['speed_m_s', 'speed_kmh'\]"),
-    (_csv("time_s,speed_m_s,slope_rad,slope_percent", "0,0,0,0"), "at most one of slope_percent"),
+    (_csv("time_s,speed_m_s,speed_kmh", "0,9,9"), r"columns \['speed_m_s', 'speed_kmh'\]"),
+    (_csv("time_s,speed_m_s,slope_rad,slope_percent", "0,0,1,1"), "at most one of slope_percent"),
     (_csv("time_s,speed_ms", *GOOD), "unknown column 'speed_ms'; did you mean 'speed_m_s'"),
     (
         _csv("time_s,speed_m_s,grade", "0,0,1", "2,0,1"),

@@ -19,7 +19,11 @@ setup(
         "rosbags>=0.11",
         "scipy>=1.10",
     ],
-    extras_require={"test": ["pytest"], "can": ["asammdf", "cantools", "python-can"]},
+    extras_require={
+        "test": ["pytest"],
+        "can": ["asammdf", "cantools", "python-can"],
+        "files": ["fitdecode", "openpyxl"],
+    },
     python_requires=">=3.10",
     zip_safe=False,
     maintainer="iptm maintainers",

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from iptm_core.errors import RouteError
-from iptm_drives.text_table import read_content, text_of
+from iptm_drives.packed import read_content
+from iptm_drives.text_table import text_of
 
 MDF_SUFFIXES = (".mf4", ".mdf", ".dat")
 """Files of ASAM; those of version 3 end in the second or third."""

@@ -47,21 +47,52 @@ _UNIX_DATE = re.compile(
 _HALF_DAY = re.compile(r"(.*[ T]|)(\d{1,2})(:[\d:.,]+)\s*([ap])\.?m\.?", re.IGNORECASE)
 
 
+_WRITTEN = re.compile(r"(\d\d)(\d\d)(\d\d(?:\.\d+)?)")
+_PLACE = re.compile(
+    r"([NSEW]?)\s*([-+]?\d+(?:\.\d+)?)\s*°?\s*(?:(\d+(?:\.\d+)?)\s*['′’]\s*)?"
+    r"(?:(\d+(?:\.\d+)?)\s*(?:\"|″|'')\s*)?([NSEW]?)",
+    re.IGNORECASE,
+)
+
+
+def is_written_clock(texts: Iterable[str]) -> bool:
+    """Return whether all texts are times of the day as ``hhmmss``."""
+    found = [_WRITTEN.fullmatch(text.strip()) for text in texts]
+    parts = [(int(each[1]), int(each[2]), float(each[3])) for each in found if each is not None]
+    return len(parts) == len(found) and all(h < 24 and m < 60 and s < 61.0 for h, m, s in parts)
+
+
+def degrees_of(where: str, name: str, text: str | None) -> float:
+    """Return the degrees of a place: a number, or degrees, minutes and seconds with a side."""
+    found = _PLACE.fullmatch((text or "").strip())
+    if found is None:
+        return cell_value(where, name, text)
+    degrees, minutes, seconds = (float(found[part] or 0.0) for part in (2, 3, 4))
+    value = abs(degrees) + minutes / 60.0 + seconds / 3600.0
+    is_negative = found[2].startswith("-") or {found[1].upper(), found[5].upper()} & {"S", "W"}
+    return -value if is_negative else value
+
+
 def is_day_first(texts: Iterable[str]) -> bool:
     """Return whether dates with slashes begin with the day, as one of them whose first number is no month."""
     dates = (_DAY_AND_MONTH.match(text.strip()) for text in texts)
     return any(date is not None and date[2] == "/" and int(date[1]) > 12 for date in dates)
 
 
-def seconds_of(where: str, name: str, text: str | None, *, day_first: bool = False) -> float:
+def seconds_of(
+    where: str, name: str, text: str | None, *, day_first: bool = False, written: bool = False
+) -> float:
     """Return the seconds of a moment (without an offset in UTC), ``h:m:s``, ``m:s``, or a number.
 
     A moment is one of ISO 8601, or ``d.m.y`` or ``m/d/y`` with the time of the day, which may be am or pm.
 
     Args:
         day_first: whether dates with slashes are ``d/m/y``.
+        written: whether times of the day are ``hhmmss``.
     """
     plain = (text or "").strip()
+    if written and (digits := _WRITTEN.fullmatch(plain)) is not None:
+        plain = f"{digits[1]}:{digits[2]}:{digits[3]}"
     if (half := _HALF_DAY.fullmatch(plain)) is not None:
         hour = int(half[2]) % 12 + (12 if half[4].lower() == "p" else 0)
         plain = f"{half[1]}{hour:02d}{half[3]}"

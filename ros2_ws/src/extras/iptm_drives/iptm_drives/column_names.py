@@ -1,4 +1,4 @@
-"""Columns with names and units, of a file or in memory, as the table of a drive.
+"""Names of columns: quantity and unit that they stand for.
 
 ``Vehicle_Speed [km/h]``, ``cycMps`` and ``elevation (ft)`` are understood; a quantity that has several usual
 units needs one. Users say what other columns are: ``speed=NAME[UNIT]``.
@@ -9,18 +9,15 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+import unicodedata
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from iptm_core.errors import RouteError
-from iptm_core.routes.drive_table import DriveTable
 from iptm_core.state import FloatArray
-from iptm_core.user_input import shown, suggestion
-from iptm_drives.cells import MISSING, seconds_of
+from iptm_core.user_input import suggestion
 
 KNOWN_COLUMNS = (
     "time_s",
@@ -75,22 +72,28 @@ UNITS: Mapping[str, Mapping[str, float]] = {
 UNITS = {**UNITS, "longitude_deg": UNITS["latitude_deg"], "position_m": UNITS["elevation_m"]}
 _RISES = ("percent", "%", FRACTION)
 _WORDS = {
-    "time_s": {"time", "t", "timestamp", "datetime", "elapsed"},
-    "speed_m_s": {"speed", "velocity", "spd", "v"},
+    "time_s": {
+        "time", "t", "timestamp", "datetime", "elapsed", "utc", "tow", "tst",
+        "zeit", "temps", "tiempo", "tempo", "tijd",
+    },
+    "speed_m_s": {
+        "speed", "velocity", "spd", "v", "sog",
+        "geschwindigkeit", "vitesse", "velocidad", "velocita", "snelheid",
+    },
     "acceleration_m_s2": {"acceleration", "accel", "acc"},
-    "latitude_deg": {"latitude", "lat"},
-    "longitude_deg": {"longitude", "lon", "lng", "long"},
-    "elevation_m": {"elevation", "altitude", "height", "ele", "alt"},
+    "latitude_deg": {"latitude", "lat", "breitengrad"},
+    "longitude_deg": {"longitude", "lon", "lng", "long", "langengrad"},
+    "elevation_m": {"elevation", "altitude", "height", "ele", "alt", "hohe"},
     "slope_rad": {"slope", "grade", "gradient"},
     "position_m": {"position", "distance", "odometer"},
-}
+}  # fmt: skip
 _BESIDES = frozenset(
     re.findall(
         r"\w+",
         "cyc cycle vehicle veh target test actual measured gps gnss obd device ego utc local unix epoch of"
-        " road schedule drive timestep stamp relative",
+        " road schedule drive timestep stamp relative ground",
     )
-)
+) | {"n/s", "e/w"}
 """Words that leave the meaning of a header as it is."""
 _OF_OTHERS = frozenset(
     re.findall(
@@ -140,7 +143,9 @@ def stated_unit(quantity: str, text: str) -> str:
 
 def meaning_of(header: str) -> Meaning | None:
     """Return what the header of a column means, None if it is unknown."""
-    text = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", header.strip()).lower()
+    parts = unicodedata.normalize("NFD", header.strip())
+    plain = "".join(each for each in parts if not unicodedata.combining(each))
+    text = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", plain).lower()
     text = text.replace("meters_per_second", "mps").replace("m_s2", "mps2").replace("m_s", "mps")
     text = text.replace("miles_per_hour", "mph").replace("km_h", "kmh")
     bracket = re.search(r"[\[(]([^\])]*)[\])]|,\s*(\S+)\s*$", text)
@@ -154,7 +159,7 @@ def meaning_of(header: str) -> Meaning | None:
     ]
     if _OF_OTHERS.intersection(words):
         return None
-    rest = [word for word in words if word not in _BESIDES]
+    rest = [word for word in words if word not in _BESIDES] or [*{"utc"}.intersection(words)]
     for quantity, names in _WORDS.items():
         others = [word for word in rest if word not in names]
         named = len(others) < len(rest)
@@ -199,6 +204,9 @@ def meanings_of(names: list[str], where: str, columns: str) -> dict[int, Meaning
                 "fraction" if is_fastsim and not meaning.unit and name == "grade" else meaning.unit
             )
             found[index] = Meaning(meaning.quantity, unit)
+    dates = [index for index, name in enumerate(names) if name.lower() == "date"]
+    if dates and all(meaning.quantity != "time_s" for meaning in found.values()):
+        found[dates[0]] = Meaning("time_s", "s")
     if not found:
         raise RouteError(
             f"{where}: unknown column {names[0]!r}; allowed: {', '.join(KNOWN_COLUMNS)}"
@@ -232,144 +240,3 @@ def _chosen(names: list[str], where: str, columns: str) -> dict[int, Meaning]:
             )
         chosen[names.index(name)] = Meaning(quantity, stated)
     return chosen
-
-
-_SAME_TIME_S = 1.5
-
-
-def table_of(
-    source: str,
-    names: Sequence[str],
-    meanings: Mapping[int, Meaning],
-    values: Mapping[int, FloatArray],
-    numbers: NDArray[np.int64],
-    notes: Iterable[str] = (),
-    counted: str = "line",
-) -> DriveTable:
-    """Return the table of named columns, each in its unit; a quantity may be stated once."""
-    columns: dict[str, FloatArray] = {}
-    shown_as: dict[str, tuple[str, float]] = {}
-    for quantity in UNITS:
-        found = [index for index, meaning in meanings.items() if meaning.quantity == quantity]
-        found = [index for index in found if np.isfinite(values[index]).any()] or found[:1]
-        if quantity == "time_s" and len(found) > 1:
-            first = meanings[found[0]].in_si(values[found[0]])
-            apart = [meanings[other].in_si(values[other]) - first for other in found[1:]]
-            if any(np.nanmax(each) - np.nanmin(each) > _SAME_TIME_S for each in apart):
-                raise RouteError(
-                    f"{source}: columns {[names[index] for index in found]} are times that differ; allowed: "
-                    "one, or --columns time=NAME"
-                )
-            found = found[:1]
-        if len(found) > 1 or (quantity == "time_s" and not found):
-            several = {
-                "speed_m_s": "speed_m_s, speed_kmh, speed_mph",
-                "slope_rad": "slope_percent, slope_rad",
-            }
-            count = "exactly" if quantity in {"time_s", "speed_m_s"} else "at most"
-            raise RouteError(
-                f"{source}: columns {[names[index] for index in found]}; allowed: {count} one of "
-                f"{several.get(quantity, quantity)}, or --columns {quantity.partition('_')[0]}=NAME[UNIT]"
-            )
-        for index in found:
-            columns[quantity] = meanings[index].in_si(values[index])
-            shown_as[quantity] = names[index], meanings[index].factor
-    if not columns.keys() & {"speed_m_s", "latitude_deg", "position_m"}:
-        raise RouteError(
-            f"{source}: columns [], no speed and no place among {', '.join(map(repr, names[:8]))}; allowed: "
-            "exactly one of speed_m_s, speed_kmh, speed_mph, or places; or --columns speed=NAME[UNIT]"
-        )
-    notes = [*notes, *_not_the_way(columns, shown_as)]
-    lone = {"latitude_deg", "longitude_deg"} - columns.keys()
-    if len(lone) == 1:
-        raise RouteError(f"{source}: columns {sorted(lone)} are missing; allowed: both, or none")
-    return DriveTable(source, columns, numbers, counted, shown_as, notes=tuple(notes))
-
-
-_SAME_WAY, _COARSE_M = 0.05, 5.0
-_MADE_UP = ("distance", "odometer")
-
-
-def _not_the_way(
-    columns: dict[str, FloatArray], shown_as: dict[str, tuple[str, float]]
-) -> list[str]:
-    """Leave out a distance that is not the way of the speeds, or counted too coarsely for them; note it."""
-    speeds, way, times = (columns.get(name) for name in ("speed_m_s", "position_m", "time_s"))
-    if speeds is None or way is None or times is None or {"latitude_deg"} & columns.keys():
-        return []
-    name = shown_as["position_m"][0]
-    known = np.isfinite(speeds) & np.isfinite(way) & np.isfinite(times)
-    if not any(word in name.lower() for word in _MADE_UP) or np.count_nonzero(known) < 2:
-        return []
-    driven_m = float(np.trapezoid(speeds[known], times[known]))
-    apart_m = abs(float(way[known][-1] - way[known][0]) - driven_m)
-    steps = np.abs(np.diff(way[known]))
-    coarsest_m = float(steps[steps > 0.0].min()) if steps.any() else 0.0
-    usual_m = 2.0 * float(np.median(np.abs(speeds[known]) * np.median(np.diff(times[known]))))
-    if apart_m <= _SAME_WAY * abs(driven_m) and coarsest_m <= max(usual_m, _COARSE_M):
-        return []
-    del columns["position_m"], shown_as["position_m"]
-    return [f"{name!r} is not the way of the speeds: left out"]
-
-
-def columns_table(given: Mapping[str, object], source: str) -> DriveTable:
-    """Return the table of columns in memory, named as in a file, each of shape (n,)."""
-    names = [str(name) for name in given]
-    arrays: dict[int, FloatArray] = {}
-    meanings = meanings_of(names, source, "")
-    for index in meanings:
-        values = given[names[index]]
-        arrays[index] = _numbers(values)
-        if arrays[index].ndim != 1 or arrays[index].size == 0:
-            raise RouteError(
-                f"{source}: {names[index]} is {shown(values)}; allowed: finite numbers, one per row"
-            )
-        if _are_moments(values):
-            meanings[index] = Meaning("time_s", "s")
-        if not meanings[index].unit:
-            raise RouteError(
-                f"{source}: unknown column {names[index]!r}: it states no unit; allowed: "
-                f"{', '.join(KNOWN_COLUMNS)}"
-            )
-    sizes = {names[index]: array.size for index, array in arrays.items()}
-    if len(set(sizes.values())) > 1:
-        raise RouteError(f"{source}: columns have {sizes} rows; allowed: as many in each")
-    others = [name for index, name in enumerate(names) if index not in meanings]
-    notes = [f"not read: {', '.join(others)}"] if others else []
-    rows = np.arange(next(iter(sizes.values()), 0))
-    return table_of(source, names, meanings, arrays, rows, notes, "row")
-
-
-def _are_moments(values: Any) -> bool:
-    return getattr(getattr(values, "dtype", None), "kind", "") == "M"
-
-
-def _numbers(values: Any) -> FloatArray:
-    """Return numbers, NaN where one is missing; moments and durations become seconds."""
-    if isinstance(values, np.ma.MaskedArray):
-        values = np.where(values.mask, np.nan, np.asarray(values, np.float64))
-    # Moments with a time zone are objects for numpy.
-    array = np.asarray(values, "datetime64[ns]") if _are_moments(values) else np.asarray(values)
-    if array.dtype.kind in "bc":
-        return np.full((1, 1), np.nan)
-    if array.dtype.kind in "mM":
-        unit = "timedelta64[ns]" if array.dtype.kind == "m" else "datetime64[ns]"
-        seconds = array.astype(unit).astype(np.int64) * 1e-9
-        return np.where(np.isnat(array), np.nan, seconds)
-    try:
-        return np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        pass
-    try:
-        plain = [
-            "" if value is None or str(value) in {"<NA>", "NaT"} else str(value)
-            for value in array.tolist()
-        ]
-        return np.array(
-            [
-                math.nan if text.lower() in MISSING else seconds_of("row", "time", text)
-                for text in plain
-            ]
-        )
-    except (TypeError, RouteError):
-        return np.full((1, 1), np.nan)

@@ -51,7 +51,10 @@ def _drive_parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True)
     show = commands.add_parser("show", help="show a drive as it is read")
     show.add_argument(
-        "file", type=Path, help="a GPX track, a CSV file, a bag, or FILE.fcd.xml#VEHICLE of SUMO"
+        "file",
+        type=Path,
+        help="a table, workbook, GPX, TCX, KML, NMEA, FIT or JSON track, a bag, a zip with one of them, or"
+        " FILE.fcd.xml#VEHICLE of SUMO",
     )
     show.add_argument(
         "--columns",

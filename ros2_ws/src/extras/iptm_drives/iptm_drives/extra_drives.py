@@ -7,7 +7,7 @@ from pathlib import Path
 
 from iptm_core.routes.drive_table import DriveTable
 from iptm_drives.cleaning import clean
-from iptm_drives.column_names import columns_table
+from iptm_drives.named_table import columns_table
 from iptm_drives.reading import read_drive_table, read_road
 
 __all__ = ["drive_in_columns", "drive_in_file", "read_road"]

@@ -26,9 +26,10 @@ from iptm_core.routes.user_csv import MAX_BYTES, trip_of
 from iptm_core.routes.user_trip import UserTrip
 from iptm_core.user_input import file_and_name
 from iptm_drives.cleaning import clean
-from iptm_drives.column_names import columns_table
 from iptm_drives.foreign_files import read_foreign
-from iptm_drives.text_table import parse_text_table, read_content, text_of
+from iptm_drives.named_table import columns_table
+from iptm_drives.packed import SUFFIXES, is_archive, only_drive, read_content
+from iptm_drives.text_table import parse_text_table, text_of
 from iptm_drives.xml_drives import (
     FCD_NAME,
     FCD_TIME,
@@ -62,7 +63,9 @@ def read_road(path: Path) -> tuple[RoadLine, SlopeProfile | None]:
 def read_drive_table(path: Path) -> DriveTable:
     """Read what a file states, whatever its kind; behind a ``#`` stands the vehicle, or the columns."""
     file, name = file_and_name(path)
-    kind = file.name.lower().removesuffix(".gz")
+    kind = file.name.lower()
+    for suffix in SUFFIXES:
+        kind = kind.removesuffix(suffix)
     if kind.endswith(GPX_SUFFIX):
         table = read_gpx(file)
         if not np.isfinite(table.columns["time_s"]).any():
@@ -80,7 +83,11 @@ def read_drive_table(path: Path) -> DriveTable:
         from iptm_drives.bag import read_bag  # noqa: PLC0415
 
         return read_bag(file, name)
-    raw = read_content(file, MAX_FCD_BYTES)
+    return _of_content(file, name, read_content(file, MAX_FCD_BYTES))
+
+
+def _of_content(file: Path, name: str, raw: bytes) -> DriveTable:
+    """Read what the content of a file states that its suffix does not name."""
     head = raw.partition(b"\n")[0]
     if FCD_TIME.encode() in head and FCD_NAME.encode() in head:
         separator = ";" if b";" in head else ","
@@ -89,7 +96,10 @@ def read_drive_table(path: Path) -> DriveTable:
         )
     if len(raw) > MAX_BYTES:
         raise RouteError(f"{file}: {len(raw)} bytes; at most {MAX_BYTES} are read")
-    if (foreign := read_foreign(file, raw)) is not None:
+    if is_archive(raw):
+        with only_drive(file, raw, MAX_BYTES) as inside:
+            return read_drive_table(inside.with_name(f"{inside.name}#{name}") if name else inside)
+    if (foreign := read_foreign(file, raw, name)) is not None:
         return foreign
     return parse_text_table(text_of(raw), str(file), name)
 

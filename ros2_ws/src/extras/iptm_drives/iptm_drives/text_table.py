@@ -7,50 +7,39 @@ need are fine. A quantity without a unit, or a name that nearly is one of ours, 
 from __future__ import annotations
 
 import csv
-import gzip
-import io
-import zlib
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
 from iptm_core.errors import RouteError
 from iptm_core.routes.drive_table import DriveTable
 from iptm_core.state import FloatArray
-from iptm_core.user_input import read_file, shown
-from iptm_drives.cells import MISSING, MOST_INVALID, Cells, cell_value, is_day_first, seconds_of
+from iptm_core.user_input import shown
+from iptm_drives.cells import (
+    MISSING,
+    MOST_INVALID,
+    Cells,
+    cell_value,
+    degrees_of,
+    is_day_first,
+    is_written_clock,
+    seconds_of,
+)
 from iptm_drives.column_names import (
     KNOWN_COLUMNS,
-    UNITS,
     Meaning,
     meaning_of,
     meanings_of,
     stated_unit,
-    table_of,
 )
+from iptm_drives.long_table import widened
+from iptm_drives.named_table import table_of
 
 REPAIRED = "# repaired:"
 _MOST_TITLES = 20
 _MOST_PER_SECOND = 20
-
-
-def read_content(path: Path, most_bytes: int) -> bytes:
-    """Return the content of a file, decompressed if it is one of gzip."""
-    raw = read_file(path, most_bytes, RouteError)
-    if not raw.startswith(b"\x1f\x8b"):
-        return raw
-    try:
-        with gzip.open(io.BytesIO(raw)) as packed:
-            content = packed.read(most_bytes + 1)
-    except (OSError, EOFError, zlib.error) as reason:
-        raise RouteError(
-            f"{path}: cannot be decompressed ({reason}); was it cut short?"
-        ) from reason
-    if len(content) > most_bytes:
-        raise RouteError(f"{path}: more than {most_bytes} bytes; at most {most_bytes} are read")
-    return content
 
 
 def text_of(raw: bytes) -> str:
@@ -86,6 +75,7 @@ def parse_text_table(text: str, source: str, columns: str = "") -> DriveTable:
         raise RouteError(
             f"{source}: the file is empty; a header line with {', '.join(KNOWN_COLUMNS)} is needed"
         )
+    rows = widened(rows)
     start = _header_row(rows, columns)
     header_line, header = rows[start]
     if all(map(_is_number, header)):
@@ -100,6 +90,7 @@ def parse_text_table(text: str, source: str, columns: str = "") -> DriveTable:
         for line, cells in rows[start + 1 :]
         if [cell.strip() for cell in cells] != names
     ]
+    _refuse_another_header(source, names, body)
     if body and (units := _units_row(body[0][1], meanings)):
         meanings, body = (
             {index: Meaning(meanings[index].quantity, unit) for index, unit in units.items()},
@@ -107,6 +98,7 @@ def parse_text_table(text: str, source: str, columns: str = "") -> DriveTable:
         )
     elif body and all(cell.strip().lower() in MISSING for cell in body[0][1]):
         body = body[1:]
+    meanings, body = _units_in_cells(source, names, meanings, body)
     if not body:
         raise RouteError(f"{source}: no rows after the header; at least one is needed")
     body, lost = _whole_rows(body, len(names), source)
@@ -116,9 +108,15 @@ def parse_text_table(text: str, source: str, columns: str = "") -> DriveTable:
         [f"not read: {', '.join(others[:8])}{', ...' if len(others) > 8 else ''}"] if others else []
     )
     texts = Cells(source)
+    dated = any("date" in name.lower() for name in names)
     values = {
         index: _column(
-            source, names[index], meaning, [(line, cells[index]) for line, cells in body], texts
+            source,
+            names[index],
+            meaning,
+            [(line, cells[index]) for line, cells in body],
+            texts,
+            dated,
         )
         for index, meaning in meanings.items()
     }
@@ -212,22 +210,71 @@ def _whole_rows(
     return whole, [note] if note else []
 
 
+def _refuse_another_header(
+    source: str, names: Sequence[str], body: Iterable[tuple[int, list[str]]]
+) -> None:
+    for line, cells in body:
+        if any(cell.strip() in names for cell in cells if not _is_number(cell) and cell.strip()):
+            known = [cell for cell in cells if meaning_of(cell) is not None]
+            if len(known) > 1:
+                raise RouteError(
+                    f"{source}, line {line}: another header, {shown(','.join(cells))}; allowed: one "
+                    "recording in a file"
+                )
+
+
+_WITH_UNIT = re.compile(r"[-+]?[\d.,]+(?:[eE][-+]?\d+)?\s*([^\d\s.,].*)")
+
+
+def _units_in_cells(
+    source: str,
+    names: Sequence[str],
+    meanings: Mapping[int, Meaning],
+    body: list[tuple[int, list[str]]],
+) -> tuple[dict[int, Meaning], list[tuple[int, list[str]]]]:
+    """Take units that stand behind the numbers of a column, as in ``36 km/h``, out of its cells."""
+    done, ends = dict(meanings), {}
+    for index, meaning in meanings.items():
+        cell = body[0][1][index].strip() if body and index < len(body[0][1]) else ""
+        found = _WITH_UNIT.fullmatch(cell)
+        if found is not None and (unit := stated_unit(meaning.quantity, found[1])):
+            inside = Meaning(meaning.quantity, unit)
+            if meaning.quantity != "time_s" and meaning.unit and meaning.factor != inside.factor:
+                raise RouteError(
+                    f"{source}: {names[index]} states {meaning.unit}, line {body[0][0]} {found[1]}; allowed: "
+                    "one unit"
+                )
+            done[index], ends[index] = inside, found[1]
+    if not ends:
+        return done, body
+    return done, [
+        (line, [cell.strip().removesuffix(ends.get(at, "")) for at, cell in enumerate(cells)])
+        for line, cells in body
+    ]
+
+
 def _column(
-    source: str, name: str, meaning: Meaning, cells: list[tuple[int, str]], texts: Cells
+    source: str,
+    name: str,
+    meaning: Meaning,
+    cells: list[tuple[int, str]],
+    texts: Cells,
+    dated: bool,  # noqa: FBT001
 ) -> FloatArray:
     """Return the numbers of a column in its unit, NaN for what was not measured."""
-    if not meaning.unit:
-        units = ", ".join(f"{name}[{unit}]" for unit in list(UNITS[meaning.quantity])[:4])
-        raise RouteError(
-            f"{source}: unknown column {name!r}: it states no unit; allowed: {', '.join(KNOWN_COLUMNS)}, or "
-            f"--columns {meaning.quantity.partition('_')[0]}={units}"
-        )
-    is_moment = meaning.quantity == "time_s" and any(":" in cell for _, cell in cells[:3])
-    if is_moment and len({cell for _, cell in cells}) * _MOST_PER_SECOND < len(cells):
-        raise RouteError(
-            f"{source}: {name} is {shown(cells[0][1])}, and equal in most rows; allowed: h:m:s, with "
-            "fractions of a second"
-        )
-    moments = partial(seconds_of, day_first=is_day_first(cell for _, cell in cells))
-    by, factor = (moments, 1.0 / meaning.factor) if is_moment else (cell_value, 1.0)
+    by, factor = cell_value, 1.0
+    if meaning.quantity == "time_s":
+        first = [cell for _, cell in cells[:3]]
+        written = dated and is_written_clock(cell for _, cell in cells)
+        if written or any(":" in cell or "T" in cell for cell in first):
+            if len({cell for _, cell in cells}) * _MOST_PER_SECOND < len(cells):
+                raise RouteError(
+                    f"{source}: {name} is {shown(cells[0][1])}, and equal in most rows; allowed: h:m:s, "
+                    "with fractions of a second"
+                )
+            day_first = is_day_first(cell for _, cell in cells)
+            by = partial(seconds_of, day_first=day_first, written=written)
+            factor = 1.0 / meaning.factor
+    elif meaning.quantity in {"latitude_deg", "longitude_deg"}:
+        by = degrees_of
     return factor * np.array([texts.read(f"line {line}", name, cell, by) for line, cell in cells])

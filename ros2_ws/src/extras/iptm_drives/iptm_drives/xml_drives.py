@@ -24,7 +24,7 @@ from iptm_core.routes.road_line import MAX_LATITUDE_DEG
 from iptm_core.state import FloatArray
 from iptm_core.user_input import suggestion
 from iptm_drives.cells import Cells, cell_value, seconds_of
-from iptm_drives.text_table import read_content
+from iptm_drives.packed import read_content
 
 _DOCUMENT_TYPE = re.compile(rb"<!DOCTYPE\s+([^\s>\[]*)")
 
