@@ -24,7 +24,9 @@ RECORDER = "iptm_ros.recording.recorder_cli"
 TIMEOUT_S = 120.0
 _STATE = tuple(topic for topic in TOPICS if topic.name.startswith("PLANT"))
 _FIRST = (*_STATE, Topic.CLOCK)
-_APART = (*_FIRST, Topic.SLOPE, Topic.DIAGNOSTICS)
+LATCHED = tuple(topic for topic in TOPICS if TOPICS[topic].latched)
+"""What is published once, at the start."""
+_APART = (*_FIRST, *LATCHED, Topic.DIAGNOSTICS)
 TICK = (*_FIRST, *(topic for topic in TOPICS if topic not in _APART))
 """What a tick publishes: the state, the clock, the answers to it."""
 STAMPED = tuple(
@@ -73,9 +75,10 @@ class RecordedSuite:
         return str(self.publishers[topic].topic_name)
 
     def start(self, recorder: str = "/recorder") -> None:
-        """Publish the road, and wait until the recorder hears everything."""
+        """Publish what is latched, and wait until the recorder hears everything."""
         statuses = self.peer.statuses(recorder)
-        self.publishers[Topic.SLOPE].publish(TOPICS[Topic.SLOPE].message_type())
+        for topic in LATCHED:
+            self.publishers[topic].publish(TOPICS[topic].message_type())
         # Both sides must know of each other: a busy machine may take a while between the two.
         self.peer.wait_until(
             lambda: (

@@ -71,7 +71,7 @@ EXIT_RUN_FAILED = 1
 LOOK_AROUND_S = 2.0
 """Time to find another run in a domain that the user chose; the controller takes as long to start."""
 
-MOST_PATIENCE_S = 30.0
+MOST_PATIENCE_S = 100.0
 """For which processes of a string may take to end on a busy machine."""
 _WITHOUT_PLANT = (BRIDGE, CONTROLLER, INJECTOR, RECORDER)
 
