@@ -9,6 +9,7 @@ from rclpy.timer import Timer
 from sensor_msgs.msg import JointState
 
 from iptm_core.errors import IptmError, MessageError, PackEmptyError
+from iptm_core.extras import offered
 from iptm_core.settings import LoopMode, LostController
 from iptm_core.state import Command, CommandSource
 from iptm_plant_sim.interval import battery_reading
@@ -87,6 +88,8 @@ class TripNode(SuiteNode):
         self._tick_timer: Timer | None = None
         self._played_sensor = PlayedRangeSensor(self, self._options)
         self._outputs = {topic: self.advertise(topic) for topic in (*PUBLISHED, Topic.CLOCK)}
+        added = (extra.publisher(self, self._trip.plant) for extra in offered("plant_topics"))
+        self._added = [publish for publish in added if publish is not None]
         self._watchdog = Watchdog(self._options.command_timeout_wall_s, self._on_silence)
         self._watchdog.attach(self)
         reported_s = min(REPORTED_S, self._options.command_timeout_wall_s)
@@ -284,6 +287,8 @@ class TripNode(SuiteNode):
         for topic in PUBLISHED:
             if topic in found:
                 self._outputs[topic].publish(found[topic])
+        for publish in self._added:
+            publish(step)
         self._played_sensor.publish(step.state, self._trip.stamp_ns)
         self._outputs[Topic.CLOCK].publish(encode_clock(ns_from_s(step.state.time_s)))
         self._published_s = self.awake.now_s()

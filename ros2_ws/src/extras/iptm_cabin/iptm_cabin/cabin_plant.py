@@ -23,6 +23,24 @@ MIXING_S = 1.0
 """Longest step of the temperatures in an interval."""
 
 
+CABIN = (
+    "air_k",
+    "interior_k",
+    "core_k",
+    "drive_k",
+    "cabin_w",
+    "pack_w",
+    "ptc_w",
+    "radiator",
+    "compressor_w",
+    "electric_w",
+    "evaporation_c",
+    "condensation_c",
+    "is_limited",
+)
+"""Numbers of `CabinState` that tables and messages have."""
+
+
 @dataclass(frozen=True)
 class CabinState:
     """Cabin and loop at the end of an interval; powers are means over it.

@@ -14,27 +14,12 @@ import pandas as pd
 from iptm.driving import check_in_memory, drive_in_memory
 from iptm.run import Run
 from iptm.trip import Trip
-from iptm_cabin.cabin_plant import CabinVehicleState
+from iptm_cabin.cabin_plant import CABIN, CabinVehicleState
 from iptm_cabin.parameters import SUFFIX
 from iptm_core.state import LeaderState
 from iptm_core.units import CELSIUS_ZERO_K
 from iptm_plant_sim.interval import PlantStep
 
-COLUMNS = (
-    "air_k",
-    "interior_k",
-    "core_k",
-    "drive_k",
-    "cabin_w",
-    "pack_w",
-    "ptc_w",
-    "radiator",
-    "compressor_w",
-    "electric_w",
-    "evaporation_c",
-    "condensation_c",
-    "is_limited",
-)
 SETTLED_S = 600.0
 WARM_K = 2.0
 
@@ -50,7 +35,7 @@ def drive_with_cabin(
         settings: of the trip.
 
     Returns:
-        The run, and a table of COLUMNS with a row per tick and the time in s as its index.
+        The run, and a table of CABIN with a row per tick and the time in s as its index.
     """
     if changes:
         base = Path(plant).absolute() if Path(plant).is_file() else Path(plant)
@@ -64,10 +49,10 @@ def drive_with_cabin(
     def note(step: PlantStep, _: LeaderState | None) -> None:
         state = step.state
         if isinstance(state, CabinVehicleState):
-            rows.append((state.time_s, *(getattr(state.cabin, name) for name in COLUMNS)))
+            rows.append((state.time_s, *(getattr(state.cabin, name) for name in CABIN)))
 
     run = drive_in_memory(trip, on_step=note)
-    table = pd.DataFrame(rows, columns=["time_s", *COLUMNS], dtype=np.float64)
+    table = pd.DataFrame(rows, columns=["time_s", *CABIN], dtype=np.float64)
     return run, table.set_index("time_s")
 
 

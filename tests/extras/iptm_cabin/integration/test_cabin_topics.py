@@ -1,0 +1,53 @@
+"""The cabin over DDS: a plant node with a cabin publishes it with every state, with standard messages."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from sensor_msgs.msg import JointState, Temperature
+
+from iptm_cabin.cabin_plant import CABIN, plant_with
+from iptm_cabin.extra_plant_topics import STATE_TOPIC, TEMPERATURE_TOPIC, publisher
+from iptm_cabin.parameters import CabinParameters
+from iptm_core.parameters import load_parameters
+from iptm_core.state import Command
+from iptm_plant_sim.plant import Plant
+from iptm_ros.publishers import STREAM_QOS
+
+LAUNCHED = {"cycle": "us06", "plant": "mid_size.cabin", "start_paused": False}
+
+
+def test_the_cabin_of_a_step_is_heard(peer: Any) -> None:
+    cabins: list[JointState] = []
+    warmths: list[Temperature] = []
+    peer.node.create_subscription(JointState, STATE_TOPIC, cabins.append, STREAM_QOS)
+    peer.node.create_subscription(Temperature, TEMPERATURE_TOPIC, warmths.append, STREAM_QOS)
+    car = load_parameters("paper_calibrated").values
+    assert publisher(peer.node, Plant(car, np.zeros_like)) is None
+    plant = plant_with(CabinParameters(initial_c=5.0))(car, np.zeros_like)
+    publish = publisher(peer.node, plant)
+    assert publish is not None
+    counted = peer.node.count_subscribers
+    peer.wait_until(
+        lambda: counted(STATE_TOPIC) and counted(TEMPERATURE_TOPIC), what="both listeners"
+    )
+    step = plant.advance(plant.initial_state(), Command(0.0, 0.0))
+    publish(step)
+    peer.wait_until(lambda: cabins and warmths, what="the cabin of the step")
+    found = dict(zip(cabins[0].name, cabins[0].position, strict=True))
+    assert tuple(found) == CABIN
+    assert found["electric_w"] > 1000.0
+    assert warmths[0].temperature == pytest.approx(found["air_k"] - 273.15)
+    assert warmths[0].header.stamp.sec == cabins[0].header.stamp.sec == 1
+
+
+def test_a_plant_node_publishes_it(launcher: Any, peer: Any) -> None:
+    cabins: list[JointState] = []
+    peer.node.create_subscription(JointState, STATE_TOPIC, cabins.append, STREAM_QOS)
+    launcher.start_node("iptm_plant_sim.node", parameters=LAUNCHED)
+    command = peer.node.create_publisher(JointState, "controller/command", STREAM_QOS)
+    peer.wait_until(lambda: cabins, what="the cabin of the first state")
+    assert tuple(cabins[0].name) == CABIN
+    assert command.topic_name.endswith("controller/command")
