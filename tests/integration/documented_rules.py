@@ -121,6 +121,11 @@ RULES = (
         r"python -m iptm_plan\.node .*|scripts/iptm record --topics /planner/plan .*",
         "tests/extras/iptm_plan/integration",
     ),
+    Rule(
+        Way.ELSEWHERE,
+        r"python -m iptm_cabin\.cycle_fit",
+        "tests/extras/iptm_cabin/test_cycle_map.py, where CoolProp is",
+    ),
     Rule(Way.ELSEWHERE, r"scripts/dev (build|docs|site).*", "tests/packaging"),
     Rule(Way.NOT, r"dask .*|.*dask worker .*", "an extra, on several machines"),
     # Seconds.
