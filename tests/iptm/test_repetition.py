@@ -128,3 +128,12 @@ def test_the_pack_is_charged_and_the_motion_goes_on_between_repetitions() -> Non
     times, speeds = _one(run.trip.route, 1.0)  # type: ignore[union-attr]
     assert speeds[0] == speeds[-1]
     assert np.abs(np.diff(speeds) / np.diff(times))[0] <= 1.0
+
+
+def test_repetitions_near_in_temperature_count_most() -> None:
+    """By hand: of two with equal drifts the earlier one counts 0.7, over 1 + 2² for its 2 K of distance."""
+    tiles = [
+        Repetition(joule, 1e-6, {}, kelvin, 0.5) for joule, kelvin in ((10.0, 302.0), (20.0, 300.0))
+    ]
+    expected = (0.7 / 5.0 * 10.0 + 20.0) / (0.7 / 5.0 + 1.0)
+    assert without_drift(tiles, 2).energy_per_distance_j_m == pytest.approx(expected)

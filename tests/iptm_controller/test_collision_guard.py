@@ -22,6 +22,7 @@ from iptm_controller.forecast import LeaderForecast, PreviewQuality
 from iptm_controller.measurements import Measurements
 from iptm_controller.options import ControllerOptions
 from iptm_controller.safeguards import EMERGENCY, MARGIN_M, CollisionGuard
+from iptm_core.braking import RoadFrictionSettings
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.physics.car_following import minimum_gap_m
 from iptm_core.state import LeaderPreview, LeaderState, VehicleState
@@ -233,3 +234,14 @@ def test_a_preview_that_is_not_confirmed_counts_no_more_than_what_is_measured(
     motion = LeaderPreview(times, 20.0 + moving, predicted_m_s + 4.0 * np.arange(21.0))
     forecast = LeaderForecast(motion, motion, PreviewQuality.FULL, "", 0.0, known_s)
     assert guard.collision_threatens(0.0, state, forecast) is threatens
+
+
+def test_on_ice_the_guard_brakes_from_farther_away() -> None:
+    """0.8 m/s² from 15 to 5 m/s in 60 m would do, but ice permits only a part of the hardest braking."""
+    scene = make_scene(gap_m=60.0, speed_m_s=15.0, leader_speed_m_s=5.0)
+    for friction, rung in ((0.0, Rung.OPTIMAL), (0.1, Rung.EMERGENCY_BRAKING)):
+        road = RoadFrictionSettings(road_friction=friction)
+        controller = MpcController(
+            PARAMETERS, ControllerOptions(road=road), plain_solver("3x1+5x5")
+        )
+        assert controller.decide(scene).rung is rung

@@ -80,6 +80,21 @@ def test_noise_is_noticed_and_its_level_estimated() -> None:
     assert temperature == pytest.approx(0.5, rel=0.6)
 
 
+def test_levels_are_right_in_the_mean_of_a_long_trip() -> None:
+    filtering, random, squares = estimator(), np.random.default_rng(5), []
+    for tick in range(2000):
+        state, leader = truth(0)
+        moved = replace(state, time_s=float(tick)), replace(leader, time_s=float(tick))
+        ahead = replace(moved[1], position_m=40.0 + leader.speed_m_s * tick)
+        filtering.update(*noisy(random, moved[0], ahead))
+        squares.append(filtering.memory.squared)
+    # Kept is the variance of a difference of two errors.
+    speed, gap, temperature = np.sqrt(0.5 * np.mean(squares[200:], axis=0))
+    assert speed == pytest.approx(0.1, rel=0.1)
+    assert gap == pytest.approx(0.5, rel=0.1)
+    assert temperature == pytest.approx(0.5, rel=0.1)
+
+
 @pytest.mark.parametrize("stated", [True, False])
 def test_filtered_values_are_nearer_to_the_truth(stated: bool) -> None:
     noise = NoiseSettings(0.5, 0.1, 0.5) if stated else NoiseSettings()

@@ -184,6 +184,20 @@ def test_behind_a_steady_leader_the_ego_cruises() -> None:
     np.testing.assert_allclose(samples[:, ThermalSampleIndex.SPEED], 25.0)
 
 
+def test_a_hill_counts_when_the_ego_vehicle_is_on_it_not_the_leader() -> None:
+    """The second thermal step is 58 to 88 s ahead; the ego vehicle is 60 m behind."""
+    own, rise_rad = forecaster(), 0.03
+    state = make_state(speed_m_s=25.0)
+    edges_m = 1000.0 + 25.0 * np.array([58.0, 88.0])
+    places = np.array([edges_m[0] - 1e-3, edges_m[0], edges_m[1], edges_m[1] + 1e-3])
+    hill = SlopePreview(places, np.array([0.0, rise_rad, rise_rad, 0.0]))
+    own.remember(state, hill)
+    found = powers(own.samples(state, steady(25.0), 300.0, hill))
+    uphill_w = float(electric_traction_power_w(25.0, 0.0, rise_rad, PARAMETERS))
+    np.testing.assert_allclose(found[1], uphill_w, rtol=1e-6)
+    np.testing.assert_allclose(found[[0, 2, 3]], cruise_power_w(25.0), rtol=1e-6)
+
+
 def test_beyond_the_preview_the_trip_so_far_counts() -> None:
     """Two thirds of the time at 10 m/s, one third at 30: the levels are those powers."""
     own = forecaster()

@@ -147,3 +147,11 @@ def test_a_jump_and_a_gap_that_its_speed_does_not_explain_need_a_closer_look(
     track = reduce(followed, before, LeadTrack())
     last = Sample(0.3, 56.0 + farther_m, 20.0, 0.03, 0.1)
     assert (plainly_followed(track, [last]) is not None) is plain
+
+
+def test_one_measurement_does_not_bound_an_interval() -> None:
+    before = LeadMeasurements(LeadTrack(), measured((0.0, 50.0, 20.0)), still, 0.0).track
+    rows = (0.1, 51.98, 19.6), (0.2, 53.92, 19.2)
+    one, two = (LeadMeasurements(before, measured(*rows[:n]), still, 0.1) for n in (1, 2))
+    assert one.bounds() is None
+    assert two.bounds() == (51.98, 19.2)

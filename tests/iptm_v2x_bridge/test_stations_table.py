@@ -94,6 +94,8 @@ def test_a_silent_station_is_forgotten() -> None:
         (100, 110.0, {"heading_deg": 90.0}, Rejection.HEADING_JUMP),
         (100, 110.0, {"left_m": 3.5}, Rejection.LATERAL_JUMP),
         (1000, 128.0, {"left_m": 2.0}, None),
+        # As far as the faster of both speeds leads, with 6 m of acceleration and 2.5 m of tolerance.
+        (1000, 145.0, {"speed_m_s": 31.0}, None),
     ],
 )
 def test_the_next_message_has_to_fit(

@@ -70,6 +70,8 @@ class Repeated:
 
 SMALL_DRIFT_K, NEAR_K, FADING = 0.07, 1.0, 0.7
 """Drifts below the first count alike, as do temperatures nearer than the second; earlier ones count less."""
+SAME_DRIFT_K = 1e-9
+"""Drifts that differ by rounding alone show no line."""
 
 
 def without_drift(tiles: Sequence[Repetition], driven: int) -> Repeated:
@@ -89,7 +91,8 @@ def without_drift(tiles: Sequence[Repetition], driven: int) -> Repeated:
     weights /= weights.sum()
     mean_k = float(weights @ drifts_k)
     spread_k2 = float(weights @ (drifts_k - mean_k) ** 2)
-    slopes = weights * (drifts_k - mean_k) / spread_k2 if spread_k2 > 0.0 else 0.0 * weights
+    has_line = spread_k2 > SAME_DRIFT_K**2
+    slopes = weights * (drifts_k - mean_k) / spread_k2 if has_line else 0.0 * weights
     return _mixed(tiles, weights, weights - mean_k * slopes, driven)
 
 
