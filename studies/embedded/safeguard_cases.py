@@ -212,7 +212,7 @@ def monitor_cases(friction: float) -> Iterator[Case]:
             speed = max(speed + rng.normal(0.0, 0.3), 0.0)
             lead_speed = max(lead_speed + rng.normal(-0.05, 0.5), 0.0)
             ego = (0.1 * step, OWN_M, speed, float(rng.choice([rng.normal(0.0, 1.0), -4.0, 0.0])))
-            road = monitored.monitor.road_braking(float(rng.normal(0.0, 0.03)), memory.road_m_s2)
+            road = monitored.monitor.road_braking(float(rng.normal(0.0, 0.1)), memory.road_m_s2)
             lead = LeaderState(ego[0], OWN_M + gap, lead_speed) if rng.random() < 0.9 else None
             unseen = float(rng.choice([0.0, 0.2, 1.0]))
             case, memory = monitored.judged(memory, ego, lead, road, unseen)
