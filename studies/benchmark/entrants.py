@@ -342,6 +342,7 @@ _STRATEGIES: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     RULE_PREVIEW: ("the gentlest cubic behind the preview", {"strategy": RULE_PREVIEW}),
     "paper": ("the paper's proposal, drawn to a gap", {**EQUAL, "strategy": "aging"}),
     "default": ("the suite's default, drawn to a gap", EQUAL),
+    "prices": ("energy, capacity and headway in one currency", {**EQUAL, "strategy": "prices"}),
 }
 ENTRANTS = (
     *(Entrant(name, _said(law), law) for name, law in _LAWS.items()),

@@ -2,13 +2,13 @@
 
 Plain NumPy; nothing of the suite but numbers: parameters of the car, prices, coefficients of published laws.
 
-    EUR/100 km = [p_E (E_b - E_kin) + p_Q (Q_trip + Q_parked)] 100 km / distance
+    EUR/100 km = [p_E (E_b - E_kin + E_cool) + p_Q (Q_trip + Q_cool)] 100 km / distance
 
-E_b is the integral of the battery power, E_kin the motion at the end, Q the mean of both cells. Q_parked is
-lost because the pack arrives warmer than it settles, while it cools with a time constant of hours; a pack
-that arrives colder gains nothing, so that no ending buys a score. A mechanism with the damage u and the loss
-u^p counts with its slope p u^(p-1) after years of service. Of the laws, the median counts. The road taken is
-the mean gap.
+E_b is the integral of the battery power, E_kin the motion at the end, Q the mean of both cells. E_cool and
+Q_cool cool the pack down to its lower limit at standstill, with the compressor power that takes the least
+energy: heat that is left in the pack is not saved. A pack that ends colder gains nothing, so that no ending
+buys a score. A mechanism with the damage u and the loss u^p counts with its slope p u^(p-1) after years of
+service. Of the laws, the median counts. The road taken is the mean gap.
 """
 
 from __future__ import annotations
@@ -19,13 +19,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from studies.paper.equations import Array, loss_rate_1_s
+from studies.paper.equations import Array, loss_rate_1_s, rates
 
 DAY_S, HOUR_S, YEAR_DAYS, J_PER_KWH = 86400.0, 3600.0, 365.25, 3.6e6
 LIFE_LOSS = 0.2
 """Loss of capacity over which the price of a pack is spread."""
 HARD_BRAKING_M_S2 = 2.05
 CAR_LENGTH_M = 4.5
+POWER_STEP_W = 50.0
 CLOSE_M = 0.5
 """Distance below the smallest gap that is allowed, from which on a second counts."""
 MOST_BELOW, MOST_INTERVENTIONS = 0.2, 2
@@ -56,6 +57,7 @@ class Found:
     Attributes:
         eur: cost of energy and capacity in EUR per 100 km, the latter by the median of the laws.
         energy_kwh: energy at the battery in kWh per 100 km, the motion at the end given back.
+        ending_kwh: of cooling the pack down after the trip, in kWh per 100 km; not in ``energy_kwh``.
         aging_eur: cost of capacity by each law in EUR per 100 km.
         gap_m: mean gap.
         vehicles_h: vehicles per hour and lane at the mean speed and gap.
@@ -68,6 +70,7 @@ class Found:
 
     eur: float
     energy_kwh: float
+    ending_kwh: float
     gap_m: float
     vehicles_h: float
     below_s: float
@@ -100,11 +103,13 @@ def judged(rows: Mapping[str, Array], p: Any, use: Any, laws: Mapping[str, Any])
     hundreds = (rows["position_m"][-1] - rows["position_m"][0]) / 1e5
     mass_kg = p.body.mass_kg * p.body.rotational_inertia_factor
     spent_j = float(rows["battery_power_w"][1:] @ step_s) - 0.5 * mass_kg * speed[-1] ** 2
-    energy_kwh = spent_j / J_PER_KWH / hundreds
+    ends_k = 0.5 * (rows["cell_1_temperature_k"][-1] + rows["cell_n_temperature_k"][-1])
+    ending = cooled_down(ends_k, p)
+    energy_kwh, ending_kwh = (each / J_PER_KWH / hundreds for each in (spent_j, ending.energy_j))
     pack_kwh = p.pack.open_circuit_voltage_v * p.cell.nominal_capacity_ah * p.pack.parallel / 1e3
     capacity_eur = use.battery_eur_kwh * pack_kwh / LIFE_LOSS / hundreds
     aging_eur = {
-        name: capacity_eur * lost(rows, parts, p, use)
+        name: capacity_eur * lost(rows, parts, p, use, ending)
         for name, parts in mechanisms(laws, p, use).items()
     }
     braking = 2.0 * math.sqrt(-p.limits.min_acceleration_m_s2 * p.limits.max_acceleration_m_s2)
@@ -112,10 +117,11 @@ def judged(rows: Mapping[str, Array], p: Any, use: Any, laws: Mapping[str, Any])
     below = (gap_m < least_m - CLOSE_M)[1:]
     acceleration = np.diff(speed) / step_s
     braked = rows["service_braking_s"] > 0.0
-    ends_k = 0.5 * (rows["cell_1_temperature_k"][-1] + rows["cell_n_temperature_k"][-1])
+    energy_eur = use.electricity_eur_kwh * (energy_kwh + ending_kwh)
     return Found(
-        eur=float(use.electricity_eur_kwh * energy_kwh + np.median(list(aging_eur.values()))),
+        eur=float(energy_eur + np.median(list(aging_eur.values()))),
         energy_kwh=float(energy_kwh),
+        ending_kwh=float(ending_kwh),
         aging_eur=aging_eur,
         gap_m=float(np.mean(gap_m)),
         vehicles_h=float(3600.0 * np.mean(speed) / (np.mean(gap_m) + CAR_LENGTH_M)),
@@ -164,30 +170,59 @@ def mechanisms(laws: Mapping[str, Any], p: Any, use: Any) -> dict[str, list[tupl
     return {**cells, "paper": [(of_paper, p.aging.throughput_exponent)]}
 
 
-def lost(rows: Mapping[str, Array], parts: list[tuple[Rate, float]], p: Any, use: Any) -> float:
-    """Return the capacity lost by a trip and the parking after it, as a share, beyond a settled pack."""
+@dataclass(frozen=True)
+class Ending:
+    """Cooling of a parked pack: energy, time, C-rate of the cells in 1/h, and mean temperature meanwhile."""
+
+    energy_j: float
+    time_s: float
+    c_rate_1_h: float
+    middle_k: float
+
+
+def cooled_down(ends_k: float, p: Any) -> Ending:
+    """Return how a pack is cooled to its lower limit with the least energy; infinite where it cannot be."""
+    warmer_k = max(ends_k - p.limits.min_temperature_k, 0.0)
+    middle_k = ends_k - 0.5 * warmer_k
+    pack_j_k = p.pack.cells * p.cell.heat_capacity_j_k
+    pack_w = p.pack.open_circuit_voltage_v * p.cell.nominal_capacity_ah * p.pack.parallel
+    loss = p.aging.initial_capacity_loss
+    at_rest = np.array([0.0, 0.0, middle_k, middle_k, loss, loss])
+    found = [Ending(math.inf if warmer_k else 0.0, 0.0, 0.0, middle_k)]
+    for power_w in np.arange(POWER_STEP_W, p.limits.max_compressor_power_w + 1.0, POWER_STEP_W):
+        _, powers = rates(at_rest, 0.0, power_w, 0.0, p, hold=True)
+        net_w = powers["chiller_heat_w"] - powers["battery_heat_w"]
+        if net_w > 0.0:
+            taken_w, time_s = powers["battery_power_w"], pack_j_k * warmer_k / net_w
+            found.append(Ending(taken_w * time_s, time_s, taken_w / pack_w, middle_k))
+    return min(found, key=lambda each: each.energy_j)
+
+
+def lost(
+    rows: Mapping[str, Array],
+    parts: list[tuple[Rate, float]],
+    p: Any,
+    use: Any,
+    ending: Ending,
+) -> float:
+    """Return the capacity lost by a trip and the cooling after it, as a share."""
     step_s, charge = np.diff(rows["time_s"]), rows["state_of_charge"]
     c_rate = -np.diff(charge) / step_s * HOUR_S
     cells_k = [rows[f"cell_{cell}_temperature_k"] for cell in ("1", "n")]
-    tau_s = use.parked_time_constant_h * HOUR_S
-    damping = math.hypot(1.0, 2.0 * math.pi * tau_s / DAY_S)
+    damping = math.hypot(1.0, 2.0 * math.pi * use.parked_time_constant_h * HOUR_S / DAY_S)
     swing_k = use.parking_air_swing_k / damping * np.cos(2.0 * np.pi * np.arange(24) / 24.0)
     settled_k = p.environment.ambient_temperature_k + use.pack_above_air_k
     parked_charge = use.charging_target - 0.25 * use.daily_discharge
     mean_1_h = 2.0 * use.daily_discharge / 24.0
-    arrival_k = 0.5 * (cells_k[0][-1] + cells_k[1][-1])
-    driven = parked = 0.0
+    total = 0.0
     for rate, exponent in parts:
-
-        def resting(kelvin: float, rate: Rate = rate) -> float:
-            return float(np.mean(rate(kelvin + swing_k, mean_1_h, parked_charge)))
-
-        service = use.service_years * YEAR_DAYS * DAY_S * resting(settled_k)
+        resting = float(np.mean(rate(settled_k + swing_k, mean_1_h, parked_charge)))
+        service = use.service_years * YEAR_DAYS * DAY_S * resting
         slope = exponent * service ** (exponent - 1.0) if service else 0.0
         cells = [float(rate(kelvin[1:], c_rate, charge[1:]) @ step_s) for kelvin in cells_k]
-        driven += slope * sum(cells) / len(cells)
-        parked += slope * tau_s * (resting(arrival_k) - resting(settled_k))
-    return driven + max(parked, 0.0)
+        after = ending.time_s * float(rate(ending.middle_k, ending.c_rate_1_h, charge[-1]))
+        total += slope * (sum(cells) / len(cells) + after)
+    return total
 
 
 def score(found: Found, reference: list[Found]) -> tuple[float, str]:

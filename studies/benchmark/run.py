@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -116,6 +116,7 @@ def run(session: Session) -> bool:
         of_task = driven[place * len(entrants) : (place + 1) * len(entrants)]
         found = [None if each is None else judge(each, trip) for each in of_task]
         reference = [each for each in found[: len(REFERENCE)] if each is not None]
+        driven_only = [without_ending(each) for each in reference]
         for entrant, each, trip_driven in zip(entrants, found, of_task, strict=True):
             if each is None or not reference:
                 continue
@@ -128,6 +129,7 @@ def run(session: Session) -> bool:
                     "is_reference": entrant in REFERENCE,
                     "score": points,
                     "reason": reason,
+                    "without_ending": score(without_ending(each), driven_only)[0],
                     **vars(each),
                     "law_eur": float(np.median(list(each.aging_eur.values()))),
                     "median_ms": 1e3 * trip_driven.median_s,
@@ -158,6 +160,11 @@ def judge(driven: Driven, trip: iptm.Trip) -> Found:
     return judged(driven.rows, trip.parameters, AgingSettings(), LAWS)
 
 
+def without_ending(found: Found) -> Found:
+    """Return what was found without the energy of cooling the pack down after the trip."""
+    return replace(found, eur=found.eur - AgingSettings.electricity_eur_kwh * found.ending_kwh)
+
+
 def summary(ranked: pd.DataFrame) -> pd.DataFrame:
     """Return a row per entrant: median and quartiles of its scores, and what else was found; best first.
 
@@ -172,6 +179,7 @@ def summary(ranked: pd.DataFrame) -> pd.DataFrame:
             "median": quartiles[0.5],
             "high": quartiles[0.75],
             "mean": grouped.score.mean(),
+            "without_ending": grouped.without_ending.mean(),
             "unranked": grouped.score.apply(lambda each: int(each.isna().sum())),
             "vehicles_h": grouped.vehicles_h.median(),
             "below_s": grouped.below_s.sum(),

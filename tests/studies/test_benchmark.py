@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,12 +13,15 @@ from studies.acc.run import LONG_S, LONG_SCENES
 from studies.acc.scenes import long_scenes
 from studies.benchmark import run as benchmark
 from studies.benchmark.entrants import BY_NAME, ENTRANTS, REFERENCE, LikeOpenpilot
-from studies.benchmark.judge import Found, judged, lost, mechanisms, score
+from studies.benchmark.judge import Found, cooled_down, judged, score
 from studies.pages import STUDIES
 
 import iptm
 from iptm_core.aging_laws.parking import AgingSettings
-from iptm_core.metrics import trip_cost
+from iptm_core.metrics import RunMetrics, trip_cost
+from iptm_core.metrics.saving import cool_down
+from iptm_core.parameters.model import ModelParameters
+from iptm_core.state import FloatArray
 
 TENTH_OF_A_POINT = 0.1
 
@@ -50,11 +54,27 @@ def test_the_judge_finds_what_the_library_finds(
     assert found.interventions == metrics.interventions
     kwh = metrics.battery_energy_j - metrics.final_kinetic_energy_j
     assert found.energy_kwh == pytest.approx(kwh / 3.6e6 / metrics.distance_m * 1e5, rel=1e-9)
+    assert found.ending_kwh == pytest.approx(ending_kwh(metrics, run.parameters), rel=2e-2)
+    # A pack at the lower limit has nothing to be cooled for.
+    rows = ended_at(run.trajectory.to_arrays(), run.parameters.limits.min_temperature_k)
     for name, law in (("NCA", "nca"), ("NMC811-Si", "nmc811_si")):
         cost = trip_cost(run.trajectory, metrics, run.parameters, use, law)
-        own = use.electricity_eur_kwh * found.energy_kwh + found.aging_eur[name]
-        expected = cost.energy_eur + cost.driving_eur + max(cost.parked_eur, 0.0)
-        assert own == pytest.approx(expected, rel=1e-3)
+        at_rest = judged(rows, run.parameters, use, benchmark.LAWS)
+        own = use.electricity_eur_kwh * at_rest.energy_kwh + at_rest.aging_eur[name]
+        assert own == pytest.approx(cost.energy_eur + cost.driving_eur, rel=1e-3)
+
+
+def ending_kwh(metrics: RunMetrics, parameters: ModelParameters) -> float:
+    """Energy of cooling the pack down to its lower limit by the library, in kWh per 100 km."""
+    cooling = cool_down(metrics, parameters.limits.min_temperature_k, parameters)
+    assert cooling is not None
+    return cooling[0] / 3.6e6 / metrics.distance_m * 1e5
+
+
+def ended_at(rows: Mapping[str, FloatArray], end_k: float) -> dict[str, FloatArray]:
+    """Rows with another temperature of both cells at the end."""
+    cells = ("cell_1_temperature_k", "cell_n_temperature_k")
+    return {**rows, **{name: np.append(rows[name][:-1], end_k) for name in cells}}
 
 
 def test_a_score_by_the_library_is_the_same_to_a_tenth_of_a_point() -> None:
@@ -65,9 +85,13 @@ def test_a_score_by_the_library_is_the_same_to_a_tenth_of_a_point() -> None:
         driven = benchmark.drive(trip, name)
         run = iptm.drive(benchmark.merged(trip, own.settings), controller=own.controller(trip))
         cost = trip_cost(run.trajectory, run.metrics, run.parameters, use, "nca")
-        eur[name] = cost.energy_eur + cost.driving_eur + max(cost.parked_eur, 0.0)
+        ending_eur = use.electricity_eur_kwh * ending_kwh(run.metrics, run.parameters)
+        eur[name] = cost.energy_eur + cost.driving_eur + ending_eur
         each = benchmark.judge(driven, trip)
-        by_law = use.electricity_eur_kwh * each.energy_kwh + each.aging_eur["NCA"]
+        rows = ended_at(driven.rows, trip.parameters.limits.min_temperature_k)
+        at_rest = judged(rows, trip.parameters, use, benchmark.LAWS)
+        energy_kwh = each.energy_kwh + each.ending_kwh
+        by_law = use.electricity_eur_kwh * energy_kwh + at_rest.aging_eur["NCA"]
         found[name] = replace(each, eur=by_law)
     reference, one = (found[name] for name in eur)
     by_judge = 100.0 * (1.0 - one.eur / reference.eur)
@@ -75,25 +99,30 @@ def test_a_score_by_the_library_is_the_same_to_a_tenth_of_a_point() -> None:
     assert by_judge == pytest.approx(by_library, abs=TENTH_OF_A_POINT)
 
 
-def test_a_cold_end_gains_nothing_and_a_warm_one_pays(run: iptm.Run) -> None:
-    use, laws = AgingSettings(), benchmark.LAWS
-    rows = dict(run.trajectory.to_arrays())
+def test_a_cold_end_gains_nothing_and_a_warm_one_pays_for_its_heat(run: iptm.Run) -> None:
+    use, p = AgingSettings(), run.parameters
+    rows, lowest_k = run.trajectory.to_arrays(), p.limits.min_temperature_k
 
-    def aging(end_c: float) -> float:
-        for cell in ("1", "n"):
-            kelvin = rows[f"cell_{cell}_temperature_k"].copy()
-            kelvin[-1] = end_c + 273.15
-            rows[f"cell_{cell}_temperature_k"] = kelvin
-        (parts, *_) = mechanisms(laws, run.parameters, use).values()
-        return lost(rows, parts, run.parameters, use)
+    def at_end(kelvin: float) -> Found:
+        return judged(ended_at(rows, lowest_k + kelvin), p, use, benchmark.LAWS)
 
-    settled_c = run.parameters.environment.ambient_temperature_k - 273.15 + use.pack_above_air_k
-    assert aging(settled_c - 20.0) == pytest.approx(aging(settled_c), rel=1e-2)
-    assert aging(settled_c + 5.0) > 2.0 * aging(settled_c)
+    assert at_end(-20.0).eur == pytest.approx(at_end(0.0).eur, rel=1e-3)
+    # Heat of ten kelvin at a coefficient of performance between 1.5 and 4, auxiliaries included.
+    heat_kwh = 10.0 * p.pack_heat_capacity_j_k / 3.6e6 / run.metrics.distance_m * 1e5
+    assert heat_kwh / 4.0 < at_end(10.0).ending_kwh < heat_kwh / 1.5
+    more_eur = use.electricity_eur_kwh * at_end(10.0).ending_kwh
+    assert at_end(10.0).eur > at_end(0.0).eur + more_eur
+
+
+def test_heat_is_removed_with_the_least_energy(run: iptm.Run) -> None:
+    p = run.parameters
+    warm, warmer = (cooled_down(p.limits.min_temperature_k + k, p) for k in (5.0, 10.0))
+    assert 0.0 < 2.0 * warm.energy_j < 2.2 * warmer.energy_j
+    assert cooled_down(p.limits.min_temperature_k - 5.0, p).energy_j == 0.0
 
 
 def found(gap_m: float, eur: float, **other: float) -> Found:
-    return replace(Found(eur, 15.0, gap_m, 1000.0, 0.0, 0.0, 5.0, 0, 0.0, 0.1, 25.0), **other)
+    return replace(Found(eur, 15.0, 0.0, gap_m, 1000.0, 0.0, 0.0, 5.0, 0, 0.0, 0.1, 25.0), **other)
 
 
 def test_scores_compare_at_equal_road_space() -> None:
