@@ -49,7 +49,7 @@ the leader does not follow what is taken to be ahead of it."""
 CHECKED_M = 0.2
 """Tolerance of that bound: resolution of the measurements."""
 RULED_S = 20.0
-"""Signals and limits count as far ahead as the leader gets in this time."""
+"""Signals count as far ahead as the leader gets in this time."""
 PREDICTED = "car_following"
 
 
@@ -353,16 +353,15 @@ class ChainBridge:
         moved = tuple(replace(each, time_s=each.time_s + its_s) for each in track.observations)
         inner.offset_s = its_s
         track = replace(track, observations=moved)
-        near = times[times <= now_s + RULED_S]
         likely, surely = (
-            BoundedByRules(inner, rules).predict(track, near + its_s) for rules in self._rules
+            BoundedByRules(inner, rules).predict(track, times + its_s) for rules in self._rules
         )
         if likely is None or surely is None:
             return free
-        bounds = likely.bounds_m if free is None else free.bounds_m[: near.size]
+        bounds = likely.bounds_m if free is None else free.bounds_m
         behind = np.maximum(likely.positions_m - surely.positions_m, 0.0)
         bounds = np.maximum.accumulate(np.maximum(bounds, behind))
-        return _at(LeaderPreview(near, likely.positions_m, likely.speeds_m_s, bounds), times)
+        return LeaderPreview(times, likely.positions_m, likely.speeds_m_s, bounds)
 
     @property
     def chain(self) -> Sequence[ChainVehicle]:
@@ -376,7 +375,10 @@ class ChainBridge:
             for each in self._chain
         )
         ticks = {f"ticks_{name}": count for name, count in sorted(self.counts.items())}
-        return {"vehicles_ahead_of_leader": shown or "none", **ticks}
+        values: dict[str, object] = {"vehicles_ahead_of_leader": shown or "none", **ticks}
+        if self._last is not None:
+            values["predictor"] = self._last.predictor or "none"
+        return values
 
 
 class _Fixed:
