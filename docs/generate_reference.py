@@ -28,7 +28,7 @@ from iptm_controller.solvers.interface import STATUS_TEXT
 from iptm_controller.strategy import COST_TERMS, DEFAULT_STRATEGY, STRATEGIES
 from iptm_core.declaration import parameter_specs, plain
 from iptm_core.markdown import render_page
-from iptm_core.metrics import FIGURES, SAVINGS, WORTH
+from iptm_core.metrics.figures import FIGURES, SAVINGS, WORTH
 from iptm_core.parameters import available_parameter_sets, describe_parameters, load_parameters
 from iptm_core.parameters.catalogue import cars
 from iptm_plant_sim.node_parameters import PlantNodeParameters

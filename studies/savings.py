@@ -10,8 +10,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from iptm_core.metrics import MOVING_M_S, RunMetrics, at_equal_end
+from iptm_core.metrics.following import MOVING_M_S
+from iptm_core.metrics.run_metrics import RunMetrics
 from iptm_core.metrics.saved_share import saved_percent
+from iptm_core.metrics.saving import at_equal_end
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.trajectory import Trajectory
 

@@ -11,7 +11,7 @@ from studies.acc.scenes import Scene
 from studies.savings import road_taken, savings
 
 from iptm_core.markdown import NO_VALUE
-from iptm_core.metrics import compute_metrics
+from iptm_core.metrics.run_metrics import compute_metrics
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory

@@ -12,7 +12,7 @@ from studies.validation import excerpts
 from studies.validation.excerpts import Drive, Driver
 
 from iptm_core.errors import MeasurementError
-from iptm_core.metrics import MOVING_M_S
+from iptm_core.metrics.following import MOVING_M_S
 from iptm_core.state import FloatArray
 
 SCENES = 40

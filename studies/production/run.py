@@ -23,7 +23,7 @@ import iptm
 from iptm_controller.production import SIMPLE, ProductionSettings
 from iptm_core.aging_laws.cells import LAWS
 from iptm_core.aging_laws.parking import AgingSettings
-from iptm_core.metrics import trip_cost
+from iptm_core.metrics.trip_cost import trip_cost
 from iptm_core.parameters import load_parameters
 from iptm_core.units import CELSIUS_ZERO_K
 

@@ -22,7 +22,7 @@ from studies.savings import COLUMNS, PREVIEWS, PRODUCTION, road_taken, savings
 from studies.session import Case, Session
 
 from iptm_core.markdown import table_of
-from iptm_core.metrics import RunMetrics
+from iptm_core.metrics.run_metrics import RunMetrics
 from iptm_core.metrics.saved_share import saved_percent
 from iptm_core.parameters import DEFAULT_SET, load_parameters
 from iptm_core.parameters.model import ModelParameters

@@ -30,7 +30,8 @@ from studies.session import Case, Session
 
 import iptm
 from iptm_core.aging_laws.cells import AGING_CELLS
-from iptm_core.metrics import MOVING_M_S, gap_margins_m
+from iptm_core.metrics.constraints import gap_margins_m
+from iptm_core.metrics.following import MOVING_M_S
 from iptm_core.routes.cycles import CYCLE_NAMES
 
 CYCLES = ("wltc_class3b", "us06", "hwfet")

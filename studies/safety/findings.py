@@ -15,7 +15,9 @@ from studies.judged import Judged
 from studies.safety.trials import NOISE_AND_DELAY, SHIPPED, UNDISTURBED
 
 from iptm_core.errors import StoreError
-from iptm_core.metrics import RunMetrics, at_equal_end, figure_values
+from iptm_core.metrics.figures import figure_values
+from iptm_core.metrics.run_metrics import RunMetrics
+from iptm_core.metrics.saving import at_equal_end
 from iptm_core.parameters import load_parameters
 
 BEFORE = Path(__file__).parent / "before.json"

@@ -16,7 +16,7 @@ from studies.savings import COLUMNS as SAVINGS
 from studies.session import Session
 
 from iptm_core.markdown import table_of
-from iptm_core.metrics import RunMetrics
+from iptm_core.metrics.run_metrics import RunMetrics
 from iptm_core.parameters import load_parameters
 from iptm_core.units import KM_H_PER_M_S
 from iptm_traffic.demand import DemandSettings, TrafficScenario

@@ -25,7 +25,7 @@ from iptm_controller.options import ControllerOptions
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.braking import RadioSettings, SafetyMonitorSettings
 from iptm_core.markdown import table_of
-from iptm_core.metrics import gap_margins_m
+from iptm_core.metrics.constraints import gap_margins_m
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import Route, build_route
 from iptm_core.routes.road_line import RoadLine

@@ -25,8 +25,8 @@ from iptm_controller.settings import ControllerSettings
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.decision_record import Rung
 from iptm_core.markdown import markdown_table
-from iptm_core.metrics import compute_metrics, gap_margins_m
-from iptm_core.metrics.constraints import GAP_TOLERANCE_M
+from iptm_core.metrics.constraints import GAP_TOLERANCE_M, gap_margins_m
+from iptm_core.metrics.run_metrics import compute_metrics
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import Route, build_route
 from iptm_core.routes.road_line import RoadLine

@@ -14,7 +14,8 @@ import pytest
 from pyarrow.parquet import read_table
 from tests.foreign_readers import assert_read_by_all
 
-from iptm_core.metrics import FIGURES, compute_metrics, figure_values
+from iptm_core.metrics.figures import FIGURES, figure_values
+from iptm_core.metrics.run_metrics import compute_metrics
 from iptm_ros.codecs import ns_from_time
 from iptm_ros.recording.bag_reader import BagReader, read_model_parameters
 from iptm_ros.recording.trajectory_reader import read_decisions, read_trajectory

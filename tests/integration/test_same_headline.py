@@ -19,7 +19,8 @@ from iptm.runner.summary import headline
 from iptm.string_report import string_parts
 from iptm.sweeping import Sweep
 from iptm.trip_files import load_trip
-from iptm_core.metrics import SAVINGS, Basis
+from iptm_core.metrics.figures import SAVINGS
+from iptm_core.metrics.saved_share import Basis
 from iptm_core.parameters import to_flat_dict
 
 GPX = Path(__file__).parents[2] / "docs" / "examples" / "phone_drive.gpx"

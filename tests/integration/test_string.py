@@ -20,7 +20,7 @@ from tests.integration.page_browser import Terminal, followed
 from iptm.commands.run import build_parser, chosen_trip
 from iptm.vehicle_string import drive_string_in_memory
 from iptm_core.decision_record import Rung
-from iptm_core.metrics import gap_margins_m
+from iptm_core.metrics.constraints import gap_margins_m
 from iptm_core.settings import VEHICLE_LENGTH_M
 from iptm_core.state import Command
 from iptm_ros.codecs import decode_command

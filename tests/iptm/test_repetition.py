@@ -10,8 +10,8 @@ import pytest
 
 import iptm
 from iptm.repetition import _one, repeat, why_not
-from iptm_core.metrics import Basis, Judgement
 from iptm_core.metrics.repeated import Repetition, closed_stretch, over_cycles, without_drift
+from iptm_core.metrics.saved_share import Basis, Judgement
 
 TOLERANCE_POINTS = 0.5
 LED_IN = 10

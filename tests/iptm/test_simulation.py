@@ -11,7 +11,7 @@ import pytest
 
 import iptm
 from iptm_core.aging_laws.cells import LAWS
-from iptm_core.metrics import figure_values
+from iptm_core.metrics.figures import figure_values
 from iptm_core.routes import load_cycle
 from iptm_core.trajectory import TRAJECTORY_COLUMNS
 

@@ -22,7 +22,7 @@ from iptm.vehicle_string import (
 from iptm_controller.controller import MpcController
 from iptm_controller.options import ControllerOptions
 from iptm_core.decision_record import Rung
-from iptm_core.metrics import gap_margins_m
+from iptm_core.metrics.constraints import gap_margins_m
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
 from iptm_plant_sim.plant import Plant

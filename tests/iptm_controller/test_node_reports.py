@@ -24,7 +24,7 @@ from iptm_controller.ocp.layout import InputIndex, StateIndex
 from iptm_controller.options import ControllerOptions
 from iptm_controller.settings import WarningSettings
 from iptm_core.decision_record import Rung, SolveStatus
-from iptm_core.metrics import Concern
+from iptm_core.metrics.constraints import Concern
 from iptm_core.state import LeaderPreview
 from iptm_ros.codecs import (
     decode_decision_record,

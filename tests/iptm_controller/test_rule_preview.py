@@ -10,7 +10,7 @@ from tests.iptm_controller.scenes import HERE_M, NOW_S, PARAMETERS, make_state
 
 import iptm
 from iptm_controller.rule_preview import gentlest_acceleration_m_s2
-from iptm_core.metrics import gap_margins_m
+from iptm_core.metrics.constraints import gap_margins_m
 from iptm_core.state import LeaderPreview
 
 HEADWAY_S = 1.6

@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 from tests.iptm_core.made_runs import PARAMETERS, make_run
 
-from iptm_core.metrics import (
+from iptm_core.metrics.constraints import (
     Concern,
     ConstraintCheck,
+    IneffectiveCooling,
+    Streak,
     check_constraints,
     cold_compressor_energies_j,
-    compute_metrics,
-    figure_values,
 )
-from iptm_core.metrics.constraints import IneffectiveCooling, Streak
+from iptm_core.metrics.figures import figure_values
+from iptm_core.metrics.run_metrics import compute_metrics
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.trajectory import Trajectory
 

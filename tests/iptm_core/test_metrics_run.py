@@ -10,14 +10,8 @@ import pytest
 from tests.iptm_core.made_runs import PARAMETERS, make_run
 
 from iptm_core.errors import StateError
-from iptm_core.metrics import (
-    FIGURES,
-    SAVINGS,
-    TRIP_FIGURES,
-    RunMetrics,
-    compute_metrics,
-    figure_values,
-)
+from iptm_core.metrics.figures import FIGURES, SAVINGS, TRIP_FIGURES, figure_values
+from iptm_core.metrics.run_metrics import RunMetrics, compute_metrics
 from iptm_core.metrics.saving import cool_down
 from iptm_core.parameters import load_parameters
 from iptm_core.trajectory import Trajectory

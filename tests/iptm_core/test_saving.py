@@ -10,23 +10,18 @@ import numpy as np
 import pytest
 from tests.iptm_core.made_runs import make_run
 
-from iptm_core.metrics import (
-    Basis,
-    Following,
-    Judgement,
-    RunMetrics,
-    Saving,
-    compute_metrics,
-    gap_margins_m,
-    judge_saving,
-)
+from iptm_core.metrics.constraints import gap_margins_m
+from iptm_core.metrics.following import Following
 from iptm_core.metrics.repeated import Repeated
-from iptm_core.metrics.saved_share import saved_text
+from iptm_core.metrics.run_metrics import RunMetrics, compute_metrics
+from iptm_core.metrics.saved_share import Basis, Judgement, saved_text
 from iptm_core.metrics.saving import (
     LARGEST_CORRECTION_POINTS,
     SHORTEST_TRIP_S,
     SHORTEST_WHOLE_S,
+    Saving,
     cool_down,
+    judge_saving,
 )
 from iptm_core.parameters import load_parameters
 

@@ -11,7 +11,7 @@ import iptm
 from iptm_core.aging_laws.cells import LAWS
 from iptm_core.aging_laws.law import Load
 from iptm_core.aging_laws.parking import AgingSettings, ParkedAging, capacity_price_eur
-from iptm_core.metrics import trip_cost
+from iptm_core.metrics.trip_cost import trip_cost
 
 USE = AgingSettings(aging_law="lfp", electricity_eur_kwh=0.3, battery_eur_kwh=100.0)
 

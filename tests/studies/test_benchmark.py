@@ -18,8 +18,9 @@ from studies.pages import STUDIES
 
 import iptm
 from iptm_core.aging_laws.parking import AgingSettings
-from iptm_core.metrics import RunMetrics, trip_cost
+from iptm_core.metrics.run_metrics import RunMetrics
 from iptm_core.metrics.saving import cool_down
+from iptm_core.metrics.trip_cost import trip_cost
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray
 

@@ -10,7 +10,7 @@ from studies.real_cars.run import as_driven, totals
 from studies.savings import road_taken, saved
 from tests.iptm_core.made_runs import PARAMETERS, make_run
 
-from iptm_core.metrics import RunMetrics, compute_metrics
+from iptm_core.metrics.run_metrics import RunMetrics, compute_metrics
 
 I3 = "bmw_i3"
 

@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 from tests.iptm_core.made_runs import make_run
 
-from iptm_core.metrics import FIGURES, Saving, compute_metrics, gap_margins_m, judge_saving
-from iptm_core.metrics.saving import SHORTEST_TRIP_S
+from iptm_core.metrics.constraints import gap_margins_m
+from iptm_core.metrics.figures import FIGURES
+from iptm_core.metrics.run_metrics import compute_metrics
+from iptm_core.metrics.saving import SHORTEST_TRIP_S, Saving, judge_saving
 from iptm_core.parameters import load_parameters
 from iptm_core.trajectory import Trajectory
 from iptm_core.units import CELSIUS_ZERO_K

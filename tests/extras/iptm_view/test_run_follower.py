@@ -16,8 +16,7 @@ from tests.plant_messages import plant_messages
 from tests.table_messages import encode_leader_preview, encode_plan
 
 from iptm_core.errors import BagError
-from iptm_core.metrics import gap_margins_m
-from iptm_core.metrics.constraints import GAP_TOLERANCE_M
+from iptm_core.metrics.constraints import GAP_TOLERANCE_M, gap_margins_m
 from iptm_core.state import LeaderPreview, SafetyRecord, VehicleState
 from iptm_core.trajectory import Trajectory
 from iptm_ros.codecs import (

@@ -15,7 +15,7 @@ from iptm.run import Run
 from iptm.runner.composition import node_parameters, run_information
 from iptm.trip import Trip
 from iptm_core.decision_record import DecisionRecord
-from iptm_core.metrics import RunMetrics
+from iptm_core.metrics.run_metrics import RunMetrics
 from iptm_core.state import Command
 from iptm_core.trajectory import Trajectory
 from iptm_ros.codecs import encode_command, encode_decision_record, serialized, time_from_s

@@ -16,7 +16,7 @@ from iptm.run import Run
 from iptm.runner.evaluation import save_comparison
 from iptm.trip import Trip
 from iptm_core.errors import ParameterError
-from iptm_core.metrics import FIGURES, figure_values
+from iptm_core.metrics.figures import FIGURES, figure_values
 from iptm_core.trajectory import TRAJECTORY_COLUMNS
 
 TRIP = Trip.of("nycc", duration_s=60.0)

@@ -19,7 +19,8 @@ from iptm.runner.summary import headline
 from iptm.trip import Trip
 from iptm_core.decision_record import distribution
 from iptm_core.errors import BagError, MessageError
-from iptm_core.metrics import FIGURES, compute_metrics, figure_values
+from iptm_core.metrics.figures import FIGURES, figure_values
+from iptm_core.metrics.run_metrics import compute_metrics
 from iptm_core.state import LeaderState
 from iptm_core.trajectory import Trajectory
 from iptm_ros.codecs import encode_leader, serialized

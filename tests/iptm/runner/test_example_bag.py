@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from iptm.trip_files import trip_from
-from iptm_core.metrics import compute_metrics, figure_values
+from iptm_core.metrics.figures import figure_values
+from iptm_core.metrics.run_metrics import compute_metrics
 from iptm_core.parameters.strict_yaml import parse_yaml
 from iptm_ros.recording.bag_reader import BagReader, read_model_parameters
 from iptm_ros.recording.trajectory_reader import read_decisions, read_trajectory

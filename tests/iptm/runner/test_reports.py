@@ -23,7 +23,7 @@ from iptm.runner.summary import print_end, print_results, save_picture
 from iptm.runner.tables import TABLES_WIDTH
 from iptm.trip import Trip
 from iptm_core.decision_record import DecisionSeries, Rung
-from iptm_core.metrics import FIGURES, TRIP_FIGURES, figure_values
+from iptm_core.metrics.figures import FIGURES, TRIP_FIGURES, figure_values
 from iptm_core.trajectory import Trajectory
 from iptm_ros.recording.run_information import RunInformation
 from iptm_ros.topics import Topic

@@ -15,7 +15,7 @@ from iptm.run import Run
 from iptm.runner.summary import Summary, summarise
 from iptm.trip import Trip
 from iptm_core.decision_record import DecisionSeries
-from iptm_core.metrics import RunMetrics
+from iptm_core.metrics.run_metrics import RunMetrics
 from iptm_core.metrics.saving import ENERGY_SAVED, SHORTEST_WHOLE_S
 from iptm_core.state import CommandSource
 

@@ -22,7 +22,9 @@ from iptm.report import (
 )
 from iptm.run import Run, figure_title
 from iptm_core.errors import ScenarioError
-from iptm_core.metrics import FIGURES, SAVINGS, WORTH, Saving, TripCost
+from iptm_core.metrics.figures import FIGURES, SAVINGS, WORTH
+from iptm_core.metrics.saving import Saving
+from iptm_core.metrics.trip_cost import TripCost
 from iptm_core.parameters import to_flat_dict
 from iptm_core.user_input import shown
 

@@ -21,7 +21,7 @@ from iptm_controller.measurements import Measurements
 from iptm_controller.strategy import STRATEGIES, DrivingRules
 from iptm_core.declaration import parameter_specs, plain
 from iptm_core.errors import ScenarioError, StateError
-from iptm_core.metrics import Saving
+from iptm_core.metrics.saving import Saving
 from iptm_core.metrics.saving_parts import Part, aging_parts, energy_parts
 from iptm_core.parameters.loading import parse_overrides
 from iptm_core.settings import PreviewMode, PreviewSettings

@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from iptm_core.decision_record import DecisionSeries
-from iptm_core.metrics import gap_margins_m
+from iptm_core.metrics.constraints import gap_margins_m
 from iptm_core.metrics.figures import PPM
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes.slope import SlopeProfile

@@ -20,7 +20,6 @@ from iptm.closed_loop import run_closed_loop
 from iptm_controller.controller import MpcController
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.errors import IptmError
-from iptm_core.metrics import compute_metrics
 from iptm_core.metrics.repeated import (
     Repeated,
     Repetition,
@@ -28,6 +27,7 @@ from iptm_core.metrics.repeated import (
     over_cycles,
     without_drift,
 )
+from iptm_core.metrics.run_metrics import compute_metrics
 from iptm_core.routes.cycles import FINAL_BRAKING_M_S2, LeaderMotion
 from iptm_core.routes.route import Route
 from iptm_core.routes.slope import SlopeProfile

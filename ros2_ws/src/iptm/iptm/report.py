@@ -11,7 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from iptm_core.errors import StoreError
-from iptm_core.metrics import FIGURES, TRIP_FIGURES, RunMetrics, Saving, figure_values
+from iptm_core.metrics.figures import FIGURES, TRIP_FIGURES, figure_values
+from iptm_core.metrics.run_metrics import RunMetrics
+from iptm_core.metrics.saving import Saving
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -15,20 +15,12 @@ from iptm_core.aging_laws.parking import AgingSettings
 from iptm_core.decision_record import DecisionSeries
 from iptm_core.declaration import TextEnum, parameter_specs
 from iptm_core.errors import ScenarioError
-from iptm_core.metrics import (
-    FIGURES,
-    SAVINGS,
-    WORTH,
-    Repeated,
-    RunMetrics,
-    Saving,
-    TripCost,
-    compute_metrics,
-    figure_values,
-    judge_saving,
-    trip_cost,
-)
 from iptm_core.metrics.energy_balance import EnergyBalance, energy_balance
+from iptm_core.metrics.figures import FIGURES, SAVINGS, WORTH, figure_values
+from iptm_core.metrics.repeated import Repeated
+from iptm_core.metrics.run_metrics import RunMetrics, compute_metrics
+from iptm_core.metrics.saving import Saving, judge_saving
+from iptm_core.metrics.trip_cost import TripCost, trip_cost
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes.slope import SlopeProfile
 from iptm_core.settings import LeaderSource, LoopMode, PreviewMode
@@ -116,7 +108,7 @@ class Run:
 
     @property
     def figures(self) -> dict[str, float]:
-        """Figures by key, such as ``consumption``, in the units of `iptm_core.metrics.FIGURES`."""
+        """Figures by key, such as ``consumption``, in the units of `iptm_core.metrics.figures.FIGURES`."""
         return figure_values(self.metrics)
 
     @property

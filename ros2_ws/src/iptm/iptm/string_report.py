@@ -18,7 +18,7 @@ from iptm.picture import STYLE
 from iptm.report import relative_changes
 from iptm.run import Run
 from iptm.vehicle_string import amplification, deviations_along
-from iptm_core.metrics import gap_margins_m
+from iptm_core.metrics.constraints import gap_margins_m
 from iptm_core.units import KM_H_PER_M_S
 
 _SIZE_INCHES = (12.0, 8.0)

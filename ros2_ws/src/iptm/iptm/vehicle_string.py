@@ -17,7 +17,7 @@ from iptm.run import Run
 from iptm.trip import Trip
 from iptm_controller.decision import Decision
 from iptm_controller.measurements import Measurements
-from iptm_core.metrics import gap_margins_m
+from iptm_core.metrics.constraints import gap_margins_m
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes.route import Route
 from iptm_core.settings import VEHICLE_LENGTH_M, PreviewSettings

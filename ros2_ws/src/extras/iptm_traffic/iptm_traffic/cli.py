@@ -16,7 +16,8 @@ from iptm_controller.settings import ControllerSettings
 from iptm_controller.strategy import STRATEGIES
 from iptm_core.declaration import parameter_specs
 from iptm_core.errors import IptmError, ScenarioError
-from iptm_core.metrics import FIGURES, TRIP_FIGURES, figure_values, judge_saving
+from iptm_core.metrics.figures import FIGURES, TRIP_FIGURES, figure_values
+from iptm_core.metrics.saving import judge_saving
 from iptm_core.parameters import DEFAULT_SET, ModelParameters, load_parameters
 from iptm_core.program import EXIT_OK, refused
 from iptm_core.user_input import number

@@ -22,7 +22,7 @@ from iptm_controller.options import ControllerOptions
 from iptm_controller.settings import ControllerSettings
 from iptm_controller.strategy import strategy_by_name
 from iptm_core.decision_record import Rung
-from iptm_core.metrics import RunMetrics, compute_metrics
+from iptm_core.metrics.run_metrics import RunMetrics, compute_metrics
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes.cycles import LeaderMotion
 from iptm_core.routes.route import Route

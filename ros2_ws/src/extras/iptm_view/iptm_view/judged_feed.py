@@ -14,7 +14,10 @@ import numpy as np
 
 from iptm_core.aging_laws.judging import Exposure, losses_of_cells
 from iptm_core.errors import StateError
-from iptm_core.metrics import Following, Repeated, SavedShare, judge_saving
+from iptm_core.metrics.following import Following
+from iptm_core.metrics.repeated import Repeated
+from iptm_core.metrics.saved_share import SavedShare
+from iptm_core.metrics.saving import judge_saving
 from iptm_core.parameters import ModelParameters
 from iptm_core.state import NS_PER_S
 from iptm_core.units import CELSIUS_ZERO_K

@@ -15,12 +15,12 @@ import yaml
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.declaration import Settings, parameter_specs
 from iptm_core.errors import BagError, IptmError
-from iptm_core.metrics import FIGURES, SAVINGS
 from iptm_core.metrics.constraints import (
     GAP_TOLERANCE_M,
     SPEED_TOLERANCE_M_S,
     TEMPERATURE_TOLERANCE_K,
 )
+from iptm_core.metrics.figures import FIGURES, SAVINGS
 from iptm_core.parameters import ModelParameters
 from iptm_core.parameters.strict_yaml import parse_yaml
 from iptm_core.settings import (

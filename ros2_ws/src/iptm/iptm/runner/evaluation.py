@@ -16,7 +16,8 @@ from iptm.runner.monitor import heard_by_stamp
 from iptm.runner.summary import headline
 from iptm.trip import Trip
 from iptm.trip_files import trip_text
-from iptm_core.metrics import FIGURES, RunMetrics
+from iptm_core.metrics.figures import FIGURES
+from iptm_core.metrics.run_metrics import RunMetrics
 from iptm_core.settings import LeaderSource
 from iptm_core.trajectory import Trajectory
 from iptm_ros.assembly import assemble_decisions, assemble_run, split_trips, unpublished

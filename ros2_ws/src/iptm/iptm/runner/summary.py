@@ -17,10 +17,9 @@ from rich.text import Text
 from iptm.run import Run
 from iptm.runner.run_folder import LOGS, RunFolder
 from iptm_core.decision_record import DecisionStatistics
-from iptm_core.metrics import RunMetrics, Saving, figure_values
-from iptm_core.metrics.figures import PPM
-from iptm_core.metrics.run_metrics import NO_VALUE, significant
-from iptm_core.metrics.saving import ENERGY_SAVED
+from iptm_core.metrics.figures import PPM, figure_values
+from iptm_core.metrics.run_metrics import NO_VALUE, RunMetrics, significant
+from iptm_core.metrics.saving import ENERGY_SAVED, Saving
 from iptm_core.units import CELSIUS_ZERO_K, J_PER_KWH
 from iptm_ros.topics import PLANT
 

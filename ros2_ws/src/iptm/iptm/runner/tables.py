@@ -13,13 +13,9 @@ from rich.text import Text
 from iptm.report import change_text, relative_changes
 from iptm.run import Run
 from iptm_core.decision_record import DecisionStatistics
-from iptm_core.metrics import (
-    FIGURES,
-    PAPER_TABLE,
-    TRIP_FIGURES,
-    ConstraintCheck,
-    RunMetrics,
-)
+from iptm_core.metrics.constraints import ConstraintCheck
+from iptm_core.metrics.figures import FIGURES, PAPER_TABLE, TRIP_FIGURES
+from iptm_core.metrics.run_metrics import RunMetrics
 from iptm_ros.recording.bag_info import decisions_table
 
 TABLES_WIDTH = 124

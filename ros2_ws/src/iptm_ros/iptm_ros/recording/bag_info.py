@@ -11,7 +11,8 @@ from rosbags.interfaces import QosDurability
 
 from iptm_core.decision_record import DecisionStatistics
 from iptm_core.errors import BagError, IptmError
-from iptm_core.metrics import FIGURES, compute_metrics, figure_values
+from iptm_core.metrics.figures import FIGURES, figure_values
+from iptm_core.metrics.run_metrics import compute_metrics
 from iptm_ros.recording.bag_reader import BagReader, read_model_parameters
 from iptm_ros.recording.recorded_topics import TopicRecord
 from iptm_ros.recording.run_information import RunInformation, stored_losses
