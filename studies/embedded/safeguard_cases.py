@@ -15,13 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from iptm_controller.controller_code import limit_numbers
 from iptm_controller.safeguards import CommandLimiter
 from iptm_controller.tick_library import numbers_of
 from iptm_core.braking import BrakingCapability, SafetyMonitorSettings
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import BrakeParameters
 from iptm_core.state import Command, LeaderState, VehicleState
+from iptm_ecu.controller_code import limit_numbers
 from iptm_plant_sim.safety_monitor import MonitorMemory, RoadBraking, SafetyMonitor, with_delivery
 
 PARAMETERS = load_parameters().values

@@ -12,7 +12,6 @@ import numpy as np
 from iptm.closed_loop import run_closed_loop
 from iptm_controller.c_sources import C_SOURCES
 from iptm_controller.controller import MpcController
-from iptm_controller.controller_code import controller_code, write_files
 from iptm_controller.decision import Decision
 from iptm_controller.horizon import MULTI_HORIZON, Horizon
 from iptm_controller.measurements import Measurements
@@ -22,6 +21,7 @@ from iptm_core.parameters import DEFAULT_SET, load_parameters
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes import build_route
 from iptm_core.state import FloatArray
+from iptm_ecu.controller_code import controller_code, write_files
 from iptm_plant_sim.c_sources import C_SOURCES as PLANT_SOURCES
 from iptm_plant_sim.plant import Plant
 

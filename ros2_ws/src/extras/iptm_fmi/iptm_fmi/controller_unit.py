@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from iptm_controller.controller import MpcController
-from iptm_controller.controller_code import controller_code
 from iptm_controller.ocp.data import UNBOUNDED_W
 from iptm_controller.options import ControllerOptions
 from iptm_core.parameters.model import ModelParameters
+from iptm_ecu.controller_code import controller_code
 from iptm_fmi.unit import C_SOURCES, Kind, Unit, Variable, literal, road_variables
 
 PREVIEW_ROOM = 64
