@@ -29,9 +29,11 @@ def test_the_cabin_of_a_step_is_heard(peer: Any) -> None:
     plant = plant_with(CabinParameters(initial_c=5.0))(car, np.zeros_like)
     publish = publisher(peer.node, plant)
     assert publish is not None
-    counted = peer.node.count_subscribers
+    names = {peer.node.resolve_topic_name(name) for name in (STATE_TOPIC, TEMPERATURE_TOPIC)}
+    own = [each for each in peer.node.publishers if each.topic_name in names]
+    assert len(own) == len(names)
     peer.wait_until(
-        lambda: counted(STATE_TOPIC) and counted(TEMPERATURE_TOPIC), what="both listeners"
+        lambda: all(each.get_subscription_count() for each in own), what="both listeners"
     )
     step = plant.advance(plant.initial_state(), Command(0.0, 0.0))
     publish(step)
