@@ -114,6 +114,7 @@ def test_a_trip_whose_ends_decide_is_repeated_or_has_a_band() -> None:
     own, other = (Repeated(joule, 1e-5, {}, 0.006, 0.0, 4) for joule in (780.0, 800.0))
     found = judge_saving(warm, OTHER, PARAMETERS, repeat=lambda: (own, other))
     assert found.energy.percent == pytest.approx(2.5)
+    assert f"; equal ends {correction:.1f} % lost; as driven " in found.headline
     assert found.energy.uncertainty_points == pytest.approx(97.5 * 0.006 * math.sqrt(2.0))
     assert found.aging.percent == found.aging.equal_ends_percent, "equal ends hardly change it"
 

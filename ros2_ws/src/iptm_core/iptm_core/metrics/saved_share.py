@@ -61,11 +61,12 @@ class SavedShare:
 
     @property
     def as_driven(self) -> str:
-        """What stands behind the headline: how it was made where not by equal ends, and as driven."""
+        """What stands behind the headline: as driven, and where it was made otherwise how, and equal ends."""
         text = f"as driven {saved_text(self.as_driven_percent)}"
         if self.judgement is not Judgement.JUDGED or self.basis is Basis.EQUAL_ENDS:
             return text
-        return f"±{self.uncertainty_points:.1f} points, {self.basis}; {text}"
+        ends = f"equal ends {saved_text(self.equal_ends_percent)}"
+        return f"±{self.uncertainty_points:.1f} points, {self.basis}; {ends}; {text}"
 
 
 def judged_share(
