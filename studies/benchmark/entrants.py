@@ -10,6 +10,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,6 +22,7 @@ from studies.savings import BASELINE, PRODUCTION, PRODUCTION_SIMPLE, RULE_PREVIE
 import iptm
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray
+from iptm_gym.policy import Policy
 
 REST_M = 1.0
 COOL_FROM_K, COOL_FULLY_K = 303.15, 313.15
@@ -294,7 +297,7 @@ class Entrant:
 
     name: str
     what: str
-    law: Callable[[ModelParameters, int], Law] | None = None
+    law: Callable[[ModelParameters, int], iptm.Controller] | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)
     is_bad: bool = False
     changes: Mapping[str, float] = field(default_factory=dict)
@@ -311,6 +314,19 @@ class Entrant:
 
 def _said(law: type[Law]) -> str:
     return (law.__doc__ or "").partition("\n")[0]
+
+
+LEARNED = Path(__file__).parent / "learned.json"
+
+
+@lru_cache(maxsize=1)
+def learned() -> Policy:
+    """Return the shipped policy."""
+    return Policy.read(LEARNED)
+
+
+def _policy(_: ModelParameters, __: int) -> Policy:
+    return learned()
 
 
 REFERENCE_HEADWAYS_S = (1.3, 1.6, 1.9, 2.2, 2.6, 3.2, 4.2)
@@ -346,6 +362,11 @@ _STRATEGIES: Mapping[str, tuple[str, Mapping[str, Any]]] = {
 }
 ENTRANTS = (
     *(Entrant(name, _said(law), law) for name, law in _LAWS.items()),
+    Entrant(
+        "learned",
+        "a network of 220 weights, learned by an evolution strategy on synthetic trips",
+        _policy,
+    ),
     *(Entrant(name, what, settings=given) for name, (what, given) in _STRATEGIES.items()),
     *(Entrant(name, _said(law), law, is_bad=True) for name, law in _BAD.items()),
 )

@@ -2,12 +2,13 @@
 
 Plain NumPy; nothing of the suite but numbers: parameters of the car, prices, coefficients of published laws.
 
-    EUR/100 km = [p_E (E_b - E_kin + E_cool) + p_Q (Q_trip + Q_cool)] 100 km / distance
+    EUR/100 km = [p_E (E_b - E_kin + E_cool) + p_Q (Q_trip + Q_cool) + C] 100 km / distance
 
 E_b is the integral of the battery power, E_kin the motion at the end, Q the mean of both cells. E_cool and
 Q_cool cool the pack down to its lower limit at standstill, with the compressor power that takes the least
 energy: heat that is left in the pack is not saved. A pack that ends colder gains nothing, so that no ending
-buys a score. A mechanism with the damage u and the loss u^p counts with its slope p u^(p-1) after years of
+buys a score. Where a fast charge follows, C is what its minutes cost at the temperature on arrival, instead
+of the cooling. A mechanism with the damage u and the loss u^p counts with its slope p u^(p-1) after years of
 service. Of the laws, the median counts. The road taken is the mean gap.
 """
 
@@ -59,6 +60,7 @@ class Found:
         energy_kwh: energy at the battery in kWh per 100 km, the motion at the end given back.
         ending_kwh: of cooling the pack down after the trip, in kWh per 100 km; not in ``energy_kwh``.
         aging_eur: cost of capacity by each law in EUR per 100 km.
+        arrival_eur: cost of the temperature on arrival in EUR per 100 km.
         gap_m: mean gap.
         vehicles_h: vehicles per hour and lane at the mean speed and gap.
         below_s: seconds more than `CLOSE_M` below the smallest gap that is allowed.
@@ -81,6 +83,7 @@ class Found:
     jerk_m_s3: float
     end_c: float
     aging_eur: Mapping[str, float] = field(default_factory=dict)
+    arrival_eur: float = 0.0
 
     @property
     def is_too_close(self) -> bool:
@@ -88,7 +91,13 @@ class Found:
         return self.below_share > MOST_BELOW or self.interventions > MOST_INTERVENTIONS
 
 
-def judged(rows: Mapping[str, Array], p: Any, use: Any, laws: Mapping[str, Any]) -> Found:
+def judged(
+    rows: Mapping[str, Array],
+    p: Any,
+    use: Any,
+    laws: Mapping[str, Any],
+    arrival: tuple[Array, Array] | None = None,
+) -> Found:
     """Judge a trip.
 
     Args:
@@ -96,6 +105,8 @@ def judged(rows: Mapping[str, Array], p: Any, use: Any, laws: Mapping[str, Any])
         p: parameters of the car.
         use: prices, and the use of the car between trips.
         laws: coefficients by the name of the cell, see `mechanisms`.
+        arrival: temperatures in degC and what they cost on arrival in EUR, linear between; None where no
+            fast charge follows.
     """
     step_s = np.diff(rows["time_s"])
     speed, leader = rows["speed_m_s"], rows["leader_speed_m_s"]
@@ -104,7 +115,10 @@ def judged(rows: Mapping[str, Array], p: Any, use: Any, laws: Mapping[str, Any])
     mass_kg = p.body.mass_kg * p.body.rotational_inertia_factor
     spent_j = float(rows["battery_power_w"][1:] @ step_s) - 0.5 * mass_kg * speed[-1] ** 2
     ends_k = 0.5 * (rows["cell_1_temperature_k"][-1] + rows["cell_n_temperature_k"][-1])
-    ending = cooled_down(ends_k, p)
+    ending, arrival_eur = cooled_down(ends_k, p), 0.0
+    if arrival is not None:
+        ending = Ending(0.0, 0.0, 0.0, ends_k)
+        arrival_eur = float(np.interp(ends_k - 273.15, *arrival)) / hundreds
     energy_kwh, ending_kwh = (each / J_PER_KWH / hundreds for each in (spent_j, ending.energy_j))
     pack_kwh = p.pack.open_circuit_voltage_v * p.cell.nominal_capacity_ah * p.pack.parallel / 1e3
     capacity_eur = use.battery_eur_kwh * pack_kwh / LIFE_LOSS / hundreds
@@ -119,10 +133,11 @@ def judged(rows: Mapping[str, Array], p: Any, use: Any, laws: Mapping[str, Any])
     braked = rows["service_braking_s"] > 0.0
     energy_eur = use.electricity_eur_kwh * (energy_kwh + ending_kwh)
     return Found(
-        eur=float(energy_eur + np.median(list(aging_eur.values()))),
+        eur=float(energy_eur + arrival_eur + np.median(list(aging_eur.values()))),
         energy_kwh=float(energy_kwh),
         ending_kwh=float(ending_kwh),
         aging_eur=aging_eur,
+        arrival_eur=arrival_eur,
         gap_m=float(np.mean(gap_m)),
         vehicles_h=float(3600.0 * np.mean(speed) / (np.mean(gap_m) + CAR_LENGTH_M)),
         below_s=float(step_s[below].sum()),

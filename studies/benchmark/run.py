@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from studies.benchmark.entrants import BY_NAME, ENTRANTS, REFERENCE
+from studies.benchmark.entrants import BY_NAME, ENTRANTS, REFERENCE, learned
 from studies.benchmark.judge import ROWS, Found, judged, score
 from studies.session import Session
 
@@ -22,6 +22,7 @@ import iptm
 from iptm.closed_loop import TickController, decided
 from iptm.driving import controller_for, trip_in_ticks
 from iptm.own_parts import OwnController
+from iptm_controller.arrival import ArrivalCost
 from iptm_controller.decision import Decision
 from iptm_core.aging_laws.cells import NCA, NMC811_SI
 from iptm_core.aging_laws.parking import AgingSettings
@@ -151,13 +152,16 @@ def run(session: Session) -> bool:
         reference=table[table.is_reference],
         is_timed=not session.short,
         seed=seed,
+        digest=learned().digest,
     )
     return not best.is_bad.any() and not whole.iloc[:1].is_bad.any()
 
 
 def judge(driven: Driven, trip: iptm.Trip) -> Found:
     """Judge a trip by the numbers of its task."""
-    return judged(driven.rows, trip.parameters, AgingSettings(), LAWS)
+    cost = ArrivalCost.parse(trip.controller.arrival_cost_eur)
+    arrival = None if cost is None else (np.array(cost.celsius), np.array(cost.eur))
+    return judged(driven.rows, trip.parameters, AgingSettings(), LAWS, arrival)
 
 
 def without_ending(found: Found) -> Found:

@@ -132,7 +132,7 @@ RULES = (
     Rule(Way.ASK, r"(scripts/iptm (call|param)|ros2 (service|param)) .*"),
     Rule(Way.RUN, r"source scripts/env.sh"),
     Rule(Way.NOT, r"scripts/iptm judge RUN.*", "a pattern, with parts to be filled in"),
-    Rule(Way.RUN, r"scripts/iptm ((info|judge|compare|recover|export|drive|plan) .*|--help)"),
+    Rule(Way.RUN, r"scripts/iptm ((info|judge|compare|recover|export|drive|plan|learn) .*|--help)"),
     Rule(Way.RUN, r"scripts/run_demo --list"),
     # Longer.
     Rule(Way.RECORD, r"scripts/iptm record .*", node="recorder"),

@@ -32,7 +32,7 @@ from iptm_core.user_input import shown
 PACKAGES = {"iptm", "iptm_core", "iptm_controller", "iptm_plant_sim", "iptm_v2x_bridge", "studies"}
 FROM_OUTSIDE = {"numpy", "pandas", "matplotlib", "jinja2", "yaml"}
 MORE = {
-    "benchmark/entrants.py": {"scipy"},
+    "benchmark/entrants.py": {"iptm_gym", "scipy"},
     "embedded": {"iptm_ecu"},
     # Trials over ROS 2 are read as messages.
     "trial.py": {"iptm_ros"},

@@ -55,6 +55,7 @@ class TickCosts:
         self._model, self._use, self._headway_s = model, use, headway_s
         self._capacity_eur = capacity_price_eur(use, model)
         self._joule_eur = use.electricity_eur_kwh / J_PER_KWH
+        self._last: tuple[VehicleState, float] | None = None
 
     def of(self, before: PlantStep, after: PlantStep, gap_m: float) -> TickCost:
         """Return what an interval costs.
@@ -66,7 +67,9 @@ class TickCosts:
         spent_j = after.powers.battery_power_w * elapsed_s
         spent_j -= self._kinetic_j(state) - self._kinetic_j(before.state)
         lost = self._lost(before.state, state, elapsed_s)
-        lost += self._lost_parked(state) - self._lost_parked(before.state)
+        lost_parked = self._lost_parked(state)
+        lost += lost_parked - self._before(before.state)
+        self._last = state, lost_parked
         desired_m = self._model.gap.standstill_gap_m + self._headway_s * state.speed_m_s
         road = self._use.headway_eur_m2_h * (gap_m - desired_m) ** 2 * elapsed_s / SECONDS_PER_HOUR
         return TickCost(self._joule_eur * spent_j, self._capacity_eur * lost, road)
@@ -84,6 +87,12 @@ class TickCosts:
             for value in (discharge / elapsed_s * SECONDS_PER_HOUR, state.state_of_charge)
         )
         return float(np.mean(self._parked.loss_1_s(cells_k, c_rate_1_h, charge))) * elapsed_s
+
+    def _before(self, state: VehicleState) -> float:
+        """Return what is lost parked from the state at the beginning of a tick, the end of the last."""
+        if self._last is not None and self._last[0] is state:
+            return self._last[1]
+        return self._lost_parked(state)
 
     def _lost_parked(self, state: VehicleState) -> float:
         """Return what a pack loses beyond a settled one if it is parked now."""

@@ -8,7 +8,8 @@ import numpy as np
 from iptm_controller.production import ProductionLikeController, ProductionSettings
 from iptm_core.errors import ScenarioError
 from iptm_core.state import FloatArray
-from iptm_gym.environment import ACTIONS, TripEnv
+from iptm_gym.environment import TripEnv
+from iptm_gym.observation import ACTIONS
 
 
 class _OnePart(gymnasium.ActionWrapper[FloatArray, FloatArray, FloatArray]):
