@@ -12,8 +12,10 @@ import iptm
 from iptm.climate import climate_of
 from iptm_core.aging_laws.cells import NCA, NMC622, AgingCell
 from iptm_core.errors import ScenarioError
+from iptm_life.life import damage_by_cause
 from iptm_life.year import USAGES, Activity, Usage
 from iptm_plan.day_plan import Fineness
+from iptm_plan.recorded_week import RecordedWeek
 from iptm_plan.rules import RULES
 from iptm_plan.years import PLAN, PlannedYears
 
@@ -78,3 +80,39 @@ def test_a_year_has_all_of_its_hours() -> None:
 def test_an_unknown_rule_is_refused() -> None:
     with pytest.raises(ScenarioError, match="unknown rule 'smart'"):
         PlannedYears(COMMUTER, "smart")
+
+
+def test_a_recorded_week_makes_the_years_of_the_week_it_recorded() -> None:
+    """Recorded is a week that a rule made: the same losses and energy, but for loads within a minute."""
+    years = PlannedYears(COMMUTER, "managed", months=(6,))
+    weeks = years.weeks(NCA.law, climate_of("Phoenix"), trip(), CAR)
+    ((_, course),) = weeks.parts
+    durations_s, _, kelvin, _, charge = course.rows.T
+    times_s = np.cumsum(durations_s) - 0.5 * durations_s
+    table = {"time_s": times_s, "state_of_charge": charge, "pack_c": kelvin - 273.15}
+    whole = weeks.year(CAR)
+    again = RecordedWeek.of(table).year(NCA, climate_of("Oslo"), trip(), CAR)
+    assert again.duration_s.sum() == pytest.approx(whole.duration_s.sum())
+    assert again.driving_kwh == pytest.approx(whole.driving_kwh, rel=0.05)
+    assert again.distance_km == pytest.approx(whole.distance_km, rel=0.05)
+    lost, expected = (
+        sum(sum(each.values()) for each in damage_by_cause(NCA.law, year))
+        for year in (again, whole)
+    )
+    assert lost == pytest.approx(expected, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"time_s": [0.0, 3600.0]}, "time_s is not a day"),
+        ({"pack_c": [20.0, float("nan")]}, "pack_c is nan"),
+        ({"state_of_charge": [0.5, 1.5]}, "state_of_charge is 1.5"),
+    ],
+)
+def test_a_damaged_record_is_refused(changes: dict[str, list[float]], words: str) -> None:
+    table = {"time_s": [0.0, 9e4], "state_of_charge": [0.5, 0.4], "pack_c": [20.0, 21.0]}
+    with pytest.raises(ScenarioError, match=words):
+        RecordedWeek.of({**table, **changes})
+    with pytest.raises(ScenarioError, match="columns are"):
+        RecordedWeek.of({"time_s": [0.0]})

@@ -194,7 +194,7 @@ class Weeks:
         def total(name: str) -> float:
             return sum(days / WEEK_DAYS * float(getattr(week, name)) for days, week in self.parts)
 
-        tables = [_loads(days / WEEK_DAYS, week) for days, week in self.parts]
+        tables = [loads(days / WEEK_DAYS, week.rows) for days, week in self.parts]
         table = np.concatenate(tables)
         plugged = sum(days / WEEK_DAYS * week.plugged_thermal_j for days, week in self.parts)
         thermal = sum(days / WEEK_DAYS * float(np.sum(week.thermal_j)) for days, week in self.parts)
@@ -256,12 +256,11 @@ def _settled(schedule: Schedule, pack: ParkedPack, price: AgingPrice, policy: Po
     return course
 
 
-def _loads(weight: float, week: Course) -> FloatArray:
-    """Return duration times a weight, activity, and the columns of `Load`, of every row."""
-    rows = week.rows
-    day = np.minimum((np.cumsum(rows[:, 0]) - 0.5 * rows[:, 0]) // DAY_S, WEEK_DAYS - 1).astype(int)
+def loads(weight: float, rows: FloatArray) -> FloatArray:
+    """Return duration times a weight, activity, and the columns of `Load`, of rows as in a `Course`."""
+    day = (np.cumsum(rows[:, 0]) - 0.5 * rows[:, 0]) // DAY_S
     table = np.column_stack((rows, np.zeros((len(rows), 3))))
-    for each in range(WEEK_DAYS):
+    for each in np.unique(day):
         of_day = day == each
         duration_s, activity, _, c_rate, charge = rows[of_day].T
         charging_s = np.where(activity == Activity.CHARGING, duration_s, 0.0)
