@@ -45,6 +45,7 @@ MORE = {
     "vehicle": {"iptm_vehicle_interface"},
     "judges": {"iptm_life"},
     "life": {"iptm_life"},
+    "cabin": {"iptm_cabin"},
     "plan": {"iptm_judges", "iptm_life", "iptm_plan"},
     # They load real nodes and listen to them.
     "v2x/load.py": {
