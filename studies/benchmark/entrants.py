@@ -22,7 +22,7 @@ from studies.savings import BASELINE, PRODUCTION, PRODUCTION_SIMPLE, RULE_PREVIE
 import iptm
 from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray
-from iptm_gym.policy import Policy
+from iptm_gym.policy import LearnedPolicy
 
 REST_M = 1.0
 COOL_FROM_K, COOL_FULLY_K = 303.15, 313.15
@@ -320,12 +320,12 @@ LEARNED = Path(__file__).parent / "learned.json"
 
 
 @lru_cache(maxsize=1)
-def learned() -> Policy:
+def learned() -> LearnedPolicy:
     """Return the shipped policy."""
-    return Policy.read(LEARNED)
+    return LearnedPolicy.read(LEARNED)
 
 
-def _policy(_: ModelParameters, __: int) -> Policy:
+def _policy(_: ModelParameters, __: int) -> LearnedPolicy:
     return learned()
 
 

@@ -13,7 +13,7 @@ from iptm_core.errors import ScenarioError
 from iptm_core.parameters import load_parameters
 from iptm_gym.cli import main
 from iptm_gym.learning import Trips, costs_eur_km, generations
-from iptm_gym.policy import HEADWAY_S, Policy
+from iptm_gym.policy import HEADWAY_S, LearnedPolicy
 
 
 def test_trips_side_by_side_cost_what_they_cost_in_the_environment() -> None:
@@ -24,10 +24,10 @@ def test_trips_side_by_side_cost_what_they_cost_in_the_environment() -> None:
     trips = Trips(
         speeds[np.newaxis], np.zeros((1, 201)), np.array([290.0]), *np.zeros((2, 1)) + 1e-9
     )
-    policy = Policy.first(1)
+    policy = LearnedPolicy.first(1)
     weights = policy.weights.copy()
     weights[policy.direct.shape[1] : 2 * policy.direct.shape[1]] = 0.0  # does not cool
-    policy = Policy.of(weights)
+    policy = LearnedPolicy.of(weights)
     car = load_parameters().values
     trip = iptm.Trip.of(
         (np.arange(201.0), speeds), climate=290.0 - 273.15, overrides={"limits.max_jerk_m_s3": 2.0}
@@ -49,7 +49,7 @@ def test_later_generations_cost_less_and_repeat() -> None:
     car = load_parameters().values
     runs = [[next(found) for _ in range(8)] for found in (generations(3), generations(3))]
     np.testing.assert_array_equal(runs[0][-1].policy.weights, runs[1][-1].policy.weights)
-    tried = np.array([Policy.first(3).weights, runs[0][-1].policy.weights])
+    tried = np.array([LearnedPolicy.first(3).weights, runs[0][-1].policy.weights])
     first, learned = costs_eur_km(tried, held_out, car)
     assert learned < 0.9 * first
 
@@ -60,7 +60,7 @@ def test_the_command_writes_a_policy_that_drives(
     path = tmp_path / "policy.json"
     assert main([str(path), "--generations", "2"]) == 0
     assert "generation 2:" in capsys.readouterr().out
-    policy = Policy.read(path)
+    policy = LearnedPolicy.read(path)
     run = iptm.simulate("us06", duration_s=60.0, controller=policy)
     assert run.metrics.distance_m > 100.0
     assert main([str(tmp_path), "--generations", "1"]) == 2
@@ -79,12 +79,12 @@ def test_another_file_is_refused(text: str, words: str, tmp_path: Path) -> None:
     path = tmp_path / "policy.json"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(ScenarioError, match=words):
-        Policy.read(path)
+        LearnedPolicy.read(path)
 
 
 def test_changed_weights_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "policy.json"
-    Policy.first(1).write(path)
+    LearnedPolicy.first(1).write(path)
     path.write_text(path.read_text("utf-8").replace("0.8,", "0.9,", 1), encoding="utf-8")
     with pytest.raises(ScenarioError, match="digest is another one"):
-        Policy.read(path)
+        LearnedPolicy.read(path)

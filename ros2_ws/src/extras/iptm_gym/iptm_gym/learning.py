@@ -29,7 +29,7 @@ from iptm_core.physics.thermal_loop import reduce_channel
 from iptm_core.state import FloatArray
 from iptm_core.units import CELSIUS_ZERO_K, J_PER_KWH, SECONDS_PER_HOUR
 from iptm_gym.observation import PREVIEW_S
-from iptm_gym.policy import HEADWAY_S, Policy, actions, features
+from iptm_gym.policy import HEADWAY_S, LearnedPolicy, actions, features
 
 TRIPS, TRIP_S = 16, 300
 PAIRS, CHANGE, STEP = 16, 0.05, 0.02
@@ -97,7 +97,7 @@ def costs_eur_km(weights: FloatArray, trips: Trips, car: ModelParameters) -> Flo
     Returns:
         Mean of the trips, shape (p,).
     """
-    nets = [[each.direct, each.inner, each.outer] for each in map(Policy.of, weights)]
+    nets = [[each.direct, each.inner, each.outer] for each in map(LearnedPolicy.of, weights)]
     direct, inner, outer = (np.array(each) for each in zip(*nets, strict=True))
     limits, gap, use = car.limits, car.gap, AgingSettings()
     airs: dict[str, Any] = {"ambient_temperature_k": trips.air_k}
@@ -179,14 +179,14 @@ class Generation:
 
     number: int
     eur_km: float
-    policy: Policy
+    policy: LearnedPolicy
 
 
-def generations(seed: int = 1, first: Policy | None = None) -> Iterator[Generation]:
+def generations(seed: int = 1, first: LearnedPolicy | None = None) -> Iterator[Generation]:
     """Yield generations without end, from the linear law by default; the same seed gives the same ones."""
     rng = np.random.default_rng(seed)
     car = load_parameters().values
-    weights = (first or Policy.first(seed)).weights
+    weights = (first or LearnedPolicy.first(seed)).weights
     mean, square, number = np.zeros_like(weights), np.zeros_like(weights), 0
     while True:
         number += 1
@@ -199,4 +199,4 @@ def generations(seed: int = 1, first: Policy | None = None) -> Iterator[Generati
         square = STEADYING * square + (1.0 - STEADYING) * slope**2
         ahead = mean / (1.0 - FORGETTING**number)
         weights = weights - STEP * ahead / np.sqrt(square / (1.0 - STEADYING**number) + 1e-12)
-        yield Generation(number, float(np.mean(costs)), Policy.of(weights))
+        yield Generation(number, float(np.mean(costs)), LearnedPolicy.of(weights))

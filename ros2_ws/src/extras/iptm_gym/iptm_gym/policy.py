@@ -33,7 +33,7 @@ _AT = {name: number for number, name in enumerate(OBSERVED)}
 
 
 @dataclass(frozen=True, eq=False)
-class Policy:
+class LearnedPolicy:
     """A policy.
 
     Attributes:
@@ -47,7 +47,7 @@ class Policy:
     outer: FloatArray
 
     @classmethod
-    def first(cls, seed: int) -> Policy:
+    def first(cls, seed: int) -> LearnedPolicy:
         """Return the policy before it has learned: the linear law."""
         direct = np.zeros((len(ACTIONS), FEATURES))
         direct[0, :2] = 0.8, 1.2
@@ -56,7 +56,7 @@ class Policy:
         return cls(direct, inner, np.zeros((len(ACTIONS), HIDDEN)))
 
     @classmethod
-    def of(cls, weights: FloatArray) -> Policy:
+    def of(cls, weights: FloatArray) -> LearnedPolicy:
         """Return the policy of all weights, shape (n,)."""
         shapes = (len(ACTIONS), FEATURES), (HIDDEN, FEATURES), (len(ACTIONS), HIDDEN)
         ends = np.cumsum([rows * columns for rows, columns in shapes])
@@ -98,7 +98,7 @@ class Policy:
         )
 
     @classmethod
-    def read(cls, path: Path) -> Policy:
+    def read(cls, path: Path) -> LearnedPolicy:
         """Read a policy.
 
         Raises:
