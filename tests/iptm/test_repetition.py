@@ -94,12 +94,12 @@ def test_a_trip_below_a_minute_is_too_short_and_one_that_cannot_be_repeated_has_
 def test_a_pack_that_neither_warms_nor_cools_is_read_off_a_line() -> None:
     """Energy grows by 10 J/m and ageing by 1e-8 with every kelvin that a repetition cools the pack by."""
     tiles = [
-        Repetition(500.0 - 10.0 * drift, 1e-6 - 1e-8 * drift, {"nca": 2e-6}, 300.0, drift)
+        Repetition(500.0 - 10.0 * drift, 1e-6 - 1e-8 * drift, {"nca": 2e-6}, (drift, drift))
         for drift in (-3.0, -1.0, -0.5)
     ]
     found = without_drift(tiles, 5)
-    assert found.energy_per_distance_j_m == pytest.approx(500.0)
-    assert found.capacity_loss == pytest.approx(1e-6)
+    assert found.energy_per_distance_j_m == pytest.approx(500.0, rel=1e-4)
+    assert found.capacity_loss == pytest.approx(1e-6, rel=1e-4)
     assert found.cell_losses["nca"] == pytest.approx(2e-6)
     assert found.repetitions == 5
     assert found.energy_error > 0.0
@@ -108,7 +108,7 @@ def test_a_pack_that_neither_warms_nor_cools_is_read_off_a_line() -> None:
 def test_cycles_of_a_thermostat_are_averaged_where_they_close() -> None:
     """One repetition cools by 3 K, three warm by 1 K each: every fourth one costs more."""
     warm, cool = (
-        Repetition(joule, joule * 1e-9, {}, 300.0, drift)
+        Repetition(joule, joule * 1e-9, {}, (drift, drift))
         for joule, drift in ((400.0, 1.0), (600.0, -3.0))
     )
     tiles = [warm, cool, warm, warm, warm, cool, warm]
@@ -123,17 +123,18 @@ def test_the_pack_is_charged_and_the_motion_goes_on_between_repetitions() -> Non
     run = iptm.simulate("us06", duration_s=120.0, strategy="production")
     found = repeat(run)
     assert found is not None
-    assert found.repetitions > 3
+    assert found.repetitions >= 3
     assert repeat(replace(run, other=run)) is found, "repetitions are kept with the trajectory"
     times, speeds = _one(run.trip.route, 1.0)  # type: ignore[union-attr]
     assert speeds[0] == speeds[-1]
     assert np.abs(np.diff(speeds) / np.diff(times))[0] <= 1.0
 
 
-def test_repetitions_near_in_temperature_count_most() -> None:
-    """By hand: of two with equal drifts the earlier one counts 0.7, over 1 + 2² for its 2 K of distance."""
+def test_two_cells_that_settle_at_different_rates_are_read_where_both_rest() -> None:
+    """Drifts of both cells fade by 0.5 and 0.8; energy is 300 J/m plus 10 and 20 for each kelvin of drift."""
     tiles = [
-        Repetition(joule, 1e-6, {}, kelvin, 0.5) for joule, kelvin in ((10.0, 302.0), (20.0, 300.0))
+        Repetition(300.0 + 10.0 * first + 20.0 * second, 1e-6, {}, (first, second))
+        for first, second in ((0.5**k, -(0.8**k)) for k in range(3))
     ]
-    expected = (0.7 / 5.0 * 10.0 + 20.0) / (0.7 / 5.0 + 1.0)
-    assert without_drift(tiles, 2).energy_per_distance_j_m == pytest.approx(expected)
+    assert without_drift(tiles[:1], 1).energy_per_distance_j_m == 290.0
+    assert without_drift(tiles, 3).energy_per_distance_j_m == pytest.approx(300.0, rel=5e-3)

@@ -2,9 +2,9 @@
 
 The lead vehicle goes on from the end of the trip to its start at `LINK_M_S2` at most, and so do road and
 preview: no end is in sight. Every repetition is a closed loop of its own that begins with the motion of the
-last end and with the charge of the trip. An optimal control settles at a temperature, and the pack is set
-nearer to it by the drifts of the repetitions before. A thermostat has none; its repetitions follow each other
-until its cycles close.
+last end and with the charge of the trip. An optimal control settles at temperatures of both cells, the fixed
+point of the repetitions, found by Anderson's acceleration. A thermostat has none; its repetitions follow each
+other until its cycles close.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from iptm_core.errors import IptmError
 from iptm_core.metrics.repeated import (
     Repeated,
     Repetition,
-    closed_stretch,
     over_cycles,
+    settling_weights,
     without_drift,
 )
 from iptm_core.metrics.run_metrics import compute_metrics
@@ -44,31 +44,21 @@ if TYPE_CHECKING:
 
 LINK_M_S2 = 1.0
 """Acceleration of the lead vehicle from the end of a trip to its start, where their speeds differ."""
-MOST_SETTLING, MOST_CYCLING = 12, 40
+MOST_SETTLING, MOST_CYCLING = 8, 24
 """Repetitions at most, of an optimal control and of a thermostat."""
-SETTLED = 1e-3
+SETTLED = 2e-3
 """Relative error of energy and ageing below which no other repetition is driven."""
-CONFIRMED = 2
-"""Repetitions in a row that have to change nothing."""
-FAR_K = 1.0
-"""Distance from the settled temperature up to which the pack is left to settle by itself."""
-MOST_KEPT = 0.9
-"""Share of a drift, at most, that the next repetition is taken to have."""
-SKIPPED = 3.0
-"""Repetitions that one stands for besides itself until a thermostat switches for the first time."""
-SKIPPED_K, MOST_SKIPPED = 0.3, 8
-"""Drift, and number, of the repetitions that one stands for besides itself in its cycles."""
-CYCLES_S, MOST_IN_CYCLES = 3600.0, 12
-"""Time that the cycles of a thermostat are averaged over at least, and repetitions that suffice."""
-LONGEST_S = 10800.0
-"""Time after which an optimal control counts as settled."""
-LEADING = 2
+CLOSED = 4e-3
+"""The same of the cycles of a thermostat."""
+SETTLED_ABOVE_LIMIT_K, SETTLED_APART_K = 0.5, 1.5
+"""First guess of where an optimal control settles that arrives warmer: its mean above the lower temperature
+limit, and the difference of the cells at most."""
+LARGEST_STEP_K = 12.0
+"""Largest step of the acceleration."""
+LEADING = 1
 """Switches of a thermostat that lead into its cycles."""
-RETURNED_K_S = 1e-4
-"""Drift per time over the cycles of a thermostat that counts as none; figures are corrected for it."""
-SETTLING_TIME_S = 1000.0
-"""First guess of the time in which a pack settles."""
-LARGEST_STEP_K = 6.0
+SKIPPED_K, MOST_SKIPPED = 0.3, 6
+"""Drift, and number, of the repetitions that one stands for besides itself in its cycles."""
 SAME_LEADER_M = 5.0
 """Distance from the lead vehicle of the trip up to which a measured one is the same."""
 _JOINT_M = 1.0
@@ -87,6 +77,7 @@ class _End:
     cell_1_k: float
     cell_n_k: float
     is_cooling: bool
+    has_cooled: bool
 
     @classmethod
     def of(cls, run: Trajectory, *, is_cooling: bool) -> _End:
@@ -98,16 +89,20 @@ class _End:
             float(run.cell_1_temperature_k[-1]),
             float(run.cell_n_temperature_k[-1]),
             is_cooling,
+            bool((run.compressor_power_w > 0.0).any()),
         )
+
+    @property
+    def cells_k(self) -> FloatArray:
+        return np.array([self.cell_1_k, self.cell_n_k])
 
     @property
     def mean_k(self) -> float:
         return 0.5 * (self.cell_1_k + self.cell_n_k)
 
-    def at(self, mean_k: float) -> _End:
-        """Return the same end with another mean temperature."""
-        step_k = mean_k - self.mean_k
-        return replace(self, cell_1_k=self.cell_1_k + step_k, cell_n_k=self.cell_n_k + step_k)
+    def at(self, cells_k: FloatArray) -> _End:
+        """Return the same end with other temperatures of the cells."""
+        return replace(self, cell_1_k=float(cells_k[0]), cell_n_k=float(cells_k[1]))
 
 
 def why_not(run: Run) -> str:
@@ -143,77 +138,82 @@ def repeat(run: Run) -> Repeated | None:
 def _repeat(run: Run) -> Repeated | None:
     if run.trip is None:
         return None
-    rows = run.trajectory
+    rows, controller = run.trajectory, run.trip.controller
     end = _End.of(rows, is_cooling=float(rows.compressor_power_w[-1]) > 0.0)
     try:
         tile = _Tile(run.trip)
-        follows_rules = STRATEGIES[run.trip.controller.strategy].is_rule_based
-        return _cycled(tile, end) if follows_rules else _settled(tile, end)
+        if STRATEGIES[controller.strategy].is_rule_based:
+            switching_k = controller.thermostat_off_k, controller.thermostat_on_k
+            return _cycled(tile, end, switching_k)
+        limit_k = run.parameters.limits.min_temperature_k + SETTLED_ABOVE_LIMIT_K
+        if end.mean_k > limit_k:
+            half_k = 0.5 * min(end.cell_n_k - end.cell_1_k, SETTLED_APART_K)
+            end = end.at(np.array([limit_k - half_k, limit_k + half_k]))
+        return _settled(tile, end, limit_k)[0]
     except IptmError:  # as a pack that is empty before its end
         return None
 
 
-def _settled(tile: _Tile, end: _End) -> Repeated:
-    """Let the pack settle, and return the figures of a repetition that begins as warm as it ends.
+def _settled(
+    tile: _Tile, end: _End, warmest_k: float, *, cycles: bool = False
+) -> tuple[Repeated | None, _End]:
+    """Let the pack settle.
 
-    Where its temperature is far from settling, it is set nearer to where it would. One repetition after that
-    does not count: the difference of the cells has to follow.
-    """
-    done, end = tile.drive(end)
-    tiles, driven = [done], 1
-    settles = -math.expm1(-tile.duration_s / SETTLING_TIME_S)
-    step_k = _bounded(done.drift_k * (1.0 - settles) / settles)
-    found: Repeated | None = None
-    same = 0
-    most = min(max(math.floor(LONGEST_S / tile.duration_s), 4), MOST_SETTLING)
-    while True:
-        left = most - driven
-        if abs(step_k) > FAR_K and left > 1:
-            _, end = tile.drive(end.at(end.mean_k + step_k))
-            driven += 1
-        done, end = tile.drive(end)
-        tiles.append(done)
-        driven += 1
-        before, found = found, without_drift(tiles, driven)
-        same = same + 1 if _is_same(before, found) else 0
-        if driven >= most or same == CONFIRMED:
-            return found
-        kept = 0.0
-        if len(tiles) > 2 and tiles[-2].drift_k:
-            kept = min(max(done.drift_k / tiles[-2].drift_k, 0.0), MOST_KEPT)
-        step_k = _bounded(done.drift_k * kept / (1.0 - kept))
+    Args:
+        tile: the trip.
+        end: with which the first repetition begins.
+        warmest_k: mean temperature up to which the acceleration takes the pack; it warms further by itself.
+        cycles: whether it does not settle where the compressor runs.
 
-
-def _cycled(tile: _Tile, end: _End) -> Repeated:
-    """Drive one repetition after the other until the cycles of a thermostat close.
-
-    One that drifts little stands for several. The first two switches lead into its cycles.
+    Returns:
+        Figures of a repetition that begins as warm as it ends, None where it does not settle; and the end.
     """
     tiles: list[Repetition] = []
+    ends_k: list[FloatArray] = []
     found: Repeated | None = None
+    for driven in range(1, MOST_SETTLING + 1):
+        done, end = tile.drive(end)
+        if cycles and end.has_cooled:
+            return None, end
+        tiles.append(done)
+        ends_k.append(end.cells_k)
+        before, found = found, without_drift(tiles, driven)
+        if _is_same(before, found):
+            break
+        end = end.at(_next(end, done.drift_k, settling_weights(tiles) @ ends_k, warmest_k))
+    return found, end
+
+
+def _cycled(tile: _Tile, end: _End, switching_k: tuple[float, float]) -> Repeated:
+    """Drive one repetition after the other until the cycles of a thermostat close.
+
+    One that drifts little stands for several. Where the pack settles below the temperatures at which the
+    thermostat switches, there are no cycles.
+
+    Args:
+        tile: the trip.
+        end: with which the first repetition begins.
+        switching_k: temperatures at which the thermostat switches off and on.
+    """
+    middle_k = 0.5 * sum(switching_k)
+    if end.mean_k < middle_k:
+        found, end = _settled(tile, end, middle_k, cycles=True)
+        if found is not None:
+            return found
+    end = end.at(end.cells_k + min(middle_k - end.mean_k, 0.0))
+    tiles: list[Repetition] = []
     switched = 0
-    fewest = min(math.ceil(CYCLES_S / tile.duration_s), MOST_IN_CYCLES)
     for driven in range(1, MOST_CYCLING + 1):
         done, end = tile.drive(end)
         if tiles and (done.drift_k < 0.0) != (tiles[-1].drift_k < 0.0):
             switched += 1
-            tiles = tiles if switched > LEADING else []
-        if not switched:
-            tiles.append(done)
-            before, found = found, without_drift(tiles[-2:], driven)
-            if _is_same(before, found):
-                return found
-            end = end.at(end.mean_k + _bounded(SKIPPED * done.drift_k))
-            continue
         more = min(math.floor(SKIPPED_K / max(abs(done.drift_k), 1e-3)), MOST_SKIPPED)
         tiles += [done] * (1 + more)
-        end = end.at(end.mean_k + more * done.drift_k)
+        end = end.at(end.cells_k + more * done.drift_k)
         if switched > LEADING:
-            first, last = closed_stretch(tiles)
-            mean_k = sum(each.drift_k for each in tiles[first:last]) / (last - first)
-            is_closed = abs(mean_k) < RETURNED_K_S * tile.duration_s
-            if is_closed and last - first >= fewest:
-                break
+            found = over_cycles(tiles, driven)
+            if max(found.energy_error, found.aging_error) < CLOSED:
+                return found
     return over_cycles(tiles, driven)
 
 
@@ -228,8 +228,22 @@ def _is_same(before: Repeated | None, found: Repeated) -> bool:
     return max(*map(abs, changes), found.energy_error, found.aging_error) < SETTLED
 
 
-def _bounded(step_k: float) -> float:
-    return min(max(step_k, -LARGEST_STEP_K), LARGEST_STEP_K)
+def _next(end: _End, drift_k: float, cells_k: FloatArray, warmest_k: float) -> FloatArray:
+    """Return the temperatures of the cells from which the next repetition begins.
+
+    Args:
+        end: of the last repetition.
+        drift_k: of the last repetition.
+        cells_k: proposed.
+        warmest_k: see `_settled`.
+    """
+    step_k = float(np.mean(cells_k)) - end.mean_k
+    allowed_k = min(max(step_k, -LARGEST_STEP_K), LARGEST_STEP_K)
+    if (
+        step_k + drift_k
+    ) * drift_k < 0.0:  # behind the start of the last one: drifts that do not fade
+        allowed_k = math.copysign(LARGEST_STEP_K, drift_k)
+    return cells_k + min(allowed_k, max(warmest_k - end.mean_k, 0.0)) - step_k
 
 
 class _Tile:
@@ -264,10 +278,9 @@ class _Tile:
         body = trip.parameters.body
         kinetic_j = 0.5 * body.rotational_inertia_factor * body.mass_kg * end.speed_m_s**2
         is_cooling = isinstance(controller, MpcController) and controller.memory.is_cooling
-        return (
-            Repetition.of(metrics, end.mean_k, kinetic_j),
-            _End.of(loop.trajectory, is_cooling=is_cooling),
-        )
+        after = _End.of(loop.trajectory, is_cooling=is_cooling)
+        drifts_k = after.cell_1_k - end.cell_1_k, after.cell_n_k - end.cell_n_k
+        return Repetition.of(metrics, drifts_k, kinetic_j), after
 
 
 def _start(plant: Plant, end: _End, position_m: float) -> VehicleState:

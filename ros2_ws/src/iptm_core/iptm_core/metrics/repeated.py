@@ -2,8 +2,8 @@
 
 A repetition begins with the motion and the temperatures with which the one before ended, and with the charge
 of the trip: the pack has been charged. Where it ends as warm as it began, its figures hold for every one that
-follows, and no end of a trip is left to correct. Figures are linear in the drift of the temperature over a
-repetition, near none: between repetitions that cool the pack and others that warm it, they are interpolated.
+follows, and no end of a trip is left to correct. Figures are linear in the drifts of both cells over a
+repetition, near none: between repetitions that drift differently, they are interpolated.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ class Repetition:
         energy_per_distance_j_m: battery energy, less what the motion at the end holds more than at the start.
         capacity_loss: of both cells together.
         cell_losses: by the laws of measured cells, by name.
-        start_k: mean temperature of both cells.
-        drift_k: by how much they are warmer at the end.
+        drifts_k: by how much both cells are warmer at the end.
     """
 
     energy_per_distance_j_m: float
     capacity_loss: float
     cell_losses: Mapping[str, float]
-    start_k: float
-    drift_k: float
+    drifts_k: tuple[float, float]
 
     @classmethod
-    def of(cls, metrics: RunMetrics, start_k: float, start_kinetic_energy_j: float) -> Repetition:
+    def of(
+        cls, metrics: RunMetrics, drifts_k: tuple[float, float], start_kinetic_energy_j: float
+    ) -> Repetition:
         """Return the figures of a repetition from its metrics."""
         motion_j = metrics.final_kinetic_energy_j - start_kinetic_energy_j
         energy_j = metrics.battery_energy_j - motion_j
@@ -45,9 +45,13 @@ class Repetition:
             energy_j / metrics.distance_m if metrics.distance_m > 0.0 else math.nan,
             metrics.degradation,
             metrics.cell_losses,
-            start_k,
-            metrics.final_temperature_k - start_k,
+            drifts_k,
         )
+
+    @property
+    def drift_k(self) -> float:
+        """By how much the mean of both cells is warmer at the end."""
+        return 0.5 * sum(self.drifts_k)
 
 
 @dataclass(frozen=True)
@@ -55,7 +59,7 @@ class Repeated:
     """Figures of a repetition without drift.
 
     Attributes:
-        energy_error: relative error of the energy: half of what the last repetitions were corrected by.
+        energy_error: relative error of the energy: half of what drifts of the last repetitions matter.
         aging_error: the same of the capacity loss.
         repetitions: how many were driven.
     """
@@ -68,32 +72,41 @@ class Repeated:
     repetitions: int
 
 
-SMALL_DRIFT_K, NEAR_K, FADING = 0.07, 1.0, 0.7
-"""Drifts below the first count alike, as do temperatures nearer than the second; earlier ones count less."""
-SAME_DRIFT_K = 1e-9
-"""Drifts that differ by rounding alone show no line."""
+NOTED_DRIFT_K = 0.01
+"""Differences of drifts that are noise of the control rather than the way to where it settles."""
+REMEMBERED = 2
+"""Differences of repetitions that are used, one for each cell."""
+
+
+def settling_weights(tiles: Sequence[Repetition]) -> FloatArray:
+    """Return the weights of repetitions whose weighted drifts are least, shape (n,), of sum 1.
+
+    These are the weights of Anderson's acceleration of the repetitions as an iteration to a fixed point: the
+    last repetition, less what its drifts have in common with the last changes of the drifts (least squares,
+    with `NOTED_DRIFT_K` as the regularization).
+    """
+    drifts_k = np.array([each.drifts_k for each in tiles])
+    steps_k = np.diff(drifts_k, axis=0)[-REMEMBERED:]
+    weights = np.zeros(len(tiles))
+    weights[-1] = 1.0
+    if len(steps_k):
+        normal = steps_k @ steps_k.T + NOTED_DRIFT_K**2 * np.eye(len(steps_k))
+        shares = np.linalg.solve(normal, steps_k @ drifts_k[-1])
+        weights[-len(shares) :] -= shares
+        weights[-len(shares) - 1 : -1] += shares
+    return weights
 
 
 def without_drift(tiles: Sequence[Repetition], driven: int) -> Repeated:
-    """Return the figures of repetitions of any temperatures where it would not change.
-
-    A line through the figures over the drift is read at no drift. Small drifts, temperatures near to the last
-    one, and late repetitions count most.
+    """Return the figures of repetitions of any temperatures where these would not change.
 
     Args:
         tiles: one or more, in the order of driving.
         driven: how many were driven for them.
     """
-    drifts_k = np.array([each.drift_k for each in tiles])
-    apart_k = np.array([each.start_k - tiles[-1].start_k for each in tiles])
-    weights = FADING ** np.arange(len(tiles))[::-1] / (drifts_k**2 + SMALL_DRIFT_K**2)
-    weights /= 1.0 + (apart_k / NEAR_K) ** 2
-    weights /= weights.sum()
-    mean_k = float(weights @ drifts_k)
-    spread_k2 = float(weights @ (drifts_k - mean_k) ** 2)
-    has_line = spread_k2 > SAME_DRIFT_K**2
-    slopes = weights * (drifts_k - mean_k) / spread_k2 if has_line else 0.0 * weights
-    return _mixed(tiles, weights, weights - mean_k * slopes, driven)
+    last = np.zeros(len(tiles))
+    last[-1] = 1.0
+    return _mixed(tiles, last, settling_weights(tiles), driven)
 
 
 def over_cycles(tiles: Sequence[Repetition], driven: int) -> Repeated:
@@ -103,7 +116,8 @@ def over_cycles(tiles: Sequence[Repetition], driven: int) -> Repeated:
     is taken out by the difference of those that cool the pack and those that warm it.
     """
     first, last = closed_stretch(tiles)
-    drifts_k = np.array([each.drift_k for each in tiles])
+    both_k = np.array([each.drifts_k for each in tiles])
+    drifts_k = both_k.mean(axis=1)
     chosen = np.zeros(len(tiles))
     chosen[first:last] = 1.0 / (last - first)
     cooled, warmed = chosen * (drifts_k < 0.0), chosen * (drifts_k >= 0.0)
@@ -111,21 +125,22 @@ def over_cycles(tiles: Sequence[Repetition], driven: int) -> Repeated:
         return without_drift(tiles, driven)
     cooled, warmed = cooled / cooled.sum(), warmed / warmed.sum()
     apart_k = float((warmed - cooled) @ drifts_k)
-    share = float(chosen @ drifts_k) / apart_k
-    return _mixed(tiles, chosen, chosen - share * (warmed - cooled), driven)
+    left_over_k = float(np.abs(chosen @ both_k).max())
+    found = chosen - float(chosen @ drifts_k) / apart_k * (warmed - cooled)
+    return _mixed(tiles, found - left_over_k / apart_k * (warmed - cooled), found, driven)
 
 
 def closed_stretch(tiles: Sequence[Repetition]) -> tuple[int, int]:
-    """Return the bounds of the consecutive repetitions whose drifts add up to the least, per repetition.
+    """Return the bounds of the consecutive repetitions whose drifts of both cells add up to the least, each.
 
     Only stretches with repetitions that cool the pack and with others that warm it count; without any, all.
     """
-    bounds_k = np.concatenate(([0.0], np.cumsum([each.drift_k for each in tiles])))
+    bounds_k = np.cumsum([(0.0, 0.0), *(each.drifts_k for each in tiles)], axis=0)
     best, least_k = (0, len(tiles)), math.inf
     for first in range(len(tiles)):
         for last in range(first + 2, len(tiles) + 1):
             signs = {each.drift_k < 0.0 for each in tiles[first:last]}
-            apart_k = abs(bounds_k[last] - bounds_k[first]) / (last - first)
+            apart_k = float(np.abs(bounds_k[last] - bounds_k[first]).max()) / (last - first)
             if len(signs) > 1 and apart_k < least_k:
                 best, least_k = (first, last), apart_k
     return best
@@ -134,7 +149,7 @@ def closed_stretch(tiles: Sequence[Repetition]) -> tuple[int, int]:
 def _mixed(
     tiles: Sequence[Repetition], plain: FloatArray, corrected: FloatArray, driven: int
 ) -> Repeated:
-    """Return figures of repetitions with weights; the error is half of what the correction changes."""
+    """Return figures of repetitions with weights; the error is half of the difference to others."""
     energies = np.array([each.energy_per_distance_j_m for each in tiles])
     losses = np.array([each.capacity_loss for each in tiles])
     names = set.intersection(*(set(each.cell_losses) for each in tiles))
