@@ -21,9 +21,8 @@ def test_trips_side_by_side_cost_what_they_cost_in_the_environment() -> None:
     pytest.importorskip("gymnasium")
     environment = import_module("iptm_gym.environment")
     speeds = np.concatenate((np.linspace(0.0, 20.0, 41), np.full(160, 20.0)))
-    trips = Trips(
-        speeds[np.newaxis], np.zeros((1, 201)), np.array([290.0]), *np.zeros((2, 1)) + 1e-9
-    )
+    air_k, flat = np.array([290.0]), np.array([1e-9])
+    trips = Trips(speeds[np.newaxis], np.zeros((1, 201)), air_k, air_k, flat, flat)
     policy = LearnedPolicy.first(1)
     weights = policy.weights.copy()
     weights[policy.direct.shape[1] : 2 * policy.direct.shape[1]] = 0.0  # does not cool

@@ -10,7 +10,7 @@ from pathlib import Path
 from iptm_core.program import EXIT_OK, refused
 
 PROGRAM = "iptm learn"
-GENERATIONS = 100
+GENERATIONS = 150
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

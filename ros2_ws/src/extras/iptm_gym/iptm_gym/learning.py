@@ -49,7 +49,8 @@ class Trips:
     Attributes:
         leader_m_s: speeds, shape (m, n + 1).
         error_m_s: of the preview at its end, shape (m, n + 1).
-        air_k: of air and pack at the start, shape (m,).
+        air_k: of the air, shape (m,).
+        pack_k: of the pack at the start, shape (m,).
         steepest_rad: amplitude of a road that goes up and down, shape (m,).
         hill_m: length of a hill, shape (m,).
     """
@@ -57,19 +58,26 @@ class Trips:
     leader_m_s: FloatArray
     error_m_s: FloatArray
     air_k: FloatArray
+    pack_k: FloatArray
     steepest_rad: FloatArray
     hill_m: FloatArray
 
     @classmethod
     def drawn(cls, rng: np.random.Generator, count: int = TRIPS, duration_s: int = TRIP_S) -> Trips:
-        """Draw trips in town and on motorways, 0 to 38 degC, a third with errors of the preview."""
+        """Draw trips in town and on motorways, 0 to 38 degC, a third with errors of the preview.
+
+        Half of the packs begin warmer than the air, up to 38 degC.
+        """
         shape = count, duration_s + 1
         noise = rng.normal(0.0, 0.1, shape).cumsum(axis=1)
         noise -= noise.mean(axis=1, keepdims=True)
+        air_k, warm_k = CELSIUS_ZERO_K + rng.uniform(0.0, 38.0, (2, count))
+        is_warm = rng.random(count) < 0.5
         return cls(
             np.array([_speeds(rng, duration_s) for _ in range(count)]),
             noise * (rng.random((count, 1)) < 1.0 / 3.0),
-            CELSIUS_ZERO_K + rng.uniform(0.0, 38.0, count),
+            air_k,
+            np.where(is_warm, np.maximum(air_k, warm_k), air_k),
             rng.choice([0.0, 0.02, 0.06], count),
             rng.uniform(300.0, 1500.0, count),
         )
@@ -107,7 +115,7 @@ def costs_eur_km(weights: FloatArray, trips: Trips, car: ModelParameters) -> Flo
     leader_m = gap.initial_gap_m + np.cumsum(trips.leader_m_s, axis=1) - trips.leader_m_s[:, :1]
     last = trips.leader_m_s.shape[1] - 1
     position, speed, own, power, spent_j, paid = _zeros(shape, 6)
-    warm_1, warm_n = (each + trips.air_k for each in _zeros(shape, 2))
+    warm_1, warm_n = (each + trips.pack_k for each in _zeros(shape, 2))
     warmth, c_rates, touched = [], [], np.zeros(shape, dtype=bool)
     for second in range(last):
         leader = trips.leader_m_s[:, second]
