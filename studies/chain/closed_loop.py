@@ -21,6 +21,7 @@ from iptm_core.lead_track import RangeTrack
 from iptm_core.state import NS_PER_S, FloatArray
 from iptm_its.chain import ChainBridge
 from iptm_v2x_bridge.cam_bridge import CamBridge
+from iptm_v2x_bridge.prediction.road_rules import RoadRules
 from iptm_v2x_bridge.range_sensor import RangeSensorBridge
 from iptm_v2x_bridge.sender import car_on_road, packet_of
 
@@ -83,34 +84,37 @@ class ChainAhead:
     """What the bridge would answer: the leader by the sensor, and the vehicle ahead of it by some sources.
 
     Args:
-        scene: leader and vehicle ahead.
+        scene: leader and vehicle ahead; None where none is measured.
         trip: gives road and previews.
         source: what shows the vehicle ahead.
         delay_s: of messages.
         loss: share of the messages that are lost.
         seed: of the losses.
-        lie_m_s2: acceleration by which a false sender is faster or slower than it is, in turns of 10 s.
+        rules: signals that are announced, for sure; None for none.
     """
 
     def __init__(
         self,
-        scene: ChainScene,
+        scene: ChainScene | None,
         trip: iptm.Trip,
-        source: str,
+        source: str = SECOND_TRACK,
         delay_s: float = 0.0,
         loss: float = 0.0,
         seed: int = 0,
-        lie_m_s2: float = 0.0,
+        rules: RoadRules | None = None,
     ) -> None:
-        self._scene, self._source, self._road = scene, source, trip.route.road_line
+        self._scene, self._road = scene, trip.route.road_line
         self._delay_ns, self._loss = round(delay_s * NS_PER_S), loss
         self._random = np.random.default_rng(seed)
-        self._lie_m_s2, self._false_m, self._false_m_s = lie_m_s2, 0.0, 0.0
         hears = source == MESSAGES
         self._messages = CamBridge(self._road, trip.preview) if hears else None
         self._sensor = RangeSensorBridge(self._messages)
         self.bridge = ChainBridge(
-            self._sensor, trip.preview, sensor=self._sensor, messages=self._messages
+            self._sensor,
+            trip.preview,
+            sensor=self._sensor,
+            messages=self._messages,
+            rules=None if rules is None else (rules, rules),
         )
 
     def seen(self, measured: Measurements) -> Measurements:
@@ -119,17 +123,18 @@ class ChainAhead:
         if state is None or leader is None:
             return measured
         time_ns = round(state.time_s * NS_PER_S)
-        second = min(round(state.time_s), self._scene.gap_m.size - 1)
-        ahead_m = leader.position_m + CAR_LENGTH_M + float(self._scene.gap_m[second])
-        ahead_m_s = float(self._scene.ahead_m_s[second])
-        places = [(leader.position_m, leader.speed_m_s)]
-        if self._source == SECOND_TRACK:
-            places.append((ahead_m, ahead_m_s))
+        places, scene = [(leader.position_m, leader.speed_m_s)], self._scene
+        if scene is not None:
+            second = min(round(state.time_s), scene.gap_m.size - 1)
+            ahead_m = leader.position_m + CAR_LENGTH_M + float(scene.gap_m[second])
+            ahead = ahead_m, float(scene.ahead_m_s[second])
+            if self._messages is None:
+                places.append(ahead)
+            else:
+                self._hear(self._messages, time_ns, *ahead)
         own_m, own_m_s = state.position_m, state.speed_m_s
         tracks = (RangeTrack(place - own_m, 0.0, speed - own_m_s) for place, speed in places)
         self._sensor.take(time_ns, tuple(tracks))
-        if self._messages is not None:
-            self._hear(self._messages, time_ns, ahead_m, ahead_m_s)
         answer = self.bridge.answer(time_ns, own_m, own_m_s)
         return replace(measured, preview=answer.preview)
 
@@ -137,9 +142,6 @@ class ChainAhead:
         """Let the vehicle ahead send in the last second before a tick, as it drives at the tick."""
         for number in range(RATE_HZ):
             sent_ns = time_ns - self._delay_ns - (RATE_HZ - 1 - number) * NS_PER_S // RATE_HZ
-            turn = 1.0 if sent_ns // NS_PER_S % 20 < 10 else -1.0
-            self._false_m_s += turn * self._lie_m_s2 / RATE_HZ
-            self._false_m += self._false_m_s / RATE_HZ
             if sent_ns < 0 or self._random.random() < self._loss:
                 continue
             before_s = (time_ns - sent_ns) / NS_PER_S
@@ -147,8 +149,8 @@ class ChainAhead:
                 self._road,
                 STATION,
                 sent_ns // 1_000_000,
-                ahead_m - ahead_m_s * before_s + self._false_m,
-                max(ahead_m_s + self._false_m_s, 0.0),
+                ahead_m - ahead_m_s * before_s,
+                ahead_m_s,
             )
             arrived_ns = min(sent_ns + self._delay_ns, time_ns)
             messages.receive(packet_of(message, sent_ns // 1_000_000), arrived_ns)
@@ -163,7 +165,7 @@ def drive(
         The run, and the ticks by what the preview was made of.
     """
     trip = iptm.Trip.of(**call)
-    if scene is None:
+    if scene is None and not sources:
         return iptm.drive(trip), {}
     chain = ChainAhead(scene, trip, **sources)
     run = decided(trip_in_ticks(trip), _Shown(controller_for(trip), chain))

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from studies.chain.closed_loop import MESSAGES, SECOND_TRACK, ChainScene, drive, scenes
+from studies.chain.corridor import LENGTH_S, careful_driver, controls
 from studies.chain.fit import fitted_law
 from studies.chain.forecasts import SHOWN_S, errors, of_equipped
 from studies.chain.platoons import HELD_OUT, instants, joined
@@ -45,7 +46,7 @@ SOURCES: Mapping[str, Mapping[str, Any]] = {
     MESSAGES: {"source": MESSAGES},
     "messages, 0.3 s late, 30 % lost": {"source": MESSAGES, "delay_s": 0.3, "loss": 0.3},
 }
-TRIALS, SEED = 4, 57
+TRIALS, SEED = 11, 57
 SHORT_ROWS, SHORT_S = 400, 60.0
 TIMED_TICKS = 2000
 
@@ -75,6 +76,7 @@ def run(session: Session) -> bool:
         shown_s=SHOWN_S,
         equipped=equipped,
         prices=prices,
+        corridor=[] if short else behind_signals(session),
         families=families.to_dict("records"),
         trials=len(trials),
         holds=holds,
@@ -113,6 +115,21 @@ def priced(session: Session) -> list[dict[str, Any]]:
         for headway, group in table.groupby("headway", sort=False)
         for row in _rows(str(headway), group)
     ]
+
+
+def behind_signals(session: Session) -> list[dict[str, Any]]:
+    """Return the rows of a corridor of signals behind a driver who keeps them."""
+    cycle = careful_driver(session.scratch / "leads", LENGTH_S)
+    own = {"overrides": HEADWAYS[DETAILED], "value_beyond_trip": True}
+    cases = controls(cycle, LENGTH_S, AMBIENT_C, own)
+    calls = [{"call": call, **sources} for _, call, sources in cases]
+    driven = session.compute(drive, calls, [f"corridor, {name}" for name, *_ in cases])
+    table = pd.DataFrame(
+        {"control": name, "run": out[0]}
+        for (name, *_), out in zip(cases, driven, strict=True)
+        if out is not None
+    )
+    return _rows(DETAILED, table)
 
 
 def _controls(

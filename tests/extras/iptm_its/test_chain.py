@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -45,14 +46,14 @@ class Drive:
     def ego_m(self) -> float:
         return SPEED_M_S * self.second
 
-    def hear(self, identity: int, gap_m: float, speed_m_s: float = SPEED_M_S) -> None:
+    def hear(self, identity: int, gap_m: float, speed_m_s: float = SPEED_M_S, **more: Any) -> None:
         """Four messages in the second before the tick of now, of a car whose rear is that far ahead."""
         assert self.messages is not None
         for before_ms in (750, 500, 250, 0):
             sent_ms = 1000 * self.second - before_ms
             if sent_ms >= 0:
                 rear_m = self.ego_m + gap_m - speed_m_s * before_ms / 1000.0
-                bits = datagram(identity, sent_ms, rear_m, speed_m_s)
+                bits = datagram(identity, sent_ms, rear_m, speed_m_s, **more)
                 self.messages.receive(bits, sent_ms * 1_000_000)
 
 
@@ -171,6 +172,42 @@ def test_a_claim_never_widens_what_limits_hold_for() -> None:
     lowest_m = found.preview.cautious().positions_m
     elapsed_s = found.preview.times_s - found.preview.times_s[0]
     assert np.all(lowest_m <= found.preview.positions_m[0] + SPEED_M_S * elapsed_s + 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("gap_m", "more"),
+    [
+        (SECOND.gap_m, {"left_m": 3.5}),
+        (SECOND.gap_m, {"heading_deg": 180.0}),
+        (0.0, {}),
+        (GAP_M, {}),
+        (GAP_M + 260.0, {}),
+    ],
+    ids=["another lane", "oncoming", "own position", "the leader", "far ahead"],
+)
+def test_what_is_not_ahead_of_the_leader_does_not_count(gap_m: float, more: dict[str, Any]) -> None:
+    drive = Drive(hears=True)
+    for _ in range(4):
+        drive.hear(7, gap_m, **more)
+        found = drive.tick(LEADER)
+    assert not drive.chain.chain
+    assert found.predictor != "car_following"
+
+
+def test_a_message_that_repeats_itself_is_not_followed() -> None:
+    """The same octets again and again: after a second and a half the station is silent."""
+    drive = Drive(hears=True)
+    for _ in range(3):
+        drive.hear(7, SECOND.gap_m)
+        drive.tick(LEADER)
+    assert drive.messages is not None
+    for _ in range(3):
+        stale = datagram(7, 2000, 2.0 * SPEED_M_S + SECOND.gap_m, SPEED_M_S)
+        drive.messages.receive(stale, drive.second * NS)
+        found = drive.tick(LEADER)
+    assert not drive.chain.chain
+    assert found.predictor == ""
+    assert drive.messages.table.rejections.by_reason()
 
 
 def test_memory_is_bounded_with_a_hundred_stations() -> None:

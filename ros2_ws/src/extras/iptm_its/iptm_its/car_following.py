@@ -81,7 +81,7 @@ def following_features(past: Past) -> tuple[FloatArray, FloatArray]:
         abs(relative),
         abs(error),
     ]
-    return np.column_stack(law), np.column_stack(spread)
+    return np.array(law).T, np.array(spread).T
 
 
 class FollowingMotion(NamedTuple):

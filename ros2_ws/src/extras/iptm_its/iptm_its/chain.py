@@ -12,7 +12,7 @@ import math
 from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import islice
+from itertools import takewhile
 
 import numpy as np
 
@@ -37,6 +37,8 @@ LONGEST_STEP_S = 1.5
 """Between measurements that are farther apart, a vehicle may be another one."""
 LEAST_SEEN_S = 1.0
 """A vehicle counts after this time: the law needs the change of its speed."""
+SECOND_S = 1.0 + 1e-6
+"""Time over which a measured acceleration is the mean, with the tolerance of a stamp."""
 CLEAR_M = 1.0
 """Space between two vehicles, at least."""
 FARTHEST_M = 200.0
@@ -103,6 +105,8 @@ class Seen:
             ):
                 self._entries.clear()
         self._entries.append((time_s, position_m, speed_m_s))
+        while len(self._entries) > 1 and self._entries[1][0] <= time_s - PAST_S:
+            self._entries.popleft()
 
     def forget(self) -> None:
         """Forget the vehicle."""
@@ -127,10 +131,10 @@ class Seen:
 
     @property
     def recent(self) -> tuple[Observation, ...]:
-        """The last measurements as predictors take them."""
-        return tuple(Observation(*entry, None) for entry in islice(reversed(self._entries), 12))[
-            ::-1
-        ]
+        """Measurements of the last second as predictors take them, oldest first."""
+        newest_s = self._entries[-1][0]
+        within = takewhile(lambda entry: entry[0] >= newest_s - SECOND_S, reversed(self._entries))
+        return tuple(Observation(*entry, None) for entry in within)[::-1]
 
 
 _LAGS_S = np.arange(PAST_S + 1.0)
