@@ -312,3 +312,14 @@ def test_the_mean_acceleration_of_a_row_integrates_to_the_speed() -> None:
     np.testing.assert_allclose(speeds, frame.speed_m_s.to_numpy()[1:], atol=1e-9)
     ends = np.cumsum(frame.acceleration_m_s2.to_numpy()[1:] * steps_s)
     assert np.abs(ends - frame.speed_m_s.to_numpy()[1:]).max() > 1.0
+
+
+def test_a_tuple_is_a_list_and_a_climate_is_in_degrees_celsius() -> None:
+    sweep = iptm.sweep(cycle="us06", duration_s=(10.0, 20.0), strategy="production")
+    assert [run.metrics.duration_s for run in sweep.runs] == [10.0, 20.0]
+    cold = iptm.Trip.of(cycle="us06", climate=-20).parameters.environment
+    assert cold.ambient_temperature_k == 253.15
+    with pytest.raises(iptm.IptmError, match=r"climate is 308.15 degC.*would be 35 degC"):
+        iptm.Trip.of(cycle="us06", climate=308.15)
+    with pytest.raises(iptm.IptmError, match="--cycle us06"):
+        iptm.load_trip("us06")

@@ -47,6 +47,7 @@ class Climate:
         return float(self.monthly_c[month] + 0.5 * self.daily_range_k * np.cos(angle))
 
 
+_COLDEST_C, _HOTTEST_C = -40.0, 60.0
 CLIMATES = (
     Climate(
         "Phoenix",
@@ -73,11 +74,16 @@ def climate_of(given: str | float | Climate) -> Climate:
     """Return a climate by name, or the constant one of a temperature in degC.
 
     Raises:
-        ScenarioError: the name is unknown.
+        ScenarioError: the name is unknown, or no air on earth has the temperature.
     """
     if isinstance(given, Climate):
         return given
     if isinstance(given, (int, float)) and not isinstance(given, bool):
+        if not _COLDEST_C <= given <= _HOTTEST_C:
+            raise ScenarioError(
+                f"climate is {given:g} degC; allowed: {_COLDEST_C:g} to {_HOTTEST_C:g} degC; in K it would be"
+                f" {given - CELSIUS_ZERO_K:g} degC"
+            )
         return Climate(f"{given:g} degC", "given", (float(given),) * len(MONTH_DAYS), 0.0)
     known = {each.name.lower(): each for each in CLIMATES}
     name = str(given).lower()
@@ -97,7 +103,7 @@ def air_overrides(climate: str | float | Climate, parameter_set: str) -> dict[st
     Raises:
         IptmError: the climate is unknown.
     """
-    air_k = max(climate_of(climate).monthly_c) + CELSIUS_ZERO_K
+    air_k = round(max(climate_of(climate).monthly_c) + CELSIUS_ZERO_K, 6)
     density = load_parameters(parameter_set).sources[_DENSITY_KEY]
     changed = {
         "environment.ambient_temperature_k": air_k,

@@ -88,7 +88,7 @@ def sweep(
     cache: str | Path | None = None,
     **arguments: Any,
 ) -> Sweep:
-    """Drive every combination of the values in lists, ranges and arrays, the last one varying fastest.
+    """Drive every combination of values in lists, tuples, ranges and arrays, the last one varying fastest.
 
     Args:
         workers: number of processes; 1 for this one, None for one per core.
@@ -133,7 +133,13 @@ def _axes(arguments: Mapping[str, Any]) -> Iterator[tuple[tuple[str, str | None]
 
 
 def _is_series(value: Any) -> bool:
-    return isinstance(value, list | range) or (isinstance(value, np.ndarray) and value.ndim == 1)
+    # A tuple of arrays is a drive.
+    plain = isinstance(value, tuple) and all(isinstance(each, str | int | float) for each in value)
+    return (
+        plain
+        or isinstance(value, list | range)
+        or (isinstance(value, np.ndarray) and value.ndim == 1)
+    )
 
 
 def _listed(values: Any) -> list[Any]:

@@ -25,6 +25,7 @@ from iptm.trip_settings import GROUPS, HOME, SPECS
 from iptm_core.declaration import Scalar, checked_value, plain
 from iptm_core.errors import ParameterError, ScenarioError
 from iptm_core.parameters.strict_yaml import YAML_SUFFIXES, parse_yaml, read_yaml
+from iptm_core.routes.cycles import CYCLE_NAMES
 from iptm_core.routes.route import GPX_SUFFIX, USER_SUFFIXES
 from iptm_core.user_input import StrictMapping, check_known, is_path, shown, suggestion
 
@@ -188,8 +189,9 @@ def _find(name_or_path: str | Path) -> Path:
             return path
     except OSError as error:  # the name is too long
         raise ScenarioError(f"trip {shown(text)}: {error.strerror}") from None
+    cycle = f"--cycle {text}, " if text in CYCLE_NAMES else ""
     raise ScenarioError(
-        f"trip {text!r} is unknown; {suggestion(text, names)}, or the path of a .yaml file"
+        f"trip {text!r} is unknown; {cycle}{suggestion(text, names)}, or the path of a .yaml file"
     )
 
 
