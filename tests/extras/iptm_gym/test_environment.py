@@ -11,6 +11,7 @@ import pytest
 import iptm
 from iptm.driving import controller_for
 from iptm_core.state import FloatArray
+from iptm_gym.observation import ACTIONS, OBSERVED
 
 gymnasium = pytest.importorskip("gymnasium")
 environment = import_module("iptm_gym.environment")
@@ -96,7 +97,7 @@ def test_the_mpc_gives_the_figures_of_simulate() -> None:
 
     def act(env: Any) -> FloatArray:
         command = mpc.decide(env.unwrapped.measured).command
-        return np.array([getattr(command, name) for name in environment.ACTIONS])
+        return np.array([getattr(command, name) for name in ACTIONS])
 
     run, _, _ = episode(env, act)
     assert_same_figures(run, iptm.simulate(**EVERYTHING, seed=7))
@@ -133,7 +134,7 @@ def test_environments_run_side_by_side() -> None:
     trips = [iptm.Trip.of("us06", duration_s=5.0), iptm.Trip.of("nycc", duration_s=5.0)]
     envs = gymnasium.make_vec(NAME, num_envs=3, vectorization_mode="sync", trip=trips)
     observed, _ = envs.reset(seed=1)
-    assert observed.shape == (3, len(environment.OBSERVED))
+    assert observed.shape == (3, len(OBSERVED))
     ends = np.zeros(3, dtype=int)
     for _ in range(12):
         observed, rewards, _, truncated, _ = envs.step(envs.action_space.sample())
