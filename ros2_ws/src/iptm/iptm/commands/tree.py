@@ -105,6 +105,8 @@ def _run(command: Entry, name: str, *rest: str) -> int:
         code = command.load()()
     except ModuleNotFoundError as error:
         return refused(
-            f"{PROGRAM} {name}", f"{error}; needed: ROS 2 and the extras of this command"
+            f"{PROGRAM} {name}",
+            f"{error}; needed: ROS 2 and the extras of this command"
+            f"{', or --over memory, which drives without ROS' if name == 'run' else ''}",
         )
     return code or EXIT_OK
