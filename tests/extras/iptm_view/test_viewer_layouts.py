@@ -87,6 +87,7 @@ def test_foxglove() -> None:
         "/v2x/road_ahead",
         "/sensor/tracks",
         "/sensor/road_friction",
+        "/vehicle/arrival_cost",
         "/vehicle/engagement",
     }
 

@@ -12,7 +12,6 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 from sensor_msgs.msg import BatteryState
-from std_msgs.msg import Float64
 
 from iptm.commands.bags import export as main
 from iptm_core.errors import BagError
@@ -127,24 +126,6 @@ def test_missing_and_undefined_values_stay_apart(tmp_path: Path) -> None:
     assert text["cell_voltage.1_v"] == ["", "", "3.0"]
     assert text["charge_ah"] == ["nan"] * 3
     assert set(text["location"]) == {'a "b",\nc'}
-
-
-def test_scalars_carry_the_unit_of_the_topic_table(tmp_path: Path) -> None:
-    with BagWriter(tmp_path / "bag") as writer:
-        topic = writer.add_topic("/car_1/controller/acceleration_command", "std_msgs/msg/Float64")
-        writer.write(topic, serialized(Float64(data=0.1)), 5)
-    output = tmp_path / "x.csv"
-    assert (
-        main(
-            [str(tmp_path / "bag"), "--topic", "controller/acceleration_command", "-o", str(output)]
-        )
-        == 0
-    )
-    assert read_csv(output) == {
-        "log_time_ns": ["5"],
-        "publish_time_ns": ["5"],
-        "data_m_s2": ["0.1"],
-    }
 
 
 def test_one_of_several_vehicles(

@@ -22,7 +22,6 @@ from iptm_ros.recording.compare_bags import flatten
 from iptm_ros.recording.recorded_topics import TopicRecord
 from iptm_ros.recording.timeline import StampKind, read_stamp_ns, stamp_kind
 from iptm_ros.recording.trajectory_reader import read_trajectory
-from iptm_ros.topics import TOPICS
 
 MOST_COLUMNS = 16_384
 """What a sheet of Excel holds; a message with more scalars is a picture or a cloud and makes no table."""
@@ -50,7 +49,6 @@ _UNITS: Mapping[str, Mapping[str, str]] = MappingProxyType(
         },
     }
 )
-_SCALAR = "std_msgs/msg/Float64"
 
 
 def message_columns(reader: BagReader, topic: TopicRecord) -> dict[str, list[Any]]:
@@ -103,10 +101,6 @@ def _column(path: str, topic: TopicRecord) -> str:
 
 def _unit(path: str, topic: TopicRecord) -> str:
     """Return the unit that is missing in the name of a field, "" if none is."""
-    if topic.type_name == _SCALAR:
-        for spec in TOPICS.values():
-            if spec.type_name == _SCALAR and topic.name.endswith(f"/{spec.name}"):
-                return spec.unit.lower().replace("/", "_").replace("^", "")
     for pattern, unit in _UNITS.get(topic.type_name, {}).items():
         if fnmatchcase(path, pattern):
             return unit
