@@ -19,7 +19,7 @@ LED_IN = 10
 
 
 def repeated_in_one_piece(count: int, **settings: Any) -> tuple[float, float]:
-    """Return energy per metre and ageing of a repetition, from a drive of many, the first ones left out.
+    """Return energy per metre and ageing of a repetition on a level road, from a drive of many but the first.
 
     A thermostat cools in some repetitions and not in others: their line over the drift is read at no drift.
     """
@@ -45,9 +45,7 @@ def repeated_in_one_piece(count: int, **settings: Any) -> tuple[float, float]:
     [
         {"cycle": "us06", "duration_s": 120.0},
         pytest.param({"cycle": "wltc_class3b", "duration_s": 600.0}, marks=pytest.mark.slow),
-        pytest.param(
-            {"cycle": "us06", "duration_s": 300.0, "slope": "small"}, marks=pytest.mark.slow
-        ),
+        pytest.param({"cycle": "us06", "duration_s": 300.0}, marks=pytest.mark.slow),
         pytest.param(
             {"cycle": "udds", "duration_s": 400.0, "vehicle": "chevrolet_bolt", "climate": 35.0},
             marks=pytest.mark.slow,
