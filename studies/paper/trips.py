@@ -33,7 +33,7 @@ CONTROLLERS: dict[str, Settings] = {
     "multi_horizon_cost_to_go": {"strategy": "aging_cost_to_go", "horizon": "3x1+5x5"},
 }
 SPLITS = {"3+12": (3, 12), "5+10": (5, 10), "8+7": (8, 7), "10+5": (10, 5), "12+3": (12, 3)}
-SHORT_S = 2.0
+SHORT_S = 20.0
 STEPS_S = (2, 5, 8, 10, 15)
 LONG_STEPS = (5, 10, 12, 15, 20)
 

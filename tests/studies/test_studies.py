@@ -24,7 +24,6 @@ from studies.pages import (
     used_by,
     without_foot,
 )
-from studies.paper import trips
 from studies.running import changes, module_of
 
 from iptm_core.user_input import shown
@@ -59,7 +58,6 @@ MORE = {
     "speed/transcription.py": {"casadi"},
 }
 """What single studies need beyond that: extras, ROS 2, and CasADi where solvers are compared."""
-ONE_PROBLEM = {"horizon": "3x1+5x5"}
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -85,14 +83,6 @@ def test_the_short_form_has_the_numbers_of_the_record(
         monkeypatch.setattr(embedded, "BUILDS", (embedded.BUILDS[0], embedded.BUILDS[-1]))
         few = safeguards.mutants
         monkeypatch.setattr(safeguards, "mutants", lambda *given: islice(few(*given), 0, None, 10))
-    if name == "paper":
-        # One problem instead of 40, which take minutes to build: its numbers are not compared.
-        complete = trips.complete
-        monkeypatch.setattr(
-            trips,
-            "complete",
-            lambda given, *, short: {**complete(given, short=short), **ONE_PROBLEM},
-        )
     record = Record.of(name)
     if getattr(module_of(name), "MEASURES_TIME", False):
         assert not record.short
