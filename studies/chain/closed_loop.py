@@ -30,6 +30,7 @@ LONGEST_S = 300
 RATE_HZ = 4
 STATION = 42
 SECOND_TRACK, MESSAGES = "second track", "messages"
+FARTHER = "messages of the one ahead of that"
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,12 +42,16 @@ class ChainScene:
         speed_m_s: of the leader, shape (n,).
         ahead_m_s: speed of the vehicle ahead of it, shape (n,).
         gap_m: between both, shape (n,).
+        farther_m_s: speed of the vehicle ahead of that, NaN where it is not measured, shape (n,).
+        farther_gap_m: between the leader and that one, shape (n,).
     """
 
     name: str
     speed_m_s: FloatArray
     ahead_m_s: FloatArray
     gap_m: FloatArray
+    farther_m_s: FloatArray
+    farther_gap_m: FloatArray
 
     @property
     def duration_s(self) -> float:
@@ -61,21 +66,36 @@ class ChainScene:
 def scenes(place: int) -> list[ChainScene]:
     """Return one scene of every held-out run: the leader that drove at a place, or the next one behind it."""
     found: dict[str, ChainScene] = {}
-    for drive in excerpts.drives():
-        if drive.run not in HELD_OUT or drive.run in found or drive.gap_m is None:
+    by_name = {drive.name: drive for drive in excerpts.drives() if drive.gap_m is not None}
+    for drive in by_name.values():
+        at = int(drive.name.rsplit("/", 1)[1])
+        if drive.run not in HELD_OUT or drive.run in found or at < place:
             continue
-        if int(drive.name.rsplit("/", 1)[1]) < place:
-            continue
-        known = longest_known(np.array([drive.speed_m_s, drive.leader_speed_m_s, drive.gap_m]))
+        samples = np.arange(drive.speed_m_s.size)
+        columns = [drive.speed_m_s, drive.leader_speed_m_s, drive.gap_m, samples]
+        known = longest_known(np.array(columns))
         count = min(known.shape[1] // PER_S, LONGEST_S)
-        speed, ahead, gap = known[:, : count * PER_S].reshape(3, count, PER_S).mean(axis=2)
+        speed, ahead, gap = known[:3, : count * PER_S].reshape(3, count, PER_S).mean(axis=2)
         speed, ahead = np.maximum(speed, 0.0), np.maximum(ahead, 0.0)
+        farther, farther_gap = np.full((2, count), np.nan)
+        between = by_name.get(f"{drive.run}/{at - 1}")
+        if between is not None:
+            first = int(known[3, 0])
+            both = np.array([between.leader_speed_m_s, between.gap_m])[:, first:][
+                :, : count * PER_S
+            ]
+            whole = both.shape[1] // PER_S
+            both = both[:, : whole * PER_S].reshape(2, whole, PER_S).mean(axis=2)
+            farther[:whole] = np.maximum(both[0], 0.0)
+            farther_gap[:whole] = gap[:whole] + CAR_LENGTH_M + both[1]
         ramp = RUN_IN_M_S2 * np.arange(RUN_IN_S, dtype=np.float64)
         found[drive.run] = ChainScene(
             drive.name.replace("/", "_"),
             np.append(np.minimum(ramp, speed[0]), speed),
             np.append(np.minimum(ramp, ahead[0]), ahead),
             np.append(np.full(RUN_IN_S, gap[0]), gap),
+            np.append(np.minimum(ramp, farther[0]), farther),
+            np.append(np.full(RUN_IN_S, farther_gap[0]), farther_gap),
         )
     return list(found.values())
 
@@ -106,7 +126,8 @@ class ChainAhead:
         self._scene, self._road = scene, trip.route.road_line
         self._delay_ns, self._loss = round(delay_s * NS_PER_S), loss
         self._random = np.random.default_rng(seed)
-        hears = source == MESSAGES
+        self._farther = source == FARTHER
+        hears = source in {MESSAGES, FARTHER}
         self._messages = CamBridge(self._road, trip.preview) if hears else None
         self._sensor = RangeSensorBridge(self._messages)
         self.bridge = ChainBridge(
@@ -126,11 +147,13 @@ class ChainAhead:
         places, scene = [(leader.position_m, leader.speed_m_s)], self._scene
         if scene is not None:
             second = min(round(state.time_s), scene.gap_m.size - 1)
-            ahead_m = leader.position_m + CAR_LENGTH_M + float(scene.gap_m[second])
-            ahead = ahead_m, float(scene.ahead_m_s[second])
+            gap_m, ahead_m_s = scene.gap_m[second], scene.ahead_m_s[second]
+            if self._farther:
+                gap_m, ahead_m_s = scene.farther_gap_m[second], scene.farther_m_s[second]
+            ahead = leader.position_m + CAR_LENGTH_M + float(gap_m), float(ahead_m_s)
             if self._messages is None:
                 places.append(ahead)
-            else:
+            elif np.isfinite(ahead).all():
                 self._hear(self._messages, time_ns, *ahead)
         own_m, own_m_s = state.position_m, state.speed_m_s
         tracks = (RangeTrack(place - own_m, 0.0, speed - own_m_s) for place, speed in places)

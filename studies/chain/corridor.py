@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,51 +14,61 @@ from studies.measured_cycles import write_drive
 from studies.savings import PRODUCTION
 
 import iptm
+from iptm_core.road_ahead import SpeedLimits
 from iptm_core.settings import VEHICLE_LENGTH_M, LeaderSource
-from iptm_v2x_bridge.prediction.road_rules import RoadRules, Signal
-from iptm_v2x_bridge.rules_of_the_road import OF_THE_CYCLE
+from iptm_v2x_bridge.prediction.road_rules import RoadRules
+from iptm_v2x_bridge.rules_of_the_road import OF_THE_CYCLE, given_rules
 
-CYCLE, LENGTH_S = "udds", 600.0
-NAME = "udds_with_stop_lines"
+BOTH_RULES = "signals and limits"
+CYCLES, LENGTH_S = ("udds", "wltc_class3b"), 600.0
 
 
-def careful_driver(folder: Path, duration_s: float) -> str:
+def _driver(cycle: str) -> dict[str, Any]:
+    return {
+        "cycle": cycle,
+        "strategy": PRODUCTION,
+        "leader_source": LeaderSource.NONE,
+        "speed_limits_km_h": OF_THE_CYCLE,
+        "signals": LINES,
+        "duration_s": LENGTH_S,
+    }
+
+
+def careful_driver(folder: Path, cycle: str) -> str:
     """Drive the corridor with `production` at its signals and limits, and write that as a leader's drive."""
-    run = iptm.simulate(
-        CYCLE,
-        strategy=PRODUCTION,
-        leader_source=LeaderSource.NONE,
-        speed_limits_km_h=OF_THE_CYCLE,
-        signals=LINES,
-        duration_s=duration_s,
-    )
+    run = iptm.simulate(**_driver(cycle))
     speeds = np.maximum(run.trajectory.speed_m_s, 0.0)
-    return str(write_drive(folder / f"{NAME}.csv", 1.0, speeds))
+    return str(write_drive(folder / f"{cycle}_with_stop_lines.csv", 1.0, speeds))
 
 
-def lines_ahead(initial_gap_m: float) -> RoadRules:
-    """Return the signals where a leader that starts ahead of the ego vehicle has them."""
+def rules_ahead(cycle: str, initial_gap_m: float) -> RoadRules:
+    """Return limits and signals where a leader that starts ahead of the ego vehicle has them."""
+    trip_alone = iptm.Trip.of(**_driver(cycle))
+    rules = given_rules(trip_alone.rules, trip_alone.route)
+    if rules.limits is None:
+        raise AssertionError("a corridor of this study has limits")
     ahead_m = initial_gap_m + VEHICLE_LENGTH_M
-    found = []
-    for line in LINES.split(","):
-        place_m, *plan = map(float, line.split(":"))
-        found.append(Signal.cyclic(place_m + ahead_m, *plan))
-    return RoadRules(None, tuple(found))
+    starts_m = rules.limits.starts_m + ahead_m
+    starts_m[0] = 0.0
+    signals = tuple(replace(each, stop_line_m=each.stop_line_m + ahead_m) for each in rules.signals)
+    return RoadRules(SpeedLimits(starts_m, rules.limits.limits_m_s), signals)
 
 
 def controls(
-    cycle: str, duration_s: float, ambient_c: float, own: Mapping[str, Any]
+    cycle: str, leads: str, ambient_c: float, own: Mapping[str, Any]
 ) -> list[tuple[str, Mapping[str, Any], Mapping[str, Any]]]:
     """Return name, settings and sources of each control behind that driver."""
     blind = {"preview_mode": "none"}
 
     def call(role: str, **settings: Any) -> dict[str, Any]:
-        return trip(cycle, role, ambient_c=ambient_c, duration_s=duration_s, **settings)
+        return trip(leads, role, ambient_c=ambient_c, duration_s=LENGTH_S, **settings)
 
     gap_m = iptm.Trip.of(**call(DEFAULT)).parameters.gap.initial_gap_m
+    rules = rules_ahead(cycle, gap_m)
     return [
         (PRODUCTION, call(PRODUCTION, **blind), {}),
         ("no preview", call(DEFAULT, **own, **blind), {}),
         ("perfect, 60 s", call(DEFAULT, **own), {}),
-        ("announced signals", call(DEFAULT, **own), {"rules": lines_ahead(gap_m)}),
+        ("signals", call(DEFAULT, **own), {"rules": replace(rules, limits=None)}),
+        (BOTH_RULES, call(DEFAULT, **own), {"rules": rules}),
     ]

@@ -10,8 +10,15 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from studies.chain.closed_loop import MESSAGES, SECOND_TRACK, ChainScene, drive, scenes
-from studies.chain.corridor import LENGTH_S, careful_driver, controls
+from studies.chain.closed_loop import (
+    FARTHER,
+    MESSAGES,
+    SECOND_TRACK,
+    ChainScene,
+    drive,
+    scenes,
+)
+from studies.chain.corridor import BOTH_RULES, CYCLES, careful_driver, controls
 from studies.chain.fit import fitted_law
 from studies.chain.forecasts import SHOWN_S, errors, of_equipped
 from studies.chain.platoons import HELD_OUT, instants, joined
@@ -44,8 +51,13 @@ HEADWAYS: Mapping[str, Mapping[str, float]] = {
 SOURCES: Mapping[str, Mapping[str, Any]] = {
     SECOND_TRACK: {"source": SECOND_TRACK},
     MESSAGES: {"source": MESSAGES},
+    FARTHER: {"source": FARTHER},
     "messages, 0.3 s late, 30 % lost": {"source": MESSAGES, "delay_s": 0.3, "loss": 0.3},
 }
+IN_25 = {MESSAGES: 5, FARTHER: 4, NONE: 16}
+"""Trips of 25 in which the nearest vehicle ahead of the leader that sends is this one, if a fifth of all
+vehicles sends, each independently; farther ones do not count."""
+A_FIFTH = "messages, 20 % of all vehicles send"
 TRIALS, SEED = 11, 57
 SHORT_ROWS, SHORT_S = 400, 60.0
 TIMED_TICKS = 2000
@@ -71,12 +83,14 @@ def run(session: Session) -> bool:
         ),
         "no avoidable collision": not families.avoidable.sum(),
     }
+    corridors = [] if short else behind_signals(session)
     session.render(
         forecast=forecast,
         shown_s=SHOWN_S,
         equipped=equipped,
         prices=prices,
-        corridor=[] if short else behind_signals(session),
+        corridors=corridors,
+        bars=bars(prices, corridors),
         families=families.to_dict("records"),
         trials=len(trials),
         holds=holds,
@@ -118,18 +132,62 @@ def priced(session: Session) -> list[dict[str, Any]]:
 
 
 def behind_signals(session: Session) -> list[dict[str, Any]]:
-    """Return the rows of a corridor of signals behind a driver who keeps them."""
-    cycle = careful_driver(session.scratch / "leads", LENGTH_S)
+    """Return the rows of two corridors of signals behind drivers who keep them."""
     own = {"overrides": HEADWAYS[DETAILED], "value_beyond_trip": True}
-    cases = controls(cycle, LENGTH_S, AMBIENT_C, own)
-    calls = [{"call": call, **sources} for _, call, sources in cases]
-    driven = session.compute(drive, calls, [f"corridor, {name}" for name, *_ in cases])
-    table = pd.DataFrame(
-        {"control": name, "run": out[0]}
-        for (name, *_), out in zip(cases, driven, strict=True)
-        if out is not None
-    )
-    return _rows(DETAILED, table)
+    rows = []
+    for cycle in CYCLES:
+        leads = careful_driver(session.scratch / "leads", cycle)
+        cases = controls(cycle, leads, AMBIENT_C, own)
+        calls = [{"call": call, **sources} for _, call, sources in cases]
+        driven = session.compute(drive, calls, [f"{cycle}, {name}" for name, *_ in cases])
+        table = pd.DataFrame(
+            {"control": name, "run": out[0]}
+            for (name, *_), out in zip(cases, driven, strict=True)
+            if out is not None
+        )
+        rows += [{"road": cycle, **row} for row in _rows(DETAILED, table)]
+    return rows
+
+
+def bars(prices: list[dict[str, Any]], corridors: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return how much of the gap is closed, beside what was asked for of energy and ageing each."""
+    asked = [
+        *((f"{headway}, {SECOND_TRACK}", 40.0, headway, SECOND_TRACK) for headway in HEADWAYS),
+        (f"{DETAILED}, {A_FIFTH}", 50.0, DETAILED, A_FIFTH),
+    ]
+    found = [
+        (what, share, row, prices)
+        for what, share, headway, control in asked
+        for row in prices
+        if (row["headway"], row["control"]) == (headway, control)
+    ]
+    found += [
+        (f"{row['road']}, {BOTH_RULES}", 40.0, row, corridors)
+        for row in corridors
+        if row["control"] == BOTH_RULES
+    ]
+    scene = ("headway", "road")
+    return [
+        {
+            "what": what,
+            "asked": f"{share:.0f} %",
+            "energy": row["energy_share"],
+            "ageing": row["ageing_share"],
+            "reached": min(row["energy_share"], row["ageing_share"]) >= share,
+            "below_s": row["below_s"],
+            "limited": row["limited"],
+            **{
+                role: next(
+                    other
+                    for other in rows
+                    if other["control"] == role
+                    and all(other.get(name) == row.get(name) for name in scene)
+                )
+                for role in (NONE, PRODUCTION)
+            },
+        }
+        for what, share, row, rows in found
+    ]
 
 
 def _controls(
@@ -157,18 +215,25 @@ def _controls(
 def _rows(headway: str, group: pd.DataFrame) -> list[dict[str, Any]]:
     """Return the rows of a headway; savings are of all scenes together, each brought to one end."""
     by_control = {name: list(part.run) for name, part in group.groupby("control", sort=False)}
-    base = by_control[PRODUCTION]
+    if all(name in by_control for name in IN_25):
+        by_control[A_FIFTH] = [
+            run for name, count in IN_25.items() for run in by_control[name] * count
+        ]
     rows = []
     for name, runs in by_control.items():
         metrics = [run.metrics for run in runs]
+        limited = [run.decisions.limiter_active for run in runs]
+        times = len(runs) // len(by_control[PRODUCTION])
+        base = by_control[PRODUCTION] * times
         rows.append(
             {
                 "headway": headway,
                 "control": name,
                 **road_taken([run.trajectory for run in runs]),
                 **saved(metrics, [run.metrics for run in base], runs[0].parameters),
-                **kept(metrics),
-                "interventions": sum(each.interventions for each in metrics),
+                **_per_trip(kept(metrics), times),
+                "interventions": sum(each.interventions for each in metrics) / times,
+                "limited": 100.0 * float(np.concatenate(limited).mean()),
                 "smallest_gap_m": min(float(run.trajectory.gap_m.min()) for run in runs),
             }
         )
@@ -179,6 +244,10 @@ def _rows(headway: str, group: pd.DataFrame) -> list[dict[str, Any]]:
             gap = whole[kind] - none[kind]
             row[f"{kind}_share"] = 100.0 * (row[kind] - none[kind]) / gap if gap else np.nan
     return rows
+
+
+def _per_trip(margins: Mapping[str, float], times: int) -> dict[str, float]:
+    return {**margins, "below_s": margins["below_s"] / times}
 
 
 def tick_times_us() -> dict[str, float]:

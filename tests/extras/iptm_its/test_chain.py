@@ -10,6 +10,7 @@ import pytest
 from tests.iptm_v2x_bridge.radio import NS, ROAD, datagram
 
 from iptm_core.lead_track import RangeTrack
+from iptm_core.road_ahead import SpeedLimits
 from iptm_core.settings import PreviewMode, PreviewSettings
 from iptm_its.chain import LONGEST_CHAIN, ChainBridge, ChainSource
 from iptm_v2x_bridge.bridge import BridgeAnswer
@@ -243,6 +244,27 @@ def test_a_leader_stops_at_a_red_that_is_announced() -> None:
     last_m = found.preview.at(np.array([20.0]))[0][0]
     assert last_m <= 300.0 - LENGTH_M
     assert found.preview.at(np.array([20.0]))[1][0] < 3.0
+
+
+@pytest.mark.parametrize(
+    ("limits", "predictor"),
+    [
+        (((0.0, 30.0),), ""),
+        (((0.0, 30.0), (180.0, 10.0)), "signals"),
+        (((0.0, 30.0), (600.0, 10.0)), ""),
+    ],
+    ids=["faster", "slower in 6 s", "slower in 28 s"],
+)
+def test_rules_count_where_they_move_the_leader_within_ten_seconds(
+    limits: tuple[tuple[float, float], ...], predictor: str
+) -> None:
+    starts_m, speeds_m_s = np.array(limits).T
+    rules = RoadRules(SpeedLimits(starts_m, speeds_m_s))
+    drive = Drive(rules=(rules, rules))
+    for _ in range(3):
+        found = drive.tick(LEADER)
+    assert found.predictor == predictor
+    assert bool(found.preview.times_s.size) is bool(predictor)
 
 
 def test_a_phase_that_is_not_sure_is_a_spread() -> None:

@@ -52,6 +52,9 @@ CHECKED_M = 0.2
 """Tolerance of that bound: resolution of the measurements."""
 RULED_S = 20.0
 """Signals count as far ahead as the leader gets in this time."""
+CHANGED_M, CHANGED_S = 1.0, 10.0
+"""Signals and limits give a preview where they move the leader by as much within this time. An expectation
+without them is left to the controller, whose own extrapolation saves more (study `chain`)."""
 PREDICTED = "car_following"
 
 
@@ -362,6 +365,12 @@ class ChainBridge:
         )
         if likely is None or surely is None:
             return free
+        if free is None:
+            near = times <= now_s + CHANGED_S
+            usual_m = History().predict(track, times + its_s).positions_m
+            moved_m = [abs(each.positions_m - usual_m)[near].max() for each in (likely, surely)]
+            if max(moved_m) < CHANGED_M:
+                return None
         bounds = likely.bounds_m if free is None else free.bounds_m
         behind = np.maximum(likely.positions_m - surely.positions_m, 0.0)
         bounds = np.maximum.accumulate(np.maximum(bounds, behind))
