@@ -23,8 +23,11 @@ from iptm.trip_files import trip_text
 from iptm_core.state import CommandSource
 from iptm_core.units import J_PER_KWH
 
-AWAY = {FaultKind.PROCESS_RESTARTED: (0.0, 1.25), FaultKind.PROCESS_FROZEN: (5.0, 2.0)}
-"""Wall time of the absence in s, and rate of the trip, which leaves a process that starts again 24 s."""
+AWAY = {FaultKind.PROCESS_RESTARTED: (2.5, 1.25), FaultKind.PROCESS_FROZEN: (5.0, 2.0)}
+"""Wall time of the absence in s, and rate of the trip: a fast start, too, is late for three ticks.
+
+A slow one has 21 s.
+"""
 
 
 @pytest.fixture(scope="module")
