@@ -1,4 +1,4 @@
-"""Waiting for a condition, with a timeout that a busy machine keeps and what was missing when it is over."""
+"""Waiting for a condition, with a timeout for a busy machine and a report of missing nodes and messages."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def wait_until(
 ) -> None:
     """Wait until a condition is true; fail the test, naming it, if that takes too long.
 
-    A condition that looks up what has not arrived yet, as the last of no messages, does not hold.
+    A condition that looks up a message that has not arrived yet does not hold.
 
     Args:
         condition: is evaluated between pauses.

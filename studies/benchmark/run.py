@@ -165,7 +165,7 @@ def judge(driven: Driven, trip: iptm.Trip) -> Found:
 
 
 def without_ending(found: Found) -> Found:
-    """Return what was found without the energy of cooling the pack down after the trip."""
+    """Return the findings without the energy of cooling the pack down after the trip."""
     return replace(found, eur=found.eur - AgingSettings.electricity_eur_kwh * found.ending_kwh)
 
 

@@ -65,7 +65,7 @@ def errors(rows: int | None = None) -> list[dict[str, Any]]:
 
 
 def of_equipped(rows: int | None = None) -> list[dict[str, float]]:
-    """Return a row per share of equipped vehicles: errors if only messages show what is ahead of the leader.
+    """Return a row per share of equipped vehicles: errors if only messages show who is ahead of it.
 
     Each vehicle is equipped independently; the nearer of the two ahead of the leader that is counts.
     """

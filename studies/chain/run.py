@@ -150,7 +150,7 @@ def behind_signals(session: Session) -> list[dict[str, Any]]:
 
 
 def bars(prices: list[dict[str, Any]], corridors: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return how much of the gap is closed, beside what was asked for of energy and ageing each."""
+    """Return how much of the gap is closed, beside the bars for energy and ageing."""
     asked = [
         *((f"{headway}, {SECOND_TRACK}", 40.0, headway, SECOND_TRACK) for headway in HEADWAYS),
         (f"{DETAILED}, {A_FIFTH}", 50.0, DETAILED, A_FIFTH),

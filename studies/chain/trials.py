@@ -38,11 +38,11 @@ LIES_BEFORE_S = 3.0
 LARGEST_LIE_M_S2 = 4.0
 
 Claim = Callable[[float, float, float], "tuple[float, float] | None"]
-"""From time, and true position and speed of the vehicle ahead of the leader, to what is claimed of them."""
+"""From time, and true position and speed of the vehicle ahead of the leader, to the claimed ones."""
 
 
 class _ClaimedChain:
-    """The preview that a bridge makes of the true leader and of what is claimed to be ahead of it."""
+    """The preview that a bridge makes of the true leader and of the vehicle claimed to be ahead of it."""
 
     def __init__(self, true: Motion, claim: Claim, *, by_message: bool) -> None:
         self._true, self._claim = true, claim

@@ -75,7 +75,7 @@ class RecordedSuite:
         return str(self.publishers[topic].topic_name)
 
     def start(self, recorder: str = "/recorder") -> None:
-        """Publish what is latched, and wait until the recorder hears everything."""
+        """Publish the latched messages, and wait until the recorder hears everything."""
         statuses = self.peer.statuses(recorder)
         for topic in LATCHED:
             self.publishers[topic].publish(TOPICS[topic].message_type())

@@ -1,4 +1,4 @@
-"""The drive of `field_drives` as programs and mishaps write it, each with what is right to read of it."""
+"""The drive of `field_drives` as programs and mishaps write it, each with the right reading."""
 
 from __future__ import annotations
 

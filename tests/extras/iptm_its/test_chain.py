@@ -24,7 +24,7 @@ SETTINGS = PreviewSettings()
 
 
 class Drive:
-    """An ego vehicle at 20 m/s behind a leader, and what is ahead of it."""
+    """An ego vehicle at 20 m/s behind a leader, and the vehicles ahead of it."""
 
     def __init__(
         self, *, hears: bool = False, rules: tuple[RoadRules, RoadRules] | None = None

@@ -93,7 +93,7 @@ def test_a_frozen_process_can_end(processes: Supervisor, monkeypatch: pytest.Mon
     start(processes, "process", CALM)
     wait_until(lambda: "ready" in processes.log_text("process"), what="the process")
     processes.send("process", signal.SIGSTOP)
-    # How long Python takes to end is not what is tested.
+    # The time that Python takes to end is not tested.
     monkeypatch.setattr(module, "INTERRUPT_PATIENCE_S", 60.0)
     processes.stop()
     assert codes(processes) == {"process": 0}

@@ -124,9 +124,8 @@ class MpcController:
         if self.options.arrival is not None and not strategy.is_rule_based:
             costs = self.options.arrival, self.options.aging.electricity_eur_kwh, self._vehicle
             energy_1_j = strategy.energy_weight_1_j, CELLS * strategy.aging_weight * price_1_j
-            if (
-                strategy.in_currency
-            ):  # thermal energy has its price as part of what the battery gives
+            # In one currency, thermal energy has its price as part of the battery's energy.
+            if strategy.in_currency:
                 energy_1_j = strategy.spent_energy_weight_1_j, 0.0
             times_s = self.options.horizon.duration_s, self.options.trip_duration_s
             aging_w = None

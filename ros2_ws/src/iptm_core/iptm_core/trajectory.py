@@ -84,7 +84,7 @@ class Trajectory(Columns):
     actuated commands and the mean powers. Row 0 ends no interval: its powers are zero by
     definition, and its acceleration and compressor power are those the run started from.
 
-    Signs and symbols are those of `VehicleState` and `IntervalPowers`. NaN stands for unknown values: the
+    Signs and symbols as in `VehicleState` and `IntervalPowers`. NaN stands for unknown values: the
     leader in any row, any other column throughout, but never time, position and speed.
 
     Attributes:

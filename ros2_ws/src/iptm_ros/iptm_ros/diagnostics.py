@@ -106,7 +106,7 @@ class DiagnosticsReporter:
             publish: takes the finished message.
             name: name of the status.
             on_change: called with every new level or reason, for the log.
-            health: errors that the node met; errors go before every reason, warnings before what is well.
+            health: errors that the node met; errors go before every reason, warnings before OK.
             now: returns the time of the node's clock, for the stamps.
             hardware_id: the vehicle.
             steady_time_s: clock in seconds, replaceable in tests.

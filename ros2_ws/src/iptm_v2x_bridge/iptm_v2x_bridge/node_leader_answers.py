@@ -206,7 +206,7 @@ class _Sensor:
 
 
 class _Chained(TickAnswers[Trip]):
-    """Answers that what is ahead of the leader can complete."""
+    """Answers that the vehicles ahead of the leader can complete."""
 
     _chain: ReportingBridge | None = None
 

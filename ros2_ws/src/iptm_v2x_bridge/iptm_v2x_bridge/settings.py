@@ -191,7 +191,7 @@ class CamSettings(Settings):
         messages: CamBridge | None = None,
         rules: tuple[RoadRules, RoadRules] | None = None,
     ) -> ReportingBridge:
-        """Return a bridge that forecasts the leader by what is ahead of it.
+        """Return a bridge that forecasts the leader by the vehicles ahead of it.
 
         Args:
             inner: the bridge of sensor and messages.

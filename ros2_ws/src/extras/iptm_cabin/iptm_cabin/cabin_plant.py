@@ -84,7 +84,7 @@ class CabinVehicleState(VehicleState):
 class CabinPlant(Plant):
     """The vehicle of the suite, with cell temperatures and thermal power of `iptm_cabin`.
 
-    Motion, currents, ageing and heat of the cells are those of the suite, from the temperatures at the start
+    Motion, currents, ageing and heat of the cells follow the suite, from the temperatures at the start
     of an interval. The compressor power of the trip's figures is the one that its controller commands; what
     cabin and loop take beyond it counts as auxiliary power.
     """

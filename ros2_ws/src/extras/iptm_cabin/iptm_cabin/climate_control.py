@@ -71,7 +71,7 @@ class ClimateUnit:
         commanded_w: float,
         duration_s: float,
     ) -> tuple[Inputs, Memory, str]:
-        """Return inputs within what the parts can do, what is to be remembered, and a report or nothing.
+        """Return inputs within the limits of the parts, the memory for the next call, and a report if any.
 
         Args:
             commanded_w: heat into the pack that the controller of the trip asks for, negative for cooling.
@@ -159,7 +159,7 @@ class ClimateUnit:
         """Return what the parts can do of it; the heater takes what the heat pump cannot.
 
         Args:
-            ptc_w: power of the heater; None for the rest of what is wanted.
+            ptc_w: power of the heater; None for the rest of the demand.
             by_loop_w: heat by the loop; None for all that is wanted.
         """
         cabin = self._cabin

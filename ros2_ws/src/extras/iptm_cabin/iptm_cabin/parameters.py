@@ -162,7 +162,7 @@ class CabinParameters(Settings):
     way_ahead: str = parameter(
         "", "cycle whose speeds the navigation expects; without it, those of the preview"
     )
-    broken: PartFailure = parameter(PartFailure.NONE, "what is broken")
+    broken: PartFailure = parameter(PartFailure.NONE, "broken part")
 
     def initial_temperature_c(self, ambient_c: float) -> float:
         """Return the temperature of a cabin that stood in the air and the sun."""

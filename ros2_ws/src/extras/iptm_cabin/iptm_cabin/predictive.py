@@ -5,7 +5,7 @@ speed that navigation or preview expects. Its first inputs are held for a step a
 parts every tick. It minimises, in joules,
 
     electric energy + ohmic loss and ageing of the pack + w (T_a - T_set)^2
-    + exact penalty outside of the band - value of what is left in cabin and pack,
+    + exact penalty outside of the band - value of the heat left in cabin and pack,
 
 with power, capacity and frost of the one compressor as hard limits. Motion is no input of it: a kelvin moves
 the energy of the drive by far less than the drive moves the kelvin, and the fast problem stays as it is.
@@ -40,7 +40,7 @@ WARM_UP_S = 600.0
 SUB_STEPS = 2
 SMOOTHING_W = 40.0
 HEATING_VALUE, COOLING_VALUE = 2.2, 3.0
-"""COP at which what is left in the cabin at the end counts."""
+"""COP at which the heat left in the cabin at the end counts."""
 REFERENCE_K = 298.15
 _SCALE_J = 1e-5
 _LEAST_MARGIN = 0.01
@@ -75,7 +75,7 @@ class WayAhead:
     aging_1_s: FloatArray
 
     def steps(self, time_s: float, count: int, cabin: CabinParameters) -> FloatArray:
-        """Return what is expected in steps from a time on, shape (n, 7).
+        """Return the expected conditions in steps from a time on, shape (n, 7).
 
         Columns are the ones above, whether a step lies within the trip, and the price of comfort, which is
         another one in the first ten minutes.
@@ -291,7 +291,7 @@ class PredictiveUnit(ClimateUnit):
     """
 
     def __init__(self, functions: ThermalFunctions, ahead: WayAhead | None) -> None:
-        """Keep what is expected.
+        """Keep the expected conditions.
 
         Args:
             ahead: the whole way; None for the preview's speed.

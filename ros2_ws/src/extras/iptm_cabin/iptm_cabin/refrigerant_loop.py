@@ -9,7 +9,7 @@ compressor draws
     P = max(C / COP, H / (COP + eta)),
 
 evaporators take up COP P in all and condensers give off (COP + eta) P; the outside heat exchanger has the
-difference. The temperatures of evaporation and condensation are those of nominal flows, so that no equation
+difference. The temperatures of evaporation and condensation belong to nominal flows, so that no equation
 has to be solved, and the balance of heat closes whatever they are.
 """
 
@@ -65,7 +65,7 @@ class LoopState:
         to_air_w: heat given to the air by the outside heat exchanger, negative where it is taken.
         fan_w: power of its fan.
         speed_hz: speed of the compressor.
-        margins: what is left of power, capacity, twice before frost, and before the highest condensation of
+        margins: reserves of power, capacity, twice before frost, and before the highest condensation of
             the map, as shares; not negative where the loop can do it.
     """
 

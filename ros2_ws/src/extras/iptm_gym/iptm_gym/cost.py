@@ -89,7 +89,7 @@ class TickCosts:
         return float(np.mean(self._parked.loss_1_s(cells_k, c_rate_1_h, charge))) * elapsed_s
 
     def _before(self, state: VehicleState) -> float:
-        """Return what is lost parked from the state at the beginning of a tick, the end of the last."""
+        """Return the capacity lost parked from the state at the beginning of a tick, the end of the last."""
         if self._last is not None and self._last[0] is state:
             return self._last[1]
         return self._lost_parked(state)

@@ -1,4 +1,4 @@
-"""What is observed of a trip and what is decided, in SI units: for environments, and for policies alone."""
+"""Observations of a trip and actions, in SI units: for environments, and for policies alone."""
 
 from __future__ import annotations
 

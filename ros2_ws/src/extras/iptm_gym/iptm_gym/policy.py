@@ -1,9 +1,9 @@
-"""A policy as a small network: from what is observed of a trip to a command, with NumPy alone.
+"""A policy as a small network: from observations of a trip to a command, with NumPy alone.
 
     (a / a_max, P / P_max) = tanh(D x + W_2 tanh(W_1 x)),   P >= 0
 
 x are the features (`features`) and a 1. D alone is a linear law of car following with proportional cooling;
-the network is what is learned on top of it.
+the network is learned on top of it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from iptm_gym.observation import ACTIONS, OBSERVED, PREVIEW_S, observation
 
 HIDDEN = 12
 LARGEST = (2.0, 8000.0)
-"""Largest magnitudes of the actions: m/s^2 and W; those of the vehicle hold in any case."""
+"""Largest magnitudes of the actions: m/s^2 and W; the limits of the vehicle hold in any case."""
 GAP_M, HEADWAY_S, SPEED_M_S, WARM_C, WARM_K = 7.0, 1.8, 5.0, 28.0, 10.0
 """The gap counts relative to ``GAP_M + HEADWAY_S v``, speeds to the one of the lead vehicle."""
 FEATURES = 8 + len(PREVIEW_S)
@@ -102,7 +102,7 @@ class LearnedPolicy:
         """Read a policy.
 
         Raises:
-            ScenarioError: the file is no policy, or its digest is another one.
+            ScenarioError: the file does not hold a policy, or its digest differs.
         """
         given = StrictMapping(read_yaml(path, ScenarioError), str(path), ("digest", "weights"))
         weights = given.value("weights")

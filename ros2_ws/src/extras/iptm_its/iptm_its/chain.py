@@ -47,7 +47,7 @@ CHECKED_LEAD_S = 2.0
 DOUBTED_S = 10.0
 DOUBTED_AFTER = 3
 """After as many forecasts of `CHECKED_LEAD_S` in a row beyond their 90 % bound there is none for `DOUBTED_S`:
-the leader does not follow what is taken to be ahead of it."""
+the leader does not follow the vehicle that is taken to be ahead of it."""
 CHECKED_M = 0.2
 """Tolerance of that bound: resolution of the measurements."""
 RULED_S = 20.0
@@ -144,7 +144,7 @@ _LAGS_S = np.arange(PAST_S + 1.0)
 
 
 class ChainBridge:
-    """Answers ticks with a forecast of the leader by what is ahead of it; a `TickBridge`.
+    """Answers ticks with a forecast of the leader by the vehicles ahead of it; a `TickBridge`.
 
     Attributes:
         counts: ticks by what the answer was made of.
@@ -167,7 +167,7 @@ class ChainBridge:
             settings: length and step of the previews.
             sensor: has the second track.
             messages: has the stations.
-            rules: what signals and limits are likely to be, and what is sure of them.
+            rules: likely signals and limits, and the certain ones among them.
             law: of car following; None for the shipped one.
         """
         self._inner, self._settings = inner, settings
@@ -310,7 +310,7 @@ class ChainBridge:
         )
 
     def _check(self, now_s: float, position_m: float) -> None:
-        """Compare the leader with what was expected of it for now."""
+        """Compare the leader with its earlier forecast for now."""
         while self._checks and self._checks[0][0] <= now_s + 1e-6:
             due_s, expected_m, allowed_m = self._checks.popleft()
             if due_s > now_s - 1e-3:

@@ -13,7 +13,7 @@ from iptm_v2x_bridge.prediction.road_rules import RoadRules
 __all__ = ["chain", "read_capture", "roadside_rules", "verifier"]
 
 chain = ChainBridge
-"""Forecasts the leader by what is ahead of it."""
+"""Forecasts the leader by the vehicles ahead of it."""
 
 
 def verifier(trust_anchors: str, *, refuses_unverified: bool) -> Verifier:
