@@ -58,7 +58,10 @@ def anchor(title: str, _separator: str) -> str:
 def diagram(source: str, *_: Any, **__: Any) -> str:
     """Return a diagram in Mermaid's language as SVG."""
     own = f"diagram-{hashlib.md5(source.encode(), usedforsecurity=False).hexdigest()[:8]}"
-    return f'<div style="{_DIAGRAM_STYLE}">{mmdr.render(source).svg().replace("merman", own)}</div>'
+    drawn = (
+        mmdr.render(source).svg().replace("merman", own).replace('width="100%"', 'width="1000"', 1)
+    )
+    return f'<div style="{_DIAGRAM_STYLE}">{drawn}</div>'
 
 
 def formula(source: str, *_: Any, **__: Any) -> str:
@@ -180,13 +183,12 @@ def _numbers(name: str) -> list[int]:
     return [int(number) for number in re.findall(r"\d+", name)]
 
 
-def list_versions(folder: Path, newest: str) -> None:
+def list_versions(folder: Path) -> None:
     """Write the list of the versions in a folder, and a page that leads to the newest."""
-    others = {path.parent.name for path in folder.glob("*/index.html")} - {newest}
-    names = [newest, *sorted(others, key=_numbers, reverse=True)]
+    names = sorted({path.parent.name for path in folder.glob("*/index.html")}, key=_numbers)[::-1]
     listed = [{"version": name, "title": name, "aliases": []} for name in names]
     (folder / VERSIONS).write_text(json.dumps(listed), encoding="utf-8")
-    refresh = f'<meta http-equiv="refresh" content="0; url={newest}/index.html">'
+    refresh = f'<meta http-equiv="refresh" content="0; url={names[0]}/index.html">'
     (folder / "index.html").write_text(f"<!doctype html>{refresh}\n", encoding="utf-8")
 
 
@@ -215,7 +217,7 @@ def main() -> int:
         command += ["--config-file", str(Path(folder) / "mkdocs.yml")]
         done = subprocess.run(command, env=environment, check=False)  # noqa: S603  our own arguments
     if done.returncode == 0:
-        list_versions(site.parent, given.name)
+        list_versions(site.parent)
         print(site / "index.html")
     return done.returncode
 

@@ -145,7 +145,7 @@ def test_the_saving_is_shown_as_far_as_the_reference_car_has_come(
     assert page.inner_text("#saved-note") == note
     # 7.2 kW at 20 m/s are 10 kWh per 100 km.
     assert page.inner_text("#figure-energy") == "10.0"
-    assert page.inner_text("#figures .note >> nth=0") == "reference 20.0"
+    assert page.inner_text("#figures .note >> nth=0") == "other car 20.0"
     assert page.inner_text("#saved-others") == "ageing: 7 %"
     sizes = page.evaluate(
         "[...document.querySelectorAll('dd, .value')].map((n) => parseFloat(getComputedStyle(n).fontSize))"

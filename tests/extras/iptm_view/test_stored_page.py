@@ -71,7 +71,7 @@ def test_a_stored_page_plays_without_a_server(
         visit.page.evaluate("window.iptmPlayer.follow()")
         visit.wait_for_clock("120.0 / 120 s")
         assert_shows(visit, driven, -1)
-        assert visit.page.inner_text("#value-speed-reference-car").endswith("(this car +0.0)")
+        assert visit.page.inner_text("#value-speed-other-car").endswith("(this car +0.0)")
         assert visit.page.inner_text("#connection") == "stored run"
         assert visit.complaints == []
         assert {asked.partition(":")[0] for asked in visit.requests} <= {"file", "data"}

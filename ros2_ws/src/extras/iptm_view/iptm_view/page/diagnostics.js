@@ -47,17 +47,20 @@ function drawDecision(run, time) {
     `command from: ${run.facts.rungs[rung]}${limited}; preview ${age} s old`;
 }
 
-/** Age of a status that is older than twice the longest time between two of its node; else null. */
+/** Age of a status that is older than twice the longest time between two of a node; null where not, or not known. */
 export function silence(now, heard, every, step) {
-  if (now === null || !Number.isFinite(heard)) return null;
-  const usual = Math.max(every ?? 0, Number.isFinite(step) ? step : 0);
+  if (now === null || !Number.isFinite(heard) || !every) return null;
+  const usual = Math.max(every, Number.isFinite(step) ? step : 0);
   return now - heard > 2 * usual ? now - heard : null;
 }
 
 const shownStatuses = new Map();
 
 export function drawStatuses(run) {
-  for (const { name, level: stated, reason, values, heard_s: heard, every_s: every } of run.statuses.statuses) {
+  const { statuses } = run.statuses;
+  // Nodes report by wall time, all as often: a fast trip may hear each of them once.
+  const every = Math.max(0, ...statuses.map((status) => status.every_s ?? 0));
+  for (const { name, level: stated, reason, values, heard_s: heard } of statuses) {
     const age = silence(run.rows.lastTime, heard, every, run.rows.shortestStep);
     const level = age === null ? stated : `silent for ${age.toFixed(0)} s`;
     if (!shownStatuses.has(name)) {

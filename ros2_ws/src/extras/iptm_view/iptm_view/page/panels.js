@@ -19,7 +19,7 @@ function consumption(kind, digits) {
   return (run, time) => {
     const own = run.consumption(run.rows, kind, time);
     const other = run.consumption(run.reference, kind, run.comparedUntil(time));
-    return [own, other === null ? "" : `reference ${other.toFixed(digits)}`];
+    return [own, other === null ? "" : `other car ${other.toFixed(digits)}`];
   };
 }
 
@@ -59,7 +59,7 @@ export const TILES = [
 ];
 
 function reference(column, factor) {
-  return { label: "reference car", color: "purple", dash: [6, 4], width: 1.4, table: "reference", column, factor };
+  return { label: "other car", color: "purple", dash: [6, 4], width: 1.4, table: "reference", column, factor };
 }
 
 /**
@@ -98,7 +98,7 @@ export const PANELS = [
     id: "temperature", title: "Cell temperatures", unit: "°C", digits: 2, axis: { span: 2 },
     band: { low: "min_temperature_c", high: "max_temperature_c", label: "allowed for cells:" },
     lines: [
-      { ...reference("cell_n_temperature_c", 1), label: "reference, cell N" },
+      { ...reference("cell_n_temperature_c", 1), label: "other car, cell N" },
       { label: "cell 1", color: "blue", column: "cell_1_temperature_c", factor: 1, plan: "cell_1_temperature_c", broken: ["cell above its limit"] },
       { label: "cell N", color: "red", column: "cell_n_temperature_c", factor: 1, width: 2.2, plan: "cell_n_temperature_c", broken: ["cell above its limit"] },
     ],
@@ -107,7 +107,7 @@ export const PANELS = [
     id: "cooling", title: "Cooling", unit: "kW", digits: 3, axis: { low: 0, span: 0.5 },
     lines: [
       { label: "heat to the chiller", color: "green", column: "chiller_heat_w", factor: KW },
-      { ...reference("compressor_power_w", KW), label: "compressor of the reference" },
+      { ...reference("compressor_power_w", KW), label: "compressor of the other car" },
       { label: "compressor", color: "orange", column: "compressor_power_w", factor: KW, plan: "compressor_power_w", holds: true },
     ],
     limits: [{ key: "max_compressor_power_w", factor: KW, color: "orange", label: "compressor limit" }],
