@@ -12,9 +12,9 @@ import pytest
 from tests.integration.cam_ego import SENDER, free_port
 
 from iptm.commands.tree import all_commands
+from iptm_bags.compare_bags import compare_bags
 from iptm_ros.discovery import reserve_domain
 from iptm_ros.recording.bag_reader import BagReader
-from iptm_ros.recording.compare_bags import compare_bags
 
 TICKS = 15
 DRIVE = Path(__file__).resolve().parents[2] / "bags" / "example_us06_120s"

@@ -267,7 +267,7 @@ def ring(files: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Plac
             place.start(f"{module} {text}")
             for text in (
                 "iptm_ros.recording.recorder_cli recorded --start-paused",
-                "iptm_ros.recording.player_cli BAG --loop --topics controller/plan",
+                "iptm_bags.player_cli BAG --loop --topics controller/plan",
                 "iptm_v2x_bridge.node",
                 f"iptm_controller.node --ros-args {short}",
                 f"iptm_controller.node --ros-args {short} {car_1}",

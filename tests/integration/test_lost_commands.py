@@ -16,10 +16,10 @@ from tests.integration.conftest import ProcessLauncher, own_domain
 from tests.integration.page_browser import Browser
 
 import iptm
-from iptm.commands.bags import info
 from iptm.commands.tree import all_commands
 from iptm.faults.kinds import FaultKind
 from iptm.trip_files import trip_text
+from iptm_bags.reading import info
 from iptm_core.state import CommandSource
 from iptm_core.units import J_PER_KWH
 

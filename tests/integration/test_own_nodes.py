@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from iptm_ros.recording.bag_info import result_tables
+from iptm_bags.bag_info import result_tables
 from iptm_ros.recording.bag_reader import BagReader
 
 MODULE = "iptm.commands.run"

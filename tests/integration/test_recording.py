@@ -18,9 +18,9 @@ from sensor_msgs.msg import Temperature
 from std_msgs.msg import Float64
 from tests.integration.recorded_suite import LATCHED, RECORDER, TICK, RecordedSuite, S
 
+from iptm_bags.compare_bags import compare_bags
 from iptm_ros.diagnostics import status_values
 from iptm_ros.recording.bag_reader import BagReader, read_model_parameters
-from iptm_ros.recording.compare_bags import compare_bags
 from iptm_ros.services import Service
 from iptm_ros.topics import TOPICS, Topic
 
@@ -84,7 +84,7 @@ def test_nothing_is_lost_and_a_replay_is_recorded_alike(
     recorder = record("second")
     wanted = str(len(counts_of(first)))
     arguments = ("--rate", "50", "--wait-for-subscribers", wanted)
-    player = launcher.start_module("iptm_ros.recording.player_cli", first, *arguments)
+    player = launcher.start_module("iptm_bags.player_cli", first, *arguments)
     assert player.wait(120.0) == 0, player.stderr
     assert "played" in player.stdout
     assert recorder.stop(signal.SIGTERM) == 0

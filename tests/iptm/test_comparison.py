@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import iptm
-from iptm.commands.bags import compare as main
 from iptm_ros.recording.trajectory_reader import read_decisions, read_trajectory
 
 BAG = Path(__file__).resolve().parents[2] / "bags" / "example_us06_120s"
@@ -111,29 +110,3 @@ def test_a_page_holds_what_differs(runs: list[iptm.Run], tmp_path: Path) -> None
         assert part in text
     with pytest.raises(iptm.IptmError, match=r"page\.html exists already; allowed: a new file"):
         runs[0].report(path)
-
-
-def test_the_command_prints_draws_and_writes(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    picture, page = tmp_path / "both.png", tmp_path / "both.html"
-    files = ["--picture", str(picture), "--report", str(page)]
-    assert main([str(BAG), str(BAG), *files]) == 0
-    out = capsys.readouterr().out
-    assert "energy: 0.0 % saved" in out
-    assert "Battery energy per distance [kWh/100 km]" in out
-    assert "the settings do not differ" in out
-    assert picture.read_bytes().startswith(b"\x89PNG")
-    assert page.read_text(encoding="utf-8").startswith("<!doctype html>")
-    for arguments, message in (
-        ([str(BAG)], "compare: 1 runs; allowed: two or more"),
-        ([str(BAG), "/no/such/bag"], "does not exist"),
-        ([str(BAG), str(BAG), *files], "both.png exists already; allowed: a new file"),
-        (
-            [str(BAG), str(BAG), "--picture", str(tmp_path / "both.xyz")],
-            "picture cannot be written",
-        ),
-        ([str(BAG), str(BAG), "--report", "/no/such/folder/x.html"], "No such file or directory"),
-    ):
-        assert main(arguments) == 2
-        assert message in capsys.readouterr().err

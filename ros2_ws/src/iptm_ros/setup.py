@@ -20,7 +20,6 @@ setup(
         "mcap>=1.6",
         "pyarrow>=15",
         "rosbags>=0.11",
-        "rich>=13.0",
     ],
     extras_require={"test": ["pytest"]},
     python_requires=">=3.10",
@@ -33,12 +32,10 @@ setup(
         "console_scripts": [
             "call = iptm_core.program:main",
             "recorder = iptm_core.program:main",
-            "player = iptm_core.program:main",
         ],
         "iptm.programs": [
             "call = iptm_ros.call:main",
             "recorder = iptm_ros.recording.recorder_cli:main",
-            "player = iptm_ros.recording.player_cli:main",
         ],
     },
 )

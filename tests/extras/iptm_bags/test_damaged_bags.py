@@ -21,12 +21,12 @@ from typing import Any
 import pytest
 from tests.extras.iptm_bags.bag_damage import CORRUPTIONS
 
-from iptm.commands import bags
+from iptm_bags import reading
+from iptm_bags.playback import Playback, PlaybackOptions
 from iptm_bags.recover import recover
 from iptm_core.errors import BagError
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.bag_writer import COMPRESSIONS, BagWriter
-from iptm_ros.recording.playback import Playback, PlaybackOptions
 from iptm_ros.recording.storage import BagMessage
 from iptm_ros.recording.trajectory_reader import read_decisions, read_trajectory
 
@@ -89,7 +89,7 @@ def columns_of(bag: Path) -> list[dict[str, Any]]:
 
 
 def check_bag_info(bag: Path, original: Original) -> None:
-    command(bags.info, bag)
+    command(reading.info, bag)
     with BagReader(bag) as reader:
         assert list(reader.raw_messages()) == original.messages, "other messages, exit code 0"
         assert reader.custom_data == original.custom_data, "other texts, exit code 0"
@@ -102,7 +102,7 @@ def check_file(bag: Path, original: Original) -> None:
 def check_comparison(bag: Path, original: Original) -> None:
     if (
         command(
-            bags.compare, Path("--exact"), original.folder, bag, Path("--exclude"), Path("/none")
+            reading.compare, Path("--exact"), original.folder, bag, Path("--exclude"), Path("/none")
         )
         == 0
     ):

@@ -26,7 +26,7 @@ MEMORY_MB = 200
 _WITH_PEAK = """
 import re, sys
 from pathlib import Path
-from iptm.commands.bags import info
+from iptm_bags.reading import info
 code = info(sys.argv[1:])
 print(re.search(r"VmHWM:\\s+(\\d+) kB", Path("/proc/self/status").read_text())[1])
 sys.exit(code)

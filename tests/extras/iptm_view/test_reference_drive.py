@@ -15,7 +15,7 @@ from iptm.driving import drive_in_memory
 from iptm.runner.run_folder import REFERENCE
 from iptm.trip import Trip
 from iptm_core.units import CELSIUS_ZERO_K
-from iptm_ros.recording.export import export_table, write_parquet
+from iptm_ros.recording.trajectory_file import export_table, write_parquet
 from iptm_view import reference_drive
 
 

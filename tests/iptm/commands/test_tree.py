@@ -5,7 +5,6 @@ from __future__ import annotations
 import subprocess
 import sys
 from importlib import import_module
-from pathlib import Path
 
 import pytest
 
@@ -13,7 +12,6 @@ import iptm
 from iptm.commands.tree import all_commands, main
 
 COMMANDS = all_commands()
-BAG = Path(__file__).parents[3] / "bags" / "example_us06_120s"
 MOST_LINES = 60
 """A screen and a half of 40 lines."""
 HEAVY = {"pandas", "matplotlib", "scipy", "casadi", "pyarrow", "rosbags", "iptm_ros.suite_node"}
@@ -50,9 +48,9 @@ def test_help_lists_every_command(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_an_unknown_command_is_refused_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["comapre"]) == 2
+    assert main(["recrod"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("iptm: command 'comapre' is unknown; did you mean 'compare'?")
+    assert line.startswith("iptm: command 'recrod' is unknown; did you mean 'record'?")
 
 
 def test_a_command_without_its_libraries_is_refused_in_one_line(
@@ -66,15 +64,3 @@ def test_a_command_without_its_libraries_is_refused_in_one_line(
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("iptm call: ")
     assert "needed: ROS 2" in line
-
-
-def test_bags_are_compared_by_figures_or_message_by_message(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(sys, "argv", sys.argv)
-    assert main(["compare", str(BAG), str(BAG)]) == 0
-    assert "the settings do not differ" in capsys.readouterr().out
-    assert main(["compare", "--exact", str(BAG), str(BAG)]) == 0
-    assert "/plant/state" in capsys.readouterr().out
-    assert main(["compare", str(BAG), str(BAG), "--absolute", "1"]) == 2
-    assert "without --exact" in capsys.readouterr().err

@@ -15,7 +15,6 @@ from iptm_core.errors import BagError
 from iptm_ros.recording import mcap_file
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.bag_writer import BagWriter
-from iptm_ros.recording.compare_bags import compare_bags
 from iptm_ros.recording.mcap_file import MOST_INDEX_BYTES, FileLimits
 
 FLOAT = "std_msgs/msg/Float64"
@@ -89,7 +88,6 @@ def test_every_reader_takes_the_files_as_one_bag(
         assert reader.custom_data["late"] == "found out while driving"
         part = list(reader.raw_messages(["/a"], 15 * SECOND_NS, 42 * SECOND_NS))
         assert [message.log_time_ns for message in part] == [k * SECOND_NS for k in range(15, 42)]
-    assert all(topic.agrees for topic in compare_bags(whole, split_bag))
     with Reader(split_bag) as foreign:
         assert sum(1 for _ in foreign.messages()) == foreign.message_count == 149
 

@@ -139,7 +139,7 @@ def test_a_plan_is_recorded_and_replayed(
     assert planner.stop() == 0
     with BagReader(bag) as reader:
         assert reader.topics[f"/{PLAN_TOPIC}"].message_count >= 1
-    launcher.start_module("iptm_ros.recording.player_cli", bag, "--wait-for-subscribers", "1")
+    launcher.start_module("iptm_bags.player_cli", bag, "--wait-for-subscribers", "1")
     peer.wait_until(lambda: len(plans) >= 3, what="the replayed plan")
     assert plans[-1] in plans[:2]
 

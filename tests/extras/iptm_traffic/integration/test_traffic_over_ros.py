@@ -11,9 +11,9 @@ import pytest
 pytest.importorskip("traci", reason="requirements/traffic.txt is not installed")
 pytest.importorskip("sumo", reason="requirements/traffic.txt is not installed")
 
+from iptm_bags.compare_bags import compare_bags
 from iptm_bags.replay_check import check_node
 from iptm_ros.recording.bag_reader import BagReader
-from iptm_ros.recording.compare_bags import compare_bags
 from iptm_ros.recording.trajectory_reader import read_trajectory
 
 TICKS = 15

@@ -39,7 +39,7 @@ def test_a_replay_drives_the_view_as_the_bag_does(
 ) -> None:
     process, browser = view("--no-foxglove")
     player = launcher.start_module(
-        "iptm_ros.recording.player_cli", BAG, "--rate", "60", "--wait-for-subscribers", "9"
+        "iptm_bags.player_cli", BAG, "--rate", "60", "--wait-for-subscribers", "9"
     )
     wait_until(lambda: browser.has_ended, what="end of the replay")
     assert player.wait() == 0

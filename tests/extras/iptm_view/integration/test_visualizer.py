@@ -40,7 +40,7 @@ def test_a_replay_is_drawn_as_the_bag_says(launcher: Any, peer: Any) -> None:
     assert "ego/battery_pack" in described[0].data
     assert statuses[-1].message == "waiting for a trip"
     player = launcher.start_module(
-        "iptm_ros.recording.player_cli", BAG, "--rate", "40", "--wait-for-subscribers", "2"
+        "iptm_bags.player_cli", BAG, "--rate", "40", "--wait-for-subscribers", "2"
     )
     peer.wait_until(
         lambda: (

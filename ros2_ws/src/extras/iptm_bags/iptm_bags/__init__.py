@@ -1,1 +1,1 @@
-"""Sound bags of those that were killed, cut short or damaged."""
+"""What is done with recorded bags: list, compare, export, replay, check, recover."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from iptm.commands.bags import EXIT_DIFFERENT, console_of_width
+from iptm_bags.reading import EXIT_DIFFERENT, console_of_width
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.parameters.strict_yaml import parse_yaml
 from iptm_core.program import EXIT_OK, EXIT_REFUSED, print_error, refused
@@ -69,8 +69,8 @@ def check(arguments: Sequence[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     # Not for --help, as above.
     from iptm.trip_settings import NODES  # noqa: PLC0415
+    from iptm_bags.compare_bags import NumberTolerance, print_comparison  # noqa: PLC0415
     from iptm_bags.replay_check import check_node, tolerances_text  # noqa: PLC0415
-    from iptm_ros.recording.compare_bags import NumberTolerance, print_comparison  # noqa: PLC0415
 
     tolerances = [given.absolute, given.relative]
     stated = any(each is not None for each in tolerances)

@@ -22,6 +22,11 @@ from rclpy.publisher import Publisher
 from iptm.runner.composition import node_command, parameter_file_text
 from iptm.runner.supervisor import Supervisor, environment_of_run, process_environment
 from iptm.trip_files import still_known
+from iptm_bags.compare_bags import (
+    NumberTolerance,
+    TopicComparison,
+    compare_bags,
+)
 from iptm_bags.replay_inputs import FINAL_ANSWER, OUTPUTS, read_recorded
 from iptm_core.errors import ScenarioError
 from iptm_ros.connections import StartSignal
@@ -29,11 +34,6 @@ from iptm_ros.discovery import reserve_domain
 from iptm_ros.process import joined_node
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.bag_writer import BagWriter
-from iptm_ros.recording.compare_bags import (
-    NumberTolerance,
-    TopicComparison,
-    compare_bags,
-)
 from iptm_ros.recording.recorded_topics import TopicSelection
 from iptm_ros.recording.timeline import read_stamp_ns
 from iptm_ros.suite_node import SuiteNode

@@ -31,7 +31,7 @@ from iptm_core.program import EXIT_OK, LOWEST_PRIORITY, refused
 from iptm_core.trajectory import Trajectory
 from iptm_core.units import CELSIUS_ZERO_K
 from iptm_core.user_input import StrictMapping
-from iptm_ros.recording.export import read_exported_trajectory
+from iptm_ros.recording.trajectory_file import read_exported_trajectory
 
 PROGRAM = "reference_drive"
 COLUMNS = (

@@ -19,9 +19,9 @@ from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 
+from iptm_bags.playback import Playback, PlaybackOptions
 from iptm_core.errors import BagError
 from iptm_ros.recording.bag_reader import BagReader
-from iptm_ros.recording.playback import Playback, PlaybackOptions
 from iptm_ros.recording.run_information import RunInformation
 from iptm_ros.topics import BRIDGE, CONTROLLER, PLANT, TOPICS, Topic
 from iptm_ros.visual_topics import VISUAL_TOPICS

@@ -35,13 +35,7 @@ class Entry:
 
 COMMANDS = {
     "run": Entry("iptm.commands.run:main", "drive a trip, record it and report it"),
-    "info": Entry("iptm.commands.bags:info", "list what a bag holds, and the figures of its run"),
-    "compare": Entry(
-        "iptm.commands.bags:compare", "compare runs, or two bags message by message (--exact)"
-    ),
-    "export": Entry("iptm.commands.bags:export", "write a run or a topic as CSV or Parquet"),
     "record": Entry("iptm_ros.recording.recorder_cli:main", "record topics into a bag"),
-    "replay": Entry("iptm_ros.recording.player_cli:main", "play a bag with its recorded timing"),
     "send": Entry("iptm.commands.send:main", "send a drive as V2X messages (ETSI CAM)"),
     "call": Entry("iptm_ros.call:main", "call a service of a node: pause, step, reset, save"),
     "param": Entry("iptm_ros.param:main", "read and set parameters of nodes"),

@@ -215,7 +215,7 @@ def save_comparison(path: Path, other: Run, heading: str) -> None:
         BagError: the file cannot be written.
     """
     # Loaded only now: it takes time that the nodes can use better.
-    from iptm_ros.recording.export import (  # noqa: PLC0415
+    from iptm_ros.recording.trajectory_file import (  # noqa: PLC0415
         export_table,
         trajectory_columns,
         write_parquet,

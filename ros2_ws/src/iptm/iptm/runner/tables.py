@@ -16,7 +16,6 @@ from iptm_core.decision_record import DecisionStatistics
 from iptm_core.metrics.constraints import ConstraintCheck
 from iptm_core.metrics.figures import FIGURES, PAPER_TABLE, TRIP_FIGURES
 from iptm_core.metrics.run_metrics import RunMetrics
-from iptm_ros.recording.bag_info import decisions_table
 
 TABLES_WIDTH = 124
 """Columns that both tables need side by side."""
@@ -70,6 +69,22 @@ def details_table(run: Run) -> Table:
     table.add_section()
     table.add_row("wall time (s)", "", "", f"{run.wall_time_s:.2f}")
     table.add_row("speed-up over real time", "", "", f"{run.speed_up:.0f}")
+    return table
+
+
+def decisions_table(title: str, statistics: DecisionStatistics) -> Table:
+    """Return the spread of what every decision reports."""
+    table = Table("", title=title, title_justify="left")
+    headings = ("median", "p99", "largest")
+    for heading in headings:
+        table.add_column(heading, justify="right")
+    for label, scale, spread in (
+        ("solve time (ms)", 1e3, statistics.solve_time_s),
+        ("iterations", 1.0, statistics.iterations),
+        ("age of the preview (s)", 1.0, statistics.preview_age_s),
+    ):
+        values = [spread[heading] for heading in headings]
+        table.add_row(label, *("unknown" if math.isnan(v) else f"{scale * v:.4g}" for v in values))
     return table
 
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 from rosbags.interfaces import QosDurability
 
+from iptm_bags.playback import Playback, PlaybackOptions
 from iptm_core.errors import BagError
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.bag_writer import BagWriter
-from iptm_ros.recording.playback import Playback, PlaybackOptions
 from iptm_ros.recording.recorded_topics import DEFAULT_QOS, TopicSelection
 
 S = 10**9

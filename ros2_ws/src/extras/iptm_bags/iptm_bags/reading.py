@@ -52,7 +52,7 @@ def info(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--parameters", action="store_true", help="print the stored parameters")
     given = parser.parse_args(arguments)
-    from iptm_ros.recording.bag_info import print_information
+    from iptm_bags.bag_info import print_information
 
     console = console_of_width()
     try:
@@ -118,7 +118,7 @@ def compare(arguments: Sequence[str] | None = None) -> int:
 
 
 def _compare_messages(given: argparse.Namespace) -> int:
-    from iptm_ros.recording.compare_bags import (
+    from iptm_bags.compare_bags import (
         DEFAULT_EXCLUDED_TOPICS,
         DEFAULT_IGNORED_FIELDS,
         NumberTolerance,
@@ -217,7 +217,7 @@ def export(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--namespace", help="vehicle to write, if the bag holds several")
     given = parser.parse_args(arguments)
-    from iptm_ros.recording.export import write_table
+    from iptm_bags.export import write_table
 
     try:
         table = write_table(given.bag, given.output, given.topic, given.namespace)

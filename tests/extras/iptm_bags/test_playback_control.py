@@ -8,7 +8,7 @@ from io import StringIO
 import pytest
 from rich.console import Console
 
-from iptm_ros.recording.playback_control import (
+from iptm_bags.playback_control import (
     LINE_PERIOD_S,
     PlaybackControl,
     PlaybackProgress,

@@ -15,13 +15,13 @@ from rclpy.publisher import Publisher
 from rich.console import Console
 from rosgraph_msgs.msg import Clock
 
+from iptm_bags.playback import LEAST_RATE, MOST_RATE, Playback, PlaybackOptions
+from iptm_bags.playback_control import PlaybackControl, PlaybackProgress, WaitOutcome
 from iptm_core.errors import BagError
 from iptm_core.program import EXIT_USER_ERROR
 from iptm_ros.codecs.cdr import time_from_ns
 from iptm_ros.process import EXIT_DEFECT
 from iptm_ros.recording.bag_reader import BagReader
-from iptm_ros.recording.playback import LEAST_RATE, MOST_RATE, Playback, PlaybackOptions
-from iptm_ros.recording.playback_control import PlaybackControl, PlaybackProgress, WaitOutcome
 from iptm_ros.recording.rclpy_types import recorded_class, to_profile
 from iptm_ros.recording.recorded_topics import TopicRecord, offer_for, overridden
 from iptm_ros.services import Service

@@ -9,17 +9,17 @@ from typing import Any
 
 import pytest
 
-from iptm.commands.bags import compare
-from iptm_core.errors import BagError
-from iptm_core.trajectory import Trajectory
-from iptm_ros.recording.bag_writer import BagWriter
-from iptm_ros.recording.compare_bags import (
+from iptm_bags.compare_bags import (
     NumberTolerance,
     TopicComparison,
     compare_bags,
     differences,
     flatten,
 )
+from iptm_bags.reading import compare
+from iptm_core.errors import BagError
+from iptm_core.trajectory import Trajectory
+from iptm_ros.recording.bag_writer import BagWriter
 from iptm_ros.recording.message_types import standard_typestore
 from iptm_ros.recording.recorded_topics import TopicSelection
 from iptm_ros.topics import Topic

@@ -13,14 +13,14 @@ import pytest
 import yaml
 from sensor_msgs.msg import BatteryState
 
-from iptm.commands.bags import export as main
+from iptm_bags.reading import export as main
 from iptm_core.errors import BagError
 from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
 from iptm_ros.codecs import serialized
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.bag_writer import BagWriter
-from iptm_ros.recording.export import read_exported_trajectory
 from iptm_ros.recording.run_information import RunInformation
+from iptm_ros.recording.trajectory_file import read_exported_trajectory
 from iptm_ros.recording.trajectory_reader import read_trajectory
 
 WriteRun = Callable[..., Path]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from fnmatch import fnmatchcase
 from itertools import chain
 from pathlib import Path
@@ -11,16 +11,20 @@ from types import MappingProxyType
 from typing import Any
 
 import pyarrow as pa
-import pyarrow.parquet as pq
 
-from iptm_core.errors import BagError, StateError
-from iptm_core.trajectory import TRAJECTORY_COLUMNS, Trajectory
+from iptm_bags.compare_bags import flatten
+from iptm_core.errors import BagError
 from iptm_core.user_input import shown
 from iptm_ros.codecs import s_from_ns
 from iptm_ros.recording.bag_reader import BagReader
-from iptm_ros.recording.compare_bags import flatten
 from iptm_ros.recording.recorded_topics import TopicRecord
 from iptm_ros.recording.timeline import StampKind, read_stamp_ns, stamp_kind
+from iptm_ros.recording.trajectory_file import (
+    create,
+    export_table,
+    trajectory_columns,
+    write_parquet,
+)
 from iptm_ros.recording.trajectory_reader import read_trajectory
 
 MOST_COLUMNS = 16_384
@@ -107,27 +111,13 @@ def _unit(path: str, topic: TopicRecord) -> str:
     return ""
 
 
-_METADATA_PREFIX = "iptm_"
 TRAJECTORY = "trajectory"
-
-
-def export_table(columns: Mapping[str, Sequence[Any]], metadata: Mapping[str, str]) -> pa.Table:
-    """Return a table of columns of one length with texts about it, `iptm_` in front of their names."""
-    texts = {_METADATA_PREFIX + name: text for name, text in metadata.items()}
-    table = pa.table({name: pa.array(values) for name, values in columns.items()})
-    return table.replace_schema_metadata(texts)
 
 
 def trajectory_table(bag: Path, namespace: str | None = None) -> pa.Table:
     """Return the run of a bag tick by tick: the columns of `iptm_core.trajectory.Trajectory`, and the gap."""
     columns = trajectory_columns(read_trajectory(bag, namespace))
     return export_table(columns, _metadata(bag, TRAJECTORY, namespace))
-
-
-def trajectory_columns(trajectory: Trajectory) -> dict[str, list[float]]:
-    """Return the columns of a trajectory and the gap."""
-    columns = {**trajectory.to_arrays(), "gap_m": trajectory.gap_m}
-    return {name: values.tolist() for name, values in columns.items()}
 
 
 def topic_table(bag: Path, topic: str, namespace: str | None = None) -> pa.Table:
@@ -145,23 +135,6 @@ def topic_table(bag: Path, topic: str, namespace: str | None = None) -> pa.Table
     return export_table(columns, _metadata(bag, topic, namespace))
 
 
-def write_parquet(path: Path, table: pa.Table) -> None:
-    """Write a Parquet file; the texts stand in the metadata of its schema."""
-    _create(path, lambda: pq.write_table(table, path))
-
-
-def read_exported_trajectory(path: Path) -> tuple[Trajectory, dict[str, str]]:
-    """Return a trajectory from a Parquet file of `write_parquet`, with the metadata."""
-    try:
-        table = pq.read_table(path)
-        stored = set(TRAJECTORY_COLUMNS).intersection(table.column_names)
-        trajectory = Trajectory.from_stored({name: table[name].to_numpy() for name in stored})
-    except (OSError, KeyError, pa.ArrowException, StateError) as error:
-        raise BagError(f"cannot read a trajectory from {path}: {error}") from None
-    texts = {key.decode(): text.decode() for key, text in (table.schema.metadata or {}).items()}
-    return trajectory, {key.removeprefix(_METADATA_PREFIX): texts[key] for key in texts}
-
-
 def write_csv(path: Path, table: pa.Table) -> None:
     """Write a CSV file (RFC 4180, UTF-8, decimal points); its numbers read back exactly."""
 
@@ -171,7 +144,7 @@ def write_csv(path: Path, table: pa.Table) -> None:
             writer.writerow(table.column_names)
             writer.writerows(zip(*table.to_pydict().values(), strict=True))
 
-    _create(path, write)
+    create(path, write)
 
 
 # What a user can ask for by the ending of a file.
@@ -192,22 +165,6 @@ def check_output(path: Path) -> None:
         raise BagError(f"output {shown(str(path))}: {error.strerror}") from None
     if exists:
         raise BagError(f"{path} exists already; a file is never overwritten")
-
-
-def _create(path: Path, write: Callable[[], None]) -> None:
-    """Write a new file, whole or not at all."""
-    check_output(path)
-    try:
-        path.open("xb").close()
-    except OSError as error:
-        raise BagError(f"cannot write {shown(str(path))}: {error.strerror}") from None
-    try:
-        write()
-    except BaseException as error:
-        path.unlink(missing_ok=True)
-        if isinstance(error, (OSError, pa.ArrowException)):
-            raise BagError(f"cannot write {path}: {error}") from None
-        raise
 
 
 def _metadata(bag: Path, table: str, namespace: str | None) -> dict[str, str]:

@@ -15,7 +15,7 @@ from iptm_ros.command_line import own_arguments
 
 # ruff: noqa: PLC0415  help needs no node
 if TYPE_CHECKING:
-    from iptm_ros.recording.playback import PlaybackOptions
+    from iptm_bags.playback import PlaybackOptions
 
 PROGRAM = "iptm replay"
 _DEFAULT_CLOCK_HZ = 40.0
@@ -117,7 +117,7 @@ def _without_rules(command: Sequence[str]) -> list[str]:
 
 def options_from(arguments: argparse.Namespace) -> PlaybackOptions:
     """Turn parsed arguments into options."""
-    from iptm_ros.recording.playback import PlaybackOptions
+    from iptm_bags.playback import PlaybackOptions
     from iptm_ros.recording.recorded_topics import TopicSelection, load_qos_overrides
 
     return PlaybackOptions(
@@ -143,8 +143,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parsed = build_parser().parse_args(own_arguments(command))
     except ParameterError as error:
         return refused(PROGRAM, error)
+    from iptm_bags.player_node import PlayerNode
     from iptm_ros.process import run_node
-    from iptm_ros.recording.player_node import PlayerNode
 
     return run_node(lambda: PlayerNode(options_from(parsed)), ["replay", *command[1:]])
 

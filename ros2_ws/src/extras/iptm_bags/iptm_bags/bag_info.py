@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from math import isnan
 from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
 from rosbags.interfaces import QosDurability
 
+from iptm.runner.tables import decisions_table
 from iptm_core.decision_record import DecisionStatistics
 from iptm_core.errors import BagError, IptmError
 from iptm_core.metrics.figures import FIGURES, figure_values
@@ -101,22 +101,6 @@ def result_tables(reader: BagReader, namespace: str | None = None) -> list[Table
     statistics = DecisionStatistics.of(decisions, trajectory)
     title = f"{path.name}: {statistics.decisions} decisions"
     return [table, decisions_table(title, statistics)]
-
-
-def decisions_table(title: str, statistics: DecisionStatistics) -> Table:
-    """Return the spread of what every decision reports."""
-    table = Table("", title=title, title_justify="left")
-    headings = ("median", "p99", "largest")
-    for heading in headings:
-        table.add_column(heading, justify="right")
-    for label, scale, spread in (
-        ("solve time (ms)", 1e3, statistics.solve_time_s),
-        ("iterations", 1.0, statistics.iterations),
-        ("age of the preview (s)", 1.0, statistics.preview_age_s),
-    ):
-        values = [spread[heading] for heading in headings]
-        table.add_row(label, *("unknown" if isnan(v) else f"{scale * v:.4g}" for v in values))
-    return table
 
 
 def print_information(

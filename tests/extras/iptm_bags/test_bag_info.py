@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from iptm.commands.bags import info as main
+from iptm_bags.reading import info as main
 from iptm_core.parameters import load_parameters, to_flat_dict
 from iptm_core.trajectory import Trajectory
 from iptm_ros.recording.run_information import collect_run_information

@@ -24,7 +24,7 @@ from iptm_ros.topics import Topic
 
 S = 10**9
 FLOAT = "std_msgs/msg/Float64"
-PLAYER = "iptm_ros.recording.player_cli"
+PLAYER = "iptm_bags.player_cli"
 Call = Callable[[str], Trigger.Response]
 READY = ("--wait-for-subscribers", "1", "--delay", "0")
 
