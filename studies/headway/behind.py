@@ -14,9 +14,9 @@ from studies.savings import PRODUCTION, road_taken, saved
 from studies.session import Session
 
 import iptm
-from iptm.vehicle_string import drive_string_in_memory
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
+from iptm_string.headless import drive_string_in_memory
 
 CYCLES = ("wltc_class3b", "us06")
 STRING_CARS = 20

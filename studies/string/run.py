@@ -10,10 +10,10 @@ from studies.savings import BASELINE, BASES, COLUMNS, PRODUCTION, road_taken, sa
 from studies.session import Session
 
 import iptm
-from iptm.string_report import save_string_picture, string_parts
-from iptm.vehicle_string import drive_string_in_memory
 from iptm_controller.settings import ControllerSettings
 from iptm_core.settings import PreviewSettings
+from iptm_string.headless import drive_string_in_memory
+from iptm_string.report import save_string_picture, string_parts
 
 CYCLE, VEHICLES = "wltc_class3b", 5
 LATE_S = (0.0, 1.0)

@@ -16,12 +16,12 @@ import pytest
 import iptm
 from iptm.run import figure_title
 from iptm.runner.summary import headline
-from iptm.string_report import string_parts
 from iptm.sweeping import Sweep
 from iptm.trip_files import load_trip
 from iptm_core.metrics.figures import SAVINGS
 from iptm_core.metrics.saved_share import Basis
 from iptm_core.parameters import to_flat_dict
+from iptm_string.report import string_parts
 
 GPX = Path(__file__).parents[2] / "docs" / "examples" / "phone_drive.gpx"
 FLAT = (np.arange(121.0), np.full(121, 50.0 / 3.6))

@@ -42,6 +42,8 @@ MORE = {
     "validation/drivers.py": {"iptm_drives"},
     "gateway": {"iptm_vehicle_interface"},
     "vehicle": {"iptm_vehicle_interface"},
+    "headway/behind.py": {"iptm_string"},
+    "string": {"iptm_string"},
     "judges": {"iptm_life"},
     "life": {"iptm_life"},
     "cabin": {"iptm_cabin"},

@@ -21,7 +21,7 @@ from iptm_core.routes.road_line import RoadLine
 from iptm_core.routes.route import RoadCourse
 from iptm_core.settings import VEHICLE_LENGTH_M
 from iptm_core.state import LeaderState, SlopePreview
-from iptm_core.vehicle_string import vehicles_in_string
+from iptm_string.order import vehicles_in_string
 from iptm_view.scene import (
     EGO_LENGTH_M,
     LEADER_LENGTH_M,

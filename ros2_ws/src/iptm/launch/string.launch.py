@@ -22,18 +22,18 @@ from launch.actions import (
 from launch.event_handlers import OnProcessExit
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 
-from iptm.runner.string_run import trips_in_string
 from iptm.trip_files import DEFAULT_TRIP, load_trip
 from iptm.trip_settings import HOME, NODES
-from iptm_core.vehicle_string import MAX_VEHICLES, vehicle_count
+from iptm_core.extras import offered
 from launch import LaunchContext, LaunchDescription
 
+(STRINGS,) = offered("strings")
 LOOP = Path(get_package_share_directory("iptm")) / "launch" / "closed_loop.launch.py"
 OF_A_PLACE = ("namespace", "vehicle_ahead", "vehicle_behind", "start_position_m", "leader_source")
 """Settings in which the vehicles of a string differ."""
 # Argument -> default, description.
 ARGUMENTS = {
-    "vehicles": ("5", f"number of vehicles, 2 to {MAX_VEHICLES}"),
+    "vehicles": ("5", f"number of vehicles, 2 to {STRINGS.MAX_VEHICLES}"),
     "bag": (
         f"bags/string_{datetime.now().astimezone():%Y%m%d_%H%M%S}",
         "with record:=true, folder of the bag folders, one for each vehicle",
@@ -50,7 +50,7 @@ def loops(context: LaunchContext) -> list[RegisterEventHandler | GroupAction]:
     chosen = context.launch_configurations
     options = {name: chosen[name] for name in HOME if chosen.get(name)}
     trip = load_trip(chosen.get("trip", DEFAULT_TRIP), options)
-    vehicles = trips_in_string(trip, vehicle_count(chosen["vehicles"]))
+    vehicles = STRINGS.trips_in_string(trip, STRINGS.vehicle_count(chosen["vehicles"]))
     record = chosen.get("record", "false").lower() == "true"
     end = StringEnd(len(vehicles) * (len(NODES) + record + 1))  # 1: the start signal
     actions = [RegisterEventHandler(OnProcessExit(on_exit=end.on_exit))]

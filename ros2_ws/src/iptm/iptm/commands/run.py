@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from iptm.commands.tree import all_commands
 from iptm_core.errors import IptmError, ScenarioError
+from iptm_core.extras import offered
 from iptm_core.program import EXIT_OK, refused
 from iptm_core.user_input import nearest
 
@@ -234,11 +235,13 @@ def _run(parsed: argparse.Namespace) -> int:
         wait_for=tuple(parsed.wait_for),
     )
     if parsed.vehicles is not None:
-        from iptm.runner.string_run import run_string  # noqa: PLC0415
-        from iptm_core.vehicle_string import vehicle_count  # noqa: PLC0415
-
-        count = vehicle_count(parsed.vehicles, "--vehicles")
-        return run_string(trip, count, options, console)
+        strings = offered("strings")
+        if not strings:
+            raise ScenarioError(
+                f"--vehicles is {parsed.vehicles}; allowed: where strings are installed (an extra)"
+            )
+        count = strings[0].vehicle_count(parsed.vehicles, "--vehicles")
+        return int(strings[0].run_string(trip, count, options, console))
     return run(check_over_ros(trip), options, console)
 
 

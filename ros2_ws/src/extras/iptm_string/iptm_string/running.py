@@ -27,7 +27,7 @@ from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.markdown import cells_of
 from iptm_core.program import EXIT_OK, StopRequest, print_error
 from iptm_core.settings import LeaderSource
-from iptm_core.vehicle_string import vehicles_in_string
+from iptm_string.order import vehicles_in_string
 
 PICTURE = "string.png"
 
@@ -112,8 +112,8 @@ def _report(
     """Evaluate a string that was driven, write its files and print its tables."""
     # Half a second of imports, and the threads that they start would keep the runner from forking.
     from iptm.runner.evaluation import results_json  # noqa: PLC0415
-    from iptm.string_report import save_string_picture  # noqa: PLC0415
-    from iptm.vehicle_string import drive_string_in_memory  # noqa: PLC0415
+    from iptm_string.headless import drive_string_in_memory  # noqa: PLC0415
+    from iptm_string.report import save_string_picture  # noqa: PLC0415
 
     drive, wall_time_s = driven
     first, code, runs = next(iter(trips.values())), EXIT_OK, []
@@ -141,7 +141,7 @@ def _report(
 def _print(
     runs: list[Run], others: list[Run], duration_s: float, wall_time_s: float, console: Console
 ) -> None:
-    from iptm.string_report import string_parts  # noqa: PLC0415  see above
+    from iptm_string.report import string_parts  # noqa: PLC0415  see above
 
     for part in string_parts(runs, others):
         table = Table(*(head.removesuffix(":") for head in part.columns))

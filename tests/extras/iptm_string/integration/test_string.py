@@ -18,7 +18,6 @@ from tests.foreign_readers import assert_read_by_all
 from tests.integration.page_browser import Terminal, followed
 
 from iptm.commands.run import build_parser, chosen_trip
-from iptm.vehicle_string import drive_string_in_memory
 from iptm_core.decision_record import Rung
 from iptm_core.metrics.constraints import gap_margins_m
 from iptm_core.settings import VEHICLE_LENGTH_M
@@ -27,6 +26,7 @@ from iptm_ros.codecs import decode_command
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.trajectory_reader import read_decisions, read_trajectory
 from iptm_ros.topics import TOPICS, Topic
+from iptm_string.headless import drive_string_in_memory
 
 pytest.importorskip("iptm_view", reason="the extra is not installed")
 MODULE = "iptm.commands.run"

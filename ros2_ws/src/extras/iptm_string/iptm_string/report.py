@@ -17,9 +17,9 @@ from iptm.panels import GREY
 from iptm.picture import STYLE
 from iptm.report import relative_changes
 from iptm.run import Run
-from iptm.vehicle_string import amplification, deviations_along
 from iptm_core.metrics.constraints import gap_margins_m
 from iptm_core.units import KM_H_PER_M_S
+from iptm_string.headless import amplification, deviations_along
 
 _SIZE_INCHES = (12.0, 8.0)
 _DOTS_PER_INCH = 100

@@ -12,13 +12,6 @@ import pytest
 from iptm.closed_loop import ClosedLoopRun
 from iptm.driving import drive_in_memory
 from iptm.trip import Trip
-from iptm.vehicle_string import (
-    RATIOS,
-    amplification,
-    deviations_along,
-    drive_string_in_memory,
-    run_string,
-)
 from iptm_controller.controller import MpcController
 from iptm_controller.options import ControllerOptions
 from iptm_core.decision_record import Rung
@@ -26,6 +19,13 @@ from iptm_core.metrics.constraints import gap_margins_m
 from iptm_core.parameters import load_parameters
 from iptm_core.routes import build_route
 from iptm_plant_sim.plant import Plant
+from iptm_string.headless import (
+    RATIOS,
+    amplification,
+    deviations_along,
+    drive_string_in_memory,
+    run_string,
+)
 
 MODEL = load_parameters().values
 GAP_M = MODEL.gap.initial_gap_m

@@ -23,8 +23,8 @@ from iptm_core.routes.route import Route
 from iptm_core.settings import VEHICLE_LENGTH_M, PreviewSettings
 from iptm_core.state import NS_PER_S, FloatArray, VehicleState
 from iptm_core.trajectory import Trajectory
-from iptm_core.vehicle_string import vehicles_in_string
 from iptm_plant_sim.plant import Plant
+from iptm_string.order import vehicles_in_string
 from iptm_v2x_bridge.range_sensor import VehicleAhead
 
 _NO_PLAN = np.empty((3, 0))

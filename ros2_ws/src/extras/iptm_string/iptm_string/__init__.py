@@ -1,0 +1,1 @@
+"""Strings of vehicles, each following the one ahead: drive, record, report."""
