@@ -103,7 +103,7 @@ def test_a_trip_in_memory_ends_with_its_summary(capsys: pytest.CaptureFixture[st
         (["--set", "controller.deadline=1"], "did you mean 'deadline_ms'?"),
         (["--set", "conditions.namespace=car 1"], "allowed: letters, digits and _"),
         (["--settings", "lead"], "did you mean 'leader'?"),
-        (["--vehicles", "1"], "--vehicles is 1; allowed: 2 to"),
+        (["--vehicles", "1"], "--vehicles is 1; allowed: "),
         (["--over", "memory", "--view"], "--view is given with --over memory"),
         (["--output", "taken"], "taken exists already"),
     ],
