@@ -6,16 +6,15 @@ or of the study have changed since it was made, unless the short form of the stu
 
 from __future__ import annotations
 
-import ast
 import hashlib
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from datetime import datetime, timezone
 from pathlib import Path
 
-from iptm.fingerprint import SUITE, fingerprint, fingerprint_of_files
+from iptm.fingerprint import SUITE, fingerprint, fingerprint_of_files, used_by
 from iptm_core.errors import StoreError
 
 STUDIES = Path(__file__).parent
@@ -83,40 +82,20 @@ class Record:
 
 def code_of(study: str) -> str:
     """Return the digest of the code and data that the numbers of a study depend on."""
-    files, packages = used_by(study)
-    parts = fingerprint(packages), fingerprint_of_files(files)
+    files, packages = files_and_packages(study)
+    parts = fingerprint((*SUITE, *packages)), fingerprint_of_files(files)
     return hashlib.sha256("".join(parts).encode()).hexdigest()
 
 
-def used_by(study: str) -> tuple[frozenset[Path], tuple[str, ...]]:
-    """Return the files of a study and of others that it imports, and the packages of the suite.
+def files_and_packages(study: str) -> tuple[frozenset[Path], tuple[str, ...]]:
+    """Return the files of a study and of others that it imports, and packages beside the suite.
 
     Of a study from which it imports, the measurements count, too.
     """
-    own = (path for path in (STUDIES / study).rglob("*") if path.suffix in _DATA)
-    files = {path for path in own if path.name != RECORD}
-    waiting = [path for path in files if path.suffix == ".py"]
-    packages = set()
-    while waiting:
-        for module in _imported(waiting.pop()):
-            path = STUDIES.parent / f"{module.replace('.', '/')}.py"
-            if module.startswith("studies.") and path.is_file() and path not in files:
-                files.add(path)
-                waiting.append(path)
-                files |= {*(STUDIES / module.split(".")[1] / "data").glob("*.gz")}
-            elif module.startswith("iptm_"):
-                packages.add(module.split(".")[0])
-    return frozenset(files), (*SUITE, *sorted(packages - {*SUITE}))
-
-
-def _imported(path: Path) -> Iterator[str]:
-    """Yield the names of modules that a file imports, and those that may be modules."""
-    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            yield node.module
-            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+    found = (path for path in (STUDIES / study).rglob("*") if path.suffix in _DATA)
+    own = {path for path in found if path.name != RECORD}
+    files, packages = used_by((path for path in own if path.suffix == ".py"), STUDIES)
+    return files | own, packages
 
 
 def numbers_of(page: str) -> str:

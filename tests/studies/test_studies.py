@@ -20,12 +20,13 @@ from studies.pages import (
     Record,
     code_of,
     digest_of,
+    files_and_packages,
     numbers_of,
-    used_by,
     without_foot,
 )
 from studies.running import changes, module_of
 
+from iptm import fingerprint
 from iptm_core.user_input import shown
 
 PACKAGES = {"iptm", "iptm_core", "iptm_controller", "iptm_plant_sim", "iptm_v2x_bridge", "studies"}
@@ -131,13 +132,22 @@ def test_a_changed_number_or_line_of_code_is_noticed() -> None:
 
 def test_what_a_study_imports_counts() -> None:
     """Modules and measurements of other studies, through others, too, and packages of the suite."""
-    files, packages = used_by("road_space")
+    files, packages = files_and_packages("road_space")
     assert {STUDIES / "acc" / "scenes.py", STUDIES / "savings.py"} <= files
     assert STUDIES / "validation" / "data" / "openacc_5hz.csv.gz" in files
     assert STUDIES / "life" / "run.py" not in files
     assert "iptm_traffic" not in packages
-    assert "iptm_controller" in packages
-    assert "iptm_traffic" in used_by("traffic")[1]
+    assert {"iptm_its", "iptm_traffic"} <= {*files_and_packages("traffic")[1]}
+
+
+def test_what_a_study_imports_is_part_of_the_keys_of_its_calls(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    counted: list[object] = []
+    for name in ("fingerprint", "fingerprint_of_files"):
+        monkeypatch.setattr(fingerprint, name, lambda parts: counted.extend(parts) or "")
+    fingerprint.code_of_package.__wrapped__("studies.chain")
+    assert {"studies.chain", "iptm_its", STUDIES / "collisions" / "families.py"} <= {*counted}
 
 
 @pytest.mark.parametrize("path", sorted(STUDIES.rglob("*.py")), ids=lambda path: path.name)

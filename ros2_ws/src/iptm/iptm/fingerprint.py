@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import lru_cache, singledispatch
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -29,7 +30,7 @@ SUITE = (
 )
 """Packages that a trip without ROS runs through, and extras that read drives."""
 LIBRARIES = ("casadi", "numpy")
-_DATA = frozenset({".yaml", ".json", ".csv", ".gz", ".npz"})
+_DATA = frozenset({".yaml", ".json", ".csv", ".gz", ".npz", ".c", ".h"})
 
 
 @lru_cache(maxsize=32)
@@ -99,6 +100,39 @@ def fingerprint_of_files(paths: Iterable[Path]) -> str:
     return digest.hexdigest()
 
 
+def used_by(paths: Iterable[Path], folder: Path) -> tuple[frozenset[Path], tuple[str, ...]]:
+    """Return what some files import, through others, too: files with their measurements, and extras.
+
+    Args:
+        paths: Python files.
+        folder: top package whose modules count file by file.
+    """
+    files: set[Path] = set()
+    packages: set[str] = set()
+    waiting = list(paths)
+    while waiting:
+        for module in _imported(waiting.pop()):
+            top = module.split(".")[0]
+            path = folder.parent / f"{module.replace('.', '/')}.py"
+            if top == folder.name and path.is_file() and path not in files:
+                files |= {path, *path.parent.glob("data/*.gz")}
+                waiting.append(path)
+            elif top.startswith("iptm_") and top not in {*SUITE, *packages} and find_spec(top):
+                packages.add(top)
+                waiting += [each for _, each in files_of(top) if each.suffix == ".py"]
+    return frozenset(files), tuple(sorted(packages))
+
+
+def _imported(path: Path) -> Iterator[str]:
+    """Yield the names of modules that a file imports, and those that may be modules."""
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            yield node.module
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
 KEY_LENGTH = 32
 
 
@@ -109,10 +143,18 @@ def call_key(function: Callable[..., Any], arguments: Mapping[str, Any]) -> str:
         ParameterError: an argument cannot be described.
     """
     root = function.__module__.rpartition(".")[0]
-    own = () if not root or root.split(".")[0] in SUITE else (root,)
-    parts = (function.__module__, function.__qualname__, fingerprint((*SUITE, *own)))
-    text = repr((parts, _plain(arguments)))
+    code = code_of_package(root) if root and root.split(".")[0] not in SUITE else fingerprint()
+    text = repr(((function.__module__, function.__qualname__, code), _plain(arguments)))
     return hashlib.sha256(text.encode()).hexdigest()[:KEY_LENGTH]
+
+
+@lru_cache(maxsize=32)
+def code_of_package(root: str) -> str:
+    """Return the digest of the suite, a package, and what it imports."""
+    folder = Path(next(iter(import_module(root.partition(".")[0]).__path__)))
+    own = (path for _, path in files_of(root) if path.suffix == ".py")
+    files, packages = used_by(own, folder)
+    return fingerprint((*SUITE, root, *packages)) + fingerprint_of_files(files)
 
 
 @singledispatch
