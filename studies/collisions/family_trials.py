@@ -306,6 +306,7 @@ def _judged(draw: Draw, vehicle: _Vehicle) -> dict[str, Any]:
     touching = np.flatnonzero(gaps_m <= 0.0)
     row: dict[str, Any] = {
         "smallest_gap_m": float(gaps_m.min()),
+        "onset_m_s": float(own_m_s[onset]),
         "hardest_m_s2": float(own_m_s2[onset:].min()),
         "lost_m_s": float(min(own_m_s[onset], ahead_m_s[onset:].min()) - own_m_s[onset:].min()),
         "collided": bool(touching.size),
@@ -319,10 +320,8 @@ def _judged(draw: Draw, vehicle: _Vehicle) -> dict[str, Any]:
         row["bound_m"] = _bound_m(draw, vehicle, onset, REACTION_S)
         if draw.returns_s is not None:
             returns = int(np.searchsorted(times_s, draw.returns_s))
-            is_too_late = returns >= first
-            row["blind_bound_m"] = (
-                -math.inf if is_too_late else _bound_m(draw, vehicle, returns, SAMPLED_S)
-            )
+            at_best_m = _bound_m(draw, vehicle, returns, SAMPLED_S)
+            row["blind_bound_m"] = min(at_best_m, float(gaps_m[: returns + 1].min()))
     return row
 
 
@@ -417,17 +416,26 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def blind_summary(table: pd.DataFrame) -> pd.DataFrame:
-    """Return a row per time for which a sensor is blind, and headway: avoidable collisions of trials."""
+    """Return a row per time for which a sensor is blind, and headway: avoidable collisions of trials.
+
+    Without messages, also by how much the gap is too short for any rule that acts when the sensor is sound
+    again: median and largest, and as a time at the own speed.
+    """
     marked = _marked(table)
     blind = marked[marked.drawn.map(lambda drawn: "blind_s" in drawn) & (marked.family != TWO)]
     blind = blind.assign(blind_s=blind.drawn.map(lambda drawn: drawn["blind_s"]))
-    counts = blind.groupby(["blind_s", "headway", "radio"], sort=False).agg(
-        avoidable=("avoidable", "sum"), trials=("trials", "sum")
-    )
-    texts = (counts.avoidable.astype(str) + " of " + counts.trials.astype(str)).unstack("radio")
-    texts = texts.reindex(columns=list(RADIOS)).fillna(NO_VALUE)
-    texts.columns = pd.Index(["authenticated", "open", "none"])
-    return texts.sort_index(level="blind_s", sort_remaining=False).reset_index()
+    rows = []
+    for (blind_s, headway), scene in blind.groupby(["blind_s", "headway"], sort=False):
+        row: dict[str, Any] = {"blind_s": blind_s, "headway": headway}
+        for radio in RADIOS:
+            found = scene[scene.radio == radio]
+            row[radio] = f"{found.avoidable.sum()} of {len(found)}" if len(found) else NO_VALUE
+        alone = scene[(scene.radio == NO_RADIO) & scene.avoidable]
+        short_m = -alone.blind_bound_m
+        row |= {"median_m": short_m.median(), "largest_m": short_m.max()}
+        row["largest_s"] = (short_m / alone.onset_m_s).max()
+        rows.append(row)
+    return pd.DataFrame(rows).sort_values("blind_s", kind="stable")
 
 
 def left_over(table: pd.DataFrame) -> list[dict[str, Any]]:
@@ -435,7 +443,11 @@ def left_over(table: pd.DataFrame) -> list[dict[str, Any]]:
     marked = _marked(table)
     kept = marked[marked.unexplained | (marked.avoidable & (marked.radio == AUTHENTICATED))]
     return [
-        {**row._asdict(), "what": ", ".join(_shown(*item) for item in row.drawn.items())}
+        {
+            **row._asdict(),
+            "short_m": -row.smallest_gap_m,
+            "what": ", ".join(_shown(*item) for item in row.drawn.items()),
+        }
         for row in kept.itertuples()
     ]
 

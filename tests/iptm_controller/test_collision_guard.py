@@ -22,6 +22,7 @@ from iptm_controller.forecast import LeaderForecast, PreviewQuality
 from iptm_controller.measurements import Measurements
 from iptm_controller.options import ControllerOptions
 from iptm_controller.safeguards import EMERGENCY, MARGIN_M, CollisionGuard
+from iptm_controller.tick_library import tick_library
 from iptm_core.braking import RoadFrictionSettings
 from iptm_core.decision_record import Rung, SolveStatus
 from iptm_core.physics.car_following import minimum_gap_m
@@ -234,6 +235,52 @@ def test_a_preview_that_is_not_confirmed_counts_no_more_than_what_is_measured(
     motion = LeaderPreview(times, 20.0 + moving, predicted_m_s + 4.0 * np.arange(21.0))
     forecast = LeaderForecast(motion, motion, PreviewQuality.FULL, "", 0.0, known_s)
     assert guard.collision_threatens(0.0, state, forecast) is threatens
+
+
+@pytest.mark.parametrize(("leader_m", "threatens"), [(16.81, True), (16.815, False)])
+def test_beyond_a_preview_the_leader_keeps_the_deceleration_of_its_end(
+    leader_m: float, *, threatens: bool
+) -> None:
+    """12 m at 4 m/s, 3 m while it slows to 2 m/s, 1 m until it stands; the ego vehicle takes 31.8125 m."""
+    guard, state = watching(leader_m, 4.0, 4.0)
+    times_s = state.time_s + np.array([0.0, 3.0, 4.0])
+    motion = LeaderPreview(times_s, leader_m + np.array([0.0, 12.0, 15.0]), np.array([4.0, 4, 2]))
+    forecast = LeaderForecast(motion, motion, PreviewQuality.SHORT, "", 0.0, 4.0)
+    assert guard.collision_threatens(-1.0, state, forecast) is threatens
+
+
+@pytest.mark.parametrize("in_c", [False, True])
+def test_a_preview_that_announces_no_braking_never_asks_for_more_than_none(*, in_c: bool) -> None:
+    """Random states, previews that slow down no faster than the leader was measured to, and known times."""
+    library = tick_library() if in_c else None
+    if in_c and library is None:
+        pytest.skip("no C compiler on this machine")
+    rng = np.random.default_rng(50)
+    found = set()
+    for _ in range(200):
+        tick_s, step_s = rng.choice([0.1, 0.5, 1.0], 2)
+        start_s, speed_m_s, gap_m = rng.uniform([0.0, 0.0, 1.0], [2000.0, 30.0, 90.0])
+        braking_m_s2 = float(rng.choice([0.0, rng.uniform(0.0, 3.0)]))
+        guard = CollisionGuard(LIMITS, float(tick_s), 3, library)
+        for ticks, faster_m_s in ((1, braking_m_s2 * tick_s), (0, 0.0)):
+            seen_s = start_s - ticks * tick_s
+            guard.observe(LeaderState(seen_s, 500.0, float(speed_m_s + faster_m_s)))
+        gained = rng.exponential(rng.choice([0.0, 0.3]), 300) - guard.deceleration_m_s2
+        speeds = np.maximum(speed_m_s + np.append(0.0, np.cumsum(gained * step_s)), 0.0)
+        moved_m = np.append(0.0, np.cumsum(0.5 * (speeds[1:] + speeds[:-1]) * step_s))
+        motion = LeaderPreview(start_s + step_s * np.arange(301), 500.0 + moved_m, speeds)
+        state = make_scene(speed_m_s=float(rng.uniform(0.0, 30.0)), position_m=500.0 - gap_m).state
+        state = replace(state, time_s=start_s + float(rng.choice([0.0, 0.7])))
+        for known_s in (0.0, 1e-6, *rng.uniform(0.0, 30.0, 4), *rng.uniform(0.0, 3.0, 4)):
+            known = LeaderForecast(motion, motion, PreviewQuality.SHORT, "", 0.0, float(known_s))
+            for asked_m_s2 in (-2.0, -0.5, 0.0, 1.0):
+                threats = [
+                    guard.collision_threatens(asked_m_s2, state, forecast)
+                    for forecast in (known, None)
+                ]
+                assert threats != [True, False], (known_s, asked_m_s2)
+                found.add(tuple(threats))
+    assert found == {(True, True), (False, True), (False, False)}
 
 
 def test_on_ice_the_guard_brakes_from_farther_away() -> None:

@@ -44,7 +44,10 @@ def test_behind_a_blind_sensor_honest_messages_avoid_what_the_sensor_alone_does_
     assert alone.avoidable > 0
     assert alone.unexplained == 0
     assert not broken(tables[NO_RADIO])
-    assert len(blind_summary(tables[NO_RADIO])) > 0
+    found = blind_summary(tables[NO_RADIO])
+    short = found[found.largest_m.notna()]
+    assert len(found) > len(short) > 0
+    assert ((short.median_m >= 0.0) & (short.largest_m >= short.median_m)).all()
 
 
 def test_messages_that_lie_cost_little_without_a_key() -> None:

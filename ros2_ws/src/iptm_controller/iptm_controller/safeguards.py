@@ -21,7 +21,7 @@ from iptm_controller.plan_data import motion_of
 from iptm_core.frozen import replace
 from iptm_core.parameters.model import LimitParameters
 from iptm_core.physics.ops import doubles
-from iptm_core.state import Command, FloatArray, LeaderPreview, LeaderState, VehicleState
+from iptm_core.state import ROUNDING_S, Command, FloatArray, LeaderState, VehicleState
 
 TOLERANCE, POWER_TOLERANCE_W = 1e-6, 1e-3
 """Changes of an acceleration (m/s^2) and of a power that are round-off."""
@@ -101,9 +101,10 @@ EMERGENCY = "a collision threatens, hardest braking"
 class CollisionGuard:
     """Tracks the motion of the leader and compares commands with what the brakes allow.
 
-    With a preview confirmed by measurements the leader is assumed to move as predicted and to brake after its
-    end; otherwise to keep the last measured deceleration. A leader that has not been measured for long is
-    assumed to have braked at least as hard as the ego vehicle can.
+    The leader is assumed to keep the last measured deceleration; with a preview confirmed by measurements to
+    move as predicted, and from its end on to keep the deceleration of then. So a preview asks for more
+    braking than none only where it announces some. A leader that has not been measured for long is assumed
+    to have braked at least as hard as the ego vehicle can.
 
     Attributes:
         leader: lead vehicle measured last.
@@ -246,29 +247,24 @@ class CollisionGuard:
             leader.speed_m_s,
             self.deceleration_m_s2,
         )
-        if forecast is None or forecast.known_s <= 0.0:
+        if forecast is None or forecast.known_s <= ROUNDING_S:
             return as_measured_m
-        as_predicted_m = self._as_predicted_m(
-            times_s, leader.time_s + forecast.known_s, forecast.motion
+        until_s = leader.time_s + forecast.known_s
+        last_s = max(until_s - self._tick_s, leader.time_s)
+        positions_m, speeds_m_s = forecast.motion.at(np.array([leader.time_s, last_s, until_s]))
+        now_m_s, last_m_s, end_m_s = speeds_m_s.tolist()
+        beyond_m = _braking_on_m(
+            np.maximum(times_s - until_s, 0.0),
+            float(positions_m[2]),
+            end_m_s,
+            max((last_m_s - end_m_s) / (until_s - last_s), 0.0),
         )
-        _, speeds_now = forecast.motion.at(np.array([leader.time_s]))
-        too_fast = float(speeds_now[0]) - leader.speed_m_s > CONFIRMED_SPEED_ERROR_M_S
+        predicted_m, _ = forecast.motion.at(np.minimum(times_s, until_s))
+        predicted_m = np.where(times_s > until_s, beyond_m, predicted_m)
+        too_fast = now_m_s - leader.speed_m_s > CONFIRMED_SPEED_ERROR_M_S
         if too_fast or forecast.known_s < NEAR_S:
-            return np.minimum(as_measured_m, as_predicted_m)
-        return as_predicted_m
-
-    def _as_predicted_m(
-        self, times_s: FloatArray, known_until_s: float, motion: LeaderPreview
-    ) -> FloatArray:
-        positions, _ = motion.at(np.minimum(times_s, known_until_s))
-        end_position, end_speed = motion.at(np.array([known_until_s]))
-        beyond = _braking_on_m(
-            np.maximum(times_s - known_until_s, 0.0),
-            float(end_position[0]),
-            float(end_speed[0]),
-            -self._limits.min_acceleration_m_s2,
-        )
-        return np.where(times_s > known_until_s, beyond, positions)
+            return np.minimum(as_measured_m, predicted_m)
+        return predicted_m
 
 
 def _braking_on_m(

@@ -18,17 +18,20 @@ static double braking_on_m(double elapsed_s, double position_m, double speed_m_s
 /* What a forecast says about the leader; until_s is minus infinity without one. */
 typedef struct {
   const iptm_motion *motion;
-  double until_s, end_m, end_m_s;
+  double until_s, end_m, end_m_s, end_deceleration_m_s2;
   int is_doubted;
 } prediction;
 
 static prediction predict(const iptm_guarded *guarded, const iptm_motion *motion) {
-  prediction found = {motion, -INFINITY, 0.0, 0.0, 1};
-  double now_m_s;
-  if (motion == NULL || guarded->known_s <= 0.0) return found;
+  prediction found = {motion, -INFINITY, 0.0, 0.0, 0.0, 1};
+  double now_m_s, last_s, last_m_s;
+  if (motion == NULL || guarded->known_s <= ROUNDING_S) return found;
   found.until_s = guarded->leader_time_s + guarded->known_s;
+  last_s = most(found.until_s - guarded->tick_s, guarded->leader_time_s);
   found.end_m = iptm_motion_at(motion, found.until_s, &found.end_m_s);
   iptm_motion_at(motion, guarded->leader_time_s, &now_m_s);
+  iptm_motion_at(motion, last_s, &last_m_s);
+  found.end_deceleration_m_s2 = most((last_m_s - found.end_m_s) / (found.until_s - last_s), 0.0);
   found.is_doubted = now_m_s - guarded->leader_speed_m_s > CONFIRMED_SPEED_ERROR_M_S ||
                      guarded->known_s < NEAR_S;
   return found;
@@ -44,7 +47,7 @@ static double leader_position_m(const iptm_guarded *guarded, const prediction *p
   if (isinf(predicted->until_s) && predicted->until_s < 0.0) return measured_m;
   if (time_s > predicted->until_s) {
     predicted_m = braking_on_m(time_s - predicted->until_s, predicted->end_m, predicted->end_m_s,
-                               -guarded->hardest_m_s2);
+                               predicted->end_deceleration_m_s2);
   } else {
     predicted_m = iptm_motion_at(predicted->motion, time_s, &unused);
   }
