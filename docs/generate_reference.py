@@ -33,20 +33,18 @@ from iptm_core.parameters import available_parameter_sets, describe_parameters, 
 from iptm_core.parameters.catalogue import cars
 from iptm_plant_sim.node_parameters import PlantNodeParameters
 from iptm_ros.topics import BRIDGE, CONTROLLER, PLANT
-from iptm_ros.visual_topics import PUBLISHER
 from iptm_v2x_bridge.node_answers import BridgeNodeParameters
-from iptm_v2x_bridge.node_sender import SenderNodeParameters
 
 DOCS = Path(__file__).resolve().parent
 CONFIG = Path(iptm.runner.__file__).parent / "config" / "nodes"
-METER, VIEW = "iptm_vehicle_interface", "iptm_view"
+METER, VIEW, ITS = "iptm_vehicle_interface", "iptm_view", "iptm_its"
 EXTRAS = (
     METER,
     "iptm_drives",
     "iptm_bags",
     "iptm_ecu",
     "iptm_fmi",
-    "iptm_its",
+    ITS,
     "iptm_judges",
     "iptm_life",
     "iptm_plan",
@@ -110,10 +108,11 @@ def _specs(parameters: type[Any], no_unit: str = "-") -> list[dict[str, object]]
 def nodes_page() -> str:
     """Parameters of the three nodes, of the sender of messages and of the visualizer."""
     nodes = {node: parameters for node, (parameters, _) in NODES.items()}
-    nodes |= {"v2x_sender": SenderNodeParameters}
+    if ITS not in ABSENT:
+        nodes["v2x_sender"] = import_module(f"{ITS}.node_sender").SenderNodeParameters
     if VIEW not in ABSENT:
         node = import_module(f"{VIEW}.visualizer_node")
-        nodes[PUBLISHER] = node.VisualizerParameters
+        nodes[node.PUBLISHER] = node.VisualizerParameters
     return render_page(
         TEMPLATES,
         "nodes.md.j2",

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterable
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
 from sensor_msgs.msg import JointState
@@ -15,7 +17,6 @@ from iptm_ros.codecs import encode_command
 from iptm_ros.publishers import describe_qos
 from iptm_ros.services import MEANINGS
 from iptm_ros.topics import TOPICS, TopicSpec
-from iptm_ros.visual_topics import VISUAL_TOPICS
 
 TEMPLATES = Path(__file__).resolve().parent / "templates"
 EXAMPLE_NS = 12_500_000_000
@@ -39,8 +40,16 @@ def topics_page() -> str:
         bytes=len(encode_command.data("", EXAMPLE_NS, command)),
         layout=layout_rows(message),
         frames=topics,
-        visual=_topics(VISUAL_TOPICS.values()),
+        visual=_topics(visual_topics()),
     )
+
+
+def visual_topics() -> Iterable[TopicSpec]:
+    """Return the topics of the visualizer, where its extra is installed."""
+    if find_spec("iptm_view") is None:
+        return ()
+    found: dict[str, TopicSpec] = import_module("iptm_view.visual_topics").VISUAL_TOPICS
+    return found.values()
 
 
 def _topics(specs: Iterable[TopicSpec]) -> list[dict[str, object]]:

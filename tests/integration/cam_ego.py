@@ -21,7 +21,7 @@ from iptm_ros.diagnostics import status_values
 from iptm_ros.topics import Topic
 
 BRIDGE = "iptm_v2x_bridge.node"
-SENDER = "iptm_v2x_bridge.node_sender"
+SENDER = "iptm_its.node_sender"
 
 
 def free_port() -> int:

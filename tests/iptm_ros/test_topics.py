@@ -14,14 +14,13 @@ from iptm_ros.topics import (
     frame_in,
     topic_of,
 )
-from iptm_ros.visual_topics import VISUAL_TOPICS
 
 PACKAGES = "rosgraph|nav|geometry|sensor|std|trajectory|diagnostic|visualization"
-ROOTS = "plant|v2x|controller|visual|sensor|vehicle"
+ROOTS = "plant|v2x|controller|sensor|vehicle"
 
 
 def test_a_topic_is_relative_of_a_standard_type_and_described() -> None:
-    for spec in (*TOPICS.values(), *VISUAL_TOPICS.values()):
+    for spec in TOPICS.values():
         if spec.topic not in (Topic.DIAGNOSTICS, Topic.CLOCK):
             assert re.fullmatch(rf"({ROOTS})/[a-z0-9_]+", spec.name)
         assert re.fullmatch(rf"({PACKAGES})_msgs/msg/[A-Z]\w+", spec.type_name)

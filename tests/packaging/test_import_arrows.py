@@ -39,8 +39,9 @@ PURE = {
 PURE |= {"iptm_drives", "iptm_its", "iptm_vehicle_interface", "iptm_traffic"} & set(EXTRAS)
 
 # Nodes with faults inside are the nodes themselves but for that; the table of faults shows what the
-# controller node reports in trips without it.
+# controller node reports in trips without it. The sender stands where the bridge expects the leader at the start.
 MAY_KNOW_THE_NODE_OF = {
+    ("iptm_its.node_sender", "iptm_v2x_bridge"),
     ("iptm.faults.node_controller", "iptm_controller"),
     ("iptm.faults.node_plant", "iptm_plant_sim"),
     ("iptm.runner.one_process", "iptm_controller"),

@@ -22,11 +22,9 @@ setup(
     entry_points={
         "console_scripts": [
             "bridge = iptm_core.program:main",
-            "sender = iptm_core.program:main",
         ],
         "iptm.programs": [
             "bridge = iptm_v2x_bridge.node:main",
-            "sender = iptm_v2x_bridge.node_sender:main",
         ],
     },
 )

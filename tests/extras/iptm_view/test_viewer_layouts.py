@@ -14,7 +14,7 @@ from sensor_msgs.msg import JointState
 
 import iptm_view
 from iptm_ros.topics import TOPICS, Topic, TopicSpec
-from iptm_ros.visual_topics import VISUAL_TOPICS
+from iptm_view.visual_topics import VISUAL_TOPICS
 
 FOLDER = Path(iptm_view.__file__).parent / "layouts"
 NUMBERS = {"float", "double"}

@@ -22,6 +22,10 @@ setup(
     zip_safe=False,
     maintainer="iptm maintainers",
     maintainer_email="maintainers@iptm.example.org",
-    description="Signatures, roadside stations, captures, the chain of vehicles ahead for the V2X bridge",
+    description="Sender, signatures, roadside stations, captures, chain of vehicles ahead for the V2X bridge",
     license="Apache-2.0",
+    entry_points={
+        "console_scripts": ["sender = iptm_core.program:main"],
+        "iptm.programs": ["sender = iptm_its.node_sender:main"],
+    },
 )

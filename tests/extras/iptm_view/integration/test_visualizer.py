@@ -15,7 +15,7 @@ from iptm_ros.codecs import ns_from_time
 from iptm_ros.publishers import LATCHED_QOS
 from iptm_ros.recording.trajectory_reader import read_trajectory
 from iptm_ros.topics import Topic
-from iptm_ros.visual_topics import VISUAL_TOPICS
+from iptm_view.visual_topics import VISUAL_TOPICS
 
 BAG = Path(__file__).resolve().parents[4] / "bags" / "example_us06_120s"
 

@@ -47,7 +47,7 @@ _MODULES = {
     CONTROLLER: ("iptm_controller.node", "waiting for"),
     RECORDER: ("iptm_ros.recording.recorder_cli", ""),
     CAR: ("iptm_vehicle_interface.bench_car_process", ": ready"),
-    SENDER: ("iptm_v2x_bridge.node_sender", ""),
+    SENDER: ("iptm_its.node_sender", ""),
 }
 """Module of each process, and what it prints once it is ready."""
 

@@ -24,12 +24,12 @@ from iptm_core.errors import BagError
 from iptm_ros.recording.bag_reader import BagReader
 from iptm_ros.recording.run_information import RunInformation
 from iptm_ros.topics import BRIDGE, CONTROLLER, PLANT, TOPICS, Topic
-from iptm_ros.visual_topics import VISUAL_TOPICS
 from iptm_view.foxglove_server import FoxgloveServer
 from iptm_view.graph_subscriptions import OF_A_TRIP, GraphSubscriptions
 from iptm_view.page_feed import END, PageFeed
 from iptm_view.run_facts import RunFacts, asked_names, facts_of_information, facts_of_nodes
 from iptm_view.run_follower import PAGE_TOPICS, RunFollower
+from iptm_view.visual_topics import VISUAL_TOPICS
 
 AT_ONCE = 0.0
 """Rate at which a bag is not played: the page shows its end, Foxglove gets all messages at once."""

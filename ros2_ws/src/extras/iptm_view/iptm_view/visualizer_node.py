@@ -41,7 +41,6 @@ from iptm_ros.publishers import LATCHED_QOS
 from iptm_ros.recording.timeline import read_stamp_ns
 from iptm_ros.suite_node import SuiteNode
 from iptm_ros.topics import TOPICS, Topic
-from iptm_ros.visual_topics import DESCRIPTION_TOPIC, PUBLISHER, VISUAL_TOPICS
 from iptm_view.graph_subscriptions import GraphSubscriptions, listening_node
 from iptm_view.scene import (
     EGO_LENGTH_M,
@@ -53,6 +52,7 @@ from iptm_view.scene import (
     vehicle_urdf,
 )
 from iptm_view.transforms import TransformPublisher
+from iptm_view.visual_topics import DESCRIPTION_TOPIC, PUBLISHER, VISUAL_TOPICS
 
 
 @dataclass(frozen=True)

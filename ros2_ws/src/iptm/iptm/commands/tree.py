@@ -36,7 +36,6 @@ class Entry:
 COMMANDS = {
     "run": Entry("iptm.commands.run:main", "drive a trip, record it and report it"),
     "record": Entry("iptm_ros.recording.recorder_cli:main", "record topics into a bag"),
-    "send": Entry("iptm.commands.send:main", "send a drive as V2X messages (ETSI CAM)"),
     "call": Entry("iptm_ros.call:main", "call a service of a node: pause, step, reset, save"),
     "param": Entry("iptm_ros.param:main", "read and set parameters of nodes"),
 }

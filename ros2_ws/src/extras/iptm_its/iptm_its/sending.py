@@ -1,4 +1,4 @@
-"""The command `send`: its own short help, which loads nothing, in front of a node of the bridge."""
+"""The command `send`: its own short help, which loads nothing, in front of the node."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ hears the same in every run. All parameters: docs/reference/nodes.md. Examples:
 
 
 def main() -> int:
-    """Send a drive as messages: the node of the bridge that does it, with the arguments of the process."""
+    """Send a drive as messages: the node that does it, with the arguments of the process."""
     if sys.argv[1:2] in (["--help"], ["-h"]):
         print(_SEND_HELP, end="")
         return EXIT_OK
     # The one node among the commands; it ends the process with its exit code.
-    import_module("iptm_v2x_bridge.node_sender").main()
+    import_module("iptm_its.node_sender").main()
     return EXIT_OK
