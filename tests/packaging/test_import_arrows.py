@@ -39,7 +39,8 @@ PURE = {
 PURE |= {"iptm_drives", "iptm_its", "iptm_vehicle_interface", "iptm_traffic"} & set(EXTRAS)
 
 # Nodes with faults inside are the nodes themselves but for that; the table of faults shows what the
-# controller node reports in trips without it. The sender stands where the bridge expects the leader at the start.
+# controller node reports in trips without it. The sender stands where the
+# bridge expects the leader at the start.
 MAY_KNOW_THE_NODE_OF = {
     ("iptm_its.node_sender", "iptm_v2x_bridge"),
     ("iptm.faults.node_controller", "iptm_controller"),

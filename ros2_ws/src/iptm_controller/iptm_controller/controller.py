@@ -16,7 +16,7 @@ from iptm_controller.arrival import ArrivalValuation, aging_power_w
 from iptm_controller.decision import NOTHING, ControllerMemory, Decision, Tick
 from iptm_controller.estimator import Estimator
 from iptm_controller.forecast import LeaderForecast
-from iptm_controller.forecast_in_c import leader_forecaster
+from iptm_controller.forecaster import LeaderForecaster
 from iptm_controller.ladder import FallbackLadder, safe_following
 from iptm_controller.lead_check import LeadCheck, SenderClock, unpredicted_s
 from iptm_controller.measurements import Measurements, slope_at_rad, trusted_measurements
@@ -86,7 +86,7 @@ class MpcController:
         self._pose(options.strategy)
         library = tick_library()
         seen_s = horizon.motion_duration_s, options.max_preview_age_s, options.tick_s
-        self._forecaster = leader_forecaster(*seen_s, *unpredicted_s(parameters.gap), library)
+        self._forecaster = LeaderForecaster(library, *seen_s, *unpredicted_s(parameters.gap))
         self._traction = (
             TractionForecaster(parameters, self.grid)
             if horizon.motion_steps < horizon.steps

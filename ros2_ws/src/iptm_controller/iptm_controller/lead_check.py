@@ -17,10 +17,7 @@ at least as much; what is left is the time that the fastest message took. Clocks
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
-
-import numpy as np
 
 from iptm_core.braking import (
     SLIPPERY_LEAD_SHARE,
@@ -37,8 +34,6 @@ from iptm_core.parameters.model import BrakeParameters, GapParameters, LimitPara
 from iptm_core.radio_lead import RadioLead
 from iptm_core.signal_residuals import Contradiction
 from iptm_core.state import (
-    TOLERANCE_S,
-    FloatArray,
     LeaderPreview,
     LeaderState,
     VehicleState,
@@ -298,38 +293,9 @@ LARGEST_ACCELERATION_M_S2 = 10.0
 """More than tyres transmit: a larger change of the measured speed is not the motion of one vehicle."""
 RANGE_ERROR_M = 1.0
 """A position jump larger than this, beyond what the speeds explain, means that another vehicle leads."""
-_EXTRAPOLATED_DECAYS = 5.0
-_SHORTEST_STOP_S = 1e-3
+EXTRAPOLATED_DECAYS = 5.0
+SHORTEST_STOP_S = 1e-3
 EXTRAPOLATED_NODES = 41
-_SHARES: FloatArray = np.arange(EXTRAPOLATED_NODES) / (EXTRAPOLATED_NODES - 1)
-
-
-def measured_acceleration_m_s2(measured: Sequence[LeaderState]) -> float:
-    """Return the leader's acceleration from its speeds of the last second, 0 without enough of them.
-
-    Args:
-        measured: leader at increasing times, the newest one last. Where a measurement is missing, the one
-            before counts instead.
-    """
-    if len(measured) < 2:
-        return 0.0
-    last, before = measured[-1], measured[-2]
-    passed_s, changed_m_s = last.time_s - before.time_s, last.speed_m_s - before.speed_m_s
-    moved_m = last.position_m - before.position_m
-    unexplained_m = abs(moved_m - 0.5 * passed_s * (last.speed_m_s + before.speed_m_s))
-    if unexplained_m > 0.5 * passed_s * abs(changed_m_s) + RANGE_ERROR_M:
-        return 0.0
-    since_s = min(last.time_s - ACCELERATION_WINDOW_S - TOLERANCE_S, before.time_s)
-    recent = [state for state in measured if state.time_s >= since_s]
-    mean_s = moment = spread = 0.0
-    for state in recent:
-        mean_s += state.time_s
-    mean_s /= len(recent)
-    for state in recent:
-        moment += (state.time_s - mean_s) * state.speed_m_s
-        spread += (state.time_s - mean_s) * (state.time_s - mean_s)
-    slope_m_s2 = moment / spread
-    return slope_m_s2 if abs(slope_m_s2) <= LARGEST_ACCELERATION_M_S2 else 0.0
 
 
 def unpredicted_s(gap: GapParameters) -> tuple[float, float]:
@@ -337,31 +303,3 @@ def unpredicted_s(gap: GapParameters) -> tuple[float, float]:
     if gap.desired_time_headway_s:
         return BRIEF_DECAY_S, BRIEF_BRAKING_DECAY_S
     return ACCELERATION_DECAY_S, ACCELERATION_DECAY_S
-
-
-def extrapolated_motion(
-    leader: LeaderState, acceleration_m_s2: float, decay_s: float = ACCELERATION_DECAY_S
-) -> LeaderPreview:
-    """Return how a leader goes on of which only the present is known.
-
-    Its acceleration dies away exponentially, which is what to expect of one that varies as a first-order
-    Gauss-Markov process (R. A. Singer, Estimating optimal tracking filter performance for manned
-    maneuvering targets, IEEE Transactions on Aerospace and Electronic Systems 6, 1970). It never drives
-    backwards.
-
-    Args:
-        acceleration_m_s2: as measured, negative when braking.
-        decay_s: time constant of its decay.
-    """
-    change_m_s, shares = decay_s * acceleration_m_s2, _SHARES
-    until_s = _EXTRAPOLATED_DECAYS * decay_s
-    if leader.speed_m_s + change_m_s < 0.0:
-        stop_s = -decay_s * math.log1p(leader.speed_m_s / change_m_s)
-        until_s = min(until_s, stop_s)
-        if stop_s < _SHORTEST_STOP_S:
-            shares = shares[:1]
-    elapsed_s = until_s * shares
-    gone = -np.array([math.expm1(each) for each in (-elapsed_s / decay_s).tolist()])
-    speeds_m_s = np.maximum(leader.speed_m_s + change_m_s * gone, 0.0)
-    moved_m = leader.speed_m_s * elapsed_s + change_m_s * (elapsed_s - decay_s * gone)
-    return LeaderPreview(leader.time_s + elapsed_s, leader.position_m + moved_m, speeds_m_s)

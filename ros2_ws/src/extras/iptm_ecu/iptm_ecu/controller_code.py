@@ -15,13 +15,13 @@ import numpy as np
 
 from iptm_controller.c_sources import C_SOURCES
 from iptm_controller.controller import MpcController
-from iptm_controller.forecast_in_c import past_room
+from iptm_controller.forecaster import past_room
 from iptm_controller.lead_check import unpredicted_s
 from iptm_controller.measurements import MOTION_RANGES, PACK_RANGES
 from iptm_controller.ocp.layout import layout_header
 from iptm_controller.ocp.problem import OptimalControlProblem
 from iptm_controller.ocp.stage import DEFAULT_SMOOTHING
-from iptm_controller.preview_trust import PreviewTrust
+from iptm_controller.preview_trust import lead_ticks
 from iptm_controller.solvers.riccati.backend import SwitchingNumbers
 from iptm_controller.solvers.riccati.stage_program import stage_program
 from iptm_controller.solvers.switching_check import SwitchingCheck
@@ -100,15 +100,15 @@ def limit_numbers(model: ModelParameters, tick_s: float) -> tuple[float, ...]:
 
 def _header(controller: MpcController) -> str:
     options, grid = controller.options, controller.grid
-    lead_ticks = PreviewTrust(options.tick_s).lead_ticks
+    leads = lead_ticks(options.tick_s)
     sizes = {
         "STEPS": grid.steps,
         "PARAMETERS": grid.parameter_count,
         "MAX_ITERATIONS": options.solver.max_iterations,
         "SHIFTED_PLAN_TICKS": options.shifted_plan_ticks,
         "SAFE_LAW_TICKS": options.safe_law_ticks,
-        "LEADS": len(lead_ticks),
-        "PREDICTIONS": lead_ticks[-1] + 1,
+        "LEADS": len(leads),
+        "PREDICTIONS": leads[-1] + 1,
         "PAST_ROOM": past_room(options.tick_s),
         "PREVIEW_ROOM": PREVIEW_ROOM,
     }
@@ -192,7 +192,7 @@ def _data(
             options.max_preview_age_s,
             *unpredicted_s(controller.model.gap),
             "IPTM_LEADS",
-            _braced(PreviewTrust(options.tick_s).lead_ticks),
+            _braced(lead_ticks(options.tick_s)),
             "IPTM_PAST_ROOM",
             "IPTM_PREVIEW_ROOM",
         ),

@@ -1,4 +1,4 @@
-"""The forecast of the leader's motion in C (`iptm_controller/c`), with the memory of the one in Python."""
+"""Forecaster of the leader: joins its recent past with each tick's preview, in C (`c/forecast.c`)."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from iptm_controller.forecast import (
     HISTORY_S,
     ForecastMemory,
     LeaderForecast,
-    LeaderForecaster,
     PreviewQuality,
+    assessed,
     doubted,
 )
 from iptm_controller.lead_check import EXTRAPOLATED_NODES
@@ -26,6 +26,7 @@ from iptm_controller.preview_trust import (
     FusionMemory,
     Prediction,
     TrustMemory,
+    lead_ticks,
 )
 from iptm_controller.tick_library import (
     DOUBLE,
@@ -78,8 +79,8 @@ def past_room(tick_s: float) -> int:
     return round(HISTORY_S / tick_s) + 2
 
 
-class LeaderForecasterInC(LeaderForecaster):
-    """The same in C; reasons are put into words in Python."""
+class LeaderForecaster:
+    """Combines the measured leader with previews; reasons are put into words in Python."""
 
     def __init__(
         self,
@@ -90,10 +91,17 @@ class LeaderForecasterInC(LeaderForecaster):
         decay_s: float,
         braking_decay_s: float,
     ) -> None:
-        """Set up a forecaster that has not measured a leader."""
-        self._numbers, self._c_memory = _Forecaster(), _Memory()
-        super().__init__(horizon_s, max_age_s, tick_s, decay_s, braking_decay_s)
-        leads = self.trust.lead_ticks
+        """Set up a forecaster that has not measured a leader.
+
+        Args:
+            horizon_s: time that a full preview covers.
+            decay_s: time constant with which the leader's measured acceleration decays where nothing is
+                predicted.
+            braking_decay_s: the same where it brakes.
+        """
+        self._horizon_s, self._max_age_s = horizon_s, max_age_s
+        self._c_memory = _Memory()
+        leads = lead_ticks(tick_s)
         self._numbers = _Forecaster(
             tick_s,
             horizon_s,
@@ -128,7 +136,7 @@ class LeaderForecasterInC(LeaderForecaster):
 
     @property
     def memory(self) -> ForecastMemory:
-        """State carried from tick to tick; see `LeaderForecaster`."""
+        """State carried from tick to tick."""
         return self.kept_memory()()
 
     @memory.setter
@@ -161,7 +169,7 @@ class LeaderForecasterInC(LeaderForecaster):
         c.trusted_s, c.last_error_tick = trust.horizon_s, trust.last_error_tick
 
     def kept_memory(self) -> Callable[[], ForecastMemory]:
-        """See `LeaderForecaster`."""
+        """Return what builds the memory of now, whenever it is called."""
         c, rows = _Memory.from_buffer_copy(self._c_memory), self._predictions.copy()
         columns = self._columns[: len(_COLUMNS), : c.fused].copy()
         return partial(self._built, c, self._leaders[: c.past].copy(), columns, rows)
@@ -197,7 +205,7 @@ class LeaderForecasterInC(LeaderForecaster):
         return FusionMemory(roughness_m2_s4=found).noise if found >= ROUGH_M2_S4 else ""
 
     def leader_at(self, time_s: float, leader: LeaderState | None) -> LeaderState | None:
-        """See `LeaderForecaster`."""
+        """Return a measured leader as extrapolated to a later instant; as measured for the same one."""
         if leader is None or time_s <= leader.time_s:
             return leader
         self._write_leader(leader.time_s, leader.position_m, leader.speed_m_s)
@@ -205,7 +213,11 @@ class LeaderForecasterInC(LeaderForecaster):
         return LeaderState(later.time_s, later.position_m, later.speed_m_s)
 
     def forecast(self, leader: LeaderState, preview: LeaderPreview) -> LeaderForecast:
-        """See `LeaderForecaster`."""
+        """Combine the measured leader with a preview.
+
+        The prediction is shifted so that it starts at the measured position: a late or noisy preview
+        must not move the leader that the range sensor sees.
+        """
         size, past = preview.times_s.size, self._c_memory.past + 1
         if past > self._numbers.past_room or size > self._numbers.preview_room:
             self._make_room(2 * past, size)
@@ -227,19 +239,6 @@ class LeaderForecasterInC(LeaderForecaster):
         if quality is PreviewQuality.DOUBTED:
             reason = doubted(found.trusted_s)
         elif quality is not PreviewQuality.FULL:
-            _, reason = self._assess(leader, preview)
+            _, reason = assessed(leader, preview, self._max_age_s, self._horizon_s)
         age_s = leader.time_s - preview.times_s.item(0) if size else math.nan
         return LeaderForecast(motion, limiting, quality, reason, age_s, found.known_s)
-
-
-def leader_forecaster(
-    horizon_s: float,
-    max_age_s: float,
-    tick_s: float,
-    decay_s: float,
-    braking_decay_s: float,
-    library: ctypes.PyDLL | None,
-) -> LeaderForecaster:
-    """Return the form in C where there is a library."""
-    given = horizon_s, max_age_s, tick_s, decay_s, braking_decay_s
-    return LeaderForecaster(*given) if library is None else LeaderForecasterInC(library, *given)
