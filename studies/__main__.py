@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 
+from iptm_core.user_input import one_of
+
 PROGRAM = "study"
 NAMES = tuple(sorted(path.parent.name for path in Path(__file__).parent.glob("*/README.md")))
 ALL, STALE, CONFIRM = "all", "stale", "confirm"
@@ -23,7 +25,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         refusal.
     """
     parser = argparse.ArgumentParser(PROGRAM, description=__doc__)
-    parser.add_argument("what", choices=[*NAMES, ALL, STALE, CONFIRM], help="study or command")
+    known = [*NAMES, ALL, STALE, CONFIRM]
+    parser.add_argument(
+        "what", type=one_of(known), metavar="WHAT", help=f"one of {', '.join(known)}"
+    )
     parser.add_argument(
         "rest", nargs=argparse.REMAINDER, help="options, see scripts/study NAME --help"
     )

@@ -9,9 +9,15 @@ import numpy as np
 import pytest
 
 import iptm
-from iptm.repetition import _one, repeat, why_not
-from iptm_core.metrics.repeated import Repetition, closed_stretch, over_cycles, without_drift
-from iptm_core.metrics.saved_share import Basis, Judgement
+from iptm.repetition import _End, _one, _settled, repeat, why_not
+from iptm_core.metrics.repeated import (
+    Repetition,
+    closed_stretch,
+    over_cycles,
+    over_open_cycles,
+    without_drift,
+)
+from iptm_core.metrics.saved_share import Basis, Judgement, judged_share
 
 TOLERANCE_POINTS = 0.5
 LED_IN = 10
@@ -136,3 +142,43 @@ def test_two_cells_that_settle_at_different_rates_are_read_where_both_rest() -> 
     ]
     assert without_drift(tiles[:1], 1).energy_per_distance_j_m == 290.0
     assert without_drift(tiles, 3).energy_per_distance_j_m == pytest.approx(300.0, rel=5e-3)
+
+
+def test_cycles_that_do_not_close_give_a_range() -> None:
+    """Each cycle costs more than the one before; a mean that begins later is higher."""
+    tiles = [
+        Repetition(400.0 + 10.0 * count, 1e-6, {}, (drift, drift))
+        for count, drift in enumerate((2.0, -1.0) * 4)
+    ]
+    plain, found = over_cycles(tiles, 8), over_open_cycles(tiles, 8)
+    assert found.energy_per_distance_j_m == plain.energy_per_distance_j_m
+    assert found.energy_error > 0.02 > plain.energy_error
+    wide = judged_share(Judgement.JUDGED, 20.0, 22.0, (22.5, 6.4), is_unclear=True)
+    assert wide.text == "16.1 to 28.9 % saved"
+    assert wide.percent == 22.5
+    narrow = judged_share(Judgement.JUDGED, 20.0, 22.0, (22.5, 0.6), is_unclear=True)
+    assert narrow.text == "22.5 % saved"
+
+
+class SlowPack:
+    """Stands for a trip whose pack settles at 300 K, with a time constant of fifty repetitions."""
+
+    def __init__(self) -> None:
+        self.driven = 0
+
+    def drive(self, end: _End) -> tuple[Repetition, _End]:
+        self.driven += 1
+        drift = (300.0 - end.mean_k) / 50.0
+        done = Repetition(400.0, 1e-6 * (1.0 + 0.02 * (end.mean_k - 298.0)), {}, (drift, drift))
+        return done, end.at(end.cells_k + drift)
+
+
+@pytest.mark.parametrize("start_k", [298.0, 280.0, 303.0])
+def test_a_pack_that_warms_for_hours_is_judged_where_it_settles(start_k: float) -> None:
+    """Its figures change by 0.08 % from one repetition to the next, and by 4 % in all."""
+    pack: Any = SlowPack()
+    end = _End(30.0, 10.0, 0.0, 0.0, start_k, start_k, is_cooling=False, has_cooled=False)
+    found, _ = _settled(pack, end, 320.0)
+    assert found is not None
+    assert found.capacity_loss == pytest.approx(1.04e-6, rel=2e-3)
+    assert pack.driven <= 5

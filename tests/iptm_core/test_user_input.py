@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -21,7 +22,7 @@ from iptm_core.declaration import (
     plain,
 )
 from iptm_core.errors import ParameterError, ScenarioError, StoreError
-from iptm_core.user_input import StrictMapping, suggestion
+from iptm_core.user_input import StrictMapping, known_keywords, one_of, suggestion
 
 KNOWN = ("title", "speed", "parts", "notes")
 
@@ -198,3 +199,36 @@ def test_open_ranges_in_words(minimum: float, maximum: float, allowed: str) -> N
     spec = ParameterSpec("x_m", 1.5, "x", "m", minimum, maximum)
     assert spec.allowed == allowed
     assert checked_value(spec, 1) == 1.0
+
+
+def test_an_unknown_keyword_is_refused_with_the_nearest_one() -> None:
+    @known_keywords
+    def life(run: int, *, climate: str = "Rome") -> str:
+        return f"{run} {climate}"
+
+    @known_keywords
+    @dataclass(frozen=True)
+    class Usage:
+        target: float
+
+    assert life(1, climate="Oslo") == "1 Oslo"
+    assert isinstance(Usage(target=0.8), Usage)
+    with pytest.raises(
+        ScenarioError, match=r"life: unknown argument 'climat'; did you mean 'climate'"
+    ):
+        life(1, climat="Oslo")
+    with pytest.raises(
+        ScenarioError, match=r"Usage: unknown argument 'targt'; did you mean 'target'"
+    ):
+        Usage(targt=0.8)  # type: ignore[call-arg]
+
+
+def test_an_unknown_choice_of_a_command_line_is_refused_with_the_nearest_one(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    parser = argparse.ArgumentParser("run")
+    parser.add_argument("--without", type=one_of(("plant", "v2x_bridge")))
+    assert parser.parse_args(["--without", "plant"]).without == "plant"
+    with pytest.raises(SystemExit):
+        parser.parse_args(["--without", "bridge"])
+    assert "did you mean 'v2x_bridge'?" in capsys.readouterr().err

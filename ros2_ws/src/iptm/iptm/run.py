@@ -25,6 +25,7 @@ from iptm_core.parameters.model import ModelParameters
 from iptm_core.routes.slope import SlopeProfile
 from iptm_core.settings import LeaderSource, LoopMode, PreviewMode
 from iptm_core.trajectory import Trajectory
+from iptm_core.user_input import known_keywords
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -147,6 +148,7 @@ class Run:
         columns = ["kind", "rows", "first_s", "worst", "unit", "worst_s"]
         return pd.DataFrame.from_dict(rows, orient="index", columns=columns)
 
+    @known_keywords
     def saving(self, other: Run | None = None) -> Saving:
         """Judge what this run saved against another run of the same trip.
 
@@ -238,6 +240,7 @@ class Run:
         """Strategy of the controller, the name of the run where that is not known."""
         return str(self.settings.get("strategy", self.name))
 
+    @known_keywords
     def explain(self, other: Run | None = None) -> Explanation:
         """Explain where the saving against another run of the same trip comes from; drives it again.
 
@@ -269,6 +272,7 @@ class Run:
 
         return judge(self, other or self.other, by or BY, **options)
 
+    @known_keywords
     def plot(
         self, against: Run | None = None, remarks: Sequence[str] = (), footer: str = ""
     ) -> Picture:
@@ -301,6 +305,7 @@ class Run:
         road = self.slope or SlopeProfile.flat()
         return run_panels(Shown(self.trajectory, self.parameters, self.decisions, road, behind))
 
+    @known_keywords
     def report(
         self, path: str | Path, against: Run | None = None, *, explained: bool = False
     ) -> Path:
@@ -320,6 +325,7 @@ class Run:
         against = against or self.other
         return write_run(self, path, against, self._panels(against), explained=explained)
 
+    @known_keywords
     def save(self, path: str | Path) -> Path:
         """Write the run to a new file that `iptm.load` reads back.
 

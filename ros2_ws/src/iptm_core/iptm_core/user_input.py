@@ -6,14 +6,17 @@ through `StrictMapping`, so that all refusals look alike: where, which key, the 
 
 from __future__ import annotations
 
+import argparse
 import difflib
+import functools
+import inspect
 import os
 import re
 import stat
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from enum import Enum
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeVar, cast
 
 from iptm_core.errors import IptmError, ParameterError, ScenarioError
 
@@ -68,6 +71,18 @@ def _letters(name: str) -> str:
     return re.sub(r"\W+", "", last.replace(" ", "_").replace("-", "_"))
 
 
+def one_of(known: Iterable[str]) -> Callable[[str], str]:
+    """Return the type of an argument of a command line that is one of known names."""
+    names = list(known)
+
+    def chosen(text: str) -> str:
+        if text not in names:
+            raise argparse.ArgumentTypeError(f"unknown {shown(text)}; {suggestion(text, names)}")
+        return text
+
+    return chosen
+
+
 def check_known(
     name: object,
     known: Iterable[str],
@@ -79,6 +94,26 @@ def check_known(
     names = list(known)
     if name not in names:
         raise error(f"{where}: unknown {kind} {shown(name)}; {suggestion(name, names)}")
+
+
+_Called = TypeVar("_Called", bound=Callable[..., Any])
+
+
+def known_keywords(called: _Called) -> _Called:
+    """Return a function or class that refuses unknown keywords with a `ScenarioError` and a suggestion."""
+    function = called.__init__ if isinstance(called, type) else called  # type: ignore[misc]
+    names = [name for name in inspect.signature(called).parameters if name != "self"]
+
+    @functools.wraps(function)
+    def checked(*values: Any, **given: Any) -> Any:
+        for name in given:
+            check_known(name, names, called.__name__, "argument", ScenarioError)
+        return function(*values, **given)
+
+    if isinstance(called, type):
+        called.__init__ = checked  # type: ignore[misc]
+        return called
+    return cast("_Called", checked)
 
 
 class StrictMapping:

@@ -24,7 +24,7 @@ from iptm_core.parameters.model import ModelParameters
 from iptm_core.state import FloatArray
 from iptm_core.trajectory import Trajectory
 from iptm_core.units import CELSIUS_ZERO_K, SECONDS_PER_DAY
-from iptm_core.user_input import check_known, shown
+from iptm_core.user_input import check_known, known_keywords, shown
 from iptm_life.trip_map import START_C, TripMap, nominal_energy_j, trip_map
 from iptm_life.year import USAGES, Activity, Usage, Year, year_of
 
@@ -225,6 +225,7 @@ class Life:
         )
 
 
+@known_keywords
 def life(
     run: Run,
     *,

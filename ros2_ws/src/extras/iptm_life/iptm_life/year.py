@@ -19,11 +19,13 @@ from iptm_core.parameters.model import ModelParameters
 from iptm_core.physics.cell import cell_resistance_ohm
 from iptm_core.state import FloatArray
 from iptm_core.units import CELSIUS_ZERO_K, J_PER_KWH
+from iptm_core.user_input import known_keywords
 from iptm_life.trip_map import TripMap, heat_capacity_j_k, nominal_energy_j
 
 CITY, MOTORWAY = "wltc_class3b", "hwfet"
 
 
+@known_keywords
 @dataclass(frozen=True)
 class Usage:
     """Equal driving days, and days of rest between them; the pack is charged after the last trip of a day.

@@ -12,7 +12,7 @@ from iptm.commands.tree import all_commands
 from iptm_core.errors import IptmError, ScenarioError
 from iptm_core.extras import offered
 from iptm_core.program import EXIT_OK, refused
-from iptm_core.user_input import nearest
+from iptm_core.user_input import nearest, one_of
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -88,8 +88,10 @@ def build_parser() -> argparse.ArgumentParser:
         "--without",
         action="append",
         default=[],
-        choices=NODES,
-        help="do not start this node, but wait for yours in the same ROS domain; repeatable",
+        type=one_of(NODES),
+        metavar="NODE",
+        help=f"do not start this node ({', '.join(NODES)}), but wait for yours in the same ROS domain;"
+        " repeatable",
     )
     add(
         "--wait-for",

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -59,7 +59,8 @@ class Repeated:
     """Figures of a repetition without drift.
 
     Attributes:
-        energy_error: relative error of the energy: half of what drifts of the last repetitions matter.
+        energy_error: relative error of the energy: half of what drifts of the last repetitions matter, or
+            of what the beginning of cycles that do not close does.
         aging_error: the same of the capacity loss.
         repetitions: how many were driven.
     """
@@ -128,6 +129,22 @@ def over_cycles(tiles: Sequence[Repetition], driven: int) -> Repeated:
     left_over_k = float(np.abs(chosen @ both_k).max())
     found = chosen - float(chosen @ drifts_k) / apart_k * (warmed - cooled)
     return _mixed(tiles, found - left_over_k / apart_k * (warmed - cooled), found, driven)
+
+
+def over_open_cycles(tiles: Sequence[Repetition], driven: int) -> Repeated:
+    """Return the figures of repetitions whose cycles do not close.
+
+    Where they begin decides on their mean: the error is half of the range that later beginnings give.
+    """
+    found = over_cycles(tiles, driven)
+    later = [over_cycles(tiles[first:], driven) for first in range(max(len(tiles) // 2, 1))]
+    energies = [each.energy_per_distance_j_m / found.energy_per_distance_j_m for each in later]
+    losses = [each.capacity_loss / found.capacity_loss for each in later if found.capacity_loss]
+    return replace(
+        found,
+        energy_error=max(found.energy_error, 0.5 * float(np.ptp(energies))),
+        aging_error=max(found.aging_error, 0.5 * float(np.ptp(losses or [0.0]))),
+    )
 
 
 def closed_stretch(tiles: Sequence[Repetition]) -> tuple[int, int]:

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from iptm_core.declaration import TextEnum
 
 NO_PERCENTAGE = "–"
+WIDE_POINTS = 2.5
+"""Uncertainty of a repeated trip above which the headline is a range."""
 
 
 class Judgement(TextEnum):
@@ -54,10 +56,16 @@ class SavedShare:
 
     @property
     def text(self) -> str:
-        """The headline, such as ``27.9 % saved``, or the judgement in its place."""
-        if self.judgement is Judgement.JUDGED:
-            return saved_text(self.stated_percent)
-        return str(self.judgement)
+        """The headline, such as ``27.9 % saved``, or the judgement in its place.
+
+        It is a range, such as ``16.1 to 28.9 % saved``, where the pack does not settle.
+        """
+        if self.judgement is not Judgement.JUDGED:
+            return str(self.judgement)
+        if self.basis is Basis.REPEATED and self.uncertainty_points > WIDE_POINTS:
+            lowest = self.stated_percent - self.uncertainty_points
+            return f"{lowest:.1f} to {lowest + 2.0 * self.uncertainty_points:.1f} % saved"
+        return saved_text(self.stated_percent)
 
     @property
     def as_driven(self) -> str:
